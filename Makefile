@@ -1,0 +1,57 @@
+# Everything runs in .venv, which is made at need. PYTHON chooses the interpreter.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/$(if $(filter Windows_NT,$(OS)),Scripts,bin)
+PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet install --constraint constraints.txt
+ARGS ?=
+
+.DEFAULT_GOAL := help
+.PHONY: help figures test test-slow check format bench mutants clean
+
+help:  ## this list
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+figures: $(VENV)/.run  ## both experiments: every figure and table under reports/
+	$(BIN)/tendonrepro reproduce $(ARGS)
+
+test: $(VENV)/.test  ## the test suite, offline, a few minutes
+	$(BIN)/python -m pytest $(ARGS)
+
+test-slow: $(VENV)/.test  ## the tests that take longer
+	$(BIN)/python -m pytest -m slow $(ARGS)
+
+check: $(VENV)/.dev  ## lint, format, types
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+format: $(VENV)/.dev  ## put the code into its format
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+bench: $(VENV)/.run  ## speed and memory, one JSON object
+	$(BIN)/python benchmarks/bench.py
+
+mutants: $(VENV)/.test  ## mutation run over the physics, long
+	$(PIP) mutmut
+	NUMBA_DISABLE_JIT=1 $(BIN)/python tests/mutants.py
+
+clean:  ## remove the environment and caches, keep results
+	rm -rf $(VENV) .mypy_cache .pytest_cache .ruff_cache .hypothesis build dist
+
+$(VENV)/.python:
+	@$(PYTHON) -c "import sys; v = sys.version_info[:2]; sys.exit(0 if (3, 11) <= v < (3, 15) else 'tendonrepro needs Python 3.11 to 3.14, this is %d.%d: make PYTHON=python3.12 ...' % v)"
+	$(PYTHON) -m venv $(VENV)
+	@touch $@
+
+$(VENV)/.run: $(VENV)/.python pyproject.toml constraints.txt
+	$(PIP) --editable .
+	@touch $@
+
+$(VENV)/.test: $(VENV)/.run
+	$(PIP) --editable ".[test]"
+	@touch $@
+
+$(VENV)/.dev: $(VENV)/.test
+	$(PIP) --editable ".[test,dev]"
+	@touch $@

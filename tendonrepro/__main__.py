@@ -1,0 +1,7 @@
+"""``python -m tendonrepro`` is the command line."""
+
+from __future__ import annotations
+
+from tendonrepro.cli import main
+
+main()

@@ -1,0 +1,99 @@
+"""Files that appear whole or not at all, and their digests."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from tendonrepro.errors import DataMissingError, TendonreproError
+
+
+@contextmanager
+def atomic_path(path: Path) -> Iterator[Path]:
+    """Give a temporary path to write to, and rename it to `path` when the block ends well.
+
+    The temporary file stands in the same folder, which is made when missing, and keeps the suffix, since
+    some writers choose their format by it. When the block raises, the temporary file is removed and whatever
+    was at `path` before is untouched.
+
+    Parameters
+    ----------
+    path : Path
+        Where the finished file shall be.
+
+    Yields
+    ------
+    Path
+        Where to write it.
+
+    Raises
+    ------
+    TendonreproError
+        When the folder or file cannot be written: full disk, missing permission, a folder in the way.
+    """
+    temporary = path.with_name(f".{path.stem}.{os.getpid()}-{secrets.token_hex(4)}{path.suffix}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield temporary
+        temporary.replace(path)
+    except OSError as error:
+        message = f"cannot write {path}: {_reason(error)}"
+        raise TendonreproError(message) from error
+    finally:
+        # The folder may be the very thing that is broken; the first error is the one worth reporting.
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+
+
+def write_atomically(path: Path, content: bytes | str) -> None:
+    """Write a whole file at once; text becomes UTF-8 with line ends as they are.
+
+    Parameters
+    ----------
+    path : Path
+        Where to; its folder is made when missing.
+    content : bytes or str
+        What to write.
+
+    Raises
+    ------
+    TendonreproError
+        When it cannot be written; an earlier file at `path` is then untouched.
+    """
+    data = content.encode() if isinstance(content, str) else content
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(data)
+
+
+def sha256_of(path: Path) -> str:
+    """Hexadecimal SHA-256 of a file's bytes.
+
+    Parameters
+    ----------
+    path : Path
+        An existing file.
+
+    Returns
+    -------
+    str
+        64 lower-case hexadecimal digits.
+
+    Raises
+    ------
+    DataMissingError
+        When the file is missing or cannot be read.
+    """
+    try:
+        with path.open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+    except OSError as error:
+        message = f"cannot read {path}: {_reason(error)}"
+        raise DataMissingError(message) from error
+
+
+def _reason(error: OSError) -> str:
+    return error.strerror or str(error)

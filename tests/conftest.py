@@ -1,0 +1,19 @@
+"""What every test relies on."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+np.seterr(divide="raise", over="raise", invalid="raise")
+
+
+@pytest.fixture(scope="session")
+def command() -> str:
+    """The installed command, beside the interpreter that runs the tests."""
+    path = Path(sys.executable).parent / ("tendonrepro.exe" if sys.platform == "win32" else "tendonrepro")
+    assert path.exists(), "install the package first: pip install -e ."
+    return str(path)

@@ -1,0 +1,110 @@
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tendonrepro.errors import DataMissingError, TendonreproError
+from tendonrepro.files import atomic_path, sha256_of, write_atomically
+
+
+def test_content_is_written_as_it_is_and_the_folder_is_made(tmp_path: Path) -> None:
+    path = tmp_path / "a" / "b" / "text.md"
+    write_atomically(path, "τ_m\r\nend\n")
+    assert path.read_bytes() == "τ_m\r\nend\n".encode()
+    write_atomically(path, b"\x00\xff")
+    assert path.read_bytes() == b"\x00\xff"
+    assert list(path.parent.iterdir()) == [path]
+
+
+def test_a_block_that_fails_leaves_the_old_file_and_no_other(tmp_path: Path) -> None:
+    path = tmp_path / "kept.txt"
+    path.write_text("old")
+
+    def fail_half_way() -> None:
+        with atomic_path(path) as temporary:
+            temporary.write_text("half of the n")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fail_half_way()
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_nothing_is_seen_at_the_path_before_the_block_ends(tmp_path: Path) -> None:
+    path = tmp_path / "figure.svg"
+    with atomic_path(path) as temporary:
+        temporary.write_text("<svg/>")
+        assert not path.exists()
+        assert temporary.parent == path.parent
+        assert temporary.suffix == ".svg"
+    assert path.read_text() == "<svg/>"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no permission bits")
+def test_the_file_is_as_readable_as_any_other(tmp_path: Path) -> None:
+    # tempfile.mkstemp would make it private, and colleagues could not read the results.
+    ordinary, ours = tmp_path / "ordinary", tmp_path / "ours"
+    ordinary.write_text("x")
+    write_atomically(ours, "x")
+    assert ours.stat().st_mode == ordinary.stat().st_mode
+
+
+def test_a_file_where_the_folder_should_be(tmp_path: Path) -> None:
+    blocker = tmp_path / "reports"
+    blocker.write_text("I am a file")
+    with pytest.raises(TendonreproError, match=r"^cannot write .*table\.csv: \w") as caught:
+        write_atomically(blocker / "table.csv", "x")
+    assert "\n" not in str(caught.value)
+    assert blocker.read_text() == "I am a file"
+
+
+def test_a_folder_where_the_file_should_be(tmp_path: Path) -> None:
+    (tmp_path / "traces.h5").mkdir()
+    with pytest.raises(TendonreproError, match=r"cannot write .*traces\.h5"):
+        write_atomically(tmp_path / "traces.h5", "x")
+    assert [path.name for path in tmp_path.iterdir()] == ["traces.h5"]
+
+
+@pytest.mark.skipif(sys.platform == "win32" or os.geteuid() == 0, reason="root may write anywhere")
+def test_a_folder_without_permission(tmp_path: Path) -> None:
+    folder = tmp_path / "locked"
+    folder.mkdir(mode=0o500)
+    with pytest.raises(TendonreproError, match="Permission denied"):
+        write_atomically(folder / "x", "x")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs resource limits")
+def test_a_full_disk_is_one_sentence_and_leaves_nothing(tmp_path: Path) -> None:
+    # A limit on the size of files stands in for the disk; it is set in a process of its own.
+    program = f"""
+import resource
+from pathlib import Path
+from tendonrepro.errors import TendonreproError
+from tendonrepro.files import write_atomically
+resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
+try:
+    write_atomically(Path({str(tmp_path / "x.txt")!r}), "x" * 5000)
+except TendonreproError as error:
+    print(error)
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("cannot write ")
+    assert done.stdout.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_sha256_of_a_known_text(tmp_path: Path) -> None:
+    path = tmp_path / "abc"
+    path.write_bytes(b"abc")
+    assert sha256_of(path) == "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
+
+
+def test_sha256_of_a_missing_file(tmp_path: Path) -> None:
+    with pytest.raises(DataMissingError, match=r"cannot read .*nowhere") as caught:
+        sha256_of(tmp_path / "nowhere")
+    assert caught.value.exit_code == 4
