@@ -1,0 +1,223 @@
+"""Configurations: YAML files become validated, immutable models with a hash.
+
+An experiment names a manipulator file or holds the manipulator itself. Nothing else is merged and no physical
+value has a default: what a file does not say is an error.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+
+from pydantic import TypeAdapter
+
+from tendonrepro.config_draft import Draft, find_source
+from tendonrepro.config_experiment import CompareConfig, DecoupleConfig
+from tendonrepro.config_manipulator import Manipulator
+from tendonrepro.config_overrides import Override, parse_override
+from tendonrepro.config_reference import Sampled
+from tendonrepro.errors import UsageError
+from tendonrepro.files import sha256_of
+from tendonrepro.shipped import init_config, shipped_folder, shipped_names
+from tendonrepro.strict_yaml import Key, Node, dump, load
+
+__all__ = [
+    "CompareConfig",
+    "Config",
+    "DecoupleConfig",
+    "ExperimentName",
+    "LoadedConfig",
+    "Manipulator",
+    "init_config",
+    "json_schema",
+    "load_config",
+    "shipped_folder",
+    "shipped_names",
+    "shown",
+]
+
+Config: TypeAlias = CompareConfig | DecoupleConfig
+ExperimentName: TypeAlias = Literal["compare", "decouple"]
+
+_MODELS: Mapping[str, type[CompareConfig] | type[DecoupleConfig]] = {
+    "compare": CompareConfig,
+    "decouple": DecoupleConfig,
+}
+
+
+@dataclass(frozen=True)
+class LoadedConfig:
+    """A validated configuration and where it came from.
+
+    Attributes
+    ----------
+    config : CompareConfig or DecoupleConfig
+        The validated model.
+    tree : dict
+        The same as plain values, with the manipulator inside and overrides applied.
+    yaml_text : str
+        `tree` as YAML, which loads to the same configuration.
+    sha256 : str
+        Hash of the validated model as canonical JSON and of the trajectory files it names.
+    origin : str
+        Path of the file, ``<stdin>``, or the name of a shipped configuration.
+    overrides : tuple of str
+        What the command line changed, ``key=VALUE``.
+    inputs : tuple of Path
+        Files read.
+    folder : Path
+        Folder from which relative paths in the configuration start.
+    """
+
+    config: Config
+    tree: dict[str, Node]
+    yaml_text: str
+    sha256: str
+    origin: str
+    overrides: tuple[str, ...]
+    inputs: tuple[Path, ...]
+    folder: Path
+
+
+def load_config(
+    source: Path | str | None,
+    experiment: ExperimentName | None,
+    *,
+    overrides: Sequence[str] = (),
+    seed: int | None = None,
+    controllers: Sequence[int] | None = None,
+) -> LoadedConfig:
+    """Read, complete and validate a configuration.
+
+    Parameters
+    ----------
+    source : Path, str or None
+        A file, ``-`` for standard input, the name of a shipped configuration, or None for the shipped one
+        of the experiment.
+    experiment : {'compare', 'decouple'} or None
+        What the configuration must be for; None leaves that to the configuration.
+    overrides : sequence of str
+        ``dotted.key=VALUE``, VALUE in YAML; a bare number or list sets the value of a quantity.
+    seed : int, optional
+        Replaces the seed.
+    controllers : sequence of int, optional
+        Keep only the runs of these controllers, by number.
+
+    Raises
+    ------
+    ConfigError
+        With every mistake on a line of its own, as ``file:line: path: what``.
+    UsageError
+        When the command line asks for something impossible.
+    """
+    found = find_source(source, experiment)
+    draft = Draft(found, experiment)
+    changes = [parse_override(text) for text in overrides]
+    recorded = list(overrides)
+    if seed is not None:
+        changes.append(Override("seed", seed, "--seed"))
+        recorded.append(f"seed={seed}")
+    draft.apply(changes)
+    if controllers is not None:
+        _keep_controllers(draft, controllers)
+        recorded.append(f"controllers={','.join(map(str, controllers))}")
+    config = draft.validate(_MODELS[draft.experiment])
+    trajectories = [draft.existing_file(file, path) for path, file in _trajectories(config)]
+    return LoadedConfig(
+        config=config,
+        tree=draft.tree,
+        yaml_text=dump(draft.tree),
+        sha256=_digest(config, trajectories),
+        origin=found.origin,
+        overrides=tuple(recorded),
+        inputs=(*draft.files, *trajectories),
+        folder=found.folder,
+    )
+
+
+def shown(source: str, overrides: Sequence[str]) -> tuple[dict[str, Node], str]:
+    """A configuration as it is used, for reading.
+
+    Parameters
+    ----------
+    source : str
+        As in `load_config`; a manipulator may be named too.
+    overrides : sequence of str
+        As in `load_config`.
+
+    Returns
+    -------
+    tree : dict
+        Plain values, the manipulator inside and overrides applied.
+    text : str
+        The same as YAML; a manipulator as it was written.
+
+    Raises
+    ------
+    ConfigError
+        When it is not valid.
+    """
+    if source != "-" and not overrides:
+        found = find_source(source, None)
+        tree = load(found.text, found.name).tree
+        if isinstance(tree, dict) and "routing" in tree:
+            return tree, found.text
+    loaded = load_config(source, None, overrides=overrides)
+    return loaded.tree, loaded.yaml_text
+
+
+def json_schema(kind: str | None = None) -> dict[str, Any]:
+    """JSON schema of a configuration file.
+
+    Parameters
+    ----------
+    kind : {'compare', 'decouple', 'manipulator'}, optional
+        What the file holds; any of them when None.
+
+    Raises
+    ------
+    UsageError
+        When there is no such kind.
+    """
+    kinds: dict[str, Any] = {**_MODELS, "manipulator": Manipulator}
+    if kind is not None and kind not in kinds:
+        message = f"no schema {kind!r}; there are {', '.join(kinds)}"
+        raise UsageError(message)
+    model: Any = CompareConfig | DecoupleConfig | Manipulator if kind is None else kinds[kind]
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **TypeAdapter(model).json_schema(),
+        "title": "tendonrepro configuration" if kind is None else f"tendonrepro configuration: {kind}",
+    }
+
+
+def _keep_controllers(draft: Draft, controllers: Sequence[int]) -> None:
+    if draft.experiment != "compare":
+        message = f"the experiment {draft.experiment!r} has no controllers to choose from"
+        raise UsageError(message, where="--controllers")
+    draft.keep_controllers(controllers)
+
+
+def _trajectories(config: Config) -> Iterator[tuple[Key, str]]:
+    """Files of sampled trajectories, by the path of the key that names them."""
+    if isinstance(config, CompareConfig):
+        references: dict[Key, object] = {("reference",): config.reference}
+    else:
+        references = {("runs", name, "reference"): run.reference for name, run in config.runs.items()}
+    for path, reference in references.items():
+        if isinstance(reference, Sampled):
+            yield (*path, "file"), reference.file
+
+
+def _digest(config: Config, trajectories: Sequence[Path]) -> str:
+    """Hash what determines the results; a trajectory file counts by its content."""
+    content = {
+        "config": config.model_dump(mode="json", exclude_none=True),
+        "trajectories": [sha256_of(path) for path in trajectories],
+    }
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()

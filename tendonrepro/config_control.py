@@ -1,0 +1,80 @@
+"""The control laws of a configuration: gains, laws and readings of the paper's text."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from tendonrepro.config_model import Model, Name, Problems
+from tendonrepro.physical import physical
+from tendonrepro.quantity import Scalar, Vector
+
+
+class Gains(Model):
+    """Gains of the control laws, one entry per moving joint."""
+
+    M_bar: Annotated[Vector, physical("kg m2", "constant inertia of Eq. (6)", above=0.0, size="moving")]
+    lam: Annotated[Vector, physical("s-1", "reaching gain of Eq. (14)", above=0.0, size="moving")]
+    b: Annotated[Vector, physical("1", "exponent of Eq. (12)", above=0.0, below=1.0, size="moving")]
+    eta: Annotated[Vector, physical("1", "surface gain of Eq. (11)", above=0.0, size="moving")]
+    Delta: Annotated[Vector, physical("rad", "error at which Eq. (12) changes", above=0.0, size="moving")]
+    alpha: Annotated[
+        Vector,
+        physical("1", "weight of the older estimate, Eq. (15)", at_least=0.0, at_most=1.0, size="moving"),
+    ]
+    beta: Annotated[Vector, physical("s-1", "surface gain of Controller 3", above=0.0, size="moving")]
+    K_d: Annotated[Vector, physical("s-1", "rate gain of Eq. (9)", above=0.0, size="moving")] | None = None
+    K_p: Annotated[Vector, physical("s-2", "error gain of Eq. (9)", above=0.0, size="moving")] | None = None
+
+
+class LawChoice(Model):
+    """A control law: a sliding surface (or plain PD) and an estimator."""
+
+    surface: Literal["ntsm", "tsm", "pd"]
+    estimator: Literal["alpha_tde", "tde"]
+
+
+class Readings(Model):
+    """How the paper's text is read where it can be read in more than one way."""
+
+    phi_negative: Annotated[Literal["odd", "even"], Field(description="polynomial of Eq. (12) below zero")]
+    phi_branch: Annotated[Literal["printed", "power"], Field(description="branch of Eq. (12) near zero")]
+    weights: Annotated[Literal["interpolating", "extrapolating"], Field(description="weights of Eq. (15)")]
+    differencing: Annotated[Literal["lagging", "centred"], Field(description="differences of Eq. (16)")]
+    gain_unit: Annotated[
+        Literal["radian", "phi_in_degrees", "law_in_degrees"], Field(description="angle unit of the gains")
+    ]
+    eta_in_controller_2: Annotated[Literal["kept", "dropped"], Field(description="eta in Controller 2's law")]
+    torque_coordinates: Annotated[
+        Literal["joint", "winch", "motor_shaft"], Field(description="coordinates of the law's torque")
+    ]
+    error_rate: Annotated[
+        Literal["backward_difference", "low_pass"], Field(description="how the error rate is obtained")
+    ]
+    start: Annotated[
+        Literal["filled", "cold"], Field(description="history of the law before the first sample")
+    ]
+
+
+class Control(Model):
+    """Gains, laws and readings of the compared controllers."""
+
+    gains: Gains
+    laws: Annotated[dict[Name, LawChoice], Field(min_length=1, description="the laws that runs may name")]
+    readings: Readings
+    error_rate_cutoff: (
+        Annotated[Scalar, physical("Hz", "cutoff of the low-pass error rate", above=0.0)] | None
+    ) = None
+
+    @model_validator(mode="after")
+    def _check_needs(self) -> Self:
+        problems = Problems()
+        plain = [name for name, law in self.laws.items() if law.surface == "pd"]
+        for gain in ("K_d", "K_p"):
+            if plain and getattr(self.gains, gain) is None:
+                problems.add(("gains",), f"missing key {gain!r}, which the law {plain[0]!r} needs")
+        if self.readings.error_rate == "low_pass" and self.error_rate_cutoff is None:
+            problems.add((), "missing key 'error_rate_cutoff', which the reading error_rate: low_pass needs")
+        problems.raise_if_any()
+        return self

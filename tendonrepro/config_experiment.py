@@ -1,0 +1,233 @@
+"""The two experiments of a configuration, and the checks that span their sections."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, TypeAlias, TypeVar
+
+from pydantic import (
+    Field,
+    GetJsonSchemaHandler,
+    StrictInt,
+    ValidationInfo,
+    field_validator,
+)
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
+
+from tendonrepro.config_control import Control
+from tendonrepro.config_manipulator import Manipulator
+from tendonrepro.config_model import Model, Name, Outline, Problems, RootModel, SchemaVersion, is_multiple
+from tendonrepro.config_reference import Reference
+from tendonrepro.physical import physical
+from tendonrepro.quantity import Scalar, Vector
+from tendonrepro.strict_yaml import Key
+
+_T = TypeVar("_T")
+
+
+class NoDisturbance(Model):
+    """No disturbance torque."""
+
+    kind: Literal["none"]
+
+
+class StepDisturbance(Model):
+    """A constant torque from a start time on."""
+
+    kind: Literal["step"]
+    torque: Annotated[Vector, physical("N m", "torque on each joint", size="moving")]
+    start: Annotated[Scalar, physical("s", "time of the step", at_least=0.0)]
+
+
+class SineDisturbance(Model):
+    """A sine that is zero at the start."""
+
+    kind: Literal["sine"]
+    torque: Annotated[Vector, physical("N m", "amplitude on each joint", size="moving")]
+    frequency: Annotated[Scalar, physical("Hz", "frequency", above=0.0)]
+
+
+class NoiseDisturbance(Model):
+    """Band-limited noise drawn from the seed."""
+
+    kind: Literal["noise"]
+    torque: Annotated[Vector, physical("N m", "RMS torque on each joint", at_least=0.0, size="moving")]
+    band: Annotated[Vector, physical("Hz", "lowest and highest frequency", at_least=0.0, size="pair")]
+    components: Annotated[Scalar, physical("1", "number of sines", at_least=1.0, at_most=1e4, whole=True)]
+
+    @field_validator("band")
+    @classmethod
+    def _check_band(cls, band: Vector) -> Vector:
+        problems = Problems()
+        low, high = band.value
+        if low >= high:
+            problems.add(("value",), f"must rise from low to high, found {low:g} to {high:g} Hz")
+        problems.raise_if_any()
+        return band
+
+
+Disturbance: TypeAlias = Annotated[
+    NoDisturbance | StepDisturbance | SineDisturbance | NoiseDisturbance, Field(discriminator="kind")
+]
+
+
+class Solver(Model):
+    """Integrator of the plant between two samples."""
+
+    method: Literal["dopri5", "dop853", "lsoda"]
+    rtol: Annotated[Scalar, physical("1", "relative tolerance", above=0.0, below=1.0)]
+    atol: Annotated[Scalar, physical("1", "absolute tolerance, rad and rad/s", above=0.0, below=1.0)]
+    max_step: Annotated[Scalar, physical("s", "longest step; divides the sampling period", above=0.0)]
+
+
+class StatusLimits(Model):
+    """When a run counts as diverged or ringing."""
+
+    divergence_limit: Annotated[Scalar, physical("rad", "error at which a run has diverged", above=0.0)]
+    ringing_frequency: Annotated[Scalar, physical("Hz", "frequency above which error is ringing", above=0.0)]
+    ringing_share: Annotated[
+        Scalar, physical("1", "share of the error's power that is ringing", above=0.0, below=1.0)
+    ]
+
+
+class _OrFile:
+    """States in the JSON schema that a file may name the manipulator instead of holding it."""
+
+    def __get_pydantic_json_schema__(
+        self, core: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        name = {"type": "string", "description": "file beside this one, or a shipped one"}
+        return {"anyOf": [name, handler(core)]}
+
+
+class Experiment(RootModel):
+    """What both experiments state."""
+
+    schema_version: SchemaVersion
+    title: Annotated[str, Field(min_length=1, description="title of figures and files")]
+    manipulator: Annotated[Manipulator, _OrFile()]
+    joints: Annotated[
+        tuple[StrictInt, ...], Field(min_length=1, description="moving joints: the last ones, in order")
+    ]
+    posture: Annotated[Vector, physical("rad", "joint angles at which the encoders read zero", size="joints")]
+    sampling_period: Annotated[Scalar, physical("s", "sampling period L, also the delay time", above=0.0)]
+    seed: Annotated[
+        Scalar, physical("1", "seed of all random numbers", at_least=0.0, at_most=2.0**32 - 1.0, whole=True)
+    ]
+    disturbance: Disturbance
+    solver: Solver
+    status: StatusLimits
+
+    @field_validator("joints")
+    @classmethod
+    def _check_joints(cls, joints: tuple[int, ...], info: ValidationInfo) -> tuple[int, ...]:
+        last = Outline.known(info).joints
+        problems = Problems()
+        if last is not None and joints != tuple(range(last - len(joints) + 1, last + 1)):
+            message = (
+                f"must be the last joints in order, up to {last} of the manipulator, found {list(joints)}"
+            )
+            problems.add((), message)
+        problems.raise_if_any()
+        return joints
+
+    @field_validator("disturbance")
+    @classmethod
+    def _check_start(cls, disturbance: _T, info: ValidationInfo) -> _T:
+        period: Scalar | None = info.data.get("sampling_period")
+        problems = Problems()
+        if period is not None and isinstance(disturbance, StepDisturbance):
+            start = disturbance.start
+            if start.si > 0.0 and not is_multiple(start.si, period.si):
+                message = f"must be a whole multiple of the sampling period, {period}, found {start}"
+                problems.add(("start", "value"), message)
+        problems.raise_if_any()
+        return disturbance
+
+    @field_validator("solver")
+    @classmethod
+    def _check_step(cls, solver: Solver, info: ValidationInfo) -> Solver:
+        period: Scalar | None = info.data.get("sampling_period")
+        problems = Problems()
+        if period is not None and not is_multiple(period.si, solver.max_step.si):
+            message = f"must divide the sampling period, {period}, found {solver.max_step}"
+            problems.add(("max_step", "value"), message)
+        problems.raise_if_any()
+        return solver
+
+
+class CompareRun(Model):
+    """One run of the comparison."""
+
+    law: Annotated[str, Field(description="name of one of the laws")]
+    payload: Annotated[Scalar, physical("kg", "point mass at the tool", at_least=0.0)]
+
+    @field_validator("law")
+    @classmethod
+    def _check_law(cls, law: str, info: ValidationInfo) -> str:
+        laws = Outline.known(info).laws
+        problems = Problems()
+        if laws is not None and law not in laws:
+            problems.add((), f"must be one of control.laws, {', '.join(map(str, laws))}, found {law!r}")
+        problems.raise_if_any()
+        return law
+
+
+class CompareConfig(Experiment):
+    """Controllers on the same reference, sections 5.3 and 5.4."""
+
+    experiment: Literal["compare"]
+    reference: Reference
+    control: Control
+    runs: Annotated[dict[Name, CompareRun], Field(min_length=1, description="runs by name")]
+
+    @field_validator("reference")
+    @classmethod
+    def _check_reference(cls, reference: Reference, info: ValidationInfo) -> Reference:
+        problems = Problems()
+        _check_duration(reference, (), info, problems)
+        problems.raise_if_any()
+        return reference
+
+
+class PositionLoop(Model):
+    """The stiff loop that makes motors follow their commands; the paper does not describe it."""
+
+    stiffness: Annotated[Vector, physical("N m rad-1", "stiffness at the winch", above=0.0, size="moving")]
+    damping: Annotated[Vector, physical("N m s rad-1", "damping at the winch", at_least=0.0, size="moving")]
+
+
+class DecoupleRun(Model):
+    """One run of the decoupling experiment."""
+
+    drives: Annotated[
+        Literal["joints", "motors"],
+        Field(description="whether the reference is of joints, mapped by S_inv, or of the motors themselves"),
+    ]
+    reference: Reference
+    payload: Annotated[Scalar, physical("kg", "point mass at the tool", at_least=0.0)]
+
+
+class DecoupleConfig(Experiment):
+    """Motors follow a command and joints follow the motors, section 5.2."""
+
+    experiment: Literal["decouple"]
+    position_loop: PositionLoop
+    runs: Annotated[dict[Name, DecoupleRun], Field(min_length=1, description="runs by name")]
+
+    @field_validator("runs")
+    @classmethod
+    def _check_references(cls, runs: dict[str, DecoupleRun], info: ValidationInfo) -> dict[str, DecoupleRun]:
+        problems = Problems()
+        for name, run in runs.items():
+            _check_duration(run.reference, (name, "reference"), info, problems)
+        problems.raise_if_any()
+        return runs
+
+
+def _check_duration(reference: Reference, at: Key, info: ValidationInfo, problems: Problems) -> None:
+    """Note a duration that is not a whole number of samples."""
+    period, duration = info.data.get("sampling_period"), reference.duration
+    if period is not None and duration is not None and not is_multiple(duration, period.si):
+        message = f"lasts {duration:.9g} s, which must be a whole multiple of the sampling period, "
+        problems.add(at, f"{message}{period}")

@@ -1,0 +1,119 @@
+"""Overrides from the command line: ``dotted.key=VALUE`` put into the tree before it is validated."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TypeGuard
+
+from tendonrepro.config_errors import nearest
+from tendonrepro.errors import ConfigError, UsageError
+from tendonrepro.strict_yaml import Key, Node, load
+
+COMMAND_LINE = "assumed: set on the command line"
+_QUANTITY = {"value", "unit", "source"}
+
+
+@dataclass(frozen=True)
+class Override:
+    """One value given on the command line.
+
+    Attributes
+    ----------
+    key : str
+        Dotted path of what is set; a number is an index of a list, from 0.
+    value : Node
+        The value, read as YAML.
+    option : str
+        How the command line spelt it, for messages.
+    """
+
+    key: str
+    value: Node
+    option: str
+
+    @property
+    def path(self) -> Key:
+        """The key in parts."""
+        return tuple(int(part) if part.isdecimal() else part for part in self.key.split("."))
+
+
+def parse_override(text: str) -> Override:
+    """Read ``key=VALUE``.
+
+    Raises
+    ------
+    UsageError
+        When there is no ``=`` or no key.
+    ConfigError
+        When VALUE is not YAML.
+    """
+    key, equals, value = text.partition("=")
+    key = key.strip()
+    if not equals or not all(key.split(".")):
+        message = f"{text!r} is not of the form key=VALUE"
+        raise UsageError(message, where="--set", hint="For example --set control.gains.lam=[8, 8]")
+    option = f"--set {key}"
+    return Override(key, load(value, option).tree, option)
+
+
+def apply_overrides(tree: dict[str, Node], overrides: Iterable[Override]) -> None:
+    """Set the values in place; a quantity whose value or unit is set says so in its source.
+
+    Raises
+    ------
+    ConfigError
+        When a key leads nowhere; the last part of a key may be new, so that optional keys can be given.
+    """
+    # A source given by hand must outlive the value it belongs to, whatever their order.
+    for override in sorted(overrides, key=lambda override: override.path[-1] == "source"):
+        _apply(tree, override)
+
+
+def _apply(tree: dict[str, Node], override: Override) -> None:
+    *parents, last = override.path
+    node: Node = tree
+    quantity: dict[str, Node] | None = None
+    for part in parents:
+        if _is_quantity(node):
+            quantity = node
+        node = _child(node, part, override)
+    if _is_quantity(node):
+        quantity = node
+    _set(node, last, override)
+    if quantity is not None and "source" not in override.path:
+        quantity["source"] = COMMAND_LINE
+
+
+def _child(node: Node, part: str | int, override: Override) -> Node:
+    if isinstance(node, dict) and part in node:
+        return node[str(part)]
+    if isinstance(node, list) and isinstance(part, int) and part < len(node):
+        return node[part]
+    raise ConfigError(_unknown(node, part), where=override.option)
+
+
+def _set(node: Node, last: str | int, override: Override) -> None:
+    if isinstance(node, dict) and isinstance(last, str):
+        current = node.get(last)
+        if _is_quantity(current) and not isinstance(override.value, dict):
+            current |= {"value": override.value, "source": COMMAND_LINE}
+        else:
+            node[last] = override.value
+    elif isinstance(node, list) and isinstance(last, int) and last < len(node):
+        node[last] = override.value
+    else:
+        raise ConfigError(_unknown(node, last), where=override.option)
+
+
+def _unknown(node: Node, part: str | int) -> str:
+    if isinstance(node, dict):
+        meant = nearest(str(part), node)
+        return f"unknown key {str(part)!r}" + ("" if meant is None else f", did you mean {meant!r}?")
+    if isinstance(node, list):
+        return f"no entry {part} in a list of {len(node)}; they are numbered from 0"
+    return f"nothing below it can be set: {part!r} is asked of a single value"
+
+
+def _is_quantity(node: Node) -> TypeGuard[dict[str, Node]]:
+    return isinstance(node, dict) and "value" in node and set(node) <= _QUANTITY

@@ -1,0 +1,193 @@
+"""What a configuration field asks of its quantity: unit, range and number of entries."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Annotated, Any, Literal, TypeAlias
+
+import numpy as np
+from pydantic import GetCoreSchemaHandler, ValidationInfo, WithJsonSchema, WrapValidator
+from pydantic_core import CoreSchema
+
+from tendonrepro.config_model import Outline, Problems, describe
+from tendonrepro.quantity import UNITS, Quantity
+
+Size: TypeAlias = Literal["one", "pair", "joints", "moving"]
+
+_PER_ENTRY: Mapping[Size, str] = {
+    "pair": "lowest first",
+    "joints": "one per joint of the manipulator",
+    "moving": "one per moving joint",
+}
+
+
+@dataclass(frozen=True)
+class Limit:
+    """One end of a range, in the SI unit of the field.
+
+    Attributes
+    ----------
+    words : str
+        How a message names it.
+    keyword : str
+        The JSON schema keyword that says the same.
+    bound : float
+        The limit itself, SI.
+    admits : callable
+        Whether a value (SI) is on the right side of the bound.
+    """
+
+    words: str
+    keyword: str
+    bound: float
+    admits: Callable[[float, float], bool]
+
+    def in_unit(self, unit: str) -> float:
+        """Express the bound in a unit, to 12 digits, so that it prints as people write it."""
+        return float(f"{self.bound * UNITS[unit].divisor / UNITS[unit].factor:.12g}")
+
+
+@dataclass(frozen=True)
+class Physical:
+    """Requirements on a quantity; made by `physical`."""
+
+    units: tuple[str, ...]
+    about: str
+    limits: tuple[Limit, ...]
+    size: Size
+    whole: bool
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        described = Annotated[
+            source, WrapValidator(self._validate), WithJsonSchema(self._json_schema(source))
+        ]
+        return handler.generate_schema(described)
+
+    def _validate(self, raw: object, handler: Callable[[object], Quantity], info: ValidationInfo) -> Quantity:
+        problems = Problems()
+        if not isinstance(raw, dict | Quantity):
+            example = f"{{value: ..., unit: {self.units[0]}, source: 'assumed: ...'}}"
+            problems.add((), f"must carry unit and source, as in {example}, found {describe(raw)}")
+            problems.raise_if_any()
+        quantity = handler(raw)
+        self._check_size(quantity, Outline.known(info), problems)
+        self._check_range(quantity, problems)
+        problems.raise_if_any()
+        return quantity
+
+    def _check_size(self, quantity: Quantity, outline: Outline, problems: Problems) -> None:
+        expected = self._expected_size(outline)
+        if expected is None:
+            return
+        shape = np.shape(quantity.value)
+        if shape != (expected,) * len(shape):
+            entries = "1 entry" if expected == 1 else f"{expected} entries"
+            wanted = f"have {entries}" if len(shape) == 1 else f"be {expected} by {expected}"
+            found = " by ".join(map(str, shape))
+            problems.add(("value",), f"must {wanted}, {_PER_ENTRY[self.size]}, found {found}")
+
+    def _expected_size(self, outline: Outline) -> int | None:
+        if self.size == "moving":
+            return None if outline.moving is None else len(outline.moving)
+        return {"joints": outline.joints, "pair": 2, "one": None}[self.size]
+
+    def _check_range(self, quantity: Quantity, problems: Problems) -> None:
+        if quantity.unit not in self.units:
+            problems.add(("unit",), f"must be {' or '.join(self.units)}, found {describe(quantity.unit)}")
+            return
+        unit = UNITS[quantity.unit]
+        for index, value in quantity.entries():
+            si = value * unit.factor / unit.divisor
+            if not all(limit.admits(si, limit.bound) for limit in self.limits):
+                allowed = self._allowed(quantity.unit)
+                problems.add(
+                    ("value", *index), f"must be {allowed}, found {_with_unit(value, quantity.unit)}"
+                )
+            elif self.whole and not value.is_integer():
+                problems.add(("value", *index), f"must be a whole number, found {value:g}")
+
+    def _allowed(self, unit: str) -> str:
+        return " and ".join(f"{limit.words} {_with_unit(limit.in_unit(unit), unit)}" for limit in self.limits)
+
+    def _json_schema(self, quantity: type[Quantity]) -> dict[str, Any]:
+        plain = _plain_schema(quantity)
+        size = "" if self.size == "one" else f"; {_PER_ENTRY[self.size]}"
+        return {
+            "type": "object",
+            "description": f"{self.about}{size}; unit {' or '.join(self.units)}",
+            "properties": {
+                "value": self._value_schema(plain["value"]),
+                "unit": {"enum": list(self.units)},
+                "source": plain["source"],
+            },
+            "required": list(plain),
+            "additionalProperties": False,
+        }
+
+    def _value_schema(self, plain: dict[str, Any]) -> dict[str, Any]:
+        if "items" in plain:
+            length = {"minItems": 2, "maxItems": 2} if self.size == "pair" else {"minItems": 1}
+            return plain | length | {"items": self._value_schema(plain["items"])}
+        # A schema knows no units, so it can only state limits that are the same number in all of them.
+        known = [limit for limit in self.limits if limit.bound == 0.0 or len(self.units) == 1]
+        kind = {"type": "integer"} if self.whole else {}
+        return plain | kind | {limit.keyword: limit.bound for limit in known}
+
+
+def physical(
+    unit: str,
+    about: str,
+    *,
+    above: float | None = None,
+    at_least: float | None = None,
+    below: float | None = None,
+    at_most: float | None = None,
+    size: Size = "one",
+    whole: bool = False,
+) -> Physical:
+    """Declare what a `Quantity` field means and allows, as metadata in ``Annotated``.
+
+    Parameters
+    ----------
+    unit : str
+        The SI unit; every unit that converts to it is allowed in the file.
+    about : str
+        What the quantity is, for the JSON schema and editors.
+    above, at_least, below, at_most : float, optional
+        Range of every entry, in `unit`; `above` and `below` exclude the bound itself.
+    size : {'one', 'pair', 'joints', 'moving'}
+        Entries of a vector, rows and columns of a matrix: the number of joints, or of those that move.
+    whole : bool
+        Whether only whole numbers are allowed.
+    """
+    units = tuple(name for name, candidate in UNITS.items() if candidate.si == unit)
+    limits = tuple(_limits(above, at_least, below, at_most))
+    return Physical(units, about, limits, size, whole)
+
+
+@cache
+def _plain_schema(quantity: type[Quantity]) -> dict[str, Any]:
+    properties: dict[str, Any] = quantity.model_json_schema()["properties"]
+    return {
+        name: {key: item for key, item in schema.items() if key != "title"}
+        for name, schema in properties.items()
+    }
+
+
+def _limits(
+    above: float | None, at_least: float | None, below: float | None, at_most: float | None
+) -> Iterator[Limit]:
+    if above is not None:
+        yield Limit("above", "exclusiveMinimum", above, float.__gt__)
+    if at_least is not None:
+        yield Limit("at least", "minimum", at_least, float.__ge__)
+    if below is not None:
+        yield Limit("below", "exclusiveMaximum", below, float.__lt__)
+    if at_most is not None:
+        yield Limit("at most", "maximum", at_most, float.__le__)
+
+
+def _with_unit(value: float, unit: str) -> str:
+    return f"{value:.12g}" if unit == "1" else f"{value:.12g} {unit}"

@@ -1,0 +1,91 @@
+"""The configurations that come with the package."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tendonrepro.config_errors import nearest
+from tendonrepro.errors import UsageError
+from tendonrepro.files import write_atomically
+from tendonrepro.strict_yaml import load, read_text
+
+SCHEMA_FILE = "schema.json"
+
+
+def shipped_folder() -> Path:
+    """Folder of the shipped configurations: inside an installed package, beside it in a checkout."""
+    package = Path(__file__).parent
+    installed = package / "configs"
+    return installed if installed.is_dir() else package.parent / "configs"
+
+
+def shipped_names() -> list[str]:
+    """Names of the shipped experiments and manipulators, in alphabetical order."""
+    return sorted(path.stem for path in shipped_folder().glob("*.yaml"))
+
+
+def shipped_file(name: str) -> Path:
+    """Path of a shipped configuration.
+
+    Raises
+    ------
+    UsageError
+        When there is none of that name.
+    """
+    names = shipped_names()
+    if name not in names:
+        meant = nearest(name, names)
+        hint = "" if meant is None else f", did you mean {meant!r}?"
+        message = f"no shipped configuration {name!r}{hint}"
+        raise UsageError(message, hint=f"There are: {', '.join(names)}")
+    return shipped_folder() / f"{name}.yaml"
+
+
+def init_config(name: str, folder: Path) -> list[Path]:
+    """Copy a shipped configuration, its manipulator and the JSON schema, to be edited.
+
+    A companion file that is already there with the same content is left alone, so that both experiments
+    can share a folder.
+
+    Parameters
+    ----------
+    name : str
+        One of `shipped_names`.
+    folder : Path
+        Where to; made when missing.
+
+    Returns
+    -------
+    list of Path
+        The files written.
+
+    Raises
+    ------
+    UsageError
+        When the name is unknown or a file would be overwritten.
+    """
+    source = shipped_file(name)
+    texts = {path.name: read_text(path) for path in [source, *_companions(source)]}
+    if (folder / source.name).exists():
+        _refuse(folder / source.name)
+    for companion in list(texts)[1:]:
+        target = folder / companion
+        if target.exists():
+            if not target.is_file() or target.read_bytes() != texts[companion].encode():
+                _refuse(target)
+            del texts[companion]
+    for file, text in texts.items():
+        write_atomically(folder / file, text)
+    return [folder / file for file in texts]
+
+
+def _companions(source: Path) -> list[Path]:
+    tree = load(read_text(source), str(source)).tree
+    manipulator = tree.get("manipulator") if isinstance(tree, dict) else None
+    files = [SCHEMA_FILE, *([manipulator] if isinstance(manipulator, str) else [])]
+    return [source.with_name(file) for file in files]
+
+
+def _refuse(target: Path) -> None:
+    message = f"{target} exists and is not overwritten"
+    raise UsageError(message, hint="Give another folder, or move the file away.")

@@ -1,0 +1,293 @@
+"""YAML without surprises: numbers are numbers, keys are unique, every entry knows its line.
+
+A small subset of YAML 1.2 is read: mappings, lists and scalars. Whatever lets a text mean something other
+than it shows is an error (aliases, tags, merge keys) or stays text (``on`` as a boolean, ``1:30`` as ninety).
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NoReturn, TypeAlias
+
+import yaml
+
+from tendonrepro.errors import ConfigError
+
+Node: TypeAlias = "dict[str, Node] | list[Node] | str | int | float | bool | None"
+Key: TypeAlias = tuple[str | int, ...]
+Position: TypeAlias = tuple[int, int]
+_Event: TypeAlias = Any  # PyYAML's type stubs leave out most of what an event carries
+
+MAX_BYTES = 1 << 20
+MAX_DEPTH = 32
+MAX_DIGITS = 300  # the largest float has 309 digits before the point
+
+_CONSTANTS: Mapping[str, bool | None] = {
+    "null": None, "Null": None, "NULL": None, "~": None, "": None,
+    "true": True, "True": True, "TRUE": True,
+    "false": False, "False": False, "FALSE": False,
+}  # fmt: skip
+_INTEGER = re.compile(r"[-+]?[0-9]+")
+_FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
+_NOT_FINITE = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
+
+# libyaml gives the same events as the pure Python parser, several times faster.
+_Parser = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+@dataclass(frozen=True)
+class Document:
+    """One YAML text as plain Python values, with the place of every entry.
+
+    Attributes
+    ----------
+    tree : Node
+        Dictionaries, lists, strings, numbers, booleans and None.
+    name : str
+        What to call the text in messages, usually the file's path.
+    positions : mapping
+        Line and column (from 1) of every key and list item, by its path from the root.
+    """
+
+    tree: Node
+    name: str
+    positions: Mapping[Key, Position]
+
+    def line(self, path: Key) -> int:
+        """Line of an entry, or of its nearest ancestor that is written in the text."""
+        while path not in self.positions:
+            path = path[:-1]
+        return self.positions[path][0]
+
+    def where(self, path: Key) -> str:
+        """Place of an entry as ``name:line``."""
+        return f"{self.name}:{self.line(path)}"
+
+
+def read_text(path: Path, hint: str | None = None) -> str:
+    """Read a YAML file of at most 1 MiB as UTF-8 text.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    hint : str, optional
+        What to say besides when there is no such file.
+
+    Raises
+    ------
+    ConfigError
+        When the file is missing, a folder, unreadable, too large, binary or not UTF-8.
+    """
+    name = str(path)
+    try:
+        with path.open("rb") as stream:
+            raw = stream.read(MAX_BYTES + 1)
+    except FileNotFoundError:
+        _fail("no such file", name, hint)
+    except OSError as error:
+        is_folder = "is a folder, not a YAML file"
+        _fail(is_folder if _is_folder(path) else f"cannot be read ({error.strerror or error})", name)
+    except ValueError as error:  # a NUL inside the path
+        _fail(f"is not a usable path ({error})", repr(name))
+    return decode(raw, name)
+
+
+def _is_folder(path: Path) -> bool:
+    # Systems disagree on the error of opening a folder, and even asking may be forbidden.
+    with suppress(OSError):
+        return path.is_dir()
+    return False
+
+
+def decode(raw: bytes, name: str) -> str:
+    """Turn the bytes of a YAML text into a string; the limits are those of `read_text`."""
+    if len(raw) > MAX_BYTES:
+        _fail("is larger than 1 MiB, so it is not a configuration", name)
+    if b"\0" in raw:
+        _fail("is a binary file, not YAML text", name)
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        _fail("is not UTF-8 text", f"{name}:{line}")
+
+
+def load(text: str, name: str) -> Document:
+    """Read one YAML document.
+
+    Parameters
+    ----------
+    text : str
+        The YAML text.
+    name : str
+        What to call it in messages.
+
+    Raises
+    ------
+    ConfigError
+        With ``name:line:column``, for a syntax error and for everything this subset leaves out: duplicate
+        keys, anchors, aliases, tags, merge keys, several documents, numbers that are not finite, more than
+        32 levels.
+    """
+    reader = _Reader(name)
+    try:
+        return reader.read(yaml.parse(text, Loader=_Parser))
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        where = name if mark is None else _at(name, mark)
+        _fail(_syntax_message(error), where, _syntax_hint(error, text))
+    except (yaml.reader.ReaderError, UnicodeEncodeError):
+        _fail("contains control characters, so it is not YAML text", name)
+
+
+def dump(tree: Node) -> str:
+    """Write a tree as YAML that `load` reads back to equal values; keys stay in order."""
+    text: str = yaml.dump(
+        tree, Dumper=_Dumper, sort_keys=False, default_flow_style=None, allow_unicode=True, width=110
+    )
+    return text
+
+
+class _Reader:
+    """Builds the tree from parser events, noting where every entry begins."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._positions: dict[Key, Position] = {}
+
+    def read(self, events: Iterator[_Event]) -> Document:
+        self._events = events
+        next(events)  # stream start
+        if isinstance(next(events), yaml.StreamEndEvent):
+            _fail("is empty", self._name)
+        first = next(events)
+        self._positions[()] = _position(first)
+        tree = self._node(first, ())
+        if tree is None and first.start_mark.index == first.end_mark.index:
+            _fail("is empty", self._name)
+        next(events)  # document end
+        following = next(events)
+        if not isinstance(following, yaml.StreamEndEvent):
+            self._refuse("several documents in one text; keep only the first, without '---'", following)
+        return Document(tree, self._name, self._positions)
+
+    def _node(self, event: _Event, path: Key) -> Node:
+        self._check_plain(event)
+        if len(path) > MAX_DEPTH:
+            self._refuse(f"nested more than {MAX_DEPTH} levels deep", event)
+        if isinstance(event, yaml.MappingStartEvent):
+            return self._mapping(path)
+        if isinstance(event, yaml.SequenceStartEvent):
+            return self._sequence(path)
+        if not event.style:
+            return self._scalar(event)
+        quoted: str = event.value
+        return quoted
+
+    def _mapping(self, path: Key) -> dict[str, Node]:
+        tree: dict[str, Node] = {}
+        while not isinstance(event := next(self._events), yaml.MappingEndEvent):
+            key = self._key(event)
+            if key in tree:
+                line = self._positions[*path, key][0]
+                self._refuse(f"key {key!r} is given twice, first on line {line}", event)
+            self._positions[*path, key] = _position(event)
+            tree[key] = self._node(next(self._events), (*path, key))
+        return tree
+
+    def _key(self, event: _Event) -> str:
+        self._check_plain(event)
+        if not isinstance(event, yaml.ScalarEvent):
+            self._refuse("a key must be a word, not a list or a mapping", event)
+        key: str = event.value
+        if key == "<<" and not event.style:
+            self._refuse("merge keys (<<) are not read here; write the entries out", event)
+        if not key:
+            self._refuse("a key is empty", event)
+        return key
+
+    def _sequence(self, path: Key) -> list[Node]:
+        tree: list[Node] = []
+        while not isinstance(event := next(self._events), yaml.SequenceEndEvent):
+            here = (*path, len(tree))
+            self._positions[here] = _position(event)
+            tree.append(self._node(event, here))
+        return tree
+
+    def _scalar(self, event: _Event) -> Node:
+        text: str = event.value
+        if _NOT_FINITE.fullmatch(text):
+            self._refuse(f"{text} is not a finite number", event)
+        value = _plain_value(text)
+        too_large = isinstance(value, int) and len(text) > MAX_DIGITS
+        if too_large or (isinstance(value, float) and not math.isfinite(value)):
+            self._refuse(f"the number {text[:20]}{'...' if len(text) > 20 else ''} is too large", event)
+        return value
+
+    def _check_plain(self, event: _Event) -> None:
+        if isinstance(event, yaml.AliasEvent) or event.anchor is not None:
+            self._refuse("anchors and aliases (&, *) are not read here; write the value out", event)
+        if event.tag is not None:
+            self._refuse(f"tags are not read here; leave out {event.tag!r}", event)
+
+    def _refuse(self, message: str, event: _Event) -> NoReturn:
+        _fail(message, _at(self._name, event.start_mark))
+
+
+def _plain_value(text: str) -> Node:
+    """Read an unquoted scalar; an integer is cut after `MAX_DIGITS`, where the caller refuses it."""
+    if text in _CONSTANTS:
+        return _CONSTANTS[text]
+    if _INTEGER.fullmatch(text):
+        return int(text[: MAX_DIGITS + 1])
+    if _FLOAT.fullmatch(text):
+        return float(text)
+    return text
+
+
+class _Dumper(yaml.SafeDumper):
+    """Quotes what `load` would not read as text, and never writes aliases."""
+
+    def ignore_aliases(self, data: object) -> bool:  # noqa: ARG002
+        return True
+
+
+def _represent_text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
+    ambiguous = not isinstance(_plain_value(text), str) or _NOT_FINITE.fullmatch(text) or text == "<<"
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style='"' if ambiguous else None)
+
+
+_Dumper.add_representer(str, _represent_text)
+
+
+def _position(event: _Event) -> Position:
+    return event.start_mark.line + 1, event.start_mark.column + 1
+
+
+def _at(name: str, mark: Any) -> str:
+    return f"{name}:{mark.line + 1}:{mark.column + 1}"
+
+
+def _syntax_message(error: yaml.MarkedYAMLError) -> str:
+    context = f" {error.context}" if error.context else ""
+    return f"not valid YAML: {error.problem}{context}"
+
+
+def _syntax_hint(error: yaml.MarkedYAMLError, text: str) -> str | None:
+    if "mapping values are not allowed" in (error.problem or ""):
+        return "Text that contains ': ' must be in quotes."
+    mark = error.problem_mark
+    lines = text.split("\n")
+    if mark is not None and mark.line < len(lines) and lines[mark.line].startswith("\t", mark.column):
+        return "Indent with spaces, not tabs."
+    return None
+
+
+def _fail(message: str, where: str, hint: str | None = None) -> NoReturn:
+    raise ConfigError(message, where=where, hint=hint) from None

@@ -1,0 +1,255 @@
+"""Reference motions with exact derivatives.
+
+The paper shows its reference only as a picture. Each shape here is a function of time that returns angle,
+velocity and acceleration of one joint; :func:`motion` puts joints and periods together. Every shape starts
+at zero: a joint angle is a displacement from the start posture.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from tendonrepro.arrays import Array
+from tendonrepro.errors import ConfigError
+
+Shape = Callable[[Array], tuple[Array, Array, Array]]
+"""Time since the period's start, s (T,), to angle, velocity, acceleration of one joint, each (T,)."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A joint's whole reference: a shape for each turn, each turn ``period`` long.
+
+    Attributes
+    ----------
+    turns : tuple of Shape
+        One shape for each period, in order.
+    period : float
+        Duration of each, s.
+    """
+
+    turns: tuple[Shape, ...]
+    period: float
+
+    @property
+    def duration(self) -> float:
+        """Duration of all turns, s."""
+        return self.period * len(self.turns)
+
+
+def motion(time: Array, joints: Sequence[Motion]) -> tuple[Array, Array, Array]:
+    """Evaluate the reference of every joint.
+
+    Parameters
+    ----------
+    time : array (T,)
+        s, from 0. After its last turn a joint stays where it is.
+    joints : sequence of Motion
+
+    Returns
+    -------
+    q_d, dq_d, ddq_d : array (T, n)
+        rad, rad s⁻¹, rad s⁻².
+    """
+    columns = [_follow(time, joint) for joint in joints]
+    q_d, dq_d, ddq_d = (np.stack(parts, axis=1) for parts in zip(*columns, strict=True))
+    return q_d, dq_d, ddq_d
+
+
+def _follow(time: Array, joint: Motion) -> tuple[Array, Array, Array]:
+    # The offset keeps a sample that rounding put just before a turn's end in the turn it begins.
+    turn = np.clip(np.floor(time / joint.period + 1e-9).astype(int), 0, len(joint.turns) - 1)
+    values = np.zeros((3, time.size))
+    for number, shape in enumerate(joint.turns):
+        inside = turn == number
+        since = np.clip(time[inside] - number * joint.period, 0.0, joint.period)
+        values[:, inside] = shape(since)
+    over = time > joint.duration
+    values[1:, over] = 0.0
+    return values[0], values[1], values[2]
+
+
+def at_rest(time: Array) -> tuple[Array, Array, Array]:
+    """Shape of a joint that keeps its start angle."""
+    return np.zeros_like(time), np.zeros_like(time), np.zeros_like(time)
+
+
+def raised_cosine(amplitude: float, period: float) -> Shape:
+    """``amplitude (1 - cos(2π t/period)) / 2``.
+
+    Parameters
+    ----------
+    amplitude : float
+        Largest angle, rad.
+    period : float
+        s.
+    """
+    omega = 2.0 * np.pi / period
+
+    def shape(t: Array) -> tuple[Array, Array, Array]:
+        half = 0.5 * amplitude
+        phase = omega * t
+        return half * (1.0 - np.cos(phase)), half * omega * np.sin(phase), half * omega**2 * np.cos(phase)
+
+    return shape
+
+
+def minimum_jerk(amplitude: float, rise: float, hold: float) -> Shape:
+    """Up, hold, down, hold; each stroke is the quintic with the least mean square jerk.
+
+    Parameters
+    ----------
+    amplitude : float
+        rad.
+    rise, hold : float
+        Duration of a stroke and of a hold, s.
+    """
+
+    def stroke(t: Array) -> tuple[Array, Array, Array]:
+        x = np.clip(t / rise, 0.0, 1.0)
+        q = amplitude * x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
+        dq = amplitude / rise * 30.0 * x**2 * (1.0 - x) ** 2
+        ddq = amplitude / rise**2 * 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x)
+        return q, dq, ddq
+
+    return _up_and_down(stroke, rise + hold)
+
+
+def trapezoidal(amplitude: float, velocity: float, acceleration: float, hold: float) -> Shape:
+    """Up, hold, down, hold with constant acceleration, constant velocity, constant deceleration.
+
+    Parameters
+    ----------
+    amplitude : float
+        rad.
+    velocity, acceleration : float
+        Limits, rad s⁻¹ and rad s⁻²; a stroke too short to reach the velocity limit is a triangle.
+    hold : float
+        s.
+    """
+    ramp, rise = trapezoid_times(amplitude, velocity, acceleration)
+    sense = np.sign(amplitude) * acceleration
+
+    def stroke(t: Array) -> tuple[Array, Array, Array]:
+        x = np.clip(t, 0.0, rise)
+        up, down = np.minimum(x, ramp), np.maximum(x - (rise - ramp), 0.0)
+        q = sense * (0.5 * up**2 + ramp * np.maximum(x - ramp, 0.0) - 0.5 * down**2)
+        dq = sense * (up - down)
+        moving = (t >= 0.0) & (t < rise)
+        ddq = sense * moving * ((t < ramp).astype(float) - (t >= rise - ramp))
+        return q, dq, ddq
+
+    return _up_and_down(stroke, rise + hold)
+
+
+def trapezoid_times(amplitude: float, velocity: float, acceleration: float) -> tuple[float, float]:
+    """Duration of a ramp and of a whole stroke of :func:`trapezoidal`, s."""
+    ramp = min(velocity / acceleration, float(np.sqrt(abs(amplitude) / acceleration)))
+    if ramp == 0.0:
+        return 0.0, 0.0
+    return ramp, ramp + abs(amplitude) / (acceleration * ramp)
+
+
+def _up_and_down(stroke: Shape, half: float) -> Shape:
+    """Stroke from the start, and back again after ``half``."""
+
+    def shape(t: Array) -> tuple[Array, Array, Array]:
+        up, down = stroke(t), stroke(t - half)
+        return up[0] - down[0], up[1] - down[1], up[2] - down[2]
+
+    return shape
+
+
+def smooth_sine(amplitude: float, offset: float, period: float, blend: float) -> Shape:
+    """``offset + amplitude sin(2π t/period)``, blended in from zero by a minimum-jerk stroke.
+
+    Its turn must last the whole run: a second turn would start from zero again.
+
+    Parameters
+    ----------
+    amplitude, offset : float
+        rad.
+    period, blend : float
+        Period of the sine and duration of the start, s.
+    """
+    omega = 2.0 * np.pi / period
+    fade = minimum_jerk(1.0, blend, np.inf)
+
+    def shape(t: Array) -> tuple[Array, Array, Array]:
+        w, dw, ddw = fade(t)
+        x = offset + amplitude * np.sin(omega * t)
+        dx = amplitude * omega * np.cos(omega * t)
+        ddx = -amplitude * omega**2 * np.sin(omega * t)
+        return w * x, dw * x + w * dx, ddw * x + 2.0 * dw * dx + w * ddx
+
+    return shape
+
+
+def sampled(time: Array, angle: Array) -> Shape:
+    """Quintic spline through samples, at rest and without acceleration at both ends.
+
+    Parameters
+    ----------
+    time : array (N,)
+        Strictly increasing, s.
+    angle : array (N,)
+        rad.
+    """
+    from scipy.interpolate import make_interp_spline
+
+    still = [(1, 0.0), (2, 0.0)]
+    # SciPy documents this form of the end conditions, its type stubs do not know it.
+    spline = make_interp_spline(time, angle, k=5, bc_type=(still, still))  # type: ignore[arg-type]
+    rate, curvature = spline.derivative(1), spline.derivative(2)
+
+    def shape(t: Array) -> tuple[Array, Array, Array]:
+        inside = np.clip(t + time[0], time[0], time[-1])
+        return spline(inside), rate(inside), curvature(inside)
+
+    return shape
+
+
+def read_samples(path: Path) -> tuple[Array, dict[int, Array]]:
+    """Read a trajectory file: CSV with the columns ``time_s`` and ``q<joint>_deg``.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    time : array (N,)
+        s.
+    angles : dict of array (N,)
+        Joint angles by the paper's joint number, rad.
+
+    Raises
+    ------
+    ConfigError
+        If the file is missing, has other columns, too few rows, numbers that are not finite or a time that
+        does not increase.
+    """
+    try:
+        with path.open(encoding="utf-8-sig") as lines:
+            header = [name.strip() for name in lines.readline().split(",")]
+            rows = np.loadtxt(lines, delimiter=",", ndmin=2, dtype=np.float64)
+    except (OSError, ValueError) as error:
+        message = f"cannot read the trajectory: {error}"
+        raise ConfigError(message, where=str(path)) from error
+    names = {f"q{joint}_deg": joint for joint in range(1, 10)}
+    if header[:1] != ["time_s"] or len(header) < 2 or not set(header[1:]) <= set(names):
+        message = f"the first line must be time_s,q2_deg,q3_deg or the like, found {','.join(header)!r}"
+        raise ConfigError(message, where=f"{path}:1")
+    if rows.shape[0] < 6 or rows.shape[1] != len(header) or not np.isfinite(rows).all():
+        message = f"needs at least 6 rows of {len(header)} finite numbers"
+        raise ConfigError(message, where=str(path))
+    if np.any(np.diff(rows[:, 0]) <= 0.0):
+        row = int(np.argmax(np.diff(rows[:, 0]) <= 0.0)) + 3
+        message = "time must increase from row to row"
+        raise ConfigError(message, where=f"{path}:{row}")
+    angles = {names[name]: np.deg2rad(rows[:, k]) for k, name in enumerate(header) if k}
+    return rows[:, 0], angles
