@@ -1,0 +1,57 @@
+"""From a commanded joint torque to the torque the winches apply."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from tendonrepro.arrays import Array
+from tendonrepro.encoder import quantise
+
+
+class Actuator(NamedTuple):
+    """Limits of motors and drives, all at the winch.
+
+    Attributes
+    ----------
+    limit : array (n,)
+        Largest torque, N m.
+    resolution : float
+        Torque step of the drive's input, N m; 0 is none.
+    noise : float
+        Root mean square of the torque noise, N m.
+    delay : int
+        Whole samples between command and output.
+    """
+
+    limit: Array
+    resolution: float
+    noise: float
+    delay: int
+
+
+def applied_torque(command: Array, noise: Array, actuator: Actuator, S: Array, S_inv: Array) -> Array:
+    """Torque that reaches the winches, in joint coordinates, N m.
+
+    Only what the actuator changes is mapped back, so an actuator that changes nothing returns the command
+    to the last bit.
+
+    Parameters
+    ----------
+    command : array (n,)
+        Joint torque, N m.
+    noise : array (n,)
+        Torque noise of this sample at the winches, N m.
+    actuator : Actuator
+    S, S_inv : array (n, n)
+        Coupling of Eq. (2).
+
+    Returns
+    -------
+    array (n,)
+    """
+    winch = S.T @ command
+    output = quantise(winch + noise, actuator.resolution)
+    output = np.minimum(np.maximum(output, -actuator.limit), actuator.limit)
+    return command + S_inv.T @ (output - winch)

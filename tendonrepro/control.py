@@ -1,0 +1,348 @@
+"""The sampled control law: one law, of which Controllers 1 to 3 and plain TDC are parameter sets.
+
+Every law is ``tau_m = M_bar u + H_hat`` (Eq. 17). They differ in the surface that makes ``u`` (Eqs. 9, 11,
+18) and in the weights of the time-delay estimate ``H_hat`` (Eqs. 8, 15). Where the paper's text can be read
+in more than one way the reading is a field of :class:`Law`; its default is the printed form, but for the odd
+polynomial of ``phi`` and the ``eta`` kept in Controller 2.
+
+The law runs once per sampling period on encoder values. Its memory is a value: :func:`start_memory`
+makes it, :func:`command` reads it, :func:`remember` returns the next one.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+
+from tendonrepro.arrays import Array
+from tendonrepro.matrices import times
+
+SAMPLES_BACK = 4
+"""Oldest encoder sample that Eq. (16) needs."""
+
+DEGREES_PER_RADIAN = 180.0 / np.pi
+
+
+class Surface(IntEnum):
+    """Which error combination the law drives to zero."""
+
+    NTSM = 0
+    """Nonsingular terminal sliding mode, Eqs. (11) and (12)."""
+    TSM = 1
+    """``s = de + beta e``, Controller 3."""
+    PD = 2
+    """Plain time-delay control, Eq. (9)."""
+
+
+class Law(NamedTuple):
+    """Gains and readings of one law; arrays have one entry per moving joint.
+
+    Attributes
+    ----------
+    surface : int
+        A :class:`Surface`.
+    L : float
+        Sampling period and delay time, s.
+    M_bar : array (n,)
+        kg m².
+    lam, eta, b, Delta, beta : array (n,)
+        Gains of Eqs. (11) to (14); ``Delta`` in rad, or in degrees where ``angle_scale`` says so.
+    K_d, K_p : array (n,)
+        Gains of Eq. (9), s⁻¹ and s⁻²; read by ``Surface.PD`` only.
+    weights : array (2, n)
+        Weights of the estimates from ``t - L`` and ``t - 2L``, Eq. (15).
+    newest : int
+        Newest encoder sample in the difference labelled ``t - L``: 1 as Eq. (16) prints it, 0 centred.
+    phi_is_odd : bool
+        Polynomial ``gamma_1 e + gamma_2 |e| e``; False is the print's ``gamma_1 e + gamma_2 e²``.
+    power_inside : bool
+        Power branch of ``phi`` inside ``Delta`` too.
+    power_floor : float
+        Error below which the slope of the power branch stops growing, in the unit of ``Delta``.
+    angle_scale : float
+        Units of ``phi``'s argument per radian: 1, or 180/π where the gains mean degrees.
+    rate_gain : array (n,)
+        Factor of ``dphi`` in ``u``: ``eta``, or 1 where Controller 2's print drops it.
+    rate_filter : float
+        Weight of the newest velocity in the low-pass filter of the velocity; 1 is no filter.
+    to_joint, from_joint : array (n, n)
+        Map from the law's torque coordinates to joint coordinates, and back; identity as assumed by default.
+    """
+
+    surface: int
+    L: float
+    M_bar: Array
+    lam: Array
+    eta: Array
+    b: Array
+    Delta: Array
+    beta: Array
+    K_d: Array
+    K_p: Array
+    weights: Array
+    newest: int
+    phi_is_odd: bool
+    power_inside: bool
+    power_floor: float
+    angle_scale: float
+    rate_gain: Array
+    rate_filter: float
+    to_joint: Array
+    from_joint: Array
+
+
+class Memory(NamedTuple):
+    """What the law remembers between two samples.
+
+    Attributes
+    ----------
+    q : array (4, n)
+        Encoder values at ``t - L`` to ``t - 4L``, newest first, rad.
+    tau : array (2, n)
+        Applied torques at ``t - L`` and ``t - 2L`` in joint coordinates, N m.
+    dq : array (n,)
+        Velocity estimate at ``t - L``, rad s⁻¹.
+    """
+
+    q: Array
+    tau: Array
+    dq: Array
+
+
+def start_memory(q: Array, tau: Array) -> Memory:
+    """Start-up rule for ``t < 4L``: every delay line is filled with one value.
+
+    An arm that has been at rest for longer than ``4L`` hands over its encoder values and its holding torque;
+    the reading ``cold`` hands over zero torque, as delay blocks of a freshly started block diagram do.
+
+    Parameters
+    ----------
+    q : array (n,)
+        Encoder values before the start, rad.
+    tau : array (n,)
+        Torque before the start, N m.
+
+    Returns
+    -------
+    Memory
+    """
+    return Memory(q=_repeat(q, SAMPLES_BACK), tau=_repeat(tau, 2), dq=np.zeros_like(q))
+
+
+def remember(memory: Memory, q: Array, dq: Array, tau_m: Array) -> Memory:
+    """Shift the delay lines by one period.
+
+    Parameters
+    ----------
+    memory : Memory
+    q, dq : array (n,)
+        Encoder values and velocity estimate of this sample, rad and rad s⁻¹.
+    tau_m : array (n,)
+        Torque applied from this sample on, after saturation and delay, N m.
+    """
+    older_q = np.empty_like(memory.q)
+    older_tau = np.empty_like(memory.tau)
+    older_q[0], older_q[1:] = q, memory.q[:-1]
+    older_tau[0], older_tau[1] = tau_m, memory.tau[0]
+    return Memory(older_q, older_tau, dq)
+
+
+def command(
+    memory: Memory, q: Array, q_d: Array, dq_d: Array, ddq_d: Array, law: Law
+) -> tuple[Array, Array, Array, Array]:
+    """One sample of the law: Eqs. (8) to (18).
+
+    Parameters
+    ----------
+    memory : Memory
+    q : array (n,)
+        Encoder values now, rad.
+    q_d, dq_d, ddq_d : array (n,)
+        Desired motion now, rad, rad s⁻¹, rad s⁻².
+    law : Law
+
+    Returns
+    -------
+    tau : array (n,)
+        Commanded torque in joint coordinates, N m.
+    H_hat : array (n,)
+        Estimate of the lumped dynamics in joint coordinates, N m.
+    s : array (n,)
+        Sliding variable, rad s⁻¹.
+    dq : array (n,)
+        Velocity estimate, rad s⁻¹; goes into :func:`remember`.
+    """
+    dq = velocity_estimate(memory, q, law)
+    H_hat = time_delay_estimate(memory, q, law)
+    tau = np.empty_like(q)
+    s = np.empty_like(q)
+    for i in range(q.shape[0]):
+        e = q_d[i] - q[i]
+        de = dq_d[i] - dq[i]
+        s[i], u = surface_and_feedback(e, de, law, i)
+        tau[i] = law.M_bar[i] * (ddq_d[i] + u) + H_hat[i]
+    return times(law.to_joint, tau), times(law.to_joint, H_hat), s, dq
+
+
+def velocity_estimate(memory: Memory, q: Array, law: Law) -> Array:
+    """Velocity by backward difference of the encoder, low-pass filtered where the law says so, rad s⁻¹.
+
+    Parameters
+    ----------
+    memory : Memory
+    q : array (n,)
+        Encoder values now, rad.
+    law : Law
+
+    Returns
+    -------
+    array (n,)
+    """
+    dq = np.empty_like(q)
+    for i in range(q.shape[0]):
+        raw = (q[i] - memory.q[0, i]) / law.L
+        dq[i] = memory.dq[i] + law.rate_filter * (raw - memory.dq[i])
+    return dq
+
+
+def time_delay_estimate(memory: Memory, q: Array, law: Law) -> Array:
+    """``H_hat`` by Eq. (15) with the differences of Eq. (16), N m in the law's torque coordinates.
+
+    With weights (1, 0) it is Eq. (8).
+
+    Parameters
+    ----------
+    memory : Memory
+    q : array (n,)
+        Encoder values now, rad; only the centred reading uses them.
+    law : Law
+
+    Returns
+    -------
+    array (n,)
+    """
+    samples = np.empty((SAMPLES_BACK + 1, q.shape[0]))
+    samples[0], samples[1:] = q, memory.q
+    H_hat = np.zeros_like(q)
+    for back in range(2):
+        torque = times(law.from_joint, memory.tau[back])
+        newest = law.newest + back
+        for i in range(q.shape[0]):
+            second_difference = samples[newest, i] - 2.0 * samples[newest + 1, i] + samples[newest + 2, i]
+            delayed = torque[i] - law.M_bar[i] * second_difference / (law.L * law.L)
+            H_hat[i] += law.weights[back, i] * delayed
+    return H_hat
+
+
+def surface_and_feedback(e: float, de: float, law: Law, i: int) -> tuple[float, float]:
+    """Sliding variable and feedback of joint i: ``s`` and ``u - ddq_d``.
+
+    NTSM: Eqs. (11) and (18). TSM: Controller 3. PD: Eq. (9), whose ``s`` is its feedback over ``K_d``.
+
+    Parameters
+    ----------
+    e, de : float
+        Tracking error, rad, and its rate, rad s⁻¹.
+    law : Law
+    i : int
+        Joint, from 0.
+
+    Returns
+    -------
+    s : float
+        rad s⁻¹.
+    feedback : float
+        rad s⁻².
+    """
+    if law.surface == Surface.NTSM:
+        s = de + law.eta[i] * phi(e, law, i)
+        return s, law.rate_gain[i] * phi_slope(e, law, i) * de + law.lam[i] * s
+    if law.surface == Surface.TSM:
+        s = de + law.beta[i] * e
+        return s, law.beta[i] * de + law.lam[i] * s
+    feedback = law.K_d[i] * de + law.K_p[i] * e
+    return feedback / law.K_d[i], feedback
+
+
+def phi(e: float, law: Law, i: int) -> float:
+    """``phi(e)`` of Eq. (12), rad.
+
+    The print takes the power branch inside ``Delta`` only while ``de + eta sig(e)^b`` is exactly zero. That
+    is an equality of measured numbers, so the polynomial is what runs there.
+
+    Parameters
+    ----------
+    e : float
+        Tracking error of joint i, rad.
+    law : Law
+    i : int
+        Joint, from 0.
+
+    Returns
+    -------
+    float
+    """
+    x = e * law.angle_scale
+    if law.power_inside or abs(x) >= law.Delta[i]:
+        value = sig(x, law.b[i])
+    else:
+        gamma_1, gamma_2 = polynomial(law.b[i], law.Delta[i])
+        value = gamma_1 * x + gamma_2 * (x * abs(x) if law.phi_is_odd else x * x)
+    return value / law.angle_scale
+
+
+def phi_slope(e: float, law: Law, i: int) -> float:
+    """Slope of :func:`phi`, so that ``dphi/dt = phi_slope de``; the paper never prints it.
+
+    The power branch's slope grows without bound at zero; it is held at its value at ``power_floor``.
+
+    Parameters
+    ----------
+    e : float
+        Tracking error of joint i, rad.
+    law : Law
+    i : int
+        Joint, from 0.
+
+    Returns
+    -------
+    float
+    """
+    x = e * law.angle_scale
+    if law.power_inside or abs(x) >= law.Delta[i]:
+        return float(law.b[i] * max(abs(x), law.power_floor) ** (law.b[i] - 1.0))
+    gamma_1, gamma_2 = polynomial(law.b[i], law.Delta[i])
+    return float(gamma_1 + 2.0 * gamma_2 * (abs(x) if law.phi_is_odd else x))
+
+
+def sig(x: float, b: float) -> float:
+    """``|x|^b sign(x)``."""
+    return float(np.sign(x) * abs(x) ** b)
+
+
+def polynomial(b: float, Delta: float) -> tuple[float, float]:
+    """Coefficients ``gamma_1``, ``gamma_2`` of Eq. (13): value and slope of ``sig(e)^b`` at ``Delta``."""
+    return float((2.0 - b) * Delta ** (b - 1.0)), float((b - 1.0) * Delta ** (b - 2.0))
+
+
+def estimator_weights(alpha: Array, *, extrapolating: bool) -> Array:
+    """Weights of Eq. (15): ``(1 - alpha, alpha)``, or ``(1 + alpha, -alpha)`` where it extrapolates.
+
+    Parameters
+    ----------
+    alpha : array (n,)
+        Zero is plain time-delay estimation, Eq. (8).
+    extrapolating : bool
+
+    Returns
+    -------
+    array (2, n)
+    """
+    shift = -alpha if extrapolating else alpha
+    return np.stack([1.0 - shift, shift])
+
+
+def _repeat(x: Array, count: int) -> Array:
+    return np.repeat(x[np.newaxis, :], count, axis=0)

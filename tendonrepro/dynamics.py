@@ -1,0 +1,141 @@
+"""The flexible-joint arm as one differential equation: Eqs. (3), (4) and (5) together.
+
+The state stacks ``q``, ``dq``, ``theta`` and ``dtheta``. All functions take the joint axis first; further
+axes are independent lanes.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from tendonrepro.arm import Arm, bias_torque, gravity_torque, mass_matrix
+from tendonrepro.arrays import Array
+from tendonrepro.disturbance import Disturbance, disturbance_torque
+from tendonrepro.drive import Drive, motor_acceleration, tendon_torque, theta_at_rest, to_joint_torque
+from tendonrepro.friction import Friction, friction_torque, without_dry_friction
+from tendonrepro.matrices import solve_positive_definite
+
+
+class Plant(NamedTuple):
+    """Everything that moves.
+
+    Attributes
+    ----------
+    arm : Arm
+    drive : Drive
+    link_friction : Friction
+        ``F(dq)`` of Eq. (4).
+    preload : array (n,)
+        Joint torque of the constant-force tendon 4, N m, positive clockwise; zero without tensioner.
+    disturbance : Disturbance
+    """
+
+    arm: Arm
+    drive: Drive
+    link_friction: Friction
+    preload: Array
+    disturbance: Disturbance
+
+
+def link_acceleration(t: float | Array, q: Array, dq: Array, tau_s: Array, plant: Plant) -> Array:
+    """Joint acceleration, rad s⁻²; Eq. (4) solved for ``ddq``.
+
+    Parameters
+    ----------
+    t : float or array (...)
+        Time, s.
+    q, dq : array (n, ...)
+        Joint angles, rad, and velocities, rad s⁻¹.
+    tau_s : array (n, ...)
+        Compliance torque, N m.
+    plant : Plant
+
+    Returns
+    -------
+    array (n, ...)
+    """
+    load = bias_torque(q, dq, plant.arm) + friction_torque(dq, plant.link_friction)
+    net = np.empty_like(q)
+    for i in range(q.shape[0]):
+        net[i] = tau_s[i] + plant.preload[i] - load[i] - disturbance_torque(t, i, plant.disturbance)
+    return solve_positive_definite(mass_matrix(q, plant.arm), net)
+
+
+def state_derivative(t: float, state: Array, tau_m: Array, plant: Plant) -> Array:
+    """Time derivative of the state under a given motor torque; Eqs. (3) to (5).
+
+    Parameters
+    ----------
+    t : float
+        Time, s.
+    state : array (4 n, ...)
+        ``q``, ``dq``, ``theta``, ``dtheta`` stacked; rad and rad s⁻¹.
+    tau_m : array (n, ...)
+        Motor torque in joint coordinates, N m.
+    plant : Plant
+
+    Returns
+    -------
+    array (4 n, ...)
+    """
+    n = state.shape[0] // 4
+    q, dq, theta, dtheta = state[:n], state[n : 2 * n], state[2 * n : 3 * n], state[3 * n :]
+    tendon = tendon_torque(q, dq, theta, dtheta, plant.drive)
+    derivative = np.empty_like(state)
+    derivative[:n] = dq
+    derivative[n : 2 * n] = link_acceleration(t, q, dq, to_joint_torque(tendon, plant.drive), plant)
+    derivative[2 * n : 3 * n] = dtheta
+    derivative[3 * n :] = motor_acceleration(dtheta, tendon, tau_m, plant.drive)
+    return derivative
+
+
+def holding_torque(q: Array, plant: Plant) -> Array:
+    """Motor torque that holds the arm at rest, N m: the weight less the tensioner's pull.
+
+    Parameters
+    ----------
+    q : array (n, ...)
+        Joint angles, rad.
+    plant : Plant
+
+    Returns
+    -------
+    array (n, ...)
+    """
+    torque = gravity_torque(q, plant.arm)
+    for i in range(q.shape[0]):
+        torque[i] -= plant.preload[i]
+    return torque
+
+
+def rest_state(q: Array, plant: Plant) -> Array:
+    """State of static equilibrium at given joint angles.
+
+    Parameters
+    ----------
+    q : array (n,)
+        Joint angles, rad.
+    plant : Plant
+
+    Returns
+    -------
+    array (4 n,)
+    """
+    still = np.zeros_like(q)
+    return np.concatenate([q, still, theta_at_rest(q, holding_torque(q, plant), plant.drive), still])
+
+
+def frictionless(plant: Plant) -> Plant:
+    """Return the plant without link friction and without dry friction at the winches.
+
+    ``D_m`` stays: in Eq. (3) it is a matrix of its own, not part of ``F``.
+    """
+    none = plant.link_friction._replace(viscous=0.0 * plant.link_friction.viscous)
+    drive = plant.drive._replace(
+        friction=without_dry_friction(plant.drive.friction),
+        pulley_loss=0.0 * plant.drive.pulley_loss,
+        reducer_loss=0.0 * plant.drive.reducer_loss,
+    )
+    return plant._replace(drive=drive, link_friction=without_dry_friction(none))

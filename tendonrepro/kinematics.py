@@ -1,0 +1,89 @@
+"""Coupling between winches and joints: Eqs. (1) and (2).
+
+Every tendon passes the joints before its own over guide pulleys, so a joint's motion winds the tendons of
+all later joints. The matrices here are the only place where that coupling enters the model.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tendonrepro.arrays import Array
+
+
+def coupling_inverse(winch_diameter: Array, pulley_diameter: Array, sign: Array) -> Array:
+    """Map from joint angles to winch angles, ``q_motor = S_inv q``.
+
+    Eq. (2): the diagonal is ``c[n,n] D[n,n] / D[n]``, below it stands ``-c[i,n] D[i,n] / D[n]``.
+
+    Parameters
+    ----------
+    winch_diameter : array (n,)
+        ``D[n]``, diameter of the winch of motor n, in m.
+    pulley_diameter : array (n, n)
+        ``D[p, q]``, diameter of the pulley at joint p that guides tendon q, in m; the diagonal holds the
+        joint winches. Only ``p <= q`` is read.
+    sign : array (n, n)
+        ``c[p, q]``: +1 if joint p, turning clockwise, makes tendon q drive joint q clockwise too.
+        Only ``p <= q`` is read.
+
+    Returns
+    -------
+    array (n, n)
+        ``S_inv``, lower triangular, dimensionless.
+
+    Examples
+    --------
+    Table 1 of the paper, with the signs of its section 3.3:
+
+    >>> D = np.array([37.0, 37.0, 37.0])
+    >>> D_pq = np.array([[77.0, 35.0, 35.0], [0.0, 77.0, 35.0], [0.0, 0.0, 37.0]])
+    >>> c = np.array([[1.0, 1.0, -1.0], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
+    >>> coupling_matrix(coupling_inverse(D, D_pq, c)).round(4)
+    array([[ 0.4805,  0.    ,  0.    ],
+           [ 0.2184,  0.4805,  0.    ],
+           [-0.2479,  0.4545,  1.    ]])
+    """
+    ratio = (sign * pulley_diameter).T / winch_diameter[:, np.newaxis]
+    return np.diag(np.diag(ratio)) - np.tril(ratio, k=-1)
+
+
+def coupling_matrix(S_inv: Array) -> Array:
+    """Map from winch angles to joint angles, ``q = S q_motor``, by forward substitution.
+
+    Parameters
+    ----------
+    S_inv : array (n, n)
+        Lower-triangular coupling of :func:`coupling_inverse` with a diagonal free of zeros.
+
+    Returns
+    -------
+    array (n, n)
+        ``S``, lower triangular, dimensionless.
+    """
+    S = np.zeros_like(S_inv)
+    for row in range(S_inv.shape[0]):
+        S[row, row] = 1.0 / S_inv[row, row]
+        S[row, :row] = -S[row, row] * (S_inv[row, :row] @ S[:row, :row])
+    return S
+
+
+def to_joint_matrix(winch_values: Array, S_inv: Array) -> Array:
+    """Refer one value per winch to the joints: ``S_invᵀ diag(w) S_inv``.
+
+    This is how inertia, damping and stiffness of winches and tendons become ``I``, ``D_m``, ``D_s`` and
+    ``K_s``: the energy ``½ Σ w_n q_motor_n²`` does not depend on the coordinates it is written in.
+
+    Parameters
+    ----------
+    winch_values : array (n,)
+        Inertia, damping or stiffness at each winch, in SI units.
+    S_inv : array (n, n)
+        Coupling of :func:`coupling_inverse`.
+
+    Returns
+    -------
+    array (n, n)
+        Symmetric matrix in joint coordinates, same unit.
+    """
+    return S_inv.T @ np.diag(winch_values) @ S_inv

@@ -1,0 +1,61 @@
+"""Products and solutions of small systems, written so that they compile and run on lanes alike."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tendonrepro.arrays import Array
+
+
+def times(A: Array, x: Array) -> Array:
+    """Matrix times vector, joint axis first, lanes after.
+
+    Parameters
+    ----------
+    A : array (n, n)
+    x : array (n, ...)
+
+    Returns
+    -------
+    array (n, ...)
+    """
+    product = np.zeros_like(x)
+    for i in range(x.shape[0]):
+        for j in range(x.shape[0]):
+            product[i] += A[i, j] * x[j]
+    return product
+
+
+def solve_positive_definite(A: Array, b: Array) -> Array:
+    """Solve ``A x = b`` by Cholesky factorisation, without a library call so that lanes stay lanes.
+
+    Parameters
+    ----------
+    A : array (n, n, ...)
+        Symmetric and positive definite.
+    b : array (n, ...)
+
+    Returns
+    -------
+    array (n, ...)
+    """
+    n = b.shape[0]
+    factor = np.empty_like(A)
+    x = np.empty_like(b)
+    for i in range(n):
+        for j in range(i + 1):
+            rest = A[i, j] + 0.0
+            for k in range(j):
+                rest = rest - factor[i, k] * factor[j, k]
+            factor[i, j] = np.sqrt(rest) if i == j else rest / factor[j, j]
+    for i in range(n):
+        rest = b[i] + 0.0
+        for k in range(i):
+            rest = rest - factor[i, k] * x[k]
+        x[i] = rest / factor[i, i]
+    for i in range(n - 1, -1, -1):
+        rest = x[i] + 0.0
+        for k in range(i + 1, n):
+            rest = rest - factor[k, i] * x[k]
+        x[i] = rest / factor[i, i]
+    return x
