@@ -1,0 +1,201 @@
+"""From a configuration to the plant and the instruments it describes, in SI units.
+
+Vectors of a manipulator have one entry per joint; joints that are held rigidly come first and drop out here.
+Holding them leaves the trailing block of the coupling: a held joint winds no tendon.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tendonrepro.actuator import Actuator
+from tendonrepro.arm import Arm, make_arm
+from tendonrepro.arrays import Array
+from tendonrepro.config import CompareConfig, DecoupleConfig
+from tendonrepro.config_experiment import NoDisturbance, SineDisturbance, StepDisturbance
+from tendonrepro.config_manipulator import Encoder as EncoderConfig
+from tendonrepro.config_manipulator import Manipulator
+from tendonrepro.disturbance import (
+    Disturbance,
+    no_disturbance,
+    noise_disturbance,
+    sine_disturbance,
+    step_disturbance,
+)
+from tendonrepro.drive import Drive
+from tendonrepro.dynamics import Plant
+from tendonrepro.encoder import Encoder
+from tendonrepro.friction import Friction
+from tendonrepro.kinematics import coupling_inverse, coupling_matrix
+
+Experiment = CompareConfig | DecoupleConfig
+
+TENSIONER_SIDES = {"distal_only": (0.0, 1.0), "alternating": (-1.0, 1.0), "negative": (1.0, 1.0)}
+"""Side of tendon 4 one joint nearer to the base, relative to the joint beyond it (0: it passes the axis)."""
+
+DISTURBANCE_STREAM = 3
+"""Random stream of the disturbance; the streams before it belong to the instruments."""
+
+
+def full_coupling(manipulator: Manipulator) -> tuple[Array, Array]:
+    """``S`` and ``S_inv`` of all joints, Eq. (2).
+
+    Parameters
+    ----------
+    manipulator : Manipulator
+
+    Returns
+    -------
+    S, S_inv : array (N, N)
+    """
+    routing = manipulator.routing
+    S_inv = coupling_inverse(routing.winch_diameter.si, routing.pulley_diameter.si, routing.sign.si)
+    return coupling_matrix(S_inv), S_inv
+
+
+def coupling(config: Experiment) -> tuple[Array, Array]:
+    """``S`` and ``S_inv`` of the moving joints, the others held.
+
+    Parameters
+    ----------
+    config : CompareConfig or DecoupleConfig
+
+    Returns
+    -------
+    S, S_inv : array (n, n)
+    """
+    n = len(config.joints)
+    _, S_inv = full_coupling(config.manipulator)
+    S_inv = np.ascontiguousarray(S_inv[-n:, -n:])
+    return coupling_matrix(S_inv), S_inv
+
+
+def start_angles(config: Experiment) -> Array:
+    """Absolute angles of the moving links in the start posture, rad from hanging, (n,)."""
+    return np.cumsum(config.posture.si)[-len(config.joints) :]
+
+
+def build_arm(config: Experiment, payload_mass: float) -> Arm:
+    """Chain of the moving links.
+
+    Parameters
+    ----------
+    config : CompareConfig or DecoupleConfig
+    payload_mass : float
+        kg at the tip.
+    """
+    links, n = config.manipulator.links, len(config.joints)
+    return make_arm(
+        *(values.si[-n:] for values in (links.length, links.mass, links.com, links.inertia)),
+        phi_0=start_angles(config),
+        payload_mass=payload_mass,
+        gravity=config.manipulator.gravity.si,
+    )
+
+
+def build_drive(config: Experiment) -> Drive:
+    """Winches and tendons of the moving joints.
+
+    Parameters
+    ----------
+    config : CompareConfig or DecoupleConfig
+    """
+    manipulator, n = config.manipulator, len(config.joints)
+    winches, tendons, friction = manipulator.winches, manipulator.tendons, manipulator.friction
+    S, S_inv = coupling(config)
+    radius = manipulator.routing.winch_diameter.si[-n:] / 2.0
+    guide_pulleys = np.array(config.joints, dtype=np.float64) - 1.0
+    wobble = manipulator.transmission_error
+    return Drive(
+        S=S,
+        S_inv=S_inv,
+        inertia=(winches.reflected_inertia.si + winches.drum_inertia.si)[-n:],
+        stiffness=tendons.axial_stiffness.si[-n:] * radius**2,
+        damping=tendons.damping_factor.si * tendons.axial_damping.si[-n:] * radius**2,
+        slack=tendons.clearance.si[-n:] / (2.0 * radius),
+        friction=Friction(
+            viscous=winches.viscous.si[-n:],
+            coulomb=friction.winch.coulomb.si[-n:],
+            static_ratio=friction.winch.static_ratio.si[-n:],
+            stribeck_velocity=friction.winch.stribeck_velocity.si[-n:],
+            smoothing_velocity=friction.winch.smoothing_velocity.si[-n:],
+        ),
+        pulley_loss=friction.per_pulley.si * guide_pulleys,
+        reducer_loss=np.full(n, 1.0 - friction.reducer_efficiency.si),
+        wobble=np.full(n, wobble.peak_to_peak.si / 2.0),
+        wobble_rate=np.full(n, wobble.cycles_per_turn.si),
+    )
+
+
+def build_preload(config: Experiment) -> Array:
+    """Joint torque of tendon 4, N m, positive clockwise, (n,).
+
+    It turns the last joint counter-clockwise; on which side it passes the others is a reading.
+
+    Parameters
+    ----------
+    config : CompareConfig or DecoupleConfig
+    """
+    tensioner, n = config.manipulator.tensioner, len(config.joints)
+    towards_base, last = TENSIONER_SIDES[tensioner.side]
+    sides = last * towards_base ** np.arange(config.manipulator.joints - 1, -1, -1.0)
+    return np.asarray(-sides * tensioner.force.si * tensioner.diameter.si / 2.0)[-n:]
+
+
+def build_disturbance(config: Experiment) -> Disturbance:
+    """Disturbance torque of Eq. (4), the same for every run.
+
+    Parameters
+    ----------
+    config : CompareConfig or DecoupleConfig
+    """
+    choice = config.disturbance
+    if isinstance(choice, NoDisturbance):
+        return no_disturbance(len(config.joints))
+    if isinstance(choice, StepDisturbance):
+        return step_disturbance(choice.torque.si, choice.start.si)
+    if isinstance(choice, SineDisturbance):
+        return sine_disturbance(choice.torque.si, choice.frequency.si)
+    rng = np.random.default_rng([int(config.seed.si), DISTURBANCE_STREAM])
+    return noise_disturbance(choice.torque.si, choice.band.si, int(choice.components.si), rng)
+
+
+def build_plant(config: Experiment, payload_mass: float) -> Plant:
+    """Everything that moves.
+
+    Parameters
+    ----------
+    config : CompareConfig or DecoupleConfig
+    payload_mass : float
+        kg at the tip.
+    """
+    link, n = config.manipulator.friction.link, len(config.joints)
+    return Plant(
+        arm=build_arm(config, payload_mass),
+        drive=build_drive(config),
+        link_friction=Friction(
+            viscous=link.viscous.si[-n:],
+            coulomb=link.coulomb.si[-n:],
+            static_ratio=link.static_ratio.si[-n:],
+            stribeck_velocity=link.stribeck_velocity.si[-n:],
+            smoothing_velocity=link.smoothing_velocity.si[-n:],
+        ),
+        preload=build_preload(config),
+        disturbance=build_disturbance(config),
+    )
+
+
+def build_encoder(encoder: EncoderConfig) -> Encoder:
+    """Encoder of one kind."""
+    return Encoder(resolution=encoder.resolution.si, noise=encoder.noise.si)
+
+
+def build_actuator(config: Experiment) -> Actuator:
+    """Motors' limits."""
+    actuator = config.manipulator.actuator
+    return Actuator(
+        limit=actuator.torque_limit.si[-len(config.joints) :],
+        resolution=actuator.torque_resolution.si,
+        noise=actuator.torque_noise.si,
+        delay=int(actuator.output_delay.si),
+    )

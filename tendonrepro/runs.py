@@ -1,0 +1,258 @@
+"""From a configuration to closed loops ready to run: references, laws, and one loop per run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from tendonrepro.arrays import Array
+from tendonrepro.config import CompareConfig
+from tendonrepro.config_reference import InTurns, MinimumJerk, PerJoint, RaisedCosine, Sampled, Sine, Single
+from tendonrepro.config_reference import Reference as ReferenceConfig
+from tendonrepro.control import DEGREES_PER_RADIAN, Law, Surface, estimator_weights
+from tendonrepro.errors import ConfigError
+from tendonrepro.rig import (
+    Experiment,
+    build_actuator,
+    build_encoder,
+    build_plant,
+    coupling,
+    start_angles,
+)
+from tendonrepro.servo import Servo
+from tendonrepro.simulate import Controller, Loop, PositionController, Reference, Solver, TimeDelayController
+from tendonrepro.trajectory import (
+    Motion,
+    Shape,
+    at_rest,
+    minimum_jerk,
+    motion,
+    raised_cosine,
+    read_samples,
+    sampled,
+    smooth_sine,
+    trapezoid_times,
+    trapezoidal,
+)
+
+RESOLVED_ANGLE = 1e-9
+"""Error that counts as resolved with an ideal encoder, rad; see ``Law.power_floor``."""
+
+
+def reference_period(reference: ReferenceConfig) -> float:
+    """Duration after which a reference repeats, s; 0 if it does not.
+
+    Parameters
+    ----------
+    reference : Reference
+        Of a configuration.
+    """
+    if isinstance(reference, Sampled):
+        return 0.0
+    first = reference.references[0] if isinstance(reference, PerJoint) else reference
+    return first.duration / first.periods.si
+
+
+def build_reference(
+    reference: ReferenceConfig, config: Experiment, folder: Path, S: Array | None = None
+) -> Reference:
+    """Desired motion at every sample.
+
+    Parameters
+    ----------
+    reference : Reference
+        Of a configuration.
+    config : CompareConfig or DecoupleConfig
+    folder : Path
+        Where the path of a trajectory file starts.
+    S : array (n, n), optional
+        Given where the reference moves the motors: it maps their angles to the joints.
+
+    Returns
+    -------
+    Reference
+
+    Raises
+    ------
+    ConfigError
+        If a trajectory file cannot be used, or a link would leave the working half-plane.
+    """
+    motions = _motions(reference, config.joints, folder)
+    L = config.sampling_period.si
+    time: Array = L * np.arange(int(np.floor(motions[0].duration / L + 1e-6)) + 1.0)
+    q_d, dq_d, ddq_d = motion(time, motions)
+    if S is not None:
+        q_d, dq_d, ddq_d = q_d @ S.T, dq_d @ S.T, ddq_d @ S.T
+    built = Reference(time, q_d, dq_d, ddq_d)
+    _check_workspace(built, config)
+    return built
+
+
+def _motions(reference: ReferenceConfig, joints: Sequence[int], folder: Path) -> list[Motion]:
+    if isinstance(reference, Sampled):
+        return _sampled_motions(folder / reference.file, joints)
+    if isinstance(reference, PerJoint):
+        return [
+            _single_motions(single, (joint,))[0]
+            for single, joint in zip(reference.references, joints, strict=True)
+        ]
+    return _single_motions(reference, joints)
+
+
+def _single_motions(reference: Single, joints: Sequence[int]) -> list[Motion]:
+    shapes = [_shape(reference, i) for i in range(len(joints))]
+    if isinstance(reference, InTurns):
+        turns = (reference.turns or (tuple(joints),)) * int(reference.periods.si)
+        return [
+            Motion(tuple(shape if joint in turn else at_rest for turn in turns), reference.cycle)
+            for shape, joint in zip(shapes, joints, strict=True)
+        ]
+    return [Motion((shape,), reference.duration) for shape in shapes]
+
+
+def _shape(reference: Single, i: int) -> Shape:
+    amplitude = float(reference.amplitude.si[i])
+    if isinstance(reference, RaisedCosine):
+        return raised_cosine(amplitude, reference.period.si)
+    if isinstance(reference, MinimumJerk):
+        return minimum_jerk(amplitude, reference.rise.si, reference.hold.si)
+    if isinstance(reference, Sine):
+        return smooth_sine(amplitude, float(reference.offset.si[i]), reference.period.si, reference.blend.si)
+    limits = reference.velocity.si, reference.acceleration.si
+    # A shorter stroke waits for the longest one, so that all joints turn back together.
+    hold = reference.cycle / 2.0 - trapezoid_times(amplitude, *limits)[1]
+    return trapezoidal(amplitude, *limits, hold)
+
+
+def _sampled_motions(path: Path, joints: Sequence[int]) -> list[Motion]:
+    time, angles = read_samples(path)
+    missing = [joint for joint in joints if joint not in angles]
+    if missing:
+        message = f"has no column for joint {missing[0]}"
+        raise ConfigError(message, where=str(path), hint=f"add a column q{missing[0]}_deg")
+    return [Motion((sampled(time, angles[joint]),), float(time[-1] - time[0])) for joint in joints]
+
+
+def _check_workspace(reference: Reference, config: Experiment) -> None:
+    """Links work between hanging and upright on one side; elsewhere gravity would slacken the tendons."""
+    angles = np.rad2deg(start_angles(config) + np.cumsum(reference.q_d, axis=1))
+    outside = (angles <= 0.0) | (angles >= 180.0)
+    if outside.any():
+        k, i = np.argwhere(outside)[0]
+        reached = f"{angles[k, i]:.1f} deg from hanging at t = {reference.time[k]:.3f} s"
+        message = f"link {config.joints[i]} would reach {reached}"
+        raise ConfigError(
+            message,
+            where="reference",
+            hint="links must stay between 0 and 180 deg: change posture or the reference's amplitude",
+        )
+
+
+def build_law(config: CompareConfig, name: str) -> Law:
+    """Gains and readings of one of the configuration's laws.
+
+    Parameters
+    ----------
+    config : CompareConfig
+    name : str
+        A key of ``control.laws``.
+
+    Returns
+    -------
+    Law
+    """
+    gains, readings, choice = config.control.gains, config.control.readings, config.control.laws[name]
+    n, L = len(config.joints), config.sampling_period.si
+    surface = Surface[choice.surface.upper()]
+    alpha = gains.alpha.si if choice.estimator == "alpha_tde" else np.zeros(n)
+    is_controller_2 = choice.surface == "ntsm" and choice.estimator == "tde"
+    dropped = is_controller_2 and readings.eta_in_controller_2 == "dropped"
+    scale = 1.0 if readings.gain_unit == "radian" else DEGREES_PER_RADIAN
+    mass_scale = DEGREES_PER_RADIAN if readings.gain_unit == "law_in_degrees" else 1.0
+    cutoff = config.control.error_rate_cutoff if readings.error_rate == "low_pass" else None
+    to_joint = torque_map(config)
+    resolved = max(config.manipulator.encoders.joint.resolution.si, RESOLVED_ANGLE)
+    return Law(
+        surface=int(surface),
+        L=L,
+        M_bar=gains.M_bar.si * mass_scale,
+        lam=gains.lam.si,
+        eta=gains.eta.si,
+        b=gains.b.si,
+        Delta=gains.Delta.si,
+        beta=gains.beta.si,
+        K_d=gains.K_d.si if gains.K_d else np.zeros(n),
+        K_p=gains.K_p.si if gains.K_p else np.zeros(n),
+        weights=estimator_weights(alpha, extrapolating=readings.weights == "extrapolating"),
+        newest=0 if readings.differencing == "centred" else 1,
+        phi_is_odd=readings.phi_negative == "odd",
+        power_inside=readings.phi_branch == "power",
+        power_floor=resolved * scale,
+        angle_scale=scale,
+        rate_gain=np.ones(n) if dropped else gains.eta.si,
+        rate_filter=1.0 if cutoff is None else 1.0 - float(np.exp(-2.0 * np.pi * cutoff.si * L)),
+        to_joint=to_joint,
+        from_joint=np.asarray(np.linalg.inv(to_joint), dtype=np.float64),
+    )
+
+
+def torque_map(config: CompareConfig) -> Array:
+    """Map from the law's torque coordinates to joint coordinates, (n, n); by virtual work ``S_invᵀ``."""
+    coordinates = config.control.readings.torque_coordinates
+    _, S_inv = coupling(config)
+    if coordinates == "joint":
+        return np.eye(len(config.joints))
+    ratio = config.manipulator.winches.reduction.si if coordinates == "motor_shaft" else 1.0
+    return np.ascontiguousarray(ratio * S_inv.T)
+
+
+def build_loops(config: Experiment, folder: Path) -> Iterator[tuple[str, Loop]]:
+    """One closed loop per run of a configuration.
+
+    Parameters
+    ----------
+    config : CompareConfig or DecoupleConfig
+    folder : Path
+        Where the path of a trajectory file starts.
+
+    Yields
+    ------
+    name : str
+        Of the run.
+    loop : Loop
+    """
+    S, S_inv = coupling(config)
+    if isinstance(config, CompareConfig):
+        reference = build_reference(config.reference, config, folder)
+        cold = config.control.readings.start == "cold"
+        for name, run in config.runs.items():
+            controller = TimeDelayController(build_law(config, run.law))
+            yield name, _loop(config, run.payload.si, controller, reference, cold=cold)
+        return
+    loop = config.position_loop
+    servo = Servo(loop.stiffness.si, loop.damping.si, config.sampling_period.si)
+    for name, choice in config.runs.items():
+        mapped = S if choice.drives == "motors" else None
+        reference = build_reference(choice.reference, config, folder, mapped)
+        yield name, _loop(config, choice.payload.si, PositionController(servo, S_inv), reference, cold=False)
+
+
+def _loop(
+    config: Experiment, payload_mass: float, controller: Controller, reference: Reference, *, cold: bool
+) -> Loop:
+    solver = config.solver
+    return Loop(
+        plant=build_plant(config, payload_mass),
+        joint_encoder=build_encoder(config.manipulator.encoders.joint),
+        motor_encoder=build_encoder(config.manipulator.encoders.motor),
+        actuator=build_actuator(config),
+        controller=controller,
+        reference=reference,
+        L=config.sampling_period.si,
+        solver=Solver(solver.method, solver.rtol.si, solver.atol.si, solver.max_step.si),
+        divergence_limit=config.status.divergence_limit.si,
+        cold=cold,
+        seed=int(config.seed.si),
+    )

@@ -1,0 +1,387 @@
+"""The closed loop in time: a sampled controller around a plant that SciPy integrates between samples.
+
+At every sample the encoders are read, the controller decides, and the torque is held until the next sample.
+The integrator starts afresh each period, so it never steps across a jump of the torque, and each run is
+integrated alone, so adding or removing a run cannot change another.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple, Protocol
+
+import numpy as np
+from scipy.integrate import ode
+
+from tendonrepro import compiled
+from tendonrepro.actuator import Actuator, applied_torque
+from tendonrepro.arrays import Array
+from tendonrepro.control import Law, Memory, remember, start_memory
+from tendonrepro.drive import tendon_torque, to_joint_torque
+from tendonrepro.dynamics import Plant, holding_torque, link_acceleration, rest_state
+from tendonrepro.encoder import Encoder, noise_sequence, quantise
+from tendonrepro.errors import TendonreproError
+from tendonrepro.servo import Servo, servo_torque
+
+CommandFunction = Callable[[Memory, Array, Array, Array, Array, Law], tuple[Array, Array, Array, Array]]
+"""Signature of :func:`tendonrepro.control.command`."""
+
+STEPS_PER_SAMPLE = 5000
+"""Integrator steps in one period after which a plant counts as one it cannot resolve."""
+
+PROGRESS_INTERVAL = 500
+"""Samples between two reports of progress."""
+
+
+@dataclass(frozen=True)
+class Solver:
+    """How SciPy integrates between two samples.
+
+    Attributes
+    ----------
+    method : str
+        ``dopri5``, ``dop853`` or ``lsoda`` of :class:`scipy.integrate.ode`.
+    rtol, atol : float
+        Tolerances on the state, in rad and rad s⁻¹.
+    max_step : float
+        Longest step, s.
+    """
+
+    method: Literal["dopri5", "dop853", "lsoda"]
+    rtol: float
+    atol: float
+    max_step: float
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Desired motion at every sample.
+
+    Attributes
+    ----------
+    time : array (T,)
+        s.
+    q_d, dq_d, ddq_d : array (T, n)
+        rad, rad s⁻¹, rad s⁻².
+    """
+
+    time: Array
+    q_d: Array
+    dq_d: Array
+    ddq_d: Array
+
+
+class Measurement(NamedTuple):
+    """Encoder values of one sample, both zero at the start posture.
+
+    Attributes
+    ----------
+    q : array (n,)
+        Joint encoders, rad.
+    q_motor : array (n,)
+        Motor encoders, rad at the winch.
+    """
+
+    q: Array
+    q_motor: Array
+
+
+class Decision(NamedTuple):
+    """What a controller makes of one sample.
+
+    Attributes
+    ----------
+    tau : array (n,)
+        Commanded torque in joint coordinates, N m.
+    signals : tuple of array (n,)
+        Values of the controller's own ``signals``, in their order.
+    carry : object
+        Whatever ``remember`` needs of this sample besides the measurement and the applied torque.
+    """
+
+    tau: Array
+    signals: tuple[Array, ...]
+    carry: Any
+
+
+class Controller(Protocol):
+    """A sampled controller whose memory is a value."""
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """Names of the variables it adds to a trace."""
+
+    def init(self, measured: Measurement, tau_before: Array) -> Any:
+        """Memory at the first sample, given the torque that acted until then."""
+
+    def decide(self, memory: Any, measured: Measurement, q_d: Array, dq_d: Array, ddq_d: Array) -> Decision:
+        """Torque for this sample."""
+
+    def remember(self, memory: Any, measured: Measurement, decision: Decision, tau_m: Array) -> Any:
+        """Memory for the next sample, given the torque that was really applied."""
+
+    def derived(self, variables: Mapping[str, Array], plant: Plant) -> dict[str, Array]:
+        """Further variables of a trace, each (T, n), that follow from the run's own."""
+
+
+@dataclass(frozen=True)
+class TimeDelayController:
+    """Controllers 1 to 3, plain TDC, and any law with the signature of :func:`tendonrepro.control.command`.
+
+    Attributes
+    ----------
+    law : Law
+    command : CommandFunction
+    """
+
+    law: Law
+    command: CommandFunction = compiled.command
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """Names of the variables it adds to a trace."""
+        return ("H_hat", "s")
+
+    def init(self, measured: Measurement, tau_before: Array) -> Memory:
+        """Memory by the start-up rule."""
+        return start_memory(measured.q, tau_before)
+
+    def decide(
+        self, memory: Memory, measured: Measurement, q_d: Array, dq_d: Array, ddq_d: Array
+    ) -> Decision:
+        """Torque by Eq. (17)."""
+        tau, H_hat, s, dq = self.command(memory, measured.q, q_d, dq_d, ddq_d, self.law)
+        return Decision(tau, (H_hat, s), dq)
+
+    def remember(self, memory: Memory, measured: Measurement, decision: Decision, tau_m: Array) -> Memory:
+        """Shift the delay lines."""
+        return remember(memory, measured.q, decision.carry, tau_m)
+
+    def derived(self, variables: Mapping[str, Array], plant: Plant) -> dict[str, Array]:
+        """Lumped dynamics by Eq. (6) and estimation error by Eq. (19), in joint coordinates."""
+        del plant
+        M_bar = self.law.to_joint @ np.diag(self.law.M_bar)
+        H = variables["tau_m"] - variables["ddq"] @ M_bar.T
+        epsilon = np.linalg.solve(M_bar, (H - variables["H_hat"]).T).T
+        return {"H": H, "epsilon": np.asarray(epsilon, dtype=np.float64)}
+
+
+@dataclass(frozen=True)
+class PositionController:
+    """Stiff motor-side position loop; knows the motors only through ``S_inv`` of the desired joint angles.
+
+    Attributes
+    ----------
+    servo : Servo
+    S_inv : array (n, n)
+        Coupling of Eq. (2).
+    """
+
+    servo: Servo
+    S_inv: Array
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """It adds no variable to a trace."""
+        return ()
+
+    def init(self, measured: Measurement, tau_before: Array) -> tuple[Array, Array]:
+        """Return the motor angles one sample ago and the torque until now, which stays as an offset."""
+        return measured.q_motor, tau_before
+
+    def decide(
+        self, memory: tuple[Array, Array], measured: Measurement, q_d: Array, dq_d: Array, ddq_d: Array
+    ) -> Decision:
+        """Torque of the position loops."""
+        del ddq_d
+        before, offset = memory
+        torque = servo_torque(measured.q_motor, before, self.S_inv @ q_d, self.S_inv @ dq_d, self.servo)
+        return Decision(offset + self.S_inv.T @ torque, (), None)
+
+    def remember(
+        self, memory: tuple[Array, Array], measured: Measurement, decision: Decision, tau_m: Array
+    ) -> tuple[Array, Array]:
+        """Keep this sample's motor angles."""
+        del decision, tau_m
+        return measured.q_motor, memory[1]
+
+    def derived(self, variables: Mapping[str, Array], plant: Plant) -> dict[str, Array]:
+        """Motor angles since the start, and the joint angles that ``S`` calculates from their encoders."""
+        start = variables["theta"][0]
+        return {
+            "q_motor": (variables["theta"] - start) @ plant.drive.S_inv.T,
+            "q_calculated": variables["q_motor_encoder"] @ plant.drive.S.T,
+        }
+
+
+@dataclass(frozen=True)
+class Loop:
+    """One run: plant, instruments, controller and reference.
+
+    Attributes
+    ----------
+    plant : Plant
+    joint_encoder, motor_encoder : Encoder
+    actuator : Actuator
+    controller : Controller
+    reference : Reference
+    L : float
+        Sampling period, s.
+    solver : Solver
+    divergence_limit : float
+        Tracking error beyond which the run ends, rad.
+    cold : bool
+        The arm is held by a brake until the start, and the controller has seen no torque; else it has been
+        at rest under the controller's own holding torque.
+    seed : int
+        Seed of the instruments' noise. It does not depend on the run, so all runs meet the same noise.
+    """
+
+    plant: Plant
+    joint_encoder: Encoder
+    motor_encoder: Encoder
+    actuator: Actuator
+    controller: Controller
+    reference: Reference
+    L: float
+    solver: Solver
+    divergence_limit: float
+    cold: bool
+    seed: int
+
+
+def simulate(loop: Loop, progress: Callable[[int], None] | None = None) -> dict[str, Array]:
+    """Run a closed loop from rest to the end of its reference, or until it diverges.
+
+    Parameters
+    ----------
+    loop : Loop
+    progress : callable, optional
+        Called now and then with the number of samples done since its last call.
+
+    Returns
+    -------
+    dict of array
+        ``time`` (T,) and the variables of a trace, each (T, n), in SI units. A run that diverged ends
+        with the first sample beyond the limit.
+
+    Raises
+    ------
+    TendonreproError
+        If the integrator cannot follow the plant within its tolerances.
+    """
+    record = _allocate(loop)
+    # SciPy warns on standard error where advance() raises.
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        done = _run(loop, record, progress or (lambda _: None))
+    recorded = {name: rows[:done] for name, rows in record.items()}
+    return {"time": loop.reference.time[:done]} | _variables(recorded, loop)
+
+
+def _allocate(loop: Loop) -> dict[str, Array]:
+    samples, n = loop.reference.q_d.shape
+    names = ("q_encoder", "q_motor_encoder", "tau_cmd", "tau_m", *loop.controller.signals)
+    return {"state": np.empty((samples, 4 * n))} | {name: np.empty((samples, n)) for name in names}
+
+
+def _run(loop: Loop, record: Mapping[str, Array], progress: Callable[[int], None]) -> int:
+    """Fill the record; return the number of samples done."""
+    reference, controller, plant = loop.reference, loop.controller, loop.plant
+    samples, n = reference.q_d.shape
+    measure, applied, advance = _instruments(loop), _motors(loop), _integrator(loop)
+    state = rest_state(np.zeros(n), plant)
+    tau_before = np.zeros(n) if loop.cold else holding_torque(np.zeros(n), plant)
+    memory = controller.init(measure(0, state), tau_before)
+    pending = [tau_before] * loop.actuator.delay
+    for k in range(samples):
+        measured = measure(k, state)
+        decision = controller.decide(
+            memory, measured, reference.q_d[k], reference.dq_d[k], reference.ddq_d[k]
+        )
+        pending.append(decision.tau)
+        tau_m = applied(k, pending.pop(0))
+        values = (state, measured.q, measured.q_motor, decision.tau, tau_m, *decision.signals)
+        for rows, value in zip(record.values(), values, strict=True):
+            rows[k] = value
+        error = np.abs(reference.q_d[k] - measured.q).max()
+        # A comparison with NaN is false, so this also ends a run that is no longer finite.
+        if k + 1 == samples or not error <= loop.divergence_limit:
+            break
+        memory = controller.remember(memory, measured, decision, tau_m)
+        state = advance(reference.time[k], reference.time[k + 1], state, tau_m)
+        if k % PROGRESS_INTERVAL == 0:
+            progress(PROGRESS_INTERVAL)
+    return k + 1
+
+
+def _random(loop: Loop, stream: int) -> np.random.Generator:
+    return np.random.default_rng([loop.seed, stream])
+
+
+def _instruments(loop: Loop) -> Callable[[int, Array], Measurement]:
+    """Encoders, zeroed at the start posture."""
+    shape = loop.reference.q_d.shape
+    n = shape[1]
+    q_noise = noise_sequence(loop.joint_encoder.noise, shape, _random(loop, 0))
+    motor_noise = noise_sequence(loop.motor_encoder.noise, shape, _random(loop, 1))
+    theta_start = rest_state(np.zeros(n), loop.plant)[2 * n : 3 * n]
+    S_inv = loop.plant.drive.S_inv
+
+    def measure(k: int, state: Array) -> Measurement:
+        q_motor = S_inv @ (state[2 * n : 3 * n] - theta_start)
+        return Measurement(
+            q=quantise(state[:n] + q_noise[k], loop.joint_encoder.resolution),
+            q_motor=quantise(q_motor + motor_noise[k], loop.motor_encoder.resolution),
+        )
+
+    return measure
+
+
+def _motors(loop: Loop) -> Callable[[int, Array], Array]:
+    noise = noise_sequence(loop.actuator.noise, loop.reference.q_d.shape, _random(loop, 2))
+    drive = loop.plant.drive
+
+    def applied(k: int, tau: Array) -> Array:
+        return applied_torque(tau, noise[k], loop.actuator, drive.S, drive.S_inv)
+
+    return applied
+
+
+def _integrator(loop: Loop) -> Callable[[float, float, Array, Array], Array]:
+    """SciPy's integrator, started afresh in every period: the torque jumps there."""
+    solver, (derivative, p) = loop.solver, compiled.compiled_plant(loop.plant)
+    problem = ode(derivative).set_integrator(
+        solver.method,
+        rtol=solver.rtol,
+        atol=solver.atol,
+        max_step=solver.max_step,
+        first_step=solver.max_step,
+        nsteps=STEPS_PER_SAMPLE,
+    )
+
+    def advance(start: float, end: float, state: Array, tau_m: Array) -> Array:
+        problem.set_initial_value(state, start).set_f_params(tau_m, p)
+        reached = problem.integrate(end)
+        if not problem.successful():
+            message = f"{solver.method} cannot follow the plant beyond t = {start:.3f} s"
+            hint = "the plant is too stiff for this method: try solver.method=lsoda or looser tolerances"
+            raise TendonreproError(message, hint=hint)
+        return np.asarray(reached)
+
+    return advance
+
+
+def _variables(recorded: dict[str, Array], loop: Loop) -> dict[str, Array]:
+    """Everything a trace holds, from what was recorded and the plant's own equations."""
+    plant, reference, done = loop.plant, loop.reference, recorded["tau_m"].shape[0]
+    state = recorded.pop("state")
+    q, dq, theta, dtheta = (part.T for part in np.split(state, 4, axis=1))
+    tau_s = to_joint_torque(tendon_torque(q, dq, theta, dtheta, plant.drive), plant.drive)
+    ddq = link_acceleration(reference.time[:done], q, dq, tau_s, plant)
+    variables = {"q": q.T, "dq": dq.T, "ddq": ddq.T, "theta": theta.T, "dtheta": dtheta.T, "tau_s": tau_s.T}
+    desired = {"q_d": reference.q_d[:done], "dq_d": reference.dq_d[:done], "ddq_d": reference.ddq_d[:done]}
+    error = {"e": desired["q_d"] - recorded["q_encoder"]}
+    return variables | desired | error | recorded | loop.controller.derived(variables | recorded, plant)

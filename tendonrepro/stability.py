@@ -1,0 +1,183 @@
+"""The sampled loop near a posture: linear, exactly discretised, delay lines and hold included.
+
+Friction is left out: near standstill it only adds damping of a size nobody knows. What is left is linear in
+small motions, so one matrix takes the loop from sample to sample and its eigenvalues say whether it rings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.linalg import expm
+
+from tendonrepro.arm import gravity_torque, mass_matrix
+from tendonrepro.arrays import Array
+from tendonrepro.control import (
+    Law,
+    Memory,
+    Surface,
+    phi_slope,
+    remember,
+    time_delay_estimate,
+    velocity_estimate,
+)
+from tendonrepro.dynamics import Plant
+from tendonrepro.kinematics import to_joint_matrix
+
+
+def plant_matrices(q: Array, plant: Plant) -> tuple[Array, Array]:
+    """Frictionless plant linearised at rest: ``dx/dt = A x + B tau_m``.
+
+    The state is the deviation of ``q``, ``dq``, ``theta``, ``dtheta``; the matrices of Eqs. (3) and (5) stand
+    in it as the paper writes them. A clearance or transmission error does not enter.
+
+    Parameters
+    ----------
+    q : array (n,)
+        Posture, rad.
+    plant : Plant
+
+    Returns
+    -------
+    A : array (4 n, 4 n)
+    B : array (4 n, n)
+    """
+    n, drive = q.size, plant.drive
+    I, D_m = to_joint_matrix(drive.inertia, drive.S_inv), to_joint_matrix(drive.friction.viscous, drive.S_inv)
+    K_s, D_s = to_joint_matrix(drive.stiffness, drive.S_inv), to_joint_matrix(drive.damping, drive.S_inv)
+    M = mass_matrix(q, plant.arm)
+    zero, one = np.zeros((n, n)), np.eye(n)
+    springs = np.hstack([K_s + gravity_stiffness(q, plant), D_s, -K_s, -D_s])
+    tendons = np.hstack([K_s, D_s, -K_s, -(D_s + D_m)])
+    A = np.vstack(
+        [
+            np.hstack([zero, one, zero, zero]),
+            -np.linalg.solve(M, springs),
+            np.hstack([zero, zero, zero, one]),
+            np.linalg.solve(I, tendons),
+        ]
+    )
+    return A, np.vstack([zero, zero, zero, np.linalg.inv(I)])
+
+
+def gravity_stiffness(q: Array, plant: Plant) -> Array:
+    """Derivative of ``G(q)``, N m rad⁻¹, by a complex step: exact to rounding.
+
+    Parameters
+    ----------
+    q : array (n,)
+        Posture, rad.
+    plant : Plant
+
+    Returns
+    -------
+    array (n, n)
+        Symmetric.
+    """
+    step = 1e-30
+    shifted = q[:, np.newaxis] + 1j * step * np.eye(q.size)
+    return np.asarray(gravity_torque(shifted, plant.arm).imag / step)
+
+
+def hold_discretised(A: Array, B: Array, L: float) -> tuple[Array, Array]:
+    """Exact step over one period with the input held: ``x(t + L) = Phi x(t) + Gamma tau_m``.
+
+    Parameters
+    ----------
+    A : array (m, m)
+    B : array (m, n)
+    L : float
+        Period, s.
+
+    Returns
+    -------
+    Phi : array (m, m)
+    Gamma : array (m, n)
+    """
+    m, n = B.shape
+    block = np.zeros((m + n, m + n))
+    block[:m, :m], block[:m, m:] = A, B
+    step = expm(L * block)
+    return step[:m, :m], step[:m, m:]
+
+
+def feedback_gains(law: Law) -> tuple[Array, Array]:
+    """Gains of ``e`` and ``de`` in ``u`` for small errors, s⁻² and s⁻¹, each (n,).
+
+    Parameters
+    ----------
+    law : Law
+
+    Returns
+    -------
+    on_error, on_rate : array (n,)
+        For plain TDC ``K_p`` and ``K_d``.
+    """
+    if law.surface == Surface.PD:
+        return law.K_p, law.K_d
+    if law.surface == Surface.TSM:
+        return law.lam * law.beta, law.lam + law.beta
+    slope = np.array([phi_slope(0.0, law, i) for i in range(law.eta.size)])
+    return law.lam * law.eta * slope, law.lam + law.rate_gain * slope
+
+
+def loop_matrix(q: Array, plant: Plant, law: Law, delay: int = 0) -> Array:
+    """Matrix that takes the closed loop from one sample to the next.
+
+    The loop's state is the plant's, the law's memory and the torques on their way to the motors. The law's
+    own functions are linear in its memory, so they are applied to every unit vector.
+
+    Parameters
+    ----------
+    q : array (n,)
+        Posture, rad.
+    plant : Plant
+    law : Law
+    delay : int
+        Whole samples between command and output.
+
+    Returns
+    -------
+    array (m, m)
+        ``m = 11 n + delay n``.
+    """
+    n = q.size
+    Phi, Gamma = hold_discretised(*plant_matrices(q, plant), law.L)
+    on_error, on_rate = feedback_gains(law)
+    size = (11 + delay) * n
+
+    def step(z: Array) -> Array:
+        x, pending = z[: 4 * n], z[11 * n :]
+        memory = Memory(
+            q=z[4 * n : 8 * n].reshape(4, n), tau=z[8 * n : 10 * n].reshape(2, n), dq=z[10 * n : 11 * n]
+        )
+        dq = velocity_estimate(memory, x[:n], law)
+        feedback = law.M_bar * (-on_error * x[:n] - on_rate * dq)
+        tau = law.to_joint @ (feedback + time_delay_estimate(memory, x[:n], law))
+        queue = np.concatenate([pending, tau])
+        after = remember(memory, x[:n], dq, queue[:n])
+        return np.concatenate([Phi @ x + Gamma @ queue[:n], *map(np.ravel, after), queue[n:]])
+
+    return np.stack([step(unit) for unit in np.eye(size)], axis=1)
+
+
+def decay_rate(postures: Sequence[Array], plant: Plant, law: Law, delay: int = 0) -> float:
+    """Slowest decay of the sampled loop over several postures, s⁻¹; negative where it grows.
+
+    Parameters
+    ----------
+    postures : sequence of array (n,)
+        rad.
+    plant : Plant
+    law : Law
+    delay : int
+        Whole samples between command and output.
+
+    Returns
+    -------
+    float
+        ``-log(rho) / L`` with the largest spectral radius ``rho``.
+    """
+    radii = [np.abs(np.linalg.eigvals(loop_matrix(q, plant, law, delay))).max() for q in postures]
+    return float(-np.log(max(radii)) / law.L)

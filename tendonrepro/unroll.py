@@ -1,0 +1,236 @@
+"""Straight-line code from the pure functions of the plant.
+
+The physics is written once, as loops over joints on NumPy arrays. For a given number of joints those loops
+are known, so running the functions on symbols instead of numbers writes down every operation in order. The
+result is plain code without loops, arrays or calls, which compiles quickly and runs many times faster.
+
+Entries of a plant that are exactly zero or one are written as such. Products with zero then vanish, and with
+them every feature of the plant that is switched off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+
+from tendonrepro.arrays import Array
+
+FUNCTIONS = {
+    np.sin: "sin",
+    np.cos: "cos",
+    np.tanh: "tanh",
+    np.exp: "exp",
+    np.sqrt: "sqrt",
+    np.absolute: "abs",
+}
+OPERATORS = {np.add: "+", np.subtract: "-", np.multiply: "*", np.divide: "/", np.greater_equal: ">="}
+
+
+class Tape:
+    """Operations in the order they were first needed; an operation asked for twice is written once."""
+
+    def __init__(self) -> None:
+        self.lines: dict[str, tuple[str, tuple[str, ...]]] = {}
+        self._known: dict[str, Symbol] = {}
+
+    def write(self, expression: str, operands: tuple[str, ...]) -> Symbol:
+        """Symbol of an expression, new or known."""
+        if expression not in self._known:
+            name = f"x{len(self.lines)}"
+            self.lines[name] = (expression, operands)
+            self._known[expression] = Symbol(self, name)
+        return self._known[expression]
+
+    def needed(self, results: list[str]) -> Iterator[str]:
+        """Lines that the results depend on, in order."""
+        wanted = set(results)
+        for name in reversed(self.lines):
+            if name in wanted:
+                wanted.update(self.lines[name][1])
+        for name, (expression, _) in self.lines.items():
+            if name in wanted:
+                yield f"{name} = {expression}"
+
+
+class Symbol:
+    """A number that is not known yet; arithmetic and NumPy functions on it go on its tape."""
+
+    def __init__(self, tape: Tape, name: str) -> None:
+        self.tape = tape
+        self.name = name
+
+    def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **kwargs: Any) -> Any:
+        """NumPy functions of a symbol, also where the other operand is a NumPy number."""
+        if method != "__call__" or kwargs:
+            return NotImplemented
+        if any(isinstance(operand, np.ndarray) for operand in inputs):
+            plain = [
+                operand if isinstance(operand, np.ndarray) else _as_object(operand) for operand in inputs
+            ]
+            return ufunc(*plain)
+        if ufunc in OPERATORS:
+            return _binary(self.tape, OPERATORS[ufunc], *inputs)
+        return self.tape.write(f"{FUNCTIONS[ufunc]}({self.name})", (self.name,))
+
+    def __add__(self, other: Any) -> Any:
+        return _binary(self.tape, "+", self, other)
+
+    def __radd__(self, other: Any) -> Any:
+        return _binary(self.tape, "+", other, self)
+
+    def __sub__(self, other: Any) -> Any:
+        return _binary(self.tape, "-", self, other)
+
+    def __rsub__(self, other: Any) -> Any:
+        return _binary(self.tape, "-", other, self)
+
+    def __mul__(self, other: Any) -> Any:
+        return _binary(self.tape, "*", self, other)
+
+    def __rmul__(self, other: Any) -> Any:
+        return _binary(self.tape, "*", other, self)
+
+    def __truediv__(self, other: Any) -> Any:
+        return _binary(self.tape, "/", self, other)
+
+    def __rtruediv__(self, other: Any) -> Any:
+        return _binary(self.tape, "/", other, self)
+
+    def __ge__(self, other: Any) -> Any:
+        return _binary(self.tape, ">=", self, other)
+
+    def __neg__(self) -> Any:
+        return self.tape.write(f"-{self.name}", (self.name,))
+
+
+def _as_object(operand: Any) -> Any:
+    cell = np.empty((), dtype=object)
+    cell[()] = operand
+    return cell
+
+
+def _binary(tape: Tape, operator: str, left: Any, right: Any) -> Any:
+    if short := _simplified(operator, left, right):
+        return short[0]
+    names = [
+        operand.name if isinstance(operand, Symbol) else repr(float(operand)) for operand in (left, right)
+    ]
+    expression = f"{names[0]} {operator} {names[1]}"
+    if operator == ">=":
+        expression = f"1.0 if {expression} else 0.0"
+    return tape.write(expression, tuple(o.name for o in (left, right) if isinstance(o, Symbol)))
+
+
+def _simplified(operator: str, left: Any, right: Any) -> tuple[Any] | None:
+    """Result that needs no operation, as a 1-tuple."""
+    if operator == "*" and (_is(left, 0.0) or _is(right, 0.0)):
+        return (0.0,)
+    if operator == "/" and _is(left, 0.0):
+        return (0.0,)
+    if operator == "-" and left is right:
+        return (0.0,)
+    if (operator in "+-" and _is(right, 0.0)) or (operator in "*/" and _is(right, 1.0)):
+        return (left,)
+    if (operator == "+" and _is(left, 0.0)) or (operator == "*" and _is(left, 1.0)):
+        return (right,)
+    return None
+
+
+def _is(operand: Any, number: float) -> bool:
+    return not isinstance(operand, Symbol) and operand == number
+
+
+def symbols(tape: Tape, vector: str, count: int) -> Array:
+    """Symbols for the entries of a vector argument.
+
+    Parameters
+    ----------
+    tape : Tape
+    vector : str
+        The argument's name in the generated code.
+    count : int
+
+    Returns
+    -------
+    array (count,) of Symbol
+    """
+    cells = np.empty(count, dtype=object)
+    for k in range(count):
+        cells[k] = tape.write(f"{vector}[{k}]", ())
+    return cells
+
+
+def symbolic(tape: Tape, vector: str, record: Any, at: int = 0) -> tuple[Any, list[float]]:
+    """Replace the numbers of a nested named tuple by symbols for the entries of a vector argument.
+
+    Parameters
+    ----------
+    tape : Tape
+    vector : str
+        The argument's name in the generated code.
+    record : named tuple
+        Leaves are floats and float arrays.
+    at : int
+        Index of the first entry to use.
+
+    Returns
+    -------
+    record : named tuple
+        The same, of symbols; exact zeros and ones stay numbers.
+    values : list of float
+        What the vector must hold from ``at`` on.
+    """
+    fields: list[Any] = []
+    values: list[float] = []
+    for field in record:
+        if isinstance(field, tuple):
+            part, found = symbolic(tape, vector, field, at + len(values))
+        else:
+            part, found = _symbolic_leaf(tape, vector, np.asarray(field, dtype=np.float64), at + len(values))
+        fields.append(part)
+        values.extend(found)
+    return type(record)(*fields), values
+
+
+def _symbolic_leaf(tape: Tape, vector: str, leaf: Array, at: int) -> tuple[Any, list[float]]:
+    cells = np.empty(leaf.shape, dtype=object)
+    values: list[float] = []
+    for index, number in np.ndenumerate(leaf):
+        if number in (0.0, 1.0):
+            cells[index] = float(number)
+        else:
+            cells[index] = tape.write(f"{vector}[{at + len(values)}]", ())
+            values.append(float(number))
+    return (cells if leaf.shape else cells[()]), values
+
+
+def unrolled(function: Callable[..., Any], record: Any, n: int) -> tuple[str, Array]:
+    """Straight-line source of ``function(t, state, tau_m, record)`` for n joints.
+
+    Parameters
+    ----------
+    function : callable
+        Pure function of the plant that returns an array.
+    record : named tuple
+        Its last argument.
+    n : int
+        Joints.
+
+    Returns
+    -------
+    source : str
+        A module with one function ``compiled(t, state, tau_m, p)``.
+    p : array (P,)
+        The record's numbers, in the order the source reads them.
+    """
+    tape = Tape()
+    plant, values = symbolic(tape, "p", record)
+    result = function(tape.write("t", ()), symbols(tape, "state", 4 * n), symbols(tape, "tau_m", n), plant)
+    names = [value.name if isinstance(value, Symbol) else repr(float(value)) for value in result]
+    body = [*tape.needed(names), f"result = np.empty({len(names)})"]
+    body += [f"result[{k}] = {name}" for k, name in enumerate(names)]
+    lines = ["from math import cos, exp, sin, sqrt, tanh", "", "import numpy as np", "", ""]
+    lines += ["def compiled(t, state, tau_m, p):", *(f"    {line}" for line in body), "    return result", ""]
+    return "\n".join(lines), np.array(values)
