@@ -1,0 +1,126 @@
+"""Ours beside the printed values, row by row: the contents of Tables 1 to 3 and their companions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TypeAlias
+
+import numpy as np
+
+from tendonrepro.arrays import Array
+from tendonrepro.published import PrintedText, published
+from tendonrepro.records import Trace, TraceFile
+from tendonrepro.summary import LOADS, compared_runs, decoupling_errors, tracking_errors
+
+Row: TypeAlias = dict[str, object]
+"""A table row by column name; a column without a value may be left out."""
+
+
+def coupling_rows(file: TraceFile) -> Iterator[Row]:
+    """Yield ``quantity``, ``printed_as``, ``printed``, ``ours``, ``difference`` of Table 1, `S_inv` and `S`.
+
+    The print gives magnitudes, so the difference is one of magnitudes. There are no rows unless the plant
+    record holds both diameters and both matrices.
+    """
+    record = file.plant.values
+    if not {"winch_diameter", "pulley_diameter", "S", "S_inv"} <= record.keys():
+        return
+    winch, pulley = record["winch_diameter"].value, record["pulley_diameter"].value
+    for q in range(len(winch)):
+        for p in range(q + 1):
+            name = f"D_{p + 1}{q + 1}/D_{q + 1}"
+            yield _coupling_row(name, f"table1.{name.replace('/', '_over_')}", pulley[p, q] / winch[q])
+    for matrix in ("S_inv", "S"):
+        value = record[matrix].value
+        # A record of the moving joints alone holds the trailing block.
+        first = len(winch) - len(value) + 1
+        for i, j in zip(*np.tril_indices(len(value)), strict=True):
+            place = f"{first + i}{first + j}"
+            yield _coupling_row(f"{matrix}_{place}", f"{matrix}.{place}", value[i, j])
+
+
+def controller_rows(file: TraceFile, window: str) -> Iterator[Row]:
+    """Yield a row of Table 2 per run and joint, the payload run left out.
+
+    Columns: ``window``, ``run``, ``joint``, ``status``, and for ``mae`` and ``rmse`` ``<metric>_deg``,
+    ``<metric>_printed_deg`` and ``<metric>_ratio``, ours over printed.
+    """
+    for name, trace in compared_runs(file).items():
+        for row in _error_rows(trace, window, f"table2.{name}"):
+            yield {"run": name} | row
+
+
+def load_rows(file: TraceFile) -> Iterator[Row]:
+    """Yield a row of Table 3 per load and joint: as `controller_rows`, with ``load`` in place of ``run``."""
+    for load, run in LOADS.items():
+        if run in file.runs:
+            for row in _error_rows(file.runs[run], "whole", f"table3.{load}"):
+                yield {"load": load} | row
+
+
+def change_rows(file: TraceFile) -> Iterator[Row]:
+    """Yield the change of each error by the payload, in percent, ours and printed (section 5.4).
+
+    Columns: ``metric``, ``joint``, ``change_percent``, ``change_printed_percent``, ``statuses`` without and
+    with payload. There are no rows unless both runs are there.
+    """
+    if not all(run in file.runs for run in LOADS.values()):
+        return
+    without, loaded = (file.runs[run] for run in LOADS.values())
+    before, after = (tracking_errors(trace)["whole"] for trace in (without, loaded))
+    for metric in ("mae", "rmse"):
+        printed = published().per_joint(f"increase.with_load.{metric}", loaded.joint)
+        for index, joint in enumerate(loaded.joint):
+            old, new = before[metric][index], after[metric][index]
+            yield {
+                "metric": metric.upper(),
+                "joint": joint,
+                "change_percent": 100.0 * (new - old) / old if old > 0.0 else np.nan,
+                "change_printed_percent": printed[index],
+                "statuses": f"{_status(without)} / {_status(loaded)}",
+            }
+
+
+def decoupling_rows(file: TraceFile) -> Iterator[Row]:
+    """Yield ``joint``, ``mae_deg``, ``rmse_deg``, ``max_deg``, ``status`` of the run ``decouple``."""
+    trace = file.runs.get("decouple")
+    if trace is None:
+        return
+    sizes = decoupling_errors(trace)
+    for index, joint in enumerate(trace.joint):
+        errors = {f"{name}_deg": values[index] for name, values in sizes.items()}
+        yield {"joint": joint, "status": _status(trace)} | errors
+
+
+def _coupling_row(quantity: str, identifier: str, ours: float) -> Row:
+    entry = published().entries.get(identifier)
+    if entry is None or isinstance(entry, PrintedText):
+        return {"quantity": quantity, "ours": ours}
+    return {
+        "quantity": quantity,
+        "printed_as": entry.as_printed,
+        "printed": entry.value,
+        "ours": ours,
+        "difference": abs(ours) - entry.value,
+    }
+
+
+def _error_rows(trace: Trace, window: str, identifier: str) -> Iterator[Row]:
+    sizes = tracking_errors(trace).get(window)
+    if sizes is None:
+        return
+    columns: dict[str, Array] = {}
+    for metric in ("mae", "rmse"):
+        printed = np.array(published().per_joint(f"{identifier}.{metric}", trace.joint))
+        columns[f"{metric}_deg"] = sizes[metric]
+        columns[f"{metric}_printed_deg"] = printed
+        columns[f"{metric}_ratio"] = sizes[metric] / printed
+    for index, joint in enumerate(trace.joint):
+        numbers = {name: values[index] for name, values in columns.items()}
+        yield {"window": window, "joint": joint, "status": _status(trace)} | numbers
+
+
+def _status(trace: Trace) -> str:
+    if trace.status == "diverged":
+        return f"diverged at {trace.attributes['status_time']:.3f} s"
+    return trace.status

@@ -1,0 +1,197 @@
+"""Sizes of a tracking error, the time windows they are taken over, and the status of a run."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from tendonrepro.arrays import Array
+
+Status = Literal["ok", "ringing", "diverged"]
+
+
+def mae(e: Array) -> Array:
+    """Mean absolute error of each joint, Tables 2 and 3.
+
+    Parameters
+    ----------
+    e : Array
+        Error, shape (T, n), any unit.
+
+    Returns
+    -------
+    Array
+        Shape (n,), in the unit of `e`.
+    """
+    return np.asarray(np.mean(np.abs(e), axis=0))
+
+
+def rmse(e: Array) -> Array:
+    """Root of the mean square error of each joint, Tables 2 and 3.
+
+    Parameters
+    ----------
+    e : Array
+        Error, shape (T, n), any unit.
+
+    Returns
+    -------
+    Array
+        Shape (n,), in the unit of `e`.
+    """
+    return np.asarray(np.sqrt(np.mean(np.square(e), axis=0)))
+
+
+def max_abs(e: Array) -> Array:
+    """Largest magnitude of the error of each joint.
+
+    Parameters
+    ----------
+    e : Array
+        Error, shape (T, n), any unit.
+
+    Returns
+    -------
+    Array
+        Shape (n,), in the unit of `e`.
+    """
+    return np.asarray(np.max(np.abs(e), axis=0))
+
+
+def windows(time: Array, period: float) -> dict[str, slice]:
+    """Stretches of a run that a metric can be taken over.
+
+    ``whole`` is every sample. Period k holds the samples with (k-1)P <= t - t0 < kP, and is listed when the
+    run covers all of it. Where the run goes on for one sample past its last whole period, as a run that
+    records both ends does, that sample belongs to the last period. ``after_first_period`` is everything from
+    t0 + P on, whole or not. Windows without samples are left out.
+
+    Parameters
+    ----------
+    time : Array
+        Sampling times, s, shape (T,), increasing; edges are met to half a sampling step.
+    period : float
+        Period of the reference, s; 0 when it has none, which leaves ``whole`` alone.
+
+    Returns
+    -------
+    dict of str to slice
+        ``whole``, ``after_first_period``, ``period_1``, ``period_2``, ...
+    """
+    count = len(time)
+    found = {"whole": slice(0, count)}
+    if period <= 0.0 or count < 2:
+        return found
+    step = _step(time)
+    elapsed = time - time[0]
+    complete = int((elapsed[-1] + 1.5 * step) // period)
+    edges = [int(np.searchsorted(elapsed, k * period - 0.5 * step)) for k in range(complete + 1)]
+    if complete and edges[-1] == count - 1:
+        edges[-1] = count
+    if complete and edges[1] < count:
+        found["after_first_period"] = slice(edges[1], count)
+    for k in range(complete):
+        found[f"period_{k + 1}"] = slice(edges[k], edges[k + 1])
+    return found
+
+
+def periodogram(x: Array, step: float) -> tuple[Array, Array]:
+    """One-sided periodogram without a window function; its sum is the mean square of `x` (Parseval).
+
+    Parameters
+    ----------
+    x : Array
+        Signal, shape (T, n).
+    step : float
+        Sampling period, s.
+
+    Returns
+    -------
+    frequency : Array
+        Hz, shape (T // 2 + 1,).
+    power : Array
+        Mean square in each line, constant part included, shape (T // 2 + 1, n).
+    """
+    count = len(x)
+    power = np.square(np.abs(np.fft.rfft(x, axis=0) / count))
+    # Every line but the constant one, and the Nyquist line of an even count, stands for its mirror image too.
+    power[1 : (count + 1) // 2] *= 2.0
+    return np.fft.rfftfreq(count, step).astype(np.float64), power
+
+
+def status_of(
+    time: Array, e: Array, divergence_limit: float, ringing_frequency: float, ringing_share: float
+) -> tuple[Status, float]:
+    """Judge a run by its tracking error.
+
+    ``diverged``: a sample is not finite, or beyond the limit on a joint. ``ringing``: bounded, but on a joint
+    more than `ringing_share` of the error's power, constant part included, lies above `ringing_frequency`.
+    ``ok``: neither.
+
+    Parameters
+    ----------
+    time : Array
+        Sampling times, s, shape (T,), evenly spaced.
+    e : Array
+        Tracking error, rad, shape (T, n).
+    divergence_limit : float
+        Largest tolerated magnitude, rad.
+    ringing_frequency : float
+        Hz; a spectral line exactly there counts as below.
+    ringing_share : float
+        Share of the mean square, 0 to 1.
+
+    Returns
+    -------
+    status : str
+        ``ok``, ``ringing`` or ``diverged``.
+    status_time : float
+        Time of the first sample out of bounds for a diverged run, else of the last sample; s.
+    """
+    # "not <=" rather than ">", so that NaN is out of bounds too.
+    out = ~(np.abs(e) <= divergence_limit).all(axis=1)
+    if out.any():
+        return "diverged", float(time[np.argmax(out)])
+    end = float(time[-1])
+    if len(time) < 2:
+        return "ok", end
+    frequency, power = periodogram(e, _step(time))
+    # The margin keeps a line that equals the limit from being rounded above it.
+    fast = power[frequency > ringing_frequency * (1.0 + 1e-9)].sum(axis=0)
+    ringing = bool((fast > ringing_share * power.sum(axis=0)).any())
+    return ("ringing" if ringing else "ok"), end
+
+
+def window_mean(x: Array, samples: int) -> Array:
+    """Centred moving mean along the first axis.
+
+    An even width is widened by one sample, so that the window stays centred. At both ends the window is cut
+    to the samples that exist, so a constant stays a constant.
+
+    Parameters
+    ----------
+    x : Array
+        Signal, shape (T, ...).
+    samples : int
+        Width of the window, at least 1.
+
+    Returns
+    -------
+    Array
+        Same shape and unit as `x`.
+    """
+    if samples < 1:
+        message = f"a window holds at least one sample, not {samples}"
+        raise ValueError(message)
+    half = samples // 2
+    index = np.arange(len(x))
+    first = np.maximum(index - half, 0)
+    last = np.minimum(index + half + 1, len(x))
+    total = np.concatenate([np.zeros((1, *x.shape[1:])), np.cumsum(x, axis=0)])
+    width = (last - first).reshape(-1, *[1] * (x.ndim - 1))
+    return np.asarray((total[last] - total[first]) / width)
+
+
+def _step(time: Array) -> float:
+    return float(time[-1] - time[0]) / (len(time) - 1)

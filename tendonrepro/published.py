@@ -1,0 +1,161 @@
+"""The numbers the paper prints, as data with their place, unit and printed digits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields
+from functools import cache
+from pathlib import Path
+from types import MappingProxyType
+from typing import TypeAlias
+
+from tendonrepro.errors import ConfigError
+from tendonrepro.strict_yaml import Document, Node, load, read_text
+
+SCHEMA_VERSION = 1
+
+
+@dataclass(frozen=True)
+class PrintedNumber:
+    """A number as printed; `decimals` counts the digits behind the point."""
+
+    id: str
+    where: str
+    value: float
+    unit: str
+    decimals: int
+
+    @property
+    def as_printed(self) -> str:
+        """The number with its printed digits."""
+        return f"{self.value:.{self.decimals}f}"
+
+
+@dataclass(frozen=True)
+class PrintedRatio:
+    """A number printed as a fraction of two lengths in `unit`."""
+
+    id: str
+    where: str
+    numerator: float
+    denominator: float
+    unit: str
+
+    @property
+    def value(self) -> float:
+        """The fraction, dimensionless."""
+        return self.numerator / self.denominator
+
+    @property
+    def as_printed(self) -> str:
+        """The fraction without its unit."""
+        return f"{self.numerator:g}/{self.denominator:g}"
+
+
+@dataclass(frozen=True)
+class PrintedText:
+    """A name as printed."""
+
+    id: str
+    where: str
+    text: str
+
+
+Entry: TypeAlias = PrintedNumber | PrintedRatio | PrintedText
+
+# A kind added here, with its class, is all that a new sort of entry needs.
+_KINDS: Mapping[str, type[Entry]] = {"number": PrintedNumber, "ratio": PrintedRatio, "text": PrintedText}
+_ACCEPTED: Mapping[str, tuple[type, ...]] = {"str": (str,), "float": (int, float), "int": (int,)}
+
+
+@dataclass(frozen=True)
+class Published:
+    """Everything printed, by id."""
+
+    entries: Mapping[str, Entry]
+
+    def number(self, identifier: str) -> float:
+        """Value of a printed number or ratio, in its printed unit.
+
+        Raises
+        ------
+        KeyError
+            When nothing of that id is printed, or it is a text.
+        """
+        entry = self.entries[identifier]
+        if isinstance(entry, PrintedText):
+            message = f"{identifier} is a text"
+            raise KeyError(message)
+        return entry.value
+
+    def per_joint(self, identifier: str, joints: Iterable[int]) -> list[float]:
+        """Values of ``<identifier>.joint_<number>``, in the order of `joints`; NaN where none is printed."""
+        names = (f"{identifier}.joint_{joint}" for joint in joints)
+        return [self.number(name) if name in self.entries else float("nan") for name in names]
+
+
+@cache
+def published() -> Published:
+    """Return the shipped numbers, read once.
+
+    Raises
+    ------
+    ConfigError
+        When the shipped file was damaged.
+    """
+    package = Path(__file__).parent
+    # An installed wheel carries its own copy; in a checkout the file lies next to the package.
+    shipped = package / "data" / "published.yaml"
+    path = shipped if shipped.is_file() else package.parent / "data" / "published.yaml"
+    return parse_published(load(read_text(path), str(path)))
+
+
+def parse_published(document: Document) -> Published:
+    """Check a document entry by entry and freeze it.
+
+    Raises
+    ------
+    ConfigError
+        For an unknown kind, a missing, unknown or ill-typed key, an id used twice, or a value with more
+        decimals than it says.
+    """
+    tree = document.tree
+    listed = tree.get("entries") if isinstance(tree, dict) else None
+    if not isinstance(tree, dict) or not isinstance(listed, list) or len(tree) != 2:
+        message = "expected the keys schema_version and entries, a list"
+        raise ConfigError(message, where=document.name)
+    if tree.get("schema_version") != SCHEMA_VERSION:
+        message = f"schema_version is not {SCHEMA_VERSION}"
+        raise ConfigError(message, where=document.name)
+    entries: dict[str, Entry] = {}
+    for index, item in enumerate(listed):
+        where = document.where(("entries", index))
+        entry = _entry(item, where)
+        if entry.id in entries:
+            message = f"id {entry.id!r} is used twice"
+            raise ConfigError(message, where=where)
+        entries[entry.id] = entry
+    return Published(MappingProxyType(entries))
+
+
+def _entry(item: Node, where: str) -> Entry:
+    kind = item.get("kind") if isinstance(item, dict) else None
+    if not isinstance(item, dict) or not isinstance(kind, str) or kind not in _KINDS:
+        message = f"expected an entry of kind {', '.join(_KINDS)}"
+        raise ConfigError(message, where=where)
+    wanted = {field.name: _ACCEPTED[str(field.type)] for field in fields(_KINDS[kind])}
+    given = {key: value for key, value in item.items() if key != "kind"}
+    wrong = sorted(wanted.keys() ^ given.keys())
+    wrong += [key for key in wanted.keys() & given.keys() if not _is_a(given[key], wanted[key])]
+    if wrong:
+        message = f"missing, unknown or ill-typed keys: {', '.join(wrong)}"
+        raise ConfigError(message, where=where)
+    entry = _KINDS[kind](**given)  # type: ignore[arg-type]
+    if isinstance(entry, PrintedNumber) and round(entry.value, entry.decimals) != entry.value:
+        message = f"{entry.value} has more than {entry.decimals} decimals"
+        raise ConfigError(message, where=where)
+    return entry
+
+
+def _is_a(value: Node, accepted: tuple[type, ...]) -> bool:
+    return isinstance(value, accepted) and not isinstance(value, bool)

@@ -1,0 +1,203 @@
+"""What a run, a plant and an experiment leave behind: plain frozen values, in memory."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from tendonrepro.arrays import Array
+from tendonrepro.errors import DataMissingError
+
+SCHEMA_VERSION = 1
+
+VARIABLES: dict[str, tuple[str, str]] = {
+    "q": ("rad", "joint angle"),
+    "dq": ("rad s-1", "joint velocity"),
+    "ddq": ("rad s-2", "joint acceleration"),
+    "q_encoder": ("rad", "joint angle read by the encoder"),
+    "theta": ("rad", "motor angle in joint coordinates, S q_motor"),
+    "dtheta": ("rad s-1", "motor velocity in joint coordinates"),
+    "q_d": ("rad", "desired joint angle"),
+    "dq_d": ("rad s-1", "desired joint velocity"),
+    "ddq_d": ("rad s-2", "desired joint acceleration"),
+    "e": ("rad", "tracking error, q_d - q_encoder"),
+    "s": ("rad s-1", "sliding variable"),
+    "H": ("N m", "lumped uncertainty, Eq. (7)"),
+    "H_hat": ("N m", "estimate of the lumped uncertainty"),
+    "epsilon": ("rad s-2", "estimation error over M_bar, Eq. (19)"),
+    "tau_cmd": ("N m", "commanded torque in joint coordinates"),
+    "tau_m": ("N m", "applied torque in joint coordinates, held until the next sample"),
+    "tau_s": ("N m", "torque through the flexible transmission, Eq. (5)"),
+    "q_motor": ("rad", "winch angle"),
+    "q_motor_encoder": ("rad", "winch angle read by the motor encoder"),
+    "q_calculated": ("rad", "joint angle calculated from the motor encoders, S q_motor_encoder"),
+}
+"""Unit (UDUNITS) and meaning of every variable a run can hold."""
+
+EVERY_RUN = tuple(VARIABLES)[: tuple(VARIABLES).index("tau_s") + 1]
+"""Variables for which every run in a file has a place, defined or not."""
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """One run.
+
+    Parameters
+    ----------
+    name : str
+        Name of the run, and of its group in the file: ``controller_1``, ``decouple``, ...
+    time : Array
+        Sampling times, s, shape (T,).
+    joint : tuple of int
+        The paper's numbers of the n joints.
+    variables : Mapping
+        Arrays of shape (T, n) by the names of `VARIABLES`; a run holds those its experiment defines.
+    attributes : Mapping
+        Texts, numbers and lists of numbers: ``law``, ``payload_mass`` (kg), ``status``, ``status_time`` (s),
+        ``reference_period`` (s, 0 when there is none); and the mappings ``gains`` (name -> list) and
+        ``readings`` (name -> str), empty when there are none.
+
+    Raises
+    ------
+    ValueError
+        When a variable is unknown or its shape is not (T, n), or there is no sample.
+    """
+
+    name: str
+    time: Array
+    joint: tuple[int, ...]
+    variables: Mapping[str, Array]
+    attributes: Mapping[str, Any]
+
+    def __post_init__(self) -> None:
+        shape = (len(self.time), len(self.joint))
+        if 0 in shape:
+            message = f"run {self.name!r} has no samples or no joints: shape {shape}"
+            raise ValueError(message)
+        for name, value in self.variables.items():
+            if name not in VARIABLES:
+                message = f"run {self.name!r}: unknown variable {name!r}"
+                raise ValueError(message)
+            if value.shape != shape:
+                message = f"run {self.name!r}: variable {name!r} has shape {value.shape}, expected {shape}"
+                raise ValueError(message)
+
+    def __getitem__(self, name: str) -> Array:
+        """Return a variable, shape (T, n).
+
+        Raises
+        ------
+        DataMissingError
+            When the run does not hold it.
+        """
+        if name not in self.variables:
+            message = f"run {self.name!r} holds no variable {name!r}"
+            raise DataMissingError(message, hint=f"It holds {', '.join(self.variables)}.")
+        return self.variables[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.variables
+
+    @property
+    def status(self) -> str:
+        """``ok``, ``ringing`` or ``diverged``."""
+        return str(self.attributes["status"])
+
+
+@dataclass(frozen=True, eq=False)
+class PlantValue:
+    """One physical value: scalar, vector or matrix, with its unit (UDUNITS), origin and meaning."""
+
+    value: Array
+    units: str
+    source: str
+    long_name: str
+
+
+@dataclass(frozen=True, eq=False)
+class PlantRecord:
+    """Everything needed to rebuild the model.
+
+    Parameters
+    ----------
+    values : Mapping
+        Name -> `PlantValue`; vectors and matrices run over all joints or over the moving ones.
+    attributes : Mapping
+        Name -> text: the angle convention, the friction law.
+    """
+
+    values: Mapping[str, PlantValue]
+    attributes: Mapping[str, str]
+
+    def matrix(self, name: str, joint: tuple[int, ...]) -> Array:
+        """Block of a square matrix that belongs to some joints.
+
+        Parameters
+        ----------
+        name : str
+            ``S``, ``S_inv``, ``K_s``, ...; stored for all joints or only for the moving ones.
+        joint : tuple of int
+            The joints wanted, n of them. A stored matrix of n rows is taken to be theirs.
+
+        Returns
+        -------
+        Array
+            Shape (n, n).
+
+        Raises
+        ------
+        DataMissingError
+            When the record does not hold the matrix.
+        """
+        if name not in self.values:
+            message = f"the plant record holds no {name!r}"
+            raise DataMissingError(message)
+        block = self.values[name].value
+        if len(block) != len(joint):
+            index = np.array(joint) - 1
+            block = block[np.ix_(index, index)]
+        return block
+
+
+@dataclass(frozen=True, eq=False)
+class TraceFile:
+    """All runs of one experiment, and what they were made with.
+
+    Parameters
+    ----------
+    experiment : str
+        ``compare`` or ``decouple``.
+    source : str
+        ``simulated`` or ``measured``.
+    title : str
+        One line for a reader.
+    runs : Mapping
+        Run name -> `Trace`, in order.
+    plant : PlantRecord
+        The model's values.
+    config_yaml, config_sha256 : str
+        The resolved configuration and its digest.
+    manifest_json : str
+        The manifest without its outputs.
+    created : str
+        ISO 8601, UTC.
+    tendonrepro_version : str
+        Version that wrote the file.
+    schema_version : int
+        Version of the layout.
+    """
+
+    experiment: Literal["compare", "decouple"]
+    source: Literal["simulated", "measured"]
+    title: str
+    runs: Mapping[str, Trace]
+    plant: PlantRecord
+    config_yaml: str
+    config_sha256: str
+    manifest_json: str
+    created: str
+    tendonrepro_version: str
+    schema_version: int = SCHEMA_VERSION

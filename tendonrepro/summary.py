@@ -1,0 +1,177 @@
+"""What a trace file shows, as plain numbers: sizes of errors in degrees, rankings, the data of ``--json``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from tendonrepro.arrays import Array
+from tendonrepro.metrics import mae, max_abs, rmse, windows
+from tendonrepro.records import Trace, TraceFile
+
+CONTROLLERS = ("controller_1", "controller_2", "controller_3")
+"""The compared runs, in the order in which the paper ranks them."""
+LOADS: Mapping[str, str] = {"no_load": "controller_1", "with_load": "controller_1_payload"}
+"""The rows of Table 3 and their runs."""
+
+Sizes: TypeAlias = dict[str, Array]
+Numbers: TypeAlias = list[float | None]
+
+
+def sizes_deg(e: Array) -> Sizes:
+    """Mean absolute, root mean square and largest error of each joint, in degrees.
+
+    Samples from the first one on that is not finite are left out: a diverged run is judged up to there.
+
+    Parameters
+    ----------
+    e : array (T, n)
+        Error, rad.
+
+    Returns
+    -------
+    dict
+        ``mae``, ``rmse`` and ``max``, each an array (n,) in degrees; NaN where no sample is left.
+    """
+    broken = ~np.isfinite(e).all(axis=1)
+    kept = np.rad2deg(e[: np.argmax(broken)] if broken.any() else e)
+    if len(kept) == 0:
+        return {name: np.full(e.shape[1], np.nan) for name in ("mae", "rmse", "max")}
+    return {"mae": mae(kept), "rmse": rmse(kept), "max": max_abs(kept)}
+
+
+def tracking_errors(trace: Trace) -> dict[str, Sizes]:
+    """Sizes of the tracking error `e` over every window of `metrics.windows` that the run reaches.
+
+    Parameters
+    ----------
+    trace : Trace
+        A run with `e` and the attribute ``reference_period``.
+
+    Returns
+    -------
+    dict
+        Window -> `sizes_deg`; ``whole`` is always there.
+    """
+    e = trace["e"]
+    spans = windows(trace.time, trace.attributes["reference_period"])
+    return {name: sizes_deg(e[span]) for name, span in spans.items()}
+
+
+def decoupling_errors(trace: Trace) -> Sizes:
+    """Sizes of ``q_calculated - q_encoder``, the difference shown in Figs 10 to 12.
+
+    Parameters
+    ----------
+    trace : Trace
+        A run with both variables.
+
+    Returns
+    -------
+    dict
+        As `sizes_deg`.
+    """
+    return sizes_deg(trace["q_calculated"] - trace["q_encoder"])
+
+
+def compared_runs(file: TraceFile) -> dict[str, Trace]:
+    """Return the runs of Table 2: all but the payload run."""
+    return {name: trace for name, trace in file.runs.items() if name != LOADS["with_load"]}
+
+
+def ranking(file: TraceFile) -> dict[str, dict[str, dict[str, Any]]]:
+    """Order of the controllers by size of error, against the printed order 1 < 2 < 3.
+
+    A diverged run comes last whatever its error up to there. Controllers that were not run are left out of
+    both orders.
+
+    Parameters
+    ----------
+    file : TraceFile
+        Experiment ``compare``.
+
+    Returns
+    -------
+    dict
+        ``joint_<number>`` -> ``mae``, ``rmse`` -> ``order``, best first, and ``agrees``, whether the printed
+        order holds strictly. Empty when fewer than two of the controllers ran.
+    """
+    runs = [file.runs[name] for name in CONTROLLERS if name in file.runs]
+    result: dict[str, dict[str, dict[str, Any]]] = {}
+    for metric in ("mae", "rmse") if len(runs) > 1 else ():
+        sizes = np.array([tracking_errors(trace)["whole"][metric] for trace in runs])
+        sizes[[trace.status == "diverged" for trace in runs]] = np.inf
+        for joint, column in zip(runs[0].joint, sizes.T, strict=True):
+            order = [runs[place].name for place in np.argsort(column, kind="stable")]
+            agrees = all(bool(better < worse) for better, worse in pairwise(column))
+            result.setdefault(f"joint_{joint}", {})[metric] = {"order": order, "agrees": agrees}
+    return result
+
+
+def table_data_compare(file: TraceFile) -> dict[str, Any]:
+    """Collect the data of ``compare --json``: Tables 2 and 3, other windows, status and ranking.
+
+    Parameters
+    ----------
+    file : TraceFile
+        Experiment ``compare``; runs that are missing leave their keys out.
+
+    Returns
+    -------
+    dict
+        ``table2`` run -> ``mae_deg``, ``rmse_deg``, ``max_deg``, lists in the order of the run's joints, over
+        the whole run; ``table3`` ``no_load``, ``with_load`` likewise; ``windows`` window -> run -> likewise,
+        payload run included; ``status`` per run; ``ranking``. Numbers that are not finite are None.
+    """
+    errors = {name: tracking_errors(trace) for name, trace in file.runs.items()}
+    others = dict.fromkeys(window for found in errors.values() for window in found if window != "whole")
+    return {
+        "table2": {name: _numbers(errors[name]["whole"]) for name in compared_runs(file)},
+        "table3": {load: _numbers(errors[run]["whole"]) for load, run in LOADS.items() if run in errors},
+        "windows": {
+            window: {name: _numbers(found[window]) for name, found in errors.items() if window in found}
+            for window in others
+        },
+        "status": _statuses(file),
+        "ranking": ranking(file),
+    }
+
+
+def table_data_decouple(file: TraceFile) -> dict[str, Any]:
+    """Collect the data of ``decouple --json``: coupling matrices, errors of the calculated joint angles.
+
+    Parameters
+    ----------
+    file : TraceFile
+        Experiment ``decouple``.
+
+    Returns
+    -------
+    dict
+        ``S`` and ``S_inv``, lists of rows, as far as the plant record has them; ``errors``
+        ``joint_<number>`` -> ``mae_deg``, ``rmse_deg``, ``max_deg`` of the run ``decouple``; ``status`` per
+        run. Numbers that are not finite are None.
+    """
+    plant = file.plant.values
+    data: dict[str, Any] = {name: plant[name].value.tolist() for name in ("S", "S_inv") if name in plant}
+    data["errors"] = {}
+    if "decouple" in file.runs:
+        trace = file.runs["decouple"]
+        lists = _numbers(decoupling_errors(trace))
+        for index, joint in enumerate(trace.joint):
+            data["errors"][f"joint_{joint}"] = {key: values[index] for key, values in lists.items()}
+    return data | {"status": _statuses(file)}
+
+
+def _numbers(sizes: Sizes) -> dict[str, Numbers]:
+    return {
+        f"{name}_deg": [float(x) if np.isfinite(x) else None for x in values]
+        for name, values in sizes.items()
+    }
+
+
+def _statuses(file: TraceFile) -> dict[str, str]:
+    return {name: trace.status for name, trace in file.runs.items()}

@@ -1,0 +1,202 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from numpy.typing import NDArray
+
+from tendonrepro.metrics import mae, max_abs, periodogram, rmse, status_of, window_mean, windows
+
+Array = NDArray[np.float64]
+STEP = 1e-3
+
+ERRORS = arrays(
+    np.float64,
+    st.tuples(st.integers(1, 40), st.integers(1, 3)),
+    # The square of anything below 1e-154 underflows.
+    elements=st.floats(-1e6, 1e6).map(lambda x: x if abs(x) > 1e-100 else 0.0),
+)
+
+
+def column(*values: float) -> Array:
+    return np.array(values)[:, None]
+
+
+class TestSizes:
+    @given(ERRORS)
+    def test_means_lie_in_their_order(self, e: Array) -> None:
+        slack = 1.0 + 1e-12
+        assert (mae(e) <= rmse(e) * slack).all()
+        assert (rmse(e) <= max_abs(e) * slack).all()
+
+    @given(ERRORS)
+    def test_they_agree_with_the_definition_written_out(self, e: Array) -> None:
+        for joint in range(e.shape[1]):
+            values = e[:, joint].tolist()
+            assert mae(e)[joint] == pytest.approx(math.fsum(abs(x) for x in values) / len(values))
+            square = math.fsum(x * x for x in values) / len(values)
+            assert rmse(e)[joint] == pytest.approx(math.sqrt(square), rel=1e-12)
+            assert max_abs(e)[joint] == max(abs(x) for x in values)
+
+    def test_each_joint_has_its_own(self) -> None:
+        e = np.array([[3.0, 0.0], [-4.0, 1.0]])
+        assert mae(e).tolist() == [3.5, 0.5]
+        assert rmse(e).tolist() == pytest.approx([math.sqrt(12.5), math.sqrt(0.5)])
+        assert max_abs(e).tolist() == [4.0, 1.0]
+
+    def test_a_sine_has_its_known_ratio(self) -> None:
+        e = np.sin(2.0 * np.pi * np.arange(20000) / 20000)[:, None]
+        # 20000 samples a period: the mean of |sin| is off by about (pi / 20000)^2 / 3.
+        assert rmse(e)[0] / mae(e)[0] == pytest.approx(math.pi / math.sqrt(8.0), rel=1e-7)
+
+
+class TestWindows:
+    def test_two_periods_recorded_with_both_ends(self) -> None:
+        found = windows(np.arange(18001) * STEP, 9.0)
+        assert found == {
+            "whole": slice(0, 18001),
+            "after_first_period": slice(9000, 18001),
+            "period_1": slice(0, 9000),
+            "period_2": slice(9000, 18001),
+        }
+
+    def test_two_periods_recorded_without_the_last_end(self) -> None:
+        found = windows(np.arange(18000) * STEP, 9.0)
+        assert found["period_2"] == found["after_first_period"] == slice(9000, 18000)
+
+    def test_one_period_has_nothing_after_it(self) -> None:
+        assert windows(np.arange(9001) * STEP, 9.0) == {"whole": slice(0, 9001), "period_1": slice(0, 9001)}
+
+    def test_a_run_that_ends_early_keeps_what_it_reached(self) -> None:
+        found = windows(np.arange(12000) * STEP, 9.0)
+        assert found["after_first_period"] == slice(9000, 12000)
+        assert set(found) == {"whole", "after_first_period", "period_1"}
+        assert set(windows(np.arange(8999) * STEP, 9.0)) == {"whole"}
+
+    @pytest.mark.parametrize("period", [0.0, -1.0])
+    def test_without_a_period_only_the_whole_remains(self, period: float) -> None:
+        assert windows(np.arange(100) * STEP, period) == {"whole": slice(0, 100)}
+
+    def test_a_single_sample(self) -> None:
+        assert windows(np.array([0.0]), 9.0) == {"whole": slice(0, 1)}
+
+    def test_time_need_not_start_at_zero(self) -> None:
+        late = windows(1234.5 + np.arange(18001) * STEP, 9.0)
+        assert late == windows(np.arange(18001) * STEP, 9.0)
+
+    @given(st.integers(2, 60), st.integers(1, 5), st.integers(0, 59), st.sampled_from([1e-3, 0.1, 1.0 / 3.0]))
+    def test_periods_follow_one_another_whatever_the_rounding(
+        self, samples: int, periods: int, rest: int, step: float
+    ) -> None:
+        count = samples * periods + min(rest, samples - 1)
+        found = windows(np.cumsum(np.full(count, step)), samples * step)
+        starts = [found[f"period_{k + 1}"].start for k in range(periods)]
+        assert starts == [k * samples for k in range(periods)]
+        assert f"period_{periods + 1}" not in found
+        stops = [found[f"period_{k + 1}"].stop for k in range(periods)]
+        lone_end = count == samples * periods + 1
+        assert stops == [*starts[1:], samples * periods + lone_end]
+
+
+class TestPeriodogram:
+    @given(ERRORS)
+    def test_parseval(self, e: Array) -> None:
+        _, power = periodogram(e, STEP)
+        scale = float(np.max(np.abs(e))) ** 2
+        assert power.sum(axis=0) == pytest.approx(np.mean(e**2, axis=0), rel=1e-9, abs=1e-12 * scale)
+
+    @pytest.mark.parametrize("count", [1000, 1001])
+    def test_a_sine_is_one_line_of_half_its_amplitude_squared(self, count: int) -> None:
+        time = np.arange(count) * STEP
+        line = 7
+        x = 3.0 * np.sin(2.0 * np.pi * line * time / (count * STEP))[:, None] + 2.0
+        frequency, power = periodogram(x, STEP)
+        expected = np.zeros(count // 2 + 1)
+        expected[0], expected[line] = 4.0, 4.5
+        assert power[:, 0] == pytest.approx(expected, abs=1e-12)
+        assert frequency[line] == pytest.approx(line / (count * STEP))
+
+
+class TestStatus:
+    time = np.arange(2000) * STEP
+
+    def judge(self, e: Array) -> tuple[str, float]:
+        return status_of(self.time[: len(e)], e, np.deg2rad(10.0), 3.0, 0.5)
+
+    def wave(self, frequency: float, amplitude: float = 1e-3) -> Array:
+        return amplitude * np.sin(2.0 * np.pi * frequency * self.time)[:, None]
+
+    def test_a_slow_error_is_ok(self) -> None:
+        assert self.judge(self.wave(1.0)) == ("ok", self.time[-1])
+
+    def test_a_fast_error_rings_on_whichever_joint(self) -> None:
+        both = np.hstack([self.wave(1.0), self.wave(5.0)])
+        assert self.judge(both) == ("ringing", self.time[-1])
+        assert self.judge(both[:, ::-1])[0] == "ringing"
+
+    def test_the_constant_part_counts_as_slow(self) -> None:
+        assert self.judge(self.wave(5.0, 1e-3) + 0.99e-3 / math.sqrt(2.0))[0] == "ringing"
+        assert self.judge(self.wave(5.0, 1e-3) + 1.01e-3 / math.sqrt(2.0))[0] == "ok"
+
+    def test_more_than_the_share_is_needed(self) -> None:
+        assert self.judge(self.wave(1.0, 1.01e-3) + self.wave(5.0))[0] == "ok"
+        assert self.judge(self.wave(1.0, 0.99e-3) + self.wave(5.0))[0] == "ringing"
+
+    def test_a_line_at_the_frequency_itself_is_not_above_it(self) -> None:
+        assert self.judge(self.wave(3.0))[0] == "ok"
+        assert self.judge(self.wave(3.5))[0] == "ringing"
+
+    @pytest.mark.parametrize("value", [0.1746, -0.1746, math.nan, math.inf, -math.inf])
+    def test_the_first_sample_out_of_bounds_is_the_end(self, value: float) -> None:
+        e = np.zeros((2000, 2))
+        e[700, 1] = value
+        e[900, 0] = 1.0
+        assert self.judge(e) == ("diverged", self.time[700])
+
+    def test_the_limit_itself_is_within_bounds(self) -> None:
+        e = np.full((2000, 1), np.deg2rad(10.0))
+        assert self.judge(e)[0] == "ok"
+        e[5] = np.nextafter(np.deg2rad(10.0), 1.0)
+        assert self.judge(e) == ("diverged", self.time[5])
+
+    def test_no_error_at_all_is_ok(self) -> None:
+        assert self.judge(np.zeros((2000, 2)))[0] == "ok"
+
+    def test_two_samples_can_ring(self) -> None:
+        assert self.judge(column(1e-3, -1e-3)) == ("ringing", self.time[1])
+
+    def test_one_sample_is_ok_or_diverged(self) -> None:
+        assert self.judge(np.full((1, 2), 0.01)) == ("ok", 0.0)
+        assert self.judge(np.full((1, 2), 1.0)) == ("diverged", 0.0)
+
+
+class TestWindowMean:
+    @given(ERRORS, st.integers(1, 50))
+    def test_it_is_the_mean_of_the_samples_in_reach(self, x: Array, samples: int) -> None:
+        half = samples // 2
+        expected = [x[max(k - half, 0) : k + half + 1].mean(axis=0) for k in range(len(x))]
+        # Differences of running sums keep the rounding of the largest sum.
+        slack = 1e-12 * (1.0 + float(np.abs(x).sum()))
+        assert window_mean(x, samples) == pytest.approx(np.array(expected), rel=1e-9, abs=slack)
+
+    def test_a_ramp_keeps_its_place_inside(self) -> None:
+        ramp = np.arange(100.0)[:, None]
+        assert window_mean(ramp, 50)[25:75] == pytest.approx(ramp[25:75])
+
+    def test_a_pulse_spreads_over_an_odd_number_of_samples(self) -> None:
+        pulse = np.zeros(101)
+        pulse[50] = 51.0
+        assert np.flatnonzero(window_mean(pulse, 50)).tolist() == list(range(25, 76))
+        assert window_mean(pulse, 50)[50] == pytest.approx(1.0)
+
+    def test_a_window_of_one_sample_changes_nothing(self) -> None:
+        x = column(1.0, -2.0, 4.0)
+        assert window_mean(x, 1).tolist() == x.tolist()
+
+    def test_a_window_without_samples_is_refused(self) -> None:
+        with pytest.raises(ValueError, match="at least one sample, not 0"):
+            window_mean(column(1.0), 0)
