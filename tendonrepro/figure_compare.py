@@ -1,0 +1,223 @@
+"""Figures of the comparison of controllers: 13 to 16."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import count, product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonrepro.figure_panels import Sheet
+from tendonrepro.figure_style import COLUMN_MM, PAGE_MM, REFERENCE, Stroke, stroke_of
+from tendonrepro.metrics import window_mean
+from tendonrepro.traces import VARIABLES, Trace, TraceFile
+
+Array = NDArray[np.float64]
+
+MEAN_WINDOW = 0.05
+"""Width of the centred moving mean, s."""
+
+_PAYLOAD = "_payload"
+
+
+def controllers(file: TraceFile) -> list[Trace]:
+    """List the runs to compare with each other: all but those with a payload.
+
+    Parameters
+    ----------
+    file : TraceFile
+        Of the comparison.
+
+    Returns
+    -------
+    list of Trace
+        In the file's order.
+    """
+    return [trace for trace in file.runs.values() if not trace.name.endswith(_PAYLOAD)]
+
+
+def draw_motors(file: TraceFile, traces: list[Trace]) -> Sheet:
+    """Figure 13: motor angles from measured and from desired joint angles.
+
+    Parameters
+    ----------
+    file : TraceFile
+        Gives the inverse coupling matrix.
+    traces : list of Trace
+        The one run.
+
+    Returns
+    -------
+    Sheet
+        Panel (a) both angles of every motor, (b) measured minus desired.
+    """
+    (trace,) = traces
+    labels = [[("Motors", "Motor angle (deg)")], [("From encoders − from desired", "Difference (deg)")]]
+    sheet = Sheet(COLUMN_MM, 92.0, labels)
+    S_inv = file.plant.matrix("S_inv", trace.joint)
+    desired, measured = (np.rad2deg(trace[name] @ S_inv.T) for name in ("q_d", "q_encoder"))
+    sheet.note("a", _controller_runs(traces)[0].label)
+    sheet.zero_line("b")
+    for column, motor in enumerate(trace.joint):
+        name, stroke = f"Motor {motor}", stroke_of(motor)
+        sheet.curve(
+            "a", f"{name} desired", trace.time, desired[:, column], REFERENCE, label="From desired angles"
+        )
+        sheet.curve("a", name, trace.time, measured[:, column], stroke, label=f"{name}, from encoders")
+        sheet.curve("b", name, trace.time, measured[:, column] - desired[:, column], stroke, label="")
+    return sheet
+
+
+def draw_tracking(_file: TraceFile, traces: list[Trace]) -> Sheet:
+    """Figure 14: trajectories and tracking errors of the controllers.
+
+    Parameters
+    ----------
+    traces : list of Trace
+        The runs.
+
+    Returns
+    -------
+    Sheet
+        A column a joint: trajectories above, errors below.
+    """
+    return _tracking(_controller_runs(traces))
+
+
+def draw_payload(_file: TraceFile, traces: list[Trace]) -> Sheet:
+    """Figure 16: Controller 1 without and with a payload.
+
+    Parameters
+    ----------
+    traces : list of Trace
+        One or both runs.
+
+    Returns
+    -------
+    Sheet
+        A column a joint: trajectories above, errors below.
+    """
+    runs = []
+    for trace in traces:
+        mass = float(trace.attributes["payload_mass"])
+        load = f"{mass:g} kg payload" if mass else "no payload"
+        runs.append(_Run(trace, f"Controller 1, {load}", stroke_of(2 if mass else 1)))
+    return _tracking(runs)
+
+
+def draw_law(_file: TraceFile, traces: list[Trace]) -> Sheet:
+    """Figure 15: sliding variable, estimate and torque of the controllers.
+
+    Parameters
+    ----------
+    traces : list of Trace
+        The runs.
+
+    Returns
+    -------
+    Sheet
+        A column a joint; from above s, H_hat, tau_m, each as samples and as their mean.
+    """
+    rows = {
+        "s": r"Sliding variable $s$ (rad/s)",
+        "H_hat": r"Estimate $\hat{H}$ (N m)",
+        "tau_m": r"Torque $\tau_m$ (N m)",
+    }
+    joints = _joints(traces)
+    labels = [[(f"Joint {joint}", label) for joint in joints] for label in rows.values()]
+    sheet = Sheet(PAGE_MM, 150.0, labels)
+    runs = _controller_runs(traces)
+    for letter, (variable, joint) in zip(sheet.letters, product(rows, joints), strict=True):
+        sheet.zero_line(letter)
+        _curves(sheet, letter, runs, variable, joint, averaged=True)
+    sheet.explain(f"Pale: raw samples, dark: {MEAN_WINDOW * 1e3:g} ms mean", REFERENCE)
+    return sheet
+
+
+@dataclass(frozen=True)
+class _Run:
+    """A run with the name and look it has in a figure."""
+
+    trace: Trace
+    name: str
+    stroke: Stroke
+
+    @property
+    def label(self) -> str:
+        match self.trace.status:
+            case "diverged":
+                return f"{self.name} (diverged at {self.trace.attributes['status_time']:.2f} s)"
+            case "ringing":
+                return f"{self.name} (ringing)"
+        return self.name
+
+    def holds(self, variable: str, joint: int) -> bool:
+        return variable in self.trace and joint in self.trace.joint
+
+    def values(self, variable: str, joint: int) -> Array:
+        """Shape (T,), angles in degrees."""
+        found = self.trace[variable][:, self.trace.joint.index(joint)]
+        return np.rad2deg(found) if VARIABLES[variable][0] == "rad" else found
+
+
+def _controller_runs(traces: list[Trace]) -> list[_Run]:
+    """Name and dress the runs: Controllers 1 to 3 keep their strokes, further laws take the rest in turn."""
+    known = {f"controller_{number}": number for number in (1, 2, 3)}
+    others = count(4)
+    return [
+        _Run(
+            trace, trace.name.replace("_", " ").capitalize(), stroke_of(known.get(trace.name) or next(others))
+        )
+        for trace in traces
+    ]
+
+
+def _joints(traces: list[Trace]) -> list[int]:
+    return sorted({joint for trace in traces for joint in trace.joint})
+
+
+def _tracking(runs: list[_Run]) -> Sheet:
+    joints = _joints([run.trace for run in runs])
+    rows = {"q_encoder": "Joint angle (deg)", "e": "Tracking error (deg)"}
+    labels = [[(f"Joint {joint}", label) for joint in joints] for label in rows.values()]
+    sheet = Sheet(PAGE_MM, 108.0, labels)
+    for letter, (variable, joint) in zip(sheet.letters, product(rows, joints), strict=True):
+        if variable == "e":
+            sheet.zero_line(letter)
+        else:
+            _desired(sheet, letter, runs, joint)
+        _curves(sheet, letter, runs, variable, joint)
+    return sheet
+
+
+def _desired(sheet: Sheet, letter: str, runs: list[_Run], joint: int) -> None:
+    """Draw the reference of the run that lasts longest."""
+    holding = [run for run in runs if run.holds("q_d", joint)]
+    if holding:
+        longest = max(holding, key=lambda run: run.trace.time[-1])
+        sheet.curve(letter, "Desired", longest.trace.time, longest.values("q_d", joint), REFERENCE)
+
+
+def _curves(
+    sheet: Sheet, letter: str, runs: list[_Run], variable: str, joint: int, *, averaged: bool = False
+) -> None:
+    """Draw a variable of every run that holds it, as it is or as a mean over pale samples."""
+    holding = [run for run in runs if run.holds(variable, joint)]
+    if not holding:
+        sheet.not_recorded(letter)
+    for run in holding:
+        time, values = run.trace.time, run.values(variable, joint)
+        if averaged:
+            sheet.raw(letter, run.name, time, values, run.stroke)
+            time, values = _mean(time, values)
+        diverged = run.trace.status == "diverged"
+        sheet.curve(letter, run.name, time, values, run.stroke, label=run.label, diverged=diverged)
+
+
+def _mean(time: Array, values: Array) -> tuple[Array, Array]:
+    """Take the mean at two places a window and at the end; more would draw the beat of encoder counts."""
+    step = float(time[-1] - time[0]) / max(len(time) - 1, 1)
+    samples = max(round(MEAN_WINDOW / step), 1) if step else 1
+    places = np.append(np.arange(0, len(time) - 1, max(samples // 2, 1)), len(time) - 1)
+    return time[places], window_mean(values, samples)[places]

@@ -1,0 +1,238 @@
+"""The paper's figures: which there are, what each needs, and how one is drawn from traces and saved."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.figure_compare import (
+    MEAN_WINDOW,
+    controllers,
+    draw_law,
+    draw_motors,
+    draw_payload,
+    draw_tracking,
+)
+from tendonrepro.figure_decouple import draw_joint, draw_motor_angles, draw_pull
+from tendonrepro.figure_panels import FigureArtists, Sheet
+from tendonrepro.figure_style import journal_style
+from tendonrepro.files import atomic_path
+from tendonrepro.traces import Trace, TraceFile
+
+# In the vector formats only the pale raw samples are pixels.
+_DPI = {"pdf": 200.0, "svg": 200.0, "png": 300.0}
+
+
+@dataclass(frozen=True)
+class FigureSpec:
+    """What a figure shows and needs.
+
+    Parameters
+    ----------
+    caption : str
+        One sentence.
+    experiment : str
+        ``compare`` or ``decouple``.
+    runs : callable
+        Picks its runs out of a trace file.
+    needs : tuple of str
+        Variables a run must hold to be in it.
+    draw : callable
+        Draws the picked runs.
+    enough : callable
+        ``all`` of the variables, or ``any``.
+    plant : tuple of str
+        Values the plant record must hold.
+    joints : tuple of int
+        Joints that must be among those of the run.
+    """
+
+    caption: str
+    experiment: str
+    runs: Callable[[TraceFile], list[Trace]]
+    needs: tuple[str, ...]
+    draw: Callable[[TraceFile, list[Trace]], Sheet]
+    enough: Callable[[Iterable[bool]], bool] = all
+    plant: tuple[str, ...] = ()
+    joints: tuple[int, ...] = ()
+
+    def traces(self, file: TraceFile) -> list[Trace]:
+        """Pick the runs of a file that can be drawn; there are none when the figure cannot be."""
+        if file.experiment != self.experiment or not set(self.plant) <= set(file.plant.values):
+            return []
+        return [
+            trace
+            for trace in self.runs(file)
+            if self.enough(name in trace for name in self.needs) and set(self.joints) <= set(trace.joint)
+        ]
+
+
+def available(file: TraceFile) -> list[int]:
+    """Numbers of the figures that can be drawn from a trace file.
+
+    Parameters
+    ----------
+    file : TraceFile
+        Simulated or measured.
+
+    Returns
+    -------
+    list of int
+        The paper's numbers, ascending.
+    """
+    return [number for number, spec in FIGURES.items() if spec.traces(file)]
+
+
+def draw(number: int, file: TraceFile) -> FigureArtists:
+    """Draw one figure.
+
+    Parameters
+    ----------
+    number : int
+        The paper's number, a key of `FIGURES`.
+    file : TraceFile
+        Simulated or measured.
+
+    Returns
+    -------
+    FigureArtists
+        The figure, with its panels and curves.
+
+    Raises
+    ------
+    UsageError
+        When there is no such figure.
+    DataMissingError
+        When the file does not hold what the figure shows.
+    """
+    if number not in FIGURES:
+        message = f"there is no Figure {number} to draw"
+        raise UsageError(message, hint=f"Figures: {', '.join(map(str, FIGURES))}.")
+    spec = FIGURES[number]
+    traces = spec.traces(file)
+    if not traces:
+        message = f"these {file.experiment} traces do not hold what Figure {number} shows"
+        drawable = ", ".join(map(str, available(file))) or "none"
+        raise DataMissingError(message, hint=f"Figures that can be drawn from them: {drawable}.")
+    with journal_style():
+        return spec.draw(file, traces).finish(number, _caption(number, spec, file, traces))
+
+
+def save(artists: FigureArtists, folder: Path) -> list[Path]:
+    """Write a figure as PDF, SVG and PNG; the same figure gives the same bytes.
+
+    Parameters
+    ----------
+    artists : FigureArtists
+        A drawn figure.
+    folder : Path
+        Where to; made when missing.
+
+    Returns
+    -------
+    list of Path
+        ``figNN.pdf``, ``figNN.svg`` and ``figNN.png``.
+
+    Raises
+    ------
+    TendonreproError
+        When a file cannot be written.
+    """
+    title = f"Figure {artists.number}"
+    metadata: dict[str, dict[str, Any]] = {
+        "pdf": {"Title": title, "Subject": artists.caption, "CreationDate": None},
+        "svg": {"Title": title, "Description": artists.caption, "Date": None},
+        "png": {"Title": title, "Description": artists.caption},
+    }
+    paths = [folder / f"fig{artists.number:02d}.{suffix}" for suffix in metadata]
+    with journal_style():
+        for path, (suffix, entries) in zip(paths, metadata.items(), strict=True):
+            with atomic_path(path) as temporary:
+                artists.figure.savefig(temporary, format=suffix, metadata=entries, dpi=_DPI[suffix])
+    return paths
+
+
+def _caption(number: int, spec: FigureSpec, file: TraceFile, traces: list[Trace]) -> str:
+    made = "Simulated" if file.source == "simulated" else "Measured"
+    ends = [
+        f"Run {trace.name} {trace.status} at {trace.attributes['status_time']:.2f} s."
+        for trace in traces
+        if trace.status == "diverged"
+    ]
+    ends += [f"Run {trace.name} is ringing." for trace in traces if trace.status == "ringing"]
+    origin = f"{made}; tendonrepro {file.tendonrepro_version}, configuration {file.config_sha256[:12]}."
+    return " ".join([f"Figure {number}. {spec.caption}", *ends, origin])
+
+
+def _named(*names: str) -> Callable[[TraceFile], list[Trace]]:
+    return lambda file: [file.runs[name] for name in names if name in file.runs]
+
+
+FIGURES: dict[int, FigureSpec] = {
+    6: FigureSpec(
+        "Motor 1 turns alone, motors 2 and 3 hold: joint 2 moves all the same.",
+        "decouple",
+        _named("pull_tendon_1"),
+        ("q_motor_encoder", "q_encoder"),
+        draw_pull,
+        plant=("S",),
+        joints=(1, 2),
+    ),
+    9: FigureSpec(
+        "Angles of the three motors.",
+        "decouple",
+        _named("decouple"),
+        ("q_motor_encoder",),
+        draw_motor_angles,
+    ),
+    **{
+        9 + joint: FigureSpec(
+            f"Angle of joint {joint} calculated from the motors and by its encoder; their difference.",
+            "decouple",
+            _named("decouple"),
+            ("q_calculated", "q_encoder"),
+            partial(draw_joint, joint=joint),
+            joints=(joint,),
+        )
+        for joint in (1, 2, 3)
+    },
+    13: FigureSpec(
+        "Motor angles from measured and from desired joint angles, through S_inv; their difference. "
+        "The paper does not say with which controller: here Controller 1.",
+        "compare",
+        _named("controller_1"),
+        ("q_encoder", "q_d"),
+        draw_motors,
+        plant=("S_inv",),
+    ),
+    14: FigureSpec(
+        "Joint angles and tracking errors of the controllers.",
+        "compare",
+        controllers,
+        ("q_encoder", "e"),
+        draw_tracking,
+        enough=any,
+    ),
+    15: FigureSpec(
+        "Sliding variable, estimate of the lumped uncertainty and torque of the controllers: "
+        f"raw samples pale, their centred {MEAN_WINDOW * 1e3:g} ms mean dark.",
+        "compare",
+        controllers,
+        ("s", "H_hat", "tau_m"),
+        draw_law,
+        enough=any,
+    ),
+    16: FigureSpec(
+        "Controller 1 without and with a payload at the end-effector: joint angles and tracking errors.",
+        "compare",
+        _named("controller_1", "controller_1_payload"),
+        ("q_encoder", "e"),
+        draw_payload,
+        enough=any,
+    ),
+}
+"""Every figure that can be drawn, by the paper's number."""
