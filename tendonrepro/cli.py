@@ -1,0 +1,330 @@
+"""The command line: parse, call one function, print."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from tendonrepro import __version__
+from tendonrepro.errors import TendonreproError
+
+if TYPE_CHECKING:
+    from tendonrepro.workflow import Order
+
+EPILOG = (
+    "Exit codes: 0 done, 1 error, 2 usage or configuration, 4 data missing, 5 a run diverged, "
+    "130 interrupted."
+)
+
+app = typer.Typer(
+    help="Reproduce Yan et al., Actuators 2026, 15(5), 271: kinematic decoupling and α-TDE-NTSM control.",
+    epilog=EPILOG,
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+)
+config_app = typer.Typer(help="Shipped configurations: list, show, copy, check.", no_args_is_help=True)
+app.add_typer(config_app, name="config")
+
+Config = Annotated[
+    str | None, typer.Option("--config", help="Configuration file, - for standard input, or a shipped name.")
+]
+Out = Annotated[Path | None, typer.Option("--out", help="Results folder [default: reports/<experiment>].")]
+Set = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Change a value of the configuration; repeatable."),
+]
+Seed = Annotated[int | None, typer.Option("--seed", help="Seed of all noise.")]
+DryRun = Annotated[bool, typer.Option("--dry-run", help="Check everything, run nothing.")]
+Force = Annotated[
+    bool, typer.Option("--force", help="Overwrite results of another configuration or version.")
+]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
+Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Say more on standard error.")]
+Controllers = Annotated[
+    str | None, typer.Option("--controllers", metavar="1,3", help="Run only these controllers.")
+]
+UserLaw = Annotated[
+    str | None,
+    typer.Option("--law", metavar="FILE:NAME", help="Run a law of your own beside them; FILE is executed."),
+]
+ExperimentName = Literal["compare", "decouple"]
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(__version__)
+        raise typer.Exit
+
+
+def _print_citation(wanted: bool) -> None:
+    if wanted:
+        from tendonrepro.citation import bibtex
+
+        typer.echo(bibtex())
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
+    ] = False,
+    cite: Annotated[
+        bool,
+        typer.Option(
+            "--cite", callback=_print_citation, is_eager=True, help="Print BibTeX of paper and software."
+        ),
+    ] = False,
+) -> None:
+    del version, cite
+
+
+@app.command(epilog="Example: tendonrepro compare --set control.gains.alpha=[0,0] --out reports/no_alpha")
+def compare(
+    config: Config = None,
+    out: Out = None,
+    overrides: Set = None,
+    seed: Seed = None,
+    controllers: Controllers = None,
+    law: UserLaw = None,
+    dry_run: DryRun = False,
+    force: Force = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> int:
+    """Controllers 1 to 3 and the payload case: traces, Figs. 13 to 16, Tables 2 and 3."""
+    from tendonrepro.workflow import Order
+
+    order = Order("compare", config, out, overrides or (), seed, _numbers(controllers), law, force)
+    return _run([order], dry_run=dry_run, as_json=as_json, quiet=quiet, verbose=verbose)
+
+
+@app.command(
+    epilog="Example: tendonrepro decouple --set manipulator.tendons.damping_factor=3 --out reports/damped"
+)
+def decouple(
+    config: Config = None,
+    out: Out = None,
+    overrides: Set = None,
+    seed: Seed = None,
+    dry_run: DryRun = False,
+    force: Force = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> int:
+    """Joint angles calculated from motor angles: traces, Figs. 6 and 9 to 12, Table 1."""
+    from tendonrepro.workflow import Order
+
+    order = Order("decouple", config, out, overrides or (), seed, force=force)
+    return _run([order], dry_run=dry_run, as_json=as_json, quiet=quiet, verbose=verbose)
+
+
+@app.command(epilog="Example: tendonrepro reproduce --out reports")
+def reproduce(
+    config: Annotated[
+        Path | None, typer.Option("--config", help="Folder with decouple.yaml and compare.yaml.")
+    ] = None,
+    out: Annotated[Path, typer.Option("--out", help="Folder for both results.")] = Path("reports"),
+    overrides: Set = None,
+    seed: Seed = None,
+    dry_run: DryRun = False,
+    force: Force = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> int:
+    """Both experiments: every figure and table of the paper's section 5."""
+    from tendonrepro.workflow import both_orders
+
+    orders = both_orders(config, out, overrides or (), seed, force=force)
+    return _run(orders, dry_run=dry_run, as_json=as_json, quiet=quiet, verbose=verbose)
+
+
+@app.command(epilog="Example: tendonrepro figures 14 15")
+def figures(
+    numbers: Annotated[
+        list[int] | None, typer.Argument(help="The paper's figure numbers [default: all].")
+    ] = None,
+    out: Annotated[Path, typer.Option("--out", help="Results folder, or the folder above several.")] = Path(
+        "reports"
+    ),
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Draw figures again from stored traces."""
+    from tendonrepro.workflow import redraw
+
+    _list_files(redraw(out, numbers), as_json=as_json, quiet=quiet)
+
+
+@app.command(epilog="Example: tendonrepro tables --out reports/compare")
+def tables(
+    out: Annotated[Path, typer.Option("--out", help="Results folder, or the folder above several.")] = Path(
+        "reports"
+    ),
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Write tables again from stored traces."""
+    from tendonrepro.workflow import rewrite_tables
+
+    _list_files(rewrite_tables(out), as_json=as_json, quiet=quiet)
+
+
+@app.command(epilog="Example: tendonrepro doctor --json")
+def doctor(as_json: Json = False) -> None:
+    """Environment, versions, and whether everything needed is there."""
+    from tendonrepro.doctor import examine, report_text
+
+    found = examine()
+    _print(found if as_json else report_text(found), as_json=as_json, quiet=False)
+
+
+@config_app.command("list", epilog="Example: tendonrepro config list")
+def config_list(as_json: Json = False) -> None:
+    """Names of the shipped configurations."""
+    from tendonrepro.config import shipped_names
+
+    names = shipped_names()
+    _print(
+        {"schema_version": 1, "configs": names} if as_json else "\n".join(names), as_json=as_json, quiet=False
+    )
+
+
+@config_app.command("show", epilog="Example: tendonrepro config show compare")
+def config_show(
+    config: Annotated[
+        str, typer.Argument(help="Configuration file, - for standard input, or a shipped name.")
+    ],
+    overrides: Set = None,
+    as_json: Json = False,
+) -> None:
+    """A configuration as it is used: complete, changes applied."""
+    from tendonrepro.config import shown
+
+    tree, text = shown(config, overrides or ())
+    _print(tree if as_json else text.rstrip(), as_json=as_json, quiet=False)
+
+
+@config_app.command("init", epilog="Example: tendonrepro config init compare --out my_experiment")
+def config_init(
+    name: Annotated[str, typer.Argument(help="A shipped configuration.")],
+    out: Annotated[Path, typer.Option("--out", help="Folder for the copy.")] = Path(),
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Copy a shipped configuration, with its manipulator and schema, to be edited."""
+    from tendonrepro.config import init_config
+
+    _list_files(init_config(name, out), as_json=as_json, quiet=quiet)
+
+
+@config_app.command("check", epilog="Example: tendonrepro config check my_experiment/compare.yaml")
+def config_check(
+    config: Annotated[
+        str, typer.Argument(help="Configuration file, - for standard input, or a shipped name.")
+    ],
+    overrides: Set = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Check a configuration; all its mistakes are listed at once."""
+    from tendonrepro.workflow import check
+
+    found = check(config, overrides or ())
+    _print(
+        found if as_json else f"{found['config']}: valid {found['experiment']}", as_json=as_json, quiet=quiet
+    )
+
+
+@config_app.command("schema", epilog="Example: tendonrepro config schema > schema.json")
+def config_schema(
+    kind: Annotated[
+        str | None, typer.Argument(help="compare, decouple or manipulator [default: any].")
+    ] = None,
+) -> None:
+    """JSON schema of configuration files, for editors."""
+    from tendonrepro.config import json_schema
+
+    _print(json_schema(kind), as_json=True, quiet=False)
+
+
+def _run(orders: Sequence[Order], *, dry_run: bool, as_json: bool, quiet: bool, verbose: bool) -> int:
+    """Carry out orders, print what they found, and return the exit code."""
+    from tendonrepro.screen import results_text
+    from tendonrepro.talk import Talk
+    from tendonrepro.workflow import diverged, plan, run_experiment
+
+    talk = Talk(quiet=quiet, verbose=verbose)
+    found = {order.experiment: plan(order) if dry_run else run_experiment(order, talk) for order in orders}
+    if as_json:
+        alone = next(iter(found.values()))
+        _print(alone if len(found) == 1 else {"schema_version": 1, **found}, as_json=True, quiet=False)
+    else:
+        _print("\n\n".join(results_text(data) for data in found.values()), as_json=False, quiet=quiet)
+    return 5 if any(diverged(data) for data in found.values()) else 0
+
+
+def _numbers(text: str | None) -> list[int] | None:
+    if text is None:
+        return None
+    try:
+        return [int(part) for part in text.split(",")]
+    except ValueError as error:
+        message = f"must be numbers like 1,3, found {text!r}"
+        raise typer.BadParameter(message, param_hint="--controllers") from error
+
+
+def _list_files(paths: Sequence[Path], *, as_json: bool, quiet: bool) -> None:
+    names = [str(path) for path in paths]
+    _print(
+        {"schema_version": 1, "files": names} if as_json else "\n".join(names), as_json=as_json, quiet=quiet
+    )
+
+
+def _print(content: Any, *, as_json: bool, quiet: bool) -> None:
+    if as_json:
+        from tendonrepro.manifest import to_json
+
+        typer.echo(to_json(content), nl=False)
+    elif not quiet:
+        typer.echo(content)
+
+
+def main() -> None:
+    """Run the command line and leave with its exit code."""
+    try:
+        code = app(standalone_mode=False)
+    except TendonreproError as error:
+        code = _fail(error.exit_code, error.message, error.where, error.hint)
+    except typer.Abort:
+        code = _fail(130, "interrupted", None, None)
+    except Exception as error:
+        # Typer's own usage errors have no public base class, only this shape.
+        if not hasattr(error, "format_message"):
+            raise
+        code = _fail(2, error.format_message(), None, "tendonrepro --help lists commands and options")
+    sys.exit(code or 0)
+
+
+def _fail(code: int, message: str, where: str | None, hint: str | None) -> int:
+    if "--json" in sys.argv:
+        error = {"code": code, "message": message, "where": where, "hint": hint}
+        typer.echo(json.dumps({"error": error}, ensure_ascii=False))
+    else:
+        head = f"{where}: {message}" if where else message
+        typer.echo("\n".join(["error: " + head, *([hint] if hint else [])]), err=True)
+    return code
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,136 @@
+"""One experiment in memory: the runs of a configuration, simulated, as traces."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from tendonrepro import __version__, compiled
+from tendonrepro.config import CompareConfig, LoadedConfig
+from tendonrepro.errors import UsageError
+from tendonrepro.manifest import to_json
+from tendonrepro.metrics import status_of
+from tendonrepro.plant_record import plant_record
+from tendonrepro.records import Trace, TraceFile
+from tendonrepro.runs import build_loops, reference_period
+from tendonrepro.simulate import Loop, TimeDelayController, simulate
+from tendonrepro.talk import Talk
+from tendonrepro.user_law import UserLaw, add_user_law
+
+
+def all_loops(loaded: LoadedConfig, law: UserLaw | None) -> dict[str, Loop]:
+    """Closed loops of all runs, by name.
+
+    Parameters
+    ----------
+    loaded : LoadedConfig
+    law : UserLaw or None
+        Runs beside the others, on the plant and reference of the first run.
+
+    Raises
+    ------
+    UsageError
+        If the law's name is taken.
+    """
+    loops = dict(build_loops(loaded.config, loaded.folder))
+    if law is None:
+        return loops
+    if law.name in loops:
+        message = f"the configuration already has a run named {law.name!r}"
+        raise UsageError(message, where="--law", hint="give the function another name")
+    return loops | {law.name: add_user_law(law, next(iter(loops.values())))}
+
+
+def simulate_all(loaded: LoadedConfig, loops: dict[str, Loop], talk: Talk) -> list[Trace]:
+    """Simulate one run after the other.
+
+    Parameters
+    ----------
+    loaded : LoadedConfig
+    loops : dict of Loop
+    talk : Talk
+
+    Returns
+    -------
+    list of Trace
+        Each with its status; one that diverged ends early and the others go on.
+    """
+    if compiled.cache_is_empty():
+        talk.note("compiling once for this machine, about ten seconds")
+    total = sum(loop.reference.time.size for loop in loops.values())
+    with talk.bar(f"simulating {len(loops)} runs", total) as progress:
+        return [_simulate_one(loaded, name, loop, progress, talk) for name, loop in loops.items()]
+
+
+def _simulate_one(
+    loaded: LoadedConfig, name: str, loop: Loop, progress: Callable[[int], None], talk: Talk
+) -> Trace:
+    variables = simulate(loop, progress)
+    t = variables.pop("time")
+    limits = loaded.config.status
+    status, status_time = status_of(
+        t, variables["e"], limits.divergence_limit.si, limits.ringing_frequency.si, limits.ringing_share.si
+    )
+    talk.detail(f"{name}: {status}, {t.size} samples")
+    end = {"status": status, "status_time": status_time}
+    return Trace(name, t, loaded.config.joints, variables, _attributes(loaded, name, loop) | end)
+
+
+def _attributes(loaded: LoadedConfig, name: str, loop: Loop) -> dict[str, Any]:
+    """Law, gains, readings, payload and reference of a run, as a trace stores them."""
+    config = loaded.config
+    if not isinstance(config, CompareConfig):
+        run = config.runs[name]
+        return {
+            "law": "motor_position_loop",
+            "gains": _vectors(config.position_loop),
+            "readings": {},
+            "drives": run.drives,
+            "payload_mass": run.payload.si,
+            "reference_period": reference_period(run.reference),
+        }
+    chosen = config.runs.get(name) or next(iter(config.runs.values()))
+    attributes = {
+        "law": chosen.law if name in config.runs else f"user law {name}",
+        "gains": _vectors(config.control.gains),
+        "readings": config.control.readings.model_dump(),
+        "payload_mass": chosen.payload.si,
+        "reference_period": reference_period(config.reference),
+    }
+    if isinstance(loop.controller, TimeDelayController):
+        newer, older = loop.controller.law.weights
+        attributes |= {"estimator_weight_newer": newer.tolist(), "estimator_weight_older": older.tolist()}
+    return attributes
+
+
+def _vectors(section: Any) -> dict[str, list[float]]:
+    present = {name: getattr(section, name) for name in type(section).model_fields}
+    return {name: vector.si.tolist() for name, vector in present.items() if vector is not None}
+
+
+def trace_file(loaded: LoadedConfig, traces: Sequence[Trace], manifest: dict[str, Any]) -> TraceFile:
+    """Put runs together with what they were made with.
+
+    Parameters
+    ----------
+    loaded : LoadedConfig
+    traces : sequence of Trace
+    manifest : dict
+        Without outputs.
+
+    Returns
+    -------
+    TraceFile
+    """
+    return TraceFile(
+        experiment=loaded.config.experiment,
+        source="simulated",
+        title=loaded.config.title,
+        runs={trace.name: trace for trace in traces},
+        plant=plant_record(loaded.config),
+        config_yaml=loaded.yaml_text,
+        config_sha256=loaded.sha256,
+        manifest_json=to_json(manifest),
+        created=manifest["created"],
+        tendonrepro_version=__version__,
+    )

@@ -1,0 +1,136 @@
+"""What made a result: configuration, versions, machine, and the digests of what went in and came out."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import subprocess
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from tendonrepro import __version__
+from tendonrepro.config import LoadedConfig
+from tendonrepro.files import sha256_of
+
+SCHEMA_VERSION = 1
+
+LIBRARIES = ("numpy", "scipy", "numba", "h5py", "matplotlib", "pandas", "pydantic", "pyyaml", "typer")
+
+
+def make_manifest(loaded: LoadedConfig, seconds: float) -> dict[str, Any]:
+    """Describe how a result came about; what cannot be found out is None.
+
+    Parameters
+    ----------
+    loaded : LoadedConfig
+    seconds : float
+        Wall time of the simulation.
+
+    Returns
+    -------
+    dict
+        Ready for JSON; outputs are added by :func:`with_outputs` once they exist.
+    """
+    config = loaded.config
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "tendonrepro_version": __version__,
+        "experiment": config.experiment,
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "config": {"origin": loaded.origin, "sha256": loaded.sha256, "tree": loaded.tree},
+        "overrides": list(loaded.overrides),
+        "seed": int(config.seed.si),
+        "solver": {
+            "name": f"scipy.integrate.ode {config.solver.method}",
+            "rtol": config.solver.rtol.si,
+            "atol": config.solver.atol.si,
+            "max_step_s": config.solver.max_step.si,
+        },
+        "wall_time_s": round(seconds, 3),
+        "environment": environment(),
+        "inputs": {str(path): sha256_of(path) for path in loaded.inputs},
+    }
+
+
+def with_outputs(manifest: dict[str, Any], folder: Path, outputs: Sequence[Path]) -> dict[str, Any]:
+    """Add the digests of the files a result consists of.
+
+    Parameters
+    ----------
+    manifest : dict
+    folder : Path
+        The result's folder; names are relative to it.
+    outputs : sequence of Path
+    """
+    digests = {path.relative_to(folder).as_posix(): sha256_of(path) for path in sorted(outputs)}
+    return manifest | {"outputs": digests}
+
+
+def environment() -> dict[str, Any]:
+    """Python, machine, library versions and the state of the checkout, if this is one."""
+    return {
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "cpu": cpu_name(),
+        "cpu_count": os.cpu_count(),
+        "versions": {name: _version(name) for name in LIBRARIES},
+        "git": git_state(),
+    }
+
+
+def _version(library: str) -> str | None:
+    try:
+        return metadata.version(library)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def cpu_name() -> str | None:
+    """Model name of the processor."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor() or None
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or None
+
+
+def git_state() -> dict[str, Any] | None:
+    """Commit of the checkout the package runs from, and whether it has been changed; None elsewhere."""
+    folder = Path(__file__).resolve().parent
+
+    def git(*words: str) -> str:
+        command = ["git", "-C", str(folder), *words]
+        return subprocess.run(command, capture_output=True, text=True, check=True, timeout=10).stdout.strip()
+
+    try:
+        # A package installed inside some other project's checkout is not that project's.
+        git("ls-files", "--error-unmatch", Path(__file__).name)
+        return {"commit": git("rev-parse", "HEAD"), "dirty": bool(git("status", "--porcelain"))}
+    except (OSError, subprocess.SubprocessError):
+        return None
+
+
+def to_json(content: Any) -> str:
+    """JSON text with a final newline; numbers that are not finite become null.
+
+    Parameters
+    ----------
+    content : object
+        Of dicts, lists, strings, numbers, booleans and None.
+    """
+    return json.dumps(_finite(content), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _finite(content: Any) -> Any:
+    if isinstance(content, dict):
+        return {key: _finite(value) for key, value in content.items()}
+    if isinstance(content, list | tuple):
+        return [_finite(value) for value in content]
+    if isinstance(content, float) and not abs(content) < float("inf"):
+        return None
+    return content

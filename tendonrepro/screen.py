@@ -1,0 +1,111 @@
+"""Results as text for a terminal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from tendonrepro.summary import LOADS
+
+Rows = Iterable[Sequence[str]]
+
+
+def results_text(data: Mapping[str, Any]) -> str:
+    """Text of what ``compare``, ``decouple`` or ``reproduce`` found.
+
+    Parameters
+    ----------
+    data : mapping
+        As ``--json`` prints it.
+
+    Returns
+    -------
+    str
+    """
+    if data.get("dry_run"):
+        return _plan_text(data)
+    parts = _compare_parts(data) if data["experiment"] == "compare" else _decouple_parts(data)
+    return "\n\n".join([*parts, f"Figures, tables and traces are in {data['out']}"])
+
+
+def columns(rows: Rows) -> str:
+    """Rows as columns, the first flush left and the others flush right."""
+    cells = [list(row) for row in rows]
+    widths = [max(len(cell) for cell in column) for column in zip(*cells, strict=True)]
+    return "\n".join(
+        "  ".join(
+            cell.ljust(w) if k == 0 else cell.rjust(w)
+            for k, (cell, w) in enumerate(zip(row, widths, strict=True))
+        )
+        for row in cells
+    )
+
+
+def _plan_text(data: Mapping[str, Any]) -> str:
+    rows = [(name, f"{samples} samples") for name, samples in data["samples"].items()]
+    head = f"{data['experiment']}: {data['config']} is valid (sha256 {data['config_sha256'][:12]})"
+    return f"{head}\n{columns(rows)}\nwould write to {data['out']}"
+
+
+def _compare_parts(data: Mapping[str, Any]) -> list[str]:
+    joints, status, printed = data["joints"], data["status"], data["printed"]
+    parts = [
+        "Table 2: tracking error of each joint, deg, as ours | printed | ratio",
+        _errors(joints, data["table2"], printed["table2"], status),
+    ]
+    if "with_load" in data["table3"]:
+        statuses = {load: status.get(run, "") for load, run in LOADS.items()}
+        table = _errors(joints, data["table3"], printed["table3"], statuses)
+        parts += ["Table 3: Controller 1 without and with payload", table]
+    if data["ranking"]:
+        parts += ["Controllers by error, smallest first (printed: 1, 2, 3)", _ranking(data["ranking"])]
+    return ["\n".join(pair) for pair in zip(parts[::2], parts[1::2], strict=True)]
+
+
+def _errors(
+    joints: Sequence[int],
+    ours: Mapping[str, Any],
+    printed: Mapping[str, Any],
+    statuses: Mapping[str, str],
+) -> str:
+    cells = [(metric, k) for metric in ("mae_deg", "rmse_deg") for k in range(len(joints))]
+    rows = [["", "status", *(f"{metric[:-4].upper()} {joints[k]}" for metric, k in cells)]]
+    for name, sizes in ours.items():
+        entries = (_triple(sizes[metric][k], printed[name][metric][k]) for metric, k in cells)
+        rows.append([name, statuses[name], *entries])
+    return columns(rows)
+
+
+def _triple(ours: float | None, printed: float) -> str:
+    if ours is None:
+        return "-"
+    if math.isnan(printed):
+        return f"{ours:.3f}"
+    return f"{ours:.3f} | {printed:.3f} | {ours / printed:.2f}"
+
+
+def _ranking(ranking: Mapping[str, Any]) -> str:
+    rows = []
+    for joint, metrics in ranking.items():
+        for metric, found in metrics.items():
+            order = ", ".join(name.removeprefix("controller_") for name in found["order"])
+            verdict = "as printed" if found["agrees"] else "not as printed"
+            rows.append((f"{joint.replace('_', ' ')} {metric.upper()}", order, verdict))
+    return columns(rows)
+
+
+def _decouple_parts(data: Mapping[str, Any]) -> list[str]:
+    rows: list[Sequence[str]] = [("", "MAE", "RMSE", "max")]
+    for joint, sizes in data["errors"].items():
+        cells = [
+            "-" if sizes[key] is None else f"{sizes[key]:.3f}" for key in ("mae_deg", "rmse_deg", "max_deg")
+        ]
+        rows.append((joint.replace("_", " "), *cells))
+    matrix = "\n".join("  ".join(f"{entry:8.4f}" for entry in row) for row in data["S"])
+    statuses = ", ".join(f"{name} {status}" for name, status in data["status"].items())
+    return [
+        f"Coupling matrix S, q = S q_motor\n{matrix}",
+        f"Joint angle calculated from the motors less the encoder's, deg\n{columns(rows)}",
+        f"Runs: {statuses}",
+    ]

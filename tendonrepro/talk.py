@@ -1,0 +1,59 @@
+"""Words to the user on standard error: notes, and a progress bar for long work."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Talk:
+    """How much to say.
+
+    Attributes
+    ----------
+    quiet : bool
+        Say nothing but errors.
+    verbose : bool
+        Say the details too.
+    """
+
+    quiet: bool = False
+    verbose: bool = False
+
+    def note(self, text: str) -> None:
+        """Say something every user wants to know."""
+        if not self.quiet:
+            sys.stderr.write(f"{text}\n")
+
+    def detail(self, text: str) -> None:
+        """Say something only a curious user wants to know."""
+        if self.verbose and not self.quiet:
+            sys.stderr.write(f"{text}\n")
+
+    @contextmanager
+    def bar(self, label: str, total: int) -> Iterator[Callable[[int], None]]:
+        """Show a progress bar while the block runs, if standard error is a terminal.
+
+        Parameters
+        ----------
+        label : str
+        total : int
+            Steps of the whole work.
+
+        Yields
+        ------
+        callable
+            To be called with the number of steps just done.
+        """
+        if self.quiet or not sys.stderr.isatty():
+            yield lambda _: None
+            return
+        from rich.console import Console
+        from rich.progress import Progress
+
+        with Progress(console=Console(stderr=True), transient=True) as progress:
+            task = progress.add_task(label, total=total)
+            yield lambda steps: progress.advance(task, steps)

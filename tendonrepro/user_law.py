@@ -1,0 +1,125 @@
+"""A control law of the user's own, run beside the paper's on the same plant and reference."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tendonrepro.arrays import Array
+from tendonrepro.control import Law, Memory
+from tendonrepro.errors import TendonreproError, UsageError
+from tendonrepro.files import sha256_of
+from tendonrepro.simulate import CommandFunction, Loop, TimeDelayController
+
+
+@dataclass(frozen=True)
+class UserLaw:
+    """A function with the signature of :func:`tendonrepro.control.command`.
+
+    Attributes
+    ----------
+    path : Path
+        File it came from.
+    name : str
+        Its name, which becomes that of the run.
+    function : callable
+    """
+
+    path: Path
+    name: str
+    function: Callable[..., Any]
+
+    def digest_with(self, config_sha256: str) -> str:
+        """Digest of a configuration together with this law."""
+        return hashlib.sha256(f"{config_sha256} {sha256_of(self.path)} {self.name}".encode()).hexdigest()
+
+
+def load_user_law(spec: str) -> UserLaw:
+    """Import a law.
+
+    Parameters
+    ----------
+    spec : str
+        ``FILE:NAME``: a Python file and a function in it. The file is run.
+
+    Returns
+    -------
+    UserLaw
+
+    Raises
+    ------
+    UsageError
+        If there is no such file or function, or the file cannot be run.
+    """
+    file, _, name = spec.rpartition(":")
+    path = Path(file)
+    if not file or not name.isidentifier() or not path.is_file():
+        message = f"must be FILE:NAME, a Python file and a function in it, found {spec!r}"
+        raise UsageError(message, where="--law")
+    found = importlib.util.spec_from_file_location(path.stem, path)
+    if found is None or found.loader is None:
+        message = f"{path} is not a Python file"
+        raise UsageError(message, where="--law")
+    module = importlib.util.module_from_spec(found)
+    try:
+        found.loader.exec_module(module)
+    except Exception as error:
+        message = f"{path} cannot be run: {type(error).__name__}: {error}"
+        raise UsageError(message, where="--law") from error
+    function = getattr(module, name, None)
+    if not callable(function):
+        message = f"{path} has no function {name!r}"
+        raise UsageError(message, where="--law")
+    return UserLaw(path, name, function)
+
+
+def add_user_law(law: UserLaw, loop: Loop) -> Loop:
+    """Put a law into a loop in place of its own.
+
+    Parameters
+    ----------
+    law : UserLaw
+    loop : Loop
+        A run of the comparison, whose gains the law receives.
+
+    Returns
+    -------
+    Loop
+
+    Raises
+    ------
+    UsageError
+        If the loop has no time-delay controller.
+    """
+    if not isinstance(loop.controller, TimeDelayController):
+        message = "only the experiment compare takes a law"
+        raise UsageError(message, where="--law")
+    return replace(loop, controller=replace(loop.controller, command=_checked(law)))
+
+
+def _checked(law: UserLaw) -> CommandFunction:
+    """Explain what is wrong with a law instead of failing somewhere else."""
+
+    def command(
+        memory: Memory, q: Array, q_d: Array, dq_d: Array, ddq_d: Array, gains: Law
+    ) -> tuple[Array, Array, Array, Array]:
+        where = f"{law.path}:{law.name}"
+        try:
+            parts = tuple(
+                np.asarray(part, float) for part in law.function(memory, q, q_d, dq_d, ddq_d, gains)
+            )
+        except Exception as error:
+            message = f"the law failed: {type(error).__name__}: {error}"
+            raise TendonreproError(message, where=where) from error
+        if len(parts) != 4 or any(part.shape != q.shape for part in parts):
+            message = f"the law must return tau, H_hat, s and dq, each of shape {q.shape}"
+            raise TendonreproError(message, where=where)
+        return parts
+
+    return command

@@ -1,0 +1,377 @@
+"""What a command does: from a configuration to results on disk."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal
+
+from tendonrepro.config import LoadedConfig, load_config
+from tendonrepro.errors import DataMissingError
+from tendonrepro.experiment import all_loops, simulate_all, trace_file
+from tendonrepro.files import write_atomically
+from tendonrepro.manifest import make_manifest, to_json, with_outputs
+from tendonrepro.published import published
+from tendonrepro.records import TraceFile
+from tendonrepro.results import MANIFEST, TRACES, claimed, read_manifest
+from tendonrepro.summary import LOADS, compared_runs, table_data_compare, table_data_decouple
+from tendonrepro.talk import Talk
+from tendonrepro.traces import read_traces, write_traces
+from tendonrepro.user_law import UserLaw, load_user_law
+
+SCHEMA_VERSION = 1
+ExperimentName = Literal["compare", "decouple"]
+EXPERIMENTS: tuple[ExperimentName, ...] = ("decouple", "compare")
+
+
+@dataclass(frozen=True)
+class Order:
+    """What the user asked for.
+
+    Attributes
+    ----------
+    experiment : str
+        ``compare`` or ``decouple``.
+    config : str or None
+        File, ``-``, or a shipped name; None is the shipped configuration of the experiment.
+    out : Path or None
+        Results folder; None is ``reports/<experiment>``.
+    overrides : sequence of str
+        ``dotted.key=VALUE``.
+    seed : int or None
+        Replaces the configuration's.
+    controllers : sequence of int or None
+        Numbers of the controllers to run; None is all.
+    law : str or None
+        ``FILE:NAME`` of a law to run beside them.
+    force : bool
+        Overwrite other results.
+    """
+
+    experiment: ExperimentName
+    config: str | None = None
+    out: Path | None = None
+    overrides: Sequence[str] = ()
+    seed: int | None = None
+    controllers: Sequence[int] | None = None
+    law: str | None = None
+    force: bool = False
+
+    @property
+    def folder(self) -> Path:
+        """Results folder."""
+        return self.out or Path("reports") / self.experiment
+
+
+def run_experiment(order: Order, talk: Talk) -> dict[str, Any]:
+    """Simulate an experiment and write traces, figures, tables and manifest.
+
+    Parameters
+    ----------
+    order : Order
+    talk : Talk
+
+    Returns
+    -------
+    dict
+        What ``--json`` prints.
+
+    Raises
+    ------
+    TendonreproError
+        If the configuration cannot be used or results cannot be written.
+    """
+    loaded, law = _load(order)
+    loops = all_loops(loaded, law)
+    with claimed(order.folder, loaded.sha256, force=order.force):
+        (order.folder / MANIFEST).unlink(missing_ok=True)
+        started = time.perf_counter()
+        traces = simulate_all(loaded, loops, talk)
+        manifest = make_manifest(loaded, time.perf_counter() - started)
+        file = trace_file(loaded, traces, manifest)
+        write_traces(order.folder / TRACES, file)
+        outputs = [order.folder / TRACES, *draw_figures(file, order.folder), *make_tables(file, order.folder)]
+        write_atomically(order.folder / MANIFEST, to_json(with_outputs(manifest, order.folder, outputs)))
+    talk.detail(f"{len(outputs)} files in {time.perf_counter() - started:.1f} s")
+    return results(file, order.folder)
+
+
+def diverged(found: dict[str, Any]) -> bool:
+    """Whether a run of an experiment diverged."""
+    return "diverged" in found.get("status", {}).values()
+
+
+def both_orders(
+    configs: Path | None, out: Path, overrides: Sequence[str], seed: int | None, *, force: bool
+) -> list[Order]:
+    """Orders for the two experiments of the paper.
+
+    Parameters
+    ----------
+    configs : Path or None
+        Folder with ``decouple.yaml`` and ``compare.yaml``; None is the shipped ones.
+    out : Path
+        Folder for both results.
+    overrides : sequence of str
+        Applied to both.
+    seed : int or None
+    force : bool
+
+    Returns
+    -------
+    list of Order
+    """
+    return [
+        Order(
+            name,
+            config=None if configs is None else str(configs / f"{name}.yaml"),
+            out=out / name,
+            overrides=overrides,
+            seed=seed,
+            force=force,
+        )
+        for name in EXPERIMENTS
+    ]
+
+
+def plan(order: Order) -> dict[str, Any]:
+    """Say what :func:`run_experiment` would do, after checking everything it needs.
+
+    Parameters
+    ----------
+    order : Order
+
+    Returns
+    -------
+    dict
+        Runs with their number of samples, digest of the configuration, and results folder.
+    """
+    loaded, law = _load(order)
+    samples = {name: int(loop.reference.time.size) for name, loop in all_loops(loaded, law).items()}
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "experiment": order.experiment,
+        "dry_run": True,
+        "config": loaded.origin,
+        "config_sha256": loaded.sha256,
+        "samples": samples,
+        "out": str(order.folder),
+    }
+
+
+def check(config: str, overrides: Sequence[str]) -> dict[str, Any]:
+    """Check a configuration as thoroughly as running it would.
+
+    Parameters
+    ----------
+    config : str
+        File, ``-``, or a shipped name.
+    overrides : sequence of str
+        ``dotted.key=VALUE``.
+
+    Returns
+    -------
+    dict
+        Its experiment, digest and runs.
+
+    Raises
+    ------
+    ConfigError
+        With every mistake found.
+    """
+    loaded = load_config(config, None, overrides=overrides)
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "config": loaded.origin,
+        "experiment": loaded.config.experiment,
+        "config_sha256": loaded.sha256,
+        "runs": list(all_loops(loaded, None)),
+    }
+
+
+def results(file: TraceFile, folder: Path) -> dict[str, Any]:
+    """Results of an experiment as plain numbers, with the keys of ``--json``.
+
+    Parameters
+    ----------
+    file : TraceFile
+    folder : Path
+        Where they are stored.
+
+    Returns
+    -------
+    dict
+    """
+    data = table_data_compare(file) if file.experiment == "compare" else table_data_decouple(file)
+    joints = list(next(iter(file.runs.values())).joint)
+    head = {"schema_version": SCHEMA_VERSION, "experiment": file.experiment, "joints": joints}
+    if file.experiment == "compare":
+        data["printed"] = _printed_tables(file)
+    return head | data | {"out": str(folder), "manifest": str(folder / MANIFEST)}
+
+
+def redraw(out: Path, numbers: Sequence[int] | None) -> list[Path]:
+    """Draw figures from stored traces again.
+
+    Parameters
+    ----------
+    out : Path
+        Results folder, or the folder above several.
+    numbers : sequence of int, optional
+        The paper's figure numbers; all that the traces allow if not given.
+
+    Returns
+    -------
+    list of Path
+        The files written.
+
+    Raises
+    ------
+    DataMissingError
+        If no stored traces hold what one of the figures shows.
+    """
+    from tendonrepro.figures import available
+
+    files = {folder: read_traces(folder / TRACES) for folder in result_folders(out)}
+    drawable = {folder: available(file) for folder, file in files.items()}
+    for number in numbers or ():
+        if not any(number in found for found in drawable.values()):
+            message = f"no stored traces hold what Figure {number} shows"
+            have = ", ".join(str(k) for k in sorted(set().union(*drawable.values()))) or "none"
+            raise DataMissingError(message, where=str(out), hint=f"figures that can be drawn: {have}")
+    written: list[Path] = []
+    for folder, file in files.items():
+        chosen = [k for k in drawable[folder] if numbers is None or k in numbers]
+        written += _rewrite(folder, file, partial(draw_figures, file, folder, chosen))
+    return written
+
+
+def rewrite_tables(out: Path) -> list[Path]:
+    """Make the tables from stored traces again.
+
+    Parameters
+    ----------
+    out : Path
+        Results folder, or the folder above several.
+
+    Returns
+    -------
+    list of Path
+        The files written.
+    """
+    written: list[Path] = []
+    for folder in result_folders(out):
+        file = read_traces(folder / TRACES)
+        written += _rewrite(folder, file, partial(make_tables, file, folder))
+    return written
+
+
+def _rewrite(folder: Path, file: TraceFile, write: Callable[[], list[Path]]) -> list[Path]:
+    """Write files of a result again and bring the manifest's digests up to date."""
+    with claimed(folder, file.config_sha256, force=True):
+        paths = write()
+        if (folder / MANIFEST).exists():
+            manifest = read_manifest(folder)
+            fresh = with_outputs(manifest, folder, paths)["outputs"]
+            updated = manifest | {"outputs": manifest.get("outputs", {}) | fresh}
+            write_atomically(folder / MANIFEST, to_json(updated))
+    return paths
+
+
+def result_folders(out: Path) -> list[Path]:
+    """Folders with stored traces: the given one, or those directly below it.
+
+    Parameters
+    ----------
+    out : Path
+
+    Raises
+    ------
+    DataMissingError
+        If there is none.
+    """
+    if (out / TRACES).exists():
+        return [out]
+    folders = sorted(path.parent for path in out.glob(f"*/{TRACES}"))
+    if not folders:
+        message = f"holds no {TRACES}, nor does a folder in it"
+        raise DataMissingError(
+            message, where=str(out), hint="run tendonrepro reproduce, or name another --out"
+        )
+    return folders
+
+
+def draw_figures(file: TraceFile, folder: Path, numbers: Sequence[int] | None = None) -> list[Path]:
+    """Draw and save figures under ``folder/figures``.
+
+    Parameters
+    ----------
+    file : TraceFile
+    folder : Path
+    numbers : sequence of int, optional
+        The paper's figure numbers; all that the traces allow if not given.
+
+    Returns
+    -------
+    list of Path
+    """
+    from tendonrepro.figures import available, draw, save
+
+    chosen = available(file) if numbers is None else numbers
+    return [path for number in chosen for path in save(draw(number, file), folder / "figures")]
+
+
+def make_tables(file: TraceFile, folder: Path) -> list[Path]:
+    """Write all tables under ``folder/tables``.
+
+    Parameters
+    ----------
+    file : TraceFile
+    folder : Path
+
+    Returns
+    -------
+    list of Path
+    """
+    from tendonrepro.tables import write_tables
+
+    return write_tables(file, folder / "tables")
+
+
+def _load(order: Order) -> tuple[LoadedConfig, UserLaw | None]:
+    loaded = load_config(
+        order.config,
+        order.experiment,
+        overrides=order.overrides,
+        seed=order.seed,
+        controllers=order.controllers,
+    )
+    if order.law is None:
+        return loaded, None
+    law = load_user_law(order.law)
+    changed = replace(
+        loaded,
+        sha256=law.digest_with(loaded.sha256),
+        overrides=(*loaded.overrides, f"law={order.law}"),
+        inputs=(*loaded.inputs, law.path),
+    )
+    return changed, law
+
+
+def _printed_tables(file: TraceFile) -> dict[str, Any]:
+    """Tables 2 and 3 as printed, under the keys of ours."""
+    joints = next(iter(file.runs.values())).joint
+
+    def sizes(identifier: str) -> dict[str, list[float]]:
+        return {
+            f"{metric}_deg": published().per_joint(f"{identifier}.{metric}", joints)
+            for metric in ("mae", "rmse")
+        }
+
+    return {
+        "table2": {name: sizes(f"table2.{name}") for name in compared_runs(file)},
+        "table3": {load: sizes(f"table3.{load}") for load, run in LOADS.items() if run in file.runs},
+    }

@@ -1,0 +1,136 @@
+"""Imports go one way, and each heavy dependency stays behind its own modules."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import tendonrepro
+
+PACKAGE = Path(tendonrepro.__file__).parent
+
+# Rooms from bottom to top. A module may import from rooms below, and from its own what stands before it.
+ROOMS = [
+    ("errors", "arrays"),
+    ("files",),
+    # the paper: pure functions
+    ("matrices", "kinematics", "metrics", "friction", "encoder", "disturbance", "trajectory", "servo"),
+    ("arm", "drive", "actuator", "control"),
+    ("dynamics",),
+    ("unroll",),
+    ("compiled", "stability"),
+    ("simulate",),
+    # what users write and what the paper printed
+    ("strict_yaml",),
+    ("config_model",),
+    ("quantity",),
+    ("physical",),
+    ("config_control", "config_manipulator", "config_reference"),
+    ("config_experiment",),
+    ("config_errors",),
+    ("config_overrides", "shipped"),
+    ("config_draft",),
+    ("config", "published"),
+    # configuration to physics
+    ("rig",),
+    ("runs", "user_law"),
+    # results
+    ("records",),
+    ("traces", "summary", "plant_record", "manifest", "typeset", "talk"),
+    ("comparison", "results", "screen", "citation"),
+    ("tables", "figure_style"),
+    ("figure_panels",),
+    ("figure_compare", "figure_decouple"),
+    ("figures", "experiment", "doctor"),
+    ("workflow",),
+    ("cli",),
+    ("__main__",),
+]
+PHYSICS = {name for room in ROOMS[2:6] for name in room}
+
+OWNERS = {
+    "numba": {"compiled"},
+    "platformdirs": {"compiled"},
+    "scipy": {"simulate", "stability", "trajectory"},
+    "h5py": {"traces"},
+    "pandas": {"tables"},
+    "yaml": {"strict_yaml"},
+    "filelock": {"results"},
+    "typer": {"cli"},
+    "rich": {"talk"},
+}
+PREFIX_OWNERS = {"matplotlib": "figure", "pydantic": ("config", "quantity", "physical")}
+
+
+def modules() -> list[str]:
+    return sorted(path.stem for path in PACKAGE.glob("*.py") if path.stem != "__init__")
+
+
+def imported(module: str) -> Iterator[str]:
+    for node in ast.walk(ast.parse((PACKAGE / f"{module}.py").read_text())):
+        if isinstance(node, ast.Import):
+            yield from (name.name for name in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{module} imports relatively"
+            assert node.module is not None
+            if node.module == "tendonrepro":
+                yield from (f"tendonrepro.{name.name}" for name in node.names)
+            else:
+                yield node.module
+
+
+def own(module: str) -> set[str]:
+    """Modules of the package that a module imports."""
+    names = {name.split(".")[1] for name in imported(module) if name.startswith("tendonrepro.")}
+    return names - {"__version__"}
+
+
+def test_every_module_has_a_room() -> None:
+    assert modules() == sorted(name for room in ROOMS for name in room)
+
+
+@pytest.mark.parametrize("module", modules())
+def test_imports_go_down(module: str) -> None:
+    floor = {name: level for level, room in enumerate(ROOMS) for name in room}
+    upwards = {
+        name
+        for name in own(module)
+        if floor[name] > floor[module]
+        or (floor[name] == floor[module] and not _stands_before(name, module, ROOMS[floor[module]]))
+    }
+    assert not upwards
+
+
+def _stands_before(name: str, module: str, room: tuple[str, ...]) -> bool:
+    return room.index(name) < room.index(module)
+
+
+@pytest.mark.parametrize("module", modules())
+def test_heavy_dependencies_stay_behind_their_owners(module: str) -> None:
+    used = {name.split(".")[0] for name in imported(module)}
+    for library, owners in OWNERS.items():
+        assert library not in used or module in owners, f"{module} imports {library}"
+    for library, prefix in PREFIX_OWNERS.items():
+        assert library not in used or module.startswith(prefix), f"{module} imports {library}"
+
+
+@pytest.mark.parametrize("module", sorted(PHYSICS))
+def test_physics_is_pure(module: str) -> None:
+    """No file, clock, print, randomness of its own or global state; trajectory files are the exception."""
+    tree = ast.parse((PACKAGE / f"{module}.py").read_text())
+    calls = {ast.unparse(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
+    assert not calls & {"open", "print", "time.time", "np.random.default_rng", "np.random.seed"}
+    assert not any(isinstance(node, ast.Global) for node in ast.walk(tree))
+
+
+@pytest.mark.parametrize("module", modules())
+def test_functions_fit_a_screen(module: str) -> None:
+    for node in ast.walk(ast.parse((PACKAGE / f"{module}.py").read_text())):
+        if isinstance(node, ast.FunctionDef):
+            doc = ast.get_docstring(node, clean=False) or ""
+            assert node.end_lineno is not None
+            lines = node.end_lineno - node.lineno + 1 - len(doc.splitlines())
+            assert lines <= 60, f"{module}.{node.name} has {lines} lines"
