@@ -20,7 +20,7 @@ class Actuator(NamedTuple):
     resolution : float
         Torque step of the drive's input, N m; 0 is none.
     noise : float
-        Root mean square of the torque noise, N m.
+        Root mean square of the torque noise, N m; it adds to what the drive puts out.
     delay : int
         Whole samples between command and output.
     """
@@ -31,8 +31,8 @@ class Actuator(NamedTuple):
     delay: int
 
 
-def applied_torque(command: Array, noise: Array, actuator: Actuator, S: Array, S_inv: Array) -> Array:
-    """Torque that reaches the winches, in joint coordinates, N m.
+def applied_torque(command: Array, actuator: Actuator, S: Array, S_inv: Array) -> Array:
+    """Torque after the drive's resolution and the motors' saturation, in joint coordinates, N m.
 
     Only what the actuator changes is mapped back, so an actuator that changes nothing returns the command
     to the last bit.
@@ -41,8 +41,6 @@ def applied_torque(command: Array, noise: Array, actuator: Actuator, S: Array, S
     ----------
     command : array (n,)
         Joint torque, N m.
-    noise : array (n,)
-        Torque noise of this sample at the winches, N m.
     actuator : Actuator
     S, S_inv : array (n, n)
         Coupling of Eq. (2).
@@ -52,6 +50,6 @@ def applied_torque(command: Array, noise: Array, actuator: Actuator, S: Array, S
     array (n,)
     """
     winch = S.T @ command
-    output = quantise(winch + noise, actuator.resolution)
+    output = quantise(winch, actuator.resolution)
     output = np.minimum(np.maximum(output, -actuator.limit), actuator.limit)
     return command + S_inv.T @ (output - winch)

@@ -6,7 +6,7 @@ from tendonrepro import __version__
 
 _ENTRIES = """\
 @article{{yan2026kinematic,
-  author  = {{Yan and Li and Han and Xu and Hu}},
+  author  = {{Yan, Fei and Li, Jianhua and Han, Huawei and Xu, Qiwang and Hu, Linfeng}},
   title   = {{Kinematic Decoupling and {{\\alpha}}-{{TDE}}-{{NTSM}} Control
              for Single-Tendon-Driven Manipulators}},
   journal = {{Actuators}},
@@ -18,7 +18,7 @@ _ENTRIES = """\
 }}
 
 @dataset{{yan2026data,
-  author    = {{Yan and Li and Han and Xu and Hu}},
+  author    = {{Yan, Fei and Li, Jianhua and Han, Huawei and Xu, Qiwang and Hu, Linfeng}},
   title     = {{Dataset of Kinematic Decoupling and {{\\alpha}}-{{TDE}}-{{NTSM}} Control
                for Single-Tendon-Driven Manipulators}},
   year      = {{2026}},

@@ -24,11 +24,11 @@ EPILOG = (
 app = typer.Typer(
     help="Reproduce Yan et al., Actuators 2026, 15(5), 271: kinematic decoupling and α-TDE-NTSM control.",
     epilog=EPILOG,
-    no_args_is_help=True,
+    invoke_without_command=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
-config_app = typer.Typer(help="Shipped configurations: list, show, copy, check.", no_args_is_help=True)
+config_app = typer.Typer(help="Configurations: list, show, copy, check, schema.", invoke_without_command=True)
 app.add_typer(config_app, name="config")
 
 Config = Annotated[
@@ -71,8 +71,14 @@ def _print_citation(wanted: bool) -> None:
         raise typer.Exit
 
 
+@config_app.callback()
+def _config(context: typer.Context) -> None:
+    _help_if_alone(context)
+
+
 @app.callback()
 def _root(
+    context: typer.Context,
     version: Annotated[
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
     ] = False,
@@ -84,6 +90,12 @@ def _root(
     ] = False,
 ) -> None:
     del version, cite
+    _help_if_alone(context)
+
+
+def _help_if_alone(context: typer.Context) -> None:
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
 
 
 @app.command(epilog="Example: tendonrepro compare --set control.gains.alpha=[0,0] --out reports/no_alpha")
@@ -100,7 +112,7 @@ def compare(
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> int:
-    """Controllers 1 to 3 and the payload case: traces, Figs. 13 to 16, Tables 2 and 3."""
+    """Controllers 1 to 3 and the payload case: traces, Figures 13 to 16, Tables 2 and 3."""
     from tendonrepro.workflow import Order
 
     order = Order("compare", config, out, overrides or (), seed, _numbers(controllers), law, force)
@@ -121,7 +133,7 @@ def decouple(
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> int:
-    """Joint angles calculated from motor angles: traces, Figs. 6 and 9 to 12, Table 1."""
+    """Joint angles calculated from motor angles: traces, Figures 6 and 9 to 12, Table 1."""
     from tendonrepro.workflow import Order
 
     order = Order("decouple", config, out, overrides or (), seed, force=force)
@@ -159,11 +171,12 @@ def figures(
     ),
     as_json: Json = False,
     quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Draw figures again from stored traces."""
     from tendonrepro.workflow import redraw
 
-    _list_files(redraw(out, numbers), as_json=as_json, quiet=quiet)
+    _list_files(redraw(out, numbers), as_json=as_json, quiet=quiet, verbose=verbose)
 
 
 @app.command(epilog="Example: tendonrepro tables --out reports/compare")
@@ -173,30 +186,34 @@ def tables(
     ),
     as_json: Json = False,
     quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Write tables again from stored traces."""
     from tendonrepro.workflow import rewrite_tables
 
-    _list_files(rewrite_tables(out), as_json=as_json, quiet=quiet)
+    _list_files(rewrite_tables(out), as_json=as_json, quiet=quiet, verbose=verbose)
 
 
 @app.command(epilog="Example: tendonrepro doctor --json")
-def doctor(as_json: Json = False) -> None:
+def doctor(as_json: Json = False, quiet: Quiet = False, verbose: Verbose = False) -> int:
     """Environment, versions, and whether everything needed is there."""
-    from tendonrepro.doctor import examine, report_text
+    from tendonrepro.doctor import all_well, examine, report_text
 
     found = examine()
-    _print(found if as_json else report_text(found), as_json=as_json, quiet=False)
+    _detail(f"{len(found['checks'])} checks", quiet, verbose)
+    _print(found if as_json else report_text(found), as_json=as_json, quiet=quiet)
+    return 0 if all_well(found) else 1
 
 
 @config_app.command("list", epilog="Example: tendonrepro config list")
-def config_list(as_json: Json = False) -> None:
+def config_list(as_json: Json = False, quiet: Quiet = False, verbose: Verbose = False) -> None:
     """Names of the shipped configurations."""
-    from tendonrepro.config import shipped_names
+    from tendonrepro.config import shipped_folder, shipped_names
 
     names = shipped_names()
+    _detail(f"in {shipped_folder()}", quiet, verbose)
     _print(
-        {"schema_version": 1, "configs": names} if as_json else "\n".join(names), as_json=as_json, quiet=False
+        {"schema_version": 1, "configs": names} if as_json else "\n".join(names), as_json=as_json, quiet=quiet
     )
 
 
@@ -207,12 +224,15 @@ def config_show(
     ],
     overrides: Set = None,
     as_json: Json = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """A configuration as it is used: complete, changes applied."""
     from tendonrepro.config import shown
 
     tree, text = shown(config, overrides or ())
-    _print(tree if as_json else text.rstrip(), as_json=as_json, quiet=False)
+    _detail(f"{config} is valid", quiet, verbose)
+    _print(tree if as_json else text.rstrip(), as_json=as_json, quiet=quiet)
 
 
 @config_app.command("init", epilog="Example: tendonrepro config init compare --out my_experiment")
@@ -221,11 +241,12 @@ def config_init(
     out: Annotated[Path, typer.Option("--out", help="Folder for the copy.")] = Path(),
     as_json: Json = False,
     quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Copy a shipped configuration, with its manipulator and schema, to be edited."""
     from tendonrepro.config import init_config
 
-    _list_files(init_config(name, out), as_json=as_json, quiet=quiet)
+    _list_files(init_config(name, out), as_json=as_json, quiet=quiet, verbose=verbose)
 
 
 @config_app.command("check", epilog="Example: tendonrepro config check my_experiment/compare.yaml")
@@ -236,14 +257,16 @@ def config_check(
     overrides: Set = None,
     as_json: Json = False,
     quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Check a configuration; all its mistakes are listed at once."""
     from tendonrepro.workflow import check
 
     found = check(config, overrides or ())
-    _print(
-        found if as_json else f"{found['config']}: valid {found['experiment']}", as_json=as_json, quiet=quiet
+    _detail(
+        f"sha256 {found.get('config_sha256', 'of a manipulator is that of its experiment')}", quiet, verbose
     )
+    _print(found if as_json else f"{found['config']}: valid {found['kind']}", as_json=as_json, quiet=quiet)
 
 
 @config_app.command("schema", epilog="Example: tendonrepro config schema > schema.json")
@@ -251,11 +274,16 @@ def config_schema(
     kind: Annotated[
         str | None, typer.Argument(help="compare, decouple or manipulator [default: any].")
     ] = None,
+    as_json: Json = True,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """JSON schema of configuration files, for editors."""
     from tendonrepro.config import json_schema
 
-    _print(json_schema(kind), as_json=True, quiet=False)
+    _detail(f"for {kind or 'any'} configuration", quiet, verbose)
+    if not quiet:
+        _print(json_schema(kind), as_json=as_json, quiet=quiet)
 
 
 def _run(orders: Sequence[Order], *, dry_run: bool, as_json: bool, quiet: bool, verbose: bool) -> int:
@@ -265,7 +293,10 @@ def _run(orders: Sequence[Order], *, dry_run: bool, as_json: bool, quiet: bool, 
     from tendonrepro.workflow import diverged, plan, run_experiment
 
     talk = Talk(quiet=quiet, verbose=verbose)
-    found = {order.experiment: plan(order) if dry_run else run_experiment(order, talk) for order in orders}
+    # All orders are checked before the first is carried out.
+    found = {order.experiment: plan(order) for order in orders}
+    if not dry_run:
+        found = {order.experiment: run_experiment(order, talk) for order in orders}
     if as_json:
         alone = next(iter(found.values()))
         _print(alone if len(found) == 1 else {"schema_version": 1, **found}, as_json=True, quiet=False)
@@ -284,11 +315,18 @@ def _numbers(text: str | None) -> list[int] | None:
         raise typer.BadParameter(message, param_hint="--controllers") from error
 
 
-def _list_files(paths: Sequence[Path], *, as_json: bool, quiet: bool) -> None:
+def _list_files(paths: Sequence[Path], *, as_json: bool, quiet: bool, verbose: bool) -> None:
     names = [str(path) for path in paths]
+    _detail(f"{len(names)} files", quiet, verbose)
     _print(
         {"schema_version": 1, "files": names} if as_json else "\n".join(names), as_json=as_json, quiet=quiet
     )
+
+
+def _detail(text: str, quiet: bool, verbose: bool) -> None:
+    from tendonrepro.talk import Talk
+
+    Talk(quiet=quiet, verbose=verbose).detail(text)
 
 
 def _print(content: Any, *, as_json: bool, quiet: bool) -> None:
@@ -306,14 +344,13 @@ def main() -> None:
         code = app(standalone_mode=False)
     except TendonreproError as error:
         code = _fail(error.exit_code, error.message, error.where, error.hint)
-    except typer.Abort:
-        code = _fail(130, "interrupted", None, None)
     except Exception as error:
         # Typer's own usage errors have no public base class, only this shape.
         if not hasattr(error, "format_message"):
             raise
         code = _fail(2, error.format_message(), None, "tendonrepro --help lists commands and options")
-    sys.exit(code or 0)
+    # Typer turns an interrupt into this exit code and says nothing.
+    sys.exit(_fail(130, "interrupted", None, None) if code == 130 else code or 0)
 
 
 def _fail(code: int, message: str, where: str | None, hint: str | None) -> int:

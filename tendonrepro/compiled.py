@@ -37,7 +37,7 @@ LAW_FUNCTIONS = (
     control.phi_slope,
     control.surface_and_feedback,
     control.time_delay_estimate,
-    control.velocity_estimate,
+    control.error_rate,
     control.command,
 )
 """Functions the compiled law calls, each after those it calls itself."""
@@ -49,20 +49,30 @@ _plants: dict[str, Derivative] = {}
 
 
 def cache_folder() -> Path:
-    """Folder for compiled code of exactly these sources; made if it is missing."""
+    """Folder for compiled code of exactly these sources; made if it is missing.
+
+    Where the user's cache cannot be written, a folder among the temporary files serves all processes.
+    """
     sources = {Path(inspect.getfile(function)) for function in LAW_FUNCTIONS} | {Path(__file__)}
     digest = hashlib.sha256()
     for source in sorted(sources):
         digest.update(source.read_bytes())
-    name = digest.hexdigest()[:16]
-    folder = Path(platformdirs.user_cache_dir("tendonrepro")) / "compiled" / name
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if os.access(folder, os.W_OK):
+    name = Path("compiled", digest.hexdigest()[:16])
+    temporary = Path(tempfile.gettempdir(), f"tendonrepro-{getattr(os, 'getuid', lambda: 0)()}")
+    for folder in (Path(platformdirs.user_cache_dir("tendonrepro")) / name, temporary / name):
+        if _is_writable(folder):
             return folder
+    return Path(tempfile.mkdtemp(prefix="tendonrepro-"))
+
+
+def _is_writable(folder: Path) -> bool:
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder) as probe:
+            probe.write(bytes(2**20))
     except OSError:
-        pass
-    return Path(tempfile.mkdtemp(prefix=f"tendonrepro-{name}-"))
+        return False
+    return True
 
 
 def compiled_plant(plant: Plant) -> tuple[Derivative, Array]:

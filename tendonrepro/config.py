@@ -15,7 +15,7 @@ from typing import Any, Literal, TypeAlias
 
 from pydantic import TypeAdapter
 
-from tendonrepro.config_draft import Draft, find_source
+from tendonrepro.config_draft import MANIPULATOR, Draft, Source, find_source
 from tendonrepro.config_experiment import CompareConfig, DecoupleConfig
 from tendonrepro.config_manipulator import Manipulator
 from tendonrepro.config_overrides import Override, parse_override
@@ -23,7 +23,7 @@ from tendonrepro.config_reference import Sampled
 from tendonrepro.errors import UsageError
 from tendonrepro.files import sha256_of
 from tendonrepro.shipped import init_config, shipped_folder, shipped_names
-from tendonrepro.strict_yaml import Key, Node, dump, load
+from tendonrepro.strict_yaml import Key, Node, dump
 
 __all__ = [
     "CompareConfig",
@@ -32,6 +32,7 @@ __all__ = [
     "ExperimentName",
     "LoadedConfig",
     "Manipulator",
+    "checked",
     "init_config",
     "json_schema",
     "load_config",
@@ -85,7 +86,7 @@ class LoadedConfig:
 
 def load_config(
     source: Path | str | None,
-    experiment: ExperimentName | None,
+    experiment: ExperimentName,
     *,
     overrides: Sequence[str] = (),
     seed: int | None = None,
@@ -98,8 +99,8 @@ def load_config(
     source : Path, str or None
         A file, ``-`` for standard input, the name of a shipped configuration, or None for the shipped one
         of the experiment.
-    experiment : {'compare', 'decouple'} or None
-        What the configuration must be for; None leaves that to the configuration.
+    experiment : {'compare', 'decouple'}
+        What the configuration must be for.
     overrides : sequence of str
         ``dotted.key=VALUE``, VALUE in YAML; a bare number or list sets the value of a quantity.
     seed : int, optional
@@ -114,7 +115,16 @@ def load_config(
     UsageError
         When the command line asks for something impossible.
     """
-    found = find_source(source, experiment)
+    return _loaded(find_source(source, experiment), experiment, overrides, seed, controllers)
+
+
+def _loaded(
+    found: Source,
+    experiment: ExperimentName | None,
+    overrides: Sequence[str],
+    seed: int | None = None,
+    controllers: Sequence[int] | None = None,
+) -> LoadedConfig:
     draft = Draft(found, experiment)
     changes = [parse_override(text) for text in overrides]
     recorded = list(overrides)
@@ -139,8 +149,8 @@ def load_config(
     )
 
 
-def shown(source: str, overrides: Sequence[str]) -> tuple[dict[str, Node], str]:
-    """A configuration as it is used, for reading.
+def checked(source: str, overrides: Sequence[str]) -> LoadedConfig | Manipulator:
+    """Read and validate whatever a file holds, an experiment or a manipulator.
 
     Parameters
     ----------
@@ -149,25 +159,26 @@ def shown(source: str, overrides: Sequence[str]) -> tuple[dict[str, Node], str]:
     overrides : sequence of str
         As in `load_config`.
 
-    Returns
-    -------
-    tree : dict
-        Plain values, the manipulator inside and overrides applied.
-    text : str
-        The same as YAML; a manipulator as it was written.
-
     Raises
     ------
     ConfigError
         When it is not valid.
     """
-    if source != "-" and not overrides:
-        found = find_source(source, None)
-        tree = load(found.text, found.name).tree
-        if isinstance(tree, dict) and "routing" in tree:
-            return tree, found.text
-    loaded = load_config(source, None, overrides=overrides)
-    return loaded.tree, loaded.yaml_text
+    found = find_source(source, None)
+    draft = Draft(found, None)
+    if draft.experiment != MANIPULATOR:
+        return _loaded(found, None, overrides)
+    draft.apply([parse_override(text) for text in overrides])
+    return draft.validate(Manipulator)
+
+
+def shown(source: str, overrides: Sequence[str]) -> tuple[dict[str, Any], str]:
+    """Plain values and YAML text of a configuration as it is used, valid or refused as by `checked`."""
+    held = checked(source, overrides)
+    if isinstance(held, LoadedConfig):
+        return held.tree, held.yaml_text
+    tree = held.model_dump(mode="json")
+    return tree, dump(tree)
 
 
 def json_schema(kind: str | None = None) -> dict[str, Any]:

@@ -57,7 +57,8 @@ def find_source(source: Path | str | None, experiment: str | None) -> Source:
     """
     if source is not None and str(source) == "-":
         name = "<stdin>"
-        text = decode(sys.stdin.buffer.read(MAX_BYTES + 1), name)
+        raw = b"" if sys.stdin is None else sys.stdin.buffer.read(MAX_BYTES + 1)
+        text = decode(raw, name)
         return Source(text, name, name, Path.cwd(), ())
     origin = str(experiment if source is None else source)
     path = Path(origin)
@@ -83,7 +84,7 @@ class Draft:
     files : list of Path
         Files read so far.
     experiment : str
-        What the configuration is for.
+        What the configuration is for; ``manipulator`` if it is only that.
     """
 
     def __init__(self, source: Source, experiment: str | None) -> None:
@@ -102,6 +103,8 @@ class Draft:
     def _checked_kind(self, wanted: str | None) -> str:
         found = self.tree.get("experiment")
         if found is None and "routing" in self.tree:
+            if wanted is None:
+                return MANIPULATOR
             message = "this is a manipulator, not an experiment"
             hint = "Name it in an experiment's file, as 'manipulator: FILE'."
             raise ConfigError(message, where=self._document.where(()), hint=hint)

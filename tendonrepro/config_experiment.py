@@ -16,13 +16,16 @@ from pydantic_core import CoreSchema
 
 from tendonrepro.config_control import Control
 from tendonrepro.config_manipulator import Manipulator
-from tendonrepro.config_model import Model, Name, Outline, Problems, RootModel, SchemaVersion, is_multiple
+from tendonrepro.config_model import Model, Outline, Problems, RootModel, RunName, SchemaVersion, is_multiple
 from tendonrepro.config_reference import Reference
 from tendonrepro.physical import physical
 from tendonrepro.quantity import Scalar, Vector
 from tendonrepro.strict_yaml import Key
 
 _T = TypeVar("_T")
+
+MOST_SAMPLES = 1e6
+"""Longest run; ten times as much would not fit into the memory of a small machine."""
 
 
 class NoDisturbance(Model):
@@ -53,7 +56,7 @@ class NoiseDisturbance(Model):
     kind: Literal["noise"]
     torque: Annotated[Vector, physical("N m", "RMS torque on each joint", at_least=0.0, size="moving")]
     band: Annotated[Vector, physical("Hz", "lowest and highest frequency", at_least=0.0, size="pair")]
-    components: Annotated[Scalar, physical("1", "number of sines", at_least=1.0, at_most=1e4, whole=True)]
+    components: Annotated[Scalar, physical("1", "number of sines", at_least=1.0, at_most=100.0, whole=True)]
 
     @field_validator("band")
     @classmethod
@@ -179,7 +182,7 @@ class CompareConfig(Experiment):
     experiment: Literal["compare"]
     reference: Reference
     control: Control
-    runs: Annotated[dict[Name, CompareRun], Field(min_length=1, description="runs by name")]
+    runs: Annotated[dict[RunName, CompareRun], Field(min_length=1, description="runs by name")]
 
     @field_validator("reference")
     @classmethod
@@ -213,7 +216,7 @@ class DecoupleConfig(Experiment):
 
     experiment: Literal["decouple"]
     position_loop: PositionLoop
-    runs: Annotated[dict[Name, DecoupleRun], Field(min_length=1, description="runs by name")]
+    runs: Annotated[dict[RunName, DecoupleRun], Field(min_length=1, description="runs by name")]
 
     @field_validator("runs")
     @classmethod
@@ -228,6 +231,10 @@ class DecoupleConfig(Experiment):
 def _check_duration(reference: Reference, at: Key, info: ValidationInfo, problems: Problems) -> None:
     """Note a duration that is not a whole number of samples."""
     period, duration = info.data.get("sampling_period"), reference.duration
-    if period is not None and duration is not None and not is_multiple(duration, period.si):
+    if period is None or duration is None:
+        return
+    if duration > MOST_SAMPLES * period.si:
+        problems.add(at, f"lasts {duration:g} s; a run has at most {MOST_SAMPLES:g} samples")
+    elif not is_multiple(duration, period.si):
         message = f"lasts {duration:.9g} s, which must be a whole multiple of the sampling period, "
         problems.add(at, f"{message}{period}")

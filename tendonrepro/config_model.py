@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Annotated, Literal, Self, TypeAlias
 
 from pydantic import (
+    AfterValidator,
     BaseModel,
     BeforeValidator,
     ConfigDict,
@@ -109,6 +110,17 @@ def _check_version(version: object) -> object:
 
 
 Name: TypeAlias = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+
+
+def _not_reserved(name: str) -> str:
+    problems = Problems()
+    if name == "plant":
+        problems.add((), "is the name of something else among the results; choose another")
+    problems.raise_if_any()
+    return name
+
+
+RunName: TypeAlias = Annotated[Name, AfterValidator(_not_reserved)]
 SchemaVersion: TypeAlias = Annotated[
     Literal[1], BeforeValidator(_check_version), Field(description="version of this file format")
 ]

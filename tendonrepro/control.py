@@ -66,7 +66,7 @@ class Law(NamedTuple):
     rate_gain : array (n,)
         Factor of ``dphi`` in ``u``: ``eta``, or 1 where Controller 2's print drops it.
     rate_filter : float
-        Weight of the newest velocity in the low-pass filter of the velocity; 1 is no filter.
+        Weight of the newest value in the low-pass filter of the error's rate; 1 is no filter.
     to_joint, from_joint : array (n, n)
         Map from the law's torque coordinates to joint coordinates, and back; identity as assumed by default.
     """
@@ -102,13 +102,13 @@ class Memory(NamedTuple):
         Encoder values at ``t - L`` to ``t - 4L``, newest first, rad.
     tau : array (2, n)
         Applied torques at ``t - L`` and ``t - 2L`` in joint coordinates, N m.
-    dq : array (n,)
-        Velocity estimate at ``t - L``, rad s⁻¹.
+    de : array (n,)
+        Rate of the error at ``t - L``, rad s⁻¹.
     """
 
     q: Array
     tau: Array
-    dq: Array
+    de: Array
 
 
 def start_memory(q: Array, tau: Array) -> Memory:
@@ -128,17 +128,17 @@ def start_memory(q: Array, tau: Array) -> Memory:
     -------
     Memory
     """
-    return Memory(q=_repeat(q, SAMPLES_BACK), tau=_repeat(tau, 2), dq=np.zeros_like(q))
+    return Memory(q=_repeat(q, SAMPLES_BACK), tau=_repeat(tau, 2), de=np.zeros_like(q))
 
 
-def remember(memory: Memory, q: Array, dq: Array, tau_m: Array) -> Memory:
+def remember(memory: Memory, q: Array, de: Array, tau_m: Array) -> Memory:
     """Shift the delay lines by one period.
 
     Parameters
     ----------
     memory : Memory
-    q, dq : array (n,)
-        Encoder values and velocity estimate of this sample, rad and rad s⁻¹.
+    q, de : array (n,)
+        Encoder values, rad, and rate of the error, rad s⁻¹, of this sample.
     tau_m : array (n,)
         Torque applied from this sample on, after saturation and delay, N m.
     """
@@ -146,7 +146,7 @@ def remember(memory: Memory, q: Array, dq: Array, tau_m: Array) -> Memory:
     older_tau = np.empty_like(memory.tau)
     older_q[0], older_q[1:] = q, memory.q[:-1]
     older_tau[0], older_tau[1] = tau_m, memory.tau[0]
-    return Memory(older_q, older_tau, dq)
+    return Memory(older_q, older_tau, de)
 
 
 def command(
@@ -171,40 +171,42 @@ def command(
         Estimate of the lumped dynamics in joint coordinates, N m.
     s : array (n,)
         Sliding variable, rad s⁻¹.
-    dq : array (n,)
-        Velocity estimate, rad s⁻¹; goes into :func:`remember`.
+    de : array (n,)
+        Rate of the error, rad s⁻¹; goes into :func:`remember`.
     """
-    dq = velocity_estimate(memory, q, law)
+    de = error_rate(memory, q, dq_d, law)
     H_hat = time_delay_estimate(memory, q, law)
     tau = np.empty_like(q)
     s = np.empty_like(q)
     for i in range(q.shape[0]):
-        e = q_d[i] - q[i]
-        de = dq_d[i] - dq[i]
-        s[i], u = surface_and_feedback(e, de, law, i)
+        s[i], u = surface_and_feedback(q_d[i] - q[i], de[i], law, i)
         tau[i] = law.M_bar[i] * (ddq_d[i] + u) + H_hat[i]
-    return times(law.to_joint, tau), times(law.to_joint, H_hat), s, dq
+    return times(law.to_joint, tau), times(law.to_joint, H_hat), s, de
 
 
-def velocity_estimate(memory: Memory, q: Array, law: Law) -> Array:
-    """Velocity by backward difference of the encoder, low-pass filtered where the law says so, rad s⁻¹.
+def error_rate(memory: Memory, q: Array, dq_d: Array, law: Law) -> Array:
+    """Rate of the tracking error, ``de``, low-pass filtered where the law says so, rad s⁻¹.
+
+    The measured part is the backward difference of the encoder; the paper names neither it nor a filter.
 
     Parameters
     ----------
     memory : Memory
     q : array (n,)
         Encoder values now, rad.
+    dq_d : array (n,)
+        Desired velocity now, rad s⁻¹.
     law : Law
 
     Returns
     -------
     array (n,)
     """
-    dq = np.empty_like(q)
+    de = np.empty_like(q)
     for i in range(q.shape[0]):
-        raw = (q[i] - memory.q[0, i]) / law.L
-        dq[i] = memory.dq[i] + law.rate_filter * (raw - memory.dq[i])
-    return dq
+        newest = dq_d[i] - (q[i] - memory.q[0, i]) / law.L
+        de[i] = (1.0 - law.rate_filter) * memory.de[i] + law.rate_filter * newest
+    return de
 
 
 def time_delay_estimate(memory: Memory, q: Array, law: Law) -> Array:
@@ -267,7 +269,7 @@ def surface_and_feedback(e: float, de: float, law: Law, i: int) -> tuple[float, 
 
 
 def phi(e: float, law: Law, i: int) -> float:
-    """``phi(e)`` of Eq. (12), rad.
+    """``phi(e)`` of Eq. (12), rad^b; ``eta`` carries the unit that makes it a velocity.
 
     The print takes the power branch inside ``Delta`` only while ``de + eta sig(e)^b`` is exactly zero. That
     is an equality of measured numbers, so the polynomial is what runs there.

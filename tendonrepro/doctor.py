@@ -10,6 +10,7 @@ from tendonrepro.manifest import environment
 from tendonrepro.screen import columns
 
 SCHEMA_VERSION = 1
+WRONG = "wrong:"
 
 
 def examine() -> dict[str, Any]:
@@ -18,7 +19,7 @@ def examine() -> dict[str, Any]:
     Returns
     -------
     dict
-        ``checks`` maps each check to ``ok`` or to what is wrong.
+        ``checks`` maps each check to ``ok``, to a remark, or to what is wrong.
     """
     checks = {"configurations": _configurations, "published numbers": _published, "compiled code": _compiled}
     return {
@@ -46,11 +47,16 @@ def report_text(found: dict[str, Any]) -> str:
     return columns(rows)
 
 
+def all_well(found: dict[str, Any]) -> bool:
+    """Whether no check of :func:`examine` found anything wrong."""
+    return not any(outcome.startswith(WRONG) for outcome in found["checks"].values())
+
+
 def _outcome(check: Callable[[], str]) -> str:
     try:
         return check()
     except Exception as error:
-        return f"{type(error).__name__}: {error}"
+        return f"{WRONG} {type(error).__name__}: {error}"
 
 
 def _configurations() -> str:
@@ -64,7 +70,7 @@ def _configurations() -> str:
 def _published() -> str:
     from tendonrepro.published import published
 
-    return "ok" if published().entries else "empty"
+    return "ok" if published().entries else f"{WRONG} empty"
 
 
 def _compiled() -> str:

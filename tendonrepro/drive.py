@@ -105,11 +105,35 @@ def to_joint_torque(torque: Array, drive: Drive) -> Array:
     return times(drive.S_inv.T, torque)
 
 
+def lever(theta: Array, drive: Drive) -> Array:
+    """Turns of a winch per turn of its motor's angle, one but for the transmission error.
+
+    By virtual work it is also the motor's share of a tendon's torque.
+
+    Parameters
+    ----------
+    theta : array (n, ...)
+        Motor angles in joint coordinates, rad.
+    drive : Drive
+
+    Returns
+    -------
+    array (n, ...)
+    """
+    motor = to_winch_angle(theta, drive)
+    turns = np.empty_like(theta)
+    for i in range(theta.shape[0]):
+        slope = drive.wobble[i] * drive.wobble_rate[i]
+        turns[i] = 1.0 + slope * np.cos(drive.wobble_rate[i] * motor[i])
+    return turns
+
+
 def tendon_torque(q: Array, dq: Array, theta: Array, dtheta: Array, drive: Drive) -> Array:
     """Torque of every tendon at its winch, N m; Eq. (5) in winch coordinates.
 
     A clearance is a dead zone of the elastic part. The damping acts throughout: it stands for everything
-    that dissipates along the tendon's path, and an on-off damping would be a guess on top of a guess.
+    that dissipates along the tendon's path, and an on-off damping would be a guess on top of a guess. A
+    transmission error turns the winch a little ahead of or behind its motor.
 
     Parameters
     ----------
@@ -125,14 +149,13 @@ def tendon_torque(q: Array, dq: Array, theta: Array, dtheta: Array, drive: Drive
         ``Sᵀ tau_s``; positive where the tendon pulls.
     """
     stretch = to_winch_angle(theta - q, drive)
-    stretch_rate = to_winch_angle(dtheta - dq, drive)
-    winch = to_winch_angle(theta, drive)
-    winch_rate = to_winch_angle(dtheta, drive)
+    motor, motor_rate = to_winch_angle(theta, drive), to_winch_angle(dtheta, drive)
+    joint_rate = to_winch_angle(dq, drive)
+    turns = lever(theta, drive)
     torque = np.empty_like(q)
     for i in range(q.shape[0]):
-        turned = drive.wobble_rate[i] * winch[i]
-        reach = stretch[i] + drive.wobble[i] * np.sin(turned)
-        reach_rate = stretch_rate[i] + drive.wobble[i] * drive.wobble_rate[i] * np.cos(turned) * winch_rate[i]
+        reach = stretch[i] + drive.wobble[i] * np.sin(drive.wobble_rate[i] * motor[i])
+        reach_rate = turns[i] * motor_rate[i] - joint_rate[i]
         inside = 0.5 * (np.abs(reach + drive.slack[i]) - np.abs(reach - drive.slack[i]))
         torque[i] = drive.stiffness[i] * (reach - inside) + drive.damping[i] * reach_rate
     return torque
@@ -163,13 +186,13 @@ def winch_friction(winch_rate: Array, tendon: Array, motor: Array, drive: Drive)
     return torque
 
 
-def motor_acceleration(dtheta: Array, tendon: Array, tau_m: Array, drive: Drive) -> Array:
+def motor_acceleration(theta: Array, dtheta: Array, tendon: Array, tau_m: Array, drive: Drive) -> Array:
     """Motor acceleration in joint coordinates, rad s⁻²; Eq. (3) solved for ``ddtheta``.
 
     Parameters
     ----------
-    dtheta : array (n, ...)
-        Motor velocities in joint coordinates, rad s⁻¹.
+    theta, dtheta : array (n, ...)
+        Motor angles, rad, and velocities, rad s⁻¹, in joint coordinates.
     tendon : array (n, ...)
         Tendon torques at the winch, N m.
     tau_m : array (n, ...)
@@ -181,7 +204,7 @@ def motor_acceleration(dtheta: Array, tendon: Array, tau_m: Array, drive: Drive)
     array (n, ...)
     """
     motor = to_winch_torque(tau_m, drive)
-    load = tendon + winch_friction(to_winch_angle(dtheta, drive), tendon, motor, drive)
+    load = lever(theta, drive) * tendon + winch_friction(to_winch_angle(dtheta, drive), tendon, motor, drive)
     acceleration = np.empty_like(dtheta)
     for i in range(dtheta.shape[0]):
         acceleration[i] = (motor[i] - load[i]) / drive.inertia[i]

@@ -13,7 +13,15 @@ import numpy as np
 from tendonrepro.arm import Arm, bias_torque, gravity_torque, mass_matrix
 from tendonrepro.arrays import Array
 from tendonrepro.disturbance import Disturbance, disturbance_torque
-from tendonrepro.drive import Drive, motor_acceleration, tendon_torque, theta_at_rest, to_joint_torque
+from tendonrepro.drive import (
+    Drive,
+    lever,
+    motor_acceleration,
+    tendon_torque,
+    theta_at_rest,
+    to_joint_torque,
+    to_winch_torque,
+)
 from tendonrepro.friction import Friction, friction_torque, without_dry_friction
 from tendonrepro.matrices import solve_positive_definite
 
@@ -87,12 +95,12 @@ def state_derivative(t: float, state: Array, tau_m: Array, plant: Plant) -> Arra
     derivative[:n] = dq
     derivative[n : 2 * n] = link_acceleration(t, q, dq, to_joint_torque(tendon, plant.drive), plant)
     derivative[2 * n : 3 * n] = dtheta
-    derivative[3 * n :] = motor_acceleration(dtheta, tendon, tau_m, plant.drive)
+    derivative[3 * n :] = motor_acceleration(theta, dtheta, tendon, tau_m, plant.drive)
     return derivative
 
 
-def holding_torque(q: Array, plant: Plant) -> Array:
-    """Motor torque that holds the arm at rest, N m: the weight less the tensioner's pull.
+def load_at_rest(q: Array, plant: Plant) -> Array:
+    """Torque the tendons carry while the arm rests, N m: the weight less the tensioner's pull.
 
     Parameters
     ----------
@@ -110,6 +118,25 @@ def holding_torque(q: Array, plant: Plant) -> Array:
     return torque
 
 
+def holding_torque(q: Array, plant: Plant) -> Array:
+    """Motor torque that holds the arm at rest, N m in joint coordinates.
+
+    Parameters
+    ----------
+    q : array (n,)
+        Joint angles, rad.
+    plant : Plant
+
+    Returns
+    -------
+    array (n,)
+        The load at rest; a transmission error changes the motors' share of it.
+    """
+    load, drive = load_at_rest(q, plant), plant.drive
+    ahead = lever(theta_at_rest(q, load, drive), drive) - 1.0
+    return load + to_joint_torque(ahead * to_winch_torque(load, drive), drive)
+
+
 def rest_state(q: Array, plant: Plant) -> Array:
     """State of static equilibrium at given joint angles.
 
@@ -124,7 +151,7 @@ def rest_state(q: Array, plant: Plant) -> Array:
     array (4 n,)
     """
     still = np.zeros_like(q)
-    return np.concatenate([q, still, theta_at_rest(q, holding_torque(q, plant), plant.drive), still])
+    return np.concatenate([q, still, theta_at_rest(q, load_at_rest(q, plant), plant.drive), still])
 
 
 def frictionless(plant: Plant) -> Plant:
@@ -132,10 +159,10 @@ def frictionless(plant: Plant) -> Plant:
 
     ``D_m`` stays: in Eq. (3) it is a matrix of its own, not part of ``F``.
     """
-    none = plant.link_friction._replace(viscous=0.0 * plant.link_friction.viscous)
+    none = plant.link_friction._replace(viscous=np.zeros_like(plant.link_friction.viscous))
     drive = plant.drive._replace(
         friction=without_dry_friction(plant.drive.friction),
-        pulley_loss=0.0 * plant.drive.pulley_loss,
-        reducer_loss=0.0 * plant.drive.reducer_loss,
+        pulley_loss=np.zeros_like(plant.drive.pulley_loss),
+        reducer_loss=np.zeros_like(plant.drive.reducer_loss),
     )
     return plant._replace(drive=drive, link_friction=without_dry_friction(none))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 from tendonrepro import __version__, compiled
@@ -10,8 +11,9 @@ from tendonrepro.config import CompareConfig, LoadedConfig
 from tendonrepro.errors import UsageError
 from tendonrepro.manifest import to_json
 from tendonrepro.metrics import status_of
+from tendonrepro.parallel import advance, each
 from tendonrepro.plant_record import plant_record
-from tendonrepro.records import Trace, TraceFile
+from tendonrepro.records import RESERVED, Trace, TraceFile
 from tendonrepro.runs import build_loops, reference_period
 from tendonrepro.simulate import Loop, TimeDelayController, simulate
 from tendonrepro.talk import Talk
@@ -35,19 +37,19 @@ def all_loops(loaded: LoadedConfig, law: UserLaw | None) -> dict[str, Loop]:
     loops = dict(build_loops(loaded.config, loaded.folder))
     if law is None:
         return loops
-    if law.name in loops:
-        message = f"the configuration already has a run named {law.name!r}"
+    if law.name in (*loops, RESERVED):
+        message = f"there is something else of the name {law.name!r} among the results"
         raise UsageError(message, where="--law", hint="give the function another name")
     return loops | {law.name: add_user_law(law, next(iter(loops.values())))}
 
 
-def simulate_all(loaded: LoadedConfig, loops: dict[str, Loop], talk: Talk) -> list[Trace]:
-    """Simulate one run after the other.
+def simulate_all(loaded: LoadedConfig, law: UserLaw | None, talk: Talk) -> list[Trace]:
+    """Simulate every run, each on its own.
 
     Parameters
     ----------
     loaded : LoadedConfig
-    loops : dict of Loop
+    law : UserLaw or None
     talk : Talk
 
     Returns
@@ -57,21 +59,38 @@ def simulate_all(loaded: LoadedConfig, loops: dict[str, Loop], talk: Talk) -> li
     """
     if compiled.cache_is_empty():
         talk.note("compiling once for this machine, about ten seconds")
+    loops = all_loops(loaded, law)
     total = sum(loop.reference.time.size for loop in loops.values())
     with talk.bar(f"simulating {len(loops)} runs", total) as progress:
-        return [_simulate_one(loaded, name, loop, progress, talk) for name, loop in loops.items()]
+        traces = each(partial(simulate_run, loaded, law), list(loops), progress)
+    for trace in traces:
+        talk.detail(f"{trace.name}: {trace.status}, {trace.time.size} samples")
+    return traces
 
 
-def _simulate_one(
-    loaded: LoadedConfig, name: str, loop: Loop, progress: Callable[[int], None], talk: Talk
-) -> Trace:
-    variables = simulate(loop, progress)
+def simulate_run(loaded: LoadedConfig, law: UserLaw | None, name: str) -> Trace:
+    """Simulate one run.
+
+    Parameters
+    ----------
+    loaded : LoadedConfig
+    law : UserLaw or None
+    name : str
+        Of the run.
+
+    Returns
+    -------
+    Trace
+    """
+    loop = all_loops(loaded, law)[name]
+    variables = simulate(loop, advance)
     t = variables.pop("time")
     limits = loaded.config.status
     status, status_time = status_of(
         t, variables["e"], limits.divergence_limit.si, limits.ringing_frequency.si, limits.ringing_share.si
     )
-    talk.detail(f"{name}: {status}, {t.size} samples")
+    if t.size < loop.reference.time.size:
+        status, status_time = "diverged", float(t[-1])
     end = {"status": status, "status_time": status_time}
     return Trace(name, t, loaded.config.joints, variables, _attributes(loaded, name, loop) | end)
 

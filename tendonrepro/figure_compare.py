@@ -6,14 +6,12 @@ from dataclasses import dataclass
 from itertools import count, product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tendonrepro.arrays import Array
 from tendonrepro.figure_panels import Sheet
 from tendonrepro.figure_style import COLUMN_MM, PAGE_MM, REFERENCE, Stroke, stroke_of
 from tendonrepro.metrics import window_mean
 from tendonrepro.traces import VARIABLES, Trace, TraceFile
-
-Array = NDArray[np.float64]
 
 MEAN_WINDOW = 0.05
 """Width of the centred moving mean, s."""
@@ -117,7 +115,7 @@ def draw_law(_file: TraceFile, traces: list[Trace]) -> Sheet:
     Returns
     -------
     Sheet
-        A column a joint; from above s, H_hat, tau_m, each as samples and as their mean.
+        A column a joint; from above s, H_hat, tau_m, each as the band its samples fill and as their mean.
     """
     rows = {
         "s": r"Sliding variable $s$ (rad/s)",
@@ -131,7 +129,7 @@ def draw_law(_file: TraceFile, traces: list[Trace]) -> Sheet:
     for letter, (variable, joint) in zip(sheet.letters, product(rows, joints), strict=True):
         sheet.zero_line(letter)
         _curves(sheet, letter, runs, variable, joint, averaged=True)
-    sheet.explain(f"Pale: raw samples, dark: {MEAN_WINDOW * 1e3:g} ms mean", REFERENCE)
+    sheet.explain_bands(f"Pale: range of raw samples, dark: {MEAN_WINDOW * 1e3:g} ms mean")
     return sheet
 
 
@@ -202,22 +200,22 @@ def _desired(sheet: Sheet, letter: str, runs: list[_Run], joint: int) -> None:
 def _curves(
     sheet: Sheet, letter: str, runs: list[_Run], variable: str, joint: int, *, averaged: bool = False
 ) -> None:
-    """Draw a variable of every run that holds it, as it is or as a mean over pale samples."""
+    """Draw a variable of every run that holds it, as it is or as a mean over the pale band of its samples."""
     holding = [run for run in runs if run.holds(variable, joint)]
     if not holding:
         sheet.not_recorded(letter)
     for run in holding:
         time, values = run.trace.time, run.values(variable, joint)
-        if averaged:
-            sheet.raw(letter, run.name, time, values, run.stroke)
-            time, values = _mean(time, values)
         diverged = run.trace.status == "diverged"
+        if averaged:
+            sheet.band(letter, run.name, time, values, run.stroke, diverged=diverged)
+            time, values = _mean(time, values)
         sheet.curve(letter, run.name, time, values, run.stroke, label=run.label, diverged=diverged)
 
 
 def _mean(time: Array, values: Array) -> tuple[Array, Array]:
-    """Take the mean at two places a window and at the end; more would draw the beat of encoder counts."""
+    """Take the mean once a window and at the end; more often would draw the beat of encoder counts."""
     step = float(time[-1] - time[0]) / max(len(time) - 1, 1)
     samples = max(round(MEAN_WINDOW / step), 1) if step else 1
-    places = np.append(np.arange(0, len(time) - 1, max(samples // 2, 1)), len(time) - 1)
+    places = np.append(np.arange(0, len(time) - 1, samples), len(time) - 1)
     return time[places], window_mean(values, samples)[places]

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tendonrepro.arrays import Array
 from tendonrepro.figure_panels import Sheet
 from tendonrepro.figure_style import COLUMN_MM, REFERENCE, stroke_of
 from tendonrepro.metrics import mae
 from tendonrepro.traces import Trace, TraceFile
-
-Array = NDArray[np.float64]
 
 
 def draw_pull(file: TraceFile, traces: list[Trace]) -> Sheet:

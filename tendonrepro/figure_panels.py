@@ -8,21 +8,24 @@ from dataclasses import dataclass, field
 from string import ascii_lowercase
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
+from matplotlib.patches import Patch, Polygon
 
-from tendonrepro.figure_style import Stroke, thin
-
-Array = NDArray[np.float64]
+from tendonrepro.arrays import Array
+from tendonrepro.figure_style import Stroke, envelope, thin
 
 _MM_PER_INCH = 25.4
 # Free space above and below the curves, as a share of their range.
 _MARGIN = 0.06
-_RAW_ALPHA = 0.15
+# Of the bands: those below shine through the inside; edges are opaque, so that crossing ones stay pale.
+_INSIDE_ALPHA = 0.1
+_EDGE_SHARE = 0.55
 
 
 @dataclass(frozen=True)
@@ -38,8 +41,9 @@ class FigureArtists:
     axes : dict
         Panels by letter.
     lines : dict
-        Curves by panel letter and name, such as ``("c", "Controller 1")``; the raw samples below a mean are
-        ``("c", "Controller 1 raw")``.
+        Curves by panel letter and name, such as ``("c", "Controller 1")``.
+    bands : dict
+        Ranges of the raw samples below the curves that are means, by the same keys.
     caption : str
         What is shown, which runs went wrong, and where it all comes from.
     """
@@ -48,6 +52,7 @@ class FigureArtists:
     figure: Figure
     axes: dict[str, Axes]
     lines: dict[tuple[str, str], Line2D]
+    bands: dict[tuple[str, str], Polygon]
     caption: str
 
 
@@ -58,7 +63,7 @@ class _Panel:
     axes: Axes
     framing: list[Array] = field(default_factory=list)
     loose: list[Array] = field(default_factory=list)
-    raw: list[Array] = field(default_factory=list)
+    bands: list[Polygon] = field(default_factory=list)
     ends: list[tuple[float, float, str]] = field(default_factory=list)
 
 
@@ -83,7 +88,8 @@ class Sheet:
         grid = self.figure.subplots(len(labels), len(labels[0]), sharex=True, squeeze=False)
         self._panels: dict[str, _Panel] = {}
         self._lines: dict[tuple[str, str], Line2D] = {}
-        self._legend: dict[str, Line2D] = {}
+        self._bands: dict[tuple[str, str], Polygon] = {}
+        self._legend: dict[str, Artist] = {}
         texts = [text for row in labels for text in row]
         for letter, axes, (title, y_label) in zip(ascii_lowercase, grid.flat, texts, strict=False):
             axes.set_title(f"({letter}) {title}" if len(texts) > 1 else "")
@@ -139,11 +145,12 @@ class Sheet:
         if diverged and len(y):
             panel.ends.append((float(x[-1]), float(y[-1]), stroke.colour))
 
-    def raw(self, letter: str, name: str, time: Array, values: Array, stroke: Stroke) -> None:
-        """Draw single samples, pale and below everything else.
+    def band(
+        self, letter: str, name: str, time: Array, values: Array, stroke: Stroke, *, diverged: bool = False
+    ) -> None:
+        """Draw the range of the samples as a pale band with thin edges, below all curves and earlier bands.
 
-        They do not set the range of the y axis; where they leave it, the panel says so. They are pixels even
-        in the vector formats, since thousands of strokes as high as the panel would only make those large.
+        Strokes of single pulses would cover each other into one block and hide which curve swings less.
 
         Parameters
         ----------
@@ -155,15 +162,19 @@ class Sheet:
             Shape (T,), in the panel's units.
         stroke : Stroke
             Look of that curve; its colour is used.
+        diverged : bool
+            Leave the range of the y axis to the other curves; where the band leaves it, the panel says so.
         """
         panel = self._panels[letter]
-        x, y = thin(time, values)
-        (line,) = panel.axes.plot(x, y, color=stroke.colour, linewidth=0.4, alpha=_RAW_ALPHA, zorder=1.0)
-        line.set_rasterized(True)
-        line.set_antialiased(False)
-        line.set_solid_joinstyle("bevel")
-        self._lines[letter, f"{name} raw"] = line
-        panel.raw.append(y)
+        x, low, high = envelope(time, values)
+        band = Polygon(np.column_stack([np.append(x, x[::-1]), np.append(high, low[::-1])]))
+        # The first controller, which is the one to judge, lies on top.
+        band.set_zorder(0.8 / (1 + len(panel.bands)))
+        _make_pale(band, stroke.colour)
+        panel.axes.add_patch(band)
+        panel.bands.append(band)
+        self._bands[letter, name] = band
+        (panel.loose if diverged else panel.framing).extend([low, high])
 
     def zero_line(self, letter: str) -> None:
         """Draw a hair line at zero."""
@@ -181,9 +192,11 @@ class Sheet:
             0.5, 0.5, "not recorded", transform=axes.transAxes, ha="center", va="center", color="#666666"
         )
 
-    def explain(self, label: str, stroke: Stroke) -> None:
-        """Add a legend entry that stands for no single curve."""
-        self._legend[label] = Line2D([], [], color=stroke.colour, linewidth=stroke.width)
+    def explain_bands(self, label: str) -> None:
+        """Add a legend entry that stands for the bands of all curves."""
+        sample = Patch()
+        _make_pale(sample, "#000000")
+        self._legend[label] = sample
 
     def finish(self, number: int, caption: str) -> FigureArtists:
         """Set ranges and legend, and lay the figure out once for all formats.
@@ -203,7 +216,8 @@ class Sheet:
         self._frame_time()
         for letter, panel in self._panels.items():
             low, high = _frame_values(panel)
-            if any(((values < low) | (values > high)).any() for values in panel.raw):
+            # Not any(): every band has to be cut, not only the first.
+            if sum(_cut(band, low, high) for band in panel.bands):
                 self.note(letter, "raw clipped")
         if len(self._legend) > 1:
             self._draw_legend()
@@ -212,7 +226,7 @@ class Sheet:
         # The layout is settled; without its engine no format computes it again.
         self.figure.set_layout_engine(None)
         axes = {letter: panel.axes for letter, panel in self._panels.items()}
-        return FigureArtists(number, self.figure, axes, self._lines, caption)
+        return FigureArtists(number, self.figure, axes, self._lines, self._bands, caption)
 
     def _frame_time(self) -> None:
         times = [np.asarray(line.get_xdata(), float) for line in self._lines.values()]
@@ -251,6 +265,22 @@ def _frame_values(panel: _Panel) -> tuple[float, float]:
             [time], [shown], "x", markersize=4.0, markeredgewidth=1.0, color=colour, clip_on=False
         )
     return low, high
+
+
+def _cut(band: Polygon, low: float, high: float) -> bool:
+    """Cut a band off well outside the panel, where numbers may be too large for the vector formats."""
+    corners = band.get_xy()
+    room = high - low
+    band.set_xy(np.column_stack([corners[:, 0], np.clip(corners[:, 1], low - room, high + room)]))
+    return bool(((corners[:, 1] < low) | (corners[:, 1] > high)).any())
+
+
+def _make_pale(patch: Patch, colour: str) -> None:
+    patch.set_facecolor((colour, _INSIDE_ALPHA))
+    red, green, blue = (1.0 - _EDGE_SHARE * (1.0 - share) for share in to_rgb(colour))
+    patch.set_edgecolor((red, green, blue))
+    patch.set_linewidth(0.5)
+    patch.set_joinstyle("bevel")
 
 
 def _widened(low: float, high: float) -> tuple[float, float]:

@@ -10,9 +10,8 @@ from typing import Literal
 
 import numpy as np
 from matplotlib import style
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from tendonrepro.arrays import Array
 
 COLUMN_MM = 85.0
 """Width of one journal column."""
@@ -22,6 +21,8 @@ PAGE_MM = 175.0
 
 # No panel is wider than 75 mm, so a column is at most half as wide as the line drawn through it.
 _ENVELOPE_COLUMNS = 600
+# A step of a band is at most 0.4 mm wide, so that lone pulses stand apart from dense ones.
+_BAND_STEPS = 180
 
 
 @dataclass(frozen=True)
@@ -102,9 +103,40 @@ def thin(time: Array, values: Array) -> tuple[Array, Array]:
     size = -(-count // _ENVELOPE_COLUMNS)
     if size <= 2:
         return time, values
-    # The last group is filled up with the last sample, which cannot become an extreme it is not.
-    groups = np.pad(values, (0, -count % size), mode="edge").reshape(-1, size)
+    groups = _groups(values, size)
     start = np.arange(len(groups)) * size
     picked = np.concatenate([[0], start + groups.argmin(axis=1), start + groups.argmax(axis=1), [count - 1]])
     keep = np.unique(np.minimum(picked, count - 1))
     return time[keep], values[keep]
+
+
+def envelope(time: Array, values: Array) -> tuple[Array, Array, Array]:
+    """Smallest and largest sample of each of at most 180 equal groups; non-finite samples are dropped first.
+
+    Parameters
+    ----------
+    time : Array
+        Shape (T,).
+    values : Array
+        Shape (T,).
+
+    Returns
+    -------
+    time, low, high : Array
+        Shape (groups,). Times are the middles of the groups, except for both ends of the curve.
+    """
+    finite = np.isfinite(values)
+    time, values = time[finite], values[finite]
+    size = max(-(-len(values) // _BAND_STEPS), 1)
+    groups = _groups(values, size)
+    middles = time[np.minimum(np.arange(len(groups)) * size + size // 2, len(values) - 1)]
+    if len(middles):
+        middles[[0, -1]] = time[[0, -1]]
+    return middles, groups.min(axis=1), groups.max(axis=1)
+
+
+def _groups(values: Array, size: int) -> Array:
+    """Cut a curve into equal groups, filling the last with its last sample, which adds no extreme to it."""
+    if not len(values):
+        return values.reshape(0, size)
+    return np.pad(values, (0, -len(values) % size), mode="edge").reshape(-1, size)

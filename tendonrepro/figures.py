@@ -23,9 +23,6 @@ from tendonrepro.figure_style import journal_style
 from tendonrepro.files import atomic_path
 from tendonrepro.traces import Trace, TraceFile
 
-# In the vector formats only the pale raw samples are pixels.
-_DPI = {"pdf": 200.0, "svg": 200.0, "png": 300.0}
-
 
 @dataclass(frozen=True)
 class FigureSpec:
@@ -152,8 +149,13 @@ def save(artists: FigureArtists, folder: Path) -> list[Path]:
     with journal_style():
         for path, (suffix, entries) in zip(paths, metadata.items(), strict=True):
             with atomic_path(path) as temporary:
-                artists.figure.savefig(temporary, format=suffix, metadata=entries, dpi=_DPI[suffix])
+                artists.figure.savefig(temporary, format=suffix, metadata=entries)
     return paths
+
+
+def redrawn(file: TraceFile, folder: Path, number: int) -> list[Path]:
+    """Draw and save one figure; see `draw` and `save`."""
+    return save(draw(number, file), folder)
 
 
 def _caption(number: int, spec: FigureSpec, file: TraceFile, traces: list[Trace]) -> str:
@@ -219,7 +221,7 @@ FIGURES: dict[int, FigureSpec] = {
     ),
     15: FigureSpec(
         "Sliding variable, estimate of the lumped uncertainty and torque of the controllers: "
-        f"raw samples pale, their centred {MEAN_WINDOW * 1e3:g} ms mean dark.",
+        f"range of the raw samples pale, their centred {MEAN_WINDOW * 1e3:g} ms mean dark.",
         "compare",
         controllers,
         ("s", "H_hat", "tau_m"),

@@ -73,4 +73,4 @@ def without_dry_friction(friction: Friction) -> Friction:
     -------
     Friction
     """
-    return friction._replace(coulomb=0.0 * friction.coulomb)
+    return friction._replace(coulomb=np.zeros_like(friction.coulomb))

@@ -13,6 +13,9 @@ from tendonrepro.errors import DataMissingError
 
 SCHEMA_VERSION = 1
 
+RESERVED = "plant"
+"""Name that no run may have: the group of the plant's values."""
+
 VARIABLES: dict[str, tuple[str, str]] = {
     "q": ("rad", "joint angle"),
     "dq": ("rad s-1", "joint velocity"),

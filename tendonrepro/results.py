@@ -12,6 +12,7 @@ from filelock import FileLock, Timeout
 
 from tendonrepro import __version__
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
+from tendonrepro.files import sha256_of
 
 MANIFEST = "manifest.json"
 TRACES = "traces.h5"
@@ -37,27 +38,47 @@ def claimed(folder: Path, config_sha256: str, *, force: bool) -> Iterator[None]:
     TendonreproError
         If the folder cannot be made.
     """
-    _make(folder)
+    with _locked(folder):
+        if not force:
+            refuse_others(folder, config_sha256)
+        yield
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
     lock = FileLock(folder / ".lock")
     try:
-        with lock.acquire(timeout=0):
-            if not force:
-                _refuse_others(folder, config_sha256)
-            yield
+        folder.mkdir(parents=True, exist_ok=True)
+        lock.acquire(timeout=0)
     except Timeout as error:
         message = "another tendonrepro is writing here"
         raise UsageError(message, where=str(folder), hint="wait for it, or choose another --out") from error
-
-
-def _make(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        message = f"cannot make the results folder: {error.strerror}"
+        message = f"cannot write into the results folder: {error.strerror or error}"
         raise TendonreproError(message, where=str(folder), hint="choose another --out") from error
+    try:
+        yield
+    finally:
+        lock.release()
 
 
-def _refuse_others(folder: Path, config_sha256: str) -> None:
+def refuse_others(folder: Path, config_sha256: str) -> None:
+    """Refuse a folder that holds results of another configuration or version.
+
+    Parameters
+    ----------
+    folder : Path
+        May be missing.
+    config_sha256 : str
+        Digest of the configuration whose results are to be written.
+
+    Raises
+    ------
+    UsageError
+        If it does.
+    DataMissingError
+        If its manifest cannot be read.
+    """
     hint = "choose another --out, or say --force to overwrite them"
     if not (folder / MANIFEST).exists():
         if (folder / TRACES).exists():
@@ -76,6 +97,31 @@ def _refuse_others(folder: Path, config_sha256: str) -> None:
 
 def _short(identity: object) -> str:
     return str(identity)[:12]
+
+
+def clear(folder: Path) -> None:
+    """Remove an earlier result, manifest first, so that no old figure stands among new ones.
+
+    Parameters
+    ----------
+    folder : Path
+        Held by :func:`claimed`. Files that no manifest lists, or that were changed since, are left alone.
+    """
+    if not (folder / MANIFEST).exists():
+        return
+    try:
+        outputs = read_manifest(folder).get("outputs", {})
+    except DataMissingError:
+        outputs = {}
+    try:
+        (folder / MANIFEST).unlink()
+    except OSError as error:
+        message = f"cannot remove the earlier result: {error.strerror}"
+        raise TendonreproError(message, where=str(folder / MANIFEST)) from error
+    for name, digest in outputs.items():
+        path = folder / name
+        if path.is_file() and sha256_of(path) == digest:
+            path.unlink()
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
@@ -105,7 +151,8 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         raise DataMissingError(
             message, where=str(path), hint="run the experiment again with --force"
         ) from error
-    if not isinstance(manifest, dict) or not isinstance(manifest.get("config", {}), dict):
+    sections = ("config", "outputs")
+    if not isinstance(manifest, dict) or any(not isinstance(manifest.get(key, {}), dict) for key in sections):
         message = "is not a manifest of tendonrepro"
         raise DataMissingError(message, where=str(path), hint="run the experiment again with --force")
     return manifest

@@ -30,8 +30,8 @@ from tendonrepro.kinematics import coupling_inverse, coupling_matrix
 
 Experiment = CompareConfig | DecoupleConfig
 
-TENSIONER_SIDES = {"distal_only": (0.0, 1.0), "alternating": (-1.0, 1.0), "negative": (1.0, 1.0)}
-"""Side of tendon 4 one joint nearer to the base, relative to the joint beyond it (0: it passes the axis)."""
+TENSIONER_SIDES = {"distal_only": 0.0, "alternating": -1.0, "negative": 1.0}
+"""Side of tendon 4 at a joint, relative to its side at the joint beyond (0: it passes the axis)."""
 
 DISTURBANCE_STREAM = 3
 """Random stream of the disturbance; the streams before it belong to the instruments."""
@@ -137,8 +137,7 @@ def build_preload(config: Experiment) -> Array:
     config : CompareConfig or DecoupleConfig
     """
     tensioner, n = config.manipulator.tensioner, len(config.joints)
-    towards_base, last = TENSIONER_SIDES[tensioner.side]
-    sides = last * towards_base ** np.arange(config.manipulator.joints - 1, -1, -1.0)
+    sides = TENSIONER_SIDES[tensioner.side] ** np.arange(config.manipulator.joints - 1, -1, -1.0)
     return np.asarray(-sides * tensioner.force.si * tensioner.diameter.si / 2.0)[-n:]
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.config import CompareConfig
+from tendonrepro.config_experiment import MOST_SAMPLES
 from tendonrepro.config_reference import InTurns, MinimumJerk, PerJoint, RaisedCosine, Sampled, Sine, Single
 from tendonrepro.config_reference import Reference as ReferenceConfig
 from tendonrepro.control import DEGREES_PER_RADIAN, Law, Surface, estimator_weights
@@ -21,6 +22,7 @@ from tendonrepro.rig import (
     coupling,
     start_angles,
 )
+from tendonrepro.samples import read_samples
 from tendonrepro.servo import Servo
 from tendonrepro.simulate import Controller, Loop, PositionController, Reference, Solver, TimeDelayController
 from tendonrepro.trajectory import (
@@ -30,7 +32,6 @@ from tendonrepro.trajectory import (
     minimum_jerk,
     motion,
     raised_cosine,
-    read_samples,
     sampled,
     smooth_sine,
     trapezoid_times,
@@ -42,7 +43,7 @@ RESOLVED_ANGLE = 1e-9
 
 
 def reference_period(reference: ReferenceConfig) -> float:
-    """Duration after which a reference repeats, s; 0 if it does not.
+    """Duration after which a reference repeats, s; 0 if it does not, or if joints differ.
 
     Parameters
     ----------
@@ -51,8 +52,9 @@ def reference_period(reference: ReferenceConfig) -> float:
     """
     if isinstance(reference, Sampled):
         return 0.0
-    first = reference.references[0] if isinstance(reference, PerJoint) else reference
-    return first.duration / first.periods.si
+    singles = reference.references if isinstance(reference, PerJoint) else (reference,)
+    periods = {single.duration / single.periods.si for single in singles}
+    return periods.pop() if len(periods) == 1 else 0.0
 
 
 def build_reference(
@@ -79,8 +81,11 @@ def build_reference(
     ConfigError
         If a trajectory file cannot be used, or a link would leave the working half-plane.
     """
-    motions = _motions(reference, config.joints, folder)
     L = config.sampling_period.si
+    motions = _motions(reference, config.joints, folder)
+    if not 1.0 <= motions[0].duration / L <= MOST_SAMPLES:
+        message = f"lasts {motions[0].duration:g} s; a run has from 1 to {MOST_SAMPLES:g} periods of {L:g} s"
+        raise ConfigError(message, where="reference")
     time: Array = L * np.arange(int(np.floor(motions[0].duration / L + 1e-6)) + 1.0)
     q_d, dq_d, ddq_d = motion(time, motions)
     if S is not None:
@@ -132,6 +137,11 @@ def _sampled_motions(path: Path, joints: Sequence[int]) -> list[Motion]:
     if missing:
         message = f"has no column for joint {missing[0]}"
         raise ConfigError(message, where=str(path), hint=f"add a column q{missing[0]}_deg")
+    moved = [joint for joint in joints if angles[joint][0] != 0.0]
+    if moved:
+        start = np.rad2deg(angles[moved[0]][0])
+        message = f"joint {moved[0]} starts at {start:g} deg; it must start at 0, the start posture"
+        raise ConfigError(message, where=f"{path}:2", hint="take the first angle off the whole column")
     return [Motion((sampled(time, angles[joint]),), float(time[-1] - time[0])) for joint in joints]
 
 
@@ -181,7 +191,8 @@ def build_law(config: CompareConfig, name: str) -> Law:
         lam=gains.lam.si,
         eta=gains.eta.si,
         b=gains.b.si,
-        Delta=gains.Delta.si,
+        # Where the gains mean degrees it is the printed number that means them.
+        Delta=gains.Delta.si if readings.gain_unit == "radian" else np.array(gains.Delta.value),
         beta=gains.beta.si,
         K_d=gains.K_d.si if gains.K_d else np.zeros(n),
         K_p=gains.K_p.si if gains.K_p else np.zeros(n),

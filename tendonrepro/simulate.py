@@ -31,6 +31,9 @@ CommandFunction = Callable[[Memory, Array, Array, Array, Array, Law], tuple[Arra
 STEPS_PER_SAMPLE = 5000
 """Integrator steps in one period after which a plant counts as one it cannot resolve."""
 
+LARGEST_TORQUE = 1e6
+"""Torque, N m, beyond which a run has diverged even before its error shows it."""
+
 PROGRESS_INTERVAL = 500
 """Samples between two reports of progress."""
 
@@ -152,8 +155,8 @@ class TimeDelayController:
         self, memory: Memory, measured: Measurement, q_d: Array, dq_d: Array, ddq_d: Array
     ) -> Decision:
         """Torque by Eq. (17)."""
-        tau, H_hat, s, dq = self.command(memory, measured.q, q_d, dq_d, ddq_d, self.law)
-        return Decision(tau, (H_hat, s), dq)
+        tau, H_hat, s, de = self.command(memory, measured.q, q_d, dq_d, ddq_d, self.law)
+        return Decision(tau, (H_hat, s), de)
 
     def remember(self, memory: Memory, measured: Measurement, decision: Decision, tau_m: Array) -> Memory:
         """Shift the delay lines."""
@@ -290,8 +293,9 @@ def _allocate(loop: Loop) -> dict[str, Array]:
 def _run(loop: Loop, record: Mapping[str, Array], progress: Callable[[int], None]) -> int:
     """Fill the record; return the number of samples done."""
     reference, controller, plant = loop.reference, loop.controller, loop.plant
+    S, S_inv = plant.drive.S, plant.drive.S_inv
     samples, n = reference.q_d.shape
-    measure, applied, advance = _instruments(loop), _motors(loop), _integrator(loop)
+    measure, noise, advance = _instruments(loop), _torque_noise(loop), _integrator(loop)
     state = rest_state(np.zeros(n), plant)
     tau_before = np.zeros(n) if loop.cold else holding_torque(np.zeros(n), plant)
     memory = controller.init(measure(0, state), tau_before)
@@ -302,19 +306,24 @@ def _run(loop: Loop, record: Mapping[str, Array], progress: Callable[[int], None
             memory, measured, reference.q_d[k], reference.dq_d[k], reference.ddq_d[k]
         )
         pending.append(decision.tau)
-        tau_m = applied(k, pending.pop(0))
+        tau_m = applied_torque(pending.pop(0), loop.actuator, S, S_inv)
         values = (state, measured.q, measured.q_motor, decision.tau, tau_m, *decision.signals)
         for rows, value in zip(record.values(), values, strict=True):
             rows[k] = value
-        error = np.abs(reference.q_d[k] - measured.q).max()
-        # A comparison with NaN is false, so this also ends a run that is no longer finite.
-        if k + 1 == samples or not error <= loop.divergence_limit:
+        if k + 1 == samples or not _bounded(reference.q_d[k] - measured.q, tau_m, loop.divergence_limit):
             break
         memory = controller.remember(memory, measured, decision, tau_m)
-        state = advance(reference.time[k], reference.time[k + 1], state, tau_m)
-        if k % PROGRESS_INTERVAL == 0:
+        # The noise acts on the plant alone: no controller can know it.
+        state = advance(reference.time[k], reference.time[k + 1], state, tau_m + noise[k])
+        if k % PROGRESS_INTERVAL == PROGRESS_INTERVAL - 1:
             progress(PROGRESS_INTERVAL)
+    progress((k + 1) % PROGRESS_INTERVAL)
     return k + 1
+
+
+def _bounded(error: Array, tau_m: Array, limit: float) -> bool:
+    """Whether a run can go on; comparisons with NaN are false."""
+    return bool(np.abs(error).max() <= limit and np.abs(tau_m).max() <= LARGEST_TORQUE)
 
 
 def _random(loop: Loop, stream: int) -> np.random.Generator:
@@ -340,14 +349,10 @@ def _instruments(loop: Loop) -> Callable[[int, Array], Measurement]:
     return measure
 
 
-def _motors(loop: Loop) -> Callable[[int, Array], Array]:
+def _torque_noise(loop: Loop) -> Array:
+    """Noise of the motors' torque at every sample, in joint coordinates, N m, (T, n)."""
     noise = noise_sequence(loop.actuator.noise, loop.reference.q_d.shape, _random(loop, 2))
-    drive = loop.plant.drive
-
-    def applied(k: int, tau: Array) -> Array:
-        return applied_torque(tau, noise[k], loop.actuator, drive.S, drive.S_inv)
-
-    return applied
+    return np.asarray(noise @ loop.plant.drive.S_inv)
 
 
 def _integrator(loop: Loop) -> Callable[[float, float, Array, Array], Array]:
@@ -358,14 +363,16 @@ def _integrator(loop: Loop) -> Callable[[float, float, Array, Array], Array]:
         rtol=solver.rtol,
         atol=solver.atol,
         max_step=solver.max_step,
-        first_step=solver.max_step,
+        # Most periods begin with a torque step, after which a full first step would be tried in vain.
+        first_step=0.25 * solver.max_step,
         nsteps=STEPS_PER_SAMPLE,
     )
 
     def advance(start: float, end: float, state: Array, tau_m: Array) -> Array:
         problem.set_initial_value(state, start).set_f_params(tau_m, p)
         reached = problem.integrate(end)
-        if not problem.successful():
+        # A state that overflowed is the run's result; its error shows it at the next sample.
+        if not problem.successful() and np.isfinite(reached).all():
             message = f"{solver.method} cannot follow the plant beyond t = {start:.3f} s"
             hint = "the plant is too stiff for this method: try solver.method=lsoda or looser tolerances"
             raise TendonreproError(message, hint=hint)

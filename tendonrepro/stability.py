@@ -17,10 +17,10 @@ from tendonrepro.control import (
     Law,
     Memory,
     Surface,
+    error_rate,
     phi_slope,
     remember,
     time_delay_estimate,
-    velocity_estimate,
 )
 from tendonrepro.dynamics import Plant
 from tendonrepro.kinematics import to_joint_matrix
@@ -150,13 +150,13 @@ def loop_matrix(q: Array, plant: Plant, law: Law, delay: int = 0) -> Array:
     def step(z: Array) -> Array:
         x, pending = z[: 4 * n], z[11 * n :]
         memory = Memory(
-            q=z[4 * n : 8 * n].reshape(4, n), tau=z[8 * n : 10 * n].reshape(2, n), dq=z[10 * n : 11 * n]
+            q=z[4 * n : 8 * n].reshape(4, n), tau=z[8 * n : 10 * n].reshape(2, n), de=z[10 * n : 11 * n]
         )
-        dq = velocity_estimate(memory, x[:n], law)
-        feedback = law.M_bar * (-on_error * x[:n] - on_rate * dq)
+        de = error_rate(memory, x[:n], np.zeros(n), law)
+        feedback = law.M_bar * (on_rate * de - on_error * x[:n])
         tau = law.to_joint @ (feedback + time_delay_estimate(memory, x[:n], law))
         queue = np.concatenate([pending, tau])
-        after = remember(memory, x[:n], dq, queue[:n])
+        after = remember(memory, x[:n], de, queue[:n])
         return np.concatenate([Phi @ x + Gamma @ queue[:n], *map(np.ravel, after), queue[n:]])
 
     return np.stack([step(unit) for unit in np.eye(size)], axis=1)

@@ -34,6 +34,7 @@ _CONSTANTS: Mapping[str, bool | None] = {
 }  # fmt: skip
 _INTEGER = re.compile(r"[-+]?[0-9]+")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
+_NUL = "\0"
 _NOT_FINITE = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
 
 # libyaml gives the same events as the pure Python parser, several times faster.
@@ -188,6 +189,8 @@ class _Reader:
         if not event.style:
             return self._scalar(event)
         quoted: str = event.value
+        if _NUL in quoted:
+            self._refuse("the text holds a NUL character, which the result files cannot store", event)
         return quoted
 
     def _mapping(self, path: Key) -> dict[str, Node]:

@@ -9,12 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.errors import ConfigError
 
 Shape = Callable[[Array], tuple[Array, Array, Array]]
 """Time since the period's start, s (T,), to angle, velocity, acceleration of one joint, each (T,)."""
@@ -211,45 +209,3 @@ def sampled(time: Array, angle: Array) -> Shape:
         return spline(inside), rate(inside), curvature(inside)
 
     return shape
-
-
-def read_samples(path: Path) -> tuple[Array, dict[int, Array]]:
-    """Read a trajectory file: CSV with the columns ``time_s`` and ``q<joint>_deg``.
-
-    Parameters
-    ----------
-    path : Path
-
-    Returns
-    -------
-    time : array (N,)
-        s.
-    angles : dict of array (N,)
-        Joint angles by the paper's joint number, rad.
-
-    Raises
-    ------
-    ConfigError
-        If the file is missing, has other columns, too few rows, numbers that are not finite or a time that
-        does not increase.
-    """
-    try:
-        with path.open(encoding="utf-8-sig") as lines:
-            header = [name.strip() for name in lines.readline().split(",")]
-            rows = np.loadtxt(lines, delimiter=",", ndmin=2, dtype=np.float64)
-    except (OSError, ValueError) as error:
-        message = f"cannot read the trajectory: {error}"
-        raise ConfigError(message, where=str(path)) from error
-    names = {f"q{joint}_deg": joint for joint in range(1, 10)}
-    if header[:1] != ["time_s"] or len(header) < 2 or not set(header[1:]) <= set(names):
-        message = f"the first line must be time_s,q2_deg,q3_deg or the like, found {','.join(header)!r}"
-        raise ConfigError(message, where=f"{path}:1")
-    if rows.shape[0] < 6 or rows.shape[1] != len(header) or not np.isfinite(rows).all():
-        message = f"needs at least 6 rows of {len(header)} finite numbers"
-        raise ConfigError(message, where=str(path))
-    if np.any(np.diff(rows[:, 0]) <= 0.0):
-        row = int(np.argmax(np.diff(rows[:, 0]) <= 0.0)) + 3
-        message = "time must increase from row to row"
-        raise ConfigError(message, where=f"{path}:{row}")
-    angles = {names[name]: np.deg2rad(rows[:, k]) for k, name in enumerate(header) if k}
-    return rows[:, 0], angles

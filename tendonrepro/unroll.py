@@ -112,6 +112,8 @@ def _as_object(operand: Any) -> Any:
 
 
 def _binary(tape: Tape, operator: str, left: Any, right: Any) -> Any:
+    if isinstance(left, np.ndarray) or isinstance(right, np.ndarray):
+        return NotImplemented
     if short := _simplified(operator, left, right):
         return short[0]
     names = [

@@ -7,7 +7,7 @@ import importlib.util
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -20,33 +20,55 @@ from tendonrepro.simulate import CommandFunction, Loop, TimeDelayController
 
 @dataclass(frozen=True)
 class UserLaw:
-    """A function with the signature of :func:`tendonrepro.control.command`.
+    """A function with the signature of :func:`tendonrepro.control.command`, named by its place.
 
     Attributes
     ----------
     path : Path
-        File it came from.
+        Python file it stands in.
     name : str
         Its name, which becomes that of the run.
-    function : callable
     """
 
     path: Path
     name: str
-    function: Callable[..., Any]
 
     def digest_with(self, config_sha256: str) -> str:
         """Digest of a configuration together with this law."""
         return hashlib.sha256(f"{config_sha256} {sha256_of(self.path)} {self.name}".encode()).hexdigest()
 
+    def load(self) -> Callable[..., Any]:
+        """Run the file and return the function.
 
-def load_user_law(spec: str) -> UserLaw:
-    """Import a law.
+        Raises
+        ------
+        UsageError
+            If the file cannot be run or has no such function.
+        """
+        found = importlib.util.spec_from_file_location(self.path.stem, self.path)
+        if found is None or found.loader is None:
+            message = f"{self.path} is not a Python file"
+            raise UsageError(message, where="--law")
+        module = importlib.util.module_from_spec(found)
+        try:
+            found.loader.exec_module(module)
+        except (Exception, SystemExit) as error:
+            message = f"{self.path} cannot be run: {type(error).__name__}: {error}"
+            raise UsageError(message, where="--law") from error
+        function = getattr(module, self.name, None)
+        if not callable(function):
+            message = f"{self.path} has no function {self.name!r}"
+            raise UsageError(message, where="--law")
+        return cast(Callable[..., Any], function)
+
+
+def find_user_law(spec: str) -> UserLaw:
+    """Law named on the command line.
 
     Parameters
     ----------
     spec : str
-        ``FILE:NAME``: a Python file and a function in it. The file is run.
+        ``FILE:NAME``: a Python file and a function in it.
 
     Returns
     -------
@@ -55,28 +77,14 @@ def load_user_law(spec: str) -> UserLaw:
     Raises
     ------
     UsageError
-        If there is no such file or function, or the file cannot be run.
+        If there is no such file.
     """
     file, _, name = spec.rpartition(":")
     path = Path(file)
     if not file or not name.isidentifier() or not path.is_file():
         message = f"must be FILE:NAME, a Python file and a function in it, found {spec!r}"
         raise UsageError(message, where="--law")
-    found = importlib.util.spec_from_file_location(path.stem, path)
-    if found is None or found.loader is None:
-        message = f"{path} is not a Python file"
-        raise UsageError(message, where="--law")
-    module = importlib.util.module_from_spec(found)
-    try:
-        found.loader.exec_module(module)
-    except Exception as error:
-        message = f"{path} cannot be run: {type(error).__name__}: {error}"
-        raise UsageError(message, where="--law") from error
-    function = getattr(module, name, None)
-    if not callable(function):
-        message = f"{path} has no function {name!r}"
-        raise UsageError(message, where="--law")
-    return UserLaw(path, name, function)
+    return UserLaw(path, name)
 
 
 def add_user_law(law: UserLaw, loop: Loop) -> Loop:
@@ -105,20 +113,19 @@ def add_user_law(law: UserLaw, loop: Loop) -> Loop:
 
 def _checked(law: UserLaw) -> CommandFunction:
     """Explain what is wrong with a law instead of failing somewhere else."""
+    function = law.load()
 
     def command(
         memory: Memory, q: Array, q_d: Array, dq_d: Array, ddq_d: Array, gains: Law
     ) -> tuple[Array, Array, Array, Array]:
         where = f"{law.path}:{law.name}"
         try:
-            parts = tuple(
-                np.asarray(part, float) for part in law.function(memory, q, q_d, dq_d, ddq_d, gains)
-            )
-        except Exception as error:
+            parts = tuple(np.asarray(part, float) for part in function(memory, q, q_d, dq_d, ddq_d, gains))
+        except (Exception, SystemExit) as error:
             message = f"the law failed: {type(error).__name__}: {error}"
             raise TendonreproError(message, where=where) from error
         if len(parts) != 4 or any(part.shape != q.shape for part in parts):
-            message = f"the law must return tau, H_hat, s and dq, each of shape {q.shape}"
+            message = f"the law must return tau, H_hat, s and de, each of shape {q.shape}"
             raise TendonreproError(message, where=where)
         return parts
 

@@ -9,18 +9,19 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
-from tendonrepro.config import LoadedConfig, load_config
-from tendonrepro.errors import DataMissingError
+from tendonrepro.config import LoadedConfig, checked, load_config
+from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.experiment import all_loops, simulate_all, trace_file
 from tendonrepro.files import write_atomically
 from tendonrepro.manifest import make_manifest, to_json, with_outputs
+from tendonrepro.parallel import each
 from tendonrepro.published import published
 from tendonrepro.records import TraceFile
-from tendonrepro.results import MANIFEST, TRACES, claimed, read_manifest
+from tendonrepro.results import MANIFEST, TRACES, claimed, clear, read_manifest, refuse_others
 from tendonrepro.summary import LOADS, compared_runs, table_data_compare, table_data_decouple
 from tendonrepro.talk import Talk
 from tendonrepro.traces import read_traces, write_traces
-from tendonrepro.user_law import UserLaw, load_user_law
+from tendonrepro.user_law import UserLaw, find_user_law
 
 SCHEMA_VERSION = 1
 ExperimentName = Literal["compare", "decouple"]
@@ -85,13 +86,12 @@ def run_experiment(order: Order, talk: Talk) -> dict[str, Any]:
         If the configuration cannot be used or results cannot be written.
     """
     loaded, law = _load(order)
-    loops = all_loops(loaded, law)
     with claimed(order.folder, loaded.sha256, force=order.force):
-        (order.folder / MANIFEST).unlink(missing_ok=True)
         started = time.perf_counter()
-        traces = simulate_all(loaded, loops, talk)
+        traces = simulate_all(loaded, law, talk)
         manifest = make_manifest(loaded, time.perf_counter() - started)
         file = trace_file(loaded, traces, manifest)
+        clear(order.folder)
         write_traces(order.folder / TRACES, file)
         outputs = [order.folder / TRACES, *draw_figures(file, order.folder), *make_tables(file, order.folder)]
         write_atomically(order.folder / MANIFEST, to_json(with_outputs(manifest, order.folder, outputs)))
@@ -150,6 +150,8 @@ def plan(order: Order) -> dict[str, Any]:
         Runs with their number of samples, digest of the configuration, and results folder.
     """
     loaded, law = _load(order)
+    if not order.force:
+        refuse_others(order.folder, loaded.sha256)
     samples = {name: int(loop.reference.time.size) for name, loop in all_loops(loaded, law).items()}
     return {
         "schema_version": SCHEMA_VERSION,
@@ -175,21 +177,19 @@ def check(config: str, overrides: Sequence[str]) -> dict[str, Any]:
     Returns
     -------
     dict
-        Its experiment, digest and runs.
+        Its kind; of an experiment also its digest and runs.
 
     Raises
     ------
     ConfigError
         With every mistake found.
     """
-    loaded = load_config(config, None, overrides=overrides)
-    return {
-        "schema_version": SCHEMA_VERSION,
-        "config": loaded.origin,
-        "experiment": loaded.config.experiment,
-        "config_sha256": loaded.sha256,
-        "runs": list(all_loops(loaded, None)),
-    }
+    held = checked(config, overrides)
+    found = {"schema_version": SCHEMA_VERSION, "config": config}
+    if not isinstance(held, LoadedConfig):
+        return found | {"kind": "manipulator"}
+    runs = list(all_loops(held, None))
+    return found | {"kind": held.config.experiment, "config_sha256": held.sha256, "runs": runs}
 
 
 def results(file: TraceFile, folder: Path) -> dict[str, Any]:
@@ -233,8 +233,12 @@ def redraw(out: Path, numbers: Sequence[int] | None) -> list[Path]:
     DataMissingError
         If no stored traces hold what one of the figures shows.
     """
-    from tendonrepro.figures import available
+    from tendonrepro.figures import FIGURES, available
 
+    unknown = [number for number in numbers or () if number not in FIGURES]
+    if unknown:
+        message = f"the paper's results have no Figure {unknown[0]}"
+        raise UsageError(message, hint=f"figures: {', '.join(map(str, FIGURES))}")
     files = {folder: read_traces(folder / TRACES) for folder in result_folders(out)}
     drawable = {folder: available(file) for folder, file in files.items()}
     for number in numbers or ():
@@ -318,10 +322,11 @@ def draw_figures(file: TraceFile, folder: Path, numbers: Sequence[int] | None = 
     -------
     list of Path
     """
-    from tendonrepro.figures import available, draw, save
+    from tendonrepro.figures import available, redrawn
 
     chosen = available(file) if numbers is None else numbers
-    return [path for number in chosen for path in save(draw(number, file), folder / "figures")]
+    drawn = each(partial(redrawn, file, folder / "figures"), chosen)
+    return [path for paths in drawn for path in paths]
 
 
 def make_tables(file: TraceFile, folder: Path) -> list[Path]:
@@ -351,7 +356,7 @@ def _load(order: Order) -> tuple[LoadedConfig, UserLaw | None]:
     )
     if order.law is None:
         return loaded, None
-    law = load_user_law(order.law)
+    law = find_user_law(order.law)
     changed = replace(
         loaded,
         sha256=law.digest_with(loaded.sha256),

@@ -1,0 +1,121 @@
+"""Independent pieces of work on all processors."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_EXCEPTION, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from multiprocessing.sharedctypes import Synchronized
+from typing import Any, TypeVar
+
+from tendonrepro.errors import TendonreproError
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+MOST_WORKERS = 4
+"""Each worker needs some 150 MB; the paper's experiments have four runs."""
+
+_POLL_SECONDS = 0.1
+_report: Callable[[int], None] | None = None
+
+
+def each(
+    function: Callable[[Item], Result], items: Sequence[Item], progress: Callable[[int], None] | None = None
+) -> list[Result]:
+    """Apply a function to every item, each in a process of its own while there are processors.
+
+    The pieces share nothing, so a result does not depend on how many processes there are.
+
+    Parameters
+    ----------
+    function : callable
+        Function of a module, or a partial of one: worker processes import it anew.
+    items : sequence
+    progress : callable, optional
+        Called now and then with the number of steps that :func:`advance` was told of.
+
+    Returns
+    -------
+    list
+        Results in the order of the items.
+
+    Raises
+    ------
+    TendonreproError
+        If a worker process dies.
+    """
+    count = min(len(items), os.cpu_count() or 1, MOST_WORKERS)
+    if count <= 1:
+        _listen(progress)
+        return [function(item) for item in items]
+    context = multiprocessing.get_context("spawn")
+    done = context.Value("q", 0)
+    others = multiprocessing.active_children()
+    pool = ProcessPoolExecutor(count, context, _start, (done,))
+    try:
+        with _interrupts_held():
+            waiting = [pool.submit(function, item) for item in items]
+        _follow(waiting, done, progress or (lambda _: None))
+        return [future.result() for future in waiting]
+    except BrokenProcessPool as error:
+        message = "a worker process died, perhaps for want of memory"
+        raise TendonreproError(message) from error
+    finally:
+        for worker in multiprocessing.active_children():
+            if worker not in others:
+                worker.terminate()
+        pool.shutdown(cancel_futures=True)
+
+
+def _follow(waiting: Sequence[Future[Any]], done: Synchronized[int], progress: Callable[[int], None]) -> None:
+    """Pass progress on until all is done or something failed."""
+    seen = 0
+    running = True
+    while running:
+        running = bool(wait(waiting, _POLL_SECONDS, FIRST_EXCEPTION).not_done)
+        failed = any(future.done() and future.exception() for future in waiting)
+        progress(done.value - seen)
+        seen = done.value
+        if failed:
+            return
+
+
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Let worker processes start with interrupts ignored; only the first process shall act on them."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def advance(steps: int) -> None:
+    """Report steps done; heard by :func:`each`, which may be in another process."""
+    if _report is not None:
+        _report(steps)
+
+
+def _listen(report: Callable[[int], None] | None) -> None:
+    global _report  # noqa: PLW0603 (a process has one listener)
+    _report = report
+
+
+def _start(done: Synchronized[int]) -> None:
+    # On Windows a process does not inherit that interrupts are ignored.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def count(steps: int) -> None:
+        with done.get_lock():
+            done.value += steps
+
+    _listen(count)

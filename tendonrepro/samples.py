@@ -1,0 +1,73 @@
+"""Trajectory files: a desired motion as samples in a CSV file."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from tendonrepro.arrays import Array
+from tendonrepro.errors import ConfigError
+
+FEWEST = 6
+"""Fewest rows: a quintic spline with its ends at rest passes through them."""
+
+
+def read_samples(path: Path) -> tuple[Array, dict[int, Array]]:
+    """Read a trajectory file: CSV with the columns ``time_s`` and ``q<joint>_deg``.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    time : array (N,)
+        s.
+    angles : dict of array (N,)
+        Joint angles by the paper's joint number, rad.
+
+    Raises
+    ------
+    ConfigError
+        If the file is missing, has other columns, too few rows, cells that are not finite numbers, or a time
+        that does not increase.
+    """
+    try:
+        header, *body = path.read_text(encoding="utf-8-sig").splitlines() or [""]
+    except (OSError, UnicodeDecodeError) as error:
+        message = f"cannot read the trajectory: {error}"
+        raise ConfigError(message, where=str(path)) from error
+    joints = _joints_of(header, f"{path}:1")
+    places = [(f"{path}:{line}", text) for line, text in enumerate(body, start=2) if text.strip()]
+    if len(places) < FEWEST:
+        message = f"needs at least {FEWEST} rows of numbers, found {len(places)}"
+        raise ConfigError(message, where=str(path))
+    table = np.array([_numbers(text, len(joints) + 1, where) for where, text in places])
+    for (where, _), step in zip(places[1:], np.diff(table[:, 0]), strict=True):
+        if step <= 0.0:
+            message = "time must increase from row to row"
+            raise ConfigError(message, where=where)
+    return table[:, 0], {joint: np.deg2rad(table[:, k]) for k, joint in enumerate(joints, start=1)}
+
+
+def _joints_of(header: str, where: str) -> list[int]:
+    time, *names = (name.strip() for name in header.split(","))
+    found = [re.fullmatch(r"q([1-9])_deg", name) for name in names]
+    joints = [int(match[1]) for match in found if match]
+    if time != "time_s" or not joints or len(joints) < len(names) or len(set(joints)) < len(joints):
+        message = f"the first line must be time_s,q2_deg,q3_deg or the like, found {header[:80]!r}"
+        raise ConfigError(message, where=where)
+    return joints
+
+
+def _numbers(text: str, count: int, where: str) -> list[float]:
+    try:
+        numbers = [float(cell) for cell in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) != count or not np.isfinite(numbers).all():
+        message = f"must hold {count} finite numbers separated by commas, found {text[:80]!r}"
+        raise ConfigError(message, where=where)
+    return numbers
