@@ -1,0 +1,264 @@
+"""Benchmarks: one JSON object on standard output, progress on standard error.
+
+Every figure that has a bar is printed beside it; a missed bar is reported, it does not fail the command.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import re
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+# NumPy and the package are imported where they are used, not here: a child's peak memory counts its parent's
+# too until it execs, so this process has to stay small while it measures the commands.
+
+REPEATS = 5
+RUN_DURATION = 1.25
+"""Simulated seconds of the compared run: the first half stroke, up to the highest speed."""
+LADDER = tuple(10.0 ** (-k / 2) for k in range(10, 23))
+"""Relative tolerances tried for a baseline, 1e-5 to 1e-11."""
+DEFAULT_RTOL = 1e-3
+"""Relative tolerance of ``solve_ivp`` where none is given."""
+SAME_ERROR = 1.1
+"""Errors within this factor count as equal: methods that take one step per sample agree to a few percent."""
+REFERENCE_RTOL = 1e-13
+BASELINES = {
+    "solve_ivp_RK45": ("RK45", LADDER),
+    "solve_ivp_DOP853": ("DOP853", LADDER),
+    "solve_ivp_RK45_default_tolerance": ("RK45", (DEFAULT_RTOL,)),
+}
+"""Method and tolerances to choose from; the last is quick, but its error is larger than ours."""
+HEAVY = ("numpy", "scipy", "numba", "h5py", "matplotlib", "pandas", "pydantic", "yaml", "rich")
+
+RATIO_BAR, COMMAND_SECONDS_BAR, COMMAND_MEMORY_BAR_MB, HELP_SECONDS_BAR = 5.0, 15.0, 600.0, 0.3
+
+
+def main():
+    with tempfile.TemporaryDirectory() as folder:
+        cases = {
+            "help": help_case(REPEATS),
+            "import_heavy": import_case(),
+            "whole_command": command_case(["compare", "--out", str(Path(folder) / "compare")], 3),
+        }
+    cases["compare_run"] = compare_case(RUN_DURATION, BASELINES, 3)
+    found = {"schema_version": 1, "cpu": cpu(), "cores": os.cpu_count(), "python": platform.python_version()}
+    print(json.dumps(found | {"cases": cases}, indent=2))
+
+
+def compare_case(duration, baselines, repeats):
+    """One Controller 1 run with the shipped solver against plain loops at an equal error of q."""
+    from tendonrepro.simulate import simulate
+
+    loop, parameters, reference = stated_case(duration)
+    truth = simulate(tightened(loop))["q"]
+    error = largest(simulate(loop)["q"] - truth)
+    say(f"package: error {error:.1e} rad")
+    found = {}
+    for name, (method, ladder) in baselines.items():
+        found[name] = against(loop, truth, error, plain_run(parameters, reference, method), ladder, repeats)
+        say(f"{name}: " + ", ".join(f"{key} {value:.3g}" for key, value in found[name].items()))
+    seconds = statistics.median(entry["seconds_ours_beside_it"] for entry in found.values())
+    ratios = {name: entry["ratio"] for name, entry in found.items()}
+    bars = {"smallest_ratio": bar(min(ratios.values()), RATIO_BAR, at_least=True)}
+    what = f"controller_1 of the shipped compare configuration, ideal encoder, first {duration:g} s"
+    return case(what, 1.0 / seconds, ratios, error, bars) | {"seconds": seconds, "baselines": found}
+
+
+def against(loop, truth, error, plain, ladder, repeats):
+    """Times of the package and of one baseline at the tolerance that makes their errors equal."""
+    from tendonrepro.simulate import simulate
+
+    rtol, plain_error = matching_tolerance(ladder, error, lambda rtol: largest(plain(rtol) - truth))
+    seconds, plain_seconds, ratio = timed_in_turns(lambda: simulate(loop), lambda: plain(rtol), repeats)
+    return {
+        "rtol": rtol,
+        "max_error_rad": plain_error,
+        "error_matched": plain_error <= SAME_ERROR * error,
+        "seconds": plain_seconds,
+        "seconds_ours_beside_it": seconds,
+        "ratio": ratio,
+    }
+
+
+def plain_run(parameters, reference, method):
+    """A baseline's run as a function of its tolerance."""
+    import baseline_solve_ivp
+
+    return lambda rtol: baseline_solve_ivp.run(parameters, reference, rtol, method)
+
+
+def stated_case(duration):
+    """Closed loop, the baseline's parameters and its reference, all of one shortened run."""
+    from dataclasses import replace
+
+    from tendonrepro.config import load_config
+    from tendonrepro.runs import build_loops
+    from tendonrepro.simulate import Reference
+
+    # A flipped encoder count would drown the integrators' errors.
+    loaded = load_config(None, "compare", overrides=["manipulator.encoders.joint.resolution=0"])
+    loop = dict(build_loops(loaded.config, loaded.folder))["controller_1"]
+    samples = round(duration / loop.L) + 1
+    names = ("time", "q_d", "dq_d", "ddq_d")
+    reference = {name: getattr(loop.reference, name)[:samples] for name in names}
+    shortened = replace(loop, reference=Reference(**reference))
+    return shortened, plain_parameters(loaded.config), reference
+
+
+def tightened(loop):
+    """The same run at tolerances where rounding is all that is left."""
+    from dataclasses import replace
+
+    solver = replace(loop.solver, method="dop853", rtol=REFERENCE_RTOL, atol=REFERENCE_RTOL / 100.0)
+    return replace(loop, solver=solver)
+
+
+def plain_parameters(config):
+    """The configuration's numbers for the baseline, SI units, moving joints only."""
+    from tendonrepro.rig import coupling, start_angles
+
+    n = len(config.joints)
+    arm, run = config.manipulator, config.runs["controller_1"]
+    links, winches, tendons, dry = arm.links, arm.winches, arm.tendons, arm.friction
+    radius = arm.routing.winch_diameter.si[-n:] / 2.0
+    law = ("coulomb", "static_ratio", "stribeck_velocity", "smoothing_velocity")
+    gains = ("M_bar", "lam", "b", "eta", "Delta", "alpha")
+    return {name: getattr(links, name).si[-n:] for name in ("length", "mass", "com", "inertia")} | {
+        "payload": run.payload.si,
+        "gravity": arm.gravity.si,
+        "start_angle": start_angles(config),
+        "S_inv": coupling(config)[1],
+        "winch_inertia": (winches.reflected_inertia.si + winches.drum_inertia.si)[-n:],
+        "winch_stiffness": tendons.axial_stiffness.si[-n:] * radius**2,
+        "winch_damping": tendons.damping_factor.si * tendons.axial_damping.si[-n:] * radius**2,
+        "winch_friction": {name: getattr(dry.winch, name).si[-n:] for name in law}
+        | {"viscous": winches.viscous.si[-n:]},
+        "link_friction": {name: getattr(dry.link, name).si[-n:] for name in (*law, "viscous")},
+        "torque_limit": arm.actuator.torque_limit.si[-n:],
+        "encoder_step": arm.encoders.joint.resolution.si,
+        "L": config.sampling_period.si,
+        "gains": {name: getattr(config.control.gains, name).si for name in gains},
+    }
+
+
+def matching_tolerance(ladder, target, error_at):
+    """Loosest tolerance whose error is no larger than the target, and that error; else the most exact one."""
+    tried = []
+    for rtol in ladder:
+        tried.append((error_at(rtol), rtol))
+        if tried[-1][0] <= SAME_ERROR * target:
+            return rtol, tried[-1][0]
+    error, rtol = min(tried)
+    return rtol, error
+
+
+def timed_in_turns(ours, theirs, repeats):
+    """Median seconds of both and median ratio of neighbours, so that a busy machine slows both alike."""
+    pairs = []
+    for _ in range(repeats):
+        pairs.append((seconds_of(ours), seconds_of(theirs)))
+    return (
+        statistics.median(pair[0] for pair in pairs),
+        statistics.median(pair[1] for pair in pairs),
+        statistics.median(pair[1] / pair[0] for pair in pairs),
+    )
+
+
+def command_case(arguments, repeats):
+    """Wall time and peak memory of a command after a run that leaves compiled code behind.
+
+    Processor time stands beside them, because other work on the machine lengthens it less than wall time.
+    """
+    run_command(arguments)
+    runs = [run_command(arguments) for _ in range(repeats)]
+    seconds = statistics.median(run[0] for run in runs)
+    memory = max(run[1] for run in runs)
+    bars = {
+        "seconds": bar(seconds, COMMAND_SECONDS_BAR),
+        "peak_memory_mb": bar(memory, COMMAND_MEMORY_BAR_MB),
+    }
+    cpu_seconds = statistics.median(run[2] for run in runs)
+    say(f"{arguments[0]}: {seconds:.2f} s, {cpu_seconds:.2f} s of them computing, {memory:.0f} MB")
+    what = f"tendonrepro {arguments[0]}, code compiled before, median of {repeats}"
+    return case(what, 1.0 / seconds, None, None, bars) | {"cpu_seconds": cpu_seconds}
+
+
+def help_case(repeats):
+    """Wall time of ``tendonrepro --help``."""
+    run_command(["--help"])
+    seconds = statistics.median(run_command(["--help"])[0] for _ in range(repeats))
+    say(f"--help: {seconds:.2f} s")
+    what = f"tendonrepro --help, median of {repeats}"
+    return case(what, None, None, None, {"seconds": bar(seconds, HELP_SECONDS_BAR)})
+
+
+def import_case(arguments=("--help",)):
+    """Heavy packages that a command loads."""
+    command = [sys.executable, "-X", "importtime", "-m", "tendonrepro", *arguments]
+    log = subprocess.run(command, check=True, capture_output=True, text=True).stderr
+    loaded = {name.split(".")[0] for name in re.findall(r"\|\s+([\w.]+)$", log, re.MULTILINE)}
+    found = [name for name in HEAVY if name in loaded]
+    bars = {"packages": bar(len(found), 0)}
+    what = f"heavy packages loaded by tendonrepro {' '.join(arguments)}"
+    return case(what, None, None, None, bars) | {"packages": found}
+
+
+def run_command(arguments):
+    """Wall time, s, peak memory, MB, and processor time, s, of one command of the package."""
+    command = [sys.executable, "-m", "tendonrepro", *arguments]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL) as process:
+        started = time.perf_counter()
+        _, status, usage = os.wait4(process.pid, 0)
+        seconds = time.perf_counter() - started
+        process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode:
+        raise subprocess.CalledProcessError(process.returncode, command)
+    per_mb = 1e6 if sys.platform == "darwin" else 1e6 / 1024
+    return seconds, usage.ru_maxrss / per_mb, usage.ru_utime + usage.ru_stime
+
+
+def case(what, experiments_per_second, ratio_to_baselines, max_error_rad, bars):
+    """Entry of the result; None is what a case does not measure."""
+    return {
+        "what": what,
+        "cpu": cpu(),
+        "experiments_per_second": experiments_per_second,
+        "ratio_to_baselines": ratio_to_baselines,
+        "max_error_rad": max_error_rad,
+        "bars": bars,
+    }
+
+
+def bar(value, limit, *, at_least=False):
+    return {"value": value, "bar": limit, "met": value >= limit if at_least else value <= limit}
+
+
+def cpu():
+    info = Path("/proc/cpuinfo")
+    found = re.search(r"model name\s*: (.+)", info.read_text()) if info.exists() else None
+    return found[1] if found else platform.processor() or platform.machine()
+
+
+def largest(difference):
+    return float(abs(difference).max())
+
+
+def seconds_of(work):
+    started = time.perf_counter()
+    work()
+    return time.perf_counter() - started
+
+
+def say(text):
+    print(text, file=sys.stderr, flush=True)
+
+
+if __name__ == "__main__":
+    main()
