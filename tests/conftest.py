@@ -7,8 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import Phase, settings
 
 np.seterr(divide="raise", over="raise", invalid="raise")
+
+# For mutation runs: the same examples every time, no clock, and no search for the smallest that fails.
+settings.register_profile("mutants", derandomize=True, deadline=None, phases=[Phase.explicit, Phase.generate])
 
 
 @pytest.fixture(scope="session")

@@ -109,7 +109,7 @@ def test_manifest_says_what_made_the_result(compared: tuple[Path, Any]) -> None:
     manifest = json.loads((out / "manifest.json").read_text())
     assert manifest["overrides"] == SHORT[1::2]
     assert manifest["seed"] == 1
-    assert manifest["solver"]["rtol"] == 1e-8
+    assert manifest["solver"]["rtol"] == 1e-7
     assert manifest["environment"]["versions"]["numpy"]
     for name, digest in manifest["outputs"].items():
         assert sha256_of(out / name) == digest
@@ -151,11 +151,17 @@ def test_results_of_another_configuration_are_not_overwritten(
     assert (folder / "out" / "traces.h5").read_bytes() == before
 
 
+@pytest.mark.slow
 def test_force_overwrites(command: str, tmp_path: Path) -> None:
     answer(command, "compare", *SHORT, "--controllers", "3", "--out", "out", cwd=tmp_path)
-    other = [*SHORT, "--controllers", "2", "--out", "out"]
+    (tmp_path / "out" / "mine.txt").write_text("my notes")
+    other = [*SHORT, "--controllers", "1", "--out", "out"]
     assert run(command, "compare", *other, cwd=tmp_path).returncode == 2
-    assert list(answer(command, "compare", *other, "--force", cwd=tmp_path)["table2"]) == ["controller_2"]
+    assert list(answer(command, "compare", *other, "--force", cwd=tmp_path)["table2"]) == ["controller_1"]
+    assert (tmp_path / "out" / "figures" / "fig16.png").exists()
+    answer(command, "compare", *SHORT, "--controllers", "3", "--out", "out", "--force", cwd=tmp_path)
+    assert not (tmp_path / "out" / "figures" / "fig16.png").exists(), "no figure of an earlier result stays"
+    assert (tmp_path / "out" / "mine.txt").read_text() == "my notes"
 
 
 def test_traces_without_manifest_are_not_overwritten(command: str, tmp_path: Path) -> None:
@@ -174,6 +180,31 @@ def test_a_diverged_run_ends_with_code_5_and_full_results(command: str, tmp_path
     assert data["table2"]["controller_1"]["mae_deg"][0] > 0
 
 
+@pytest.mark.slow
+def test_overflow_is_a_diverged_run_too(command: str, tmp_path: Path) -> None:
+    words = [*SHORT, "--set", "control.gains.M_bar=[1e300,1e300]", "--controllers", "1,3", "--out", "out"]
+    data = answer(command, "compare", *words, cwd=tmp_path, code=5)
+    assert set(data["status"].values()) == {"diverged"}
+
+
+@pytest.mark.slow
+def test_an_interrupted_second_run_leaves_the_first_result(command: str, compared: tuple[Path, Any]) -> None:
+    import signal
+    import time
+
+    if sys.platform == "win32":
+        pytest.skip("no SIGINT for a child on Windows")
+    out = compared[0] / "out"
+    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
+    words = ["compare", *SHORT, "--set", "reference.periods=20", "--out", "out", "--force"]
+    process = subprocess.Popen([command, *words], cwd=compared[0], stderr=subprocess.PIPE)
+    time.sleep(4.0)
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
+
+
 def test_figures_and_tables_are_made_again_from_traces(command: str, compared: tuple[Path, Any]) -> None:
     folder, _ = compared
     out = folder / "out"
@@ -184,6 +215,7 @@ def test_figures_and_tables_are_made_again_from_traces(command: str, compared: t
     assert (out / "figures" / "fig14.svg").read_bytes() == before
     assert answer(command, "tables", "--out", ".", cwd=folder)["files"]
     assert run(command, "figures", "9", "--out", "out", cwd=folder).returncode == 4
+    assert run(command, "figures", "99", "--out", "out", cwd=folder).returncode == 2
 
 
 def test_missing_traces_are_code_4(command: str, tmp_path: Path) -> None:
@@ -232,6 +264,7 @@ def test_an_edited_copy_runs_and_standard_input_works(command: str, tmp_path: Pa
     assert checked["config_sha256"] == own["config_sha256"]
 
 
+@pytest.mark.slow
 def test_the_config_inside_the_traces_runs_again(
     command: str, compared: tuple[Path, Any], tmp_path: Path
 ) -> None:
@@ -250,6 +283,7 @@ def test_dry_run_writes_nothing(command: str, tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_quiet_is_quiet_and_notes_go_to_stderr(command: str, tmp_path: Path) -> None:
     words = ["compare", *SHORT, "--controllers", "2", "--out", "out"]
     done = run(command, *words, "--quiet", cwd=tmp_path)
@@ -259,6 +293,7 @@ def test_quiet_is_quiet_and_notes_go_to_stderr(command: str, tmp_path: Path) -> 
     assert "controller_2: ok" not in verbose.stdout
 
 
+@pytest.mark.slow
 def test_a_law_of_the_users_own_runs_beside_the_others(command: str, tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(
         "from tendonrepro.control import command\n"
@@ -300,7 +335,7 @@ def test_interrupted_run_leaves_no_half_result(command: str, tmp_path: Path) -> 
     process.send_signal(signal.SIGINT)
     _, stderr = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert "Traceback" not in stderr
+    assert stderr == "error: interrupted\n"
     assert [path.name for path in (tmp_path / "out").iterdir() if path.name != ".lock"] == []
 
 

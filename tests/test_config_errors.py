@@ -128,8 +128,10 @@ CHANGED_LINE = [
     ("compare", "kind: minimum_jerk", "kind: min_jerk",
      "reference.kind: must be one of raised_cosine, minimum_jerk, trapezoidal, sine, sampled, per_joint, "
      "found the text 'min_jerk', did you mean 'minimum_jerk'?"),
-    ("compare", "method: dop853", "method: rk4",
+    ("compare", "method: dopri5", "method: rk4",
      "solver.method: must be one of dopri5, dop853, lsoda, found the text 'rk4'"),
+    ("compare", "  controller_1_payload:", "  plant:",
+     "runs.plant: is the name of something else among the results"),
     ("compare", "law: controller_3", "law: controller_4",
      "runs.controller_3.law: must be one of control.laws, controller_1, controller_2, controller_3, tdc, "
      "found 'controller_4'"),

@@ -14,7 +14,7 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 import pytest
-from matplotlib.colors import to_rgb
+from matplotlib.colors import to_rgb, to_rgba
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
@@ -22,7 +22,7 @@ from synthetic import S, make_compare_file, make_decouple_file
 
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.figure_panels import FigureArtists
-from tendonrepro.figure_style import REFERENCE, SERIES, journal_style, thin
+from tendonrepro.figure_style import REFERENCE, SERIES, envelope, journal_style, thin
 from tendonrepro.figures import FIGURES, available, draw, save
 from tendonrepro.traces import Trace, TraceFile
 
@@ -46,7 +46,7 @@ LEGENDS = {
     **{9 + joint: ["Encoder (simulated)", r"Calculated, $S\,q_\mathrm{motor}$"] for joint in (1, 2, 3)},
     13: ["From desired angles", "Motor 2, from encoders", "Motor 3, from encoders"],
     14: ["Desired", *THREE],
-    15: [*THREE, "Pale: raw samples, dark: 50 ms mean"],
+    15: [*THREE, "Pale: range of raw samples, dark: 50 ms mean"],
     16: ["Desired", "Controller 1, no payload", "Controller 1, 0.2 kg payload"],
 }
 UNITS = {
@@ -181,9 +181,7 @@ def test_legend_hides_no_data(number: int) -> None:
 def test_curves_of_a_panel_differ_in_dashes(number: int) -> None:
     artists = drawn(number)
     for letter in artists.axes:
-        lines = [
-            line for (where, name), line in artists.lines.items() if where == letter and "raw" not in name
-        ]
+        lines = [line for (where, name), line in artists.lines.items() if where == letter]
         # Desired curves of several motors are one thing in several places and share the wide pale stroke.
         looks = [
             str(line._dash_pattern)  # type: ignore[attr-defined]
@@ -222,13 +220,16 @@ def test_tracking_curves_hold_the_trace_to_its_extremes(
 
 
 @every_figure
-def test_every_curve_but_raw_samples_is_inside_its_panel(number: int) -> None:
+def test_every_curve_and_band_is_inside_its_panel(number: int) -> None:
     artists = drawn(number)
     for (letter, name), line in artists.lines.items():
         low, high = artists.axes[letter].get_ylim()
-        if "raw" not in name:
-            assert low < values(line).min()
-            assert values(line).max() < high
+        assert low < values(line).min(), name
+        assert values(line).max() < high, name
+    for (letter, name), band in artists.bands.items():
+        low, high = artists.axes[letter].get_ylim()
+        assert low < band.get_xy()[:, 1].min(), name
+        assert band.get_xy()[:, 1].max() < high, name
 
 
 def test_motor_angles_come_from_the_coupling_matrix() -> None:
@@ -280,28 +281,65 @@ def test_dark_curves_are_50_ms_means_of_the_pale_samples(letter: str, variable: 
     for k in range(1, 40):
         near = np.abs(trace.time - times[k]) < 0.0251
         assert values(line)[k] == pytest.approx(raw[near].mean())
-    pale = drawn(15).lines[letter, "Controller 2 raw"]
-    assert (values(pale).min(), values(pale).max()) == (raw.min(), raw.max())
-    assert pale.get_alpha() == pytest.approx(0.15)
-    assert pale.get_zorder() < line.get_zorder()
-    assert pale.get_rasterized()
 
 
-def test_range_follows_the_means_and_says_that_samples_are_clipped() -> None:
+@pytest.mark.parametrize(
+    ("letter", "variable", "column"), [("b", "s", 1), ("c", "H_hat", 0), ("f", "tau_m", 1)]
+)
+def test_pale_bands_hold_the_raw_samples_and_no_more(letter: str, variable: str, column: int) -> None:
+    trace = compare_file().runs["controller_2"]
+    raw = trace[variable][:, column]
+    times, edge = drawn(15).bands[letter, "Controller 2"].get_xy().T
+    assert (edge.min(), edge.max()) == (raw.min(), raw.max())
+    assert (times.min(), times.max()) == (trace.time[0], trace.time[-1])
+    middles = np.unique(times)[1:-1]
+    assert len(middles) > 150
+    for time in middles[::10]:
+        near = raw[np.abs(trace.time - time) < 0.3 * (middles[1] - middles[0])]
+        assert edge[times == time].min() <= near.min()
+        assert near.max() <= edge[times == time].max()
+
+
+def test_bands_are_pale_let_each_other_show_and_lie_below_the_means() -> None:
     artists = drawn(15)
-    for letter in "cdef":
-        low, high = artists.axes[letter].get_ylim()
-        means = np.concatenate([values(artists.lines[letter, name]) for name in THREE])
-        assert high - low == pytest.approx(1.12 * np.ptp(means))
-        assert values(artists.lines[letter, "Controller 1 raw"]).max() > high
-        assert artists.axes[letter].get_title(loc="right") == "raw clipped"
+    assert set(artists.bands) == {(letter, name) for letter in "abcdef" for name in THREE}
+    for (letter, name), band in artists.bands.items():
+        line = artists.lines[letter, name]
+        assert to_rgb(band.get_facecolor()) == to_rgb(line.get_color())
+        assert to_rgba(band.get_facecolor())[3] <= 0.1
+        edge, mean = (
+            np.dot(to_rgb(colour), (0.299, 0.587, 0.114))
+            for colour in (band.get_edgecolor(), line.get_color())
+        )
+        assert edge > mean + 0.15
+        assert band.get_linewidth() < line.get_linewidth()
+        assert band.get_zorder() < min(found.get_zorder() for found in artists.axes[letter].lines)
+    # Where two edges meet, that of Controller 1 is seen.
+    orders = [artists.bands["d", name].get_zorder() for name in THREE]
+    assert orders == sorted(orders, reverse=True)
+    assert len(set(orders)) == 3
 
 
-def test_samples_that_fit_are_not_called_clipped() -> None:
+def test_range_follows_the_samples_of_runs_that_end_well_and_says_when_others_are_clipped() -> None:
+    assert {panel.get_title(loc="right") for panel in drawn(15).axes.values()} == {""}
+    good = [compare_file().runs[name]["s"][:, 0] for name in ("controller_1", "controller_3")]
+    wild = {"s": 100.0 * compare_file().runs["controller_2"]["s"]}
+    trace = with_status(compare_file().runs["controller_2"], "diverged", **wild)
+    artists = draw(15, with_run(compare_file(), trace))
+    low, high = artists.axes["a"].get_ylim()
+    assert high - low == pytest.approx(1.12 * np.ptp(good))
+    assert [panel.get_title(loc="right") for panel in artists.axes.values()] == ["raw clipped"] * 2 + [""] * 4
+    # No further off the panel than its own height, whatever the samples were.
+    edge = artists.bands["a", "Controller 2"].get_xy()[:, 1]
+    assert (edge.min(), edge.max()) == pytest.approx((2 * low - high, 2 * high - low))
+
+
+def test_constant_samples_make_a_band_without_height() -> None:
     flat = {name: np.ones_like(compare_file().runs["controller_1"]["e"]) for name in ("s", "H_hat", "tau_m")}
     trace = with_status(compare_file().runs["controller_1"], "ok", **flat)
     artists = draw(15, replace(compare_file(), runs={trace.name: trace}))
     assert {panel.get_title(loc="right") for panel in artists.axes.values()} == {""}
+    assert set(artists.bands["a", "Controller 1"].get_xy()[:, 1]) == {1.0}
     low, high = artists.axes["a"].get_ylim()
     assert low < 1.0 < high
 
@@ -340,6 +378,24 @@ def test_short_curves_are_left_alone_and_gaps_left_out() -> None:
     assert x.tolist() == [0.0, 2.0, 4.0]
     assert y.tolist() == [1.0, 2.0, 3.0]
     assert len(thin(np.arange(1000.0), np.zeros(1000))[0]) == 1000
+
+
+@pytest.mark.parametrize("count", [1, 2, 179, 181, 18_001])
+def test_envelope_keeps_the_extremes_of_every_group(count: int) -> None:
+    signal = np.random.default_rng(2).standard_normal(count)
+    time, low, high = envelope(np.arange(float(count)), signal)
+    size = -(-count // 180)
+    assert len(time) == -(-count // size)
+    assert low.tolist() == [signal[start : start + size].min() for start in range(0, count, size)]
+    assert high.tolist() == [signal[start : start + size].max() for start in range(0, count, size)]
+    assert (time[0], time[-1]) == (0.0, count - 1.0)
+    assert (np.diff(time) > 0.0).all()
+
+
+def test_envelope_leaves_gaps_out() -> None:
+    time, low, high = envelope(np.arange(4.0), np.array([np.nan, 1.0, np.inf, 2.0]))
+    assert (time.tolist(), low.tolist(), high.tolist()) == ([1.0, 3.0], [1.0, 2.0], [1.0, 2.0])
+    assert [len(part) for part in envelope(np.arange(2.0), np.full(2, np.nan))] == [0, 0, 0]
 
 
 # --- runs that went wrong, are missing, or come from elsewhere ---------------------------------------------

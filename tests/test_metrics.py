@@ -146,6 +146,13 @@ class TestStatus:
         assert self.judge(self.wave(1.0, 1.01e-3) + self.wave(5.0))[0] == "ok"
         assert self.judge(self.wave(1.0, 0.99e-3) + self.wave(5.0))[0] == "ringing"
 
+    def test_the_share_is_of_each_joints_own_power(self) -> None:
+        slow, fast = self.wave(1.0), self.wave(5.0)
+        # 0.39 of either joint's power is fast; both together would be 0.78 of one.
+        assert self.judge(np.hstack([slow + 0.8 * fast, slow + 0.8 * fast]))[0] == "ok"
+        # A joint that rings stays one beside a slow joint with a hundred times its power.
+        assert self.judge(np.hstack([10.0 * slow, fast]))[0] == "ringing"
+
     def test_a_line_at_the_frequency_itself_is_not_above_it(self) -> None:
         assert self.judge(self.wave(3.0))[0] == "ok"
         assert self.judge(self.wave(3.5))[0] == "ringing"

@@ -178,7 +178,7 @@ def test_byte_order_mark_is_no_part_of_the_text() -> None:
     assert decode("a: 1".encode("utf-8-sig"), "x") == "a: 1"
 
 
-_text = st.text(st.characters(codec="utf-8"), max_size=20)
+_text = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=20)
 _odd_text = st.sampled_from(
     ["1e-3", "1:30", "on", "null", "<<", ".nan", "- a", "a: b", "#", "&a", "*a", "!a", "\n", ""]
 )
@@ -214,3 +214,9 @@ def test_writing_keeps_order_and_repeats_shared_values() -> None:
     shared: strict_yaml.Node = [1.0, 2.0]
     text = dump({"z": shared, "a": shared, "n": 1e-05})
     assert text == "z: [1.0, 2.0]\na: [1.0, 2.0]\nn: 1.0e-05\n"
+
+
+def test_a_nul_in_quotes_is_refused() -> None:
+    with pytest.raises(ConfigError, match="NUL") as caught:
+        load('a: "b\\0c"', "file")
+    assert caught.value.where == "file:1:4"

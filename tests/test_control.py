@@ -1,0 +1,480 @@
+"""The sampled control law against the paper's equations, one by one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from tendonrepro import compiled
+from tendonrepro.arm import bias_torque, coriolis_matrix, gravity_torque, make_arm, mass_matrix
+from tendonrepro.control import (
+    DEGREES_PER_RADIAN,
+    Law,
+    Memory,
+    Surface,
+    command,
+    error_rate,
+    estimator_weights,
+    phi,
+    phi_slope,
+    polynomial,
+    remember,
+    sig,
+    start_memory,
+    surface_and_feedback,
+    time_delay_estimate,
+)
+
+N = 2
+L = 2.0**-10  # close to 1 ms, and exact in binary: second differences of dyadic numbers do not round
+M_BAR, LAM, ETA, B, DELTA, BETA = 0.01, 8.0, 1.5, 0.9, 0.2, 2.0
+ALPHA = np.array([0.1, 0.2])
+
+errors = st.floats(-1.0, 1.0)
+rates = st.floats(-5.0, 5.0)
+exponents = st.floats(0.05, 0.95)
+boundaries = st.floats(0.01, 0.5)
+scales = st.sampled_from([1.0, DEGREES_PER_RADIAN])
+vectors = st.lists(st.floats(-2.0, 2.0), min_size=N, max_size=N).map(np.array)
+properties = settings(max_examples=100, deadline=None)
+
+
+def make_law(alpha=ALPHA, *, extrapolating=False, **changes):
+    gains = {"M_bar": M_BAR, "lam": LAM, "eta": ETA, "b": B, "Delta": DELTA, "beta": BETA}
+    fields = {name: np.full(N, value) for name, value in gains.items()} | {
+        "surface": int(Surface.NTSM),
+        "L": L,
+        "K_d": np.full(N, BETA + LAM),
+        "K_p": np.full(N, BETA * LAM),
+        "weights": estimator_weights(alpha, extrapolating=extrapolating),
+        "newest": 1,
+        "phi_is_odd": True,
+        "power_inside": False,
+        "power_floor": 1e-4,
+        "angle_scale": 1.0,
+        "rate_gain": np.full(N, ETA),
+        "rate_filter": 1.0,
+        "to_joint": np.eye(N),
+        "from_joint": np.eye(N),
+    }
+    return Law(**(fields | changes))
+
+
+def random_memory(seed):
+    rng = np.random.default_rng(seed)
+    return Memory(rng.normal(0.0, 0.1, (4, N)), rng.normal(0.0, 2.0, (2, N)), rng.normal(0.0, 0.5, N))
+
+
+def history(q_of, tau):
+    """Memory at t = 0 of an arm that followed q_of(t); both joints alike but for sign."""
+    signs = np.array([1.0, -1.0])
+    q = np.array([q_of(-k * L) * signs for k in range(1, 5)])
+    return Memory(q, np.array([tau, tau]), np.zeros(N)), q_of(0.0) * signs
+
+
+class TestPhi:
+    @properties
+    @given(errors, exponents, boundaries, scales)
+    def test_is_odd(self, e, b, Delta, scale):
+        law = make_law(b=np.full(N, b), Delta=np.full(N, Delta), angle_scale=scale)
+        assert phi(-e, law, 0) == -phi(e, law, 0)
+        assert phi_slope(-e, law, 0) == phi_slope(e, law, 0)
+
+    @properties
+    @given(st.tuples(errors, errors).map(sorted), exponents, boundaries, scales)
+    def test_is_monotone(self, pair, b, Delta, scale):
+        law = make_law(b=np.full(N, b), Delta=np.full(N, Delta), angle_scale=scale)
+        below, above = (phi(e, law, 0) for e in pair)
+        assert below <= above + 4e-16  # a rounding of values of order one where the branches meet
+
+    @properties
+    @given(exponents, boundaries, st.sampled_from([-1.0, 1.0]), scales)
+    def test_value_and_slope_join_at_the_boundary(self, b, Delta, side, scale):
+        law = make_law(b=np.full(N, b), Delta=np.full(N, Delta), angle_scale=scale)
+        at = side * Delta / scale
+        inside, outside = at * (1.0 - 1e-12), at * (1.0 + 1e-12)
+        # The gap of 2e-12 moves value and slope by less than 1e-11 of themselves.
+        assert phi(inside, law, 0) == pytest.approx(phi(outside, law, 0), rel=1e-11)
+        assert phi_slope(inside, law, 0) == pytest.approx(phi_slope(outside, law, 0), rel=1e-10)
+        assert phi(outside, law, 0) * scale == pytest.approx(side * Delta**b, rel=1e-11)
+        assert phi_slope(outside, law, 0) == pytest.approx(b * Delta ** (b - 1.0), rel=1e-11)
+
+    @properties
+    @given(errors, exponents, boundaries, scales, st.booleans())
+    def test_slope_is_the_derivative(self, e, b, Delta, scale, odd):
+        law = make_law(b=np.full(N, b), Delta=np.full(N, Delta), angle_scale=scale, phi_is_odd=odd)
+        h = 1e-7
+        assume(odd or abs(e + Delta / scale) > 2.0 * h)  # the printed polynomial jumps there
+        difference = (phi(e + h, law, 0) - phi(e - h, law, 0)) / (2.0 * h)
+        # Across the boundary the second derivative jumps by at most 4 Delta^(b-2) scale.
+        bend = 4.0 * h * scale * Delta ** (b - 2.0)
+        assert phi_slope(e, law, 0) == pytest.approx(difference, rel=1e-6, abs=bend + 1e-8)
+
+    @pytest.mark.parametrize("scale", [1.0, DEGREES_PER_RADIAN])
+    def test_power_branch_everywhere(self, scale):
+        law = make_law(power_inside=True, angle_scale=scale)
+        e = 0.3 * DELTA / scale
+        assert phi(e, law, 0) * scale == pytest.approx((0.3 * DELTA) ** B, rel=1e-14)
+        difference = (phi(e * (1 + 1e-6), law, 0) - phi(e * (1 - 1e-6), law, 0)) / (2e-6 * e)
+        assert phi_slope(e, law, 0) == pytest.approx(difference, rel=1e-8)
+        # The slope grows without bound towards zero and is held below the floor.
+        assert phi_slope(0.0, law, 0) == phi_slope(0.5 * law.power_floor / scale, law, 0)
+        assert phi_slope(0.0, law, 0) == pytest.approx(B * law.power_floor ** (B - 1.0), rel=1e-14)
+
+    @properties
+    @given(exponents, boundaries)
+    def test_print_is_discontinuous_for_negative_errors(self, b, Delta):
+        law = make_law(b=np.full(N, b), Delta=np.full(N, Delta), phi_is_odd=False)
+        outside, inside = phi(-Delta, law, 0), phi(np.nextafter(-Delta, 0.0), law, 0)
+        # gamma_1 (-Delta) + gamma_2 Delta^2 = -(3 - 2b) Delta^b, beside -Delta^b: not monotone either.
+        assert inside - outside == pytest.approx(-2.0 * (1.0 - b) * Delta**b, rel=1e-12)
+        assert phi(Delta, law, 0) == pytest.approx(phi(np.nextafter(Delta, 0.0), law, 0), rel=1e-14)
+        # Slopes just inside: gamma_1 - 2 gamma_2 Delta and gamma_1 + 2 gamma_2 Delta.
+        power = Delta ** (b - 1.0)
+        slopes = [phi_slope(side * np.nextafter(Delta, 0.0), law, 0) for side in (-1.0, 1.0)]
+        assert slopes == pytest.approx([(4.0 - 3.0 * b) * power, b * power], rel=1e-12)
+        # At the jump itself value and slope are those of the power branch.
+        assert outside == pytest.approx(-(Delta**b), rel=1e-14)
+        assert phi_slope(-Delta, law, 0) == pytest.approx(b * power, rel=1e-14)
+
+    def test_printed_gains(self):
+        gamma_1, gamma_2 = polynomial(B, DELTA)
+        assert gamma_1 == pytest.approx(1.2921, abs=5e-5)
+        assert gamma_2 == pytest.approx(-0.5873, abs=5e-5)
+        # Inside Delta, where every printed error lies, Controller 3's surface is the stiffer one.
+        assert ETA * phi_slope(0.0, make_law(), 0) == pytest.approx(1.94, abs=5e-3)
+        assert ETA * phi_slope(0.0, make_law(), 0) < BETA
+        # The jump of the printed polynomial: 1.2 times the value outside, 2.7 degrees.
+        law = make_law(phi_is_odd=False)
+        outside, inside = phi(-DELTA, law, 0), phi(np.nextafter(-DELTA, 0.0), law, 0)
+        assert inside / outside == pytest.approx(1.2, rel=1e-12)
+        assert np.rad2deg(outside - inside) == pytest.approx(2.69, abs=5e-3)
+
+    @given(st.floats(-10.0, 10.0), exponents)
+    def test_sig(self, x, b):
+        assert sig(-x, b) == -sig(x, b)
+        assert sig(x, b) == pytest.approx(np.sign(x) * np.abs(x) ** b, rel=1e-15)
+
+
+class TestBoundsOnTheSlidingSet:
+    """Eqs. (24) to (31): where an error ends while |s| stays within Omega."""
+
+    @staticmethod
+    def resting_error(Omega):
+        law = make_law()
+        path = solve_ivp(
+            lambda _, e: [Omega - ETA * phi(e[0], law, 0)], (0.0, 30.0), [0.0], rtol=1e-10, atol=1e-12
+        )
+        return path.y[0, -1]
+
+    def test_inside_the_boundary(self):
+        gamma_1, gamma_2 = polynomial(B, DELTA)
+        wanted = (-gamma_1 + np.sqrt(gamma_1**2 + 4.0 * gamma_2 * 0.1 / ETA)) / (2.0 * gamma_2)
+        assert self.resting_error(0.1) == pytest.approx(wanted, rel=1e-6)
+
+    @pytest.mark.parametrize("Omega", [0.01, 0.1, 0.3, 0.35, 0.5, 1.0])
+    def test_bound_holds_with_max(self, Omega):
+        limit = max(DELTA, (Omega / ETA) ** (1.0 / B))
+        assert self.resting_error(Omega) <= limit * (1.0 + 1e-6)  # it reaches the limit for large Omega
+
+    def test_printed_min_fails(self):
+        assert self.resting_error(0.1) > min(DELTA, (0.1 / ETA) ** (1.0 / B)) + 0.003
+
+
+class TestMemory:
+    def test_start_fills_every_delay(self):
+        q, tau = np.array([0.1, -0.2]), np.array([2.0, 0.5])
+        memory = start_memory(q, tau)
+        np.testing.assert_array_equal(memory.q, np.tile(q, (4, 1)))
+        np.testing.assert_array_equal(memory.tau, np.tile(tau, (2, 1)))
+        np.testing.assert_array_equal(memory.de, np.zeros(N))
+
+    def test_delay_lines_shift_newest_first(self):
+        memory = start_memory(np.zeros(N), np.zeros(N))
+        for k in range(1, 7):
+            memory = remember(memory, np.full(N, 1.0 * k), np.full(N, 10.0 * k), np.full(N, 100.0 * k))
+        np.testing.assert_array_equal(memory.q[:, 0], [6, 5, 4, 3])
+        np.testing.assert_array_equal(memory.tau[:, 1], [600, 500])
+        np.testing.assert_array_equal(memory.de, [60, 60])
+
+    def test_remember_leaves_the_old_memory_alone(self):
+        memory = random_memory(0)
+        copy = Memory(*(part.copy() for part in memory))
+        remember(memory, np.ones(N), np.ones(N), np.ones(N))
+        for part, before in zip(memory, copy, strict=True):
+            np.testing.assert_array_equal(part, before)
+
+
+class TestErrorRate:
+    def test_desired_less_backward_difference(self):
+        memory = random_memory(1)
+        q, dq_d = np.array([0.3, -0.4]), np.array([0.7, 0.1])
+        expected = dq_d - (q - memory.q[0]) / L
+        np.testing.assert_array_equal(error_rate(memory, q, dq_d, make_law()), expected)
+
+    def test_low_pass_follows_a_ramp_by_its_step_response(self):
+        law = make_law(rate_filter=0.25)
+        memory = start_memory(np.zeros(N), np.zeros(N))
+        for k in range(1, 12):
+            q = np.full(N, 3.0 * k * L)
+            de = error_rate(memory, q, np.full(N, 5.0), law)
+            np.testing.assert_allclose(de, 2.0 * (1.0 - 0.75**k), rtol=1e-13)
+            memory = remember(memory, q, de, np.zeros(N))
+
+    def test_low_pass_adds_no_lag_where_tracking_is_perfect(self):
+        law = make_law(rate_filter=0.25)
+        memory = start_memory(np.zeros(N), np.zeros(N))
+        de = error_rate(memory, np.full(N, 3.0 * L), np.full(N, 3.0), law)
+        np.testing.assert_array_equal(de, np.zeros(N))
+
+
+class TestEstimate:
+    @pytest.mark.parametrize("newest", [1, 0])
+    def test_ramp_has_no_acceleration(self, newest):
+        tau = np.array([1.5, -0.25])
+        memory, q = history(lambda t: 0.5 + 0.75 * t, tau)
+        # Dyadic numbers throughout: nothing rounds.
+        law = make_law(np.array([0.25, 0.5]), newest=newest, M_bar=np.full(N, 2.0**-6))
+        np.testing.assert_array_equal(time_delay_estimate(memory, q, law), tau)
+
+    @pytest.mark.parametrize("newest", [1, 0])
+    def test_parabola_is_exact(self, newest):
+        tau, M_bar = np.array([1.5, -0.25]), 2.0**-6
+        memory, q = history(lambda t: 0.5 + 0.75 * t + 1.25 * t * t, tau)
+        law = make_law(np.array([0.25, 0.5]), newest=newest, M_bar=np.full(N, M_bar))
+        np.testing.assert_array_equal(
+            time_delay_estimate(memory, q, law), tau - M_bar * np.array([2.5, -2.5])
+        )
+
+    @pytest.mark.parametrize(("newest", "lag"), [(1, 2.0), (0, 1.0)])
+    def test_cubic_shows_where_the_difference_stands(self, newest, lag):
+        """A second difference of a cubic is its second derivative at the middle sample, exactly.
+
+        Eq. (16) calls it the acceleration at t - L; as printed its middle sample is t - 2L. The centred pair
+        stands where the label says.
+        """
+        jerk, M_bar = 6.0, 2.0**-6
+        memory, q = history(lambda t: t**3, np.zeros(N))
+        H_hat = time_delay_estimate(memory, q, make_law(np.zeros(N), newest=newest, M_bar=np.full(N, M_bar)))
+        np.testing.assert_array_equal(-H_hat / M_bar, jerk * -lag * L * np.array([1.0, -1.0]))
+
+    @pytest.mark.parametrize("newest", [1, 0])
+    @pytest.mark.parametrize("extrapolating", [False, True])
+    def test_second_term_is_the_first_one_period_earlier(self, newest, extrapolating):
+        law = make_law(newest=newest, extrapolating=extrapolating)
+        memory, q = random_memory(2), np.array([0.05, -0.02])
+        older = Memory(np.vstack([memory.q[1:], np.zeros((1, N))]), memory.tau[[1, 0]], memory.de)
+        plain = make_law(np.zeros(N), newest=newest)
+        first = time_delay_estimate(memory, q, plain)
+        second = time_delay_estimate(older, memory.q[0], plain)
+        w = ALPHA * (-1.0 if extrapolating else 1.0)
+        wanted = (1.0 - w) * first + w * second
+        # Accelerations of some 1e5 rad/s^2 times M_bar cancel to the estimate.
+        np.testing.assert_allclose(time_delay_estimate(memory, q, law), wanted, rtol=1e-13)
+
+    def test_alpha_zero_is_plain_estimation_bit_for_bit(self):
+        for seed in range(20):
+            memory = random_memory(seed)
+            q1, q2, q3, _ = memory.q
+            printed = memory.tau[0] - M_BAR * (q1 - 2.0 * q2 + q3) / (L * L)
+            estimate = time_delay_estimate(memory, np.ones(N), make_law(np.zeros(N)))
+            np.testing.assert_array_equal(estimate, printed)
+
+    @properties
+    @given(st.floats(0.0, 1.0), st.integers(0, 1000))
+    def test_is_affine_in_alpha(self, alpha, seed):
+        memory, q = random_memory(seed), np.zeros(N)
+        at = {a: time_delay_estimate(memory, q, make_law(np.full(N, a))) for a in (0.0, 1.0, alpha)}
+        scale = np.abs([at[0.0], at[1.0]]).max()
+        np.testing.assert_allclose(at[alpha], (1.0 - alpha) * at[0.0] + alpha * at[1.0], atol=1e-14 * scale)
+
+    @properties
+    @given(st.floats(0.0, 1.0), st.booleans(), st.sampled_from([0, 1]), vectors, vectors)
+    def test_constant_uncertainty_and_acceleration_are_estimated_exactly(
+        self, alpha, extrapolating, newest, H, acceleration
+    ):
+        t = -L * np.arange(5)[:, np.newaxis]
+        q = 0.3 - 0.2 * t + 0.5 * acceleration * t**2
+        tau = H + M_BAR * acceleration
+        law = make_law(np.full(N, alpha), extrapolating=extrapolating, newest=newest)
+        H_hat = time_delay_estimate(Memory(q[1:], np.array([tau, tau]), np.zeros(N)), q[0], law)
+        # Rounding of q in the differences: 4 eps |q| / L^2 M_bar, some 1e-11 N m.
+        np.testing.assert_allclose(H_hat, H, atol=3e-11)
+
+    @given(st.lists(st.floats(0.0, 1.0), min_size=1, max_size=4).map(np.array), st.booleans())
+    def test_weights_sum_to_one(self, alpha, extrapolating):
+        weights = estimator_weights(alpha, extrapolating=extrapolating)
+        np.testing.assert_allclose(weights.sum(axis=0), 1.0, rtol=1e-15)
+        np.testing.assert_array_equal(weights[1], -alpha if extrapolating else alpha)
+
+
+class TestCommand:
+    @properties
+    @given(errors, rates, st.integers(0, 1))
+    def test_feedback_as_printed(self, e, de, i):
+        """Eqs. (9), (11), (12), (18) and Controller 3, written out once more."""
+        if abs(e) < DELTA:
+            gamma_1, gamma_2 = 1.1 * DELTA**-0.1, -0.1 * DELTA**-1.1
+            value, slope = gamma_1 * e + gamma_2 * e * abs(e), gamma_1 + 2.0 * gamma_2 * abs(e)
+        else:
+            value, slope = np.sign(e) * abs(e) ** 0.9, 0.9 * abs(e) ** -0.1
+        s = de + 1.5 * value
+        ntsm = surface_and_feedback(e, de, make_law(), i)
+        assert ntsm == pytest.approx((s, 1.5 * slope * de + 8.0 * s), rel=1e-12, abs=1e-13)
+        s = de + 2.0 * e
+        tsm = surface_and_feedback(e, de, make_law(surface=int(Surface.TSM)), i)
+        assert tsm == pytest.approx((s, 2.0 * de + 8.0 * s), rel=1e-12, abs=1e-13)
+        pd = surface_and_feedback(e, de, make_law(surface=int(Surface.PD)), i)
+        assert pd == pytest.approx((de + 1.6 * e, 10.0 * de + 16.0 * e), rel=1e-12, abs=1e-13)
+        assert pd[1] == pytest.approx(tsm[1], rel=1e-12, abs=1e-13)
+
+    @properties
+    @given(st.integers(0, 1000), vectors, vectors, vectors)
+    def test_torque_less_estimate_is_M_bar_u(self, seed, q_d, dq_d, ddq_d):
+        law, memory = make_law(), random_memory(seed)
+        q = np.random.default_rng(seed + 1).normal(0.0, 0.1, N)
+        tau, H_hat, s, de = command(memory, q, q_d, dq_d, ddq_d, law)
+        for i in range(N):
+            s_i, feedback = surface_and_feedback(q_d[i] - q[i], de[i], law, i)
+            assert s[i] == s_i
+            # tau and H_hat are up to 1e4 N m here, so their difference keeps 1e-11.
+            assert tau[i] - H_hat[i] == pytest.approx(M_BAR * (ddq_d[i] + feedback), abs=1e-11)
+        np.testing.assert_array_equal(H_hat, time_delay_estimate(memory, q, law))
+
+    @properties
+    @given(st.integers(0, 1000), vectors, vectors, vectors)
+    def test_controller_3_is_plain_time_delay_control(self, seed, q_d, dq_d, ddq_d):
+        memory, q = random_memory(seed), np.zeros(N)
+        tsm = command(memory, q, q_d, dq_d, ddq_d, make_law(np.zeros(N), surface=int(Surface.TSM)))
+        pd = command(memory, q, q_d, dq_d, ddq_d, make_law(np.zeros(N), surface=int(Surface.PD)))
+        for ours, theirs in zip(tsm[:2], pd[:2], strict=True):
+            np.testing.assert_allclose(ours, theirs, rtol=1e-13, atol=1e-13)
+
+    def test_dropped_eta_changes_the_damping_only(self):
+        kept, dropped = make_law(), make_law(rate_gain=np.ones(N))
+        e, de = 0.07, -0.3
+        s, with_eta = surface_and_feedback(e, de, kept, 0)
+        s_dropped, without = surface_and_feedback(e, de, dropped, 0)
+        assert s == s_dropped
+        assert with_eta - without == pytest.approx(0.5 * phi_slope(e, kept, 0) * de, rel=1e-12)
+        assert surface_and_feedback(e, 0.0, kept, 0) == surface_and_feedback(e, 0.0, dropped, 0)
+
+    def test_gains_in_degrees(self):
+        """The law fed with degrees and giving N m, against the law in radians with scaled gains."""
+        memory, q = random_memory(3), np.array([0.02, -0.01])
+        desired = np.array([0.021, 0.3]), np.array([0.1, -0.1]), np.array([1.0, 2.0])
+        in_degrees = command(
+            Memory(np.rad2deg(memory.q), memory.tau, np.rad2deg(memory.de)),
+            np.rad2deg(q),
+            *map(np.rad2deg, desired),
+            make_law(),
+        )
+        scaled = make_law(angle_scale=DEGREES_PER_RADIAN, M_bar=np.full(N, M_BAR * DEGREES_PER_RADIAN))
+        ours = command(memory, q, *desired, scaled)
+        np.testing.assert_allclose(ours[0], in_degrees[0], rtol=1e-12)
+        np.testing.assert_allclose(ours[1], in_degrees[1], rtol=1e-12)
+        np.testing.assert_allclose(np.rad2deg(ours[2]), in_degrees[2], rtol=1e-12)
+
+    def test_law_in_other_torque_coordinates(self):
+        """Its torque and history are mapped at the edge, its angles are not."""
+        T = np.array([[2.0, -0.9], [0.0, 1.5]])
+        memory, q, q_d = random_memory(4), np.zeros(N), np.array([0.1, 0.2])
+        still = np.zeros(N)
+        mapped = command(memory, q, q_d, still, still, make_law(to_joint=T, from_joint=np.linalg.inv(T)))
+        own = memory._replace(tau=np.linalg.solve(T, memory.tau.T).T)
+        plain = command(own, q, q_d, still, still, make_law())
+        np.testing.assert_allclose(mapped[0], T @ plain[0], rtol=1e-13)
+        np.testing.assert_allclose(mapped[1], T @ plain[1], rtol=1e-13)
+        np.testing.assert_array_equal(mapped[2], plain[2])
+
+    @pytest.mark.parametrize("surface", list(Surface))
+    @pytest.mark.parametrize(
+        "reading",
+        [{}, {"newest": 0}, {"phi_is_odd": False}, {"power_inside": True}, {"rate_filter": 0.3}],
+        ids=["printed", "centred", "even", "power", "low pass"],
+    )
+    def test_compiled_law_is_the_same_law(self, surface, reading):
+        law = make_law(surface=int(surface), **reading)
+        for seed in range(10):
+            memory = random_memory(seed)
+            q, q_d, dq_d, ddq_d = np.random.default_rng(seed).normal(0.0, 0.2, (4, N))
+            ours = compiled.command(memory, q, q_d, dq_d, ddq_d, law)
+            for fast, plain in zip(ours, command(memory, q, q_d, dq_d, ddq_d, law), strict=True):
+                # Fused operations and another pow may change last digits.
+                np.testing.assert_allclose(fast, plain, rtol=1e-12, atol=1e-12)
+
+
+class TestExactEstimateOnTheRigidArm:
+    """With Ĥ = H and true derivatives what is left is Eq. (19), whatever the arm."""
+
+    arm = make_arm(
+        np.array([0.25, 0.2]),
+        np.array([0.45, 0.25]),
+        np.array([0.11, 0.09]),
+        np.array([2.3e-3, 8e-4]),
+        phi_0=np.array([0.8, 0.8]),
+        payload_mass=0.2,
+        gravity=9.81,
+    )
+    law = make_law()
+
+    @staticmethod
+    def desired(t):
+        w = np.array([2.0, 3.0])
+        return 0.3 * (1.0 - np.cos(w * t)), 0.3 * w * np.sin(w * t), 0.3 * w**2 * np.cos(w * t)
+
+    def surface(self, t, x):
+        q_d, dq_d, _ = self.desired(t)
+        pairs = [surface_and_feedback(q_d[i] - x[i], dq_d[i] - x[2 + i], self.law, i) for i in range(N)]
+        return np.array(pairs).T
+
+    def acceleration(self, t, x, epsilon):
+        """Forward dynamics under the torque M_bar u + Ĥ with H - Ĥ = M_bar epsilon."""
+        q, dq = x[:2], x[2:]
+        u = self.desired(t)[2] + self.surface(t, x)[1]
+        M, bias = mass_matrix(q, self.arm), bias_torque(q, dq, self.arm)
+        # Eq. (7) of the rigid arm; with H = Ĥ + M_bar epsilon the motion solves ddq = u - epsilon.
+        ddq = u - epsilon
+        H_hat = (M - M_BAR * np.eye(N)) @ ddq + bias - M_BAR * epsilon
+        tau = M_BAR * u + H_hat
+        weight = coriolis_matrix(q, dq, self.arm) @ dq + gravity_torque(q, self.arm)
+        return np.linalg.solve(M, tau - weight), u
+
+    def run(self, x, epsilon, duration):
+        def derivative(t, x):
+            return np.concatenate([x[2:], self.acceleration(t, x, epsilon(t))[0]])
+
+        t = np.linspace(0.0, duration, 101)
+        path = solve_ivp(derivative, (0.0, duration), x, "DOP853", t, rtol=1e-11, atol=1e-12)
+        return t, np.array([self.surface(t_, x_)[0] for t_, x_ in zip(t, path.y.T, strict=True)])
+
+    def test_acceleration_is_u(self):
+        rng = np.random.default_rng(5)
+        for _ in range(20):
+            x = rng.normal(0.0, 1.0, 4)
+            ddq, u = self.acceleration(rng.uniform(0.0, 3.0), x, np.zeros(N))
+            np.testing.assert_allclose(ddq, u, rtol=1e-11, atol=1e-11)
+
+    @pytest.mark.parametrize(
+        "start", [[-0.1, 0.05, 0.0, 0.0], [-0.5, 0.6, 0.5, -1.0]], ids=["inside", "across"]
+    )
+    def test_surface_decays_at_lambda(self, start):
+        t, s = self.run(np.array(start), lambda _: np.zeros(N), 1.0)
+        # Integration at 1e-11 leaves far less than the last value, s0 exp(-8).
+        np.testing.assert_allclose(s, s[0] * np.exp(-LAM * t)[:, np.newaxis], atol=1e-8)
+
+    @pytest.mark.parametrize("kind", ["constant", "alternating"])
+    def test_surface_ends_within_delta_over_lambda(self, kind):
+        delta = np.array([0.4, 0.9])
+        waves = {
+            "constant": lambda _: delta,
+            "alternating": lambda t: delta * np.sin(np.array([5.0, 31.0]) * t),
+        }
+        t, s = self.run(np.array([-0.3, 0.2, 0.0, 0.0]), waves[kind], 2.0)
+        decayed = np.abs(s[0]) * np.exp(-LAM * t)[:, np.newaxis]
+        assert np.all(np.abs(s) <= delta / LAM + decayed + 1e-9)
+        if kind == "constant":
+            np.testing.assert_allclose(s[-1], delta / LAM, rtol=1e-5)  # the bound is reached

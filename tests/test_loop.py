@@ -1,0 +1,433 @@
+"""The closed loop in time: against a second program, and against what it promises."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from tendonrepro.config import load_config
+from tendonrepro.errors import TendonreproError
+from tendonrepro.runs import build_loops
+from tendonrepro.simulate import Reference, simulate
+
+L = 1e-3
+IDEAL = "manipulator.encoders.joint.resolution=0"
+NO_DRY_FRICTION = tuple(f"manipulator.friction.{part}.coulomb=[0, 0, 0]" for part in ("link", "winch"))
+UNSTABLE = "manipulator.tendons.damping_factor=0.2"
+COUNT = np.deg2rad(0.022)
+S_INV = np.array([[77.0, 0.0], [-35.0, 37.0]]) / 37.0  # joints 2 and 3 of Table 1
+M_BAR, LAM, ETA, B, DELTA, BETA = 0.01, 8.0, 1.5, 0.9, 0.2, 2.0
+ALPHA = np.array([0.1, 0.2])
+
+
+def raised_cosine(amplitude_deg, period, samples):
+    """Reference of both joints, written down once more."""
+    t = L * np.arange(samples)[:, np.newaxis] * np.ones(2)
+    A, w = np.deg2rad(amplitude_deg) / 2.0, 2.0 * np.pi / period
+    return Reference(t[:, 0], A * (1 - np.cos(w * t)), A * w * np.sin(w * t), A * w**2 * np.cos(w * t))
+
+
+@cache
+def shipped(*overrides):
+    return load_config(None, "compare", overrides=overrides)
+
+
+def make_loop(*overrides, run="controller_1", reference=None):
+    loaded = shipped(*overrides)
+    loop = dict(build_loops(loaded.config, loaded.folder))[run]
+    return replace(loop, reference=reference or raised_cosine(10.0, 0.8, 301))
+
+
+class Textbook:
+    """The same experiment in plain NumPy: equations as printed, two links as in any robotics book."""
+
+    friction_names = ("coulomb", "static_ratio", "stribeck_velocity", "smoothing_velocity")
+
+    def __init__(self, config, payload):
+        manipulator = config.manipulator
+        links, winches, tendons = manipulator.links, manipulator.winches, manipulator.tendons
+        self.l, self.m, self.c, self.I_c = (
+            values.si[1:] for values in (links.length, links.mass, links.com, links.inertia)
+        )
+        self.payload, self.g, self.posture = payload, manipulator.gravity.si, config.posture.si
+        r = 0.0185
+        winch_inertia = (winches.reflected_inertia.si + winches.drum_inertia.si)[1:]
+        self.I = S_INV.T @ np.diag(winch_inertia) @ S_INV
+        self.K_s = S_INV.T @ np.diag(tendons.axial_stiffness.si[1:] * r**2) @ S_INV
+        damping = tendons.damping_factor.si * tendons.axial_damping.si[1:]
+        self.D_s = S_INV.T @ np.diag(damping * r**2) @ S_INV
+        self.D_m = S_INV.T @ np.diag(winches.viscous.si[1:]) @ S_INV
+        self.link_friction, self.winch_friction = (
+            [getattr(part, name).si[1:] for name in self.friction_names]
+            for part in (manipulator.friction.link, manipulator.friction.winch)
+        )
+        self.link_viscous = manipulator.friction.link.viscous.si[1:]
+
+    def M(self, q):
+        (l2, l3), (m2, m3), (c2, c3), (I2, I3), m = self.l, self.m, self.c, self.I_c, self.payload
+        cos3 = np.cos(q[1] + self.posture[2])
+        tip = I3 + m3 * c3**2 + m * l3**2
+        cross = tip + (m3 * c3 + m * l3) * l2 * cos3
+        first = I2 + m2 * c2**2 + (m3 + m) * l2**2 + tip + 2.0 * (m3 * c3 + m * l3) * l2 * cos3
+        return np.array([[first, cross], [cross, tip]])
+
+    def C(self, q, dq):
+        h = -(self.m[1] * self.c[1] + self.payload * self.l[1]) * self.l[0] * np.sin(q[1] + self.posture[2])
+        return np.array([[h * dq[1], h * (dq[0] + dq[1])], [-h * dq[0], 0.0]])
+
+    def G(self, q):
+        (l2, l3), (m2, m3), (c2, c3), m, g = self.l, self.m, self.c, self.payload, self.g
+        angle_2 = self.posture[0] + self.posture[1] + q[0]
+        angle_3 = angle_2 + self.posture[2] + q[1]
+        outer = g * (m3 * c3 + m * l3) * np.sin(angle_3)
+        return np.array([g * (m2 * c2 + m3 * l2 + m * l2) * np.sin(angle_2) + outer, outer])
+
+    @staticmethod
+    def dry(v, friction):
+        coulomb, ratio, v_s, v_c = friction
+        return coulomb * (1.0 + (ratio - 1.0) * np.exp(-((v / v_s) ** 2))) * np.tanh(v / v_c)
+
+    def derivative(self, _, x, tau_m):
+        q, dq, theta, dtheta = x.reshape(4, 2)
+        tau_s = self.K_s @ (theta - q) + self.D_s @ (dtheta - dq)
+        F = self.link_viscous * dq + self.dry(dq, self.link_friction)
+        ddq = np.linalg.solve(self.M(q), tau_s - self.C(q, dq) @ dq - self.G(q) - F)
+        winch = S_INV.T @ self.dry(S_INV @ dtheta, self.winch_friction)
+        ddtheta = np.linalg.solve(self.I, tau_m - tau_s - self.D_m @ dtheta - winch)
+        return np.concatenate([dq, ddq, dtheta, ddtheta])
+
+    @staticmethod
+    def u(controller, e, de, ddq_d):
+        if controller == 3:
+            return ddq_d + BETA * de + LAM * (de + BETA * e)
+        gamma_1, gamma_2 = (2 - B) * DELTA ** (B - 1), (B - 1) * DELTA ** (B - 2)
+        assert np.all(np.abs(e) < DELTA)
+        phi, slope = gamma_1 * e + gamma_2 * np.sign(e) * e**2, gamma_1 + 2 * gamma_2 * np.abs(e)
+        return ddq_d + ETA * slope * de + LAM * (de + ETA * phi)
+
+    def run(self, controller, reference, count):
+        """Sample by sample; lists hold the whole past, index -1 is t - L."""
+        alpha = ALPHA if controller == 1 else np.zeros(2)
+        weight = self.G(np.zeros(2))
+        x = np.concatenate([np.zeros(4), np.linalg.solve(self.K_s, weight), np.zeros(2)])
+        past_q, past_tau, states, measured = [np.zeros(2)] * 4, [weight] * 2, [], []
+        for k in range(len(reference.time)):
+            q = count * np.floor(x[:2] / count + 0.5) if count else x[:2]
+            acceleration = [(past_q[-i] - 2 * past_q[-i - 1] + past_q[-i - 2]) / L**2 for i in (1, 2)]
+            H_1, H_2 = (past_tau[-i] - M_BAR * acceleration[i - 1] for i in (1, 2))
+            H_hat = (1 - alpha) * H_1 + alpha * H_2
+            de = reference.dq_d[k] - (q - past_q[-1]) / L
+            tau = M_BAR * self.u(controller, reference.q_d[k] - q, de, reference.ddq_d[k]) + H_hat
+            states.append(x), measured.append(q), past_q.append(q), past_tau.append(tau)
+            span = (0.0, L)  # without a disturbance the plant does not know the time
+            step = solve_ivp(
+                self.derivative, span, x, "DOP853", args=(tau,), rtol=1e-10, atol=1e-12, first_step=L
+            )
+            x = step.y[:, -1]
+        return np.array(states)[:, :2], np.array(measured), np.array(past_tau[2:])
+
+
+class TestAgainstASecondProgram:
+    """300 ms in which both joints move by up to 8 degrees, payload, friction and all."""
+
+    cases = pytest.mark.parametrize(
+        ("run", "controller", "payload"),
+        [
+            ("controller_1", 1, 0.0),
+            ("controller_2", 2, 0.0),
+            ("controller_3", 3, 0.0),
+            ("controller_1_payload", 1, 0.2),
+        ],
+    )
+
+    @cases
+    def test_ideal_encoder(self, run, controller, payload):
+        loop = make_loop(IDEAL, run=run)
+        ours = simulate(loop)
+        q, _, tau = Textbook(shipped(IDEAL).config, payload).run(controller, loop.reference, 0.0)
+        assert len(ours["q"]) == len(q)
+        assert np.abs(ours["q"][-1]).min() > np.deg2rad(1.0)  # it has moved
+        # Both integrate to about 1e-11, which the loop, being stable, does not pile up.
+        np.testing.assert_allclose(ours["q"], q, atol=1e-9)
+        # An angle difference of d makes M_bar d/L^2, 1e4 times as much, in the torque.
+        np.testing.assert_allclose(ours["tau_m"], tau, atol=1e-5)
+
+    @cases
+    def test_counts_are_identical(self, run, controller, payload):
+        loop = make_loop(run=run)
+        ours = simulate(loop)
+        _, measured, _ = Textbook(shipped().config, payload).run(controller, loop.reference, COUNT)
+        counts = [np.rint(angle / COUNT).astype(int) for angle in (ours["q_encoder"], measured)]
+        np.testing.assert_array_equal(*counts)
+        assert np.ptp(counts[0]) > 50
+
+
+class TestTraceObeysTheEquations:
+    """Variables of a trace, recomputed from one another."""
+
+    laws = pytest.mark.parametrize("run", ["controller_1", "controller_2", "controller_3"])
+
+    @staticmethod
+    def feedback(trace, run):
+        q = trace["q_encoder"]
+        dq = np.diff(q, axis=0, prepend=np.zeros((1, 2))) / L
+        e, de = trace["q_d"] - q, trace["dq_d"] - dq
+        return Textbook.u(int(run[-1]), e, de, trace["ddq_d"])
+
+    @laws
+    @pytest.mark.parametrize("resolution", ["0.022", "0"])
+    def test_commanded_torque_less_estimate_is_M_bar_u(self, run, resolution):
+        trace = simulate(make_loop(f"manipulator.encoders.joint.resolution={resolution}", run=run))
+        u = self.feedback(trace, run)
+        # Torques of some 10 N m keep 1e-14; q/L in the velocity, 1e-13 times lam M_bar.
+        np.testing.assert_allclose(trace["tau_cmd"] - trace["H_hat"], M_BAR * u, atol=1e-13)
+
+    @laws
+    @pytest.mark.parametrize(
+        "reading", ["control.readings.weights=interpolating", "control.readings.differencing=centred"]
+    )
+    def test_estimate_is_equation_15_of_the_applied_torque(self, run, reading):
+        """Also where motors saturate and answer late: the estimator stores what was applied."""
+        limits = "manipulator.actuator.torque_limit=[1, 1, 1]", "manipulator.actuator.output_delay=1"
+        trace = simulate(make_loop(IDEAL, reading, *limits, run=run))
+        alpha = ALPHA if run == "controller_1" else np.zeros(2)
+        centred = reading.endswith("centred")
+        q, tau = trace["q_encoder"], trace["tau_m"]
+        assert np.any(tau != trace["tau_cmd"])
+        second_difference = (q[2:] - 2 * q[1:-1] + q[:-2]) / L**2  # entry k has its newest sample at k + 2
+        for k in range(4, len(q)):
+            newest = [k, k - 1] if centred else [k - 1, k - 2]
+            H_1, H_2 = (tau[k - i] - M_BAR * second_difference[newest[i - 1] - 2] for i in (1, 2))
+            np.testing.assert_allclose(trace["H_hat"][k], (1 - alpha) * H_1 + alpha * H_2, atol=1e-12)
+
+    @laws
+    def test_lumped_dynamics_and_estimation_error(self, run):
+        trace = simulate(make_loop(run=run))
+        np.testing.assert_allclose(trace["H"], trace["tau_m"] - M_BAR * trace["ddq"], atol=1e-12)
+        # Eqs. (6), (17) and (19): epsilon = u - ddq while the commanded torque is applied.
+        u = self.feedback(trace, run)
+        np.testing.assert_allclose(trace["epsilon"], u - trace["ddq"], atol=1e-9)
+
+    def test_error_and_surface(self):
+        trace = simulate(make_loop())
+        np.testing.assert_array_equal(trace["e"], trace["q_d"] - trace["q_encoder"])
+        dq = np.diff(trace["q_encoder"], axis=0, prepend=np.zeros((1, 2))) / L
+        gamma_1, gamma_2 = (2 - B) * DELTA ** (B - 1), (B - 1) * DELTA ** (B - 2)
+        e = trace["e"]
+        s = trace["dq_d"] - dq + ETA * (gamma_1 * e + gamma_2 * e * np.abs(e))
+        np.testing.assert_allclose(trace["s"], s, atol=1e-12)
+
+    def test_states_move_as_their_derivatives_say(self):
+        trace = simulate(make_loop(IDEAL))
+        for angle, rate in (("q", "dq"), ("theta", "dtheta")):
+            step = np.diff(trace[angle], axis=0)
+            mean = 0.5 * (trace[rate][1:] + trace[rate][:-1])
+            # Trapezoidal rule over a period: wrong by L/12 times the change of acceleration.
+            np.testing.assert_allclose(step, L * mean, atol=2e-3 * np.abs(step).max())
+
+    def test_acceleration_and_tendon_torque_are_the_textbook_ones(self):
+        trace, book = simulate(make_loop(run="controller_1_payload")), Textbook(shipped().config, 0.2)
+        for k in range(0, 301, 10):
+            x = np.concatenate([trace[name][k] for name in ("q", "dq", "theta", "dtheta")])
+            tau_s = book.K_s @ (x[4:6] - x[:2]) + book.D_s @ (x[6:] - x[2:4])
+            np.testing.assert_allclose(trace["tau_s"][k], tau_s, atol=1e-12)
+            ddq = book.derivative(0.0, x, trace["tau_m"][k])[2:4]
+            np.testing.assert_allclose(trace["ddq"][k], ddq, atol=1e-10)
+
+
+class TestEquivalence:
+    def test_controller_3_is_plain_time_delay_control(self):
+        payload = "{value: 0, unit: kg, source: 'assumed: test'}"
+        names = ("controller_3", "tdc")
+        runs = ", ".join(f"{name}: {{law: {name}, payload: {payload}}}" for name in names)
+        reference = raised_cosine(10.0, 2.0, 2001)
+        traces = [
+            simulate(make_loop(IDEAL, f"runs={{{runs}}}", run=run, reference=reference)) for run in names
+        ]
+        # One rounding of the torque, 1e-15 N m, divided by 1e-6 s^2 of the differences and 1e4 in the loop.
+        for name in ("q", "theta", "H_hat", "tau_m"):
+            np.testing.assert_allclose(traces[0][name], traces[1][name], atol=1e-9)
+
+    def test_alpha_zero_makes_controller_1_controller_2(self):
+        zero = "control.gains.alpha=[0, 0]"
+        first, second = (simulate(make_loop(zero, run=run)) for run in ("controller_1", "controller_2"))
+        for name, values in first.items():
+            np.testing.assert_array_equal(values, second[name], err_msg=name)
+
+    @pytest.mark.parametrize("method", ["dopri5", "lsoda"])
+    def test_integrators_agree(self, method):
+        ours, theirs = (simulate(make_loop(IDEAL, f"solver.method={m}")) for m in ("dop853", method))
+        np.testing.assert_allclose(ours["q"], theirs["q"], atol=1e-7)  # 300 periods of rtol 1e-9 each
+        assert np.any(ours["q"] != theirs["q"])
+
+
+class TestRepeatability:
+    noise = "manipulator.encoders.joint.noise=0.01", "manipulator.actuator.torque_noise=0.02"
+
+    def test_second_run_is_identical(self):
+        loop = make_loop(*self.noise)
+        first, second = simulate(loop), simulate(loop)
+        for name, values in first.items():
+            np.testing.assert_array_equal(values, second[name], err_msg=name)
+
+    def test_seed(self):
+        first, other = (simulate(make_loop(*self.noise, f"seed={seed}"))["q_encoder"] for seed in (1, 2))
+        again = simulate(make_loop(*self.noise, "seed=1"))["q_encoder"]
+        np.testing.assert_array_equal(first, again)
+        assert np.any(first != other)
+
+    def test_all_runs_meet_the_same_noise(self):
+        noises = []
+        for run in ("controller_1", "controller_3", "controller_1_payload"):
+            trace = simulate(make_loop(IDEAL, *self.noise, run=run))
+            noises.append(trace["q_encoder"] - trace["q"])
+        assert np.rad2deg(noises[0].std()) == pytest.approx(0.01, rel=0.1)  # 600 values: 3 % rms
+        for k in (1, 2):
+            np.testing.assert_allclose(noises[k], noises[0], atol=1e-15)
+
+    def test_torque_noise_acts_on_the_plant_alone(self):
+        """No controller can know it; stored with the torque it would come back in every estimate."""
+        noisy, quiet = (
+            simulate(make_loop(IDEAL, f"manipulator.actuator.torque_noise={rms}")) for rms in (0.2, 0)
+        )
+        np.testing.assert_array_equal(noisy["tau_m"], noisy["tau_cmd"])
+        # 0.2 N m for a period on 0.1 kg m2: each kick changes the winch's velocity by 2e-3 rad/s.
+        kicks = np.diff(noisy["dtheta"][:3, 1] - quiet["dtheta"][:3, 1])
+        assert 1e-4 < np.abs(kicks).max() < 1e-2
+        assert np.abs(noisy["e"]).mean() < 1.2 * np.abs(quiet["e"]).mean()
+
+    def test_noise_does_not_depend_on_the_length_of_the_run(self):
+        long, short = (
+            simulate(make_loop(*self.noise, reference=raised_cosine(10.0, 0.8, samples)))["q_encoder"]
+            for samples in (201, 101)
+        )
+        np.testing.assert_array_equal(long[:101], short)
+
+
+class TestMotors:
+    @pytest.mark.parametrize("delay", [0, 1, 2])
+    def test_output_delay_shifts_whole_samples(self, delay):
+        trace = simulate(make_loop(IDEAL, f"manipulator.actuator.output_delay={delay}"))
+        applied, commanded = trace["tau_m"], trace["tau_cmd"]
+        np.testing.assert_array_equal(applied[delay:], commanded[: len(commanded) - delay])
+        # Until the first command arrives the holding torque stays on.
+        hold = Textbook(shipped().config, 0.0).G(np.zeros(2))
+        np.testing.assert_allclose(applied[:delay], np.tile(hold, (delay, 1)), rtol=1e-13)
+
+    def test_saturation_is_at_the_winch(self):
+        limit = 0.8
+        trace = simulate(make_loop(f"manipulator.actuator.torque_limit=[1, {limit}, {limit}]"))
+        S = np.linalg.inv(S_INV)
+        wanted = np.clip(trace["tau_cmd"] @ S, -limit, limit)
+        np.testing.assert_allclose(trace["tau_m"] @ S, wanted, atol=1e-12)
+        assert np.abs(trace["tau_cmd"] @ S).max() > limit
+
+    def test_torque_steps(self):
+        step = 0.016
+        trace = simulate(make_loop(f"manipulator.actuator.torque_resolution={step}"))
+        steps = trace["tau_m"] @ np.linalg.inv(S_INV) / step
+        np.testing.assert_allclose(steps, np.rint(steps), atol=1e-9)
+
+
+class TestStart:
+    still = raised_cosine(0.0, 1.0, 1001)
+
+    def test_filled_history_keeps_an_arm_at_rest(self):
+        trace = simulate(make_loop(IDEAL, reference=self.still))
+        # Equilibrium to rounding: holding torque and tendon stretch agree to 1e-15 N m.
+        assert np.abs(trace["q"]).max() < 1e-12
+        assert np.abs(trace["tau_m"] - trace["tau_m"][0]).max() < 1e-9
+        np.testing.assert_allclose(trace["H_hat"], np.tile(trace["tau_m"][0], (1001, 1)), atol=1e-9)
+
+    def test_cold_history_drops_the_arm_which_recovers(self):
+        loop = make_loop(
+            IDEAL, *NO_DRY_FRICTION, "control.readings.start=cold", reference=raised_cosine(0.0, 1.0, 4001)
+        )
+        trace = simulate(loop)
+        np.testing.assert_array_equal(trace["tau_cmd"][0], np.zeros(2))
+        np.testing.assert_array_equal(trace["dq"][0], np.zeros(2))  # a brake has held it until now
+        q = np.rad2deg(trace["q"])
+        assert q[:, 0].min() < -0.3
+        assert np.abs(q[-1]).max() < 1e-3
+
+    def test_cold_history_on_an_unstable_loop_diverges(self):
+        overrides = UNSTABLE, *NO_DRY_FRICTION, "control.readings.start=cold"
+        loop = make_loop(*overrides, reference=self.still)
+        assert len(simulate(loop)["time"]) < 1001
+
+
+class TestDivergence:
+    def test_run_ends_with_the_first_sample_beyond_the_limit(self):
+        loop = make_loop(UNSTABLE, reference=raised_cosine(10.0, 4.0, 4001))
+        trace = simulate(loop)
+        done = len(trace["time"])
+        assert 10 < done < 4001
+        largest = np.abs(trace["e"]).max(axis=1)
+        assert largest[-1] > loop.divergence_limit == pytest.approx(np.deg2rad(10.0))
+        assert np.all(largest[:-1] <= loop.divergence_limit)
+        for name, values in trace.items():
+            assert len(values) == done, name
+            assert np.isfinite(values).all(), name
+
+    def test_what_came_before_does_not_depend_on_the_limit(self):
+        loop = make_loop(UNSTABLE, reference=raised_cosine(10.0, 4.0, 4001))
+        long, short = simulate(loop), simulate(replace(loop, divergence_limit=loop.divergence_limit / 4.0))
+        done = len(short["time"])
+        assert done < len(long["time"])
+        np.testing.assert_array_equal(long["q"][:done], short["q"])
+
+    def test_plant_beyond_the_integrator_is_an_error(self):
+        """One message for the user, and no warning (which would fail this test by itself)."""
+        loop = make_loop("solver.method=dop853", "manipulator.tendons.axial_stiffness=[1e5, 1e18, 1e18]")
+        with pytest.raises(
+            TendonreproError, match=r"dop853 cannot follow the plant beyond t = 0\.000 s"
+        ) as caught:
+            simulate(loop)
+        assert "solver.method=lsoda" in caught.value.hint
+
+
+class TestProgress:
+    def test_reports_the_samples_done(self):
+        reports = []
+        simulate(make_loop(reference=raised_cosine(10.0, 4.0, 1200)), reports.append)
+        assert sum(reports) == pytest.approx(1200, abs=500)
+        assert len(reports) >= 2
+
+
+@pytest.fixture(scope="module")
+def decoupling():
+    """First 0.4 s of the decoupling experiment."""
+    loaded = load_config(None, "decouple")
+    loop = dict(build_loops(loaded.config, loaded.folder))["decouple"]
+    full = loop.reference
+    cut = Reference(full.time[:400], full.q_d[:400], full.dq_d[:400], full.ddq_d[:400])
+    return loop, simulate(replace(loop, reference=cut))
+
+
+class TestPositionLoop:
+    """The decoupling experiment's loop: motors follow, joints are calculated."""
+
+    def test_torque_is_the_servo_on_top_of_the_holding_torque(self, decoupling):
+        loop, values = decoupling
+        S_inv, servo = loop.plant.drive.S_inv, loop.controller.servo
+        q_motor = values["q_motor_encoder"]
+        rate = np.diff(q_motor, axis=0, prepend=np.zeros((1, 3))) / L
+        winch = servo.stiffness * (values["q_d"] @ S_inv.T - q_motor)
+        winch += servo.damping * (values["dq_d"] @ S_inv.T - rate)
+        # At the first sample nothing has moved and the arm is held.
+        wanted = values["tau_cmd"][0] + winch @ S_inv
+        np.testing.assert_allclose(values["tau_cmd"], wanted, atol=1e-10)
+
+    def test_motor_and_calculated_angles(self, decoupling):
+        loop, values = decoupling
+        drive = loop.plant.drive
+        moved = values["theta"] - values["theta"][0]
+        np.testing.assert_allclose(values["q_motor"] @ drive.S.T, moved, atol=1e-13)
+        step = loop.motor_encoder.resolution
+        assert np.abs(values["q_motor_encoder"] - values["q_motor"]).max() <= 0.5 * step * (1.0 + 1e-9)
+        np.testing.assert_allclose(values["q_calculated"], values["q_motor_encoder"] @ drive.S.T, atol=1e-13)
+        assert not {"s", "H_hat", "epsilon"} & values.keys()

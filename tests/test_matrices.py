@@ -1,0 +1,74 @@
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from tendonrepro.matrices import solve_positive_definite, times
+
+Array = NDArray[np.float64]
+
+cases = given(st.integers(1, 6), st.integers(0, 2**32 - 1))
+
+
+def drawn(n: int, seed: int, lanes: tuple[int, ...] = ()) -> tuple[Array, Array]:
+    """Positive definite matrices and right-hand sides, joint axes first."""
+    rng = np.random.default_rng(seed)
+    factor = rng.uniform(-1.0, 1.0, (n, n, *lanes))
+    A = np.einsum("ik...,jk...->ij...", factor, factor) + 0.1 * np.eye(n).reshape(n, n, *[1] * len(lanes))
+    return A, rng.uniform(-1.0, 1.0, (n, *lanes))
+
+
+class TestTimes:
+    @cases
+    def test_is_the_matrix_product(self, n: int, seed: int) -> None:
+        rng = np.random.default_rng(seed)
+        A, x = rng.integers(-9, 10, (n, n)) * 1.0, rng.integers(-9, 10, n) * 1.0
+        # Whole numbers, so nothing is rounded.
+        assert (times(A, x) == A @ x).all()
+
+    @pytest.mark.parametrize("n", [1, 2, 3])
+    def test_lanes_equal_each_alone_bit_for_bit(self, n: int) -> None:
+        A, x = drawn(n, 1)[0], drawn(n, 2, (37,))[1]
+        alone = np.stack([times(A, x[:, k]) for k in range(37)], axis=-1)
+        assert (times(A, x) == alone).all()
+
+
+class TestSolve:
+    @settings(deadline=None)
+    @cases
+    def test_solution_leaves_only_rounding(self, n: int, seed: int) -> None:
+        A, b = drawn(n, seed)
+        x = solve_positive_definite(A, b)
+        # Backward stability of Cholesky: the residual is of the size of A x rounded, n + 1 times over.
+        bound = 4 * (n + 1) * np.finfo(float).eps * np.linalg.norm(A) * np.linalg.norm(x)
+        assert np.linalg.norm(A @ x - b) <= bound
+
+    def test_small_system_in_exact_fractions(self) -> None:
+        # Factor [[2, 0, 0], [1, 2, 0], [-1, 1, 4]], all of it exact in binary.
+        A = np.array([[4.0, 2.0, -2.0], [2.0, 5.0, 1.0], [-2.0, 1.0, 18.0]])
+        x = np.array([Fraction(1, 2), Fraction(-3), Fraction(5, 4)], dtype=float)
+        assert solve_positive_definite(A, A @ x).tolist() == x.tolist()
+
+    @pytest.mark.parametrize("n", [1, 2, 3])
+    def test_lanes_equal_each_alone_bit_for_bit(self, n: int) -> None:
+        A, b = drawn(n, 1, (37,))
+        alone = np.stack([solve_positive_definite(A[..., k], b[:, k]) for k in range(37)], axis=-1)
+        assert (solve_positive_definite(A, b) == alone).all()
+
+    def test_arguments_are_left_alone(self) -> None:
+        A, b = drawn(3, 1, (2,))
+        matrix, right = A.copy(), b.copy()
+        solve_positive_definite(matrix, right)
+        assert (matrix == A).all()
+        assert (right == b).all()
+
+    @cases
+    def test_only_the_lower_triangle_is_read(self, n: int, seed: int) -> None:
+        A, b = drawn(n, seed)
+        nonsense = A + np.triu(np.full((n, n), np.nan), 1)
+        assert (solve_positive_definite(nonsense, b) == solve_positive_definite(A, b)).all()

@@ -1,0 +1,70 @@
+"""Work in several processes: same results, in order, errors and progress included."""
+
+from __future__ import annotations
+
+import os
+from functools import partial
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tendonrepro.errors import ConfigError, TendonreproError
+from tendonrepro.parallel import advance, each
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+
+def work(offset: int, item: int) -> tuple[int, int]:
+    advance(item)
+    return item + offset, os.getpid()
+
+
+def fail(item: int) -> int:
+    message = "cannot"
+    raise ConfigError(message, where=f"item {item}", hint="do not")
+
+
+@pytest.mark.parametrize("processors", [1, 2])
+def test_results_are_in_order_and_progress_adds_up(monkeypatch: pytest.MonkeyPatch, processors: int) -> None:
+    monkeypatch.setattr(os, "cpu_count", lambda: processors)
+    told: list[int] = []
+    results = each(partial(work, 100), [3, 1, 2], told.append)
+    assert [result for result, _ in results] == [103, 101, 102]
+    assert ({process for _, process in results} == {os.getpid()}) == (processors == 1)
+    assert sum(told) == 6
+
+
+@pytest.mark.parametrize("processors", [1, 2])
+def test_errors_arrive_whole(monkeypatch: pytest.MonkeyPatch, processors: int) -> None:
+    monkeypatch.setattr(os, "cpu_count", lambda: processors)
+    with pytest.raises(ConfigError) as caught:
+        each(fail, [7, 7])
+    assert (caught.value.where, caught.value.hint, caught.value.message) == ("item 7", "do not", "cannot")
+
+
+def test_runs_do_not_depend_on_the_number_of_processes(monkeypatch: pytest.MonkeyPatch) -> None:
+    from tendonrepro.config import load_config
+    from tendonrepro.experiment import simulate_all
+    from tendonrepro.talk import Talk
+
+    short = ["reference.periods=1", "reference.rise=0.1", "reference.hold=0.05", "reference.amplitude=[2,2]"]
+    loaded = load_config(None, "compare", overrides=short)
+
+    def runs(processors: int) -> list[bytes]:
+        monkeypatch.setattr(os, "cpu_count", lambda: processors)
+        traces = simulate_all(loaded, None, Talk(quiet=True))
+        return [trace["q"].tobytes() + trace["tau_m"].tobytes() for trace in traces]
+
+    assert runs(1) == runs(2)
+
+
+def test_a_worker_that_dies_is_an_error_not_a_wait(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "cpu_count", lambda: 2)
+    with pytest.raises(TendonreproError, match="died"):
+        each(os._exit, [1, 1])
+
+
+def test_nothing_to_do() -> None:
+    function: Callable[[int], int] = fail
+    assert each(function, []) == []

@@ -1,0 +1,312 @@
+"""From a configuration to closed loops: independence of runs, readings, references."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from tendonrepro.config import load_config
+from tendonrepro.control import DEGREES_PER_RADIAN, Surface
+from tendonrepro.errors import ConfigError
+from tendonrepro.rig import coupling
+from tendonrepro.runs import build_law, build_loops, build_reference, reference_period, torque_map
+from tendonrepro.simulate import PositionController, simulate
+from tendonrepro.trajectory import minimum_jerk
+
+SOURCE = "source: 'assumed: test'"
+RUNS = ("controller_1", "controller_2", "controller_3", "controller_1_payload")
+
+
+def quantity(value, unit):
+    return f"{{value: {value}, unit: {unit}, {SOURCE}}}"
+
+
+def motion(kind, amplitude, **others):
+    """Override that sets the reference; others are (value, unit)."""
+    parts = {"amplitude": (amplitude, "deg"), "periods": (1, "'1'")} | others
+    body = ", ".join(f"{name}: {quantity(*pair)}" for name, pair in parts.items())
+    return f"{{kind: {kind}, {body}}}"
+
+
+SHORT = "reference=" + motion("raised_cosine", [8, 8], period=(0.4, "s"))
+
+
+@cache
+def loaded(*overrides, experiment="compare"):
+    return load_config(None, experiment, overrides=overrides)
+
+
+def loops(*overrides, experiment="compare"):
+    found = loaded(*overrides, experiment=experiment)
+    return dict(build_loops(found.config, found.folder))
+
+
+def reference(*overrides):
+    found = loaded(*overrides)
+    return build_reference(found.config.reference, found.config, found.folder)
+
+
+def keep(*names):
+    """Override that leaves only some of the shipped runs."""
+    parts = (
+        f"{name}: {{law: controller_{name[11]}, payload: {quantity(0.2 if 'payload' in name else 0, 'kg')}}}"
+        for name in names
+    )
+    return f"runs={{{', '.join(parts)}}}"
+
+
+class TestIndependence:
+    @pytest.mark.parametrize("others", [RUNS, RUNS[::-1], RUNS[1:], ("controller_2",)])
+    def test_other_runs_change_no_bit(self, others):
+        """Also with noise in play, which all runs share."""
+        noise = "manipulator.encoders.joint.noise=0.01"
+        alone = simulate(loops(SHORT, noise, keep("controller_2"))["controller_2"])
+        found = loaded(SHORT, noise, keep(*others))
+        traces = {name: simulate(loop) for name, loop in build_loops(found.config, found.folder)}
+        assert list(traces) == list(others)
+        assert len(alone["time"]) == 401
+        for name, values in alone.items():
+            np.testing.assert_array_equal(traces["controller_2"][name], values, err_msg=name)
+
+    def test_runs_differ(self):
+        ends = [simulate(loop)["q"][-1] for loop in loops(SHORT).values()]
+        assert len({tuple(end) for end in ends}) == 4
+
+    def test_all_runs_share_reference_and_seed(self):
+        built = list(loops(SHORT, "seed=7").values())
+        assert {loop.seed for loop in built} == {7}
+        for loop in built[1:]:
+            np.testing.assert_array_equal(loop.reference.q_d, built[0].reference.q_d)
+
+
+class TestLaw:
+    def law(self, name, *overrides):
+        return build_law(loaded(*overrides).config, name)
+
+    @pytest.mark.parametrize(
+        ("name", "surface", "weights"),
+        [
+            ("controller_1", Surface.NTSM, [[0.9, 0.8], [0.1, 0.2]]),
+            ("controller_2", Surface.NTSM, [[1.0, 1.0], [0.0, 0.0]]),
+            ("controller_3", Surface.TSM, [[1.0, 1.0], [0.0, 0.0]]),
+            ("tdc", Surface.PD, [[1.0, 1.0], [0.0, 0.0]]),
+        ],
+    )
+    def test_printed_laws(self, name, surface, weights):
+        law = self.law(name)
+        assert law.surface == surface
+        np.testing.assert_allclose(law.weights, weights, rtol=1e-15)
+        printed = {
+            "M_bar": 0.01,
+            "lam": 8.0,
+            "eta": 1.5,
+            "b": 0.9,
+            "Delta": 0.2,
+            "beta": 2.0,
+            "rate_gain": 1.5,
+        }
+        for gain, value in printed.items():
+            np.testing.assert_allclose(getattr(law, gain), value, rtol=1e-15, err_msg=gain)
+        assert (law.L, law.newest, law.rate_filter, law.angle_scale) == (1e-3, 1, 1.0, 1.0)
+        assert law.phi_is_odd
+        assert not law.power_inside
+        np.testing.assert_array_equal(law.to_joint, np.eye(2))
+        np.testing.assert_array_equal(law.from_joint, np.eye(2))
+
+    def test_plain_control_has_controller_3s_gains(self):
+        law = self.law("tdc")
+        np.testing.assert_allclose(law.K_d, law.beta + law.lam)
+        np.testing.assert_allclose(law.K_p, law.beta * law.lam)
+
+    @pytest.mark.parametrize(
+        ("reading", "field", "value"),
+        [
+            ("phi_negative=even", "phi_is_odd", False),
+            ("phi_branch=power", "power_inside", True),
+            ("differencing=centred", "newest", 0),
+            ("weights=extrapolating", "weights", [[1.1, 1.2], [-0.1, -0.2]]),
+            ("gain_unit=phi_in_degrees", "angle_scale", DEGREES_PER_RADIAN),
+            ("gain_unit=phi_in_degrees", "M_bar", 0.01),
+            ("gain_unit=law_in_degrees", "angle_scale", DEGREES_PER_RADIAN),
+            ("gain_unit=law_in_degrees", "M_bar", 0.01 * DEGREES_PER_RADIAN),
+            ("gain_unit=law_in_degrees", "power_floor", 0.022),
+            ("phi_branch=printed", "power_floor", np.deg2rad(0.022)),
+            ("error_rate=low_pass", "rate_filter", 1.0 - np.exp(-2.0 * np.pi * 100.0 * 1e-3)),
+            ("eta_in_controller_2=dropped", "rate_gain", 1.5),
+        ],
+    )
+    def test_readings(self, reading, field, value):
+        law = self.law("controller_1", f"control.readings.{reading}")
+        np.testing.assert_allclose(getattr(law, field), np.broadcast_to(value, np.shape(getattr(law, field))))
+
+    def test_eta_is_dropped_in_controller_2_only(self):
+        dropped = "control.readings.eta_in_controller_2=dropped"
+        np.testing.assert_array_equal(self.law("controller_2", dropped).rate_gain, 1.0)
+        np.testing.assert_allclose(self.law("controller_2", dropped).eta, 1.5)
+        np.testing.assert_allclose(self.law("controller_3", dropped).rate_gain, 1.5)
+
+    @pytest.mark.parametrize(
+        ("coordinates", "ratio"), [("joint", None), ("winch", 1.0), ("motor_shaft", 100.0)]
+    )
+    def test_torque_coordinates(self, coordinates, ratio):
+        config = loaded(f"control.readings.torque_coordinates={coordinates}").config
+        law, T = build_law(config, "controller_1"), torque_map(config)
+        S_inv = np.array([[77.0, 0.0], [-35.0, 37.0]]) / 37.0
+        # Virtual work: a shaft that turns ratio S_inv q does tau · ratio S_inv dq.
+        np.testing.assert_allclose(T, np.eye(2) if ratio is None else ratio * S_inv.T, rtol=1e-14)
+        np.testing.assert_array_equal(law.to_joint, T)
+        np.testing.assert_allclose(law.from_joint @ T, np.eye(2), atol=1e-14)
+
+    def test_cold_start(self):
+        assert not loops(SHORT)["controller_1"].cold
+        assert loops(SHORT, "control.readings.start=cold")["controller_1"].cold
+
+
+class TestPlants:
+    def test_payload_of_each_run(self):
+        built = loops(SHORT)
+        light, heavy = built["controller_1"].plant.arm, built["controller_1_payload"].plant.arm
+        # 0.2 kg at 0.20 m of the last link: m l² and m g l.
+        assert heavy.a[1, 1] - light.a[1, 1] == pytest.approx(0.2 * 0.2**2, rel=1e-12)
+        assert heavy.b[1] - light.b[1] == pytest.approx(0.2 * 9.81 * 0.2, rel=1e-12)
+
+    def test_decoupling_runs(self):
+        built = loops(experiment="decouple")
+        assert list(built) == ["decouple", "pull_tendon_1"]
+        config = loaded(experiment="decouple").config
+        S, S_inv = coupling(config)
+        for loop in built.values():
+            assert isinstance(loop.controller, PositionController)
+            np.testing.assert_array_equal(loop.controller.S_inv, S_inv)
+        # Motor 1 alone turns by 60 degrees; the joints' reference is what S makes of it.
+        motors = built["pull_tendon_1"].reference.q_d @ S_inv.T
+        np.testing.assert_allclose(np.rad2deg(np.abs(motors).max(axis=0)), [60.0, 0.0, 0.0], atol=1e-9)
+        joints = np.rad2deg(built["pull_tendon_1"].reference.q_d)
+        np.testing.assert_allclose(joints, joints[:, :1] / S[0, 0] * S[:, 0], atol=1e-9)
+
+
+class TestReference:
+    def test_shipped_motion(self):
+        """Minimum jerk, 30 degrees, rise 2.5 s, hold 2 s, twice, both joints."""
+        found = reference()
+        assert found.time[-1] == pytest.approx(18.0, abs=1e-12)
+        np.testing.assert_allclose(np.diff(found.time), 1e-3, rtol=1e-9)
+        wanted = minimum_jerk(np.deg2rad(30.0), 2.5, 2.0)(found.time[:9000])
+        for ours, theirs in zip((found.q_d, found.dq_d, found.ddq_d), wanted, strict=True):
+            np.testing.assert_allclose(ours[:9000], theirs[:, np.newaxis] * np.ones(2), atol=1e-13)
+            # Times of the second period are rounded by 2e-15 s.
+            np.testing.assert_allclose(ours[9000:18000], ours[:9000], atol=1e-12)
+        assert np.rad2deg(found.dq_d.max()) == pytest.approx(22.5, rel=1e-6)
+        assert reference_period(loaded().config.reference) == pytest.approx(9.0)
+
+    @pytest.mark.parametrize(
+        ("text", "duration", "period"),
+        [
+            (motion("raised_cosine", [10, 20], period=(2, "s"), periods=(3, "'1'")), 6.0, 2.0),
+            (motion("minimum_jerk", [10, 20], rise=(0.5, "s"), hold=(0.25, "s")), 1.5, 1.5),
+            (
+                motion(
+                    "trapezoidal",
+                    [10, 20],
+                    velocity=(20, "deg s-1"),
+                    acceleration=(40, "deg s-2"),
+                    hold=(0.5, "s"),
+                ),
+                4.0,  # the longer stroke: 0.5 s up, 0.5 s along, 0.5 s down
+                4.0,
+            ),
+            (
+                motion(
+                    "sine",
+                    [5, 10],  # and as much of an offset
+                    offset=([5, 10], "deg"),
+                    period=(1, "s"),
+                    blend=(0.5, "s"),
+                    periods=(3, "'1'"),
+                ),
+                3.0,
+                1.0,
+            ),
+        ],
+        ids=["raised cosine", "minimum jerk", "trapezoid", "sine"],
+    )
+    def test_kinds(self, text, duration, period):
+        found = reference(f"reference={text}")
+        assert found.time[-1] == pytest.approx(duration, abs=1e-9)
+        assert reference_period(loaded(f"reference={text}").config.reference) == pytest.approx(period)
+        np.testing.assert_allclose([found.q_d[0], found.dq_d[0]], 0.0, atol=1e-15)
+        largest = np.rad2deg(found.q_d.max(axis=0))
+        np.testing.assert_allclose(largest, [10.0, 20.0], rtol=1e-5)
+        middle = 0.5 * (found.dq_d[2:] + found.dq_d[:-2])
+        np.testing.assert_allclose((found.q_d[2:] - found.q_d[:-2]) / 2e-3, middle, atol=2e-3)
+
+    def test_shorter_trapezoid_waits_for_the_longer(self):
+        text = motion(
+            "trapezoidal", [10, 20], velocity=(20, "deg s-1"), acceleration=(40, "deg s-2"), hold=(0.5, "s")
+        )
+        found = reference(f"reference={text}")
+        turning = [found.time[np.argmax(found.dq_d[:, i] < -1e-9)] for i in range(2)]
+        assert turning == pytest.approx([2.0, 2.0], abs=2e-3)
+
+    def test_turns(self):
+        text = motion("minimum_jerk", [10, 20], rise=(0.3, "s"), hold=(0.2, "s"), periods=(2, "'1'"))
+        found = reference(f"reference={text[:-1]}, turns: [[2], [3], [2, 3]]}}")
+        assert found.time[-1] == pytest.approx(6.0)
+        moves = np.abs(found.q_d[:-1]).reshape(6, 1000, 2).max(axis=1)
+        pattern = [[1, 0], [0, 1], [1, 1]] * 2
+        np.testing.assert_allclose(np.rad2deg(moves), pattern * np.array([10.0, 20.0]), rtol=1e-9)
+
+    def test_per_joint(self):
+        parts = (
+            motion("raised_cosine", [10], period=(1, "s"), periods=(2, "'1'")),
+            motion("minimum_jerk", [20], rise=(0.6, "s"), hold=(0.4, "s")),
+        )
+        found = reference(f"reference={{kind: per_joint, references: [{', '.join(parts)}]}}")
+        np.testing.assert_allclose(found.q_d[500], np.deg2rad([10.0, 20.0 * 0.964506]), rtol=1e-5)
+        np.testing.assert_allclose(found.q_d[1000], [0.0, np.deg2rad(20.0)], atol=1e-12)
+
+    @pytest.mark.parametrize(
+        ("amplitude", "link", "angle"), [([140, 0], 2, 180.0), ([0, -50], 3, 0.0), ([60, 80], 3, 180.0)]
+    )
+    def test_links_stay_in_the_working_half_plane(self, amplitude, link, angle):
+        text = motion("minimum_jerk", amplitude, rise=(1, "s"), hold=(0, "s"))
+        with pytest.raises(
+            ConfigError, match=rf"link {link} would reach -?[\d.]+ deg from hanging at t = "
+        ) as caught:
+            reference(f"reference={text}")
+        assert caught.value.where == "reference"
+        assert "between 0 and 180 deg" in caught.value.hint
+        reached = float(str(caught.value).split("reach ")[1].split(" deg")[0])
+        assert reached == pytest.approx(angle, abs=0.5)
+
+    def test_just_inside_the_half_plane(self):
+        text = motion("minimum_jerk", [134.9, 0], rise=(1, "s"), hold=(0, "s"))
+        assert np.rad2deg(reference(f"reference={text}").q_d.max()) == pytest.approx(134.9)
+
+
+class TestSampledReference:
+    TIME = np.linspace(0.0, 1.0, 11)
+
+    def config(self, tmp_path, columns):
+        path = tmp_path / "motion.csv"
+        stroke = np.rad2deg(minimum_jerk(0.5, 1.0, 0.0)(self.TIME)[0])
+        table = np.column_stack([self.TIME, *(stroke * (k + 1) for k in range(len(columns)))])
+        np.savetxt(path, table, "%.17g", ",", header=",".join(["time_s", *columns]), comments="")
+        return f"reference={{kind: sampled, file: '{path}'}}"
+
+    def test_is_the_stroke_it_was_sampled_from(self, tmp_path):
+        override = self.config(tmp_path, ["q3_deg", "q2_deg"])
+        found = reference(override)
+        stroke = minimum_jerk(0.5, 1.0, 0.0)
+        assert found.time.size == 1001
+        for ours, exact in zip((found.q_d, found.dq_d, found.ddq_d), stroke(found.time), strict=True):
+            # Columns are found by name: joint 2's comes second and is twice as large.
+            np.testing.assert_allclose(ours, exact[:, np.newaxis] * [2.0, 1.0], atol=1e-10)
+        assert reference_period(loaded(override).config.reference) == 0.0
+
+    def test_missing_joint(self, tmp_path):
+        with pytest.raises(ConfigError, match="has no column for joint 3") as caught:
+            reference(self.config(tmp_path, ["q2_deg"]))
+        assert "q3_deg" in caught.value.hint

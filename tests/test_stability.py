@@ -1,0 +1,362 @@
+"""The linearised sampled loop against the real one, and the limits that follow from it."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+from scipy.signal import cont2discrete
+
+from tendonrepro.actuator import Actuator
+from tendonrepro.arm import Arm, gravity_torque
+from tendonrepro.config import load_config
+from tendonrepro.control import Law, Surface, estimator_weights, phi, surface_and_feedback
+from tendonrepro.disturbance import no_disturbance
+from tendonrepro.drive import Drive
+from tendonrepro.dynamics import Plant, frictionless, holding_torque, rest_state, state_derivative
+from tendonrepro.encoder import Encoder
+from tendonrepro.friction import Friction
+from tendonrepro.rig import build_plant
+from tendonrepro.runs import build_law
+from tendonrepro.simulate import Loop, Reference, Solver, TimeDelayController, simulate
+from tendonrepro.stability import (
+    decay_rate,
+    feedback_gains,
+    gravity_stiffness,
+    hold_discretised,
+    loop_matrix,
+    plant_matrices,
+)
+
+L = 1e-3
+POSTURES = [np.zeros(2), np.deg2rad([15.0, 15.0]), np.deg2rad([30.0, 30.0])]
+FACTORS = (1.0, 1.25, 1.5, 2.0, 2.5, 3.0)
+ONE = np.ones(1)
+
+
+@cache
+def shipped(*overrides):
+    return load_config(None, "compare", overrides=overrides).config
+
+
+def rates(factor):
+    """Decay rate of every printed run (rows) at start, middle and end of the stroke (columns), s⁻¹."""
+    config = shipped(f"manipulator.tendons.damping_factor={factor}")
+    runs = config.runs.values()
+    pairs = [(build_plant(config, run.payload.si), build_law(config, run.law)) for run in runs]
+    return np.array([[decay_rate([q], plant, law) for q in POSTURES] for plant, law in pairs])
+
+
+def single_joint(motor_inertia, link_inertia, stiffness, damping, D_m, weight=0.0):
+    """Plant with one joint, a winch that turns as it does, and a horizontal link of given weight moment."""
+    no_friction = Friction(0.0 * ONE, 0.0 * ONE, ONE, ONE, ONE)
+    zero = 0.0 * ONE
+    drive = Drive(
+        S=np.eye(1),
+        S_inv=np.eye(1),
+        inertia=motor_inertia * ONE,
+        stiffness=stiffness * ONE,
+        damping=damping * ONE,
+        slack=zero,
+        friction=no_friction._replace(viscous=D_m * ONE),
+        pulley_loss=zero,
+        reducer_loss=zero,
+        wobble=zero,
+        wobble_rate=zero,
+    )
+    arm = Arm(link_inertia * np.eye(1), weight * ONE, 0.5 * np.pi * ONE)
+    return Plant(arm, drive, no_friction, zero, no_disturbance(1))
+
+
+def single_law(alpha, newest=1):
+    """Controller 3's gains, with an estimator of any alpha."""
+    return Law(
+        surface=int(Surface.TSM),
+        L=L,
+        M_bar=0.01 * ONE,
+        lam=8.0 * ONE,
+        eta=1.5 * ONE,
+        b=0.9 * ONE,
+        Delta=0.2 * ONE,
+        beta=2.0 * ONE,
+        K_d=10.0 * ONE,
+        K_p=16.0 * ONE,
+        weights=estimator_weights(alpha * ONE, extrapolating=False),
+        newest=newest,
+        phi_is_odd=True,
+        power_inside=False,
+        power_floor=1e-4,
+        angle_scale=1.0,
+        rate_gain=1.5 * ONE,
+        rate_filter=1.0,
+        to_joint=np.eye(1),
+        from_joint=np.eye(1),
+    )
+
+
+def small_step(plant, law, size, samples, delay=0):
+    """Real loop from rest at zero to a desired angle close by: deviations from the end, (samples, n)."""
+    n = plant.preload.size
+    target = np.tile(size, (samples, 1))
+    loop = Loop(
+        plant=plant,
+        joint_encoder=Encoder(0.0, 0.0),
+        motor_encoder=Encoder(0.0, 0.0),
+        actuator=Actuator(np.full(n, 1e6), 0.0, 0.0, delay),
+        controller=TimeDelayController(law),
+        reference=Reference(L * np.arange(samples), target, 0.0 * target, 0.0 * target),
+        L=L,
+        solver=Solver("dop853", 1e-13, 1e-17, L),
+        divergence_limit=np.inf,
+        cold=False,
+        seed=0,
+    )
+    return simulate(loop)["q"] - target
+
+
+def linear_step(plant, law, size, samples, delay=0):
+    """The same by powers of the loop's matrix."""
+    n, end = plant.preload.size, np.array(size)
+    before, after = rest_state(np.zeros(n), plant), rest_state(end, plant)
+    tau = holding_torque(np.zeros(n), plant) - holding_torque(end, plant)
+    z = np.concatenate([before - after, np.tile(-end, 4), np.tile(tau, 2), np.zeros(n), np.tile(tau, delay)])
+    matrix = loop_matrix(end, plant, law, delay)
+    path = np.empty((samples, n))
+    for k in range(samples):
+        path[k] = z[:n]
+        z = matrix @ z
+    return path
+
+
+class TestPlant:
+    @pytest.mark.parametrize("posture", [[0.0, 0.0], [0.3, 0.4], [0.9, -0.5]])
+    @pytest.mark.parametrize("payload", [0.0, 0.2])
+    def test_matrices_are_the_derivatives_of_the_plant(self, posture, payload):
+        plant = frictionless(build_plant(shipped("manipulator.tensioner.force=20"), payload))
+        q = np.array(posture)
+        A, B = plant_matrices(q, plant)
+        x, tau = rest_state(q, plant), holding_torque(q, plant)
+        np.testing.assert_allclose(state_derivative(0.0, x, tau, plant), 0.0, atol=1e-10)
+        h = 1e-6
+
+        def difference(dx, dtau):
+            forward, backward = (
+                state_derivative(0.0, x + sign * dx, tau + sign * dtau, plant) for sign in (1, -1)
+            )
+            return (forward - backward) / (2.0 * h)
+
+        numeric_A = np.stack([difference(h * unit, np.zeros(2)) for unit in np.eye(8)], axis=1)
+        numeric_B = np.stack([difference(np.zeros(8), h * unit) for unit in np.eye(2)], axis=1)
+        # Central differences: h^2 times the third derivative, and 1e-16/h of rounding, of entries up to 1e5.
+        np.testing.assert_allclose(A, numeric_A, atol=1e-8 * np.abs(A).max())
+        np.testing.assert_allclose(B, numeric_B, atol=1e-8 * np.abs(B).max())
+
+    def test_gravity_stiffness(self):
+        plant, q, h = build_plant(shipped(), 0.2), np.array([0.2, 0.5]), 1e-5
+        stiffness = gravity_stiffness(q, plant)
+        np.testing.assert_array_equal(stiffness, stiffness.T)
+        numeric = [
+            (gravity_torque(q + h * unit, plant.arm) - gravity_torque(q - h * unit, plant.arm)) / (2.0 * h)
+            for unit in np.eye(2)
+        ]
+        np.testing.assert_allclose(stiffness, np.transpose(numeric), atol=1e-9)
+
+    def test_hold_is_exact(self):
+        A, B = plant_matrices(np.array([0.1, 0.2]), build_plant(shipped(), 0.0))
+        Phi, Gamma = hold_discretised(A, B, L)
+        wanted = cont2discrete((A, B, np.eye(8), np.zeros((8, 2))), L, method="zoh")
+        np.testing.assert_allclose(Phi, wanted[0], rtol=1e-12, atol=1e-13)
+        np.testing.assert_allclose(Gamma, wanted[1], rtol=1e-12, atol=1e-15)
+
+
+class TestFeedbackGains:
+    @pytest.mark.parametrize("name", ["controller_1", "controller_2", "controller_3", "tdc"])
+    @pytest.mark.parametrize(
+        "reading", ["eta_in_controller_2=kept", "eta_in_controller_2=dropped", "phi_branch=power"]
+    )
+    def test_are_slopes_of_the_law(self, name, reading):
+        law, h = build_law(shipped(f"control.readings.{reading}"), name), 1e-7
+        on_error, on_rate = feedback_gains(law)
+        for i in range(2):
+            rate = surface_and_feedback(0.0, h, law, i)[1] / h
+            assert on_rate[i] == pytest.approx(rate, rel=1e-9)
+            # Where phi has a power branch its slope is held at the floor: chord up to there, times b.
+            power = law.surface == Surface.NTSM and law.power_inside
+            e = law.power_floor if power else h
+            chord = law.b[i] * law.lam[i] * law.eta[i] * phi(e, law, i) / e
+            error = chord if power else surface_and_feedback(e, 0.0, law, i)[1] / e
+            assert on_error[i] == pytest.approx(error, rel=1e-6)
+
+
+class TestLoop:
+    @pytest.mark.parametrize(
+        ("name", "reading", "delay"),
+        [
+            ("controller_1", None, 0),
+            ("controller_1", None, 1),
+            ("controller_3", None, 2),
+            ("controller_1", "weights=extrapolating", 0),
+            ("controller_2", "differencing=centred", 0),
+            ("controller_1", "error_rate=low_pass", 0),
+            ("controller_1", "torque_coordinates=winch", 0),
+            ("tdc", None, 0),
+        ],
+    )
+    def test_powers_of_the_matrix_follow_the_real_loop(self, name, reading, delay):
+        """Actual command function, actual integrator, 0.2 s of a step of 1e-5 rad."""
+        overrides = ["posture=[45, 15, 15]"] + ([f"control.readings.{reading}"] if reading else [])
+        config = shipped(*overrides)
+        plant, law = frictionless(build_plant(config, 0.2)), build_law(config, name)
+        size = np.array([1e-5, -2e-5])
+        real = small_step(plant, law, size, 200, delay)
+        linear = linear_step(plant, law, size, 200, delay)
+        assert linear.shape == real.shape
+        assert np.abs(real[-1] - real[0]).max() > 1e-6
+        # What is not linear: |gamma_2/gamma_1| 2e-5 in phi, 2e-5 in G. Growing loops pass this on.
+        np.testing.assert_allclose(real, linear, atol=3e-5 * np.abs(linear).max())
+
+    @pytest.mark.parametrize("delay", [0, 1, 3])
+    def test_size_and_rate(self, delay):
+        plant, law = build_plant(shipped(), 0.0), build_law(shipped(), "controller_1")
+        matrix = loop_matrix(POSTURES[0], plant, law, delay)
+        assert matrix.shape == (22 + 2 * delay, 22 + 2 * delay)
+        radius = np.abs(np.linalg.eigvals(matrix)).max()
+        assert np.exp(-L * decay_rate(POSTURES[:1], plant, law, delay)) == pytest.approx(radius, rel=1e-12)
+
+    def test_slowest_posture_counts(self):
+        plant, law = build_plant(shipped(), 0.2), build_law(shipped(), "controller_1")
+        alone = [decay_rate([q], plant, law) for q in POSTURES]
+        assert decay_rate(POSTURES, plant, law) == min(alone)
+
+    def test_slow_poles_are_those_of_the_error_dynamics(self):
+        """Eq. (10): a stiff arm under Controller 3 keeps the poles -beta and -lam, to order L."""
+        plant = single_joint(0.05, 0.05, 1e6, 2.0 * np.sqrt(1e6 * 0.025), 0.0)
+        z = np.linalg.eigvals(loop_matrix(np.zeros(1), plant, single_law(0.0)))
+        slow = np.sort((np.log(z[np.abs(z) > 0.98]) / L).real)
+        # L times poles times the total inertia over M_bar, 10, bounds the shift.
+        np.testing.assert_allclose(slow, [-8.0, -2.0], rtol=0.15)
+
+
+class TestShippedPlant:
+    def test_damping_factor_follows_its_rule(self):
+        """First factor at which all four printed runs decay at 1 s⁻¹ or faster over the whole stroke."""
+        wanted = next(factor for factor in FACTORS if rates(factor).min() >= 1.0)
+        assert shipped().manipulator.tendons.damping_factor.si == wanted == 2.0
+
+    def test_table_of_rates(self):
+        # Rows: Controllers 1 to 3, Controller 1 with payload. Regression of the documented numbers.
+        table = [[2.05, 2.05, 2.06], [2.03, 2.03, 2.04], [2.10, 2.10, 2.11], [1.82, 1.86, 1.99]]
+        np.testing.assert_allclose(rates(2.0), table, atol=6e-3)
+
+    def test_printed_gains_ring_on_the_nominal_damping(self):
+        assert rates(1.0).max() < -1.0
+
+    @pytest.mark.parametrize(
+        ("name", "weights", "multiples"),
+        [
+            ("controller_1", "interpolating", (1.160, 1.687)),
+            ("controller_2", "interpolating", (1.175, 1.721)),
+            ("controller_3", "interpolating", (1.176, 1.723)),
+            ("controller_1", "extrapolating", (1.178, 1.743)),
+        ],
+    )
+    def test_smallest_stable_multiple(self, name, weights, multiples):
+        """The table of docs/theory.md: without and with 0.2 kg."""
+        config = shipped("manipulator.tendons.damping_factor=1", f"control.readings.weights={weights}")
+        law = build_law(config, name)
+        for payload, known in zip((0.0, 0.2), multiples, strict=True):
+            plant = build_plant(config, payload)
+
+            def rate(factor, plant=plant):
+                drive = plant.drive._replace(damping=factor * plant.drive.damping)
+                return decay_rate(POSTURES, plant._replace(drive=drive), law)
+
+            assert brentq(rate, 1.0, 3.0, xtol=1e-5) == pytest.approx(known, abs=6e-4)
+
+    def test_alpha_gains_a_little_damping_at_the_limit(self):
+        """Between stable and not: Controller 1 meets the 1 s⁻¹ that its own alpha = 0 misses."""
+        controller_1, controller_2, controller_3, _ = rates(1.25)
+        np.testing.assert_allclose(controller_1, [1.05, 1.13, 1.41], atol=6e-3)
+        np.testing.assert_allclose(controller_2, [0.91, 0.99, 1.29], atol=6e-3)
+        assert np.all(controller_1 > controller_2)
+        assert np.all(controller_2 > controller_3)
+
+
+class TestRigidLimit:
+    """Smallest total inertia that M_bar = 0.01 kg m² tolerates."""
+
+    @staticmethod
+    def radius(inertia, alpha, newest):
+        """Spectral radius from the loop's polynomial in the delay z = exp(-pL), without any state space.
+
+        Torque: (1 - z)(1 + alpha z) tau = M_bar [u - ((1 - alpha) + alpha z) z^newest (1 - z)^2 q / L^2].
+        Rigid arm, torque held: (1 - z)^2 q = L^2 / (2 J) (z + z^2) tau.
+        """
+        poly = np.polynomial.Polynomial
+        z = poly([0.0, 1.0])
+        u = -16.0 - 10.0 * (1.0 - z) / L
+        delayed = (1.0 - alpha + alpha * z) * z**newest * (1.0 - z) ** 2 / L**2
+        loop = L**2 / (2.0 * inertia) * (z + z**2) * 0.01 * (u - delayed)
+        characteristic = (1.0 - z) ** 3 * (1.0 + alpha * z) - loop
+        return 1.0 / np.abs(characteristic.roots()).min()
+
+    def limits(self, radius):
+        return [brentq(lambda J, a=a: radius(J, a) - 1.0, 0.003, 0.05, xtol=1e-9) for a in (0.0, 0.1, 0.2)]
+
+    @staticmethod
+    def stiff(inertia):
+        """Critically damped tendon of 1e8 N m/rad: its motion dies within a hundredth of a sample."""
+        half, stiffness = 0.5 * inertia, 1e8
+        return single_joint(half, half, stiffness, 2.0 * np.sqrt(0.5 * half * stiffness), 0.0)
+
+    @pytest.mark.parametrize(
+        ("newest", "known"), [(1, [0.01226, 0.01118, 0.01034]), (0, [0.00505, 0.00461, 0.00430])]
+    )
+    def test_smallest_inertia(self, newest, known):
+        from_polynomial = self.limits(lambda J, a: self.radius(J, a, newest))
+        from_matrix = self.limits(
+            lambda J, a: np.exp(-L * decay_rate([np.zeros(1)], self.stiff(J), single_law(a, newest)))
+        )
+        np.testing.assert_allclose(from_polynomial, known, atol=6e-6)
+        # 1e8 N m/rad is not quite rigid.
+        np.testing.assert_allclose(from_matrix, from_polynomial, rtol=1e-3)
+
+
+class TestFlexibleLimit:
+    """Smallest joint damping that the gains of Controller 3 tolerate; motor damping 2 N m s/rad."""
+
+    # motor inertia, link inertia, stiffness; smallest damping for alpha = 0, 0.1, 0.2
+    cases = (
+        (0.11, 0.010, 30.0, [0.398, 0.381, 0.366]),
+        (0.11, 0.010, 130.0, [0.662, 0.618, 0.579]),
+        (0.45, 0.040, 70.0, [0.732, 0.676, 0.627]),
+        (0.45, 0.040, 140.0, [0.760, 0.695, 0.639]),
+        (0.45, 0.040, 400.0, [0.773, 0.700, 0.639]),
+        (0.45, 0.040, 1000.0, [0.754, 0.681, 0.620]),
+    )
+
+    @pytest.mark.parametrize(("I", "M", "K_s", "known"), cases)
+    def test_smallest_damping(self, I, M, K_s, known):
+        found = [
+            brentq(
+                lambda D, a=a: decay_rate([np.zeros(1)], single_joint(I, M, K_s, D, 2.0), single_law(a)),
+                0.05,
+                3.0,
+            )
+            for a in (0.0, 0.1, 0.2)
+        ]
+        np.testing.assert_allclose(found, known, atol=6e-4)
+        assert found[0] > found[1] > found[2]  # here alpha helps
+
+    @pytest.mark.parametrize(("side", "grows"), [(0.95, True), (1.05, False)])
+    @pytest.mark.parametrize(("case", "alpha"), [(0, 0.2), (5, 0.0)])
+    def test_limit_separates_growing_from_decaying_runs(self, case, alpha, side, grows):
+        """The real loop, not its linearisation, for 3 s after a small step."""
+        I, M, K_s, known = self.cases[case]
+        damping = side * known[0 if alpha == 0.0 else 2]
+        q = small_step(single_joint(I, M, K_s, damping, 2.0), single_law(alpha), np.array([1e-4]), 3000)
+        ringing = np.diff(q[:, 0], n=2)  # leaves out the slow approach
+        early, late = np.abs(ringing[1200:1600]).max(), np.abs(ringing[-400:]).max()
+        assert (late > early) == grows

@@ -1,0 +1,258 @@
+"""Reference motions: derivatives, ends, joints between strokes, and files."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tendonrepro.errors import ConfigError
+from tendonrepro.samples import read_samples
+from tendonrepro.trajectory import (
+    Motion,
+    at_rest,
+    minimum_jerk,
+    motion,
+    raised_cosine,
+    sampled,
+    smooth_sine,
+    trapezoid_times,
+    trapezoidal,
+)
+
+A = np.deg2rad(30.0)
+KNOTS = np.linspace(0.0, 2.0, 21)
+
+SHAPES = {
+    "raised cosine": (raised_cosine(A, 4.0), 4.0),
+    "minimum jerk": (minimum_jerk(A, 1.5, 0.5), 4.0),
+    "minimum jerk, no hold": (minimum_jerk(-A, 2.0, 0.0), 4.0),
+    "trapezoid": (trapezoidal(A, 0.5, 1.0, 0.4), 2.0 * (trapezoid_times(A, 0.5, 1.0)[1] + 0.4)),
+    "triangle": (trapezoidal(-A, 5.0, 1.0, 0.3), 2.0 * (trapezoid_times(A, 5.0, 1.0)[1] + 0.3)),
+    "sine": (smooth_sine(0.3, 0.2, 1.3, 0.9), 4.0),
+    "sampled": (sampled(KNOTS, 0.4 * np.sin(KNOTS) ** 3), 2.0),
+    "rest": (at_rest, 4.0),
+}
+SMOOTH = {"raised cosine", "sampled", "rest"}  # the others are put together from pieces
+RETURNS = set(SHAPES) - {"sine", "sampled"}
+
+every = pytest.mark.parametrize("name", sorted(SHAPES))
+positive = st.floats(0.05, 5.0)
+
+
+class TestEveryShape:
+    @every
+    def test_derivatives(self, name):
+        shape, period = SHAPES[name]
+        h = 1e-5
+        t = np.linspace(h, period - h, 4001)
+        before, now, after = shape(t - h), shape(t), shape(t + h)
+        for value, rate in ((0, 1), (1, 2)):
+            difference = (after[value] - before[value]) / (2.0 * h)
+            wrong = np.abs(difference - now[rate]) > 1e-6
+            # At most 8 corners, each met by at most one of the times, which lie far more than h apart.
+            assert wrong.sum() <= (0 if name in SMOOTH else 8), (rate, t[wrong])
+
+    @every
+    def test_starts_at_rest_at_zero(self, name):
+        q, dq, _ = SHAPES[name][0](np.zeros(1))
+        np.testing.assert_allclose([q, dq], 0.0, atol=1e-15)
+
+    @pytest.mark.parametrize("name", sorted(RETURNS))
+    def test_ends_at_rest_where_it_started(self, name):
+        shape, period = SHAPES[name]
+        q, dq, _ = shape(np.array([period]))
+        np.testing.assert_allclose([q, dq], 0.0, atol=1e-14)
+
+    @every
+    def test_moves_by_its_amplitude(self, name):
+        shape, period = SHAPES[name]
+        q = shape(np.linspace(0.0, period, 20001))[0]
+        reach = {"sine": 0.5, "sampled": 0.4 * np.sin(np.pi / 2.0) ** 3, "rest": 0.0}.get(name, A)
+        assert np.abs(q).max() == pytest.approx(reach, rel=1e-3)
+
+
+class TestShapes:
+    @settings(max_examples=60, deadline=None)
+    @given(st.floats(-1.0, 1.0), positive, st.floats(0.0, 2.0))
+    def test_minimum_jerk_peaks(self, amplitude, rise, hold):
+        """Textbook peaks of the quintic: velocity 1.875 A/T in the middle, acceleration 10/√3 A/T²."""
+        shape = minimum_jerk(amplitude, rise, hold)
+        middle = shape(np.array([0.5 * rise]))
+        assert middle[0][0] == pytest.approx(0.5 * amplitude, rel=1e-12, abs=1e-15)
+        assert middle[1][0] == pytest.approx(1.875 * amplitude / rise, rel=1e-12, abs=1e-15)
+        dq = shape(np.linspace(0.0, rise, 501))[1]
+        assert np.abs(dq).max() <= abs(1.875 * amplitude / rise) * (1.0 + 1e-12)
+        steepest = shape(np.array([rise * (0.5 - np.sqrt(3.0) / 6.0)]))[2][0]
+        assert steepest == pytest.approx(10.0 / np.sqrt(3.0) * amplitude / rise**2, rel=1e-11, abs=1e-14)
+
+    def test_minimum_jerk_holds(self):
+        shape = minimum_jerk(A, 1.5, 0.5)
+        q, dq, ddq = shape(np.array([1.5, 1.7, 1.999, 3.5, 3.9]))
+        np.testing.assert_allclose(q, [A, A, A, 0.0, 0.0], atol=1e-15)
+        np.testing.assert_allclose([dq, ddq], 0.0, atol=1e-15)
+
+    def test_raised_cosine(self):
+        q, _, ddq = raised_cosine(A, 4.0)(np.array([0.0, 1.0, 2.0]))
+        np.testing.assert_allclose(q, [0.0, A / 2.0, A], atol=1e-15)
+        np.testing.assert_allclose(ddq[[0, 2]], 0.5 * A * (np.pi / 2.0) ** 2 * np.array([1.0, -1.0]))
+
+    @settings(max_examples=60, deadline=None)
+    @given(st.floats(-1.0, 1.0), positive, positive)
+    def test_trapezoid_keeps_its_limits(self, amplitude, velocity, acceleration):
+        ramp, rise = trapezoid_times(amplitude, velocity, acceleration)
+        q, dq, ddq = trapezoidal(amplitude, velocity, acceleration, 0.1)(np.linspace(0.0, rise, 301))
+        assert np.abs(dq).max() <= velocity * (1.0 + 1e-9)
+        assert np.abs(ddq).max() <= acceleration * (1.0 + 1e-9)
+        assert q[-1] == pytest.approx(amplitude, rel=1e-9, abs=1e-12)
+        assert 2.0 * ramp <= rise * (1.0 + 1e-12)
+
+    def test_trapezoid_times(self):
+        # 1 s of ramp to 1 rad/s covers 0.5 rad; two ramps and 1 rad in between make 2 rad in 3 s.
+        assert trapezoid_times(2.0, 1.0, 1.0) == pytest.approx((1.0, 3.0))
+        # Too short for 1 rad/s: a triangle of 0.5 s up, 0.5 s down.
+        assert trapezoid_times(0.25, 1.0, 1.0) == pytest.approx((0.5, 1.0))
+        assert trapezoid_times(0.0, 1.0, 1.0) == (0.0, 0.0)
+
+    def test_triangle_peak(self):
+        dq = trapezoidal(0.25, 1.0, 1.0, 0.0)(np.array([0.25, 0.5, 0.75]))[1]
+        np.testing.assert_allclose(dq, [0.25, 0.5, 0.25], rtol=1e-12)
+
+    def test_no_stroke_is_no_motion(self):
+        for part in trapezoidal(0.0, 1.0, 1.0, 0.5)(np.linspace(0.0, 1.0, 11)):
+            np.testing.assert_array_equal(part, 0.0)
+
+    def test_sine_after_its_start(self):
+        t = np.linspace(1.0, 4.0, 50)
+        q, dq, ddq = smooth_sine(0.3, 0.2, 1.3, 0.9)(t)
+        w = 2.0 * np.pi / 1.3
+        np.testing.assert_allclose(q, 0.2 + 0.3 * np.sin(w * t), atol=1e-15)
+        np.testing.assert_allclose(dq, 0.3 * w * np.cos(w * t), atol=1e-14)
+        np.testing.assert_allclose(ddq, -0.3 * w**2 * np.sin(w * t), atol=1e-13)
+
+    @pytest.mark.parametrize("start", [0.0, 7.5])
+    def test_spline_reproduces_a_quintic(self, start):
+        """A minimum-jerk stroke is a quintic at rest at both ends, so the spline is that stroke."""
+        knots = start + 2.0 * np.sort(np.r_[0.0, 1.0, np.random.default_rng(0).uniform(0.0, 1.0, 9)])
+        stroke = minimum_jerk(0.7, 2.0, 1.0)
+        t = np.linspace(0.0, 2.0, 401)
+        for ours, exact in zip(sampled(knots, stroke(knots - start)[0])(t), stroke(t), strict=True):
+            # Random knots lie as close as 0.01 s: rounding grows by its inverse square in the curvature.
+            np.testing.assert_allclose(ours, exact, atol=1e-10)
+
+    def test_spline_passes_through_its_samples(self):
+        angle = np.random.default_rng(1).normal(size=KNOTS.size)
+        np.testing.assert_allclose(sampled(KNOTS, angle)(KNOTS)[0], angle, atol=1e-12)
+
+
+class TestMotion:
+    def test_turns_follow_one_another(self):
+        up, period = minimum_jerk(A, 0.6, 0.4), 2.0
+        first, second = Motion((up, at_rest), period), Motion((at_rest, up), period)
+        assert first.duration == 4.0
+        t = np.linspace(0.0, 4.0, 4001)
+        q_d, dq_d, ddq_d = motion(t, [first, second])
+        assert q_d.shape == dq_d.shape == ddq_d.shape == (4001, 2)
+        np.testing.assert_array_equal(q_d[t > 2.0, 0], 0.0)
+        np.testing.assert_array_equal(q_d[t < 2.0, 1], 0.0)
+        np.testing.assert_allclose(q_d[2000:, 1], q_d[:2001, 0], atol=1e-12)
+
+    @pytest.mark.parametrize("name", sorted(RETURNS))
+    def test_periods_repeat_without_a_jump(self, name):
+        shape, period = SHAPES[name]
+        repeated = Motion((shape,) * 3, period)
+        t = np.linspace(0.0, 3.0 * period, 3001)
+        q_d, dq_d, _ = motion(t, [repeated])
+        np.testing.assert_allclose(q_d[1000:2000], q_d[:1000], atol=1e-9)
+        # From sample to sample angle and velocity move by no more than the shape's rates allow.
+        fine = shape(np.linspace(0.0, period, 20001))
+        for values, rate in ((q_d, fine[1]), (dq_d, fine[2])):
+            assert np.abs(np.diff(values[:, 0])).max() <= t[1] * np.abs(rate).max() * 1.001 + 1e-12
+
+    @pytest.mark.parametrize("tenths", range(1, 50))
+    def test_a_turn_begins_on_its_own_sample(self, tenths):
+        """The sample at a turn's boundary belongs to the new turn, however its time was rounded."""
+        samples = 100 * tenths
+        t = 1e-3 * np.arange(5 * samples + 1)
+        marks = [lambda x, k=k: (np.full_like(x, k), 0.0 * x, 0.0 * x) for k in range(5)]
+        q_d, _, _ = motion(t, [Motion(tuple(marks), tenths / 10.0)])
+        np.testing.assert_array_equal(q_d[:-1, 0], np.repeat(np.arange(5.0), samples))
+        assert q_d[-1, 0] == 4.0
+
+    def test_after_the_last_turn_a_joint_stays(self):
+        q_d, dq_d, ddq_d = motion(
+            np.array([1.0, 3.5, 9.0]), [Motion((smooth_sine(0.3, 0.2, 1.3, 0.9),), 3.0)]
+        )
+        end = smooth_sine(0.3, 0.2, 1.3, 0.9)(np.array([3.0]))[0][0]
+        np.testing.assert_array_equal(q_d[1:, 0], end)
+        np.testing.assert_array_equal(dq_d[1:, 0], 0.0)
+        np.testing.assert_array_equal(ddq_d[1:, 0], 0.0)
+        assert dq_d[0, 0] != 0.0
+
+
+class TestFile:
+    ROWS = tuple(f"{0.5 * k},{3 * k},{-k}" for k in range(8))
+
+    def write(self, tmp_path, *lines):
+        path = tmp_path / "motion.csv"
+        path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        return path
+
+    def test_columns(self, tmp_path):
+        time, angles = read_samples(self.write(tmp_path, "time_s,q2_deg,q3_deg", *self.ROWS))
+        np.testing.assert_array_equal(time, 0.5 * np.arange(8))
+        assert sorted(angles) == [2, 3]
+        np.testing.assert_allclose(angles[2], np.deg2rad(3.0 * np.arange(8)), rtol=1e-15)
+        np.testing.assert_allclose(angles[3], np.deg2rad(-1.0 * np.arange(8)), rtol=1e-15)
+
+    def test_byte_order_mark_and_spaces(self, tmp_path):
+        path = tmp_path / "motion.csv"
+        path.write_text("\n".join(("time_s, q3_deg , q2_deg", *self.ROWS)), encoding="utf-8-sig")
+        _, angles = read_samples(path)
+        np.testing.assert_allclose(angles[3][1], np.deg2rad(3.0))
+
+    @pytest.mark.parametrize(
+        "header", ["t,q2_deg", "time_s", "time_s,q2", "time_s,q2_deg,speed", "0,1,2", ""]
+    )
+    def test_header(self, tmp_path, header):
+        path = self.write(tmp_path, header, *self.ROWS)
+        with pytest.raises(ConfigError, match="the first line must be") as caught:
+            read_samples(path)
+        assert caught.value.where == f"{path}:1"
+
+    @pytest.mark.parametrize("bad", [1, 4, 7])
+    def test_time_must_increase(self, tmp_path, bad):
+        rows = list(self.ROWS)
+        rows[bad] = rows[bad - 1]
+        path = self.write(tmp_path, "time_s,q2_deg,q3_deg", *rows)
+        with pytest.raises(ConfigError, match="time must increase") as caught:
+            read_samples(path)
+        assert caught.value.where == f"{path}:{bad + 2}"
+
+    @pytest.mark.parametrize(
+        ("rows", "message"),
+        [
+            (ROWS[:5], "at least 6 rows"),
+            ((), "at least 6 rows"),
+            ((*ROWS, "9,nan,0"), "finite numbers"),
+            ((*ROWS, "9,inf,0"), "finite numbers"),
+            ((*ROWS, "9,1"), "3 finite numbers"),
+            ((*ROWS, "9,one,0"), "one"),
+            (tuple(row + ",0" for row in ROWS), "3 finite numbers"),
+        ],
+        ids=["few", "none", "nan", "inf", "ragged", "word", "wide"],
+    )
+    def test_rows(self, tmp_path, rows, message):
+        path = self.write(tmp_path, "time_s,q2_deg,q3_deg", *rows)
+        with pytest.raises(ConfigError, match=message) as caught:
+            read_samples(path)
+        assert caught.value.where.startswith(str(path))
+
+    def test_missing_file_folder_and_binary(self, tmp_path):
+        binary = tmp_path / "binary.csv"
+        binary.write_bytes(bytes(range(256)))
+        for path in (tmp_path / "none.csv", tmp_path, binary):
+            with pytest.raises(ConfigError, match="cannot read the trajectory") as caught:
+                read_samples(path)
+            assert caught.value.where == str(path)

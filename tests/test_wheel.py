@@ -1,0 +1,73 @@
+"""The wheel alone is enough: configurations and printed numbers are inside, any folder will do."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("wheel")
+    words = ["wheel", "--quiet", "--no-deps", "--no-build-isolation", "--wheel-dir", str(folder), str(ROOT)]
+    subprocess.run(
+        [sys.executable, "-m", "pip", "--disable-pip-version-check", *words], check=True, timeout=120
+    )
+    return next(folder.glob("*.whl"))
+
+
+def test_the_wheel_holds_the_data_and_nothing_else(wheel: Path) -> None:
+    names = {
+        name for name in zipfile.ZipFile(wheel).namelist() if not name.split("/")[0].endswith(".dist-info")
+    }
+    assert {name for name in names if not name.endswith(".py")} == {
+        "tendonrepro/configs/compare.yaml",
+        "tendonrepro/configs/decouple.yaml",
+        "tendonrepro/configs/lumidouce_ii.yaml",
+        "tendonrepro/configs/schema.json",
+        "tendonrepro/data/published.yaml",
+        "tendonrepro/tendonrepro.mplstyle",
+    }
+    assert all(name.startswith("tendonrepro/") for name in names)
+
+
+@pytest.mark.slow
+def test_the_wheel_works_in_an_empty_folder(wheel: Path, tmp_path: Path) -> None:
+    site, empty = tmp_path / "site", tmp_path / "empty"
+    empty.mkdir()
+    zipfile.ZipFile(wheel).extractall(site)
+    environment = os.environ | {"PYTHONPATH": str(site)}
+
+    def run(*words: str) -> str:
+        command = [sys.executable, "-m", "tendonrepro", *words]
+        done = subprocess.run(
+            command, cwd=empty, env=environment, capture_output=True, text=True, check=True, timeout=120
+        )
+        return done.stdout
+
+    where = subprocess.run(
+        [sys.executable, "-c", "import tendonrepro; print(tendonrepro.__file__)"],
+        cwd=empty,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert where.stdout.startswith(str(site))
+    assert json.loads(run("doctor", "--json"))["environment"]["git"] is None
+    data = json.loads(
+        run(
+            *("compare", "--controllers", "2", "--json", "--out", "out"),
+            *("--set", "reference.periods=1", "--set", "reference.amplitude=[2,2]"),
+        )
+    )
+    assert data["printed"]["table2"]["controller_2"]["rmse_deg"] == [0.375, 0.292]
+    assert [path.name for path in empty.iterdir()] == ["out"]
