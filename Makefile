@@ -20,10 +20,11 @@ test: $(VENV)/.test  ## the test suite, offline, a few minutes
 test-slow: $(VENV)/.test  ## the tests that take longer
 	$(BIN)/python -m pytest -m slow $(ARGS)
 
-check: $(VENV)/.dev  ## lint, format, types
+check: $(VENV)/.dev  ## lint, format, types, architecture
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/python -m pytest --quiet tests/test_architecture.py
 
 format: $(VENV)/.dev  ## put the code into its format
 	$(BIN)/ruff check --fix .
@@ -32,12 +33,13 @@ format: $(VENV)/.dev  ## put the code into its format
 bench: $(VENV)/.run  ## speed and memory, one JSON object
 	$(BIN)/python benchmarks/bench.py
 
-mutants: $(VENV)/.test  ## mutation run over the physics, long
+mutants: $(VENV)/.test  ## mutation run over the physics, half an hour
 	$(PIP) mutmut
-	NUMBA_DISABLE_JIT=1 $(BIN)/python tests/mutants.py
+	NUMBA_DISABLE_JIT=1 $(BIN)/mutmut run $(ARGS)
+	@$(BIN)/python tests/mutants.py
 
 clean:  ## remove the environment and caches, keep results
-	rm -rf $(VENV) .mypy_cache .pytest_cache .ruff_cache .hypothesis build dist
+	rm -rf $(VENV) .mypy_cache .pytest_cache .ruff_cache .hypothesis build dist mutants
 
 $(VENV)/.python:
 	@$(PYTHON) -c "import sys; v = sys.version_info[:2]; sys.exit(0 if (3, 11) <= v < (3, 15) else 'tendonrepro needs Python 3.11 to 3.14, this is %d.%d: make PYTHON=python3.12 ...' % v)"
