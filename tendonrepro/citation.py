@@ -7,7 +7,7 @@ from tendonrepro import __version__
 _ENTRIES = """\
 @article{{yan2026kinematic,
   author  = {{Yan, Fei and Li, Jianhua and Han, Huawei and Xu, Qiwang and Hu, Linfeng}},
-  title   = {{Kinematic Decoupling and {{\\alpha}}-{{TDE}}-{{NTSM}} Control
+  title   = {{Kinematic Decoupling and {{$\\alpha$}}-{{TDE}}-{{NTSM}} Control
              for Single-Tendon-Driven Manipulators}},
   journal = {{Actuators}},
   year    = {{2026}},
@@ -19,7 +19,7 @@ _ENTRIES = """\
 
 @dataset{{yan2026data,
   author    = {{Yan, Fei and Li, Jianhua and Han, Huawei and Xu, Qiwang and Hu, Linfeng}},
-  title     = {{Dataset of Kinematic Decoupling and {{\\alpha}}-{{TDE}}-{{NTSM}} Control
+  title     = {{Dataset of Kinematic Decoupling and {{$\\alpha$}}-{{TDE}}-{{NTSM}} Control
                for Single-Tendon-Driven Manipulators}},
   year      = {{2026}},
   publisher = {{Zenodo}},

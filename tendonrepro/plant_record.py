@@ -23,16 +23,17 @@ ANGLES = (
 FRICTION = (
     "torque = viscous v + coulomb (1 + (static_ratio - 1) exp(-(v / stribeck_velocity)^2)) "
     "tanh(v / smoothing_velocity); joints in joint velocity, winches in winch velocity S_inv dtheta with the "
-    "viscous part winch_viscous, whose joint matrix is D_m. Winches also lose per_pulley (joint number - 1) "
-    "|tendon torque| + (1 - reducer_efficiency) |motor torque|, times the same tanh."
+    "viscous part winches_viscous, whose joint matrix is D_m. Winches also lose "
+    "per_pulley (joint number - 1) |tendon torque| + (1 - reducer_efficiency) |motor torque|, times the "
+    "same tanh."
 )
 
 EQUATIONS = (
     "tau_m - tau_s = I ddtheta + D_m dtheta + winch friction (3); "
     "tau_s = M ddq + C dq + G + F + tau_d - tendon 4 (4); "
     "tau_s = K_s (theta - q) + D_s (dtheta - dq) (5), "
-    "with the dead zone of clearance in each tendon; links are a planar serial chain, the payload a point "
-    "mass at the tip; tau_m is held from one sample to the next."
+    "with a dead zone of the whole width tendons_clearance in each tendon; links are a planar serial chain, "
+    "the payload a point mass at the tip; tau_m is held from one sample to the next."
 )
 
 _MATRICES = {
@@ -109,10 +110,16 @@ def _stated(section: Any, prefix: str) -> list[tuple[str, PlantValue]]:
         item = getattr(section, key)
         name = f"{prefix}{key}"
         if isinstance(item, Scalar | Vector | Matrix):
-            found.append((_RENAMED.get(name, name), _plant_value(item, name.replace("_", " "))))
+            found.append((_RENAMED.get(name, name), _plant_value(item, _meaning(section, key))))
         elif hasattr(type(item), "model_fields"):
             found.extend(_stated(item, f"{name}_"))
     return found
+
+
+def _meaning(section: Any, key: str) -> str:
+    """What the configuration's schema says of a quantity, less its limits and units."""
+    description = str(section.model_json_schema()["properties"][key]["description"])
+    return description.partition("; one per")[0].partition("; unit")[0]
 
 
 def _plant_value(quantity: Scalar | Vector | Matrix, long_name: str) -> PlantValue:

@@ -263,7 +263,9 @@ class _Dumper(yaml.SafeDumper):
 
 def _represent_text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
     ambiguous = not isinstance(_plain_value(text), str) or _NOT_FINITE.fullmatch(text) or text == "<<"
-    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style='"' if ambiguous else None)
+    # Other quotes would fold line breaks that only some systems know, such as NEL.
+    quoted = ambiguous or not text.isprintable()
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style='"' if quoted else None)
 
 
 _Dumper.add_representer(str, _represent_text)

@@ -81,7 +81,10 @@ def find_user_law(spec: str) -> UserLaw:
     """
     file, _, name = spec.rpartition(":")
     path = Path(file)
-    if not file or not name.isidentifier() or not path.is_file():
+    if file and name.isidentifier() and not path.is_file():
+        message = f"no such file: {path}"
+        raise UsageError(message, where="--law")
+    if not file or not name.isidentifier():
         message = f"must be FILE:NAME, a Python file and a function in it, found {spec!r}"
         raise UsageError(message, where="--law")
     return UserLaw(path, name)
