@@ -41,6 +41,9 @@ _NESTED = {"gains": "gain_", "readings": "reading_"}
 UNDEFINED = "not defined in this run; all values are missing (NaN)"
 """Comment on a variable that a run's controller does not have, such as the sliding variable of a servo."""
 
+NEEDED = ("law", "payload_mass", "status", "status_time", "reference_period")
+"""Attributes that figures and tables need of every run."""
+
 _ROOT_TEXTS = (
     "experiment",
     "source",
@@ -227,7 +230,12 @@ def _read_run(name: str, group: h5py.Group) -> Trace:
         if key not in ("time", "joint") and item.attrs.get("comment") != UNDEFINED
     }
     joint = tuple(int(number) for number in group["joint"][()])
-    return Trace(name, np.asarray(group["time"][()]), joint, variables, _read_attributes(group))
+    attributes = _read_attributes(group)
+    missing = [key for key in NEEDED if key not in attributes]
+    if missing:
+        message = f"the run {name!r} in {group.file.filename} lacks the attribute {missing[0]!r}"
+        raise DataMissingError(message)
+    return Trace(name, np.asarray(group["time"][()]), joint, variables, attributes)
 
 
 def _read_attributes(group: h5py.Group) -> dict[str, Any]:

@@ -267,6 +267,17 @@ class TestReference:
         np.testing.assert_allclose(found.q_d[500], np.deg2rad([10.0, 20.0 * 0.964506]), rtol=1e-5)
         np.testing.assert_allclose(found.q_d[1000], [0.0, np.deg2rad(20.0)], atol=1e-12)
 
+    def test_joints_of_different_periods_have_no_common_one(self):
+        slow = motion("raised_cosine", [10], period=(2, "s"))
+        fast = motion("raised_cosine", [10], period=(1, "s"), periods=(2, "'1'"))
+        for parts, period in ((f"{slow}, {slow}", 2.0), (f"{slow}, {fast}", 0.0), (f"{fast}, {slow}", 0.0)):
+            found = loaded(f"reference={{kind: per_joint, references: [{parts}]}}")
+            assert reference_period(found.config.reference) == period
+
+    def test_a_run_is_not_endless(self):
+        with pytest.raises(ConfigError, match="at most"):
+            loaded("reference.periods=1000000000")
+
     @pytest.mark.parametrize(
         ("amplitude", "link", "angle"), [([140, 0], 2, 180.0), ([0, -50], 3, 0.0), ([60, 80], 3, 180.0)]
     )
@@ -310,3 +321,13 @@ class TestSampledReference:
         with pytest.raises(ConfigError, match="has no column for joint 3") as caught:
             reference(self.config(tmp_path, ["q2_deg"]))
         assert "q3_deg" in caught.value.hint
+
+    def test_starts_at_the_start_posture(self, tmp_path):
+        override = self.config(tmp_path, ["q2_deg", "q3_deg"])
+        path = tmp_path / "motion.csv"
+        lines = path.read_text().splitlines()
+        lines[1] = lines[1].rpartition(",")[0] + ",0.5"
+        path.write_text("\n".join(lines))
+        with pytest.raises(ConfigError, match=r"joint 3 starts at 0.5 deg") as caught:
+            reference(override)
+        assert caught.value.where == f"{path}:2"

@@ -20,6 +20,7 @@ from synthetic import S_INV, S, make_compare_file, make_decouple_file
 from tendonrepro.errors import DataMissingError, TendonreproError
 from tendonrepro.files import sha256_of
 from tendonrepro.traces import (
+    NEEDED,
     SCHEMA_VERSION,
     VARIABLES,
     PlantRecord,
@@ -57,7 +58,8 @@ def assert_same(a: TraceFile, b: TraceFile) -> None:
 
 
 def one_run(values: Mapping[str, Array], time: Array, joint: tuple[int, ...]) -> TraceFile:
-    attributes = {"law": "x", "gains": {}, "readings": {}, "status": "ok", "status_time": 0.0}
+    attributes = {"law": "x", "gains": {}, "readings": {}, "status": "ok"}
+    attributes |= {"status_time": 0.0, "payload_mass": 0.0, "reference_period": 0.0}
     run = Trace("controller_1", time, joint, values, attributes)
     return dataclasses.replace(make_compare_file(runs=()), runs={"controller_1": run})
 
@@ -358,3 +360,13 @@ class TestPlantRecord:
     def test_a_matrix_that_is_not_there(self) -> None:
         with pytest.raises(DataMissingError, match="holds no 'D_s'"):
             self.record.matrix("D_s", (2, 3))
+
+
+@pytest.mark.parametrize("name", NEEDED)
+def test_a_run_without_an_attribute_that_is_needed_is_refused(tmp_path: Path, name: str) -> None:
+    path = tmp_path / "traces.h5"
+    write_traces(path, make_compare_file())
+    with h5py.File(path, "r+") as root:
+        del root["controller_2"].attrs[name]
+    with pytest.raises(DataMissingError, match=f"'controller_2'.*{name}"):
+        read_traces(path)
