@@ -11,9 +11,10 @@ from hypothesis import Phase, settings
 
 np.seterr(divide="raise", over="raise", invalid="raise")
 
-# A busy machine is not a failed law.
-settings.register_profile("patient", deadline=None)
-settings.load_profile("patient")
+# The gate takes the same examples every time, and a busy machine is not a failed law.
+# `pytest --hypothesis-profile=default` looks for new examples.
+settings.register_profile("gate", derandomize=True, deadline=None)
+settings.load_profile("gate")
 # For mutation runs: the same examples every time, no clock, and no search for the smallest that fails.
 settings.register_profile("mutants", derandomize=True, deadline=None, phases=[Phase.explicit, Phase.generate])
 

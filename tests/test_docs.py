@@ -435,7 +435,7 @@ def test_law_in_a_file(results: Path) -> None:
 def test_law_with_memory_of_its_own(tmp_path: Path) -> None:
     law = tmp_path / "integral.py"
     law.write_text(blocks(page("laws.md"), "python")[1], encoding="utf-8")
-    order = Order("compare", overrides=SHORT, controllers=[3], law=f"{law}:integral")
+    order = Order("compare", out=tmp_path, overrides=SHORT, controllers=[3], law=f"{law}:integral")
     assert list(plan(order)["samples"]) == ["controller_3", "integral"]
     loaded = load_config(None, "compare", overrides=SHORT, controllers=[3])
     loops = all_loops(loaded, find_user_law(f"{law}:integral"))
