@@ -50,6 +50,8 @@ def applied_torque(command: Array, actuator: Actuator, S: Array, S_inv: Array) -
     array (n,)
     """
     winch = S.T @ command
-    output = quantise(winch, actuator.resolution)
-    output = np.minimum(np.maximum(output, -actuator.limit), actuator.limit)
-    return command + S_inv.T @ (output - winch)
+    change = np.empty_like(command)
+    for i in range(command.shape[0]):
+        output = quantise(winch[i], actuator.resolution)
+        change[i] = np.minimum(np.maximum(output, -actuator.limit[i]), actuator.limit[i]) - winch[i]
+    return command + S_inv.T @ change

@@ -119,8 +119,8 @@ def mass_matrix(q: Array, arm: Arm) -> Array:
     n = q.shape[0]
     M = np.empty((n, n, *q.shape[1:]), dtype=q.dtype)
     for i in range(n):
-        for j in range(n):
-            M[i, j] = arm.a[i, j] * np.cos(phi[i] - phi[j])
+        for j in range(i + 1):
+            M[i, j] = M[j, i] = arm.a[i, j] * np.cos(phi[i] - phi[j])
     return _sum_over_outer_links(M)
 
 
@@ -143,8 +143,9 @@ def coriolis_matrix(q: Array, dq: Array, arm: Arm) -> Array:
     n = q.shape[0]
     C = np.empty((n, n, *q.shape[1:]), dtype=q.dtype)
     for i in range(n):
-        for j in range(n):
-            C[i, j] = arm.a[i, j] * np.sin(phi[i] - phi[j]) * dphi[j]
+        for j in range(i + 1):
+            coupling = arm.a[i, j] * np.sin(phi[i] - phi[j])
+            C[i, j], C[j, i] = coupling * dphi[j], -coupling * dphi[i]
     return _sum_over_outer_links(C)
 
 

@@ -1,9 +1,26 @@
-"""The one array type of the package."""
+"""The array type of the physics, and a choice that numbers, lanes and symbols share."""
 
 from __future__ import annotations
+
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+Array: TypeAlias = NDArray[np.float64]
 """Double-precision array; its shape and unit are stated where it is used."""
+
+
+def choose(condition: Any, then: Any, otherwise: Any) -> Any:
+    """``then`` where the condition holds, else ``otherwise``; both have been computed.
+
+    Parameters
+    ----------
+    condition : bool or array of bool (...)
+    then, otherwise : float or array (...)
+
+    Returns
+    -------
+    float or array (...)
+    """
+    return np.where(condition, then, otherwise)[()]

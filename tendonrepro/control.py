@@ -6,17 +6,18 @@ in more than one way the reading is a field of :class:`Law`; its default is the 
 polynomial of ``phi`` and the ``eta`` kept in Controller 2.
 
 The law runs once per sampling period on encoder values. Its memory is a value: :func:`start_memory`
-makes it, :func:`command` reads it, :func:`remember` returns the next one.
+makes it, :func:`command` reads it, :func:`remember` returns the next one. What depends on measured values is
+chosen by :func:`tendonrepro.arrays.choose`, not by a branch, so that the same code runs on lanes.
 """
 
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from tendonrepro.arrays import Array
+from tendonrepro.arrays import Array, choose
 from tendonrepro.matrices import times
 
 SAMPLES_BACK = 4
@@ -225,7 +226,7 @@ def time_delay_estimate(memory: Memory, q: Array, law: Law) -> Array:
     -------
     array (n,)
     """
-    samples = np.empty((SAMPLES_BACK + 1, q.shape[0]))
+    samples = np.empty((SAMPLES_BACK + 1, q.shape[0]), q.dtype)
     samples[0], samples[1:] = q, memory.q
     H_hat = np.zeros_like(q)
     for back in range(2):
@@ -238,7 +239,7 @@ def time_delay_estimate(memory: Memory, q: Array, law: Law) -> Array:
     return H_hat
 
 
-def surface_and_feedback(e: float, de: float, law: Law, i: int) -> tuple[float, float]:
+def surface_and_feedback(e: Any, de: Any, law: Law, i: int) -> tuple[Any, Any]:
     """Sliding variable and feedback of joint i: ``s`` and ``u - ddq_d``.
 
     NTSM: Eqs. (11) and (18). TSM: Controller 3. PD: Eq. (9), whose ``s`` is its feedback over ``K_d``.
@@ -268,7 +269,7 @@ def surface_and_feedback(e: float, de: float, law: Law, i: int) -> tuple[float, 
     return feedback / law.K_d[i], feedback
 
 
-def phi(e: float, law: Law, i: int) -> float:
+def phi(e: Any, law: Law, i: int) -> Any:
     """``phi(e)`` of Eq. (12), rad^b; ``eta`` carries the unit that makes it a velocity.
 
     The print takes the power branch inside ``Delta`` only while ``de + eta sig(e)^b`` is exactly zero. That
@@ -287,15 +288,15 @@ def phi(e: float, law: Law, i: int) -> float:
     float
     """
     x = e * law.angle_scale
-    if law.power_inside or abs(x) >= law.Delta[i]:
-        value = sig(x, law.b[i])
-    else:
+    value = sig(x, law.b[i])
+    if not law.power_inside:
         gamma_1, gamma_2 = polynomial(law.b[i], law.Delta[i])
-        value = gamma_1 * x + gamma_2 * (x * abs(x) if law.phi_is_odd else x * x)
+        inner = gamma_1 * x + gamma_2 * (x * abs(x) if law.phi_is_odd else x * x)
+        value = choose(abs(x) >= law.Delta[i], value, inner)
     return value / law.angle_scale
 
 
-def phi_slope(e: float, law: Law, i: int) -> float:
+def phi_slope(e: Any, law: Law, i: int) -> Any:
     """Slope of :func:`phi`, so that ``dphi/dt = phi_slope de``; the paper never prints it.
 
     The power branch's slope grows without bound at zero; it is held at its value at ``power_floor``.
@@ -313,20 +314,23 @@ def phi_slope(e: float, law: Law, i: int) -> float:
     float
     """
     x = e * law.angle_scale
-    if law.power_inside or abs(x) >= law.Delta[i]:
-        return float(law.b[i] * max(abs(x), law.power_floor) ** (law.b[i] - 1.0))
-    gamma_1, gamma_2 = polynomial(law.b[i], law.Delta[i])
-    return float(gamma_1 + 2.0 * gamma_2 * (abs(x) if law.phi_is_odd else x))
+    slope = law.b[i] * np.maximum(abs(x), law.power_floor) ** (law.b[i] - 1.0)
+    if not law.power_inside:
+        gamma_1, gamma_2 = polynomial(law.b[i], law.Delta[i])
+        inner = gamma_1 + 2.0 * gamma_2 * (abs(x) if law.phi_is_odd else x)
+        slope = choose(abs(x) >= law.Delta[i], slope, inner)
+    return slope
 
 
-def sig(x: float, b: float) -> float:
+def sig(x: Any, b: Any) -> Any:
     """``|x|^b sign(x)``."""
-    return float(np.sign(x) * abs(x) ** b)
+    size = abs(x) ** b
+    return choose(x >= 0.0, size, -size)
 
 
-def polynomial(b: float, Delta: float) -> tuple[float, float]:
+def polynomial(b: Any, Delta: Any) -> tuple[Any, Any]:
     """Coefficients ``gamma_1``, ``gamma_2`` of Eq. (13): value and slope of ``sig(e)^b`` at ``Delta``."""
-    return float((2.0 - b) * Delta ** (b - 1.0)), float((b - 1.0) * Delta ** (b - 2.0))
+    return (2.0 - b) * Delta ** (b - 1.0), (b - 1.0) * Delta ** (b - 2.0)
 
 
 def estimator_weights(alpha: Array, *, extrapolating: bool) -> Array:

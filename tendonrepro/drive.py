@@ -86,7 +86,7 @@ def to_winch_torque(torque: Array, drive: Drive) -> Array:
     -------
     array (n, ...)
     """
-    return times(drive.S.T, torque)
+    return times(np.swapaxes(drive.S, 0, 1), torque)
 
 
 def to_joint_torque(torque: Array, drive: Drive) -> Array:
@@ -102,7 +102,7 @@ def to_joint_torque(torque: Array, drive: Drive) -> Array:
     -------
     array (n, ...)
     """
-    return times(drive.S_inv.T, torque)
+    return times(np.swapaxes(drive.S_inv, 0, 1), torque)
 
 
 def lever(theta: Array, drive: Drive) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,20 +24,20 @@ class Encoder(NamedTuple):
     noise: float
 
 
-def quantise(value: Array, step: float) -> Array:
+def quantise(value: Any, step: Any) -> Any:
     """Round to whole steps, halves upwards.
 
     Parameters
     ----------
-    value : array (...)
+    value : float or array (...)
     step : float
-        Same unit; 0 leaves the value as it is.
+        Same unit; exactly 0 leaves the value as it is.
 
     Returns
     -------
-    array (...)
+    float or array (...)
     """
-    return step * np.floor(value / step + 0.5) if step > 0.0 else value
+    return value if step == 0.0 else step * np.floor(value / step + 0.5)
 
 
 def noise_sequence(rms: float, shape: tuple[int, int], rng: np.random.Generator) -> Array:

@@ -8,6 +8,7 @@ from typing import Any
 
 from tendonrepro import __version__, compiled
 from tendonrepro.config import CompareConfig, LoadedConfig
+from tendonrepro.controllers import TimeDelayController
 from tendonrepro.errors import UsageError
 from tendonrepro.manifest import to_json
 from tendonrepro.metrics import status_of
@@ -15,7 +16,7 @@ from tendonrepro.parallel import advance, each
 from tendonrepro.plant_record import plant_record
 from tendonrepro.records import RESERVED, Trace, TraceFile
 from tendonrepro.runs import build_loops, reference_period
-from tendonrepro.simulate import Loop, TimeDelayController, simulate
+from tendonrepro.simulate import Loop, simulate
 from tendonrepro.talk import Talk
 from tendonrepro.user_law import UserLaw, add_user_law
 

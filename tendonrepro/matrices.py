@@ -27,7 +27,7 @@ def times(A: Array, x: Array) -> Array:
 
 
 def solve_positive_definite(A: Array, b: Array) -> Array:
-    """Solve ``A x = b`` by Cholesky factorisation, without a library call so that lanes stay lanes.
+    """Solve ``A x = b`` by ``A = L D Lᵀ``, without square roots or a library call so that lanes stay lanes.
 
     Parameters
     ----------
@@ -40,19 +40,20 @@ def solve_positive_definite(A: Array, b: Array) -> Array:
     array (n, ...)
     """
     n = b.shape[0]
+    # Below the diagonal L D, on it D.
     factor = np.empty_like(A)
     x = np.empty_like(b)
     for i in range(n):
         for j in range(i + 1):
             rest = A[i, j] + 0.0
             for k in range(j):
-                rest = rest - factor[i, k] * factor[j, k]
-            factor[i, j] = np.sqrt(rest) if i == j else rest / factor[j, j]
+                rest = rest - factor[i, k] * factor[j, k] / factor[k, k]
+            factor[i, j] = rest
     for i in range(n):
         rest = b[i] + 0.0
         for k in range(i):
-            rest = rest - factor[i, k] * x[k]
-        x[i] = rest / factor[i, i]
+            rest = rest - factor[i, k] * (x[k] / factor[k, k])
+        x[i] = rest
     for i in range(n - 1, -1, -1):
         rest = x[i] + 0.0
         for k in range(i + 1, n):

@@ -13,6 +13,7 @@ from tendonrepro.config_experiment import MOST_SAMPLES
 from tendonrepro.config_reference import InTurns, MinimumJerk, PerJoint, RaisedCosine, Sampled, Sine, Single
 from tendonrepro.config_reference import Reference as ReferenceConfig
 from tendonrepro.control import DEGREES_PER_RADIAN, Law, Surface, estimator_weights
+from tendonrepro.controllers import Controller, PositionController, TimeDelayController
 from tendonrepro.errors import ConfigError
 from tendonrepro.rig import (
     Experiment,
@@ -24,7 +25,7 @@ from tendonrepro.rig import (
 )
 from tendonrepro.samples import read_samples
 from tendonrepro.servo import Servo
-from tendonrepro.simulate import Controller, Loop, PositionController, Reference, Solver, TimeDelayController
+from tendonrepro.simulate import Loop, Reference, Solver
 from tendonrepro.trajectory import (
     Motion,
     Shape,
@@ -90,7 +91,7 @@ def build_reference(
     q_d, dq_d, ddq_d = motion(time, motions)
     if S is not None:
         q_d, dq_d, ddq_d = q_d @ S.T, dq_d @ S.T, ddq_d @ S.T
-    built = Reference(time, q_d, dq_d, ddq_d)
+    built = Reference(time, q_d, dq_d, ddq_d, reference_period(reference))
     _check_workspace(built, config)
     return built
 
@@ -219,7 +220,9 @@ def torque_map(config: CompareConfig) -> Array:
     return np.ascontiguousarray(ratio * S_inv.T)
 
 
-def build_loops(config: Experiment, folder: Path) -> Iterator[tuple[str, Loop]]:
+def build_loops(
+    config: Experiment, folder: Path, reference: Reference | None = None
+) -> Iterator[tuple[str, Loop]]:
     """One closed loop per run of a configuration.
 
     Parameters
@@ -227,6 +230,8 @@ def build_loops(config: Experiment, folder: Path) -> Iterator[tuple[str, Loop]]:
     config : CompareConfig or DecoupleConfig
     folder : Path
         Where the path of a trajectory file starts.
+    reference : Reference, optional
+        Desired motion of a comparison where it has been built before; it takes most of the time.
 
     Yields
     ------
@@ -236,7 +241,7 @@ def build_loops(config: Experiment, folder: Path) -> Iterator[tuple[str, Loop]]:
     """
     S, S_inv = coupling(config)
     if isinstance(config, CompareConfig):
-        reference = build_reference(config.reference, config, folder)
+        reference = reference or build_reference(config.reference, config, folder)
         cold = config.control.readings.start == "cold"
         for name, run in config.runs.items():
             controller = TimeDelayController(build_law(config, run.law))

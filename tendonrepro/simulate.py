@@ -10,7 +10,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, Protocol
+from typing import Literal
 
 import numpy as np
 from scipy.integrate import ode
@@ -18,21 +18,20 @@ from scipy.integrate import ode
 from tendonrepro import compiled
 from tendonrepro.actuator import Actuator, applied_torque
 from tendonrepro.arrays import Array
-from tendonrepro.control import Law, Memory, remember, start_memory
+from tendonrepro.controllers import Controller, Measurement
 from tendonrepro.drive import tendon_torque, to_joint_torque
 from tendonrepro.dynamics import Plant, holding_torque, link_acceleration, rest_state
 from tendonrepro.encoder import Encoder, noise_sequence, quantise
 from tendonrepro.errors import TendonreproError
-from tendonrepro.servo import Servo, servo_torque
-
-CommandFunction = Callable[[Memory, Array, Array, Array, Array, Law], tuple[Array, Array, Array, Array]]
-"""Signature of :func:`tendonrepro.control.command`."""
 
 STEPS_PER_SAMPLE = 5000
 """Integrator steps in one period after which a plant counts as one it cannot resolve."""
 
 LARGEST_TORQUE = 1e6
 """Torque, N m, beyond which a run has diverged even before its error shows it."""
+
+JOINT_NOISE, MOTOR_NOISE, TORQUE_NOISE = range(3)
+"""Random streams of the instruments."""
 
 PROGRESS_INTERVAL = 500
 """Samples between two reports of progress."""
@@ -68,155 +67,15 @@ class Reference:
         s.
     q_d, dq_d, ddq_d : array (T, n)
         rad, rad s⁻¹, rad s⁻².
+    period : float
+        Duration after which it repeats, s; 0 if it does not.
     """
 
     time: Array
     q_d: Array
     dq_d: Array
     ddq_d: Array
-
-
-class Measurement(NamedTuple):
-    """Encoder values of one sample, both zero at the start posture.
-
-    Attributes
-    ----------
-    q : array (n,)
-        Joint encoders, rad.
-    q_motor : array (n,)
-        Motor encoders, rad at the winch.
-    """
-
-    q: Array
-    q_motor: Array
-
-
-class Decision(NamedTuple):
-    """What a controller makes of one sample.
-
-    Attributes
-    ----------
-    tau : array (n,)
-        Commanded torque in joint coordinates, N m.
-    signals : tuple of array (n,)
-        Values of the controller's own ``signals``, in their order.
-    carry : object
-        Whatever ``remember`` needs of this sample besides the measurement and the applied torque.
-    """
-
-    tau: Array
-    signals: tuple[Array, ...]
-    carry: Any
-
-
-class Controller(Protocol):
-    """A sampled controller whose memory is a value."""
-
-    @property
-    def signals(self) -> tuple[str, ...]:
-        """Names of the variables it adds to a trace."""
-
-    def init(self, measured: Measurement, tau_before: Array) -> Any:
-        """Memory at the first sample, given the torque that acted until then."""
-
-    def decide(self, memory: Any, measured: Measurement, q_d: Array, dq_d: Array, ddq_d: Array) -> Decision:
-        """Torque for this sample."""
-
-    def remember(self, memory: Any, measured: Measurement, decision: Decision, tau_m: Array) -> Any:
-        """Memory for the next sample, given the torque that was really applied."""
-
-    def derived(self, variables: Mapping[str, Array], plant: Plant) -> dict[str, Array]:
-        """Further variables of a trace, each (T, n), that follow from the run's own."""
-
-
-@dataclass(frozen=True)
-class TimeDelayController:
-    """Controllers 1 to 3, plain TDC, and any law with the signature of :func:`tendonrepro.control.command`.
-
-    Attributes
-    ----------
-    law : Law
-    command : CommandFunction
-    """
-
-    law: Law
-    command: CommandFunction = compiled.command
-
-    @property
-    def signals(self) -> tuple[str, ...]:
-        """Names of the variables it adds to a trace."""
-        return ("H_hat", "s")
-
-    def init(self, measured: Measurement, tau_before: Array) -> Memory:
-        """Memory by the start-up rule."""
-        return start_memory(measured.q, tau_before)
-
-    def decide(
-        self, memory: Memory, measured: Measurement, q_d: Array, dq_d: Array, ddq_d: Array
-    ) -> Decision:
-        """Torque by Eq. (17)."""
-        tau, H_hat, s, de = self.command(memory, measured.q, q_d, dq_d, ddq_d, self.law)
-        return Decision(tau, (H_hat, s), de)
-
-    def remember(self, memory: Memory, measured: Measurement, decision: Decision, tau_m: Array) -> Memory:
-        """Shift the delay lines."""
-        return remember(memory, measured.q, decision.carry, tau_m)
-
-    def derived(self, variables: Mapping[str, Array], plant: Plant) -> dict[str, Array]:
-        """Lumped dynamics by Eq. (6) and estimation error by Eq. (19), in joint coordinates."""
-        del plant
-        M_bar = self.law.to_joint @ np.diag(self.law.M_bar)
-        H = variables["tau_m"] - variables["ddq"] @ M_bar.T
-        epsilon = np.linalg.solve(M_bar, (H - variables["H_hat"]).T).T
-        return {"H": H, "epsilon": np.asarray(epsilon, dtype=np.float64)}
-
-
-@dataclass(frozen=True)
-class PositionController:
-    """Stiff motor-side position loop; knows the motors only through ``S_inv`` of the desired joint angles.
-
-    Attributes
-    ----------
-    servo : Servo
-    S_inv : array (n, n)
-        Coupling of Eq. (2).
-    """
-
-    servo: Servo
-    S_inv: Array
-
-    @property
-    def signals(self) -> tuple[str, ...]:
-        """It adds no variable to a trace."""
-        return ()
-
-    def init(self, measured: Measurement, tau_before: Array) -> tuple[Array, Array]:
-        """Return the motor angles one sample ago and the torque until now, which stays as an offset."""
-        return measured.q_motor, tau_before
-
-    def decide(
-        self, memory: tuple[Array, Array], measured: Measurement, q_d: Array, dq_d: Array, ddq_d: Array
-    ) -> Decision:
-        """Torque of the position loops."""
-        del ddq_d
-        before, offset = memory
-        torque = servo_torque(measured.q_motor, before, self.S_inv @ q_d, self.S_inv @ dq_d, self.servo)
-        return Decision(offset + self.S_inv.T @ torque, (), None)
-
-    def remember(
-        self, memory: tuple[Array, Array], measured: Measurement, decision: Decision, tau_m: Array
-    ) -> tuple[Array, Array]:
-        """Keep this sample's motor angles."""
-        del decision, tau_m
-        return measured.q_motor, memory[1]
-
-    def derived(self, variables: Mapping[str, Array], plant: Plant) -> dict[str, Array]:
-        """Motor angles since the start, and the joint angles that ``S`` calculates from their encoders."""
-        start = variables["theta"][0]
-        return {
-            "q_motor": (variables["theta"] - start) @ plant.drive.S_inv.T,
-            "q_calculated": variables["q_motor_encoder"] @ plant.drive.S.T,
-        }
+    period: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -281,7 +140,7 @@ def simulate(loop: Loop, progress: Callable[[int], None] | None = None) -> dict[
         warnings.simplefilter("ignore", UserWarning)
         done = _run(loop, record, progress or (lambda _: None))
     recorded = {name: rows[:done] for name, rows in record.items()}
-    return {"time": loop.reference.time[:done]} | _variables(recorded, loop)
+    return {"time": loop.reference.time[:done]} | trace_variables(recorded, loop)
 
 
 def _allocate(loop: Loop) -> dict[str, Array]:
@@ -326,7 +185,8 @@ def _bounded(error: Array, tau_m: Array, limit: float) -> bool:
     return bool(np.abs(error).max() <= limit and np.abs(tau_m).max() <= LARGEST_TORQUE)
 
 
-def _random(loop: Loop, stream: int) -> np.random.Generator:
+def random_stream(loop: Loop, stream: int) -> np.random.Generator:
+    """Random numbers of one instrument of a loop."""
     return np.random.default_rng([loop.seed, stream])
 
 
@@ -334,8 +194,8 @@ def _instruments(loop: Loop) -> Callable[[int, Array], Measurement]:
     """Encoders, zeroed at the start posture."""
     shape = loop.reference.q_d.shape
     n = shape[1]
-    q_noise = noise_sequence(loop.joint_encoder.noise, shape, _random(loop, 0))
-    motor_noise = noise_sequence(loop.motor_encoder.noise, shape, _random(loop, 1))
+    q_noise = noise_sequence(loop.joint_encoder.noise, shape, random_stream(loop, JOINT_NOISE))
+    motor_noise = noise_sequence(loop.motor_encoder.noise, shape, random_stream(loop, MOTOR_NOISE))
     theta_start = rest_state(np.zeros(n), loop.plant)[2 * n : 3 * n]
     S_inv = loop.plant.drive.S_inv
 
@@ -349,9 +209,29 @@ def _instruments(loop: Loop) -> Callable[[int, Array], Measurement]:
     return measure
 
 
+def motor_angles(theta: Array, loop: Loop) -> Array:
+    """What the motor encoders read along a whole run.
+
+    Parameters
+    ----------
+    theta : array (T, n)
+        Motor angles in joint coordinates, rad.
+    loop : Loop
+
+    Returns
+    -------
+    array (T, n)
+        rad at the winch.
+    """
+    shape = loop.reference.q_d.shape
+    noise = noise_sequence(loop.motor_encoder.noise, shape, random_stream(loop, MOTOR_NOISE))
+    q_motor = (theta - theta[0]) @ loop.plant.drive.S_inv.T
+    return np.asarray(quantise(q_motor + noise[: len(theta)], loop.motor_encoder.resolution))
+
+
 def _torque_noise(loop: Loop) -> Array:
     """Noise of the motors' torque at every sample, in joint coordinates, N m, (T, n)."""
-    noise = noise_sequence(loop.actuator.noise, loop.reference.q_d.shape, _random(loop, 2))
+    noise = noise_sequence(loop.actuator.noise, loop.reference.q_d.shape, random_stream(loop, TORQUE_NOISE))
     return np.asarray(noise @ loop.plant.drive.S_inv)
 
 
@@ -381,8 +261,20 @@ def _integrator(loop: Loop) -> Callable[[float, float, Array, Array], Array]:
     return advance
 
 
-def _variables(recorded: dict[str, Array], loop: Loop) -> dict[str, Array]:
-    """Everything a trace holds, from what was recorded and the plant's own equations."""
+def trace_variables(recorded: dict[str, Array], loop: Loop) -> dict[str, Array]:
+    """Everything a trace holds, from what was recorded and the plant's own equations.
+
+    Parameters
+    ----------
+    recorded : dict of array
+        ``state`` (T, 4 n) and, each (T, n), ``q_encoder``, ``q_motor_encoder``, ``tau_cmd``,
+        ``tau_m`` and the controller's signals.
+    loop : Loop
+
+    Returns
+    -------
+    dict of array (T, n)
+    """
     plant, reference, done = loop.plant, loop.reference, recorded["tau_m"].shape[0]
     state = recorded.pop("state")
     q, dq, theta, dtheta = (part.T for part in np.split(state, 4, axis=1))

@@ -24,8 +24,20 @@ FUNCTIONS = {
     np.exp: "exp",
     np.sqrt: "sqrt",
     np.absolute: "abs",
+    np.floor: "floor",
 }
-OPERATORS = {np.add: "+", np.subtract: "-", np.multiply: "*", np.divide: "/", np.greater_equal: ">="}
+OPERATORS = {
+    np.add: "+",
+    np.subtract: "-",
+    np.multiply: "*",
+    np.divide: "/",
+    np.power: "**",
+    np.greater_equal: ">=",
+    np.greater: ">",
+    np.less_equal: "<=",
+    np.less: "<",
+}
+COMPARISONS = (">=", ">", "<=", "<")
 
 
 class Tape:
@@ -42,6 +54,26 @@ class Tape:
             self.lines[name] = (expression, operands)
             self._known[expression] = Symbol(self, name)
         return self._known[expression]
+
+    def function(self, ufunc: Any, x: Symbol) -> Any:
+        """Elementary function of a symbol."""
+        return self.write(f"{FUNCTIONS[ufunc]}({x.name})", (x.name,))
+
+    def binary(self, operator: str, left: Any, right: Any) -> Any:
+        """Sum, difference, product, quotient, power or comparison; a comparison is 1 or 0."""
+        if isinstance(left, np.ndarray) or isinstance(right, np.ndarray):
+            return NotImplemented
+        if short := _simplified(operator, left, right):
+            return short[0]
+        expression = f"{_text(left)} {operator} {_text(right)}"
+        if operator in COMPARISONS:
+            expression = f"1.0 if {expression} else 0.0"
+        return self.write(expression, _names(left, right))
+
+    def where(self, condition: Symbol, then: Any, otherwise: Any) -> Any:
+        """Choice between two values."""
+        expression = f"{_text(then)} if {condition.name} != 0.0 else {_text(otherwise)}"
+        return self.write(expression, _names(condition, then, otherwise))
 
     def needed(self, results: list[str]) -> Iterator[str]:
         """Lines that the results depend on, in order."""
@@ -70,59 +102,88 @@ class Symbol:
                 operand if isinstance(operand, np.ndarray) else _as_object(operand) for operand in inputs
             ]
             return ufunc(*plain)
+        if ufunc in (np.maximum, np.minimum):
+            left, right = inputs
+            return np.where(left >= right if ufunc is np.maximum else left <= right, left, right)
         if ufunc in OPERATORS:
-            return _binary(self.tape, OPERATORS[ufunc], *inputs)
-        return self.tape.write(f"{FUNCTIONS[ufunc]}({self.name})", (self.name,))
+            return self.tape.binary(OPERATORS[ufunc], *inputs)
+        return self.tape.function(ufunc, self)
+
+    def __array_function__(self, function: Any, types: Any, args: Any, kwargs: Any) -> Any:
+        """``np.where`` of symbols."""
+        del types
+        if function is not np.where or kwargs:
+            return NotImplemented
+        condition, then, otherwise = args
+        if not isinstance(condition, Symbol):
+            return then if condition else otherwise
+        return self.tape.where(condition, then, otherwise)
+
+    def __getitem__(self, key: tuple[()]) -> Symbol:
+        """A symbol is a scalar: the only key is the empty one."""
+        return self
+
+    def __abs__(self) -> Any:
+        return self.tape.function(np.absolute, self)
+
+    def __pow__(self, other: Any) -> Any:
+        return self.tape.binary("**", self, other)
+
+    def __rpow__(self, other: Any) -> Any:
+        return self.tape.binary("**", other, self)
+
+    def __gt__(self, other: Any) -> Any:
+        return self.tape.binary(">", self, other)
+
+    def __le__(self, other: Any) -> Any:
+        return self.tape.binary("<=", self, other)
+
+    def __lt__(self, other: Any) -> Any:
+        return self.tape.binary("<", self, other)
 
     def __add__(self, other: Any) -> Any:
-        return _binary(self.tape, "+", self, other)
+        return self.tape.binary("+", self, other)
 
     def __radd__(self, other: Any) -> Any:
-        return _binary(self.tape, "+", other, self)
+        return self.tape.binary("+", other, self)
 
     def __sub__(self, other: Any) -> Any:
-        return _binary(self.tape, "-", self, other)
+        return self.tape.binary("-", self, other)
 
     def __rsub__(self, other: Any) -> Any:
-        return _binary(self.tape, "-", other, self)
+        return self.tape.binary("-", other, self)
 
     def __mul__(self, other: Any) -> Any:
-        return _binary(self.tape, "*", self, other)
+        return self.tape.binary("*", self, other)
 
     def __rmul__(self, other: Any) -> Any:
-        return _binary(self.tape, "*", other, self)
+        return self.tape.binary("*", other, self)
 
     def __truediv__(self, other: Any) -> Any:
-        return _binary(self.tape, "/", self, other)
+        return self.tape.binary("/", self, other)
 
     def __rtruediv__(self, other: Any) -> Any:
-        return _binary(self.tape, "/", other, self)
+        return self.tape.binary("/", other, self)
 
     def __ge__(self, other: Any) -> Any:
-        return _binary(self.tape, ">=", self, other)
+        return self.tape.binary(">=", self, other)
 
     def __neg__(self) -> Any:
         return self.tape.write(f"-{self.name}", (self.name,))
+
+
+def _text(operand: Any) -> str:
+    return operand.name if isinstance(operand, Symbol) else repr(float(operand))
+
+
+def _names(*operands: Any) -> tuple[str, ...]:
+    return tuple(operand.name for operand in operands if isinstance(operand, Symbol))
 
 
 def _as_object(operand: Any) -> Any:
     cell = np.empty((), dtype=object)
     cell[()] = operand
     return cell
-
-
-def _binary(tape: Tape, operator: str, left: Any, right: Any) -> Any:
-    if isinstance(left, np.ndarray) or isinstance(right, np.ndarray):
-        return NotImplemented
-    if short := _simplified(operator, left, right):
-        return short[0]
-    names = [
-        operand.name if isinstance(operand, Symbol) else repr(float(operand)) for operand in (left, right)
-    ]
-    expression = f"{names[0]} {operator} {names[1]}"
-    if operator == ">=":
-        expression = f"1.0 if {expression} else 0.0"
-    return tape.write(expression, tuple(o.name for o in (left, right) if isinstance(o, Symbol)))
 
 
 def _simplified(operator: str, left: Any, right: Any) -> tuple[Any] | None:

@@ -13,9 +13,10 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.control import Law, Memory
+from tendonrepro.controllers import CommandFunction, TimeDelayController
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.files import sha256_of
-from tendonrepro.simulate import CommandFunction, Loop, TimeDelayController
+from tendonrepro.simulate import Loop
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,165 @@
+"""The sampled controllers: what each decides at a sample, and what it remembers.
+
+A controller runs once per period on encoder values and is told afterwards what torque was really applied. Its
+memory is a value that it returns, never state of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from tendonrepro import compiled
+from tendonrepro.arrays import Array
+from tendonrepro.control import Law, Memory, remember, start_memory
+from tendonrepro.dynamics import Plant
+from tendonrepro.servo import Servo, servo_torque
+
+CommandFunction = Callable[[Memory, Array, Array, Array, Array, Law], tuple[Array, Array, Array, Array]]
+"""Signature of :func:`tendonrepro.control.command`."""
+
+
+class Measurement(NamedTuple):
+    """Encoder values of one sample, both zero at the start posture.
+
+    Attributes
+    ----------
+    q : array (n,)
+        Joint encoders, rad.
+    q_motor : array (n,)
+        Motor encoders, rad at the winch.
+    """
+
+    q: Array
+    q_motor: Array
+
+
+class Decision(NamedTuple):
+    """What a controller makes of one sample.
+
+    Attributes
+    ----------
+    tau : array (n,)
+        Commanded torque in joint coordinates, N m.
+    signals : tuple of array (n,)
+        Values of the controller's own ``signals``, in their order.
+    carry : object
+        Whatever ``remember`` needs of this sample besides the measurement and the applied torque.
+    """
+
+    tau: Array
+    signals: tuple[Array, ...]
+    carry: Any
+
+
+class Controller(Protocol):
+    """A sampled controller whose memory is a value."""
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """Names of the variables it adds to a trace."""
+
+    def init(self, measured: Measurement, tau_before: Array) -> Any:
+        """Memory at the first sample, given the torque that acted until then."""
+
+    def decide(self, memory: Any, measured: Measurement, q_d: Array, dq_d: Array, ddq_d: Array) -> Decision:
+        """Torque for this sample."""
+
+    def remember(self, memory: Any, measured: Measurement, decision: Decision, tau_m: Array) -> Any:
+        """Memory for the next sample, given the torque that was really applied."""
+
+    def derived(self, variables: Mapping[str, Array], plant: Plant) -> dict[str, Array]:
+        """Further variables of a trace, each (T, n), that follow from the run's own."""
+
+
+@dataclass(frozen=True)
+class TimeDelayController:
+    """Controllers 1 to 3, plain TDC, and any law with the signature of :func:`tendonrepro.control.command`.
+
+    Attributes
+    ----------
+    law : Law
+    command : CommandFunction
+    """
+
+    law: Law
+    command: CommandFunction = compiled.command
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """Names of the variables it adds to a trace."""
+        return ("H_hat", "s")
+
+    def init(self, measured: Measurement, tau_before: Array) -> Memory:
+        """Memory by the start-up rule."""
+        return start_memory(measured.q, tau_before)
+
+    def decide(
+        self, memory: Memory, measured: Measurement, q_d: Array, dq_d: Array, ddq_d: Array
+    ) -> Decision:
+        """Torque by Eq. (17)."""
+        tau, H_hat, s, de = self.command(memory, measured.q, q_d, dq_d, ddq_d, self.law)
+        return Decision(tau, (H_hat, s), de)
+
+    def remember(self, memory: Memory, measured: Measurement, decision: Decision, tau_m: Array) -> Memory:
+        """Shift the delay lines."""
+        return remember(memory, measured.q, decision.carry, tau_m)
+
+    def derived(self, variables: Mapping[str, Array], plant: Plant) -> dict[str, Array]:
+        """Lumped dynamics by Eq. (6) and estimation error by Eq. (19), in joint coordinates."""
+        del plant
+        M_bar = self.law.to_joint @ np.diag(self.law.M_bar)
+        H = variables["tau_m"] - variables["ddq"] @ M_bar.T
+        epsilon = np.linalg.solve(M_bar, (H - variables["H_hat"]).T).T
+        return {"H": H, "epsilon": np.asarray(epsilon, dtype=np.float64)}
+
+
+@dataclass(frozen=True)
+class PositionController:
+    """Stiff motor-side position loop; knows the motors only through ``S_inv`` of the desired joint angles.
+
+    Attributes
+    ----------
+    servo : Servo
+    S_inv : array (n, n)
+        Coupling of Eq. (2).
+    """
+
+    servo: Servo
+    S_inv: Array
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """It adds no variable to a trace."""
+        return ()
+
+    def init(self, measured: Measurement, tau_before: Array) -> tuple[Array, Array]:
+        """Return the motor angles one sample ago and the torque until now, which stays as an offset."""
+        return measured.q_motor, tau_before
+
+    def decide(
+        self, memory: tuple[Array, Array], measured: Measurement, q_d: Array, dq_d: Array, ddq_d: Array
+    ) -> Decision:
+        """Torque of the position loops."""
+        del ddq_d
+        before, offset = memory
+        torque = servo_torque(measured.q_motor, before, self.S_inv @ q_d, self.S_inv @ dq_d, self.servo)
+        return Decision(offset + self.S_inv.T @ torque, (), None)
+
+    def remember(
+        self, memory: tuple[Array, Array], measured: Measurement, decision: Decision, tau_m: Array
+    ) -> tuple[Array, Array]:
+        """Keep this sample's motor angles."""
+        del decision, tau_m
+        return measured.q_motor, memory[1]
+
+    def derived(self, variables: Mapping[str, Array], plant: Plant) -> dict[str, Array]:
+        """Motor angles since the start, and the joint angles that ``S`` calculates from their encoders."""
+        start = variables["theta"][0]
+        return {
+            "q_motor": (variables["theta"] - start) @ plant.drive.S_inv.T,
+            "q_calculated": variables["q_motor_encoder"] @ plant.drive.S.T,
+        }

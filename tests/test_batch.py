@@ -1,0 +1,265 @@
+"""The compiled batch stepper against the reference stepper, and against brute force on its own traces."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tendonrepro.arrays import Array
+from tendonrepro.batch import STATISTICS, STATUSES, Batch, simulate_batch
+from tendonrepro.box import configured, population, scrambled_sobol
+from tendonrepro.config import CompareConfig, load_config
+from tendonrepro.config_ensemble import load_ensemble
+from tendonrepro.control import Law
+from tendonrepro.controllers import TimeDelayController
+from tendonrepro.dynamics import frictionless
+from tendonrepro.errors import TendonreproError
+from tendonrepro.lanes import stacked
+from tendonrepro.metrics import periodogram, status_of
+from tendonrepro.resolution import STEPS, plant_modes, steps_needed
+from tendonrepro.runs import build_loops
+from tendonrepro.simulate import Loop, Reference, simulate
+from tendonrepro.stability import plant_matrices
+
+IDEAL = "manipulator.encoders.joint.resolution=0"
+EXACT = 1e-9
+"""Allowed difference of q from the reference stepper, rad."""
+NEAR = 1e-6
+"""The same while torque pulses of encoder counts hit the steep part of friction: 1/400 of a count."""
+
+
+def loaded(*overrides: str) -> tuple[CompareConfig, dict[str, Loop]]:
+    found = load_config(None, "compare", overrides=overrides)
+    assert isinstance(found.config, CompareConfig)
+    return found.config, dict(build_loops(found.config, found.folder))
+
+
+def cut(loop: Loop, duration: float) -> Loop:
+    samples, reference = round(duration / loop.L) + 1, loop.reference
+    parts = {name: getattr(reference, name)[:samples] for name in ("time", "q_d", "dq_d", "ddq_d")}
+    return replace(loop, reference=Reference(**parts, period=reference.period))
+
+
+def traced(config: CompareConfig, loops: list[Loop]) -> tuple[Batch, list[dict[str, Array]]]:
+    batch = simulate_batch(loops, config.status, record=True)
+    assert batch.traces is not None
+    return batch, [trace for trace in batch.traces if trace is not None]
+
+
+def assert_same_run(trace: Mapping[str, Array], loop: Loop) -> None:
+    truth = simulate(loop)
+    assert trace.keys() == truth.keys()
+    assert np.abs(trace["q"] - truth["q"]).max() < EXACT
+    assert np.abs(trace["theta"] - truth["theta"]).max() < EXACT
+    for name in ("tau_m", "H_hat", "s"):
+        size = np.abs(truth[name]).max()
+        assert np.abs(trace[name] - truth[name]).max() < 1e-3 * size, name
+
+
+def test_with_ideal_encoders_every_run_is_the_reference_steppers() -> None:
+    config, loops = loaded(IDEAL)
+    short = [cut(loop, 3.0) for loop in loops.values()]
+    batch, traces = traced(config, short)
+    assert [STATUSES[status] for status in batch.status] == ["ok"] * 4
+    for trace, loop in zip(traces, short, strict=True):
+        assert_same_run(trace, loop)
+
+
+def test_with_counts_runs_agree_up_to_the_first_differing_count() -> None:
+    config, loops = loaded()
+    batch, traces = traced(config, list(loops.values()))
+    for k, (trace, loop) in enumerate(zip(traces, loops.values(), strict=True)):
+        if loop is loops["controller_1_payload"]:
+            continue
+        truth = simulate(loop)
+        differs = (trace["q_encoder"] != truth["q_encoder"]).any(axis=1)
+        first = int(np.argmax(differs)) if differs.any() else differs.size
+        assert first > 500
+        assert np.abs(trace["q"] - truth["q"])[:first].max() < NEAR
+        assert batch.statistics["mae"][k] == pytest.approx(np.abs(truth["e"]).mean(axis=0), rel=5e-3)
+        assert batch.statistics["rmse"][k] == pytest.approx(np.sqrt((truth["e"] ** 2).mean(axis=0)), rel=5e-3)
+
+
+READINGS = (
+    "control.readings.phi_branch=power",
+    "control.readings.gain_unit=phi_in_degrees",
+    "control.readings.differencing=centred",
+    "control.readings.phi_negative=even",
+    "control.readings.error_rate=low_pass",
+    "control.readings.start=cold",
+    "control.readings.weights=extrapolating",
+    "control.readings.torque_coordinates=winch",
+    "control.readings.eta_in_controller_2=dropped",
+    "manipulator.actuator.output_delay=1",
+    "manipulator.actuator.torque_noise=0.05",
+    "manipulator.actuator.torque_resolution=0.016",
+    "manipulator.encoders.joint.noise=1e-5",
+    "manipulator.actuator.torque_limit=[9,9,2]",
+    "manipulator.tensioner.force=20",
+    "manipulator.friction.per_pulley=0.03",
+    "manipulator.transmission_error.peak_to_peak=4.4e-4",
+    "disturbance={kind: sine, torque: {value: [0.3, 0.1], unit: N m, source: 'assumed: test'}, "
+    "frequency: {value: 2, unit: Hz, source: 'assumed: test'}}",
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("override", READINGS)
+def test_every_reading_and_feature_runs_as_in_the_reference_stepper(override: str) -> None:
+    config, loops = loaded(IDEAL, override)
+    # Jumps at zero error and of the torque's steps amplify rounding; short runs stay clear of it.
+    short = [cut(loop, 0.5) for loop in loops.values()]
+    _, traces = traced(config, short)
+    for trace, loop in zip(traces, short, strict=True):
+        assert_same_run(trace, loop)
+
+
+@pytest.mark.slow
+def test_three_joints_run_as_in_the_reference_stepper() -> None:
+    gains = ("M_bar", "lam", "b", "eta", "Delta", "alpha", "beta", "K_d", "K_p")
+    values = {"M_bar": 0.01, "lam": 8, "b": 0.9, "eta": 1.5, "Delta": 0.2, "alpha": 0.1, "beta": 2}
+    overrides = [f"control.gains.{name}={[values.get(name, 10)] * 3}" for name in gains]
+    config, loops = loaded(IDEAL, "joints=[1,2,3]", "reference.amplitude=[20,20,20]", *overrides)
+    loop = cut(loops["controller_1"], 1.0)
+    _, traces = traced(config, [loop])
+    assert_same_run(traces[0], loop)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("encoder", ["ideal", "counts"])
+def test_sixty_four_plants_of_the_box_run_as_in_the_reference_stepper(encoder: str) -> None:
+    ensemble = load_ensemble(None)
+    box = population(ensemble.config, "box")
+    loops = []
+    for values in box.values(scrambled_sobol(box, 1, 0, 0, 256)):
+        config = configured(ensemble.base, box, values)
+        loop = cut(next(loop for _, loop in build_loops(config, ensemble.base.folder)), 2.0)
+        if encoder == "ideal":
+            loop = replace(loop, joint_encoder=loop.joint_encoder._replace(resolution=0.0))
+        loops.append(loop)
+    limits = ensemble.compare.status
+    status = simulate_batch(loops, limits).status
+    stable = [loop for loop, code in zip(loops, status, strict=True) if STATUSES[code] == "ok"][:64]
+    assert len(stable) == 64
+    batch = simulate_batch(stable, limits, record=True)
+    assert batch.traces is not None
+    for k, (loop, trace) in enumerate(zip(stable, batch.traces, strict=True)):
+        assert trace is not None
+        truth = simulate(loop)
+        differs = (trace["q_encoder"] != truth["q_encoder"]).any(axis=1) & (encoder == "counts")
+        first = int(np.argmax(differs)) if differs.any() else differs.size
+        assert np.abs(trace["q"] - truth["q"])[:first].max() < (EXACT if encoder == "ideal" else NEAR)
+        if encoder == "counts":
+            mae = np.abs(truth["e"]).mean(axis=0)
+            # A joint that sticks has errors of a count; half a percent is of the larger error.
+            assert batch.statistics["mae"][k] == pytest.approx(mae, rel=5e-3, abs=5e-3 * mae.max())
+
+
+def test_a_run_knows_nothing_of_its_neighbours() -> None:
+    config, loops = loaded()
+    runs = [cut(loops[name], 0.5) for name in ("controller_1", "controller_2", "controller_1_payload")]
+    many = [runs[k % 3] for k in (0, 1, 2, 1, 0, 2, 2, 2, 1, 0, 0, 1, 2)]
+    together = simulate_batch(many, config.status, threads=2)
+    for k in (0, 1, 2, 12):
+        alone = simulate_batch([many[k]], config.status)
+        for name in STATISTICS:
+            np.testing.assert_array_equal(together.statistics[name][k], alone.statistics[name][0], name)
+
+
+def test_statistics_are_those_of_the_trace() -> None:
+    config, loops = loaded()
+    loop = loops["controller_1"]
+    batch, (trace,) = traced(config, [loop])
+    found = {name: values[0] for name, values in batch.statistics.items()}
+    e, tau, epsilon = trace["e"], trace["tau_m"], trace["epsilon"][:-1]
+    assert found["mae"] == pytest.approx(np.abs(e).mean(axis=0), rel=1e-12)
+    assert found["rmse"] == pytest.approx(np.sqrt((e**2).mean(axis=0)), rel=1e-12)
+    late = round(loop.reference.period / loop.L)
+    assert found["mae_late"] == pytest.approx(np.abs(e[late:]).mean(axis=0), rel=1e-12)
+    assert found["torque_rms"] == pytest.approx(np.sqrt((tau**2).mean(axis=0)), rel=1e-12)
+    change = np.sqrt((np.diff(tau, axis=0) ** 2).mean(axis=0))
+    assert found["torque_step_rms"] == pytest.approx(change, rel=1e-12)
+    assert found["epsilon_rms"] == pytest.approx(np.sqrt((epsilon**2).mean(axis=0)), rel=1e-9)
+    assert found["epsilon_max"] == pytest.approx(np.abs(epsilon).max(axis=0), rel=1e-9)
+    assert found["s_rms"] == pytest.approx(np.sqrt((trace["s"] ** 2).mean(axis=0)), rel=1e-12)
+    up = trace["dq_d"][:, 0] > 0.05 * trace["dq_d"][:, 0].max()
+    assert found["H_hat_up"][0] == pytest.approx(trace["H_hat"][up, 0].mean(), rel=1e-10)
+    frequency, power = periodogram(e, loop.L)
+    share = power[frequency > 3.0 * (1.0 + 1e-9)].sum(axis=0) / power.sum(axis=0)
+    assert found["fast_share"] == pytest.approx(share, abs=1e-4)
+
+
+def test_a_diverged_run_ends_where_the_reference_steppers_does() -> None:
+    config, loops = loaded(IDEAL, "status.divergence_limit=0.5")
+    loop = loops["controller_1"]
+    batch, (trace,) = traced(config, [loop])
+    truth = simulate(loop)
+    assert STATUSES[batch.status[0]] == "diverged"
+    assert trace["time"].size == truth["time"].size
+    assert batch.status_time[0] == truth["time"][-1]
+    assert np.isfinite(batch.statistics["mae"]).all()
+
+
+def test_ringing_is_judged_as_in_the_reference_stepper() -> None:
+    config, loops = loaded("status.ringing_share=0.001")
+    limits = config.status
+    batch, traces = traced(config, list(loops.values()))
+    for code, trace in zip(batch.status, traces, strict=True):
+        expected, _ = status_of(
+            trace["time"],
+            trace["e"],
+            limits.divergence_limit.si,
+            limits.ringing_frequency.si,
+            limits.ringing_share.si,
+        )
+        assert STATUSES[code] == expected
+    assert "ringing" in {STATUSES[code] for code in batch.status}
+
+
+def test_a_plant_too_fast_to_resolve_gets_a_status_not_a_guess() -> None:
+    config, loops = loaded("manipulator.friction.link.smoothing_velocity=[1e-5,1e-5,1e-5]")
+    batch = simulate_batch([loops["controller_1"]], config.status)
+    assert STATUSES[batch.status[0]] == "unresolved"
+    assert batch.steps[0] == 0
+    assert np.isnan(batch.statistics["mae"]).all()
+
+
+def test_twice_the_steps_change_nothing_that_counts() -> None:
+    config, loops = loaded(IDEAL)
+    runs = [cut(loop, 2.0) for loop in loops.values()]
+    once = simulate_batch(runs, config.status).statistics["mae"]
+    twice = simulate_batch(runs, config.status, refine=2).statistics["mae"]
+    assert np.abs(once - twice).max() < EXACT
+    assert (once != twice).any()
+
+
+def test_modes_without_friction_are_those_of_the_plants_matrices() -> None:
+    _, loops = loaded()
+    plant = frictionless(loops["controller_1"].plant)
+    modes = plant_modes(stacked([plant]), np.zeros((2, 1)))[0, 0]
+    expected = np.linalg.eigvals(plant_matrices(np.zeros(2), plant)[0])
+    assert np.sort_complex(modes) == pytest.approx(np.sort_complex(expected), rel=1e-4, abs=1e-3)
+
+
+def test_steps_follow_the_fastest_mode() -> None:
+    modes = np.array([[[-100.0]], [[-3000.0]], [[-100.0 + 400.0j]], [[-1e6]]], dtype=complex)
+    needed = steps_needed(modes, 1e-3)
+    assert needed.tolist() == [1, 2, 2, 0]
+    assert STEPS[-1] == 64
+
+
+def test_a_law_of_somebody_else_is_refused() -> None:
+    config, loops = loaded()
+    loop = loops["controller_1"]
+    assert isinstance(loop.controller, TimeDelayController)
+
+    def strange(*_: object) -> tuple[Array, Array, Array, Array]:
+        raise AssertionError
+
+    law: Law = loop.controller.law
+    other = replace(loop, controller=TimeDelayController(law, strange))
+    with pytest.raises(TendonreproError, match="own control laws"):
+        simulate_batch([other], config.status)

@@ -1,0 +1,126 @@
+"""Streamed statistics equal those of the whole signals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tendonrepro import streaming
+from tendonrepro.arrays import Array
+from tendonrepro.streaming import STATISTICS, Sample, Sums, Thresholds, add_sample, finished, thresholds
+
+T, N, PERIOD = 400, 2, 150
+
+
+@pytest.fixture
+def signals() -> dict[str, Array]:
+    rng = np.random.default_rng(3)
+    t = np.arange(T)[:, np.newaxis] / PERIOD
+    smooth = {
+        "dq_d": np.sin(2.0 * np.pi * t) * np.array([1.0, 2.0]),
+        "ddq_d": np.cos(2.0 * np.pi * t) * np.array([3.0, 1.0]),
+    }
+    return smooth | {name: rng.normal(size=(T, N)) for name in ("e", "de", "s", "tau", "H_hat", "epsilon")}
+
+
+def gathered(x: dict[str, Array], live: Array) -> dict[str, Array]:
+    phases = thresholds(x["dq_d"], x["ddq_d"], PERIOD)
+    sums = Sums(*(np.zeros(N) for _ in Sums._fields))
+    for k in range(T):
+        sample = Sample(
+            *(x[name][k] for name in ("e", "de", "dq_d", "ddq_d", "s", "tau")),
+            tau_before=x["tau"][max(k - 1, 0)],
+            H_hat=x["H_hat"][k],
+            epsilon=x["epsilon"][k - 1] if k else np.zeros(N),
+            saturated=1.0 * (x["tau"][k] > 1.0),
+        )
+        sums = add_sample(sums, sample, live[k], float(k), phases)
+    return finished(sums, live.sum(), PERIOD, np.zeros(N))
+
+
+def by_hand(x: dict[str, Array]) -> dict[str, Array]:
+    size, tau = np.abs(x["e"]), x["tau"]
+    up = x["dq_d"] > 0.05 * np.abs(x["dq_d"]).max(axis=0)
+    down = x["dq_d"] < -0.05 * np.abs(x["dq_d"]).max(axis=0)
+    rapid = np.abs(x["ddq_d"]) > 0.5 * np.abs(x["ddq_d"]).max(axis=0)
+
+    def mean(values: Array, where: Array) -> Array:
+        return np.array([values[where[:, i], i].mean() for i in range(N)])
+
+    def rms(values: Array) -> Array:
+        return np.sqrt(np.mean(values**2, axis=0))
+
+    return {
+        "mae": size.mean(axis=0),
+        "rmse": rms(x["e"]),
+        "max_error": size.max(axis=0),
+        "mae_late": size[PERIOD:].mean(axis=0),
+        "rmse_late": rms(x["e"][PERIOD:]),
+        "mae_rapid": mean(size, rapid),
+        "mae_calm": mean(size, ~rapid),
+        "mae_up": mean(size, up),
+        "mae_down": mean(size, down),
+        "overshoot": overshoot(x["e"], up, down),
+        "s_rms": rms(x["s"]),
+        "s_max": np.abs(x["s"]).max(axis=0),
+        "rate_max": np.abs(x["de"]).max(axis=0),
+        "torque_rms": rms(tau),
+        "torque_max": np.abs(tau).max(axis=0),
+        "torque_step_rms": rms(np.diff(tau, axis=0)),
+        "torque_up": mean(tau, up),
+        "torque_down": mean(tau, down),
+        "H_hat_rms": rms(x["H_hat"]),
+        "H_hat_up": mean(x["H_hat"], up),
+        "H_hat_down": mean(x["H_hat"], down),
+        "epsilon_rms": rms(x["epsilon"][:-1]),
+        "epsilon_max": np.abs(x["epsilon"][:-1]).max(axis=0),
+        "saturated": (tau > 1.0).mean(axis=0),
+        "fast_share": np.zeros(N),
+    }
+
+
+def overshoot(e: Array, up: Array, down: Array) -> Array:
+    """Error past the target, seen in the direction of the stroke before, while the reference rests."""
+    largest = np.zeros(N)
+    for i in range(N):
+        direction = 0.0
+        for k in range(T):
+            direction = 1.0 if up[k, i] else -1.0 if down[k, i] else direction
+            if not up[k, i] and not down[k, i]:
+                largest[i] = max(largest[i], -direction * e[k, i])
+    return largest
+
+
+def test_statistics_are_those_of_the_signals(signals: dict[str, Array]) -> None:
+    found, expected = gathered(signals, np.ones(T)), by_hand(signals)
+    assert tuple(found) == STATISTICS
+    for name, values in expected.items():
+        assert found[name] == pytest.approx(values, rel=1e-12), name
+
+
+def test_a_run_that_ended_adds_nothing_even_when_it_is_not_finite(signals: dict[str, Array]) -> None:
+    live = (np.arange(T) < 250).astype(float)
+    ended = {name: values.copy() for name, values in signals.items()}
+    for name in ("e", "de", "s", "tau", "H_hat", "epsilon"):
+        ended[name][250:] = np.nan
+    found = gathered(ended, live)
+    size = np.abs(signals["e"][:250])
+    assert found["mae"] == pytest.approx(size.mean(axis=0), rel=1e-12)
+    assert found["mae_late"] == pytest.approx(size[PERIOD:].mean(axis=0), rel=1e-12)
+    assert all(np.isfinite(values).all() for values in found.values())
+
+
+def test_a_phase_that_never_comes_is_not_a_number(signals: dict[str, Array]) -> None:
+    found = gathered(signals, (np.arange(T) < 100).astype(float))
+    assert np.isnan(found["mae_late"]).all()
+
+
+def test_no_period_means_one_as_long_as_the_motion() -> None:
+    still = np.zeros((T, N))
+    assert thresholds(still, still, 0.0).period == T
+
+
+def test_shares_are_the_stated_ones() -> None:
+    assert (streaming.MOVING, streaming.RAPID) == (0.05, 0.5)
+    phases = thresholds(np.array([[-2.0, 1.0]]), np.array([[4.0, -8.0]]), 7.0)
+    assert phases == Thresholds(pytest.approx([0.1, 0.05]), pytest.approx([2.0, 4.0]), 7.0)
