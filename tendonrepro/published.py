@@ -1,9 +1,10 @@
-"""The numbers the paper prints, as data with their place, unit and printed digits."""
+"""What the paper prints, as data: numbers with place, unit and digits, claims, and how each is judged."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
+from fnmatch import fnmatchcase
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
@@ -12,7 +13,7 @@ from typing import TypeAlias
 from tendonrepro.errors import ConfigError
 from tendonrepro.strict_yaml import Document, Node, load, read_text
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 
 
 @dataclass(frozen=True)
@@ -61,21 +62,66 @@ class PrintedText:
     text: str
 
 
+@dataclass(frozen=True)
+class PrintedClaim(PrintedText):
+    """A statement of the paper, in our words."""
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """How entries are judged.
+
+    Parameters
+    ----------
+    ids : str
+        Id of an entry, or a pattern with ``*`` for several.
+    rule : str
+        Name of a rule of docs/verdicts.md; ``input`` is none.
+    kind : str
+        One of `KINDS_OF_JUDGEMENT`.
+    depends_on : tuple of str
+        What the verdict hangs on.
+    """
+
+    ids: str
+    rule: str
+    kind: str
+    depends_on: tuple[str, ...]
+
+
+KINDS_OF_JUDGEMENT = ("arithmetic", "model", "ensemble", "measured", "input")
+
 Entry: TypeAlias = PrintedNumber | PrintedRatio | PrintedText
 
 # A kind added here, with its class, is all that a new sort of entry needs.
-_KINDS: Mapping[str, type[Entry]] = {"number": PrintedNumber, "ratio": PrintedRatio, "text": PrintedText}
+_KINDS: Mapping[str, type[Entry]] = {
+    "number": PrintedNumber,
+    "ratio": PrintedRatio,
+    "text": PrintedText,
+    "claim": PrintedClaim,
+}
 _ACCEPTED: Mapping[str, tuple[type, ...]] = {"str": (str,), "float": (int, float), "int": (int,)}
 
 
 @dataclass(frozen=True)
 class Published:
-    """Everything printed, by id."""
+    """Everything printed, and how it is judged, by id."""
 
     entries: Mapping[str, Entry]
+    judgements: Mapping[str, Judgement]
 
     def number(self, identifier: str) -> float:
         """Value of a printed number or ratio, in its printed unit.
+
+        Raises
+        ------
+        KeyError
+            When nothing of that id is printed, or it is a text.
+        """
+        return self.quantity(identifier).value
+
+    def quantity(self, identifier: str) -> PrintedNumber | PrintedRatio:
+        """Entry of a printed number or ratio.
 
         Raises
         ------
@@ -86,7 +132,7 @@ class Published:
         if isinstance(entry, PrintedText):
             message = f"{identifier} is a text"
             raise KeyError(message)
-        return entry.value
+        return entry
 
     def per_joint(self, identifier: str, joints: Iterable[int]) -> list[float]:
         """Values of ``<identifier>.joint_<number>``, in the order of `joints`; NaN where none is printed."""
@@ -116,26 +162,61 @@ def parse_published(document: Document) -> Published:
     Raises
     ------
     ConfigError
-        For an unknown kind, a missing, unknown or ill-typed key, an id used twice, or a value with more
-        decimals than it says.
+        For an unknown kind, a missing, unknown or ill-typed key, an id used twice, a value with more decimals
+        than it says, or an entry that not exactly one judgement covers.
     """
-    tree = document.tree
-    listed = tree.get("entries") if isinstance(tree, dict) else None
-    if not isinstance(tree, dict) or not isinstance(listed, list) or len(tree) != 2:
-        message = "expected the keys schema_version and entries, a list"
-        raise ConfigError(message, where=document.name)
-    if tree.get("schema_version") != SCHEMA_VERSION:
-        message = f"schema_version is not {SCHEMA_VERSION}"
-        raise ConfigError(message, where=document.name)
+    listed = _lists(document)
     entries: dict[str, Entry] = {}
-    for index, item in enumerate(listed):
+    for index, item in enumerate(listed["entries"]):
         where = document.where(("entries", index))
         entry = _entry(item, where)
         if entry.id in entries:
             message = f"id {entry.id!r} is used twice"
             raise ConfigError(message, where=where)
         entries[entry.id] = entry
-    return Published(MappingProxyType(entries))
+    rules = [_judgement(item, document.where(("judged", k))) for k, item in enumerate(listed["judged"])]
+    found = {name: _the_one(rules, name, document.name) for name in entries}
+    return Published(MappingProxyType(entries), MappingProxyType(found))
+
+
+def _lists(document: Document) -> dict[str, list[Node]]:
+    tree = document.tree
+    names = ("entries", "judged")
+    listed = {name: tree.get(name) for name in names} if isinstance(tree, dict) else {}
+    lists = {name: items for name, items in listed.items() if isinstance(items, list)}
+    if not isinstance(tree, dict) or len(lists) != 2 or len(tree) != 3:
+        message = "expected the keys schema_version, entries and judged, both lists"
+        raise ConfigError(message, where=document.name)
+    if tree.get("schema_version") != SCHEMA_VERSION:
+        message = f"schema_version is not {SCHEMA_VERSION}"
+        raise ConfigError(message, where=document.name)
+    return lists
+
+
+def _judgement(item: Node, where: str) -> Judgement:
+    given = item if isinstance(item, dict) else {}
+    texts, depends_on = [given.get(key) for key in ("ids", "rule", "kind")], given.get("depends_on")
+    if (
+        len(given) != 4
+        or not all(isinstance(text, str) for text in texts)
+        or not isinstance(depends_on, list)
+        or not all(isinstance(text, str) for text in depends_on)
+    ):
+        message = "expected the keys ids, rule, kind, texts, and depends_on, a list of texts"
+        raise ConfigError(message, where=where)
+    ids, rule, kind = map(str, texts)
+    if kind not in KINDS_OF_JUDGEMENT:
+        message = f"kind {kind!r} is none of {', '.join(KINDS_OF_JUDGEMENT)}"
+        raise ConfigError(message, where=where)
+    return Judgement(ids, rule, kind, tuple(map(str, depends_on)))
+
+
+def _the_one(rules: list[Judgement], name: str, where: str) -> Judgement:
+    fitting = [rule for rule in rules if fnmatchcase(name, rule.ids)]
+    if len(fitting) != 1:
+        message = f"{name!r} is covered by {len(fitting)} judgements instead of one"
+        raise ConfigError(message, where=where)
+    return fitting[0]
 
 
 def _entry(item: Node, where: str) -> Entry:
@@ -143,7 +224,7 @@ def _entry(item: Node, where: str) -> Entry:
     if not isinstance(item, dict) or not isinstance(kind, str) or kind not in _KINDS:
         message = f"expected an entry of kind {', '.join(_KINDS)}"
         raise ConfigError(message, where=where)
-    wanted = {field.name: _ACCEPTED[str(field.type)] for field in fields(_KINDS[kind])}
+    wanted = {part.name: _ACCEPTED[str(part.type)] for part in fields(_KINDS[kind])}
     given = {key: value for key, value in item.items() if key != "kind"}
     wrong = sorted(wanted.keys() ^ given.keys())
     wrong += [key for key in wanted.keys() & given.keys() if not _is_a(given[key], wanted[key])]

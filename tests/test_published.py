@@ -1,12 +1,15 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
 
 from tendonrepro.errors import ConfigError
 from tendonrepro.published import (
+    Judgement,
+    PrintedClaim,
     PrintedNumber,
     PrintedRatio,
     PrintedText,
@@ -91,7 +94,29 @@ class TestShippedFile:
 
     def test_every_entry_has_a_place(self) -> None:
         places = {entry.where for entry in published().entries.values()}
-        assert places == {"Table 1", "Table 2", "Table 3", *(f"section 5.{k}" for k in (1, 2, 3, 4))}
+        tables = {"Table 1", "Table 2", "Table 3", *(f"section 5.{k}" for k in (1, 2, 3, 4))}
+        numbers = {
+            entry.where for entry in published().entries.values() if not isinstance(entry, PrintedClaim)
+        }
+        assert numbers == tables
+        assert all(re.match(r"(Table|Figs?\.?|Eq\.|Remark|sections?) \(?\d", place) for place in places)
+
+    def test_claims(self) -> None:
+        claims = {name for name, entry in published().entries.items() if isinstance(entry, PrintedClaim)}
+        assert claims == {
+            *(f"K{k}" for k in range(1, 7)),
+            *(f"C{k}" for k in range(1, 7)),
+            *(f"E{k}" for k in range(1, 4)),
+            *("T1", "P1", "L1", "A1", "eq13"),
+        }
+
+    def test_inputs_are_gains_and_hardware(self) -> None:
+        inputs = {name for name, judged in published().judgements.items() if judged.kind == "input"}
+        assert {name.split(".")[0] for name in inputs} == {"gain", "hardware"}
+        assert "hardware.encoder_resolution" not in inputs
+        assert published().judgements["S.21"] == Judgement(
+            "S.*", "inverse", "arithmetic", ("S_inv", "signs of the routing")
+        )
 
     def test_units(self) -> None:
         for name, entry in published().entries.items():
@@ -117,6 +142,8 @@ class TestShippedFile:
     def test_a_text_is_no_number(self) -> None:
         with pytest.raises(KeyError, match="is a text"):
             published().number("hardware.motor")
+        with pytest.raises(KeyError, match="is a text"):
+            published().quantity("C2")
 
     def test_joints_without_a_printed_value(self) -> None:
         values = published().per_joint("table2.controller_1.mae", (1, 3))
@@ -127,6 +154,8 @@ class TestShippedFile:
         assert published() is published()
         with pytest.raises(TypeError):
             published().entries["S.11"] = None  # type: ignore[index]
+        with pytest.raises(TypeError):
+            published().judgements["S.11"] = None  # type: ignore[index]
 
     @staticmethod
     def number(name: str) -> PrintedNumber:
@@ -137,7 +166,7 @@ class TestShippedFile:
 
 GOOD = "{id: a, kind: number, where: Table 2, value: 0.24, unit: deg, decimals: 3}"
 BAD = [
-    (GOOD.replace("kind: number", "kind: guess"), "entry of kind number, ratio, text"),
+    (GOOD.replace("kind: number", "kind: guess"), "entry of kind number, ratio, text, claim"),
     (GOOD.replace("kind: number, ", ""), "entry of kind"),
     ("just words", "entry of kind"),
     (GOOD.replace(", unit: deg", ""), "missing, unknown or ill-typed keys: unit"),
@@ -149,20 +178,49 @@ BAD = [
 ]
 
 
+ALL = "{ids: '*', rule: value, kind: ensemble, depends_on: [plant]}"
+BAD_JUDGEMENTS = [
+    (ALL.replace("ensemble", "guess"), "kind 'guess' is none of arithmetic"),
+    (ALL.replace("[plant]", "plant"), "expected the keys ids, rule, kind"),
+    (ALL.replace("[plant]", "[1]"), "expected the keys ids, rule, kind"),
+    (ALL.replace("rule: value", "rule: 1"), "expected the keys ids, rule, kind"),
+    (ALL.replace("rule: value, ", ""), "expected the keys ids, rule, kind"),
+    (ALL.replace("rule:", "more: x, rule:"), "expected the keys ids, rule, kind"),
+    ("just words", "expected the keys ids, rule, kind"),
+]
+
+
 class TestParsing:
     @staticmethod
-    def text(*entries: str, version: int = 1) -> str:
-        return f"schema_version: {version}\nentries:\n" + "".join(f"  - {entry}\n" for entry in entries)
+    def text(*entries: str, version: int = 2, judged: tuple[str, ...] = (ALL,)) -> str:
+        lists = {"entries": entries, "judged": judged}
+        return f"schema_version: {version}\n" + "".join(
+            f"{name}:\n" + "".join(f"  - {item}\n" for item in items) for name, items in lists.items()
+        )
 
     def test_a_good_entry(self) -> None:
         parsed = parse_published(load(self.text(GOOD), "x.yaml"))
         assert parsed.entries["a"] == PrintedNumber("a", "Table 2", 0.24, "deg", 3)
+        assert parsed.judgements["a"] == Judgement("*", "value", "ensemble", ("plant",))
 
     @pytest.mark.parametrize(("entry", "words"), BAD)
     def test_bad_entries_are_placed(self, entry: str, words: str) -> None:
         with pytest.raises(ConfigError, match=words) as caught:
             parse_published(load(self.text(GOOD.replace("id: a", "id: first"), entry), "x.yaml"))
         assert caught.value.where == "x.yaml:4"
+
+    @pytest.mark.parametrize(("judgement", "words"), BAD_JUDGEMENTS)
+    def test_bad_judgements_are_placed(self, judgement: str, words: str) -> None:
+        with pytest.raises(ConfigError, match=words) as caught:
+            parse_published(load(self.text(GOOD, judged=(judgement,)), "x.yaml"))
+        assert caught.value.where == "x.yaml:5"
+
+    @pytest.mark.parametrize(
+        ("judged", "count"), [((ALL.replace("*", "b*"),), 0), ((ALL, ALL.replace("*", "a")), 2)]
+    )
+    def test_every_entry_is_judged_in_one_way(self, judged: tuple[str, ...], count: int) -> None:
+        with pytest.raises(ConfigError, match=f"'a' is covered by {count} judgements"):
+            parse_published(load(self.text(GOOD, judged=judged), "x.yaml"))
 
     def test_an_id_used_twice(self) -> None:
         with pytest.raises(ConfigError, match="'a' is used twice"):
@@ -171,10 +229,11 @@ class TestParsing:
     @pytest.mark.parametrize(
         ("text", "words"),
         [
-            ("schema_version: 2\nentries: []\n", "schema_version is not 1"),
-            ("schema_version: 1\n", "expected the keys"),
-            ("schema_version: 1\nentries: {a: 1}\n", "expected the keys"),
-            ("schema_version: 1\nentries: []\nmore: 1\n", "expected the keys"),
+            ("schema_version: 1\nentries: []\njudged: []\n", "schema_version is not 2"),
+            ("schema_version: 2\nentries: []\n", "expected the keys"),
+            ("schema_version: 2\nentries: {a: 1}\njudged: []\n", "expected the keys"),
+            ("schema_version: 2\nentries: []\njudged: {a: 1}\n", "expected the keys"),
+            ("schema_version: 2\nentries: []\njudged: []\nmore: 1\n", "expected the keys"),
             ("- 1\n", "expected the keys"),
         ],
     )

@@ -1,0 +1,183 @@
+"""What follows from the printed numbers alone: matrices, percentages and signs, with exact fractions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
+from typing import TypeAlias
+
+import numpy as np
+
+from tendonrepro.arrays import Array
+from tendonrepro.kinematics import coupling_inverse, coupling_matrix
+from tendonrepro.published import PrintedNumber, PrintedRatio, Published
+
+Interval: TypeAlias = tuple[Fraction, Fraction]
+"""Lower and upper end, both included."""
+
+SIGN = np.array([[1.0, 1.0, -1.0], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
+"""``c[p, q]`` of section 3.3."""
+
+COURSES: Mapping[str, tuple[float, float, float]] = {
+    "negative": (1.0, 1.0, 1.0),
+    "distal_only": (0.0, 0.0, 1.0),
+    "alternating": (1.0, -1.0, 1.0),
+    "absent": (0.0, 0.0, 0.0),
+}
+"""Side on which tendon 4 passes each joint; 1 turns it counter-clockwise, 0 passes the axis."""
+
+_COURSE_MM = (35.0, 35.0, 37.0)
+_ZERO = 1e-9
+
+
+def exact(entry: PrintedNumber | PrintedRatio) -> Fraction:
+    """The digits as printed, as a fraction."""
+    if isinstance(entry, PrintedRatio):
+        return Fraction(str(entry.numerator)) / Fraction(str(entry.denominator))
+    return Fraction(entry.as_printed)
+
+
+def rounding(entry: PrintedNumber | PrintedRatio) -> Interval:
+    """Numbers that print like this one when rounded; a fraction of two lengths stands for itself."""
+    value = exact(entry)
+    half = Fraction(0) if isinstance(entry, PrintedRatio) else Fraction(1, 2 * 10**entry.decimals)
+    return value - half, value + half
+
+
+def meets(first: Interval, second: Interval) -> bool:
+    """Whether two intervals share a number."""
+    return first[0] <= second[1] and second[0] <= first[1]
+
+
+def quotient(numerator: Interval, denominator: Interval) -> Interval:
+    """Interval of the quotient of two positive numbers."""
+    return numerator[0] / denominator[1], numerator[1] / denominator[0]
+
+
+def percentage(part: PrintedNumber, whole: PrintedNumber, *, change: bool) -> tuple[Fraction, Interval]:
+    """Percentage that one printed number is of another, or by which it is larger (`change`).
+
+    Returns
+    -------
+    value : Fraction
+        From the printed digits.
+    interval : tuple
+        What their rounding allows.
+    """
+    less = 100 if change else 0
+    low, high = quotient(rounding(part), rounding(whole))
+    return 100 * exact(part) / exact(whole) - less, (100 * low - less, 100 * high - less)
+
+
+def cut(value: Fraction, printed: PrintedNumber) -> str:
+    """How a value becomes the printed number.
+
+    Returns
+    -------
+    str
+        ``rounded``, ``cut off``, ``rounded or cut off``, or ``neither``.
+    """
+    scale = 10**printed.decimals
+    goal = exact(printed) * scale
+    ways = {"rounded": math.floor(value * scale + Fraction(1, 2)), "cut off": math.trunc(value * scale)}
+    return " or ".join(way for way, found in ways.items() if found == goal) or "neither"
+
+
+def printed_percentages(paper: Published) -> dict[str, tuple[str, str]]:
+    """Every percentage of sections 5.3 and 5.4, with the ids of the part and the whole."""
+    found = {}
+    for name in paper.entries:
+        family, *rest = name.split(".", 2)
+        if family == "share":
+            rival, place = rest[0].removeprefix("controller_1_of_"), rest[1]
+            found[name] = f"table2.controller_1.{place}", f"table2.controller_{rival}.{place}"
+        elif family == "increase":
+            found[name] = f"table3.with_load.{rest[1]}", f"table3.no_load.{rest[1]}"
+    return found
+
+
+def printed_inverse(paper: Published) -> list[list[Fraction]]:
+    """``S_inv`` as printed, lower triangular, with the signs of Eq. (2) and section 3.3."""
+    rows = []
+    for n in range(3):
+        row = [exact(paper.quantity(f"S_inv.{n + 1}{i + 1}")) for i in range(n + 1)]
+        rows.append([(1 if i == n else -1) * int(SIGN[i, n]) * x for i, x in enumerate(row)])
+    return rows
+
+
+def inverse(lower: Sequence[Sequence[Fraction]]) -> list[list[Fraction]]:
+    """Inverse of a lower-triangular matrix given by its rows up to the diagonal, in the same form."""
+    rows: list[list[Fraction]] = []
+    for n, row in enumerate(lower):
+        before = [-sum((row[k] * rows[k][i] for k in range(i, n)), Fraction(0)) / row[n] for i in range(n)]
+        rows.append([*before, 1 / row[n]])
+    return rows
+
+
+def table_1(paper: Published) -> Array:
+    """Table 1, ``D[p, q] / D[q]``, (3, 3), zero below the diagonal."""
+    ratio = np.zeros((3, 3))
+    for p in range(3):
+        for q in range(p, 3):
+            ratio[p, q] = paper.number(f"table1.D_{p + 1}{q + 1}_over_D_{q + 1}")
+    return ratio
+
+
+def coupling_of(ratio: Array) -> tuple[Array, Array]:
+    """``S`` and ``S_inv`` of Eq. (2) from `table_1`."""
+    S_inv = coupling_inverse(np.ones(3), ratio, SIGN)
+    return coupling_matrix(S_inv), S_inv
+
+
+def slopes_of_coupling(ratio: Array) -> tuple[Array, Array]:
+    """Change of the magnitudes below the diagonal of ``S_inv`` when a diameter grows by 1 %.
+
+    Parameters
+    ----------
+    ratio : array (3, 3)
+        Of `table_1`.
+
+    Returns
+    -------
+    winch, pulley : array (3,)
+        For a larger winch ``D[n]``, and for larger guide pulleys ``D[i, n]``; entries 21, 31, 32.
+    """
+    below = np.tril_indices(3, -1)
+    sizes = [
+        np.abs(coupling_inverse(np.full(3, winch), ratio * pulley, SIGN)[below])
+        for winch, pulley in ((1.0, 1.0), (1.01, 1.0), (1.0, 1.01))
+    ]
+    return sizes[1] - sizes[0], sizes[2] - sizes[0]
+
+
+def least_tensions(S: Array, course: str) -> tuple[Array, Array]:
+    """Winch torques that decide whether every tendon stays tense at rest, whatever the masses.
+
+    With all links in the working half-plane gravity is a sum, with weights that are not negative, of the
+    joint torques (1, 0, 0), (1, 1, 0), (1, 1, 1). Virtual work turns joint torques into winch torques by the
+    transpose of ``S``.
+
+    Parameters
+    ----------
+    S : array (3, 3)
+        Coupling matrix.
+    course : str
+        Key of `COURSES`.
+
+    Returns
+    -------
+    gravity : array (3, 3)
+        Winch torques of tendons 1 to 3, one row per vector.
+    preload : array (3,)
+        What tendon 4 adds per N of its tension and mm of radius, times its pulley's diameter over two.
+    """
+    vectors = np.tril(np.ones((3, 3)))
+    pull = np.array(COURSES[course]) * np.array(_COURSE_MM) / 2.0
+    return vectors @ S, pull @ S
+
+
+def stays_tense(S: Array, course: str) -> bool:
+    """Whether tendons 1 to 3 stay in tension at rest all over the working half-plane, for every arm."""
+    gravity, preload = least_tensions(S, course)
+    return bool((gravity > -_ZERO).all() and (preload > _ZERO).all())

@@ -1,0 +1,229 @@
+"""Verdicts from an ensemble: numbers against their range over the box, claims by their shares."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from tendonrepro.arithmetic import rounding
+from tendonrepro.arrays import Array
+from tendonrepro.claim_plants import UNRESOLVED, Plants
+from tendonrepro.claim_rules import Evidence, Judged, missing
+from tendonrepro.claim_statements import (
+    CLAIMS,
+    FIRST,
+    LOADED,
+    Findings,
+    Statement,
+    smaller,
+)
+from tendonrepro.errors import DataMissingError
+from tendonrepro.published import Published
+from tendonrepro.summary import CONTROLLERS
+from tendonrepro.verdicts import (
+    LEAST_PLANTS,
+    MOST_UNRESOLVED,
+    Decision,
+    Mask,
+    of_number,
+    of_share,
+    of_values,
+    range_of,
+    share_of,
+    with_values,
+)
+
+COMMAND = "tendonrepro ensemble"
+HARDWARE = "The paper measured hardware; this is what the printed equations do on the plants of the box."
+
+VALUES: Mapping[str, str] = {"order": "table2.", "payload": "increase."}
+"""Claims that print values, and how the ids of these begin."""
+
+NUMBERS = ("value", "ratio", "increase")
+"""Rules of numbers."""
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """A printed number over all plants.
+
+    Parameters
+    ----------
+    values : array (N,)
+        In the printed unit; meaningful where judged.
+    judged : array of bool (N,)
+        Plants judged.
+    resolved : array of bool (N,)
+        Plants of the ranking with a diverged law last.
+    direction : Statement or None
+        What the number claims besides its size.
+    """
+
+    values: Array
+    judged: Mask
+    resolved: Mask
+    direction: Statement | None
+
+
+def numbers_of(plants: Plants, identifier: str) -> Numbers:
+    """Look up a printed number of Tables 2 and 3, section 5.3 or section 5.4 on every plant.
+
+    Raises
+    ------
+    DataMissingError
+        When the ensemble does not hold a run it needs.
+    """
+    family, what, metric, place = identifier.split(".")
+    joint = plants.joints.index(int(place.removeprefix("joint_")))
+    if family == "increase":
+        return _quotient(plants, (FIRST, LOADED), metric, joint, change=True)
+    if family == "share":
+        rival = f"controller_{what.removeprefix('controller_1_of_')}"
+        return _quotient(plants, (rival, FIRST), metric, joint, change=False)
+    run = LOADED if family == "table3" else what
+    return Numbers(np.rad2deg(plants[run, metric][:, joint]), *_counted(plants, run), None)
+
+
+def _counted(plants: Plants, *runs: str) -> tuple[Mask, Mask]:
+    every = tuple(dict.fromkeys((*CONTROLLERS, *runs)))
+    return plants.ok(*every), plants.none(UNRESOLVED, *every)
+
+
+def _quotient(plants: Plants, runs: tuple[str, str], metric: str, joint: int, *, change: bool) -> Numbers:
+    """Percentage that the second run's error is of the first's, or by which it is larger."""
+    whole, part = (plants[run, metric][:, joint] for run in runs)
+    ok, resolved = _counted(plants, *runs)
+    with np.errstate(invalid="ignore"):
+        judged = ok & (whole > 0.0)
+    ratio = 100.0 * np.divide(part, whole, out=np.full_like(part, np.nan), where=judged)
+    first, second = runs if change else runs[::-1]
+    direction = list(smaller(plants, metric, first, second, metric.upper()))[joint]
+    return Numbers(ratio - 100.0 if change else ratio, judged, resolved, direction)
+
+
+def judge(plants: Plants, paper: Published, rule: str, identifier: str) -> Judged:
+    """Judge a number or a claim under one reading.
+
+    Parameters
+    ----------
+    plants : Plants
+        The ensemble under that reading.
+    paper : Published
+        The print.
+    rule : str
+        One of `NUMBERS`, or of `claim_statements.CLAIMS`.
+    identifier : str
+        Id of the entry.
+    """
+    work = partial(_number, identifier=identifier) if rule in NUMBERS else partial(_claim, rule=rule)
+    try:
+        return work(plants, paper)
+    except DataMissingError as error:
+        return missing(error.message, COMMAND)
+
+
+def _too_few(judged: Mask) -> Judged | None:
+    count = int(judged.sum())
+    if count >= LEAST_PLANTS:
+        return None
+    what = f"only {count} of {len(judged)} plants can be judged, {LEAST_PLANTS} are needed"
+    return missing(what, f"{COMMAND} --draws N with a larger N")
+
+
+def _number(plants: Plants, paper: Published, identifier: str) -> Judged:
+    found = numbers_of(plants, identifier)
+    few = _too_few(found.judged)
+    if few:
+        return few
+    replicate = plants.data.replicate[found.judged]
+    box = range_of(found.values[found.judged], replicate)
+    low, high = map(float, rounding(paper.quantity(identifier)))
+    evidence: Evidence = {"box": box.as_dict(), "share_judged": float(found.judged.mean())}
+    share = None
+    if found.direction:
+        share = share_of(found.direction.holds[found.judged], replicate)
+        evidence["direction"] = {"statement": found.direction.text} | share.as_dict()
+        last = share_of(found.direction.last[found.resolved], plants.data.replicate[found.resolved])
+        evidence["direction"]["diverged_last"] = last.as_dict()
+    decision = of_number((low, high), box, share)
+    return Judged(decision, box.median, evidence | _remarks(decision))
+
+
+def _claim(plants: Plants, paper: Published, rule: str) -> Judged:
+    found = CLAIMS[rule](plants, paper)
+    few = _too_few(found.judged)
+    if few:
+        return few
+    if rule == "stable" and found.judged.mean() < 1.0 - MOST_UNRESOLVED:
+        left = 100.0 * (1.0 - found.judged.mean())
+        return missing(f"{left:.3g} % of the plants were too fast for the integrator")
+    direction, evidence = _by_statements(plants, found, found.judged, "holds")
+    evidence["share_judged"] = float(found.judged.mean())
+    remarks = [*found.remarks, *_unresolved(plants)]
+    if found.resolved is not None:
+        last, evidence["diverged_last"] = _by_statements(plants, found, found.resolved, "last")
+        if last.verdict != direction.verdict:
+            remarks.append(f"with a diverged law ranked last, without regard to values: {last.verdict}")
+    decision = _with_printed_values(plants, paper, rule, direction)
+    return Judged(decision, evidence["share"], evidence | _remarks(decision, *remarks))
+
+
+def _by_statements(
+    plants: Plants, found: Findings, counted: Mask, attribute: str
+) -> tuple[Decision, Evidence]:
+    replicate = plants.data.replicate[counted]
+    masks = [getattr(statement, attribute)[counted] for statement in found.statements]
+    whole = share_of(np.logical_and.reduce(masks), replicate)
+    parts = [share_of(mask, replicate) for mask in masks]
+    rows = [
+        {"statement": statement.text, "verdict": of_share(part).verdict} | part.as_dict()
+        for statement, part in zip(found.statements, parts, strict=True)
+    ]
+    return of_share(whole), whole.as_dict() | {"statements": rows}
+
+
+def _with_printed_values(plants: Plants, paper: Published, rule: str, decision: Decision) -> Decision:
+    if rule not in VALUES:
+        return decision
+    names = [name for name in paper.entries if name.startswith(VALUES[rule])]
+    values = [_number(plants, paper, name).decision for name in names]
+    return of_values(values, decision) if rule == "payload" else with_values(decision, values)
+
+
+def _unresolved(plants: Plants) -> list[str]:
+    count = int((~plants.none(UNRESOLVED, *CONTROLLERS)).sum())
+    return [f"left out: {count} plants too fast for the integrator"] if count else []
+
+
+def _remarks(decision: Decision, *more: str) -> Evidence:
+    remarks = [HARDWARE] if decision.verdict == "contradicted" else []
+    return {"remarks": [*remarks, *more]}
+
+
+def outcome(plants: Plants, paper: Published, rule: str, identifier: str) -> tuple[Array, Mask]:
+    """What the verdict hangs on, plant by plant: 1 or 0 for a claim, the value of a number.
+
+    Returns
+    -------
+    values : array (N,)
+        Ratios and values of numbers are logarithms where all are positive.
+    judged : array of bool (N,)
+        Plants to look at.
+
+    Raises
+    ------
+    DataMissingError
+        When the ensemble does not hold a run it needs.
+    """
+    if rule not in NUMBERS:
+        found = CLAIMS[rule](plants, paper)
+        holds = np.logical_and.reduce([statement.holds for statement in found.statements])
+        return holds.astype(np.float64), found.judged
+    numbers = numbers_of(plants, identifier)
+    values = numbers.values.copy()
+    if (values[numbers.judged] > 0.0).all():
+        values[numbers.judged] = np.log(values[numbers.judged])
+    return values, numbers.judged

@@ -1,0 +1,177 @@
+"""The ledger of verdicts as JSON, table, csv and Markdown, and one claim with all its evidence."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from tendonrepro.claims import SCHEMA_VERSION, SHARE, Verdict, summary
+from tendonrepro.files import write_atomically
+from tendonrepro.manifest import to_json
+from tendonrepro.typeset import NOTHING, Sheet, markdown
+
+CAPTION = "What the printed numbers and claims are worth; rules in docs/verdicts.md."
+
+_HEADINGS = ("Id", "Where", "Printed", "Ours", "Central 90 %", "Verdict", "Readings that change it")
+_CSV = ("id", "where", "kind", "printed", "ours", "low", "high", "unit", "rule", "verdict", "borderline")
+_INDENT = 2
+
+
+def as_data(verdicts: Sequence[Verdict]) -> dict[str, Any]:
+    """Collect the data of ``claims --json``: ``schema_version``, ``claims`` and the counts ``summary``."""
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "claims": [asdict(verdict) for verdict in verdicts],
+        "summary": summary(verdicts),
+    }
+
+
+def write_claims(verdicts: Sequence[Verdict], folder: Path) -> list[Path]:
+    """Write ``claims.json``, ``claims.csv`` and ``claims.md``.
+
+    Parameters
+    ----------
+    verdicts : sequence of Verdict
+        The ledger.
+    folder : Path
+        Made when missing.
+
+    Returns
+    -------
+    list of Path
+
+    Raises
+    ------
+    TendonreproError
+        When a file cannot be written.
+    """
+    sheet = Sheet(CAPTION, list(_HEADINGS), [False] * 3 + [True] * 2 + [False] * 2, _rows(verdicts))
+    texts = {"json": to_json(as_data(verdicts)), "csv": _csv(verdicts), "md": markdown(sheet)}
+    paths = [folder / f"claims.{suffix}" for suffix in texts]
+    for path, text in zip(paths, texts.values(), strict=True):
+        write_atomically(path, text)
+    return paths
+
+
+def table_text(verdicts: Sequence[Verdict]) -> str:
+    """Verdicts as a table for a terminal, and how many there are of each."""
+    rows = [("id", "printed", "ours", "central 90 %", "verdict")]
+    for verdict in verdicts:
+        printed = verdict.printed if _is_number(verdict) else verdict.where
+        rows.append((verdict.id, printed, _ours(verdict), _box(verdict), _name(verdict)))
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = [
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
+    ]
+    counts = ", ".join(f"{count} {name}" for name, count in summary(verdicts).items() if count)
+    notes = _notes(verdicts)
+    return "\n".join([*lines, "", counts, *notes])
+
+
+def _notes(verdicts: Sequence[Verdict]) -> list[str]:
+    commands = {verdict.evidence.get("run") for verdict in verdicts if verdict.verdict == "not_testable"}
+    notes = [f"for more verdicts run {command}" for command in sorted(filter(None, commands))]
+    if any(verdict.borderline for verdict in verdicts):
+        notes.append("* a threshold lies inside the interval")
+    return notes
+
+
+def details_text(verdict: Verdict) -> str:
+    """One claim with all its evidence."""
+    head = [
+        f"{verdict.id} ({verdict.where}): {verdict.printed}{_unit(verdict)}",
+        f"verdict: {_name(verdict)}",
+        f"rule: {verdict.rule} ({verdict.kind}), see docs/verdicts.md",
+        f"ours: {_ours(verdict)}",
+        f"depends on: {', '.join(verdict.depends_on) or 'nothing else'}",
+        f"readings that change it: {', '.join(verdict.readings_that_change_it) or 'none of those run'}",
+        "evidence:",
+    ]
+    return "\n".join([*head, *_tree(verdict.evidence, 1)])
+
+
+def _tree(value: Any, depth: int) -> list[str]:
+    """Nested data as indented lines; what is flat stands on one line."""
+    space = " " * (_INDENT * depth)
+    if isinstance(value, Mapping):
+        lines = []
+        for key, item in value.items():
+            if isinstance(item, Mapping) or (isinstance(item, list) and not _flat(item)):
+                lines += [f"{space}{key}:", *_tree(item, depth + 1)]
+            elif item is not None:
+                lines.append(f"{space}{key}: {_plain(item)}")
+        return lines
+    return [f"{space}- {_plain(item)}" for item in value]
+
+
+def _flat(items: Sequence[Any]) -> bool:
+    return all(isinstance(item, int | float) for item in items)
+
+
+def _plain(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_plain, value)) + "]"
+    if isinstance(value, Mapping):
+        return "; ".join(f"{key} {_plain(item)}" for key, item in value.items() if item is not None)
+    return str(value)
+
+
+def _rows(verdicts: Sequence[Verdict]) -> list[list[str]]:
+    return [
+        [
+            verdict.id,
+            verdict.where,
+            f"{verdict.printed}{_unit(verdict)}",
+            _ours(verdict),
+            _box(verdict),
+            _name(verdict),
+            ", ".join(verdict.readings_that_change_it) or NOTHING,
+        ]
+        for verdict in verdicts
+    ]
+
+
+def _csv(verdicts: Sequence[Verdict]) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([*_CSV, "missing", "depends_on", "readings_that_change_it"])
+    for verdict in verdicts:
+        box = verdict.evidence.get("box", {})
+        values = asdict(verdict) | {"low": box.get("low"), "high": box.get("high")}
+        lists = ["; ".join(names) for names in (verdict.depends_on, verdict.readings_that_change_it)]
+        writer.writerow([*(values[name] for name in _CSV), verdict.evidence.get("missing"), *lists])
+    return text.getvalue()
+
+
+def _is_number(verdict: Verdict) -> bool:
+    return verdict.unit not in {None, SHARE}
+
+
+def _unit(verdict: Verdict) -> str:
+    shown = _is_number(verdict) and verdict.unit != "1"
+    return f" {verdict.unit}" if shown else ""
+
+
+def _ours(verdict: Verdict) -> str:
+    if verdict.ours is None:
+        return NOTHING
+    if verdict.unit == SHARE:
+        return f"holds on {100.0 * verdict.ours:.3g} %"
+    return f"{verdict.ours:.4g}"
+
+
+def _box(verdict: Verdict) -> str:
+    box = verdict.evidence.get("box")
+    return f"{box['low']:.3g} to {box['high']:.3g}" if box else NOTHING
+
+
+def _name(verdict: Verdict) -> str:
+    return f"{verdict.verdict} *" if verdict.borderline else verdict.verdict

@@ -1,0 +1,202 @@
+"""Every rule of docs/verdicts.md as a function from what is known to a judgement with its evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from tendonrepro.arithmetic import (
+    COURSES,
+    Interval,
+    coupling_of,
+    cut,
+    exact,
+    inverse,
+    least_tensions,
+    meets,
+    percentage,
+    printed_inverse,
+    printed_percentages,
+    rounding,
+    slopes_of_coupling,
+    stays_tense,
+    table_1,
+)
+from tendonrepro.control import polynomial
+from tendonrepro.published import PrintedNumber, Published
+from tendonrepro.verdicts import Decision, Name, of_arithmetic, of_model
+
+FAR_LESS = 0.1
+"""Motor 3 against motor 2 in claim K4."""
+NEARLY = 0.1
+"""Largest relative difference of angles that are nearly equal in claim K6."""
+SMOOTH = 1e-12
+
+Evidence: TypeAlias = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Outcome of a rule."""
+
+    decision: Decision
+    ours: float | None = None
+    evidence: Evidence = field(default_factory=dict)
+    other_readings: Mapping[str, Name] = field(default_factory=dict)
+
+
+def missing(what: str, command: str | None = None, **evidence: Any) -> Judged:
+    """Not testable, with what is missing and the command that supplies it."""
+    return Judged(Decision("not_testable"), None, {"missing": what, "run": command} | evidence)
+
+
+def _ends(interval: Interval) -> list[float]:
+    return [float(interval[0]), float(interval[1])]
+
+
+def _number(paper: Published, identifier: str) -> PrintedNumber:
+    entry = paper.quantity(identifier)
+    if not isinstance(entry, PrintedNumber):
+        message = f"{identifier} is printed as a fraction"
+        raise TypeError(message)
+    return entry
+
+
+def lengths(paper: Published, identifier: str) -> Judged:
+    """Compare an entry of S_inv with the ratio of Table 1 that Eq. (2) puts there, or the other way round."""
+    if identifier.startswith("S_inv."):
+        n, i = tuple(identifier.removeprefix("S_inv."))
+        other = f"table1.D_{i}{n}_over_D_{n}"
+    else:
+        i, n = tuple(identifier.removeprefix("table1.D_").partition("_")[0])
+        other = f"S_inv.{n}{i}"
+    ours = paper.quantity(other)
+    consistent = meets(rounding(ours), rounding(paper.quantity(identifier)))
+    return Judged(of_arithmetic(consistent), ours.value, {"from": [other]})
+
+
+def matrix_entry(paper: Published, identifier: str) -> Judged:
+    """Compare an entry of S with the inverse of S_inv, magnitudes."""
+    n, i = (int(digit) - 1 for digit in identifier.removeprefix("S."))
+    ours = abs(inverse(printed_inverse(paper))[n][i])
+    consistent = meets((ours, ours), rounding(paper.quantity(identifier)))
+    return Judged(of_arithmetic(consistent), float(ours), {"from": ["S_inv"]})
+
+
+def both_matrices(paper: Published, _: str) -> Judged:
+    """K1: all entries of S."""
+    names = [name for name in paper.entries if name.startswith("S.")]
+    wrong = [name for name in names if matrix_entry(paper, name).decision.verdict != "exact"]
+    return Judged(of_arithmetic(not wrong), None, {"entries": names, "inconsistent": wrong})
+
+
+def all_percentages(paper: Published, _: str) -> Judged:
+    """A1: the percentages of sections 5.3 and 5.4 against what the rounding of the tables allows."""
+    rows, wrong = [], []
+    for name, (part, whole) in printed_percentages(paper).items():
+        printed = _number(paper, name)
+        change = name.startswith("increase.")
+        value, interval = percentage(_number(paper, part), _number(paper, whole), change=change)
+        consistent = meets(interval, rounding(printed))
+        rows.append(
+            {
+                "id": name,
+                "printed": printed.as_printed,
+                "from_digits": float(value),
+                "allowed": _ends(interval),
+                "printed_is": cut(value, printed),
+                "consistent": consistent,
+            }
+        )
+        wrong += [] if consistent else [name]
+    return Judged(of_arithmetic(not wrong), None, {"percentages": rows, "inconsistent": wrong})
+
+
+def same_as(paper: Published, identifier: str) -> Judged:
+    """Table 3 without load against Controller 1 in Table 2."""
+    other = identifier.replace("table3.no_load", "table2.controller_1")
+    ours = paper.quantity(other)
+    consistent = meets(rounding(ours), rounding(paper.quantity(identifier)))
+    return Judged(of_arithmetic(consistent), ours.value, {"from": [other]})
+
+
+def resolution(paper: Published, identifier: str) -> Judged:
+    """Encoder resolution against 360 degrees over four counts a pulse."""
+    ours = 90 / exact(paper.quantity("hardware.encoder_pulses"))
+    consistent = meets((ours, ours), rounding(paper.quantity(identifier)))
+    return Judged(of_arithmetic(consistent), float(ours), {"from": ["hardware.encoder_pulses"]})
+
+
+def tendon_1_moves_joint_2(paper: Published, _: str) -> Judged:
+    """K2: joint 2 turns when tendon 1 alone is pulled."""
+    S, _S_inv = coupling_of(table_1(paper))
+    ours = float(S[1, 0] / S[0, 0])
+    remark = "joint 2 over joint 1; a pure translation of link 2, as Fig. 6 is described, would need -1"
+    return Judged(of_model(ours != 0.0), ours, {"remarks": [remark]})
+
+
+def motor_3_turns_less(paper: Published, _: str) -> Judged:
+    """K4: motor 3 over motor 2 at equal angles of joints 2 and 3, joint 1 at rest."""
+    _S, S_inv = coupling_of(table_1(paper))
+    turns = S_inv @ np.array([0.0, 1.0, 1.0])
+    ours = float(abs(turns[2] / turns[1]))
+    return Judged(of_model(ours < FAR_LESS), ours, {"motor_over_joint": turns.tolist()})
+
+
+def coupling_terms(paper: Published, _: str) -> Judged:
+    """K6: terms fall with the winch and rise with the guide pulley; joint 3's coupling angle."""
+    ratio = table_1(paper)
+    winch, pulley = slopes_of_coupling(ratio)
+    ours = float(ratio[1, 2])
+    holds = bool((winch < 0.0).all() and (pulley > 0.0).all()) and abs(ours - 1.0) < NEARLY
+    evidence = {"larger_winch": winch.tolist(), "larger_pulley": pulley.tolist()}
+    return Judged(of_model(holds), ours, evidence)
+
+
+def smooth_branch(paper: Published, _: str) -> Judged:
+    """Eq. (13): value and slope of both branches of phi agree at Delta."""
+    apart = []
+    for joint in (2, 3):
+        b, Delta = (paper.number(f"gain.{name}.joint_{joint}") for name in ("b", "Delta"))
+        gamma_1, gamma_2 = polynomial(b, Delta)
+        apart += [
+            abs(gamma_1 * Delta + gamma_2 * Delta**2 - Delta**b),
+            abs(gamma_1 + 2.0 * gamma_2 * Delta - b * Delta ** (b - 1.0)),
+        ]
+    return Judged(of_model(max(apart) < SMOOTH), None, {"differences": apart})
+
+
+def tension(paper: Published, _: str) -> Judged:
+    """T1: every tendon stays tense at rest in the working half-plane, whatever the masses."""
+    S, _S_inv = coupling_of(table_1(paper))
+    verdicts = {course: of_model(stays_tense(S, course)) for course in COURSES}
+    printed, *others = COURSES
+    gravity, preload = least_tensions(S, printed)
+    evidence = {
+        "winch_torque_of_gravity": gravity.tolist(),
+        "winch_torque_of_preload": preload.tolist(),
+        "remarks": [
+            "at rest, without friction; tendon 4's course is not printed and its pull is taken as steady"
+        ],
+    }
+    readings = {f"tensioner={course}": verdicts[course].verdict for course in others}
+    return Judged(verdicts[printed], None, evidence, readings)
+
+
+FROM_THE_PRINT: Mapping[str, Callable[[Published, str], Judged]] = {
+    "lengths": lengths,
+    "inverse": matrix_entry,
+    "inverses": both_matrices,
+    "percentage": all_percentages,
+    "same_as": same_as,
+    "resolution": resolution,
+    "tendon_1_moves_joint_2": tendon_1_moves_joint_2,
+    "motor_3_turns_less": motor_3_turns_less,
+    "coupling_terms": coupling_terms,
+    "smooth_branch": smooth_branch,
+    "tension": tension,
+}
+"""Rules that need nothing but the print, by their names in docs/verdicts.md."""

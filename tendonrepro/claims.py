@@ -1,0 +1,262 @@
+"""The ledger of verdicts: every printed result and claim, judged from what has been run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from tendonrepro.claim_ensemble import COMMAND, judge, outcome
+from tendonrepro.claim_plants import Ensemble, Plants
+from tendonrepro.claim_rules import FROM_THE_PRINT, Judged, missing
+from tendonrepro.ensemble_data import PRINTED
+from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.published import Entry, Judgement, PrintedText, Published, published
+from tendonrepro.records import TraceFile
+from tendonrepro.sensitivity import Ranking, ranked
+from tendonrepro.summary import LOADS, decoupling_errors, tracking_errors
+from tendonrepro.verdicts import FAILURES, NAMES, Name
+
+SCHEMA_VERSION = 1
+SHARE = "share of the box"
+_DATA = "the measured motor and joint angles of the paper's data set"
+
+
+@dataclass(frozen=True)
+class Sources:
+    """What has been run; None where nothing has.
+
+    Parameters
+    ----------
+    decouple, compare : TraceFile or None
+        Traces of the two experiments.
+    ensemble : Ensemble or None
+        Results over the box, such as `ensemble_data.EnsembleData`.
+    """
+
+    decouple: TraceFile | None = None
+    compare: TraceFile | None = None
+    ensemble: Ensemble | None = None
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One line of the ledger; the fields are the keys of ``claims --json``.
+
+    `printed` is the number, fraction or claim as printed; `ours` the share of a claim, or the number of the
+    shipped run, else its median over the box.
+    """
+
+    id: str
+    where: str
+    kind: str
+    printed: str
+    ours: float | None
+    unit: str | None
+    rule: str
+    verdict: Name
+    borderline: bool
+    evidence: Mapping[str, Any]
+    depends_on: tuple[str, ...]
+    readings_that_change_it: tuple[str, ...]
+
+
+def judge_all(
+    sources: Sources, paper: Published | None = None, only: Sequence[str] = (), *, decided_by: bool = False
+) -> list[Verdict]:
+    """Judge every printed result and claim.
+
+    Parameters
+    ----------
+    sources : Sources
+    paper : Published, optional
+        The print; the shipped one by default.
+    only : sequence of str
+        Ids to judge; all of them when empty.
+    decided_by : bool
+        Rank the unknowns that decide verdicts from the ensemble, which takes about a second each.
+
+    Returns
+    -------
+    list of Verdict
+        In the order of ``data/published.yaml``, inputs left out.
+
+    Raises
+    ------
+    UsageError
+        For an id that is not printed, or is an input.
+    """
+    paper = paper or published()
+    judged = [name for name, rule in paper.judgements.items() if rule.kind != "input"]
+    for name in only:
+        if name not in judged:
+            message = f"no claim or number {name!r} is judged"
+            raise UsageError(message, hint=f"Claims: {', '.join(n for n in judged if '.' not in n)}")
+    wanted = list(only) or judged
+    found = _under_every_reading(sources.ensemble, paper, wanted, decided_by=decided_by)
+    shipped = _shipped_numbers(sources.compare)
+    return [
+        _verdict(paper, name, found.get(name) or _without_ensemble(sources, paper, name), shipped.get(name))
+        for name in wanted
+    ]
+
+
+def _under_every_reading(
+    data: Ensemble | None, paper: Published, wanted: Sequence[str], *, decided_by: bool
+) -> dict[str, Judged]:
+    """Judge what an ensemble can tell; one reading is held in memory at a time."""
+    if data is None or PRINTED not in data.readings:
+        return {}
+    rules = {
+        name: paper.judgements[name].rule for name in wanted if paper.judgements[name].kind == "ensemble"
+    }
+    printed = Plants(data, PRINTED)
+    found = {name: judge(printed, paper, rule, name) for name, rule in rules.items()}
+    if decided_by:
+        for name, rule in rules.items():
+            found[name].evidence["decided_by"] = _decided_by(printed, paper, rule, name)
+    others: dict[str, dict[str, Name]] = {name: {} for name in rules}
+    for reading in data.readings if rules else ():
+        if reading == PRINTED:
+            continue
+        plants = Plants(data, reading)
+        for name, rule in rules.items():
+            others[name][reading] = judge(plants, paper, rule, name).decision.verdict
+    return {name: replace(judged, other_readings=others[name]) for name, judged in found.items()}
+
+
+def _decided_by(plants: Plants, paper: Published, rule: str, identifier: str) -> Ranking | None:
+    try:
+        values, judged = outcome(plants, paper, rule, identifier)
+    except DataMissingError:
+        return None
+    return ranked(plants.data.names, plants.data.draws[judged], values[judged])
+
+
+def _without_ensemble(sources: Sources, paper: Published, identifier: str) -> Judged:
+    rule = paper.judgements[identifier]
+    if rule.rule in FROM_THE_PRINT:
+        return FROM_THE_PRINT[rule.rule](paper, identifier)
+    if rule.kind == "measured":
+        return _needs_data(rule.rule, sources.decouple)
+    return missing("the ensemble", COMMAND)
+
+
+def _verdict(paper: Published, identifier: str, found: Judged, shipped: float | None) -> Verdict:
+    entry, rule = paper.entries[identifier], paper.judgements[identifier]
+    verdict, evidence = found.decision.verdict, dict(found.evidence)
+    if shipped is not None:
+        evidence["shipped_run"] = shipped
+    change = [name for name, other in found.other_readings.items() if other not in {verdict, "not_testable"}]
+    unknown = [name for name, other in found.other_readings.items() if other == "not_testable"]
+    if unknown and verdict != "not_testable":
+        evidence["not_testable_under"] = unknown
+    printed, unit = _as_printed(entry, rule)
+    return Verdict(
+        id=identifier,
+        where=entry.where,
+        kind=rule.kind,
+        printed=printed,
+        ours=found.ours if shipped is None else shipped,
+        unit=unit,
+        rule=rule.rule,
+        verdict=verdict,
+        borderline=found.decision.borderline,
+        evidence=evidence,
+        depends_on=rule.depends_on,
+        readings_that_change_it=tuple(change),
+    )
+
+
+def _shipped_numbers(compare: TraceFile | None) -> dict[str, float]:
+    """Numbers of Tables 2, 3 and sections 5.3, 5.4 from the traces of one run, in printed units."""
+    found: dict[str, float] = {}
+    runs = compare.runs if compare else {}
+    for run, trace in runs.items():
+        table = "table3.with_load" if run == LOADS["with_load"] else f"table2.{run}"
+        sizes = tracking_errors(trace)["whole"]
+        for metric in ("mae", "rmse"):
+            for joint, size in zip(trace.joint, sizes[metric], strict=True):
+                found[f"{table}.{metric}.joint_{joint}"] = float(size)
+    first = {name: size for name, size in found.items() if name.startswith("table2.controller_1.")}
+    for name, size in first.items():
+        place = name.removeprefix("table2.controller_1.")
+        for rival in (2, 3):
+            other = found.get(f"table2.controller_{rival}.{place}", 0.0)
+            if other > 0.0:
+                found[f"share.controller_1_of_{rival}.{place}"] = 100.0 * size / other
+        loaded = found.get(f"table3.with_load.{place}")
+        if loaded is not None and size > 0.0:
+            found[f"increase.with_load.{place}"] = 100.0 * (loaded / size - 1.0)
+    return found
+
+
+def _needs_data(rule: str, decouple: TraceFile | None) -> Judged:
+    """K3, K5: only measured angles can tell; the errors of the one simulated plant are shown."""
+    if rule == "measured_only":
+        return missing(_DATA)
+    if decouple is None or "decouple" not in decouple.runs:
+        return missing(f"{_DATA}; tendonrepro decouple shows one simulated plant", "tendonrepro decouple")
+    trace = decouple.runs["decouple"]
+    errors = {
+        f"joint_{joint}": float(size)
+        for joint, size in zip(trace.joint, decoupling_errors(trace)["mae"], strict=True)
+    }
+    remark = (
+        "one simulated plant; the order of its joints hangs on gravity and stiffness, which are unpublished"
+    )
+    return missing(_DATA, mae_deg=errors, remarks=[remark])
+
+
+def _as_printed(entry: Entry, rule: Judgement) -> tuple[str, str | None]:
+    if isinstance(entry, PrintedText):
+        return entry.text, SHARE if rule.kind == "ensemble" else None
+    return entry.as_printed, entry.unit
+
+
+def summary(verdicts: Iterable[Verdict]) -> dict[str, int]:
+    """Count each verdict; all names are there."""
+    counts = dict.fromkeys(map(str, NAMES), 0)
+    for verdict in verdicts:
+        counts[verdict.verdict] += 1
+    return counts
+
+
+def failing(verdicts: Iterable[Verdict]) -> list[str]:
+    """Ids whose verdict makes ``claims --check`` fail."""
+    return [verdict.id for verdict in verdicts if verdict.verdict in FAILURES]
+
+
+def changed(baseline: Mapping[str, Any], now: Iterable[Verdict]) -> dict[str, tuple[str | None, str | None]]:
+    """Compare with an earlier ledger.
+
+    Parameters
+    ----------
+    baseline : mapping
+        As read from an earlier ``claims.json``.
+    now : iterable of Verdict
+        All verdicts of today.
+
+    Returns
+    -------
+    dict
+        Id -> verdict then, verdict now; None where it was not, or is no longer, judged.
+
+    Raises
+    ------
+    UsageError
+        When the baseline is no ledger.
+    """
+    entries = baseline.get("claims") if isinstance(baseline, Mapping) else None
+    if not isinstance(entries, list) or not all(
+        isinstance(entry, Mapping) and {"id", "verdict"} <= entry.keys() for entry in entries
+    ):
+        message = "the baseline is not the JSON of tendonrepro claims"
+        raise UsageError(message)
+    before = {str(entry["id"]): str(entry["verdict"]) for entry in entries}
+    after = {verdict.id: verdict.verdict for verdict in now}
+    return {
+        name: (before.get(name), after.get(name))
+        for name in dict.fromkeys((*before, *after))
+        if before.get(name) != after.get(name)
+    }
