@@ -80,10 +80,15 @@ def init_config(name: str, folder: Path) -> list[Path]:
 
 
 def _companions(source: Path) -> list[Path]:
+    """Schema and the files that a configuration names, those that they name included."""
+    return [source.with_name(SCHEMA_FILE), *_named(source)]
+
+
+def _named(source: Path) -> list[Path]:
     tree = load(read_text(source), str(source)).tree
-    manipulator = tree.get("manipulator") if isinstance(tree, dict) else None
-    files = [SCHEMA_FILE, *([manipulator] if isinstance(manipulator, str) else [])]
-    return [source.with_name(file) for file in files]
+    keys = [tree.get(key) for key in ("base", "manipulator")] if isinstance(tree, dict) else []
+    files = [source.with_name(file) for file in keys if isinstance(file, str)]
+    return [path for file in files for path in (file, *_named(file))]
 
 
 def _refuse(target: Path) -> None:

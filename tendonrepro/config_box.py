@@ -1,0 +1,280 @@
+"""The rows of the box: what is unknown about the plant and its motion, each between bounds with a source.
+
+A configuration gives the bounds; the fields of `Rows` say what each unknown is, in which unit, and what its
+bounds may be at most.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, Self, TypeAlias
+
+from pydantic import AfterValidator, Field, GetCoreSchemaHandler, model_validator
+from pydantic_core import CoreSchema
+
+from tendonrepro.config_model import Model, Problems, describe
+from tendonrepro.quantity import SOURCE_PATTERN, UNITS
+from tendonrepro.readings import ERROR_RATES
+from tendonrepro.strict_yaml import Key
+
+SWITCH = ("off", "on")
+FRICTION_SIDES = ("none", "link", "winch", "both")
+DISTURBANCES = ("none", "sine", "noise")
+MOTIONS = ("minimum_jerk", "raised_cosine", "trapezoidal", "sine", "unequal", "fast_sine")
+
+Confidence: TypeAlias = Literal["high", "medium", "low"]
+Number: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+
+
+def _check_source(text: str) -> str:
+    problems = Problems()
+    if not re.match(SOURCE_PATTERN, text):
+        problems.add((), f"must begin with its origin, as in 'assumed: ...', found {describe(text)}")
+    problems.raise_if_any()
+    return text
+
+
+class _Known(Model):
+    """What every row says of itself."""
+
+    confidence: Confidence
+    source: Annotated[str, AfterValidator(_check_source)]
+
+
+class Range(_Known):
+    """An unknown number between two bounds."""
+
+    low: Number
+    nominal: Number
+    high: Number
+    scale: Literal["linear", "log"]
+    unit: str
+
+    def numbers(self) -> Iterator[tuple[Key, float]]:
+        """Every number with its place."""
+        yield from ((("low",), self.low), (("high",), self.high))
+
+    @model_validator(mode="after")
+    def _check_order(self) -> Self:
+        problems = Problems()
+        if self.low >= self.high:
+            problems.add(("low",), f"must be below high, {self.high:g}, found {self.low:g}")
+        elif not self.low <= self.nominal <= self.high:
+            problems.add(("nominal",), f"must be from {self.low:g} to {self.high:g}, found {self.nominal:g}")
+        if self.scale == "log" and self.low <= 0.0:
+            problems.add(("low",), f"must be above 0 on a log scale, found {self.low:g}")
+        problems.raise_if_any()
+        return self
+
+
+class Choice(_Known):
+    """An unknown number that is one of a few."""
+
+    choices: Annotated[tuple[Number, ...], Field(min_length=1)]
+    nominal: Number
+    unit: str
+
+    def numbers(self) -> Iterator[tuple[Key, float]]:
+        """Every number with its place."""
+        yield from ((("choices", i), value) for i, value in enumerate(self.choices))
+
+    @model_validator(mode="after")
+    def _check_choices(self) -> Self:
+        _raise_if_not_among(self.choices, self.nominal)
+        return self
+
+
+class Words(_Known):
+    """An unknown that is one of a few named kinds."""
+
+    choices: Annotated[tuple[str, ...], Field(min_length=1)]
+    nominal: str
+
+    @model_validator(mode="after")
+    def _check_choices(self) -> Self:
+        _raise_if_not_among(self.choices, self.nominal)
+        return self
+
+
+def _raise_if_not_among(choices: tuple[object, ...], nominal: object) -> None:
+    problems = Problems()
+    if nominal not in choices:
+        known = ", ".join(map(str, choices))
+        problems.add(("nominal",), f"must be one of the choices, {known}, found {nominal}")
+    if len(set(choices)) < len(choices):
+        problems.add(("choices",), "must not name a choice twice")
+    problems.raise_if_any()
+
+
+Row: TypeAlias = Range | Choice | Words
+
+
+@dataclass(frozen=True)
+class _Checked(ABC):
+    """Metadata that has a row checked after it is read."""
+
+    about: str
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return handler.generate_schema(
+            Annotated[source, AfterValidator(self._check), Field(description=self.about)]
+        )
+
+    def _check(self, row: Row) -> Row:
+        problems = Problems()
+        self._note(row, problems)
+        problems.raise_if_any()
+        return row
+
+    @abstractmethod
+    def _note(self, row: Row, problems: Problems) -> None:
+        """Note the row's mistakes."""
+
+
+@dataclass(frozen=True)
+class In(_Checked):
+    """SI unit of a row, and the bounds of what may be drawn, in that unit and included.
+
+    Attributes
+    ----------
+    about : str
+    unit : str
+    bottom, top : float
+    """
+
+    unit: str
+    bottom: float = 0.0
+    top: float = math.inf
+
+    def _note(self, row: Row, problems: Problems) -> None:
+        assert not isinstance(row, Words)
+        units = [name for name, unit in UNITS.items() if unit.si == self.unit]
+        if row.unit not in units:
+            problems.add(("unit",), f"must be {' or '.join(units)}, found {describe(row.unit)}")
+            return
+        for at, value in row.numbers():
+            si = to_si(value, row.unit)
+            # The last digits of a conversion must not decide.
+            if not self.bottom * (1.0 - 1e-12) <= si <= self.top * (1.0 + 1e-12):
+                problems.add(at, f"must be {self._allowed()}, found {value:g} {row.unit}")
+
+    def _allowed(self) -> str:
+        least = f"at least {self.bottom:.6g}"
+        most = "" if self.top == math.inf else f" and at most {self.top:.6g}"
+        return f"{least}{most} {self.unit}"
+
+
+@dataclass(frozen=True)
+class Among(_Checked):
+    """The words that a row may choose from.
+
+    Attributes
+    ----------
+    about : str
+    words : tuple of str
+        A draw holds the place of a word here, from 0.
+    """
+
+    words: tuple[str, ...]
+
+    def _note(self, row: Row, problems: Problems) -> None:
+        assert isinstance(row, Words)
+        for i, word in enumerate(row.choices):
+            if word not in self.words:
+                problems.add(("choices", i), f"must be one of {', '.join(self.words)}, found {word!r}")
+
+
+def to_si(value: float, unit: str) -> float:
+    """Convert a number to its SI unit and radians, rounded as a quantity is."""
+    known = UNITS[unit]
+    return value * known.factor / known.divisor
+
+
+_EPS = 1e-9  # stands for "above zero"
+_DEGREE = math.pi / 180.0
+
+
+class Rows(Model):
+    """The box, one field per unknown; joint 1 is held in `compare`, so nothing of it is here."""
+
+    link_length_2: Annotated[Range, In("length of link 2", "m", _EPS)]
+    link_length_3: Annotated[Range, In("length of link 3, to the tool", "m", _EPS)]
+    link_mass_2: Annotated[Range, In("mass of link 2", "kg", _EPS)]
+    link_mass_3: Annotated[Range, In("mass of link 3", "kg", _EPS)]
+    link_com_2: Annotated[Range, In("centre of mass of link 2 over its length", "1", 0.0, 1.0)]
+    link_com_3: Annotated[Range, In("centre of mass of link 3 over its length", "1", 0.0, 1.0)]
+    link_inertia_2: Annotated[Range, In("central inertia of link 2 over m l²", "1", _EPS, 1.0)]
+    link_inertia_3: Annotated[Range, In("central inertia of link 3 over m l²", "1", _EPS, 1.0)]
+    rotor_inertia: Annotated[Range, In("inertia of a rotor", "kg m2", 0.0)]
+    reducer_inertia: Annotated[Range, In("inertia of wave generator and coupling", "kg m2", 0.0)]
+    drum_inertia: Annotated[Range, In("inertia of a drum", "kg m2", 0.0)]
+    winch_viscous: Annotated[Range, In("viscous damping D_m at a winch", "N m s rad-1")]
+    tendon_stiffness_2: Annotated[Range, In("stiffness of tendon 2 at joint 2", "N m rad-1", _EPS)]
+    tendon_stiffness_3: Annotated[Range, In("stiffness of tendon 3 at joint 3", "N m rad-1", _EPS)]
+    tendon_damping_2: Annotated[Range, In("damping of tendon 2 at joint 2", "N m s rad-1")]
+    tendon_damping_3: Annotated[Range, In("damping of tendon 3 at joint 3", "N m s rad-1")]
+    friction_sides: Annotated[Words, Among("sides on which dry friction acts", FRICTION_SIDES)]
+    link_coulomb: Annotated[Range, In("Coulomb friction of a joint", "N m")]
+    link_viscous: Annotated[Range, In("viscous friction of a joint", "N m s rad-1")]
+    link_static_ratio: Annotated[Range, In("static over Coulomb friction, joint", "1", 1.0)]
+    link_stribeck_velocity: Annotated[Range, In("Stribeck velocity, joint", "rad s-1", _EPS)]
+    winch_coulomb: Annotated[Range, In("Coulomb friction at a winch", "N m")]
+    winch_static_ratio: Annotated[Range, In("static over Coulomb friction, winch", "1", 1.0)]
+    winch_stribeck_velocity: Annotated[Range, In("Stribeck velocity, winch", "rad s-1", _EPS)]
+    pulley_loss_acts: Annotated[Words, Among("whether guide pulleys lose tension", SWITCH)]
+    pulley_loss: Annotated[Range, In("share of the tension lost at a guide pulley", "1", 0.0, 0.999)]
+    reducer_loss_acts: Annotated[Words, Among("whether the reducer loses torque", SWITCH)]
+    reducer_efficiency: Annotated[Range, In("efficiency of the reducer", "1", _EPS, 1.0)]
+    tensioner_force: Annotated[Range, In("force of tendon 4", "N")]
+    transmission_error_acts: Annotated[Words, Among("whether the reducer has angle errors", SWITCH)]
+    transmission_error: Annotated[Range, In("peak-to-peak angle error at the winch", "rad")]
+    torque_limit: Annotated[Range, In("saturation at the winch", "N m", _EPS)]
+    torque_resolution_acts: Annotated[Words, Among("whether torque comes in steps", SWITCH)]
+    torque_resolution: Annotated[Range, In("step of the torque at the winch", "N m")]
+    torque_noise_acts: Annotated[Words, Among("whether torque is noisy", SWITCH)]
+    torque_noise: Annotated[Range, In("RMS noise of the torque at the winch", "N m")]
+    encoder_count: Annotated[Choice, In("angle of one count of the joint encoders", "rad")]
+    output_delay: Annotated[Choice, In("delay of the command in samples", "1", 0.0, 1000.0)]
+    error_rate: Annotated[Words, Among("how the error's rate is obtained", ERROR_RATES)]
+    error_rate_cutoff: Annotated[Range, In("cutoff of the low-pass error rate", "Hz", _EPS)]
+    disturbance: Annotated[Words, Among("kind of the disturbance", DISTURBANCES)]
+    disturbance_torque: Annotated[Range, In("amplitude of the sine, RMS of the noise", "N m")]
+    disturbance_frequency: Annotated[Range, In("frequency of the sine", "Hz", _EPS)]
+    posture: Annotated[Range, In("joint 1 from hanging", "rad", 1.0 * _DEGREE, 179.0 * _DEGREE)]
+    motion: Annotated[Words, Among("kind of the reference motion", MOTIONS)]
+    amplitude: Annotated[Range, In("largest angle of the reference, a joint", "rad", _EPS, 89.0 * _DEGREE)]
+    period: Annotated[Range, In("period of raised cosine and sine", "s", 0.02)]
+    rise: Annotated[Range, In("duration of a minimum-jerk stroke", "s", 0.02)]
+    hold: Annotated[Range, In("pause after a stroke", "s", 0.0)]
+    velocity: Annotated[Range, In("largest velocity, trapezoidal", "rad s-1", _EPS)]
+    acceleration: Annotated[Range, In("acceleration of the ramps, trapezoidal", "rad s-2", _EPS)]
+
+    @model_validator(mode="after")
+    def _check_workspace(self) -> Self:
+        """Links stay between 0 and 180 degrees from hanging in every draw: link 3 reaches posture + 2 A."""
+        reached = to_si(self.posture.high, self.posture.unit) + 2.0 * to_si(
+            self.amplitude.high, self.amplitude.unit
+        )
+        problems = Problems()
+        if reached >= math.pi:
+            message = (
+                f"must keep link 3 below 180 deg from hanging, it would reach {reached / _DEGREE:.6g} deg"
+            )
+            problems.add(("amplitude", "high"), message)
+        problems.raise_if_any()
+        return self
+
+    def items(self) -> Iterator[tuple[str, Row]]:
+        """Every row by its name, in order."""
+        for name in type(self).model_fields:
+            yield name, getattr(self, name)
+
+
+def rule_of(name: str) -> In | Among:
+    """What a row's field asks: unit and bounds, or its words."""
+    (rule,) = (item for item in Rows.model_fields[name].metadata if isinstance(item, In | Among))
+    return rule

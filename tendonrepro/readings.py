@@ -1,0 +1,335 @@
+"""Readings of the paper's ambiguous places, one named axis each, and what-ifs that are addressed like them.
+
+A reading changes a configuration that stands as printed; a drawn plant stays the same under all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any, Protocol
+
+from tendonrepro.config_experiment import CompareConfig
+from tendonrepro.errors import UsageError
+from tendonrepro.quantity import Scalar
+
+PRINTED = "printed"
+"""Name of the reading that leaves every axis as printed."""
+
+RUNS = ("controller_1", "controller_2", "controller_3", "controller_1_payload")
+_ALPHA = ("controller_1", "controller_1_payload")
+_TERMINAL = ("controller_1", "controller_2", "controller_1_payload")  # runs whose surface holds phi
+
+ERROR_RATES = ("backward_difference", "low_pass")
+"""Error rates in the order that a draw numbers them."""
+
+_SOURCE = "assumed: the reading that is being run"
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One place that can be read in more than one way.
+
+    Attributes
+    ----------
+    name : str
+    printed : str
+        The value that stands in the paper, or is assumed where it is silent.
+    affects : mapping of str to tuple of str
+        Runs that an alternative changes, by alternative, in the order of their presentation.
+    place : str
+        Where in the paper.
+    about : str
+        One sentence.
+    """
+
+    name: str
+    printed: str
+    affects: Mapping[str, tuple[str, ...]]
+    place: str
+    about: str
+
+    @property
+    def alternatives(self) -> tuple[str, ...]:
+        """The other values."""
+        return tuple(self.affects)
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A choice on every axis.
+
+    Attributes
+    ----------
+    name : str
+        ``printed``, or its settings as ``axis=value`` joined by ``+``.
+    settings : tuple of (str, str)
+        Axis and value in the order of `AXES`; printed values are left out.
+    """
+
+    name: str
+    settings: tuple[tuple[str, str], ...]
+
+
+class HasReadings(Protocol):
+    """What names pairs of readings: an ensemble's configuration."""
+
+    @property
+    def pairs(self) -> Sequence[Sequence[str]]:
+        """Settings ``axis=value`` that are run together."""
+
+
+def _axis(name: str, printed: str, others: str, runs: tuple[str, ...], place: str, about: str) -> Axis:
+    return Axis(name, printed, dict.fromkeys(others.split(), runs), place, about)
+
+
+_AXES = (
+    _axis("phi_negative", "odd", "even", _TERMINAL, "Eq. (12)",
+          "Whether the polynomial of φ is odd, or even in its square as printed, for negative errors."),
+    _axis("phi_branch", "printed", "power", _TERMINAL, "Eq. (12)",
+          "Whether φ is the polynomial near zero, or the power everywhere."),
+    _axis("weights", "interpolating", "extrapolating", _ALPHA, "Eq. (15)",
+          "Whether the two delayed estimates weigh (1−α, α) or (1+α, −α)."),
+    _axis("differencing", "lagging", "centred", RUNS, "Eq. (16)",
+          "Whether the second difference lags its label by one period or is centred on it."),
+    Axis("gain_unit", "radian", {"phi_in_degrees": _TERMINAL, "law_in_degrees": RUNS}, "Section 5.3",
+         "Whether gains mean radians, or degrees inside φ, or degrees in the whole law."),
+    _axis("eta_in_controller_2", "kept", "dropped", ("controller_2",), "Section 5.3",
+          "Whether Controller 2 keeps the η that its printed law lacks."),
+    _axis("torque_coordinates", "joint", "winch motor_shaft", RUNS, "Eqs. (3), (17)",
+          "Whether the law's torque is of the joints, the winches or the motor shafts."),
+    _axis("start", "filled", "cold", RUNS, "Eqs. (8), (15)",
+          "Whether the delay lines hold the state at rest or zeros before the first sample."),
+    _axis("hardware", "printed", "drawn", RUNS, "Section 5.1",
+          "Whether encoder, output delay and filter are as printed or as the draw has them."),
+    _axis("error_rate", "backward_difference", "low_pass", RUNS, "Eqs. (11), (18)",
+          "Whether the error's rate is a plain difference or low-pass filtered at the drawn cutoff."),
+    _axis("output_delay", "0", "1 2", RUNS, "Eq. (17)",
+          "Samples between a command and its torque; the equations hold none."),
+    _axis("encoder", "0.022", "0.045 0.088 ideal", RUNS, "Section 5.1",
+          "Count of the joint encoders in degrees; parts of the named family give 0.045 or 0.088."),
+    _axis("tensioner", "negative", "distal_only alternating absent", RUNS, "Section 2.2",
+          "On which side tendon 4 passes the joints; absent as in Eqs. (3) to (5)."),
+)  # fmt: skip
+AXES: Mapping[str, Axis] = {axis.name: axis for axis in _AXES}
+"""The axes of readings, by name."""
+
+_WHAT_IFS = (
+    _axis("sampling_period", "1ms", "0.5ms 2ms", ("controller_2",), "Remark 2",
+          "Sampling period and delay time of the law."),
+    _axis("M_bar", "printed", "halved", ("controller_2",), "Section 4.2",
+          "Constant inertia of the law."),
+)  # fmt: skip
+_WHAT_IF_AXES: Mapping[str, Axis] = {axis.name: axis for axis in _WHAT_IFS}
+_EVERY_AXIS: Mapping[str, Axis] = {**AXES, **_WHAT_IF_AXES}
+_ORDER = {name: place for place, name in enumerate(_EVERY_AXIS)}
+_DRAWN_BY_HARDWARE = ("error_rate", "output_delay", "encoder")
+
+
+def reading(settings: Mapping[str, str]) -> Reading:
+    """Make a reading of some settings; values as printed are left out.
+
+    Parameters
+    ----------
+    settings : mapping of str to str
+        Value by axis.
+
+    Raises
+    ------
+    UsageError
+        For an unknown axis or value.
+    """
+    for name, value in settings.items():
+        _check_setting(name, value)
+    kept = tuple(
+        (name, value)
+        for name, value in sorted(settings.items(), key=lambda setting: _ORDER[setting[0]])
+        if value != _EVERY_AXIS[name].printed
+    )
+    return Reading("+".join(f"{name}={value}" for name, value in kept) or PRINTED, kept)
+
+
+def parse_reading(text: str) -> Reading:
+    """Read the name of a reading, as ``weights=extrapolating`` or ``printed``.
+
+    Parameters
+    ----------
+    text : str
+        Settings in any order, joined by ``+``.
+
+    Raises
+    ------
+    UsageError
+        When it is no reading.
+    """
+    if text == PRINTED:
+        return reading({})
+    settings: dict[str, str] = {}
+    for setting in text.split("+"):
+        name, equals, value = (part.strip() for part in setting.partition("="))
+        if not equals:
+            message = f"a reading is {PRINTED!r} or axis=value, found {setting!r}"
+            raise UsageError(message, hint=f"Axes: {', '.join(_EVERY_AXIS)}")
+        if name in settings:
+            message = f"the reading {text!r} sets {name!r} twice"
+            raise UsageError(message)
+        settings[name] = value
+    return reading(settings)
+
+
+def _check_setting(name: str, value: str) -> None:
+    axis = _EVERY_AXIS.get(name)
+    if axis is None:
+        message = f"no axis of readings is called {name!r}"
+        raise UsageError(message, hint=f"Axes: {', '.join(_EVERY_AXIS)}")
+    if value != axis.printed and value not in axis.affects:
+        message = f"{name} is {axis.printed}, {' or '.join(axis.alternatives)}, not {value!r}"
+        raise UsageError(message)
+
+
+def default_readings(config: HasReadings) -> tuple[Reading, ...]:
+    """As printed, each alternative alone, and the pairs that the configuration names.
+
+    Parameters
+    ----------
+    config : EnsembleConfig
+        Or anything with `pairs`.
+    """
+    single = [reading({axis.name: value}) for axis in _AXES for value in axis.alternatives]
+    pairs = [parse_reading("+".join(pair)) for pair in config.pairs]
+    return tuple(dict.fromkeys([reading({}), *single, *pairs]))
+
+
+def full_cross() -> tuple[Reading, ...]:
+    """Every combination; with drawn hardware only of the axes that it does not set itself."""
+    others = [axis for axis in _AXES if axis.name != "hardware"]
+    kept = [axis for axis in others if axis.name not in _DRAWN_BY_HARDWARE]
+    return (*_crossed(others, {}), *_crossed(kept, {"hardware": "drawn"}))
+
+
+def _crossed(axes: Sequence[Axis], fixed: Mapping[str, str]) -> list[Reading]:
+    names = [axis.name for axis in axes]
+    choices = product(*((axis.printed, *axis.alternatives) for axis in axes))
+    return [reading({**dict(zip(names, values, strict=True)), **fixed}) for values in choices]
+
+
+VARIATIONS: tuple[Reading, ...] = tuple(
+    reading({axis.name: value}) for axis in _WHAT_IFS for value in axis.alternatives
+)
+"""What-ifs that are no readings, for Controller 2: another sampling period, another M_bar."""
+
+
+def case_of(reading_: Reading, run: str) -> Reading:
+    """Reduce a reading to what changes one run; runs whose cases are equal are one simulation.
+
+    Parameters
+    ----------
+    reading_ : Reading
+        Or a variation.
+    run : str
+        Name of the run.
+    """
+    return reading(
+        {name: value for name, value in reading_.settings if run in _EVERY_AXIS[name].affects[value]}
+    )
+
+
+def under(reading_: Reading, config: CompareConfig, draw: Mapping[str, float]) -> CompareConfig:
+    """Apply a reading or a variation to a configuration that stands as printed, without validating it.
+
+    Parameters
+    ----------
+    reading_ : Reading
+    config : CompareConfig
+        From `box.configured`.
+    draw : mapping of str to float
+        Value of every row of the box, SI; read for ``hardware=drawn``.
+
+    Returns
+    -------
+    CompareConfig
+        Shares all that does not change.
+    """
+    for name, value in reading_.settings:
+        change = _CHANGES.get(name)
+        config = change(config, value, draw) if change else _with_reading(config, name, value)
+    return config
+
+
+def as_printed(config: CompareConfig) -> CompareConfig:
+    """Set the axes that the configuration's readings and instruments hold to their printed values."""
+    values = {name: AXES[name].printed for name in type(config.control.readings).model_fields}
+    readings = config.control.readings.model_copy(update=values)
+    config = _replaced(config, ("control",), readings=readings)
+    config = _with_delay(config, AXES["output_delay"].printed, {})
+    return _with_encoder(config, AXES["encoder"].printed, {})
+
+
+def _replaced(model: Any, path: Sequence[str], **values: object) -> Any:
+    """Copy a model with fields of the part at `path` changed."""
+    if not path:
+        return model.model_copy(update=values)
+    part = _replaced(getattr(model, path[0]), path[1:], **values)
+    return model.model_copy(update={path[0]: part})
+
+
+def _with_reading(config: CompareConfig, name: str, value: str) -> CompareConfig:
+    changed: CompareConfig = _replaced(config, ("control", "readings"), **{name: value})
+    return changed
+
+
+def _scalar(value: float, unit: str) -> Scalar:
+    return Scalar.model_construct(value=value, unit=unit, source=_SOURCE)
+
+
+def _with_hardware(config: CompareConfig, _: str, draw: Mapping[str, float]) -> CompareConfig:
+    config = _with_reading(config, "error_rate", ERROR_RATES[int(draw["error_rate"])])
+    config = _with_delay(config, str(int(draw["output_delay"])), draw)
+    return _with_count(config, _scalar(draw["encoder_count"], "rad"))
+
+
+def _with_delay(config: CompareConfig, value: str, _: Mapping[str, float]) -> CompareConfig:
+    changed: CompareConfig = _replaced(
+        config, ("manipulator", "actuator"), output_delay=_scalar(float(value), "1")
+    )
+    return changed
+
+
+def _with_encoder(config: CompareConfig, value: str, _: Mapping[str, float]) -> CompareConfig:
+    return _with_count(config, _scalar(0.0 if value == "ideal" else float(value), "deg"))
+
+
+def _with_count(config: CompareConfig, count: Scalar) -> CompareConfig:
+    changed: CompareConfig = _replaced(config, ("manipulator", "encoders", "joint"), resolution=count)
+    return changed
+
+
+def _with_tensioner(config: CompareConfig, value: str, _: Mapping[str, float]) -> CompareConfig:
+    change = {"force": _scalar(0.0, "N")} if value == "absent" else {"side": value}
+    changed: CompareConfig = _replaced(config, ("manipulator", "tensioner"), **change)
+    return changed
+
+
+def _with_period(config: CompareConfig, value: str, _: Mapping[str, float]) -> CompareConfig:
+    period = _scalar(float(value.removesuffix("ms")), "ms")
+    changed: CompareConfig = _replaced(config, ("solver",), max_step=period)
+    return changed.model_copy(update={"sampling_period": period})
+
+
+def _with_inertia(config: CompareConfig, _: str, __: Mapping[str, float]) -> CompareConfig:
+    M_bar = config.control.gains.M_bar
+    half = M_bar.model_copy(update={"value": tuple(entry / 2.0 for entry in M_bar.value), "source": _SOURCE})
+    changed: CompareConfig = _replaced(config, ("control", "gains"), M_bar=half)
+    return changed
+
+
+_Change = Callable[[CompareConfig, str, Mapping[str, float]], CompareConfig]
+_CHANGES: Mapping[str, _Change] = {
+    "hardware": _with_hardware,
+    "output_delay": _with_delay,
+    "encoder": _with_encoder,
+    "tensioner": _with_tensioner,
+    "sampling_period": _with_period,
+    "M_bar": _with_inertia,
+}
