@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tendonrepro import compiled, streaming
 from tendonrepro.arrays import Array
 from tendonrepro.control import Law, start_memory
-from tendonrepro.dynamics import Plant, holding_torque, rest_state
+from tendonrepro.dynamics import holding_torque, rest_state
 from tendonrepro.encoder import quantise
 from tendonrepro.kernel import RECORDED, Numbers, sample_code, sample_rows, step_code, step_rows
 from tendonrepro.lanes import LANES, Rows, stacked
@@ -20,30 +19,36 @@ from tendonrepro.simulate import JOINT_NOISE, TORQUE_NOISE, Loop, random_stream
 
 
 @dataclass(frozen=True)
-class Group:
-    """Loops that run through one piece of code, N of them.
+class Part:
+    """Compiled code that some loops share, and the numbers of each.
 
     Attributes
     ----------
-    loops : sequence of Loop
-    index : array (N,)
-        Their places in the batch.
-    steps : array (N,)
-        Integration steps per sample; 0 where none are enough.
-    sample, step : LaneCode
-    sample_rows, step_rows : Rows
+    code : LaneCode
+    rows : Rows
     start : dict of str to array (rows, N)
         Values of the rows at the first sample.
+    column : dict of int to int
+        Place of a loop in the batch to its column in `rows` and `start`.
     """
 
-    loops: Sequence[Loop]
-    index: NDArray[np.int64]
-    steps: NDArray[np.int64]
-    sample: compiled.LaneCode
-    step: compiled.LaneCode
-    sample_rows: Rows
-    step_rows: Rows
+    code: compiled.LaneCode
+    rows: Rows
     start: dict[str, Array]
+    column: dict[int, int]
+
+    def filled(self, places: Sequence[int]) -> Array:
+        """Flat array with the parameters and starting values of the experiments at some places."""
+        columns = [self.column[place] for place in places]
+        flat = np.zeros((self.rows.count, len(places)))
+        for row, values in self.rows.constants.items():
+            flat[row] = values[columns]
+        for name, values in self.start.items():
+            if name in self.rows.named:
+                first = self.rows.named[name]
+                flat[first : first + values.shape[0]] = values[:, columns]
+        self.code.prepare(flat.reshape(-1))
+        return flat.reshape(-1)
 
 
 @dataclass(frozen=True)
@@ -70,32 +75,64 @@ class Ended:
     recorded: dict[str, Array]
 
 
-def compiled_group(loops: Sequence[Loop], laws: Sequence[Law], index: Sequence[int]) -> Group:
-    """Generate and compile the code of a group.
+def plant_part(loops: Mapping[int, Loop], tolerance: float) -> tuple[Part, dict[int, int], dict[int, Array]]:
+    """Compile the plants of some loops.
 
     Parameters
     ----------
-    loops : sequence of Loop
-        Alike in every branch of their code.
-    laws : sequence of Law
-        One of each.
-    index : sequence of int
-        Their places in the batch.
+    loops : mapping of int to Loop
+        By their place in the batch; as many joints and components of the disturbance in each.
+    tolerance : float
+        Of the integration, see :func:`tendonrepro.resolution.steps_needed`.
+
+    Returns
+    -------
+    part : Part
+    steps : dict of int to int
+        Integration steps per sample by place; 0 where none are enough.
+    torque : dict of int to array (n,)
+        Motor torque at rest by place, N m.
     """
-    plant, n = stacked([loop.plant for loop in loops]), loops[0].plant.preload.size
-    numbers = _numbers(loops, laws)
-    samples, steps = sample_rows(n), step_rows(n)
-    stroke = stacked([np.abs(loop.reference.q_d).max(axis=0) for loop in loops])
-    return Group(
-        loops=loops,
-        index=np.array(index),
-        steps=steps_needed(plant_modes(plant, stroke), loops[0].L),
-        sample=compiled.compiled_lanes(sample_code(numbers, samples), "sample", 1),
-        step=compiled.compiled_lanes(step_code(plant, steps), "step", 2),
-        sample_rows=samples,
-        step_rows=steps,
-        start=_start(plant, numbers, loops),
+    # Runs under other readings share their plant and motion: these are worked out once.
+    key = {place: (id(loop.plant), id(loop.reference)) for place, loop in loops.items()}
+    single = {key[place]: loop for place, loop in loops.items()}
+    column = {name: k for k, name in enumerate(single)}
+    plant = stacked([loop.plant for loop in single.values()])
+    stroke = stacked([np.abs(loop.reference.q_d).max(axis=0) for loop in single.values()])
+    modes, still = plant_modes(plant, stroke), np.zeros_like(plant.preload)
+    torque, rows = holding_torque(still, plant), step_rows(still.shape[0])
+    code = compiled.compiled_lanes(step_code(plant, rows), "step", 2)
+    places = {place: column[name] for place, name in key.items()}
+    part = Part(code, rows, {"state": rest_state(still, plant)}, places)
+    steps = {L: steps_needed(modes, L, tolerance) for L in {loop.L for loop in loops.values()}}
+    return (
+        part,
+        {place: int(steps[loop.L][places[place]]) for place, loop in loops.items()},
+        {place: torque[:, k] for place, k in places.items()},
     )
+
+
+def sample_part(loops: Mapping[int, Loop], laws: Mapping[int, Law], torque: Mapping[int, Array]) -> Part:
+    """Compile encoders, law, motors and statistics of some loops.
+
+    Parameters
+    ----------
+    loops : mapping of int to Loop
+        By their place in the batch, alike in every branch of their law.
+    laws : mapping of int to Law
+    torque : mapping of int to array (n,)
+        Motor torque at rest, N m.
+
+    Returns
+    -------
+    Part
+    """
+    numbers = _numbers([*loops.values()], [laws[place] for place in loops])
+    tau = np.stack([np.zeros_like(torque[k]) if loop.cold else torque[k] for k, loop in loops.items()], -1)
+    rows = sample_rows(tau.shape[0])
+    code = compiled.compiled_lanes(sample_code(numbers, rows), "sample", 1)
+    start = _start(tau, numbers.actuator.delay, [*loops.values()])
+    return Part(code, rows, start, {place: k for k, place in enumerate(loops)})
 
 
 def _numbers(loops: Sequence[Loop], laws: Sequence[Law]) -> Numbers:
@@ -123,21 +160,17 @@ def _numbers(loops: Sequence[Loop], laws: Sequence[Law]) -> Numbers:
     return numbers
 
 
-def _start(plant: Plant, numbers: Numbers, loops: Sequence[Loop]) -> dict[str, Array]:
-    """Every experiment at rest, the law's memory filled by the start-up rule."""
-    n, count = plant.preload.shape
-    still = np.zeros((n, count))
-    cold = np.array([loop.cold for loop in loops])
-    tau = np.where(cold, 0.0, holding_torque(still, plant))
+def _start(tau: Array, delay: int, loops: Sequence[Loop]) -> dict[str, Array]:
+    """Memory of every law by the start-up rule; ``tau`` (n, N) acted before."""
+    n, count = tau.shape
     angles = [
         quantise(loop.joint_encoder.noise * unit_noise(loop, 1)[0, :n], loop.joint_encoder.resolution)
         for loop in loops
     ]
     memory = start_memory(np.stack(angles, axis=-1), tau)
     return {
-        "state": rest_state(still, plant),
         "memory": np.concatenate([np.reshape(part, (-1, count)) for part in memory]),
-        "pending": np.tile(tau, (numbers.actuator.delay, 1)),
+        "pending": np.tile(tau, (delay, 1)),
         "tau_m": tau,
         "H_hat": tau,
         "live": np.ones((1, count)),
@@ -154,70 +187,45 @@ def unit_noise(loop: Loop, samples: int) -> Array:
 
 
 def run_bundle(
-    group: Group, members: NDArray[np.int64], block: int, *, refine: int, record: bool
-) -> list[Ended]:
+    loops: Mapping[int, Loop], sample: Part, plant: Part, steps: int, block: int, *, record: bool
+) -> dict[int, Ended]:
     """Run the experiments of one bundle.
 
     Parameters
     ----------
-    group : Group
-    members : array (M,)
-        Places in the group, at most as many as there are lanes; all with the same steps.
+    loops : mapping of int to Loop
+        By place in the batch, at most as many as there are lanes; all with the same sampling period.
+    sample, plant : Part
+    steps : int
+        Integration steps per sample.
     block : int
         Samples of a block, see `Ended`.
-    refine : int
-        Multiplies the number of steps.
     record : bool
         Keep traces.
 
     Returns
     -------
-    list of Ended
-        One of each member.
+    dict of int to Ended
+        By place.
     """
     # Empty lanes repeat the last experiment.
-    lanes = np.append(members, np.repeat(members[-1], LANES - members.size))
-    loops = [group.loops[i] for i in lanes]
-    n = loops[0].plant.preload.size
-    v, w = _filled(group.sample_rows, group.start, lanes), _filled(group.step_rows, group.start, lanes)
-    group.sample.prepare(v)
-    group.step.prepare(w)
-    desired = _desired(loops)
+    places = list(loops)
+    places += places[-1:] * (LANES - len(places))
+    chosen = [loops[place] for place in places]
+    n, L = chosen[0].plant.preload.size, chosen[0].L
+    v, w, desired = sample.filled(places), plant.filled(places), _desired(chosen)
     samples = desired.shape[0]
     slow = np.zeros((-(-samples // block), n * LANES))
     trace = np.empty((samples if record else 0, 9 * n * LANES))
-    compiled.follow(
-        v,
-        w,
-        n,
-        LANES,
-        desired,
-        _noise(loops, samples),
-        loops[0].L,
-        int(group.steps[members[0]]) * refine,
-        block,
-        slow,
-        trace,
-        group.sample.run,
-        group.step.run,
-    )
+    noise = _noise(chosen, samples)
+    run = (sample.code.run, plant.code.run)
+    compiled.follow(v, w, n, LANES, desired, noise, L, steps, block, slow, trace, *run)
     values, sums = v.reshape(-1, LANES), slow.reshape(-1, n, LANES)
     kept = trace.reshape(trace.shape[0], 9 * n, LANES)
-    return [
-        _ended(values[:, k], group.sample_rows, n, sums[..., k], kept[..., k]) for k in range(members.size)
-    ]
-
-
-def _filled(rows: Rows, start: dict[str, Array], lanes: NDArray[np.int64]) -> Array:
-    """Flat array with the parameters and starting values of the experiments."""
-    flat = np.zeros((rows.count, LANES))
-    for row, values in rows.constants.items():
-        flat[row] = values[lanes]
-    for name, values in start.items():
-        if name in rows.named:
-            first = rows.named[name]
-            flat[first : first + values.shape[0]] = values[:, lanes]
-    return flat.reshape(-1)
+    return {
+        place: _ended(values[:, k], sample.rows, n, sums[..., k], kept[..., k])
+        for k, place in enumerate(loops)
+    }
 
 
 def _desired(loops: Sequence[Loop]) -> Array:

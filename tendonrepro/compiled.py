@@ -230,6 +230,7 @@ overload(arrays.choose)(
     lambda condition, then, otherwise: lambda condition, then, otherwise: then if condition else otherwise  # noqa: ARG005
 )
 _cache = cache_folder()
+_began_empty = not any(_cache.glob("**/*.nbc"))
 for _function in LAW_FUNCTIONS:
     register_jitable(_function)
 command = _compile(command)
@@ -252,5 +253,5 @@ follow = _compile(
 
 
 def cache_is_empty() -> bool:
-    """Whether the first run on this machine, or with these sources, still has to compile."""
-    return not any(_cache.glob("**/*.nbc"))
+    """Whether the first run on this machine, or with these sources, had to compile when this process began."""
+    return _began_empty

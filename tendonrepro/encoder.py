@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tendonrepro.arrays import Array
+from tendonrepro.arrays import Array, choose
 
 
 class Encoder(NamedTuple):
@@ -31,13 +31,16 @@ def quantise(value: Any, step: Any) -> Any:
     ----------
     value : float or array (...)
     step : float
-        Same unit; exactly 0 leaves the value as it is.
+        Same unit; exactly 0 leaves the value as it is. On lanes each experiment has its own.
 
     Returns
     -------
     float or array (...)
     """
-    return value if step == 0.0 else step * np.floor(value / step + 0.5)
+    if isinstance(step, float) and step == 0.0:
+        return value
+    counted = step * np.floor(value / step + 0.5)
+    return counted if isinstance(step, float) else choose(step > 0.0, counted, value)
 
 
 def noise_sequence(rms: float, shape: tuple[int, int], rng: np.random.Generator) -> Array:

@@ -33,7 +33,7 @@ class Thresholds(NamedTuple):
 
     speed: Array
     acceleration: Array
-    period: float
+    period: Any
 
 
 class Sample(NamedTuple):
@@ -135,7 +135,7 @@ def thresholds(dq_d: Array, ddq_d: Array, period: float) -> Thresholds:
     """
     whole = float(dq_d.shape[0])
     return Thresholds(
-        MOVING * np.abs(dq_d).max(axis=0), RAPID * np.abs(ddq_d).max(axis=0), np.array(period or whole)
+        MOVING * np.abs(dq_d).max(axis=0), RAPID * np.abs(ddq_d).max(axis=0), np.float64(period or whole)
     )
 
 

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,22 @@ class Talk:
         from rich.console import Console
         from rich.progress import Progress
 
-        with Progress(console=Console(stderr=True), transient=True) as progress:
+        with Progress(*_columns(), console=Console(stderr=True), transient=True) as progress:
             task = progress.add_task(label, total=total)
             yield lambda steps: progress.advance(task, steps)
+
+
+def _columns() -> list[Any]:
+    """Label, bar, share, rate and time left."""
+    from rich.progress import BarColumn, ProgressColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
+    from rich.text import Text
+
+    class Rate(ProgressColumn):
+        """Steps per second."""
+
+        def render(self, task: Any) -> Text:
+            """Nothing before the first step."""
+            return Text(f"{task.speed:.0f}/s" if task.speed else "")
+
+    label = TextColumn("{task.description}")
+    return [label, BarColumn(), TaskProgressColumn(), Rate(), TimeRemainingColumn()]
