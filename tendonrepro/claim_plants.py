@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.batch import STATUSES
-from tendonrepro.ensemble_data import PRINTED
+from tendonrepro.readings import PRINTED
 from tendonrepro.errors import DataMissingError
 from tendonrepro.verdicts import Mask
 

@@ -9,7 +9,7 @@ from typing import Any
 from tendonrepro.claim_ensemble import COMMAND, judge, outcome
 from tendonrepro.claim_plants import Ensemble, Plants
 from tendonrepro.claim_rules import FROM_THE_PRINT, Judged, missing
-from tendonrepro.ensemble_data import PRINTED
+from tendonrepro.readings import PRINTED
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.published import Entry, Judgement, PrintedText, Published, published
 from tendonrepro.records import TraceFile

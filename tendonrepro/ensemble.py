@@ -1,0 +1,265 @@
+"""The ensemble: blocks computed on this machine or a cluster, stored as they come, and resumed by itself."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from contextlib import closing
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal
+
+from tendonrepro import __version__
+from tendonrepro.batch import simulate_batch
+from tendonrepro.box import population
+from tendonrepro.config_ensemble import load_ensemble
+from tendonrepro.ensemble_block import Simulate, make_block
+from tendonrepro.ensemble_data import PLAN, read_ensemble
+from tendonrepro.ensemble_folder import missing_blocks, prepare
+from tendonrepro.ensemble_plan import Study
+from tendonrepro.ensemble_run import here, on_cluster
+from tendonrepro.ensemble_table import population_summary, spot_checks, write_ensemble_tables
+from tendonrepro.ensemble_words import conclusions
+from tendonrepro.errors import UsageError
+from tendonrepro.figure_ensemble import draw_ensemble_figures
+from tendonrepro.files import write_atomically
+from tendonrepro.manifest import make_manifest, to_json, with_outputs
+from tendonrepro.readings import default_readings, full_cross, parse_reading
+from tendonrepro.results import MANIFEST, claimed, clear
+from tendonrepro.shards import FOLDER, SCHEMA_VERSION, Block
+from tendonrepro.talk import Talk
+
+SUMMARY = "summary.json"
+
+DEFAULT_OUT = Path("reports") / "ensemble"
+
+
+def run_ensemble(
+    source: str | None,
+    draws: int,
+    jobs: int,
+    out: Path | None,
+    overrides: Sequence[str],
+    seed: int | None,
+    force: bool,
+    dask: str | None,
+    readings: Literal["default", "all"] = "default",
+    dry_run: bool = False,
+    talk: Talk | None = None,
+    *,
+    yes: bool = False,
+) -> dict[str, Any]:
+    """Simulate many plausible plants under many readings, and write tables and figures.
+
+    Parameters
+    ----------
+    source : str or None
+        Configuration: a file, ``-``, a shipped name, or None for the shipped one.
+    draws : int
+        Of each population; a power of two.
+    jobs : int
+        Processes; results do not depend on it.
+    out : Path or None
+        Results folder.
+    overrides : sequence of str
+        ``dotted.key=VALUE``.
+    seed : int or None
+        Replaces the configuration's.
+    force : bool
+        Remove the shards of another configuration or version.
+    dask : str or None
+        Address of a dask.distributed scheduler to send the blocks to.
+    readings : {'default', 'all'}
+        As printed, alternatives and the configuration's pairs; or every combination, which needs `yes`.
+    dry_run : bool
+        Only say what it would cost.
+    talk : Talk, optional
+    yes : bool
+        The cost of all readings has been seen.
+
+    Returns
+    -------
+    dict
+        What ``--json`` prints.
+
+    Raises
+    ------
+    UsageError
+        For impossible draws, shards of another configuration, or all readings without `yes`.
+    TendonreproError
+        When results cannot be written; whole blocks stay and are not computed again.
+    """
+    talk = talk or Talk()
+    study = load_study(source, overrides, seed, readings)
+    folder = out or DEFAULT_OUT
+    cost = study.cost(draws)
+    outline = {"schema_version": SCHEMA_VERSION, "experiment": "ensemble", "draws": draws, "out": str(folder)}
+    outline |= {"readings_count": len(study.readings), "cases": len(study.cases), "cost": cost}
+    if dry_run:
+        return outline | {"dry_run": True, "config_sha256": study.sha256}
+    if readings == "all" and not yes:
+        message = (
+            f"all {len(study.readings)} readings mean {cost['experiments']:.3g} experiments: about "
+            f"{cost['processor_hours']:.3g} hours of one processor and {cost['gigabytes']:.3g} GB"
+        )
+        raise UsageError(message, where="--readings all", hint="say --yes if that is what you want")
+    return run_study(study, draws, folder, jobs=jobs, force=force, dask=dask, talk=talk)
+
+
+def load_study(
+    source: str | None, overrides: Sequence[str], seed: int | None, readings: Literal["default", "all"]
+) -> Study:
+    """Read a configuration of an ensemble.
+
+    Parameters
+    ----------
+    source : str or None
+    overrides : sequence of str
+    seed : int or None
+    readings : {'default', 'all'}
+
+    Returns
+    -------
+    Study
+
+    Raises
+    ------
+    ConfigError
+        When it is not valid.
+    """
+    loaded = load_ensemble(source, overrides=overrides, seed=seed)
+    config = loaded.config
+    return Study(
+        base=loaded.base,
+        boxes={name: population(config, name) for name in config.populations},
+        shares={name: entry.share.si for name, entry in config.populations.items()},
+        readings=full_cross() if readings == "all" else default_readings(config),
+        variations=tuple(parse_reading(name) for name in config.variations),
+        sha256=loaded.sha256,
+        seed=int(config.seed.si),
+        replicates=int(config.scramblings.si),
+        block_draws=int(config.block.si),
+    )
+
+
+def run_study(
+    study: Study,
+    draws: int,
+    folder: Path,
+    *,
+    jobs: int,
+    talk: Talk,
+    force: bool = False,
+    dask: str | None = None,
+    simulate: Simulate = simulate_batch,
+) -> dict[str, Any]:
+    """Compute the blocks that are not on disk yet, then tables and figures of all.
+
+    Parameters
+    ----------
+    study : Study
+    draws : int
+    folder : Path
+    jobs : int
+    talk : Talk
+    force : bool
+    dask : str or None
+    simulate : callable
+        The batch stepper.
+
+    Returns
+    -------
+    dict
+        What ``--json`` prints.
+    """
+    blocks = study.blocks(draws)
+    with claimed(folder, study.identity, force=force):
+        prepare(folder, study, force=force)
+        write_atomically(folder / PLAN, to_json(study.plan(draws)))
+        missing = missing_blocks(folder, study, blocks, talk)
+        resumed = len(blocks) - len(missing)
+        if resumed:
+            talk.note(f"{resumed} of {len(blocks)} blocks are on disk already")
+        started = time.perf_counter()
+        experiments = _compute(study, missing, folder, jobs, dask, simulate, talk)
+        seconds = time.perf_counter() - started
+        speed = {
+            "experiments_per_second": experiments / seconds if experiments else None,
+            "resumed_from": resumed,
+            "blocks": len(blocks),
+        }
+        return finish(study, draws, folder, speed, seconds)
+
+
+def _compute(
+    study: Study,
+    missing: Sequence[Block],
+    folder: Path,
+    jobs: int,
+    dask: str | None,
+    simulate: Simulate,
+    talk: Talk,
+) -> int:
+    """Compute blocks and store each as it comes; this process is the only writer."""
+    experiments = 0
+    total = sum(block.count for block in missing) * len(study.cases)
+    work = partial(make_block, study, simulate=simulate)
+    with (
+        talk.bar("simulating", total) as progress,
+        closing(on_cluster(work, missing, dask) if dask else here(work, missing, jobs)) as stream,
+    ):
+        for made in stream:
+            write_atomically(folder / FOLDER / made.block.file_name, made.image)
+            experiments += made.experiments
+            progress(made.experiments)
+    return experiments
+
+
+def finish(study: Study, draws: int, folder: Path, speed: dict[str, Any], seconds: float) -> dict[str, Any]:
+    """Write tables, figures, summary and manifest of a complete ensemble.
+
+    Parameters
+    ----------
+    study : Study
+    draws : int
+    folder : Path
+        Results folder, held.
+    speed : dict
+        ``experiments_per_second``, ``resumed_from``.
+    seconds : float
+        Wall time of what was simulated now.
+
+    Returns
+    -------
+    dict
+        The summary.
+    """
+    data = {name: read_ensemble(folder, name) for name in study.boxes}
+    populations = {name: population_summary(held) for name, held in data.items()}
+    summary: dict[str, Any] = {
+        "schema_version": SCHEMA_VERSION,
+        "experiment": "ensemble",
+        "tendonrepro_version": __version__,
+        "config_sha256": study.sha256,
+        "identity": study.identity,
+        "seed": study.seed,
+        "draws": draws,
+        "scramblings": study.replicates,
+        **next(iter(populations.values())),
+        "conclusions": conclusions(populations),
+        "spot_check": spot_checks(folder, study.blocks(draws)),
+        "cost": study.cost(draws),
+        **speed,
+        "out": str(folder),
+        "populations": populations,
+    }
+    clear(folder)
+    outputs = write_ensemble_tables(summary, folder / "tables")
+    outputs += draw_ensemble_figures(summary, folder / "figures")
+    write_atomically(folder / SUMMARY, to_json(summary))
+    manifest = make_manifest(study.base, seconds)
+    manifest |= {"experiment": "ensemble", "seed": study.seed}
+    manifest["config"] = manifest["config"] | {"sha256": study.identity, "ensemble_sha256": study.sha256}
+    manifest = with_outputs(manifest, folder, [*outputs, folder / SUMMARY])
+    write_atomically(folder / MANIFEST, to_json(manifest))
+    return summary

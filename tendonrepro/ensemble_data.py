@@ -1,0 +1,195 @@
+"""What an ensemble left on disk, read piece by piece: memory holds only what is asked for."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonrepro.arrays import Array
+from tendonrepro.batch import STATISTICS
+from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.shards import FOLDER, Block, Case, opened
+
+PLAN = "plan.json"
+"""File that says which blocks make up the ensemble in a folder."""
+
+
+@dataclass(frozen=True, eq=False)
+class EnsembleData:
+    """One population of one ensemble; N draws of P numbers, n joints.
+
+    Draws stand in canonical order, scrambling after scrambling, whatever the order they were made in.
+
+    Attributes
+    ----------
+    population : str
+        ``box`` or ``firm``.
+    joints : tuple of int
+        The paper's numbers of the n joints.
+    alpha : tuple of float
+        Weights of Controller 1's estimator as configured, one a joint.
+    runs : tuple of str
+    names : tuple of str
+        Of the P numbers drawn.
+    readings, variations : tuple of str
+        Names that `status` and `statistic` take; variations are no readings of the paper.
+    lookup : mapping
+        ``(run, reading or variation)`` -> place of its case.
+    files : tuple of (Path, Block, int)
+        Shards, their blocks, and how many of the block's draws are taken.
+    """
+
+    population: str
+    joints: tuple[int, ...]
+    alpha: tuple[float, ...]
+    runs: tuple[str, ...]
+    names: tuple[str, ...]
+    readings: tuple[str, ...]
+    variations: tuple[str, ...]
+    lookup: Mapping[Case, int]
+    files: tuple[tuple[Path, Block, int], ...]
+
+    def __len__(self) -> int:
+        """Return the number of draws."""
+        return sum(taken for _, _, taken in self.files)
+
+    @cached_property
+    def draws(self) -> Array:
+        """Numbers drawn, (N, P), in the units of the box."""
+        return np.concatenate([values[()] for values in self._pieces("draws")])
+
+    @cached_property
+    def replicate(self) -> NDArray[np.int64]:
+        """Number of the scrambling of each draw, (N,)."""
+        return np.repeat(
+            np.array([block.replicate for _, block, _ in self.files]), [taken for _, _, taken in self.files]
+        )
+
+    def has(self, run: str, reading: str) -> bool:
+        """Whether a run was simulated under a reading or variation."""
+        return (run, reading) in self.lookup
+
+    def status(self, run: str, reading: str) -> NDArray[np.int8]:
+        """Status codes of a run under a reading or variation, (N,); `tendonrepro.batch.STATUSES` names them.
+
+        Raises
+        ------
+        DataMissingError
+            When that was not simulated.
+        """
+        return np.concatenate(self._pieces("status", self._place(run, reading))).astype(np.int8)
+
+    def statistic(self, run: str, reading: str, name: str) -> Array:
+        """One of `tendonrepro.batch.STATISTICS`, SI units, (N, n).
+
+        Raises
+        ------
+        DataMissingError
+            When that was not simulated, or there is no such statistic.
+        """
+        if name not in STATISTICS:
+            message = f"the ensemble holds no statistic {name!r}"
+            raise DataMissingError(message, hint=f"It holds {', '.join(STATISTICS)}.")
+        pieces = self._pieces(f"statistics/{name}", self._place(run, reading))
+        return np.concatenate(pieces).astype(np.float64)
+
+    def _place(self, run: str, reading: str) -> int:
+        if not self.has(run, reading):
+            message = f"the ensemble holds no run {run!r} under {reading!r}"
+            raise DataMissingError(message, hint=f"It holds {', '.join((*self.readings, *self.variations))}.")
+        return self.lookup[run, reading]
+
+    def _pieces(self, dataset: str, place: int | None = None) -> list[NDArray[Any]]:
+        """Read one dataset, or one case of it, from shard after shard."""
+        pieces = []
+        for path, _, taken in self.files:
+            with opened(path) as root:
+                values = root[dataset]
+                pieces.append((values[()] if place is None else values[place])[:taken])
+        return pieces
+
+
+def read_ensemble(folder: Path, population: str = "box", *, stride: int = 1) -> EnsembleData:
+    """Open a finished ensemble.
+
+    Parameters
+    ----------
+    folder : Path
+        Results folder.
+    population : str
+        ``box``, or ``firm`` for the one where only rows of high and medium confidence vary.
+    stride : int
+        Thin to this part of the draws, a power of two. The first draws of every scrambling are kept, which
+        are themselves evenly spread; every second one would fill only one half of the box.
+
+    Returns
+    -------
+    EnsembleData
+
+    Raises
+    ------
+    DataMissingError
+        When there is none, or it is not complete.
+    UsageError
+        When it cannot be thinned so far.
+    """
+    plan = _read_plan(folder)
+    if population not in plan["populations"]:
+        message = f"holds no population {population!r}"
+        raise DataMissingError(message, where=str(folder), hint=f"It holds {', '.join(plan['populations'])}.")
+    per_replicate = plan["populations"][population] // plan["replicates"]
+    if stride < 1 or stride & (stride - 1) or stride > per_replicate:
+        message = f"cannot thin {per_replicate} draws a scrambling to one in {stride}; a power of two can"
+        raise UsageError(message)
+    files = _files(folder, plan, population, per_replicate // stride)
+    with opened(files[0][0]) as root:
+        names = tuple(json.loads(root.attrs["names"]))
+    return EnsembleData(
+        population=population,
+        joints=tuple(plan["joints"]),
+        alpha=tuple(plan["alpha"]),
+        runs=tuple(plan["runs"]),
+        names=names,
+        readings=tuple(plan["readings"]),
+        variations=tuple(plan["variations"]),
+        lookup={(run, name): place for run, name, place in plan["lookup"]},
+        files=files,
+    )
+
+
+def _read_plan(folder: Path) -> dict[str, Any]:
+    hint = "run tendonrepro ensemble first"
+    try:
+        plan: dict[str, Any] = json.loads((folder / PLAN).read_text(encoding="utf-8"))
+    except OSError as error:
+        message = "holds no ensemble"
+        raise DataMissingError(message, where=str(folder), hint=hint) from error
+    except ValueError as error:
+        message = "is not the plan of an ensemble"
+        raise DataMissingError(message, where=str(folder / PLAN), hint=hint) from error
+    return plan
+
+
+def _files(
+    folder: Path, plan: Mapping[str, Any], population: str, wanted: int
+) -> tuple[tuple[Path, Block, int], ...]:
+    blocks: Sequence[Block] = [Block(*entry) for entry in plan["blocks"]]
+    files = tuple(
+        (folder / FOLDER / block.file_name, block, min(block.count, wanted - block.first))
+        for block in sorted(blocks)
+        if block.population == population and block.first < wanted
+    )
+    missing = sum(not path.exists() for path, _, _ in files)
+    if missing:
+        message = f"{missing} of {len(files)} blocks are missing; the ensemble was interrupted"
+        raise DataMissingError(
+            message, where=str(folder), hint="run the same tendonrepro ensemble again to finish it"
+        )
+    return files

@@ -1,0 +1,206 @@
+"""What an ensemble consists of: populations, scramblings, readings, and the blocks that they are cut into."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from tendonrepro import __version__
+from tendonrepro.batch import STATISTICS
+from tendonrepro.box import Box
+from tendonrepro.config import CompareConfig, LoadedConfig
+from tendonrepro.errors import UsageError
+from tendonrepro.readings import RUNS, Reading, case_of
+from tendonrepro.shards import SCHEMA_VERSION, Block, Case
+
+CHECK_EVERY = 8
+"""One block in so many reruns one of its experiments with the reference stepper, which takes seconds."""
+
+FEWEST_PER_SCRAMBLING = 8
+
+SECONDS_PER_EXPERIMENT = 3e-3
+"""Rough time on one processor, for estimates before anything has run."""
+
+_COMPRESSION = 0.9
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """Everything that determines an ensemble's numbers but how many draws there are.
+
+    Attributes
+    ----------
+    base : LoadedConfig
+        Configuration of `compare` that every draw starts from.
+    boxes : mapping of str to Box
+        Populations by name; the first is the one that claims are judged by.
+    shares : mapping of str to float
+        Draws of each population over the number asked for.
+    readings, variations : tuple of Reading
+    sha256 : str
+        Digest of the ensemble's configuration.
+    seed : int
+    replicates : int
+        Independent scramblings.
+    block_draws : int
+        Draws of a block, a power of two; the most work that a kill can cost each process.
+    check_every : int
+        One block in so many reruns one of its experiments; 0 checks nothing. See `CHECK_EVERY`.
+    """
+
+    base: LoadedConfig
+    boxes: Mapping[str, Box]
+    shares: Mapping[str, float]
+    readings: tuple[Reading, ...]
+    variations: tuple[Reading, ...]
+    sha256: str
+    seed: int
+    replicates: int
+    block_draws: int
+    check_every: int = CHECK_EVERY
+
+    @property
+    def config(self) -> CompareConfig:
+        """The validated base."""
+        config = self.base.config
+        assert isinstance(config, CompareConfig)
+        return config
+
+    @cached_property
+    def _table(self) -> tuple[tuple[tuple[str, Reading], ...], dict[Case, int]]:
+        """Cases, each simulated once a draw, and the case of every run under every reading."""
+        cases: dict[tuple[str, Reading], int] = {}
+        lookup: dict[Case, int] = {}
+        for reading in (*self.readings, *self.variations):
+            for run in RUNS:
+                case = case_of(reading, run)
+                # A variation is asked of the runs it changes, a reading of all.
+                if case.settings or reading in self.readings:
+                    lookup[run, reading.name] = cases.setdefault((run, case), len(cases))
+        return tuple(cases), lookup
+
+    @property
+    def cases(self) -> tuple[tuple[str, Reading], ...]:
+        """Distinct runs under distinct readings; what one draw costs."""
+        return self._table[0]
+
+    @property
+    def lookup(self) -> Mapping[Case, int]:
+        """``(run, reading or variation)`` -> place among `cases`."""
+        return self._table[1]
+
+    @cached_property
+    def identity(self) -> str:
+        """SHA-256 of all that a stored number depends on, version included."""
+        content = {
+            "schema": SCHEMA_VERSION,
+            "version": __version__,
+            "config": self.sha256,
+            "base": self.base.sha256,
+            "seed": self.seed,
+            "replicates": self.replicates,
+            "check_every": self.check_every,
+            "cases": [[run, case.name] for run, case in self.cases],
+            "statistics": STATISTICS,
+        }
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+    def blocks(self, draws: int) -> list[Block]:
+        """Cut the draws of every population into blocks, which depend on nothing else.
+
+        Parameters
+        ----------
+        draws : int
+            Of each population.
+
+        Raises
+        ------
+        UsageError
+            When there are too few draws or not a power of two of them.
+        """
+        return [
+            Block(population, replicate, first, count)
+            for population in self.boxes
+            for replicate in range(self.replicates)
+            for first, count in self._cuts(self.draws_of(population, draws) // self.replicates)
+        ]
+
+    def _cuts(self, each: int) -> list[tuple[int, int]]:
+        count = min(each, self.block_draws)
+        return [(first, count) for first in range(0, each, count)]
+
+    def draws_of(self, population: str, draws: int) -> int:
+        """Draws of one population when so many are asked for.
+
+        Parameters
+        ----------
+        population : str
+        draws : int
+
+        Raises
+        ------
+        UsageError
+            As `blocks`.
+        """
+        share = min(self.shares.values())
+        fewest = FEWEST_PER_SCRAMBLING * self.replicates / share
+        if draws < fewest or draws & (draws - 1) or (draws * share) % self.replicates:
+            needed = 2 ** int(np.ceil(np.log2(max(draws, fewest))))
+            message = f"the number of draws is a power of two from {fewest:g} on, not {draws}"
+            raise UsageError(message, where="--draws", hint=f"{needed} would do")
+        return int(draws * self.shares[population])
+
+    def plan(self, draws: int) -> dict[str, Any]:
+        """Describe the ensemble as plain values, from which its results can be read without a configuration.
+
+        Parameters
+        ----------
+        draws : int
+            Of each population.
+        """
+        return {
+            "schema_version": SCHEMA_VERSION,
+            "identity": self.identity,
+            "draws": draws,
+            "replicates": self.replicates,
+            "seed": self.seed,
+            "populations": {name: self.draws_of(name, draws) for name in self.boxes},
+            "joints": list(self.config.joints),
+            "alpha": self.config.control.gains.alpha.si.tolist(),
+            "runs": list(RUNS),
+            "readings": [reading.name for reading in self.readings],
+            "variations": [reading.name for reading in self.variations],
+            "lookup": [[run, name, place] for (run, name), place in self.lookup.items()],
+            "blocks": [
+                [block.population, block.replicate, block.first, block.count] for block in self.blocks(draws)
+            ],
+        }
+
+    def cost(self, draws: int, seconds: float = SECONDS_PER_EXPERIMENT) -> dict[str, float]:
+        """Estimate experiments, processor hours and disk space of an ensemble.
+
+        Parameters
+        ----------
+        draws : int
+            Of each population.
+        seconds : float
+            Of processor time per experiment.
+
+        Returns
+        -------
+        dict
+            ``experiments``, ``processor_hours``, ``gigabytes``.
+        """
+        experiments = sum(self.draws_of(name, draws) for name in self.boxes) * len(self.cases)
+        numbers = len(STATISTICS) * len(self.config.joints) * 4 + 7
+        return {
+            "experiments": experiments,
+            "processor_hours": experiments * seconds / 3600.0,
+            "gigabytes": experiments * numbers * _COMPRESSION / 1e9,
+        }

@@ -1,0 +1,108 @@
+"""Blocks computed side by side, on this machine or on a cluster, in whatever order they become ready."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Sequence
+from contextlib import suppress
+from typing import TypeAlias
+
+from tendonrepro.ensemble_block import Made
+from tendonrepro.errors import TendonreproError, UsageError
+from tendonrepro.shards import Block
+
+IDLE_SECONDS = 60
+"""After so long without a block a process ends: its parent has been killed."""
+
+Work: TypeAlias = Callable[[Block], Made]
+
+
+def here(work: Work, blocks: Sequence[Block], jobs: int) -> Generator[Made, None, None]:
+    """Compute blocks in processes of this machine.
+
+    Parameters
+    ----------
+    work : callable
+        Makes a block; can be pickled.
+    blocks : sequence of Block
+    jobs : int
+        Processes; 1 is this one.
+
+    Yields
+    ------
+    Made
+
+    Raises
+    ------
+    TendonreproError
+        When a process dies.
+    """
+    if jobs == 1 or len(blocks) < 2:
+        yield from map(work, blocks)
+        return
+    from joblib import Parallel, delayed
+    from joblib.externals.loky import get_reusable_executor
+    from joblib.externals.loky.process_executor import TerminatedWorkerError
+
+    pool = Parallel(
+        n_jobs=jobs,
+        backend="loky",
+        return_as="generator_unordered",
+        batch_size=1,
+        idle_worker_timeout=IDLE_SECONDS,
+    )
+    try:
+        yield from pool(delayed(work)(block) for block in blocks)
+    except TerminatedWorkerError as error:
+        message = "a worker process died, perhaps for want of memory; finished blocks are kept"
+        raise TendonreproError(message, hint="run it again with fewer --jobs") from error
+    finally:
+        # After an interrupt nobody waits for blocks that nobody will store.
+        get_reusable_executor(reuse=True).shutdown(wait=True, kill_workers=True)
+
+
+def on_cluster(work: Work, blocks: Sequence[Block], address: str) -> Generator[Made, None, None]:
+    """Compute blocks on a dask.distributed cluster; what a dying worker had is given to another.
+
+    Parameters
+    ----------
+    work : callable
+        Makes a block; can be pickled.
+    blocks : sequence of Block
+    address : str
+        Of the scheduler.
+
+    Yields
+    ------
+    Made
+
+    Raises
+    ------
+    UsageError
+        When dask.distributed is not installed.
+    TendonreproError
+        When no scheduler answers, or workers die again and again.
+    """
+    try:
+        from distributed import Client, as_completed
+        from distributed.scheduler import KilledWorker
+    except ImportError as error:
+        message = "dask.distributed is not installed"
+        raise UsageError(message, where="--dask", hint="pip install 'tendonrepro[dask]'") from error
+    try:
+        client = Client(address, timeout=10)  # type: ignore[no-untyped-call]
+    except (OSError, ValueError) as error:
+        message = f"no scheduler answers at {address}"
+        raise TendonreproError(message, where="--dask") from error
+    try:
+        waiting = as_completed(  # type: ignore[no-untyped-call]
+            client.map(work, blocks, pure=False, retries=2)
+        )
+        for future in waiting:
+            yield future.result()
+            future.release()
+    except KilledWorker as error:
+        message = "workers died again and again on the same block; finished blocks are kept"
+        raise TendonreproError(message, where="--dask") from error
+    finally:
+        with suppress(OSError, TimeoutError):
+            client.close()  # type: ignore[no-untyped-call]

@@ -1,0 +1,270 @@
+"""Shares of the box and quantiles over it, each with an interval from independent scramblings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import stdtrit
+
+from tendonrepro.arrays import Array
+from tendonrepro.batch import STATUSES
+from tendonrepro.ensemble_data import EnsembleData
+from tendonrepro.published import published
+from tendonrepro.summary import CONTROLLERS
+
+METRICS = ("mae", "rmse")
+QUANTILES: Mapping[str, float] = {"q05": 0.05, "q25": 0.25, "median": 0.5, "q75": 0.75, "q95": 0.95}
+RATIOS: Mapping[str, tuple[int, int]] = {"ratio_c1_c2": (0, 1), "ratio_c2_c3": (1, 2)}
+"""Numerator and denominator by their places in `CONTROLLERS`."""
+
+RATIO_NAMES: Mapping[str, str] = {"ratio_c1_c2": "C1/C2", "ratio_c2_c3": "C2/C3"}
+
+PLANTS = ("all_ok", "diverged_last")
+"""The two sets of plants that every ranking is given over.
+
+``all_ok``: plants on which the three laws are ``ok``. ``diverged_last``: all plants; a law that diverged has
+an infinite error, so that it comes last and two that diverged are not in order; a law that rings is ranked by
+the error it has. Plants that the integrator could not resolve are in neither, and are counted.
+"""
+
+_CONFIDENCE = 0.95
+
+Flags: TypeAlias = NDArray[np.bool_]
+Numbers: TypeAlias = dict[str, Any]
+
+
+def share_of(hits: Flags, counted: Flags, replicate: NDArray[np.int64]) -> Numbers:
+    """Share of the counted plants that are hits, with its interval.
+
+    The interval is Student's, 95 %, from the scatter of the scramblings. Each scrambling counts by its number
+    of plants (the linearised ratio estimator), so one with few counted plants cannot distort it; with equal
+    numbers it is the plain t interval of their means. Where no scrambling differs from 0 or 1 there is no
+    scatter, and the open end is where a share would show no exception among so many plants once in 20 times.
+
+    Parameters
+    ----------
+    hits, counted : bool array (N,)
+    replicate : int array (N,)
+        Number of the scrambling.
+
+    Returns
+    -------
+    dict
+        ``share``, ``low``, ``high`` (None without plants) and ``plants``, the number counted.
+    """
+    places = np.unique(replicate, return_inverse=True)[1]
+    plants = np.bincount(places, counted)
+    found = np.bincount(places, hits & counted)
+    total = int(plants.sum())
+    if total == 0:
+        return {"share": None, "low": None, "high": None, "plants": 0}
+    share = float(found.sum() / total)
+    if share in {0.0, 1.0}:
+        reach = 1.0 - (1.0 - _CONFIDENCE) ** (1.0 / total)
+    else:
+        reach = _half_width((found - share * plants) / plants.mean())
+    return {
+        "share": share,
+        "low": max(share - reach, 0.0),
+        "high": min(share + reach, 1.0),
+        "plants": total,
+    }
+
+
+def _half_width(values: Array) -> float:
+    """Half the width of the t interval of a mean."""
+    count = len(values)
+    t = float(stdtrit(count - 1, 0.5 + 0.5 * _CONFIDENCE))
+    return t * float(np.std(values, ddof=1)) / float(np.sqrt(count))
+
+
+def quantiles_of(values: Array, replicate: NDArray[np.int64]) -> Numbers:
+    """Quantiles over plants, each with the t interval of the scramblings' own quantiles around it.
+
+    A quantile is always the value of one of the plants (inverted distribution function), so infinite values
+    do no harm.
+
+    Parameters
+    ----------
+    values : array (M,)
+        Not NaN.
+    replicate : int array (M,)
+
+    Returns
+    -------
+    dict
+        A key of `QUANTILES` -> ``value``, ``low``, ``high``, None where undefined; ``lowest``, ``highest``,
+        ``plants``.
+    """
+    if len(values) == 0:
+        nothing = {"value": None, "low": None, "high": None}
+        return {name: dict(nothing) for name in QUANTILES} | {"lowest": None, "highest": None, "plants": 0}
+    levels = list(QUANTILES.values())
+    pooled = np.quantile(values, levels, method="inverted_cdf")
+    parts = [values[replicate == number] for number in np.unique(replicate)]
+    each = np.array([np.quantile(part, levels, method="inverted_cdf") for part in parts])
+    result: Numbers = {}
+    for place, name in enumerate(QUANTILES):
+        value, column = float(pooled[place]), each[:, place]
+        enough = len(column) > 1 and bool(np.isfinite(column).all())
+        reach = _half_width(column) if enough else None
+        interval = (None, None) if reach is None else (value - reach, value + reach)
+        result[name] = {"value": value, "low": interval[0], "high": interval[1]}
+    extremes = {"lowest": float(values.min()), "highest": float(values.max())}
+    return result | extremes | {"plants": len(values)}
+
+
+def reading_summary(data: EnsembleData, reading: str) -> Numbers:
+    """What one reading makes of the claims: shares, ratios, statuses, agreement with the printed ratios.
+
+    Parameters
+    ----------
+    data : EnsembleData
+    reading : str
+
+    Returns
+    -------
+    dict
+        ``name``; ``status`` run -> status -> share; ``share_c1_lt_c2_lt_c3`` and ``share_c1_best``, each
+        one of `PLANTS` -> metric or ``mae_and_rmse`` -> ``both`` or ``joint_<number>`` -> share;
+        ``ratio_c1_c2`` and ``ratio_c2_c3``, each one of `PLANTS` -> metric -> ``joint_<number>`` ->
+        quantiles and ``printed``; ``agreement``.
+    """
+    status = np.array([data.status(run, reading) for run in CONTROLLERS])
+    result: Numbers = {"name": reading, "status": status_shares(data, reading)}
+    result |= {key: {plants: {} for plants in PLANTS} for key in (*_RANKINGS, *RATIOS)}
+    counted = _plants(status)
+    held: dict[str, dict[str, list[Flags]]] = {key: {} for key in _RANKINGS}
+    for metric in METRICS:
+        errors = np.array([data.statistic(run, reading, metric) for run in CONTROLLERS])
+        errors[status == STATUSES.index("diverged")] = np.inf
+        for key, hold in _RANKINGS.items():
+            held[key][metric] = [hold(errors)]
+        for key, pair in RATIOS.items():
+            printed = printed_ratios(pair, metric, data.joints)
+            for plants, kept in counted.items():
+                result[key][plants][metric] = _ratio_quantiles(data, errors, pair, kept, printed)
+    for key, metrics in held.items():
+        metrics["mae_and_rmse"] = [flags for metric in METRICS for flags in metrics[metric]]
+        for plants, kept in counted.items():
+            result[key][plants] = {
+                metric: _shares(data, np.logical_and.reduce(flags), kept) for metric, flags in metrics.items()
+            }
+    return result | {"agreement": agreement(result, data.joints)}
+
+
+def _plants(status: NDArray[np.int8]) -> dict[str, Flags]:
+    resolved = (status != STATUSES.index("unresolved")).all(axis=0)
+    return {"all_ok": (status == STATUSES.index("ok")).all(axis=0), "diverged_last": resolved}
+
+
+def _in_order(errors: Array) -> Flags:
+    flags: Flags = (errors[0] < errors[1]) & (errors[1] < errors[2])
+    return flags
+
+
+def _first_is_best(errors: Array) -> Flags:
+    flags: Flags = (errors[0] < errors[1]) & (errors[0] < errors[2])
+    return flags
+
+
+_RANKINGS = {"share_c1_lt_c2_lt_c3": _in_order, "share_c1_best": _first_is_best}
+
+
+def _shares(data: EnsembleData, flags: Flags, kept: Flags) -> Numbers:
+    """Shares over both joints together and over each, from flags (N, n)."""
+    joints: dict[str, Flags] = {f"joint_{joint}": flags[:, i] for i, joint in enumerate(data.joints)}
+    both: Flags = flags.all(axis=1)
+    each: dict[str, Flags] = {"both": both} | joints
+    return {name: share_of(hits, kept, data.replicate) for name, hits in each.items()}
+
+
+def _ratio_quantiles(
+    data: EnsembleData, errors: Array, pair: tuple[int, int], kept: Flags, printed: Sequence[float]
+) -> Numbers:
+    """Quantiles of a ratio for each joint; where both laws diverged there is none."""
+    above, below = errors[pair[0]], errors[pair[1]]
+    result: Numbers = {}
+    for i, joint in enumerate(data.joints):
+        defined = kept & (np.isfinite(above[:, i]) | np.isfinite(below[:, i])) & (below[:, i] > 0.0)
+        ratio = above[defined, i] / below[defined, i]
+        result[f"joint_{joint}"] = quantiles_of(ratio, data.replicate[defined]) | {"printed": printed[i]}
+    return result
+
+
+def printed_ratios(pair: tuple[int, int], metric: str, joints: Sequence[int]) -> list[float]:
+    """Ratio of two controllers' printed errors, Table 2, for each joint; NaN where none is printed.
+
+    Parameters
+    ----------
+    pair : tuple of int
+        Places in `CONTROLLERS`.
+    metric : str
+        ``mae`` or ``rmse``.
+    joints : sequence of int
+    """
+    above, below = (published().per_joint(f"table2.{CONTROLLERS[place]}.{metric}", joints) for place in pair)
+    return [a / b for a, b in zip(above, below, strict=True)]
+
+
+def status_shares(data: EnsembleData, reading: str) -> Numbers:
+    """Share of all plants on which each run ended in each status.
+
+    Parameters
+    ----------
+    data : EnsembleData
+    reading : str
+
+    Returns
+    -------
+    dict
+        Run -> status -> share, with ``count``.
+    """
+    every = np.ones(len(data), dtype=bool)
+    result: Numbers = {}
+    for run in data.runs:
+        codes = data.status(run, reading)
+        hits = {name: codes == code for code, name in enumerate(STATUSES)}
+        result[run] = {
+            name: share_of(flags, every, data.replicate) | {"count": int(flags.sum())}
+            for name, flags in hits.items()
+        }
+    return result
+
+
+def agreement(found: Numbers, joints: Sequence[int]) -> Numbers:
+    """Compare the printed ratios with what a reading gives over plants on which all laws are ``ok``.
+
+    Parameters
+    ----------
+    found : dict
+        With the keys of `RATIOS`; see `reading_summary`.
+    joints : sequence of int
+
+    Returns
+    -------
+    dict
+        ``inside``, ``outside``, ``beyond``: names of printed ratios inside the central 90 %, outside it, and
+        beyond every plant. ``verdict``: ``agrees`` when all are inside; ``cannot`` when one is beyond every
+        plant; ``no plant`` when there is none to compare with; else ``in part``.
+    """
+    inside: list[str] = []
+    outside: list[str] = []
+    beyond: list[str] = []
+    for key in RATIOS:
+        for metric in METRICS:
+            for joint in joints:
+                numbers = found[key]["all_ok"][metric][f"joint_{joint}"]
+                printed, plants = numbers["printed"], numbers["plants"]
+                if plants == 0 or not np.isfinite(printed):
+                    continue
+                name = f"{key} {metric} joint {joint}"
+                fits = numbers["q05"]["value"] <= printed <= numbers["q95"]["value"]
+                (inside if fits else outside).append(name)
+                if not numbers["lowest"] <= printed <= numbers["highest"]:
+                    beyond.append(name)
+    verdict = "cannot" if beyond else "in part" if outside else "agrees" if inside else "no plant"
+    return {"verdict": verdict, "inside": inside, "outside": outside, "beyond": beyond}

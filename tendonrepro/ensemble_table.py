@@ -1,0 +1,301 @@
+"""The table of readings: what each makes of the printed ranking, as numbers, rows, text and words."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from tendonrepro.ensemble_data import EnsembleData
+from tendonrepro.ensemble_shares import METRICS, PLANTS, QUANTILES, RATIO_NAMES, RATIOS, reading_summary
+from tendonrepro.files import write_atomically
+from tendonrepro.readings import PRINTED
+from tendonrepro.screen import columns
+from tendonrepro.shards import FOLDER, Block, read_check
+from tendonrepro.summary import CONTROLLERS
+from tendonrepro.typeset import NOTHING, Sheet, markdown
+
+IMPLIED, EXCLUDED = 0.95, 0.05
+"""Shares of the box from which on a ranking follows from the model, and up to which it is denied by it."""
+
+_RANKINGS = {"share_c1_lt_c2_lt_c3": "C1 < C2 < C3", "share_c1_best": "C1 best"}
+
+
+def population_summary(data: EnsembleData) -> dict[str, Any]:
+    """Everything the table says about one population.
+
+    Parameters
+    ----------
+    data : EnsembleData
+
+    Returns
+    -------
+    dict
+        ``plants``, the number of draws; ``joints``; ``laws``, run -> status -> count under the printed
+        reading; ``readings``, a list of `tendonrepro.ensemble_shares.reading_summary`, each with ``theory``,
+        the ratio C1/C2 of slowly changing errors per joint.
+    """
+    found = []
+    for name in data.readings:
+        sign = -1.0 if "weights=extrapolating" in name.split("+") else 1.0
+        theory = {
+            f"joint_{joint}": 1.0 + sign * weight
+            for joint, weight in zip(data.joints, data.alpha, strict=True)
+        }
+        found.append(reading_summary(data, name) | {"theory": theory})
+    laws = {
+        run: {status: share["count"] for status, share in shares.items()}
+        for run, shares in found[0]["status"].items()
+    }
+    return {"plants": len(data), "joints": list(data.joints), "laws": laws, "readings": found}
+
+
+def spot_checks(folder: Path, blocks: Sequence[Block]) -> dict[str, Any]:
+    """Largest differences from the reference stepper among the blocks that were checked.
+
+    Parameters
+    ----------
+    folder : Path
+        Results folder.
+    blocks : sequence of Block
+
+    Returns
+    -------
+    dict
+        ``experiments`` checked; ``ideal`` and ``quantised``, the largest relative difference of MAE and RMSE
+        and where it was; ``disagreements``, the number of statuses that differ.
+    """
+    checks = [(block, read_check(folder / FOLDER / block.file_name)) for block in blocks]
+    checks = [(block, check) for block, check in checks if check]
+    result: dict[str, Any] = {
+        "experiments": len(checks),
+        "disagreements": sum(int(check["disagreements"]) for _, check in checks),
+    }
+    for kind in ("ideal", "quantised"):
+        worst = max(checks, key=lambda entry: float(entry[1][kind]), default=None)
+        where = None
+        if worst is not None:
+            block, check = worst
+            where = f"{check['run']}, {check['reading']}, {block.file_name}, draw {check['draw']}"
+        result[kind] = {"largest": float(worst[1][kind]) if worst else None, "where": where}
+    return result
+
+
+def flat_rows(population: str, summary: Mapping[str, Any]) -> Iterator[dict[str, object]]:
+    """Yield a row per reading, set of plants, metric and joint (or both), with every number of the table.
+
+    Parameters
+    ----------
+    population : str
+    summary : mapping
+        From `population_summary`.
+    """
+    for reading in summary["readings"]:
+        for plants in PLANTS:
+            for metric in (*METRICS, "mae_and_rmse"):
+                for joint in reading["share_c1_best"][plants][metric]:
+                    row: dict[str, object] = {
+                        "population": population,
+                        "reading": reading["name"],
+                        "plants": plants,
+                        "metric": metric,
+                        "joint": joint,
+                    }
+                    yield row | _numbers_of(reading, plants, metric, joint)
+
+
+def _numbers_of(reading: Mapping[str, Any], plants: str, metric: str, joint: str) -> dict[str, object]:
+    row: dict[str, object] = {}
+    for key in _RANKINGS:
+        share = reading[key][plants][metric][joint]
+        row |= {"count": share["plants"], key: share["share"]}
+        row |= {f"{key}_low": share["low"], f"{key}_high": share["high"]}
+    for key in RATIOS:
+        ratio = reading[key][plants].get(metric, {}).get(joint)
+        for name in QUANTILES:
+            value = ratio[name] if ratio else {"value": None, "low": None, "high": None}
+            row |= {f"{key}_{name}": value["value"]}
+            row |= {f"{key}_{name}_{end}": value[end] for end in ("low", "high")}
+        row[f"{key}_printed"] = ratio["printed"] if ratio else None
+    return row
+
+
+def status_rows(population: str, summary: Mapping[str, Any]) -> Iterator[dict[str, object]]:
+    """Yield a row per reading, run and status: count and share with its interval.
+
+    Parameters
+    ----------
+    population : str
+    summary : mapping
+        From `population_summary`.
+    """
+    for reading in summary["readings"]:
+        for run, shares in reading["status"].items():
+            for status, share in shares.items():
+                start = {"population": population, "reading": reading["name"], "run": run, "status": status}
+                yield start | {key: share[key] for key in ("count", "share", "low", "high")}
+
+
+def readings_sheet(summary: Mapping[str, Any], caption: str) -> Sheet:
+    """Table of one population for a reader: a row per reading.
+
+    Parameters
+    ----------
+    summary : mapping
+        From `population_summary`.
+    caption : str
+    """
+    joints = summary["joints"]
+    headings = ["Reading", "ok C1 / C2 / C3 (%)", "plants all ok"]
+    headings += ["C1 < C2 < C3 MAE (%)", *(f"joint {joint}" for joint in joints), "RMSE (%)"]
+    headings += ["diverged last, MAE (%)", "C1 best, MAE (%)"]
+    headings += [f"{ratio} joint {joint}" for ratio in RATIO_NAMES.values() for joint in joints]
+    headings += ["printed ratios inside", "verdict"]
+    rows = [_sheet_row(reading, joints) for reading in summary["readings"]]
+    return Sheet(caption, headings, [False] + [True] * (len(headings) - 2) + [False], rows)
+
+
+def _sheet_row(reading: Mapping[str, Any], joints: Sequence[int]) -> list[str]:
+    ordered, best = reading["share_c1_lt_c2_lt_c3"], reading["share_c1_best"]
+    held = reading["agreement"]
+    total = len(held["inside"]) + len(held["outside"])
+    ok = " / ".join(percent(reading["status"][run]["ok"]["share"], "") for run in CONTROLLERS)
+    each = [percent(ordered["all_ok"]["mae"][f"joint_{joint}"]["share"], "") for joint in joints]
+    ratios = [
+        quantile_text(reading[key]["all_ok"]["mae"][f"joint_{joint}"]) for key in RATIOS for joint in joints
+    ]
+    return [
+        reading["name"],
+        ok,
+        str(ordered["all_ok"]["mae"]["both"]["plants"]),
+        share_text(ordered["all_ok"]["mae"]["both"]),
+        *each,
+        share_text(ordered["all_ok"]["rmse"]["both"]),
+        share_text(ordered["diverged_last"]["mae"]["both"]),
+        share_text(best["all_ok"]["mae"]["both"]),
+        *ratios,
+        f"{len(held['inside'])} of {total}",
+        held["verdict"],
+    ]
+
+
+def percent(share: float | None, unit: str = " %") -> str:
+    """Share as per cent with one digit behind the point."""
+    return NOTHING if share is None else f"{100.0 * share:.1f}{unit}"
+
+
+def share_text(share: Mapping[str, Any]) -> str:
+    """Share and interval in per cent."""
+    if share["share"] is None:
+        return NOTHING
+    return f"{percent(share['share'], '')} ({percent(share['low'], '')} to {percent(share['high'], '')})"
+
+
+def quantile_text(ratio: Mapping[str, Any]) -> str:
+    """Median and the central 90 % of a ratio."""
+    values = [ratio[name]["value"] for name in ("median", "q05", "q95")]
+    if None in values:
+        return NOTHING
+    return "{:.3f} ({:.3f} to {:.3f})".format(*values)
+
+
+def write_ensemble_tables(summary: Mapping[str, Any], folder: Path) -> list[Path]:
+    """Write the tables of all populations.
+
+    Parameters
+    ----------
+    summary : mapping
+        Of the whole ensemble; see `tendonrepro.ensemble.finish`.
+    folder : Path
+        Made when missing.
+
+    Returns
+    -------
+    list of Path
+        ``readings.csv`` and ``statuses.csv`` with all digits, and ``readings.md`` for a reader.
+
+    Raises
+    ------
+    TendonreproError
+        When a file cannot be written.
+    """
+    populations = summary["populations"]
+    texts = {
+        "readings.csv": _csv([row for name, held in populations.items() for row in flat_rows(name, held)]),
+        "statuses.csv": _csv([row for name, held in populations.items() for row in status_rows(name, held)]),
+        "readings.md": _markdown(summary),
+    }
+    for name, text in texts.items():
+        write_atomically(folder / name, text)
+    return [folder / name for name in texts]
+
+
+def _csv(rows: Sequence[Mapping[str, object]]) -> str:
+    stream = io.StringIO()
+    writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return stream.getvalue()
+
+
+def _markdown(summary: Mapping[str, Any]) -> str:
+    parts = ["\n".join(f"- {line}" for line in summary["conclusions"]) + "\n"]
+    for name, held in summary["populations"].items():
+        caption = (
+            f"Population {name}, {held['plants']} plants. Shares are shares of the box, with 95 % intervals "
+            f"from {summary['scramblings']} scramblings; ratios are medians of the ratio of MAE over plants "
+            f"on which all three laws are ok, with their central 90 %."
+        )
+        parts.append(markdown(readings_sheet(held, caption)))
+    return "\n".join(parts)
+
+
+def ensemble_text(summary: Mapping[str, Any]) -> str:
+    """Text of an ensemble for the terminal.
+
+    Parameters
+    ----------
+    summary : mapping
+        What ``--json`` prints.
+    """
+    if summary.get("dry_run"):
+        cost = summary["cost"]
+        return (
+            f"ensemble: {summary['draws']} draws, {summary['readings_count']} readings: "
+            f"{cost['experiments']:.4g} experiments, about {cost['processor_hours']:.3g} hours of one "
+            f"processor and {cost['gigabytes']:.3g} GB; would write to {summary['out']}"
+        )
+    rows = [("reading", "ok C1/C2/C3 %", "C1<C2<C3 MAE %", "C1 best %", "C1/C2", "C2/C3", "verdict")]
+    for reading in summary["readings"]:
+        joint = f"joint_{summary['joints'][0]}"
+        rows.append(
+            (
+                reading["name"],
+                "/".join(f"{100.0 * reading['status'][run]['ok']['share']:.0f}" for run in CONTROLLERS),
+                share_text(reading["share_c1_lt_c2_lt_c3"]["all_ok"]["mae"]["both"]),
+                percent(reading["share_c1_best"]["all_ok"]["mae"]["both"]["share"], ""),
+                *(_median(reading[key]["all_ok"]["mae"][joint]) for key in RATIOS),
+                reading["agreement"]["verdict"],
+            )
+        )
+    head = (
+        f"{summary['draws']} draws; shares of the box; ratios of MAE, joint {summary['joints'][0]}, medians"
+    )
+    rate = summary["experiments_per_second"]
+    tail = f"{rate:.0f} experiments a second; " if rate else ""
+    return "\n\n".join(
+        [head, columns(rows), "\n".join(summary["conclusions"]), f"{tail}results are in {summary['out']}"]
+    )
+
+
+def _median(ratio: Mapping[str, Any]) -> str:
+    value = ratio["median"]["value"]
+    return NOTHING if value is None else f"{value:.3f}"
+
+
+def printed_reading(summary: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the printed reading of a population's summary."""
+    found: Mapping[str, Any] = next(entry for entry in summary["readings"] if entry["name"] == PRINTED)
+    return found

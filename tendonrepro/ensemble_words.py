@@ -1,0 +1,134 @@
+"""What a reader should conclude from an ensemble, in sentences made from its numbers alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from tendonrepro.ensemble_shares import RATIO_NAMES, RATIOS
+from tendonrepro.ensemble_table import (
+    EXCLUDED,
+    IMPLIED,
+    percent,
+    printed_reading,
+    quantile_text,
+)
+from tendonrepro.summary import CONTROLLERS
+
+_SHORT = {run: f"Controller {place}" for place, run in enumerate(CONTROLLERS, start=1)}
+
+
+def conclusions(populations: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """Sentences on the ranking, the ratios, the readings and the statuses.
+
+    Parameters
+    ----------
+    populations : mapping
+        Population -> `tendonrepro.ensemble_table.population_summary`; the first is judged.
+
+    Returns
+    -------
+    list of str
+    """
+    summary = next(iter(populations.values()))
+    lines = [_statuses(summary), *(_ranking(which, held) for which, held in populations.items())]
+    lines += [_verdict(summary), *_ratios(summary), *_readings(summary)]
+    return [line for line in lines if line]
+
+
+def _share(share: Mapping[str, Any]) -> str:
+    interval = f"({percent(share['low'])} to {percent(share['high'])}, {share['plants']} plants)"
+    return f"{percent(share['share'])} {interval}"
+
+
+def _statuses(summary: Mapping[str, Any]) -> str:
+    status = printed_reading(summary)["status"]
+    parts = [
+        f"{name} is ok on {percent(status[run]['ok']['share'])}, rings on "
+        f"{percent(status[run]['ringing']['share'])}, diverges on {percent(status[run]['diverged']['share'])}"
+        for run, name in _SHORT.items()
+    ]
+    unresolved = status[CONTROLLERS[0]]["unresolved"]["share"]
+    return f"As printed, of the box: {'; '.join(parts)}. {percent(unresolved)} is too fast to be resolved."
+
+
+def _ranking(name: str, summary: Mapping[str, Any]) -> str:
+    ordered = printed_reading(summary)["share_c1_lt_c2_lt_c3"]
+    alone, last = ordered["all_ok"]["mae"]["both"], ordered["diverged_last"]["mae"]["both"]
+    both = ordered["all_ok"]["mae_and_rmse"]["both"]
+    start = f"Population {name}, as printed:"
+    if alone["share"] is None:
+        return f"{start} there is no plant on which all three laws are ok."
+    return (
+        f"{start} C1 < C2 < C3 in MAE on both joints holds on {_share(alone)} of the box where all three "
+        f"laws are ok, in MAE and RMSE together on {percent(both['share'])}, and in MAE on "
+        f"{_share(last)} of all plants with a diverged law ranked last."
+    )
+
+
+def _verdict(summary: Mapping[str, Any]) -> str:
+    share = printed_reading(summary)["share_c1_lt_c2_lt_c3"]["all_ok"]["mae_and_rmse"]["both"]["share"]
+    if share is None:
+        return ""
+    if share >= IMPLIED:
+        return "So the printed ranking follows from the printed equations on nearly every plant of the box."
+    if share <= EXCLUDED:
+        return (
+            "So the printed equations imply another ranking on nearly every plant of the box; the paper "
+            "measured hardware, which may hold what the equations do not."
+        )
+    return "So the printed ranking depends on the plant, which the paper does not give."
+
+
+def _ratios(summary: Mapping[str, Any]) -> list[str]:
+    reading = printed_reading(summary)
+    lines = []
+    for key in RATIOS:
+        for joint in summary["joints"]:
+            ratio = reading[key]["all_ok"]["mae"][f"joint_{joint}"]
+            if ratio["plants"] == 0:
+                continue
+            theory = ""
+            if key == "ratio_c1_c2":
+                theory = f"; errors that change slowly would give {reading['theory'][f'joint_{joint}']:.2f}"
+            lines.append(
+                f"As printed, {RATIO_NAMES[key]} in MAE on joint {joint}: median and central 90 % "
+                f"{quantile_text(ratio)}; printed {ratio['printed']:.3f}{theory}."
+            )
+    return lines
+
+
+def _readings(summary: Mapping[str, Any]) -> list[str]:
+    by_verdict: dict[str, list[Mapping[str, Any]]] = {}
+    for reading in summary["readings"]:
+        by_verdict.setdefault(reading["agreement"]["verdict"], []).append(reading)
+    agreeing, refuted = by_verdict.get("agrees", []), by_verdict.get("cannot", [])
+    lines = [
+        f"All printed ratios lie inside the central 90 % under {_names(agreeing)}."
+        if agreeing
+        else "Under no reading do all printed ratios lie inside the central 90 %."
+    ]
+    if refuted:
+        lines.append(f"A printed ratio lies beyond every plant drawn under {_names(refuted)}.")
+    if nothing := by_verdict.get("no plant"):
+        lines.append(f"No plant keeps all three laws ok under {_names(nothing)}.")
+    return [*lines, _best(summary)]
+
+
+def _best(summary: Mapping[str, Any]) -> str:
+    def share(reading: Mapping[str, Any]) -> float:
+        found = reading["share_c1_lt_c2_lt_c3"]["all_ok"]["mae_and_rmse"]["both"]["share"]
+        return -1.0 if found is None else float(found)
+
+    best = max(summary["readings"], key=share)
+    found = best["share_c1_lt_c2_lt_c3"]["all_ok"]["mae_and_rmse"]["both"]
+    if found["share"] is None:
+        return ""
+    return (
+        f"The printed order in MAE and RMSE on both joints is most frequent under {best['name']}: "
+        f"{_share(found)}."
+    )
+
+
+def _names(readings: Sequence[Mapping[str, Any]]) -> str:
+    return ", ".join(reading["name"] for reading in readings)

@@ -1,0 +1,242 @@
+"""Figures of an ensemble: ratios, shares and statuses under each reading."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from tendonrepro.ensemble_shares import RATIO_NAMES, RATIOS
+from tendonrepro.figure_style import PAGE_MM, SERIES, journal_style
+from tendonrepro.files import atomic_path
+from tendonrepro.summary import CONTROLLERS
+
+_MM_PER_INCH = 25.4
+_ROW_MM = 4.2
+_FRAME_MM = 26.0
+
+# Readable without colour: from white to black, with the status to look at, ok, the palest.
+_STATUS_COLOURS = {"ok": "#D5E3F0", "ringing": "#CC8800", "diverged": "#B5405A", "unresolved": "#444444"}
+_SHARES = {"share_c1_lt_c2_lt_c3": "C1 < C2 < C3", "share_c1_best": "C1 best"}
+_SETS = {"all_ok": "all three laws ok", "diverged_last": "diverged ranked last"}
+
+
+@dataclass(frozen=True)
+class EnsembleFigure:
+    """A finished figure.
+
+    Attributes
+    ----------
+    stem : str
+        Name of its files.
+    figure : Figure
+    axes : tuple of Axes
+        Panels from left to right.
+    caption : str
+    """
+
+    stem: str
+    figure: Figure
+    axes: tuple[Axes, ...]
+    caption: str
+
+
+def draw_ensemble_figures(summary: Mapping[str, Any], folder: Path) -> list[Path]:
+    """Draw and save the figures of every population.
+
+    Parameters
+    ----------
+    summary : mapping
+        Of the whole ensemble; see `tendonrepro.ensemble.finish`.
+    folder : Path
+        Made when missing.
+
+    Returns
+    -------
+    list of Path
+        ``ratios_<population>``, ``shares_<population>``, ``statuses_<population>``, each as pdf, svg and png.
+    """
+    paths = []
+    for name, held in summary["populations"].items():
+        for draw in (draw_ratios, draw_shares, draw_statuses):
+            paths += _save(draw(name, held), folder)
+    return paths
+
+
+def draw_ratios(population: str, summary: Mapping[str, Any]) -> EnsembleFigure:
+    """Ratios of MAE under each reading, against the printed ratio and that of slowly changing errors.
+
+    Parameters
+    ----------
+    population : str
+    summary : mapping
+        From `tendonrepro.ensemble_table.population_summary`.
+    """
+    panels = [(key, joint) for key in RATIOS for joint in summary["joints"]]
+    titles = [f"{RATIO_NAMES[key]}, joint {joint}" for key, joint in panels]
+
+    def draw(axes: Sequence[Axes]) -> None:
+        for panel, (key, joint) in zip(axes, panels, strict=True):
+            _draw_ratio(panel, summary["readings"], key, f"joint_{joint}")
+            panel.set_xlabel("ratio of MAE")
+
+    caption = (
+        f"Ratio of the mean absolute errors on plants of the population {population} on which all three laws "
+        "are ok, under each reading: median, central 50 % (thick) and 90 % (thin). Dashed: as printed. "
+        "Cross: what errors that change slowly would give."
+    )
+    return _figure(f"ratios_{population}", titles, summary["readings"], draw, caption)
+
+
+def _draw_ratio(panel: Axes, readings: Sequence[Mapping[str, Any]], key: str, joint: str) -> None:
+    stroke, printed = SERIES[0], float("nan")
+    for row, reading in enumerate(readings):
+        ratio = reading[key]["all_ok"]["mae"][joint]
+        printed = ratio["printed"]
+        if ratio["plants"] == 0:
+            continue
+        q05, q25, median, q75, q95 = (ratio[name]["value"] for name in ("q05", "q25", "median", "q75", "q95"))
+        panel.plot([q05, q95], [row, row], color=stroke.colour, linewidth=0.7)
+        panel.plot([q25, q75], [row, row], color=stroke.colour, linewidth=2.6)
+        panel.plot(median, row, "o", color="white", markeredgecolor=stroke.colour, markersize=3.2)
+        if key == "ratio_c1_c2":
+            panel.plot(reading["theory"][joint], row, "x", color="black", markersize=3.5, markeredgewidth=0.8)
+    if np.isfinite(printed):
+        panel.axvline(printed, color=SERIES[1].colour, linestyle=SERIES[1].linestyle, zorder=0.5)
+    panel.axvline(1.0, color="#999999", linewidth=0.4, zorder=0.4)
+    if any(reading[key]["all_ok"]["mae"][joint]["plants"] for reading in readings):
+        panel.set_xscale("log")
+        _plain_log_ticks(panel)
+
+
+def _plain_log_ticks(panel: Axes) -> None:
+    """Label ratios as people write them, and no more of them than fit."""
+    low, high = panel.get_xlim()
+    low, high = min(low, 0.95), max(high, 1.05)
+    panel.set_xlim(low / 1.02, high * 1.02)
+    choices = [
+        (0.9, 1.0, 1.1), (0.8, 1.0, 1.2), (0.7, 1.0, 1.4), (0.5, 1.0, 2.0), (0.2, 1.0, 5.0), (0.1, 1.0, 10.0),
+        (0.01, 1.0, 100.0),
+    ]  # fmt: skip
+    fitting = [ticks for ticks in choices if ticks[0] >= low / 1.02 or ticks[-1] <= high * 1.02]
+    ticks = [tick for tick in (fitting or choices[:1])[-1] if low / 1.02 <= tick <= high * 1.02]
+    panel.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+    panel.set_xticks([], minor=True)
+
+
+def draw_shares(population: str, summary: Mapping[str, Any]) -> EnsembleFigure:
+    """Shares of the box on which the printed ranking holds, under each reading, with intervals.
+
+    Parameters
+    ----------
+    population : str
+    summary : mapping
+        From `tendonrepro.ensemble_table.population_summary`.
+    """
+
+    def draw(axes: Sequence[Axes]) -> None:
+        for panel, key in zip(axes, _SHARES, strict=True):
+            for place, plants in enumerate(_SETS):
+                shares = [reading[key][plants]["mae"]["both"] for reading in summary["readings"]]
+                _draw_intervals(panel, shares, place)
+            panel.set_xlim(-1.0, 101.0)
+            panel.set_xlabel("share of the box (%)")
+        axes[0].figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
+
+    caption = (
+        f"Share of the population {population} on which the ranking holds in MAE on both joints, under each "
+        "reading, with 95 % intervals from the scramblings: over plants on which all three laws are ok, and "
+        "over all plants with a diverged law ranked last."
+    )
+    return _figure(f"shares_{population}", list(_SHARES.values()), summary["readings"], draw, caption)
+
+
+def _draw_intervals(panel: Axes, shares: Sequence[Mapping[str, Any]], place: int) -> None:
+    rows = np.array([row for row, share in enumerate(shares) if share["share"] is not None])
+    values, low, high = (
+        100.0 * np.array([share[key] for share in shares if share["share"] is not None])
+        for key in ("share", "low", "high")
+    )
+    panel.errorbar(
+        values,
+        rows + (0.18 if place else -0.18),
+        xerr=np.array([values - low, high - values]),
+        fmt="os"[place],
+        markersize=3.0,
+        linewidth=0.9,
+        color=SERIES[place].colour,
+        markerfacecolor="white" if place else SERIES[place].colour,
+        label=list(_SETS.values())[place],
+    )
+
+
+def draw_statuses(population: str, summary: Mapping[str, Any]) -> EnsembleFigure:
+    """How the three laws end on the plants of the box, under each reading.
+
+    Parameters
+    ----------
+    population : str
+    summary : mapping
+        From `tendonrepro.ensemble_table.population_summary`.
+    """
+
+    def draw(axes: Sequence[Axes]) -> None:
+        for panel, run in zip(axes, CONTROLLERS, strict=True):
+            left = np.zeros(len(summary["readings"]))
+            for status, colour in _STATUS_COLOURS.items():
+                share = np.array([reading["status"][run][status]["share"] for reading in summary["readings"]])
+                panel.barh(np.arange(len(left)), 100.0 * share, 0.78, left=left, color=colour, label=status)
+                left += 100.0 * share
+            panel.set_xlim(0.0, 100.0)
+            panel.set_xlabel("share of the box (%)")
+        axes[0].figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
+
+    titles = [f"Controller {place}" for place, _ in enumerate(CONTROLLERS, start=1)]
+    caption = (
+        f"Share of the population {population} on which each law ends in each status, under each reading."
+    )
+    return _figure(f"statuses_{population}", titles, summary["readings"], draw, caption)
+
+
+def _figure(
+    stem: str,
+    titles: Sequence[str],
+    readings: Sequence[Mapping[str, Any]],
+    draw: Callable[[Sequence[Axes]], None],
+    caption: str,
+) -> EnsembleFigure:
+    """Panels side by side, one row per reading, the first reading on top."""
+    with journal_style():
+        height = _FRAME_MM + _ROW_MM * len(readings)
+        figure = Figure(figsize=(PAGE_MM / _MM_PER_INCH, height / _MM_PER_INCH), layout="constrained")
+        FigureCanvasAgg(figure)
+        axes = figure.subplots(1, len(titles), sharey=True, squeeze=False)[0]
+        for panel, title in zip(axes, titles, strict=True):
+            panel.set_title(title)
+            panel.tick_params(axis="y", length=0.0)
+            panel.grid(axis="y", color="#EEEEEE", linewidth=0.4)
+            panel.set_axisbelow(True)
+        draw(axes)
+        axes[0].set_ylim(len(readings) - 0.4, -0.6)
+        axes[0].set_yticks(range(len(readings)), [reading["name"] for reading in readings], fontsize=6)
+        return EnsembleFigure(stem, figure, tuple(axes), caption)
+
+
+def _save(drawn: EnsembleFigure, folder: Path) -> list[Path]:
+    metadata: dict[str, dict[str, Any]] = {
+        "pdf": {"Title": drawn.stem, "Subject": drawn.caption, "CreationDate": None},
+        "svg": {"Title": drawn.stem, "Description": drawn.caption, "Date": None},
+        "png": {"Title": drawn.stem, "Description": drawn.caption},
+    }
+    paths = [folder / f"{drawn.stem}.{suffix}" for suffix in metadata]
+    with journal_style():
+        for path, (suffix, entries) in zip(paths, metadata.items(), strict=True):
+            with atomic_path(path) as temporary:
+                drawn.figure.savefig(temporary, format=suffix, metadata=entries)
+    return paths

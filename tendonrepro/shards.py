@@ -1,0 +1,278 @@
+"""Shards: one block of an ensemble in one HDF5 file, written whole or not at all and checked when read."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonrepro.arrays import Array
+from tendonrepro.errors import DataMissingError
+
+SCHEMA_VERSION = 1
+
+FOLDER = "shards"
+"""Name of the folder of shards in a folder of results."""
+
+Single = NDArray[np.float32]
+Case = tuple[str, str]
+"""Run and what it was run under, such as ``("controller_1", "weights=extrapolating")``."""
+
+_CHUNK_BYTES = 2**16
+
+_FILE_NAME = re.compile(r"^\w+-r\d+-d\d+-n\d+\.h5$")
+_ARRAYS = ("draws", "status", "status_time", "steps")
+
+
+@dataclass(frozen=True, order=True)
+class Block:
+    """Consecutive draws of one scrambling: the unit of work, of storage and of resuming.
+
+    Attributes
+    ----------
+    population : str
+        ``box`` or ``firm``.
+    replicate : int
+        Number of the scrambling.
+    first, count : int
+        Its draws within the scrambling.
+    """
+
+    population: str
+    replicate: int
+    first: int
+    count: int
+
+    @property
+    def file_name(self) -> str:
+        """Name of its shard; blocks of different sizes never share one."""
+        return f"{self.population}-r{self.replicate:03d}-d{self.first:08d}-n{self.count}.h5"
+
+
+@dataclass(frozen=True, eq=False)
+class Shard:
+    """Everything kept of one block; B draws of P numbers, C cases, n joints.
+
+    Attributes
+    ----------
+    block : Block
+    identity : str
+        Digest that all shards of one ensemble share; see `tendonrepro.ensemble_plan.Study`.
+    names : tuple of str
+        Of the P numbers drawn.
+    cases : tuple of Case
+    draws : array (B, P)
+    status : int8 array (C, B)
+    status_time : float32 array (C, B)
+        s.
+    steps : int16 array (C, B)
+        Integrator steps per sample.
+    statistics : mapping
+        Name -> float32 array (C, B, n), SI units.
+    check : mapping
+        What the spot check found; empty where there was none.
+    provenance : mapping
+        Texts and numbers for a reader: versions, processor, seed, digest of the configuration.
+    seconds : float
+        Time the block took; no part of the digest.
+    """
+
+    block: Block
+    identity: str
+    names: tuple[str, ...]
+    cases: tuple[Case, ...]
+    draws: Array
+    status: NDArray[np.int8]
+    status_time: Single
+    steps: NDArray[np.int16]
+    statistics: Mapping[str, Single]
+    check: Mapping[str, float | int | str] = field(default_factory=dict)
+    provenance: Mapping[str, str | int] = field(default_factory=dict)
+    seconds: float = 0.0
+
+    def digest(self) -> str:
+        """SHA-256 of the results, without the times and the machine they were made with."""
+        head = [vars(self.block), self.identity, self.names, self.cases, dict(self.check)]
+        found = hashlib.sha256(json.dumps(head, sort_keys=True).encode())
+        arrays = {name: getattr(self, name) for name in _ARRAYS} | dict(self.statistics)
+        for name in sorted(arrays):
+            found.update(f"{name} {arrays[name].dtype.str} {arrays[name].shape}".encode())
+            found.update(np.ascontiguousarray(arrays[name]).tobytes())
+        return found.hexdigest()
+
+
+def shard_image(shard: Shard) -> bytes:
+    """Bytes of a shard's file.
+
+    The file is built in memory, because the HDF5 library does not survive a disk that fills up under it.
+
+    Parameters
+    ----------
+    shard : Shard
+
+    Returns
+    -------
+    bytes
+    """
+    with h5py.File(
+        "shard.h5", "w", driver="core", backing_store=False, block_size=2**20, libver=("earliest", "v110")
+    ) as root:
+        root.attrs["schema_version"] = np.int32(SCHEMA_VERSION)
+        root.attrs["identity"] = shard.identity
+        root.attrs["digest"] = shard.digest()
+        root.attrs["seconds"] = shard.seconds
+        texts = {"names": shard.names, "cases": shard.cases, "check": dict(shard.check)}
+        for name, value in texts.items():
+            root.attrs[name] = json.dumps(value)
+        for name, entry in (vars(shard.block) | dict(shard.provenance)).items():
+            root.attrs[name] = entry
+        for name in _ARRAYS:
+            _put(root, name, getattr(shard, name))
+        for name, values in shard.statistics.items():
+            _put(root, f"statistics/{name}", values)
+        root.flush()
+        return bytes(root.id.get_file_image())
+
+
+def _put(root: h5py.File, name: str, values: NDArray[Any]) -> None:
+    """Store an array; a chunk holds whole cases, since those are what a reader asks for."""
+    if values.size == 0:
+        root.create_dataset(name, data=values)
+        return
+    rows = max(_CHUNK_BYTES // values[0].nbytes, 1)
+    chunks = (min(rows, len(values)), *values.shape[1:])
+    root.create_dataset(
+        name,
+        data=values,
+        chunks=chunks,
+        compression="gzip",
+        compression_opts=4,
+        shuffle=True,
+        fletcher32=True,
+    )
+
+
+def read_shard(path: Path) -> Shard:
+    """Read a whole shard and check it against its digest.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    Shard
+
+    Raises
+    ------
+    DataMissingError
+        When it is missing, truncated, damaged, of another layout, or not a shard.
+    """
+    with opened(path) as root:
+        attributes = dict(root.attrs)
+        if attributes.get("schema_version") != SCHEMA_VERSION:
+            message = f"is not a shard of layout {SCHEMA_VERSION}"
+            raise DataMissingError(message, where=str(path))
+        shard = Shard(
+            block=Block(
+                attributes["population"], *(int(attributes[key]) for key in ("replicate", "first", "count"))
+            ),
+            identity=attributes["identity"],
+            names=tuple(json.loads(attributes["names"])),
+            cases=tuple((run, name) for run, name in json.loads(attributes["cases"])),
+            check=json.loads(attributes["check"]),
+            statistics={name: values[()] for name, values in root["statistics"].items()},
+            seconds=float(attributes["seconds"]),
+            **{name: root[name][()] for name in _ARRAYS},
+        )
+        if shard.digest() != attributes["digest"]:
+            message = "does not match its own digest"
+            raise DataMissingError(message, where=str(path))
+    return shard
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[h5py.File]:
+    """Open a shard to read parts of it.
+
+    Parameters
+    ----------
+    path : Path
+
+    Yields
+    ------
+    h5py.File
+
+    Raises
+    ------
+    DataMissingError
+        When it, or what is read while it is open, is missing or damaged.
+    """
+    try:
+        with h5py.File(path, "r") as root:
+            yield root
+    except FileNotFoundError as error:
+        message = "there is no such shard"
+        raise DataMissingError(message, where=str(path), hint=_HINT) from error
+    # The HDF5 library reports damage in as many ways as there are places for it.
+    except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:
+        message = "is damaged or not a shard"
+        raise DataMissingError(message, where=str(path), hint=_HINT) from error
+
+
+_HINT = "run tendonrepro ensemble again: it makes what is missing and keeps the rest"
+
+
+def shard_files(folder: Path) -> list[Path]:
+    """Files that bear the name of a shard, in canonical order.
+
+    Parameters
+    ----------
+    folder : Path
+        Of shards; may be missing.
+
+    Returns
+    -------
+    list of Path
+    """
+    return sorted(path for path in folder.glob("*.h5") if _FILE_NAME.match(path.name))
+
+
+def identity_of(path: Path) -> str | None:
+    """Identity that a shard claims; None when it cannot be read.
+
+    Parameters
+    ----------
+    path : Path
+    """
+    try:
+        with opened(path) as root:
+            return str(root.attrs["identity"])
+    except DataMissingError:
+        return None
+
+
+def read_check(path: Path) -> dict[str, float | int | str]:
+    """What the spot check of a shard found; empty where there was none.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    DataMissingError
+        When the shard cannot be read.
+    """
+    with opened(path) as root:
+        check: dict[str, float | int | str] = json.loads(root.attrs["check"])
+    return check

@@ -1,0 +1,93 @@
+"""A stand-in for the batch stepper: numbers that depend on everything in a loop and cost next to nothing."""
+
+from __future__ import annotations
+
+import time
+import zlib
+from collections.abc import Iterator, Sequence
+from dataclasses import fields, is_dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tendonrepro.batch import STATISTICS, STATUSES, Batch
+from tendonrepro.ensemble import load_study
+from tendonrepro.ensemble_plan import Study
+from tendonrepro.simulate import Loop
+from tendonrepro.talk import Talk
+
+SHARES = {"ok": 0.8, "ringing": 0.08, "diverged": 0.08, "unresolved": 0.04}
+
+
+def fake_batch(loops: Sequence[Loop], limits: Any) -> Batch:
+    """Pseudo-statistics of each loop alone."""
+    del limits
+    found = [_fake(loop) for loop in loops]
+    return Batch(
+        statistics={
+            name: np.array([numbers[place] for _, numbers in found]) for place, name in enumerate(STATISTICS)
+        },
+        status=np.array([status for status, _ in found], np.int8),
+        status_time=np.array([loop.reference.time[-1] for loop in loops]),
+        steps=np.full(len(loops), 2),
+    )
+
+
+def _fake(loop: Loop) -> tuple[int, np.ndarray]:
+    rng = np.random.default_rng(fingerprint(loop))
+    status = int(rng.choice(len(STATUSES), p=list(SHARES.values())))
+    return status, rng.uniform(1.0, 2.0, (len(STATISTICS), loop.reference.q_d.shape[1]))
+
+
+def fingerprint(loop: Loop) -> int:
+    """Checksum of every number of a loop, the long reference by its corners."""
+    light = replace(loop, reference=loop.reference.q_d[::500], solver=loop.solver.rtol)  # type: ignore[arg-type]
+    digest = 0
+    for leaf in _leaves(light):
+        digest = zlib.crc32(leaf, digest)
+    return digest
+
+
+def _leaves(value: Any) -> Iterator[bytes]:
+    if is_dataclass(value):
+        value = [getattr(value, field.name) for field in fields(value)]
+    if isinstance(value, (tuple, list)):
+        for item in value:
+            yield from _leaves(item)
+    elif not callable(value):
+        yield np.asarray(value).tobytes() if not isinstance(value, str) else value.encode()
+
+
+@cache
+def small_study() -> Study:
+    """The shipped study with few readings, one population and small blocks."""
+    study = load_study(None, (), None, "default")
+    return replace(
+        study,
+        boxes={"box": study.boxes["box"]},
+        shares={"box": 1.0},
+        readings=study.readings[:3],
+        variations=study.variations[:1],
+        block_draws=4,
+        check_every=0,
+    )
+
+
+DRAWS = 64
+"""The fewest that the small study takes: 16 blocks."""
+
+
+def slow_batch(loops: Sequence[Loop], limits: Any) -> Batch:
+    """The same, slow enough for something to happen meanwhile."""
+    time.sleep(0.3)
+    return fake_batch(loops, limits)
+
+
+def run_small(folder: Path, jobs: int) -> None:
+    """Body of a process that may be killed: figures left out, for they are no part of what is resumed."""
+    from tendonrepro import ensemble
+
+    ensemble.draw_ensemble_figures = lambda *_: []
+    ensemble.run_study(small_study(), DRAWS, folder, jobs=jobs, talk=Talk(quiet=True), simulate=fake_batch)

@@ -1,0 +1,144 @@
+"""Shards: what is written comes back, and whatever is not whole is found out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from tendonrepro.errors import DataMissingError
+from tendonrepro.shards import Block, Shard, identity_of, read_check, read_shard, shard_files, shard_image
+
+
+def shard(**changes: object) -> Shard:
+    rng = np.random.default_rng(1)
+    cases, draws, joints = 3, 4, 2
+    made = Shard(
+        block=Block("box", 2, 8, draws),
+        identity="abc",
+        names=("mass", "length"),
+        cases=(("controller_1", "printed"), ("controller_2", "printed"), ("controller_1", "weights=x")),
+        draws=rng.random((draws, 2)),
+        status=rng.integers(0, 4, (cases, draws)).astype(np.int8),
+        status_time=rng.random((cases, draws)).astype(np.float32),
+        steps=np.full((cases, draws), 2, np.int16),
+        statistics={name: rng.random((cases, draws, joints)).astype(np.float32) for name in ("mae", "rmse")},
+        check={"run": "controller_1", "ideal": 1e-12},
+        provenance={"cpu": "any", "seed": 3},
+        seconds=1.5,
+    )
+    return replace(made, **changes)  # type: ignore[arg-type]
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    made = shard()
+    path = tmp_path / made.block.file_name
+    path.write_bytes(shard_image(made))
+    return path
+
+
+def test_what_is_written_comes_back(path: Path) -> None:
+    made, found = shard(), read_shard(path)
+    assert found.block == made.block
+    assert (found.names, found.cases, found.identity, found.seconds) == (
+        made.names,
+        made.cases,
+        made.identity,
+        made.seconds,
+    )
+    for name in ("draws", "status", "status_time", "steps"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(made, name))
+        assert getattr(found, name).dtype == getattr(made, name).dtype
+    for name, values in made.statistics.items():
+        np.testing.assert_array_equal(found.statistics[name], values)
+        assert found.statistics[name].dtype == np.float32
+    assert read_check(path) == made.check
+    assert identity_of(path) == "abc"
+
+
+def test_missing_values_come_back(tmp_path: Path) -> None:
+    values = np.full((3, 4, 2), np.nan, np.float32)
+    path = tmp_path / "s.h5"
+    path.write_bytes(shard_image(shard(statistics={"mae_late": values})))
+    assert np.isnan(read_shard(path).statistics["mae_late"]).all()
+
+
+def test_equal_contents_give_equal_bytes() -> None:
+    assert shard_image(shard()) == shard_image(shard())
+
+
+def test_the_digest_leaves_out_only_time_and_machine() -> None:
+    base = shard().digest()
+    assert shard(seconds=9.0, provenance={"cpu": "other"}).digest() == base
+    status = shard().status.copy()
+    status[0, 0] = (status[0, 0] + 1) % 4
+    others = [
+        shard(status=status),
+        shard(identity="other"),
+        shard(block=Block("box", 2, 12, 4)),
+        shard(check={}),
+        shard(statistics={"mae": shard().statistics["mae"]}),
+    ]
+    assert len({base, *(other.digest() for other in others)}) == 6
+
+
+@pytest.mark.parametrize("kept", [0.0, 0.3, 0.9, 0.999])
+def test_a_truncated_shard_is_refused(path: Path, kept: float) -> None:
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(kept * len(whole))])
+    with pytest.raises(DataMissingError):
+        read_shard(path)
+
+
+def test_a_flipped_bit_is_refused(path: Path) -> None:
+    whole = path.read_bytes()
+    with h5py.File(path) as root:
+        place = root["statistics/mae"].id.get_chunk_info(0).byte_offset
+    path.write_bytes(whole[: place + 5] + bytes([whole[place + 5] ^ 4]) + whole[place + 6 :])
+    with pytest.raises(DataMissingError):
+        read_shard(path)
+
+
+def test_changed_values_are_refused(path: Path) -> None:
+    with h5py.File(path, "r+") as root:
+        root["status"][0, 0] = 3 - root["status"][0, 0]
+    with pytest.raises(DataMissingError, match="its own digest"):
+        read_shard(path)
+
+
+def test_a_lost_array_is_refused(path: Path) -> None:
+    with h5py.File(path, "r+") as root:
+        del root["steps"]
+    with pytest.raises(DataMissingError, match="damaged"):
+        read_shard(path)
+
+
+def test_another_layout_is_refused(path: Path) -> None:
+    with h5py.File(path, "r+") as root:
+        root.attrs["schema_version"] = 99
+    with pytest.raises(DataMissingError, match="layout"):
+        read_shard(path)
+
+
+def test_a_missing_shard_and_a_foreign_file_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(DataMissingError, match="no such shard"):
+        read_shard(tmp_path / "none.h5")
+    text = tmp_path / "text.h5"
+    text.write_text("not HDF5")
+    with pytest.raises(DataMissingError, match="damaged or not a shard"):
+        read_shard(text)
+    assert identity_of(text) is None
+
+
+def test_files_are_listed_in_canonical_order(tmp_path: Path) -> None:
+    blocks = [Block("firm", 0, 0, 4), Block("box", 1, 0, 4), Block("box", 0, 4, 4), Block("box", 0, 0, 4)]
+    for block in blocks:
+        (tmp_path / block.file_name).touch()
+    (tmp_path / ".box-r000-d00000000-n4.1-ab.h5").touch()
+    (tmp_path / "other.h5").touch()
+    assert [path.name for path in shard_files(tmp_path)] == [block.file_name for block in sorted(blocks)]
+    assert shard_files(tmp_path / "none") == []
