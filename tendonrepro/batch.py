@@ -116,8 +116,7 @@ def simulate_batch(
         bundle, first = {place: loops[place] for place in places}, places[0]
         steps, block = int(results.steps[first]), results.block(loops[first].L)
         ended = run_bundle(bundle, samples[first], plants[first], steps, block, record=record)
-        for place, one in ended.items():
-            results.keep(place, loops[place], one)
+        results.keep(bundle, ended)
         return len(places)
 
     with ThreadPoolExecutor(threads) as pool:
@@ -203,18 +202,20 @@ class _Results:
         """Samples over which errors are summed up for the spectrum."""
         return _block(L, self.limits.ringing_frequency.si)
 
-    def keep(self, place: int, loop: Loop, ended: Ended) -> None:
-        """Keep what one experiment left behind."""
-        period = round(loop.reference.period / loop.L) or loop.reference.time.size
-        fast = _fast_share(ended, loop.L, self.limits.ringing_frequency.si)
-        for name, values in streaming.finished(ended.sums, ended.count, period, fast).items():
-            self.statistics[name][place] = values
-        ringing = bool((fast > self.limits.ringing_share.si).any())
-        status = "diverged" if ended.diverged else "ringing" if ringing else "ok"
-        self.status[place] = STATUSES.index(status)
-        self.status_time[place] = loop.reference.time[ended.count - 1]
-        if self.traces is not None:
-            self.traces[place] = _trace(loop, ended)
+    def keep(self, loops: Mapping[int, Loop], ended: Ended) -> None:
+        """Keep what the experiments of a bundle, by place, left behind."""
+        places, lanes = list(loops), [*loops.values()]
+        period = [round(loop.reference.period / loop.L) or loop.reference.time.size for loop in lanes]
+        fast = _fast_shares(ended, self.block(lanes[0].L), lanes[0].L, self.limits.ringing_frequency.si)
+        for name, values in streaming.finished(ended.sums, ended.count, np.array(period), fast).items():
+            self.statistics[name][places] = values.T
+        ringing = (fast > self.limits.ringing_share.si).any(axis=0)
+        codes = [STATUSES.index(name) for name in ("diverged", "ringing", "ok")]
+        self.status[places] = np.select([ended.diverged, ringing], codes[:2], codes[2])
+        for member, (place, loop) in enumerate(loops.items()):
+            self.status_time[place] = loop.reference.time[ended.count[member] - 1]
+            if self.traces is not None:
+                self.traces[place] = _trace(loop, ended.recorded(member))
 
     def batch(self) -> Batch:
         """Everything as one value."""
@@ -226,28 +227,32 @@ def _block(L: float, ringing_frequency: float) -> int:
     return max(1, int(1.0 / (L * LINES_PER_RINGING * ringing_frequency)))
 
 
-def _fast_share(ended: Ended, L: float, frequency: float) -> Array:
-    """Share of the error's power above a frequency, (n,): all of it less the slow lines of its spectrum.
+def _fast_shares(ended: Ended, block: int, L: float, frequency: float) -> Array:
+    """Share of the error's power above a frequency, (n, M): all of it less the slow lines of its spectrum.
 
     The slow lines come from sums over blocks; what a block does to a line is divided out. A last block that
     is not full counts as filled up with zeros.
     """
-    block = _block(L, frequency)
-    blocks = ended.blocks[: -(-ended.count // block)]
-    count = block * len(blocks)
-    lines = np.arange(min(int(frequency * (1.0 + 1e-9) * count * L), len(blocks) // 2) + 1)
-    half = np.pi * np.maximum(lines, 1e-9) / count
-    response = np.sin(block * half) / (block * np.sin(half))
-    power = np.abs(np.fft.rfft(blocks, axis=0)[: lines.size] / response[:, np.newaxis]) ** 2 / count
-    power[1:] *= 2.0
+    slow = np.empty_like(ended.sums.sq_e)
+    for samples in np.unique(ended.count):
+        alike = ended.count == samples
+        blocks = ended.blocks[: -(-samples // block), :, alike]
+        count = block * len(blocks)
+        lines = np.arange(min(int(frequency * (1.0 + 1e-9) * count * L), len(blocks) // 2) + 1)
+        half = np.pi * np.maximum(lines, 1e-9) / count
+        response = np.sin(block * half) / (block * np.sin(half))
+        spectrum = np.fft.rfft(blocks, axis=0)[: lines.size] / response[:, np.newaxis, np.newaxis]
+        power = np.abs(spectrum) ** 2 / count
+        power[1:] *= 2.0
+        slow[:, alike] = power.sum(axis=0)
     total = ended.sums.sq_e
-    slow = np.divide(power.sum(axis=0), total, out=np.ones_like(total), where=total > 0.0)
-    return np.asarray(np.maximum(1.0 - slow, 0.0))
+    share = np.divide(slow, total, out=np.ones_like(total), where=total > 0.0)
+    return np.asarray(np.maximum(1.0 - share, 0.0))
 
 
-def _trace(loop: Loop, ended: Ended) -> dict[str, Array]:
+def _trace(loop: Loop, recorded: dict[str, Array]) -> dict[str, Array]:
     """Variables of a run's trace."""
-    n, recorded = loop.plant.preload.size, dict(ended.recorded)
+    n, samples = loop.plant.preload.size, len(recorded["state"])
     theta = recorded["state"][:, 2 * n : 3 * n]
     recorded["q_motor_encoder"] = motor_angles(theta, loop)
-    return {"time": loop.reference.time[: ended.count]} | trace_variables(recorded, loop)
+    return {"time": loop.reference.time[:samples]} | trace_variables(recorded, loop)

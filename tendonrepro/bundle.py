@@ -6,13 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tendonrepro import compiled, streaming
 from tendonrepro.arrays import Array
 from tendonrepro.control import Law, start_memory
 from tendonrepro.dynamics import holding_torque, rest_state
 from tendonrepro.encoder import quantise
-from tendonrepro.kernel import RECORDED, Numbers, sample_code, sample_rows, step_code, step_rows
+from tendonrepro.kernel import RECORDED, Numbers, sample_code, step_code
 from tendonrepro.lanes import LANES, Rows, stacked
 from tendonrepro.resolution import plant_modes, steps_needed
 from tendonrepro.simulate import JOINT_NOISE, TORQUE_NOISE, Loop, random_stream
@@ -53,26 +54,35 @@ class Part:
 
 @dataclass(frozen=True)
 class Ended:
-    """What one experiment left behind.
+    """What the M experiments of a bundle left behind.
 
     Attributes
     ----------
-    count : int
+    count : array (M,)
         Samples done.
-    diverged : bool
+    diverged : array (M,)
     sums : Sums
-        Each (n,).
-    blocks : array (B, n)
+        Each (n, M).
+    blocks : array (B, n, M)
         Errors summed up over blocks of samples.
-    recorded : dict of array (T, ...)
-        By the names of `RECORDED`; without rows unless asked for.
+    trace : array (T, 9 n, M)
+        Rows of `RECORDED`; without entries unless asked for.
     """
 
-    count: int
-    diverged: bool
+    count: NDArray[np.int64]
+    diverged: NDArray[np.bool_]
     sums: streaming.Sums
     blocks: Array
-    recorded: dict[str, Array]
+    trace: Array
+
+    def recorded(self, member: int) -> dict[str, Array]:
+        """Recorded signals of one experiment by the names of `RECORDED`, each (T, ...)."""
+        n, at, signals = self.blocks.shape[1], 0, {}
+        for name in RECORDED:
+            size = 4 * n if name == "state" else n
+            signals[name] = self.trace[: self.count[member], at : at + size, member]
+            at += size
+        return signals
 
 
 def plant_part(loops: Mapping[int, Loop], tolerance: float) -> tuple[Part, dict[int, int], dict[int, Array]]:
@@ -100,8 +110,8 @@ def plant_part(loops: Mapping[int, Loop], tolerance: float) -> tuple[Part, dict[
     plant = stacked([loop.plant for loop in single.values()])
     stroke = stacked([np.abs(loop.reference.q_d).max(axis=0) for loop in single.values()])
     modes, still = plant_modes(plant, stroke), np.zeros_like(plant.preload)
-    torque, rows = holding_torque(still, plant), step_rows(still.shape[0])
-    code = compiled.compiled_lanes(step_code(plant, rows), "step", 2)
+    torque, (source, rows) = holding_torque(still, plant), step_code(plant)
+    code = compiled.compiled_lanes(source, "step", 2)
     places = {place: column[name] for place, name in key.items()}
     part = Part(code, rows, {"state": rest_state(still, plant)}, places)
     steps = {L: steps_needed(modes, L, tolerance) for L in {loop.L for loop in loops.values()}}
@@ -129,8 +139,8 @@ def sample_part(loops: Mapping[int, Loop], laws: Mapping[int, Law], torque: Mapp
     """
     numbers = _numbers([*loops.values()], [laws[place] for place in loops])
     tau = np.stack([np.zeros_like(torque[k]) if loop.cold else torque[k] for k, loop in loops.items()], -1)
-    rows = sample_rows(tau.shape[0])
-    code = compiled.compiled_lanes(sample_code(numbers, rows), "sample", 1)
+    source, rows = sample_code(numbers)
+    code = compiled.compiled_lanes(source, "sample", 1)
     start = _start(tau, numbers.actuator.delay, [*loops.values()])
     return Part(code, rows, start, {place: k for k, place in enumerate(loops)})
 
@@ -188,7 +198,7 @@ def unit_noise(loop: Loop, samples: int) -> Array:
 
 def run_bundle(
     loops: Mapping[int, Loop], sample: Part, plant: Part, steps: int, block: int, *, record: bool
-) -> dict[int, Ended]:
+) -> Ended:
     """Run the experiments of one bundle.
 
     Parameters
@@ -205,8 +215,7 @@ def run_bundle(
 
     Returns
     -------
-    dict of int to Ended
-        By place.
+    Ended
     """
     # Empty lanes repeat the last experiment.
     places = list(loops)
@@ -220,22 +229,19 @@ def run_bundle(
     noise = _noise(chosen, samples)
     run = (sample.code.run, plant.code.run)
     compiled.follow(v, w, n, LANES, desired, noise, L, steps, block, slow, trace, *run)
-    values, sums = v.reshape(-1, LANES), slow.reshape(-1, n, LANES)
-    kept = trace.reshape(trace.shape[0], 9 * n, LANES)
-    return {
-        place: _ended(values[:, k], sample.rows, n, sums[..., k], kept[..., k])
-        for k, place in enumerate(loops)
-    }
+    return _ended(v.reshape(-1, LANES)[:, : len(loops)], sample.rows, slow, trace)
 
 
 def _desired(loops: Sequence[Loop]) -> Array:
     """Reference of every lane, (T, 3 n LANES); at rest after its own end."""
     samples, n = max(loop.reference.time.size for loop in loops), loops[0].plant.preload.size
     desired = np.zeros((samples, 3, n, LANES))
-    for lane, loop in enumerate(loops):
-        reference, end = loop.reference, loop.reference.time.size
-        for k, values in enumerate((reference.q_d, reference.dq_d, reference.ddq_d)):
-            desired[:end, k, :, lane] = values
+    for first, loop in enumerate(loops):
+        reference = loop.reference
+        lanes = [lane for lane, other in enumerate(loops) if other.reference is reference]
+        if lanes[0] == first:
+            for k, values in enumerate((reference.q_d, reference.dq_d, reference.ddq_d)):
+                desired[: reference.time.size, k, :, lanes] = values[np.newaxis]
     return desired.reshape(samples, -1)
 
 
@@ -247,15 +253,15 @@ def _noise(loops: Sequence[Loop], samples: int) -> Array:
     return np.stack([unit_noise(loop, samples) for loop in loops], axis=-1).reshape(samples, -1)
 
 
-def _ended(values: Array, rows: Rows, n: int, slow: Array, trace: Array) -> Ended:
-    def row(name: str) -> int:
-        return int(values[rows.named[name]])
-
-    first, fields = rows.named["sums"], len(streaming.Sums._fields)
-    sums = values[first : first + fields * n].reshape(fields, n)
-    recorded, at = {}, 0
-    for name in RECORDED:
-        size = 4 * n if name == "state" else n
-        recorded[name] = trace[: row("count"), at : at + size]
-        at += size
-    return Ended(row("count"), row("diverged") > 0, streaming.Sums(*sums), slow, recorded)
+def _ended(values: Array, rows: Rows, slow: Array, trace: Array) -> Ended:
+    """Read what is left in the rows (R, M) after a run."""
+    members, fields = values.shape[1], len(streaming.Sums._fields)
+    n = slow.shape[1] // LANES
+    sums = values[rows.named["sums"] :][: fields * n].reshape(fields, n, members)
+    return Ended(
+        count=values[rows.named["count"]].astype(np.int64),
+        diverged=values[rows.named["diverged"]] > 0.0,
+        sums=streaming.Sums(*sums),
+        blocks=slow.reshape(-1, n, LANES)[..., :members],
+        trace=trace.reshape(trace.shape[0], 9 * n, LANES)[..., :members],
+    )

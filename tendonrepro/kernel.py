@@ -17,7 +17,7 @@ from tendonrepro.control import Law, Memory
 from tendonrepro.controllers import Measurement, TimeDelayController
 from tendonrepro.dynamics import Plant, state_derivative
 from tendonrepro.encoder import Encoder, quantise
-from tendonrepro.lanes import LaneTape, Rows, lane_code
+from tendonrepro.lanes import LaneTape, Rows, lane_code, remembered
 from tendonrepro.simulate import LARGEST_TORQUE
 
 AT_LIMIT = 1.0 - 1e-12
@@ -54,7 +54,7 @@ class Numbers(NamedTuple):
     samples: Array
 
 
-def step_rows(n: int) -> Rows:
+def _step_rows(n: int) -> Rows:
     """Rows that the loop shares with the plant's code, for n joints."""
     rows = Rows()
     for name, size in (("state", 4 * n), ("tau_applied", n), ("ddq", n)):
@@ -62,7 +62,7 @@ def step_rows(n: int) -> Rows:
     return rows
 
 
-def sample_rows(n: int) -> Rows:
+def _sample_rows(n: int) -> Rows:
     """Rows that the loop shares with the sample's code, for n joints."""
     rows = Rows()
     for name in RECORDED:
@@ -75,7 +75,8 @@ def sample_rows(n: int) -> Rows:
     return rows
 
 
-def step_code(plant: Plant, rows: Rows) -> str:
+@remembered
+def step_code(plant: Plant) -> tuple[str, Rows]:
     """Source of ``step(w, t, h)``: one Runge-Kutta step of the plants, torque held.
 
     Row ``ddq`` receives the joint acceleration at the start of the step.
@@ -84,14 +85,14 @@ def step_code(plant: Plant, rows: Rows) -> str:
     ----------
     plant : Plant
         Stacked over experiments.
-    rows : Rows
-        Of :func:`step_rows`.
 
     Returns
     -------
-    str
+    source : str
+    rows : Rows
     """
     tape, n = LaneTape(), plant.preload.shape[0]
+    rows = _step_rows(n)
     state, tau = rows.variables(tape, "state", 4 * n), rows.variables(tape, "tau_applied", n)
     symbolic = rows.parameters(tape, "plant", plant)
 
@@ -101,7 +102,7 @@ def step_code(plant: Plant, rows: Rows) -> str:
     after, slope = runge_kutta(derivative, tape.write("t", ()), state, tape.write("h", ()))
     results = dict(zip(rows.known("state", 4 * n), after, strict=True))
     results |= dict(zip(rows.known("ddq", n), slope[n : 2 * n], strict=True))
-    return lane_code("step", "t, h", tape, results, rows)
+    return lane_code("step", "t, h", tape, results, rows), rows
 
 
 def runge_kutta(
@@ -133,20 +134,21 @@ def runge_kutta(
     return state + h * (1.0 / 6.0) * (k1 + 2.0 * (k2 + k3) + k4), k1
 
 
-def sample_code(numbers: Numbers, rows: Rows) -> str:
+@remembered
+def sample_code(numbers: Numbers) -> tuple[str, Rows]:
     """Source of ``sample(w, k)``: encoders, law, motors, memory and statistics at sample k.
 
     Parameters
     ----------
     numbers : Numbers
-    rows : Rows
-        Of :func:`sample_rows`.
 
     Returns
     -------
-    str
+    source : str
+    rows : Rows
     """
     tape, n = LaneTape(), numbers.S.shape[0]
+    rows = _sample_rows(n)
     results: dict[int, Any] = {}
 
     def read(name: str, size: int) -> Array:
@@ -201,7 +203,7 @@ def sample_code(numbers: Numbers, rows: Rows) -> str:
     write("H_hat", H_hat)
     write("s", s)
     write("tau_applied", tau_m + x.S_inv.T @ (x.actuator.noise * read("noise_tau", n)))
-    return lane_code("sample", "k", tape, results, rows)
+    return lane_code("sample", "k", tape, results, rows), rows
 
 
 def _memory_parts(n: int) -> tuple[tuple[slice, tuple[int, ...]], ...]:

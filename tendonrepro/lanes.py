@@ -8,9 +8,10 @@ library is called in it, and what depends on parameters alone is worked out once
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import wraps
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -145,13 +146,67 @@ class Rows:
         cells = np.empty(leaf.shape[:-1], dtype=object)
         for index in np.ndindex(cells.shape):
             values = leaf[index]
-            if (values == 0.0).all() or (values == 1.0).all():
-                cells[index] = float(values[0])
+            if (plain := _plain(values)) is not None:
+                cells[index] = plain
                 continue
             (row,) = self.known(f"{name}{list(index)}", 1)
             self.constants[row] = values
             cells[index] = tape.row(row, parameter=True)
         return cells if cells.shape else cells[()]
+
+    def holding(self, record: Any) -> Rows:
+        """Return the same rows for another record of the same :func:`signature`."""
+        return replace(self, constants=dict(zip(self.constants, _varying(record), strict=True)))
+
+
+def _plain(values: Array) -> float | None:
+    """Zero or one where all values are, else None."""
+    first = float(values[0])
+    return first if first in (0.0, 1.0) and (values == first).all() else None
+
+
+def _leaves(record: Any) -> Iterator[Any]:
+    """Leaves of nested tuples in the order in which they become rows."""
+    if isinstance(record, tuple):
+        for part in record:
+            yield from _leaves(part)
+    else:
+        yield record
+
+
+def _varying(record: Any) -> Iterator[Array]:
+    """Numbers of a stacked record that become rows, each (N,)."""
+    for leaf in _leaves(record):
+        if not isinstance(leaf, bool | int):
+            yield from (values for values in leaf.reshape(-1, leaf.shape[-1]) if _plain(values) is None)
+
+
+def signature(record: Any) -> tuple[Any, ...]:
+    """What the code made from a stacked record depends on: its shape, and what is zero or one throughout."""
+    return tuple(
+        leaf
+        if isinstance(leaf, bool | int)
+        else (leaf.shape[:-1], *map(_plain, leaf.reshape(-1, leaf.shape[-1])))
+        for leaf in _leaves(record)
+    )
+
+
+Writer: TypeAlias = Callable[[Any], tuple[str, Rows]]
+
+
+def remembered(write: Writer) -> Writer:
+    """Write code once for all records of one :func:`signature`."""
+    known: dict[tuple[Any, ...], tuple[str, Rows]] = {}
+
+    @wraps(write)
+    def code(record: Any) -> tuple[str, Rows]:
+        key = signature(record)
+        if key not in known:
+            known[key] = write(record)
+        source, rows = known[key]
+        return source, rows.holding(record)
+
+    return code
 
 
 def _keys(record: tuple[Any, ...]) -> Iterable[str]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,8 +39,18 @@ def plant_modes(plant: Plant, stroke: Array) -> NDArray[np.complex128]:
     -------
     array (N, POSTURES, 4 n)
     """
-    modes = [_modes_at(share * stroke, plant) for share in np.linspace(0.0, 1.0, POSTURES)]
-    return np.stack(modes, axis=1)
+    along = np.linspace(0.0, 1.0, POSTURES)
+    q = np.concatenate([share * stroke for share in along], axis=-1)
+    modes = _modes_at(q, _repeated(plant, POSTURES))
+    return modes.reshape(POSTURES, stroke.shape[-1], -1).swapaxes(0, 1)
+
+
+def _repeated(record: Any, times: int) -> Any:
+    """Stacked record with its experiments several times over."""
+    if isinstance(record, tuple):
+        parts = (_repeated(part, times) for part in record)
+        return type(record)(*parts)
+    return np.concatenate([record] * times, axis=-1)
 
 
 def _modes_at(q: Array, plant: Plant) -> NDArray[np.complex128]:

@@ -8,8 +8,8 @@ import pytest
 from tendonrepro import compiled
 from tendonrepro.arrays import Array, choose
 from tendonrepro.dynamics import state_derivative
-from tendonrepro.kernel import runge_kutta, step_code, step_rows
-from tendonrepro.lanes import LANES, LaneTape, Rows, lane_code, stacked
+from tendonrepro.kernel import runge_kutta, step_code
+from tendonrepro.lanes import LANES, LaneTape, Rows, lane_code, signature, stacked
 from tests.oracles import FEATURES, random_plant, random_state
 
 
@@ -27,8 +27,8 @@ def test_a_step_on_lanes_is_that_of_the_plants_one_by_one(n: int, features: froz
     plants = [random_plant(n, seed, features).plant for seed in range(LANES)]
     rng = np.random.default_rng(8)
     state, tau = random_state(n, rng, (LANES,)), rng.normal(size=(n, LANES))
-    rows = step_rows(n)
-    code = compiled.compiled_lanes(step_code(stacked(plants), rows), "step", 2)
+    source, rows = step_code(stacked(plants))
+    code = compiled.compiled_lanes(source, "step", 2)
     w = filled(rows)
     w[: 4 * n], w[4 * n : 5 * n] = state, tau
     flat = w.reshape(-1)
@@ -102,3 +102,14 @@ def test_stacking_keeps_what_must_agree() -> None:
     record = stacked([(np.array([1.0, 2.0]), 2, False), (np.array([3.0, 4.0]), 2, False)])
     assert record[0].tolist() == [[1.0, 3.0], [2.0, 4.0]]
     assert record[1:] == (2, False)
+
+
+def test_code_is_written_once_for_plants_with_the_same_features() -> None:
+    first, second = (stacked([random_plant(2, seed).plant] * 2) for seed in (1, 2))
+    assert signature(first) == signature(second)
+    (one, rows), (other, others) = step_code(first), step_code(second)
+    assert one is other
+    row = rows.named["plant.drive.inertia[0]"]
+    assert rows.constants[row].tolist() == first.drive.inertia[0].tolist()
+    assert others.constants[row].tolist() == second.drive.inertia[0].tolist()
+    assert signature(stacked([random_plant(2, 1, frozenset()).plant] * 2)) != signature(first)
