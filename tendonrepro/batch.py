@@ -30,6 +30,9 @@ STATUSES = ("ok", "ringing", "diverged", "unresolved")
 
 STATISTICS = streaming.STATISTICS
 
+NAME = "compiled Runge-Kutta of order 4"
+"""What a manifest calls this stepper."""
+
 LINES_PER_RINGING = 32
 """The error is summed up over blocks this many times shorter than a period of the ringing frequency."""
 

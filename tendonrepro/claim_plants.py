@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.batch import STATUSES
-from tendonrepro.readings import PRINTED
 from tendonrepro.errors import DataMissingError
+from tendonrepro.readings import PRINTED
 from tendonrepro.verdicts import Mask
 
 OK, DIVERGED, UNRESOLVED = (STATUSES.index(name) for name in ("ok", "diverged", "unresolved"))
@@ -24,6 +24,10 @@ class Ensemble(Protocol):
     @property
     def joints(self) -> tuple[int, ...]:
         """The paper's joint numbers."""
+
+    @property
+    def alpha(self) -> tuple[float, ...]:
+        """Weight of the older estimate on each joint, as printed."""
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -6,11 +6,29 @@ import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from tendonrepro import __version__
+from tendonrepro.cli_options import (
+    Config,
+    Controllers,
+    DryRun,
+    Force,
+    Json,
+    Out,
+    Quiet,
+    Seed,
+    Set,
+    UserLaw,
+    Verbose,
+    detail,
+    list_files,
+    numbers,
+    show,
+)
+from tendonrepro.cli_study import study_app
 from tendonrepro.errors import TendonreproError
 
 if TYPE_CHECKING:
@@ -30,31 +48,7 @@ app = typer.Typer(
 )
 config_app = typer.Typer(help="Configurations: list, show, copy, check, schema.", invoke_without_command=True)
 app.add_typer(config_app, name="config")
-
-Config = Annotated[
-    str | None, typer.Option("--config", help="Configuration file, - for standard input, or a shipped name.")
-]
-Out = Annotated[Path | None, typer.Option("--out", help="Results folder [default: reports/<experiment>].")]
-Set = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Change a value of the configuration; repeatable."),
-]
-Seed = Annotated[int | None, typer.Option("--seed", help="Seed of all noise.")]
-DryRun = Annotated[bool, typer.Option("--dry-run", help="Check everything, run nothing.")]
-Force = Annotated[
-    bool, typer.Option("--force", help="Overwrite results of another configuration or version.")
-]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
-Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Say more on standard error.")]
-Controllers = Annotated[
-    str | None, typer.Option("--controllers", metavar="1,3", help="Run only these controllers.")
-]
-UserLaw = Annotated[
-    str | None,
-    typer.Option("--law", metavar="FILE:NAME", help="Run a law of your own beside them; FILE is executed."),
-]
-ExperimentName = Literal["compare", "decouple"]
+app.add_typer(study_app)
 
 
 def _print_version(wanted: bool) -> None:
@@ -106,6 +100,10 @@ def compare(
     seed: Seed = None,
     controllers: Controllers = None,
     law: UserLaw = None,
+    solver: Annotated[
+        Literal["scipy", "compiled"],
+        typer.Option("--solver", help="Reference, or that of ensembles."),
+    ] = "scipy",
     dry_run: DryRun = False,
     force: Force = False,
     as_json: Json = False,
@@ -115,7 +113,7 @@ def compare(
     """Controllers 1 to 3 and the payload case: traces, Figures 13 to 16, Tables 2 and 3."""
     from tendonrepro.workflow import Order
 
-    order = Order("compare", config, out, overrides or (), seed, _numbers(controllers), law, force)
+    order = Order("compare", config, out, overrides or (), seed, numbers(controllers), law, force, solver)
     return _run([order], dry_run=dry_run, as_json=as_json, quiet=quiet, verbose=verbose)
 
 
@@ -176,7 +174,7 @@ def figures(
     """Draw figures again from stored traces."""
     from tendonrepro.workflow import redraw
 
-    _list_files(redraw(out, numbers), as_json=as_json, quiet=quiet, verbose=verbose)
+    list_files(redraw(out, numbers), as_json=as_json, quiet=quiet, verbose=verbose)
 
 
 @app.command(epilog="Example: tendonrepro tables --out reports/compare")
@@ -191,7 +189,7 @@ def tables(
     """Write tables again from stored traces."""
     from tendonrepro.workflow import rewrite_tables
 
-    _list_files(rewrite_tables(out), as_json=as_json, quiet=quiet, verbose=verbose)
+    list_files(rewrite_tables(out), as_json=as_json, quiet=quiet, verbose=verbose)
 
 
 @app.command(epilog="Example: tendonrepro doctor --json")
@@ -200,8 +198,8 @@ def doctor(as_json: Json = False, quiet: Quiet = False, verbose: Verbose = False
     from tendonrepro.doctor import all_well, examine, report_text
 
     found = examine()
-    _detail(f"{len(found['checks'])} checks", quiet, verbose)
-    _print(found if as_json else report_text(found), as_json=as_json, quiet=quiet)
+    detail(f"{len(found['checks'])} checks", quiet, verbose)
+    show(found if as_json else report_text(found), as_json=as_json, quiet=quiet)
     return 0 if all_well(found) else 1
 
 
@@ -211,8 +209,8 @@ def config_list(as_json: Json = False, quiet: Quiet = False, verbose: Verbose = 
     from tendonrepro.config import shipped_folder, shipped_names
 
     names = shipped_names()
-    _detail(f"in {shipped_folder()}", quiet, verbose)
-    _print(
+    detail(f"in {shipped_folder()}", quiet, verbose)
+    show(
         {"schema_version": 1, "configs": names} if as_json else "\n".join(names), as_json=as_json, quiet=quiet
     )
 
@@ -228,11 +226,11 @@ def config_show(
     verbose: Verbose = False,
 ) -> None:
     """A configuration as it is used: complete, changes applied."""
-    from tendonrepro.config import shown
+    from tendonrepro.config_kinds import shown
 
     tree, text = shown(config, overrides or ())
-    _detail(f"{config} is valid", quiet, verbose)
-    _print(tree if as_json else text.rstrip(), as_json=as_json, quiet=quiet)
+    detail(f"{config} is valid", quiet, verbose)
+    show(tree if as_json else text.rstrip(), as_json=as_json, quiet=quiet)
 
 
 @config_app.command("init", epilog="Example: tendonrepro config init compare --out my_experiment")
@@ -246,7 +244,7 @@ def config_init(
     """Copy a shipped configuration, with its manipulator and schema, to be edited."""
     from tendonrepro.config import init_config
 
-    _list_files(init_config(name, out), as_json=as_json, quiet=quiet, verbose=verbose)
+    list_files(init_config(name, out), as_json=as_json, quiet=quiet, verbose=verbose)
 
 
 @config_app.command("check", epilog="Example: tendonrepro config check my_experiment/compare.yaml")
@@ -263,27 +261,27 @@ def config_check(
     from tendonrepro.workflow import check
 
     found = check(config, overrides or ())
-    _detail(
+    detail(
         f"sha256 {found.get('config_sha256', 'of a manipulator is that of its experiment')}", quiet, verbose
     )
-    _print(found if as_json else f"{found['config']}: valid {found['kind']}", as_json=as_json, quiet=quiet)
+    show(found if as_json else f"{found['config']}: valid {found['kind']}", as_json=as_json, quiet=quiet)
 
 
 @config_app.command("schema", epilog="Example: tendonrepro config schema > schema.json")
 def config_schema(
     kind: Annotated[
-        str | None, typer.Argument(help="compare, decouple or manipulator [default: any].")
+        str | None, typer.Argument(help="compare, decouple, ensemble or manipulator [default: any].")
     ] = None,
     as_json: Json = True,
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
     """JSON schema of configuration files, for editors."""
-    from tendonrepro.config import json_schema
+    from tendonrepro.config_kinds import json_schema
 
-    _detail(f"for {kind or 'any'} configuration", quiet, verbose)
+    detail(f"for {kind or 'any'} configuration", quiet, verbose)
     if not quiet:
-        _print(json_schema(kind), as_json=as_json, quiet=quiet)
+        show(json_schema(kind), as_json=as_json, quiet=quiet)
 
 
 def _run(orders: Sequence[Order], *, dry_run: bool, as_json: bool, quiet: bool, verbose: bool) -> int:
@@ -299,43 +297,10 @@ def _run(orders: Sequence[Order], *, dry_run: bool, as_json: bool, quiet: bool, 
         found = {order.experiment: run_experiment(order, talk) for order in orders}
     if as_json:
         alone = next(iter(found.values()))
-        _print(alone if len(found) == 1 else {"schema_version": 1, **found}, as_json=True, quiet=False)
+        show(alone if len(found) == 1 else {"schema_version": 1, **found}, as_json=True, quiet=False)
     else:
-        _print("\n\n".join(results_text(data) for data in found.values()), as_json=False, quiet=quiet)
+        show("\n\n".join(results_text(data) for data in found.values()), as_json=False, quiet=quiet)
     return 5 if any(diverged(data) for data in found.values()) else 0
-
-
-def _numbers(text: str | None) -> list[int] | None:
-    if text is None:
-        return None
-    try:
-        return [int(part) for part in text.split(",")]
-    except ValueError as error:
-        message = f"must be numbers like 1,3, found {text!r}"
-        raise typer.BadParameter(message, param_hint="--controllers") from error
-
-
-def _list_files(paths: Sequence[Path], *, as_json: bool, quiet: bool, verbose: bool) -> None:
-    names = [str(path) for path in paths]
-    _detail(f"{len(names)} files", quiet, verbose)
-    _print(
-        {"schema_version": 1, "files": names} if as_json else "\n".join(names), as_json=as_json, quiet=quiet
-    )
-
-
-def _detail(text: str, quiet: bool, verbose: bool) -> None:
-    from tendonrepro.talk import Talk
-
-    Talk(quiet=quiet, verbose=verbose).detail(text)
-
-
-def _print(content: Any, *, as_json: bool, quiet: bool) -> None:
-    if as_json:
-        from tendonrepro.manifest import to_json
-
-        typer.echo(to_json(content), nl=False)
-    elif not quiet:
-        typer.echo(content)
 
 
 def main() -> None:

@@ -253,5 +253,5 @@ follow = _compile(
 
 
 def cache_is_empty() -> bool:
-    """Whether the first run on this machine, or with these sources, had to compile when this process began."""
+    """Whether there was nothing compiled for this machine and these sources when this process began."""
     return _began_empty

@@ -11,11 +11,9 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
-from pydantic import TypeAdapter
-
-from tendonrepro.config_draft import MANIPULATOR, Draft, Source, find_source
+from tendonrepro.config_draft import Draft, Source, find_source
 from tendonrepro.config_experiment import CompareConfig, DecoupleConfig
 from tendonrepro.config_manipulator import Manipulator
 from tendonrepro.config_overrides import Override, parse_override
@@ -32,13 +30,10 @@ __all__ = [
     "ExperimentName",
     "LoadedConfig",
     "Manipulator",
-    "checked",
     "init_config",
-    "json_schema",
     "load_config",
     "shipped_folder",
     "shipped_names",
-    "shown",
 ]
 
 Config: TypeAlias = CompareConfig | DecoupleConfig
@@ -85,8 +80,8 @@ class LoadedConfig:
 
 
 def load_config(
-    source: Path | str | None,
-    experiment: ExperimentName,
+    source: Source | Path | str | None,
+    experiment: ExperimentName | None,
     *,
     overrides: Sequence[str] = (),
     seed: int | None = None,
@@ -99,8 +94,8 @@ def load_config(
     source : Path, str or None
         A file, ``-`` for standard input, the name of a shipped configuration, or None for the shipped one
         of the experiment.
-    experiment : {'compare', 'decouple'}
-        What the configuration must be for.
+    experiment : {'compare', 'decouple'} or None
+        What the configuration must be for; None for either.
     overrides : sequence of str
         ``dotted.key=VALUE``, VALUE in YAML; a bare number or list sets the value of a quantity.
     seed : int, optional
@@ -147,63 +142,6 @@ def _loaded(
         inputs=(*draft.files, *trajectories),
         folder=found.folder,
     )
-
-
-def checked(source: str, overrides: Sequence[str]) -> LoadedConfig | Manipulator:
-    """Read and validate whatever a file holds, an experiment or a manipulator.
-
-    Parameters
-    ----------
-    source : str
-        As in `load_config`; a manipulator may be named too.
-    overrides : sequence of str
-        As in `load_config`.
-
-    Raises
-    ------
-    ConfigError
-        When it is not valid.
-    """
-    found = find_source(source, None)
-    draft = Draft(found, None)
-    if draft.experiment != MANIPULATOR:
-        return _loaded(found, None, overrides)
-    draft.apply([parse_override(text) for text in overrides])
-    return draft.validate(Manipulator)
-
-
-def shown(source: str, overrides: Sequence[str]) -> tuple[dict[str, Any], str]:
-    """Plain values and YAML text of a configuration as it is used, valid or refused as by `checked`."""
-    held = checked(source, overrides)
-    if isinstance(held, LoadedConfig):
-        return held.tree, held.yaml_text
-    tree = held.model_dump(mode="json")
-    return tree, dump(tree)
-
-
-def json_schema(kind: str | None = None) -> dict[str, Any]:
-    """JSON schema of a configuration file.
-
-    Parameters
-    ----------
-    kind : {'compare', 'decouple', 'manipulator'}, optional
-        What the file holds; any of them when None.
-
-    Raises
-    ------
-    UsageError
-        When there is no such kind.
-    """
-    kinds: dict[str, Any] = {**_MODELS, "manipulator": Manipulator}
-    if kind is not None and kind not in kinds:
-        message = f"no schema {kind!r}; there are {', '.join(kinds)}"
-        raise UsageError(message)
-    model: Any = CompareConfig | DecoupleConfig | Manipulator if kind is None else kinds[kind]
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        **TypeAdapter(model).json_schema(),
-        "title": "tendonrepro configuration" if kind is None else f"tendonrepro configuration: {kind}",
-    }
 
 
 def _keep_controllers(draft: Draft, controllers: Sequence[int]) -> None:

@@ -18,7 +18,7 @@ from tendonrepro.shipped import shipped_file, shipped_folder, shipped_names
 from tendonrepro.strict_yaml import MAX_BYTES, Document, Key, Node, decode, load, read_text
 
 MANIPULATOR = "manipulator"
-EXPERIMENTS = ("compare", "decouple")
+EXPERIMENTS = ("compare", "decouple", "ensemble")
 _M = TypeVar("_M", bound=Model)
 
 
@@ -47,14 +47,16 @@ class Source:
     files: tuple[Path, ...]
 
 
-def find_source(source: Path | str | None, experiment: str | None) -> Source:
-    """Read standard input, a file, or a shipped configuration, in this order.
+def find_source(source: Source | Path | str | None, experiment: str | None) -> Source:
+    """Read standard input, a file, or a shipped configuration, in this order; what is read stays as it is.
 
     Raises
     ------
     ConfigError
         When there is nothing to read or it is not text.
     """
+    if isinstance(source, Source):
+        return source
     if source is not None and str(source) == "-":
         name = "<stdin>"
         raw = b"" if sys.stdin is None else sys.stdin.buffer.read(MAX_BYTES + 1)

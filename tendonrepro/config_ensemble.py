@@ -165,7 +165,7 @@ class LoadedEnsemble:
 
 
 def load_ensemble(
-    source: Path | str | None, *, overrides: Sequence[str] = (), seed: int | None = None
+    source: Source | Path | str | None, *, overrides: Sequence[str] = (), seed: int | None = None
 ) -> LoadedEnsemble:
     """Read, complete and validate an ensemble's configuration.
 

@@ -177,7 +177,7 @@ _RANKINGS = {"share_c1_lt_c2_lt_c3": _in_order, "share_c1_best": _first_is_best}
 def _shares(data: EnsembleData, flags: Flags, kept: Flags) -> Numbers:
     """Shares over both joints together and over each, from flags (N, n)."""
     joints: dict[str, Flags] = {f"joint_{joint}": flags[:, i] for i, joint in enumerate(data.joints)}
-    both: Flags = flags.all(axis=1)
+    both: Flags = np.asarray(flags.all(axis=1))
     each: dict[str, Flags] = {"both": both} | joints
     return {name: share_of(hits, kept, data.replicate) for name, hits in each.items()}
 

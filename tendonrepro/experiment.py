@@ -7,9 +7,11 @@ from functools import partial
 from typing import Any
 
 from tendonrepro import __version__, compiled
+from tendonrepro.arrays import Array
+from tendonrepro.batch import simulate_batch
 from tendonrepro.config import CompareConfig, LoadedConfig
 from tendonrepro.controllers import TimeDelayController
-from tendonrepro.errors import UsageError
+from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.manifest import to_json
 from tendonrepro.metrics import status_of
 from tendonrepro.parallel import advance, each
@@ -19,6 +21,9 @@ from tendonrepro.runs import build_loops, reference_period
 from tendonrepro.simulate import Loop, simulate
 from tendonrepro.talk import Talk
 from tendonrepro.user_law import UserLaw, add_user_law
+
+PRECISE = 1e-6
+"""Tolerance of the compiled stepper where a single comparison is asked for."""
 
 
 def all_loops(loaded: LoadedConfig, law: UserLaw | None) -> dict[str, Loop]:
@@ -84,7 +89,45 @@ def simulate_run(loaded: LoadedConfig, law: UserLaw | None, name: str) -> Trace:
     Trace
     """
     loop = all_loops(loaded, law)[name]
-    variables = simulate(loop, advance)
+    return _trace(loaded, name, loop, simulate(loop, advance))
+
+
+def simulate_together(loaded: LoadedConfig, law: UserLaw | None, talk: Talk) -> list[Trace]:
+    """Simulate every run by the compiled batch stepper.
+
+    Parameters
+    ----------
+    loaded : LoadedConfig
+    law : UserLaw or None
+    talk : Talk
+
+    Returns
+    -------
+    list of Trace
+
+    Raises
+    ------
+    TendonreproError
+        If a plant is too fast for it, or a law is not the package's own.
+    """
+    loops = all_loops(loaded, law)
+    if compiled.cache_is_empty():
+        talk.note("compiling once for this machine, some twenty seconds")
+    with talk.bar(f"simulating {len(loops)} runs", len(loops)) as progress:
+        batch = simulate_batch(
+            [*loops.values()], loaded.config.status, progress=progress, record=True, tolerance=PRECISE
+        )
+    traces = []
+    for (name, loop), variables in zip(loops.items(), batch.traces or (), strict=True):
+        if variables is None:
+            message = f"the plant of {name} is too fast for the compiled stepper"
+            raise TendonreproError(message, hint="use --solver scipy")
+        traces.append(_trace(loaded, name, loop, variables))
+    return traces
+
+
+def _trace(loaded: LoadedConfig, name: str, loop: Loop, variables: dict[str, Array]) -> Trace:
+    """Variables of a run with their status and attributes."""
     t = variables.pop("time")
     limits = loaded.config.status
     status, status_time = status_of(

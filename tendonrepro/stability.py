@@ -122,11 +122,105 @@ def feedback_gains(law: Law) -> tuple[Array, Array]:
     return law.lam * law.eta * slope, law.lam + law.rate_gain * slope
 
 
+def law_matrices(law: Law, n: int, delay: int = 0) -> tuple[Array, Array]:
+    """Part of the loop that no plant enters: what the law outputs, and what it remembers.
+
+    The loop's state is the plant's (4 n), the law's memory (7 n) and the torques on their way to the motors
+    (delay n). The law's own functions are linear in it, so they are applied to every unit vector.
+
+    Parameters
+    ----------
+    law : Law
+    n : int
+        Joints.
+    delay : int
+        Whole samples between command and output.
+
+    Returns
+    -------
+    output : array (n, m)
+        Torque that leaves for the motors now, from the state; ``m = 11 n + delay n``.
+    memory : array (m - 4 n, m)
+        Memory and pending torques at the next sample.
+    """
+    units, gains = np.eye((11 + delay) * n), feedback_gains(law)
+    output, memory = zip(*(_law_step(z, law, n, *gains) for z in units), strict=True)
+    return np.stack(output, axis=1), np.stack(memory, axis=1)
+
+
+def _law_step(z: Array, law: Law, n: int, on_error: Array, on_rate: Array) -> tuple[Array, Array]:
+    q, pending = z[:n], z[11 * n :]
+    memory = Memory(
+        q=z[4 * n : 8 * n].reshape(4, n), tau=z[8 * n : 10 * n].reshape(2, n), de=z[10 * n : 11 * n]
+    )
+    de = error_rate(memory, q, np.zeros(n), law)
+    feedback = law.M_bar * (on_rate * de - on_error * q)
+    queue = np.concatenate([pending, law.to_joint @ (feedback + time_delay_estimate(memory, q, law))])
+    after = remember(memory, q, de, queue[:n])
+    return queue[:n], np.concatenate([*map(np.ravel, after), queue[n:]])
+
+
+def closed(Phi: Array, Gamma: Array, output: Array, memory: Array) -> Array:
+    """Join sampled plants and laws; leading axes broadcast.
+
+    Parameters
+    ----------
+    Phi : array (..., 4 n, 4 n)
+    Gamma : array (..., 4 n, n)
+        Of :func:`hold_discretised`.
+    output : array (..., n, m)
+    memory : array (..., m - 4 n, m)
+        Of :func:`law_matrices`.
+
+    Returns
+    -------
+    array (..., m, m)
+    """
+    motion = Gamma @ output
+    motion[..., : Phi.shape[-1]] += Phi
+    lead = np.broadcast_shapes(motion.shape[:-2], memory.shape[:-2])
+    parts = (np.broadcast_to(part, lead + part.shape[-2:]) for part in (motion, memory))
+    return np.concatenate(list(parts), axis=-2)
+
+
+def open_loop(
+    q: Array, plant: Plant, law: Law, delay: int = 0, *, known: bool = False
+) -> tuple[Array, Array, Array]:
+    """Loop cut before the plant: ``z[k+1] = A z[k] + B v[k]``, ``tau_m[k] = C z[k]``.
+
+    It is closed by ``v = tau_m``.
+
+    Parameters
+    ----------
+    q : array (n,)
+        Posture, rad.
+    plant : Plant
+    law : Law
+    delay : int
+        Whole samples between command and output.
+    known : bool
+        What the plant feels, ``v``, is also what the law remembers, as where it measures the motors' torque;
+        else the law remembers its own ``tau_m``.
+
+    Returns
+    -------
+    A : array (m, m)
+    B : array (m, n)
+    C : array (n, m)
+    """
+    n = q.size
+    output, memory = law_matrices(law, n, delay)
+    Phi, Gamma = hold_discretised(*plant_matrices(q, plant), law.L)
+    A, B = closed(Phi, 0.0 * Gamma, output, memory), np.zeros_like(output.T)
+    B[: 4 * n] = Gamma
+    if known:
+        newest = slice(8 * n, 9 * n)
+        A[newest], B[newest] = 0.0, np.eye(n)
+    return A, B, output
+
+
 def loop_matrix(q: Array, plant: Plant, law: Law, delay: int = 0) -> Array:
     """Matrix that takes the closed loop from one sample to the next.
-
-    The loop's state is the plant's, the law's memory and the torques on their way to the motors. The law's
-    own functions are linear in its memory, so they are applied to every unit vector.
 
     Parameters
     ----------
@@ -140,26 +234,24 @@ def loop_matrix(q: Array, plant: Plant, law: Law, delay: int = 0) -> Array:
     Returns
     -------
     array (m, m)
-        ``m = 11 n + delay n``.
+        ``m = 11 n + delay n``; the state is that of :func:`law_matrices`.
     """
-    n = q.size
-    Phi, Gamma = hold_discretised(*plant_matrices(q, plant), law.L)
-    on_error, on_rate = feedback_gains(law)
-    size = (11 + delay) * n
+    A, B, C = open_loop(q, plant, law, delay)
+    return A + B @ C
 
-    def step(z: Array) -> Array:
-        x, pending = z[: 4 * n], z[11 * n :]
-        memory = Memory(
-            q=z[4 * n : 8 * n].reshape(4, n), tau=z[8 * n : 10 * n].reshape(2, n), de=z[10 * n : 11 * n]
-        )
-        de = error_rate(memory, x[:n], np.zeros(n), law)
-        feedback = law.M_bar * (on_rate * de - on_error * x[:n])
-        tau = law.to_joint @ (feedback + time_delay_estimate(memory, x[:n], law))
-        queue = np.concatenate([pending, tau])
-        after = remember(memory, x[:n], de, queue[:n])
-        return np.concatenate([Phi @ x + Gamma @ queue[:n], *map(np.ravel, after), queue[n:]])
 
-    return np.stack([step(unit) for unit in np.eye(size)], axis=1)
+def spectral_radius(matrices: Array) -> Array:
+    """Largest modulus of an eigenvalue; leading axes are those of a batch.
+
+    Parameters
+    ----------
+    matrices : array (..., m, m)
+
+    Returns
+    -------
+    array (...)
+    """
+    return np.asarray(np.abs(np.linalg.eigvals(matrices)).max(axis=-1))
 
 
 def decay_rate(postures: Sequence[Array], plant: Plant, law: Law, delay: int = 0) -> float:
@@ -179,5 +271,5 @@ def decay_rate(postures: Sequence[Array], plant: Plant, law: Law, delay: int = 0
     float
         ``-log(rho) / L`` with the largest spectral radius ``rho``.
     """
-    radii = [np.abs(np.linalg.eigvals(loop_matrix(q, plant, law, delay))).max() for q in postures]
-    return float(-np.log(max(radii)) / law.L)
+    radii = spectral_radius(np.stack([loop_matrix(q, plant, law, delay) for q in postures]))
+    return float(-np.log(radii.max()) / law.L)

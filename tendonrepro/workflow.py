@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -9,9 +10,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
-from tendonrepro.config import LoadedConfig, checked, load_config
+from tendonrepro.batch import NAME
+from tendonrepro.config import LoadedConfig, load_config
+from tendonrepro.config_ensemble import LoadedEnsemble
+from tendonrepro.config_kinds import checked
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.experiment import all_loops, simulate_all, trace_file
+from tendonrepro.experiment import PRECISE, all_loops, simulate_all, simulate_together, trace_file
 from tendonrepro.files import write_atomically
 from tendonrepro.manifest import make_manifest, to_json, with_outputs
 from tendonrepro.parallel import each
@@ -48,6 +52,8 @@ class Order:
         Numbers of the controllers to run; None is all.
     law : str or None
         ``FILE:NAME`` of a law to run beside them.
+    solver : {'scipy', 'compiled'}
+        Stepper: the reference, or the one of ensembles.
     force : bool
         Overwrite other results.
     """
@@ -60,6 +66,7 @@ class Order:
     controllers: Sequence[int] | None = None
     law: str | None = None
     force: bool = False
+    solver: Literal["scipy", "compiled"] = "scipy"
 
     @property
     def folder(self) -> Path:
@@ -88,8 +95,11 @@ def run_experiment(order: Order, talk: Talk) -> dict[str, Any]:
     loaded, law = _load(order)
     with claimed(order.folder, loaded.sha256, force=order.force):
         started = time.perf_counter()
-        traces = simulate_all(loaded, law, talk)
+        run = simulate_together if order.solver == "compiled" else simulate_all
+        traces = run(loaded, law, talk)
         manifest = make_manifest(loaded, time.perf_counter() - started)
+        if order.solver == "compiled":
+            manifest["solver"] = {"name": NAME, "tolerance": PRECISE}
         file = trace_file(loaded, traces, manifest)
         clear(order.folder)
         write_traces(order.folder / TRACES, file)
@@ -186,6 +196,8 @@ def check(config: str, overrides: Sequence[str]) -> dict[str, Any]:
     """
     held = checked(config, overrides)
     found = {"schema_version": SCHEMA_VERSION, "config": config}
+    if isinstance(held, LoadedEnsemble):
+        return found | {"kind": "ensemble", "config_sha256": held.sha256}
     if not isinstance(held, LoadedConfig):
         return found | {"kind": "manipulator"}
     runs = list(all_loops(held, None))
@@ -354,6 +366,9 @@ def _load(order: Order) -> tuple[LoadedConfig, UserLaw | None]:
         seed=order.seed,
         controllers=order.controllers,
     )
+    if order.solver == "compiled":
+        digest = hashlib.sha256(f"{loaded.sha256} compiled".encode()).hexdigest()
+        loaded = replace(loaded, sha256=digest, overrides=(*loaded.overrides, "solver=compiled"))
     if order.law is None:
         return loaded, None
     law = find_user_law(order.law)

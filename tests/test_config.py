@@ -20,17 +20,17 @@ from tendonrepro.config import (
     CompareConfig,
     DecoupleConfig,
     init_config,
-    json_schema,
     load_config,
     shipped_folder,
     shipped_names,
 )
+from tendonrepro.config_kinds import json_schema
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.quantity import Quantity
 from tendonrepro.strict_yaml import Node, load, read_text
 
 EXPERIMENTS = ("compare", "decouple")
-SHIPPED_FILES = ("compare", "decouple", "lumidouce_ii")
+SHIPPED_FILES = ("compare", "decouple", "ensemble", "lumidouce_ii")
 
 
 @pytest.fixture(scope="module")

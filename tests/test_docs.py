@@ -19,8 +19,9 @@ from typer.main import get_command
 
 import tendonrepro
 from tendonrepro.cli import app
-from tendonrepro.config import ExperimentName, LoadedConfig, json_schema, load_config, shipped_folder
+from tendonrepro.config import ExperimentName, LoadedConfig, load_config, shipped_folder
 from tendonrepro.config_control import Readings
+from tendonrepro.config_kinds import json_schema
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiment import all_loops
 from tendonrepro.metrics import mae, status_of

@@ -13,6 +13,7 @@ from tendonrepro.actuator import Actuator
 from tendonrepro.arm import Arm, gravity_torque
 from tendonrepro.config import load_config
 from tendonrepro.control import Law, Surface, estimator_weights, phi, surface_and_feedback
+from tendonrepro.controllers import TimeDelayController
 from tendonrepro.disturbance import no_disturbance
 from tendonrepro.drive import Drive
 from tendonrepro.dynamics import Plant, frictionless, holding_torque, rest_state, state_derivative
@@ -20,14 +21,18 @@ from tendonrepro.encoder import Encoder
 from tendonrepro.friction import Friction
 from tendonrepro.rig import build_plant
 from tendonrepro.runs import build_law
-from tendonrepro.simulate import Loop, Reference, Solver, TimeDelayController, simulate
+from tendonrepro.simulate import Loop, Reference, Solver, simulate
 from tendonrepro.stability import (
+    closed,
     decay_rate,
     feedback_gains,
     gravity_stiffness,
     hold_discretised,
+    law_matrices,
     loop_matrix,
+    open_loop,
     plant_matrices,
+    spectral_radius,
 )
 
 L = 1e-3
@@ -216,6 +221,34 @@ class TestLoop:
         assert np.abs(real[-1] - real[0]).max() > 1e-6
         # What is not linear: |gamma_2/gamma_1| 2e-5 in phi, 2e-5 in G. Growing loops pass this on.
         np.testing.assert_allclose(real, linear, atol=3e-5 * np.abs(linear).max())
+
+    @pytest.mark.parametrize("delay", [0, 2])
+    @pytest.mark.parametrize("known", [False, True])
+    def test_cut_loop_closes_to_the_same(self, known, delay):
+        """However the torque comes back, by a wire or through the law's memory."""
+        plant, law = build_plant(shipped(), 0.0), build_law(shipped(), "controller_1")
+        A, B, C = open_loop(POSTURES[1], plant, law, delay, known=known)
+        matrix = loop_matrix(POSTURES[1], plant, law, delay)
+        np.testing.assert_allclose(A + B @ C, matrix, rtol=1e-12, atol=1e-15)
+        assert np.count_nonzero(B) == (16 + 2 * known)
+
+    def test_cut_plant_feels_only_the_injected_torque(self):
+        plant, law = build_plant(shipped(), 0.0), build_law(shipped(), "controller_1")
+        A, B, C = open_loop(POSTURES[1], plant, law)
+        Phi, Gamma = hold_discretised(*plant_matrices(POSTURES[1], plant), L)
+        np.testing.assert_array_equal(A[:8], np.hstack([Phi, np.zeros((8, 14))]))
+        np.testing.assert_array_equal(B[:8], Gamma)
+        # What the law remembers is what it gave out.
+        np.testing.assert_array_equal(A[16:18], C)
+
+    def test_batch_of_plants_closes_one_by_one(self):
+        law, plants = build_law(shipped(), "controller_1"), [build_plant(shipped(), m) for m in (0.0, 0.1)]
+        held = [hold_discretised(*plant_matrices(POSTURES[0], plant), L) for plant in plants]
+        Phi, Gamma = (np.stack(part) for part in zip(*held, strict=True))
+        batch = closed(Phi, Gamma, *law_matrices(law, 2))
+        wanted = np.stack([loop_matrix(POSTURES[0], plant, law) for plant in plants])
+        np.testing.assert_allclose(batch, wanted, rtol=1e-12, atol=1e-15)
+        np.testing.assert_allclose(spectral_radius(batch), [spectral_radius(m) for m in wanted], rtol=1e-12)
 
     @pytest.mark.parametrize("delay", [0, 1, 3])
     def test_size_and_rate(self, delay):

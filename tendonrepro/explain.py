@@ -1,0 +1,412 @@
+"""Why the loops of a configuration behave as they do: margins, modes, predicted ratios of errors, maps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
+from typing import NamedTuple, get_args
+
+import numpy as np
+
+from tendonrepro.arrays import Array
+from tendonrepro.config import CompareConfig, LoadedConfig
+from tendonrepro.config_control import Readings
+from tendonrepro.control import Law
+from tendonrepro.dynamics import Plant
+from tendonrepro.errors import UsageError
+from tendonrepro.margins import (
+    ChannelMargins,
+    Complex,
+    angle_grid,
+    channel,
+    channel_margins,
+    disk_margin,
+    response,
+)
+from tendonrepro.rig import build_plant
+from tendonrepro.runs import build_law, build_reference
+from tendonrepro.slow_error import error_ratio
+from tendonrepro.stability import decay_rate, loop_matrix, open_loop
+from tendonrepro.stability_map import (
+    PARAMETERS,
+    border_distance,
+    gain_decay,
+    modes,
+    root_locus,
+    tendon_decay,
+)
+
+ERROR_SIZES_DEG = (0.05, 0.25, 1.0, 5.0)
+"""Sizes of the error at which the ratio of two laws is given."""
+
+TYPICAL_ERROR_DEG = 0.25
+"""The one of these that is nearest to the printed mean errors of both joints."""
+
+MAP_POINTS = 25
+LOCUS_POINTS = 41
+
+
+class View(NamedTuple):
+    """One run as a linear loop."""
+
+    law_name: str
+    law: Law
+    plant: Plant
+    payload: float
+    delay: int
+
+
+@dataclass(frozen=True)
+class RunMargins:
+    """Stability of one run, the worst of the postures for every number.
+
+    Attributes
+    ----------
+    spectral_radius : float
+    decay : float
+        Slowest decay, s⁻¹; negative where the loop grows.
+    frequency : float
+        Frequency of that mode, Hz.
+    ringing_decay, ringing_frequency : float
+        The same of the slowest mode above the frequency from which on errors count as ringing; NaN without.
+    channels : tuple of ChannelMargins
+        One per joint, for a torque that the law does not know.
+    recalled : tuple of ChannelMargins
+        The same where the law remembers the torque that really acts.
+    disk, disk_hz : float
+        Symmetric disk margin of all joints at once, and its frequency, Hz.
+    """
+
+    spectral_radius: float
+    decay: float
+    frequency: float
+    ringing_decay: float
+    ringing_frequency: float
+    channels: tuple[ChannelMargins, ...]
+    recalled: tuple[ChannelMargins, ...]
+    disk: float
+    disk_hz: float
+
+    @property
+    def stable(self) -> bool:
+        """Whether every mode decays at every posture."""
+        return self.spectral_radius < 1.0
+
+
+@dataclass(frozen=True)
+class Curves:
+    """Response of every joint's channel at the middle posture: Hz, and complex (joints, frequencies)."""
+
+    hertz: Array
+    channels: Complex
+
+
+@dataclass(frozen=True)
+class Map:
+    """Borders of stability over factors on two parameters.
+
+    Attributes
+    ----------
+    x, y : str
+        Parameters.
+    x_factors : array (X,)
+    y_factors : array (Y,)
+    distance : mapping
+        Run -> signed distance (Y, X) from its border, zero on it and positive where it is stable.
+    """
+
+    x: str
+    y: str
+    x_factors: Array
+    y_factors: Array
+    distance: Mapping[str, Array]
+
+
+@dataclass(frozen=True)
+class WhatIf:
+    """One change: slowest decay per run, s⁻¹, and ratios of errors by pair, per joint."""
+
+    decay: Mapping[str, float]
+    ratios: Mapping[str, Array]
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """Everything that :func:`explain` finds.
+
+    Attributes
+    ----------
+    joints : tuple of int
+    postures : array (P, n)
+        Start, middle and far end of the reference, rad.
+    views : mapping
+        Run -> law, plant and delay.
+    margins : mapping
+        Run -> `RunMargins`.
+    curves : mapping
+        Run -> `Curves`.
+    ratios : mapping
+        Pair such as ``c1_c2`` -> error size in degrees -> ratio per joint.
+    what_if : mapping
+        Change such as ``weights=extrapolating`` -> `WhatIf`.
+    loci : mapping
+        Parameter -> law -> modes (factors, modes), s⁻¹ and rad s⁻¹, at the middle posture.
+    locus_factors : mapping
+        Parameter -> factors.
+    maps : tuple of Map
+        Tendons and gains.
+    origin : str
+        Mark of the configuration, for captions.
+    """
+
+    joints: tuple[int, ...]
+    postures: Array
+    views: Mapping[str, View]
+    margins: Mapping[str, RunMargins]
+    curves: Mapping[str, Curves]
+    ratios: Mapping[str, Mapping[float, Array]]
+    what_if: Mapping[str, WhatIf]
+    loci: Mapping[str, Mapping[str, Complex]]
+    locus_factors: Mapping[str, Array]
+    maps: tuple[Map, ...]
+    origin: str
+
+
+def explain(loaded: LoadedConfig) -> Explanation:
+    """Linearise every run of a configuration and say how stable it is and what its error must be.
+
+    Parameters
+    ----------
+    loaded : LoadedConfig
+        Of the experiment ``compare``.
+
+    Returns
+    -------
+    Explanation
+
+    Raises
+    ------
+    UsageError
+        If the configuration has no controllers.
+    ConfigError
+        If its reference cannot be used.
+    """
+    config = loaded.config
+    if not isinstance(config, CompareConfig):
+        message = "only the experiment 'compare' has controllers to explain"
+        raise UsageError(message, where=loaded.origin)
+    reference = build_reference(config.reference, config, loaded.folder)
+    postures = stroke(reference.q_d)
+    views = run_views(config)
+    ringing = config.status.ringing_frequency.si
+    factors = _locus_factors(views)
+    return Explanation(
+        joints=config.joints,
+        postures=postures,
+        views=views,
+        margins={name: run_margins(view, postures, ringing) for name, view in views.items()},
+        curves={name: _curves(view, postures[1]) for name, view in views.items()},
+        ratios={
+            pair: {size: slow_ratio(a, b, size) for size in ERROR_SIZES_DEG}
+            for pair, a, b in view_pairs(views)
+        },
+        what_if=dict(_what_ifs(config, views, postures)),
+        loci={
+            parameter: {
+                law: root_locus(postures[1], view.plant, view.law, view.delay, parameter, factors[parameter])
+                for law, view in first_views(views).items()
+            }
+            for parameter in PARAMETERS
+        },
+        locus_factors=factors,
+        maps=_maps(views, postures),
+        origin=f"configuration {loaded.sha256[:12]}",
+    )
+
+
+def stroke(q_d: Array) -> Array:
+    """Start of a motion, its farthest sample, and the posture halfway between, rad, (3, n), in order."""
+    far = q_d[np.abs(q_d - q_d[0]).sum(axis=1).argmax()]
+    return np.stack([q_d[0], 0.5 * (q_d[0] + far), far])
+
+
+def run_views(config: CompareConfig) -> dict[str, View]:
+    """Law, plant and delay of every run.
+
+    Parameters
+    ----------
+    config : CompareConfig
+    """
+    delay = int(config.manipulator.actuator.output_delay.si)
+    return {
+        name: View(
+            run.law, build_law(config, run.law), build_plant(config, run.payload.si), run.payload.si, delay
+        )
+        for name, run in config.runs.items()
+    }
+
+
+def short(law_name: str) -> str:
+    """``c1`` for ``controller_1``; other names stay."""
+    return law_name.replace("controller_", "c")
+
+
+def first_views(views: Mapping[str, View]) -> dict[str, View]:
+    """First run of every law, by the law's name."""
+    found: dict[str, View] = {}
+    for view in views.values():
+        found.setdefault(view.law_name, view)
+    return found
+
+
+def view_pairs(views: Mapping[str, View]) -> Iterator[tuple[str, View, View]]:
+    """Neighbouring laws of the runs, as ``c1_c2`` and a run of each."""
+    for a, b in pairwise(first_views(views).values()):
+        yield f"{short(a.law_name)}_{short(b.law_name)}", a, b
+
+
+def slow_ratio(a: View, b: View, size_deg: float) -> Array:
+    """Ratio of two runs' errors under a slow load, (n,); see :func:`tendonrepro.slow_error.error_ratio`."""
+    return error_ratio(a.law, b.law, float(np.deg2rad(size_deg)), a.delay)
+
+
+def run_margins(view: View, postures: Array, ringing: float) -> RunMargins:
+    """Stability of one run over several postures.
+
+    Parameters
+    ----------
+    view : View
+    postures : array (P, n)
+        rad.
+    ringing : float
+        Frequency from which on a mode counts as ringing, Hz.
+    """
+    L, joints = view.law.L, range(postures.shape[1])
+    found = [modes(loop_matrix(q, view.plant, view.law, view.delay), L) for q in postures]
+    slowest, fast = _slowest(found, 0.0), _slowest(found, ringing)
+
+    cuts, recalling = (
+        [open_loop(q, view.plant, view.law, view.delay, known=known) for q in postures]
+        for known in (False, True)
+    )
+    channels, recalled = (
+        tuple(worst([channel_margins(cut, joint, L) for cut in some]) for joint in joints)
+        for some in (cuts, recalling)
+    )
+    disks = [disk_margin(cut, L) for cut in cuts]
+    # NaN, of a posture where the loop grows, is the smallest of all.
+    disk = min(disks, key=lambda pair: -1.0 if np.isnan(pair[0]) else pair[0])
+    radius = float(np.exp(slowest[0] * L))
+    return RunMargins(radius, -slowest[0], slowest[1], -fast[0], fast[1], channels, recalled, *disk)
+
+
+def _slowest(found: Sequence[Complex], above: float) -> tuple[float, float]:
+    """Growth, s⁻¹, and frequency, Hz, of the mode that decays the least; NaN if no mode is that fast."""
+    every = np.concatenate(found)
+    hertz = every.imag / (2.0 * np.pi)
+    every, hertz = every[hertz >= above], hertz[hertz >= above]
+    if not every.size:
+        return np.nan, np.nan
+    top = every.real.argmax()
+    return float(every[top].real), float(hertz[top])
+
+
+def worst(found: Sequence[ChannelMargins]) -> ChannelMargins:
+    """Smallest margin of several postures, number by number; none where the loop grows at one of them.
+
+    Parameters
+    ----------
+    found : sequence of ChannelMargins
+    """
+    gain, slope = min((each.loop_gain, each.loop_slope) for each in found)
+    if not all(each.stable for each in found):
+        return ChannelMargins(False, *7 * (np.nan,), gain, slope)
+
+    def least(key: Callable[[ChannelMargins], float]) -> ChannelMargins:
+        return min(found, key=lambda each: np.inf if np.isnan(key(each)) else key(each))
+
+    up, phase = least(lambda each: each.gain_up), least(lambda each: each.phase)
+    down = least(lambda each: -each.gain_down)
+    return ChannelMargins(
+        stable=True,
+        gain_up=up.gain_up,
+        gain_up_hz=up.gain_up_hz,
+        gain_down=down.gain_down,
+        gain_down_hz=down.gain_down_hz,
+        phase=phase.phase,
+        crossover_hz=phase.crossover_hz,
+        delay=least(lambda each: each.delay).delay,
+        loop_gain=gain,
+        loop_slope=slope,
+    )
+
+
+def _curves(view: View, q: Array) -> Curves:
+    cut = open_loop(q, view.plant, view.law, view.delay)
+    A, B, C = cut
+    angles = angle_grid(A + B @ C)
+    hertz = angles / (2.0 * np.pi * view.law.L)
+    shown = hertz >= 0.02
+    channels = [response(channel(cut, joint), angles[shown])[:, 0, 0] for joint in range(q.size)]
+    return Curves(hertz[shown], np.stack(channels))
+
+
+def _what_ifs(
+    config: CompareConfig, views: Mapping[str, View], postures: Array
+) -> Iterator[tuple[str, WhatIf]]:
+    """One more sample of delay, and every other reading of the paper's text, one at a time."""
+    later = {name: view._replace(delay=view.delay + 1) for name, view in views.items()}
+    yield f"output_delay={next(iter(later.values())).delay}", _changed(later, postures)
+    for axis, field in Readings.model_fields.items():
+        now = getattr(config.control.readings, axis)
+        for value in get_args(field.annotation):
+            # The history before the first sample is not part of a linear loop.
+            if value == now or axis == "start":
+                continue
+            if value == "low_pass" and config.control.error_rate_cutoff is None:
+                continue
+            readings = config.control.readings.model_copy(update={axis: value})
+            control = config.control.model_copy(update={"readings": readings})
+            changed = config.model_copy(update={"control": control})
+            yield f"{axis}={value}", _changed(run_views(changed), postures)
+
+
+def _changed(views: Mapping[str, View], postures: Array) -> WhatIf:
+    return WhatIf(
+        {name: decay_rate(list(postures), view.plant, view.law, view.delay) for name, view in views.items()},
+        {pair: slow_ratio(a, b, TYPICAL_ERROR_DEG) for pair, a, b in view_pairs(views)},
+    )
+
+
+def _largest_alpha(views: Mapping[str, View]) -> float:
+    """Factor up to which every weight of Eq. (15) stays at most 1, and 4 at most."""
+    largest = max(float(np.abs(view.law.weights[1]).max()) for view in views.values())
+    return min(4.0, 1.0 / largest) if largest > 0.0 else 4.0
+
+
+def _locus_factors(views: Mapping[str, View]) -> dict[str, Array]:
+    wide = np.geomspace(0.25, 4.0, LOCUS_POINTS)
+    return dict.fromkeys(PARAMETERS, wide) | {"alpha": np.linspace(0.0, _largest_alpha(views), LOCUS_POINTS)}
+
+
+def _maps(views: Mapping[str, View], postures: Array) -> tuple[Map, ...]:
+    tendons, gains = np.geomspace(0.1, 10.0, MAP_POINTS), np.geomspace(0.1, 20.0, MAP_POINTS)
+    alpha = np.linspace(0.0, _largest_alpha(views), MAP_POINTS)
+
+    def over_tendons(view: View) -> Array:
+        decay = partial(tendon_decay, list(postures), view.plant, view.law, view.delay)
+        return border_distance(decay, tendons, tendons)
+
+    def over_gains(view: View) -> Array:
+        # The border runs along α, so it is looked for along M_bar.
+        def decay(a: Array, m: Array) -> Array:
+            return gain_decay(list(postures), view.plant, view.law, view.delay, m, a)
+
+        return border_distance(decay, alpha, gains).T
+
+    return (
+        Map("K_s", "D_s", tendons, tendons, {run: over_tendons(view) for run, view in views.items()}),
+        Map("M_bar", "alpha", gains, alpha, {run: over_gains(view) for run, view in views.items()}),
+    )

@@ -1,0 +1,234 @@
+"""What was found about the loops of a configuration as plain numbers and as files."""
+
+from __future__ import annotations
+
+import csv
+import io
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tendonrepro.config import LoadedConfig
+from tendonrepro.explain import TYPICAL_ERROR_DEG, Explanation, RunMargins, View, explain
+from tendonrepro.explain_text import explanation_text
+from tendonrepro.files import write_atomically
+from tendonrepro.manifest import make_manifest, to_json, with_outputs
+from tendonrepro.margins import LOW_FREQUENCY, ChannelMargins
+from tendonrepro.results import MANIFEST, claimed, clear, refuse_others
+from tendonrepro.slow_error import estimate_age
+from tendonrepro.talk import Talk
+from tendonrepro.typeset import NOTHING, Sheet, markdown
+
+SCHEMA_VERSION = 1
+
+DATA = "explain.json"
+
+_PAIRS = ("c1_c2", "c2_c3")
+DEFAULT_OUT = Path("reports") / "explain"
+
+
+def run_explain(
+    loaded: LoadedConfig, out: Path | None, talk: Talk, *, force: bool = False, dry_run: bool = False
+) -> dict[str, Any]:
+    """Explain a configuration and write numbers, table, figures and manifest.
+
+    Parameters
+    ----------
+    loaded : LoadedConfig
+        Of the experiment ``compare``.
+    out : Path or None
+        Results folder; None is ``reports/explain``.
+    talk : Talk
+    force : bool
+        Overwrite results of another configuration or version.
+    dry_run : bool
+        Only check that it could be done.
+
+    Returns
+    -------
+    dict
+        What ``--json`` prints: :func:`explanation_data`, ``text``, ``out`` and ``manifest``.
+
+    Raises
+    ------
+    TendonreproError
+        If the configuration has no controllers or results cannot be written.
+    """
+    from tendonrepro.figure_explain import draw_explanation
+
+    folder = out or DEFAULT_OUT
+    if dry_run:
+        return _plan(loaded, folder, force=force)
+    with claimed(folder, loaded.sha256, force=force):
+        started = time.perf_counter()
+        found = explain(loaded)
+        data = explanation_data(found)
+        manifest = make_manifest(loaded, time.perf_counter() - started) | {"command": "explain"}
+        clear(folder)
+        outputs = [*write_table(found, folder / "tables"), *draw_explanation(found, folder / "figures")]
+        write_atomically(folder / DATA, to_json(data))
+        manifest = with_outputs(manifest, folder, [*outputs, folder / DATA])
+        write_atomically(folder / MANIFEST, to_json(manifest))
+    talk.detail(f"{len(outputs) + 1} files in {time.perf_counter() - started:.1f} s")
+    return data | {"text": explanation_text(found), "out": str(folder), "manifest": str(folder / MANIFEST)}
+
+
+def _plan(loaded: LoadedConfig, folder: Path, *, force: bool) -> dict[str, Any]:
+    if not force:
+        refuse_others(folder, loaded.sha256)
+    plan = {"dry_run": True, "config_sha256": loaded.sha256, "out": str(folder)}
+    text = f"{loaded.origin} is valid (sha256 {loaded.sha256[:12]})\nwould write to {folder}"
+    return {"schema_version": SCHEMA_VERSION, "command": "explain"} | plan | {"text": text}
+
+
+def explanation_data(found: Explanation) -> dict[str, Any]:
+    """Plain numbers with the keys of ``--json``; what does not exist is NaN, which JSON writes as null.
+
+    Parameters
+    ----------
+    found : Explanation
+
+    Returns
+    -------
+    dict
+        ``spectral_radius`` per run; ``gain_margin`` (factor), ``phase_margin`` (deg) and ``loop_gain`` per
+        run as lists over the joints; ``predicted_ratio``; ``runs`` with everything about each; ``what_if``.
+    """
+    margins = found.margins
+    ratio = {pair: sizes[TYPICAL_ERROR_DEG].tolist() for pair, sizes in found.ratios.items()}
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "joints": list(found.joints),
+        "postures_deg": np.rad2deg(found.postures).tolist(),
+        "spectral_radius": {run: margin.spectral_radius for run, margin in margins.items()},
+        "gain_margin": {run: [c.gain_up for c in m.channels] for run, m in margins.items()},
+        "phase_margin": {run: [_deg(c.phase) for c in m.channels] for run, m in margins.items()},
+        "loop_gain": {run: [c.loop_gain for c in m.channels] for run, m in margins.items()},
+        "loop_gain_frequency_hz": LOW_FREQUENCY,
+        "predicted_ratio": dict.fromkeys(_PAIRS) | ratio,
+        "predicted_ratio_error_deg": TYPICAL_ERROR_DEG,
+        "predicted_ratio_by_error_deg": {
+            pair: {f"{size:g}": values.tolist() for size, values in sizes.items()}
+            for pair, sizes in found.ratios.items()
+        },
+        "predicted_ratio_holds": all(margin.stable for margin in margins.values()),
+        "runs": {run: _run_data(found.views[run], margin) for run, margin in margins.items()},
+        "what_if": {
+            change: {"decay": dict(what.decay), "ratio": {k: v.tolist() for k, v in what.ratios.items()}}
+            for change, what in found.what_if.items()
+        },
+    }
+
+
+def _deg(angle: float) -> float:
+    return float(np.rad2deg(angle))
+
+
+def _run_data(view: View, margin: RunMargins) -> dict[str, Any]:
+    def lists(channels: Sequence[ChannelMargins]) -> dict[str, list[float]]:
+        return {
+            "gain_margin": [c.gain_up for c in channels],
+            "gain_margin_hz": [c.gain_up_hz for c in channels],
+            "gain_reduction_margin": [c.gain_down for c in channels],
+            "gain_reduction_margin_hz": [c.gain_down_hz for c in channels],
+            "phase_margin_deg": [_deg(c.phase) for c in channels],
+            "crossover_hz": [c.crossover_hz for c in channels],
+            "delay_margin_s": [c.delay for c in channels],
+            "loop_gain": [c.loop_gain for c in channels],
+            "loop_gain_slope": [c.loop_slope for c in channels],
+        }
+
+    return {
+        "law": view.law_name,
+        "payload_kg": view.payload,
+        "output_delay": view.delay,
+        "stable": margin.stable,
+        "decay": margin.decay,
+        "decay_hz": margin.frequency,
+        "ringing_decay": margin.ringing_decay,
+        "ringing_hz": margin.ringing_frequency,
+        "disk_margin": margin.disk,
+        "disk_margin_hz": margin.disk_hz,
+        "estimate_age": estimate_age(view.law, view.delay).tolist(),
+        "unknown_torque": lists(margin.channels),
+        "remembered_torque": lists(margin.recalled),
+    }
+
+
+def margin_rows(found: Explanation) -> Iterator[dict[str, Any]]:
+    """One row per run and joint for a table: run, joint and all numbers about them.
+
+    Parameters
+    ----------
+    found : Explanation
+
+    Yields
+    ------
+    dict
+    """
+    for run, margin in found.margins.items():
+        for k, joint in enumerate(found.joints):
+            channel = margin.channels[k]
+            yield {
+                "run": run,
+                "joint": joint,
+                "spectral_radius": margin.spectral_radius,
+                "decay_per_s": margin.decay,
+                "ringing_decay_per_s": margin.ringing_decay,
+                "ringing_hz": margin.ringing_frequency,
+                "gain_margin": channel.gain_up,
+                "gain_margin_hz": channel.gain_up_hz,
+                "gain_reduction_margin": channel.gain_down,
+                "phase_margin_deg": _deg(channel.phase),
+                "crossover_hz": channel.crossover_hz,
+                "delay_margin_ms": 1e3 * channel.delay,
+                "remembered_gain_margin": margin.recalled[k].gain_up,
+                "remembered_gain_margin_hz": margin.recalled[k].gain_up_hz,
+                "disk_margin": margin.disk,
+                "loop_gain": channel.loop_gain,
+                "loop_gain_slope": channel.loop_slope,
+            }
+
+
+def write_table(found: Explanation, folder: Path) -> list[Path]:
+    """Write the table of margins as csv (full digits) and Markdown (rounded).
+
+    Parameters
+    ----------
+    found : Explanation
+    folder : Path
+        Made when missing.
+
+    Returns
+    -------
+    list of Path
+        ``explain.csv`` and ``explain.md``.
+    """
+    rows = list(margin_rows(found))
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(rows[0])
+    writer.writerows([["" if _missing(cell) else cell for cell in row.values()] for row in rows])
+    sheet = Sheet(
+        caption=f"Stability of the sampled loop, worst of {len(found.postures)} postures ({found.origin}).",
+        headings=list(rows[0]),
+        numeric=[name not in {"run", "joint"} for name in rows[0]],
+        rows=[[_cell(cell) for cell in row.values()] for row in rows],
+    )
+    paths = [folder / "explain.csv", folder / "explain.md"]
+    for path, text in zip(paths, (stream.getvalue(), markdown(sheet)), strict=True):
+        write_atomically(path, text)
+    return paths
+
+
+def _missing(cell: object) -> bool:
+    return isinstance(cell, float) and not np.isfinite(cell)
+
+
+def _cell(cell: object) -> str:
+    if _missing(cell):
+        return NOTHING
+    return f"{cell:.6g}" if isinstance(cell, float) else str(cell)

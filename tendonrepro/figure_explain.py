@@ -1,0 +1,306 @@
+"""Pictures of what was found about the loops: margins, root loci, and maps of stability."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from string import ascii_lowercase
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter, NullLocator
+from numpy.typing import NDArray
+
+from tendonrepro import __version__
+from tendonrepro.arrays import Array
+from tendonrepro.explain import Explanation, Map
+from tendonrepro.figure_style import PAGE_MM, Stroke, journal_style, stroke_of
+from tendonrepro.files import atomic_path
+
+SYMBOLS: Mapping[str, str] = {
+    "M_bar": r"$\bar M$",
+    "alpha": r"$\alpha$",
+    "K_s": r"tendon stiffness $K_s$",
+    "D_s": r"tendon damping $D_s$",
+}
+"""Parameters as axes name them."""
+
+STATUS_MARKERS: Mapping[str, tuple[str, str]] = {
+    "ok": (".", "#777777"),
+    "ringing": ("+", "#CC8800"),
+    "diverged": ("x", "#B5405A"),
+    "unresolved": ("1", "#000000"),
+}
+"""Marker and colour of a simulated plant by what became of it."""
+
+_MM_PER_INCH = 25.4
+_SLOWEST_DRAWN = -20.0
+_FASTEST_GROWTH = 10.0
+_PALE = "#E4EAF1"
+
+
+@dataclass(frozen=True)
+class Plants:
+    """Simulated plants to be laid over the map of tendons.
+
+    Attributes
+    ----------
+    K_s, D_s : array (N,)
+        Stiffness and damping as factors on the configuration's.
+    status : array (N,)
+        ``ok``, ``ringing``, ``diverged`` or ``unresolved``.
+    """
+
+    K_s: Array
+    D_s: Array
+    status: NDArray[np.str_]
+
+
+def draw_explanation(found: Explanation, folder: Path, plants: Plants | None = None) -> list[Path]:
+    """Draw and save every picture as PDF, SVG and PNG.
+
+    Parameters
+    ----------
+    found : Explanation
+    folder : Path
+        Made when missing.
+    plants : Plants, optional
+        To be laid over the map.
+
+    Returns
+    -------
+    list of Path
+    """
+    with journal_style():
+        drawn = {
+            "explain_margins": (draw_margins(found), "Open loops of every joint, the other loops closed"),
+            "explain_locus": (draw_locus(found), "Modes of the loop while one parameter is multiplied"),
+            "explain_map": (draw_map(found, plants), "Borders of stability"),
+        }
+        return [
+            path
+            for stem, (figure, caption) in drawn.items()
+            for path in _save(figure, folder, stem, f"{caption}; tendonrepro {__version__}, {found.origin}.")
+        ]
+
+
+def _save(figure: Figure, folder: Path, stem: str, caption: str) -> list[Path]:
+    metadata: dict[str, dict[str, Any]] = {
+        "pdf": {"Title": stem, "Subject": caption, "CreationDate": None},
+        "svg": {"Title": stem, "Description": caption, "Date": None},
+        "png": {"Title": stem, "Description": caption},
+    }
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        # Laid out once; without its engine no format computes it again.
+        engine.execute(figure)
+        figure.set_layout_engine(None)
+    paths = [folder / f"{stem}.{suffix}" for suffix in metadata]
+    for path, (suffix, entries) in zip(paths, metadata.items(), strict=True):
+        with atomic_path(path) as temporary:
+            figure.savefig(temporary, format=suffix, metadata=entries)
+    return paths
+
+
+def draw_margins(found: Explanation) -> Figure:
+    """Gain and phase of every joint's open loop over the frequency, with the gain margins as circles.
+
+    Parameters
+    ----------
+    found : Explanation
+    """
+    figure, grid = _sheet(2, len(found.joints), 100.0, sharex=True, sharey="row")
+    letters = iter(ascii_lowercase)
+    for row, title in enumerate(("gain", "phase")):
+        for axes, joint in zip(grid[row], found.joints, strict=True):
+            axes.set_title(f"({next(letters)}) Joint {joint}, {title}")
+    for k in range(len(found.joints)):
+        gain, phase = grid[:, k]
+        gain.axhline(1.0, color="#999999", linewidth=0.5)
+        phase.axhline(-180.0, color="#999999", linewidth=0.5)
+        for number, (run, curves) in enumerate(found.curves.items(), start=1):
+            stroke, value = stroke_of(number), curves.channels[k]
+            _line(gain, curves.hertz, np.abs(value), stroke, run)
+            _line(phase, curves.hertz, _turned(value), stroke, run)
+            _mark(gain, curves.hertz, np.abs(value), found.margins[run].channels[k].gain_up_hz, stroke)
+        phase.set_xlabel("Frequency (Hz)")
+    grid[0, 0].set_yscale("log")
+    grid[1, 0].set_xscale("log")
+    grid[1, 0].set_yticks(np.arange(-360.0, 361.0, 90.0))
+    highest = max(np.max(line.get_ydata()) for axes in grid[1] for line in axes.lines)
+    grid[1, 0].set_ylim(-360.0, 0.0 if highest <= 0.0 else 180.0)
+    # A law with a pole on the unit circle has no finite gain there.
+    grid[0, 0].set_ylim(max(grid[0, 0].get_ylim()[0], 1e-5), 3.0 * _low_gain(found))
+    grid[0, 0].set_ylabel("Loop gain")
+    grid[1, 0].set_ylabel("Loop phase (deg)")
+    _legend(figure, grid[0, 0], extra=[_sample("o", "gain margin")])
+    return figure
+
+
+def _low_gain(found: Explanation) -> float:
+    return max(float(np.abs(curves.channels[:, 0]).max()) for curves in found.curves.values())
+
+
+def _turned(value: Any) -> Array:
+    """Phase of ``-G`` in degrees, continuous from between -180 and 180 at the lowest frequency."""
+    return np.asarray(np.rad2deg(np.unwrap(np.angle(-value))))
+
+
+def _mark(axes: Axes, hertz: Array, values: Array, place: float, stroke: Stroke) -> None:
+    if np.isfinite(place):
+        height = np.exp(np.interp(np.log(place), np.log(hertz), np.log(values)))
+        axes.plot(
+            [place], [height], "o", markersize=3.2, markerfacecolor="white", markeredgecolor=stroke.colour
+        )
+
+
+def draw_locus(found: Explanation) -> Figure:
+    """Modes as curves: growth across, frequency upwards.
+
+    A circle marks the loop as configured, a point the largest factor.
+
+    Parameters
+    ----------
+    found : Explanation
+    """
+    figure, grid = _sheet(2, 2, 118.0, sharex=True, sharey=True)
+    for letter, axes, (parameter, loci) in zip("abcd", grid.flat, found.loci.items(), strict=True):
+        factors = found.locus_factors[parameter]
+        here = int(np.abs(factors - 1.0).argmin())
+        for number, (law, rates) in enumerate(loci.items(), start=1):
+            _branches(axes, rates, here, stroke_of(number))
+            _line(axes, np.array([]), np.array([]), stroke_of(number), law)
+        axes.axvline(0.0, color="#999999", linewidth=0.5)
+        axes.set_title(f"({letter}) {SYMBOLS[parameter]} × {factors[0]:.3g} to {factors[-1]:.3g}")
+    _frame_locus(grid)
+    extra = [_sample("o", "as configured"), _sample(".", "largest factor")]
+    _legend(figure, grid[0, 0], extra=extra)
+    return figure
+
+
+def _branches(axes: Axes, rates: Any, here: int, stroke: Stroke) -> None:
+    growth, hertz = rates.real, np.abs(rates.imag) / (2.0 * np.pi)
+    axes.plot(growth, hertz, color=stroke.colour, linestyle=stroke.linestyle, linewidth=stroke.width)
+    circle: dict[str, Any] = {"markersize": 4.0, "markerfacecolor": "none", "markeredgecolor": stroke.colour}
+    axes.plot(growth[here], hertz[here], "o", markeredgewidth=0.6, **circle)
+    axes.plot(growth[-1], hertz[-1], ".", markersize=3.5, color=stroke.colour)
+
+
+def _frame_locus(grid: Any) -> None:
+    first = grid[0, 0]
+    first.set_xlim(_SLOWEST_DRAWN, _FASTEST_GROWTH)
+    first.set_yscale("symlog", linthresh=1.0, linscale=0.6)
+    first.yaxis.set_major_locator(FixedLocator([0.0, 0.5, 1.0, 10.0, 100.0, 500.0]))
+    first.yaxis.set_major_formatter(FuncFormatter(_plain))
+    first.yaxis.set_minor_formatter(NullFormatter())
+    first.set_ylim(-0.12, 900.0)
+    for axes in grid[-1]:
+        axes.set_xlabel(r"Growth (s$^{-1}$)")
+    for axes in grid[:, 0]:
+        axes.set_ylabel("Frequency (Hz)")
+
+
+def _plain(value: float, _place: int) -> str:
+    return f"{value:g}"
+
+
+def draw_map(found: Explanation, plants: Plants | None = None) -> Figure:
+    """Borders of stability of every run over tendons and over gains; where all are stable is pale.
+
+    Parameters
+    ----------
+    found : Explanation
+    plants : Plants, optional
+        Laid over the tendons.
+    """
+    figure, grid = _sheet(1, len(found.maps), 82.0)
+    for letter, axes, drawn in zip("ab", grid.flat, found.maps, strict=True):
+        _borders(axes, drawn)
+        axes.set_xscale("log")
+        axes.set_yscale("linear" if drawn.y == "alpha" else "log")
+        for axis, parameter in ((axes.xaxis, drawn.x), (axes.yaxis, drawn.y)):
+            if parameter != "alpha":
+                axis.set_major_locator(FixedLocator([0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0]))
+                axis.set_minor_locator(NullLocator())
+            axis.set_major_formatter(FuncFormatter(_plain))
+        axes.plot([1.0], [1.0], "k*", markersize=5.0, markeredgewidth=0.0, zorder=4.0)
+        axes.set_xlabel(f"Factor on {SYMBOLS[drawn.x]}")
+        axes.set_ylabel(f"Factor on {SYMBOLS[drawn.y]}")
+        axes.set_title(f"({letter}) " + ("Tendons" if drawn.x == "K_s" else "Gains"))
+    extra: list[Artist] = [_sample("*", "as configured", "black"), Patch(color=_PALE, label="all stable")]
+    if plants is not None:
+        extra += _lay(grid.flat[0], plants)
+    _legend(figure, grid[0, 0], extra=extra)
+    return figure
+
+
+def _borders(axes: Axes, drawn: Map) -> None:
+    x, y = drawn.x_factors, drawn.y_factors
+    least = np.min(list(drawn.distance.values()), axis=0)
+    if least.max() > 0.0:
+        axes.contourf(x, y, least, levels=[0.0, 1e9], colors=[_PALE])
+    for number, (run, distance) in enumerate(drawn.distance.items(), start=1):
+        stroke = stroke_of(number)
+        if distance.min() < 0.0 < distance.max():
+            style: dict[str, Any] = {"colors": [stroke.colour], "linestyles": [stroke.linestyle]}
+            axes.contour(x, y, distance, levels=[0.0], linewidths=1.1, **style)
+        # A contour is no legend entry of its own.
+        _line(axes, np.array([]), np.array([]), stroke, run)
+    axes.set_xlim(x[0], x[-1])
+    axes.set_ylim(y[0], y[-1])
+
+
+def _lay(axes: Axes, plants: Plants) -> list[Artist]:
+    samples: list[Artist] = []
+    for status, (marker, colour) in STATUS_MARKERS.items():
+        chosen = plants.status == status
+        if chosen.any():
+            style: dict[str, Any] = {
+                "color": colour,
+                "markersize": 2.0,
+                "markeredgewidth": 0.5,
+                "linestyle": "none",
+            }
+            axes.plot(plants.K_s[chosen], plants.D_s[chosen], marker, zorder=1.5, **style)
+            samples.append(_sample(marker, f"plant {status}", colour))
+    return samples
+
+
+def _sheet(rows: int, cols: int, height_mm: float, **shared: Any) -> tuple[Figure, Any]:
+    figure = Figure(figsize=(PAGE_MM / _MM_PER_INCH, height_mm / _MM_PER_INCH), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure, figure.subplots(rows, cols, squeeze=False, **shared)
+
+
+def _line(axes: Axes, x: Array, y: Array, stroke: Stroke, label: str) -> None:
+    axes.plot(x, y, color=stroke.colour, linestyle=stroke.linestyle, linewidth=stroke.width, label=label)
+
+
+def _sample(marker: str, label: str, colour: str = "#555555") -> Line2D:
+    face = "white" if marker == "o" else colour
+    return Line2D(
+        [],
+        [],
+        linestyle="none",
+        marker=marker,
+        color=colour,
+        markerfacecolor=face,
+        markeredgewidth=0.0 if marker in "*." else 0.7,
+        markersize=5.0,
+        label=label,
+    )
+
+
+def _legend(figure: Figure, axes: Axes, extra: Sequence[Artist]) -> None:
+    handles, names = axes.get_legend_handles_labels()
+    texts = [name.replace("_", " ").replace("controller", "Controller") for name in names]
+    texts += [str(artist.get_label()) for artist in extra]
+    columns = -(-len(texts) // (1 if len(texts) <= 6 else 2))
+    figure.legend([*handles, *extra], texts, loc="outside upper center", ncols=columns)

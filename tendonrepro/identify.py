@@ -1,0 +1,262 @@
+"""Search for plants, motions and readings that give the printed numbers, and judge what was not fitted."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+
+from tendonrepro.arrays import Array
+from tendonrepro.batch import simulate_batch
+from tendonrepro.box import make_box, scrambled_sobol
+from tendonrepro.config_ensemble import LoadedEnsemble, load_ensemble
+from tendonrepro.errors import UsageError
+from tendonrepro.files import write_atomically
+from tendonrepro.identify_judge import (
+    number_rows,
+    order_rows,
+    parameter_rows,
+    pareto_rows,
+    ratio_rows,
+    status_counts,
+)
+from tendonrepro.identify_misfit import (
+    Bench,
+    Simulate,
+    Window,
+    log_misfit,
+    log_residuals,
+    printed_numbers,
+    rounding_misfit,
+)
+from tendonrepro.identify_report import CONFIG, conclusions, write_config, write_identify_tables
+from tendonrepro.identify_search import Effort, Found, search
+from tendonrepro.identify_state import State
+from tendonrepro.identify_task import NEAR, SCHEMA_VERSION, Fit, Task
+from tendonrepro.manifest import make_manifest, to_json, with_outputs
+from tendonrepro.published import Published, published
+from tendonrepro.readings import AXES, RUNS, Reading, default_readings, parse_reading
+from tendonrepro.results import MANIFEST, claimed, clear, refuse_others
+from tendonrepro.talk import Talk
+
+DATA = "identify.json"
+STATES = "search"
+DEFAULT_OUT = Path("reports") / "identify"
+
+FEWEST_MEMBERS = 5
+
+GENERATIONS, POPULATION, SEEDS = 120, 48, 3
+"""Effort of each search unless told otherwise; some five minutes of two processors."""
+
+
+def run_identify(
+    source: str | None,
+    fit: Fit,
+    readings: str,
+    window: Window,
+    generations: int,
+    population: int,
+    seeds: int,
+    overrides: Sequence[str],
+    seed: int | None,
+    out: Path | None,
+    force: bool,
+    dry_run: bool = False,
+    talk: Talk | None = None,
+    *,
+    simulate: Simulate = simulate_batch,
+    paper: Published | None = None,
+) -> dict[str, Any]:
+    """Search, judge, and write numbers, tables, figures and the best plant's configuration.
+
+    Parameters
+    ----------
+    source : str or None
+        Configuration of an ensemble, whose box is searched: a file, ``-``, a shipped name, or None.
+    fit : {'controller_2', 'all'}
+        Fit Controller 2's four numbers and judge the others by them; or all sixteen and judge nothing.
+    readings : str
+        ``printed``, ``default``, or names joined by commas.
+    window : {'whole', 'late'}
+        What the printed numbers average.
+    generations, population, seeds : int
+        Effort of each search; the population is that of one seed.
+    overrides : sequence of str
+        ``dotted.key=VALUE``, as for the ensemble.
+    seed : int or None
+        Replaces the configuration's.
+    out : Path or None
+        Results folder.
+    force : bool
+        Overwrite other results.
+    dry_run : bool
+        Only say what would be done.
+    talk : Talk, optional
+    simulate : callable
+        The batch stepper.
+    paper : Published, optional
+        Other printed numbers than the shipped ones.
+
+    Returns
+    -------
+    dict
+        What ``--json`` prints.
+
+    Raises
+    ------
+    UsageError
+        For an unknown reading, too small an effort, or a folder with other results.
+    TendonreproError
+        When results cannot be written; searches are taken up again from their last generation.
+    """
+    talk, folder = talk or Talk(), out or DEFAULT_OUT
+    _check(fit, window, generations, population, seeds)
+    loaded = load_ensemble(source, overrides=overrides, seed=seed)
+    joints, box = loaded.compare.joints, make_box(loaded.config)
+    smooth = tuple(choices.size == 0 for choices in box.choices)
+    task = Task(
+        loaded=loaded,
+        fit=fit,
+        readings=_readings(readings, loaded),
+        effort=Effort(generations, population, seeds, NEAR, smooth),
+        seed=int(loaded.config.seed.si),
+        printed=printed_numbers(paper or published(), joints),
+        bench=Bench(loaded.base, box, window, simulate, os.cpu_count() or 1),
+    )
+    identity = task.identity([held.name for held in task.readings])
+    if dry_run:
+        if not force:
+            refuse_others(folder, identity)
+        return _outline(task, folder) | {"dry_run": True, "config_sha256": loaded.sha256}
+    with claimed(folder, identity, force=force):
+        return _identified(task, folder, identity, talk)
+
+
+def _check(fit: str, window: str, generations: int, population: int, seeds: int) -> None:
+    least = {
+        "--generations": (generations, 1),
+        "--population": (population, FEWEST_MEMBERS),
+        "--seeds": (seeds, 1),
+    }
+    for option, (value, fewest) in least.items():
+        if value < fewest:
+            message = f"must be at least {fewest}, found {value}"
+            raise UsageError(message, where=option)
+    for option, word, known in (("--fit", fit, get_args(Fit)), ("--window", window, get_args(Window))):
+        if word not in known:
+            message = f"must be {' or '.join(known)}, found {word!r}"
+            raise UsageError(message, where=option)
+
+
+def _readings(text: str, loaded: LoadedEnsemble) -> tuple[Reading, ...]:
+    if text == "default":
+        return default_readings(loaded.config)
+    found = tuple(dict.fromkeys(parse_reading(name.strip()) for name in text.split(",")))
+    for held in found:
+        if any(axis not in AXES for axis, _ in held.settings):
+            message = f"{held.name} is a variation, not a reading"
+            raise UsageError(message, where="--readings")
+    return found
+
+
+def _outline(task: Task, folder: Path) -> dict[str, Any]:
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "experiment": "identify",
+        "fit": task.fit,
+        "judged": task.fit != "all",
+        "window": task.bench.window,
+        "readings": [held.name for held in task.readings],
+        "searches": list(dict.fromkeys(task.case(held).name for held in task.readings)),
+        "evaluations": task.effort.evaluations,
+        "generations": task.effort.generations,
+        "population": task.effort.population,
+        "seeds": task.effort.seeds,
+        "seed": task.seed,
+        "near_tolerance": NEAR,
+        "joints": list(task.printed.joints),
+        "out": str(folder),
+    }
+
+
+def _identified(task: Task, folder: Path, identity: str, talk: Talk) -> dict[str, Any]:
+    from tendonrepro.figure_identify import draw_identify_figures
+
+    started = time.perf_counter()
+    states = {held.name: _searched(task, task.case(held), folder, talk) for held in task.readings}
+    with talk.bar("judging", len(task.readings)) as progress:
+        found = []
+        for held in task.readings:
+            found.append(_reading_data(task, held, states[held.name]))
+            progress(1)
+    data = _outline(task, folder) | {"readings": found, "config": str(folder / CONFIG)}
+    data["conclusions"] = conclusions(data)
+    clear(folder)
+    place = int(np.argmin([entry["misfit_log"] for entry in found]))
+    best = task.readings[place]
+    config = task.bench.config(states[best.name].best()[0], best)
+    write_config(folder / CONFIG, config, found[place]["misfit_log"], best.name)
+    outputs = [folder / CONFIG, *write_identify_tables(data, folder / "tables")]
+    outputs += draw_identify_figures(data, folder / "figures")
+    write_atomically(folder / DATA, to_json(data))
+    manifest = make_manifest(task.loaded.base, time.perf_counter() - started)
+    manifest |= {"experiment": "identify", "seed": task.seed}
+    manifest["config"] = manifest["config"] | {"sha256": identity, "ensemble_sha256": task.loaded.sha256}
+    manifest = with_outputs(manifest, folder, [*outputs, folder / DATA])
+    write_atomically(folder / MANIFEST, to_json(manifest))
+    return data | {"manifest": str(folder / MANIFEST)}
+
+
+def _searched(task: Task, case: Reading, folder: Path, talk: Talk) -> State:
+    """Search under one case; a finished one is read from disk."""
+    places = [RUNS.index(run) for run in task.fitted]
+    goal = task.printed.values[places]
+
+    def misfit(units: Array) -> Found:
+        measured = task.bench.measure(units, case, task.fitted)
+        residuals = log_residuals(measured, goal).reshape(len(units), -1)
+        return Found(log_misfit(measured, goal), residuals)
+
+    identity = task.identity([case.name])
+    talk.detail(f"search under {case.name}")
+    initial = np.stack(
+        [
+            scrambled_sobol(task.bench.box, task.seed, place, 0, task.effort.population)
+            for place in range(task.effort.seeds)
+        ]
+    )
+    path = folder / STATES / f"{identity[:16]}.npz"
+    return search(initial, misfit, task.effort, task.seed, path, identity, talk)
+
+
+def _reading_data(task: Task, held: Reading, state: State) -> dict[str, Any]:
+    """Everything about one reading as plain values."""
+    unit, misfit = state.best()
+    limit = max(NEAR, 2.0 * misfit)
+    near_units = state.near(limit)
+    measured = task.bench.measure(np.concatenate([unit[np.newaxis], near_units]), held, RUNS)
+    best, near = measured.part(slice(0, 1)), measured.part(slice(1, None))
+    printed, fitted = task.printed, [RUNS.index(run) for run in task.fitted]
+    rounding = rounding_misfit(best.sizes[:, fitted], printed.values[fitted], printed.half[fitted])
+    return {
+        "name": held.name,
+        "search": task.case(held).name,
+        "misfit_log": misfit,
+        "misfit_rounding": float(rounding[0]),
+        "fits": misfit <= NEAR,
+        "near_limit": limit,
+        "near_count": len(near_units),
+        "misfit_by_seed": state.misfits.min(axis=1).tolist(),
+        "history": state.history.tolist(),
+        "best_status": {run: status_counts(best)[run] for run in RUNS},
+        "near_status": status_counts(near),
+        "numbers": number_rows(best, near, printed, task.fitted),
+        "order": order_rows(near, printed),
+        "ratios": ratio_rows(near, printed),
+        "parameters": parameter_rows(task.bench.box, unit, near_units),
+        "pareto": pareto_rows(measured, printed, task.fitted),
+    }

@@ -1,0 +1,261 @@
+"""How far the simulated numbers of a plant are from the printed ones."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal, Protocol, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonrepro.arrays import Array
+from tendonrepro.batch import STATUSES, Batch
+from tendonrepro.box import Box, configured
+from tendonrepro.config import CompareConfig, LoadedConfig
+from tendonrepro.published import PrintedNumber, Published
+from tendonrepro.readings import RUNS, Reading, under
+from tendonrepro.runs import build_loops
+from tendonrepro.simulate import Loop, Reference
+
+Window: TypeAlias = Literal["whole", "late"]
+"""What the printed numbers average: the whole run, or all after its first period."""
+
+METRICS = ("mae", "rmse")
+
+_SUFFIX: Mapping[Window, str] = {"whole": "", "late": "_late"}
+_TABLE = {run: f"table2.{run}" for run in RUNS} | {"controller_1_payload": "table3.with_load"}
+# A run that did not end well is worse than any that did, and the worse the earlier it ended.
+_RINGING, _DIVERGED, _UNRESOLVED, _WORST_FIT = 10.0, 20.0, 40.0, 5.0
+_STUB = 64
+# A plant's reference takes about a megabyte.
+_PLANTS_AT_ONCE = 256
+
+
+class Simulate(Protocol):
+    """Signature of `tendonrepro.batch.simulate_batch`."""
+
+    def __call__(self, loops: Sequence[Loop], limits: Any, *, threads: int) -> Batch:
+        """Run many closed loops."""
+
+
+@dataclass(frozen=True)
+class Printed:
+    """The sixteen printed errors in degrees, (R, 2, n): runs in the order of `RUNS`, MAE and RMSE, joints.
+
+    Attributes
+    ----------
+    values : array (R, 2, n)
+    half : array (R, 2, n)
+        Half a unit of the last digit.
+    joints : tuple of int
+    """
+
+    values: Array
+    half: Array
+    joints: tuple[int, ...]
+
+
+def printed_numbers(paper: Published, joints: Sequence[int]) -> Printed:
+    """Tables 2 and 3.
+
+    Parameters
+    ----------
+    paper : Published
+    joints : sequence of int
+    """
+
+    def entry(run: str, metric: str, joint: int) -> PrintedNumber:
+        number = paper.quantity(f"{_TABLE[run]}.{metric}.joint_{joint}")
+        assert isinstance(number, PrintedNumber)
+        return number
+
+    numbers = [[[entry(run, metric, joint) for joint in joints] for metric in METRICS] for run in RUNS]
+    values = [[[number.value for number in row] for row in rows] for rows in numbers]
+    half = [[[0.5 * 10.0**-number.decimals for number in row] for row in rows] for rows in numbers]
+    return Printed(np.array(values), np.array(half), tuple(joints))
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What N plants give on R runs.
+
+    Attributes
+    ----------
+    sizes : array (N, R, 2, n)
+        MAE and RMSE, deg; up to its end of a diverged run, NaN where there is nothing.
+    status : array (N, R) of int8
+        Index into `tendonrepro.batch.STATUSES`.
+    lasted : array (N, R)
+        Share of the run that was done.
+    """
+
+    sizes: Array
+    status: NDArray[np.int8]
+    lasted: Array
+
+    @property
+    def ok(self) -> NDArray[np.bool_]:
+        """Runs that ended well, (N, R)."""
+        ended_well: NDArray[np.bool_] = self.status == STATUSES.index("ok")
+        return ended_well
+
+    def part(self, plants: slice) -> Measured:
+        """Some of the plants."""
+        return Measured(self.sizes[plants], self.status[plants], self.lasted[plants])
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Points of the unit cube to numbers.
+
+    Attributes
+    ----------
+    base : LoadedConfig
+        Configuration of `compare` that every plant starts from.
+    box : Box
+    window : str
+    simulate : Simulate
+    threads : int
+    """
+
+    base: LoadedConfig
+    box: Box
+    window: Window
+    simulate: Simulate
+    threads: int
+
+    def config(self, unit: Array, reading: Reading) -> CompareConfig:
+        """Configuration of one point (P,) under a reading."""
+        values = self.box.values(unit[np.newaxis])[0]
+        return under(reading, configured(self.base, self.box, values), self.box.named(values))
+
+    def measure(self, units: Array, reading: Reading, runs: Sequence[str]) -> Measured:
+        """Simulate runs of many points as one batch.
+
+        Parameters
+        ----------
+        units : array (N, P)
+        reading : Reading
+        runs : sequence of str
+
+        Returns
+        -------
+        Measured
+            Runs in the order given.
+        """
+        pieces = np.split(units, range(_PLANTS_AT_ONCE, len(units), _PLANTS_AT_ONCE))
+        found = [self._measure(piece, reading, runs) for piece in pieces]
+        return Measured(*(np.concatenate(parts) for parts in zip(*map(_fields, found), strict=True)))
+
+    def _measure(self, units: Array, reading: Reading, runs: Sequence[str]) -> Measured:
+        loops = [loop for unit in units for loop in self._loops(unit, reading, runs)]
+        limits = self.base.config.status
+        batch = self.simulate([*loops, *self._stubs(reading, runs)], limits, threads=self.threads)
+        count, shape = len(loops), (len(units), len(runs))
+        suffix = _SUFFIX[self.window]
+        found = [batch.statistics[metric + suffix][:count] for metric in METRICS]
+        sizes = np.rad2deg(np.stack(found, axis=1))
+        duration = np.array([loop.reference.time[-1] for loop in loops])
+        return Measured(
+            sizes.reshape(*shape, *sizes.shape[1:]),
+            batch.status[:count].reshape(shape),
+            (batch.status_time[:count] / duration).reshape(shape),
+        )
+
+    def _loops(self, unit: Array, reading: Reading, runs: Sequence[str]) -> list[Loop]:
+        config = self.config(unit, reading)
+        chosen = config.model_copy(update={"runs": {run: config.runs[run] for run in runs}})
+        found = dict(build_loops(chosen, self.base.folder))
+        return [found[run] for run in runs]
+
+    def _stubs(self, reading: Reading, runs: Sequence[str]) -> list[Loop]:
+        """Runs of some samples in which everything acts, one for each branch that a row of the box chooses.
+
+        Code is compiled for what acts anywhere in a batch. With these in every batch, a population that comes
+        to agree on some row does not need new code.
+        """
+        loops = [loop for unit in acting_units(self.box) for loop in self._loops(unit, reading, runs)]
+        return [replace(loop, reference=_cut(loop.reference)) for loop in loops]
+
+
+def _fields(measured: Measured) -> tuple[Array, NDArray[np.int8], Array]:
+    return measured.sizes, measured.status, measured.lasted
+
+
+def acting_units(box: Box) -> Array:
+    """Points at which every effect acts, one for each disturbance and with and without torque steps."""
+    columns = {name: place for place, name in enumerate(box.names)}
+    disturbance = columns["disturbance"]
+    points = []
+    for place in range(box.choices[disturbance].size):
+        for steps in box.choices[columns["torque_resolution_acts"]]:
+            # Off the middle, where a value might be exactly one.
+            unit = np.full(len(columns), 0.4142)
+            for name in (name for name in columns if name.endswith("_acts")):
+                unit[columns[name]] = 0.999
+            unit[columns["torque_resolution_acts"]] = 0.999 if steps else 0.001
+            unit[disturbance] = (place + 0.5) / box.choices[disturbance].size
+            # The last word that is allowed has the most sides.
+            unit[columns["friction_sides"]] = 0.999
+            points.append(unit)
+    return np.array(points)
+
+
+def _cut(reference: Reference) -> Reference:
+    start = slice(_STUB)
+    return Reference(
+        reference.time[start],
+        reference.q_d[start],
+        reference.dq_d[start],
+        reference.ddq_d[start],
+        reference.period,
+    )
+
+
+def log_misfit(measured: Measured, printed: Array) -> Array:
+    """Root mean square over runs and numbers of log(ours / printed); a run that is not ok counts by its end.
+
+    Parameters
+    ----------
+    measured : Measured
+        Of N plants and R runs.
+    printed : array (R, 2, n)
+        deg.
+
+    Returns
+    -------
+    array (N,)
+        Finite, below `_RINGING` over the root of R only where all runs are ok.
+    """
+    fit = np.sqrt(np.mean(log_residuals(measured, printed) ** 2, axis=(2, 3)))
+    per_run = np.choose(
+        measured.status,
+        [fit, _RINGING + fit, _DIVERGED + 10.0 * (1.0 - measured.lasted), np.full_like(fit, _UNRESOLVED)],
+    )
+    result: Array = np.sqrt(np.mean(per_run**2, axis=1))
+    return result
+
+
+def log_residuals(measured: Measured, printed: Array) -> Array:
+    """log(ours / printed) of every number, (N, R, 2, n), bounded; the bound where there is no number."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        logs = np.log(measured.sizes / printed)
+    return np.asarray(np.clip(np.nan_to_num(logs, nan=_WORST_FIT), -_WORST_FIT, _WORST_FIT))
+
+
+def rounding_misfit(sizes: Array, printed: Array, half: Array) -> Array:
+    """Root mean square over the last axes of |ours - printed| in half units of the last digit.
+
+    Parameters
+    ----------
+    sizes : array (N, R, 2, n)
+        deg.
+    printed, half : array (R, 2, n)
+
+    Returns
+    -------
+    array (N,)
+    """
+    result: Array = np.sqrt(np.mean(((sizes - printed) / half) ** 2, axis=(1, 2, 3)))
+    return result

@@ -1,0 +1,233 @@
+"""What `identify` found as words, tables and a configuration that `compare` runs."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tendonrepro.config import CompareConfig, load_config
+from tendonrepro.files import write_atomically
+from tendonrepro.screen import columns
+from tendonrepro.strict_yaml import Node, dump
+from tendonrepro.typeset import NOTHING, Sheet, markdown
+
+CONFIG = "identified.yaml"
+
+_DRAWN = "assumed: draw from the box, "
+_FAR_BETTER = 0.5
+_CAPTIONS = {
+    "identify_readings": "Best plant under each reading; misfit as root mean square of log(ours/printed).",
+    "identify_numbers": "Printed numbers, the best plant's, and the central 90 % of near-optimal plants.",
+    "identify_order": "Share of the near-optimal plants on which the printed order holds.",
+    "identify_ratios": "Ratios of errors: printed, and on the near-optimal plants.",
+    "identify_parameters": "What the fit says about each row of the box; width 1: nothing, 0: everything.",
+    "identify_pareto": "Plants that no other beats in both misfits.",
+}
+
+
+def write_config(path: Path, config: CompareConfig, misfit: float, reading: str) -> None:
+    """Write the best plant as a configuration of `compare`, and read it back as a check.
+
+    Parameters
+    ----------
+    path : Path
+    config : CompareConfig
+        As drawn, under its reading.
+    misfit : float
+        In log ratio.
+    reading : str
+    """
+    source = f"identified: tendonrepro identify, misfit {misfit:.2g}, "
+    tree = _sourced(config.model_dump(mode="json", exclude_none=True), source)
+    assert isinstance(tree, dict)
+    head = f"# Best plant under the reading {reading}; others fit as well, see identify.json beside it.\n\n"
+    write_atomically(path, head + dump(tree))
+    load_config(path, "compare")
+
+
+def _sourced(node: Any, source: str) -> Node:
+    if isinstance(node, dict):
+        return {key: _sourced(value, source) for key, value in node.items()}
+    if isinstance(node, list):
+        return [_sourced(value, source) for value in node]
+    if isinstance(node, str) and node.startswith(_DRAWN):
+        return source + node.removeprefix(_DRAWN)
+    return node  # type: ignore[no-any-return]
+
+
+def conclusions(data: Mapping[str, Any]) -> list[str]:
+    """Sentences that follow from the numbers.
+
+    Parameters
+    ----------
+    data : mapping
+        Of :func:`tendonrepro.identify.run_identify`, with `readings`.
+
+    Returns
+    -------
+    list of str
+    """
+    first, best = data["readings"][0], min(data["readings"], key=lambda held: held["misfit_log"])
+    target = "Controller 2's four numbers" if data["fit"] == "controller_2" else "all sixteen numbers"
+    found = [_fit_sentence(first, target, data["near_tolerance"])]
+    if not first["fits"] and best["misfit_log"] <= _FAR_BETTER * first["misfit_log"]:
+        found.append(
+            f"The tables fit the reading {best['name']} far better than {first['name']}: "
+            f"misfit {best['misfit_log']:.3g} against {first['misfit_log']:.3g}."
+        )
+    for held in data["readings"] if data["judged"] else []:
+        found += _judged_sentences(held)
+    bounds = [f"{row['name']} ({row['at_bound']})" for row in first["parameters"] if row["at_bound"]]
+    if bounds:
+        found.append(f"The best plant under {first['name']} lies at a bound in {', '.join(bounds)}.")
+    return found
+
+
+def _fit_sentence(held: Mapping[str, Any], target: str, tolerance: float) -> str:
+    misfit = held["misfit_log"]
+    if misfit >= 1.0:
+        return f"No plausible plant found under {held['name']} whose runs end well, best misfit {misfit:.3g}."
+    size = f"{misfit:.3g} in log ratio, {held['misfit_rounding']:.3g} half units of the last digit"
+    if misfit > tolerance:
+        return f"No plausible plant found under {held['name']} for {target}, best misfit {size}."
+    return f"A plant within the box gives {target} under {held['name']}: misfit {size}."
+
+
+def _judged_sentences(held: Mapping[str, Any]) -> Iterator[str]:
+    numbers = [row for row in held["numbers"] if row["verdict"] != "fitted"]
+    reached = sum(row["verdict"] == "reached" for row in numbers)
+    never = [_name(row) for row in numbers if row["verdict"] == "not_reached"]
+    if held["near_count"] == 0 or any(row["verdict"] == "too_few_plants" for row in numbers):
+        yield f"{held['name']}: too few near-optimal plants ({held['near_count']}) to judge the others by."
+        return
+    text = f"{held['name']}: of {len(numbers)} numbers that were not fitted {reached} lie in the range of "
+    text += f"{held['near_count']} plants that fit"
+    yield text + (f"; none of these plants reaches {', '.join(never)}." if never else ".")
+    row = next(row for row in held["order"] if len(row["runs"]) == 3 and row["joint"] == "both")
+    word = row["verdict"].replace("_", " ")
+    share = f"{100.0 * row['share']:.0f} %"
+    yield f"{held['name']}: the printed order of the controllers holds on {share} of them: {word}."
+
+
+def _name(row: Mapping[str, Any]) -> str:
+    return f"{row['run']} {row['metric'].upper()} joint {row['joint']}"
+
+
+def identify_text(data: Mapping[str, Any]) -> str:
+    """Text for a terminal.
+
+    Parameters
+    ----------
+    data : mapping
+        What :func:`tendonrepro.identify.run_identify` returns.
+
+    Returns
+    -------
+    str
+    """
+    if data.get("dry_run"):
+        names = ", ".join(data["searches"])
+        return (
+            f"identify: fits {data['fit']} under {len(data['readings'])} readings by {len(data['searches'])} "
+            f"searches ({names}) of {data['evaluations']} plants each\nwould write to {data['out']}"
+        )
+    parts = ["\n".join(data["conclusions"])]
+    rows = [("reading", "misfit", "half units", "near plants")]
+    rows += [
+        (held["name"], f"{held['misfit_log']:.4f}", _text(held["misfit_rounding"]), str(held["near_count"]))
+        for held in data["readings"]
+    ]
+    parts.append(columns(rows))
+    shown = min(data["readings"], key=lambda held: held["misfit_log"])
+    parts.append(f"Best plant, reading {shown['name']}, deg\n{_numbers_text(shown)}")
+    parts.append(
+        f"Tables and figures are in {data['out']}; run tendonrepro compare --config {data['config']}"
+    )
+    return "\n\n".join(parts)
+
+
+def _numbers_text(held: Mapping[str, Any]) -> str:
+    rows: list[Sequence[str]] = [("", "ours", "printed", "ratio", "near-optimal plants", "")]
+    for row in held["numbers"]:
+        ends = f"{_text(row['near_low_deg'])} to {_text(row['near_high_deg'])}"
+        word = row["verdict"].replace("_", " ")
+        values = (f"{row['ours_deg']:.3f}", f"{row['printed_deg']:.3f}", f"{row['ratio']:.3f}")
+        rows.append((_name(row), *values, ends, word))
+    return columns(rows)
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.4g}" if np.isfinite(value) else NOTHING
+    if isinstance(value, dict):
+        return ", ".join(f"{key} {100.0 * share:.0f} %" for key, share in value.items())
+    if isinstance(value, list):
+        return " < ".join(map(str, value))
+    return NOTHING if value is None else str(value)
+
+
+def write_identify_tables(data: Mapping[str, Any], folder: Path) -> list[Path]:
+    """Write all tables as csv (full digits) and Markdown (rounded).
+
+    Parameters
+    ----------
+    data : mapping
+        With `readings`.
+    folder : Path
+        Made when missing.
+
+    Returns
+    -------
+    list of Path
+    """
+    readings = data["readings"]
+    held = ("name", "search", "misfit_log", "misfit_rounding", "fits", "near_limit", "near_count")
+    tables = {
+        "identify_readings": [{key: reading[key] for key in held} for reading in readings],
+        "identify_numbers": _gathered(readings, "numbers"),
+        "identify_order": _gathered(readings, "order"),
+        "identify_ratios": _gathered(readings, "ratios"),
+        "identify_parameters": _gathered(readings, "parameters"),
+        "identify_pareto": [
+            {"reading": reading["name"], "pair": pair, "plant": point["plant"], "first": x, "second": y}
+            for reading in readings
+            for pair, points in reading["pareto"].items()
+            for point in points
+            for x, y in [[value for key, value in point.items() if key != "plant"]]
+        ],
+    }
+    return [path for stem, rows in tables.items() if rows for path in _write(stem, rows, folder)]
+
+
+def _gathered(readings: Sequence[Mapping[str, Any]], key: str) -> list[dict[str, Any]]:
+    return [{"reading": reading["name"], **row} for reading in readings for row in reading[key]]
+
+
+def _write(stem: str, rows: list[dict[str, Any]], folder: Path) -> list[Path]:
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(rows[0])
+    writer.writerows([[_plain(cell) for cell in row.values()] for row in rows])
+    sheet = Sheet(
+        caption=_CAPTIONS[stem],
+        headings=list(rows[0]),
+        numeric=[isinstance(cell, int | float) and not isinstance(cell, bool) for cell in rows[0].values()],
+        rows=[[_text(cell) for cell in row.values()] for row in rows],
+    )
+    paths = [folder / f"{stem}.csv", folder / f"{stem}.md"]
+    for path, text in zip(paths, (stream.getvalue(), markdown(sheet)), strict=True):
+        write_atomically(path, text)
+    return paths
+
+
+def _plain(cell: object) -> object:
+    if isinstance(cell, float) and not np.isfinite(cell):
+        return ""
+    if isinstance(cell, list):
+        return " ".join(map(str, cell))
+    return cell

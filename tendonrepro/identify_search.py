@@ -1,0 +1,231 @@
+"""Differential evolution of several populations in step, kept on disk after every generation.
+
+The first phase spreads: a member whose misfit is below the tolerance is as good as it needs to be, and walks
+at random among plants that are. The second phase refines the best. Half of the trials are no differences of
+members but follow the regression of the population on its residuals, which finds a few numbers among many
+unknowns far sooner and leaves what they do not depend on as spread as it was.
+
+SciPy's solver can neither be taken up again bit for bit nor told that a tolerance is good enough, and takes
+no other trials, so the generations are made here.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+
+from tendonrepro.arrays import Array
+from tendonrepro.identify_state import State, load_state, save_state
+from tendonrepro.talk import Talk
+
+
+class Found(NamedTuple):
+    """What N points give.
+
+    Attributes
+    ----------
+    misfits : array (N,)
+    residuals : array (N, K)
+        Deviation of each fitted number; smooth in the unknowns where the misfit is small.
+    """
+
+    misfits: Array
+    residuals: Array
+
+
+Misfit: TypeAlias = Callable[[Array], Found]
+"""Misfit of many points of the unit cube at once, (N, P); finite."""
+
+REFINING = 0.25
+"""Share of the generations that refine."""
+
+_FACTOR = (0.1, 0.7)
+# Shares of the rows that a trial takes from the mutant: few rows find what a thin valley allows, many what
+# needs several rows at once.
+_CROSSED = (0.1, 0.3, 0.9)
+_REGRESSED = 0.5
+_STEP = (0.5, 1.0)
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How hard to search.
+
+    Attributes
+    ----------
+    generations : int
+    population : int
+        Members per seed, at least 5.
+    seeds : int
+        Populations that know nothing of each other.
+    tolerance : float
+        Misfit that is good enough while spreading.
+    smooth : tuple of bool
+        Unknowns that the residuals depend on smoothly, of all P; choices are none.
+    """
+
+    generations: int
+    population: int
+    seeds: int
+    tolerance: float
+    smooth: tuple[bool, ...]
+
+    @property
+    def spreading(self) -> int:
+        """Generations of the first phase."""
+        return self.generations - int(REFINING * self.generations)
+
+    @property
+    def evaluations(self) -> int:
+        """Points looked at in all."""
+        return (self.generations + 1) * self.population * self.seeds
+
+
+def search(
+    initial: Array, misfit: Misfit, effort: Effort, seed: int, path: Path, identity: str, talk: Talk
+) -> State:
+    """Search to the end, from where an interrupted search stopped.
+
+    Parameters
+    ----------
+    initial : array (S, M, P)
+        First members, in the unit cube.
+    misfit : callable
+    effort : Effort
+    seed : int
+    path : Path
+        File of the state, written after every generation.
+    identity : str
+        Digest of all that the search depends on; a file with another one is not taken up.
+    talk : Talk
+
+    Returns
+    -------
+    State
+        The same to the last bit, however often the search was interrupted.
+
+    Raises
+    ------
+    TendonreproError
+        When the state cannot be written.
+    """
+    state = load_state(path, identity, talk)
+    with talk.bar("searching", effort.evaluations) as progress:
+        if state is None:
+            state = _first(initial, misfit, seed)
+            save_state(path, state, identity)
+        progress((state.generation + 1) * state.misfits.size)
+        while state.generation < effort.generations:
+            state = step(state, misfit, effort)
+            save_state(path, state, identity)
+            progress(state.misfits.size)
+    return state
+
+
+def _first(initial: Array, misfit: Misfit, seed: int) -> State:
+    seeds, members, rows = initial.shape
+    found = misfit(initial.reshape(-1, rows))
+    misfits = found.misfits.reshape(seeds, members)
+    residuals = found.residuals.reshape(seeds, members, -1)
+    generators = [np.random.default_rng([seed, place]) for place in range(seeds)]
+    best = misfits.min(axis=1)[np.newaxis]
+    return State(0, initial, misfits, residuals, initial, misfits, best, _states(generators))
+
+
+def step(state: State, misfit: Misfit, effort: Effort) -> State:
+    """One generation of every population, looked at together.
+
+    Parameters
+    ----------
+    state : State
+    misfit : callable
+    effort : Effort
+
+    Returns
+    -------
+    State
+    """
+    refine = state.generation >= effort.spreading
+    tolerance = 0.0 if refine else effort.tolerance
+    generators = _generators(state.random)
+    populations = zip(state.units, state.misfits, state.residuals, generators, strict=True)
+    trials = np.stack([_trials(*held, effort.smooth, tolerance, refine=refine) for held in populations])
+    found = misfit(trials.reshape(-1, trials.shape[2]))
+    found_misfits = found.misfits.reshape(state.misfits.shape)
+    taken = found_misfits <= np.maximum(state.misfits, tolerance)
+
+    def chosen(new: Array, old: Array) -> Array:
+        return np.where(taken.reshape(taken.shape + (1,) * (old.ndim - 2)), new.reshape(old.shape), old)
+
+    units, misfits = chosen(trials, state.units), chosen(found_misfits, state.misfits)
+    return State(
+        generation=state.generation + 1,
+        units=units,
+        misfits=misfits,
+        residuals=chosen(found.residuals, state.residuals),
+        spread_units=state.spread_units if refine else units,
+        spread_misfits=state.spread_misfits if refine else misfits,
+        history=np.concatenate([state.history, misfits.min(axis=1)[np.newaxis]]),
+        random=_states(generators),
+    )
+
+
+def _trials(
+    units: Array,
+    misfits: Array,
+    residuals: Array,
+    generator: np.random.Generator,
+    smooth: tuple[bool, ...],
+    tolerance: float,
+    *,
+    refine: bool,
+) -> Array:
+    """One trial per member of a population, (M, P)."""
+    members, rows = units.shape
+    # Itself comes last in a member's random order of the others.
+    order = np.argsort(generator.random((members, members)) + 2.0 * np.eye(members), axis=1)
+    start, plus, minus = (units[order[:, k]] for k in range(3))
+    # A step from where it stands is as likely as the step back, so walkers cover what is allowed evenly.
+    walks = (misfits <= tolerance)[:, np.newaxis]
+    base = units[np.argmin(misfits)] if refine else np.where(walks, units, start)
+    mutant = base + generator.uniform(*_FACTOR, (members, 1)) * (plus - minus)
+    crossed = generator.random((members, rows)) < generator.choice(_CROSSED, (members, 1))
+    crossed[np.arange(members), generator.integers(rows, size=members)] = True
+    trials = np.where(crossed, mutant, units)
+    regressed = (generator.random((members, 1)) < _REGRESSED) & ~walks
+    # From a better member and a step away from it, so that what follows is no copy.
+    better = np.flatnonzero(misfits <= np.median(misfits))
+    parent = generator.choice(better, members)
+    stepped = units[parent] + np.where(crossed, mutant - base, 0.0)
+    move = residuals[parent] @ _slope(units[better], residuals[better]) * np.array(smooth)
+    towards = stepped - generator.uniform(*_STEP, (members, 1)) * move
+    return _reflected(np.where(regressed, towards, trials))
+
+
+def _slope(units: Array, residuals: Array) -> Array:
+    """Regression of points on their residuals, (K, P)."""
+    x, y = residuals - residuals.mean(axis=0), units - units.mean(axis=0)
+    slope: Array = np.linalg.lstsq(x, y, rcond=1e-3)[0]
+    return slope
+
+
+def _reflected(units: Array) -> Array:
+    """Fold what left the cube back into it; what is more than a side away ends at the far bound."""
+    inside: Array = 1.0 - np.abs(1.0 - np.minimum(np.abs(units), 2.0))
+    return inside
+
+
+def _states(generators: list[np.random.Generator]) -> tuple[str, ...]:
+    return tuple(json.dumps(generator.bit_generator.state) for generator in generators)
+
+
+def _generators(states: tuple[str, ...]) -> list[np.random.Generator]:
+    generators = [np.random.default_rng() for _ in states]
+    for generator, state in zip(generators, states, strict=True):
+        generator.bit_generator.state = json.loads(state)
+    return generators

@@ -1,0 +1,295 @@
+"""How far the sampled loop is from its limit of stability.
+
+The loop is cut between controller and plant: the plant feels another torque than the law believes to have
+applied, which is what a wrong torque constant, a slow current loop or an unmodelled gear does. With the other
+joints' loops closed, what is left is one channel ``G``, and the loop is on its limit where
+``factor · G(z) = 1`` on the unit circle, the factor real for a gain and ``exp(-j phase)`` for a lag.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonrepro.arrays import Array
+from tendonrepro.stability import spectral_radius
+
+Complex = NDArray[np.complex128]
+Cut = tuple[Array, Array, Array]
+"""``A``, ``B``, ``C`` of :func:`tendonrepro.stability.open_loop`."""
+
+LOW_FREQUENCY = 0.1
+"""Frequency at which the loop gain is given, Hz: about that of the desired motion."""
+
+_LOWEST_ANGLE = 1e-6
+# Not zero itself, where a law that integrates has no finite response.
+_REST = 1e-8
+_ZOOMS = 40
+# A factor this much beyond a crossing must make the loop grow; else the mode only touched the circle.
+_BEYOND = 1e-4
+
+
+class ChannelMargins(NamedTuple):
+    """Margins of one joint's torque with the other loops closed.
+
+    Attributes
+    ----------
+    stable : bool
+        Whether the closed loop decays.
+    gain_up, gain_down : float
+        Smallest factor above 1, and largest below 1, that makes the loop grow; NaN where there is none, or
+        where the loop grows already.
+    gain_up_hz, gain_down_hz : float
+        Frequency of the mode that then grows, Hz.
+    phase : float
+        Smallest lag or lead that makes the loop grow, rad; NaN likewise.
+    crossover_hz : float
+        Frequency where that happens: the gain is 1 there.
+    delay : float
+        Shortest extra delay, unknown to the law, that makes the loop grow, s; NaN likewise.
+    loop_gain : float
+        ``|G|`` at `LOW_FREQUENCY`.
+    loop_slope : float
+        Slope of ``log |G|`` over the logarithm of the frequency there.
+    """
+
+    stable: bool
+    gain_up: float
+    gain_up_hz: float
+    gain_down: float
+    gain_down_hz: float
+    phase: float
+    crossover_hz: float
+    delay: float
+    loop_gain: float
+    loop_slope: float
+
+
+def channel(cut: Cut, joint: int) -> Cut:
+    """Close all loops but one.
+
+    Parameters
+    ----------
+    cut : tuple of array
+        ``A``, ``B``, ``C`` of the loop with all joints cut.
+    joint : int
+        The one left open, from 0.
+
+    Returns
+    -------
+    A : array (m, m)
+    B : array (m, 1)
+    C : array (1, m)
+    """
+    A, B, C = cut
+    others = np.delete(np.arange(B.shape[1]), joint)
+    return A + B[:, others] @ C[others], B[:, [joint]], C[[joint]]
+
+
+def response(cut: Cut, angles: Array) -> Complex:
+    """Transfer matrix on the unit circle, from the torque the plant feels to the torque the law asks for.
+
+    Parameters
+    ----------
+    cut : tuple of array
+        ``A`` (m, m), ``B`` (m, p), ``C`` (p, m).
+    angles : array (N,)
+        ``2 pi f L``, rad; π is Nyquist's frequency.
+
+    Returns
+    -------
+    array (N, p, p)
+    """
+    A, B, C = cut
+    z = np.exp(1j * angles)[:, np.newaxis, np.newaxis]
+    return np.asarray(C @ np.linalg.solve(z * np.eye(A.shape[0]) - A, B.astype(np.complex128)))
+
+
+def angle_grid(*matrices: Array) -> Array:
+    """Angles that leave no resonance between two points.
+
+    Logarithmic towards zero and towards Nyquist's frequency, where a delayed loop has its least damped mode,
+    and around every mode as closely as its decay asks for.
+
+    Parameters
+    ----------
+    matrices : array (m, m)
+        Whose eigenvalues are the modes.
+
+    Returns
+    -------
+    array (N,)
+        Rising, up to π.
+    """
+    towards_zero = np.geomspace(_LOWEST_ANGLE, np.pi, 400)
+    parts = [towards_zero, np.pi - np.geomspace(1e-7, 1.0, 120)]
+    spread = np.geomspace(0.03, 30.0, 13)
+    for z in np.concatenate([np.linalg.eigvals(matrix) for matrix in matrices]):
+        if 0.5 < abs(z) < 2.0 and z.imag >= 0.0:
+            width = max(abs(np.log(abs(z))), 1e-8)
+            parts.append(np.angle(z) + width * np.concatenate([-spread, [0.0], spread]))
+    angles = np.unique(np.concatenate(parts))
+    return angles[(angles >= _LOWEST_ANGLE) & (angles <= np.pi)]
+
+
+def channel_margins(cut: Cut, joint: int, L: float) -> ChannelMargins:
+    """Gain, phase and delay margin of one joint, and its loop gain.
+
+    Parameters
+    ----------
+    cut : tuple of array
+        Of :func:`tendonrepro.stability.open_loop`.
+    joint : int
+        From 0.
+    L : float
+        Sampling period, s.
+
+    Returns
+    -------
+    ChannelMargins
+    """
+    A, b, c = single = channel(cut, joint)
+    gain, slope = _low_frequency(single, L)
+    if spectral_radius(A + b @ c) >= 1.0:
+        return ChannelMargins(False, *7 * (np.nan,), gain, slope)
+    angles = angle_grid(A, A + b @ c)
+
+    def at(where: Array) -> Complex:
+        return response(single, where)[:, 0, 0]
+
+    factors, places = _gain_crossings(at, angles)
+    up, down = (_first_loss(single, factors, places, above=above) for above in (True, False))
+    unity = _crossings(lambda x: np.abs(at(x)) - 1.0, angles)
+    lags = np.mod(np.angle(at(unity)), 2.0 * np.pi)
+    turns = np.minimum(lags, 2.0 * np.pi - lags)
+    hertz = 1.0 / (2.0 * np.pi * L)
+    phase, crossover = (turns.min(), unity[turns.argmin()]) if unity.size else (np.nan, np.nan)
+    delay = (lags / unity).min() * L if unity.size else np.nan
+    return ChannelMargins(
+        stable=True,
+        gain_up=up[0],
+        gain_up_hz=hertz * up[1],
+        gain_down=down[0],
+        gain_down_hz=hertz * down[1],
+        phase=float(phase),
+        crossover_hz=float(hertz * crossover),
+        delay=float(delay),
+        loop_gain=gain,
+        loop_slope=slope,
+    )
+
+
+def _low_frequency(single: Cut, L: float) -> tuple[float, float]:
+    steps = np.array([0.99, 1.0, 1.01])
+    sizes = np.abs(response(single, 2.0 * np.pi * LOW_FREQUENCY * L * steps)[:, 0, 0])
+    return float(sizes[1]), float(np.log(sizes[2] / sizes[0]) / np.log(steps[2] / steps[0]))
+
+
+def _crossings(value: Callable[[Array], Array], angles: Array) -> Array:
+    """Zeros of a real function by halving every interval at whose ends its sign differs."""
+    sign = np.sign(value(angles))
+    left = np.flatnonzero(sign[:-1] * sign[1:] < 0.0)
+    low, high, below = angles[left], angles[left + 1], sign[left]
+    for _ in range(_ZOOMS):
+        middle = 0.5 * (low + high)
+        same = np.sign(value(middle)) == below
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    return 0.5 * (low + high)
+
+
+def _gain_crossings(at: Callable[[Array], Complex], angles: Array) -> tuple[Array, Array]:
+    """Real factors that put a mode on the unit circle, and where.
+
+    At Nyquist's frequency ``G`` is real, and at rest too unless it has a pole there.
+    """
+    places = np.append(_crossings(lambda x: at(x).imag, angles), np.pi)
+    rest = at(np.array([_REST]))
+    if abs(rest[0].imag) < 1e-3 * abs(rest[0].real):
+        places = np.append(places, _REST)
+    real = at(places).real
+    # Below 1e-9 it is the pole at z = 1 itself that was met.
+    found = (real > 1e-9) & (real < 1e9)
+    return 1.0 / real[found], places[found]
+
+
+def _first_loss(single: Cut, factors: Array, places: Array, *, above: bool) -> tuple[float, float]:
+    """Nearest factor on one side of 1 beyond which the loop grows, and the angle of its mode."""
+    A, b, c = single
+    side = factors > 1.0 if above else factors < 1.0
+    order = np.argsort(np.abs(np.log(factors[side])))
+    for factor, place in zip(factors[side][order], places[side][order], strict=True):
+        beyond = factor * (1.0 + _BEYOND if above else 1.0 - _BEYOND)
+        if spectral_radius(A + beyond * b @ c) > 1.0:
+            return float(factor), float(place)
+    return np.nan, np.nan
+
+
+def disk_margin(cut: Cut, L: float) -> tuple[float, float]:
+    """Symmetric disk margin of all joints at once.
+
+    Every torque may be multiplied by a complex factor ``(2 + d) / (2 - d)`` of its own; the loop stays stable
+    while every ``|d|`` is below the margin. It is ``2 / max mu(S - T)`` over the frequencies, ``mu`` the
+    structured singular value of diagonal complex perturbations by scaling: exact for one and two joints,
+    cautious for more.
+
+    Parameters
+    ----------
+    cut : tuple of array
+        Of :func:`tendonrepro.stability.open_loop`.
+    L : float
+        Sampling period, s.
+
+    Returns
+    -------
+    margin : float
+        Between 0 and 2; NaN where the loop grows already.
+    frequency : float
+        Where it is smallest, Hz.
+    """
+    A, B, C = cut
+    if spectral_radius(A + B @ C) >= 1.0:
+        return np.nan, np.nan
+    one = np.eye(B.shape[1])
+
+    def size(where: Array) -> Array:
+        G = response(cut, where)
+        difference = np.linalg.solve((one - G).mT, (one + G).mT).mT
+        return scaled_norm(np.asarray(difference, dtype=np.complex128))
+
+    angles = angle_grid(A, A + B @ C)
+    sizes = size(angles)
+    for _ in range(4):
+        top = int(sizes.argmax())
+        angles = np.linspace(angles[max(top - 1, 0)], angles[min(top + 1, angles.size - 1)], 33)
+        sizes = size(angles)
+    return float(2.0 / sizes.max()), float(angles[sizes.argmax()] / (2.0 * np.pi * L))
+
+
+def scaled_norm(M: Complex) -> Array:
+    """Upper bound of the structured singular value for diagonal complex perturbations.
+
+    The largest singular value of ``D M D⁻¹`` with the diagonal ``D`` that makes its Frobenius norm smallest.
+    For two rows the product of the singular values does not depend on ``D``, so the same ``D`` makes the
+    larger one smallest: the bound is the best there is, and for two perturbations it is the value itself.
+
+    Parameters
+    ----------
+    M : array (N, n, n)
+
+    Returns
+    -------
+    array (N,)
+    """
+    M = M.copy()
+    n = M.shape[-1]
+    for i in range(n) if n == 2 else 20 * tuple(range(n)):
+        others = np.arange(n) != i
+        row = np.linalg.norm(M[:, i, others], axis=-1)
+        column = np.linalg.norm(M[:, others, i], axis=-1)
+        d = np.sqrt(np.maximum(column, 1e-150) / np.maximum(row, 1e-150))
+        M[:, i, :] *= d[:, np.newaxis]
+        M[:, :, i] /= d[:, np.newaxis]
+    return np.asarray(np.linalg.norm(M, 2, axis=(-2, -1)))

@@ -1,0 +1,60 @@
+"""The error that a slowly changing load leaves, as far as it follows from the law alone."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tendonrepro.arrays import Array
+from tendonrepro.control import Law, surface_and_feedback
+
+
+def estimate_age(law: Law, delay: int = 0) -> Array:
+    """Mean age of the estimate when it acts, in periods, (n,).
+
+    Without delay 1 + α by Eq. (15), 1 by Eq. (8), and 1 − α extrapolating.
+
+    Parameters
+    ----------
+    law : Law
+    delay : int
+        Whole samples between command and output; the law remembers the torque that acts.
+    """
+    return np.asarray(law.weights[0] + 2.0 * law.weights[1] + delay)
+
+
+def stiffness(law: Law, e: float) -> Array:
+    """Feedback per error at rest, ``λ k`` with the chord ``k`` of the surface, s⁻², (n,).
+
+    Parameters
+    ----------
+    law : Law
+    e : float
+        Size of the error, rad, not zero.
+    """
+    n = law.M_bar.size
+    return np.array([surface_and_feedback(e, 0.0, law, i)[1] / e for i in range(n)])
+
+
+def error_ratio(law_a: Law, law_b: Law, e: float, delay: int = 0) -> Array:
+    """Error of one law over that of another while the load changes slowly, without any plant.
+
+    ``e = w L Ḣ / (M_bar λ k)`` with the age ``w`` of the estimate and the chord ``λ k`` of the feedback at
+    the size of the error; two laws meet the same ``Ḣ``. It holds while both loops are stable and quiet, ``H``
+    changes little within a few ``L`` and over ``1/k`` and ``1/λ``, no motor saturates and dry friction does
+    not hold the arm.
+
+    Parameters
+    ----------
+    law_a, law_b : Law
+        In the same torque coordinates.
+    e : float
+        Size of both errors, rad, not zero.
+    delay : int
+        Whole samples between command and output, for both.
+
+    Returns
+    -------
+    array (n,)
+    """
+    a, b = (estimate_age(law, delay) * law.L / (law.M_bar * stiffness(law, e)) for law in (law_a, law_b))
+    return np.asarray(a / b)

@@ -1,0 +1,317 @@
+"""One experiment over values of one or two keys: all runs of all points at once, as table and picture."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tendonrepro.batch import NAME, STATUSES, simulate_batch
+from tendonrepro.config import LoadedConfig, load_config
+from tendonrepro.config_overrides import parse_override
+from tendonrepro.controllers import TimeDelayController
+from tendonrepro.explain import TYPICAL_ERROR_DEG
+from tendonrepro.files import sha256_of, write_atomically
+from tendonrepro.manifest import make_manifest, to_json, with_outputs
+from tendonrepro.results import MANIFEST, claimed, clear, refuse_others
+from tendonrepro.runs import build_loops
+from tendonrepro.simulate import Loop
+from tendonrepro.slow_error import error_ratio
+from tendonrepro.summary import CONTROLLERS
+from tendonrepro.sweep_points import Axis, Point, numbers_per_joint, parse_over, sweep_points, unit_of
+from tendonrepro.sweep_table import COLUMNS, write_table
+from tendonrepro.sweep_words import findings
+from tendonrepro.talk import Talk
+
+SCHEMA_VERSION = 1
+DATA = "sweep.json"
+DEFAULT_OUT = Path("reports") / "sweep"
+
+_PAIRS = {"c1_c2": CONTROLLERS[:2], "c2_c3": CONTROLLERS[1:]}
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A sweep that is ready to run.
+
+    Attributes
+    ----------
+    base : LoadedConfig
+        The unchanged configuration; its digest and inputs are those of the whole sweep.
+    axes : tuple of Axis
+    points : list of Point
+    """
+
+    base: LoadedConfig
+    axes: tuple[Axis, ...]
+    points: list[Point]
+
+    def label(self, point: Point) -> str:
+        """A point's values as the command line spells them."""
+        return " ".join(axis.option(place) for axis, place in zip(self.axes, point.places, strict=True))
+
+
+def run_sweep(
+    source: str | None,
+    over: Sequence[str],
+    overrides: Sequence[str] = (),
+    seed: int | None = None,
+    controllers: Sequence[int] | None = None,
+    out: Path | None = None,
+    force: bool = False,
+    dry_run: bool = False,
+    talk: Talk | None = None,
+) -> dict[str, Any]:
+    """Run the comparison over values of one or two keys, and write table, figures and manifest.
+
+    Parameters
+    ----------
+    source : str or None
+        Configuration: a file, ``-``, a shipped name, or None for the shipped one.
+    over : sequence of str
+        One or two of ``dotted.key=a,b,c``, values in YAML.
+    overrides : sequence of str
+        ``dotted.key=VALUE``, the same at every point.
+    seed : int or None
+        Replaces the configuration's.
+    controllers : sequence of int or None
+        Numbers of the controllers to run; None is all.
+    out : Path or None
+        Results folder.
+    force : bool
+        Overwrite results of another sweep or version.
+    dry_run : bool
+        Check everything and run nothing.
+    talk : Talk, optional
+
+    Returns
+    -------
+    dict
+        What ``--json`` prints; ``diverged`` lists the runs that did, which asks for exit code 5.
+
+    Raises
+    ------
+    TendonreproError
+        When a value cannot be used or results cannot be written.
+    """
+    talk, folder = talk or Talk(), out or DEFAULT_OUT
+    sweep = load_sweep(source, over, overrides, seed, controllers)
+    if dry_run:
+        if not force:
+            refuse_others(folder, sweep.base.sha256)
+        return _head(sweep) | _plan(sweep) | {"out": str(folder)}
+    with claimed(folder, sweep.base.sha256, force=force):
+        started = time.perf_counter()
+        data = simulate_sweep(sweep, talk)
+        manifest = _manifest(sweep, data, over, time.perf_counter() - started)
+        clear(folder)
+        outputs = write_results(data, folder)
+        write_atomically(folder / MANIFEST, to_json(with_outputs(manifest, folder, outputs)))
+    talk.detail(f"{len(outputs)} files in {time.perf_counter() - started:.1f} s")
+    return data | {"out": str(folder), "manifest": str(folder / MANIFEST)}
+
+
+def load_sweep(
+    source: str | None,
+    over: Sequence[str],
+    overrides: Sequence[str] = (),
+    seed: int | None = None,
+    controllers: Sequence[int] | None = None,
+) -> Sweep:
+    """Read a configuration and make those of all points.
+
+    Parameters
+    ----------
+    source : str or None
+    over, overrides : sequence of str
+    seed : int or None
+    controllers : sequence of int or None
+
+    Returns
+    -------
+    Sweep
+
+    Raises
+    ------
+    ConfigError
+        With every value that is wrong.
+    UsageError
+        When `over` is not of the right form.
+    """
+    taken = [parse_override(text).key for text in overrides] + ["seed"] * (seed is not None)
+    axes = parse_over(over, taken)
+    base = load_config(source, "compare", overrides=overrides, seed=seed, controllers=controllers)
+    points = sweep_points(base, axes)
+    inputs = tuple(dict.fromkeys((*base.inputs, *(path for point in points for path in point.inputs))))
+    content = {
+        "keys": [axis.key for axis in axes],
+        "points": [point.config.model_dump(mode="json", exclude_none=True) for point in points],
+        "files": [sha256_of(path) for point in points for path in point.inputs],
+    }
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"))
+    digest = hashlib.sha256(text.encode()).hexdigest()
+    return Sweep(replace(base, sha256=digest, inputs=inputs), axes, points)
+
+
+def simulate_sweep(sweep: Sweep, talk: Talk) -> dict[str, Any]:
+    """Simulate every run of every point.
+
+    Parameters
+    ----------
+    sweep : Sweep
+    talk : Talk
+
+    Returns
+    -------
+    dict
+        Plain numbers with the keys of ``--json``; what does not exist is NaN, which JSON writes as null.
+    """
+    loops = [dict(build_loops(point.config, sweep.base.folder)) for point in sweep.points]
+    every = [(i, run) for i, found in enumerate(loops) for run in found]
+    results: list[dict[str, dict[str, Any]]] = [{run: {} for run in found} for found in loops]
+    talk.detail(f"{len(every)} runs; code for laws and options not met before is compiled once")
+    with talk.bar(f"simulating {len(every)} runs", len(every)) as progress:
+        for members in _alike(sweep, every):
+            limits = sweep.points[members[0][0]].config.status
+            chosen = [loops[i][run] for i, run in members]
+            batch = simulate_batch(chosen, limits, progress=progress, threads=os.cpu_count() or 1)
+            for k, (i, run) in enumerate(members):
+                results[i][run] = {
+                    "status": STATUSES[batch.status[k]],
+                    "status_time_s": float(batch.status_time[k]),
+                    "steps_per_sample": int(batch.steps[k]),
+                } | {
+                    name: (factor * batch.statistics[statistic][k]).tolist()
+                    for name, (statistic, _, factor) in COLUMNS.items()
+                }
+    return _data(sweep, loops, results, talk)
+
+
+def _alike(sweep: Sweep, every: Sequence[tuple[int, str]]) -> Iterator[list[tuple[int, str]]]:
+    """Runs with the same limits of statuses, which a batch has one of: all, unless they are swept over."""
+    groups: dict[str, list[tuple[int, str]]] = {}
+    for i, run in every:
+        groups.setdefault(str(sweep.points[i].config.status), []).append((i, run))
+    yield from groups.values()
+
+
+def _data(
+    sweep: Sweep,
+    loops: Sequence[Mapping[str, Loop]],
+    results: Sequence[Mapping[str, Mapping[str, Any]]],
+    talk: Talk,
+) -> dict[str, Any]:
+    points: list[dict[str, Any]] = [
+        {
+            "label": sweep.label(point),
+            "values": {axis.key: axis.values[k] for axis, k in zip(sweep.axes, point.places, strict=True)},
+            "places": list(point.places),
+            "runs": found,
+            "ratio": _ratios(found),
+            "predicted_ratio": _predicted(built),
+        }
+        for point, built, found in zip(sweep.points, loops, results, strict=True)
+    ]
+    status = {f"{p['label']} {run}": found["status"] for p in points for run, found in p["runs"].items()}
+    for name, ended in status.items():
+        talk.detail(f"{name}: {ended}")
+    data = _head(sweep) | {"points": points, "status": status}
+    data["diverged"] = [name for name, ended in status.items() if ended == "diverged"]
+    return data | {"findings": findings(data)}
+
+
+def _ratios(found: Mapping[str, Mapping[str, Any]]) -> dict[str, list[float]]:
+    """Ratios of MAE where both runs lasted, per joint."""
+    ratios = {}
+    for pair, (first, second) in _PAIRS.items():
+        if first in found and second in found:
+            a, b = (np.asarray(found[run]["mae_deg"]) for run in (first, second))
+            lasted = all(found[run]["status"] in {"ok", "ringing"} for run in (first, second))
+            ratio = np.divide(a, b, out=np.full_like(a, np.nan), where=(b > 0.0) & lasted)
+            ratios[pair] = ratio.tolist()
+    return ratios
+
+
+def _predicted(loops: Mapping[str, Loop]) -> dict[str, list[float]]:
+    """Ratios of errors under a slowly changing load, which no plant enters."""
+    e, laws = np.deg2rad(TYPICAL_ERROR_DEG), {}
+    for run, loop in loops.items():
+        if isinstance(loop.controller, TimeDelayController):
+            laws[run] = loop.controller.law
+    delay = max((loop.actuator.delay for loop in loops.values()), default=0)
+    return {
+        pair: error_ratio(laws[first], laws[second], float(e), delay).tolist()
+        for pair, (first, second) in _PAIRS.items()
+        if first in laws and second in laws
+    }
+
+
+def _head(sweep: Sweep) -> dict[str, Any]:
+    config = sweep.points[0].config
+    joints, total = config.joints, len(config.manipulator.routing.winch_diameter.si)
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "experiment": "sweep",
+        "config": sweep.base.origin,
+        "config_sha256": sweep.base.sha256,
+        "joints": list(joints),
+        "runs": list(config.runs),
+        "keys": [
+            {
+                "key": axis.key,
+                "unit": unit_of(axis.key, sweep.base.tree),
+                "values": axis.values,
+                "texts": list(axis.texts),
+                "numbers": numbers_per_joint(axis, joints, total),
+            }
+            for axis in sweep.axes
+        ],
+    }
+
+
+def _plan(sweep: Sweep) -> dict[str, Any]:
+    samples = {
+        sweep.label(point): int(loop.reference.time.size)
+        for point in sweep.points
+        for _, loop in list(build_loops(point.config, sweep.base.folder))[:1]
+    }
+    return {"dry_run": True, "samples": samples}
+
+
+def _manifest(sweep: Sweep, data: Mapping[str, Any], over: Sequence[str], seconds: float) -> dict[str, Any]:
+    steps = [run["steps_per_sample"] for point in data["points"] for run in point["runs"].values()]
+    solver = {"name": NAME, "steps_per_sample": [min(steps), max(steps)]}
+    manifest = make_manifest(sweep.base, seconds) | {"command": "sweep", "solver": solver}
+    return manifest | {"over": list(over), "points": len(sweep.points)}
+
+
+def write_results(data: Mapping[str, Any], folder: Path) -> list[Path]:
+    """Write numbers, tables and figures of a sweep.
+
+    Parameters
+    ----------
+    data : mapping
+        From :func:`simulate_sweep`.
+    folder : Path
+        Made when missing.
+
+    Returns
+    -------
+    list of Path
+        ``sweep.json``, ``tables/sweep.csv`` and ``.md``, and pictures under ``figures``.
+    """
+    from tendonrepro.figure_sweep import draw_sweep_figures
+
+    write_atomically(folder / DATA, to_json(data))
+    return [
+        folder / DATA,
+        *write_table(data, folder / "tables"),
+        *draw_sweep_figures(data, folder / "figures"),
+    ]

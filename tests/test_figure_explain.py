@@ -1,0 +1,138 @@
+"""The pictures of `explain`, by their artists."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_hex
+
+from tendonrepro.config import load_config
+from tendonrepro.explain import explain
+from tendonrepro.figure_explain import Plants, draw_explanation, draw_locus, draw_map, draw_margins
+from tendonrepro.figure_style import journal_style, stroke_of
+
+RUNS = ["Controller 1", "Controller 2", "Controller 1 payload"]
+
+
+@cache
+def found():
+    overrides = ("manipulator.actuator.output_delay=1",)
+    return explain(load_config(None, "compare", overrides=overrides, controllers=(1, 2)))
+
+
+@cache
+def drawn(draw):
+    with journal_style():
+        figure = draw(found())
+        figure.draw_without_rendering()
+    return figure
+
+
+def legend(figure):
+    return [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+every_picture = pytest.mark.parametrize("draw", [draw_margins, draw_locus, draw_map])
+
+
+@every_picture
+def test_texts_stay_apart(draw):
+    figure = drawn(draw)
+    boxes = [text.get_window_extent() for text in figure.legends[0].get_texts()]
+    for axes in figure.axes:
+        title = axes._left_title.get_window_extent()
+        assert not any(title.overlaps(box) for box in boxes)
+    frame = figure.bbox
+    for box in boxes:
+        assert frame.x0 <= box.x0
+        assert box.x1 <= frame.x1
+
+
+class TestMargins:
+    def test_curves_are_the_responses(self):
+        axes = drawn(draw_margins).axes
+        for k, joint in enumerate((2, 3)):
+            assert axes[k].get_title("left") == f"({'ab'[k]}) Joint {joint}, gain"
+            line = next(line for line in axes[k].lines if line.get_label() == "controller_2")
+            np.testing.assert_array_equal(
+                line.get_ydata(), np.abs(found().curves["controller_2"].channels[k])
+            )
+            assert line.get_color() == stroke_of(2).colour
+
+    def test_labels_and_legend(self):
+        figure = drawn(draw_margins)
+        assert [axes.get_xlabel() for axes in figure.axes[2:]] == ["Frequency (Hz)"] * 2
+        assert figure.axes[2].get_ylabel() == "Loop phase (deg)"
+        assert legend(figure) == [*RUNS, "gain margin"]
+
+    def test_pole_at_nyquist_does_not_set_the_scale(self):
+        """Controller 2 with a delay has no finite gain at 500 Hz."""
+        low, high = drawn(draw_margins).axes[0].get_ylim()
+        assert np.abs(found().curves["controller_2"].channels).max() > 100.0 * high
+        assert low < 1e-3
+        assert high > 1.0
+
+    def test_circles_lie_where_the_phase_crosses(self):
+        axes = drawn(draw_margins).axes[0]
+        places = sorted(line.get_xdata()[0] for line in axes.lines if line.get_marker() == "o")
+        wanted = sorted(margin.channels[0].gain_up_hz for margin in found().margins.values())
+        np.testing.assert_allclose(places, wanted)
+
+
+class TestLocus:
+    def test_panels(self):
+        figure = drawn(draw_locus)
+        titles = [axes.get_title("left") for axes in figure.axes]
+        assert [title[:3] for title in titles] == ["(a)", "(b)", "(c)", "(d)"]
+        assert "D_s" in titles[3]
+        assert figure.axes[2].get_xlabel() == r"Growth (s$^{-1}$)"
+        assert legend(figure) == [*RUNS[:2], "as configured", "largest factor"]
+
+    def test_configured_modes_are_circled(self):
+        """Controller 2's alternating mode, at 500 Hz on the border."""
+        axes = drawn(draw_locus).axes[2]
+        circles = [line for line in axes.lines if line.get_marker() == "o"]
+        points = np.concatenate([np.column_stack(line.get_data()) for line in circles])
+        near = points[(np.abs(points[:, 0] + 0.09) < 0.01) & (np.abs(points[:, 1] - 500.0) < 1e-6)]
+        assert len(near) == 1
+
+
+class TestMap:
+    def test_borders_are_drawn_in_their_strokes(self):
+        axes = drawn(draw_map).axes[0]
+        colours = {
+            to_hex(collection.get_edgecolor()[0]).upper()
+            for collection in axes.collections
+            if len(collection.get_edgecolor())
+        }
+        assert {stroke_of(number).colour.upper() for number in (1, 2, 3)} <= colours
+        assert legend(drawn(draw_map)) == [*RUNS, "as configured", "all stable"]
+        assert axes.get_xlabel() == "Factor on tendon stiffness $K_s$"
+
+    def test_plants_are_laid_over_by_status(self):
+        rng = np.random.default_rng(1)
+        K_s, D_s = np.exp(rng.uniform(-1.0, 1.0, (2, 30)))
+        status = np.array(["ok"] * 20 + ["ringing"] * 7 + ["diverged"] * 3)
+        with journal_style():
+            figure = draw_map(found(), Plants(K_s, D_s, status))
+        lines = figure.axes[0].lines
+        assert [line.get_xdata().size for line in lines if np.size(line.get_xdata()) > 1] == [20, 7, 3]
+        assert legend(figure)[-3:] == ["plant ok", "plant ringing", "plant diverged"]
+
+    def test_nothing_stable(self):
+        overrides = ("control.readings.torque_coordinates=motor_shaft",)
+        lost = explain(load_config(None, "compare", overrides=overrides, controllers=(2,)))
+        with journal_style():
+            draw_map(lost).draw_without_rendering()
+
+
+@pytest.mark.slow
+def test_same_bytes_twice(tmp_path):
+    first, second = (draw_explanation(found(), tmp_path / name) for name in ("a", "b"))
+    assert [path.name for path in first] == [
+        f"explain_{name}.{kind}" for name in ("margins", "locus", "map") for kind in ("pdf", "svg", "png")
+    ]
+    for one, other in zip(first, second, strict=True):
+        assert one.read_bytes() == other.read_bytes()

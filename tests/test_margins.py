@@ -1,0 +1,273 @@
+"""Margins against the loops they speak of: closed with the factor, the loop is on its limit."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from tendonrepro.config import load_config
+from tendonrepro.margins import angle_grid, channel, channel_margins, disk_margin, response, scaled_norm
+from tendonrepro.rig import build_plant
+from tendonrepro.runs import build_law, build_loops
+from tendonrepro.simulate import simulate
+from tendonrepro.slow_error import error_ratio, estimate_age, stiffness
+from tendonrepro.stability import open_loop, spectral_radius
+
+L = 1e-3
+POSTURE = np.deg2rad([30.0, 30.0])
+CASES = [
+    ("controller_1", 0.0, 0, False),
+    ("controller_1", 0.2, 0, False),
+    ("controller_3", 0.0, 1, False),
+    ("controller_2", 0.0, 1, True),
+    ("controller_1", 0.0, 0, True),
+    ("controller_2", 0.2, 2, False),
+]
+every_case = pytest.mark.parametrize("case", CASES)
+both_joints = pytest.mark.parametrize("joint", [0, 1])
+
+
+@cache
+def config(*overrides):
+    return load_config(None, "compare", overrides=overrides).config
+
+
+@cache
+def cut(name, payload, delay, known):
+    plant, law = build_plant(config(), payload), build_law(config(), name)
+    return open_loop(POSTURE, plant, law, delay, known=known)
+
+
+def radius(single, factor):
+    A, b, c = single
+    return spectral_radius(A + factor * b @ c)
+
+
+def stable_case(case):
+    A, B, C = cut(*case)
+    return spectral_radius(A + B @ C) < 1.0
+
+
+class TestGainMargin:
+    @every_case
+    @both_joints
+    def test_loop_is_lost_there_and_not_before(self, case, joint):
+        single, found = channel(cut(*case), joint), channel_margins(cut(*case), joint, L)
+        if not stable_case(case):
+            assert not found.stable
+            assert np.isnan(found.gain_up)
+            assert np.isnan(found.gain_down)
+            return
+        for margin, end in ((found.gain_up, 300.0), (found.gain_down, 1e-5)):
+            limit = end if np.isnan(margin) else 1.0 + (margin - 1.0) * (1.0 - 1e-3)
+            for factor in np.geomspace(1.0, limit, 60):
+                assert radius(single, factor) < 1.0
+            if not np.isnan(margin):
+                assert radius(single, 1.0 + (margin - 1.0) * (1.0 + 1e-3)) > 1.0
+
+    @every_case
+    @both_joints
+    def test_mode_on_the_limit_has_the_frequency(self, case, joint):
+        A, b, c = channel(cut(*case), joint)
+        found = channel_margins(cut(*case), joint, L)
+        for factor, hertz in ((found.gain_up, found.gain_up_hz), (found.gain_down, found.gain_down_hz)):
+            if np.isfinite(factor):
+                z = np.linalg.eigvals(A + factor * b @ c)
+                assert np.abs(z - np.exp(2j * np.pi * hertz * L)).min() < 1e-6
+
+    def test_alternating_mode_of_plain_estimation_with_a_delay(self):
+        """The law's own pole at z = -1: any torque that is remembered too large makes it grow."""
+        for name in ("controller_2", "controller_3"):
+            found = channel_margins(cut(name, 0.0, 1, True), 0, L)
+            assert 1.0 < found.gain_up < 1.001
+            assert found.gain_up_hz == pytest.approx(500.0)
+        assert channel_margins(cut("controller_1", 0.0, 1, True), 0, L).gain_up_hz < 1.0
+
+
+class TestPhaseMargin:
+    @every_case
+    @both_joints
+    def test_loop_is_lost_there_and_not_before(self, case, joint):
+        single, found = channel(cut(*case), joint), channel_margins(cut(*case), joint, L)
+        if not stable_case(case) or np.isnan(found.phase):
+            pytest.skip("no phase margin")
+        for sign in (1.0, -1.0):
+            for phase in np.linspace(0.0, found.phase * (1.0 - 1e-3), 40):
+                assert radius(single, np.exp(sign * 1j * phase)) < 1.0
+        beyond = found.phase * (1.0 + 1e-3)
+        assert max(radius(single, np.exp(sign * 1j * beyond)) for sign in (1.0, -1.0)) > 1.0
+
+    @every_case
+    @both_joints
+    def test_gain_is_one_at_the_crossover(self, case, joint):
+        found = channel_margins(cut(*case), joint, L)
+        if np.isfinite(found.phase):
+            G = response(channel(cut(*case), joint), 2.0 * np.pi * L * np.array([found.crossover_hz]))
+            assert np.abs(G) == pytest.approx(1.0, rel=1e-8)
+
+
+class TestKnownLoop:
+    """An integrator under proportional feedback: everything in closed form."""
+
+    @pytest.mark.parametrize("k", [0.1, 0.7, 1.6])
+    def test_margins(self, k):
+        loop = np.eye(1), np.eye(1), np.array([[-k]])
+        found = channel_margins(loop, 0, L)
+        crossover = 2.0 * np.arcsin(0.5 * k)
+        assert found.gain_up == pytest.approx(2.0 / k, rel=1e-9)
+        assert found.gain_up_hz == pytest.approx(500.0)
+        assert np.isnan(found.gain_down)
+        assert found.phase == pytest.approx(0.5 * np.pi - 0.5 * crossover, rel=1e-8)
+        assert found.delay == pytest.approx(found.phase / crossover * L, rel=1e-8)
+        assert found.loop_gain == pytest.approx(k / (2.0 * np.sin(np.pi * 0.1 * L)), rel=1e-9)
+        assert found.loop_slope == pytest.approx(-1.0, abs=1e-6)
+        margin, hertz = disk_margin(loop, L)
+        assert margin == pytest.approx(2.0 * (2.0 - k) / (2.0 + k), rel=1e-6)
+        assert hertz == pytest.approx(500.0)
+
+    def test_growing_loop_has_none(self):
+        loop = np.eye(1), np.eye(1), np.array([[-2.1]])
+        found = channel_margins(loop, 0, L)
+        assert not found.stable
+        assert np.isnan([found.gain_up, found.gain_down, found.phase, found.delay]).all()
+        assert np.isnan(disk_margin(loop, L)).all()
+
+
+class TestDiskMargin:
+    @staticmethod
+    def closed(loop, d):
+        A, B, C = loop
+        return spectral_radius(A + B @ np.diag((2.0 + d) / (2.0 - d)) @ C)
+
+    @pytest.mark.parametrize("case", CASES[:3])
+    def test_nothing_inside_is_lost(self, case):
+        loop = cut(*case)
+        margin, _ = disk_margin(loop, L)
+        rng = np.random.default_rng(7)
+        for _ in range(300):
+            d = 0.999 * margin * np.sqrt(rng.uniform(0.5, 1.0, 2)) * np.exp(2j * np.pi * rng.uniform(size=2))
+            assert self.closed(loop, d) < 1.0
+
+    @pytest.mark.parametrize("case", CASES[:3])
+    def test_border_is_lost(self, case):
+        """For every phase of the first factor the second that loses the loop; the nearest is on the disk."""
+        loop = cut(*case)
+        margin, hertz = disk_margin(loop, L)
+        G = response(loop, 2.0 * np.pi * L * np.array([hertz]))[0]
+        d1 = margin * np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 20001))
+        f1 = (2.0 + d1) / (2.0 - d1)
+        left = 1.0 - G[0, 0] * f1
+        f2 = left / (G[1, 1] * left + G[0, 1] * G[1, 0] * f1)
+        d2 = 2.0 * (f2 - 1.0) / (f2 + 1.0)
+        best = np.abs(d2).argmin()
+        assert np.abs(d2[best]) == pytest.approx(margin, rel=1e-3)
+        assert self.closed(loop, 1.01 * np.array([d1[best], d2[best]])) > 1.0
+
+    def test_scaling_is_the_best_there_is_for_two(self):
+        rng = np.random.default_rng(3)
+        M = rng.normal(size=(20, 2, 2)) + 1j * rng.normal(size=(20, 2, 2))
+        scales = np.geomspace(1e-2, 1e2, 4001)
+        D = np.stack([np.ones_like(scales), scales], axis=1)
+        for matrix, ours in zip(M, scaled_norm(M), strict=True):
+            tried = np.linalg.norm(D[:, :, None] * matrix / D[:, None, :], 2, axis=(1, 2))
+            assert ours == pytest.approx(tried.min(), rel=1e-5)
+            assert ours <= tried.min() * (1.0 + 1e-12)
+
+    def test_bound_for_three_lies_between_its_own_bounds(self):
+        rng = np.random.default_rng(5)
+        M = rng.normal(size=(50, 3, 3)) + 1j * rng.normal(size=(50, 3, 3))
+        phases = np.exp(2j * np.pi * rng.uniform(size=(400, 3)))
+        turned = np.abs(np.linalg.eigvals(phases[None, :, :, None] * M[:, None])).max(axis=(1, 2))
+        bound = scaled_norm(M)
+        assert np.all(bound >= turned * (1.0 - 1e-9))
+        assert np.all(bound <= np.linalg.norm(M, 2, axis=(1, 2)) * 1.05)
+
+    def test_one_joint_needs_no_scaling(self):
+        np.testing.assert_allclose(scaled_norm(np.array([[[3.0 + 4.0j]]])), 5.0)
+
+
+def test_grid_reaches_every_mode():
+    A = np.diag([0.999999, 0.5])
+    turn = np.exp(2.0j)
+    matrix = np.block([[A, np.zeros((2, 2))], [np.zeros((2, 2)), 0.9999999 * _rotation(turn)]])
+    angles = angle_grid(matrix)
+    assert np.all(np.diff(angles) > 0.0)
+    assert angles[-1] == np.pi
+    assert np.sort(np.abs(angles - 2.0))[:5].max() < 1e-7
+
+
+def _rotation(z):
+    return np.array([[z.real, -z.imag], [z.imag, z.real]])
+
+
+class TestSlowError:
+    @pytest.mark.parametrize("delay", [0, 1, 2])
+    @pytest.mark.parametrize("reading", ["weights=interpolating", "weights=extrapolating"])
+    def test_is_the_inverse_ratio_of_loop_gains(self, reading, delay):
+        """The linear loop, frequency towards zero, says the same as the closed form."""
+        changed, plant = config(f"control.readings.{reading}"), build_plant(config(), 0.0)
+        laws = [build_law(changed, f"controller_{k}") for k in (1, 2, 3)]
+        angle = 2.0 * np.pi * L * np.array([2e-4])
+        gains = [
+            [
+                np.abs(response(channel(open_loop(POSTURE, plant, law, delay), joint), angle)).item()
+                for joint in (0, 1)
+            ]
+            for law in laws
+        ]
+        for a, b in ((0, 1), (1, 2)):
+            predicted = error_ratio(laws[a], laws[b], 1e-7, delay)
+            np.testing.assert_allclose(np.divide(gains[b], gains[a]), predicted, rtol=1e-3)
+
+    def test_printed_gains(self):
+        c1, c2, c3 = (build_law(config(), f"controller_{k}") for k in (1, 2, 3))
+        np.testing.assert_allclose(error_ratio(c1, c2, 1e-3), [1.1, 1.2])
+        np.testing.assert_allclose(error_ratio(c2, c3, 1e-9), 1.032, atol=5e-4)
+        np.testing.assert_allclose(estimate_age(c1), [1.1, 1.2])
+        np.testing.assert_allclose(estimate_age(c1, 1), [2.1, 2.2])
+        np.testing.assert_allclose(stiffness(c3, 0.01), 16.0)
+
+    def test_power_branch_is_stiffer_for_small_errors(self):
+        law = build_law(config("control.readings.phi_branch=power"), "controller_2")
+        np.testing.assert_allclose(stiffness(law, 0.005), 8.0 * 1.5 * 0.005**-0.1)
+
+    def test_plain_tdc_is_controller_3(self):
+        tdc, c3 = (build_law(config(), name) for name in ("tdc", "controller_3"))
+        np.testing.assert_allclose(error_ratio(tdc, c3, 0.01), 1.0)
+
+    def test_half_the_inertia_makes_twice_the_error(self):
+        law = build_law(config(), "controller_3")
+        np.testing.assert_allclose(error_ratio(law._replace(M_bar=0.5 * law.M_bar), law, 0.01), 2.0)
+
+    @pytest.mark.parametrize(
+        ("changes", "pair", "tolerance"),
+        [
+            (("manipulator.actuator.output_delay=1",), (1, 2), 0.006),
+            (("control.readings.phi_branch=power",), (2, 3), 0.02),
+        ],
+    )
+    def test_nonlinear_simulation_agrees(self, changes, pair, tolerance):
+        """One slow stroke of the full plant with an ideal encoder and viscous friction."""
+        quantity = "{{value: {}, unit: '{}', source: 'assumed: test'}}"
+        reference = (
+            f"reference={{kind: raised_cosine, amplitude: {quantity.format([5, 20], 'deg')}, "
+            f"period: {quantity.format(8, 's')}, periods: {quantity.format(1, '1')}}}"
+        )
+        smooth = (
+            "manipulator.encoders.joint.resolution=0",
+            *(f"manipulator.friction.{part}.coulomb=[0, 0, 0]" for part in ("link", "winch")),
+        )
+        found = load_config(None, "compare", overrides=(*smooth, *changes, reference), controllers=pair)
+        loops = dict(build_loops(found.config, found.folder))
+        names = [f"controller_{k}" for k in pair]
+        a, b = (simulate(loops[name])["e"][1000:] for name in names)
+        sizes = np.sqrt((b * b).mean(axis=0))
+        laws = [build_law(found.config, name) for name in names]
+        delay = int(found.config.manipulator.actuator.output_delay.si)
+        # The power branch bends, so each joint is judged at the size of its own error.
+        predicted = [error_ratio(*laws, float(size), delay)[i] for i, size in enumerate(sizes)]
+        fitted = (a * b).sum(axis=0) / (b * b).sum(axis=0)
+        np.testing.assert_allclose(fitted, predicted, atol=tolerance)
+        assert np.all(np.abs(fitted - 1.0) > 3.0 * tolerance)

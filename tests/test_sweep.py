@@ -1,0 +1,373 @@
+"""Sweeps: against the theory, single runs, and what the command line was asked for."""
+
+from __future__ import annotations
+
+import csv
+import json
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tendonrepro.batch import STATUSES, simulate_batch
+from tendonrepro.config import load_config
+from tendonrepro.errors import ConfigError, UsageError
+from tendonrepro.figure_sweep import draw_curves
+from tendonrepro.figure_sweep_map import draw_maps
+from tendonrepro.results import read_manifest
+from tendonrepro.runs import build_loops
+from tendonrepro.sweep import load_sweep, run_sweep, simulate_sweep
+from tendonrepro.sweep_points import parse_over, split_values, unit_of
+from tendonrepro.sweep_table import COLUMNS, rows
+from tendonrepro.sweep_words import findings, sweep_text
+from tendonrepro.talk import Talk
+
+ALPHA = "control.gains.alpha=[0,0],[0.1,0.2],[0.3,0.4]"
+PERIOD = "sampling_period=0.5,1,2"
+ONE = "reference.periods=1"
+UNSTABLE = "manipulator.tendons.damping_factor=1,2"
+
+
+def quantity(value, unit):
+    return f"{{value: {value}, unit: '{unit}', source: 'assumed: test'}}"
+
+
+SMOOTH = (
+    "manipulator.encoders.joint.resolution=0",
+    *(f"manipulator.friction.{part}.coulomb=[0, 0, 0]" for part in ("link", "winch")),
+    f"reference={{kind: raised_cosine, amplitude: {quantity([5, 20], 'deg')}, "
+    f"period: {quantity(8, 's')}, periods: {quantity(1, '1')}}}",
+)
+
+
+@cache
+def swept(*over, overrides=(ONE,), controllers=(1, 2)):
+    return simulate_sweep(load_sweep(None, over, overrides, controllers=controllers), Talk(quiet=True))
+
+
+def ratios(data, pair="c1_c2"):
+    return np.array([point["ratio"][pair] for point in data["points"]])
+
+
+def mae(data, run):
+    return np.array([point["runs"][run]["mae_deg"] for point in data["points"]])
+
+
+class TestTheory:
+    """Errors of a slowly changing load: e = w L dH / (M_bar lam k), docs/theory.md."""
+
+    def test_alpha_makes_the_error_larger_by_one_plus_alpha(self):
+        data = swept(ALPHA, overrides=SMOOTH)
+        w = 1.0 + np.array(data["keys"][0]["numbers"])
+        # As tests/test_small_signal.py: of first order in 1/T, and 5 % of w - 1 that is common to both.
+        np.testing.assert_array_less(np.abs(ratios(data) - w), 0.025 / 8.0 + 0.05 * (w - 1.0) + 1e-12)
+        assert np.all(ratios(data)[0] == 1.0)
+        np.testing.assert_allclose([p["predicted_ratio"]["c1_c2"] for p in data["points"]], w, rtol=1e-12)
+
+    @pytest.mark.parametrize(
+        ("over", "power"), [(PERIOD, 1.0), ("control.gains.M_bar=[0.01,0.01],[0.02,0.02]", -1.0)]
+    )
+    def test_error_goes_with_L_over_M_bar(self, over, power):
+        data = swept(over, overrides=SMOOTH)
+        x, e = np.array(data["keys"][0]["numbers"]), mae(data, "controller_2")
+        slopes = np.diff(np.log(e), axis=0) / np.diff(np.log(x), axis=0)
+        # The plant's own answer to the error is of the order of 1/T.
+        np.testing.assert_allclose(slopes, power, atol=0.06)
+
+
+class TestRun:
+    @pytest.mark.parametrize(("over", "place"), [(ALPHA, 1), (PERIOD, 0), (PERIOD, 2)])
+    def test_point_is_the_single_run_bit_for_bit(self, over, place):
+        """A mixed batch must not change a point, whatever the others' sampling periods."""
+        data = swept(over)
+        point = data["points"][place]
+        step = (f"solver.max_step={data['keys'][0]['texts'][place]}",) if over == PERIOD else ()
+        loaded = load_config(None, "compare", overrides=(ONE, point["label"], *step), controllers=(1, 2))
+        loops = dict(build_loops(loaded.config, loaded.folder))
+        alone = simulate_batch(list(loops.values()), loaded.config.status)
+        for k, run in enumerate(loops):
+            found = point["runs"][run]
+            assert found["status"] == STATUSES[alone.status[k]]
+            assert found["status_time_s"] == alone.status_time[k]
+            for name, (statistic, _, factor) in COLUMNS.items():
+                np.testing.assert_array_equal(found[name], factor * alone.statistics[statistic][k])
+
+    def test_diverged_run_is_kept_and_marked(self):
+        data = swept(UNSTABLE, controllers=(1,))
+        name = "manipulator.tendons.damping_factor=1 controller_1_payload"
+        assert data["diverged"] == [name]
+        assert data["status"][name] == "diverged"
+        ended = data["points"][0]["runs"]["controller_1_payload"]
+        assert 0.0 < ended["status_time_s"] < 9.0
+        assert np.isfinite(ended["mae_deg"]).all()
+        assert "C1 payload diverged" in sweep_text(data | {"out": "here"})
+        assert {row["status"] for row in rows(data)} == {"ok", "diverged"}
+        panel = draw_curves(data).axes["mae", 2]
+        crosses = [line for line in panel.lines if line.get_marker() == "x"]
+        assert [float(line.get_xdata()[0]) for line in crosses] == [1.0]
+        assert crosses[0].get_ydata()[0] > 0.9
+        shown = [y for line in panel.lines if line.get_marker() == "^" for y in line.get_ydata()]
+        assert shown == [data["points"][1]["runs"]["controller_1_payload"]["mae_deg"][0]]
+
+    def test_two_keys_make_every_pair(self):
+        data = swept(ALPHA, PERIOD)
+        assert [tuple(point["places"]) for point in data["points"]] == [
+            (i, j) for i in range(3) for j in range(3)
+        ]
+        alone = swept(ALPHA)
+        for i in range(3):
+            assert data["points"][3 * i + 1]["runs"] == alone["points"][i]["runs"]
+        sizes, ratio = draw_maps(data)
+        assert set(ratio.axes) == {("c1_c2", 2), ("c1_c2", 3)}
+        assert {run for run, _ in sizes.axes} == {"controller_1", "controller_2", "controller_1_payload"}
+        written = [text.get_text() for text in ratio.axes["c1_c2", 3].texts]
+        assert written == [f"{point['ratio']['c1_c2'][1]:.2f}" for point in data["points"]]
+
+
+class TestFiles:
+    def test_results_are_complete(self, tmp_path):
+        found = run_sweep(None, [ALPHA], [ONE], None, [1, 2], tmp_path, talk=Talk(quiet=True))
+        manifest = read_manifest(tmp_path)
+        figures = {f"figures/sweep.{suffix}" for suffix in ("pdf", "svg", "png")}
+        assert set(manifest["outputs"]) == {"sweep.json", "tables/sweep.csv", "tables/sweep.md", *figures}
+        assert manifest["command"] == "sweep"
+        assert manifest["over"] == [ALPHA]
+        assert manifest["config"]["sha256"] == found["config_sha256"]
+        with (tmp_path / "tables" / "sweep.csv").open(newline="") as stream:
+            table = list(csv.DictReader(stream))
+        assert len(table) == 3 * 3 * 2
+        assert table[2]["control.gains.alpha"] == "[0,0]"
+        assert float(table[2]["mae_deg"]) == found["points"][0]["runs"]["controller_2"]["mae_deg"][0]
+        stored = json.loads((tmp_path / "sweep.json").read_text())
+        assert stored["points"][1]["values"] == {"control.gains.alpha": [0.1, 0.2]}
+        assert "| [0.3,0.4] | controller_1 | 3 | ok |" in (tmp_path / "tables" / "sweep.md").read_text()
+
+    def test_other_results_are_refused(self, tmp_path):
+        (tmp_path / "manifest.json").write_text('{"config": {"sha256": "0"}, "outputs": {}}')
+        for dry_run in (False, True):
+            with pytest.raises(UsageError, match="another configuration"):
+                run_sweep(None, [ALPHA], [ONE], None, [1], tmp_path, dry_run=dry_run)
+        assert run_sweep(None, [ALPHA], [ONE], None, [1], tmp_path, force=True, dry_run=True)["dry_run"]
+
+    def test_dry_run_writes_nothing(self, tmp_path):
+        out = tmp_path / "none"
+        found = run_sweep(None, [PERIOD], [ONE], None, [1], out, dry_run=True)
+        assert not out.exists()
+        assert found["samples"] == {
+            "sampling_period=0.5": 18001, "sampling_period=1": 9001, "sampling_period=2": 4501,
+        }  # fmt: skip
+        assert "3 points of 2 runs are valid" in sweep_text(found)
+
+    def test_identity_is_that_of_values_and_configuration(self):
+        digests = {
+            load_sweep(None, over, overrides).base.sha256
+            for over in ([ALPHA], [PERIOD], [ALPHA, PERIOD])
+            for overrides in ((), (ONE,))
+        }
+        assert len(digests) == 6
+        assert load_sweep(None, [ALPHA]).base.sha256 in digests
+
+    def test_standard_input_is_read_once(self, monkeypatch, tmp_path):
+        text = load_config(None, "compare").yaml_text
+        path = tmp_path / "given.yaml"
+        path.write_text(text)
+        with path.open() as stream:
+            monkeypatch.setattr("sys.stdin", stream)
+            assert len(load_sweep("-", [ALPHA]).points) == 3
+
+
+class TestValues:
+    @pytest.mark.parametrize(
+        ("text", "values"),
+        [
+            ("a,b", ["a", "b"]),
+            ("[0,0], [0.1,0.2]", ["[0,0]", "[0.1,0.2]"]),
+            ("{value: [1, 2], unit: s},3", ["{value: [1, 2], unit: s}", "3"]),
+            ("'a,b',\"c,d\"", ["'a,b'", '"c,d"']),
+            ("[1,2", ["[1,2"]),
+            ("1,", ["1", ""]),
+        ],
+    )
+    def test_commas_inside_brackets_and_quotes_do_not_split(self, text, values):
+        assert split_values(text) == values
+
+    @pytest.mark.parametrize(
+        ("over", "words"),
+        [
+            ([], "one or two keys, not 0"),
+            (["a=1,2", "b=1,2", "c=1,2"], "not 3"),
+            (["sampling_period"], "not of the form"),
+            (["=1,2"], "not of the form"),
+            (["a..b=1,2"], "not of the form"),
+            (["a=1,,2"], "not of the form"),
+            (["a=1"], "at least two values"),
+            (["a=1,2,1"], "the value 1 is given twice"),
+            (["a=1,2", "a=3,4"], "a is given twice"),
+            (["seed=1,2"], "also set by"),
+        ],
+    )
+    def test_form_is_checked(self, over, words):
+        with pytest.raises(UsageError, match=words):
+            parse_over(over, taken=("seed",))
+
+    def test_value_that_is_no_yaml_is_named(self):
+        with pytest.raises(ConfigError) as caught:
+            parse_over(["sampling_period=1,[2"])
+        assert caught.value.where == "--over sampling_period=[2"
+
+    def test_every_wrong_value_is_named_once(self):
+        over = ["control.gains.alpha=[0,2],[0.1,0.2],[0,0,0]", "sampling_period=0.7,1"]
+        with pytest.raises(ConfigError) as caught:
+            load_sweep(None, over)
+        assert caught.value.message.splitlines() == [
+            "3 mistakes in the values",
+            "--over control.gains.alpha=[0,2]: control.gains.alpha.value.1: "
+            "must be at least 0 and at most 1, found 2",
+            "--over control.gains.alpha=[0,0,0]: control.gains.alpha.value: "
+            "must have 2 entries, one per moving joint, found 3",
+            "--over sampling_period=0.7: reference: lasts 18 s, which must be a whole multiple of the "
+            "sampling period, 0.7 ms",
+        ]
+
+    def test_step_that_follows_the_period_is_not_blamed(self):
+        with pytest.raises(ConfigError) as caught:
+            load_sweep(None, ["sampling_period=-1,1"])
+        assert caught.value.message.splitlines() == [
+            "1 mistake in the values",
+            "--over sampling_period=-1: sampling_period.value: must be above 0 ms, found -1 ms",
+        ]
+        with pytest.raises(ConfigError, match=r"max_step\.value: must divide the sampling period"):
+            load_sweep(None, ["sampling_period=1,2", "solver.max_step=1,1.5"])
+
+    def test_unknown_key(self):
+        with pytest.raises(ConfigError, match="unknown key 'alpa', did you mean 'alpha'"):
+            load_sweep(None, ["control.gains.alpa=1,2"])
+        with pytest.raises(ConfigError, match=r"--over nothing.at=1: .*unknown key 'nothing'"):
+            load_sweep(None, ["nothing.at=1,2"])
+
+    def test_key_set_already_is_refused(self):
+        with pytest.raises(UsageError, match="also set by --set"):
+            load_sweep(None, [PERIOD], ["sampling_period=1"])
+
+    def test_points_with_other_runs_are_refused(self):
+        run = f"{{a: {{law: controller_1, payload: {quantity(0, 'kg')}}}}}"
+        other = run.replace("{a:", "{b:")
+        with pytest.raises(UsageError, match="the same runs"):
+            load_sweep(None, [f"runs={run},{other}"])
+
+    def test_numbers_are_those_of_each_joint(self):
+        def numbers(over):
+            return swept_keys(over)[0]["numbers"]
+
+        assert numbers("control.gains.alpha=[0,0.5],[0.1,0.6]") == [[0.0, 0.5], [0.1, 0.6]]
+        assert numbers("runs.controller_1.payload=0,0.2") == [[0.0, 0.0], [0.2, 0.2]]
+        assert numbers("manipulator.winches.viscous=[1,2,3],[4,5,6]") == [[2.0, 3.0], [5.0, 6.0]]
+        assert numbers("control.gains.alpha=[0,0],[0.1,0]") is None
+        assert numbers("control.readings.weights=interpolating,extrapolating") is None
+
+    def test_units(self):
+        tree = load_config(None, "compare").tree
+        assert unit_of("sampling_period", tree) == "ms"
+        assert unit_of("control.gains.M_bar.value.0", tree) == "kg m2"
+        assert unit_of("control.readings.weights", tree) is None
+
+
+def swept_keys(over):
+    found = run_sweep(None, [over], dry_run=True, out=Path("no such folder"))
+    return found["keys"]
+
+
+class TestWords:
+    @staticmethod
+    def data(key, numbers, runs):
+        points = [
+            {
+                "places": [i],
+                "runs": {
+                    run: {name: values[i] for name, values in found.items()} for run, found in runs.items()
+                },
+                "predicted_ratio": {"c1_c2": [1.0 + numbers[i][0]]},
+            }
+            for i in range(len(numbers))
+        ]
+        return {"joints": [2], "keys": [{"key": key, "numbers": numbers}], "points": points}
+
+    def test_slope_of_a_power_law(self):
+        x = [[0.5], [1.0], [2.0]]
+        run = {"status": ["ok"] * 3, "mae_deg": [[0.5], [1.0], [2.0]], "epsilon_rms": [[8.0], [2.0], [0.5]]}
+        (sentence,) = findings(self.data("sampling_period", x, {"controller_2": run}))
+        assert "slope of log MAE against log L 1.00 (a slowly changing load: 1)" in sentence
+        assert "RMS of epsilon -2.00; a smaller delay does not improve the estimate" in sentence
+
+    def test_runs_that_are_not_ok_do_not_count(self):
+        x = [[0.5], [1.0], [2.0]]
+        run = {"status": ["diverged", "ok", "ok"], "mae_deg": [[9.0], [1.0], [2.0]]}
+        run["torque_step_rms"] = [[9.0], [1.0], [4.0]]
+        (sentence,) = findings(self.data("control.gains.M_bar.value", x, {"controller_2": run}))
+        assert "against log M_bar 1.00" in sentence
+        assert "torque step 2.00; with a smaller M_bar the torque is smoother" in sentence
+        run["status"][1] = "ringing"
+        (sentence,) = findings(self.data("control.gains.M_bar", x, {"controller_2": run}))
+        assert "nothing can be said" in sentence
+
+    def test_alpha_compares_controller_1_with_2(self):
+        def run(size):
+            return {"status": ["ok"] * 2} | {
+                name: [[1.0], [size]] for name in ("mae_deg", "epsilon_rms", "overshoot_deg")
+            }
+
+        runs = {"controller_1": run(1.2), "controller_2": run(1.0)}
+        (sentence,) = findings(self.data("control.gains.alpha", [[0.0], [0.3]], runs))
+        assert "MAE from 1.00 to 1.20 (a slowly changing load: from 1.00 to 1.30)" in sentence
+        assert sentence.endswith("alpha does not lower the error of the estimate.")
+
+    def test_other_key_is_held_where_most_runs_are_ok(self):
+        data = self.data("sampling_period", [[1.0], [2.0]], {})
+        data["keys"].append({"key": "other", "numbers": None, "texts": ["bad", "good"]})
+        data["points"] = [
+            {
+                "places": [i, j],
+                "runs": {
+                    "controller_2": {
+                        "status": ("diverged", "ok")[j],
+                        "mae_deg": [1.0 + i],
+                        "epsilon_rms": [1.0 + i],
+                    }
+                },
+            }
+            for i in range(2)
+            for j in range(2)
+        ]
+        (sentence,) = findings(data)
+        assert "delay L (at other=good), controller_2: slope of log MAE against log L 1.00" in sentence
+
+    def test_other_keys_say_nothing_of_claims(self):
+        assert findings(self.data("seed", [[1.0], [2.0]], {})) == []
+
+
+class TestFigures:
+    def test_curves_show_the_numbers(self):
+        data = swept(PERIOD)
+        drawn = draw_curves(data)
+        panel = drawn.axes["mae", 3]
+        (dots,) = (line for line in panel.lines if line.get_marker() == "s" and len(line.get_xdata()))
+        np.testing.assert_array_equal(dots.get_ydata(), mae(data, "controller_2")[:, 1])
+        np.testing.assert_array_equal(dots.get_xdata(), [0.5, 1.0, 2.0])
+        lower = drawn.axes["c1_c2", 3]
+        assert lower.get_xlabel() == "sampling_period (ms)"
+        assert any(np.array_equal(line.get_ydata(), ratios(data)[:, 1]) for line in lower.lines)
+
+    def test_decades_make_the_axis_logarithmic(self):
+        data = json.loads(json.dumps(swept(PERIOD)))
+        assert draw_curves(data).axes["mae", 2].get_xscale() == "linear"
+        data["keys"][0]["numbers"] = [[0.1, 0.1], [1.0, 1.0], [10.0, 10.0]]
+        assert draw_curves(data).axes["mae", 2].get_xscale() == "log"
+
+    def test_words_become_groups_of_dots(self):
+        data = json.loads(json.dumps(swept(PERIOD)))
+        data["keys"][0]["numbers"] = None
+        drawn = draw_curves(data)
+        assert [text.get_text() for text in drawn.axes["c1_c2", 2].get_xticklabels()] == ["0.5", "1", "2"]
+        joined = [line for line in drawn.axes["mae", 2].lines if line.get_linestyle() not in ("None", "none")]
+        assert not joined
