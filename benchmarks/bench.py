@@ -13,8 +13,12 @@ import statistics
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from pathlib import Path
+
+from bench_batch import batch_cases, compilation_case
+from bench_common import bar, case, cpu, largest, say, seconds_of, stated_case, tightened
 
 # NumPy and the package are imported where they are used, not here: a child's peak memory counts its parent's
 # too until it execs, so this process has to stay small while it measures the commands.
@@ -28,13 +32,14 @@ DEFAULT_RTOL = 1e-3
 """Relative tolerance of ``solve_ivp`` where none is given."""
 SAME_ERROR = 1.1
 """Errors within this factor count as equal: methods that take one step per sample agree to a few percent."""
-REFERENCE_RTOL = 1e-13
 BASELINES = {
     "solve_ivp_RK45": ("RK45", LADDER),
     "solve_ivp_DOP853": ("DOP853", LADDER),
     "solve_ivp_RK45_default_tolerance": ("RK45", (DEFAULT_RTOL,)),
 }
 """Method and tolerances to choose from; the last is quick, but its error is larger than ours."""
+WATCH_INTERVAL = 0.05
+"""Seconds between two looks at a command's memory."""
 HEAVY = ("numpy", "scipy", "numba", "h5py", "matplotlib", "pandas", "pydantic", "yaml", "rich")
 
 RATIO_BAR, COMMAND_SECONDS_BAR, COMMAND_MEMORY_BAR_MB, HELP_SECONDS_BAR = 5.0, 15.0, 600.0, 0.3
@@ -47,7 +52,9 @@ def main():
             "import_heavy": import_case(),
             "whole_command": command_case(["compare", "--out", str(Path(folder) / "compare")], 3),
         }
+    cases["first_compilation"] = compilation_case()
     cases["compare_run"] = compare_case(RUN_DURATION, BASELINES, 3)
+    cases |= batch_cases()
     found = {"schema_version": 1, "cpu": cpu(), "cores": os.cpu_count(), "python": platform.python_version()}
     print(json.dumps(found | {"cases": cases}, indent=2))
 
@@ -92,60 +99,6 @@ def plain_run(parameters, reference, method):
     import baseline_solve_ivp
 
     return lambda rtol: baseline_solve_ivp.run(parameters, reference, rtol, method)
-
-
-def stated_case(duration):
-    """Closed loop, the baseline's parameters and its reference, all of one shortened run."""
-    from dataclasses import replace
-
-    from tendonrepro.config import load_config
-    from tendonrepro.runs import build_loops
-    from tendonrepro.simulate import Reference
-
-    # A flipped encoder count would drown the integrators' errors.
-    loaded = load_config(None, "compare", overrides=["manipulator.encoders.joint.resolution=0"])
-    loop = dict(build_loops(loaded.config, loaded.folder))["controller_1"]
-    samples = round(duration / loop.L) + 1
-    names = ("time", "q_d", "dq_d", "ddq_d")
-    reference = {name: getattr(loop.reference, name)[:samples] for name in names}
-    shortened = replace(loop, reference=Reference(**reference))
-    return shortened, plain_parameters(loaded.config), reference
-
-
-def tightened(loop):
-    """The same run at tolerances where rounding is all that is left."""
-    from dataclasses import replace
-
-    solver = replace(loop.solver, method="dop853", rtol=REFERENCE_RTOL, atol=REFERENCE_RTOL / 100.0)
-    return replace(loop, solver=solver)
-
-
-def plain_parameters(config):
-    """The configuration's numbers for the baseline, SI units, moving joints only."""
-    from tendonrepro.rig import coupling, start_angles
-
-    n = len(config.joints)
-    arm, run = config.manipulator, config.runs["controller_1"]
-    links, winches, tendons, dry = arm.links, arm.winches, arm.tendons, arm.friction
-    radius = arm.routing.winch_diameter.si[-n:] / 2.0
-    law = ("coulomb", "static_ratio", "stribeck_velocity", "smoothing_velocity")
-    gains = ("M_bar", "lam", "b", "eta", "Delta", "alpha")
-    return {name: getattr(links, name).si[-n:] for name in ("length", "mass", "com", "inertia")} | {
-        "payload": run.payload.si,
-        "gravity": arm.gravity.si,
-        "start_angle": start_angles(config),
-        "S_inv": coupling(config)[1],
-        "winch_inertia": (winches.reflected_inertia.si + winches.drum_inertia.si)[-n:],
-        "winch_stiffness": tendons.axial_stiffness.si[-n:] * radius**2,
-        "winch_damping": tendons.damping_factor.si * tendons.axial_damping.si[-n:] * radius**2,
-        "winch_friction": {name: getattr(dry.winch, name).si[-n:] for name in law}
-        | {"viscous": winches.viscous.si[-n:]},
-        "link_friction": {name: getattr(dry.link, name).si[-n:] for name in (*law, "viscous")},
-        "torque_limit": arm.actuator.torque_limit.si[-n:],
-        "encoder_step": arm.encoders.joint.resolution.si,
-        "L": config.sampling_period.si,
-        "gains": {name: getattr(config.control.gains, name).si for name in gains},
-    }
 
 
 def matching_tolerance(ladder, target, error_at):
@@ -211,53 +164,61 @@ def import_case(arguments=("--help",)):
 
 
 def run_command(arguments):
-    """Wall time, s, peak memory, MB, and processor time, s, of one command of the package."""
+    """Wall time, s, peak memory, MB, and processor time, s, of one command of the package and its workers.
+
+    Memory is that of all processes together, and without ``/proc`` that of the largest one.
+    """
     command = [sys.executable, "-m", "tendonrepro", *arguments]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL) as process:
         started = time.perf_counter()
+        sums, ended = [0.0], threading.Event()
+        watch = threading.Thread(target=watch_memory, args=(process.pid, sums, ended))
+        watch.start()
         _, status, usage = os.wait4(process.pid, 0)
         seconds = time.perf_counter() - started
+        ended.set()
+        watch.join()
         process.returncode = os.waitstatus_to_exitcode(status)
     if process.returncode:
         raise subprocess.CalledProcessError(process.returncode, command)
     per_mb = 1e6 if sys.platform == "darwin" else 1e6 / 1024
-    return seconds, usage.ru_maxrss / per_mb, usage.ru_utime + usage.ru_stime
+    memory = max(usage.ru_maxrss / per_mb, *sums)
+    return seconds, memory, usage.ru_utime + usage.ru_stime
 
 
-def case(what, experiments_per_second, ratio_to_baselines, max_error_rad, bars):
-    """Entry of the result; None is what a case does not measure."""
-    return {
-        "what": what,
-        "cpu": cpu(),
-        "experiments_per_second": experiments_per_second,
-        "ratio_to_baselines": ratio_to_baselines,
-        "max_error_rad": max_error_rad,
-        "bars": bars,
-    }
+def watch_memory(pid, sums, ended):
+    """Append the memory of a process and its descendants, MB, now and then."""
+    while not ended.wait(WATCH_INTERVAL):
+        sums.append(together_mb(descendants(pid)))
 
 
-def bar(value, limit, *, at_least=False):
-    return {"value": value, "bar": limit, "met": value >= limit if at_least else value <= limit}
+def together_mb(pids):
+    """Memory of processes that run the same programs, MB: mapped files, such as libraries, count once."""
+    status = [read_if_there(Path(f"/proc/{pid}/status")) for pid in pids]
+    own = [kilobytes("RssAnon", text) + kilobytes("RssShmem", text) for text in status]
+    files = [kilobytes("RssFile", text) for text in status]
+    return (sum(own) + max(files)) * 1024 / 1e6
 
 
-def cpu():
-    info = Path("/proc/cpuinfo")
-    found = re.search(r"model name\s*: (.+)", info.read_text()) if info.exists() else None
-    return found[1] if found else platform.processor() or platform.machine()
+def descendants(pid):
+    """The process and those it started, as far as they are still there."""
+    yield pid
+    for task in Path(f"/proc/{pid}/task").glob("*/children"):
+        for child in read_if_there(task).split():
+            yield from descendants(int(child))
 
 
-def largest(difference):
-    return float(abs(difference).max())
+def kilobytes(name, status):
+    found = re.search(rf"^{name}:\s+(\d+) kB", status, re.MULTILINE)
+    return int(found[1]) if found else 0
 
 
-def seconds_of(work):
-    started = time.perf_counter()
-    work()
-    return time.perf_counter() - started
-
-
-def say(text):
-    print(text, file=sys.stderr, flush=True)
+def read_if_there(path):
+    """Text of a file of a process that may end at any time."""
+    try:
+        return path.read_text()
+    except OSError:
+        return ""
 
 
 if __name__ == "__main__":

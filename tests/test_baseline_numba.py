@@ -21,6 +21,14 @@ def bench(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
 
 
 @pytest.fixture
+def batch(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    import bench_batch
+
+    return bench_batch
+
+
+@pytest.fixture
 def solve_ivp(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     monkeypatch.syspath_prepend(str(BENCHMARKS))
     import baseline_solve_ivp
@@ -39,9 +47,20 @@ def compiled(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
 def test_it_is_the_same_run(bench: ModuleType, solve_ivp: ModuleType, compiled: ModuleType) -> None:
     _, parameters, reference = bench.stated_case(0.5)
     expected = solve_ivp.run(parameters, reference, 1e-12, "DOP853")
-    found = compiled.run(parameters, reference)
+    found = compiled.run(parameters, reference, 4)
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-8)
     assert np.abs(expected).max() > 1e-2
+
+
+def test_two_steps_are_enough_for_smooth_friction_only(
+    bench: ModuleType, batch: ModuleType, solve_ivp: ModuleType, compiled: ModuleType
+) -> None:
+    _, parameters, reference = bench.stated_case(0.2, (*batch.IDEAL_ENCODER, *batch.SMOOTH_FRICTION))
+    expected = solve_ivp.run(parameters, reference, 1e-12, "DOP853")
+    np.testing.assert_allclose(compiled.run(parameters, reference), expected, rtol=0.0, atol=1e-10)
+    _, parameters, reference = bench.stated_case(0.2)
+    two, four = (compiled.run(parameters, reference, steps) for steps in (2, 4))
+    assert not np.abs(two - four).max() < 1e-8
 
 
 @pytest.mark.parametrize("changed", [{"encoder_step": 1e-4}, {"torque_limit": np.array([0.5, 0.1])}])
@@ -49,8 +68,8 @@ def test_encoder_and_torque_limit_are_the_same(
     bench: ModuleType, solve_ivp: ModuleType, compiled: ModuleType, changed: dict[str, object]
 ) -> None:
     _, parameters, reference = bench.stated_case(0.1)
-    ideal = compiled.run(parameters, reference)
-    found = compiled.run(parameters | changed, reference)
+    ideal = compiled.run(parameters, reference, 4)
+    found = compiled.run(parameters | changed, reference, 4)
     expected = solve_ivp.run(parameters | changed, reference, 1e-12, "DOP853")
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-8)
     assert np.abs(found - ideal).max() > 1e-7
