@@ -6,7 +6,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet install --constr
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help figures test test-slow check format bench mutants clean
+.PHONY: help figures test test-slow check format bench claims findings mutants clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -32,6 +32,12 @@ format: $(VENV)/.dev  ## put the code into its format
 
 bench: $(VENV)/.run  ## speed and memory, one JSON object
 	$(BIN)/python benchmarks/bench.py
+
+claims: $(VENV)/.run  ## the verdict on every printed number and claim, from what lies under reports/
+	$(BIN)/tendonrepro claims $(ARGS)
+
+findings: $(VENV)/.run  ## the generated part of docs/findings.md, from reports/ensemble and reports/claims
+	$(BIN)/python docs/generate.py reports
 
 mutants: $(VENV)/.test  ## mutation run over the physics, half an hour
 	$(PIP) mutmut

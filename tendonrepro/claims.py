@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -62,7 +62,12 @@ class Verdict:
 
 
 def judge_all(
-    sources: Sources, paper: Published | None = None, only: Sequence[str] = (), *, decided_by: bool = False
+    sources: Sources,
+    paper: Published | None = None,
+    only: Sequence[str] = (),
+    *,
+    decided_by: bool = False,
+    progress: Callable[[int], None] | None = None,
 ) -> list[Verdict]:
     """Judge every printed result and claim.
 
@@ -75,6 +80,8 @@ def judge_all(
         Ids to judge; all of them when empty.
     decided_by : bool
         Rank the unknowns that decide verdicts from the ensemble, which takes about a second each.
+    progress : callable, optional
+        Called with 1 after each reading of the ensemble.
 
     Returns
     -------
@@ -93,7 +100,8 @@ def judge_all(
             message = f"no claim or number {name!r} is judged"
             raise UsageError(message, hint=f"Claims: {', '.join(n for n in judged if '.' not in n)}")
     wanted = list(only) or judged
-    found = _under_every_reading(sources.ensemble, paper, wanted, decided_by=decided_by)
+    report = progress or (lambda _: None)
+    found = _under_every_reading(sources.ensemble, paper, wanted, report, decided_by=decided_by)
     shipped = _shipped_numbers(sources.compare)
     return [
         _verdict(paper, name, found.get(name) or _without_ensemble(sources, paper, name), shipped.get(name))
@@ -102,7 +110,12 @@ def judge_all(
 
 
 def _under_every_reading(
-    data: Ensemble | None, paper: Published, wanted: Sequence[str], *, decided_by: bool
+    data: Ensemble | None,
+    paper: Published,
+    wanted: Sequence[str],
+    report: Callable[[int], None],
+    *,
+    decided_by: bool,
 ) -> dict[str, Judged]:
     """Judge what an ensemble can tell; one reading is held in memory at a time."""
     if data is None or PRINTED not in data.readings:
@@ -117,6 +130,7 @@ def _under_every_reading(
             found[name].evidence["decided_by"] = _decided_by(printed, paper, rule, name)
     others: dict[str, dict[str, Name]] = {name: {} for name in rules}
     for reading in data.readings if rules else ():
+        report(1)
         if reading == PRINTED:
             continue
         plants = Plants(data, reading)

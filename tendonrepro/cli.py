@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from tendonrepro.workflow import Order
 
 EPILOG = (
-    "Exit codes: 0 done, 1 error, 2 usage or configuration, 4 data missing, 5 a run diverged, "
-    "130 interrupted."
+    "Exit codes: 0 done, 1 error, 2 usage or configuration, 3 a verdict is against the print "
+    "(claims --check), 4 data missing, 5 a run diverged, 130 interrupted."
 )
 
 app = typer.Typer(

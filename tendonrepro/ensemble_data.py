@@ -1,10 +1,14 @@
-"""What an ensemble left on disk, read piece by piece: memory holds only what is asked for."""
+"""What an ensemble left on disk, read piece by piece: memory holds only what is asked for.
+
+Opening shards takes longer than reading them, so of a small ensemble a whole dataset is kept once one of its
+cases was asked for.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -16,6 +20,9 @@ from tendonrepro.arrays import Array
 from tendonrepro.batch import STATISTICS
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.shards import FOLDER, Block, Case, opened
+
+KEPT_BYTES = 64e6
+"""Largest dataset, over all shards, that is kept in memory; an ensemble has some 25."""
 
 PLAN = "plan.json"
 """File that says which blocks make up the ensemble in a folder."""
@@ -55,6 +62,7 @@ class EnsembleData:
     variations: tuple[str, ...]
     lookup: Mapping[Case, int]
     files: tuple[tuple[Path, Block, int], ...]
+    _kept: dict[str, list[NDArray[Any]]] = field(default_factory=dict, repr=False)
 
     def __len__(self) -> int:
         """Return the number of draws."""
@@ -108,12 +116,21 @@ class EnsembleData:
 
     def _pieces(self, dataset: str, place: int | None = None) -> list[NDArray[Any]]:
         """Read one dataset, or one case of it, from shard after shard."""
-        pieces = []
+        if place is not None and self._is_small(dataset):
+            if dataset not in self._kept:
+                self._kept[dataset] = [values[:, :taken] for values, taken in self._read(dataset, ())]
+            return [values[place] for values in self._kept[dataset]]
+        return [values[:taken] for values, taken in self._read(dataset, () if place is None else place)]
+
+    def _read(self, dataset: str, index: int | tuple[()]) -> Iterator[tuple[NDArray[Any], int]]:
+        """Part of a dataset from shard after shard, and how many of its draws are taken."""
         for path, _, taken in self.files:
             with opened(path) as root:
-                values = root[dataset]
-                pieces.append((values[()] if place is None else values[place])[:taken])
-        return pieces
+                yield root[dataset][index], taken
+
+    def _is_small(self, dataset: str) -> bool:
+        with opened(self.files[0][0]) as root:
+            return bool(root[dataset].nbytes * len(self.files) <= KEPT_BYTES)
 
 
 def read_ensemble(folder: Path, population: str = "box", *, stride: int = 1) -> EnsembleData:

@@ -77,7 +77,9 @@ def run_claims(out: Path, ids: Sequence[str], baseline: Path | None, talk: Talk)
     before = None if baseline is None else _baseline(baseline, ids)
     sources = _sources(out)
     talk.detail(f"found {', '.join(_present(sources)) or 'no results'} under {out}")
-    verdicts = judge_all(sources, only=ids, decided_by=bool(ids))
+    readings = 0 if sources.ensemble is None else len(sources.ensemble.readings)
+    with talk.bar("judging", readings) as progress:
+        verdicts = judge_all(sources, only=ids, decided_by=bool(ids), progress=progress)
     failed = tuple(failing(verdicts)) if before is None else tuple(changed(before, verdicts))
     data = as_data(verdicts)
     if ids:

@@ -14,6 +14,7 @@ SHUFFLES = 40
 SEED = 20260515
 FLOOR_QUANTILE = 0.95
 LEAST_DRAWS = 100
+LEAST_OTHERS = 20
 
 # The method's usual ten harmonics fit more of the noise of a few hundred plants.
 _HARMONICS = 6
@@ -56,11 +57,13 @@ def ranked(names: Sequence[str], draws: Array, outcome: Array, seed: int = SEED)
     Returns
     -------
     Ranking or None
-        None with fewer than 100 draws, or when the outcome never varies.
+        None with fewer than 100 draws, or when fewer than 20 of them differ from the commonest outcome: a
+        bootstrap of so rare an outcome may well not hold it at all.
     """
     finite = np.isfinite(outcome)
     draws, outcome = draws[finite], outcome[finite].astype(np.float64)
-    if len(outcome) < LEAST_DRAWS or np.ptp(outcome) == 0.0:
+    commonest = np.unique(outcome, return_counts=True)[1].max(initial=0)
+    if len(outcome) < LEAST_DRAWS or len(outcome) - commonest < LEAST_OTHERS:
         return None
     rng = np.random.default_rng(seed)
     # Equal values of an unknown must not keep the order of the sequence they were drawn in.

@@ -73,6 +73,7 @@ def test_every_command_has_help_with_an_example(command: str, tmp_path: Path) ->
     top = run(command, "--help", cwd=tmp_path)
     assert "Exit codes" in top.stdout
     single = ["compare", "decouple", "reproduce", "figures", "tables", "doctor"]
+    single += ["sweep", "ensemble", "identify", "explain", "claims"]
     for words in [[name] for name in single] + [
         ["config", name] for name in ("list", "show", "init", "check", "schema")
     ]:

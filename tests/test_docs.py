@@ -21,6 +21,7 @@ import tendonrepro
 from tendonrepro.cli import app
 from tendonrepro.config import ExperimentName, LoadedConfig, load_config, shipped_folder
 from tendonrepro.config_control import Readings
+from tendonrepro.config_ensemble import load_ensemble
 from tendonrepro.config_kinds import json_schema
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiment import all_loops
@@ -206,8 +207,15 @@ def test_settings_in_commands_are_valid(name: str, command: str) -> None:
     context = parse(get_command(app), words(command))
     wrong = any(word in command for word in MISTAKES)
     assert name == "cli.md" or not wrong
+    of_box = context.info_name in {"ensemble", "identify"}
+    experiment = context.info_name if context.info_name == "decouple" else "compare"
+    overrides = context.params["overrides"]
     with pytest.raises(TendonreproError) if wrong else contextlib.nullcontext():
-        load_config(None, context.info_name, overrides=context.params["overrides"])
+        _ = (
+            load_ensemble(None, overrides=overrides)
+            if of_box
+            else load_config(None, experiment, overrides=overrides)
+        )
 
 
 # ---- configurations ----------------------------------------------------------------------------------------

@@ -1,0 +1,179 @@
+"""Copy what an ensemble and the ledger found beside this file, and write their part of findings.md from it.
+
+``make findings`` runs it after ``tendonrepro ensemble`` and ``tendonrepro claims``. Every number between the
+two marks in findings.md comes from ``docs/results``; a test makes the text again and compares.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+DOCS = Path(__file__).parent
+RESULTS = DOCS / "results"
+PAGE = DOCS / "findings.md"
+BEGIN, END = "<!-- made by generate.py: begin -->", "<!-- made by generate.py: end -->"
+CLAIMS = "C1 C2 C3 C4 C5 C6 P1 E1 E2 E3 L1 T1 K1 K2 K3 K4 K5 K6 A1".split()
+
+
+def main(reports: Path) -> None:
+    """Take results over from a reports folder and rewrite the page."""
+    RESULTS.mkdir(exist_ok=True)
+    summary = json.loads((reports / "ensemble" / "summary.json").read_text(encoding="utf-8"))
+    ledger = json.loads((reports / "claims" / "claims.json").read_text(encoding="utf-8"))
+    _store("ensemble.json", _thinned(summary))
+    _store("claims.json", ledger)
+    text = PAGE.read_text(encoding="utf-8")
+    start, end = text.index(BEGIN), text.index(END)
+    PAGE.write_text(text[:start] + BEGIN + "\n\n" + generated() + "\n" + text[end:], encoding="utf-8")
+
+
+def _thinned(summary: dict[str, Any]) -> dict[str, Any]:
+    """What the page shows, and no more."""
+    kept = "tendonrepro_version config_sha256 draws scramblings conclusions spot_check cost".split()
+    populations = {
+        name: {"plants": held["plants"], "readings": [_thin_reading(reading) for reading in held["readings"]]}
+        for name, held in summary["populations"].items()
+    }
+    return {key: summary[key] for key in kept} | {"populations": populations}
+
+
+def _thin_reading(reading: dict[str, Any]) -> dict[str, Any]:
+    def ratio(key: str) -> dict[str, Any]:
+        numbers = reading[key]["all_ok"]["mae"]
+        return {
+            joint: {name: numbers[joint][name]["value"] for name in ("q05", "median", "q95")} for joint in numbers
+        }
+
+    def share(key: str, plants: str) -> dict[str, Any]:
+        return reading[key][plants]["mae_and_rmse"]["both"]
+
+    return {
+        "name": reading["name"],
+        "ok": {run: shares["ok"]["share"] for run, shares in reading["status"].items()},
+        "in_order": share("share_c1_lt_c2_lt_c3", "all_ok"),
+        "in_order_diverged_last": share("share_c1_lt_c2_lt_c3", "diverged_last"),
+        "first_is_best": share("share_c1_best", "all_ok"),
+        "c1_c2": ratio("ratio_c1_c2"),
+        "c2_c3": ratio("ratio_c2_c3"),
+        "inside": len(reading["agreement"]["inside"]),
+    }
+
+
+def _store(name: str, content: Any) -> None:
+    text = json.dumps(_rounded(content), indent=1, ensure_ascii=False) + "\n"
+    (RESULTS / name).write_text(text, encoding="utf-8")
+
+
+def _rounded(content: Any) -> Any:
+    """Six digits are more than any of these numbers is worth, and keep the file small."""
+    if isinstance(content, dict):
+        return {key: _rounded(value) for key, value in content.items()}
+    if isinstance(content, list):
+        return [_rounded(value) for value in content]
+    return float(f"{content:.6g}") if isinstance(content, float) else content
+
+
+def stored(name: str) -> Any:
+    """Stored results."""
+    return json.loads((RESULTS / name).read_text(encoding="utf-8"))
+
+
+def generated() -> str:
+    """The part of findings.md that comes from stored results."""
+    summary, ledger = stored("ensemble.json"), stored("claims.json")
+    parts = [
+        _head(summary),
+        "### What the ensemble says",
+        "\n".join(f"- {line}" for line in summary["conclusions"]),
+        "### Reading by reading",
+        _readings(summary),
+        "### Claim by claim",
+        _claims(ledger),
+        "### Number by number",
+        _numbers(ledger),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def _head(summary: dict[str, Any]) -> str:
+    box, firm = (summary["populations"][name]["plants"] for name in ("box", "firm"))
+    check = summary["spot_check"]
+    return (
+        f"{box} plants of the box and {firm} of its firm rows, {len(summary['populations']['box']['readings'])} "
+        f"readings, {summary['scramblings']} scramblings, {summary['cost']['experiments']:,} runs. "
+        f"{check['experiments']} runs were repeated with the reference stepper: MAE and RMSE differ by at most "
+        f"{_percent(check['ideal']['largest'])} with ideal encoders and {_percent(check['quantised']['largest'])} "
+        f"with counts; {check['disagreements']} statuses differ. Brackets are 95 % intervals from the scramblings."
+    )
+
+
+def _percent(share: float | None) -> str:
+    if share is None:
+        return "–"
+    value = 100.0 * share
+    return f"{value:.0f} %" if value >= 10.0 or value == 0.0 else f"{value:.2g} %"
+
+
+def _share(share: dict[str, Any]) -> str:
+    if share["share"] is None:
+        return "–"
+    return f"{_percent(share['share'])} [{_percent(share['low'])}, {_percent(share['high'])}]"
+
+
+def _median(ratio: dict[str, Any]) -> str:
+    values = (ratio[f"joint_{joint}"]["median"] for joint in (2, 3))
+    return " / ".join("–" if value is None else f"{value:.2f}" for value in values)
+
+
+def _readings(summary: dict[str, Any]) -> str:
+    heads = "reading|ok C1 / C2 / C3|1 < 2 < 3, all ok|diverged last|C1 best|C1/C2|C2/C3|ratios inside"
+    rows = [f"| {' | '.join(heads.split('|'))} |", "|---" * 8 + "|"]
+    for reading in summary["populations"]["box"]["readings"]:
+        cells = [
+            f"`{reading['name']}`",
+            " / ".join(_percent(reading["ok"][f"controller_{k}"]) for k in (1, 2, 3)),
+            _share(reading["in_order"]),
+            _percent(reading["in_order_diverged_last"]["share"]),
+            _percent(reading["first_is_best"]["share"]),
+            _median(reading["c1_c2"]),
+            _median(reading["c2_c3"]),
+            f"{reading['inside']} of 8",
+        ]
+        rows.append(f"| {' | '.join(cells)} |")
+    return "\n".join(rows)
+
+
+def _claims(ledger: dict[str, Any]) -> str:
+    entries = {entry["id"]: entry for entry in ledger["claims"]}
+    rows = ["| claim | printed | verdict | holds on | readings that change it |", "|---|---|---|---|---|"]
+    for name in CLAIMS:
+        entry = entries[name]
+        share = entry["evidence"].get("share")
+        held = _percent(share) if isinstance(share, float | int) else "–"
+        others = entry["readings_that_change_it"]
+        shown = ", ".join(f"`{other}`" for other in others[:4]) + (f" and {len(others) - 4} more" if others[4:] else "")
+        mark = " (borderline)" if entry["borderline"] else ""
+        rows.append(f"| {name} | {entry['printed']} | `{entry['verdict']}`{mark} | {held} | {shown or '–'} |")
+    remark = "`contradicted` is about the equations and not about the measurement: the paper measured hardware."
+    return "\n".join(rows) + f"\n\n{remark}"
+
+
+def _numbers(ledger: dict[str, Any]) -> str:
+    counts: dict[str, dict[str, int]] = {}
+    for entry in ledger["claims"]:
+        if entry["id"] in CLAIMS:
+            continue
+        table = ".".join(entry["id"].split(".")[:1])
+        row = counts.setdefault(table, {})
+        row[entry["verdict"]] = row.get(entry["verdict"], 0) + 1
+    rows = ["| numbers | verdicts |", "|---|---|"]
+    for table, row in counts.items():
+        rows.append(f"| {table} | {', '.join(f'{count} `{name}`' for name, count in row.items())} |")
+    return "\n".join(rows)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "reports"))
