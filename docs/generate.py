@@ -25,6 +25,8 @@ def main(reports: Path) -> None:
     ledger = json.loads((reports / "claims" / "claims.json").read_text(encoding="utf-8"))
     _store("ensemble.json", _thinned(summary))
     _store("claims.json", ledger)
+    decides = json.loads((reports / "claims" / "decides.json").read_text(encoding="utf-8"))
+    _store("decides.json", {name: held | {"rows": held["rows"][:5]} for name, held in decides.items()})
     text = PAGE.read_text(encoding="utf-8")
     start, end = text.index(BEGIN), text.index(END)
     PAGE.write_text(text[:start] + BEGIN + "\n\n" + generated() + "\n" + text[end:], encoding="utf-8")
@@ -44,7 +46,8 @@ def _thin_reading(reading: dict[str, Any]) -> dict[str, Any]:
     def ratio(key: str) -> dict[str, Any]:
         numbers = reading[key]["all_ok"]["mae"]
         return {
-            joint: {name: numbers[joint][name]["value"] for name in ("q05", "median", "q95")} for joint in numbers
+            joint: {name: numbers[joint][name]["value"] for name in ("q05", "median", "q95")}
+            for joint in numbers
         }
 
     def share(key: str, plants: str) -> dict[str, Any]:
@@ -94,6 +97,8 @@ def generated() -> str:
         _claims(ledger),
         "### Number by number",
         _numbers(ledger),
+        "### Which unknowns decide",
+        _decides(stored("decides.json")),
     ]
     return "\n\n".join(parts) + "\n"
 
@@ -154,10 +159,14 @@ def _claims(ledger: dict[str, Any]) -> str:
         share = entry["evidence"].get("share")
         held = _percent(share) if isinstance(share, float | int) else "–"
         others = entry["readings_that_change_it"]
-        shown = ", ".join(f"`{other}`" for other in others[:4]) + (f" and {len(others) - 4} more" if others[4:] else "")
+        shown = ", ".join(f"`{other}`" for other in others[:4]) + (
+            f" and {len(others) - 4} more" if others[4:] else ""
+        )
         mark = " (borderline)" if entry["borderline"] else ""
         rows.append(f"| {name} | {entry['printed']} | `{entry['verdict']}`{mark} | {held} | {shown or '–'} |")
-    remark = "`contradicted` is about the equations and not about the measurement: the paper measured hardware."
+    remark = (
+        "`contradicted` is about the equations and not about the measurement: the paper measured hardware."
+    )
     return "\n".join(rows) + f"\n\n{remark}"
 
 
@@ -172,6 +181,16 @@ def _numbers(ledger: dict[str, Any]) -> str:
     rows = ["| numbers | verdicts |", "|---|---|"]
     for table, row in counts.items():
         rows.append(f"| {table} | {', '.join(f'{count} `{name}`' for name, count in row.items())} |")
+    return "\n".join(rows)
+
+
+def _decides(rankings: dict[str, Any]) -> str:
+    rows = ["| of | share of the variance that an unknown explains alone |", "|---|---|"]
+    for name, held in rankings.items():
+        above = [row for row in held["rows"] if row["index"] > held["noise_floor"]][:3]
+        shown = ", ".join(f"`{row['name']}` {_percent(row['index'])}" for row in above)
+        what = f"C1/C2, {name.removeprefix('ratio_').replace('_', ' ')}" if name.startswith("ratio") else name
+        rows.append(f"| {what} | {shown or 'none above chance'} |")
     return "\n".join(rows)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
 from tendonrepro import __version__
 from tendonrepro.arrays import Array
@@ -38,7 +39,7 @@ def draw_tornado(title: str, found: Ranking) -> Figure:
     rows = found["rows"][:_BARS]
     index = np.array([row["index"] for row in rows])
     with journal_style():
-        figure = _sheet(COLUMN_MM, 18.0 + 5.0 * len(rows))
+        figure = sheet(COLUMN_MM, 18.0 + 5.0 * len(rows))
         axes = figure.subplots()
         above = index > found["noise_floor"]
         colours = [SERIES[0].colour if strong else "#BEBEBE" for strong in above]
@@ -80,7 +81,7 @@ def draw_ratio_against_unknowns(
     rows = -(-len(names) // _COLUMNS)
     kept = ratio > 0.0
     with journal_style():
-        figure = _sheet(PAGE_MM, 14.0 + 30.0 * rows)
+        figure = sheet(PAGE_MM, 14.0 + 30.0 * rows)
         grid = figure.subplots(rows, _COLUMNS, sharey=True, squeeze=False)
         for place, axes in enumerate(grid.flat):
             if place >= len(names):
@@ -90,6 +91,7 @@ def draw_ratio_against_unknowns(
             axes.set_xlabel(names[place], fontsize=6)
             if log and log[place]:
                 axes.set_xscale("log")
+                axes.xaxis.set_minor_formatter(NullFormatter())
         low, high = np.quantile(ratio[kept], _SHOWN)
         grid[0, 0].set_ylim(min(low, 0.98 * line, 0.98), max(high, 1.02 * line, 1.02))
         figure.supylabel(label, fontsize=8)
@@ -164,7 +166,8 @@ def save_figure(figure: Figure, folder: Path, stem: str, caption: str) -> list[P
     return paths
 
 
-def _sheet(width_mm: float, height_mm: float) -> Figure:
+def sheet(width_mm: float, height_mm: float) -> Figure:
+    """Empty figure of a size."""
     size = (width_mm / _MM_PER_INCH, height_mm / _MM_PER_INCH)
     figure = Figure(figsize=size, layout="constrained")
     FigureCanvasAgg(figure)

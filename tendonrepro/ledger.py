@@ -3,28 +3,37 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
+from tendonrepro.batch import STATUSES
 from tendonrepro.claim_ensemble import outcome
 from tendonrepro.claim_plants import Ensemble, Plants
 from tendonrepro.claim_report import as_data, details_text, table_text, write_claims
 from tendonrepro.claims import Sources, Verdict, changed, failing, judge_all
 from tendonrepro.ensemble_data import EnsembleData, read_ensemble
 from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.files import write_atomically
+from tendonrepro.manifest import to_json
 from tendonrepro.published import published
 from tendonrepro.readings import PRINTED
 from tendonrepro.records import TraceFile
 from tendonrepro.results import TRACES
+from tendonrepro.sensitivity import Ranking, ranked
 from tendonrepro.talk import Talk
 from tendonrepro.traces import read_traces
 
 FOLDER = "claims"
+DECIDES = "decides.json"
+SHOWN = 12
+"""Unknowns against which a ratio is drawn."""
 TORNADOES = ("C1", "C2", "C3", "C5", "C6", "E1")
 """Claims whose deciding unknowns are drawn."""
 
@@ -86,7 +95,11 @@ def run_claims(out: Path, ids: Sequence[str], baseline: Path | None, talk: Talk)
         return Ledger(tuple(verdicts), failed, "\n\n".join(map(details_text, verdicts)), data)
     files = write_claims(verdicts, out / FOLDER)
     if sources.ensemble is not None:
-        files += _draw(sources.ensemble, out / FOLDER / "figures")
+        rankings = _rankings(sources.ensemble)
+        write_atomically(out / FOLDER / DECIDES, to_json(rankings))
+        files += [out / FOLDER / DECIDES, *_draw(sources.ensemble, rankings, out / FOLDER / "figures")]
+    if sources.compare is not None:
+        files += _draw_laws(sources.compare, out / FOLDER / "figures")
     data["files"] = [str(path) for path in files]
     text = f"{table_text(verdicts)}\n\nThe ledger is in {out / FOLDER}"
     return Ledger(tuple(verdicts), failed, text, data)
@@ -135,33 +148,56 @@ def _wide(draws: Array) -> list[bool]:
     return [bool(wide) for wide in (low > 0.0) & (high > 10.0 * low)]
 
 
-def _draw(data: Ensemble, folder: Path) -> list[Path]:
-    """Draw which unknowns decide, and the ratio of Controllers 1 and 2 against each unknown."""
-    from tendonrepro.figure_claims import draw_ratio_against_unknowns, draw_tornado, save_figure
-    from tendonrepro.sensitivity import ranked
-
-    paper, plants, written = published(), Plants(data, PRINTED), []
+def _rankings(data: Ensemble) -> dict[str, Ranking]:
+    """Which unknowns decide claims, and the ratio of Controllers 1 and 2 on each joint, by name."""
+    paper, plants = published(), Plants(data, PRINTED)
+    outcomes: dict[str, tuple[Array, NDArray[np.bool_]]] = {}
     for claim in TORNADOES:
-        try:
-            values, judged = outcome(plants, paper, paper.judgements[claim].rule, claim)
-        except DataMissingError:
-            continue
-        ranking = ranked(data.names, data.draws[judged], values[judged])
-        if ranking is not None:
-            figure = draw_tornado(f"What decides claim {claim}", ranking)
-            caption = f"Share of the variance of claim {claim} that each unknown explains alone."
-            written += save_figure(figure, folder, f"decides_{claim}", caption)
-    ok = np.logical_and.reduce([data.status(run, PRINTED) == 0 for run in ("controller_1", "controller_2")])
-    sizes = [data.statistic(run, PRINTED, "mae") for run in ("controller_1", "controller_2")]
+        with suppress(DataMissingError):
+            outcomes[claim] = outcome(plants, paper, paper.judgements[claim].rule, claim)
+    ok, ratio = _ratio(data)
     for i, joint in enumerate(data.joints):
-        figure = draw_ratio_against_unknowns(
-            data.names,
-            data.draws[ok],
-            sizes[0][ok, i] / sizes[1][ok, i],
-            1.0 + data.alpha[i],
-            f"MAE of Controller 1 / 2, joint {joint}",
-            log=_wide(data.draws),
-        )
-        caption = f"MAE of Controller 1 over 2 on joint {joint} against each unknown; line: 1 + alpha."
-        written += save_figure(figure, folder, f"ratio_joint_{joint}", caption)
+        outcomes[f"ratio_joint_{joint}"] = np.log(ratio[:, i]), ok
+    found = {
+        name: ranked(data.names, data.draws[kept], values[kept]) for name, (values, kept) in outcomes.items()
+    }
+    return {name: ranking for name, ranking in found.items() if ranking is not None}
+
+
+def _ratio(data: Ensemble) -> tuple[NDArray[np.bool_], Array]:
+    """Plants on which Controllers 1 and 2 are ok, and the ratio of their MAE, (N, n)."""
+    runs = ("controller_1", "controller_2")
+    ok = np.logical_and.reduce([data.status(run, PRINTED) == STATUSES.index("ok") for run in runs])
+    first, second = (data.statistic(run, PRINTED, "mae") for run in runs)
+    return ok, np.divide(first, second, out=np.ones_like(first), where=second > 0.0)
+
+
+def _draw(data: Ensemble, rankings: Mapping[str, Ranking], folder: Path) -> list[Path]:
+    """Draw which unknowns decide, and the ratio against the unknowns that explain most of it."""
+    from tendonrepro.figure_claims import draw_ratio_against_unknowns, draw_tornado, save_figure
+
+    written: list[Path] = []
+    for claim in [name for name in rankings if name in TORNADOES]:
+        caption = f"Share of the variance of claim {claim} that each unknown explains alone."
+        figure = draw_tornado(f"What decides claim {claim}", rankings[claim])
+        written += save_figure(figure, folder, f"decides_{claim}", caption)
+    ok, ratio = _ratio(data)
+    for i, joint in enumerate(data.joints):
+        name = f"ratio_joint_{joint}"
+        if name not in rankings:
+            continue
+        places = [data.names.index(row["name"]) for row in rankings[name]["rows"][:SHOWN]]
+        names, chosen = [data.names[place] for place in places], data.draws[ok][:, places]
+        label, line = f"MAE of Controller 1 / 2, joint {joint}", 1.0 + data.alpha[i]
+        figure = draw_ratio_against_unknowns(names, chosen, ratio[ok, i], line, label, log=_wide(chosen))
+        caption = f"{label}, against the unknowns that explain most of it; dashed: 1 + alpha."
+        written += save_figure(figure, folder, name, caption)
     return written
+
+
+def _draw_laws(file: TraceFile, folder: Path) -> list[Path]:
+    from tendonrepro.figure_claims import save_figure
+    from tendonrepro.figure_laws import draw_laws
+
+    caption = "Torque and estimation error over frequency, distribution of the error, error at a reversal."
+    return save_figure(draw_laws(file), folder, "laws", caption)

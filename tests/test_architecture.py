@@ -74,7 +74,7 @@ ROOMS = [
     ("claim_statements",),
     ("claim_ensemble",),
     ("claims",),
-    ("claim_report", "figure_claims"),
+    ("claim_report", "figure_claims", "figure_laws"),
     ("ledger",),
     ("identify_misfit", "identify_state", "identify_judge"),
     ("identify_search", "identify_report", "figure_identify"),

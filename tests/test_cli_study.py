@@ -13,6 +13,7 @@ from tests.test_cli import SHORT, answer, run
 IDEAL = ["--set", "manipulator.encoders.joint.resolution=0"]
 
 
+@pytest.mark.slow
 def test_both_steppers_agree_on_a_comparison(command: str, tmp_path: Path) -> None:
     found = {
         solver: answer(command, "compare", *SHORT, *IDEAL, "--solver", solver, "--out", solver, cwd=tmp_path)
@@ -43,6 +44,7 @@ def test_sweep_names_the_value_that_is_wrong(command: str, tmp_path: Path) -> No
     assert "1.5" in error["message"]
 
 
+@pytest.mark.slow
 def test_explain_has_the_promised_keys(command: str, tmp_path: Path) -> None:
     data = answer(command, "explain", "--out", "out", cwd=tmp_path)
     runs = {"controller_1", "controller_2", "controller_3", "controller_1_payload"}
@@ -75,12 +77,14 @@ def test_impossible_draws_are_refused(command: str, tmp_path: Path, draws: str) 
     )
 
 
+@pytest.mark.slow
 def test_all_readings_need_a_yes(command: str, tmp_path: Path) -> None:
     error = answer(command, "ensemble", "--draws", "256", "--readings", "all", cwd=tmp_path, code=2)["error"]
     assert "hours" in error["message"]
     assert "--yes" in error["hint"]
 
 
+@pytest.mark.slow
 def test_identify_dry_run(command: str, tmp_path: Path) -> None:
     assert answer(command, "identify", "--dry-run", cwd=tmp_path)["dry_run"]
     assert run(command, "identify", "--readings", "nonsense=1", cwd=tmp_path).returncode == 2

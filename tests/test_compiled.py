@@ -85,7 +85,7 @@ class TestCache:
         source, _ = unrolled(state_derivative, plant, 2)
         derivative, _ = compiled.compiled_plant(plant)
         path = Path(derivative.__code__.co_filename)  # type: ignore[attr-defined]
-        assert path.name == f"plant_{hashlib.sha256(source.encode()).hexdigest()[:16]}.py"
+        assert path.name == f"compiled_{hashlib.sha256(source.encode()).hexdigest()[:16]}.py"
         assert path.read_text(encoding="utf-8") == source.replace("def compiled(", f"def {path.stem}(")
 
     def test_numba_is_left_as_it_was(self) -> None:

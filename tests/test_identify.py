@@ -461,6 +461,7 @@ class TestRun:
         assert len(rows) == 16 * 3
         assert float(rows[0]["ours_deg"]) == data["readings"][0]["numbers"][0]["ours_deg"]
 
+    @pytest.mark.slow
     def test_written_config_gives_the_same_numbers(self, tmp_path):
         data = identified(tmp_path / "out", measure=None, readings="printed,phi_branch=power", **TINY)
         best = min(data["readings"], key=lambda held: held["misfit_log"])
@@ -498,6 +499,7 @@ class TestRun:
         assert wrong == {("controller_1", "mae", 2)}
         assert "none of these plants reaches controller_1 MAE joint 2" in identify_text(data)
 
+    @pytest.mark.slow
     def test_reversed_ranking_is_contradicted(self, tmp_path):
         changed = {
             f"table2.controller_1.{metric}.joint_{joint}": round(1.11 * more * 0.2, 3)
@@ -509,6 +511,7 @@ class TestRun:
         row = next(r for r in order if r["runs"] == ["controller_1", "controller_2"] and r["joint"] == "both")
         assert row["verdict"] == "contradicted"
 
+    @pytest.mark.slow
     def test_all_sixteen_are_fitted_and_not_judged(self, tmp_path):
         data = identified(tmp_path / "out", fit="all", readings="printed,weights=extrapolating")
         assert data["judged"] is False
@@ -516,6 +519,7 @@ class TestRun:
         assert {row["verdict"] for held in data["readings"] for row in held["numbers"]} == {"fitted"}
         assert not any("printed order" in sentence for sentence in data["conclusions"])
 
+    @pytest.mark.slow
     def test_window_chooses_the_statistics(self, tmp_path):
         """Errors after the first period are twice as large in the made-up stepper."""
         data = identified(tmp_path / "out", measure=None, window="late", **TINY)
@@ -543,6 +547,7 @@ class TestRun:
         assert len(data["readings"]) > len(data["searches"]) > 10
         assert "would write to" in identify_text(data)
 
+    @pytest.mark.slow
     def test_other_results_are_not_overwritten(self, tmp_path):
         identified(tmp_path / "out", **TINY)
         with pytest.raises(UsageError, match="another configuration"):

@@ -232,8 +232,8 @@ class TestPage:
     @pytest.mark.parametrize(
         ("pattern", "value"),
         [
-            (r"holds on at least (\d+) %: its direction is confirmed", 100 * verdicts.MOST),
-            (r"a statement of it holds on at most (\d+) %", 100 * verdicts.FEW),
+            (r"at least (\d+) %: its direction is confirmed", 100 * verdicts.MOST),
+            (r"at most (\d+) %: `contradicted`", 100 * verdicts.FEW),
             (r"with fewer than (\d+) plants judged", verdicts.LEAST_PLANTS),
             (r"more than (\d+) % of the box, claim C1", 100 * verdicts.MOST_UNRESOLVED),
             (r"t intervals at (\d+) %", 95),
