@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
-from tendonrepro import __version__
 from tendonrepro.arrays import Array
+from tendonrepro.figure_files import sheet
 from tendonrepro.figure_style import COLUMN_MM, PAGE_MM, SERIES, journal_style
-from tendonrepro.files import atomic_path
 from tendonrepro.sensitivity import Ranking
 
-_MM_PER_INCH = 25.4
 _BARS = 12
 _COLUMNS = 4
 _GROUPS = 20
@@ -128,47 +124,3 @@ def running_median(x: Array, y: Array) -> tuple[Array, Array]:
     groups = np.array_split(np.argsort(x, kind="stable"), count)
     medians = np.array([[np.median(x[group]), np.median(y[group])] for group in groups])
     return medians[:, 0], medians[:, 1]
-
-
-def save_figure(figure: Figure, folder: Path, stem: str, caption: str) -> list[Path]:
-    """Write a figure as PDF, SVG and PNG; the same figure gives the same bytes.
-
-    Parameters
-    ----------
-    figure : Figure
-    folder : Path
-        Made when missing.
-    stem : str
-        File name without suffix.
-    caption : str
-        Kept in the files, with the version.
-
-    Returns
-    -------
-    list of Path
-
-    Raises
-    ------
-    TendonreproError
-        When a file cannot be written.
-    """
-    text = f"{caption}; tendonrepro {__version__}."
-    metadata: dict[str, dict[str, str | None]] = {
-        "pdf": {"Title": stem, "Subject": text, "CreationDate": None},
-        "svg": {"Title": stem, "Description": text, "Date": None},
-        "png": {"Title": stem, "Description": text},
-    }
-    paths = [folder / f"{stem}.{suffix}" for suffix in metadata]
-    with journal_style():
-        for path, (suffix, entries) in zip(paths, metadata.items(), strict=True):
-            with atomic_path(path) as temporary:
-                figure.savefig(temporary, format=suffix, metadata=entries)
-    return paths
-
-
-def sheet(width_mm: float, height_mm: float) -> Figure:
-    """Empty figure of a size."""
-    size = (width_mm / _MM_PER_INCH, height_mm / _MM_PER_INCH)
-    figure = Figure(figsize=size, layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure

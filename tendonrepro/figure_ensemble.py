@@ -13,8 +13,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from tendonrepro.ensemble_shares import RATIO_NAMES, RATIOS
+from tendonrepro.figure_files import save_drawn
 from tendonrepro.figure_style import PAGE_MM, SERIES, journal_style
-from tendonrepro.files import atomic_path
 from tendonrepro.summary import CONTROLLERS
 
 _MM_PER_INCH = 25.4
@@ -65,7 +65,7 @@ def draw_ensemble_figures(summary: Mapping[str, Any], folder: Path) -> list[Path
     paths = []
     for name, held in summary["populations"].items():
         for draw in (draw_ratios, draw_shares, draw_statuses):
-            paths += _save(draw(name, held), folder)
+            paths += save_drawn(draw(name, held), folder)
     return paths
 
 
@@ -226,17 +226,3 @@ def _figure(
         axes[0].set_ylim(len(readings) - 0.4, -0.6)
         axes[0].set_yticks(range(len(readings)), [reading["name"] for reading in readings], fontsize=6)
         return EnsembleFigure(stem, figure, tuple(axes), caption)
-
-
-def _save(drawn: EnsembleFigure, folder: Path) -> list[Path]:
-    metadata: dict[str, dict[str, Any]] = {
-        "pdf": {"Title": drawn.stem, "Subject": drawn.caption, "CreationDate": None},
-        "svg": {"Title": drawn.stem, "Description": drawn.caption, "Date": None},
-        "png": {"Title": drawn.stem, "Description": drawn.caption},
-    }
-    paths = [folder / f"{drawn.stem}.{suffix}" for suffix in metadata]
-    with journal_style():
-        for path, (suffix, entries) in zip(paths, metadata.items(), strict=True):
-            with atomic_path(path) as temporary:
-                drawn.figure.savefig(temporary, format=suffix, metadata=entries)
-    return paths

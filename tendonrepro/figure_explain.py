@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from tendonrepro import __version__
 from tendonrepro.arrays import Array
 from tendonrepro.explain import Explanation, Map
+from tendonrepro.figure_files import save_figure
 from tendonrepro.figure_style import PAGE_MM, Stroke, journal_style, stroke_of
-from tendonrepro.files import atomic_path
 
 SYMBOLS: Mapping[str, str] = {
     "M_bar": r"$\bar M$",
@@ -92,21 +92,12 @@ def draw_explanation(found: Explanation, folder: Path, plants: Plants | None = N
 
 
 def _save(figure: Figure, folder: Path, stem: str, caption: str) -> list[Path]:
-    metadata: dict[str, dict[str, Any]] = {
-        "pdf": {"Title": stem, "Subject": caption, "CreationDate": None},
-        "svg": {"Title": stem, "Description": caption, "Date": None},
-        "png": {"Title": stem, "Description": caption},
-    }
     engine = figure.get_layout_engine()
     if engine is not None:
         # Laid out once; without its engine no format computes it again.
         engine.execute(figure)
         figure.set_layout_engine(None)
-    paths = [folder / f"{stem}.{suffix}" for suffix in metadata]
-    for path, (suffix, entries) in zip(paths, metadata.items(), strict=True):
-        with atomic_path(path) as temporary:
-            figure.savefig(temporary, format=suffix, metadata=entries)
-    return paths
+    return save_figure(figure, folder, stem, stem, caption)
 
 
 def draw_margins(found: Explanation) -> Figure:

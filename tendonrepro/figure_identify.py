@@ -12,8 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from tendonrepro.figure_files import save_drawn
 from tendonrepro.figure_style import PAGE_MM, SERIES, journal_style
-from tendonrepro.files import atomic_path
 
 _MM_PER_INCH = 25.4
 _ROW_MM = 4.2
@@ -63,7 +63,7 @@ def draw_identify_figures(data: Mapping[str, Any], folder: Path) -> list[Path]:
     """
     best = min(data["readings"], key=lambda held: held["misfit_log"])
     drawn = [draw_readings(data), draw_numbers(best), draw_parameters(best)]
-    return [path for held in drawn for path in _save(held, folder)]
+    return [path for held in drawn for path in save_drawn(held, folder)]
 
 
 def draw_readings(data: Mapping[str, Any]) -> IdentifyFigure:
@@ -179,17 +179,3 @@ def _figure(stem: str, names: Sequence[str], draw: Callable[[Axes], None], capti
         panel.set_ylim(len(names) - 0.4, -0.6)
         panel.set_yticks(range(len(names)), names, fontsize=6)
         return IdentifyFigure(stem, figure, panel, caption)
-
-
-def _save(drawn: IdentifyFigure, folder: Path) -> list[Path]:
-    metadata: dict[str, dict[str, Any]] = {
-        "pdf": {"Title": drawn.stem, "Subject": drawn.caption, "CreationDate": None},
-        "svg": {"Title": drawn.stem, "Description": drawn.caption, "Date": None},
-        "png": {"Title": drawn.stem, "Description": drawn.caption},
-    }
-    paths = [folder / f"{drawn.stem}.{suffix}" for suffix in metadata]
-    with journal_style():
-        for path, (suffix, entries) in zip(paths, metadata.items(), strict=True):
-            with atomic_path(path) as temporary:
-                drawn.figure.savefig(temporary, format=suffix, metadata=entries)
-    return paths

@@ -17,6 +17,7 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocat
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
+from tendonrepro.figure_files import save_drawn
 from tendonrepro.figure_style import SERIES, Stroke, journal_style, stroke_of
 from tendonrepro.figure_sweep_map import (
     GONE,
@@ -28,7 +29,6 @@ from tendonrepro.figure_sweep_map import (
     name_of,
     title_of,
 )
-from tendonrepro.files import atomic_path
 from tendonrepro.summary import CONTROLLERS, LOADS
 
 _PANEL_MM = 48.0
@@ -77,7 +77,7 @@ def draw_sweep_figures(data: Mapping[str, Any], folder: Path) -> list[Path]:
         ``sweep``, and of two keys ``sweep_ratio`` too where ratios are, each as pdf, svg and png.
     """
     drawn = [draw_curves(data)] if len(data["keys"]) == 1 else draw_maps(data)
-    return [path for one in drawn for path in _save(one, folder)]
+    return [path for one in drawn for path in save_drawn(one, folder)]
 
 
 def draw_curves(data: Mapping[str, Any]) -> SweepFigure:
@@ -336,17 +336,3 @@ def _look(run: str, place: int) -> _Look:
 def _pair_look(pair: str) -> _Look:
     place = list(PAIRS).index(pair)
     return _Look(SERIES[4 + place], place)
-
-
-def _save(drawn: SweepFigure, folder: Path) -> list[Path]:
-    metadata: dict[str, dict[str, Any]] = {
-        "pdf": {"Title": drawn.stem, "Subject": drawn.caption, "CreationDate": None},
-        "svg": {"Title": drawn.stem, "Description": drawn.caption, "Date": None},
-        "png": {"Title": drawn.stem, "Description": drawn.caption},
-    }
-    paths = [folder / f"{drawn.stem}.{suffix}" for suffix in metadata]
-    with journal_style():
-        for path, (suffix, entries) in zip(paths, metadata.items(), strict=True):
-            with atomic_path(path) as temporary:
-                drawn.figure.savefig(temporary, format=suffix, metadata=entries)
-    return paths

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.figure_compare import (
@@ -18,9 +17,9 @@ from tendonrepro.figure_compare import (
     draw_tracking,
 )
 from tendonrepro.figure_decouple import draw_joint, draw_motor_angles, draw_pull
+from tendonrepro.figure_files import save_figure
 from tendonrepro.figure_panels import FigureArtists, Sheet
 from tendonrepro.figure_style import journal_style
-from tendonrepro.files import atomic_path
 from tendonrepro.traces import Trace, TraceFile
 
 
@@ -140,17 +139,8 @@ def save(artists: FigureArtists, folder: Path) -> list[Path]:
         When a file cannot be written.
     """
     title = f"Figure {artists.number}"
-    metadata: dict[str, dict[str, Any]] = {
-        "pdf": {"Title": title, "Subject": artists.caption, "CreationDate": None},
-        "svg": {"Title": title, "Description": artists.caption, "Date": None},
-        "png": {"Title": title, "Description": artists.caption},
-    }
-    paths = [folder / f"fig{artists.number:02d}.{suffix}" for suffix in metadata]
-    with journal_style():
-        for path, (suffix, entries) in zip(paths, metadata.items(), strict=True):
-            with atomic_path(path) as temporary:
-                artists.figure.savefig(temporary, format=suffix, metadata=entries)
-    return paths
+    stem = f"fig{artists.number:02d}"
+    return save_figure(artists.figure, folder, stem, title, artists.caption)
 
 
 def redrawn(file: TraceFile, folder: Path, number: int) -> list[Path]:

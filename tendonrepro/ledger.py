@@ -174,13 +174,14 @@ def _ratio(data: Ensemble) -> tuple[NDArray[np.bool_], Array]:
 
 def _draw(data: Ensemble, rankings: Mapping[str, Ranking], folder: Path) -> list[Path]:
     """Draw which unknowns decide, and the ratio against the unknowns that explain most of it."""
-    from tendonrepro.figure_claims import draw_ratio_against_unknowns, draw_tornado, save_figure
+    from tendonrepro.figure_claims import draw_ratio_against_unknowns, draw_tornado
+    from tendonrepro.figure_files import save_figure
 
     written: list[Path] = []
     for claim in [name for name in rankings if name in TORNADOES]:
         caption = f"Share of the variance of claim {claim} that each unknown explains alone."
         figure = draw_tornado(f"What decides claim {claim}", rankings[claim])
-        written += save_figure(figure, folder, f"decides_{claim}", caption)
+        written += save_figure(figure, folder, f"decides_{claim}", f"decides_{claim}", caption)
     ok, ratio = _ratio(data)
     for i, joint in enumerate(data.joints):
         name = f"ratio_joint_{joint}"
@@ -191,13 +192,13 @@ def _draw(data: Ensemble, rankings: Mapping[str, Ranking], folder: Path) -> list
         label, line = f"MAE of Controller 1 / 2, joint {joint}", 1.0 + data.alpha[i]
         figure = draw_ratio_against_unknowns(names, chosen, ratio[ok, i], line, label, log=_wide(chosen))
         caption = f"{label}, against the unknowns that explain most of it; dashed: 1 + alpha."
-        written += save_figure(figure, folder, name, caption)
+        written += save_figure(figure, folder, name, name, caption)
     return written
 
 
 def _draw_laws(file: TraceFile, folder: Path) -> list[Path]:
-    from tendonrepro.figure_claims import save_figure
+    from tendonrepro.figure_files import save_figure
     from tendonrepro.figure_laws import draw_laws
 
     caption = "Torque and estimation error over frequency, distribution of the error, error at a reversal."
-    return save_figure(draw_laws(file), folder, "laws", caption)
+    return save_figure(draw_laws(file), folder, "laws", "laws", caption)

@@ -52,7 +52,7 @@ ROOMS = [
     ("traces", "summary", "plant_record", "manifest", "typeset", "talk", "parallel"),
     ("comparison", "results", "screen", "citation"),
     ("tables", "figure_style"),
-    ("figure_panels",),
+    ("figure_files", "figure_panels"),
     ("figure_compare", "figure_decouple"),
     ("figures", "experiment", "doctor"),
     ("workflow",),

@@ -87,3 +87,22 @@ def test_stored_verdicts_follow_from_the_rules_of_today(generate: Any) -> None:
     for verdict in judge_all(Sources()):
         if verdict.verdict != "not_testable":
             assert entries[verdict.id]["verdict"] == verdict.verdict, verdict.id
+
+
+def test_readme_says_what_was_found(generate: Any, readings: dict[str, Any]) -> None:
+    text = (DOCS.parent / "README.md").read_text(encoding="utf-8")
+    populations, counts = (
+        generate.stored("ensemble.json")["populations"],
+        generate.stored("claims.json")["summary"],
+    )
+    both = readings["phi_branch=power+weights=extrapolating"]["in_order"]["share"]
+    ratios = [readings["printed"]["c1_c2"][joint]["median"] for joint in ("joint_2", "joint_3")]
+    for phrase in (
+        f"{populations['box']['plants']} plausible plants and motions, under {len(readings)} readings",
+        f"holds on {100.0 * readings['printed']['in_order']['share']:.2g} % of the plants",
+        f"C1/C2 is {ratios[0]:.2f} and {ratios[1]:.2f}",
+        f"on {100.0 * both:.0f} % of them",
+        f"{counts['exact']} are exact, {counts['reproduced']} reproduced, {counts['compatible']} compatible",
+        f"{counts['depends_on_plant']} claims depend on the plant, {counts['contradicted']}",
+    ):
+        assert phrase in " ".join(text.split()), phrase

@@ -10,8 +10,8 @@ from tendonrepro.figure_claims import (
     draw_ratio_against_unknowns,
     draw_tornado,
     running_median,
-    save_figure,
 )
+from tendonrepro.figure_files import save_figure
 from tendonrepro.sensitivity import Ranking, ranked
 
 NAMES = ("a", "b", "c", "d")
@@ -129,8 +129,8 @@ class TestFigures:
 
     def test_files(self, draws: np.ndarray, tmp_path: Path) -> None:
         figure = draw_tornado("C2", found(draws, draws[:, 0]))
-        paths = save_figure(figure, tmp_path, "claims_C2", "Unknowns that decide C2")
+        paths = save_figure(figure, tmp_path, "claims_C2", "C2", "Unknowns that decide C2")
         assert [path.name for path in paths] == [f"claims_C2.{suffix}" for suffix in ("pdf", "svg", "png")]
         first = [path.read_bytes() for path in paths]
-        save_figure(figure, tmp_path, "claims_C2", "Unknowns that decide C2")
+        save_figure(figure, tmp_path, "claims_C2", "C2", "Unknowns that decide C2")
         assert [path.read_bytes() for path in paths] == first
