@@ -151,6 +151,7 @@ class TestLocus:
         assert np.abs(np.diff(slow)).max() < 10.0
 
 
+@pytest.mark.slow
 class TestText:
     def test_shipped(self):
         text = explanation_text(found())

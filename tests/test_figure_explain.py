@@ -37,6 +37,7 @@ def legend(figure):
 every_picture = pytest.mark.parametrize("draw", [draw_margins, draw_locus, draw_map])
 
 
+@pytest.mark.slow
 @every_picture
 def test_texts_stay_apart(draw):
     figure = drawn(draw)
