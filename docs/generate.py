@@ -56,6 +56,7 @@ def _thin_reading(reading: dict[str, Any]) -> dict[str, Any]:
     return {
         "name": reading["name"],
         "ok": {run: shares["ok"]["share"] for run, shares in reading["status"].items()},
+        "diverged": {run: shares["diverged"]["share"] for run, shares in reading["status"].items()},
         "in_order": share("share_c1_lt_c2_lt_c3", "all_ok"),
         "in_order_diverged_last": share("share_c1_lt_c2_lt_c3", "diverged_last"),
         "first_is_best": share("share_c1_best", "all_ok"),
@@ -134,12 +135,13 @@ def _median(ratio: dict[str, Any]) -> str:
 
 
 def _readings(summary: dict[str, Any]) -> str:
-    heads = "reading|ok C1 / C2 / C3|1 < 2 < 3, all ok|diverged last|C1 best|C1/C2|C2/C3|ratios inside"
-    rows = [f"| {' | '.join(heads.split('|'))} |", "|---" * 8 + "|"]
+    heads = "reading|ok C1 / C2 / C3|all ok|1 < 2 < 3|diverged last|C1 best|C1/C2|C2/C3|ratios inside"
+    rows = [f"| {' | '.join(heads.split('|'))} |", "|---" * 9 + "|"]
     for reading in summary["populations"]["box"]["readings"]:
         cells = [
             f"`{reading['name']}`",
             " / ".join(_percent(reading["ok"][f"controller_{k}"]) for k in (1, 2, 3)),
+            str(reading["in_order"]["plants"]),
             _share(reading["in_order"]),
             _percent(reading["in_order_diverged_last"]["share"]),
             _percent(reading["first_is_best"]["share"]),
@@ -148,7 +150,12 @@ def _readings(summary: dict[str, Any]) -> str:
             f"{reading['inside']} of 8",
         ]
         rows.append(f"| {' | '.join(cells)} |")
-    return "\n".join(rows)
+    about = (
+        "All ok: plants on which all three laws are. Orders are in MAE and RMSE on both joints, over those plants, and once "
+        "over all plants with a diverged law ranked last. Ratios are medians of the MAE, joint 2 / joint 3, over the plants "
+        "that are all ok. Ratios inside: printed ratios within the central 90 %."
+    )
+    return "\n".join(rows) + f"\n\n{about}"
 
 
 def _claims(ledger: dict[str, Any]) -> str:
@@ -185,12 +192,18 @@ def _numbers(ledger: dict[str, Any]) -> str:
 
 
 def _decides(rankings: dict[str, Any]) -> str:
-    rows = ["| of | share of the variance that an unknown explains alone |", "|---|---|"]
+    rows = [
+        "| of | share of the variance that an unknown explains alone | no single one explains |",
+        "|---|---|---|",
+    ]
     for name, held in rankings.items():
-        above = [row for row in held["rows"] if row["index"] > held["noise_floor"]][:3]
+        floor = held["noise_floor"]
+        above = [
+            row for row in held["rows"] if row["index"] - row["half_width"] > 0.0 and row["index"] > floor
+        ][:3]
         shown = ", ".join(f"`{row['name']}` {_percent(row['index'])}" for row in above)
         what = f"C1/C2, {name.removeprefix('ratio_').replace('_', ' ')}" if name.startswith("ratio") else name
-        rows.append(f"| {what} | {shown or 'none above chance'} |")
+        rows.append(f"| {what} | {shown or 'none above chance'} | {_percent(held['unexplained'])} |")
     return "\n".join(rows)
 
 

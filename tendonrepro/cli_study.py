@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -136,6 +137,8 @@ def explain(
     verbose: Verbose = False,
 ) -> None:
     """Stability margins and predicted error ratios of the sampled loop."""
+    # Thousands of eigenvalues of small matrices: threads of the library would only wait for each other.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from tendonrepro.config import load_config
     from tendonrepro.explain_files import run_explain
     from tendonrepro.talk import Talk

@@ -191,6 +191,20 @@ def _read_plan(folder: Path) -> dict[str, Any]:
     except ValueError as error:
         message = "is not the plan of an ensemble"
         raise DataMissingError(message, where=str(folder / PLAN), hint=hint) from error
+    keys = {
+        "populations",
+        "replicates",
+        "joints",
+        "alpha",
+        "runs",
+        "readings",
+        "variations",
+        "lookup",
+        "blocks",
+    }
+    if not isinstance(plan, dict) or not keys <= plan.keys():
+        message = "is not the plan of an ensemble"
+        raise DataMissingError(message, where=str(folder / PLAN), hint=hint)
     return plan
 
 

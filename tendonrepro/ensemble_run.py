@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import threading
+import time
 from collections.abc import Callable, Generator, Sequence
 from contextlib import suppress
 from typing import TypeAlias
@@ -10,10 +13,26 @@ from tendonrepro.ensemble_block import Made
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.shards import Block
 
-IDLE_SECONDS = 60
-"""After so long without a block a process ends: its parent has been killed."""
+LOOK_SECONDS = 1.0
+"""How often a worker process looks whether the process that started it is still there."""
 
 Work: TypeAlias = Callable[[Block], Made]
+
+
+def _for_parent(parent: int, work: Work, block: Block) -> Made:
+    """Make a block in a process that ends with the one that wants it, even where that was killed."""
+    if not any(thread.name == _for_parent.__name__ for thread in threading.enumerate()):
+        watch = threading.Thread(
+            target=_outlive_nobody, args=(parent,), name=_for_parent.__name__, daemon=True
+        )
+        watch.start()
+    return work(block)
+
+
+def _outlive_nobody(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(LOOK_SECONDS)
+    os._exit(1)
 
 
 def here(work: Work, blocks: Sequence[Block], jobs: int) -> Generator[Made, None, None]:
@@ -48,10 +67,9 @@ def here(work: Work, blocks: Sequence[Block], jobs: int) -> Generator[Made, None
         backend="loky",
         return_as="generator_unordered",
         batch_size=1,
-        idle_worker_timeout=IDLE_SECONDS,
     )
     try:
-        yield from pool(delayed(work)(block) for block in blocks)
+        yield from pool(delayed(_for_parent)(os.getpid(), work, block) for block in blocks)
     except TerminatedWorkerError as error:
         message = "a worker process died, perhaps for want of memory; finished blocks are kept"
         raise TendonreproError(message, hint="run it again with fewer --jobs") from error

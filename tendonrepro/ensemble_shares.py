@@ -30,6 +30,9 @@ an infinite error, so that it comes last and two that diverged are not in order;
 the error it has. Plants that the integrator could not resolve are in neither, and are counted.
 """
 
+FEWEST_PLANTS = 30
+"""Plants below which a reading is not compared with the printed ratios."""
+
 _CONFIDENCE = 0.95
 
 Flags: TypeAlias = NDArray[np.bool_]
@@ -235,6 +238,11 @@ def status_shares(data: EnsembleData, reading: str) -> Numbers:
     return result
 
 
+def _fewest(found: Numbers) -> int:
+    """Plants on which all three laws are ok."""
+    return int(found["share_c1_lt_c2_lt_c3"]["all_ok"]["mae"]["both"]["plants"])
+
+
 def agreement(found: Numbers, joints: Sequence[int]) -> Numbers:
     """Compare the printed ratios with what a reading gives over plants on which all laws are ``ok``.
 
@@ -249,7 +257,8 @@ def agreement(found: Numbers, joints: Sequence[int]) -> Numbers:
     dict
         ``inside``, ``outside``, ``beyond``: names of printed ratios inside the central 90 %, outside it, and
         beyond every plant. ``verdict``: ``agrees`` when all are inside; ``cannot`` when one is beyond every
-        plant; ``no plant`` when there is none to compare with; else ``in part``.
+        plant; ``no plant`` when there is none to compare with, ``too few`` below `FEWEST_PLANTS`; else
+        ``in part``.
     """
     inside: list[str] = []
     outside: list[str] = []
@@ -267,4 +276,6 @@ def agreement(found: Numbers, joints: Sequence[int]) -> Numbers:
                 if not numbers["lowest"] <= printed <= numbers["highest"]:
                     beyond.append(name)
     verdict = "cannot" if beyond else "in part" if outside else "agrees" if inside else "no plant"
+    if verdict != "no plant" and _fewest(found) < FEWEST_PLANTS:
+        verdict = "too few"
     return {"verdict": verdict, "inside": inside, "outside": outside, "beyond": beyond}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tendonrepro.ensemble_shares import RATIO_NAMES, RATIOS
+from tendonrepro.ensemble_shares import FEWEST_PLANTS, RATIO_NAMES, RATIOS
 from tendonrepro.ensemble_table import (
     EXCLUDED,
     IMPLIED,
@@ -112,13 +112,15 @@ def _readings(summary: Mapping[str, Any]) -> list[str]:
         lines.append(f"A printed ratio lies beyond every plant drawn under {_names(refuted)}.")
     if nothing := by_verdict.get("no plant"):
         lines.append(f"No plant keeps all three laws ok under {_names(nothing)}.")
+    if rare := by_verdict.get("too few"):
+        lines.append(f"Too few plants keep all three laws ok, to say anything, under {_names(rare)}.")
     return [*lines, _best(summary)]
 
 
 def _best(summary: Mapping[str, Any]) -> str:
     def share(reading: Mapping[str, Any]) -> float:
-        found = reading["share_c1_lt_c2_lt_c3"]["all_ok"]["mae_and_rmse"]["both"]["share"]
-        return -1.0 if found is None else float(found)
+        found = reading["share_c1_lt_c2_lt_c3"]["all_ok"]["mae_and_rmse"]["both"]
+        return -1.0 if found["plants"] < FEWEST_PLANTS else float(found["share"])
 
     best = max(summary["readings"], key=share)
     found = best["share_c1_lt_c2_lt_c3"]["all_ok"]["mae_and_rmse"]["both"]

@@ -58,6 +58,7 @@ def follow(  # noqa: PLR0912 (compiled: rows are copied one number at a time)
     q_d, noise_q = 9 * one, 12 * one
     ddq_sample, tau_out, sums, live = 14 * one, 15 * one, 16 * one, 17 * one
     h = L / steps
+    last = desired.shape[0] - 1
     for k in range(desired.shape[0]):
         for j in range(state):
             v[j] = w[j]
@@ -75,7 +76,8 @@ def follow(  # noqa: PLR0912 (compiled: rows are copied one number at a time)
                 slow[k // block, j] = v[sums + j]
                 v[sums + j] = 0.0
         if k % LOOK_AGAIN == 0 and not any_live(v, live, width):
-            return
+            last = k
+            break
         for j in range(one):
             w[state + j] = v[tau_out + j]
         for i in range(steps):
@@ -83,9 +85,9 @@ def follow(  # noqa: PLR0912 (compiled: rows are copied one number at a time)
             if i == 0:
                 for j in range(one):
                     v[ddq_sample + j] = w[state + one + j]
-    if desired.shape[0] % block:
+    if (last + 1) % block:
         for j in range(one):
-            slow[desired.shape[0] // block, j] = v[sums + j]
+            slow[last // block, j] = v[sums + j]
 
 
 def any_live(v: Array, live: int, width: int) -> bool:

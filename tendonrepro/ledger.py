@@ -84,7 +84,7 @@ def run_claims(out: Path, ids: Sequence[str], baseline: Path | None, talk: Talk)
         For an unknown id, or a baseline together with ids.
     """
     before = None if baseline is None else _baseline(baseline, ids)
-    sources = _sources(out)
+    sources = _sources(out, talk)
     talk.detail(f"found {', '.join(_present(sources)) or 'no results'} under {out}")
     readings = 0 if sources.ensemble is None else len(sources.ensemble.readings)
     with talk.bar("judging", readings) as progress:
@@ -105,11 +105,11 @@ def run_claims(out: Path, ids: Sequence[str], baseline: Path | None, talk: Talk)
     return Ledger(tuple(verdicts), failed, text, data)
 
 
-def _sources(out: Path) -> Sources:
+def _sources(out: Path, talk: Talk) -> Sources:
     return Sources(
         decouple=_traces(out / "decouple" / TRACES),
         compare=_traces(out / "compare" / TRACES),
-        ensemble=_ensemble(out / "ensemble"),
+        ensemble=_ensemble(out / "ensemble", talk),
     )
 
 
@@ -121,12 +121,13 @@ def _traces(path: Path) -> TraceFile | None:
     return read_traces(path) if path.exists() else None
 
 
-def _ensemble(folder: Path) -> EnsembleData | None:
+def _ensemble(folder: Path, talk: Talk) -> EnsembleData | None:
+    """Results over the box; an unfinished ensemble counts as none, and is told of."""
     try:
         return read_ensemble(folder)
-    except DataMissingError:
+    except DataMissingError as error:
         if folder.exists():
-            raise
+            talk.note(f"{error.where}: {error.message}; judging without it")
         return None
 
 

@@ -15,6 +15,7 @@ from tendonrepro.config import CompareConfig, load_config
 from tendonrepro.config_ensemble import load_ensemble
 from tendonrepro.control import Law
 from tendonrepro.controllers import TimeDelayController
+from tendonrepro.disturbance import no_disturbance
 from tendonrepro.dynamics import frictionless
 from tendonrepro.errors import TendonreproError
 from tendonrepro.lanes import stacked
@@ -139,8 +140,10 @@ def damped_plants(count: int, duration: float) -> tuple[CompareConfig, list[Loop
         assert isinstance(loop.controller, TimeDelayController)
         posture = [np.zeros(2), loop.reference.q_d.max(axis=0)]
         if decay_rate(posture, loop.plant, loop.controller.law) >= 0.5:
-            # Steps of the torque make two runs of any two programs part, as counts do.
-            loops.append(replace(cut(loop, duration), actuator=loop.actuator._replace(resolution=0.0)))
+            # Rounded and noisy torque makes two runs of any two programs part, as counts do.
+            quiet = loop.plant._replace(disturbance=no_disturbance(2))
+            actuator = loop.actuator._replace(resolution=0.0, noise=0.0)
+            loops.append(replace(cut(loop, duration), plant=quiet, actuator=actuator))
         if len(loops) == count:
             return ensemble.compare, loops
     raise AssertionError
@@ -148,30 +151,39 @@ def damped_plants(count: int, duration: float) -> tuple[CompareConfig, list[Loop
 
 @pytest.mark.slow
 def test_sixty_four_plants_of_the_box_run_as_in_the_reference_stepper() -> None:
-    config, loops = damped_plants(64, 2.0)
+    config, loops = damped_plants(64, 1.0)
     ideal = [replace(loop, joint_encoder=loop.joint_encoder._replace(resolution=0.0)) for loop in loops]
     batch = simulate_batch(ideal, config.status, record=True, tolerance=1e-6)
     assert batch.traces is not None
     for loop, trace in zip(ideal, batch.traces, strict=True):
         assert trace is not None
-        exact = replace(loop, solver=replace(loop.solver, rtol=1e-10, atol=1e-12))
+        exact = replace(loop, solver=replace(loop.solver, rtol=1e-11, atol=1e-13))
         assert np.abs(trace["q"] - simulate(exact)["q"]).max() < EXACT
 
 
 @pytest.mark.slow
 def test_sixty_four_plants_with_counts_agree_up_to_the_first_differing_count() -> None:
-    config, loops = damped_plants(64, 30.0)
+    """From there on two runs are two samples of one noise: nearly all sizes agree within half a percent."""
+    config, loops = damped_plants(64, 6.0)
     batch = simulate_batch(loops, config.status, record=True)
     assert batch.traces is not None
+    differences = []
     for k, (loop, trace) in enumerate(zip(loops, batch.traces, strict=True)):
         assert trace is not None
         truth = simulate(loop)
+        assert trace["time"].size == truth["time"].size
         differs = (trace["q_encoder"] != truth["q_encoder"]).any(axis=1)
         first = int(np.argmax(differs)) if differs.any() else differs.size
         assert np.abs(trace["q"] - truth["q"])[:first].max() < NEAR
-        mae = np.abs(truth["e"]).mean(axis=0)
-        # A joint that sticks has errors of a count; half a percent is of the larger error.
-        assert batch.statistics["mae"][k] == pytest.approx(mae, rel=5e-3, abs=5e-3 * mae.max())
+        mae, rmse = np.abs(truth["e"]).mean(axis=0), np.sqrt((truth["e"] ** 2).mean(axis=0))
+        differences += [
+            *(batch.statistics["mae"][k] / mae - 1.0),
+            *(batch.statistics["rmse"][k] / rmse - 1.0),
+        ]
+    sizes = np.abs(differences)
+    assert np.median(sizes) < 1e-3
+    assert np.quantile(sizes, 0.9) < 5e-3
+    assert sizes.max() < 5e-2
 
 
 def test_a_run_knows_nothing_of_its_neighbours() -> None:
