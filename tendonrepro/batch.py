@@ -98,8 +98,9 @@ def simulate_batch(
     record : bool
         Keep the traces.
     tolerance : float
-        Of the integration, see :func:`tendonrepro.resolution.steps_needed`. The default leaves q within 1e-6
-        rad of the truth, a four-hundredth of an encoder count; 1e-6 brings smooth runs within 1e-9 rad.
+        Of the integration, see :func:`tendonrepro.resolution.steps_needed`. The default leaves q mostly
+        within 1e-6 rad of the truth and always within a tenth of an encoder count, as long as no count
+        differs; 1e-6 brings smooth runs within 1e-9 rad.
 
     Returns
     -------

@@ -28,8 +28,8 @@ from tendonrepro.stability import decay_rate, plant_matrices
 IDEAL = "manipulator.encoders.joint.resolution=0"
 EXACT = 1e-9
 """Allowed difference of q from the reference stepper, rad."""
-NEAR = 1e-5
-"""The same while torque pulses of encoder counts hit the steep part of friction: 1/40 of a count."""
+NEAR = 3.8e-5
+"""The same while torque pulses of encoder counts hit the steep part of friction: a tenth of a count."""
 
 
 def loaded(*overrides: str) -> tuple[CompareConfig, dict[str, Loop]]:
