@@ -6,7 +6,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet install --constr
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help figures test test-slow check format bench claims findings mutants clean
+.PHONY: help figures test test-slow check format bench claims data findings mutants clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -18,7 +18,7 @@ test: $(VENV)/.test  ## the test suite, offline, a few minutes
 	$(BIN)/python -m pytest $(ARGS)
 
 test-slow: $(VENV)/.test  ## the tests that take longer
-	$(BIN)/python -m pytest -m slow $(ARGS)
+	$(BIN)/python -m pytest -m "slow and not network" $(ARGS)
 
 check: $(VENV)/.dev  ## lint, format, types, architecture
 	$(BIN)/ruff check .
@@ -35,6 +35,9 @@ bench: $(VENV)/.run  ## speed and memory, one JSON object
 
 claims: $(VENV)/.run  ## the verdict on every printed number and claim, from what lies under reports/
 	$(BIN)/tendonrepro claims $(ARGS)
+
+data: $(VENV)/.run  ## the paper's data set from its repository, into data/zenodo; uses the network
+	$(BIN)/tendonrepro fetch $(ARGS)
 
 findings: $(VENV)/.run  ## the generated part of docs/findings.md, from reports/ensemble and reports/claims
 	$(BIN)/python docs/generate.py reports

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from tendonrepro import __version__
+from tendonrepro.cli_data import data_app
 from tendonrepro.cli_options import (
     Config,
     Controllers,
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
 
 EPILOG = (
     "Exit codes: 0 done, 1 error, 2 usage or configuration, 3 a verdict is against the print "
-    "(claims --check), 4 data missing, 5 a run diverged, 130 interrupted."
+    "(claims --check), 4 data missing or not reachable, 5 a run diverged, 130 interrupted."
 )
 
 app = typer.Typer(
@@ -49,6 +50,7 @@ app = typer.Typer(
 config_app = typer.Typer(help="Configurations: list, show, copy, check, schema.", invoke_without_command=True)
 app.add_typer(config_app, name="config")
 app.add_typer(study_app)
+app.add_typer(data_app)
 
 
 def _print_version(wanted: bool) -> None:

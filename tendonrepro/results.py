@@ -38,14 +38,28 @@ def claimed(folder: Path, config_sha256: str, *, force: bool) -> Iterator[None]:
     TendonreproError
         If the folder cannot be made.
     """
-    with _locked(folder):
+    with locked(folder):
         if not force:
             refuse_others(folder, config_sha256)
         yield
 
 
 @contextmanager
-def _locked(folder: Path) -> Iterator[None]:
+def locked(folder: Path) -> Iterator[None]:
+    """Be the only process that writes into a folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Made if it is missing.
+
+    Raises
+    ------
+    UsageError
+        If another process is writing there.
+    TendonreproError
+        If the folder cannot be made or written.
+    """
     lock = FileLock(folder / ".lock")
     try:
         folder.mkdir(parents=True, exist_ok=True)

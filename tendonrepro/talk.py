@@ -70,7 +70,9 @@ def _columns() -> list[Any]:
 
         def render(self, task: Any) -> Text:
             """Nothing before the first step."""
-            return Text(f"{task.speed:.0f}/s" if task.speed else "")
+            if not task.speed:
+                return Text("")
+            return Text(f"{task.speed / 1e6:.1f} M/s" if task.speed >= 1e6 else f"{task.speed:.0f}/s")
 
     label = TextColumn("{task.description}")
     return [label, BarColumn(), TaskProgressColumn(), Rate(), TimeRemainingColumn()]

@@ -51,6 +51,11 @@ ROOMS = [
     ("records",),
     ("traces", "summary", "plant_record", "manifest", "typeset", "talk", "parallel"),
     ("comparison", "results", "screen", "citation"),
+    # the paper's data set: from the repository to disk
+    ("dataset.names", "dataset.headers", "dataset.zenodo", "dataset.web_errors", "dataset.web"),
+    ("dataset.download", "dataset.data_lock"),
+    ("dataset.by_hand", "dataset.resolve", "dataset.fetch_text"),
+    ("dataset.fetch",),
     ("tables", "figure_style"),
     ("figure_files", "figure_panels"),
     ("figure_compare", "figure_decouple"),
@@ -81,7 +86,7 @@ ROOMS = [
     ("identify_task",),
     ("identify",),
     ("cli_options",),
-    ("cli_study",),
+    ("cli_study", "cli_data"),
     ("cli",),
     ("__main__",),
 ]
@@ -96,7 +101,9 @@ OWNERS = {
     "pandas": {"tables"},
     "yaml": {"strict_yaml"},
     "filelock": {"results"},
-    "typer": {"cli", "cli_options", "cli_study"},
+    "typer": {"cli", "cli_data", "cli_options", "cli_study"},
+    "requests": {"dataset.web", "dataset.web_errors"},
+    "pooch": {"dataset.download"},
     "SALib": {"sensitivity"},
     "joblib": {"ensemble_run"},
     "distributed": {"ensemble_run"},
@@ -106,25 +113,31 @@ PREFIX_OWNERS = {"matplotlib": "figure", "pydantic": ("config", "quantity", "phy
 
 
 def modules() -> list[str]:
-    return sorted(path.stem for path in PACKAGE.glob("*.py") if path.stem != "__init__")
+    """Names below the package: ``arm``, ``dataset.web``."""
+    paths = [path.relative_to(PACKAGE) for path in PACKAGE.rglob("*.py") if path.stem != "__init__"]
+    return sorted(".".join(path.with_suffix("").parts) for path in paths)
+
+
+def tree_of(module: str) -> ast.Module:
+    return ast.parse(PACKAGE.joinpath(*module.split(".")).with_suffix(".py").read_text(encoding="utf-8"))
 
 
 def imported(module: str) -> Iterator[str]:
-    for node in ast.walk(ast.parse((PACKAGE / f"{module}.py").read_text())):
+    for node in ast.walk(tree_of(module)):
         if isinstance(node, ast.Import):
             yield from (name.name for name in node.names)
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{module} imports relatively"
             assert node.module is not None
-            if node.module == "tendonrepro":
-                yield from (f"tendonrepro.{name.name}" for name in node.names)
+            if node.module in {"tendonrepro", "tendonrepro.dataset"}:
+                yield from (f"{node.module}.{name.name}" for name in node.names)
             else:
                 yield node.module
 
 
 def own(module: str) -> set[str]:
     """Modules of the package that a module imports."""
-    names = {name.split(".")[1] for name in imported(module) if name.startswith("tendonrepro.")}
+    names = {name.partition(".")[2] for name in imported(module) if name.startswith("tendonrepro.")}
     return names - {"__version__"}
 
 
@@ -160,7 +173,7 @@ def test_heavy_dependencies_stay_behind_their_owners(module: str) -> None:
 @pytest.mark.parametrize("module", sorted(PHYSICS))
 def test_physics_is_pure(module: str) -> None:
     """No file, clock, print, randomness of its own or global state."""
-    tree = ast.parse((PACKAGE / f"{module}.py").read_text())
+    tree = tree_of(module)
     calls = {ast.unparse(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
     assert not calls & {"open", "print", "time.time", "np.random.default_rng", "np.random.seed"}
     assert not any(isinstance(node, ast.Global) for node in ast.walk(tree))
@@ -168,7 +181,7 @@ def test_physics_is_pure(module: str) -> None:
 
 @pytest.mark.parametrize("module", modules())
 def test_functions_fit_a_screen(module: str) -> None:
-    for node in ast.walk(ast.parse((PACKAGE / f"{module}.py").read_text())):
+    for node in ast.walk(tree_of(module)):
         if isinstance(node, ast.FunctionDef):
             doc = ast.get_docstring(node, clean=False) or ""
             assert node.end_lineno is not None

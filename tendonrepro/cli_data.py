@@ -1,0 +1,41 @@
+"""Commands around the paper's data set: fetch."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tendonrepro.cli_options import Json, Quiet, Verbose, show
+
+data_app = typer.Typer(rich_markup_mode=None)
+
+
+@data_app.command(epilog="Example: tendonrepro fetch --out data/zenodo")
+def fetch(
+    record: Annotated[str, typer.Argument(help="Number, DOI or address of the record.")] = "19467931",
+    out: Annotated[Path, typer.Option("--out", help="Folder for the files.")] = Path("data/zenodo"),
+    base_url: Annotated[
+        str | None,
+        typer.Option("--base-url", help="Another server [default: $TENDONREPRO_ZENODO_URL, else Zenodo]."),
+    ] = None,
+    from_dir: Annotated[
+        Path | None, typer.Option("--from-dir", help="Take files downloaded by hand from this folder.")
+    ] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="List the record, download nothing.")] = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Replace altered files, or another record's.")
+    ] = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Download the paper's data set and verify it; a second run needs no network."""
+    from tendonrepro.dataset.fetch import run_fetch
+    from tendonrepro.dataset.fetch_text import fetch_text
+    from tendonrepro.talk import Talk
+
+    talk = Talk(quiet=quiet, verbose=verbose)
+    found = run_fetch(record, out, base_url, from_dir, force, dry_run, talk)
+    show(found if as_json else fetch_text(found), as_json=as_json, quiet=quiet)

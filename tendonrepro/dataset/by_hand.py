@@ -1,0 +1,154 @@
+"""Files that somebody downloaded by hand, found in their folder, checked and copied."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from tendonrepro.dataset.data_lock import LockedFile, is_same
+from tendonrepro.dataset.download import md5_of
+from tendonrepro.dataset.names import safe_paths, shown
+from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
+from tendonrepro.files import atomic_path
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a folder holds of a record.
+
+    Attributes
+    ----------
+    sources : dict of Path
+        Where each file was found, by its path in the record.
+    ignored : list of str
+        Files that are none of the record's.
+    """
+
+    sources: dict[str, Path]
+    ignored: list[str]
+
+
+def list_folder(folder: Path) -> dict[str, Path]:
+    """Files below a folder by their relative names; hidden ones and our own working files are left out.
+
+    Parameters
+    ----------
+    folder : Path
+
+    Returns
+    -------
+    dict of Path
+
+    Raises
+    ------
+    UsageError
+        If there is no such folder, or it cannot be read.
+    """
+    if not folder.is_dir():
+        message = "is not a folder"
+        raise UsageError(message, where=str(folder), hint="give the folder with the downloaded files")
+    try:
+        paths = sorted(path for path in folder.rglob("*") if path.is_file())
+    except OSError as error:
+        message = f"cannot be read: {error.strerror or error}"
+        raise UsageError(message, where=str(folder)) from error
+    names = {path.relative_to(folder).as_posix(): path for path in paths}
+    ends = (".part", ".part.json")
+    return {
+        name: path
+        for name, path in names.items()
+        if not name.endswith(ends) and not any(piece.startswith(".") for piece in name.split("/"))
+    }
+
+
+def find_files(expected: Sequence[LockedFile], folder: Path) -> Found:
+    """Look for a record's files in a folder, by their path or their bare name.
+
+    Parameters
+    ----------
+    expected : sequence of LockedFile
+    folder : Path
+
+    Returns
+    -------
+    Found
+
+    Raises
+    ------
+    UsageError
+        If the folder cannot be read.
+    DataMissingError
+        If a file is there but is not that of the record.
+    """
+    there = list_folder(folder)
+    sources = {}
+    for file in expected:
+        name = file.path if file.path in there else Path(file.path).name
+        if name in there:
+            sources[file.path] = there[name]
+    wrong = [file for file in expected if file.path in sources and not is_same(sources[file.path], file)]
+    if wrong:
+        names = ", ".join(shown(file.key) for file in wrong)
+        message = f"not the record's files, by size or MD5: {names}"
+        hint = "download them again: they are cut short, changed, or of another version"
+        raise DataMissingError(message, where=str(folder), hint=hint)
+    used = set(sources.values())
+    # Names on disk need not be text.
+    left = [os.fsencode(name).decode(errors="replace") for name, path in there.items() if path not in used]
+    return Found(sources, left)
+
+
+def take_as_they_are(folder: Path) -> tuple[LockedFile, ...]:
+    """Describe every file of a folder, for a record nobody could ask about.
+
+    Parameters
+    ----------
+    folder : Path
+
+    Returns
+    -------
+    tuple of LockedFile
+
+    Raises
+    ------
+    UsageError
+        If the folder cannot be read, is empty, or holds a name that does not work everywhere.
+    """
+    there = list_folder(folder)
+    if not there:
+        message = "holds no files"
+        raise UsageError(message, where=str(folder), hint="give the folder with the downloaded files")
+    try:
+        paths = safe_paths(there)
+    except ValueError as error:
+        raise UsageError(str(error), where=str(folder), hint="rename the file") from error
+    return tuple(
+        LockedFile(name, path.stat().st_size, md5_of(path), str(paths[name])) for name, path in there.items()
+    )
+
+
+def copy_file(source: Path, file: LockedFile, target: Path) -> None:
+    """Copy one file, compare the copy, and move it into place.
+
+    Parameters
+    ----------
+    source : Path
+    file : LockedFile
+    target : Path
+        What is there is replaced.
+
+    Raises
+    ------
+    TendonreproError
+        If it cannot be copied or changed meanwhile; nothing is left at `target` then but what was there.
+    """
+    if target.exists() and source.samefile(target):
+        return
+    with atomic_path(target) as temporary:
+        shutil.copyfile(source, temporary)
+        if not is_same(temporary, file):
+            message = f"{source} changed while it was copied"
+            raise TendonreproError(message, hint="run the command again")

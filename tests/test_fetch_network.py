@@ -1,0 +1,25 @@
+"""The real record of the paper, for those who have a network: pytest -m network."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tendonrepro.dataset.data_lock import find_differences
+from tendonrepro.dataset.download import download
+from tendonrepro.dataset.resolve import expected_files, resolve
+from tendonrepro.dataset.web import Patience, Web
+from tendonrepro.dataset.zenodo import SITE
+from tendonrepro.talk import Talk
+
+
+@pytest.mark.network
+def test_the_paper_s_record_and_its_smallest_file(tmp_path: Path) -> None:
+    web = Web(Talk(), Patience())
+    record = resolve(web, SITE, "19467931", print)
+    assert record.title
+    expected = {file.key: file for file in expected_files(record)}
+    smallest = min(record.files, key=lambda file: file.size)
+    download(web, record.record_id, smallest, tmp_path / expected[smallest.key].path, lambda _: None)
+    assert find_differences([expected[smallest.key]], tmp_path) == ([], [])
