@@ -1,4 +1,4 @@
-"""Commands around the paper's data set: fetch."""
+"""Commands around the paper's data set: fetch, inspect."""
 
 from __future__ import annotations
 
@@ -10,6 +10,9 @@ import typer
 from tendonrepro.cli_options import Json, Quiet, Verbose, show
 
 data_app = typer.Typer(rich_markup_mode=None)
+
+Paths = Annotated[list[Path], typer.Argument(help="Files, folders or archives.")]
+Mapping = Annotated[Path, typer.Option("--mapping", help="Mapping file: which column is which variable.")]
 
 
 @data_app.command(epilog="Example: tendonrepro fetch --out data/zenodo")
@@ -39,3 +42,22 @@ def fetch(
     talk = Talk(quiet=quiet, verbose=verbose)
     found = run_fetch(record, out, base_url, from_dir, force, dry_run, talk)
     show(found if as_json else fetch_text(found), as_json=as_json, quiet=quiet)
+
+
+@data_app.command(epilog="Example: tendonrepro inspect data/zenodo --suggest")
+def inspect(
+    paths: Paths,
+    suggest: Annotated[bool, typer.Option("--suggest", help="Write a mapping file to edit.")] = False,
+    mapping: Mapping = Path("data/mapping.yaml"),
+    force: Annotated[bool, typer.Option("--force", help="Overwrite the mapping file.")] = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """What is in files, whatever their format, and what it seems to mean."""
+    from tendonrepro.dataset.inspection import inspect_text, run_inspect
+    from tendonrepro.talk import Talk
+
+    talk = Talk(quiet=quiet, verbose=verbose)
+    found = run_inspect(paths, mapping if suggest else None, force=force, talk=talk)
+    show(found if as_json else inspect_text(found), as_json=as_json, quiet=quiet)

@@ -59,7 +59,7 @@ def each(
     others = multiprocessing.active_children()
     pool = ProcessPoolExecutor(count, context, _start, (done,))
     try:
-        with _interrupts_held():
+        with interrupts_held():
             waiting = [pool.submit(function, item) for item in items]
         _follow(waiting, done, progress or (lambda _: None))
         return [future.result() for future in waiting]
@@ -87,7 +87,7 @@ def _follow(waiting: Sequence[Future[Any]], done: Synchronized[int], progress: C
 
 
 @contextmanager
-def _interrupts_held() -> Iterator[None]:
+def interrupts_held() -> Iterator[None]:
     """Let worker processes start with interrupts ignored; only the first process shall act on them."""
     if threading.current_thread() is not threading.main_thread():
         yield

@@ -52,10 +52,25 @@ ROOMS = [
     ("traces", "summary", "plant_record", "manifest", "typeset", "talk", "parallel"),
     ("comparison", "results", "screen", "citation"),
     # the paper's data set: from the repository to disk
-    ("dataset.names", "dataset.headers", "dataset.zenodo", "dataset.web_errors", "dataset.web"),
+    ("dataset.names", "dataset.zenodo", "dataset.headers", "dataset.web_errors", "dataset.web"),
     ("dataset.download", "dataset.data_lock"),
     ("dataset.by_hand", "dataset.resolve", "dataset.fetch_text"),
     ("dataset.fetch",),
+    # from files of any format to signals
+    ("dataset.unreadable", "dataset.signals", "dataset.units", "dataset.stamps", "dataset.charset"),
+    ("dataset.matlab_parts", "dataset.matlab_values"),
+    ("dataset.bounds", "dataset.filetype", "dataset.heading"),
+    ("dataset.matlab_elements", "dataset.matlab_hdf", "dataset.matlab_objects", "dataset.matlab_tree"),
+    ("dataset.matlab_figure", "dataset.matlab_stream", "dataset.matlab"),
+    ("dataset.archive", "dataset.arrays_file", "dataset.cells"),
+    ("dataset.hdf5_file", "dataset.text_style", "dataset.workbook"),
+    ("dataset.text_table",),
+    ("dataset.readers",),
+    ("dataset.guard",),
+    # from signals to measured runs
+    ("dataset.words", "dataset.evidence", "dataset.timebase"),
+    ("dataset.columns", "dataset.mapping"),
+    ("dataset.meaning", "dataset.suggestion", "dataset.assembly"),
     ("tables", "figure_style"),
     ("figure_files", "figure_panels"),
     ("figure_compare", "figure_decouple"),
@@ -74,6 +89,7 @@ ROOMS = [
     ("ensemble_words",),
     ("ensemble",),
     ("arithmetic", "sensitivity"),
+    ("dataset.inspection", "dataset.ingest"),
     ("verdicts",),
     ("claim_plants", "claim_rules"),
     ("claim_statements",),
@@ -96,9 +112,12 @@ OWNERS = {
     "numba": {"compiled"},
     "llvmlite": {"compiled"},
     "platformdirs": {"compiled"},
-    "scipy": {"box", "ensemble_shares", "simulate", "stability", "trajectory"},
-    "h5py": {"traces", "shards"},
-    "pandas": {"tables"},
+    "scipy": {"box", "dataset.matlab", "ensemble_shares", "simulate", "stability", "trajectory"},
+    "h5py": {"traces", "shards", "dataset.hdf5_file", "dataset.matlab_hdf", "dataset.matlab_stream"},
+    "pandas": {"tables", "dataset.text_table"},
+    "matio": {"dataset.matlab_objects"},
+    "python_calamine": {"dataset.workbook"},
+    "charset_normalizer": {"dataset.charset"},
     "yaml": {"strict_yaml"},
     "filelock": {"results"},
     "typer": {"cli", "cli_data", "cli_options", "cli_study"},
@@ -109,7 +128,10 @@ OWNERS = {
     "distributed": {"ensemble_run"},
     "rich": {"talk"},
 }
-PREFIX_OWNERS = {"matplotlib": "figure", "pydantic": ("config", "quantity", "physical")}
+PREFIX_OWNERS = {
+    "matplotlib": "figure",
+    "pydantic": ("config", "quantity", "physical", "dataset.mapping"),
+}
 
 
 def modules() -> list[str]:

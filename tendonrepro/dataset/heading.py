@@ -1,0 +1,196 @@
+"""Names and units that stand above the columns of a table."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from tendonrepro.dataset.units import plain_unit
+
+_OTHER_UNITS = frozenset(
+    {
+        "n",
+        "mn",
+        "kn",
+        "m",
+        "mm",
+        "cm",
+        "v",
+        "mv",
+        "a",
+        "ma",
+        "w",
+        "hz",
+        "khz",
+        "kg",
+        "g",
+        "%",
+        "-",
+        "1",
+        "°c",
+        "℃",
+    }
+    | {
+        "°/s²",
+        "rad/s²",
+        "m/s",
+        "m/s^2",
+        "m/s2",
+        "count",
+        "counts",
+        "ticks",
+        "lsb",
+        "pulses",
+        "牛",
+        "伏",
+        "安",
+    }
+)
+_BRACKETED = re.compile(r"^(?P<name>.*?)\s*[(\[（【{](?P<unit>[^()\[\]（）【】{}]{1,16})[)\]）】}]\s*$")
+_AFTER_MARK = re.compile(r"^(?P<name>.*\S)(?:\s*/\s*|\s*,\s+|\s+in\s+)(?P<unit>\S{1,12})$")
+_AFTER_LINE = re.compile(r"^(?P<name>.+?)_(?P<unit>deg_s2|deg_s|rad_s2|rad_s|[A-Za-z]{2,4})$")
+_TIMES = frozenset({"t", "time", "zeit", "temps", "tiempo", "时间"})
+_LONGEST_NAME = 100
+
+
+@dataclass(frozen=True)
+class Heading:
+    """What stands above one column.
+
+    Parameters
+    ----------
+    name : str
+        As written, what spans several columns before it and a ``/``; empty for a column without a name.
+    label : str
+        Without the unit.
+    unit : str or None
+        As written.
+    """
+
+    name: str = ""
+    label: str = ""
+    unit: str | None = None
+
+
+def is_unit(text: str) -> bool:
+    """Whether a cell holds a unit and nothing else, in brackets or not."""
+    inner = text.strip(" ()[]（）【】{}")
+    return plain_unit(inner) is not None or inner.lower() in _OTHER_UNITS
+
+
+def split_unit(name: str) -> tuple[str, str | None]:
+    """Separate a column's name from its unit.
+
+    Parameters
+    ----------
+    name : str
+        Such as ``q2 (deg)``, ``Zeit / s`` or ``q2_deg``.
+
+    Returns
+    -------
+    label : str
+    unit : str or None
+
+    Examples
+    --------
+    >>> split_unit("角度(°)"), split_unit("q2 (desired)"), split_unit("vel_rad_s")
+    (('角度', '°'), ('q2 (desired)', None), ('vel', 'rad/s'))
+    """
+    bracketed = _BRACKETED.match(name)
+    if bracketed and is_unit(bracketed["unit"]) and bracketed["unit"] != "1":
+        return bracketed["name"] or name, bracketed["unit"].strip()
+    marked = _AFTER_MARK.match(name)
+    if marked and is_unit(marked["unit"]) and not marked["unit"].isdigit():
+        return marked["name"], marked["unit"]
+    lined = _AFTER_LINE.match(name)
+    if lined and is_unit(lined["unit"].replace("_", "/")):
+        return lined["name"], lined["unit"].replace("_", "/")
+    label, _, last = name.rpartition("_")
+    # A single letter is a unit only where it cannot be anything else: q_m may well be "measured".
+    return (label, "s") if last == "s" and label.lower() in _TIMES else (name, None)
+
+
+def headings(rows: Sequence[Sequence[str]], width: int) -> tuple[list[Heading], list[int]]:
+    """Find names and units of columns in the rows above their numbers.
+
+    Parameters
+    ----------
+    rows : sequence of sequences of str
+        Cells above the first row of numbers.
+    width : int
+        Number of columns.
+
+    Returns
+    -------
+    headings : list of Heading
+        One a column.
+    used : list of int
+        Which of the rows they came from; the others are words about the table.
+    """
+    left = [number for number, cells in enumerate(rows) if any(cell.strip() for cell in cells)]
+    used: list[int] = []
+    units: Sequence[str] = ()
+    if len(left) > 1 and _is_units_row(rows[left[-1]], width) and _fits(rows[left[-2]], width):
+        units = rows[left[-1]]
+        used.append(left.pop())
+    names: Sequence[str] = ()
+    if left and _fits(rows[left[-1]], width):
+        names = rows[left[-1]]
+        used.append(left.pop())
+    spans: Sequence[str] = ()
+    if names and left and _spans(rows[left[-1]], names, width):
+        spans = _filled_on(rows[left[-1]], width)
+        used.append(left.pop())
+    return [
+        _heading(_cell(spans, column), _cell(names, column), _cell(units, column)) for column in range(width)
+    ], used
+
+
+def _cell(cells: Sequence[str], column: int) -> str:
+    return " ".join(cells[column].split())[:_LONGEST_NAME] if column < len(cells) else ""
+
+
+def _fits(cells: Sequence[str], width: int) -> bool:
+    """Whether a row can be the names of so many columns: about as many, and short."""
+    filled = [column for column, cell in enumerate(cells) if cell.strip()]
+    short = all(len(cell) <= _LONGEST_NAME for cell in cells)
+    return short and bool(filled) and filled[-1] <= width and 2 * len(filled) >= width
+
+
+def _is_units_row(cells: Sequence[str], width: int) -> bool:
+    filled = [cell for cell in cells if cell.strip()]
+    return bool(filled) and len(cells) <= width + 1 and all(is_unit(cell) for cell in filled)
+
+
+def _spans(cells: Sequence[str], names: Sequence[str], width: int) -> bool:
+    """Whether a row names groups of columns.
+
+    Then names repeat in it or below it, or an empty cell stands before the last name; a setting such as
+    ``Operator, Yan`` has neither.
+    """
+    filled = [column for column, cell in enumerate(cells) if cell.strip()]
+    if not filled or not 0 < filled[-1] < width:
+        return False
+    return _repeats(cells) or _repeats(names) or len(filled) <= filled[-1]
+
+
+def _repeats(cells: Sequence[str]) -> bool:
+    return any(count > 1 for count in Counter(cell.strip() for cell in cells if cell.strip()).values())
+
+
+def _filled_on(cells: Sequence[str], width: int) -> list[str]:
+    """Each name repeated over the empty cells to its right, as a merged cell shows it."""
+    filled: list[str] = []
+    for column in range(width):
+        own = _cell(cells, column)
+        filled.append(own or (filled[-1] if filled else ""))
+    return filled
+
+
+def _heading(span: str, name: str, unit: str) -> Heading:
+    label, inner = split_unit(name)
+    path = f"{span}/{name}" if span and name else name or span
+    full = f"{span} {label}".strip() if span != name else label
+    return Heading(path, full, unit.strip(" ()[]（）【】") or inner)

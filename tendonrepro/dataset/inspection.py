@@ -1,0 +1,200 @@
+"""What ``tendonrepro inspect`` does: list what is in files, and guess what it means."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tendonrepro.arithmetic import coupling_of, table_1
+from tendonrepro.dataset.columns import Column
+from tendonrepro.dataset.evidence import sampling_step
+from tendonrepro.dataset.guard import read_guarded
+from tendonrepro.dataset.meaning import understand
+from tendonrepro.dataset.readers import files_below
+from tendonrepro.dataset.signals import Signal, Source
+from tendonrepro.dataset.suggestion import Suggestion, runs_among, suggest, variable_of
+from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.files import write_atomically
+from tendonrepro.published import published
+from tendonrepro.talk import Talk
+
+SCHEMA_VERSION = 1
+MOST_NAMED = 5
+"""Things skipped for the same reason that are named on a terminal; ``--json`` names all."""
+
+
+def run_inspect(paths: Sequence[Path], suggest_to: Path | None, *, force: bool, talk: Talk) -> dict[str, Any]:
+    """Read files and say what is in them.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        Files, folders, archives.
+    suggest_to : Path or None
+        Where to write a mapping to begin with; None writes none.
+    force : bool
+        Overwrite an existing mapping.
+    talk : Talk
+
+    Returns
+    -------
+    dict
+        What ``--json`` prints.
+
+    Raises
+    ------
+    DataMissingError
+        When a path is missing, or a mapping is asked for and nothing could be understood.
+    UsageError
+        When the mapping exists and `force` is not given.
+    """
+    if suggest_to is not None and suggest_to.exists() and not force:
+        message = "exists, and may hold work of yours"
+        raise UsageError(message, where=str(suggest_to), hint="choose another --suggest-to, or say --force")
+    sources = read_guarded(files_below(paths), talk)
+    columns = understand(sources, coupling_of(table_1(published()))[1])
+    found = {"schema_version": SCHEMA_VERSION, "files": _files(sources, columns)}
+    if suggest_to is not None:
+        suggestion = _suggested(columns, paths)
+        write_atomically(suggest_to, suggestion.text)
+        found |= {"mapping": str(suggest_to), "runs": dict(suggestion.runs), "left": len(suggestion.left)}
+    return found
+
+
+def _suggested(columns: Sequence[Column], paths: Sequence[Path]) -> Suggestion:
+    suggestion = suggest(columns, f"Measured data from {', '.join(path.name for path in paths)}")
+    if not suggestion.runs:
+        message = "no column could be understood, so there is no mapping to suggest"
+        hint = "Look at what inspect lists, and write one by hand; docs/dataset.md shows its form."
+        raise DataMissingError(message, where=", ".join(map(str, paths)), hint=hint)
+    return suggestion
+
+
+def _files(sources: Iterable[Source], columns: Sequence[Column]) -> list[dict[str, Any]]:
+    runs: dict[Column, list[str]] = defaultdict(list)
+    for run, members in runs_among(columns).items():
+        for column in members:
+            runs[column].append(run)
+    of: dict[int, list[dict[str, Any]]] = defaultdict(list)
+    for column in columns:
+        of[id(column.signal)].append(_column(column, runs[column]))
+    return [
+        {
+            "name": source.name,
+            "kind": source.kind,
+            "size": source.size,
+            "md5": source.md5,
+            "signals": [_signal(signal, of[id(signal)]) for signal in source.signals],
+            "skipped": [
+                {"path": skip.path, "reason": skip.reason, "advice": skip.advice} for skip in source.skipped
+            ],
+            "texts": dict(source.texts),
+        }
+        for source in sources
+    ]
+
+
+def _signal(signal: Signal, columns: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    time = signal.time
+    return {
+        "path": signal.path,
+        "shape": list(signal.values.shape),
+        "dtype": signal.dtype,
+        "unit": signal.unit,
+        "label": signal.label,
+        "step_s": None if time is None else sampling_step(time),
+        "times_s": None if time is None or not len(time) else [float(time[0]), float(time[-1])],
+        "note": signal.note,
+        "columns": columns,
+    }
+
+
+def _column(column: Column, runs: Sequence[str]) -> dict[str, Any]:
+    finite = column.values[np.isfinite(column.values)]
+    return {
+        "column": column.number,
+        "range": [float(finite.min()), float(finite.max())] if finite.size else None,
+        "missing": len(column.values) - len(finite),
+        "meaning": column.quantity,
+        "variable": variable_of(column),
+        "joint": column.joint,
+        "runs": list(runs),
+        "unit": column.unit,
+        "because": column.because,
+    }
+
+
+def inspect_text(found: Mapping[str, Any]) -> str:
+    """What a terminal shows of an inspection.
+
+    Parameters
+    ----------
+    found : mapping
+        Of `run_inspect`.
+
+    Returns
+    -------
+    str
+    """
+    lines = [line for file in found["files"] for line in _file_lines(file)]
+    read = sum(len(file["signals"]) for file in found["files"])
+    skipped = sum(len(file["skipped"]) for file in found["files"])
+    lines += ["", f"{len(found['files'])} files: {read} signals read, {skipped} things skipped"]
+    if "mapping" in found:
+        runs = ", ".join(f"{name} ({count} columns)" for name, count in found["runs"].items())
+        lines.append(f"wrote {found['mapping']}: {runs}; {found['left']} columns in no run")
+    else:
+        lines.append("--suggest writes a mapping file to edit")
+    return "\n".join(lines)
+
+
+def _file_lines(file: Mapping[str, Any]) -> list[str]:
+    lines = ["", f"{file['name']}: {file['kind']}, {file['size']:,} bytes"]
+    for signal in file["signals"]:
+        shape = " x ".join(map(str, signal["shape"]))
+        notes = [text for text in (_pace(signal), signal["note"]) if text]
+        lines.append(f"  {signal['path']}  {shape} {signal['dtype']}{''.join(f', {note}' for note in notes)}")
+        lines += [f"    {_column_line(column, signal)}" for column in signal["columns"]]
+    return lines + _skipped_lines(file["skipped"])
+
+
+def _skipped_lines(skipped: Sequence[Mapping[str, str]]) -> list[str]:
+    """What was left out; much of the same on one line."""
+    alike: dict[tuple[str, str], list[str]] = defaultdict(list)
+    for skip in skipped:
+        alike[skip["reason"], skip["advice"]].append(skip["path"])
+    lines = []
+    for (reason, advice), paths in alike.items():
+        named = [path for path in paths[:MOST_NAMED] if path]
+        more = f" and {len(paths) - len(named)} more" if len(paths) > MOST_NAMED else ""
+        place = f"{', '.join(named)}{more}: " if named else ""
+        lines.append(f"  skipped {place}{reason}{'. ' + advice if advice else ''}")
+    return lines
+
+
+def _pace(signal: Mapping[str, Any]) -> str:
+    """Sampling of a signal that has its own times."""
+    if signal["times_s"] is None:
+        return ""
+    if signal["step_s"] is not None:
+        return f"every {signal['step_s'] * 1e3:g} ms"
+    return "times from {:g} to {:g} s".format(*signal["times_s"])
+
+
+def _column_line(column: Mapping[str, Any], signal: Mapping[str, Any]) -> str:
+    extent = "no numbers" if column["range"] is None else "{:.4g} to {:.4g}".format(*column["range"])
+    if signal["unit"]:
+        extent += f" {signal['unit']}"
+    if column["missing"]:
+        extent += f", {column['missing']} missing"
+    head = f"{column['column']}: {extent}" if len(signal["columns"]) > 1 else extent
+    if column["meaning"] is None:
+        return f"{head} -> ?"
+    joint = f" {column['joint']}" if column["joint"] and column["meaning"] != "time" else ""
+    run = f" of {', '.join(column['runs'])}" if column["runs"] else ""
+    reasons = "; ".join(column["because"])
+    return f"{head} -> {column['meaning']}{joint}{run} ({reasons})"

@@ -1,0 +1,134 @@
+"""What objects, structs and cells of a MATLAB file become before they are walked through."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonrepro.arrays import Array
+
+EXPORT = (
+    "export it again from MATLAB: s.q = ts.Data; s.t = ts.Time; save('x.mat', '-struct', 's'); "
+    "a table with writetable(T, 'x.csv')"
+)
+"""Advice for objects that cannot be read."""
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """Samples with what their container says about them; members as of a `Signal`, samples along any axis."""
+
+    values: NDArray[Any]
+    time: Array | None = None
+    label: str = ""
+    unit: str | None = None
+    note: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Columns that share their rows.
+
+    Parameters
+    ----------
+    columns : mapping
+        Name -> array (N,).
+    units : mapping
+        Name -> unit, as far as they are stored.
+    time : Array or None
+        Times of the rows in s, shape (N,).
+    note : str
+    """
+
+    columns: Mapping[str, NDArray[Any]]
+    units: Mapping[str, str] = field(default_factory=dict)
+    time: Array | None = None
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Lost:
+    """Something that holds no signal, or cannot be read."""
+
+    reason: str
+    advice: str = ""
+
+
+Plain: TypeAlias = Any
+"""`Series`, `Table`, `Lost`, a mapping of members, a str, or an ndarray of numbers, records or cells."""
+
+
+def members(record: Any) -> dict[str, Any]:
+    """Fields of one struct.
+
+    Parameters
+    ----------
+    record : numpy.void or ndarray
+        Element of an array of records, or such an array of one element.
+    """
+    if isinstance(record, np.ndarray):
+        record = record.flat[0] if record.size == 1 else None
+    names = getattr(getattr(record, "dtype", None), "names", None) or ()
+    return {name: record[name] for name in names}
+
+
+def text_of(value: Any) -> str:
+    """First line of a char array, or of what it is in; empty where there is none."""
+    while isinstance(value, np.ndarray) and value.size and value.dtype.kind in "OUST":
+        value = value.flat[0]
+    return " ".join(value.split()) if isinstance(value, str) else ""
+
+
+def flat_samples(values: NDArray[Any], samples: int | None) -> tuple[NDArray[Any], str]:
+    """Bring an array of matrices, one per sample, into rows.
+
+    Parameters
+    ----------
+    values : ndarray
+        Shape (N, ...) or (..., N).
+    samples : int or None
+        N where it is known.
+
+    Returns
+    -------
+    values : ndarray
+        Shape (N, m) if there were more than two dimensions and one of them fits `samples`, else as it was.
+    note : str
+        Says what was done.
+    """
+    wide = sum(size > 1 for size in values.shape) > 2
+    if values.ndim < 3 or samples is None or samples not in (values.shape[0], values.shape[-1]):
+        return values, ""
+    if values.shape[-1] == samples:
+        values = np.moveaxis(values, -1, 0)
+    shape = "x".join(map(str, values.shape[1:]))
+    note = f"a matrix of {shape} per sample, column by column" if wide else ""
+    return values.reshape((samples, -1), order="F"), note
+
+
+def seconds(values: NDArray[Any]) -> tuple[Array, str]:
+    """Dates as seconds from the first, durations as seconds.
+
+    Parameters
+    ----------
+    values : ndarray of datetime64 or timedelta64
+
+    Returns
+    -------
+    values : Array
+        Same shape, s; NaN where there is none.
+    note : str
+        Says so.
+    """
+    missing = np.isnat(values)
+    counts = values.astype(f"{values.dtype.kind}8[ns]").astype(np.int64)
+    note = "durations in s"
+    if values.dtype.kind == "M" and not missing.all():
+        first = values[~missing].flat[0]
+        counts = counts - counts[~missing].flat[0]
+        note = f"dates, in s from {np.datetime_as_string(first, unit='ms')}"
+    return np.where(missing, np.nan, counts / 1e9), note

@@ -1,0 +1,211 @@
+"""Tables of numbers in text files: csv, tsv, txt, dat, whatever their separator and encoding."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonrepro.dataset.bounds import is_full
+from tendonrepro.dataset.cells import (
+    MOST_TABLES,
+    Block,
+    add_columns,
+    block_headings,
+    blocks_of,
+    settle_head,
+)
+from tendonrepro.dataset.charset import decoded
+from tendonrepro.dataset.heading import Heading
+from tendonrepro.dataset.signals import Found
+from tendonrepro.dataset.text_style import BLANKS, Style, style_of
+from tendonrepro.dataset.unreadable import Unreadable
+
+MOST_BYTES = 2**29
+"""An hour of twenty columns at 1 kHz; a longer text takes minutes and gigabytes to read."""
+MOST_COLUMNS = 2000
+_COMMON_WIDTH = 0.1
+_MOST_BLANK = 0.4
+_MOST_WORDS = 40
+
+
+def read_text_table(path: Path) -> Found:
+    """Read every table of numbers in a text file.
+
+    Parameters
+    ----------
+    path : Path
+        Of any separator, decimal mark, encoding and line ends.
+
+    Returns
+    -------
+    Found
+        One signal a column. The group is ``table``, or ``block 1`` and so on where there are several.
+
+    Raises
+    ------
+    Unreadable
+        When the file is too large.
+    """
+    size = path.stat().st_size
+    if size > MOST_BYTES:
+        reason = f"a text of {size / 2**20:.0f} MB"
+        raise Unreadable(reason, f"split it into files of at most {MOST_BYTES // 2**20} MB")
+    text, encoding = decoded(path.read_bytes())
+    lines = _lines(text)
+    style = style_of(lines)
+    blocks, words = blocks_of([style.mark(line) for line in lines])
+    if not blocks:
+        found = Found(f"text ({encoding})")
+        found.skip("", "a text without a table of numbers")
+        _note_words(found, lines, range(len(lines)))
+        return found
+    found = Found(f"text table ({style.name}, {encoding})")
+    _note_words(found, lines, words)
+    _add_blocks(found, lines, blocks, style)
+    return found
+
+
+def _lines(text: str) -> list[str]:
+    """Lines whatever their ends; blank ones go where every other line is one, as after a bad transfer."""
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    while lines and not lines[-1].strip("\x1a \t"):
+        lines.pop()
+    blank = sum(not line.strip() for line in lines)
+    return [line for line in lines if line.strip()] if blank > _MOST_BLANK * len(lines) else lines
+
+
+def _note_words(found: Found, lines: Sequence[str], rows: Sequence[int]) -> None:
+    """Note lines outside the tables, which may say what the numbers are."""
+    filled = [row for row in rows if lines[row].strip()]
+    for row in filled[:_MOST_WORDS]:
+        found.text(f"line {row + 1}", lines[row][:1000])
+    if len(filled) > _MOST_WORDS:
+        found.skip("", f"{len(filled) - _MOST_WORDS} more lines of words")
+
+
+def _add_blocks(found: Found, lines: Sequence[str], blocks: Sequence[Block], style: Style) -> None:
+    names: list[Heading] = []
+    for position, block in enumerate(blocks):
+        if is_full(found) or position == MOST_TABLES:
+            lines_left = f"lines {block.data[0] + 1} to {blocks[-1].data[-1] + 1}"
+            found.skip("", f"{len(blocks) - position} more tables, {lines_left}, left out", "split the file")
+            break
+        alone = len(blocks) == 1
+        group = "table" if alone else f"block {position + 1}"
+        names = _add_block(found, lines, block, style, names, group, "" if alone else f"{group}/")
+
+
+def _add_block(
+    found: Found,
+    lines: Sequence[str],
+    block: Block,
+    style: Style,
+    before: list[Heading],
+    group: str,
+    prefix: str,
+) -> list[Heading]:
+    """Add one table; returns its headings."""
+    settle_head(block, lambda row: style.split(lines[row]), style.decimal)
+    data = [lines[row].strip(" \r\x1a") for row in block.data]
+    width, ragged = _width(data, style)
+    columns = _columns(data, style, width)
+    while width > 1 and _is_empty(columns[-1]) and not _named(lines, block, style, width):
+        width -= 1
+        columns.pop()
+    names, used, note = block_headings(_head_rows(lines, block, style, width), width, before)
+    _note_words(found, lines, [row for number, row in enumerate(block.head) if number not in used])
+    if ragged:
+        where = f"lines {block.data[0] + 1} to {block.data[-1] + 1}"
+        found.skip(where, f"{ragged} rows have another number of cells than {width}", "check these rows")
+    notes = "; ".join(text for text in (note, style.doubt) if text)
+    add_columns(found, names, columns, group=group, prefix=prefix, decimal=style.decimal, note=notes)
+    return names
+
+
+def _head_rows(lines: Sequence[str], block: Block, style: Style, width: int) -> list[list[str]]:
+    """Cells of the rows above a table, without what marks them as comments."""
+    return [_head_cells(lines[row].strip().lstrip("#%/ "), style, width) for row in block.head]
+
+
+def _head_cells(line: str, style: Style, width: int) -> list[str]:
+    """Cells of a row of names; names that hold blanks stand further apart than by one."""
+    cells = style.split(line)
+    if style.separator != BLANKS or len(cells) == width:
+        return cells
+    apart = [cell for cell in line.replace("\t", "  ").split("  ") if cell.strip()]
+    by_comma = line.split(",")
+    return next((row for row in (apart, by_comma) if len(row) == width), cells)
+
+
+def _named(lines: Sequence[str], block: Block, style: Style, width: int) -> bool:
+    """Whether some row above names the last of so many columns."""
+    rows = _head_rows(lines, block, style, width)
+    return any(len(cells) == width and cells[-1].strip() for cells in rows)
+
+
+def _width(data: Sequence[str], style: Style) -> tuple[int, int]:
+    """Number of columns, and of rows that have another one: the widest that is not rare."""
+    counts = Counter(style.width(line) for line in data)
+    common = [width for width, count in counts.items() if count >= _COMMON_WIDTH * len(data)]
+    width = min(max(common or counts), MOST_COLUMNS)
+    # A separator at the end of a row is no further cell.
+    trailing = sum(
+        style.width(line) == width + 1 and line.rstrip().endswith(style.separator) for line in data
+    )
+    return width, len(data) - counts[width] - trailing
+
+
+def _columns(data: Sequence[str], style: Style, width: int) -> list[NDArray[Any]]:
+    """Columns, of numbers where all cells are numbers, else of the texts."""
+    import pandas as pd
+
+    # One quotation mark left open would swallow every line up to the next.
+    quoted = all(line.count('"') % 2 == 0 for line in data)
+    try:
+        table = pd.read_csv(
+            io.StringIO("\n".join(data)),
+            sep=style.separator,
+            header=None,
+            names=list(range(width)),
+            usecols=list(range(width)),
+            index_col=False,
+            decimal=style.decimal,
+            quoting=csv.QUOTE_MINIMAL if quoted else csv.QUOTE_NONE,
+            skipinitialspace=True,
+            skip_blank_lines=False,
+            low_memory=False,
+            engine="c",
+            **_exact(pd.__version__),
+        )
+    except (ValueError, OverflowError, pd.errors.ParserError):
+        return _split_columns(data, style, width)
+    if len(table) != len(data):
+        return _split_columns(data, style, width)
+    return [_cells(table[column].to_numpy()) for column in range(width)]
+
+
+def _exact(version: str) -> dict[str, Any]:
+    """Make numbers exact in versions of pandas that otherwise are off by the last bit."""
+    major, minor = (int(part) for part in version.split(".")[:2])
+    return {"float_precision": "round_trip"} if (major, minor) < (3, 1) else {}
+
+
+def _cells(values: NDArray[Any]) -> NDArray[Any]:
+    return values if values.dtype.kind in "biuf" else values.astype(object)
+
+
+def _split_columns(data: Sequence[str], style: Style, width: int) -> list[NDArray[Any]]:
+    """Split line by line, for rows on which the fast parser gives up."""
+    rows = [(style.split(line) + [""] * width)[:width] for line in data]
+    return [np.array([row[column] for row in rows], object) for column in range(width)]
+
+
+def _is_empty(cells: NDArray[Any]) -> bool:
+    return bool(np.isnan(cells).all()) if cells.dtype.kind == "f" else False

@@ -1,0 +1,201 @@
+"""Small MATLAB files of every kind, made up here: SYNTHETIC, never a measurement."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from scipy.io import savemat
+
+from tendonrepro.dataset.matlab_objects import quiet
+
+NOTE = b"SYNTHETIC, made by the tests"
+
+
+def classic(path: Path, variables: Mapping[str, Any], *, packed: bool = False, version: str = "5") -> Path:
+    """MATLAB 5, 7 (packed) or 4, as SciPy writes it."""
+    savemat(path, dict(variables), format=version, do_compression=packed)
+    if version == "5":
+        with path.open("r+b") as file:
+            file.write((b"MATLAB 5.0 MAT-file, " + NOTE).ljust(116))
+    return path
+
+
+def hdf(path: Path, variables: Mapping[str, Any], streams: list[Any] | None = None) -> Path:
+    """MATLAB 7.3, member by member: arrays transposed, cells as references, a header before the HDF5 data."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        file.create_group("#refs#")
+        for name, value in variables.items():
+            put(file, file, name, value)
+        if streams is not None:
+            for number, values in enumerate(streams):
+                _stream(file.require_group("#sigstream#"), number, values)
+    header = (b"MATLAB 7.3 MAT-file, " + NOTE).ljust(116) + bytes(8) + b"\x00\x02IM"
+    with path.open("r+b") as file:
+        file.write(header)
+    return path
+
+
+def put(file: h5py.File, group: h5py.Group, name: str, value: Any) -> Any:
+    if isinstance(value, Mapping):
+        node = group.create_group(name)
+        for key, item in value.items():
+            put(file, node, key, item)
+        node.attrs["MATLAB_class"] = np.bytes_("struct")
+        fields = np.empty(len(value), dtype=h5py.vlen_dtype(np.dtype("S1")))
+        for number, key in enumerate(value):
+            fields[number] = np.array([letter.encode() for letter in key], "S1")
+        node.attrs.create("MATLAB_fields", fields)
+    elif isinstance(value, list):
+        refs = file["#refs#"]
+        cells = [put(file, refs, f"r{len(refs)}", item).ref for item in value]
+        node = group.create_dataset(name, data=np.array([cells], h5py.ref_dtype).T, dtype=h5py.ref_dtype)
+        node.attrs["MATLAB_class"] = np.bytes_("cell")
+    elif isinstance(value, str):
+        codes = np.frombuffer(value.encode("utf-16-le"), np.uint16)[:, None]
+        node = group.create_dataset(name, data=codes)
+        node.attrs["MATLAB_class"] = np.bytes_("char")
+        node.attrs["MATLAB_int_decode"] = np.int32(2)
+    else:
+        array = np.atleast_2d(value)
+        node = group.create_dataset(name, data=array.T)
+        kind = {"float64": "double", "float32": "single", "bool": "logical"}.get(
+            array.dtype.name, array.dtype.name
+        )
+        node.attrs["MATLAB_class"] = np.bytes_(kind)
+    return node
+
+
+def _stream(group: h5py.Group, number: int, values: Any) -> None:
+    array = np.ascontiguousarray(values)
+    node = group.create_group(str(number))
+    node["#data#"] = np.frombuffer(array.tobytes(), np.uint8)
+    node["#length#"] = np.array([len(array)], np.uint64)
+    node["#sampleSize#"] = np.array([array.nbytes // len(array)], np.uint64)
+    node["#version#"] = np.array([1], np.uint64)
+
+
+def streamed_signal(
+    name: str, record: int, clock: tuple[float, float, float] | None = None
+) -> dict[str, Any]:
+    """What stands below ``#refs#`` for a signal whose samples are streamed."""
+    values: dict[str, Any] = {"DataR2": np.array([[float(record)]])}
+    if clock:
+        values["CompressedTime"] = np.array([clock])
+    return {"Name": name, "Values": values}
+
+
+def thing(kind: str, **properties: Any) -> Any:
+    """An object of a class, to be written by `objects`."""
+    with quiet():
+        from matio.utils.matclass import MatlabOpaque
+    return MatlabOpaque(properties, kind)
+
+
+def objects(path: Path, variables: Mapping[str, Any], version: str) -> Path:
+    """A file with objects; `version` is ``v7`` or ``v7.3``."""
+    with quiet():
+        import matio
+
+        matio.save_to_mat(str(path), dict(variables), version=version)
+    with path.open("r+b") as file:
+        file.write((b"MATLAB MAT-file, " + NOTE).ljust(116))
+    return path
+
+
+EMPTY = np.empty((0, 0))
+
+
+def timeseries(
+    data: Any,
+    time: Any = None,
+    *,
+    name: str = "",
+    unit: str = "",
+    time_first: bool = True,
+    uniform: tuple[float, float, int] | None = None,
+    storage: Any = None,
+    time_unit: str = "seconds",
+) -> Any:
+    """A MATLAB timeseries; times as stored, or as start, step and count."""
+    start, step, count = uniform or (0.0, np.nan, 0)
+    info = thing(
+        "tsdata.timemetadata",
+        Time_=EMPTY if time is None else np.reshape(time, (-1, 1)),
+        Start_=np.array([[start]]),
+        Increment_=np.array([[step]]),
+        Length=np.array([[float(count)]]),
+        Units=time_unit,
+    )
+    return thing(
+        "timeseries",
+        Data_=EMPTY if data is None else np.asarray(data),
+        TimeInfo=info,
+        IsTimeFirst_=np.array([[time_first]]),
+        Storage_=EMPTY
+        if storage is None
+        else thing("tsdata.StreamingStorage", Data=storage, Length=np.zeros((1, 1))),
+        DataInfo=thing("tsdata.datametadata", Units=unit),
+        Name=name,
+    )
+
+
+def record(**fields: Any) -> Any:
+    """A struct of one element."""
+    array = np.empty((1, 1), dtype=[(name, object) for name in fields])
+    for name, value in fields.items():
+        array[name][0, 0] = value
+    return array
+
+
+def records(*elements: Mapping[str, Any]) -> Any:
+    """A struct array, one row."""
+    array = np.empty((1, len(elements)), dtype=[(name, object) for name in elements[0]])
+    for number, fields in enumerate(elements):
+        for name, value in fields.items():
+            array[name][0, number] = value
+    return array
+
+
+def cells(*items: Any) -> Any:
+    """A cell array, one row."""
+    array = np.empty((1, len(items)), dtype=object)
+    for number, item in enumerate(items):
+        array[0, number] = item
+    return array
+
+
+def graphic(kind: str, children: Any = EMPTY, special: Any = EMPTY, **properties: Any) -> dict[str, Any]:
+    """A graphics object as a figure stores it."""
+    return {
+        "type": kind,
+        "handle": 1.0,
+        "properties": record(**properties),
+        "children": children,
+        "special": np.asarray(special, float).reshape(-1, 1),
+    }
+
+
+def figure(path: Path, *axes: Mapping[str, Any], tree: str = "hgS_070000", version: str = "v7") -> Path:
+    """A figure with some axes, and beside it the object that newer releases add."""
+    root = records(graphic("figure", records(*axes), Visible="on"))
+    return objects(
+        path, {tree: root, "hgM_070000": record(GraphicsObjects=thing("lab.Figure", x=EMPTY))}, version
+    )
+
+
+def axes(
+    *curves: Mapping[str, Any], title: str = "", xlabel: str = "", ylabel: str = "", tag: str = ""
+) -> Any:
+    """Axes with curves; the labels are the last three children."""
+    words = [graphic("text", String=text) for text in (title, xlabel, ylabel)]
+    count = len(curves)
+    return graphic("axes", records(*curves, *words), [count + 1, count + 2, count + 3, 0], Tag=tag)
+
+
+def line(x: Any, y: Any, label: str = "") -> dict[str, Any]:
+    """A curve."""
+    return graphic("graph2d.lineseries", XData=np.atleast_2d(x), YData=np.atleast_2d(y), DisplayName=label)

@@ -1,0 +1,282 @@
+"""What is guessed from names and numbers, and the mapping that is suggested from it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from tendonrepro.arithmetic import coupling_of, table_1
+from tendonrepro.dataset.columns import Column
+from tendonrepro.dataset.evidence import counted_in, difference_of, sampling_step
+from tendonrepro.dataset.mapping import load_mapping
+from tendonrepro.dataset.meaning import understand
+from tendonrepro.dataset.signals import Found, Source
+from tendonrepro.dataset.suggestion import suggest, variable_of
+from tendonrepro.dataset.units import FACTORS, plain_unit
+from tendonrepro.dataset.words import hints
+from tendonrepro.published import published
+
+Array = NDArray[np.float64]
+
+S, S_INV = coupling_of(table_1(published()))
+TIME = 0.001 * np.arange(4000.0)
+COUNT = 360.0 / 16384.0
+
+
+def course(joint: int) -> Array:
+    """A smooth motion in degrees, another one for each joint."""
+    return (20.0 + 4.0 * joint) * 0.5 * (1.0 - np.cos(2.0 * np.pi * TIME / (1.5 + 0.5 * joint)))
+
+
+def followed(joint: int, size: float = 0.3) -> Array:
+    """What an encoder in degrees reads of it."""
+    late = course(joint) - size * np.sin(2.0 * np.pi * TIME / 1.1 + joint)
+    return COUNT * np.round(late / COUNT)
+
+
+def source(name: str, signals: Mapping[str, Array], group: str = "", **unit: str) -> Source:
+    found = Found("SYNTHETIC")
+    for path, values in signals.items():
+        found.add(path, values, group=group, unit=unit.get(path))
+    return Source(name, "SYNTHETIC", 0, "0" * 32, tuple(found.signals), tuple(found.skipped))
+
+
+def guessed(*sources: Source) -> dict[str, Column]:
+    columns = understand(sources, S_INV)
+    return {
+        f"{column.signal.path}{f'[{column.number}]' if column.signal.columns > 1 else ''}": column
+        for column in columns
+    }
+
+
+@pytest.mark.parametrize(
+    ("name", "quantity", "joint"),
+    [
+        ("q2_des", "desired", 2),
+        ("qd3", "desired", 3),
+        ("theta2_d", "desired", 2),
+        ("DesiredAngle2", "desired", 2),
+        ("期望角度2", "desired", 2),
+        ("关节3 实际", "measured", 3),
+        ("J3_actual", "measured", 3),
+        ("Joint 2 (deg)", "measured", 2),
+        ("e2", "error", 2),
+        ("tracking error joint 3", "error", 3),
+        ("tau_m2", "torque", 2),
+        ("Ĥ3", "estimate", 3),
+        ("sliding surface 2", "surface", 2),
+        ("Motor 3 angle", "motor", 3),
+        ("q_calc2", "calculated", 2),
+        ("dq2", "rate", 2),
+        ("time (s)", "time", None),
+        ("t", "time", None),
+        ("column 3", None, None),
+        ("data2", None, None),
+    ],
+)
+def test_names_of_columns(name: str, quantity: str | None, joint: int | None) -> None:
+    said = hints(name)
+    assert (said.quantity, said.joint) == (quantity, joint)
+
+
+@pytest.mark.parametrize(
+    ("name", "controller", "payload"),
+    [
+        ("Controller 1", 1, None),
+        ("ctrl3", 3, None),
+        ("α-TDE-NTSM", 1, None),
+        ("TDE-NTSM_noload", 2, 0.0),
+        ("TDE-TSM", 3, None),
+        ("c1_200g", 1, 0.2),
+        ("控制器2", 2, None),
+        ("Controller1 0.2kg", 1, 0.2),
+        ("without load", None, 0.0),
+        ("fig14", None, None),
+    ],
+)
+def test_names_of_runs(name: str, controller: int | None, payload: float | None) -> None:
+    said = hints(name)
+    assert (said.controller, said.payload_mass) == (controller, payload)
+
+
+def test_a_load_without_a_weight_is_a_load() -> None:
+    assert np.isnan(hints("with payload").payload_mass or 0.0)
+
+
+@given(st.text(max_size=40))
+def test_any_name_can_be_read(name: str) -> None:
+    said = hints(name)
+    assert said.joint in {None, 1, 2, 3}
+
+
+def test_units_as_people_write_them() -> None:
+    written = {
+        "°": "deg",
+        "Degrees": "deg",
+        "(rad)": "rad",
+        "N·m": "N m",
+        "Nm": "N m",
+        "ms": "ms",
+        "sec": "s",
+    }
+    assert {text: plain_unit(text) for text in written} == written
+    assert plain_unit("furlong") is None
+    assert all(plain_unit(unit) == unit for units in FACTORS.values() for unit in units)
+
+
+def test_steps_of_a_time_axis() -> None:
+    assert sampling_step(TIME) == pytest.approx(0.001)
+    assert sampling_step(TIME[::-1]) is None
+    assert sampling_step(course(2)) is None
+    assert sampling_step(TIME**2) is None
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.011, 7.3])
+def test_the_encoder_tells_degrees_from_radians(offset: float) -> None:
+    assert counted_in(followed(2) + offset) == "deg"
+    assert counted_in(np.deg2rad(followed(2)) + offset) == "rad"
+    assert counted_in(course(2)) is None
+    assert counted_in(np.round(course(2))) is None
+
+
+@given(sign=st.sampled_from([1.0, -1.0]), size=st.floats(0.01, 3.0))
+def test_a_difference_is_recognised_with_its_sign(sign: float, size: float) -> None:
+    a, b = course(2), course(2) - size * np.sin(TIME)
+    found = difference_of(sign * (a - b), {"a": a, "b": b, "c": course(3)})
+    assert found == (("a", "b") if sign > 0.0 else ("b", "a"))
+
+
+def test_a_named_table_is_understood() -> None:
+    signals = {"t": TIME, "qd2": course(2), "q2": followed(2), "qd3": course(3), "q3": followed(3)}
+    found = guessed(source("controller1.csv", signals, group="table"))
+    assert {path: (column.quantity, column.joint) for path, column in found.items()} == {
+        "t": ("time", None),
+        "qd2": ("desired", 2),
+        "q2": ("measured", 2),
+        "qd3": ("desired", 3),
+        "q3": ("measured", 3),
+    }
+    assert {column.unit for path, column in found.items() if path != "t"} == {"deg"}
+    assert found["t"].unit == "s"
+    assert found["q2"].time == found["t"].address
+
+
+def test_numbers_alone_tell_time_desired_measured_and_error() -> None:
+    table = np.stack([TIME, course(2), followed(2), course(2) - followed(2)], axis=1)
+    found = guessed(source("c2.npy", {"array": table}))
+    kinds = [found[f"array[{number}]"].quantity for number in (1, 2, 3, 4)]
+    assert kinds == ["time", "desired", "measured", "error"]
+    assert all(column.because for column in found.values())
+
+
+@pytest.mark.parametrize("unit", ["deg", "rad"])
+@pytest.mark.parametrize("quantised", [True, False])
+def test_degrees_and_radians(unit: str, quantised: bool) -> None:
+    factor = 1.0 if unit == "deg" else np.pi / 180.0
+    q = followed(2) if quantised else followed(2) + 1e-3 * np.sin(9.0 * TIME)
+    found = guessed(source("x.csv", {"t": TIME, "qd2": factor * course(2), "q2": factor * q}, group="g"))
+    assert found["qd2"].unit == found["q2"].unit == unit
+
+
+def test_a_stored_unit_wins() -> None:
+    found = guessed(source("x.csv", {"t": TIME, "q2": course(2)}, group="g", q2="rad"))
+    assert found["q2"].unit == "rad"
+
+
+def test_columns_without_numbers_are_joints_in_order() -> None:
+    both = np.stack([course(2), course(3)], axis=1)
+    found = guessed(source("controller3.mat", {"t": TIME, "q_des": both, "q": 0.99 * both}, group="g"))
+    assert [found[f"q_des[{k}]"].joint for k in (1, 2)] == [2, 3]
+    assert [found[f"q[{k}]"].joint for k in (1, 2)] == [2, 3]
+
+
+@pytest.mark.parametrize("ratio", [1.0, 100.0])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_motor_angles_are_found_through_the_coupling(ratio: float, sign: float) -> None:
+    q = np.stack([course(1), course(2), course(3)], axis=1)
+    motors = sign * ratio * q @ S_INV.T
+    names = (
+        {"t": TIME} | {f"q{k + 1}": q[:, k] for k in range(3)} | {f"x_{k}": motors[:, k] for k in range(3)}
+    )
+    found = guessed(source("decoupling.csv", names, group="g"))
+    motor = [found[f"x_{k}"] for k in range(3)]
+    assert [column.quantity for column in motor] == ["motor"] * 3
+    assert [column.joint for column in motor] == [1, 2, 3]
+    assert [column.scale for column in motor] == [sign / ratio] * 3
+
+
+def test_times_in_milliseconds() -> None:
+    found = guessed(source("x.csv", {"t": 1e3 * TIME, "q2": course(2)}, group="g"))
+    assert found["t"].unit == "ms"
+
+
+def _record() -> list[Source]:
+    """Three controllers and a payload run, a file each, named as people name files."""
+    sources = []
+    for number, load in [(1, ""), (2, ""), (3, ""), (1, "_0.2kg")]:
+        signals = {"t": TIME}
+        for joint, (name, angle) in product((2, 3), (("qd", course), ("q", followed))):
+            signals[f"{name}{joint}"] = angle(joint)
+        sources.append(source(f"record.zip/SYNTHETIC_ctrl{number}{load}.csv", signals, group="table"))
+    return sources
+
+
+def test_a_suggested_mapping_is_a_valid_one(tmp_path: Path) -> None:
+    suggestion = suggest(understand(_record(), S_INV), "SYNTHETIC")
+    path = tmp_path / "mapping.yaml"
+    path.write_text(suggestion.text, encoding="utf-8")
+    mapping = load_mapping(path).mapping
+    assert list(mapping.runs) == ["controller_1", "controller_1_payload", "controller_2", "controller_3"]
+    assert mapping.runs["controller_1_payload"].payload_mass_kg == 0.2
+    for name, run in mapping.runs.items():
+        assert {(entry.variable, entry.joint) for entry in run.signals} == set(
+            product(("q_d", "q_encoder"), (2, 3))
+        )
+        assert all(entry.unit == "deg" and entry.because for entry in run.signals), name
+        assert run.time is not None
+        assert run.time.signal == "t"
+    assert len(list(mapping.guesses())) == 16
+
+
+def test_one_sheet_with_all_controllers_shares_what_belongs_to_none() -> None:
+    signals = {"t": TIME, "qd2": course(2)} | {f"q2 C{n}": followed(2, 0.1 * n) for n in (1, 2, 3)}
+    runs = suggest(understand([source("fig14.xlsx", signals, group="Sheet1")], S_INV), "SYNTHETIC").runs
+    assert runs == {"controller_1": 2, "controller_2": 2, "controller_3": 2}
+
+
+def test_joints_counted_from_one_are_moved() -> None:
+    signals = {"t": TIME, "q1": course(2), "q2": course(3)}
+    text = suggest(understand([source("controller1.csv", signals, group="g")], S_INV), "SYNTHETIC").text
+    assert "joint: 3" in text
+    assert "joint: 1\n" not in text
+
+
+def test_what_has_no_run_is_listed() -> None:
+    unknown = np.random.default_rng(5).normal(size=len(TIME))
+    suggestion = suggest(
+        understand([source("c1.csv", {"t": TIME, "q2": course(2), "zz": unknown}, "g")], S_INV), "x"
+    )
+    assert [column.signal.path for column in suggestion.left] == ["zz"]
+    assert "signal: zz" in suggestion.text
+
+
+def test_the_decoupling_experiment_is_told_from_the_comparison() -> None:
+    signals = (
+        {"t": TIME}
+        | {f"motor{k}": course(k) for k in (1, 2, 3)}
+        | {f"joint{k}": course(k) for k in (1, 2, 3)}
+    )
+    columns = understand([source("experiment.csv", signals, group="g")], S_INV)
+    assert suggest(columns, "SYNTHETIC").runs == {"decouple": 6}
+
+
+def test_motor_angles_from_desired_joint_angles_are_no_measurement() -> None:
+    column = guessed(source("x.csv", {"t": TIME, "motor 2 desired": course(2)}, group="g"))["motor 2 desired"]
+    assert variable_of(column) is None
