@@ -1,4 +1,4 @@
-"""Commands around the paper's data set: fetch, inspect."""
+"""Commands around the paper's data set: fetch, inspect, ingest."""
 
 from __future__ import annotations
 
@@ -61,3 +61,25 @@ def inspect(
     talk = Talk(quiet=quiet, verbose=verbose)
     found = run_inspect(paths, mapping if suggest else None, force=force, talk=talk)
     show(found if as_json else inspect_text(found), as_json=as_json, quiet=quiet)
+
+
+@data_app.command(epilog="Example: tendonrepro ingest data/zenodo --mapping data/mapping.yaml")
+def ingest(
+    paths: Paths,
+    mapping: Mapping = Path("data/mapping.yaml"),
+    out: Annotated[Path, typer.Option("--out", help="Trace file to write.")] = Path("data/measured.h5"),
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Check everything, write nothing.")] = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Overwrite a file of another mapping or other data.")
+    ] = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Convert measured data to the layout of simulated traces."""
+    from tendonrepro.dataset.ingest import ingest_text, run_ingest
+    from tendonrepro.talk import Talk
+
+    talk = Talk(quiet=quiet, verbose=verbose)
+    found = run_ingest(paths, mapping, out, force=force, dry_run=dry_run, talk=talk)
+    show(found if as_json else ingest_text(found), as_json=as_json, quiet=quiet)

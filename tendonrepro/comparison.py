@@ -84,7 +84,7 @@ def change_rows(file: TraceFile) -> Iterator[Row]:
 def decoupling_rows(file: TraceFile) -> Iterator[Row]:
     """Yield ``joint``, ``mae_deg``, ``rmse_deg``, ``max_deg``, ``status`` of the run ``decouple``."""
     trace = file.runs.get("decouple")
-    if trace is None:
+    if trace is None or "q_calculated" not in trace or "q_encoder" not in trace:
         return
     sizes = decoupling_errors(trace)
     for index, joint in enumerate(trace.joint):

@@ -25,14 +25,15 @@ def controllers(file: TraceFile) -> list[Trace]:
     Parameters
     ----------
     file : TraceFile
-        Of the comparison.
+        Holds the comparison.
 
     Returns
     -------
     list of Trace
         In the file's order.
     """
-    return [trace for trace in file.runs.values() if not trace.name.endswith(_PAYLOAD)]
+    runs = file.part("compare").runs
+    return [trace for trace in runs.values() if not trace.name.endswith(_PAYLOAD)]
 
 
 def draw_motors(file: TraceFile, traces: list[Trace]) -> Sheet:

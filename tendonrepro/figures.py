@@ -58,11 +58,11 @@ class FigureSpec:
 
     def traces(self, file: TraceFile) -> list[Trace]:
         """Pick the runs of a file that can be drawn; there are none when the figure cannot be."""
-        if file.experiment != self.experiment or not set(self.plant) <= set(file.plant.values):
+        if not set(self.plant) <= set(file.plant.values):
             return []
         return [
             trace
-            for trace in self.runs(file)
+            for trace in self.runs(file.part(self.experiment))
             if self.enough(name in trace for name in self.needs) and set(self.joints) <= set(trace.joint)
         ]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -12,6 +12,9 @@ from tendonrepro.arrays import Array
 from tendonrepro.errors import DataMissingError
 
 SCHEMA_VERSION = 1
+
+DECOUPLING_RUNS = ("decouple", "pull_tendon_1")
+"""Runs of the decoupling experiment; in a file of both experiments all others belong to the comparison."""
 
 RESERVED = "plant"
 """Name that no run may have: the group of the plant's values."""
@@ -172,7 +175,7 @@ class TraceFile:
     Parameters
     ----------
     experiment : str
-        ``compare`` or ``decouple``.
+        ``compare``, ``decouple``, or ``both`` where a measured file holds runs of both.
     source : str
         ``simulated`` or ``measured``.
     title : str
@@ -193,7 +196,7 @@ class TraceFile:
         Version of the layout.
     """
 
-    experiment: Literal["compare", "decouple"]
+    experiment: Literal["compare", "decouple", "both"]
     source: Literal["simulated", "measured"]
     title: str
     runs: Mapping[str, Trace]
@@ -204,3 +207,25 @@ class TraceFile:
     created: str
     tendonrepro_version: str
     schema_version: int = SCHEMA_VERSION
+
+    def part(self, experiment: str) -> TraceFile:
+        """Return the file with the runs of one experiment alone.
+
+        Parameters
+        ----------
+        experiment : str
+            ``compare`` or ``decouple``.
+
+        Returns
+        -------
+        TraceFile
+            Of that experiment; without runs when there are none.
+        """
+        if self.experiment == experiment:
+            return self
+        kept = {
+            name: trace
+            for name, trace in self.runs.items()
+            if self.experiment == "both" and (name in DECOUPLING_RUNS) == (experiment == "decouple")
+        }
+        return replace(self, experiment=experiment, runs=kept)  # type: ignore[arg-type]

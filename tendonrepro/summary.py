@@ -17,11 +17,14 @@ CONTROLLERS = ("controller_1", "controller_2", "controller_3")
 LOADS: Mapping[str, str] = {"no_load": "controller_1", "with_load": "controller_1_payload"}
 """The rows of Table 3 and their runs."""
 
+MEASURED = "measured"
+"""Law of a run that was measured."""
+
 Sizes: TypeAlias = dict[str, Array]
 Numbers: TypeAlias = list[float | None]
 
 
-def sizes_deg(e: Array) -> Sizes:
+def sizes_deg(e: Array, *, gaps: bool = False) -> Sizes:
     """Mean absolute, root mean square and largest error of each joint, in degrees.
 
     Samples from the first one on that is not finite are left out: a diverged run is judged up to there.
@@ -30,6 +33,8 @@ def sizes_deg(e: Array) -> Sizes:
     ----------
     e : array (T, n)
         Error, rad.
+    gaps : bool
+        Of a measured run, which goes on after a missing sample: leave out such samples alone.
 
     Returns
     -------
@@ -37,7 +42,7 @@ def sizes_deg(e: Array) -> Sizes:
         ``mae``, ``rmse`` and ``max``, each an array (n,) in degrees; NaN where no sample is left.
     """
     broken = ~np.isfinite(e).all(axis=1)
-    kept = np.rad2deg(e[: np.argmax(broken)] if broken.any() else e)
+    kept = np.rad2deg(e[~broken] if gaps or not broken.any() else e[: np.argmax(broken)])
     if len(kept) == 0:
         return {name: np.full(e.shape[1], np.nan) for name in ("mae", "rmse", "max")}
     return {"mae": mae(kept), "rmse": rmse(kept), "max": max_abs(kept)}
@@ -58,7 +63,8 @@ def tracking_errors(trace: Trace) -> dict[str, Sizes]:
     """
     e = trace["e"]
     spans = windows(trace.time, trace.attributes["reference_period"])
-    return {name: sizes_deg(e[span]) for name, span in spans.items()}
+    gaps = trace.attributes["law"] == MEASURED
+    return {name: sizes_deg(e[span], gaps=gaps) for name, span in spans.items()}
 
 
 def decoupling_errors(trace: Trace) -> Sizes:
@@ -74,7 +80,8 @@ def decoupling_errors(trace: Trace) -> Sizes:
     dict
         As `sizes_deg`.
     """
-    return sizes_deg(trace["q_calculated"] - trace["q_encoder"])
+    gaps = trace.attributes["law"] == MEASURED
+    return sizes_deg(trace["q_calculated"] - trace["q_encoder"], gaps=gaps)
 
 
 def compared_runs(file: TraceFile) -> dict[str, Trace]:

@@ -173,10 +173,12 @@ def write_tables(file: TraceFile, folder: Path) -> list[Path]:
     """
     origin = f"{file.source}, config {file.config_sha256[:12]}"
     paths = []
-    for stem, (make, caption) in _TABLES[file.experiment].items():
-        frame = make(file)
-        if len(frame):
-            paths += write_table(frame, folder, stem, f"{caption} ({origin}).")
+    for experiment, tables in _TABLES.items():
+        part = file.part(experiment)
+        for stem, (make, caption) in tables.items() if part.runs else ():
+            frame = make(part)
+            if len(frame):
+                paths += write_table(frame, folder, stem, f"{caption} ({origin}).")
     return paths
 
 

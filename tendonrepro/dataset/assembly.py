@@ -1,0 +1,205 @@
+"""From read files and a mapping to runs: SI units, one time base, errors derived."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tendonrepro.arrays import Array
+from tendonrepro.dataset.mapping import Entry, Mapping, Resample, Run, TimeAxis
+from tendonrepro.dataset.signals import Signal, Source
+from tendonrepro.dataset.timebase import RESAMPLED, Timed, TimeProblem, checked, even, shared, within
+from tendonrepro.dataset.units import factor
+from tendonrepro.errors import ConfigError
+from tendonrepro.records import Trace
+from tendonrepro.summary import MEASURED
+
+StatusOf = Callable[[Array, Array], tuple[str, float]]
+"""Time and error without gaps to status and its time."""
+
+
+@dataclass
+class Assembly:
+    """Runs in the making.
+
+    Parameters
+    ----------
+    sources : sequence of Source
+    mapping : Mapping
+    where : str
+        The mapping file, for messages.
+    S : Array
+        Coupling of all joints, (3, 3).
+    status_of : callable
+
+    Attributes
+    ----------
+    notes : list of str
+        What was done to the numbers on the way.
+    """
+
+    sources: Sequence[Source]
+    mapping: Mapping
+    where: str
+    S: Array
+    status_of: StatusOf
+    notes: list[str] = field(default_factory=list)
+
+    def runs(self) -> dict[str, Trace]:
+        """All runs of the mapping, in its order.
+
+        Raises
+        ------
+        ConfigError
+            When a file, signal or column is missing, or times do not fit.
+        """
+        return {name: self._run(name, run) for name, run in self.mapping.runs.items()}
+
+    def _run(self, name: str, run: Run) -> Trace:
+        try:
+            time, variables, joints = self._variables(name, run)
+        except TimeProblem as problem:
+            hint = "Give both the same `time`, or ask for a common one: `resample: {step_s: 0.001}`."
+            raise ConfigError(str(problem), where=f"{self.where}: runs.{name}", hint=hint) from None
+        if time[0] != 0.0:
+            self.notes.append(f"{name}: time starts at {time[0]:g} s in the files, at 0 here")
+            time = time - time[0]
+        self._derive(name, variables, joints)
+        status, status_time = self._status(time, variables)
+        attributes = {
+            "law": MEASURED,
+            "gains": {},
+            "readings": {},
+            "payload_mass": float(run.payload_mass_kg),
+            "status": status,
+            "status_time": status_time,
+            "reference_period": float(run.period_s or 0.0),
+        }
+        return Trace(name, time, joints, variables, attributes)
+
+    def _variables(self, name: str, run: Run) -> tuple[Array, dict[str, Array], tuple[int, ...]]:
+        """Time base, variables by name, and the joints in order."""
+        timed = {}
+        for entry in run.signals:
+            label = f"{entry.variable} of joint {entry.joint}"
+            signal, note = checked(self._timed(entry, run, label))
+            self.notes += [f"{name}: {note}"] if note else []
+            timed[entry] = within(signal, run.from_s, run.to_s)
+        time = self._time(name, list(timed.values()))
+        joints = tuple(sorted({entry.joint for entry in run.signals}))
+        variables: dict[str, Array] = {}
+        for entry, signal in timed.items():
+            block = variables.setdefault(entry.variable, np.full((len(time), len(joints)), np.nan))
+            block[:, joints.index(entry.joint)] = self._values(signal, time)
+        for variable, block in variables.items():
+            absent = [joint for k, joint in enumerate(joints) if np.isnan(block[:, k]).all()]
+            if absent:
+                self.notes.append(f"{name}: no {variable} of joint {', '.join(map(str, absent))}")
+        return time, variables, joints
+
+    def _time(self, name: str, signals: Sequence[Timed]) -> Array:
+        resample = self.mapping.resample
+        if resample is None:
+            return shared(signals)
+        self.notes.append(f"{name}: resampled every {resample.step_s:g} s, {resample.method}")
+        return even(signals, resample.step_s)
+
+    def _values(self, signal: Timed, time: Array) -> Array:
+        resample: Resample | None = self.mapping.resample
+        return signal.values if resample is None else RESAMPLED[resample.method](time, signal)
+
+    def _timed(self, entry: Entry, run: Run, label: str) -> Timed:
+        signal = self._signal(entry.file, entry.signal, entry.column)
+        values = (signal.column(entry.column) - entry.offset) * entry.to_si
+        axis = entry.time or run.time
+        if axis is not None:
+            return Timed(label, self._axis(axis, len(values)), values)
+        if signal.time is not None:
+            return Timed(label, signal.time, values)
+        message = f"{label} has no time"
+        hint = "Give its run a `time: {file, signal}`, or `time: {step_s: 0.001}`."
+        raise ConfigError(message, where=self.where, hint=hint)
+
+    def _axis(self, axis: TimeAxis, samples: int) -> Array:
+        if axis.step_s is not None:
+            return np.asarray(axis.step_s * np.arange(samples))
+        assert axis.file is not None
+        assert axis.signal is not None
+        column = self._signal(axis.file, axis.signal, axis.column).column(axis.column)
+        return column * factor(axis.unit, "time")
+
+    def _signal(self, file: str, path: str, column: int) -> Signal:
+        source = self._source(file)
+        found = next((signal for signal in source.signals if signal.path == path), None)
+        if found is None:
+            skipped = next((skip for skip in source.skipped if skip.path == path or not skip.path), None)
+            reason = f": {skipped.reason}" if skipped else ""
+            message = f"{file} holds no signal {path!r}{reason}"
+            hint = f"`tendonrepro inspect` lists what it holds: {_few([s.path for s in source.signals])}"
+            raise ConfigError(message, where=self.where, hint=hint)
+        if column > found.columns:
+            message = f"{path!r} in {file} has {found.columns} columns, not {column}"
+            raise ConfigError(message, where=self.where)
+        return found
+
+    def _source(self, file: str) -> Source:
+        """Find a file by its name, or by the only one that ends with it when other folders stand before."""
+        exact = [source for source in self.sources if source.name == file]
+        below = [source for source in self.sources if f"/{source.name}".endswith(f"/{file}")]
+        above = [source for source in self.sources if f"/{file}".endswith(f"/{source.name}")]
+        for found in (exact, below, above):
+            if len(found) == 1:
+                return found[0]
+        message = (
+            f"no file {file!r} among what was given" if not below else f"{file!r} could be several files"
+        )
+        hint = f"Given were {_few([source.name for source in self.sources])}"
+        raise ConfigError(message, where=self.where, hint=hint)
+
+    def _derive(self, name: str, variables: dict[str, Array], joints: tuple[int, ...]) -> None:
+        """Complete desired angle, measured angle and error from two of them; joint angles from motors."""
+        given = variables.keys() & {"q_d", "q_encoder", "e"}
+        if {"q_d", "q_encoder"} <= given:
+            e = variables["q_d"] - variables["q_encoder"]
+            if "e" in given:
+                apart = np.rad2deg(np.nanmax(np.abs(e - variables["e"]), initial=0.0))
+                self.notes.append(
+                    f"{name}: e is q_d - q_encoder; the recorded error is up to {apart:.3g} deg off"
+                )
+                e = np.where(np.isnan(e), variables["e"], e)
+            variables["e"] = e
+        elif {"q_d", "e"} == given:
+            variables["q_encoder"] = variables["q_d"] - variables["e"]
+            self.notes.append(f"{name}: q_encoder is q_d - e")
+        elif {"q_encoder", "e"} == given:
+            variables["q_d"] = variables["q_encoder"] + variables["e"]
+            self.notes.append(f"{name}: q_d is q_encoder + e")
+        if (
+            "q_motor_encoder" in variables
+            and "q_calculated" not in variables
+            and joints in {(1, 2, 3), (2, 3)}
+        ):
+            index = np.array(joints) - 1
+            variables["q_calculated"] = variables["q_motor_encoder"] @ self.S[np.ix_(index, index)].T
+            held = "" if len(joints) == len(self.S) else ", joint 1 held"
+            self.notes.append(f"{name}: q_calculated is S q_motor_encoder{held}")
+
+    def _status(self, time: Array, variables: dict[str, Array]) -> tuple[str, float]:
+        """Status by the error; gaps in it are bridged, they are not divergence."""
+        if "e" not in variables or len(time) < 2:
+            return "ok", float(time[-1])
+        columns = [_bridged(time, column) for column in variables["e"].T]
+        known = [column for column in columns if column is not None]
+        return self.status_of(time, np.stack(known, axis=1)) if known else ("ok", float(time[-1]))
+
+
+def _bridged(time: Array, values: Array) -> Array | None:
+    known = np.isfinite(values)
+    return np.interp(time, time[known], values[known]) if known.any() else None
+
+
+def _few(names: Sequence[str]) -> str:
+    shown = ", ".join(names[:8]) or "nothing"
+    return f"{shown} and {len(names) - 8} more" if len(names) > 8 else shown

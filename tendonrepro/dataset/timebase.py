@@ -1,0 +1,163 @@
+"""One time base for the signals of a run: the one they share, or one that is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tendonrepro.arrays import Array
+
+SAME_TIME = 1e-3
+"""Largest difference of times that count as equal, as a share of the step."""
+
+
+class TimeProblem(Exception):
+    """Times that cannot be used as they are; the message says which and why."""
+
+
+@dataclass(frozen=True, eq=False)
+class Timed:
+    """A signal with its sampling times.
+
+    Parameters
+    ----------
+    name : str
+        For messages.
+    time, values : Array
+        Shape (N,), s and SI.
+    """
+
+    name: str
+    time: Array
+    values: Array
+
+
+def checked(signal: Timed) -> tuple[Timed, str]:
+    """Leave out samples without a time, and make sure that time increases.
+
+    Returns
+    -------
+    signal : Timed
+    note : str
+        What was left out; empty when nothing.
+
+    Raises
+    ------
+    TimeProblem
+        When lengths differ, fewer than two samples are left, or time stands still or goes back.
+    """
+    if len(signal.time) != len(signal.values):
+        message = f"{signal.name} has {len(signal.values)} samples, its time has {len(signal.time)}"
+        raise TimeProblem(message)
+    known = np.isfinite(signal.time)
+    time, values = signal.time[known], signal.values[known]
+    if len(time) < 2:
+        message = f"{signal.name} has fewer than two samples with a time"
+        raise TimeProblem(message)
+    late = np.flatnonzero(np.diff(time) <= 0.0)
+    if late.size:
+        k = int(late[0])
+        step = f"from sample {k + 1} to {k + 2}: {time[k]:g} s, {time[k + 1]:g} s"
+        message = f"the time of {signal.name} does not increase {step}"
+        raise TimeProblem(message)
+    lost = len(known) - len(time)
+    note = f"{signal.name}: {lost} samples without a time left out" if lost else ""
+    return Timed(signal.name, time, values), note
+
+
+def within(signal: Timed, first: float | None, last: float | None) -> Timed:
+    """Samples from `first` to `last`, s, both ends included; None leaves an end as it is.
+
+    Raises
+    ------
+    TimeProblem
+        When fewer than two samples lie there.
+    """
+    kept = np.ones(len(signal.time), bool)
+    if first is not None:
+        kept &= signal.time >= first
+    if last is not None:
+        kept &= signal.time <= last
+    if kept.sum() < 2:
+        lasts = f"it lasts from {signal.time[0]:g} to {signal.time[-1]:g} s"
+        message = f"{signal.name} has {kept.sum()} samples between from_s and to_s; {lasts}"
+        raise TimeProblem(message)
+    return Timed(signal.name, signal.time[kept], signal.values[kept])
+
+
+def shared(signals: Sequence[Timed]) -> Array:
+    """Time base that all signals have in common.
+
+    Parameters
+    ----------
+    signals : sequence of Timed
+        At least one.
+
+    Returns
+    -------
+    Array
+        Times of the first signal, s, shape (N,).
+
+    Raises
+    ------
+    TimeProblem
+        When their times differ by more than a thousandth of a step.
+    """
+    first = signals[0]
+    step = float(np.median(np.diff(first.time)))
+    for other in signals[1:]:
+        if len(other.time) != len(first.time):
+            message = f"{first.name} has {len(first.time)} samples, {other.name} has {len(other.time)}"
+            raise TimeProblem(message)
+        apart = float(np.abs(other.time - first.time).max())
+        if apart > SAME_TIME * step:
+            message = f"the times of {first.name} and {other.name} differ by up to {apart:.3g} s"
+            raise TimeProblem(message)
+    return first.time
+
+
+def even(signals: Sequence[Timed], step: float) -> Array:
+    """Even times that every signal covers.
+
+    Parameters
+    ----------
+    signals : sequence of Timed
+        At least one.
+    step : float
+        s.
+
+    Returns
+    -------
+    Array
+        From the latest start to the earliest end, s.
+
+    Raises
+    ------
+    TimeProblem
+        When they have less than one step in common.
+    """
+    start = max(float(signal.time[0]) for signal in signals)
+    end = min(float(signal.time[-1]) for signal in signals)
+    # The margin keeps an end that rounding put just before its step.
+    count = int(np.floor((end - start) / step + 1e-6)) + 1
+    if count < 2:
+        message = f"signals have only {max(end - start, 0.0):.3g} s in common, less than a step of {step:g} s"
+        raise TimeProblem(message)
+    return np.asarray(start + step * np.arange(count))
+
+
+def _linear(time: Array, signal: Timed) -> Array:
+    return np.interp(time, signal.time, signal.values)
+
+
+def _previous(time: Array, signal: Timed) -> Array:
+    # A sample that is late by rounding alone is still the one at that time.
+    margin = 1e-6 * float(np.median(np.diff(signal.time)))
+    place = np.searchsorted(signal.time, time + margin, side="right") - 1
+    return signal.values[np.maximum(place, 0)]
+
+
+RESAMPLED: Mapping[str, Callable[[Array, Timed], Array]] = {"linear": _linear, "previous": _previous}
+"""Method -> values of a signal at other times, shape (N,)."""

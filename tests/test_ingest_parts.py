@@ -1,0 +1,292 @@
+"""Mapping files, time bases, and what is made of columns on their way to runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from tendonrepro.arithmetic import coupling_of, table_1
+from tendonrepro.dataset.assembly import Assembly
+from tendonrepro.dataset.mapping import Mapping, load_mapping
+from tendonrepro.dataset.signals import Found, Source, samples_first
+from tendonrepro.dataset.timebase import RESAMPLED, Timed, TimeProblem, checked, even, shared, within
+from tendonrepro.errors import ConfigError
+from tendonrepro.published import published
+
+Array = NDArray[np.float64]
+S, S_INV = coupling_of(table_1(published()))
+TIME = 0.01 * np.arange(301.0)
+ANGLE = np.stack([10.0 * np.sin(TIME), 20.0 * np.sin(2.0 * TIME)], axis=1)
+
+
+def judge(time: Array, e: Array) -> tuple[str, float]:
+    assert np.isfinite(e).all()
+    return "ok", float(time[-1])
+
+
+def make_source(name: str = "SYNTHETIC_c1.mat", **signals: Array) -> Source:
+    found = Found("SYNTHETIC")
+    for path, values in signals.items():
+        found.add(path, values)
+    return Source(name, "SYNTHETIC", 0, "0" * 32, tuple(found.signals), tuple(found.skipped))
+
+
+def entry(
+    variable: str = "q_encoder", joint: int = 2, signal: str = "q", **more: object
+) -> dict[str, object]:
+    at = {"file": "SYNTHETIC_c1.mat", "signal": signal, "unit": "deg"}
+    return {"variable": variable, "joint": joint} | at | more
+
+
+def make_mapping(*entries: dict[str, object], resample: object = None, **run: object) -> Mapping:
+    times = {"time": {"file": "SYNTHETIC_c1.mat", "signal": "t"}}
+    runs = {"controller_1": times | run | {"signals": list(entries)}}
+    return Mapping.model_validate(
+        {"schema_version": 1, "title": "SYNTHETIC", "resample": resample, "runs": runs}
+    )
+
+
+def assemble(mapping: Mapping, *sources: Source) -> Assembly:
+    return Assembly(sources, mapping, "mapping.yaml", S, judge)
+
+
+def test_units_offsets_signs_and_scales() -> None:
+    mapping = make_mapping(entry(column=2, offset=3.0, sign=-1, scale=0.5))
+    (run,) = assemble(mapping, make_source(t=TIME, q=ANGLE)).runs().values()
+    np.testing.assert_allclose(run["q_encoder"][:, 0], -0.5 * np.deg2rad(ANGLE[:, 1] - 3.0), rtol=1e-15)
+    assert run.joint == (2,)
+    assert run.attributes["law"] == "measured"
+
+
+def test_time_starts_at_zero_and_says_so() -> None:
+    assembly = assemble(make_mapping(entry(), from_s=1.0), make_source(t=TIME, q=ANGLE))
+    (run,) = assembly.runs().values()
+    np.testing.assert_allclose(run.time, 0.01 * np.arange(201.0), atol=1e-12)
+    assert any("starts at 1 s" in note for note in assembly.notes)
+
+
+def test_times_in_milliseconds() -> None:
+    mapping = make_mapping(entry(), time={"file": "SYNTHETIC_c1.mat", "signal": "t", "unit": "ms"})
+    (run,) = assemble(mapping, make_source(t=1e3 * TIME, q=ANGLE)).runs().values()
+    np.testing.assert_allclose(run.time, TIME, rtol=1e-12)
+
+
+@pytest.mark.parametrize("given", [("q_d", "q_encoder"), ("q_d", "e"), ("q_encoder", "e")])
+def test_of_desired_measured_and_error_two_give_the_third(given: tuple[str, str]) -> None:
+    q_d, e = ANGLE[:, 0], 0.3 * np.cos(TIME)
+    columns = {"q_d": q_d, "q_encoder": q_d - e, "e": e}
+    mapping = make_mapping(*(entry(name, signal=name) for name in given))
+    (run,) = assemble(mapping, make_source(t=TIME, **columns)).runs().values()
+    for name, expected in columns.items():
+        np.testing.assert_allclose(run[name][:, 0], np.deg2rad(expected), atol=1e-15)
+
+
+def test_a_recorded_error_gives_way_to_the_difference_and_is_compared() -> None:
+    columns = {"q_d": ANGLE[:, 0], "q_encoder": ANGLE[:, 0] - 0.2, "e": np.full(len(TIME), 0.25)}
+    assembly = assemble(
+        make_mapping(*(entry(name, signal=name) for name in columns)), make_source(t=TIME, **columns)
+    )
+    (run,) = assembly.runs().values()
+    np.testing.assert_allclose(np.rad2deg(run["e"]), 0.2, rtol=1e-12)
+    assert any("0.05 deg off" in note for note in assembly.notes)
+
+
+def test_motor_angles_give_calculated_joint_angles() -> None:
+    q = np.stack([ANGLE[:, 0], ANGLE[:, 1], 5.0 * np.cos(TIME)], axis=1)
+    entries = [entry("q_motor_encoder", joint, "m", column=joint) for joint in (1, 2, 3)]
+    (run,) = assemble(make_mapping(*entries), make_source(t=TIME, m=q @ S_INV.T)).runs().values()
+    np.testing.assert_allclose(np.rad2deg(run["q_calculated"]), q, atol=1e-12)
+
+
+def test_a_joint_without_a_variable_is_missing_and_told_of() -> None:
+    entries = [entry(column=1), entry(joint=3, column=2), entry("tau_m", 3, "u", unit="N m")]
+    assembly = assemble(make_mapping(*entries), make_source(t=TIME, q=ANGLE, u=np.cos(TIME)))
+    (run,) = assembly.runs().values()
+    assert np.isnan(run["tau_m"][:, 0]).all()
+    np.testing.assert_array_equal(run["tau_m"][:, 1], np.cos(TIME))
+    assert "controller_1: no tau_m of joint 2" in assembly.notes
+
+
+def test_gaps_stay_gaps_and_are_no_divergence() -> None:
+    e = np.cos(TIME)
+    e[50:60] = np.nan
+    (run,) = assemble(make_mapping(entry("e", signal="e")), make_source(t=TIME, e=e)).runs().values()
+    assert np.isnan(run["e"]).sum() == 10
+    assert run.status == "ok"
+
+
+def test_different_times_are_refused_unless_resampling_is_asked_for() -> None:
+    late = {"file": "SYNTHETIC_c1.mat", "signal": "t2"}
+    entries = [entry("q_encoder", signal="a"), entry("q_d", signal="b", time=late)]
+    source = make_source(t=TIME, a=np.sin(TIME), t2=TIME[::2], b=TIME[::2])
+    with pytest.raises(ConfigError, match=r"301 samples.*has 151") as caught:
+        assemble(make_mapping(*entries), source).runs()
+    assert "resample" in (caught.value.hint or "")
+    assembly = assemble(make_mapping(*entries, resample={"step_s": 0.005}), source)
+    (run,) = assembly.runs().values()
+    np.testing.assert_allclose(np.rad2deg(run["q_d"][:, 0]), run.time, atol=1e-12)
+    assert "controller_1: resampled every 0.005 s, linear" in assembly.notes
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"file": "other.mat"}, "no file 'other.mat'"),
+        ({"signal": "qq"}, "holds no signal 'qq'"),
+        ({"column": 3}, "has 2 columns, not 3"),
+    ],
+)
+def test_what_is_not_there_is_named(change: dict[str, object], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        assemble(make_mapping(entry(**change)), make_source(t=TIME, q=ANGLE)).runs()
+
+
+def test_a_file_is_found_whatever_folders_stand_before_it() -> None:
+    for name in ("zenodo/SYNTHETIC_c1.mat", "data/zenodo/record.zip/SYNTHETIC_c1.mat"):
+        source = make_source(name, t=TIME, q=ANGLE)
+        assert assemble(make_mapping(entry()), source).runs()
+    twice = [make_source(f"{folder}/SYNTHETIC_c1.mat", t=TIME, q=ANGLE) for folder in "ab"]
+    with pytest.raises(ConfigError, match="could be several"):
+        assemble(make_mapping(entry()), *twice).runs()
+
+
+def timed(time: Array, values: Array | None = None) -> Timed:
+    return Timed("SYNTHETIC", time, time if values is None else values)
+
+
+@pytest.mark.parametrize("bad", [TIME[::-1], np.zeros(5), np.array([0.0, 1.0, 1.0]), np.array([0.0, np.nan])])
+def test_time_must_increase(bad: Array) -> None:
+    with pytest.raises(TimeProblem):
+        checked(timed(bad))
+
+
+def test_samples_without_a_time_are_left_out() -> None:
+    time = TIME.copy()
+    time[[0, 7]] = np.nan
+    kept, note = checked(timed(time, np.arange(301.0)))
+    assert len(kept.time) == 299
+    assert "2 samples" in note
+    assert 7.0 not in kept.values
+
+
+def test_cutting_keeps_both_ends() -> None:
+    cut = within(timed(np.arange(10.0)), 2.0, 5.0)
+    np.testing.assert_array_equal(cut.time, [2.0, 3.0, 4.0, 5.0])
+    with pytest.raises(TimeProblem, match="lasts from 0 to 9 s"):
+        within(timed(np.arange(10.0)), 20.0, None)
+
+
+def test_equal_times_are_shared_and_others_refused() -> None:
+    jitter = TIME + 1e-8
+    np.testing.assert_array_equal(shared([timed(TIME), timed(jitter)]), TIME)
+    with pytest.raises(TimeProblem, match=r"differ by up to 0.005 s"):
+        shared([timed(TIME), timed(TIME + 0.005)])
+
+
+def test_even_times_are_those_that_all_cover() -> None:
+    grid = even([timed(TIME), timed(TIME + 0.5)], 0.25)
+    np.testing.assert_allclose(grid, 0.5 + 0.25 * np.arange(11.0))
+    with pytest.raises(TimeProblem, match="only 0 s in common"):
+        even([timed(TIME), timed(TIME + 50.0)], 0.25)
+
+
+@given(slope=st.floats(-5.0, 5.0), step=st.floats(0.003, 0.2))
+def test_linear_resampling_keeps_straight_lines(slope: float, step: float) -> None:
+    signal = timed(TIME, slope * TIME + 1.0)
+    grid = even([signal], step)
+    np.testing.assert_allclose(RESAMPLED["linear"](grid, signal), slope * grid + 1.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("method", ["linear", "previous"])
+def test_resampling_to_the_same_times_changes_nothing(method: str) -> None:
+    signal = timed(TIME, np.random.default_rng(1).normal(size=len(TIME)))
+    np.testing.assert_array_equal(RESAMPLED[method](even([signal], 0.01), signal), signal.values)
+
+
+def test_held_samples_hold() -> None:
+    signal = timed(np.arange(4.0), np.array([1.0, 2.0, 3.0, 4.0]))
+    np.testing.assert_array_equal(
+        RESAMPLED["previous"](np.array([0.5, 1.0, 1.999, 3.0]), signal), [1, 2, 2, 4]
+    )
+
+
+MISTAKES = {
+    "variable: q_encoder": ("variable: q_encodr", "did you mean 'q_encoder'"),
+    "joint: 2": ("joint: two", "joint"),
+    "unit: deg": ("unit: N m", "must be one of rad, deg"),
+    "step_s: 0.001": ("step_s: 0", "step_s"),
+    "title: SYNTHETIC": ("titel: SYNTHETIC", "did you mean 'title'"),
+    "schema_version: 1": ("schema_version: 2", "must be 1"),
+    "column: 1": ("column: 0", "column"),
+}
+GOOD = """schema_version: 1
+title: SYNTHETIC
+runs:
+  controller_1:
+    time: {step_s: 0.001}
+    signals:
+    - variable: q_encoder
+      joint: 2
+      file: a.mat
+      signal: q
+      column: 1
+      unit: deg
+"""
+
+
+def test_the_digest_of_a_mapping_is_of_its_content(tmp_path: Path) -> None:
+    digests = []
+    for text in (GOOD, f"# a comment\n{GOOD}", GOOD.replace(": {step_s: 0.001}", ":\n      step_s: 1.0e-3")):
+        path = tmp_path / "mapping.yaml"
+        path.write_text(text)
+        digests.append(load_mapping(path).sha256)
+    assert len(set(digests)) == 1
+    path.write_text(GOOD.replace("joint: 2", "joint: 3"))
+    assert load_mapping(path).sha256 != digests[0]
+
+
+@pytest.mark.parametrize("good", MISTAKES)
+def test_a_mistake_in_a_mapping_is_named_with_its_line(tmp_path: Path, good: str) -> None:
+    bad, message = MISTAKES[good]
+    path = tmp_path / "mapping.yaml"
+    path.write_text(GOOD.replace(good, bad))
+    with pytest.raises(ConfigError) as caught:
+        load_mapping(path)
+    text = str(caught.value)
+    assert message in text
+    assert "mapping.yaml:" in text
+
+
+def test_a_variable_is_given_once(tmp_path: Path) -> None:
+    path = tmp_path / "mapping.yaml"
+    item = GOOD[GOOD.index("    - variable") :]
+    path.write_text(GOOD + item)
+    with pytest.raises(ConfigError, match="second q_encoder of joint 2"):
+        load_mapping(path)
+
+
+def test_rows_become_columns_when_they_are_signals() -> None:
+    wide = np.arange(60.0).reshape(3, 20)
+    turned, note = samples_first(wide)
+    np.testing.assert_array_equal(turned, wide.T)
+    assert note
+    kept, note = samples_first(np.arange(300.0).reshape(100, 3))
+    assert kept.shape == (100, 3)
+    assert not note
+    assert samples_first(wide, samples=3)[0].shape == (3, 20)
+    assert samples_first(np.arange(5.0).reshape(1, 5))[0].shape == (5,)
+
+
+def test_found_keeps_paths_apart_and_says_what_is_no_signal() -> None:
+    found = Found("SYNTHETIC")
+    for values in (np.arange(5.0), np.arange(6), np.array(["a", "b"]), np.zeros((3, 3, 3)), np.array([1.0])):
+        found.add("x", values)
+    found.add("x", np.arange(4.0), time=np.arange(3.0))
+    assert [signal.path for signal in found.signals] == ["x", "x (2)", "x (3)"]
+    assert found.signals[2].time is None
+    assert len(found.skipped) == 4
