@@ -34,15 +34,18 @@ def sizes_deg(e: Array, *, gaps: bool = False) -> Sizes:
     e : array (T, n)
         Error, rad.
     gaps : bool
-        Of a measured run, which goes on after a missing sample: leave out such samples alone.
+        Of a measured run, which goes on after a missing sample: leave out such samples alone, joint by joint.
 
     Returns
     -------
     dict
         ``mae``, ``rmse`` and ``max``, each an array (n,) in degrees; NaN where no sample is left.
     """
+    if gaps:
+        each = [sizes_deg(column[np.isfinite(column), np.newaxis]) for column in e.T]
+        return {name: np.concatenate([sizes[name] for sizes in each]) for name in ("mae", "rmse", "max")}
     broken = ~np.isfinite(e).all(axis=1)
-    kept = np.rad2deg(e[~broken] if gaps or not broken.any() else e[: np.argmax(broken)])
+    kept = np.rad2deg(e[: np.argmax(broken)] if broken.any() else e)
     if len(kept) == 0:
         return {name: np.full(e.shape[1], np.nan) for name in ("mae", "rmse", "max")}
     return {"mae": mae(kept), "rmse": rmse(kept), "max": max_abs(kept)}

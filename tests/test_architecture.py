@@ -69,7 +69,7 @@ ROOMS = [
     ("dataset.guard",),
     # from signals to measured runs
     ("dataset.words", "dataset.evidence", "dataset.timebase"),
-    ("dataset.columns", "dataset.mapping"),
+    ("dataset.columns", "dataset.coupled", "dataset.mapping"),
     ("dataset.meaning", "dataset.suggestion", "dataset.assembly"),
     ("tables", "figure_style"),
     ("figure_files", "figure_panels"),

@@ -221,7 +221,12 @@ def test_what_is_missing_is_named(record: Path, tmp_path: Path) -> None:
             [record], tmp_path / "none.yaml", tmp_path / "m.h5", force=False, dry_run=False, talk=QUIET
         )
     assert "inspect" in (caught.value.hint or "")
-    (tmp_path / "SYNTHETIC.txt").write_text("no numbers here\n")
-    with pytest.raises(DataMissingError, match="no column could be understood"):
-        run_inspect([tmp_path / "SYNTHETIC.txt"], tmp_path / "m.yaml", force=False, talk=QUIET)
-    assert not (tmp_path / "m.yaml").exists()
+
+
+def test_where_nothing_is_understood_the_columns_are_listed(tmp_path: Path) -> None:
+    noise = np.random.default_rng(3).normal(size=(50, 2))
+    np.savetxt(tmp_path / "SYNTHETIC.csv", noise, delimiter=",", header="aa,bb", comments="")
+    found = run_inspect([tmp_path / "SYNTHETIC.csv"], tmp_path / "m.yaml", force=False, talk=QUIET)
+    assert found["left"] == 2
+    assert "no column could be assigned" in inspect_text(found)
+    assert (tmp_path / "m.yaml").read_text().count("#    - variable: CHOOSE") == 2

@@ -264,7 +264,7 @@ def test_what_has_no_run_is_listed() -> None:
         understand([source("c1.csv", {"t": TIME, "q2": course(2), "zz": unknown}, "g")], S_INV), "x"
     )
     assert [column.signal.path for column in suggestion.left] == ["zz"]
-    assert "signal: zz" in suggestion.text
+    assert '#      signal: "zz"' in suggestion.text
 
 
 def test_the_decoupling_experiment_is_told_from_the_comparison() -> None:
@@ -280,3 +280,159 @@ def test_the_decoupling_experiment_is_told_from_the_comparison() -> None:
 def test_motor_angles_from_desired_joint_angles_are_no_measurement() -> None:
     column = guessed(source("x.csv", {"t": TIME, "motor 2 desired": course(2)}, group="g"))["motor 2 desired"]
     assert variable_of(column) is None
+
+
+# ---- Layouts that once were taken wrongly ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "quantity"),
+    [
+        ("theta_m2", "motor"),
+        ("q_m3", "motor"),
+        ("电机转角θm1", "motor"),
+        ("计算关节角 θ1", "calculated"),
+        ("θ2误差", "error"),
+        ("时间/s", "time"),
+        ("图15e 关节2力矩", "torque"),
+        ("fig15e", None),
+        ("q2_dot", "rate"),
+        ("de2", "other"),
+        ("dqd2", "rate"),
+        ("sigma2", "surface"),
+        ("Sample", "index"),
+        ("e_2 (deg)", "error"),
+    ],
+)
+def test_names_that_look_like_others(name: str, quantity: str | None) -> None:
+    assert hints(name).quantity == quantity
+
+
+@pytest.mark.parametrize(
+    ("name", "controller", "payload"),
+    [
+        ("run_aTDE_NTSM", 1, None),
+        ("a-TDE-NTSM", 1, None),
+        ("proposed_payload", 1, float("nan")),
+        ("Sheet1!G4:K2304", None, None),
+        ("ctrl1_0p2kg", 1, 0.2),
+        ("有载荷", None, float("nan")),
+        ("无载荷", None, 0.0),
+        ("withoutload", None, 0.0),
+        ("图14a", None, None),
+    ],
+)
+def test_names_of_runs_that_look_like_others(
+    name: str, controller: int | None, payload: float | None
+) -> None:
+    said = hints(name)
+    assert said.controller == controller
+    assert said.payload_mass == pytest.approx(payload, nan_ok=True)
+
+
+def test_variables_beside_each_other_in_a_file_share_their_time() -> None:
+    """What `save` writes: no struct, no table, only variables of one length."""
+    found = guessed(
+        source("c1.mat", {"t": TIME, "q2": followed(2), "qd2": course(2), "x": course(2) - followed(2)})
+    )
+    assert {found[name].time for name in ("q2", "qd2", "x")} == {found["t"].address}
+    assert found["x"].quantity == "error"
+
+
+def test_a_time_apart_serves_columns_of_its_length() -> None:
+    found = Found("SYNTHETIC")
+    found.add("tout", TIME)
+    found.add("scope/q2", followed(2), group="scope")
+    columns = understand([Source("c1.mat", "SYNTHETIC", 0, "0" * 32, tuple(found.signals))], S_INV)
+    assert columns[1].time == columns[0].address
+
+
+def test_joint_angles_and_motor_angles_of_one_name_are_told_apart() -> None:
+    q = np.stack([followed(1), followed(2), followed(3)], axis=1)
+    motors = -100.0 * q @ S_INV.T
+    for first, second in ((q, motors), (motors, q)):
+        names = (
+            {"t": TIME}
+            | {f"Q{k + 1}": first[:, k] for k in range(3)}
+            | {f"q{k + 1}": second[:, k] for k in range(3)}
+        )
+        found = guessed(source("x.csv", names, group="g"))
+        of_motors = "Q" if first is motors else "q"
+        for k in (1, 2, 3):
+            assert found[f"{of_motors}{k}"].quantity == "motor"
+            assert found[f"{of_motors}{k}"].scale == -0.01
+            assert found[f"{'q' if of_motors == 'Q' else 'Q'}{k}"].quantity == "measured"
+
+
+def test_the_same_joint_under_several_controllers_is_no_motor() -> None:
+    names = {"t": TIME} | {f"控制器{n}(°)": followed(3, 0.1 * n) for n in (1, 2, 3)}
+    found = guessed(source("图14b.csv", names, group="g"))
+    kinds = {(column.quantity, column.joint) for path, column in found.items() if path != "t"}
+    assert kinds == {("measured", 3)}
+
+
+def test_what_turns_too_far_is_no_joint_angle() -> None:
+    column = guessed(source("x.csv", {"t": TIME, "angle 2": 50.0 * course(2)}, group="g"))["angle 2"]
+    assert column.quantity is None
+    assert "no joint turns" in column.because[-1]
+
+
+def test_a_sample_index_is_no_time() -> None:
+    columns = understand(
+        [source("c1.csv", {"Sample": np.arange(4000.0), "e2": 0.3 * np.cos(TIME)}, "g")], S_INV
+    )
+    suggestion = suggest(columns, "SYNTHETIC")
+    assert "step_s: 0.001" in suggestion.text
+    assert any("without a time" in remark for remark in suggestion.remarks)
+
+
+def test_a_matrix_of_settings_is_no_record() -> None:
+    found = guessed(source("x.mat", {"t": TIME, "S": S}))
+    assert found["S[1]"].quantity is None
+
+
+def test_figures_say_what_their_panels_show() -> None:
+    sources = [
+        source("fig14c.csv", {"t": TIME, "C1": course(2), "C2": course(3)}, "g"),
+        source("fig15e.csv", {"t": TIME, "C1": course(2)}, "g"),
+    ]
+    columns = [column for column in understand(sources, S_INV) if column.quantity != "time"]
+    assert [(c.quantity, c.joint, c.controller) for c in columns] == [
+        ("error", 2, 1),
+        ("error", 2, 2),
+        ("torque", 2, 1),
+    ]
+
+
+def test_titles_name_what_stands_below_them() -> None:
+    found = Found("SYNTHETIC")
+    found.add("Sheet1!A3:B9/t", TIME, group="Sheet1!A3:B9")
+    found.add("Sheet1!A3:B9/q2", followed(2), group="Sheet1!A3:B9")
+    found.add("Sheet1!D3:E9/t", TIME, group="Sheet1!D3:E9")
+    found.add("Sheet1!D3:E9/q2", followed(2), group="Sheet1!D3:E9")
+    found.text("Sheet1!A3:B9/title", "Controller 2")
+    found.text("Sheet1!D3:E9/title", "Controller 1, 0.2 kg payload")
+    book = Source("x.xlsx", "SYNTHETIC", 0, "0" * 32, tuple(found.signals), texts=found.texts)
+    assert suggest(understand([book], S_INV), "x").runs == {"controller_1_payload": 1, "controller_2": 1}
+
+
+def test_two_columns_for_one_place_are_told_of() -> None:
+    sources = [
+        source(f"{folder}/c1.csv", {"t": TIME, "q2": followed(2, size)}, "g")
+        for folder, size in (("a", 0.1), ("b", 0.2))
+    ]
+    remarks = suggest(understand(sources, S_INV), "SYNTHETIC").remarks
+    assert any("2 columns claim to be q_encoder 2 of controller_1" in remark for remark in remarks)
+    twice = [source(f"{folder}/c1.csv", {"t": TIME, "q2": followed(2)}, "g") for folder in "ab"]
+    assert not suggest(understand(twice, S_INV), "SYNTHETIC").remarks
+
+
+def test_comparisons_counted_from_one_beside_a_decoupling_record() -> None:
+    comparison = {"t": TIME, "q1": followed(2), "q2": followed(3), "qd1": course(2), "qd2": course(3)}
+    others = (
+        {"t": TIME} | {f"q{k}": followed(k) for k in (1, 2, 3)} | {f"motor{k}": course(k) for k in (1, 2, 3)}
+    )
+    sources = [source("c2.csv", comparison, "g"), source("jieou.csv", others, "g")]
+    suggestion = suggest(understand(sources, S_INV), "SYNTHETIC")
+    assert suggestion.runs == {"controller_2": 4, "decouple": 6}
+    assert suggestion.text.count("as in section 5.4") == 4

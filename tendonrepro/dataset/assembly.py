@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tendonrepro.arrays import Array
+from tendonrepro.dataset.evidence import distance
 from tendonrepro.dataset.mapping import Entry, Mapping, Resample, Run, TimeAxis
 from tendonrepro.dataset.signals import Signal, Source
 from tendonrepro.dataset.timebase import RESAMPLED, Timed, TimeProblem, checked, even, shared, within
@@ -15,6 +16,10 @@ from tendonrepro.dataset.units import factor
 from tendonrepro.errors import ConfigError
 from tendonrepro.records import Trace
 from tendonrepro.summary import MEASURED
+
+MOST_TURN_DEG = 190.0
+FAR_APART = 0.2
+"""Difference of calculated and measured joint angle that no tendon stretches by, as a share of the range."""
 
 StatusOf = Callable[[Array, Array], tuple[str, float]]
 """Time and error without gaps to status and its time."""
@@ -61,7 +66,7 @@ class Assembly:
         try:
             time, variables, joints = self._variables(name, run)
         except TimeProblem as problem:
-            hint = "Give both the same `time`, or ask for a common one: `resample: {step_s: 0.001}`."
+            hint = "Put them on common times: `resample: {step_s: 0.001}` at the top of the mapping."
             raise ConfigError(str(problem), where=f"{self.where}: runs.{name}", hint=hint) from None
         if time[0] != 0.0:
             self.notes.append(f"{name}: time starts at {time[0]:g} s in the files, at 0 here")
@@ -193,6 +198,25 @@ class Assembly:
         columns = [_bridged(time, column) for column in variables["e"].T]
         known = [column for column in columns if column is not None]
         return self.status_of(time, np.stack(known, axis=1)) if known else ("ok", float(time[-1]))
+
+
+def doubts_about(trace: Trace) -> list[str]:
+    """What makes a run implausible: a wrong unit, a motor taken for a joint, a wrong sign or gear."""
+    doubts = []
+    for name in ("q_encoder", "q_d", "q_calculated"):
+        turn = np.rad2deg(np.nanmax(np.abs(trace[name]), initial=0.0)) if name in trace else 0.0
+        if turn > MOST_TURN_DEG:
+            doubts.append(f"{name} reaches {turn:.4g} deg, and no joint turns by more than half a turn")
+    if {"q_calculated", "q_encoder"} <= trace.variables.keys():
+        for k, joint in enumerate(trace.joint):
+            calculated, encoder = (trace[name][:, k] for name in ("q_calculated", "q_encoder"))
+            apart = distance(encoder - encoder[0], calculated - calculated[0])
+            if FAR_APART < apart < np.inf:
+                doubts.append(
+                    f"S q_motor of joint {joint} is {apart:.0%} of its range from the encoder: "
+                    "unit, sign, scale or number of a motor"
+                )
+    return doubts
 
 
 def _bridged(time: Array, values: Array) -> Array | None:

@@ -11,7 +11,10 @@ from typing import NamedTuple
 from tendonrepro.arrays import Array
 from tendonrepro.dataset.signals import Signal, Source
 from tendonrepro.dataset.units import plain_unit
-from tendonrepro.dataset.words import Hints, Quantity, hints, tokens
+from tendonrepro.dataset.words import Hints, Quantity, hints, text_names, tokens
+
+SHORTEST = 8
+"""Fewest samples of a record; what is shorter is a table of settings."""
 
 
 class Address(NamedTuple):
@@ -20,6 +23,14 @@ class Address(NamedTuple):
     file: str
     signal: str
     column: int
+
+    def __str__(self) -> str:
+        """The signal, with the number of the column where it matters."""
+        return self.signal if self.column == 1 else f"{self.signal} column {self.column}"
+
+
+Group = tuple[str, str, int]
+"""File, part of the file, number of samples: columns of one group are compared with each other."""
 
 
 @dataclass(eq=False)
@@ -35,7 +46,9 @@ class Column:
     own : Hints
         From the column's own name.
     around : tuple of Hints
-        From the names it stands below, nearest first: table, sheet, file, folder.
+        From names it stands below, nearest first: table, sheet, titles, then file and folders.
+    inside : int
+        How many of these are inside the file.
     quantity : Quantity or None
     joint : int or None
     unit : str or None
@@ -53,6 +66,7 @@ class Column:
     number: int
     own: Hints
     around: tuple[Hints, ...]
+    inside: int
     quantity: Quantity | None = None
     joint: int | None = None
     unit: str | None = None
@@ -71,9 +85,10 @@ class Column:
         return Address(self.source.name, self.signal.path, self.number)
 
     @property
-    def group(self) -> tuple[str, str, int]:
-        """What it shares its samples with: file, part of the file, number of samples."""
-        return self.source.name, self.signal.group or self.signal.path, len(self.signal.values)
+    def group(self) -> Group:
+        """What it is compared with."""
+        parent = self.signal.group or self.signal.path.rpartition("/")[0]
+        return self.source.name, parent, len(self.signal.values)
 
     @property
     def names(self) -> Iterator[Hints]:
@@ -90,18 +105,45 @@ class Column:
     def payload_mass(self) -> float | None:
         """Payload by the nearest name that speaks of one, kg; NaN where none says how heavy."""
         said = [name.payload_mass for name in self.names if name.payload_mass is not None]
-        weighed = [mass for mass in said if not math.isnan(mass)]
-        return next(iter(weighed or said), None)
+        if not said or said[0] == 0.0:
+            return said[0] if said else None
+        return next((mass for mass in said if not math.isnan(mass) and mass > 0.0), said[0])
 
     @property
-    def figure(self) -> int | None:
-        """Number of the paper's figure, by the nearest name that has one."""
-        return next((name.figure for name in self.names if name.figure is not None), None)
+    def figure(self) -> tuple[int, str | None] | None:
+        """Number of the paper's figure and letter of its panel, by the nearest name that has one."""
+        return next(((name.figure, name.panel) for name in self.names if name.figure is not None), None)
+
+    @property
+    def decoupling(self) -> bool:
+        """Whether a name speaks of the decoupling experiment, or of one of its figures."""
+        figure = self.figure
+        return any(name.decoupling for name in self.names) or (figure is not None and figure[0] <= 12)
 
     def call(self, quantity: Quantity, reason: str) -> None:
         """Settle what it is."""
         self.quantity = quantity
         self.because.append(reason)
+
+    def name_from(self) -> None:
+        """Settle quantity and joint by the names, as far as they say."""
+        self.joint = next((hint.joint for hint in self.names if hint.joint), None)
+        if self.own.quantity:
+            label = self.signal.label or self.signal.path.rpartition("/")[2]
+            self.call(self.own.quantity, f"the name {label!r} says {self.own.quantity}")
+            return
+        # A single letter is a name for a column or, with a number, over an axis; in a file's name it could be
+        # anything. What a folder is called is about an experiment, not about a quantity.
+        near = [
+            hint.quantity
+            for place, hint in enumerate(self.around[: self.inside + 1])
+            if hint.quantity and (not hint.letter or (hint.joint and place < self.inside))
+        ]
+        near = [quantity for quantity in near if quantity not in {"time", "index"}]
+        # "Joint 2" over an axis labelled "error" is where, not what.
+        found = next((quantity for quantity in near if quantity != "measured"), next(iter(near), None))
+        if found:
+            self.call(found, f"a name around it says {found}")
 
 
 def columns_of(sources: Iterable[Source]) -> list[Column]:
@@ -127,31 +169,39 @@ def columns_of(sources: Iterable[Source]) -> list[Column]:
 def _column(source: Source, signal: Signal, number: int) -> Column:
     *parents, last = signal.path.split("/")
     name = signal.label or last
-    places = [*reversed(_path_names(source.name)), *parents]
-    around = tuple(hints(place) for place in reversed(places))
-    if signal.label and signal.label != last:
-        around = (hints(last), *around)
-    column = Column(source, signal, number, hints(name), around)
-    # A folder's name is about an experiment, not about a quantity.
-    _by_name(column, name, around[: len(around) - len(_path_names(source.name)) + 1])
+    inside = [last] if signal.label and signal.label != last else []
+    inside += [*_titles(source, signal), *reversed(parents)]
+    outside = [*_path_names(source.name), *_remarks(source)]
+    around = tuple(hints(place) for place in [*inside, *outside])
+    column = Column(source, signal, number, hints(name), around, len(inside))
+    if len(signal.values) < SHORTEST:
+        column.because.append("too short for a record")
+        return column
+    column.name_from()
+    column.unit = plain_unit(signal.unit) or _unit_in(tokens(name))
+    if column.unit:
+        column.because.append(f"its unit is given as {signal.unit or column.unit}")
     return column
+
+
+def _titles(source: Source, signal: Signal) -> list[str]:
+    """Titles and labels over a signal, nearest first: a text describes all that lies beside or below it."""
+    scopes = [(path.rpartition("/")[0], text) for path, text in source.texts.items()]
+    over = [(scope, text) for scope, text in scopes if scope and f"{signal.path}/".startswith(f"{scope}/")]
+    over.sort(key=lambda entry: -len(entry[0]))
+    return [line for _, text in over for line in text_names(text)]
+
+
+def _remarks(source: Source) -> list[str]:
+    """Texts about a file as a whole."""
+    return [line for path, text in source.texts.items() if "/" not in path for line in text_names(text)]
 
 
 def _path_names(name: str) -> list[str]:
     """Names of a file and of the folders and archives above it, nearest first, without suffixes."""
-    return [PurePosixPath(part).stem for part in reversed(name.split("/"))]
-
-
-def _by_name(column: Column, name: str, around: Sequence[Hints]) -> None:
-    column.joint = next((hint.joint for hint in column.names if hint.joint), None)
-    column.quantity = column.own.quantity
-    if column.quantity:
-        column.because.append(f"the name {name!r} says {column.quantity}")
-    elif near := next((hint.quantity for hint in around if hint.quantity not in {None, "time"}), None):
-        column.call(near, f"a name around it says {near}")
-    column.unit = plain_unit(column.signal.unit) or _unit_in(tokens(name))
-    if column.unit:
-        column.because.append(f"its unit is given as {column.signal.unit or column.unit}")
+    parts = name.split("/")
+    # A dot in a folder's name, as in 0.2kg, begins no suffix.
+    return [PurePosixPath(parts[-1]).stem, *(part.removesuffix(".zip") for part in reversed(parts[:-1]))]
 
 
 def _unit_in(words: Sequence[str]) -> str | None:

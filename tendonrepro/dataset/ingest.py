@@ -14,7 +14,7 @@ from tendonrepro import __version__
 from tendonrepro.arithmetic import coupling_of, table_1
 from tendonrepro.arrays import Array
 from tendonrepro.config import load_config
-from tendonrepro.dataset.assembly import Assembly
+from tendonrepro.dataset.assembly import Assembly, doubts_about
 from tendonrepro.dataset.guard import read_guarded
 from tendonrepro.dataset.mapping import LoadedMapping, load_mapping
 from tendonrepro.dataset.readers import files_below
@@ -71,9 +71,16 @@ def run_ingest(
     S, S_inv = coupling_of(table_1(published()))
     assembly = Assembly(sources, loaded.mapping, str(mapping), S, _judge)
     runs = assembly.runs()
+    doubts = [f"{name}: {doubt}" for name, trace in runs.items() for doubt in doubts_about(trace)]
+    for doubt in doubts:
+        talk.note(f"check {doubt}")
     guesses = list(loaded.mapping.guesses())
     used = _used(sources, loaded)
-    manifest = _manifest(mapping, loaded, used, guesses, assembly.notes)
+    manifest = _manifest(mapping, loaded, used) | {
+        "guesses": guesses,
+        "notes": assembly.notes,
+        "doubts": doubts,
+    }
     file = TraceFile(
         experiment=_experiment(runs),
         source="measured",
@@ -92,7 +99,8 @@ def run_ingest(
         write_traces(out, file)
     head = {"schema_version": SCHEMA_VERSION, "out": str(out), "dry_run": dry_run, "title": file.title}
     described = {name: _described(trace) for name, trace in runs.items()}
-    return head | {"runs": described} | {key: manifest[key] for key in ("guesses", "notes", "inputs")}
+    kept = {key: manifest[key] for key in ("guesses", "notes", "doubts", "inputs")}
+    return head | {"runs": described} | kept
 
 
 def _read(paths: Sequence[Path], loaded: LoadedMapping, talk: Talk) -> list[Source]:
@@ -140,9 +148,7 @@ def _coupling_record(S: Array, S_inv: Array) -> PlantRecord:
     return PlantRecord(values, {})
 
 
-def _manifest(
-    path: Path, loaded: LoadedMapping, sources: Sequence[Source], guesses: list[str], notes: list[str]
-) -> dict[str, Any]:
+def _manifest(path: Path, loaded: LoadedMapping, sources: Sequence[Source]) -> dict[str, Any]:
     return {
         "schema_version": SCHEMA_VERSION,
         "tendonrepro_version": __version__,
@@ -152,8 +158,6 @@ def _manifest(
             {"name": source.name, "kind": source.kind, "size": source.size, "md5": source.md5}
             for source in sources
         ],
-        "guesses": guesses,
-        "notes": notes,
         "environment": environment(),
     }
 

@@ -16,8 +16,8 @@ from tendonrepro.dataset.guard import read_guarded
 from tendonrepro.dataset.meaning import understand
 from tendonrepro.dataset.readers import files_below
 from tendonrepro.dataset.signals import Signal, Source
-from tendonrepro.dataset.suggestion import Suggestion, runs_among, suggest, variable_of
-from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.dataset.suggestion import runs_among, suggest, variable_of
+from tendonrepro.errors import UsageError
 from tendonrepro.files import write_atomically
 from tendonrepro.published import published
 from tendonrepro.talk import Talk
@@ -25,6 +25,10 @@ from tendonrepro.talk import Talk
 SCHEMA_VERSION = 1
 MOST_NAMED = 5
 """Things skipped for the same reason that are named on a terminal; ``--json`` names all."""
+
+
+MOST_TEXTS = 40
+"""Texts of a file that are shown on a terminal."""
 
 
 def run_inspect(paths: Sequence[Path], suggest_to: Path | None, *, force: bool, talk: Talk) -> dict[str, Any]:
@@ -48,7 +52,7 @@ def run_inspect(paths: Sequence[Path], suggest_to: Path | None, *, force: bool, 
     Raises
     ------
     DataMissingError
-        When a path is missing, or a mapping is asked for and nothing could be understood.
+        When a path is missing.
     UsageError
         When the mapping exists and `force` is not given.
     """
@@ -59,19 +63,12 @@ def run_inspect(paths: Sequence[Path], suggest_to: Path | None, *, force: bool, 
     columns = understand(sources, coupling_of(table_1(published()))[1])
     found = {"schema_version": SCHEMA_VERSION, "files": _files(sources, columns)}
     if suggest_to is not None:
-        suggestion = _suggested(columns, paths)
+        title = f"Measured data from {', '.join(path.name for path in paths)}"
+        suggestion = suggest(columns, title)
         write_atomically(suggest_to, suggestion.text)
-        found |= {"mapping": str(suggest_to), "runs": dict(suggestion.runs), "left": len(suggestion.left)}
+        found |= {"mapping": str(suggest_to), "runs": dict(suggestion.runs)}
+        found |= {"left": len(suggestion.left), "decide": list(suggestion.remarks)}
     return found
-
-
-def _suggested(columns: Sequence[Column], paths: Sequence[Path]) -> Suggestion:
-    suggestion = suggest(columns, f"Measured data from {', '.join(path.name for path in paths)}")
-    if not suggestion.runs:
-        message = "no column could be understood, so there is no mapping to suggest"
-        hint = "Look at what inspect lists, and write one by hand; docs/dataset.md shows its form."
-        raise DataMissingError(message, where=", ".join(map(str, paths)), hint=hint)
-    return suggestion
 
 
 def _files(sources: Iterable[Source], columns: Sequence[Column]) -> list[dict[str, Any]]:
@@ -145,8 +142,10 @@ def inspect_text(found: Mapping[str, Any]) -> str:
     skipped = sum(len(file["skipped"]) for file in found["files"])
     lines += ["", f"{len(found['files'])} files: {read} signals read, {skipped} things skipped"]
     if "mapping" in found:
+        lines += [f"decide: {remark}" for remark in found["decide"]]
         runs = ", ".join(f"{name} ({count} columns)" for name, count in found["runs"].items())
-        lines.append(f"wrote {found['mapping']}: {runs}; {found['left']} columns in no run")
+        said = runs or "no column could be assigned to a run, they are all listed there as comments"
+        lines.append(f"wrote {found['mapping']}: {said}; {found['left']} columns in no run")
     else:
         lines.append("--suggest writes a mapping file to edit")
     return "\n".join(lines)
@@ -159,7 +158,17 @@ def _file_lines(file: Mapping[str, Any]) -> list[str]:
         notes = [text for text in (_pace(signal), signal["note"]) if text]
         lines.append(f"  {signal['path']}  {shape} {signal['dtype']}{''.join(f', {note}' for note in notes)}")
         lines += [f"    {_column_line(column, signal)}" for column in signal["columns"]]
-    return lines + _skipped_lines(file["skipped"])
+    return lines + _text_lines(file["texts"]) + _skipped_lines(file["skipped"])
+
+
+def _text_lines(texts: Mapping[str, str]) -> list[str]:
+    """Texts in a file: titles, labels, the beginning of a README."""
+    lines = []
+    for path, text in list(texts.items())[:MOST_TEXTS]:
+        first, *rest = text.splitlines() or [""]
+        lines += [f"  text {path}: {first}", *(f"    {line}" for line in rest)]
+    more = len(texts) - MOST_TEXTS
+    return lines + ([f"  and {more} more texts"] if more > 0 else [])
 
 
 def _skipped_lines(skipped: Sequence[Mapping[str, str]]) -> list[str]:

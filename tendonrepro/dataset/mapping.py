@@ -44,6 +44,7 @@ class TimeAxis(Model):
     column: Annotated[StrictInt, Field(ge=1, description="column of the signal, from 1")] = 1
     unit: Annotated[Text, Field(description="unit of the times")] = "s"
     step_s: Annotated[Positive | None, Field(description="s between samples, instead of a column")] = None
+    because: Annotated[Text | None, Field(description="reasons of a guess")] = None
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -139,9 +140,14 @@ class Mapping(Model):
     def guesses(self) -> Iterator[str]:
         """Every choice that was guessed and not confirmed, with its reasons."""
         for name, run in self.runs.items():
+            if run.time is not None and run.time.because:
+                yield f"{name}: time: {run.time.because}"
             for entry in run.signals:
+                place = f"{name}: {entry.variable} of joint {entry.joint}"
                 if entry.because:
-                    yield f"{name}: {entry.variable} of joint {entry.joint}: {entry.because}"
+                    yield f"{place}: {entry.because}"
+                if entry.time is not None and entry.time.because:
+                    yield f"{place}: time: {entry.time.because}"
 
     def files(self) -> set[str]:
         """Names of all files it needs."""

@@ -8,15 +8,15 @@ certain, so every one carries its reasons into the mapping, where a user confirm
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.dataset.columns import Column, columns_of
+from tendonrepro.dataset.columns import SHORTEST, Column, Group, columns_of
+from tendonrepro.dataset.coupled import find_motors
 from tendonrepro.dataset.evidence import (
-    COUPLED,
     SAME_COURSE,
     counted_in,
     difference_of,
@@ -26,15 +26,32 @@ from tendonrepro.dataset.evidence import (
 )
 from tendonrepro.dataset.signals import Source
 from tendonrepro.dataset.units import FACTORS
+from tendonrepro.dataset.words import Quantity
 
 MOST_COMPARED = 24
 """Largest number of columns of one table that are compared with each other."""
 HALF_TURN = 3.3
 """No joint of the arm turns further, rad."""
+WINCH_TURN = 7.0
+"""Nor does a winch, which turns up to 77/37 times as far, rad."""
+
+PANELS: Mapping[int, Mapping[str | None, tuple[Quantity | None, int | None]]] = {
+    9: {None: ("motor", None)},
+    10: {None: (None, 1)},
+    11: {None: (None, 2)},
+    12: {None: (None, 3)},
+    14: {"a": ("measured", 2), "b": ("measured", 3), "c": ("error", 2), "d": ("error", 3)},
+    15: {
+        "a": ("surface", 2), "b": ("surface", 3), "c": ("estimate", 2), "d": ("estimate", 3),
+        "e": ("torque", 2), "f": ("torque", 3),
+    },
+    16: {"a": ("measured", 2), "b": ("measured", 3)},
+}  # fmt: skip
+"""What the paper's figures show, panel by panel; None stands for a figure without panels."""
+
 _ANGLES = ("desired", "measured", "error", "motor", "calculated")
 # What their units have behind that of the angles; nothing for torques.
 _OTHERS = {"rate": "/s", "surface": "/s", "acceleration": "/s^2", "torque": "", "estimate": ""}
-_REDUCER = 100.0
 # A tracking error of some tenths of a degree, in either unit.
 _SMALL_RAD = 0.02
 
@@ -54,26 +71,39 @@ def understand(sources: Iterable[Source], S_inv: Array) -> list[Column]:
         All columns, those that could not be understood without a quantity.
     """
     columns = columns_of(sources)
-    groups: dict[tuple[str, str, int], list[Column]] = defaultdict(list)
-    for column in columns:
+    long = [column for column in columns if len(column.values) >= SHORTEST]
+    groups: dict[Group, list[Column]] = defaultdict(list)
+    files: dict[str, list[Column]] = defaultdict(list)
+    for column in long:
         groups[column.group].append(column)
+        files[column.source.name].append(column)
     for group in groups.values():
         _find_time(group)
+    for file in files.values():
+        _share_time(file)
+    for column in long:
+        _find_panel(column)
+    for group in groups.values():
         _find_differences(group)
         _find_pairs(group)
-    for source in {id(column.source): column.source for column in columns}.values():
-        _find_units([column for column in columns if column.source is source])
+    for file in files.values():
+        _find_units(file)
     for group in groups.values():
         _find_joints(group)
-        _find_motors(group, S_inv)
+        find_motors(group, S_inv)
+    for column in long:
+        _doubt(column)
     return columns
 
 
 def _find_time(group: Sequence[Column]) -> None:
     """Name the time axis of a group, and hand it to the others."""
     steps = {column: sampling_step(column.values) for column in group}
+    for column in group:
+        if column.quantity == "index" or (column.own.quantity is None and _counts(column.values)):
+            column.call("index", "it counts samples")
     named = [column for column in group if column.quantity == "time"]
-    unnamed = [column for column in group if column.own.quantity is None and steps[column]]
+    unnamed = [column for column in group if column.quantity is None and steps[column]]
     for column in named:
         if steps[column] is None:
             column.because.append("although it does not increase evenly")
@@ -90,16 +120,46 @@ def _find_time(group: Sequence[Column]) -> None:
             column.time = chosen.address
 
 
+def _counts(values: Array) -> bool:
+    """Whether numbers are 0, 1, 2 or 1, 2, 3 and so on."""
+    return bool(values[0] in {0.0, 1.0} and (np.diff(values) == 1.0).all())
+
+
 def _time_unit(step: float | None) -> str:
     """Seconds, unless a step of a whole second or more shows milliseconds of a fast loop."""
     return "ms" if step is not None and step >= 1.0 else "s"
 
 
+def _share_time(file: Sequence[Column]) -> None:
+    """Give columns without a time the only time axis of the file that has as many samples."""
+    axes: dict[int, list[Column]] = defaultdict(list)
+    for column in file:
+        if column.quantity == "time":
+            axes[len(column.values)].append(column)
+    for column in file:
+        fitting = axes[len(column.values)]
+        timeless = column.time is None and column.signal.time is None and column not in fitting
+        if timeless and len(fitting) == 1:
+            column.time = fitting[0].address
+
+
+def _find_panel(column: Column) -> None:
+    """Fill in what the paper's figure shows where the file names figure and panel."""
+    if column.figure is None or column.quantity in {"time", "index"}:
+        return
+    figure, panel = column.figure
+    quantity, joint = PANELS.get(figure, {}).get(panel, (None, None))
+    if column.quantity is None and quantity is not None:
+        column.call(quantity, f"Figure {figure}{panel or ''} shows it")
+    if column.joint is None and joint is not None:
+        column.joint = joint
+        column.because.append(f"Figure {figure}{panel or ''} is of joint {joint}")
+
+
 def _open(group: Iterable[Column]) -> list[Column]:
     """Columns that could still be angles."""
-    return [column for column in group if column.quantity in {None, "desired", "measured", "error"}][
-        :MOST_COMPARED
-    ]
+    found = [column for column in group if column.quantity in {None, "desired", "measured", "error"}]
+    return found[:MOST_COMPARED]
 
 
 def _find_differences(group: Sequence[Column]) -> None:
@@ -117,26 +177,31 @@ def _find_differences(group: Sequence[Column]) -> None:
         if found is None or np.nanmax(np.abs(column.values)) > 0.5 * np.nanmax(np.abs(values[found[0]])):
             continue
         minuend, subtrahend = (angles[int(name)] for name in found)
-        names = f"{minuend.signal.path} less {subtrahend.signal.path}"
+        names = f"{minuend.address} less {subtrahend.address}"
         if column.quantity is None:
             column.call("error", f"it is {names}")
         for other, quantity in ((minuend, "desired"), (subtrahend, "measured")):
             if other.quantity is None:
-                other.call(quantity, f"{column.signal.path} is {names}")  # type: ignore[arg-type]
+                other.call(quantity, f"{column.address} is {names}")  # type: ignore[arg-type]
 
 
 def _find_pairs(group: Sequence[Column]) -> None:
-    """Take two unnamed columns that follow each other for a desired angle and a measured one."""
+    """Take two unnamed columns that follow each other for a desired angle and a measured one.
+
+    Much follows something; so either an encoder's steps must show in one of them, or the table must hold
+    nothing but such pairs.
+    """
     unnamed = [column for column in _open(group) if column.quantity is None]
     counted = {column: counted_in(column.values) is not None for column in unnamed}
+    alone = len(unnamed) == len([column for column in group if column.quantity != "time"]) in {2, 4, 6}
     for a, b in combinations(unnamed, 2):
         # Two joints may be sent along the same course, and two encoders may follow it.
-        if a.quantity or b.quantity or (counted[a] and counted[b]):
+        if a.quantity or b.quantity or (counted[a] and counted[b]) or not (counted[a] or counted[b] or alone):
             continue
         if not 0.0 < distance(a.values, b.values) <= SAME_COURSE:
             continue
-        smooth, rough = sorted((a, b), key=lambda column: roughness(column.values))
-        reason = f"{a.signal.path} and {b.signal.path} follow each other, and it is the"
+        smooth, rough = sorted((a, b), key=lambda column: (counted[column], roughness(column.values)))
+        reason = f"{a.address} and {b.address} follow each other, and it is the"
         smooth.call("desired", f"{reason} smoother one")
         rough.call("measured", f"{reason} rougher one")
 
@@ -149,89 +214,63 @@ def _find_units(columns: Sequence[Column]) -> None:
             column.unit = unit
             column.because.append(f"its steps are one encoder count in {unit}")
     told = {column.unit for column in angles if column.unit in {"deg", "rad"}}
-    shared, reason = (
-        _shared_unit(angles) if len(told) != 1 else (told.pop(), "as the other angles of its file")
-    )
+    alike = "as the other angles of its file"
+    shared, reason = (told.pop(), alike) if len(told) == 1 else _shared_unit(angles)
     for column in angles:
         if column.unit is None:
             column.unit = shared
             column.because.append(f"{shared}: {reason}")
     for column in columns:
-        if column.unit is None and column.quantity in {
-            "rate",
-            "acceleration",
-            "surface",
-            "torque",
-            "estimate",
-        }:
-            power = {"rate": "/s", "surface": "/s", "acceleration": "/s^2"}.get(column.quantity)
+        if column.unit is None and column.quantity in _OTHERS:
+            power = _OTHERS[column.quantity]
             column.unit = f"{shared}{power}" if power else "N m"
             column.because.append(f"{column.unit}: no unit is given")
 
 
 def _shared_unit(angles: Sequence[Column]) -> tuple[str, str]:
     """Degrees or radians by the size of the angles, else of the errors."""
-    sizes = [float(np.nanmax(np.abs(c.values))) for c in angles if c.quantity in {"desired", "measured"}]
-    if sizes:
-        largest = max(sizes)
-        if largest > HALF_TURN:
-            return "deg", f"an angle reaches {largest:.3g}, and no joint turns by more than half a turn"
-        return "rad", f"the largest angle is {largest:.3g}; in degrees there would hardly be a motion"
+    for quantities, most, what in (
+        ({"desired", "measured", "calculated"}, HALF_TURN, "no joint turns by more than half a turn"),
+        ({"motor"}, WINCH_TURN, "no winch turns by more than a turn"),
+    ):
+        sizes = [_largest(column.values) for column in angles if column.quantity in quantities]
+        if sizes and max(sizes) > most:
+            return "deg", f"an angle reaches {max(sizes):.3g}, and {what}"
+        if sizes:
+            return "rad", f"the largest angle is {max(sizes):.3g}; in degrees there would hardly be a motion"
     errors = [float(np.nanmean(np.abs(c.values))) for c in angles if c.quantity == "error"]
     if errors and max(errors) > _SMALL_RAD:
         return "deg", f"a mean error of {max(errors):.2g} would be more than a degree in rad"
     return "rad", "nothing says otherwise; look at it"
 
 
+def _largest(values: Array) -> float:
+    return float(np.nanmax(np.abs(values), initial=0.0))
+
+
+def _doubt(column: Column) -> None:
+    """Take the meaning from what turns further than a joint can."""
+    if column.quantity in {"measured", "desired"} and not column.own.of_motor:
+        turn = _largest(column.values) * FACTORS["angle"].get(column.unit or "rad", 1.0)
+        if turn > HALF_TURN:
+            column.because.append(
+                f"but no joint turns by {np.rad2deg(turn):.4g} deg, so it is something else"
+            )
+            column.quantity = None
+
+
 def _find_joints(group: Sequence[Column]) -> None:
     """Number columns without a joint in their name by their order: two are joints 2 and 3, three are all."""
     kinds: dict[tuple[object, ...], list[Column]] = defaultdict(list)
     for column in group:
-        if column.quantity not in {None, "time"}:
-            of = (column.quantity, column.own.of_motor, column.own.desired, column.controller)
-            kinds[of].append(column)
+        if column.quantity not in {None, "time", "index", "other"}:
+            of = (column.quantity, column.own.of_motor, column.own.desired)
+            kinds[*of, column.controller, str(column.payload_mass)].append(column)
     for alike in kinds.values():
-        unnumbered = [column for column in alike if column.joint is None]
-        same = len(alike) > 1 and len({column.joint for column in alike}) == 1
-        if len(alike) not in {2, 3} or not (len(unnumbered) == len(alike) or same):
+        # The columns of one matrix have one name, so a number in it is nobody's joint in particular.
+        of_matrix = len(alike) > 1 and len({column.signal.path for column in alike}) == 1
+        if len(alike) not in {2, 3} or not (of_matrix or all(column.joint is None for column in alike)):
             continue
-        first = 4 - len(alike)
-        for joint, column in enumerate(alike, start=first):
+        for joint, column in enumerate(alike, start=4 - len(alike)):
             column.joint = joint
             column.because.append(f"joint {joint} by its place among {len(alike)} like it")
-
-
-def _find_motors(group: Sequence[Column], S_inv: Array) -> None:
-    """Recognise motor angles, at the winch or before the reducer, by the coupling with the joints."""
-    joints = {c.joint: c for c in group if c.quantity == "measured" and c.joint and not c.own.of_motor}
-    joints = {joint: column for joint, column in joints.items() if joint in {1, 2, 3}}
-    if not joints:
-        return
-    q = np.zeros((len(next(iter(joints.values())).values), 3))
-    for joint, column in joints.items():
-        q[:, joint - 1] = _radians(column)
-    expected = q @ S_inv.T
-    for column in group:
-        if column.quantity == "motor" or (column.quantity is None and len(joints) > 1):
-            column.unit = column.unit or next(iter(joints.values())).unit
-            _match_motor(column, expected)
-
-
-def _match_motor(column: Column, expected: Array) -> None:
-    motors = [column.joint - 1] if column.quantity == "motor" and column.joint else [0, 1, 2]
-    tries = [
-        (distance(expected[:, motor], sign * _radians(column) / ratio), motor, sign, ratio)
-        for motor in motors
-        for sign in (1.0, -1.0)
-        for ratio in (1.0, _REDUCER)
-    ]
-    rest, motor, sign, ratio = min(tries)
-    if rest > COUPLED:
-        return
-    where = "before the reducer" if ratio == _REDUCER else "at the winch"
-    column.quantity, column.joint, column.scale = "motor", motor + 1, sign / ratio
-    column.because.append(f"it is motor {motor + 1} {where}: S_inv times the joint angles, to {rest:.1%}")
-
-
-def _radians(column: Column) -> Array:
-    return column.values * FACTORS["angle"].get(column.unit or "rad", 1.0)

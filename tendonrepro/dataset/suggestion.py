@@ -5,18 +5,26 @@ from __future__ import annotations
 import json
 import math
 import re
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import PurePosixPath
 
-from tendonrepro.dataset.columns import Address, Column
+import numpy as np
+
+from tendonrepro.dataset.columns import Address, Column, Group
 from tendonrepro.dataset.units import FACTORS, kind_of_variable
 from tendonrepro.records import VARIABLES
 from tendonrepro.strict_yaml import Node
 
 PAYLOAD = 0.2
 """The paper's payload, kg, where a name says that there is one but not how heavy."""
+SAMPLING = 0.001
+"""The paper's sampling period, s, where the files hold no times."""
 DECOUPLE = "decouple"
+RUNS = ("controller_1", "controller_2", "controller_3", "controller_1_payload", DECOUPLE)
+MOST_LISTED = 100
+"""Columns in no run that are written out; more would bury the rest."""
 
 _VARIABLE = {
     "measured": "q_encoder",
@@ -30,9 +38,10 @@ _VARIABLE = {
     "rate": "dq",
     "acceleration": "ddq",
 }
-_SHIFTED = "only joints 1 and 2 appear, so they are taken for 2 and 3, as in section 5.4"
-_PLAIN = {"variable", "unit"}
 _OF_DESIRED = {"rate": "dq_d", "acceleration": "ddq_d"}
+_NO_TIME: Node = {"step_s": SAMPLING, "because": "the files hold no times; the paper samples every 1 ms"}
+_PLAIN = {"variable", "unit"}
+_SHIFTED = "only joints 1 and 2 appear, so they are taken for 2 and 3, as in section 5.4"
 
 
 @dataclass(frozen=True)
@@ -47,16 +56,19 @@ class Suggestion:
         Run name -> how many columns it has.
     left : tuple of Column
         Columns that are in no run.
+    remarks : tuple of str
+        What a user has to decide: two columns for one place, runs without a name, missing times.
     """
 
     text: str
     runs: Mapping[str, int]
     left: tuple[Column, ...]
+    remarks: tuple[str, ...]
 
 
 def variable_of(column: Column) -> str | None:
     """Variable of a run that a column holds; None when it is none, or nothing is known."""
-    if column.quantity is None or column.quantity == "time":
+    if column.quantity not in _VARIABLE:
         return None
     about_motor = column.own.of_motor and column.quantity != "motor"
     # Motor angles from the desired joint angles are computed again, they are no measurement.
@@ -69,16 +81,42 @@ def variable_of(column: Column) -> str | None:
     return _VARIABLE[column.quantity]
 
 
-def _run_of(column: Column, decoupling: Iterable[tuple[str, str, int]]) -> str:
-    """Name of the run of a column; `decoupling` are groups that hold that experiment by what is in them."""
-    payload, controller = column.payload_mass, column.controller
-    if controller is None and (
-        any(name.decoupling for name in column.names)
-        or (column.figure is not None and column.figure <= 12)
-        or column.group in decoupling
-    ):
+def runs_among(columns: Sequence[Column]) -> dict[str, list[Column]]:
+    """Columns that are variables of a run, by its name.
+
+    A column without a controller is shared by the runs of its own table.
+    """
+    columns = [column for column in columns if variable_of(column) and column.joint]
+    groups: dict[Group, list[Column]] = defaultdict(list)
+    for column in columns:
+        groups[column.group].append(column)
+    found: dict[str, list[Column]] = {}
+    for group in groups.values():
+        decoupling = _is_decoupling(group)
+        names = {column: _run_of(column, decoupling=decoupling) for column in group}
+        told = {column: column.controller is not None or column.payload_mass is not None for column in group}
+        of_runs = list(dict.fromkeys(names[column] for column in group if told[column]))
+        for column in group:
+            for name in [names[column]] if told[column] else of_runs or [names[column]]:
+                found.setdefault(name, []).append(column)
+    return {name: found[name] for name in sorted(found, key=lambda name: (name == DECOUPLE, name))}
+
+
+def _is_decoupling(group: Sequence[Column]) -> bool:
+    """Whether columns recorded together are of the decoupling experiment, by what they are.
+
+    Motors or calculated angles alone do not tell, Figure 13 has some too; joint 1 does, where joint 3 is
+    there to show that joints are not counted from 2.
+    """
+    joints = {column.joint for column in group}
+    return 1 in joints and (3 in joints or any(c.quantity in {"motor", "calculated"} for c in group))
+
+
+def _run_of(column: Column, *, decoupling: bool) -> str:
+    payload, controller, figure = column.payload_mass, column.controller, column.figure
+    if controller is None and (column.decoupling or decoupling):
         return DECOUPLE
-    if controller is None and (payload is not None or column.figure == 16):
+    if controller is None and (payload is not None or (figure is not None and figure[0] == 16)):
         # Table 3 and Figure 16 are of Controller 1.
         controller = 1
     if controller is None:
@@ -105,23 +143,109 @@ def suggest(columns: Sequence[Column], title: str) -> Suggestion:
     Returns
     -------
     Suggestion
+        Without runs when no column could be understood; its text is then a list to begin with.
     """
     runs = runs_among(columns)
     shifted = _counted_from_one(runs)
+    for column in shifted:
+        column.because.append(_SHIFTED)
     chosen = {name: _chosen(members) for name, members in runs.items()}
     axes = {column.address: _axis(column) for column in columns if column.quantity == "time"}
     body = ["schema_version: 1", f"title: {_quoted(title)}", "runs:"]
     for name, picked in chosen.items():
-        run = _described_run(name, runs[name], picked, axes, shift=shifted and name != DECOUPLE)
+        run = _described_run(name, runs[name], picked, axes, shifted)
         body += [f"  {name}:", *_lines(run, 4)]
     taken = {column for picked in chosen.values() for column in picked}
-    left = tuple(column for column in columns if column not in taken and column.quantity != "time")
-    text = "\n".join([*_head(chosen), *body, *_rest(left), ""])
-    return Suggestion(text, {name: len(picked) for name, picked in chosen.items()}, left)
+    left = tuple(c for c in columns if c not in taken and c.quantity not in {"time", "index"})
+    remarks = tuple(_remarks(runs, chosen, axes))
+    text = "\n".join([*_head(remarks), *body, *_rest(left, axes, shifted), ""])
+    return Suggestion(text, {name: len(picked) for name, picked in chosen.items()}, left, remarks)
+
+
+def _counted_from_one(runs: Mapping[str, Sequence[Column]]) -> set[Column]:
+    """Columns of comparisons that call joints 2 and 3 by 1 and 2, as the paper's section 5.4 does."""
+    files: dict[str, list[Column]] = defaultdict(list)
+    for name, members in runs.items():
+        if name != DECOUPLE:
+            for column in members:
+                files[column.source.name].append(column)
+    everywhere = {column.joint for members in files.values() for column in members}
+    return {
+        column
+        for members in files.values()
+        if everywhere <= {1, 2} or {column.joint for column in members} == {1, 2}
+        for column in members
+    }
+
+
+def _chosen(members: Sequence[Column]) -> list[Column]:
+    """One column for each variable and joint: the first."""
+    found: dict[tuple[str | None, int | None], Column] = {}
+    for column in members:
+        found.setdefault((variable_of(column), column.joint), column)
+    return sorted(found.values(), key=lambda column: (variable_of(column) or "", column.joint or 0))
+
+
+def _remarks(
+    runs: Mapping[str, Sequence[Column]], chosen: Mapping[str, Sequence[Column]], axes: Mapping[Address, Node]
+) -> Iterator[str]:
+    """What a user has to decide."""
+    for name, members in runs.items():
+        if name not in RUNS:
+            yield f"no name says which controller the run {name!r} is: rename it"
+        rivals: dict[tuple[str | None, int | None], list[Column]] = defaultdict(list)
+        for column in members:
+            rivals[variable_of(column), column.joint].append(column)
+        for (variable, joint), several in rivals.items():
+            # The same curve in two figures is no question.
+            if any(not np.array_equal(several[0].values, other.values) for other in several[1:]):
+                places = ", ".join(f"{column.address.file}: {column.address}" for column in several)
+                claim = f"{len(several)} columns claim to be {variable} {joint} of {name}"
+                yield f"{claim}, the first is taken: {places}"
+        if any(column.time not in axes and column.signal.time is None for column in chosen[name]):
+            yield f"{name} has columns without a time: every {SAMPLING:g} s is the paper's, check it"
 
 
 def _axis(column: Column) -> Node:
     return {**column.address._asdict(), "unit": column.unit or "s"}
+
+
+def _described_run(
+    name: str,
+    members: Sequence[Column],
+    chosen: Sequence[Column],
+    axes: Mapping[Address, Node],
+    shifted: set[Column],
+) -> dict[str, Node]:
+    masses = [column.payload_mass for column in members if column.payload_mass is not None]
+    mass = next((mass for mass in masses if mass), 0.0) if name.endswith("_payload") else 0.0
+    run: dict[str, Node] = {"payload_mass_kg": PAYLOAD if math.isnan(mass) else mass}
+    times = {column.time for column in chosen if column.signal.time is None}
+    # One time serves all; where there are several, each column has its own.
+    common = next(iter(times)) if len(times) == 1 else None
+    if times == {None}:
+        run["time"] = _NO_TIME
+    elif common is not None:
+        run["time"] = axes[common]
+    run["signals"] = [
+        _described(column, axes, shift=column in shifted, own_time=len(times) > 1) for column in chosen
+    ]
+    return run
+
+
+def _described(
+    column: Column, axes: Mapping[Address, Node], *, shift: bool, own_time: bool
+) -> dict[str, Node]:
+    variable = variable_of(column) or "CHOOSE"
+    known = FACTORS.get(kind_of_variable(VARIABLES[variable][0]) or "", {}) if variable in VARIABLES else {}
+    unit = column.unit if column.unit in known or not known else next(iter(known))
+    entry: dict[str, Node] = {"variable": variable, "joint": (column.joint or 0) + int(shift)}
+    entry |= {**column.address._asdict(), "unit": unit or "rad"}
+    if column.scale != 1.0:
+        entry["scale"] = column.scale
+    if own_time and column.signal.time is None:
+        entry["time"] = _NO_TIME if column.time is None else axes[column.time]
+    return entry | {"because": "; ".join(column.because) or "nothing is known of it"}
 
 
 def _lines(tree: Mapping[str, Node], depth: int) -> Iterator[str]:
@@ -148,104 +272,24 @@ def _quoted(text: str) -> str:
     return json.dumps(text, ensure_ascii=False)
 
 
-def runs_among(columns: Sequence[Column]) -> dict[str, list[Column]]:
-    """Columns that are variables of a run, by its name.
-
-    A column without a controller is shared by the runs of its own table.
-    """
-    columns = [column for column in columns if variable_of(column) and column.joint]
-    decoupling = {
-        column.group
-        for column in columns
-        if column.quantity in {"calculated", "motor"} or (column.quantity == "measured" and column.joint == 1)
-    }
-    # Where joints 2 and 3 are called 1 and 2, joint 1 alone does not tell the experiments apart.
-    if not any(column.joint == 3 for column in columns):
-        decoupling = set()
-    found: dict[str, list[Column]] = {}
-    named: dict[tuple[str, str, int], list[str]] = {}
-    for column in columns:
-        if column.controller is not None:
-            names = named.setdefault(column.group, [])
-            names += [name for name in [_run_of(column, decoupling)] if name not in names]
-    for column in columns:
-        shared = named.get(column.group, []) if column.controller is None else []
-        for name in shared or [_run_of(column, decoupling)]:
-            found.setdefault(name, []).append(column)
-    return dict(sorted(found.items()))
-
-
-def _counted_from_one(runs: Mapping[str, Sequence[Column]]) -> bool:
-    """Whether the comparison calls joints 2 and 3 by 1 and 2, as the paper's section 5.4 does."""
-    joints = {column.joint for name, members in runs.items() if name != DECOUPLE for column in members}
-    return bool(joints) and joints <= {1, 2}
-
-
-def _chosen(members: Sequence[Column]) -> list[Column]:
-    """One column for each variable and joint: the first."""
-    found: dict[tuple[str | None, int | None], Column] = {}
-    for column in members:
-        found.setdefault((variable_of(column), column.joint), column)
-    return sorted(found.values(), key=lambda column: (variable_of(column) or "", column.joint or 0))
-
-
-def _described_run(
-    name: str,
-    members: Sequence[Column],
-    chosen: Sequence[Column],
-    axes: Mapping[Address, Node],
-    *,
-    shift: bool,
-) -> dict[str, Node]:
-    masses = [column.payload_mass for column in members if column.payload_mass is not None]
-    mass = next((mass for mass in masses if mass), 0.0) if name.endswith("_payload") else 0.0
-    run: dict[str, Node] = {"payload_mass_kg": PAYLOAD if math.isnan(mass) else mass}
-    times = {column.time for column in chosen}
-    common = times.pop() if len(times) == 1 else None
-    if common is not None:
-        run["time"] = axes[common]
-    entries: list[Node] = []
-    for column in chosen:
-        entry = _described(column, shift=shift)
-        if common is None and column.time is not None:
-            entry["time"] = axes[column.time]
-        entries.append(entry | {"because": "; ".join(column.because)})
-    return run | {"signals": entries}
-
-
-def _described(column: Column, *, shift: bool) -> dict[str, Node]:
-    variable = variable_of(column)
-    assert variable is not None
-    assert column.joint is not None
-    known = FACTORS.get(kind_of_variable(VARIABLES[variable][0]) or "", {})
-    unit = column.unit if column.unit in known or not known else next(iter(known))
-    if shift and _SHIFTED not in column.because:
-        column.because.append(_SHIFTED)
-    entry: dict[str, Node] = {"variable": variable, "joint": column.joint + int(shift)}
-    entry |= {**column.address._asdict(), "unit": unit or "rad"}
-    if column.scale != 1.0:
-        entry["scale"] = column.scale
-    return entry
-
-
-def _head(runs: Iterable[str]) -> list[str]:
-    unnamed = [name for name in runs if not re.fullmatch(r"controller_[123](_payload)?|decouple", name)]
+def _head(remarks: Iterable[str]) -> list[str]:
     lines = [
-        "# Which column is which variable of which run. Guessed by `tendonrepro inspect --suggest`.",
-        "# Check every entry: variable, joint, unit. Delete its line `because` when you have;",
-        "# what is left is listed in the result as guessed.",
-        "# Runs are controller_1, controller_2, controller_3, controller_1_payload and decouple.",
+        "Which column is which variable of which run. Guessed by `tendonrepro inspect --suggest`.",
+        "Check every entry: variable, joint, unit. Delete its line `because` when you have;",
+        "what is left is listed in the result as guessed.",
+        f"Runs are {', '.join(RUNS[:-1])} and {RUNS[-1]}.",
     ]
-    lines += [f"# Rename the run {name!r}: no name says which controller it is." for name in unnamed]
-    return [*lines, ""]
+    return [*(f"# {line}" for line in [*lines, *(f"DECIDE: {remark}" for remark in remarks)]), ""]
 
 
-def _rest(left: Sequence[Column]) -> list[str]:
+def _rest(left: Sequence[Column], axes: Mapping[Address, Node], shifted: set[Column]) -> list[str]:
+    """Columns in no run as entries that need only be uncommented."""
     if not left:
         return []
-    lines = ["", "# In no run; copy what you need into one:"]
-    for column in left:
-        file, signal, number = column.address
-        guess = f"{column.quantity}, joint {column.joint or '?'}" if column.quantity else "not understood"
-        lines.append(f"#   file: {file}, signal: {signal}, column: {number}  ({guess})")
+    lines = ["", "# In no run. To use one, copy its lines under `signals` of a run, without the #."]
+    for column in left[:MOST_LISTED]:
+        first, *rest = _lines(_described(column, axes, shift=column in shifted, own_time=True), 6)
+        lines += [f"#    - {first.strip()}", *(f"#{line}" for line in rest)]
+    if len(left) > MOST_LISTED:
+        lines.append(f"# and {len(left) - MOST_LISTED} more; inspect lists them all")
     return lines
