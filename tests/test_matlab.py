@@ -120,8 +120,15 @@ def test_structure_with_time(tmp_path: Path, many: bool) -> None:
         # A vector signal of two, logged as 1x2 matrices.
         stacked = np.moveaxis(WAVES[:, None, :], 0, -1)
         logged.append({"values": stacked, "dimensions": np.array([[1.0, 2.0]]), "label": "qd"})
+    logged[0]["blockName"] = "m/Controller 1"
+    for element in logged[1:]:
+        element["blockName"] = "m/Reference"
     simout = made.record(time=TIMES[:, None], signals=made.records(*logged), blockName="m/To Workspace")
-    got = signals(read_matlab(made.classic(tmp_path / "SYNTHETIC.mat", {"simout": simout})))
+    found = read_matlab(made.classic(tmp_path / "SYNTHETIC.mat", {"simout": simout}))
+    got = signals(found)
+    place = "simout/signals[1]" if many else "simout/signals"
+    assert found.texts[f"{place}/blockName"] == "m/Controller 1"
+    assert found.texts["simout/blockName"] == "m/To Workspace"
     first = got["simout/signals[1]/values" if many else "simout/signals/values"]
     assert (first.label, first.group) == ("q", "simout")
     assert first.time is not None
@@ -277,6 +284,20 @@ def test_dataset(tmp_path: Path, version: str) -> None:
 
 
 @VERSIONS
+def test_the_block_of_a_logged_signal(tmp_path: Path, version: str) -> None:
+    element = made.thing(
+        "Simulink.SimulationData.Signal",
+        Name="q2",
+        BlockPath=made.record(Path="m/Controller 1/arm"),
+        Values=made.timeseries(WAVES, TIMES),
+    )
+    log = made.thing("Simulink.SimulationData.Dataset", Elements=made.cells(element))
+    found = read_matlab(made.objects(tmp_path / "SYNTHETIC.mat", {"logsout": log}, version))
+    assert set(signals(found)) == {"logsout/q2"}
+    assert found.texts == {"logsout/q2/block": "m/Controller 1/arm"}
+
+
+@VERSIONS
 def test_simulation_output(tmp_path: Path, version: str) -> None:
     structure = made.record(
         time=TIMES[:, None], signals=made.record(values=WAVES, dimensions=2.0, label="tau")
@@ -422,6 +443,41 @@ def test_figure(tmp_path: Path, tree: str, version: str) -> None:
     assert got['axes 2/curve 1 "orbit"/x'].unit == "mm"
     assert got['axes 2/curve 1 "orbit"/y'].unit is None
     assert found.texts["axes 1/title"] == "Joint 2"
+
+
+def test_words_of_a_figure(tmp_path: Path) -> None:
+    def placed(node: Any, *position: float) -> Any:
+        return {**node, "properties": made.record(Position=np.array([position]))}
+
+    left, right = (
+        placed(made.axes(made.line(TIMES, TIMES), title=title, xlabel="t (s)"), x, 0.1, 0.35, 0.8)
+        for title, x in ((made.cells("Joint 2", "Controller 1"), 0.1), ("Joint 3", 0.6))
+    )
+    legends = [
+        made.graphic("scribe.legend", String=made.cells(*words), Position=np.array([place]))
+        for words, place in (
+            (["Desired", "Actual"], [0.7, 0.7, 0.1, 0.1]),
+            (["nowhere"], [0.48, 0.9, 0.02, 0.02]),
+        )
+    ]
+    nodes = [left, right, *legends]
+    root = made.records(made.graphic("figure", made.records(*nodes), Name="Fig 14"))
+    found = read_matlab(made.classic(tmp_path / "SYNTHETIC.fig", {"hgS_070000": root}))
+    assert found.texts == {
+        "title": "Fig 14",
+        "axes 1/title": "Joint 2 Controller 1",
+        "axes 1/xlabel": "t (s)",
+        "axes 2/title": "Joint 3",
+        "axes 2/xlabel": "t (s)",
+        "axes 2/legend": "Desired | Actual",
+    }
+
+
+def test_elements_of_a_struct_array_keep_their_names(tmp_path: Path) -> None:
+    runs = made.records(*({"name": name, "q": WAVES} for name in ("tdetsm", "tdentsm")))
+    found = read_matlab(made.classic(tmp_path / "SYNTHETIC.mat", {"expdata": runs, "lab": "SYNTHETIC"}))
+    assert set(signals(found)) == {"expdata[1]/q", "expdata[2]/q"}
+    assert found.texts == {"expdata[1]/name": "tdetsm", "expdata[2]/name": "tdentsm", "lab": "SYNTHETIC"}
 
 
 def test_curves_that_turn_back_keep_their_x(tmp_path: Path) -> None:

@@ -131,7 +131,75 @@ def test_names_over_several_columns(tmp_path: Path) -> None:
 def test_a_setting_above_the_names_is_none_of_them(tmp_path: Path) -> None:
     found = of_text("SYNTHETIC\nOperator,Yan\nt,q2,q3\n0,1,2\n1,1,2\n2,1,2\n", tmp_path)
     assert [signal.path for signal in found.signals] == ["t", "q2", "q3"]
-    assert found.texts == {"line 1": "SYNTHETIC", "line 2": "Operator,Yan"}
+    assert found.texts == {"title": "SYNTHETIC", "line 2": "Operator, Yan"}
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+@pytest.mark.parametrize("lead", ["", "t"])
+def test_group_names_are_spread_over_the_empty_cells_behind_them(
+    separator: str, lead: str, tmp_path: Path
+) -> None:
+    rows = [["", "关节2", "", "关节3", ""], [lead, "期望", "实际", "期望", "实际"]]
+    rows += [[str(n), "1", "2", "3", "4"] for n in range(3)]
+    text = "SYNTHETIC\n" + "\n".join(separator.join(row) for row in rows)
+    found = of_text(text, tmp_path)
+    groups = [f"{joint} {name}" for joint in ("关节2", "关节3") for name in ("期望", "实际")]
+    assert [signal.label for signal in found.signals] == [lead, *groups]
+    assert [signal.path for signal in found.signals] == [
+        lead or "column 1",
+        *(name.replace(" ", "/") for name in groups),
+    ]
+    assert found.texts == {"title": "SYNTHETIC"}
+
+
+def test_groups_apart_by_an_empty_column(tmp_path: Path) -> None:
+    text = "Controller 1,,,Controller 2,\nt,q2,,t,q2\n0,1,,0,3\n1,1,,1,3\n2,1,,2,3\n"
+    found = of_text(text, tmp_path)
+    assert list(columns(found)) == [f"Controller {k}/{name}" for k in (1, 2) for name in ("t", "q2")]
+    assert not found.skipped
+
+
+@pytest.mark.parametrize("title", ["Controller 1,,,,", ",,Controller 1,,", "Controller 1"])
+def test_a_lone_name_above_is_the_title(title: str, tmp_path: Path) -> None:
+    found = of_text(f"{title}\nt,q2,q3,q2d,q3d\n" + "0,1,2,3,4\n" * 3, tmp_path)
+    assert list(columns(found)) == ["t", "q2", "q3", "q2d", "q3d"]
+    assert found.texts == {"title": "Controller 1"}
+
+
+def test_a_group_of_one_column_with_its_unit_below(tmp_path: Path) -> None:
+    found = of_text("时间,电机,,关节\ns,θ1,θ2,θ1\n" + "0,1,2,3\n" * 3, tmp_path)
+    assert names_and_units(found) == [
+        ("时间", "s"),
+        *((name, None) for name in ("电机 θ1", "电机 θ2", "关节 θ1")),
+    ]
+
+
+ORIGIN = "{names}\n\t°\tNm\n{comments}\n" + "".join(f"{n}\t1.5\t2.5\n" for n in range(3))
+
+
+@pytest.mark.parametrize(
+    ("names", "comments", "expected"),
+    [
+        ("\tActual\tTorque", "\tController 1\t", ["", "Actual Controller 1", "Torque"]),
+        ("\tActual\tActual", "\tC1\tC2", ["", "Actual C1", "Actual C2"]),
+        ("Sample\tActual\tTorque", "\t\t", ["Sample", "Actual", "Torque"]),
+        ("\tActual\tTorque", "\t\t", ["", "Actual", "Torque"]),
+        ("\t\t", "\tC1\tC2", ["", "C1", "C2"]),
+        ("Sample\t\tTorque", "\tC1\tC2", ["Sample", "C1", "Torque C2"]),
+    ],
+)
+def test_rows_of_origin(names: str, comments: str, expected: list[str], tmp_path: Path) -> None:
+    found = of_text(ORIGIN.format(names=names, comments=comments), tmp_path)
+    assert names_and_units(found) == list(zip(expected, [None, "°", "Nm"], strict=True))
+    assert found.signals[1].path in {"Actual", "C1"}
+    assert not found.texts
+
+
+def test_an_empty_first_cell_keeps_its_place(tmp_path: Path) -> None:
+    found = of_text("\tq2\n0\t5\n1\t6\n2\t7\n", tmp_path)
+    assert columns(found) == {"column 1": [0.0, 1.0, 2.0], "q2": [5.0, 6.0, 7.0]}
+    assert columns(of_text("# \tq2\n0\t5\n1\t6\n2\t7\n", tmp_path)) == columns(found)
+    assert columns(of_text("\tt\tq\n0\t1.5\n1\t2.5\n2\t3.5\n", tmp_path)) == TABLE
 
 
 def test_decimal_commas_alone_in_a_column(tmp_path: Path) -> None:
@@ -190,7 +258,17 @@ def test_several_tables(tmp_path: Path) -> None:
     blocks = [f"block {number}/{name}" for number, name in itertools.product((1, 2, 3), "tq")]
     assert list(columns(found)) == blocks
     assert found.signals[-1].note == "headings of the table before"
-    assert found.texts == {"line 1": "Run 1", "line 7": "Run 2"}
+    assert found.texts == {"block 1/title": "Run 1", "block 2/title": "Run 2"}
+
+
+def test_settings_between_tables_belong_to_the_next(tmp_path: Path) -> None:
+    table = "t,q\n0,1\n1,2\n2,3\n"
+    found = of_text(f"{table}\nController 2\nPayload,0.2\n\n{table}the end\n", tmp_path)
+    assert found.texts == {
+        "block 2/title": "Controller 2",
+        "block 2/line 7": "Payload, 0.2",
+        "line 13": "the end",
+    }
 
 
 def test_many_tables_are_left_out_and_noted(tmp_path: Path) -> None:
@@ -202,8 +280,29 @@ def test_many_tables_are_left_out_and_noted(tmp_path: Path) -> None:
 def test_words_alone_are_kept_as_texts(tmp_path: Path) -> None:
     found = of_text("SYNTHETIC notes\nall angles in degrees\n", tmp_path)
     assert not found.signals
-    assert found.texts["line 2"] == "all angles in degrees"
-    assert found.skipped[0].reason == "a text without a table of numbers"
+    assert found.texts == {"text": "SYNTHETIC notes\nall angles in degrees"}
+    assert [left.reason for left in found.skipped] == ["a text without a table of numbers"]
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        ["1. SYNTHETIC data of controller 1", "2. data of controller 2", "3. the same with 0.2 kg"],
+        ["SYNTHETIC", "Payload: 0.2 kg"],
+        ["rate,1000", "SYNTHETIC"],
+    ],
+)
+def test_numbers_in_sentences_are_no_table(lines: list[str], tmp_path: Path) -> None:
+    found = of_text("\n".join(lines), tmp_path)
+    assert not found.signals
+    assert [left.reason for left in found.skipped] == ["a text without a table of numbers"]
+    assert found.texts == {"text": "\n".join(lines)}
+
+
+def test_a_long_text_is_cut(tmp_path: Path) -> None:
+    many = of_text("".join(f"word {'abc'[n % 3]}\n" for n in range(100)), tmp_path)
+    assert len(many.texts["text"].splitlines()) == 12
+    assert len(of_text("word " * 9999, tmp_path).texts["text"]) == 999
 
 
 numbers = st.floats(allow_nan=False, allow_infinity=False, width=64)
@@ -271,8 +370,45 @@ def test_tables_side_by_side_and_below_each_other(tmp_path: Path) -> None:
     found = of_book(book_of([*side, *below]), tmp_path)
     assert columns(found)["Data!D2:E5/q3"] == [0.0, 3.0, 6.0, 9.0]
     assert columns(found)["Data!A9:B11/q2"] == [7.0, 8.0, 9.0]
-    assert found.texts["Data!A9:B11/row 7"] == "Controller 2"
+    assert found.texts == {"Data!A9:B11/title": "Controller 2"}
     assert len({signal.group for signal in found.signals}) == 3
+
+
+def test_titles_belong_to_the_table_below_them(tmp_path: Path) -> None:
+    head = [
+        ["All controllers", *[None] * 4],
+        ["Controller 1", None, None, "Controller 2", None],
+        ["no load", None, None, "Payload", 0.2],
+        [],
+        ["t", "q2", None, "t", "q2"],
+    ]
+    book = book_of([*head, *([n, 1, None, n, 2] for n in range(3)), ["measured in May"]])
+    book.active.merge_cells("A1:E1")
+    book.active.merge_cells("D2:E2")
+    found = of_book(book, tmp_path)
+    assert found.texts == {
+        "Data!A6:B8/title": "All controllers",
+        "Data!A6:B8/title 2": "Controller 1",
+        "Data!A6:B8/title 3": "no load",
+        "Data!D6:E8/title": "All controllers",
+        "Data!D6:E8/title 2": "Controller 2",
+        "Data!D6:E8/row 3": "Payload, 0.2",
+        "Data!A6:B8/row 9": "measured in May",
+    }
+    assert all(
+        any(s.path.startswith(path.rpartition("/")[0] + "/") for s in found.signals) for path in found.texts
+    )
+
+
+def test_a_merged_name_ends_where_the_merged_cells_end(tmp_path: Path) -> None:
+    rows = [["t", "关节2", None, "关节3", None, None], [None, "期望", "实际", "期望", "实际", "remark"]]
+    book = book_of([*rows, *([n, 1, 2, 3, 4, 5] for n in range(3))])
+    for cells in ("A1:A2", "B1:C1", "D1:E1"):
+        book.active.merge_cells(cells)
+    found = of_book(book, tmp_path)
+    labels = ["t", "关节2 期望", "关节2 实际", "关节3 期望", "关节3 实际", "remark"]
+    assert [signal.label for signal in found.signals] == labels
+    assert not found.texts
 
 
 def test_merged_names_hidden_sheets_charts_and_empty_ones(tmp_path: Path) -> None:
@@ -425,7 +561,7 @@ def test_scales_units_and_names_of_hdf5(hdf5: Path) -> None:
     assert_array_equal(q.time, np.arange(5) * 0.01)
     assert q.note == "columns are joint 2, 3"
     assert (time.path, time.unit) == ("controller_1/time", "ms")
-    assert read_hdf5(hdf5).texts == {"controller_1@run": "SYNTHETIC", "controller_1/joint": "2, 3"}
+    assert read_hdf5(hdf5).texts == {"controller_1/@run": "SYNTHETIC", "controller_1/joint": "2, 3"}
 
 
 def test_links_loops_and_promises_of_hdf5(hdf5: Path, tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
+from itertools import chain, count, groupby
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -182,6 +183,24 @@ def block_headings(
     if not used and len(before) == width and any(heading.name for heading in before):
         return list(before), used, "headings of the table before"
     return own, used, ""
+
+
+def note_above(found: Found, prefix: str, place: str, cells: Iterable[str]) -> None:
+    """Note a row of words above a table: its title if it is a single text.
+
+    Parameters
+    ----------
+    found : Found
+    prefix : str
+        Of the paths of its columns, with its ``/``.
+    place : str
+        Row or line in the file, the path of what is no title.
+    cells : iterable of str
+    """
+    words = [word for word, _ in groupby(cell.strip() for cell in cells if cell.strip())]
+    path = f"{prefix}{'title' if len(words) == 1 else place}"
+    numbered = chain([path], (f"{path} {number}" for number in count(2)))
+    found.text(next(name for name in numbered if name not in found.texts), ", ".join(words))
 
 
 def add_columns(

@@ -123,7 +123,7 @@ def _texts(found: Found, item: Any, path: str) -> None:
     except Exception:  # attributes are extras: without them the numbers still count
         return
     for name in attributes:
-        found.text(f"{path}@{name}", _attribute(item, name))
+        found.text(f"{path}/@{name}" if path else f"@{name}", _attribute(item, name))
 
 
 def _attribute(item: Any, name: str) -> str:

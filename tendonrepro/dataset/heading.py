@@ -6,6 +6,8 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
 
 from tendonrepro.dataset.units import plain_unit
 
@@ -64,7 +66,7 @@ class Heading:
     name : str
         As written, what spans several columns before it and a ``/``; empty for a column without a name.
     label : str
-        Without the unit.
+        Without the unit, with what spans it before it and a comment behind it.
     unit : str or None
         As written.
     """
@@ -131,6 +133,9 @@ def headings(rows: Sequence[Sequence[str]], width: int) -> tuple[list[Heading], 
     """
     left = [number for number, cells in enumerate(rows) if any(cell.strip() for cell in cells)]
     used: list[int] = []
+    comments = _comments(rows, left, width)
+    if comments:
+        used.append(left.pop())
     units: Sequence[str] = ()
     if len(left) > 1 and _is_units_row(rows[left[-1]], width) and _fits(rows[left[-2]], width):
         units = rows[left[-1]]
@@ -139,13 +144,23 @@ def headings(rows: Sequence[Sequence[str]], width: int) -> tuple[list[Heading], 
     if left and _fits(rows[left[-1]], width):
         names = rows[left[-1]]
         used.append(left.pop())
+    if names and not units and left and _are_units_above(rows[left[-1]], names, width):
+        units = rows[left[-1]]
+        used.append(left.pop())
     spans: Sequence[str] = ()
     if names and left and _spans(rows[left[-1]], names, width):
         spans = _filled_on(rows[left[-1]], width)
         used.append(left.pop())
-    return [
-        _heading(_cell(spans, column), _cell(names, column), _cell(units, column)) for column in range(width)
-    ], used
+    cells = [(_cell(names, column), _cell(units, column), _cell(comments, column)) for column in range(width)]
+    return [_heading(_span(spans, column), *own) for column, own in enumerate(cells)], used
+
+
+def _comments(rows: Sequence[Sequence[str]], left: Sequence[int], width: int) -> Sequence[str]:
+    """Row below the one of units that tells more about each column, as Origin writes it."""
+    if len(left) < 3 or not _is_units_row(rows[left[-2]], width) or _is_units_row(rows[left[-1]], width):
+        return ()
+    both = _fits(rows[left[-3]], width) and _is_row(rows[left[-1]], width)
+    return rows[left[-1]] if both else ()
 
 
 def _cell(cells: Sequence[str], column: int) -> str:
@@ -154,9 +169,14 @@ def _cell(cells: Sequence[str], column: int) -> str:
 
 def _fits(cells: Sequence[str], width: int) -> bool:
     """Whether a row can be the names of so many columns: about as many, and short."""
+    return _is_row(cells, width) and 2 * sum(bool(cell.strip()) for cell in cells) >= width
+
+
+def _is_row(cells: Sequence[str], width: int) -> bool:
+    """Whether a row can be about so many columns."""
     filled = [column for column, cell in enumerate(cells) if cell.strip()]
     short = all(len(cell) <= _LONGEST_NAME for cell in cells)
-    return short and bool(filled) and filled[-1] <= width and 2 * len(filled) >= width
+    return short and bool(filled) and filled[-1] <= width
 
 
 def _is_units_row(cells: Sequence[str], width: int) -> bool:
@@ -164,14 +184,25 @@ def _is_units_row(cells: Sequence[str], width: int) -> bool:
     return bool(filled) and len(cells) <= width + 1 and all(is_unit(cell) for cell in filled)
 
 
+def _are_units_above(cells: Sequence[str], names: Sequence[str], width: int) -> bool:
+    """Whether a row holds the units of the names below it; a single one may be the letter of a panel."""
+    several = sum(bool(cell.strip()) for cell in cells) > 1
+    return several and _is_units_row(cells, width) and _fits(cells, width) and not _is_units_row(names, width)
+
+
 def _spans(cells: Sequence[str], names: Sequence[str], width: int) -> bool:
     """Whether a row names groups of columns.
 
     Then names repeat in it or below it, or an empty cell stands before the last name; a setting such as
-    ``Operator, Yan`` has neither.
+    ``Operator, Yan`` has neither. A single name that starts at the first column, or stands alone further to
+    the right than behind the time, is the table's title.
     """
     filled = [column for column, cell in enumerate(cells) if cell.strip()]
     if not filled or not 0 < filled[-1] < width:
+        return False
+    if len({cells[column].strip() for column in filled}) == 1 and (
+        filled[0] == 0 or filled[0] == filled[-1] > 1
+    ):
         return False
     return _repeats(cells) or _repeats(names) or len(filled) <= filled[-1]
 
@@ -181,16 +212,38 @@ def _repeats(cells: Sequence[str]) -> bool:
 
 
 def _filled_on(cells: Sequence[str], width: int) -> list[str]:
-    """Each name repeated over the empty cells to its right, as a merged cell shows it."""
+    """Each name repeated over the empty cells to its right, unless the row repeats names already."""
+    given = [_cell(cells, column) for column in range(width)]
+    if any(cell and cell == following for cell, following in pairwise(given)):
+        return given
     filled: list[str] = []
-    for column in range(width):
-        own = _cell(cells, column)
+    for own in given:
         filled.append(own or (filled[-1] if filled else ""))
     return filled
 
 
-def _heading(span: str, name: str, unit: str) -> Heading:
+class _Span(NamedTuple):
+    """Name over a column: whether it starts there, and whether it ends there."""
+
+    name: str = ""
+    first: bool = True
+    last: bool = True
+
+
+def _span(spans: Sequence[str], column: int) -> _Span:
+    if not spans:
+        return _Span()
+    name = spans[column]
+    first = column == 0 or spans[column - 1] != name
+    return _Span(name, first, column + 1 == len(spans) or spans[column + 1] != name)
+
+
+def _heading(span: _Span, name: str, unit: str, comment: str) -> Heading:
+    if span.name and span.first and span.last and is_unit(name) and not name.isdigit():
+        # A name of its own in the row of group names, with its unit in the row of names.
+        name, unit, span = span.name, unit or name, _Span()
+    name = name or comment or (span.name if span.first else "")
     label, inner = split_unit(name)
-    path = f"{span}/{name}" if span and name else name or span
-    full = f"{span} {label}".strip() if span != name else label
-    return Heading(path, full, unit.strip(" ()[]（）【】") or inner)
+    words = [span.name if span.name != name else "", label, comment if comment != name else ""]
+    path = f"{span.name}/{name}" if span.name and name not in {"", span.name} else name
+    return Heading(path, " ".join(filter(None, words)), unit.strip(" ()[]（）【】") or inner)

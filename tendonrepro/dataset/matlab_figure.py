@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,6 +20,7 @@ BESIDE = ("hgM_070000", "hgM_050000", "meta_data")
 
 _DEEPEST = 20
 _MOST_CURVES = 1000
+_MOST_LINES = 50
 _NO_DATA = re.compile(r"legend|colorbar", re.IGNORECASE)
 # A round bracket right behind a letter is a function's, as in sin(x).
 _UNIT = re.compile(r"(?:\[|(?<!\w)\()\s*([^\[\]()]{1,20}?)\s*[\])]\s*$")
@@ -48,9 +49,15 @@ def read_figure(tree: Any, found: Found) -> None:
     found : Found
         Is added to.
     """
-    axes = [node for node in _nodes(tree, 0) if node.kind == "axes" and not _is_legend(node)]
+    nodes = list(_nodes(tree, 0))
+    axes = [node for node in nodes if node.kind == "axes" and not _is_legend(node)]
+    found.text("title", " ".join(text_of(node.properties.get("Name")) for node in nodes[:1]))
     for number, node in enumerate(axes, start=1):
         _axes(f"axes {number}", node, found)
+    for node in (node for node in nodes if _is_legend(node)):
+        number = _legend_of(node, axes)
+        if number:
+            found.text(f"axes {number}/legend", " | ".join(_lines(node.properties.get("String"))))
     if not found.signals:
         found.skip("", "a figure without curves")
 
@@ -76,7 +83,34 @@ def _nodes(tree: Any, depth: int) -> Iterator[_Node]:
 
 
 def _is_legend(node: _Node) -> bool:
-    return bool(_NO_DATA.search(text_of(node.properties.get("Tag"))))
+    return bool(_NO_DATA.search(f"{node.kind} {text_of(node.properties.get('Tag'))}"))
+
+
+def _legend_of(legend: _Node, axes: Sequence[_Node]) -> int:
+    """Number from 1 of the only axes, or the only ones that a legend lies in; 0 where it is not clear."""
+    inside = [number for number, node in enumerate(axes, start=1) if len(axes) == 1 or _covers(node, legend)]
+    return inside[0] if len(inside) == 1 else 0
+
+
+def _covers(node: _Node, other: _Node) -> bool:
+    """Whether the middle of another node lies in a node."""
+    (left, low, width, height), (x, y, wide, high) = _position(node), _position(other)
+    return 0.0 <= x + wide / 2 - left <= width and 0.0 <= y + high / 2 - low <= height
+
+
+def _position(node: _Node) -> tuple[float, ...]:
+    """Left, bottom, width and height; NaN where they are not stored."""
+    value = node.properties.get("Position")
+    known = isinstance(value, np.ndarray) and value.dtype.kind in "iuf" and value.size == 4
+    return tuple(map(float, value.ravel())) if known else (np.nan,) * 4  # type: ignore[union-attr]
+
+
+def _lines(value: Any) -> list[str]:
+    """Lines of a char array or of a cell array of them."""
+    if isinstance(value, np.ndarray) and value.dtype.kind in "OUST":
+        lines = [text_of(item) for item in value.ravel()[:_MOST_LINES]]
+        return [line for line in lines if line]
+    return [text_of(value)] if text_of(value) else []
 
 
 def _axes(path: str, node: _Node, found: Found) -> None:
@@ -97,8 +131,8 @@ def _words(node: _Node) -> dict[str, str]:
         number = node.special[place] if place < len(node.special) else 0
         if 0 < number <= len(node.children):
             text = members(members(node.children[number - 1]).get("properties")).get("String")
-            if text_of(text):
-                found[name] = text_of(text)
+            if _lines(text):
+                found[name] = " ".join(_lines(text))
     return found
 
 

@@ -199,9 +199,12 @@ def _elements(properties: Mapping[str, Any], depth: int) -> list[Any]:
 
 
 def _name(properties: Mapping[str, Any]) -> str:
-    path = _text(_properties(properties.get("BlockPath")).get("Path"))
     given = _text(properties.get("Name")) or _text(properties.get("PropagatedName"))
-    return given or path.rpartition("/")[2]
+    return given or _block(properties).rpartition("/")[2]
+
+
+def _block(properties: Mapping[str, Any]) -> str:
+    return _text(_properties(properties.get("BlockPath")).get("Path"))
 
 
 def _element(properties: Mapping[str, Any]) -> Plain:
@@ -211,7 +214,7 @@ def _element(properties: Mapping[str, Any]) -> Plain:
     if isinstance(plain, np.ndarray) and plain.dtype.names is not None:
         return members(plain)
     if isinstance(plain, Series):
-        return replace(plain, label=_name(properties) or plain.label)
+        return replace(plain, label=_name(properties) or plain.label, block=_block(properties))
     return plain
 
 

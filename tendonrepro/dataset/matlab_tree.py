@@ -113,6 +113,7 @@ class Walk:
             return
         values, note = flat_samples(series.values, None if series.time is None else len(series.time))
         notes = "; ".join(text for text in (series.note, note) if text)
+        self._found.text(f"{path}/block", series.block)
         self._found.add(
             path, values, label=series.label, unit=series.unit, group=group, time=series.time, note=notes
         )
@@ -184,6 +185,8 @@ class Walk:
         logged = list(_structure_with_time(values))
         for name, series in logged:
             self._series(f"{path}/{name}", series, path)
+        for name, text in _logged_texts(values) if logged else ():
+            self._found.text(f"{path}/{name}", text)
         for name, value in values.items():
             if logged and name == "signals":
                 continue
@@ -202,9 +205,22 @@ def _structure_with_time(values: Mapping[str, Any]) -> Iterator[tuple[str, Serie
     for number, record in enumerate(signals.ravel(order="F"), start=1):
         own = members(record)
         if isinstance(own["values"], np.ndarray) and own["values"].dtype.kind in "biufc":
-            place = "signals" if signals.size == 1 else f"signals[{number}]"
+            place = _place(signals, number)
             label = text_of(own.get("label")) or text_of(own.get("blockName"))
             yield f"{place}/values", Series(own["values"], clock, label)
+
+
+def _place(signals: NDArray[Any], number: int) -> str:
+    return "signals" if signals.size == 1 else f"signals[{number}]"
+
+
+def _logged_texts(values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """What a struct that Simulink has logged tells about each of its signals, such as ``blockName``."""
+    signals = values["signals"]
+    for number, record in enumerate(signals.ravel(order="F"), start=1):
+        for name, value in members(record).items():
+            if text_of(value):
+                yield f"{_place(signals, number)}/{name}", text_of(value)
 
 
 def _numbers(items: Iterable[Any]) -> NDArray[Any] | None:

@@ -20,13 +20,17 @@ EXPORT = (
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Samples with what their container says about them; members as of a `Signal`, samples along any axis."""
+    """Samples with what their container says about them.
+
+    Members are those of a `Signal`, samples along any axis, and the path of the block that was logged.
+    """
 
     values: NDArray[Any]
     time: Array | None = None
     label: str = ""
     unit: str | None = None
     note: str = ""
+    block: str = ""
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,6 +16,7 @@ ROWS_AS_SIGNALS = 16
 _LONGER = 4
 # Bytes of one file's signals once they are numbers in memory.
 MOST_BYTES = 2**31
+_LONGEST_TEXT = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +98,8 @@ class Source:
     signals : tuple of Signal
     skipped : tuple of Skipped
     texts : mapping
-        Short texts found inside that may say what the numbers are: path -> text.
+        Short texts found inside that may say what the numbers are: path -> text. One at ``D/x`` describes
+        every signal whose path begins with ``D/``, one at a path without ``/`` the whole file.
     """
 
     name: str
@@ -164,7 +166,7 @@ class Found:
     def text(self, path: str, text: str) -> None:
         """Note a text that may say what the numbers are; long ones are cut."""
         if text.strip():
-            self.texts[path] = text.strip()[:200]
+            self.texts[path] = text.strip()[:_LONGEST_TEXT]
 
     def _unused(self, path: str) -> str:
         return next(name for name in _numbered(path) if name not in self._taken)

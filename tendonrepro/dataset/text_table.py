@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from bisect import bisect
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,15 +17,18 @@ from tendonrepro.dataset.bounds import is_full
 from tendonrepro.dataset.cells import (
     MOST_TABLES,
     Block,
+    Mark,
     add_columns,
     block_headings,
     blocks_of,
+    mark_of,
+    note_above,
     settle_head,
 )
 from tendonrepro.dataset.charset import decoded
 from tendonrepro.dataset.heading import Heading
 from tendonrepro.dataset.signals import Found
-from tendonrepro.dataset.text_style import BLANKS, Style, style_of
+from tendonrepro.dataset.text_style import BLANKS, COMMENTS, Style, style_of
 from tendonrepro.dataset.unreadable import Unreadable
 
 MOST_BYTES = 2**29
@@ -33,6 +37,10 @@ MOST_COLUMNS = 2000
 _COMMON_WIDTH = 0.1
 _MOST_BLANK = 0.4
 _MOST_WORDS = 40
+_FIRST_LINES = 12
+_LONGEST_LINE = 1000
+# Enough to tell a text for people from a long log.
+_FEW_ROWS = 200
 
 
 def read_text_table(path: Path) -> Found:
@@ -61,15 +69,28 @@ def read_text_table(path: Path) -> Found:
     lines = _lines(text)
     style = style_of(lines)
     blocks, words = blocks_of([style.mark(line) for line in lines])
-    if not blocks:
-        found = Found(f"text ({encoding})")
-        found.skip("", "a text without a table of numbers")
-        _note_words(found, lines, range(len(lines)))
-        return found
+    if not blocks or _is_prose(lines, blocks, style):
+        return _words_alone(lines, encoding)
     found = Found(f"text table ({style.name}, {encoding})")
-    _note_words(found, lines, words)
-    _add_blocks(found, lines, blocks, style)
+    _add_blocks(found, lines, blocks, words, style)
+    return found if found.signals else _words_alone(lines, encoding)
+
+
+def _words_alone(lines: Sequence[str], encoding: str) -> Found:
+    """What is kept of a text for people, such as one that tells what the files beside it hold."""
+    found = Found(f"text ({encoding})")
+    found.skip("", "a text without a table of numbers")
+    found.text("text", "\n".join(line[:_LONGEST_LINE].rstrip() for line in lines[:_FIRST_LINES]))
     return found
+
+
+def _is_prose(lines: Sequence[str], blocks: Sequence[Block], style: Style) -> bool:
+    """Whether words outweigh the numbers in lines without a separator, as in a text for people."""
+    if style.separator != BLANKS:
+        return False
+    rows = [row for block in blocks for row in block.data][:_FEW_ROWS]
+    cells = [cell for row in rows for cell in style.split(lines[row][:_LONGEST_LINE])]
+    return 2 * sum(mark_of([cell], style.decimal) is Mark.NUMBERS for cell in cells) < len(cells)
 
 
 def _lines(text: str) -> list[str]:
@@ -81,25 +102,38 @@ def _lines(text: str) -> list[str]:
     return [line for line in lines if line.strip()] if blank > _MOST_BLANK * len(lines) else lines
 
 
-def _note_words(found: Found, lines: Sequence[str], rows: Sequence[int]) -> None:
-    """Note lines outside the tables, which may say what the numbers are."""
+def _note_words(found: Found, prefix: str, lines: Sequence[str], rows: Sequence[int], style: Style) -> None:
+    """Note lines above a table, which may say what the numbers are."""
     filled = [row for row in rows if lines[row].strip()]
     for row in filled[:_MOST_WORDS]:
-        found.text(f"line {row + 1}", lines[row][:1000])
+        line = _without_mark(lines[row][:_LONGEST_LINE])
+        note_above(
+            found, prefix, f"line {row + 1}", [line] if style.separator == BLANKS else style.split(line)
+        )
     if len(filled) > _MOST_WORDS:
         found.skip("", f"{len(filled) - _MOST_WORDS} more lines of words")
 
 
-def _add_blocks(found: Found, lines: Sequence[str], blocks: Sequence[Block], style: Style) -> None:
+def _add_blocks(
+    found: Found, lines: Sequence[str], blocks: Sequence[Block], words: Sequence[int], style: Style
+) -> None:
+    """Add tables, each with the lines of words between it and the one before."""
     names: list[Heading] = []
+    before = 0
     for position, block in enumerate(blocks):
         if is_full(found) or position == MOST_TABLES:
             lines_left = f"lines {block.data[0] + 1} to {blocks[-1].data[-1] + 1}"
             found.skip("", f"{len(blocks) - position} more tables, {lines_left}, left out", "split the file")
-            break
+            return
         alone = len(blocks) == 1
         group = "table" if alone else f"block {position + 1}"
-        names = _add_block(found, lines, block, style, names, group, "" if alone else f"{group}/")
+        prefix = "" if alone else f"{group}/"
+        above = words[before : bisect(words, block.data[0])]
+        before += len(above)
+        _note_words(found, prefix, lines, above, style)
+        names = _add_block(found, lines, block, style, names, group, prefix)
+    for row in words[before : before + _MOST_WORDS]:
+        found.text(f"line {row + 1}", lines[row])
 
 
 def _add_block(
@@ -120,7 +154,8 @@ def _add_block(
         width -= 1
         columns.pop()
     names, used, note = block_headings(_head_rows(lines, block, style, width), width, before)
-    _note_words(found, lines, [row for number, row in enumerate(block.head) if number not in used])
+    unused = [row for number, row in enumerate(block.head) if number not in used]
+    _note_words(found, prefix, lines, unused, style)
     if ragged:
         where = f"lines {block.data[0] + 1} to {block.data[-1] + 1}"
         found.skip(where, f"{ragged} rows have another number of cells than {width}", "check these rows")
@@ -131,7 +166,15 @@ def _add_block(
 
 def _head_rows(lines: Sequence[str], block: Block, style: Style, width: int) -> list[list[str]]:
     """Cells of the rows above a table, without what marks them as comments."""
-    return [_head_cells(lines[row].strip().lstrip("#%/ "), style, width) for row in block.head]
+    rows = [_head_cells(_without_mark(lines[row]), style, width) for row in block.head]
+    # A tab before the names alone is an indentation.
+    return [cells[1:] if len(cells) == width + 1 and not cells[0].strip() else cells for cells in rows]
+
+
+def _without_mark(line: str) -> str:
+    """A line without what marks it as a comment; separators at its ends stand for empty cells and stay."""
+    bare = line.strip(" \r\x1a")
+    return bare.lstrip().lstrip("#%/ ") if bare.lstrip().startswith(COMMENTS) else bare
 
 
 def _head_cells(line: str, style: Style, width: int) -> list[str]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from bisect import bisect
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +20,7 @@ from tendonrepro.dataset.cells import (
     block_headings,
     blocks_of,
     mark_of,
+    note_above,
     settle_head,
 )
 from tendonrepro.dataset.heading import Heading
@@ -31,6 +34,7 @@ MOST_CELLS = 20_000_000
 """Of one sheet; each takes some 100 bytes while it is read."""
 _MOST_WORDS = 20
 _MOST_TEXTS = 500
+_MOST_MERGED = 1000
 _BROKEN = "open it in Excel or LibreOffice, which can repair it, and save it again"
 
 
@@ -87,12 +91,8 @@ def _read_sheet(found: Found, book: Any, name: str, note: str) -> None:
     except Exception as error:  # calamine raises errors of several families, by what is broken
         found.skip(name, f"a broken sheet ({error})", _BROKEN)
         return
-    corner = sheet.start or (0, 0)
-    tables = [
-        _Table(rows, block, columns, corner)
-        for columns in _column_ranges(rows)
-        for block in _blocks(found, name, rows, columns, corner[0])
-    ]
+    grid = _Grid(rows, sheet.start or (0, 0), _merged(sheet, rows))
+    tables = [table for columns in _column_ranges(rows) for table in _tables(found, name, grid, columns)]
     names: list[Heading] = []
     for table in tables[:MOST_TABLES]:
         group = name if len(tables) == 1 else f"{name}!{table.where()}"
@@ -103,12 +103,46 @@ def _read_sheet(found: Found, book: Any, name: str, note: str) -> None:
         found.skip(name, "a sheet without numbers")
 
 
+@dataclass(frozen=True)
+class _Grid:
+    """Cells of a sheet, the place of the first from 0, and the rows with merged cells, filled."""
+
+    rows: Sequence[Sequence[Any]]
+    corner: tuple[int, int]
+    merged: Mapping[int, Sequence[Any]]
+
+    def shown(self, row: int, columns: range) -> Sequence[Any]:
+        """Cells as a reader of the sheet sees them."""
+        return self.merged.get(row, self.rows[row])[columns.start : columns.stop]
+
+    def number(self, row: int) -> int:
+        """Number of a row in the sheet."""
+        return self.corner[0] + row + 1
+
+
 def _rows(sheet: CalamineSheet) -> list[list[Any]]:
     cells = sheet.height * sheet.width
     if cells > MOST_CELLS:
         reason = f"{cells} cells are too many"
         raise Unreadable(reason, "save the sheet as CSV")
     return sheet.to_python(skip_empty_area=True)
+
+
+def _merged(sheet: CalamineSheet, rows: Sequence[Sequence[Any]]) -> dict[int, list[Any]]:
+    """Rows in which cells are merged, with their texts in every column they cover."""
+    first_row, first_column = sheet.start or (0, 0)
+    filled: dict[int, list[Any]] = {}
+    for (top, left), (_, right) in (sheet.merged_cell_ranges or [])[:_MOST_MERGED]:
+        row, column = top - first_row, left - first_column
+        if not 0 <= row < len(rows) or not 0 <= column < len(rows[row]):
+            continue
+        text = rows[row][column]
+        if isinstance(text, str) and text.strip():
+            cells = filled.setdefault(row, list(rows[row]))
+            covered = range(column, min(right - first_column + 1, len(cells)))
+            for place in (place for place in covered if cells[place] in ("", None)):
+                cells[place] = text
+    return filled
 
 
 def _column_ranges(rows: Sequence[Sequence[Any]]) -> list[range]:
@@ -121,56 +155,63 @@ def _column_ranges(rows: Sequence[Sequence[Any]]) -> list[range]:
     return [range(run[0], run[-1] + 1) for run in runs]
 
 
-def _blocks(
-    found: Found, name: str, rows: Sequence[Sequence[Any]], columns: range, first_row: int
-) -> list[Block]:
-    """Tables within a run of columns; what is none is noted."""
-    cells = slice(columns.start, columns.stop)
-    blocks, words = blocks_of([mark_of(row[cells]) for row in rows])
-    lonely = words if blocks else range(len(rows))
-    for row in lonely[:_MOST_WORDS]:
-        _note_row(found, name, rows[row][cells], first_row + row)
-    return blocks
+def _tables(found: Found, name: str, grid: _Grid, columns: range) -> list[_Table]:
+    """Tables within a run of columns, with the words above them; what is none is noted."""
+    blocks, words = blocks_of([mark_of(grid.shown(row, columns)) for row in range(len(grid.rows))])
+    tables, before = [], 0
+    for block in blocks:
+        above = words[before : bisect(words, block.data[0])]
+        before += len(above)
+        tables.append(_Table(grid, block, columns, above[:_MOST_WORDS]))
+    if tables:
+        tables[-1].below = words[before : before + _MOST_WORDS]
+    else:
+        for row in range(min(len(grid.rows), _MOST_WORDS)):
+            _note_row(found, name, grid, row, columns)
+    return tables
 
 
-def _note_row(found: Found, name: str, cells: Sequence[Any], row: int) -> None:
+def _note_row(found: Found, name: str, grid: _Grid, row: int, columns: range) -> None:
+    cells = grid.rows[row][columns.start : columns.stop]
     if len(found.texts) < _MOST_TEXTS:
-        found.text(f"{name}/row {row + 1}", ", ".join(str(cell) for cell in cells if cell not in {None, ""}))
+        found.text(f"{name}/row {grid.number(row)}", ", ".join(_text(cell) for cell in cells if _text(cell)))
 
 
 class _Table:
-    """Rows and columns of a sheet that are one table."""
+    """Rows and columns of a sheet that are one table, and the words outside its head that belong to it."""
 
-    def __init__(
-        self, rows: Sequence[Sequence[Any]], block: Block, columns: range, corner: tuple[int, int]
-    ) -> None:
-        self.rows, self.block, self.columns, self.corner = rows, block, columns, corner
-        settle_head(block, self._cells)
-
-    def _cells(self, row: int) -> Sequence[Any]:
-        return self.rows[row][self.columns.start : self.columns.stop]
+    def __init__(self, grid: _Grid, block: Block, columns: range, above: Sequence[int]) -> None:
+        self.grid, self.block, self.columns, self.above = grid, block, columns, above
+        self.below: Sequence[int] = ()
+        settle_head(block, lambda row: grid.rows[row][columns.start : columns.stop])
 
     def where(self) -> str:
         """Columns and rows as a spreadsheet names them."""
-        first_row, first_column = self.corner
-        left, right = (_letters(first_column + column) for column in (self.columns[0], self.columns[-1]))
-        return f"{left}{first_row + self.block.data[0] + 1}:{right}{first_row + self.block.data[-1] + 1}"
+        left, right = (_letters(self.grid.corner[1] + self.columns[end]) for end in (0, -1))
+        first, last = (self.grid.number(self.block.data[end]) for end in (0, -1))
+        return f"{left}{first}:{right}{last}"
 
     def add_to(self, found: Found, group: str, before: Sequence[Heading], note: str) -> list[Heading]:
         """Add its columns as signals; returns its headings."""
-        width = len(self.columns)
-        head = [[_text(cell) for cell in self._cells(row)] for row in self.block.head]
-        names, used, inherited = block_headings(head, width, before)
-        for number, row in enumerate(self.block.head):
-            if number not in used:
-                _note_row(found, group, self._cells(row), self.corner[0] + row)
+        names, used, inherited = block_headings(
+            [self._shown(row) for row in self.block.head], len(self.columns), before
+        )
+        for row in (*self.above, *(row for n, row in enumerate(self.block.head) if n not in used)):
+            if len(found.texts) < _MOST_TEXTS:
+                note_above(found, f"{group}/", f"row {self.grid.number(row)}", self._shown(row))
+        for row in self.below:
+            _note_row(found, group, self.grid, row, self.columns)
         columns = [self._column(column) for column in self.columns]
         notes = "; ".join(text for text in (note, inherited) if text)
         add_columns(found, names, columns, group=group, prefix=f"{group}/", note=notes)
         return names
 
+    def _shown(self, row: int) -> list[str]:
+        return [_text(cell) for cell in self.grid.shown(row, self.columns)]
+
     def _column(self, column: int) -> Cells:
-        cells = [self.rows[row][column] if column < len(self.rows[row]) else "" for row in self.block.data]
+        rows = self.grid.rows
+        cells = [rows[row][column] if column < len(rows[row]) else "" for row in self.block.data]
         if all(type(cell) is float or type(cell) is int for cell in cells):
             return np.array(cells, np.float64)
         return cells
