@@ -49,7 +49,9 @@ def write_claims(verdicts: Sequence[Verdict], folder: Path) -> list[Path]:
     TendonreproError
         When a file cannot be written.
     """
-    sheet = Sheet(CAPTION, list(_HEADINGS), [False] * 3 + [True] * 2 + [False] * 2, _rows(verdicts))
+    headings = [*_HEADINGS, *(["On the measurement"] * _has_measured(verdicts))]
+    numeric = [heading in ("Ours", "Central 90 %") for heading in headings]
+    sheet = Sheet(CAPTION, headings, numeric, _rows(verdicts))
     texts = {"json": to_json(as_data(verdicts)), "csv": _csv(verdicts), "md": markdown(sheet)}
     paths = [folder / f"claims.{suffix}" for suffix in texts]
     for path, text in zip(paths, texts.values(), strict=True):
@@ -59,10 +61,12 @@ def write_claims(verdicts: Sequence[Verdict], folder: Path) -> list[Path]:
 
 def table_text(verdicts: Sequence[Verdict]) -> str:
     """Verdicts as a table for a terminal, and how many there are of each."""
-    rows = [("id", "printed", "ours", "central 90 %", "verdict")]
+    measured = _has_measured(verdicts)
+    rows = [("id", "printed", "ours", "central 90 %", "verdict", *(["on the measurement"] * measured))]
     for verdict in verdicts:
         printed = verdict.printed if _is_number(verdict) else verdict.where
-        rows.append((verdict.id, printed, _ours(verdict), _box(verdict), _name(verdict)))
+        beside = [_measured(verdict)] * measured
+        rows.append((verdict.id, printed, _ours(verdict), _box(verdict), _name(verdict), *beside))
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = [
         "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
@@ -125,6 +129,7 @@ def _plain(value: Any) -> str:
 
 
 def _rows(verdicts: Sequence[Verdict]) -> list[list[str]]:
+    measured = _has_measured(verdicts)
     return [
         [
             verdict.id,
@@ -134,20 +139,27 @@ def _rows(verdicts: Sequence[Verdict]) -> list[list[str]]:
             _box(verdict),
             _name(verdict),
             ", ".join(verdict.readings_that_change_it) or NOTHING,
+            *([_measured(verdict)] * measured),
         ]
         for verdict in verdicts
     ]
 
 
+def _has_measured(verdicts: Sequence[Verdict]) -> bool:
+    return any("measured" in verdict.evidence for verdict in verdicts)
+
+
 def _csv(verdicts: Sequence[Verdict]) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([*_CSV, "missing", "depends_on", "readings_that_change_it"])
+    measured = _has_measured(verdicts)
+    writer.writerow([*_CSV, "missing", "depends_on", "readings_that_change_it", *(["measured"] * measured)])
     for verdict in verdicts:
         box = verdict.evidence.get("box", {})
         values = asdict(verdict) | {"low": box.get("low"), "high": box.get("high")}
         lists = ["; ".join(names) for names in (verdict.depends_on, verdict.readings_that_change_it)]
-        writer.writerow([*(values[name] for name in _CSV), verdict.evidence.get("missing"), *lists])
+        beside = [_measured(verdict)] * measured
+        writer.writerow([*(values[name] for name in _CSV), verdict.evidence.get("missing"), *lists, *beside])
     return text.getvalue()
 
 
@@ -171,6 +183,15 @@ def _ours(verdict: Verdict) -> str:
 def _box(verdict: Verdict) -> str:
     box = verdict.evidence.get("box")
     return f"{box['low']:.3g} to {box['high']:.3g}" if box else NOTHING
+
+
+def _measured(verdict: Verdict) -> str:
+    """Verdict on the measurement, which stands beside that of the box."""
+    beside = verdict.evidence.get("measured")
+    if beside is None:
+        return verdict.verdict if verdict.kind == "measured" else NOTHING
+    ours = "" if beside["ours"] is None else f" ({beside['ours']:.4g})"
+    return f"{beside['verdict']}{ours}"
 
 
 def _name(verdict: Verdict) -> str:

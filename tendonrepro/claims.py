@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from tendonrepro.claim_ensemble import COMMAND, judge, outcome
+from tendonrepro.claim_measured import judge_measured, measured_of
 from tendonrepro.claim_plants import Ensemble, Plants
 from tendonrepro.claim_rules import FROM_THE_PRINT, Judged, missing
 from tendonrepro.errors import DataMissingError, UsageError
@@ -19,6 +20,7 @@ from tendonrepro.verdicts import FAILURES, NAMES, Name
 
 SCHEMA_VERSION = 1
 SHARE = "share of the box"
+FETCH = "tendonrepro fetch, then inspect --suggest and ingest"
 _DATA = "the measured motor and joint angles of the paper's data set"
 
 
@@ -32,11 +34,14 @@ class Sources:
         Traces of the two experiments.
     ensemble : Ensemble or None
         Results over the box, such as `ensemble_data.EnsembleData`.
+    measured : TraceFile or None
+        A measurement.
     """
 
     decouple: TraceFile | None = None
     compare: TraceFile | None = None
     ensemble: Ensemble | None = None
+    measured: TraceFile | None = None
 
 
 @dataclass(frozen=True)
@@ -102,11 +107,24 @@ def judge_all(
     wanted = list(only) or judged
     report = progress or (lambda _: None)
     found = _under_every_reading(sources.ensemble, paper, wanted, report, decided_by=decided_by)
+    for name in wanted:
+        found.setdefault(name, _without_ensemble(sources, paper, name))
+    if sources.measured is not None:
+        _add_measured(found, sources.measured, paper)
     shipped = _shipped_numbers(sources.compare)
-    return [
-        _verdict(paper, name, found.get(name) or _without_ensemble(sources, paper, name), shipped.get(name))
-        for name in wanted
-    ]
+    return [_verdict(paper, name, found[name], shipped.get(name)) for name in wanted]
+
+
+def _add_measured(found: dict[str, Judged], file: TraceFile, paper: Published) -> None:
+    """Give the measurement's verdict to what only a measurement can tell, and note it beside all others."""
+    measured = judge_measured(measured_of(file, paper), paper)
+    for name in found.keys() & measured.keys():
+        one = measured[name]
+        if paper.judgements[name].kind == "measured":
+            found[name] = one
+        else:
+            beside = {"verdict": one.decision.verdict, "ours": one.ours} | one.evidence
+            found[name].evidence["measured"] = beside
 
 
 def _under_every_reading(
@@ -208,9 +226,9 @@ def _shipped_numbers(compare: TraceFile | None) -> dict[str, float]:
 def _needs_data(rule: str, decouple: TraceFile | None) -> Judged:
     """K3, K5: only measured angles can tell; the errors of the one simulated plant are shown."""
     if rule == "measured_only":
-        return missing(_DATA)
+        return missing(_DATA, FETCH)
     if decouple is None or "decouple" not in decouple.runs:
-        return missing(f"{_DATA}; tendonrepro decouple shows one simulated plant", "tendonrepro decouple")
+        return missing(_DATA, FETCH)
     trace = decouple.runs["decouple"]
     errors = {
         f"joint_{joint}": float(size)
@@ -219,7 +237,7 @@ def _needs_data(rule: str, decouple: TraceFile | None) -> Judged:
     remark = (
         "one simulated plant; the order of its joints hangs on gravity and stiffness, which are unpublished"
     )
-    return missing(_DATA, mae_deg=errors, remarks=[remark])
+    return missing(_DATA, FETCH, mae_deg=errors, remarks=[remark])
 
 
 def _as_printed(entry: Entry, rule: Judgement) -> tuple[str, str | None]:

@@ -1,4 +1,4 @@
-"""Commands around the paper's data set: fetch, inspect, ingest."""
+"""Commands around the paper's data set: fetch, inspect, ingest, validate."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from tendonrepro.cli_options import Json, Quiet, Verbose, show
+from tendonrepro.cli_options import Config, DryRun, Force, Json, Out, Quiet, Seed, Set, Verbose, show
 
 data_app = typer.Typer(rich_markup_mode=None)
 
@@ -83,3 +83,28 @@ def ingest(
     talk = Talk(quiet=quiet, verbose=verbose)
     found = run_ingest(paths, mapping, out, force=force, dry_run=dry_run, talk=talk)
     show(found if as_json else ingest_text(found), as_json=as_json, quiet=quiet)
+
+
+@data_app.command(epilog="Example: tendonrepro validate data/measured.h5")
+def validate(
+    measured: Annotated[Path, typer.Argument(help="Trace file that ingest has written.")] = Path(
+        "data/measured.h5"
+    ),
+    config: Config = None,
+    out: Out = None,
+    overrides: Set = None,
+    seed: Seed = None,
+    dry_run: DryRun = False,
+    force: Force = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Compare measured data with what the paper prints and with the model."""
+    from tendonrepro.dataset.validate import run_validate
+    from tendonrepro.dataset.validate_text import validate_text
+    from tendonrepro.talk import Talk
+
+    talk = Talk(quiet=quiet, verbose=verbose)
+    found = run_validate(measured, config, out, overrides or (), seed, force, dry_run, talk)
+    show(found if as_json else validate_text(found), as_json=as_json, quiet=quiet)

@@ -162,6 +162,10 @@ def claims(
     baseline: Annotated[
         Path | None, typer.Option("--baseline", help="Earlier claims.json: only changes count for --check.")
     ] = None,
+    measured: Annotated[
+        Path | None,
+        typer.Option("--measured", help="Measured trace file [default: data/measured.h5 if there is one]."),
+    ] = None,
     as_json: Json = False,
     quiet: Quiet = False,
     verbose: Verbose = False,
@@ -170,6 +174,6 @@ def claims(
     from tendonrepro.ledger import run_claims
     from tendonrepro.talk import Talk
 
-    found = run_claims(out, ids or (), baseline, Talk(quiet=quiet, verbose=verbose))
+    found = run_claims(out, ids or (), baseline, Talk(quiet=quiet, verbose=verbose), measured)
     show(found.data if as_json else found.text, as_json=as_json, quiet=quiet)
     return 3 if check and found.failed else 0

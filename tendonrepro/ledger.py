@@ -18,6 +18,7 @@ from tendonrepro.claim_ensemble import outcome
 from tendonrepro.claim_plants import Ensemble, Plants
 from tendonrepro.claim_report import as_data, details_text, table_text, write_claims
 from tendonrepro.claims import Sources, Verdict, changed, failing, judge_all
+from tendonrepro.dataset.measured_file import MEASURED, read_measured
 from tendonrepro.ensemble_data import EnsembleData, read_ensemble
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import write_atomically
@@ -59,7 +60,9 @@ class Ledger:
     data: dict[str, Any]
 
 
-def run_claims(out: Path, ids: Sequence[str], baseline: Path | None, talk: Talk) -> Ledger:
+def run_claims(
+    out: Path, ids: Sequence[str], baseline: Path | None, talk: Talk, measured: Path | None = None
+) -> Ledger:
     """Judge the claims from what has been run, and write the ledger.
 
     Parameters
@@ -71,6 +74,8 @@ def run_claims(out: Path, ids: Sequence[str], baseline: Path | None, talk: Talk)
     baseline : Path or None
         An earlier ``claims.json`` to compare with.
     talk : Talk
+    measured : Path or None
+        Measured trace file; None is ``data/measured.h5`` where there is one.
 
     Returns
     -------
@@ -79,12 +84,12 @@ def run_claims(out: Path, ids: Sequence[str], baseline: Path | None, talk: Talk)
     Raises
     ------
     DataMissingError
-        If the baseline cannot be read.
+        If the baseline or the measured file cannot be read.
     UsageError
         For an unknown id, or a baseline together with ids.
     """
     before = None if baseline is None else _baseline(baseline, ids)
-    sources = _sources(out, talk)
+    sources = _sources(out, measured, talk)
     talk.detail(f"found {', '.join(_present(sources)) or 'no results'} under {out}")
     readings = 0 if sources.ensemble is None else len(sources.ensemble.readings)
     with talk.bar("judging", readings) as progress:
@@ -105,20 +110,29 @@ def run_claims(out: Path, ids: Sequence[str], baseline: Path | None, talk: Talk)
     return Ledger(tuple(verdicts), failed, text, data)
 
 
-def _sources(out: Path, talk: Talk) -> Sources:
+def _sources(out: Path, measured: Path | None, talk: Talk) -> Sources:
     return Sources(
         decouple=_traces(out / "decouple" / TRACES),
         compare=_traces(out / "compare" / TRACES),
         ensemble=_ensemble(out / "ensemble", talk),
+        measured=_measured(measured),
     )
 
 
 def _present(sources: Sources) -> list[str]:
-    return [name for name in ("decouple", "compare", "ensemble") if getattr(sources, name) is not None]
+    names = ("decouple", "compare", "ensemble", "measured")
+    return [name for name in names if getattr(sources, name) is not None]
 
 
 def _traces(path: Path) -> TraceFile | None:
     return read_traces(path) if path.exists() else None
+
+
+def _measured(path: Path | None) -> TraceFile | None:
+    """The measured file asked for, else the usual one where there is one."""
+    if path is None and not MEASURED.exists():
+        return None
+    return read_measured(path or MEASURED)
 
 
 def _ensemble(folder: Path, talk: Talk) -> EnsembleData | None:

@@ -1,0 +1,289 @@
+"""Claims and numbers of the paper judged on a measurement, by "On the measurement" in docs/verdicts.md."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonrepro.arithmetic import cut, printed_percentages
+from tendonrepro.arrays import Array
+from tendonrepro.batch import STATUSES
+from tendonrepro.claim_angles import decoupling, motor_angles
+from tendonrepro.claim_plants import Plants
+from tendonrepro.claim_rules import Evidence, Judged, missing
+from tendonrepro.claim_statements import CLAIMS, FIRST, LOADED, Findings, smaller
+from tendonrepro.dataset.printed_tables import PrintedTables, prints_as, try_windows
+from tendonrepro.dataset.reference_motion import Reference, derivatives, recover, timing_of
+from tendonrepro.errors import DataMissingError
+from tendonrepro.measured_statistics import statistics_of
+from tendonrepro.published import PrintedNumber, Published
+from tendonrepro.readings import PRINTED
+from tendonrepro.records import Trace, TraceFile
+from tendonrepro.summary import CONTROLLERS
+from tendonrepro.verdicts import of_model
+
+JUDGED = ("K3", "K5", "C1", "C2", "C3", "C4", "C5", "C6", "P1")
+"""Claims that a measurement is asked about."""
+
+_FAMILIES = ("table2.", "table3.", "share.", "increase.")
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A measured file with what is derived from it once.
+
+    Parameters
+    ----------
+    file : TraceFile
+    tables : PrintedTables
+        Ways of averaging that were tried.
+    reference : Reference or None
+        None where no run holds the desired angles.
+    """
+
+    file: TraceFile
+    tables: PrintedTables
+    reference: Reference | None
+
+    @cached_property
+    def compare(self) -> TraceFile:
+        """Runs of the comparison."""
+        return self.file.part("compare")
+
+
+def measured_of(file: TraceFile, paper: Published) -> Measured:
+    """Recover the reference of a measured file and try every averaging window."""
+    try:
+        reference: Reference | None = recover(file)
+    except DataMissingError:
+        reference = None
+    tables = try_windows(file.part("compare"), paper, timing_of(file, reference))
+    return Measured(file, tables, reference)
+
+
+def judge_measured(measured: Measured, paper: Published) -> dict[str, Judged]:
+    """Judge every claim and number that a measurement can speak about.
+
+    Parameters
+    ----------
+    measured : Measured
+    paper : Published
+
+    Returns
+    -------
+    dict
+        By id: the claims `JUDGED`, the numbers of Tables 2 and 3 and of sections 5.3 and 5.4.
+    """
+    numbers = [name for name in paper.entries if name.startswith(_FAMILIES)]
+    found = {name: _number(measured, paper, name) for name in numbers}
+    for name in JUDGED:
+        try:
+            found[name] = _claim(measured, paper, name, found)
+        except DataMissingError as error:
+            found[name] = missing(error.message)
+    return found
+
+
+def _number(measured: Measured, paper: Published, identifier: str) -> Judged:
+    deciding = measured.tables.deciding
+    sizes = deciding.sizes if deciding else {}
+    window = {"window": deciding.name if deciding else None}
+    if not identifier.startswith("table"):
+        return _percentage(sizes, paper, identifier, window)
+    ours = sizes.get(identifier.replace("table3.no_load", "table2.controller_1"))
+    if ours is None:
+        return missing(f"the measured errors of {_run_of(identifier)}", **window)
+    return Judged(of_model(prints_as(paper, identifier, ours)), ours, dict(window))
+
+
+def _run_of(identifier: str) -> str:
+    family, what, _, joint = identifier.split(".")
+    run = what if family == "table2" else {"no_load": CONTROLLERS[0], "with_load": LOADED}[what]
+    return f"{run}, {joint.replace('_', ' ')}"
+
+
+def _percentage(
+    sizes: Mapping[str, float], paper: Published, identifier: str, window: Mapping[str, Any]
+) -> Judged:
+    """Judge a percentage from the measured numbers as the tables would print them."""
+    names = [name.replace("table3.no_load", "table2.controller_1") for name in _parts(paper, identifier)]
+    absent = [_run_of(name) for name in names if not np.isfinite(sizes.get(name, np.nan))]
+    if absent:
+        return missing(f"the measured errors of {absent[0]}", **window)
+    part, whole = (Fraction(f"{sizes[name]:.{_entry(paper, name).decimals}f}") for name in names)
+    if whole == 0:
+        return missing(f"an error of {_run_of(names[1])} that is not zero", **window)
+    value = 100 * part / whole - (100 if identifier.startswith("increase.") else 0)
+    holds = cut(value, _entry(paper, identifier)) != "neither"
+    return Judged(of_model(holds), float(value), dict(window))
+
+
+def _parts(paper: Published, identifier: str) -> tuple[str, str]:
+    return printed_percentages(paper)[identifier]
+
+
+def _entry(paper: Published, identifier: str) -> PrintedNumber:
+    entry = paper.entries[identifier]
+    if not isinstance(entry, PrintedNumber):
+        message = f"{identifier} is no number"
+        raise TypeError(message)
+    return entry
+
+
+def _claim(measured: Measured, paper: Published, identifier: str, numbers: Mapping[str, Judged]) -> Judged:
+    if identifier == "K3":
+        return decoupling(measured.file)
+    if identifier == "K5":
+        return motor_angles(measured.file)
+    if identifier == "C1":
+        _need_errors(measured.compare)
+    plants = Plants(OneArm(measured), PRINTED)
+    rule = paper.judgements[identifier].rule
+    found = _payload(plants) if rule == "payload" else CLAIMS[rule](plants, paper)
+    _all_judged(measured.compare, identifier, found)
+    holds = [bool(statement.holds[0]) for statement in found.statements]
+    evidence: Evidence = {
+        "statements": [
+            {"statement": statement.text, "holds": held}
+            for statement, held in zip(found.statements, holds, strict=True)
+        ]
+    }
+    remarks = _remarks(measured, identifier)
+    if identifier in ("C2", "P1") and measured.tables.deciding:
+        evidence["window"] = measured.tables.deciding.name
+    if identifier == "P1":
+        values = {name: one for name, one in numbers.items() if name.startswith("increase.")}
+        evidence["percentages"] = {name: one.decision.verdict for name, one in values.items()}
+        holds += [one.decision.verdict == "reproduced" for one in values.values()]
+    return Judged(of_model(all(holds)), None, evidence | ({"remarks": remarks} if remarks else {}))
+
+
+def _need_errors(file: TraceFile) -> None:
+    """A status judged without the error of a joint says nothing about it."""
+    for trace in [file.runs[run] for run in CONTROLLERS if run in file.runs]:
+        for joint in OneArm.joints:
+            known = joint in trace.joint and "e" in trace
+            if not known or bool(np.isnan(trace["e"][:, trace.joint.index(joint)]).all()):
+                message = f"the measured error of {trace.name}, joint {joint}"
+                raise DataMissingError(message)
+
+
+def _payload(plants: Plants) -> Findings:
+    """P1 without the other controllers, which an ensemble asks for to judge all claims on the same plants."""
+    statements = [
+        statement
+        for metric in ("mae", "rmse")
+        for statement in smaller(plants, metric, FIRST, LOADED, metric.upper())
+    ]
+    return Findings(statements, plants.ok(FIRST, LOADED), None)
+
+
+def _all_judged(file: TraceFile, identifier: str, found: Findings) -> None:
+    """Refuse to compare laws that were not ``ok``; claim C1 is about just that."""
+    if identifier != "C1" and not found.judged[0]:
+        laws = [name for name in (*CONTROLLERS, LOADED) if name in file.runs]
+        wrong = next(name for name in laws if file.runs[name].status != "ok")
+        message = f"a run of {wrong} that is ok; the one measured is {file.runs[wrong].status}"
+        raise DataMissingError(message)
+
+
+def _remarks(measured: Measured, identifier: str) -> list[str]:
+    if identifier != "C4":
+        return []
+    computed = [name for name in CONTROLLERS if "s" not in measured.compare.runs[name]]
+    if not computed:
+        return []
+    return [
+        f"s of {', '.join(computed)} was not recorded: computed from e by Eq. (11) with the printed gains, "
+        "the rate of e by the difference to the sample before"
+    ]
+
+
+class OneArm:
+    """A measured comparison with the interface of an ensemble of one plant."""
+
+    joints = (2, 3)
+    alpha = (0.0, 0.0)
+    names: tuple[str, ...] = ()
+    readings = (PRINTED,)
+    draws: Array = np.zeros((1, 0))
+    replicate: NDArray[np.int64] = np.zeros(1, dtype=np.int64)
+
+    def __init__(self, measured: Measured) -> None:
+        self._measured = measured
+        self._kept: dict[str, dict[str, Array]] = {}
+
+    def has(self, run: str, reading: str) -> bool:
+        """Whatever a rule asks for is looked up, so that what is missing can be named."""
+        del run
+        return reading == PRINTED
+
+    def status(self, run: str, reading: str) -> NDArray[np.int8]:
+        """Status code of a run, (1,)."""
+        del reading
+        return np.array([STATUSES.index(self._trace(run).status)], dtype=np.int8)
+
+    def statistic(self, run: str, reading: str, name: str) -> Array:
+        """One statistic, SI, (1, 2).
+
+        Raises
+        ------
+        DataMissingError
+            When the run, one of its joints or a signal behind the statistic is missing.
+        """
+        del reading
+        trace = self._trace(run)
+        if name in ("mae", "rmse"):
+            return self._of_the_tables(run, name)
+        if name == "torque_step_rms":
+            self._check_steps()
+        if run not in self._kept:
+            self._kept[run] = statistics_of(trace, self._phases(trace))
+        if name not in self._kept[run]:
+            needed = _SIGNALS.get(name.partition("_")[0], "q_d")
+            message = f"{needed} of the run {run}"
+            raise DataMissingError(message)
+        places = [trace.joint.index(joint) for joint in self.joints]
+        return self._kept[run][name][np.newaxis, places]
+
+    def _trace(self, run: str) -> Trace:
+        runs = self._measured.compare.runs
+        if run not in runs:
+            message = f"a measured run {run}"
+            raise DataMissingError(message)
+        absent = [joint for joint in self.joints if joint not in runs[run].joint]
+        if absent:
+            message = f"joint {absent[0]} of the run {run}"
+            raise DataMissingError(message)
+        return runs[run]
+
+    def _of_the_tables(self, run: str, metric: str) -> Array:
+        deciding = self._measured.tables.deciding
+        table = "table3.with_load" if run == LOADED else f"table2.{run}"
+        names = [f"{table}.{metric}.joint_{joint}" for joint in self.joints]
+        sizes = deciding.sizes if deciding else {}
+        if not all(np.isfinite(sizes.get(name, np.nan)) for name in names):
+            message = f"the tracking error of the run {run}"
+            raise DataMissingError(message)
+        return np.deg2rad([[sizes[name] for name in names]])
+
+    def _phases(self, trace: Trace) -> tuple[Array, Array] | None:
+        try:
+            return derivatives(trace)
+        except DataMissingError:
+            return None
+
+    def _check_steps(self) -> None:
+        steps = [float(np.median(np.diff(self._trace(run).time))) for run in CONTROLLERS]
+        if max(steps) > 1.01 * min(steps):
+            message = "runs sampled alike: steps of the torque cannot be compared otherwise"
+            raise DataMissingError(message)
+
+
+_SIGNALS = {"s": "s, or e to compute it from", "torque": "tau_m", "H": "H_hat"}

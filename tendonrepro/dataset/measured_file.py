@@ -1,0 +1,66 @@
+"""The measured trace file that ``tendonrepro ingest`` writes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.records import TraceFile
+from tendonrepro.traces import read_traces
+
+MEASURED = Path("data") / "measured.h5"
+"""Where it is unless a command says otherwise."""
+
+THE_WAY = (
+    "tendonrepro fetch gets the paper's data, tendonrepro inspect --suggest writes a mapping to check, and "
+    "tendonrepro ingest makes this file"
+)
+
+
+def read_measured(path: Path) -> TraceFile:
+    """Read a measured trace file, with what follows from its own signals added.
+
+    `q_encoder` is ``q_d - e`` where it was not recorded, and `q_calculated` is ``S q_motor_encoder``.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    TraceFile
+
+    Raises
+    ------
+    DataMissingError
+        If there is none or it cannot be read.
+    UsageError
+        If it is simulated.
+    """
+    if not path.exists():
+        message = "there is no measured trace file"
+        raise DataMissingError(message, where=str(path), hint=THE_WAY)
+    file = read_traces(path)
+    if file.source != "measured":
+        message = "holds simulated traces, and only a measurement can be validated against the paper"
+        raise UsageError(message, where=str(path), hint=THE_WAY)
+    return file
+
+
+def origin(file: TraceFile) -> dict[str, Any]:
+    """Inputs of a measured file with their digests, and what was guessed about them."""
+    try:
+        manifest = json.loads(file.manifest_json)
+    except ValueError:
+        manifest = {}
+    if not isinstance(manifest, dict):
+        manifest = {}
+    guesses = manifest.get("guesses") or []
+    return {"inputs": manifest.get("inputs") or {}, "guesses": list(map(str, guesses))}
+
+
+def resting_on(guesses: int) -> str:
+    """Words for how many guesses a result rests on."""
+    return f"resting on {guesses} guess" + "es" * (guesses != 1)

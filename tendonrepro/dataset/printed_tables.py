@@ -1,0 +1,240 @@
+"""Tables 2 and 3 from measured errors, over every averaging window that a lab would use."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tendonrepro.arithmetic import rounding
+from tendonrepro.arrays import Array
+from tendonrepro.metrics import windows
+from tendonrepro.published import Published
+from tendonrepro.records import Trace, TraceFile
+from tendonrepro.summary import CONTROLLERS, LOADS, sizes_deg
+
+NUMBERS = 16
+"""Numbers that Table 2 and the loaded row of Table 3 print."""
+SPREAD = 0.1
+"""Share of the printed number within which the chance remark takes errors to lie."""
+
+_TABLE = {name: f"table2.{name}" for name in CONTROLLERS} | {LOADS["with_load"]: "table3.with_load"}
+_METRICS = ("mae", "rmse")
+
+
+class Timing(NamedTuple):
+    """When a recorded motion starts, s on the run's own time axis, and its period, s; 0 when unknown."""
+
+    start: float
+    period: float
+
+
+@dataclass(frozen=True)
+class Tried:
+    """One way of averaging, applied to all runs alike.
+
+    Parameters
+    ----------
+    window : str
+        ``whole``, ``whole_periods``, ``after_first_period``, ``whole_periods_after_first``, ``period_1``, ...
+    offset_removed : bool
+        Whether the mean error of the window was taken off.
+    sizes : Mapping
+        Measured number by the id of the printed one, deg.
+    agree : tuple of str
+        Ids of the printed numbers it gives.
+    """
+
+    window: str
+    offset_removed: bool
+    sizes: Mapping[str, float]
+    agree: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """Window, and what was done to it."""
+        return f"{self.window}, offset removed" if self.offset_removed else self.window
+
+
+@dataclass(frozen=True)
+class PrintedTables:
+    """All ways of averaging that were tried.
+
+    Parameters
+    ----------
+    tried : tuple of Tried
+        The whole run as it is comes first; empty where the file holds no run of the tables.
+    left_out : Mapping
+        Run -> samples that are missing.
+    chance : float
+        Of as many agreements as the best way has, by accident, among as many tries.
+    """
+
+    tried: tuple[Tried, ...]
+    left_out: Mapping[str, int]
+    chance: float
+
+    @property
+    def compared(self) -> int:
+        """Printed numbers that the file can speak about."""
+        return len(self.tried[0].sizes) if self.tried else 0
+
+    @property
+    def best(self) -> Tried | None:
+        """The way with most agreements, the first among equals."""
+        return max(self.tried, key=lambda one: len(one.agree), default=None)
+
+    @property
+    def winner(self) -> Tried | None:
+        """The first way that gives every printed number the file can speak about."""
+        best = self.best
+        return best if best is not None and len(best.agree) == self.compared else None
+
+    @property
+    def deciding(self) -> Tried | None:
+        """The winner, else the whole run as it is."""
+        return self.winner or (self.tried[0] if self.tried else None)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data."""
+        rows = [
+            {"name": one.name, "window": one.window, "offset_removed": one.offset_removed}
+            | {"agree": len(one.agree), "of": self.compared}
+            for one in self.tried
+        ]
+        return {
+            "tried": len(self.tried),
+            "compared": self.compared,
+            "printed": NUMBERS,
+            "winner": self.winner.name if self.winner else None,
+            "best": self.best.name if self.best else None,
+            "best_agree": len(self.best.agree) if self.best else 0,
+            "chance": self.chance if self.tried else None,
+            "combinations": rows,
+            "left_out": dict(self.left_out),
+            "remark": self.remark(),
+        }
+
+    def remark(self) -> str:
+        """What the search found, and what it is worth after so many tries."""
+        if self.best is None:
+            return "the file holds no run of Tables 2 and 3"
+        some = "" if self.compared == NUMBERS else f" that the file can speak about ({NUMBERS} are printed)"
+        count = f"{len(self.tried)} combination" + "s" * (len(self.tried) != 1)
+        if self.winner:
+            head = f"{self.winner.name} gives all {self.compared} printed numbers{some}; {count} tried"
+        else:
+            head = f"none of {count} gives all {self.compared} printed numbers{some}"
+            if not self.best.agree:
+                return f"{head}, nor any of them"
+            head += f"; the best, {self.best.name}, gives {len(self.best.agree)}"
+        return (
+            f"{head}. The chance that one of as many tries gives as many by accident is {self.chance:.2g}, "
+            f"were errors independent and spread evenly within {100 * SPREAD:g} % of the print."
+        )
+
+
+def try_windows(file: TraceFile, paper: Published, timing: Mapping[str, Timing]) -> PrintedTables:
+    """Compare Tables 2 and 3 with measured errors, averaged in every way.
+
+    Parameters
+    ----------
+    file : TraceFile
+        Measured; runs of the comparison that are missing leave their numbers out.
+    paper : Published
+    timing : Mapping
+        Run -> start and period of its motion.
+
+    Returns
+    -------
+    PrintedTables
+    """
+    runs = {name: file.runs[name] for name in _TABLE if name in file.runs and "e" in file.runs[name]}
+    tried = [_tried(runs, paper, *way) for way in _ways(runs, timing)] if runs else []
+    tried = [one for one in tried if one.sizes]
+    left_out = {name: int((~np.isfinite(trace["e"])).any(axis=1).sum()) for name, trace in runs.items()}
+    most = max((len(one.agree) for one in tried), default=0)
+    chance = min(1.0, len(tried) * _tail(paper, tried[0].sizes, most)) if tried else 0.0
+    return PrintedTables(tuple(tried), left_out, chance)
+
+
+def spans(time: Array, timing: Timing) -> dict[str, slice]:
+    """Stretches of a run that a table can be averaged over, by name.
+
+    Parameters
+    ----------
+    time : array (T,)
+        s, increasing.
+    timing : Timing
+    """
+    found = {"whole": slice(0, len(time))}
+    step = float(time[-1] - time[0]) / max(len(time) - 1, 1)
+    first = int(np.searchsorted(time, timing.start - 0.5 * step))
+    if timing.period <= 0.0 or first >= len(time):
+        return found
+    cut = {
+        name: slice(part.start + first, part.stop + first)
+        for name, part in windows(time[first:], timing.period).items()
+    }
+    periods = {name: part for name, part in cut.items() if name.startswith("period_")}
+    ends = [part.stop for part in periods.values()]
+    if periods:
+        found["whole_periods"] = slice(first, ends[-1])
+    if "after_first_period" in cut:
+        found["after_first_period"] = cut["after_first_period"]
+    if len(periods) > 1:
+        found["whole_periods_after_first"] = slice(ends[0], ends[-1])
+    return found | periods
+
+
+def _ways(
+    runs: Mapping[str, Trace], timing: Mapping[str, Timing]
+) -> Iterator[tuple[str, Mapping[str, slice], bool]]:
+    """Windows that every run reaches, without those that keep the same samples; as they are, then centred."""
+    parts = {name: spans(trace.time, timing[name]) for name, trace in runs.items()}
+    shared = [window for window in next(iter(parts.values())) if all(window in p for p in parts.values())]
+    distinct: dict[tuple[tuple[int, int], ...], str] = {}
+    for window in shared:
+        key = tuple((part[window].start, part[window].stop) for part in parts.values())
+        distinct.setdefault(key, window)
+    for removed in (False, True):
+        for window in distinct.values():
+            yield window, {name: part[window] for name, part in parts.items()}, removed
+
+
+def _tried(
+    runs: Mapping[str, Trace], paper: Published, window: str, parts: Mapping[str, slice], removed: bool
+) -> Tried:
+    sizes: dict[str, float] = {}
+    for name, trace in runs.items():
+        e = trace["e"][parts[name]]
+        e = e[np.isfinite(e).all(axis=1)]
+        if removed and len(e):
+            e = e - e.mean(axis=0)
+        found = sizes_deg(e, gaps=True)
+        for metric in _METRICS:
+            for joint, size in zip(trace.joint, found[metric], strict=True):
+                identifier = f"{_TABLE[name]}.{metric}.joint_{joint}"
+                if identifier in paper.entries:
+                    sizes[identifier] = float(size)
+    agree = tuple(identifier for identifier, size in sizes.items() if prints_as(paper, identifier, size))
+    return Tried(window, removed, sizes, agree)
+
+
+def prints_as(paper: Published, identifier: str, size: float) -> bool:
+    """Whether a number rounds to the printed one."""
+    low, high = rounding(paper.quantity(identifier))
+    return bool(np.isfinite(size)) and low <= Fraction(size) <= high
+
+
+def _tail(paper: Published, identifiers: Mapping[str, float], least: int) -> float:
+    """Chance of at least so many agreements among independent errors near the printed ones."""
+    counts = np.ones(1)
+    for identifier in identifiers:
+        low, high = rounding(paper.quantity(identifier))
+        share = min(1.0, float(high - low) / (2.0 * SPREAD * paper.number(identifier)))
+        counts = np.convolve(counts, [1.0 - share, share])
+    return float(counts[least:].sum())

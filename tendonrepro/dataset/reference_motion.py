@@ -1,0 +1,281 @@
+"""The desired motion of a measured comparison: recovered, named, and written for the simulator to run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from tendonrepro.arrays import Array
+from tendonrepro.dataset.printed_tables import Timing
+from tendonrepro.dataset.reference_knots import Knots, thinned
+from tendonrepro.dataset.reference_shapes import OUT_AND_BACK, Fit, cycle_of, fits, limit
+from tendonrepro.dataset.reference_signal import Recorded, recorded, repeat_after
+from tendonrepro.dataset.reference_turns import Turns, turns_of
+from tendonrepro.errors import DataMissingError
+from tendonrepro.records import Trace, TraceFile
+from tendonrepro.strict_yaml import Node
+from tendonrepro.summary import CONTROLLERS
+
+FILE = "reference.csv"
+JOINTS = (2, 3)
+"""Joints of the comparison."""
+
+_NEAR_START = 0.05
+"""Share of a period within which an unnamed motion counts as starting with the record."""
+_UNITS = {"period": "s", "rise": "s", "hold": "s", "blend": "s"} | {
+    **{"amplitude": "deg", "offset": "deg"},
+    **{"velocity": "deg s-1", "acceleration": "deg s-2"},
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """A recovered reference.
+
+    Parameters
+    ----------
+    run : str
+        Run it was read from.
+    record : Recorded
+        The desired angles.
+    knots : Knots
+        What a trajectory file holds.
+    period : float
+        s; 0 where it does not repeat and has no named shape.
+    begin, end : float
+        First and last instant of the motion, s after the first sample.
+    fitted : tuple of Fit
+        Shapes that were tried, best first.
+    turns : Turns or None
+        Cycles of a motion that comes back to its start.
+    """
+
+    run: str
+    record: Recorded
+    knots: Knots
+    period: float
+    begin: float
+    end: float
+    fitted: tuple[Fit, ...] = ()
+    turns: Turns | None = None
+
+    @property
+    def shape(self) -> Fit | None:
+        """The shape, where the best one's residual is small enough to name it."""
+        best = self.fitted[0] if self.fitted else None
+        return best if best is not None and best.largest <= limit(self.record) else None
+
+    @property
+    def delay(self) -> float:
+        """Rest before a named motion, s; a sampled one is written with its rest."""
+        return max(float(self.shape.values["delay"]), 0.0) if self.shape else 0.0
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data, angles in degrees."""
+        record, shape = self.record, self.shape
+        kind = shape.kind if shape else "sampled"
+        return {
+            "run": self.run,
+            "joints": list(record.joint),
+            "kind": kind,
+            "parameters": _parameters(shape) if shape else {},
+            "period_s": self.period or None,
+            "periods": self._periods(),
+            "begin_s": self.begin,
+            "end_s": self.end,
+            "start_angle_deg": np.rad2deg(record.start_angle).tolist(),
+            "amplitude_deg": np.rad2deg(np.ptp(record.q, axis=0)).tolist(),
+            "rounding_deg": float(np.rad2deg(record.rounding)),
+            "missing_samples": record.missing,
+            "residual_limit_deg": float(np.rad2deg(limit(record))),
+            "shapes": [
+                {
+                    "kind": fit.kind,
+                    "largest_residual_deg": float(np.rad2deg(fit.largest)),
+                    "rms_residual_deg": float(np.rad2deg(fit.rms)),
+                }
+                for fit in self.fitted
+            ],
+            "spacing_s": self.knots.spacing,
+            "deviation_deg": float(np.rad2deg(self.knots.deviation)),
+            "tolerance_deg": float(np.rad2deg(self.knots.tolerance)),
+            "brought_to_rest": self.knots.braked,
+        }
+
+    def _periods(self) -> int | None:
+        """Repetitions begun."""
+        if self.shape and self.turns and self.shape.kind in OUT_AND_BACK:
+            return self.turns.pattern()[1]
+        return max(int(np.ceil((self.end - self.begin) / self.period - 0.02)), 1) if self.period else None
+
+
+def recover(file: TraceFile) -> Reference:
+    """Recover the reference of a measured comparison from the first run that recorded it.
+
+    Parameters
+    ----------
+    file : TraceFile
+
+    Returns
+    -------
+    Reference
+
+    Raises
+    ------
+    DataMissingError
+        If no run holds the desired angles, or they do not move.
+    """
+    runs = file.part("compare").runs
+    names = sorted(runs, key=lambda name: name not in CONTROLLERS)
+    holding = [name for name in names if "q_d" in runs[name]]
+    if not holding:
+        message = "no run of the comparison holds the desired joint angles q_d"
+        raise DataMissingError(message)
+    return recover_run(_moving_joints(runs[holding[0]]))
+
+
+def _moving_joints(trace: Trace) -> Trace:
+    """The joints of the paper's comparison alone, where a run holds joint 1 too, which is at rest there."""
+    places = [place for place, joint in enumerate(trace.joint) if joint in JOINTS]
+    if len(places) in (0, len(trace.joint)):
+        return trace
+    variables = {name: values[:, places] for name, values in trace.variables.items()}
+    return replace(trace, joint=tuple(trace.joint[place] for place in places), variables=variables)
+
+
+def recover_run(trace: Trace, variable: str = "q_d") -> Reference:
+    """Recover the motion of one run; see `recover`."""
+    record = recorded(trace, variable)
+    if record.range == 0.0:
+        message = f"run {trace.name!r}: {variable} does not move"
+        raise DataMissingError(message)
+    first, last = record.moving()
+    begin, end = float(record.time[first]), float(record.time[last])
+    repeats, turns = repeat_after(record), turns_of(record)
+    fitted = tuple(fits(record, repeats))
+    found = Reference(trace.name, record, thinned(record), repeats, begin, end, fitted, turns)
+    if found.shape is None:
+        begin = 0.0 if begin <= _NEAR_START * repeats else begin
+        return Reference(trace.name, record, found.knots, repeats, begin, end, fitted, turns)
+    period = cycle_of(found.shape.kind, found.shape.values)
+    if turns and found.shape.kind in OUT_AND_BACK:
+        period *= len(turns.pattern()[0])
+    return Reference(trace.name, record, found.knots, period, found.delay, end, fitted, turns)
+
+
+def timing_of(file: TraceFile, reference: Reference | None) -> dict[str, Timing]:
+    """Start and period of the motion of every run of a comparison.
+
+    A run's own start is told by when its desired angles first move, against the run of the reference. The
+    period is the one a run states, else that of the reference.
+
+    Parameters
+    ----------
+    file : TraceFile
+    reference : Reference or None
+    """
+    found = {}
+    for name, trace in file.part("compare").runs.items():
+        stated = float(trace.attributes["reference_period"])
+        start, period = float(trace.time[0]), stated
+        if reference is not None:
+            period = stated or reference.period
+            start += reference.begin + _later(trace, reference)
+        found[name] = Timing(start, period)
+    return found
+
+
+def zero_of(trace: Trace, reference: Reference) -> float:
+    """Time on a run's own axis at which a rerun on the recovered reference begins, s."""
+    return float(trace.time[0]) + reference.delay + _later(trace, reference)
+
+
+def _later(trace: Trace, reference: Reference) -> float:
+    """How much later than in the reference's run a run's desired angles begin to move, s."""
+    if "q_d" not in trace or trace.name == reference.run:
+        return 0.0
+    try:
+        record = recorded(_moving_joints(trace))
+    except DataMissingError:
+        return 0.0
+    apart = float(record.time[record.moving()[0]] - reference.record.time[reference.record.moving()[0]])
+    # Two samples are what rounding can shift it by.
+    return apart if abs(apart) > 2.0 * max(record.step, reference.record.step) else 0.0
+
+
+def derivatives(trace: Trace) -> tuple[Array, Array]:
+    """Desired velocity and acceleration at a run's own samples, (T, n): recorded, else of the thinned motion.
+
+    Raises
+    ------
+    DataMissingError
+        If the run holds no desired angles.
+    """
+    if all(name in trace and np.isfinite(trace[name]).all() for name in ("dq_d", "ddq_d")):
+        return trace["dq_d"], trace["ddq_d"]
+    _, dq, ddq = thinned(recorded(trace)).curve(trace.time - trace.time[0])
+    return dq, ddq
+
+
+def csv_text(knots: Knots, joint: Sequence[int]) -> str:
+    """Trajectory file: ``time_s`` and ``q<joint>_deg``."""
+    rows = np.column_stack([knots.time, np.rad2deg(knots.angle)])
+    lines = [",".join(f"{number:.9g}" for number in row) for row in rows + 0.0]
+    return "\n".join([",".join(["time_s", *(f"q{number}_deg" for number in joint)]), *lines]) + "\n"
+
+
+def reference_tree(reference: Reference, measured: str) -> dict[str, Node]:
+    """Section ``reference`` of a configuration that runs the recovered motion.
+
+    Parameters
+    ----------
+    reference : Reference
+    measured : str
+        Name of the measured file, for the source of each value.
+    """
+    shape, turns = reference.shape, reference.turns
+    if shape is None:
+        return {"kind": "sampled", "file": FILE}
+    source = f"identified: {measured}"
+    tree: dict[str, Node] = {"kind": shape.kind}
+    for name, value in _parameters(shape).items():
+        tree[name] = {"value": value, "unit": _UNITS[name], "source": source}
+    periods: int | None = None
+    if turns and shape.kind in OUT_AND_BACK:
+        pattern, periods = turns.pattern()
+        if len(pattern) > 1:
+            tree["turns"] = [[reference.record.joint[i] for i in turn] for turn in pattern]
+    else:
+        left = float(reference.record.time[-1]) - reference.delay
+        periods = max(round(left / reference.period), 1)
+    tree["periods"] = {"value": periods, "unit": "1", "source": source}
+    return tree
+
+
+def _parameters(shape: Fit) -> dict[str, Any]:
+    """Parameters of a shape in a configuration's units."""
+    found: dict[str, Any] = {}
+    for name, value in shape.values.items():
+        if name not in _UNITS:
+            continue
+        number = np.rad2deg(value) if _UNITS[name].startswith("deg") else np.asarray(value)
+        found[name] = np.round(number, 9).tolist()
+    return found
+
+
+def config_tree(tree: Mapping[str, Node], reference: Reference, measured: str) -> dict[str, Node]:
+    """Whole configuration of a comparison on the recovered motion.
+
+    Parameters
+    ----------
+    tree : Mapping
+        Of a complete configuration.
+    reference : Reference
+    measured : str
+        Name of the measured file.
+    """
+    title = f"{tree['title']}, on the reference measured in {measured}"
+    return dict(tree) | {"title": title, "reference": reference_tree(reference, measured)}

@@ -1,0 +1,158 @@
+"""Measurement less simulation: what a rerun of the model on the measured motion leaves unexplained."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonrepro.arrays import Array
+from tendonrepro.metrics import mae, max_abs, rmse
+from tendonrepro.records import PlantRecord, Trace
+
+Row: TypeAlias = dict[str, Any]
+"""A table row by column name; angles in degrees."""
+Places: TypeAlias = NDArray[np.intp]
+
+_LEAST = 2
+"""Fewest samples that can be compared."""
+
+
+def comparison_rows(measured: Trace, simulated: Trace) -> Iterator[Row]:
+    """Put a measured run beside its simulation, joint by joint.
+
+    The simulation is interpolated on the measured times. Nothing is shifted to fit: the lag is an estimate of
+    its own, positive where the measurement is late.
+
+    Parameters
+    ----------
+    measured, simulated : Trace
+        A run and its rerun, as `rerun.aligned` puts it on the measured axes.
+
+    Yields
+    ------
+    dict
+        ``run``, ``joint``, ``samples``, ``status`` of the simulation, MAE of both tracking errors and their
+        ratio, ``e_*`` and ``q_*`` of measured less simulated, ``e_correlation``, ``lag_s``,
+        ``q_d_max_deg``; of the decoupling run the MAE of calculated less encoder, measured and simulated.
+        What cannot be told is None or left out.
+    """
+    inside = _overlap(measured, simulated)
+    for joint in (joint for joint in measured.joint if joint in simulated.joint):
+        pairs = {
+            name: _pair(measured, simulated, name, joint, inside)
+            for name in ("e", "q_encoder", "q_d")
+            if name in measured and name in simulated
+        }
+        row: Row = {"run": measured.name, "joint": joint, "samples": 0, "status": simulated.status}
+        if "e" in pairs:
+            row |= _errors(*pairs["e"])
+        if "q_encoder" in pairs:
+            row["samples"] = len(pairs["q_encoder"][0])
+            row |= _sizes("q", np.subtract(*pairs["q_encoder"][:2]))
+            row["lag_s"] = _lag(*pairs["q_encoder"])
+        if "q_d" in pairs:
+            row["q_d_max_deg"] = _sizes("q_d", np.subtract(*pairs["q_d"][:2]))["q_d_max_deg"]
+        if all("q_calculated" in trace and "q_encoder" in trace for trace in (measured, simulated)):
+            row["measured_calculated_mae_deg"] = _coupling_error(measured, joint)
+            row["simulated_calculated_mae_deg"] = _coupling_error(simulated, joint)
+        yield row
+
+
+def _coupling_error(trace: Trace, joint: int) -> float | None:
+    """MAE of the angle calculated from the motors less the encoder, deg."""
+    difference = (trace["q_calculated"] - trace["q_encoder"])[:, trace.joint.index(joint)]
+    difference = difference[np.isfinite(difference)]
+    return float(np.rad2deg(mae(difference))) if len(difference) else None
+
+
+def _overlap(measured: Trace, simulated: Trace) -> Places:
+    """Places of the measured samples that the simulation reaches."""
+    time = measured.time
+    edge = 1e-9 + 1e-6 * (simulated.time[1] - simulated.time[0])
+    return np.flatnonzero((time >= simulated.time[0] - edge) & (time <= simulated.time[-1] + edge))
+
+
+def _pair(
+    measured: Trace, simulated: Trace, name: str, joint: int, inside: Places
+) -> tuple[Array, Array, Array]:
+    """Measured and simulated values at the same times, and these; missing samples are left out."""
+    time = measured.time[inside]
+    ours = measured[name][inside, measured.joint.index(joint)]
+    model = np.interp(time, simulated.time, simulated[name][:, simulated.joint.index(joint)])
+    known = np.isfinite(ours)
+    return ours[known], model[known], time[known]
+
+
+def _errors(ours: Array, model: Array, _time: Array) -> Row:
+    if len(ours) < _LEAST:
+        return {}
+    sizes = [float(np.rad2deg(mae(values))) for values in (ours, model)]
+    return {
+        "samples": len(ours),
+        "measured_mae_deg": sizes[0],
+        "simulated_mae_deg": sizes[1],
+        "mae_ratio": sizes[0] / sizes[1] if sizes[1] > 0.0 else None,
+        **_sizes("e", ours - model),
+        "e_correlation": _correlation(ours, model),
+    }
+
+
+def _sizes(name: str, difference: Array) -> Row:
+    if not len(difference):
+        return {f"{name}_{metric}_deg": None for metric in ("mae", "rms", "max")}
+    found = {"mae": mae(difference), "rms": rmse(difference), "max": max_abs(difference)}
+    return {f"{name}_{metric}_deg": float(np.rad2deg(size)) for metric, size in found.items()}
+
+
+def _correlation(first: Array, second: Array) -> float | None:
+    first, second = first - first.mean(), second - second.mean()
+    size = float(np.sqrt((first @ first) * (second @ second)))
+    return float(first @ second) / size if size > 0.0 else None
+
+
+def _lag(ours: Array, model: Array, time: Array) -> float | None:
+    """Shift of the simulation that explains most of the difference, to first order, s."""
+    if len(time) < _LEAST:
+        return None
+    rate = np.gradient(model, time)
+    power = float(rate @ rate)
+    return float((model - ours) @ rate) / power if power > 0.0 else None
+
+
+def coupling_rows(trace: Trace, plant: PlantRecord) -> Iterator[Row]:
+    """Compare measured joint and motor angles through the coupling matrices.
+
+    Parameters
+    ----------
+    trace : Trace
+        Measured run of the decoupling experiment.
+    plant : PlantRecord
+        Holds ``S`` and ``S_inv``.
+
+    Yields
+    ------
+    dict
+        ``what`` (joint or motor angle), ``number``, and MAE, RMS and largest difference, as recorded and with
+        the first difference taken off, deg. There are no rows unless the motors were recorded too.
+    """
+    if not {"q_motor_encoder", "q_encoder"} <= set(trace.variables):
+        return
+    motor, encoder = trace["q_motor_encoder"], trace["q_encoder"]
+    S, S_inv = (plant.matrix(name, trace.joint) for name in ("S", "S_inv"))
+    differences = {
+        "joint angle, S q_motor less encoder": motor @ S.T - encoder,
+        "motor angle, S_inv q_encoder less motor": encoder @ S_inv.T - motor,
+    }
+    for what, difference in differences.items():
+        known = difference[np.isfinite(difference).all(axis=1)]
+        for column, number in enumerate(trace.joint) if len(known) else ():
+            values = known[:, column]
+            shifted = {f"shifted_{key}": size for key, size in _sizes("", values - values[0]).items()}
+            yield {"what": what, "number": number} | _named(_sizes("", values) | shifted)
+
+
+def _named(row: Mapping[str, Any]) -> Row:
+    return {key.replace("__", "_").removeprefix("_"): value for key, value in row.items()}

@@ -1,0 +1,115 @@
+"""What ``tendonrepro validate`` says on a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from tendonrepro.dataset.measured_file import resting_on
+from tendonrepro.typeset import NOTHING
+
+
+def validate_text(found: Mapping[str, Any]) -> str:
+    """Summary of a validation.
+
+    Parameters
+    ----------
+    found : Mapping
+        Of `validate.run_validate`.
+
+    Returns
+    -------
+    str
+    """
+    if found.get("dry_run"):
+        runs = ", ".join(found["runs"])
+        return f"Would validate {found['measured']} (runs {runs}) and write into {found['out']}"
+    parts = [_head(found), *_tables(found), *_reference(found["reference"])]
+    parts += [_claims(found["claims"]), *_residuals(found["residuals"]["rows"])]
+    if found["missing"]:
+        parts.append("Missing: " + "; ".join(found["missing"]))
+    parts.append(f"Tables, figures, reference and traces are in {found['out']}")
+    return "\n\n".join(parts)
+
+
+def _head(found: Mapping[str, Any]) -> str:
+    inputs = found["sources"]
+    of = f", made from {len(inputs)} file" + "s" * (len(inputs) != 1) if inputs else ""
+    return f"{found['measured']}{of}, {resting_on(len(found['guesses']))}: runs {', '.join(found['runs'])}"
+
+
+def _tables(found: Mapping[str, Any]) -> Iterator[str]:
+    rows: list[Sequence[str]] = [("", "joint", "MAE", "printed", "", "RMSE", "printed", "")]
+    for table, title in (("table2", ""), ("table3", "Table 3 ")):
+        for name, row in found[table].items():
+            for place, joint in enumerate((2, 3)):
+                cells = [cell for metric in ("mae_deg", "rmse_deg") for cell in _cells(row, metric, place)]
+                rows.append((f"{title}{name}", str(joint), *cells))
+    if len(rows) > 1:
+        yield f"Errors in deg, averaged over: {found['window']}\n{_aligned(rows)}"
+    yield f"Windows: {found['windows']['remark']}"
+
+
+def _cells(row: Mapping[str, Any], metric: str, place: int) -> tuple[str, str, str]:
+    ours, printed, agree = (row[what][metric][place] for what in ("measured", "printed", "agree"))
+    shown = NOTHING if ours is None else f"{ours:.3f}"
+    return shown, f"{printed:.3f}", {True: "agrees", False: "differs", None: ""}[agree]
+
+
+def _aligned(rows: Sequence[Sequence[str]]) -> str:
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in rows]
+    return "\n".join(line.rstrip() for line in lines)
+
+
+def _reference(reference: Mapping[str, Any] | None) -> Iterator[str]:
+    if reference is None:
+        return
+    amplitude = ", ".join(f"{size:.4g}" for size in reference["amplitude_deg"])
+    period = reference["period_s"]
+    repeats = f"period {period:.5g} s, begun {reference['periods']} times" if period else "no repetition"
+    start = ", ".join(f"{angle:.4g}" for angle in reference["start_angle_deg"])
+    if reference["kind"] == "sampled":
+        kind = (
+            f"no shape of the simulator, so samples every {reference['spacing_s']:.4g} s, "
+            f"{reference['deviation_deg']:.2g} deg from the record at most"
+        )
+    else:
+        largest = reference["shapes"][0]["largest_residual_deg"]
+        kind = f"{reference['kind']}, {largest:.2g} deg from the record at most"
+    yield (
+        f"Reference of {reference['run']}: {kind}; joints {reference['joints']} move {amplitude} deg, "
+        f"{repeats}; start angles {start} deg were taken off"
+    )
+
+
+def _claims(claims: Sequence[Mapping[str, Any]]) -> str:
+    rows = [("claim", "where", "on the measurement", "")]
+    for claim in claims:
+        evidence = claim["evidence"]
+        why = f"missing: {evidence['missing']}" if "missing" in evidence else _failing(evidence)
+        rows.append((claim["id"], claim["where"], claim["verdict"], why))
+    return _aligned(rows)
+
+
+def _failing(evidence: Mapping[str, Any]) -> str:
+    statements = evidence.get("statements") or evidence.get("start_offset_removed", {}).get("statements", [])
+    failed = sum(not statement["holds"] for statement in statements)
+    percentages = evidence.get("percentages", {})
+    apart = sum(verdict != "reproduced" for verdict in percentages.values())
+    words = [f"{failed} of {len(statements)} statements fail"] * bool(failed)
+    words += [f"{apart} of {len(percentages)} percentages differ"] * bool(apart)
+    return ", ".join(words)
+
+
+def _residuals(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    heading = ("run", "joint", "MAE measured", "simulated", "ratio", "residual RMS", "of angle", "lag (ms)")
+    lines: list[Sequence[str]] = [heading]
+    for row in rows:
+        lag = row.get("lag_s")
+        names = ("measured_mae_deg", "simulated_mae_deg", "mae_ratio", "e_rms_deg", "q_rms_deg")
+        cells = [*(row.get(name) for name in names), None if lag is None else 1e3 * lag]
+        shown = [NOTHING if cell is None else f"{cell:z.3g}" for cell in cells]
+        lines.append((row["run"], str(row["joint"]), *shown))
+    if len(lines) > 1:
+        yield f"The model on the measured motion, in deg:\n{_aligned(lines)}"

@@ -1,0 +1,99 @@
+"""Statistics of a whole recorded run, by the definitions of the streamed ones."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonrepro.arrays import Array
+from tendonrepro.control import Law, surface_and_feedback
+from tendonrepro.records import Trace
+from tendonrepro.streaming import thresholds
+
+
+def statistics_of(trace: Trace, rates: tuple[Array, Array] | None) -> dict[str, Array]:
+    """Statistics that rest on e, s, H_hat, tau_m and the phases of the reference.
+
+    Samples that are missing are left out one by one.
+
+    Parameters
+    ----------
+    trace : Trace
+    rates : tuple of array (T, n) or None
+        Desired velocity and acceleration; without them there are no phases.
+
+    Returns
+    -------
+    dict of array (n,)
+        By the names of `streaming.STATISTICS`, SI, those that the recorded signals allow; NaN where a phase
+        has no sample.
+    """
+    found: dict[str, Array] = {}
+    s = sliding_variable(trace)
+    if s is not None:
+        found["s_rms"] = _rms(s)
+    if "tau_m" in trace:
+        found["torque_rms"] = _rms(trace["tau_m"])
+        found["torque_step_rms"] = _rms(np.diff(trace["tau_m"], axis=0))
+    if rates is None:
+        return found
+    dq_d, ddq_d = rates
+    phases = thresholds(dq_d, ddq_d, 0.0)
+    ways = {"up": dq_d > phases.speed, "down": dq_d < -phases.speed}
+    for name, variable in (("torque", "tau_m"), ("H_hat", "H_hat")):
+        if variable in trace:
+            found |= {f"{name}_{way}": _mean(trace[variable], inside) for way, inside in ways.items()}
+    if "e" in trace:
+        rapid = np.abs(ddq_d) > phases.acceleration
+        size = np.abs(trace["e"])
+        found |= {"mae_rapid": _mean(size, rapid), "mae_calm": _mean(size, ~rapid)}
+    return found
+
+
+def sliding_variable(trace: Trace) -> Array | None:
+    """Recorded sliding variable, (T, n), else that of Eq. (11) with the printed gains; None without e.
+
+    The first sample of a computed one is missing: its rate needs the sample before.
+    """
+    if "s" in trace:
+        return trace["s"]
+    law = _law_of(trace.name)
+    if law is None or "e" not in trace:
+        return None
+    e = trace["e"]
+    rate = np.full_like(e, np.nan)
+    rate[1:] = np.diff(e, axis=0) / np.diff(trace.time)[:, np.newaxis]
+    s = np.full_like(e, np.nan)
+    for column, place in _printed_places(trace).items():
+        s[:, column], _ = surface_and_feedback(e[:, column], rate[:, column], law, place)
+    return s
+
+
+def _law_of(run: str) -> Law | None:
+    """Law of a run of the comparison, with the gains and readings of the shipped configuration."""
+    from tendonrepro.config import CompareConfig, load_config
+    from tendonrepro.runs import build_law
+
+    config = load_config(None, "compare").config
+    if not isinstance(config, CompareConfig) or run not in config.runs:
+        return None
+    return build_law(config, config.runs[run].law)
+
+
+def _printed_places(trace: Trace) -> dict[int, int]:
+    """Columns of a run that have printed gains, and their place among joints 2 and 3."""
+    printed = (2, 3)
+    return {column: printed.index(joint) for column, joint in enumerate(trace.joint) if joint in printed}
+
+
+def _rms(values: Array) -> Array:
+    return np.sqrt(_mean(np.square(values), np.ones(values.shape, dtype=bool)))
+
+
+def _mean(values: Array, inside: NDArray[np.bool_]) -> Array:
+    """Mean over the samples of a phase that are there, (n,)."""
+    kept = inside & np.isfinite(values)
+    count = kept.sum(axis=0)
+    total = np.where(kept, values, 0.0).sum(axis=0)
+    mean: Array = np.divide(total, count, out=np.full(values.shape[1], np.nan), where=count > 0)
+    return mean

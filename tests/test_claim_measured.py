@@ -1,0 +1,318 @@
+"""Claims on a measurement: the definitions are the ensemble's, and every verdict can go both ways."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from measured_synthetic import LOADED, measured_trace, printed_file
+from synthetic import PERIOD, make_compare_file, make_decouple_file
+
+from tendonrepro.claim_angles import AGREES, LEAST_RANGE, TINY, decoupling, motor_angles
+from tendonrepro.claim_measured import Measured, judge_measured, measured_of
+from tendonrepro.claim_report import table_text
+from tendonrepro.claim_rules import Judged
+from tendonrepro.claims import Sources, judge_all
+from tendonrepro.control import polynomial
+from tendonrepro.dataset.measured_file import read_measured
+from tendonrepro.dataset.printed_tables import SPREAD, Timing, try_windows
+from tendonrepro.dataset.reference_motion import derivatives
+from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.ledger import run_claims
+from tendonrepro.measured_statistics import sliding_variable, statistics_of
+from tendonrepro.published import published
+from tendonrepro.records import TraceFile
+from tendonrepro.streaming import Sample, Sums, add_sample, finished, thresholds
+from tendonrepro.talk import Talk
+from tendonrepro.traces import write_traces
+
+
+def comparison(sizes: Mapping[str, float] | None = None, **options: object) -> TraceFile:
+    """SYNTHETIC comparison whose errors are one signal times a size a run."""
+    file = make_compare_file(step=0.02, source="measured", **options)  # type: ignore[arg-type]
+    runs = {}
+    for name, trace in file.runs.items():
+        e = trace["e"] if sizes is None else sizes[name] * file.runs["controller_1"]["e"]
+        runs[name] = measured_trace(trace, e=e)
+    return replace(file, runs=runs)
+
+
+def judged(file: TraceFile) -> dict[str, Judged]:
+    """Without recovering the reference, which the tests of its own module do."""
+    timing = {name: Timing(0.0, PERIOD) for name in file.part("compare").runs}
+    paper = published()
+    tables = try_windows(file.part("compare"), paper, timing)
+    return judge_measured(Measured(file, tables, None), paper)
+
+
+def verdict(file: TraceFile, claim: str) -> str:
+    return judged(file)[claim].decision.verdict
+
+
+GROWING = {"controller_1": 1.0, "controller_2": 1.2, "controller_3": 1.5, LOADED: 1.1}
+
+
+class TestStatistics:
+    """The vectorised statistics are the streamed ones."""
+
+    def test_they_agree_with_the_sums(self) -> None:
+        trace = make_compare_file(step=0.05, periods=1).runs["controller_2"]
+        dq_d, ddq_d = derivatives(trace)
+        phases = thresholds(dq_d, ddq_d, 0.0)
+        n, count = 2, len(trace.time)
+        sums = Sums(*(np.zeros(n) for _ in Sums._fields))
+        e, s, tau, H_hat = (trace[name] for name in ("e", "s", "tau_m", "H_hat"))
+        none = np.zeros(n)
+        for k in range(count):
+            before = tau[max(k - 1, 0)]
+            sample = Sample(e[k], none, dq_d[k], ddq_d[k], s[k], tau[k], before, H_hat[k], none, none)
+            sums = add_sample(sums, sample, 1.0, float(k), phases)
+        expected = finished(sums, count, count, none)
+        found = statistics_of(trace, (dq_d, ddq_d))
+        assert set(found) == {"s_rms", "torque_rms", "torque_step_rms", "torque_up", "torque_down"} | {
+            *("H_hat_up", "H_hat_down", "mae_rapid", "mae_calm")
+        }
+        for name, values in found.items():
+            assert values == pytest.approx(expected[name], rel=1e-12), name
+
+    def test_missing_samples_are_left_out_one_by_one(self) -> None:
+        trace = make_compare_file(step=0.05, periods=1).runs["controller_1"]
+        holed = trace["H_hat"].copy()
+        holed[10:20] = np.nan
+        rates = derivatives(trace)
+        up = rates[0] > 0.05 * np.abs(rates[0]).max(axis=0)
+        up[10:20] = False
+        found = statistics_of(replace(trace, variables={**trace.variables, "H_hat": holed}), rates)
+        expected = [trace["H_hat"][up[:, i], i].mean() for i in range(2)]
+        assert found["H_hat_up"] == pytest.approx(expected, rel=1e-12)
+
+    @pytest.mark.parametrize(("name", "beta"), [("controller_1", None), ("controller_3", 2.0)])
+    def test_s_follows_from_e_by_eq_11(self, name: str, beta: float | None) -> None:
+        trace = make_compare_file(step=0.05, periods=1, without=("s",)).runs[name]
+        e = trace["e"]
+        gamma_1, gamma_2 = polynomial(0.9, 0.2)
+        surface = beta * e if beta else 1.5 * (gamma_1 * e + gamma_2 * np.abs(e) * e)
+        expected = np.diff(e, axis=0) / 0.05 + surface[1:]
+        found = sliding_variable(trace)
+        assert found is not None
+        assert np.isnan(found[0]).all()
+        assert found[1:] == pytest.approx(expected, rel=1e-9, abs=1e-12)
+
+
+class TestComparison:
+    def test_the_order_holds_and_fails_when_reversed(self) -> None:
+        assert verdict(comparison(GROWING), "C2") == "reproduced"
+        reverse = GROWING | {"controller_1": 1.5, "controller_3": 1.0}
+        found = judged(comparison(reverse))["C2"]
+        assert found.decision.verdict == "not_reproduced"
+        assert sum(not row["holds"] for row in found.evidence["statements"]) == 8
+
+    def test_stability_is_the_status_of_the_runs(self) -> None:
+        assert verdict(comparison(), "C1") == "reproduced"
+        assert verdict(comparison(diverged={"controller_3": 7.0}), "C1") == "not_reproduced"
+
+    def test_laws_that_are_not_ok_are_not_compared(self) -> None:
+        found = judged(comparison(diverged={"controller_3": 7.0}))["C2"]
+        assert found.decision.verdict == "not_testable"
+        assert "controller_3" in found.evidence["missing"]
+        assert "diverged" in found.evidence["missing"]
+
+    @pytest.mark.parametrize(("claim", "variable"), [("C5", "H_hat"), ("C6", "tau_m")])
+    def test_a_signal_that_was_not_recorded_is_named(self, claim: str, variable: str) -> None:
+        assert verdict(comparison(), claim) in {"reproduced", "not_reproduced"}
+        found = judged(comparison(without=(variable,)))[claim]
+        assert found.decision.verdict == "not_testable"
+        assert variable in found.evidence["missing"]
+
+    def test_phases_need_the_desired_angles(self) -> None:
+        found = judged(comparison(without=("q_d", "dq_d", "ddq_d")))
+        assert "q_d" in found["C3"].evidence["missing"]
+        assert found["C2"].decision.verdict != "not_testable"
+
+    def test_a_run_that_was_not_recorded_is_named(self) -> None:
+        found = judged(comparison(runs=("controller_1", "controller_2")))
+        assert found["C4"].evidence["missing"] == "a measured run controller_3"
+        assert found["P1"].evidence["missing"].endswith(LOADED)
+        assert "controller_3" in found["table2.controller_3.mae.joint_2"].evidence["missing"]
+
+    def test_a_smaller_rival_torque_turns_c6(self) -> None:
+        file = comparison()
+        plain = {name: trace["tau_m"] for name, trace in file.runs.items()}
+        wave = plain["controller_1"]
+        larger = {name: measured_trace(file.runs[name], tau_m=size * wave) for name, size in GROWING.items()}
+        smaller = larger | {"controller_2": measured_trace(file.runs["controller_2"], tau_m=0.5 * wave)}
+        assert verdict(replace(file, runs=larger), "C6") == "reproduced"
+        assert verdict(replace(file, runs=smaller), "C6") == "not_reproduced"
+
+    def test_steps_of_the_torque_are_compared_between_equal_samplings_alone(self) -> None:
+        file = comparison()
+        one = file.runs["controller_2"]
+        thin = replace(one, time=one.time[::2], variables={k: v[::2] for k, v in one.variables.items()})
+        found = judged(replace(file, runs={**file.runs, "controller_2": thin}))
+        assert "sampled alike" in found["C6"].evidence["missing"]
+        assert found["C2"].decision.verdict != "not_testable"
+
+    def test_surfaces_computed_from_e_are_said_to_be(self) -> None:
+        same = dict.fromkeys(GROWING, 1.0)
+        assert verdict(comparison(same), "C4") in {"reproduced", "not_reproduced"}
+        found = judged(comparison(same, without=("s",)))["C4"]
+        assert found.decision.verdict != "not_testable"
+        assert "Eq. (11)" in found.evidence["remarks"][0]
+
+    def test_the_payload_is_its_percentages(self) -> None:
+        found = judged(comparison(GROWING))["P1"]
+        assert found.decision.verdict == "not_reproduced"
+        assert all(row["holds"] for row in found.evidence["statements"])
+        assert set(found.evidence["percentages"].values()) == {"not_reproduced"}
+
+    def test_the_payload_needs_controller_1_alone(self) -> None:
+        whole = printed_file(lambda time: time < np.inf)
+        kept = {name: whole.runs[name] for name in ("controller_1", LOADED)}
+        assert verdict(replace(whole, runs=kept), "P1") == "reproduced"
+        stopped = dict(kept[LOADED].attributes) | {"status": "ringing"}
+        kept[LOADED] = replace(kept[LOADED], attributes=stopped)
+        found = judged(replace(whole, runs=kept))["P1"]
+        assert "ringing" in found.evidence["missing"]
+
+
+def test_the_printed_numbers_are_reproduced_with_all_percentages() -> None:
+    found = judged(printed_file(lambda time: time < np.inf))
+    families = ("table2.", "table3.", "share.", "increase.")
+    numbers = {name: one.decision.verdict for name, one in found.items() if name.startswith(families)}
+    assert len(numbers) == 32
+    assert set(numbers.values()) == {"reproduced"}
+    assert found["P1"].decision.verdict == found["C2"].decision.verdict == "reproduced"
+    assert found["C2"].evidence["window"] == "whole"
+
+
+class TestAngles:
+    def file(self, *sizes: float, start: float = 0.0) -> TraceFile:
+        """SYNTHETIC decoupling run with an error of a size a joint, as a share of its range."""
+        file = make_decouple_file(source="measured")
+        trace = file.runs["decouple"]
+        encoder = trace["q_encoder"]
+        calculated = encoder + np.array(sizes) * np.abs(encoder) + start
+        run = measured_trace(trace, q_calculated=calculated)
+        return replace(file, runs={"decouple": run})
+
+    def test_k3_holds_and_fails_by_each_statement(self) -> None:
+        assert decoupling(self.file(0.005, 0.02, 0.04)).decision.verdict == "reproduced"
+        for sizes in [(0.005, 0.04, 0.02), (0.03, 0.02, 0.04), (0.05, 0.06, 0.07), (0.005, 0.1, 0.4)]:
+            assert decoupling(self.file(*sizes)).decision.verdict == "not_reproduced", sizes
+
+    def test_a_start_offset_is_taken_off_and_said(self) -> None:
+        found = decoupling(self.file(0.005, 0.02, 0.04, start=0.1))
+        assert found.decision.verdict == "reproduced"
+        assert found.evidence["remarks"]
+        assert found.evidence["as_recorded"]["mae_deg"][0] > np.rad2deg(0.1) * 0.99
+        assert not decoupling(self.file(0.005, 0.02, 0.04)).evidence["remarks"]
+
+    def test_calculated_angles_follow_from_the_motors(self) -> None:
+        file = make_decouple_file(source="measured")
+        trace = file.runs["decouple"]
+        kept = {name: value for name, value in trace.variables.items() if name != "q_calculated"}
+        bare = replace(file, runs={"decouple": replace(trace, variables=kept)})
+        assert decoupling(bare).evidence == decoupling(file).evidence
+
+    def test_k3_names_what_is_missing(self) -> None:
+        file = make_decouple_file(source="measured")
+        trace = file.runs["decouple"]
+        still = measured_trace(trace, q_encoder=np.zeros_like(trace["q"]))
+        for runs, word in [({}, "decouple"), ({"decouple": still}, "all move")]:
+            with pytest.raises(DataMissingError, match=word):
+                decoupling(replace(file, runs=runs))
+
+    def test_k5_holds_and_fails(self) -> None:
+        file = make_compare_file(step=0.02, source="measured")
+        close, far = (
+            replace(
+                file,
+                runs={
+                    name: measured_trace(trace, q_encoder=(1.0 + share) * trace["q_d"])
+                    for name, trace in file.runs.items()
+                },
+            )
+            for share in (0.01, 0.2)
+        )
+        assert motor_angles(close).decision.verdict == "reproduced"
+        found = motor_angles(far)
+        assert found.decision.verdict == "not_reproduced"
+        assert len(found.evidence["statements"]) == 6
+
+    def test_k5_measures_a_motor_that_hardly_turns_by_the_other(self) -> None:
+        """Joint 3 turns by just what keeps motor 3 at rest; its error is then larger than its range."""
+        file = make_compare_file(step=0.02, source="measured", runs=("controller_2",))
+        trace = file.runs["controller_2"]
+        q_d = trace["q_d"][:, :1] * np.array([1.0, 35.0 / 37.0])
+        measured = q_d + np.deg2rad([0.3, 0.0])
+        found = motor_angles(
+            replace(file, runs={"controller_2": measured_trace(trace, q_d=q_d, q_encoder=measured)})
+        )
+        assert found.decision.verdict == "reproduced"
+        shares = [row["share_of_range"] for row in found.evidence["statements"]]
+        assert shares[0] / shares[1] == pytest.approx(77.0 / 35.0)
+
+    def test_k5_needs_motors_that_move(self) -> None:
+        file = make_compare_file(step=0.02, source="measured", runs=("controller_2",))
+        trace = file.runs["controller_2"]
+        still = measured_trace(trace, q_d=0.0 * trace["q_d"], q_encoder=0.0 * trace["q_d"])
+        with pytest.raises(DataMissingError, match="motors move"):
+            motor_angles(replace(file, runs={"controller_2": still}))
+
+
+PAGE = Path(__file__).parent.parent / "docs" / "verdicts.md"
+
+
+@pytest.mark.skipif(not PAGE.is_file(), reason="no docs folder beside the package")
+def test_the_page_says_what_the_code_does() -> None:
+    text = " ".join(PAGE.read_text(encoding="utf-8").partition("## On the measurement")[2].split())
+    assert f"on joint 1 below {100 * TINY:g} %" in text
+    assert f"on every joint below {100 * AGREES:g} %" in text
+    assert f"MAE of each motor below {100 * AGREES:g} % of the range" in text
+    assert f"moves less than {np.rad2deg(LEAST_RANGE):.0f}°" in text
+    assert f"spread evenly within {100 * SPREAD:g} % of the print" in text
+
+
+class TestLedger:
+    def both(self) -> TraceFile:
+        compare, decouple = comparison(GROWING), make_decouple_file(source="measured")
+        return replace(compare, experiment="both", runs={**compare.runs, **decouple.runs})
+
+    def test_k3_and_k5_take_the_measured_verdict_and_others_keep_theirs(self) -> None:
+        only = ["K3", "K5", "C2", "table2.controller_1.mae.joint_2", "K1"]
+        without = {one.id: one for one in judge_all(Sources(), only=only)}
+        found = {one.id: one for one in judge_all(Sources(measured=self.both()), only=only)}
+        assert {found["K3"].verdict, found["K5"].verdict} <= {"reproduced", "not_reproduced"}
+        assert found["K3"].kind == "measured"
+        assert without["K3"].evidence["run"].startswith("tendonrepro fetch")
+        assert found["C2"].verdict == without["C2"].verdict == "not_testable"
+        assert found["C2"].evidence["measured"]["verdict"] == "reproduced"
+        assert found["table2.controller_1.mae.joint_2"].evidence["measured"]["window"] == "whole"
+        assert "measured" not in found["K1"].evidence
+        assert "on the measurement" in table_text(list(found.values()))
+        assert "on the measurement" not in table_text(list(without.values()))
+
+    def test_the_command_reads_the_measured_file(self, tmp_path: Path) -> None:
+        path = tmp_path / "SYNTHETIC.h5"
+        write_traces(path, self.both())
+        ledger = run_claims(tmp_path, ["C2"], None, Talk(quiet=True), path)
+        assert ledger.verdicts[0].evidence["measured"]["verdict"] == "reproduced"
+        assert "measured" not in run_claims(tmp_path, ["C2"], None, Talk(quiet=True)).verdicts[0].evidence
+
+    def test_simulated_and_absent_files_are_refused(self, tmp_path: Path) -> None:
+        path = tmp_path / "SYNTHETIC.h5"
+        with pytest.raises(DataMissingError, match="no measured") as caught:
+            read_measured(path)
+        assert "fetch" in str(caught.value)
+        assert "ingest" in str(caught.value)
+        write_traces(path, make_decouple_file())
+        with pytest.raises(UsageError, match="simulated"):
+            read_measured(path)
+
+    def test_the_reference_is_recovered_once_for_all(self) -> None:
+        found = measured_of(comparison(), published())
+        assert found.reference is not None
+        assert found.reference.period == pytest.approx(PERIOD, abs=1e-3)

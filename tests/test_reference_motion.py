@@ -1,0 +1,219 @@
+"""A recorded reference is recovered: its shape, its period, and a trajectory file that does not shake."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tendonrepro.arrays import Array
+from tendonrepro.config import CompareConfig, load_config
+from tendonrepro.dataset.reference_knots import thinned
+from tendonrepro.dataset.reference_motion import (
+    FILE,
+    config_tree,
+    csv_text,
+    derivatives,
+    recover,
+    recover_run,
+    timing_of,
+)
+from tendonrepro.dataset.reference_signal import recorded, repeat_after, rounding_step
+from tendonrepro.errors import DataMissingError
+from tendonrepro.records import PlantRecord, Trace, TraceFile
+from tendonrepro.runs import build_reference
+from tendonrepro.samples import read_samples
+from tendonrepro.strict_yaml import dump
+from tendonrepro.trajectory import (
+    Motion,
+    at_rest,
+    minimum_jerk,
+    motion,
+    raised_cosine,
+    smooth_sine,
+    trapezoid_times,
+    trapezoidal,
+)
+
+COUNT = float(np.deg2rad(0.022))
+AMPLITUDE = np.deg2rad([20.0, 30.0])
+LIMITS = np.deg2rad(20.0), np.deg2rad(40.0)
+LONGEST = trapezoid_times(AMPLITUDE[1], *LIMITS)[1]
+CYCLE = {"raised_cosine": 6.0, "minimum_jerk": 7.0, "trapezoidal": 2.0 * (LONGEST + 0.75), "sine": 5.0}
+
+
+def shape(kind: str, amplitude: float):
+    if kind == "raised_cosine":
+        return raised_cosine(amplitude, 6.0)
+    if kind == "minimum_jerk":
+        return minimum_jerk(amplitude, 2.5, 1.0)
+    if kind == "sine":
+        return smooth_sine(amplitude / 2.0, amplitude / 2.0, 5.0, 2.5)
+    return trapezoidal(amplitude, *LIMITS, 0.75 + LONGEST - trapezoid_times(amplitude, *LIMITS)[1])
+
+
+def trace(time: Array, q: Array, name: str = "controller_1") -> Trace:
+    attributes = {"law": "measured", "reference_period": 0.0, "status": "ok", "payload_mass": 0.0}
+    return Trace(name, time, (2, 3), {"q_d": q, "e": 0.0 * q}, attributes)
+
+
+def made(
+    kind: str, step: float = 0.01, delay: float = 0.0, rounded: bool = False, turns: bool = False
+) -> Trace:
+    """Two periods from a start that is not zero, on a time axis that does not begin at zero."""
+    cycle = CYCLE[kind]
+    if turns:
+        plan = [(shape(kind, AMPLITUDE[0]), at_rest) * 2, (at_rest, shape(kind, AMPLITUDE[1])) * 2]
+    else:
+        plan = [(shape(kind, size),) * (1 if kind == "sine" else 2) for size in AMPLITUDE]
+    motions = [Motion(shapes, 1000.0 if kind == "sine" else cycle) for shapes in plan]
+    time = step * np.arange(round(((4 if turns else 2) * cycle + delay) / step) + 1)
+    q = motion(time - delay, motions)[0] + np.deg2rad([12.0, -5.0])
+    return trace(time + 3.0, np.round(q / COUNT) * COUNT if rounded else q)
+
+
+@pytest.mark.parametrize(
+    ("kind", "step", "delay", "rounded", "turns"),
+    [
+        ("raised_cosine", 0.001, 0.0, True, False),
+        ("raised_cosine", 0.01, 1.234, False, True),
+        ("minimum_jerk", 0.001, 1.234, True, True),
+        ("minimum_jerk", 0.01, 0.0, True, False),
+        ("trapezoidal", 0.001, 0.5, False, False),
+        ("trapezoidal", 0.01, 0.0, True, True),
+        ("sine", 0.001, 0.5, False, False),
+        ("sine", 0.01, 1.234, True, False),
+    ],
+)
+def test_every_shape_is_recovered(kind: str, step: float, delay: float, rounded: bool, turns: bool) -> None:
+    found = recover_run(made(kind, step, delay, rounded, turns))
+    assert found.shape is not None
+    assert found.shape.kind == kind
+    size = 2.0 if kind == "sine" else 1.0
+    loose = 0.03 if rounded else 1e-6
+    assert np.rad2deg(size * found.shape.values["amplitude"]) == pytest.approx([20.0, 30.0], abs=loose)
+    assert found.period == pytest.approx(CYCLE[kind] * (2 if turns else 1), abs=0.003 if rounded else 1e-6)
+    assert found.delay == pytest.approx(delay, abs=0.003 if rounded else 1e-6)
+    assert found.as_dict()["periods"] == 2
+    assert found.record.start_angle == pytest.approx(np.deg2rad([12.0, -5.0]), abs=COUNT)
+    if turns:
+        assert found.turns is not None
+        assert found.turns.pattern() == (((0,), (1,)), 2)
+
+
+def test_numbers_are_as_round_as_the_record_allows() -> None:
+    assert recover_run(made("minimum_jerk", 0.001)).shape.values["rise"] == 2.5  # type: ignore[union-attr]
+
+
+def test_a_shape_nobody_has_is_sampled_and_its_period_found() -> None:
+    time = 0.01 * np.arange(2101)
+    wave = np.sin(2.0 * np.pi * time / 7.0) ** 2 * (1.0 + 0.3 * np.sin(6.0 * np.pi * time / 7.0))
+    found = recover_run(trace(time, 0.5 * wave[:, np.newaxis] * np.array([1.0, 0.5])))
+    assert found.shape is None
+    assert found.as_dict()["kind"] == "sampled"
+    assert found.period == pytest.approx(7.0, abs=0.02)
+    assert found.knots.deviation <= found.knots.tolerance
+
+
+def test_a_single_stroke_has_no_period() -> None:
+    time = 0.01 * np.arange(601)
+    q = np.repeat(minimum_jerk(0.5, 2.0, 99.0)(time)[0][:, np.newaxis], 2, axis=1)
+    assert repeat_after(recorded(trace(time, q))) == 0.0
+
+
+def test_rounding_is_told_from_its_absence() -> None:
+    smooth = made("minimum_jerk")["q_d"]
+    assert rounding_step(smooth) == 0.0
+    assert rounding_step(np.round(smooth / COUNT) * COUNT) == pytest.approx(COUNT, rel=1e-6)
+
+
+def test_a_motionless_or_unrecorded_reference_is_missing() -> None:
+    still = trace(0.01 * np.arange(100), np.zeros((100, 2)))
+    with pytest.raises(DataMissingError, match="does not move"):
+        recover_run(still)
+    with pytest.raises(DataMissingError, match="20 are needed"):
+        recover_run(trace(0.01 * np.arange(100), np.full((100, 2), np.nan)))
+
+
+@pytest.mark.parametrize("step", [0.001, 0.01])
+def test_the_trajectory_does_not_turn_rounding_into_acceleration(step: float) -> None:
+    smooth, rough = (recorded(made("minimum_jerk", step, rounded=rounded)) for rounded in (False, True))
+    knots = thinned(rough)
+    truth = motion(rough.time, [Motion((shape("minimum_jerk", a),) * 2, 7.0) for a in AMPLITUDE])[2]
+    peak = np.abs(truth).max()
+    assert knots.deviation <= knots.tolerance == pytest.approx(COUNT, rel=1e-6)
+    assert np.abs(knots.curve(rough.time)[2] - truth).max() < 0.35 * peak
+    assert thinned(smooth).deviation < thinned(smooth).tolerance
+    # What the rule is for: a spline through every sample shakes far beyond the motion itself.
+    second = np.diff(rough.q, 2, axis=0) / step**2
+    assert np.abs(second).max() > 5.0 * peak
+
+
+def test_gaps_are_filled_and_counted() -> None:
+    whole = made("minimum_jerk")
+    holed = whole["q_d"].copy()
+    holed[300:320] = np.nan
+    found = recover_run(trace(whole.time, holed))
+    assert found.record.missing == 20
+    assert np.abs(found.record.q - recorded(whole).q).max() < np.deg2rad(0.05)
+
+
+def test_a_record_that_ends_in_mid_motion_is_brought_to_rest() -> None:
+    whole = made("raised_cosine")
+    knots = thinned(recorded(trace(whole.time[:410], whole["q_d"][:410])))
+    assert knots.braked
+    assert knots.time[-1] > whole.time[409] - whole.time[0]
+    assert np.abs(knots.curve(knots.time[-1:])[1]).max() < 1e-9
+    assert knots.deviation <= knots.tolerance
+
+
+def test_the_trajectory_file_starts_at_zero_and_is_read_back(tmp_path: Path) -> None:
+    found = recover_run(made("trapezoidal", rounded=True))
+    path = tmp_path / FILE
+    path.write_text(csv_text(found.knots, (2, 3)), encoding="utf-8")
+    time, angles = read_samples(path)
+    assert sorted(angles) == [2, 3]
+    assert time[0] == angles[2][0] == angles[3][0] == 0.0
+    assert angles[3] == pytest.approx(found.knots.angle[:, 1], abs=1e-8)
+
+
+@pytest.mark.parametrize(("kind", "turns"), [("minimum_jerk", True), ("trapezoidal", False), ("sine", False)])
+def test_the_written_configuration_runs_the_recovered_motion(kind: str, turns: bool, tmp_path: Path) -> None:
+    reference = recover_run(made(kind, turns=turns))
+    base = load_config(None, "compare")
+    path = tmp_path / "SYNTHETIC.yaml"
+    path.write_text(dump(config_tree(base.tree, reference, "SYNTHETIC.h5")), encoding="utf-8")
+    loaded = load_config(path, "compare")
+    assert isinstance(loaded.config, CompareConfig)
+    assert "SYNTHETIC.h5" in loaded.config.title
+    built = build_reference(loaded.config.reference, loaded.config, tmp_path)
+    record = reference.record
+    again = np.column_stack([np.interp(record.time, built.time, column) for column in built.q_d.T])
+    assert np.abs(again - record.q).max() < np.deg2rad(1e-3)
+
+
+def test_a_run_that_starts_later_is_timed_by_its_own_start() -> None:
+    early, late = made("minimum_jerk", delay=0.5), made("minimum_jerk", delay=1.5)
+    late = Trace("controller_2", late.time, late.joint, late.variables, late.attributes)
+    runs = {"controller_1": early, "controller_2": late}
+    file = TraceFile("compare", "measured", "SYNTHETIC", runs, PlantRecord({}, {}), "", "", "{}", "", "0")
+    timing = timing_of(file, recover(file))
+    assert timing["controller_1"].start == pytest.approx(3.5, abs=1e-6)
+    assert timing["controller_2"].start == pytest.approx(4.5, abs=1e-6)
+    assert timing["controller_2"].period == pytest.approx(7.0, abs=1e-6)
+    stated = replace(late, attributes={**late.attributes, "reference_period": 3.5})
+    told = replace(file, runs={"controller_1": early, "controller_2": stated})
+    assert timing_of(told, recover(told))["controller_2"].period == 3.5
+
+
+def test_recorded_derivatives_are_taken_and_others_made() -> None:
+    plain = made("minimum_jerk", 0.001)
+    time = plain.time - plain.time[0]
+    _, dq, ddq = motion(time, [Motion((shape("minimum_jerk", a),) * 2, 7.0) for a in AMPLITUDE])
+    found = derivatives(plain)
+    assert np.abs(found[0] - dq).max() < 0.02 * np.abs(dq).max()
+    assert np.abs(found[1] - ddq).max() < 0.2 * np.abs(ddq).max()
+    given = Trace(plain.name, plain.time, (2, 3), {**plain.variables, "dq_d": 2.0 * dq, "ddq_d": ddq}, {})
+    assert derivatives(given)[0] is given["dq_d"]
