@@ -182,8 +182,10 @@ def overshoot(plants: Plants, _: Published) -> Findings:
         neither = (first <= 0.0) & (second <= 0.0)
     known = np.isfinite(first).all(axis=1) & np.isfinite(second).all(axis=1)
     counted = known & ~neither.all(axis=1)
+    # A law that diverged has not rested, whatever its last excursion was.
+    alive = plants.none(DIVERGED, FIRST, SECOND)
     found = [
-        Statement(f"{one.text}, or neither", one.holds | neither[:, i], one.last | neither[:, i])
+        Statement(f"{one.text}, or neither", one.holds | neither[:, i], one.last | (neither[:, i] & alive))
         for i, one in enumerate(smaller(plants, "overshoot", FIRST, SECOND, "overshoot"))
     ]
     ok, resolved = plants.ok(*CONTROLLERS), plants.none(UNRESOLVED, *CONTROLLERS)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from tendonrepro.ensemble_plan import Study
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
+from tendonrepro.results import clear
 from tendonrepro.shards import FOLDER, Block, identity_of, read_shard, shard_files
 from tendonrepro.talk import Talk
 
@@ -38,6 +39,9 @@ def prepare(folder: Path, study: Study, *, force: bool) -> None:
             raise UsageError(message, where=str(shards), hint=hint)
         for path in others:
             path.unlink()
+        if others:
+            # Tables of shards that are gone would make an interrupted run look like another one's results.
+            clear(folder)
     except OSError as error:
         message = f"cannot clear the folder of shards: {error.strerror or error}"
         raise TendonreproError(message, where=str(shards)) from error

@@ -33,6 +33,9 @@ the error it has. Plants that the integrator could not resolve are in neither, a
 FEWEST_PLANTS = 30
 """Plants below which a reading is not compared with the printed ratios."""
 
+LEAST_SCRAMBLINGS = 8
+"""Scramblings with plants below which there is no interval."""
+
 _CONFIDENCE = 0.95
 
 Flags: TypeAlias = NDArray[np.bool_]
@@ -56,15 +59,16 @@ def share_of(hits: Flags, counted: Flags, replicate: NDArray[np.int64]) -> Numbe
     Returns
     -------
     dict
-        ``share``, ``low``, ``high`` (None without plants) and ``plants``, the number counted.
+        ``share`` (None without plants), ``low``, ``high`` (None with fewer than `LEAST_SCRAMBLINGS`
+        scramblings) and ``plants``, the number counted.
     """
     places = np.unique(replicate, return_inverse=True)[1]
     plants = np.bincount(places, counted)
     found = np.bincount(places, hits & counted)
     total = int(plants.sum())
-    if total == 0:
-        return {"share": None, "low": None, "high": None, "plants": 0}
-    share = float(found.sum() / total)
+    share = float(found.sum() / total) if total else None
+    if share is None or np.count_nonzero(plants) < LEAST_SCRAMBLINGS:
+        return {"share": share, "low": None, "high": None, "plants": total}
     if share in {0.0, 1.0}:
         reach = 1.0 - (1.0 - _CONFIDENCE) ** (1.0 / total)
     else:
@@ -112,7 +116,7 @@ def quantiles_of(values: Array, replicate: NDArray[np.int64]) -> Numbers:
     result: Numbers = {}
     for place, name in enumerate(QUANTILES):
         value, column = float(pooled[place]), each[:, place]
-        enough = len(column) > 1 and bool(np.isfinite(column).all())
+        enough = len(column) >= LEAST_SCRAMBLINGS and bool(np.isfinite(column).all())
         reach = _half_width(column) if enough else None
         interval = (None, None) if reach is None else (value - reach, value + reach)
         result[name] = {"value": value, "low": interval[0], "high": interval[1]}

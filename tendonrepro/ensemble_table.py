@@ -64,13 +64,16 @@ def spot_checks(folder: Path, blocks: Sequence[Block]) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``experiments`` checked; ``ideal`` and ``quantised``, the largest relative difference of MAE and RMSE
+        ``experiments`` checked; ``compared``, those of them that ran to their end in both steppers, so that
+        sizes could be compared; ``ideal`` and ``quantised``, the largest relative difference of MAE and RMSE
         and where it was; ``disagreements``, the number of statuses that differ.
     """
     checks = [(block, read_check(folder / FOLDER / block.file_name)) for block in blocks]
     checks = [(block, check) for block, check in checks if check]
     result: dict[str, Any] = {
         "experiments": len(checks),
+        # Two steppers never agree to the last bit; a difference of nothing stands for a run without an end.
+        "compared": sum(float(check["ideal"]) > 0.0 for _, check in checks),
         "disagreements": sum(int(check["disagreements"]) for _, check in checks),
     }
     for kind in ("ideal", "quantised"):
@@ -190,6 +193,8 @@ def share_text(share: Mapping[str, Any]) -> str:
     """Share and interval in per cent."""
     if share["share"] is None:
         return NOTHING
+    if share["low"] is None:
+        return percent(share["share"], "")
     return f"{percent(share['share'], '')} ({percent(share['low'], '')} to {percent(share['high'], '')})"
 
 

@@ -37,8 +37,8 @@ def conclusions(populations: Mapping[str, Mapping[str, Any]]) -> list[str]:
 
 
 def _share(share: Mapping[str, Any]) -> str:
-    interval = f"({percent(share['low'])} to {percent(share['high'])}, {share['plants']} plants)"
-    return f"{percent(share['share'])} {interval}"
+    interval = "" if share["low"] is None else f"{percent(share['low'])} to {percent(share['high'])}, "
+    return f"{percent(share['share'])} ({interval}{share['plants']} plants)"
 
 
 def _statuses(summary: Mapping[str, Any]) -> str:

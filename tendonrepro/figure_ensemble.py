@@ -159,8 +159,10 @@ def draw_shares(population: str, summary: Mapping[str, Any]) -> EnsembleFigure:
 
 def _draw_intervals(panel: Axes, shares: Sequence[Mapping[str, Any]], place: int) -> None:
     rows = np.array([row for row, share in enumerate(shares) if share["share"] is not None])
+    # A share without an interval stands there without a bar.
     values, low, high = (
-        100.0 * np.array([share[key] for share in shares if share["share"] is not None])
+        100.0
+        * np.array([_known(share[key], share["share"]) for share in shares if share["share"] is not None])
         for key in ("share", "low", "high")
     )
     panel.errorbar(
@@ -174,6 +176,10 @@ def _draw_intervals(panel: Axes, shares: Sequence[Mapping[str, Any]], place: int
         markerfacecolor="white" if place else SERIES[place].colour,
         label=list(_SETS.values())[place],
     )
+
+
+def _known(value: float | None, instead: float) -> float:
+    return instead if value is None else value
 
 
 def draw_statuses(population: str, summary: Mapping[str, Any]) -> EnsembleFigure:

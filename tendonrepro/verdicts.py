@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias, get_args
 
@@ -32,7 +32,6 @@ MOST, FEW = 0.95, 0.05
 SIMILAR = 0.05
 """Largest relative difference of what is called similar."""
 LEAST_PLANTS = 100
-LEAST_SCRAMBLINGS = 8
 MOST_UNRESOLVED = 0.05
 
 Mask: TypeAlias = NDArray[np.bool_]
@@ -93,10 +92,8 @@ def share_of(holds: Mask, replicate: NDArray[np.int64]) -> Share:
     replicate : array of int (K,)
         Scrambling each plant belongs to; with fewer than 8 there is no interval.
     """
-    if not _enough(replicate):
-        return Share(float(np.mean(holds)), None, len(holds))
     found = shares.share_of(holds, np.ones_like(holds), replicate)
-    return Share(found["share"], (found["low"], found["high"]), len(holds))
+    return Share(found["share"], _ends(found), len(holds))
 
 
 def range_of(values: Array, replicate: NDArray[np.int64]) -> Range:
@@ -111,12 +108,12 @@ def range_of(values: Array, replicate: NDArray[np.int64]) -> Range:
     """
     found = shares.quantiles_of(values, replicate)
     low, high = found["q05"], found["q95"]
-    first, last = ((end["low"], end["high"]) if _enough(replicate) else None for end in (low, high))
-    return Range(found["median"]["value"], low["value"], high["value"], first, last, len(values))
+    median = found["median"]["value"]
+    return Range(median, low["value"], high["value"], _ends(low), _ends(high), len(values))
 
 
-def _enough(replicate: NDArray[np.int64]) -> bool:
-    return len(np.unique(replicate)) >= LEAST_SCRAMBLINGS
+def _ends(found: Mapping[str, Any]) -> Ends | None:
+    return None if found["low"] is None else (found["low"], found["high"])
 
 
 def inside(printed: Ends, found: Range) -> bool:

@@ -199,6 +199,19 @@ def test_a_share_without_exception_still_has_an_interval(share: float) -> None:
     assert 0.0 <= found["low"] <= found["high"] <= 1.0
 
 
+def test_few_scramblings_with_plants_give_no_interval() -> None:
+    """Seven of eight hold plants: scatter of so few says little, and of one nothing."""
+    replicate = np.repeat(np.arange(8), EACH)
+    rng = np.random.default_rng(9)
+    hits = rng.random(PLANTS) < 0.5
+    for held in (7, 1):
+        found = share_of(hits, replicate < held, replicate)
+        assert (found["low"], found["high"]) == (None, None)
+        assert found["share"] == pytest.approx(hits[replicate < held].mean())
+        kept = replicate < held
+        assert quantiles_of(rng.random(PLANTS)[kept], replicate[kept])["median"]["low"] is None
+
+
 def test_no_plants_give_no_share() -> None:
     nothing = np.zeros(PLANTS, bool)
     found = share_of(nothing, nothing, np.repeat(np.arange(8), EACH))

@@ -11,7 +11,7 @@ from scipy import stats
 
 from tendonrepro import claim_rules, verdicts
 from tendonrepro.claim_statements import CLAIMS
-from tendonrepro.ensemble_shares import QUANTILES
+from tendonrepro.ensemble_shares import LEAST_SCRAMBLINGS, QUANTILES
 from tendonrepro.published import published
 from tendonrepro.verdicts import (
     FAILURES,
@@ -237,7 +237,7 @@ class TestPage:
             (r"with fewer than (\d+) plants judged", verdicts.LEAST_PLANTS),
             (r"more than (\d+) % of the box, claim C1", 100 * verdicts.MOST_UNRESOLVED),
             (r"t intervals at (\d+) %", 95),
-            (r"With fewer than (\d+) scramblings", verdicts.LEAST_SCRAMBLINGS),
+            (r"With fewer than (\d+) scramblings", LEAST_SCRAMBLINGS),
             (r"similar \| differ by at most (\d+) %", 100 * verdicts.SIMILAR),
             (r"range from the (\d+) %", 100 * QUANTILES["q05"]),
             (r"to the (\d+) % quantile of the plants", 100 * QUANTILES["q95"]),
