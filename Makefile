@@ -15,7 +15,7 @@ figures: $(VENV)/.run  ## both experiments: every figure and table under reports
 	$(BIN)/tendonrepro reproduce $(ARGS)
 
 test: $(VENV)/.test  ## the test suite, offline, a few minutes
-	$(BIN)/python -m pytest $(ARGS)
+	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile $(ARGS)
 
 test-slow: $(VENV)/.test  ## the tests that take longer
 	$(BIN)/python -m pytest -m "slow and not network" $(ARGS)
