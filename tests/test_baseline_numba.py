@@ -44,6 +44,7 @@ def compiled(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     return baseline_numba
 
 
+@pytest.mark.slow
 def test_it_is_the_same_run(bench: ModuleType, solve_ivp: ModuleType, compiled: ModuleType) -> None:
     _, parameters, reference = bench.stated_case(0.5)
     expected = solve_ivp.run(parameters, reference, 1e-12, "DOP853")

@@ -138,6 +138,7 @@ def test_decouple_json_has_the_promised_keys(decoupled: tuple[Path, Any]) -> Non
         assert (folder / "out" / "figures" / f"fig{number:02d}.png").exists()
 
 
+@pytest.mark.slow
 def test_a_second_run_gives_identical_numbers_and_figures(command: str, compared: tuple[Path, Any]) -> None:
     folder, first = compared
     out = folder / "out"
@@ -179,6 +180,7 @@ def test_traces_without_manifest_are_not_overwritten(command: str, tmp_path: Pat
     assert (tmp_path / "out" / "traces.h5").read_text() == "precious"
 
 
+@pytest.mark.slow
 def test_a_diverged_run_ends_with_code_5_and_full_results(command: str, tmp_path: Path) -> None:
     words = [*SHORT, "--set", "control.readings.gain_unit=law_in_degrees", "--out", "out"]
     data = answer(command, "compare", *words, cwd=tmp_path, code=5)
@@ -216,6 +218,7 @@ def test_an_interrupted_second_run_leaves_the_first_result(command: str, compare
     assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
 
 
+@pytest.mark.slow
 def test_figures_and_tables_are_made_again_from_traces(command: str, compared: tuple[Path, Any]) -> None:
     folder, _ = compared
     out = folder / "out"
@@ -263,6 +266,7 @@ def test_config_errors_name_file_and_line(command: str, tmp_path: Path) -> None:
     assert not (tmp_path / "reports").exists()
 
 
+@pytest.mark.slow
 def test_an_edited_copy_runs_and_standard_input_works(command: str, tmp_path: Path) -> None:
     run(command, "config", "init", "compare", "--out", "mine", cwd=tmp_path)
     again = run(command, "config", "init", "compare", "--out", "mine", cwd=tmp_path)

@@ -163,6 +163,7 @@ def misbehave(path: Path, name: str) -> list[Source]:
     return read_file(path, name)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="memory of a process is limited on Linux only")
 def test_one_bad_file_does_not_stop_the_rest(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "SYNTHETIC.csv"
