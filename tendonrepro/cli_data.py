@@ -99,12 +99,13 @@ def validate(
     as_json: Json = False,
     quiet: Quiet = False,
     verbose: Verbose = False,
-) -> None:
+) -> int:
     """Compare measured data with what the paper prints and with the model."""
-    from tendonrepro.dataset.validate import run_validate
+    from tendonrepro.dataset.validate import model_diverged, run_validate
     from tendonrepro.dataset.validate_text import validate_text
     from tendonrepro.talk import Talk
 
     talk = Talk(quiet=quiet, verbose=verbose)
     found = run_validate(measured, config, out, overrides or (), seed, force, dry_run, talk)
     show(found if as_json else validate_text(found), as_json=as_json, quiet=quiet)
+    return 5 if model_diverged(found) else 0

@@ -209,6 +209,10 @@ def _motor_differences(pair: Pair, measured: TraceFile) -> Sheet:
     for motor in pair.measured.joint:
         run = _Run(pair, f"Motor {motor}", stroke_of(motor))
         encoder, desired = (_through(S_inv, name, motor) for name in ("q_encoder", "q_d"))
+        asked = desired(pair.measured)
+        if asked is not None:
+            name = f"Motor {motor} desired"
+            sheet.curve("a", name, pair.measured.time, asked, REFERENCE, label="From desired, measured")
         _curves(sheet, "a", run, encoder)
         _curves(sheet, "b", _Run(pair, "", run.stroke), _difference(encoder, desired))
     return sheet

@@ -347,7 +347,7 @@ def test_simulated_and_absent_files_are_refused(tmp_path: Path) -> None:
 def test_the_decoupling_run_is_rerun_on_its_motors(tmp_path: Path) -> None:
     path = tmp_path / "SYNTHETIC.h5"
     file = make_decouple_file(source="measured")
-    kept = ("q_encoder", "q_motor_encoder")
+    kept = ("q_encoder", "q_motor_encoder", "q_calculated")
     trace = file.runs["decouple"]
     bare = replace(measured_trace(trace), variables={name: trace[name] for name in kept})
     write_traces(path, replace(file, runs={"decouple": bare}))
@@ -360,3 +360,16 @@ def test_the_decoupling_run_is_rerun_on_its_motors(tmp_path: Path) -> None:
     claims = {claim["id"]: claim["verdict"] for claim in found["claims"]}
     assert claims["K3"] in {"reproduced", "not_reproduced"}
     assert claims["C1"] == "not_testable"
+
+
+def test_another_mass_than_the_papers_is_taken_over(tmp_path: Path) -> None:
+    file = make_compare_file(step=0.02, source="measured")
+    loaded = file.runs["controller_1_payload"]
+    heavy = replace(loaded, attributes=dict(loaded.attributes) | {"payload_mass": 0.35})
+    path = tmp_path / "SYNTHETIC.h5"
+    write_traces(path, replace(file, runs=dict(file.runs) | {heavy.name: heavy}))
+    validate(path, tmp_path / "out")
+    tree = load_config(tmp_path / "out" / "compare.yaml", "compare").tree
+    assert tree["runs"]["controller_1_payload"]["payload"]["value"] == 0.35
+    assert tree["runs"]["controller_1_payload"]["payload"]["source"].startswith("identified:")
+    assert tree["runs"]["controller_1"]["payload"]["source"].startswith("printed:")

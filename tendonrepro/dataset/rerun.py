@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -35,14 +35,18 @@ _OF_DECOUPLE = {name: name for name in ("q_encoder", "q_motor_encoder", "q_calcu
 """Angles of a rerun, and the measured variable whose start they get."""
 
 
-def write_compare(base: LoadedConfig, reference: Reference, measured: str, folder: Path) -> list[Path]:
+def write_compare(
+    base: LoadedConfig, reference: Reference, masses: Mapping[str, float], measured: str, folder: Path
+) -> list[Path]:
     """Write the recovered reference as a trajectory file and as a complete configuration.
 
     Parameters
     ----------
     base : LoadedConfig
-        Of a comparison; all but its reference is kept.
+        Of a comparison; all but its reference and the masses of payloads is kept.
     reference : Reference
+    masses : mapping
+        Measured run -> mass at its end-effector, kg.
     measured : str
         Name of the measured file.
     folder : Path
@@ -54,8 +58,20 @@ def write_compare(base: LoadedConfig, reference: Reference, measured: str, folde
     """
     paths = [folder / FILE, folder / COMPARE]
     write_atomically(paths[0], csv_text(reference.knots, reference.record.joint))
-    write_atomically(paths[1], dump(config_tree(base.tree, reference, measured)))
+    tree = config_tree(base.tree, reference, measured)
+    write_atomically(paths[1], dump(tree | {"runs": _with_payloads(tree["runs"], masses, measured)}))
     return paths
+
+
+def _with_payloads(runs: Any, masses: Mapping[str, float], measured: str) -> Node:
+    """Runs of a configuration with the masses that were measured with, where they are others."""
+    changed = {}
+    for name, run in runs.items():
+        mass = masses.get(name, run["payload"]["value"])
+        if run["payload"]["unit"] == "kg" and mass != run["payload"]["value"]:
+            source = f"identified: the mass stated for {measured}"
+            changed[name] = run | {"payload": {"value": mass, "unit": "kg", "source": source}}
+    return dict(runs) | changed
 
 
 def write_decouple(

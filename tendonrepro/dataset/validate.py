@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -141,6 +141,11 @@ def run_validate(
     return data
 
 
+def model_diverged(found: Mapping[str, Any]) -> bool:
+    """Whether a run of the model on the measured motion diverged; `found` is of :func:`run_validate`."""
+    return "diverged" in found.get("residuals", {}).get("status", {}).values()
+
+
 def _validated(file: TraceFile, name: str, base: LoadedConfig, work: _Work, talk: Talk) -> dict[str, Any]:
     paper = published()
     talk.detail("trying averaging windows, recovering the reference, judging the claims")
@@ -202,7 +207,8 @@ def _rerun_compare(measured: Measured, name: str, base: LoadedConfig, work: _Wor
         work.missing.append("the desired angles of joints 2 and 3: no rerun of the comparison")
         return
     try:
-        work.files += write_compare(base, reference, name, work.folder)
+        masses = {run: float(trace.attributes["payload_mass"]) for run, trace in runs.items()}
+        work.files += write_compare(base, reference, masses, name, work.folder)
         simulated = rerun(work.folder / COMPARE, list(runs), talk)
     except TendonreproError as error:
         work.missing.append(f"a rerun of the comparison: {error.message}")
