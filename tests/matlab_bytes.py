@@ -8,6 +8,7 @@ from typing import Any
 
 import h5py
 import numpy as np
+import pytest
 from scipy.io import savemat
 
 from tendonrepro.dataset.matlab_objects import quiet
@@ -90,6 +91,8 @@ def streamed_signal(
 
 def thing(kind: str, **properties: Any) -> Any:
     """An object of a class, to be written by `objects`."""
+    # Some machines have no build of it.
+    pytest.importorskip("matio")
     with quiet():
         from matio.utils.matclass import MatlabOpaque
     return MatlabOpaque(properties, kind)
@@ -97,9 +100,8 @@ def thing(kind: str, **properties: Any) -> Any:
 
 def objects(path: Path, variables: Mapping[str, Any], version: str) -> Path:
     """A file with objects; `version` is ``v7`` or ``v7.3``."""
+    matio = pytest.importorskip("matio")
     with quiet():
-        import matio
-
         matio.save_to_mat(str(path), dict(variables), version=version)
     with path.open("r+b") as file:
         file.write((b"MATLAB MAT-file, " + NOTE).ljust(116))

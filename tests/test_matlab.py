@@ -362,6 +362,35 @@ def test_plain_members_survive_without_the_package(tmp_path: Path, monkeypatch: 
     assert "mat-io" in skipped(found)["ts"]
 
 
+def test_plain_7_3_files_need_no_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Numbers, structs, cells and texts are the same with mat-io and without."""
+    values = {
+        "t": TIMES[:, np.newaxis],
+        "count": np.arange(40, dtype=np.int16).reshape(4, 10),
+        "run": {"q": WAVES, "deep": {"note": "Controller 1", "e": WAVES[:, :1]}},
+        "cell": [WAVES, {"x": TIMES[:, np.newaxis]}, "text"],
+    }
+    path = made.hdf(tmp_path / "SYNTHETIC.mat", values)
+    whole = read_matlab(path)
+    monkeypatch.setitem(__import__("sys").modules, "matio", None)
+    alone = read_matlab(path)
+    ours, theirs = signals(alone), signals(whole)
+    assert set(ours) == set(theirs)
+    for name, signal in ours.items():
+        np.testing.assert_array_equal(signal.values, theirs[name].values)
+        assert signal.dtype == theirs[name].dtype
+    assert alone.texts == whole.texts
+    assert len(ours) == 6
+
+
+def test_objects_of_7_3_files_need_the_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = made.objects(tmp_path / "SYNTHETIC.mat", {"q": WAVES, "ts": made.timeseries(WAVES, TIMES)}, "v7.3")
+    monkeypatch.setitem(__import__("sys").modules, "matio", None)
+    found = read_matlab(path)
+    assert set(signals(found)) == {"q"}
+    assert "mat-io" in skipped(found)["ts"]
+
+
 def test_one_broken_object_does_not_stop_the_rest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = made.objects(tmp_path / "SYNTHETIC.mat", {"a": made.timeseries(WAVES, TIMES), "b": WAVES}, "v7.3")
     import matio

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
+from tendonrepro.dataset.matlab_plain import is_hdf, load_plain
 from tendonrepro.dataset.matlab_values import EXPORT, Lost, Plain, Series, Table, members, seconds, text_of
 
 _SECONDS = {
@@ -52,10 +53,11 @@ def load_objects(path: Path, names: Sequence[str]) -> dict[str, Any]:
     try:
         return _load(path, names)
     except ImportError:
-        return {
-            name: Lost("reading it needs the package mat-io", f"pip install mat-io, or {EXPORT}")
-            for name in names
-        }
+        # There are machines without a build of mat-io.
+        if is_hdf(path):
+            return load_plain(path, names)
+        missing = Lost("reading it needs the package mat-io", f"pip install mat-io, or {EXPORT}")
+        return dict.fromkeys(names, missing)
     except Exception:
         # One variable may have spoiled the rest.
         return {name: _load_alone(path, name) for name in names}
