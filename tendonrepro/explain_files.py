@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from tendonrepro.config import LoadedConfig
-from tendonrepro.explain import TYPICAL_ERROR_DEG, Explanation, RunMargins, View, explain
+from tendonrepro.explain import explain
 from tendonrepro.explain_text import explanation_text
+from tendonrepro.explanation import TYPICAL_ERROR_DEG, Explanation, RunMargins, View
 from tendonrepro.files import write_atomically
 from tendonrepro.manifest import make_manifest, to_json, with_outputs
 from tendonrepro.margins import LOW_FREQUENCY, ChannelMargins

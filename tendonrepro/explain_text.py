@@ -8,15 +8,8 @@ from typing import Any
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.explain import (
-    TYPICAL_ERROR_DEG,
-    Explanation,
-    View,
-    WhatIf,
-    first_views,
-    slow_ratio,
-    view_pairs,
-)
+from tendonrepro.explain import first_views, slow_ratio, view_pairs
+from tendonrepro.explanation import TYPICAL_ERROR_DEG, Explanation, View, WhatIf
 from tendonrepro.screen import columns
 from tendonrepro.slow_error import estimate_age, stiffness
 

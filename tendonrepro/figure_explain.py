@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from tendonrepro import __version__
 from tendonrepro.arrays import Array
-from tendonrepro.explain import Explanation, Map
+from tendonrepro.explanation import Explanation, Map
 from tendonrepro.figure_files import save_figure
 from tendonrepro.figure_style import PAGE_MM, Stroke, journal_style, stroke_of
 

@@ -17,7 +17,7 @@ from tendonrepro.batch import NAME, STATUSES, simulate_batch
 from tendonrepro.config import LoadedConfig, load_config
 from tendonrepro.config_overrides import parse_override
 from tendonrepro.controllers import TimeDelayController
-from tendonrepro.explain import TYPICAL_ERROR_DEG
+from tendonrepro.explanation import TYPICAL_ERROR_DEG
 from tendonrepro.files import sha256_of, write_atomically
 from tendonrepro.manifest import make_manifest, to_json, with_outputs
 from tendonrepro.results import MANIFEST, claimed, clear, refuse_others

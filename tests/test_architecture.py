@@ -46,7 +46,7 @@ ROOMS = [
     # configuration to physics
     ("rig",),
     ("runs", "user_law"),
-    ("explain",),
+    ("explanation", "explain"),
     # results
     ("records",),
     ("traces", "summary", "plant_record", "manifest", "typeset", "talk", "parallel"),

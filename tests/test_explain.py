@@ -11,9 +11,10 @@ import pytest
 
 from tendonrepro.config import load_config
 from tendonrepro.errors import UsageError
-from tendonrepro.explain import TYPICAL_ERROR_DEG, explain, run_margins, run_views, stroke, worst
+from tendonrepro.explain import explain, run_margins, run_views, stroke, worst
 from tendonrepro.explain_files import explanation_data, run_explain
 from tendonrepro.explain_text import explanation_text
+from tendonrepro.explanation import TYPICAL_ERROR_DEG
 from tendonrepro.manifest import to_json
 from tendonrepro.margins import ChannelMargins
 from tendonrepro.stability import decay_rate, loop_matrix
