@@ -21,7 +21,7 @@ from tendonrepro.claim_statements import CLAIMS, FIRST, LOADED, Findings, smalle
 from tendonrepro.dataset.printed_tables import PrintedTables, prints_as, try_windows
 from tendonrepro.dataset.reference_motion import Reference, derivatives, recover, timing_of
 from tendonrepro.errors import DataMissingError
-from tendonrepro.measured_statistics import statistics_of
+from tendonrepro.measured_statistics import RATE_WINDOW, statistics_of
 from tendonrepro.published import PrintedNumber, Published
 from tendonrepro.readings import PRINTED
 from tendonrepro.records import Trace, TraceFile
@@ -201,7 +201,7 @@ def _remarks(measured: Measured, identifier: str) -> list[str]:
         return []
     return [
         f"s of {', '.join(computed)} was not recorded: computed from e by Eq. (11) with the printed gains, "
-        "the rate of e by the difference to the sample before"
+        f"the rate of e by its difference over {1e3 * RATE_WINDOW:g} ms"
     ]
 
 
@@ -243,14 +243,22 @@ class OneArm:
             return self._of_the_tables(run, name)
         if name == "torque_step_rms":
             self._check_steps()
+        if name == "s_rms":
+            self._check_surfaces()
         if run not in self._kept:
             self._kept[run] = statistics_of(trace, self._phases(trace))
+        needed = _SIGNALS.get(name.partition("_")[0])
         if name not in self._kept[run]:
-            needed = _SIGNALS.get(name.partition("_")[0], "q_d")
-            message = f"{needed} of the run {run}"
+            message = f"{needed or 'q_d'} of the run {run}"
             raise DataMissingError(message)
-        places = [trace.joint.index(joint) for joint in self.joints]
-        return self._kept[run][name][np.newaxis, places]
+        values = self._kept[run][name][[trace.joint.index(joint) for joint in self.joints]]
+        for joint, value in zip(self.joints, values, strict=True):
+            # What is not there is smaller than nothing, so it must not come to a comparison.
+            if not np.isfinite(value):
+                what = f"{needed or 'e'} of joint {joint} of the run {run}"
+                message = f"{what}, or samples of it in a phase of the motion"
+                raise DataMissingError(message)
+        return values[np.newaxis]
 
     def _trace(self, run: str) -> Trace:
         runs = self._measured.compare.runs
@@ -283,6 +291,13 @@ class OneArm:
         steps = [float(np.median(np.diff(self._trace(run).time))) for run in CONTROLLERS]
         if max(steps) > 1.01 * min(steps):
             message = "runs sampled alike: steps of the torque cannot be compared otherwise"
+            raise DataMissingError(message)
+
+    def _check_surfaces(self) -> None:
+        runs = self._measured.compare.runs
+        recorded = ["s" in runs[run] for run in CONTROLLERS if run in runs]
+        if any(recorded) and not all(recorded):
+            message = "s of all controllers: a recorded one cannot be compared with a computed one"
             raise DataMissingError(message)
 
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from tendonrepro.cli_options import Config, DryRun, Force, Json, Out, Quiet, Seed, Set, Verbose, show
+from tendonrepro.cli_options import Config, DryRun, Force, Json, Quiet, Seed, Set, Verbose, show
 
 data_app = typer.Typer(rich_markup_mode=None)
 
@@ -91,7 +91,9 @@ def validate(
         "data/measured.h5"
     ),
     config: Config = None,
-    out: Out = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Results folder [default: reports/validate].")
+    ] = None,
     overrides: Set = None,
     seed: Seed = None,
     dry_run: DryRun = False,

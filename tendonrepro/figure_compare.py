@@ -210,13 +210,28 @@ def _curves(
         diverged = run.trace.status == "diverged"
         if averaged:
             sheet.band(letter, run.name, time, values, run.stroke, diverged=diverged)
-            time, values = _mean(time, values)
+            time, values = mean_curve(time, values)
         sheet.curve(letter, run.name, time, values, run.stroke, label=run.label, diverged=diverged)
 
 
-def _mean(time: Array, values: Array) -> tuple[Array, Array]:
-    """Take the mean once a window and at the end; more often would draw the beat of encoder counts."""
-    step = float(time[-1] - time[0]) / max(len(time) - 1, 1)
-    samples = max(round(MEAN_WINDOW / step), 1) if step else 1
+def mean_curve(time: Array, values: Array) -> tuple[Array, Array]:
+    """Mean over `MEAN_WINDOW` of the samples that are there, once a window and at the end.
+
+    More often would draw the beat of encoder counts.
+
+    Parameters
+    ----------
+    time, values : array (T,)
+        Any unit of the values.
+
+    Returns
+    -------
+    time, values : array (M,)
+    """
+    known = np.isfinite(values)
+    time, values = time[known], values[known]
+    if len(time) < 2:
+        return time, values
+    samples = max(round(MEAN_WINDOW / (float(time[-1] - time[0]) / (len(time) - 1))), 1)
     places = np.append(np.arange(0, len(time) - 1, samples), len(time) - 1)
     return time[places], window_mean(values, samples)[places]

@@ -11,11 +11,10 @@ import numpy as np
 from matplotlib.colors import to_hex, to_rgb
 
 from tendonrepro.arrays import Array
-from tendonrepro.figure_compare import MEAN_WINDOW
+from tendonrepro.figure_compare import MEAN_WINDOW, mean_curve
 from tendonrepro.figure_panels import FigureArtists, Sheet
 from tendonrepro.figure_style import COLUMN_MM, PAGE_MM, REFERENCE, Stroke, journal_style, stroke_of
 from tendonrepro.figures import FIGURES, save
-from tendonrepro.metrics import window_mean
 from tendonrepro.records import VARIABLES, Trace, TraceFile
 from tendonrepro.summary import CONTROLLERS, LOADS
 
@@ -142,11 +141,11 @@ def _curves(sheet: Sheet, letter: str, run: _Run, values: Values, *, averaged: b
         pale = Stroke(_pale(run.stroke.colour), _DASHES, 0.8)
         diverged = model.status == "diverged"
         label = f"{run.name}, simulated" if run.name else ""
-        x, y = _mean(model.time, modelled) if averaged else (model.time, modelled)
+        x, y = mean_curve(model.time, modelled) if averaged else (model.time, modelled)
         sheet.curve(letter, f"{run.name} simulated", x, y, pale, label=label, diverged=diverged)
     solid = Stroke(run.stroke.colour, (), 0.8)
     time = run.pair.measured.time
-    x, y = _mean(time, ours) if averaged else (time, ours)
+    x, y = mean_curve(time, ours) if averaged else (time, ours)
     label = f"{run.name}, measured" if run.name else ""
     sheet.curve(letter, f"{run.name} measured", x, y, solid, label=label)
 
@@ -263,17 +262,6 @@ def _panel(sheet: Sheet, letter: str, runs: list[_Run], values: Values, *, avera
         sheet.not_recorded(letter)
     for run in runs:
         _curves(sheet, letter, run, values, averaged=averaged)
-
-
-def _mean(time: Array, values: Array) -> tuple[Array, Array]:
-    """Mean over `MEAN_WINDOW`, taken once a window, of the samples that are there."""
-    known = np.isfinite(values)
-    time, values = time[known], values[known]
-    if len(time) < 2:
-        return time, values
-    samples = max(round(MEAN_WINDOW / (float(time[-1] - time[0]) / (len(time) - 1))), 1)
-    places = np.append(np.arange(0, len(time) - 1, samples), len(time) - 1)
-    return time[places], window_mean(values, samples)[places]
 
 
 def _pale(colour: str) -> str:

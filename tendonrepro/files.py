@@ -37,6 +37,9 @@ def atomic_path(path: Path) -> Iterator[Path]:
     """
     temporary = path.with_name(f".{path.stem}.{os.getpid()}-{secrets.token_hex(4)}{path.suffix}")
     try:
+        if path.parent.exists() and not path.parent.is_dir():
+            message = f"cannot write {path}: {path.parent} is a file, not a folder"
+            raise TendonreproError(message)
         path.parent.mkdir(parents=True, exist_ok=True)
         yield temporary
         temporary.replace(path)

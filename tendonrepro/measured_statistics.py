@@ -10,6 +10,9 @@ from tendonrepro.control import Law, surface_and_feedback
 from tendonrepro.records import Trace
 from tendonrepro.streaming import thresholds
 
+RATE_WINDOW = 0.05
+"""Time over which the rate of a measured error is taken, s."""
+
 
 def statistics_of(trace: Trace, rates: tuple[Array, Array] | None) -> dict[str, Array]:
     """Statistics that rest on e, s, H_hat, tau_m and the phases of the reference.
@@ -53,7 +56,8 @@ def statistics_of(trace: Trace, rates: tuple[Array, Array] | None) -> dict[str, 
 def sliding_variable(trace: Trace) -> Array | None:
     """Recorded sliding variable, (T, n), else that of Eq. (11) with the printed gains; None without e.
 
-    The first sample of a computed one is missing: its rate needs the sample before.
+    From sample to sample an encoder's steps are all there is of a rate, so that of a computed one is the
+    difference over `RATE_WINDOW`; half of it is missing at both ends.
     """
     if "s" in trace:
         return trace["s"]
@@ -61,12 +65,22 @@ def sliding_variable(trace: Trace) -> Array | None:
     if law is None or "e" not in trace:
         return None
     e = trace["e"]
-    rate = np.full_like(e, np.nan)
-    rate[1:] = np.diff(e, axis=0) / np.diff(trace.time)[:, np.newaxis]
+    rate = _rate(trace.time, e)
     s = np.full_like(e, np.nan)
     for column, place in _printed_places(trace).items():
         s[:, column], _ = surface_and_feedback(e[:, column], rate[:, column], law, place)
     return s
+
+
+def _rate(time: Array, e: Array) -> Array:
+    """Centred difference over `RATE_WINDOW`, (T, n), or over two steps where these are longer."""
+    rate = np.full_like(e, np.nan)
+    step = float(np.median(np.diff(time))) if len(time) > 1 else RATE_WINDOW
+    half = max(1, round(0.5 * RATE_WINDOW / step))
+    if len(time) > 2 * half:
+        lasted = time[2 * half :] - time[: -2 * half]
+        rate[half:-half] = (e[2 * half :] - e[: -2 * half]) / lasted[:, np.newaxis]
+    return rate
 
 
 def _law_of(run: str) -> Law | None:

@@ -95,11 +95,11 @@ class TestStatistics:
         e = trace["e"]
         gamma_1, gamma_2 = polynomial(0.9, 0.2)
         surface = beta * e if beta else 1.5 * (gamma_1 * e + gamma_2 * np.abs(e) * e)
-        expected = np.diff(e, axis=0) / 0.05 + surface[1:]
+        expected = (e[2:] - e[:-2]) / 0.1 + surface[1:-1]
         found = sliding_variable(trace)
         assert found is not None
-        assert np.isnan(found[0]).all()
-        assert found[1:] == pytest.approx(expected, rel=1e-9, abs=1e-12)
+        assert np.isnan(found[[0, -1]]).all()
+        assert found[1:-1] == pytest.approx(expected, rel=1e-9, abs=1e-12)
 
 
 class TestComparison:
@@ -131,6 +131,57 @@ class TestComparison:
         found = judged(comparison(without=("q_d", "dq_d", "ddq_d")))
         assert "q_d" in found["C3"].evidence["missing"]
         assert found["C2"].decision.verdict != "not_testable"
+
+    @pytest.mark.parametrize("joint", [2, 3])
+    @pytest.mark.parametrize("claim", ["C1", "C2", "C3", "C4", "C5", "C6", "P1"])
+    def test_a_joint_that_was_not_recorded_is_no_failure(self, claim: str, joint: int) -> None:
+        """All compare numbers, and what is missing is smaller than none."""
+        variable = {"C4": "s", "C5": "H_hat", "C6": "tau_m"}.get(claim, "e")
+        file = comparison(GROWING)
+        name = LOADED if claim == "P1" else "controller_2"
+        gone = file.runs[name][variable].copy()
+        gone[:, joint - 2] = np.nan
+        runs = dict(file.runs) | {name: measured_trace(file.runs[name], **{variable: gone})}
+        found = judged(replace(file, runs=runs))[claim]
+        assert found.decision.verdict == "not_testable"
+        assert name in found.evidence["missing"]
+
+    def test_a_joint_alone_still_has_its_numbers(self) -> None:
+        file = printed_file(lambda time: time >= 0.0)
+        runs = {}
+        for name, trace in file.runs.items():
+            e = trace["e"].copy()
+            e[:, 1] = np.nan
+            runs[name] = measured_trace(trace, e=e)
+        found = judged(replace(file, runs=runs))
+        assert found["table2.controller_1.mae.joint_2"].decision.verdict == "reproduced"
+        assert found["table2.controller_1.mae.joint_3"].decision.verdict == "not_testable"
+        tables = try_windows(replace(file, runs=runs), published(), dict.fromkeys(runs, Timing(0.0, 0.0)))
+        assert tables.compared == 8
+        assert tables.winner is not None
+
+    def test_recorded_and_computed_surfaces_are_not_mixed(self) -> None:
+        file = comparison(GROWING)
+        trace = file.runs["controller_3"]
+        bare = replace(trace, variables={k: v for k, v in trace.variables.items() if k != "s"})
+        found = judged(replace(file, runs=dict(file.runs) | {"controller_3": bare}))["C4"]
+        assert found.decision.verdict == "not_testable"
+        assert "computed" in found.evidence["missing"]
+
+    @pytest.mark.parametrize("step", [0.001, 0.01])
+    def test_a_computed_surface_is_that_of_the_error_and_not_of_the_encoder(self, step: float) -> None:
+        """Errors three and ten times as large are no similar surfaces, whatever the sampling."""
+        time = step * np.arange(round(12.0 / step))
+        wave = np.deg2rad(0.3) * np.sin(2.0 * np.pi * 0.4 * time)[:, np.newaxis] * np.ones(2)
+        count = np.deg2rad(0.022)
+        sizes = []
+        for factor in (1.0, 3.0, 10.0):
+            e = count * np.round(factor * wave / count)
+            run = make_compare_file(runs=("controller_2",)).runs["controller_2"]
+            bare = replace(measured_trace(run), time=time, variables={"e": e})
+            sizes.append(statistics_of(bare, None)["s_rms"])
+        assert sizes[1] / sizes[0] == pytest.approx(3.0, rel=0.05)
+        assert sizes[2] / sizes[0] == pytest.approx(10.0, rel=0.05)
 
     def test_a_run_that_was_not_recorded_is_named(self) -> None:
         found = judged(comparison(runs=("controller_1", "controller_2")))

@@ -219,6 +219,24 @@ def test_settings_in_commands_are_valid(name: str, command: str) -> None:
         )
 
 
+def test_options_named_in_messages_exist() -> None:
+    """A way out that is none would be worse than silence."""
+    tree = get_command(app)
+    groups = [tree, *(group for group in tree.commands.values() if hasattr(group, "commands"))]  # type: ignore[attr-defined]
+    known = {
+        option
+        for group in groups
+        for command in [group, *group.commands.values()]  # type: ignore[attr-defined]
+        for parameter in command.params
+        for option in (*parameter.opts, *parameter.secondary_opts)
+    }
+    for path in PACKAGE.rglob("*.py"):
+        for option in re.findall(r"(?<![\w-])--[a-z][a-z-]+", path.read_text(encoding="utf-8")):
+            assert option in known | {"--porcelain", "--error-unmatch", "--help"}, (
+                f"{path.name} names {option}"
+            )
+
+
 # ---- configurations ----------------------------------------------------------------------------------------
 
 

@@ -120,6 +120,20 @@ def test_gaps_stay_gaps_and_are_no_divergence() -> None:
     assert run.status == "ok"
 
 
+def test_every_problem_with_times_has_its_own_way_out() -> None:
+    way = {}
+    for name, run in {
+        "none": {"from_s": 50.0},
+        "back": {"time": {"file": "SYNTHETIC_c1.mat", "signal": "back"}},
+    }.items():
+        with pytest.raises(ConfigError) as caught:
+            assemble(make_mapping(entry(), **run), make_source(t=TIME, q=ANGLE, back=TIME[::-1])).runs()
+        way[name] = caught.value.hint or ""
+    assert "from_s" in way["none"]
+    assert "inspect" in way["back"]
+    assert "resample" not in "".join(way.values())
+
+
 def test_different_times_are_refused_unless_resampling_is_asked_for() -> None:
     late = {"file": "SYNTHETIC_c1.mat", "signal": "t2"}
     entries = [entry("q_encoder", signal="a"), entry("q_d", signal="b", time=late)]
@@ -223,6 +237,7 @@ MISTAKES = {
     "title: SYNTHETIC": ("titel: SYNTHETIC", "did you mean 'title'"),
     "schema_version: 1": ("schema_version: 2", "must be 1"),
     "column: 1": ("column: 0", "column"),
+    "  joint: 2": ("  joint: 7", "joint"),
 }
 GOOD = """schema_version: 1
 title: SYNTHETIC

@@ -66,8 +66,7 @@ class Assembly:
         try:
             time, variables, joints = self._variables(name, run)
         except TimeProblem as problem:
-            hint = "Put them on common times: `resample: {step_s: 0.001}` at the top of the mapping."
-            raise ConfigError(str(problem), where=f"{self.where}: runs.{name}", hint=hint) from None
+            raise ConfigError(str(problem), where=f"{self.where}: runs.{name}", hint=problem.hint) from None
         if time[0] != 0.0:
             self.notes.append(f"{name}: time starts at {time[0]:g} s in the files, at 0 here")
             time = time - time[0]

@@ -58,7 +58,7 @@ def run_inspect(paths: Sequence[Path], suggest_to: Path | None, *, force: bool, 
     """
     if suggest_to is not None and suggest_to.exists() and not force:
         message = "exists, and may hold work of yours"
-        raise UsageError(message, where=str(suggest_to), hint="choose another --suggest-to, or say --force")
+        raise UsageError(message, where=str(suggest_to), hint="choose another --mapping, or say --force")
     sources = read_guarded(files_below(paths), talk)
     columns = understand(sources, coupling_of(table_1(published()))[1])
     found = {"schema_version": SCHEMA_VERSION, "files": _files(sources, columns)}

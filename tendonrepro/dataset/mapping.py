@@ -61,7 +61,7 @@ class Entry(Model):
     """One column and what it is: ``value = sign (number - offset)`` in `unit`, times `scale`, then in SI."""
 
     variable: Annotated[Text, AfterValidator(_known_variable), Field(description="variable of the run")]
-    joint: Annotated[StrictInt, Field(ge=1, le=9, description="the paper's number of the joint or motor")]
+    joint: Annotated[StrictInt, Field(ge=1, le=3, description="the paper's number of the joint or motor")]
     file: Annotated[Text, Field(description="file, as inspect names it")]
     signal: Annotated[Text, Field(description="signal in the file, as inspect names it")]
     column: Annotated[StrictInt, Field(ge=1, description="column of the signal, from 1")] = 1

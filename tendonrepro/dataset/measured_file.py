@@ -20,9 +20,7 @@ THE_WAY = (
 
 
 def read_measured(path: Path) -> TraceFile:
-    """Read a measured trace file, with what follows from its own signals added.
-
-    `q_encoder` is ``q_d - e`` where it was not recorded, and `q_calculated` is ``S q_motor_encoder``.
+    """Read a measured trace file.
 
     Parameters
     ----------
@@ -42,7 +40,10 @@ def read_measured(path: Path) -> TraceFile:
     if not path.exists():
         message = "there is no measured trace file"
         raise DataMissingError(message, where=str(path), hint=THE_WAY)
-    file = read_traces(path)
+    try:
+        file = read_traces(path)
+    except DataMissingError as error:
+        raise DataMissingError(error.message, where=error.where, hint=THE_WAY) from error
     if file.source != "measured":
         message = "holds simulated traces, and only a measurement can be validated against the paper"
         raise UsageError(message, where=str(path), hint=THE_WAY)
@@ -50,15 +51,15 @@ def read_measured(path: Path) -> TraceFile:
 
 
 def origin(file: TraceFile) -> dict[str, Any]:
-    """Inputs of a measured file with their digests, and what was guessed about them."""
+    """Inputs of a measured file with their digests, what was guessed about them, and what looks wrong."""
     try:
         manifest = json.loads(file.manifest_json)
     except ValueError:
         manifest = {}
     if not isinstance(manifest, dict):
         manifest = {}
-    guesses = manifest.get("guesses") or []
-    return {"inputs": manifest.get("inputs") or {}, "guesses": list(map(str, guesses))}
+    texts = {key: list(map(str, manifest.get(key) or [])) for key in ("guesses", "doubts")}
+    return {"inputs": manifest.get("inputs") or [], **texts}
 
 
 def resting_on(guesses: int) -> str:

@@ -211,17 +211,22 @@ def _tried(
     sizes: dict[str, float] = {}
     for name, trace in runs.items():
         e = trace["e"][parts[name]]
-        e = e[np.isfinite(e).all(axis=1)]
-        if removed and len(e):
-            e = e - e.mean(axis=0)
+        if removed:
+            e = np.stack([column - _mean(column) for column in e.T], axis=1)
         found = sizes_deg(e, gaps=True)
         for metric in _METRICS:
             for joint, size in zip(trace.joint, found[metric], strict=True):
                 identifier = f"{_TABLE[name]}.{metric}.joint_{joint}"
-                if identifier in paper.entries:
+                if identifier in paper.entries and np.isfinite(size):
                     sizes[identifier] = float(size)
     agree = tuple(identifier for identifier, size in sizes.items() if prints_as(paper, identifier, size))
     return Tried(window, removed, sizes, agree)
+
+
+def _mean(values: Array) -> float:
+    """Mean of the samples that are there; 0 without any."""
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if len(known) else 0.0
 
 
 def prints_as(paper: Published, identifier: str, size: float) -> bool:

@@ -113,7 +113,7 @@ class Reference:
 
 
 def recover(file: TraceFile) -> Reference:
-    """Recover the reference of a measured comparison from the first run that recorded it.
+    """Recover the reference of a measured comparison from the first run that recorded it for both joints.
 
     Parameters
     ----------
@@ -128,13 +128,23 @@ def recover(file: TraceFile) -> Reference:
     DataMissingError
         If no run holds the desired angles, or they do not move.
     """
-    runs = file.part("compare").runs
-    names = sorted(runs, key=lambda name: name not in CONTROLLERS)
-    holding = [name for name in names if "q_d" in runs[name]]
+    holding = [trace for trace in file.part("compare").runs.values() if "q_d" in trace]
     if not holding:
         message = "no run of the comparison holds the desired joint angles q_d"
         raise DataMissingError(message)
-    return recover_run(_moving_joints(runs[holding[0]]))
+    problems = []
+    for trace in sorted(holding, key=lambda trace: (not _complete(trace), trace.name not in CONTROLLERS)):
+        try:
+            return recover_run(_moving_joints(trace))
+        except DataMissingError as problem:
+            problems.append(problem)
+    raise problems[0]
+
+
+def _complete(trace: Trace) -> bool:
+    """Whether a run recorded the desired angles of both joints of the comparison."""
+    columns = zip(trace.joint, trace["q_d"].T, strict=True)
+    return {*JOINTS} <= {joint for joint, values in columns if np.isfinite(values).any()}
 
 
 def _moving_joints(trace: Trace) -> Trace:

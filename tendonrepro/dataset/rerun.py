@@ -17,6 +17,7 @@ from tendonrepro.dataset.reference_motion import (
     config_tree,
     csv_text,
     recover_run,
+    zero_of,
 )
 from tendonrepro.experiment import simulate_run, trace_file
 from tendonrepro.files import write_atomically
@@ -33,6 +34,8 @@ MOTION = "decouple_reference.csv"
 _OF_COMPARE = {"q_encoder": "q_d", "q_d": "q_d"}
 _OF_DECOUPLE = {name: name for name in ("q_encoder", "q_motor_encoder", "q_calculated")}
 """Angles of a rerun, and the measured variable whose start they get."""
+_SAMPLES = 2.0
+"""Samples by which the beginning of a motion can be misjudged."""
 
 
 def write_compare(
@@ -138,6 +141,40 @@ def rerun(path: Path, names: Sequence[str], talk: Talk) -> TraceFile:
     with talk.bar(f"simulating {len(chosen)} runs", total) as progress:
         traces = each(partial(simulate_run, loaded, None), chosen, progress)
     return trace_file(loaded, traces, make_manifest(loaded, 0.0))
+
+
+def departure(trace: Trace, reference: Reference) -> float:
+    """Largest difference of a run's desired motion from the recovered one, where both were recorded.
+
+    Parameters
+    ----------
+    trace : Trace
+    reference : Reference
+        Of another run, as a rule.
+
+    Returns
+    -------
+    float
+        rad; 0 where rounding, noise and two samples of time explain it, or nothing was recorded.
+    """
+    record = reference.record
+    time = trace.time - zero_of(trace, reference) + reference.delay
+    inside = (time >= 0.0) & (time <= record.time[-1])
+    late = _SAMPLES * max(record.step, float(np.median(np.diff(time))))
+    largest = beyond = 0.0
+    for place, joint in enumerate(record.joint):
+        if "q_d" not in trace or joint not in trace.joint:
+            continue
+        ours = trace["q_d"][:, trace.joint.index(joint)] - _first(trace, "q_d", joint)
+        known = inside & np.isfinite(ours)
+        near = [
+            np.interp(time[known] + shift, record.time, record.q[:, place]) for shift in (-late, 0.0, late)
+        ]
+        within = np.clip(ours[known], np.min(near, axis=0), np.max(near, axis=0))
+        beyond = max(beyond, np.abs(ours[known] - within).max(initial=0.0))
+        largest = max(largest, np.abs(ours[known] - near[1]).max(initial=0.0))
+    # Each of the two records has its own rounding and noise.
+    return float(largest) if beyond > 2.0 * reference.knots.tolerance else 0.0
 
 
 def aligned(simulated: Trace, measured: Trace, zero: float) -> Trace:

@@ -18,6 +18,8 @@ Places: TypeAlias = NDArray[np.intp]
 
 _LEAST = 2
 """Fewest samples that can be compared."""
+_SMOOTH = 0.05
+"""Half the stretch of an encoder's signal whose ends tell its rate, s."""
 
 
 def comparison_rows(measured: Trace, simulated: Trace) -> Iterator[Row]:
@@ -52,7 +54,7 @@ def comparison_rows(measured: Trace, simulated: Trace) -> Iterator[Row]:
         if "q_encoder" in pairs:
             row["samples"] = len(pairs["q_encoder"][0])
             row |= _sizes("q", np.subtract(*pairs["q_encoder"][:2]))
-            row["lag_s"] = _lag(*pairs["q_encoder"])
+            row["lag_s"] = _lag(*pairs["q_encoder"][:2], _rate(simulated, joint, pairs["q_encoder"][2]))
         if "q_d" in pairs:
             row["q_d_max_deg"] = _sizes("q_d", np.subtract(*pairs["q_d"][:2]))["q_d_max_deg"]
         if all("q_calculated" in trace and "q_encoder" in trace for trace in (measured, simulated)):
@@ -113,11 +115,23 @@ def _correlation(first: Array, second: Array) -> float | None:
     return float(first @ second) / size if size > 0.0 else None
 
 
-def _lag(ours: Array, model: Array, time: Array) -> float | None:
+def _rate(trace: Trace, joint: int, time: Array) -> Array:
+    """Velocity of a simulated joint, rad/s.
+
+    The gradient of an encoder's steps will not do: its spikes would count as motion, and the lag as shorter.
+    """
+    column = trace.joint.index(joint)
+    if "dq" in trace:
+        return np.interp(time, trace.time, trace["dq"][:, column])
+    ends = np.clip([time - _SMOOTH, time + _SMOOTH], trace.time[0], trace.time[-1])
+    before, after = np.interp(ends, trace.time, trace["q_encoder"][:, column])
+    return np.asarray((after - before) / (ends[1] - ends[0]))
+
+
+def _lag(ours: Array, model: Array, rate: Array) -> float | None:
     """Shift of the simulation that explains most of the difference, to first order, s."""
-    if len(time) < _LEAST:
+    if len(rate) < _LEAST:
         return None
-    rate = np.gradient(model, time)
     power = float(rate @ rate)
     return float((model - ours) @ rate) / power if power > 0.0 else None
 

@@ -14,7 +14,23 @@ SAME_TIME = 1e-3
 
 
 class TimeProblem(Exception):
-    """Times that cannot be used as they are; the message says which and why."""
+    """Times that cannot be used as they are.
+
+    Parameters
+    ----------
+    message : str
+        Which and why.
+    hint : str
+        What to change in the mapping.
+    """
+
+    def __init__(self, message: str, hint: str) -> None:
+        super().__init__(message)
+        self.hint = hint
+
+
+_RESAMPLE = "Put all signals on common times: `resample: {step_s: 0.001}` at the top of the mapping."
+_LOOK = "Look at this column with `tendonrepro inspect`; `time: {step_s: 0.001}` does without it."
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,18 +66,18 @@ def checked(signal: Timed) -> tuple[Timed, str]:
     """
     if len(signal.time) != len(signal.values):
         message = f"{signal.name} has {len(signal.values)} samples, its time has {len(signal.time)}"
-        raise TimeProblem(message)
+        raise TimeProblem(message, "Give it the time it was recorded with, as `time` beside its `signal`.")
     known = np.isfinite(signal.time)
     time, values = signal.time[known], signal.values[known]
     if len(time) < 2:
         message = f"{signal.name} has fewer than two samples with a time"
-        raise TimeProblem(message)
+        raise TimeProblem(message, _LOOK)
     late = np.flatnonzero(np.diff(time) <= 0.0)
     if late.size:
         k = int(late[0])
         step = f"from sample {k + 1} to {k + 2}: {time[k]:g} s, {time[k + 1]:g} s"
         message = f"the time of {signal.name} does not increase {step}"
-        raise TimeProblem(message)
+        raise TimeProblem(message, _LOOK)
     lost = len(known) - len(time)
     note = f"{signal.name}: {lost} samples without a time left out" if lost else ""
     return Timed(signal.name, time, values), note
@@ -83,7 +99,7 @@ def within(signal: Timed, first: float | None, last: float | None) -> Timed:
     if kept.sum() < 2:
         lasts = f"it lasts from {signal.time[0]:g} to {signal.time[-1]:g} s"
         message = f"{signal.name} has {kept.sum()} samples between from_s and to_s; {lasts}"
-        raise TimeProblem(message)
+        raise TimeProblem(message, "Change from_s or to_s of the run.")
     return Timed(signal.name, signal.time[kept], signal.values[kept])
 
 
@@ -110,11 +126,11 @@ def shared(signals: Sequence[Timed]) -> Array:
     for other in signals[1:]:
         if len(other.time) != len(first.time):
             message = f"{first.name} has {len(first.time)} samples, {other.name} has {len(other.time)}"
-            raise TimeProblem(message)
+            raise TimeProblem(message, _RESAMPLE)
         apart = float(np.abs(other.time - first.time).max())
         if apart > SAME_TIME * step:
             message = f"the times of {first.name} and {other.name} differ by up to {apart:.3g} s"
-            raise TimeProblem(message)
+            raise TimeProblem(message, _RESAMPLE)
     return first.time
 
 
@@ -144,7 +160,9 @@ def even(signals: Sequence[Timed], step: float) -> Array:
     count = int(np.floor((end - start) / step + 1e-6)) + 1
     if count < 2:
         message = f"signals have only {max(end - start, 0.0):.3g} s in common, less than a step of {step:g} s"
-        raise TimeProblem(message)
+        raise TimeProblem(
+            message, "Take another step_s, or leave out a signal that starts late or ends early."
+        )
     return np.asarray(start + step * np.arange(count))
 
 

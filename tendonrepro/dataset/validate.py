@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -19,6 +20,7 @@ from tendonrepro.dataset.rerun import (
     COMPARE,
     DECOUPLE,
     aligned,
+    departure,
     rerun,
     together,
     write_compare,
@@ -166,6 +168,7 @@ def _validated(file: TraceFile, name: str, base: LoadedConfig, work: _Work, talk
         "runs": list(file.runs),
         "sources": known["inputs"],
         "guesses": known["guesses"],
+        "doubts": known["doubts"],
         "window": measured.tables.deciding.name if measured.tables.deciding else None,
         **tables,
         "windows": measured.tables.as_dict(),
@@ -198,18 +201,22 @@ def _tables(measured: Measured, paper: Published, name: str, work: _Work) -> dic
 
 def _rerun_compare(measured: Measured, name: str, base: LoadedConfig, work: _Work, talk: Talk) -> None:
     reference, runs = measured.reference, measured.compare.runs
-    if reference is None:
+    if reference is None or reference.record.joint != JOINTS:
         work.missing.append(
-            "no desired angles q_d that move: no reference to recover, no rerun of the comparison"
+            "no run with desired angles q_d of joints 2 and 3 that move: no rerun of the comparison"
         )
         return
-    if reference.record.joint != JOINTS:
-        work.missing.append("the desired angles of joints 2 and 3: no rerun of the comparison")
-        return
+    apart = {run: math.degrees(departure(trace, reference)) for run, trace in runs.items()}
+    work.missing += [
+        f"the desired motion of {run} differs from that of {reference.run} by up to {size:.3g} deg: "
+        "no residuals of it"
+        for run, size in apart.items()
+        if size
+    ]
     try:
         masses = {run: float(trace.attributes["payload_mass"]) for run, trace in runs.items()}
         work.files += write_compare(base, reference, masses, name, work.folder)
-        simulated = rerun(work.folder / COMPARE, list(runs), talk)
+        simulated = rerun(work.folder / COMPARE, [run for run in runs if not apart[run]], talk)
     except TendonreproError as error:
         work.missing.append(f"a rerun of the comparison: {error.message}")
         return

@@ -35,7 +35,8 @@ def validate_text(found: Mapping[str, Any]) -> str:
 def _head(found: Mapping[str, Any]) -> str:
     inputs = found["sources"]
     of = f", made from {len(inputs)} file" + "s" * (len(inputs) != 1) if inputs else ""
-    return f"{found['measured']}{of}, {resting_on(len(found['guesses']))}: runs {', '.join(found['runs'])}"
+    head = f"{found['measured']}{of}, {resting_on(len(found['guesses']))}: runs {', '.join(found['runs'])}"
+    return "\n".join([head, *(f"check {doubt}" for doubt in found["doubts"])])
 
 
 def _tables(found: Mapping[str, Any]) -> Iterator[str]:
