@@ -88,15 +88,26 @@ def _follow(waiting: Sequence[Future[Any]], done: Synchronized[int], progress: C
 
 @contextmanager
 def interrupts_held() -> Iterator[None]:
-    """Let worker processes start with interrupts ignored; only the first process shall act on them."""
+    """Let processes start without hearing interrupts; the first one acts on them when the block has ended.
+
+    A process inherits what its starter blocks, while a handler would be reset.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    heard: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _: heard.append(number))
+    # Windows knows no masks; there every process of a console hears an interrupt.
+    mask = getattr(signal, "pthread_sigmask", None)
+    blocked = mask(signal.SIG_BLOCK, {signal.SIGINT}) if mask else set()
     try:
         yield
     finally:
+        if mask:
+            mask(signal.SIG_SETMASK, blocked)
         signal.signal(signal.SIGINT, before)
+    if heard:
+        raise KeyboardInterrupt
 
 
 def advance(steps: int) -> None:

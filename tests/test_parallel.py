@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import os
+import signal
+import sys
+import time
 from functools import partial
 from typing import TYPE_CHECKING
 
 import pytest
 
 from tendonrepro.errors import ConfigError, TendonreproError
-from tendonrepro.parallel import advance, each
+from tendonrepro.parallel import advance, each, interrupts_held
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -68,3 +71,21 @@ def test_a_worker_that_dies_is_an_error_not_a_wait(monkeypatch: pytest.MonkeyPat
 def test_nothing_to_do() -> None:
     function: Callable[[int], int] = fail
     assert each(function, []) == []
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no masks there")
+def test_an_interrupt_while_processes_start_is_late_and_not_lost() -> None:
+    done = []
+
+    def interrupted() -> None:
+        with interrupts_held():
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(0.01)
+            done.append("all of the block")
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert done
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    with interrupts_held():
+        done.append("nothing without one")

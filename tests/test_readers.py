@@ -236,17 +236,20 @@ def test_nobody_is_left_behind(how: str, tmp_path: Path) -> None:
         [sys.executable, script], env=environment, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
     )
     process = psutil.Process(parent.pid)
-    assert parent.stdout is not None
-    assert parent.stdout.readline() == b"ready\n"
-    deadline = time.monotonic() + 60
-    # The children are the reader and Python's own tracker of resources; the reader sleeps once it hangs.
-    while not (children := process.children()) and time.monotonic() < deadline:
-        time.sleep(0.05)
-    time.sleep(1.0)
-    children = process.children()
-    assert children
-    parent.send_signal(getattr(signal, how))
-    parent.wait(30)
-    parent.stdout.close()
+    try:
+        assert parent.stdout is not None
+        assert parent.stdout.readline() == b"ready\n"
+        deadline = time.monotonic() + 60
+        # The children are the reader and Python's own tracker of resources; the reader sleeps once it hangs.
+        while not (children := process.children()) and time.monotonic() < deadline:
+            time.sleep(0.05)
+        time.sleep(1.0)
+        children = process.children()
+        assert children
+        parent.send_signal(getattr(signal, how))
+        parent.wait(30)
+    finally:
+        parent.kill()
+        parent.communicate()
     _, alive = psutil.wait_procs(children, timeout=10)
     assert not alive
