@@ -123,6 +123,7 @@ OWNERS = {
     "scipy": {
         "box",
         "dataset.matlab",
+        "dataset.reference_knots",
         "dataset.reference_shapes",
         "ensemble_shares",
         "simulate",

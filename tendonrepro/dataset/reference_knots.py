@@ -1,27 +1,47 @@
-"""Few enough samples of a recorded motion that a spline through them does not shake with its rounding."""
+"""A recorded motion without its noise and rounding: its rates, and samples for a trajectory file."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.dataset.reference_shapes import HALF_COUNT
-from tendonrepro.dataset.reference_signal import Recorded
+from tendonrepro.dataset.reference_signal import Recorded, noise, noise_peak
 from tendonrepro.samples import FEWEST
-from tendonrepro.trajectory import sampled
+from tendonrepro.trajectory import minimum_jerk, sampled
 
-SPACINGS = (0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
+SPACINGS = (1.0, 0.7, 0.5, 0.3, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002)
 """Spacings tried, widest first, s."""
 
 _STILL = 0.05
-"""Share of the peak speed below which a motion that ends counts as at rest."""
+"""Share of the peak speed below which a motion that begins or ends counts as at rest."""
+_FADE = 1.0
+"""Time over which the motion fades in where the record begins in mid-motion, s."""
 _BRAKE = 0.5
 """Duration of the stroke that brings a motion to rest where the record ends in mid-motion, s."""
-_NOISE = 4.0
-"""Standard deviations of the record's noise that a spline may leave aside."""
+_EXACT = 0.1 * HALF_COUNT
+"""RMS residual below which nothing is gained, rad."""
+_STAIRS = 0.3
+"""The same as a share of the step to which a record is rounded; even rounding leaves 1/√12."""
+
+
+@dataclass(frozen=True, eq=False)
+class Smooth:
+    """A recorded motion, smoothed.
+
+    Parameters
+    ----------
+    spline : callable
+        Of instants (T,), s, and the order of the derivative; (T, n), rad.
+    spacing : float
+        Of its knots, s.
+    """
+
+    spline: Callable[[Array, int], Array]
+    spacing: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +57,10 @@ class Knots:
     spacing : float
         s.
     tolerance, deviation : float
-        Largest deviation of their spline from the record, allowed and found, rad.
+        Largest deviation of their spline from the record, allowed and found, rad. The error of the record's
+        first sample, which all its angles count from, and the time of fading in are left aside.
+    faded : float
+        Time over which the motion fades in from rest, s; 0 where the record begins at rest.
     braked : bool
         A stroke to rest was added after the end of the record.
     """
@@ -47,6 +70,7 @@ class Knots:
     spacing: float
     tolerance: float
     deviation: float
+    faded: float
     braked: bool
 
     def curve(self, time: Array) -> tuple[Array, Array, Array]:
@@ -56,12 +80,57 @@ class Knots:
         return q, dq, ddq
 
 
-def thinned(record: Recorded) -> Knots:
-    """Choose samples of a recorded motion.
+def smoothed(record: Recorded) -> Smooth:
+    """Lay a quintic spline through a recorded motion, free at its ends.
 
-    The spacing is the widest whose spline stays, at every recorded sample, within half an encoder count, one
-    step of the record's own rounding, or four standard deviations of its noise, whichever is largest. Where
-    the record is rounded or noisy a sample is the value of the parabola through its surroundings.
+    Of all spacings the one with the smallest Bayesian information criterion is taken: a narrower spacing has
+    to reduce the residual by more than it would if there were nothing left but noise. A residual as small as
+    the record's rounding is not reduced any further.
+
+    Parameters
+    ----------
+    record : Recorded
+
+    Returns
+    -------
+    Smooth
+    """
+    level = max(_EXACT, _STAIRS * record.rounding)
+    found: list[tuple[float, Smooth]] = []
+    for spacing in _tried(record):
+        # Without the outermost inner knots an end rests on three spacings: its curvature is noisy otherwise.
+        inner = _places(record, spacing)[3:-3]
+        spline = _quintic(record.time, record.q, inner)
+        residual = np.mean((spline(record.time, 0) - record.q) ** 2, axis=0)
+        gain = np.log(np.maximum(residual, level**2)).mean() * len(record.time)
+        found.append((gain + len(inner) * np.log(len(record.time)), Smooth(spline, spacing)))
+        if (residual <= level**2).all():
+            break
+    return min(found, key=lambda each: each[0])[1]
+
+
+def _tried(record: Recorded) -> Iterator[float]:
+    """Spacings of at least two samples that leave enough of them; two samples where there is no other."""
+    end = float(record.time[-1])
+    tried = [spacing for spacing in SPACINGS if 1.99 * record.step <= spacing <= end / (FEWEST - 1)]
+    yield from tried or [2.0 * record.step]
+
+
+def _places(record: Recorded, spacing: float) -> Array:
+    """Multiples of a spacing, the last one moved to the end of the record, s."""
+    end = float(record.time[-1])
+    places = spacing * np.arange(max(round(end / spacing), FEWEST - 1) + 1.0)
+    places[-1] = end
+    return places
+
+
+def thinned(record: Recorded) -> Knots:
+    """Choose samples of a recorded motion, as it is smoothed.
+
+    A trajectory file begins and ends at rest. Where the record begins in mid-motion the motion is faded in,
+    where it ends so a stroke to rest is added. The spacing is the widest whose spline stays within half an
+    encoder count, or one standard deviation of the record's noise, of the smoothed motion, else the
+    narrowest.
 
     Parameters
     ----------
@@ -70,64 +139,47 @@ def thinned(record: Recorded) -> Knots:
     Returns
     -------
     Knots
-        With the spacing of the smallest deviation where none stays within the tolerance.
     """
-    noise = _noise(record.q)
-    tolerance = max(HALF_COUNT, record.rounding, _NOISE * noise)
-    rough = record.rounding > 0.0 or _NOISE * noise > 0.1 * HALF_COUNT
-    best: Knots | None = None
-    for spacing in SPACINGS:
-        every = round(spacing / record.step)
-        if every < 1 or len(record.time) < (FEWEST - 1) * every + 1:
-            continue
-        found = _spaced(record, every, tolerance, rough=rough)
-        if found.deviation <= tolerance:
-            return found
-        best = found if best is None or found.deviation < best.deviation else best
-    return best or _spaced(record, 1, tolerance, rough=False)
+    smooth = smoothed(record)
+    rate = smooth.spline(record.time, 1)
+    still = _STILL * np.abs(rate).max()
+    faded = min(_FADE, 0.5 * float(record.time[-1])) if np.abs(rate[0]).max() > still else 0.0
+    first = smooth.spline(record.time[:1], 0)
+
+    def followed(time: Array) -> Array:
+        q = smooth.spline(time, 0) - first
+        return q * minimum_jerk(1.0, faded, np.inf)(time)[0][:, np.newaxis] if faded else q
+
+    braking = rate[-1] if np.abs(rate[-1]).max() > still else None
+    target, close = followed(record.time), max(HALF_COUNT, noise(record))
+    for spacing in (each for each in _tried(record) if each <= smooth.spacing):
+        time = _places(record, spacing)
+        samples = _brought_to_rest(time, followed(time), braking)
+        knots = Knots(*samples, spacing, _tolerance(record), 0.0, faded, braking is not None)
+        q = knots.curve(record.time)[0]
+        if np.abs(q - target).max() <= close:
+            break
+    late = record.time >= faded
+    return replace(knots, deviation=float(np.abs(q + first - record.q)[late].max()))
 
 
-def _noise(q: Array) -> float:
-    """Standard deviation of white noise that would explain the median second difference, rad."""
-    second = np.median(np.abs(np.diff(q, 2, axis=0)), axis=0)
-    return float(second.max() / (0.6745 * np.sqrt(6.0)))
+def _tolerance(record: Recorded) -> float:
+    return max(HALF_COUNT, record.rounding, HALF_COUNT + noise_peak(record))
 
 
-def _spaced(record: Recorded, every: int, tolerance: float, *, rough: bool) -> Knots:
-    count = len(record.time)
-    places = np.arange(0, count, every)
-    if count - 1 - places[-1] > every // 2:
-        places = np.append(places, count - 1)
-    else:
-        places[-1] = count - 1
-    angle = _parabolas(record.q, places, every // 2) if rough else record.q[places]
-    angle[0] = 0.0
-    time, angle, braked = _brought_to_rest(record, record.time[places], angle)
-    knots = Knots(time, angle, every * record.step, tolerance, 0.0, braked)
-    deviation = float(np.abs(knots.curve(record.time)[0] - record.q).max())
-    return Knots(time, angle, every * record.step, tolerance, deviation, braked)
-
-
-def _parabolas(q: Array, places: NDArray[np.int64], reach: int) -> Array:
-    """Value at each place of the parabola through the samples within reach, (N, n)."""
-    found = np.empty((len(places), q.shape[1]))
-    for k, place in enumerate(places):
-        low, high = max(place - reach, 0), min(place + reach + 1, len(q))
-        if high - low < FEWEST:
-            found[k] = q[place]
-            continue
-        x = (np.arange(low, high) - place) / reach
-        found[k] = np.linalg.lstsq(np.column_stack([np.ones_like(x), x, x**2]), q[low:high], rcond=None)[0][0]
-    return found
-
-
-def _brought_to_rest(record: Recorded, time: Array, angle: Array) -> tuple[Array, Array, bool]:
-    """Add a braking stroke where the record ends in mid-motion: a trajectory file ends at rest."""
-    back = min(max(round(0.05 / record.step), 2), len(record.q) - 1)
-    rate = (record.q[-1] - record.q[-1 - back]) / (back * record.step)
-    peak = np.abs(record.q[back:] - record.q[:-back]).max() / (back * record.step)
-    if np.abs(rate).max() <= _STILL * peak:
-        return time, angle, False
+def _brought_to_rest(time: Array, angle: Array, rate: Array | None) -> tuple[Array, Array]:
+    """Add a braking stroke from a rate at the end."""
+    if rate is None:
+        return time, angle
     u = np.arange(1, 11)[:, np.newaxis] / 10.0
     stroke = angle[-1] + rate * _BRAKE * (u - u**3 + 0.5 * u**4)
-    return np.append(time, time[-1] + _BRAKE * u[:, 0]), np.vstack([angle, stroke]), True
+    return np.append(time, time[-1] + _BRAKE * u[:, 0]), np.vstack([angle, stroke])
+
+
+def _quintic(time: Array, q: Array, inner: Array) -> Callable[[Array, int], Array]:
+    """Least-squares spline with free ends through samples (T, n), of instants and the derivative's order."""
+    from scipy.interpolate import make_lsq_spline
+
+    ends = np.repeat(time[:1], 6), np.repeat(time[-1:], 6)
+    spline = make_lsq_spline(time, q, np.concatenate([ends[0], inner, ends[1]]), k=5)
+    return lambda instants, order: np.asarray(spline(instants, order))

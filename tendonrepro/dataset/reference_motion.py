@@ -10,9 +10,9 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.dataset.printed_tables import Timing
-from tendonrepro.dataset.reference_knots import Knots, thinned
+from tendonrepro.dataset.reference_knots import Knots, smoothed, thinned
 from tendonrepro.dataset.reference_shapes import OUT_AND_BACK, Fit, cycle_of, fits, limit
-from tendonrepro.dataset.reference_signal import Recorded, recorded, repeat_after
+from tendonrepro.dataset.reference_signal import Recorded, recorded, refined_shift, repeat_after
 from tendonrepro.dataset.reference_turns import Turns, turns_of
 from tendonrepro.errors import DataMissingError
 from tendonrepro.records import Trace, TraceFile
@@ -25,6 +25,8 @@ JOINTS = (2, 3)
 
 _NEAR_START = 0.05
 """Share of a period within which an unnamed motion counts as starting with the record."""
+_SAME_TIME = 0.05
+"""Share of a sample by which two runs' motions may be apart and still begin at one time."""
 _UNITS = {"period": "s", "rise": "s", "hold": "s", "blend": "s"} | {
     **{"amplitude": "deg", "offset": "deg"},
     **{"velocity": "deg s-1", "acceleration": "deg s-2"},
@@ -102,6 +104,7 @@ class Reference:
             "spacing_s": self.knots.spacing,
             "deviation_deg": float(np.rad2deg(self.knots.deviation)),
             "tolerance_deg": float(np.rad2deg(self.knots.tolerance)),
+            "faded_in_s": self.knots.faded,
             "brought_to_rest": self.knots.braked,
         }
 
@@ -204,20 +207,25 @@ def zero_of(trace: Trace, reference: Reference) -> float:
 
 
 def _later(trace: Trace, reference: Reference) -> float:
-    """How much later than in the reference's run a run's desired angles begin to move, s."""
+    """How much later than in the reference's run a run's desired angles move, s.
+
+    When they first leave their start is a first guess; rounding hides that, so all of the motion refines it.
+    """
     if "q_d" not in trace or trace.name == reference.run:
         return 0.0
     try:
         record = recorded(_moving_joints(trace))
     except DataMissingError:
         return 0.0
-    apart = float(record.time[record.moving()[0]] - reference.record.time[reference.record.moving()[0]])
-    # Two samples are what rounding can shift it by.
-    return apart if abs(apart) > 2.0 * max(record.step, reference.record.step) else 0.0
+    if record.joint != reference.record.joint:
+        return 0.0
+    guess = float(record.time[record.moving()[0]] - reference.record.time[reference.record.moving()[0]])
+    late = refined_shift(record, reference.record, guess)
+    return late if abs(late) > _SAME_TIME * record.step else 0.0
 
 
 def derivatives(trace: Trace) -> tuple[Array, Array]:
-    """Desired velocity and acceleration at a run's own samples, (T, n): recorded, else of the thinned motion.
+    """Desired velocity and acceleration at a run's samples, (T, n): recorded, else of the smoothed motion.
 
     Raises
     ------
@@ -226,8 +234,9 @@ def derivatives(trace: Trace) -> tuple[Array, Array]:
     """
     if all(name in trace and np.isfinite(trace[name]).all() for name in ("dq_d", "ddq_d")):
         return trace["dq_d"], trace["ddq_d"]
-    _, dq, ddq = thinned(recorded(trace)).curve(trace.time - trace.time[0])
-    return dq, ddq
+    spline = smoothed(recorded(trace)).spline
+    time = trace.time - trace.time[0]
+    return spline(time, 1), spline(time, 2)
 
 
 def csv_text(knots: Knots, joint: Sequence[int]) -> str:

@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.dataset.reference_signal import Recorded
+from tendonrepro.dataset.reference_signal import Recorded, noise_peak
 from tendonrepro.dataset.reference_turns import Turns, amplitude_of, movers, turns_of
 from tendonrepro.trajectory import (
     Motion,
@@ -61,8 +61,8 @@ class Fit:
 
 
 def limit(record: Recorded) -> float:
-    """Largest residual of a shape that is named: half an encoder count plus half the record's step, rad."""
-    return HALF_COUNT + 0.5 * record.rounding
+    """Largest residual of a shape that is named: half a count, half the record's step and its noise, rad."""
+    return HALF_COUNT + 0.5 * record.rounding + noise_peak(record)
 
 
 def fits(record: Recorded, period: float) -> list[Fit]:
@@ -164,11 +164,12 @@ def _solved(
 
     every = -(-len(record.time) // samples)
     time, q = record.time[::every], record.q[::every]
-    # The first angle of a rounded record is off by up to half a step, and with it all others.
+    # The first angle of a rounded or noisy record is off, and with it all others.
     guess = {"start": np.zeros(q.shape[1])} | guess
     free = {name: np.atleast_1d(value) != 0.0 for name, value in guess.items()}
     free["delay"] = np.ones(1, bool)
-    free["start"] = np.full(q.shape[1], record.rounding > 0.0 and kind != "sine")
+    inexact = record.rounding > 0.0 or noise_peak(record) > 0.1 * HALF_COUNT
+    free["start"] = np.full(q.shape[1], inexact and kind != "sine")
 
     def unpacked(numbers: Array) -> Values:
         filled, k = {}, 0

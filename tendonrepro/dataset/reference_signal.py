@@ -18,6 +18,11 @@ _MOVES = 0.5
 """Share of the whole range that a stretch has to move through before it can tell a repeat."""
 _LAGS = 600
 _FEWEST = 20
+_REACH = 0.05
+"""Half the stretch of a rounded record whose ends tell its rate, s."""
+_NEAR = 0.5
+"""Farthest that the beginning of a motion is misjudged, s."""
+_STEPS = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,3 +163,47 @@ def _refined(x: Array, lag: int, step: int) -> float:
     before, here, after = (_misfit(x, k) ** 2 for k in (lag - 1, lag, lag + 1))
     bend = before - 2.0 * here + after
     return lag + 0.5 * (before - after) / bend if here > 1e-12 and bend > 0.0 else float(lag)
+
+
+def refined_shift(ours: Recorded, other: Recorded, guess: float) -> float:
+    """How much later one record moves than another of the same motion, s.
+
+    Gauss-Newton steps on all samples, with an angle apart, since both first angles are rounded.
+
+    Parameters
+    ----------
+    ours, other : Recorded
+        Of the same joints.
+    guess : float
+        s; the answer where no shift near it explains more.
+    """
+    shift = guess
+    for _ in range(_STEPS):
+        time = ours.time - shift
+        inside = (time >= _REACH) & (time <= other.time[-1] - _REACH)
+        if inside.sum() < _FEWEST:
+            return guess
+        before, here, after = (_at(other, time[inside] + apart) for apart in (-_REACH, 0.0, _REACH))
+        rate, difference = (after - before) / (2.0 * _REACH), ours.q[inside] - here
+        rate, difference = rate - rate.mean(axis=0), difference - difference.mean(axis=0)
+        power = float((rate**2).sum())
+        shift -= float((difference * rate).sum()) / power if power > 0.0 else 0.0
+        if abs(shift - guess) > _NEAR:
+            return guess
+    return shift
+
+
+def _at(record: Recorded, time: Array) -> Array:
+    return np.column_stack([np.interp(time, record.time, column) for column in record.q.T])
+
+
+def noise(record: Recorded) -> float:
+    """Standard deviation of white noise, from the median fourth difference, rad; 0 where it is rounding."""
+    fourth = np.median(np.abs(np.diff(record.q, 4, axis=0)), axis=0)
+    found = float(fourth.max() / (0.6745 * np.sqrt(70.0)))
+    return found if found > 0.6 * record.rounding else 0.0
+
+
+def noise_peak(record: Recorded) -> float:
+    """Largest deviation that noise is expected to cause among all samples, that of the first added, rad."""
+    return float(noise(record) * (1.0 + np.sqrt(2.0 * np.log(record.q.size))))

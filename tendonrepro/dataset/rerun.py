@@ -34,8 +34,6 @@ MOTION = "decouple_reference.csv"
 _OF_COMPARE = {"q_encoder": "q_d", "q_d": "q_d"}
 _OF_DECOUPLE = {name: name for name in ("q_encoder", "q_motor_encoder", "q_calculated")}
 """Angles of a rerun, and the measured variable whose start they get."""
-_SAMPLES = 2.0
-"""Samples by which the beginning of a motion can be misjudged."""
 
 
 def write_compare(
@@ -155,12 +153,12 @@ def departure(trace: Trace, reference: Reference) -> float:
     Returns
     -------
     float
-        rad; 0 where rounding, noise and two samples of time explain it, or nothing was recorded.
+        rad; 0 where rounding, noise and one sample of time explain it, or it was not recorded.
     """
     record = reference.record
     time = trace.time - zero_of(trace, reference) + reference.delay
     inside = (time >= 0.0) & (time <= record.time[-1])
-    late = _SAMPLES * max(record.step, float(np.median(np.diff(time))))
+    late = max(record.step, float(np.median(np.diff(time))))
     largest = beyond = 0.0
     for place, joint in enumerate(record.joint):
         if "q_d" not in trace or joint not in trace.joint:

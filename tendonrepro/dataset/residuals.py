@@ -121,8 +121,6 @@ def _rate(trace: Trace, joint: int, time: Array) -> Array:
     The gradient of an encoder's steps will not do: its spikes would count as motion, and the lag as shorter.
     """
     column = trace.joint.index(joint)
-    if "dq" in trace:
-        return np.interp(time, trace.time, trace["dq"][:, column])
     ends = np.clip([time - _SMOOTH, time + _SMOOTH], trace.time[0], trace.time[-1])
     before, after = np.interp(ends, trace.time, trace["q_encoder"][:, column])
     return np.asarray((after - before) / (ends[1] - ends[0]))

@@ -80,8 +80,18 @@ def _reference(reference: Mapping[str, Any] | None) -> Iterator[str]:
         kind = f"{reference['kind']}, {largest:.2g} deg from the record at most"
     yield (
         f"Reference of {reference['run']}: {kind}; joints {reference['joints']} move {amplitude} deg, "
-        f"{repeats}; start angles {start} deg were taken off"
+        f"{repeats}; start angles {start} deg were taken off{_ends(reference)}"
     )
+
+
+def _ends(reference: Mapping[str, Any]) -> str:
+    """What the trajectory file does where the record begins or ends in mid-motion."""
+    words = ""
+    if reference["kind"] == "sampled" and reference["faded_in_s"]:
+        words += f"; it begins in mid-motion, and is faded in from rest over {reference['faded_in_s']:g} s"
+    if reference["kind"] == "sampled" and reference["brought_to_rest"]:
+        words += "; it ends in mid-motion, and is brought to rest"
+    return words
 
 
 def _claims(claims: Sequence[Mapping[str, Any]]) -> str:

@@ -1,0 +1,156 @@
+"""A recorded motion is smoothed without its noise, from its first sample to its last."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tendonrepro.arrays import Array
+from tendonrepro.dataset.reference_knots import SPACINGS, smoothed, thinned
+from tendonrepro.dataset.reference_motion import derivatives, recover_run
+from tendonrepro.dataset.reference_shapes import HALF_COUNT, limit
+from tendonrepro.dataset.reference_signal import Recorded, noise, recorded
+from tendonrepro.records import Trace
+from tendonrepro.streaming import thresholds
+from tendonrepro.trajectory import Motion, minimum_jerk, motion, raised_cosine, smooth_sine
+
+AMPLITUDE = np.deg2rad([20.0, 30.0])
+COUNT = np.deg2rad(0.022)
+CYCLE = {"raised_cosine": 6.0, "minimum_jerk": 7.0}
+SEEDS = range(4)
+
+
+def trace(time: Array, q: Array) -> Trace:
+    attributes = {"law": "measured", "reference_period": 0.0, "status": "ok", "payload_mass": 0.0}
+    return Trace("controller_1", time, (2, 3), {"q_d": q, "e": 0.0 * q}, attributes)
+
+
+def truth(kind: str, step: float) -> tuple[Array, tuple[Array, Array, Array]]:
+    """Two cycles."""
+    time = step * np.arange(round(2.0 * CYCLE[kind] / step) + 1)
+    shapes = {
+        "raised_cosine": lambda size: raised_cosine(size, 6.0),
+        "minimum_jerk": lambda size: minimum_jerk(size, 2.5, 1.0),
+    }
+    return time, motion(time, [Motion((shapes[kind](size),) * 2, CYCLE[kind]) for size in AMPLITUDE])
+
+
+def noisy(q: Array, noise_deg: float, seed: int = 0) -> Array:
+    return q + np.deg2rad(noise_deg) * np.random.default_rng(seed).standard_normal(q.shape)
+
+
+def rapid(dq: Array, ddq: Array) -> Array:
+    """Share of rapid samples, as claim C3 counts them."""
+    return (np.abs(ddq) > thresholds(dq, ddq, 0.0).acceleration).mean(axis=0)
+
+
+def cases(step: float) -> list[tuple[float, int]]:
+    """Noise, deg, and seed; one at the fine step, which takes longer."""
+    return [(0.0, 0), *((size, seed) for size in (0.005, 0.05) for seed in range(5 if step == 0.01 else 1))]
+
+
+@pytest.mark.parametrize("kind", ["raised_cosine", "minimum_jerk"])
+@pytest.mark.parametrize("step", [0.001, 0.01])
+def test_noise_is_not_turned_into_acceleration(kind: str, step: float) -> None:
+    time, (q, dq, ddq) = truth(kind, step)
+    peak = np.abs(ddq).max(axis=0)
+    for noise_deg, seed in cases(step):
+        found = derivatives(trace(time, noisy(q, noise_deg, seed)))
+        assert np.abs(found[1]).max(axis=0) == pytest.approx(peak, rel=0.2), (noise_deg, seed)
+        assert np.abs(found[0] - dq).max() < 0.1 * np.abs(dq).max(), (noise_deg, seed)
+        assert rapid(*found) == pytest.approx(rapid(dq, ddq), abs=0.08), (noise_deg, seed)
+
+
+@pytest.mark.parametrize("noise_deg", [0.005, 0.05])
+@pytest.mark.parametrize("kind", ["raised_cosine", "minimum_jerk"])
+def test_the_spacing_does_not_hang_on_the_seed(kind: str, noise_deg: float) -> None:
+    time, (q, _, _) = truth(kind, 0.01)
+    records = [recorded(trace(time, noisy(q, noise_deg, seed))) for seed in range(8)]
+    places = [SPACINGS.index(smoothed(record).spacing) for record in records]
+    assert max(places) - min(places) <= 1
+
+
+@pytest.mark.parametrize("kind", ["raised_cosine", "minimum_jerk"])
+def test_more_noise_is_never_followed_more_closely(kind: str) -> None:
+    time, (q, _, _) = truth(kind, 0.01)
+    widths = [smoothed(recorded(trace(time, noisy(q, size)))).spacing for size in (0.005, 0.05, 0.5)]
+    assert widths == sorted(widths)
+
+
+@pytest.mark.parametrize("noise_deg", [0.0, 0.005, 0.05])
+def test_the_trajectory_file_does_not_shake(noise_deg: float) -> None:
+    time, (q, _, ddq) = truth("minimum_jerk", 0.01)
+    for seed in SEEDS:
+        knots = thinned(recorded(trace(time, noisy(q, noise_deg, seed))))
+        assert (knots.angle[0] == 0.0).all()
+        assert knots.faded == 0.0
+        assert knots.deviation <= knots.tolerance
+        assert np.abs(knots.curve(time)[2]).max() < 1.3 * np.abs(ddq).max()
+
+
+def cropped(rounded: bool, noise_deg: float = 0.0) -> tuple[Recorded, Trace]:
+    time, (q, _, _) = truth("raised_cosine", 0.002)
+    q, time = noisy(q[850:], noise_deg), time[850:] - time[850]
+    found = trace(time, np.round(q / COUNT) * COUNT if rounded else q)
+    return recorded(found), found
+
+
+@pytest.mark.parametrize(("rounded", "noise_deg"), [(False, 0.0), (True, 0.0), (False, 0.05)])
+def test_a_start_in_mid_motion_is_no_jerk(rounded: bool, noise_deg: float) -> None:
+    record, run = cropped(rounded, noise_deg)
+    dq, ddq = derivatives(run)
+    peak = 0.5 * AMPLITUDE * (np.pi / 3.0) ** 2
+    assert np.abs(ddq).max(axis=0) == pytest.approx(peak, rel=0.2)
+    assert rapid(dq, ddq) == pytest.approx([2.0 / 3.0] * 2, abs=0.08)
+    knots = thinned(record)
+    assert 0.0 < knots.faded < 0.1 * record.time[-1]
+    assert knots.deviation <= knots.tolerance
+    q, rate, bend = knots.curve(record.time)
+    assert np.abs(rate[0]).max() < 1e-9
+    late = record.time >= knots.faded
+    assert np.abs(bend[late]).max() < 1.6 * peak.max()
+    # A fade of x = v t by a stroke of duration T bends by 4.6 v/T.
+    assert np.abs(bend).max() < 6.0 * np.abs(dq).max() / knots.faded
+    assert np.abs(q - record.q)[~late].max() < 0.5 * np.abs(dq).max() * knots.faded
+
+
+def test_a_sine_from_zero_is_faded_in_and_says_so() -> None:
+    time = 0.01 * np.arange(1201)
+    q = AMPLITUDE * np.sin(2.0 * np.pi / 6.0 * time)[:, np.newaxis]
+    found = recover_run(trace(time, q)).as_dict()
+    assert found["faded_in_s"] > 0.0
+    assert found["brought_to_rest"]
+    ddq = derivatives(trace(time, q))[1]
+    assert np.abs(ddq).max(axis=0) == pytest.approx(AMPLITUDE * (np.pi / 3.0) ** 2, rel=0.05)
+    time, (q, _, _) = truth("raised_cosine", 0.01)
+    assert thinned(recorded(trace(time, q))).faded == 0.0
+
+
+@pytest.mark.parametrize("kind", ["raised_cosine", "minimum_jerk", "sine"])
+def test_a_shape_is_named_through_noise(kind: str) -> None:
+    if kind == "sine":
+        time = 0.01 * np.arange(1001)
+        size = AMPLITUDE / 2.0
+        q = motion(time, [Motion((smooth_sine(each, each, 5.0, 2.5),), 1000.0) for each in size])[0]
+    else:
+        time, (q, _, _) = truth(kind, 0.01)
+    found = recover_run(trace(time, noisy(q, 0.005)))
+    assert found.shape is not None
+    assert found.shape.kind == kind
+
+
+@pytest.mark.parametrize("step", [0.001, 0.01])
+def test_the_noise_is_told_from_the_motion(step: float) -> None:
+    time, (q, _, _) = truth("minimum_jerk", step)
+    clean, rough = recorded(trace(time, q)), recorded(trace(time, noisy(q, 0.05)))
+    assert noise(clean) < 0.01 * HALF_COUNT
+    assert noise(rough) == pytest.approx(np.deg2rad(0.05), rel=0.1)
+    assert limit(clean) == pytest.approx(HALF_COUNT, rel=0.1)
+    assert np.deg2rad(0.2) < limit(rough) < np.deg2rad(0.4)
+
+
+def test_a_record_of_few_samples_has_its_samples() -> None:
+    time = 0.5 * np.arange(20)
+    knots = thinned(recorded(trace(time, AMPLITUDE * np.sin(0.2 * time)[:, np.newaxis] ** 2)))
+    assert len(knots.time) >= 6
+    assert np.isfinite(knots.curve(time)[2]).all()

@@ -1,0 +1,316 @@
+"""Residuals of a rerun, which run its motion is taken from, and signs in what is told of a measurement."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from measured_synthetic import measured_trace
+from synthetic import COUNT, S, make_compare_file, make_decouple_file
+
+from tendonrepro.arrays import Array
+from tendonrepro.dataset import validate
+from tendonrepro.dataset.assembly import Assembly, doubts_about
+from tendonrepro.dataset.columns import Column
+from tendonrepro.dataset.mapping import Mapping
+from tendonrepro.dataset.meaning import understand
+from tendonrepro.dataset.printed_tables import _tail
+from tendonrepro.dataset.reference_motion import Reference, recover, zero_of
+from tendonrepro.dataset.reference_signal import Recorded, _refined, refined_shift
+from tendonrepro.dataset.rerun import aligned, departure
+from tendonrepro.dataset.residuals import comparison_rows
+from tendonrepro.dataset.signals import Found, Source
+from tendonrepro.errors import DataMissingError
+from tendonrepro.published import published
+from tendonrepro.records import Trace, TraceFile
+from tendonrepro.talk import Talk
+from tendonrepro.traces import write_traces
+
+STEP = 0.005
+MOVES = make_compare_file(step=STEP, source="measured")
+"""SYNTHETIC: joints 2 and 3 move together, all runs alike."""
+FIRST, SECOND, THIRD = "controller_1", "controller_2", "controller_3"
+
+
+def with_runs(**runs: Trace) -> TraceFile:
+    return replace(MOVES, runs={**MOVES.runs, **runs})
+
+
+def moved(trace: Trace, q_d: Array, by: float = 0.0) -> Trace:
+    """The run on another desired motion, without what else was recorded, by some seconds later."""
+    before = trace.time - by
+    late = np.column_stack([np.interp(before, trace.time, column) for column in q_d.T])
+    return replace(measured_trace(trace), variables={"q_d": late, "e": trace["e"]})
+
+
+def without(trace: Trace, joint: int) -> Trace:
+    """The run with no desired angles of a joint."""
+    q_d = trace["q_d"].copy()
+    q_d[:, trace.joint.index(joint)] = np.nan
+    return measured_trace(trace, q_d=q_d)
+
+
+class TestLag:
+    """Of two encoders, one 5 ms behind the other."""
+
+    LATE = 0.005
+
+    def pair(self, amplitude: float, period: float) -> tuple[Trace, Trace]:
+        time = 0.001 * np.arange(10001)
+        rate = 2.0 * np.pi / period
+
+        def at(time: Array) -> Array:
+            return np.repeat(amplitude * np.sin(rate * time)[:, np.newaxis], 2, axis=1)
+
+        attributes = {"status": "ok"}
+        model = {"q_encoder": COUNT * np.round(at(time) / COUNT)}
+        ours = {"q_encoder": COUNT * np.round(at(time - self.LATE) / COUNT)}
+        return Trace(FIRST, time, (2, 3), ours, attributes), Trace(FIRST, time, (2, 3), model, attributes)
+
+    @pytest.mark.parametrize("period", [1.0, 2.5, 5.0, 10.0])
+    @pytest.mark.parametrize("amplitude_deg", [5.0, 30.0])
+    def test_slow_motion_on_an_encoders_steps_has_its_lag(self, amplitude_deg: float, period: float) -> None:
+        ours, model = self.pair(np.deg2rad(amplitude_deg), period)
+        for row in comparison_rows(ours, model):
+            assert row["lag_s"] == pytest.approx(self.LATE, rel=0.05)
+
+    def test_what_is_early_has_a_negative_lag(self) -> None:
+        late, model = self.pair(np.deg2rad(10.0), 2.5)
+        for row in comparison_rows(model, late):
+            assert row["lag_s"] == pytest.approx(-self.LATE, rel=0.05)
+
+
+def test_calculated_less_encoder_is_a_difference() -> None:
+    trace = make_decouple_file(source="measured").runs["decouple"]
+    apart = np.deg2rad([0.1, -0.2, 0.3])
+    ours = measured_trace(trace, q_calculated=trace["q_encoder"] + apart)
+    exact = measured_trace(trace, q_calculated=trace["q_encoder"])
+    rows = list(comparison_rows(ours, exact))
+    assert [row["measured_calculated_mae_deg"] for row in rows] == pytest.approx([0.1, 0.2, 0.3])
+    assert [row["simulated_calculated_mae_deg"] for row in rows] == [0.0, 0.0, 0.0]
+
+
+class TestRunOfTheReference:
+    @pytest.mark.parametrize("joint", [2, 3])
+    def test_a_run_without_a_joint_gives_way_to_one_with_both(self, joint: int) -> None:
+        found = recover(with_runs(controller_1=without(MOVES.runs[FIRST], joint)))
+        assert found.run == SECOND
+        assert found.record.joint == (2, 3)
+
+    def test_so_does_a_run_of_one_joint(self) -> None:
+        trace = MOVES.runs[FIRST]
+        single = replace(trace, joint=(3,), variables={"q_d": trace["q_d"][:, 1:]})
+        found = recover(with_runs(controller_1=single))
+        assert (found.run, found.record.joint) == (SECOND, (2, 3))
+        assert recover(replace(MOVES, runs={FIRST: single})).record.joint == (3,)
+
+    def test_so_does_a_run_at_rest_or_of_too_few_samples(self) -> None:
+        first, second = MOVES.runs[FIRST], MOVES.runs[SECOND]
+        few = np.where(np.arange(len(second.time))[:, np.newaxis] < 5, second["q_d"], np.nan)
+        still = moved(first, 0.0 * first["q_d"])
+        assert recover(with_runs(controller_1=still, controller_2=moved(second, few))).run == THIRD
+        with pytest.raises(DataMissingError, match="does not move"):
+            recover(replace(MOVES, runs={FIRST: still, SECOND: moved(second, few)}))
+
+    def test_the_first_controller_comes_before_a_load(self) -> None:
+        backwards = dict(reversed(MOVES.runs.items()))
+        assert next(iter(backwards)) == "controller_1_payload"
+        assert recover(replace(MOVES, runs=backwards)).run == THIRD
+
+
+@pytest.fixture(scope="module", name="reference")
+def _reference() -> Reference:
+    return recover(MOVES)
+
+
+class TestDeparture:
+    @pytest.mark.parametrize("by", [0.0, 0.7])
+    @pytest.mark.parametrize("share", [0.7, 1.02, -1.0])
+    def test_a_run_that_moved_otherwise_is_told_by_how_far(
+        self, reference: Reference, share: float, by: float
+    ) -> None:
+        second = MOVES.runs[SECOND]
+        far = np.rad2deg(departure(moved(second, share * second["q_d"], by), reference))
+        assert far == pytest.approx(30.0 * abs(1.0 - share), rel=0.1)
+
+    @pytest.mark.parametrize("by", [0.0, 0.7, 0.7013])
+    @pytest.mark.parametrize("counts", [0.0, 0.3, 20.8])
+    def test_where_when_and_how_roughly_it_was_recorded_is_no_departure(
+        self, reference: Reference, counts: float, by: float
+    ) -> None:
+        second = MOVES.runs[SECOND]
+        smooth = moved(second, second["q_d"] + counts * COUNT, by)
+        q_d = COUNT * np.round(smooth["q_d"] / COUNT)
+        q_d[500:600] = np.nan
+        assert departure(smooth, reference) == 0.0
+        assert departure(replace(smooth, variables={"q_d": q_d}), reference) == 0.0
+        assert departure(replace(smooth, variables={"e": second["e"]}), reference) == 0.0
+
+    def test_steps_that_hide_the_beginning_are_no_departure(self) -> None:
+        first, second = (make_compare_file(step=0.001).runs[name] for name in (FIRST, SECOND))
+        rounded = [
+            moved(trace, COUNT * np.round((trace["q_d"] + start * COUNT) / COUNT), by)
+            for trace, start, by in ((first, 0.0, 0.4), (second, 0.5, 1.1))
+        ]
+        reference = recover(with_runs(controller_1=rounded[0]))
+        assert reference.delay == pytest.approx(0.4, abs=0.01)
+        assert departure(rounded[1], reference) == 0.0
+        far = departure(moved(rounded[1], 0.9 * rounded[1]["q_d"]), reference)
+        assert np.rad2deg(far) == pytest.approx(3.0, rel=0.1)
+
+    def test_a_rerun_begins_when_its_run_does(self, reference: Reference) -> None:
+        second = MOVES.runs[SECOND]
+        late = replace(moved(second, second["q_d"], 0.7), time=second.time + 3.0)
+        zero = zero_of(late, reference)
+        assert zero == pytest.approx(3.7, abs=2.0 * STEP)
+        (row, _) = comparison_rows(late, aligned(MOVES.runs[FIRST], late, zero))
+        assert row["q_d_max_deg"] < 0.1
+
+
+def test_a_run_that_moved_otherwise_has_no_residuals(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[str] = []
+
+    def simulated(_path: Path, names: Sequence[str], _talk: Talk) -> TraceFile:
+        asked.extend(names)
+        return replace(MOVES, source="simulated", runs={name: MOVES.runs[name] for name in names})
+
+    monkeypatch.setattr(validate, "rerun", simulated)
+    monkeypatch.setattr(validate, "_draw", lambda *_: None)
+    second = MOVES.runs[SECOND]
+    path = tmp_path / "SYNTHETIC.h5"
+    write_traces(path, with_runs(controller_2=moved(second, 0.7 * second["q_d"])))
+    found: Any = validate.run_validate(
+        path, None, tmp_path / "out", (), None, force=False, dry_run=False, talk=Talk(quiet=True)
+    )
+    assert SECOND not in asked
+    assert {row["run"] for row in found["residuals"]["rows"]} == set(MOVES.runs) - {SECOND}
+    expected = "the desired motion of controller_2 differs from that of controller_1 by up to 9 deg"
+    assert f"{expected}: no residuals of it" in found["missing"]
+
+
+class TestShift:
+    """Of one motion in two records."""
+
+    @staticmethod
+    def record(late: float, apart: float, step: float = COUNT) -> Recorded:
+        time = 0.002 * np.arange(3000.0)
+        u = np.clip((time - 1.0 - late) / 4.0, 0.0, 1.0)[:, np.newaxis]
+        q = np.deg2rad([30.0, -20.0]) * (10.0 * u**3 - 15.0 * u**4 + 6.0 * u**5) + apart
+        q = step * np.round(q / step)
+        return Recorded(time, q - q[0], (2, 3), q[0], step, 0)
+
+    @pytest.mark.parametrize("late", [-0.3, 0.0, 0.0013, 0.2])
+    @pytest.mark.parametrize("apart", [0.0, 0.49])
+    def test_it_is_found_although_steps_hide_the_beginning(self, late: float, apart: float) -> None:
+        ours, other = self.record(late, apart * COUNT), self.record(0.0, 0.0)
+        assert refined_shift(ours, other, late + 0.05) == pytest.approx(late, abs=2e-4)
+
+    def test_the_guess_stays_where_the_records_hardly_overlap_or_nothing_near_it_fits(self) -> None:
+        ours, other = self.record(0.0, 0.0), self.record(0.9, 0.0)
+        assert refined_shift(ours, other, 5.95) == 5.95
+        assert refined_shift(ours, other, 0.0) == 0.0
+
+    def test_a_motion_a_sample_later_is_not_taken_for_the_same_time(self, reference: Reference) -> None:
+        second = MOVES.runs[SECOND]
+        late = moved(second, second["q_d"], 0.8 * STEP)
+        assert zero_of(late, reference) == pytest.approx(0.8 * STEP, abs=2e-4)
+        assert zero_of(second, reference) == 0.0
+
+
+class TestRecorded:
+    def test_a_flicker_of_one_rounding_step_is_no_motion(self) -> None:
+        rounding = 0.01
+        q = np.zeros((200, 1))
+        q[20:40:2] = q[170:190:2] = rounding
+        q[100:150, 0] = np.linspace(0.0, 1.0, 50)
+        q[150:, 0] += 1.0
+        record = Recorded(0.01 * np.arange(200.0), q, (2,), np.zeros(1), rounding, 0)
+        first, last = record.moving()
+        assert 95 <= first <= 102
+        assert 148 <= last <= 152
+
+    @pytest.mark.parametrize("lag", [99.7, 100.0, 100.3])
+    def test_a_period_between_two_samples_is_found(self, lag: float) -> None:
+        x = np.sin(2.0 * np.pi * np.arange(400.0) / lag)[:, np.newaxis]
+        assert _refined(x, 100, 1) == pytest.approx(lag, abs=0.05)
+
+
+def test_a_calculated_joint_angle_is_not_taken_for_the_encoder() -> None:
+    time = 0.001 * np.arange(4000.0)
+    count = 360.0 / 16384.0
+    smooth = [10.0 * (1.0 - np.cos(2.0 * np.pi * time / (1.5 + 0.5 * joint))) for joint in (2, 3)]
+    steps = [count * np.round(column / count) for column in smooth]
+    for first, second in ((steps, smooth), (smooth, steps)):
+        columns = _understood(time, **_named("Q", first), **_named("q", second))
+        encoder, calculated = ("Q", "q") if first is steps else ("q", "Q")
+        for joint in (2, 3):
+            assert columns[f"{encoder}{joint}"].quantity == "measured"
+            assert columns[f"{calculated}{joint}"].quantity == "calculated"
+
+
+def _named(letter: str, columns: Sequence[Array]) -> dict[str, Array]:
+    return {f"{letter}{joint}": column for joint, column in zip((2, 3), columns, strict=True)}
+
+
+def _understood(time: Array, **signals: Array) -> dict[str, Column]:
+    found = Found("SYNTHETIC")
+    for path, values in {"t": time, **signals}.items():
+        found.add(path, values, group="g")
+    source = Source("SYNTHETIC.csv", "SYNTHETIC", 0, "0" * 32, tuple(found.signals))
+    return {column.signal.path: column for column in understand([source], np.linalg.inv(S))}
+
+
+def test_a_gap_in_the_difference_is_filled_from_the_recorded_error() -> None:
+    time = 0.01 * np.arange(301.0)
+    q_d = 10.0 * np.sin(time)
+    q = q_d - 0.2
+    q[50:60] = np.nan
+    signals = {"q_d": q_d, "q_encoder": q, "e": np.full(len(time), 0.25)}
+    found = Found("SYNTHETIC")
+    for path, values in {"t": time, **signals}.items():
+        found.add(path, values)
+    source = Source("SYNTHETIC.mat", "SYNTHETIC", 0, "0" * 32, tuple(found.signals))
+    at = {"joint": 2, "file": source.name, "unit": "deg"}
+    run = {
+        "time": {"file": source.name, "signal": "t"},
+        "signals": [{"variable": name, "signal": name} | at for name in signals],
+    }
+    mapping = Mapping.model_validate({"schema_version": 1, "title": "SYNTHETIC", "runs": {FIRST: run}})
+    assembly = Assembly([source], mapping, "mapping.yaml", S, lambda time, _: ("ok", float(time[-1])))
+    e = np.rad2deg(assembly.runs()[FIRST]["e"][:, 0])
+    np.testing.assert_allclose(e[50:60], 0.25, rtol=1e-12)
+    np.testing.assert_allclose(np.delete(e, slice(50, 60)), 0.2, rtol=1e-9)
+
+
+class TestDoubts:
+    RUN = make_decouple_file(source="measured").runs["decouple"]
+
+    def doubts(self, factor: Array | float) -> list[str]:
+        return doubts_about(
+            measured_trace(self.RUN, q_calculated=(factor * self.RUN["q_motor_encoder"]) @ S.T)
+        )
+
+    def test_a_correct_run_gives_none(self) -> None:
+        assert self.doubts(1.0) == []
+
+    @pytest.mark.parametrize("motor", [1, 2, 3])
+    def test_a_motor_with_a_flipped_sign_does(self, motor: int) -> None:
+        found = self.doubts(np.where(np.arange(1, 4) == motor, -1.0, 1.0))
+        assert any(f"S q_motor of joint {motor} " in doubt for doubt in found)
+
+    @pytest.mark.parametrize("factor", [180.0 / np.pi, np.pi / 180.0])
+    def test_so_does_a_wrong_unit(self, factor: float) -> None:
+        assert len([doubt for doubt in self.doubts(factor) if "unit" in doubt]) == 3
+
+
+def test_the_chance_of_agreement_is_that_of_independent_numbers() -> None:
+    # 0.375 and 0.292 printed to 0.001: shares of a fifth of each are 1/75 and 5/292.
+    names = dict.fromkeys(("table2.controller_2.rmse.joint_2", "table2.controller_2.rmse.joint_3"), 0.0)
+    one, other = 1.0 / 75.0, 5.0 / 292.0
+    assert _tail(published(), names, 0) == pytest.approx(1.0)
+    assert _tail(published(), names, 1) == pytest.approx(one + other - one * other)
+    assert _tail(published(), names, 2) == pytest.approx(one * other)
