@@ -10,6 +10,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.claim_rules import Judged
 from tendonrepro.errors import DataMissingError
 from tendonrepro.metrics import mae
+from tendonrepro.published import COMPARED
 from tendonrepro.records import Trace, TraceFile
 from tendonrepro.summary import CONTROLLERS
 from tendonrepro.verdicts import of_model
@@ -85,7 +86,7 @@ def motor_angles(file: TraceFile) -> Judged:
         if (
             trace is None
             or not {"q_d", "q_encoder"} <= trace.variables.keys()
-            or not {2, 3} <= {*trace.joint}
+            or not {*COMPARED} <= {*trace.joint}
         ):
             continue
         S_inv = file.plant.matrix("S_inv", trace.joint)

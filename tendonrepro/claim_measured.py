@@ -22,7 +22,7 @@ from tendonrepro.dataset.printed_tables import PrintedTables, prints_as, try_win
 from tendonrepro.dataset.reference_motion import Reference, derivatives, recover, timing_of
 from tendonrepro.errors import DataMissingError
 from tendonrepro.measured_statistics import RATE_WINDOW, statistics_of
-from tendonrepro.published import PrintedNumber, Published
+from tendonrepro.published import COMPARED, PrintedNumber, Published
 from tendonrepro.readings import PRINTED
 from tendonrepro.records import Trace, TraceFile
 from tendonrepro.summary import CONTROLLERS
@@ -96,7 +96,7 @@ def _number(measured: Measured, paper: Published, identifier: str) -> Judged:
     window = {"window": deciding.name if deciding else None}
     if not identifier.startswith("table"):
         return _percentage(sizes, paper, identifier, window)
-    ours = sizes.get(identifier.replace("table3.no_load", "table2.controller_1"))
+    ours = sizes.get(_size_behind(identifier))
     if ours is None:
         return missing(f"the measured errors of {_run_of(identifier)}", **window)
     return Judged(of_model(prints_as(paper, identifier, ours)), ours, dict(window))
@@ -112,7 +112,7 @@ def _percentage(
     sizes: Mapping[str, float], paper: Published, identifier: str, window: Mapping[str, Any]
 ) -> Judged:
     """Judge a percentage from the measured numbers as the tables would print them."""
-    names = [name.replace("table3.no_load", "table2.controller_1") for name in _parts(paper, identifier)]
+    names = [_size_behind(name) for name in printed_percentages(paper)[identifier]]
     absent = [_run_of(name) for name in names if not np.isfinite(sizes.get(name, np.nan))]
     if absent:
         return missing(f"the measured errors of {absent[0]}", **window)
@@ -124,8 +124,9 @@ def _percentage(
     return Judged(of_model(holds), float(value), dict(window))
 
 
-def _parts(paper: Published, identifier: str) -> tuple[str, str]:
-    return printed_percentages(paper)[identifier]
+def _size_behind(identifier: str) -> str:
+    """Name of a measured size: the row without load of Table 3 is Controller 1 of Table 2."""
+    return identifier.replace("table3.no_load", "table2.controller_1")
 
 
 def _entry(paper: Published, identifier: str) -> PrintedNumber:
@@ -208,7 +209,7 @@ def _remarks(measured: Measured, identifier: str) -> list[str]:
 class OneArm:
     """A measured comparison with the interface of an ensemble of one plant."""
 
-    joints = (2, 3)
+    joints = COMPARED
     alpha = (0.0, 0.0)
     names: tuple[str, ...] = ()
     readings = (PRINTED,)

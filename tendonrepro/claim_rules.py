@@ -26,7 +26,7 @@ from tendonrepro.arithmetic import (
     table_1,
 )
 from tendonrepro.control import polynomial
-from tendonrepro.published import PrintedNumber, Published
+from tendonrepro.published import COMPARED, PrintedNumber, Published
 from tendonrepro.verdicts import Decision, Name, of_arithmetic, of_model
 
 FAR_LESS = 0.1
@@ -159,7 +159,7 @@ def coupling_terms(paper: Published, _: str) -> Judged:
 def smooth_branch(paper: Published, _: str) -> Judged:
     """Eq. (13): value and slope of both branches of phi agree at Delta."""
     apart = []
-    for joint in (2, 3):
+    for joint in COMPARED:
         b, Delta = (paper.number(f"gain.{name}.joint_{joint}") for name in ("b", "Delta"))
         gamma_1, gamma_2 = polynomial(b, Delta)
         apart += [

@@ -23,14 +23,12 @@ from tendonrepro.config_model import Model, Name, Problems, RootModel, SchemaVer
 from tendonrepro.config_overrides import parse_override
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.physical import physical
+from tendonrepro.published import COMPARED
 from tendonrepro.quantity import Scalar
 from tendonrepro.readings import AXES, RUNS, VARIATIONS, parse_reading
 from tendonrepro.shipped import shipped_folder
 from tendonrepro.strict_yaml import dump
 from tendonrepro.trajectory import trapezoid_times
-
-MOVING = (2, 3)
-"""The joints whose links, tendons and winches the box describes."""
 
 FAST_PERIOD = 3.33
 """Period of the motion ``fast_sine``, s: 0.3 Hz."""
@@ -215,7 +213,7 @@ def _load_base(name: str, overrides: Sequence[str], draft: Draft, found: Source)
     base = load_config(path, "compare", overrides=overrides)
     assert isinstance(base.config, CompareConfig)
     missing = [run for run in RUNS if run not in base.config.runs]
-    if base.config.joints != MOVING:
+    if base.config.joints != COMPARED:
         message = f"{BASE}: joints 2 and 3 must move, found {list(base.config.joints)}"
         raise ConfigError(message, where=where)
     if missing:

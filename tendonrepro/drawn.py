@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from tendonrepro.config_box import DISTURBANCES, FRICTION_SIDES, MOTIONS, to_si
-from tendonrepro.config_ensemble import FAST_PERIOD, MOVING
+from tendonrepro.config_ensemble import FAST_PERIOD
+from tendonrepro.published import COMPARED
 from tendonrepro.readings import AXES
 from tendonrepro.trajectory import trapezoid_times
 
@@ -142,7 +143,7 @@ def _put_options(arm: dict[str, Any], draw: Mapping[str, float]) -> None:
 
 def _disturbance(draw: Mapping[str, float]) -> dict[str, Any]:
     kind = DISTURBANCES[int(draw["disturbance"])]
-    torque = _drawn([draw["disturbance_torque"]] * len(MOVING), "N m", "disturbance_torque")
+    torque = _drawn([draw["disturbance_torque"]] * len(COMPARED), "N m", "disturbance_torque")
     if kind == "sine":
         frequency = _drawn(draw["disturbance_frequency"], "Hz", "disturbance_frequency")
         return {"kind": kind, "torque": torque, "frequency": frequency}

@@ -5,9 +5,10 @@ from __future__ import annotations
 import hashlib
 import os
 import secrets
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from tendonrepro.errors import DataMissingError, TendonreproError
 
@@ -90,9 +91,18 @@ def sha256_of(path: Path) -> str:
     DataMissingError
         When the file is missing or cannot be read.
     """
+    return _digest(path, hashlib.sha256)
+
+
+def md5_of(path: Path) -> str:
+    """Hexadecimal MD5 of a file's bytes, the digest that data repositories publish; see `sha256_of`."""
+    return _digest(path, lambda: hashlib.md5(usedforsecurity=False))
+
+
+def _digest(path: Path, new: Callable[[], Any]) -> str:
     try:
         with path.open("rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()
+            return hashlib.file_digest(stream, new).hexdigest()
     except OSError as error:
         message = f"cannot read {path}: {_reason(error)}"
         raise DataMissingError(message) from error

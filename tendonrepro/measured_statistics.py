@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.control import Law, surface_and_feedback
+from tendonrepro.published import COMPARED
 from tendonrepro.records import Trace
 from tendonrepro.streaming import thresholds
 
@@ -96,8 +97,7 @@ def _law_of(run: str) -> Law | None:
 
 def _printed_places(trace: Trace) -> dict[int, int]:
     """Columns of a run that have printed gains, and their place among joints 2 and 3."""
-    printed = (2, 3)
-    return {column: printed.index(joint) for column, joint in enumerate(trace.joint) if joint in printed}
+    return {column: COMPARED.index(joint) for column, joint in enumerate(trace.joint) if joint in COMPARED}
 
 
 def _rms(values: Array) -> Array:

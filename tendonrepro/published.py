@@ -15,6 +15,9 @@ from tendonrepro.strict_yaml import Document, Node, load, read_text
 
 SCHEMA_VERSION = 2
 
+COMPARED = (2, 3)
+"""Joints of the comparison; the paper prints gains and errors of these."""
+
 
 @dataclass(frozen=True)
 class PrintedNumber:

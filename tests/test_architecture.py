@@ -92,7 +92,12 @@ ROOMS = [
     ("dataset.inspection", "dataset.ingest"),
     # measured runs: tables, reference, statistics
     ("dataset.measured_file", "dataset.printed_tables", "measured_statistics"),
-    ("dataset.reference_signal", "dataset.reference_turns", "dataset.reference_shapes"),
+    (
+        "dataset.reference_signal",
+        "dataset.reference_turns",
+        "dataset.reference_shapes",
+        "dataset.reference_fit",
+    ),
     ("dataset.reference_knots", "dataset.reference_motion"),
     ("verdicts",),
     ("claim_plants", "claim_rules"),
@@ -123,8 +128,8 @@ OWNERS = {
     "scipy": {
         "box",
         "dataset.matlab",
+        "dataset.reference_fit",
         "dataset.reference_knots",
-        "dataset.reference_shapes",
         "ensemble_shares",
         "simulate",
         "stability",

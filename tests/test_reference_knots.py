@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from tendonrepro.arrays import Array
+from tendonrepro.dataset.reference_fit import HALF_COUNT, limit
 from tendonrepro.dataset.reference_knots import SPACINGS, smoothed, thinned
 from tendonrepro.dataset.reference_motion import derivatives, recover_run
-from tendonrepro.dataset.reference_shapes import HALF_COUNT, limit
 from tendonrepro.dataset.reference_signal import Recorded, noise, recorded
 from tendonrepro.records import Trace
 from tendonrepro.streaming import thresholds

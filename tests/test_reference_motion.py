@@ -123,6 +123,18 @@ def test_a_single_stroke_has_no_period() -> None:
     assert repeat_after(recorded(trace(time, q))) == 0.0
 
 
+@pytest.mark.parametrize("noise", [0.0, 2e-3])
+@pytest.mark.parametrize("step", [0.001, 0.01])
+@pytest.mark.parametrize(("cycles", "period"), [(2, 5.0), (3, 5.0), (4, 5.0), (6, 2.5)])
+def test_a_sine_that_is_blended_in_repeats_after_one_period(
+    cycles: int, period: float, step: float, noise: float
+) -> None:
+    time = step * np.arange(round(cycles * period / step) + 1.0)
+    sines = [Motion((smooth_sine(size, 0.0, period, 2.5),), 2.0 * time[-1]) for size in (0.5, 0.3)]
+    q = motion(time, sines)[0] + noise * np.random.default_rng(1).standard_normal((len(time), 2))
+    assert repeat_after(recorded(trace(time, q))) == pytest.approx(period, abs=0.005)
+
+
 def test_rounding_is_told_from_its_absence() -> None:
     smooth = made("minimum_jerk")["q_d"]
     assert rounding_step(smooth) == 0.0

@@ -9,10 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tendonrepro.dataset.data_lock import LockedFile, is_same
-from tendonrepro.dataset.download import md5_of
 from tendonrepro.dataset.names import safe_paths, shown
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
-from tendonrepro.files import atomic_path
+from tendonrepro.files import atomic_path, md5_of
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,9 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from tendonrepro.dataset.download import md5_of
 from tendonrepro.dataset.names import safe_paths
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.files import write_atomically
+from tendonrepro.files import md5_of, write_atomically
 
 SCHEMA_VERSION = 1
 

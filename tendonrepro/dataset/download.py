@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import hashlib
 import json
 import os
 from collections.abc import Callable
@@ -16,35 +15,10 @@ from tendonrepro.dataset.web import Body, CutShortError, Web
 from tendonrepro.dataset.web_errors import BY_HAND, TOO_MANY, WebError
 from tendonrepro.dataset.zenodo import RemoteFile
 from tendonrepro.errors import DataMissingError, TendonreproError
-from tendonrepro.files import write_atomically
+from tendonrepro.files import md5_of, write_atomically
 
 GAIN = 2**20
 """Bytes that make an attempt worth another one, however often the connection ends."""
-
-
-def md5_of(path: Path) -> str:
-    """Hexadecimal MD5 of a file's bytes, the digest the repository publishes.
-
-    Parameters
-    ----------
-    path : Path
-
-    Returns
-    -------
-    str
-        32 lower-case hexadecimal digits.
-
-    Raises
-    ------
-    DataMissingError
-        When the file is missing or cannot be read.
-    """
-    try:
-        with path.open("rb") as stream:
-            return hashlib.file_digest(stream, lambda: hashlib.md5(usedforsecurity=False)).hexdigest()
-    except OSError as error:
-        message = f"cannot read {path}: {error.strerror or error}"
-        raise DataMissingError(message) from error
 
 
 def download(

@@ -19,7 +19,7 @@ from tendonrepro.dataset.data_lock import (
     read_lock,
     write_lock,
 )
-from tendonrepro.dataset.download import download, md5_of, part_size, remove_part
+from tendonrepro.dataset.download import download, part_size, remove_part
 from tendonrepro.dataset.fetch_text import readable
 from tendonrepro.dataset.names import shown
 from tendonrepro.dataset.resolve import expected_files, resolve, site_of
@@ -27,6 +27,7 @@ from tendonrepro.dataset.web import Patience, Web
 from tendonrepro.dataset.web_errors import WebError
 from tendonrepro.dataset.zenodo import Record, record_number
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
+from tendonrepro.files import md5_of
 from tendonrepro.results import locked
 from tendonrepro.talk import Talk
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.dataset.reference_shapes import HALF_COUNT
+from tendonrepro.dataset.reference_fit import HALF_COUNT
 from tendonrepro.dataset.reference_signal import Recorded, noise, noise_peak
 from tendonrepro.samples import FEWEST
 from tendonrepro.trajectory import minimum_jerk, sampled

@@ -10,18 +10,18 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.dataset.printed_tables import Timing
+from tendonrepro.dataset.reference_fit import Fit, fits, limit
 from tendonrepro.dataset.reference_knots import Knots, smoothed, thinned
-from tendonrepro.dataset.reference_shapes import OUT_AND_BACK, Fit, cycle_of, fits, limit
+from tendonrepro.dataset.reference_shapes import OUT_AND_BACK, cycle_of
 from tendonrepro.dataset.reference_signal import Recorded, recorded, refined_shift, repeat_after
 from tendonrepro.dataset.reference_turns import Turns, turns_of
 from tendonrepro.errors import DataMissingError
+from tendonrepro.published import COMPARED
 from tendonrepro.records import Trace, TraceFile
 from tendonrepro.strict_yaml import Node
 from tendonrepro.summary import CONTROLLERS
 
 FILE = "reference.csv"
-JOINTS = (2, 3)
-"""Joints of the comparison."""
 
 _NEAR_START = 0.05
 """Share of a period within which an unnamed motion counts as starting with the record."""
@@ -147,12 +147,12 @@ def recover(file: TraceFile) -> Reference:
 def _complete(trace: Trace) -> bool:
     """Whether a run recorded the desired angles of both joints of the comparison."""
     columns = zip(trace.joint, trace["q_d"].T, strict=True)
-    return {*JOINTS} <= {joint for joint, values in columns if np.isfinite(values).any()}
+    return {*COMPARED} <= {joint for joint, values in columns if np.isfinite(values).any()}
 
 
 def _moving_joints(trace: Trace) -> Trace:
     """The joints of the paper's comparison alone, where a run holds joint 1 too, which is at rest there."""
-    places = [place for place, joint in enumerate(trace.joint) if joint in JOINTS]
+    places = [place for place, joint in enumerate(trace.joint) if joint in COMPARED]
     if len(places) in (0, len(trace.joint)):
         return trace
     variables = {name: values[:, places] for name, values in trace.variables.items()}
@@ -171,12 +171,11 @@ def recover_run(trace: Trace, variable: str = "q_d") -> Reference:
     fitted = tuple(fits(record, repeats))
     found = Reference(trace.name, record, thinned(record), repeats, begin, end, fitted, turns)
     if found.shape is None:
-        begin = 0.0 if begin <= _NEAR_START * repeats else begin
-        return Reference(trace.name, record, found.knots, repeats, begin, end, fitted, turns)
+        return replace(found, begin=0.0 if begin <= _NEAR_START * repeats else begin)
     period = cycle_of(found.shape.kind, found.shape.values)
     if turns and found.shape.kind in OUT_AND_BACK:
         period *= len(turns.pattern()[0])
-    return Reference(trace.name, record, found.knots, period, found.delay, end, fitted, turns)
+    return replace(found, begin=found.delay, period=period)
 
 
 def timing_of(file: TraceFile, reference: Reference | None) -> dict[str, Timing]:

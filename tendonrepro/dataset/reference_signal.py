@@ -14,8 +14,10 @@ _SAME = 0.05
 """Largest difference, as a share of the motion's size, between two periods that are repeats."""
 _DIFFERENT = 0.5
 """Difference that has to be passed before a small one is a repeat and not the motion's slowness."""
-_MOVES = 0.5
-"""Share of the whole range that a stretch has to move through before it can tell a repeat."""
+_MOVES = 0.4
+"""Share of the whole range that a stretch has to move through before it can tell a repeat.
+
+Half a period of a sine moves through half of its range at least."""
 _LAGS = 600
 _FEWEST = 20
 _REACH = 0.05

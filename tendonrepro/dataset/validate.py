@@ -15,7 +15,7 @@ from tendonrepro.claim_measured import JUDGED, Measured, judge_measured, measure
 from tendonrepro.claim_rules import Judged
 from tendonrepro.config import LoadedConfig, load_config
 from tendonrepro.dataset.measured_file import MEASURED, origin, read_measured
-from tendonrepro.dataset.reference_motion import JOINTS, zero_of
+from tendonrepro.dataset.reference_motion import zero_of
 from tendonrepro.dataset.rerun import (
     COMPARE,
     DECOUPLE,
@@ -33,7 +33,7 @@ from tendonrepro.errors import TendonreproError
 from tendonrepro.files import sha256_of, write_atomically
 from tendonrepro.manifest import make_manifest, to_json, with_outputs
 from tendonrepro.parallel import each
-from tendonrepro.published import Published, published
+from tendonrepro.published import COMPARED, Published, published
 from tendonrepro.records import Trace, TraceFile
 from tendonrepro.results import MANIFEST, claimed, clear, refuse_others
 from tendonrepro.summary import CONTROLLERS, LOADS
@@ -201,7 +201,7 @@ def _tables(measured: Measured, paper: Published, name: str, work: _Work) -> dic
 
 def _rerun_compare(measured: Measured, name: str, base: LoadedConfig, work: _Work, talk: Talk) -> None:
     reference, runs = measured.reference, measured.compare.runs
-    if reference is None or reference.record.joint != JOINTS:
+    if reference is None or reference.record.joint != COMPARED:
         work.missing.append(
             "no run with desired angles q_d of joints 2 and 3 that move: no rerun of the comparison"
         )

@@ -9,7 +9,7 @@ from typing import Any
 from tendonrepro.dataset.printed_tables import PrintedTables, Tried
 from tendonrepro.dataset.row_files import csv_of
 from tendonrepro.files import write_atomically
-from tendonrepro.published import Published
+from tendonrepro.published import COMPARED, Published
 from tendonrepro.summary import CONTROLLERS
 from tendonrepro.typeset import NOTHING, Sheet, latex, markdown
 
@@ -18,7 +18,6 @@ _ROWS: Mapping[str, Mapping[str, str]] = {
     "table3": {"no_load": "table2.controller_1", "with_load": "table3.with_load"},
 }
 """Rows of each table, and how the ids of their measured numbers begin."""
-_JOINTS = (2, 3)
 _METRICS = ("mae", "rmse")
 
 
@@ -52,7 +51,7 @@ def _row(tried: Tried | None, paper: Published, start: str) -> dict[str, Any]:
     agree = tried.agree if tried else ()
     found: dict[str, dict[str, list[Any]]] = {"measured": {}, "printed": {}, "agree": {}}
     for metric in _METRICS:
-        names = [f"{start}.{metric}.joint_{joint}" for joint in _JOINTS]
+        names = [f"{start}.{metric}.joint_{joint}" for joint in COMPARED]
         found["measured"][f"{metric}_deg"] = [sizes.get(name) for name in names]
         found["printed"][f"{metric}_deg"] = [paper.number(name) for name in names]
         found["agree"][f"{metric}_deg"] = [name in agree if name in sizes else None for name in names]
@@ -98,7 +97,7 @@ def _lines(row: str, found: Mapping[str, Any]) -> list[dict[str, Any]]:
             for metric in _METRICS
             for what in ("measured", "printed", "agree")
         }
-        for place, joint in enumerate(_JOINTS)
+        for place, joint in enumerate(COMPARED)
     ]
 
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from tendonrepro.dataset.measured_file import resting_on
+from tendonrepro.published import COMPARED
 from tendonrepro.typeset import NOTHING
 
 
@@ -43,7 +44,7 @@ def _tables(found: Mapping[str, Any]) -> Iterator[str]:
     rows: list[Sequence[str]] = [("", "joint", "MAE", "printed", "", "RMSE", "printed", "")]
     for table, title in (("table2", ""), ("table3", "Table 3 ")):
         for name, row in found[table].items():
-            for place, joint in enumerate((2, 3)):
+            for place, joint in enumerate(COMPARED):
                 cells = [cell for metric in ("mae_deg", "rmse_deg") for cell in _cells(row, metric, place)]
                 rows.append((f"{title}{name}", str(joint), *cells))
     if len(rows) > 1:
