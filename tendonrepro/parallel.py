@@ -92,11 +92,13 @@ def interrupts_held() -> Iterator[None]:
 
     A process inherits what its starter blocks, while a handler would be reset.
     """
-    if threading.current_thread() is not threading.main_thread():
+    before = signal.getsignal(signal.SIGINT)
+    # In the background of a shell interrupts are ignored, and processes inherit that.
+    if threading.current_thread() is not threading.main_thread() or not callable(before):
         yield
         return
     heard: list[int] = []
-    before = signal.signal(signal.SIGINT, lambda number, _: heard.append(number))
+    signal.signal(signal.SIGINT, lambda number, _: heard.append(number))
     # Windows knows no masks; there every process of a console hears an interrupt.
     mask = getattr(signal, "pthread_sigmask", None)
     blocked = mask(signal.SIG_BLOCK, {signal.SIGINT}) if mask else set()
@@ -107,7 +109,7 @@ def interrupts_held() -> Iterator[None]:
             mask(signal.SIG_SETMASK, blocked)
         signal.signal(signal.SIGINT, before)
     if heard:
-        raise KeyboardInterrupt
+        before(heard[0], None)
 
 
 def advance(steps: int) -> None:

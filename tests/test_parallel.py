@@ -15,7 +15,7 @@ from tendonrepro.errors import ConfigError, TendonreproError
 from tendonrepro.parallel import advance, each, interrupts_held
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
 
 def work(offset: int, item: int) -> tuple[int, int]:
@@ -73,7 +73,16 @@ def test_nothing_to_do() -> None:
     assert each(function, []) == []
 
 
+@pytest.fixture(name="interrupts")
+def _interrupts() -> Iterator[None]:
+    """Interrupts as at a terminal, also where the tests run in the background of a shell."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="no masks there")
+@pytest.mark.usefixtures("interrupts")
 def test_an_interrupt_while_processes_start_is_late_and_not_lost() -> None:
     done = []
 
@@ -89,3 +98,13 @@ def test_an_interrupt_while_processes_start_is_late_and_not_lost() -> None:
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     with interrupts_held():
         done.append("nothing without one")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no masks there")
+@pytest.mark.usefixtures("interrupts")
+def test_who_ignores_interrupts_goes_on_doing_so() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with interrupts_held():
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(0.01)
+    assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN

@@ -215,11 +215,13 @@ def test_a_script_without_a_main_guard_is_told(tmp_path: Path) -> None:
 
 
 HANGING = """
-import sys
+import signal
 from pathlib import Path
 import test_readers
 from tendonrepro.dataset.guard import read_guarded
 if __name__ == "__main__":
+    # Tests that run in the background of a shell inherit that interrupts are ignored.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     print("ready", flush=True)
     files = [(Path(__file__), "first"), (Path(__file__), "hang")]
     read_guarded(files, test_readers.QUIET, read=test_readers.misbehave)
