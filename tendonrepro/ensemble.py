@@ -15,17 +15,17 @@ from tendonrepro.box import population
 from tendonrepro.config_ensemble import load_ensemble
 from tendonrepro.ensemble_block import Simulate, make_block
 from tendonrepro.ensemble_data import PLAN, read_ensemble
-from tendonrepro.ensemble_folder import missing_blocks, prepare
+from tendonrepro.ensemble_folder import missing_blocks, prepare, refuse_shards
 from tendonrepro.ensemble_plan import Study
 from tendonrepro.ensemble_run import here, on_cluster
-from tendonrepro.ensemble_table import population_summary, spot_checks, write_ensemble_tables
+from tendonrepro.ensemble_table import cost_text, population_summary, spot_checks, write_ensemble_tables
 from tendonrepro.ensemble_words import conclusions
 from tendonrepro.errors import UsageError
 from tendonrepro.figure_ensemble import draw_ensemble_figures
 from tendonrepro.files import write_atomically
 from tendonrepro.manifest import make_manifest, to_json, with_outputs
 from tendonrepro.readings import default_readings, full_cross, parse_reading
-from tendonrepro.results import MANIFEST, claimed, clear
+from tendonrepro.results import MANIFEST, claimed, clear, refuse_others
 from tendonrepro.shards import FOLDER, SCHEMA_VERSION, Block
 from tendonrepro.talk import Talk
 
@@ -72,7 +72,7 @@ def run_ensemble(
     readings : {'default', 'all'}
         As printed, alternatives and the configuration's pairs; or every combination, which needs `yes`.
     dry_run : bool
-        Only say what it would cost.
+        Only say what it would cost, and how much of it is on disk.
     talk : Talk, optional
     yes : bool
         The cost of all readings has been seen.
@@ -96,14 +96,25 @@ def run_ensemble(
     outline = {"schema_version": SCHEMA_VERSION, "experiment": "ensemble", "draws": draws, "out": str(folder)}
     outline |= {"readings_count": len(study.readings), "cases": len(study.cases), "cost": cost}
     if dry_run:
-        return outline | {"dry_run": True, "config_sha256": study.sha256}
-    if readings == "all" and not yes:
-        message = (
-            f"all {len(study.readings)} readings mean {cost['experiments']:.3g} experiments: about "
-            f"{cost['processor_hours']:.3g} hours of one processor and {cost['gigabytes']:.3g} GB"
+        return (
+            outline
+            | {"dry_run": True, "config_sha256": study.sha256}
+            | _ahead(study, draws, folder, force=force)
         )
+    if readings == "all" and not yes:
+        message = f"all {len(study.readings)} readings mean {cost_text(cost)}"
         raise UsageError(message, where="--readings all", hint="say --yes if that is what you want")
     return run_study(study, draws, folder, jobs=jobs, force=force, dask=dask, talk=talk)
+
+
+def _ahead(study: Study, draws: int, folder: Path, *, force: bool) -> dict[str, int]:
+    """Blocks that a run would need, and those of them that are on disk."""
+    if not force:
+        refuse_others(folder, study.identity)
+        refuse_shards(folder, study)
+    blocks = study.blocks(draws)
+    missing = missing_blocks(folder, study, blocks, Talk(quiet=True))
+    return {"resumed_from": len(blocks) - len(missing), "blocks": len(blocks)}
 
 
 def load_study(

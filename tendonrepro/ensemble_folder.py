@@ -32,11 +32,9 @@ def prepare(folder: Path, study: Study, *, force: bool) -> None:
     try:
         for leftover in shards.glob(".*.h5"):
             leftover.unlink(missing_ok=True)
-        others = [path for path in shard_files(shards) if identity_of(path) not in {study.identity, None}]
-        if others and not force:
-            message = f"holds {len(others)} blocks of another configuration, version or set of readings"
-            hint = "choose another --out, or say --force to remove them"
-            raise UsageError(message, where=str(shards), hint=hint)
+        others = _of_others(folder, study)
+        if not force:
+            refuse_shards(folder, study)
         for path in others:
             path.unlink()
         if others:
@@ -45,6 +43,25 @@ def prepare(folder: Path, study: Study, *, force: bool) -> None:
     except OSError as error:
         message = f"cannot clear the folder of shards: {error.strerror or error}"
         raise TendonreproError(message, where=str(shards)) from error
+
+
+def refuse_shards(folder: Path, study: Study) -> None:
+    """Refuse a folder that holds shards of another ensemble.
+
+    Raises
+    ------
+    UsageError
+        If it does.
+    """
+    others = _of_others(folder, study)
+    if others:
+        message = f"holds {len(others)} blocks of another configuration, version or set of readings"
+        hint = "choose another --out, or say --force to remove them"
+        raise UsageError(message, where=str(folder / FOLDER), hint=hint)
+
+
+def _of_others(folder: Path, study: Study) -> list[Path]:
+    return [path for path in shard_files(folder / FOLDER) if identity_of(path) not in {study.identity, None}]
 
 
 def missing_blocks(folder: Path, study: Study, blocks: Sequence[Block], talk: Talk) -> list[Block]:

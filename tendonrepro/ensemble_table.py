@@ -257,6 +257,22 @@ def _markdown(summary: Mapping[str, Any]) -> str:
     return "\n".join(parts)
 
 
+def cost_text(cost: Mapping[str, float]) -> str:
+    """What an ensemble costs, in words.
+
+    Examples
+    --------
+    >>> cost_text({"experiments": 130560, "processor_hours": 0.29, "gigabytes": 0.0243})
+    '130,560 experiments, about 17 minutes of one processor and 24 MB'
+    >>> cost_text({"experiments": 1.3e9, "processor_hours": 2900.0, "gigabytes": 243.2})
+    '1,300,000,000 experiments, about 2,900 hours of one processor and 243 GB'
+    """
+    hours, size = cost["processor_hours"], cost["gigabytes"]
+    lasts = f"{hours:,.0f} hours" if hours >= 2.0 else f"{max(60.0 * hours, 1.0):.0f} minutes"
+    takes = f"{size:.0f} GB" if size >= 2.0 else f"{max(1e3 * size, 1.0):.0f} MB"
+    return f"{cost['experiments']:,.0f} experiments, about {lasts} of one processor and {takes}"
+
+
 def ensemble_text(summary: Mapping[str, Any]) -> str:
     """Text of an ensemble for the terminal.
 
@@ -266,11 +282,10 @@ def ensemble_text(summary: Mapping[str, Any]) -> str:
         What ``--json`` prints.
     """
     if summary.get("dry_run"):
-        cost = summary["cost"]
         return (
             f"ensemble: {summary['draws']} draws, {summary['readings_count']} readings: "
-            f"{cost['experiments']:.4g} experiments, about {cost['processor_hours']:.3g} hours of one "
-            f"processor and {cost['gigabytes']:.3g} GB; would write to {summary['out']}"
+            f"{cost_text(summary['cost'])}; {summary['resumed_from']} of {summary['blocks']} blocks are in "
+            f"{summary['out']} already"
         )
     rows = [("reading", "ok C1/C2/C3 %", "C1<C2<C3 MAE %", "C1 best %", "C1/C2", "C2/C3", "verdict")]
     for reading in summary["readings"]:

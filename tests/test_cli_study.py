@@ -65,7 +65,8 @@ def test_ensemble_says_what_it_would_cost(command: str, tmp_path: Path) -> None:
     assert found["cost"]["experiments"] == found["cases"] * (4096 + 1024)
     text = run(command, "ensemble", "--draws", "4096", "--dry-run", cwd=tmp_path)
     assert text.returncode == 0
-    assert "GB" in text.stdout
+    assert f"{found['cost']['experiments']:,} experiments" in text.stdout
+    assert f"0 of {found['blocks']} blocks are in" in text.stdout
     assert not list(tmp_path.iterdir())
 
 

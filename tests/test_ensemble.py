@@ -456,13 +456,31 @@ def test_a_dry_run_writes_nothing_and_states_the_cost(tmp_path: Path) -> None:
     study = load_study(None, (), None, "default")
     draws = sum(4096 * share for share in study.shares.values())
     assert found["cost"]["experiments"] == draws * len(study.cases)
+    assert (found["resumed_from"], found["blocks"]) == (0, len(study.blocks(4096)))
     assert not out.exists()
+
+
+def test_a_dry_run_counts_what_is_there_and_refuses_what_a_run_would(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    study = replace(small_study(), block_draws=8)
+    run(tmp_path, study)
+    asked = [None, 2 * DRAWS, 1, tmp_path, (), None, False, None]
+    monkeypatch.setattr("tendonrepro.ensemble.load_study", lambda *_: study)
+    found = run_ensemble(*asked, dry_run=True)  # type: ignore[arg-type]
+    assert (found["resumed_from"], found["blocks"]) == (8, 16)
+    monkeypatch.setattr("tendonrepro.ensemble.load_study", lambda *_: replace(study, seed=77))
+    with pytest.raises(UsageError, match="another configuration"):
+        run_ensemble(*asked, dry_run=True)  # type: ignore[arg-type]
+    (tmp_path / "manifest.json").unlink()
+    with pytest.raises(UsageError, match="holds 8 blocks of another configuration"):
+        run_ensemble(*asked, dry_run=True)  # type: ignore[arg-type]
 
 
 def test_all_readings_need_a_yes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     readings = load_study(None, (), None, "default").readings
     monkeypatch.setattr("tendonrepro.ensemble.full_cross", lambda: readings)
-    with pytest.raises(UsageError, match=r"hours of one processor and .* GB") as caught:
+    with pytest.raises(UsageError, match=r"minutes of one processor and .* MB") as caught:
         run_ensemble(None, 4096, 1, tmp_path / "none", (), None, False, None, "all")
     assert "--yes" in str(caught.value.hint)
     assert not (tmp_path / "none").exists()
