@@ -110,7 +110,7 @@ def simulate_batch(
     Raises
     ------
     TendonreproError
-        If a loop has another controller: only the package's own law runs on lanes.
+        If there is no loop, or one has another controller: only the package's own law runs on lanes.
     """
     _refuse_others(loops)
     results, report = _Results(loops, limits, record=record), progress or (lambda _: None)
@@ -130,6 +130,9 @@ def simulate_batch(
 
 
 def _refuse_others(loops: Sequence[Loop]) -> None:
+    if not loops:
+        message = "there are no loops to run"
+        raise TendonreproError(message)
     for loop in loops:
         controller = loop.controller
         if not isinstance(controller, TimeDelayController) or controller.command is not compiled.command:

@@ -291,3 +291,8 @@ def test_a_law_of_somebody_else_is_refused() -> None:
     other = replace(loop, controller=TimeDelayController(law, strange))
     with pytest.raises(TendonreproError, match="own control laws"):
         simulate_batch([other], config.status)
+
+
+def test_no_loops_are_refused() -> None:
+    with pytest.raises(TendonreproError, match="no loops"):
+        simulate_batch([], loaded()[0].status)
