@@ -83,11 +83,10 @@ def motor_angles(file: TraceFile) -> Judged:
     rows = []
     for name in CONTROLLERS:
         trace = file.part("compare").runs.get(name)
-        if (
-            trace is None
-            or not {"q_d", "q_encoder"} <= trace.variables.keys()
-            or not {*COMPARED} <= {*trace.joint}
-        ):
+        if trace is None or not {"q_d", "q_encoder"} <= trace.variables.keys():
+            continue
+        trace = trace.of_joints(_known_joints(trace))
+        if not {*COMPARED} <= {*trace.joint}:
             continue
         S_inv = file.plant.matrix("S_inv", trace.joint)
         desired, angles = (trace[variable] @ S_inv.T for variable in ("q_d", "q_encoder"))
@@ -104,6 +103,12 @@ def motor_angles(file: TraceFile) -> Judged:
         message = "q_encoder and q_d of joints 2 and 3 of a controller whose motors move"
         raise DataMissingError(message)
     return Judged(of_model(all(row["holds"] for row in rows)), None, {"statements": rows})
+
+
+def _known_joints(trace: Trace) -> list[int]:
+    """Joints with both angles: an encoder at rest may have been recorded without a desired angle."""
+    known = np.asarray(np.isfinite(trace["q_d"] + trace["q_encoder"]).any(axis=0))
+    return [joint for joint, there in zip(trace.joint, known, strict=True) if there]
 
 
 def _needed(trace: Trace, variable: str) -> Array:

@@ -44,12 +44,15 @@ class Measured:
     tables : PrintedTables
         Ways of averaging that were tried.
     reference : Reference or None
-        None where no run holds the desired angles.
+        None where it could not be recovered.
+    unrecovered : str
+        Why it could not.
     """
 
     file: TraceFile
     tables: PrintedTables
     reference: Reference | None
+    unrecovered: str = ""
 
     @cached_property
     def compare(self) -> TraceFile:
@@ -59,12 +62,13 @@ class Measured:
 
 def measured_of(file: TraceFile, paper: Published) -> Measured:
     """Recover the reference of a measured file and try every averaging window."""
+    reference, unrecovered = None, ""
     try:
-        reference: Reference | None = recover(file)
-    except DataMissingError:
-        reference = None
+        reference = recover(file)
+    except DataMissingError as error:
+        unrecovered = f"{error.message}; {error.hint}" if error.hint else error.message
     tables = try_windows(file.part("compare"), paper, timing_of(file, reference))
-    return Measured(file, tables, reference)
+    return Measured(file, tables, reference, unrecovered)
 
 
 def judge_measured(measured: Measured, paper: Published) -> dict[str, Judged]:
@@ -188,7 +192,7 @@ def _payload(plants: Plants) -> Findings:
 def _all_judged(file: TraceFile, identifier: str, found: Findings) -> None:
     """Refuse to compare laws that were not ``ok``; claim C1 is about just that."""
     if identifier != "C1" and not found.judged[0]:
-        laws = [name for name in (*CONTROLLERS, LOADED) if name in file.runs]
+        laws = (FIRST, LOADED) if identifier == "P1" else CONTROLLERS
         wrong = next(name for name in laws if file.runs[name].status != "ok")
         message = f"a run of {wrong} that is ok; the one measured is {file.runs[wrong].status}"
         raise DataMissingError(message)
@@ -248,15 +252,16 @@ class OneArm:
             self._check_surfaces()
         if run not in self._kept:
             self._kept[run] = statistics_of(trace, self._phases(trace))
-        needed = _SIGNALS.get(name.partition("_")[0])
+        needed = _SIGNALS[name.partition("_")[0]]
         if name not in self._kept[run]:
-            message = f"{needed or 'q_d'} of the run {run}"
+            # A signal that is there lacks the phases of the motion.
+            message = f"{'q_d' if needed in trace else needed} of the run {run}"
             raise DataMissingError(message)
         values = self._kept[run][name][[trace.joint.index(joint) for joint in self.joints]]
         for joint, value in zip(self.joints, values, strict=True):
             # What is not there is smaller than nothing, so it must not come to a comparison.
             if not np.isfinite(value):
-                what = f"{needed or 'e'} of joint {joint} of the run {run}"
+                what = f"{needed} of joint {joint} of the run {run}"
                 message = f"{what}, or samples of it in a phase of the motion"
                 raise DataMissingError(message)
         return values[np.newaxis]
@@ -270,7 +275,8 @@ class OneArm:
         if absent:
             message = f"joint {absent[0]} of the run {run}"
             raise DataMissingError(message)
-        return runs[run]
+        # Another joint may have been recorded at rest, without what the comparison is about.
+        return runs[run].of_joints(self.joints)
 
     def _of_the_tables(self, run: str, metric: str) -> Array:
         deciding = self._measured.tables.deciding
@@ -302,4 +308,5 @@ class OneArm:
             raise DataMissingError(message)
 
 
-_SIGNALS = {"s": "s, or e to compute it from", "torque": "tau_m", "H": "H_hat"}
+_SIGNALS = {"s": "s, or e to compute it from", "torque": "tau_m", "H": "H_hat", "mae": "e"}
+"""Signal behind a statistic, by the first word of its name."""

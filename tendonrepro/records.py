@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -106,6 +106,14 @@ class Trace:
 
     def __contains__(self, name: object) -> bool:
         return name in self.variables
+
+    def of_joints(self, joints: Collection[int]) -> Trace:
+        """Return the run with those of its joints alone that are named; itself where it has none of them."""
+        places = [place for place, joint in enumerate(self.joint) if joint in joints]
+        if len(places) in (0, len(self.joint)):
+            return self
+        variables = {name: values[:, places] for name, values in self.variables.items()}
+        return replace(self, joint=tuple(self.joint[place] for place in places), variables=variables)
 
     @property
     def status(self) -> str:

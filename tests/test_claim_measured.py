@@ -24,7 +24,7 @@ from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.ledger import run_claims
 from tendonrepro.measured_statistics import sliding_variable, statistics_of
 from tendonrepro.published import published
-from tendonrepro.records import TraceFile
+from tendonrepro.records import Trace, TraceFile
 from tendonrepro.streaming import Sample, Sums, add_sample, finished, thresholds
 from tendonrepro.talk import Talk
 from tendonrepro.traces import write_traces
@@ -46,6 +46,16 @@ def judged(file: TraceFile) -> dict[str, Judged]:
     paper = published()
     tables = try_windows(file.part("compare"), paper, timing)
     return judge_measured(Measured(file, tables, None), paper)
+
+
+def with_joint_1(trace: Trace) -> Trace:
+    """The run with the encoder of joint 1 too, and of nothing else."""
+    gap, rest = np.full((len(trace.time), 1), np.nan), np.zeros((len(trace.time), 1))
+    variables = {
+        name: np.hstack([rest if name == "q_encoder" else gap, values])
+        for name, values in trace.variables.items()
+    }
+    return replace(trace, joint=(1, *trace.joint), variables=variables)
 
 
 def verdict(file: TraceFile, claim: str) -> str:
@@ -127,10 +137,27 @@ class TestComparison:
         assert found.decision.verdict == "not_testable"
         assert variable in found.evidence["missing"]
 
-    def test_phases_need_the_desired_angles(self) -> None:
+    @pytest.mark.parametrize("claim", ["C3", "C5", "C6"])
+    def test_phases_need_the_desired_angles(self, claim: str) -> None:
         found = judged(comparison(without=("q_d", "dq_d", "ddq_d")))
-        assert "q_d" in found["C3"].evidence["missing"]
+        assert found[claim].evidence["missing"].startswith("q_d of the run")
         assert found["C2"].decision.verdict != "not_testable"
+
+    def test_joint_1_at_rest_without_a_desired_angle_changes_nothing(self) -> None:
+        file = replace(comparison(GROWING), plant=make_decouple_file().plant)
+        runs = {name: with_joint_1(trace) for name, trace in file.runs.items()}
+        two, three = judged(file), judged(replace(file, runs=runs))
+        assert two["K5"].decision.verdict != "not_testable"
+        assert {name: one.decision.verdict for name, one in three.items()} == {
+            name: one.decision.verdict for name, one in two.items()
+        }
+        assert three["C5"].evidence == two["C5"].evidence
+
+    def test_the_payload_claim_is_about_its_own_runs(self) -> None:
+        found = judged(comparison(diverged={"controller_2": 7.0}))["P1"]
+        assert found.decision.verdict != "not_testable"
+        found = judged(comparison(diverged={"controller_2": 7.0, LOADED: 7.0}))["P1"]
+        assert f"a run of {LOADED} that is ok" in found.evidence["missing"]
 
     @pytest.mark.parametrize("joint", [2, 3])
     @pytest.mark.parametrize("claim", ["C1", "C2", "C3", "C4", "C5", "C6", "P1"])

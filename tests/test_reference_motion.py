@@ -149,6 +149,15 @@ def test_a_motionless_or_unrecorded_reference_is_missing() -> None:
         recover_run(trace(0.01 * np.arange(100), np.full((100, 2), np.nan)))
 
 
+def test_a_record_that_pauses_for_most_of_its_time_is_refused() -> None:
+    time = 0.001 * np.arange(2000.0)
+    time[1000:] += 1e9
+    q = np.repeat(np.sin(time)[:, np.newaxis], 2, axis=1)
+    with pytest.raises(DataMissingError, match=r"2000 samples of q_d in 1e\+09 s, 0\.001 s apart") as caught:
+        recover_run(trace(time, q))
+    assert "from_s" in str(caught.value.hint)
+
+
 @pytest.mark.parametrize("step", [0.001, 0.01])
 def test_the_trajectory_does_not_turn_rounding_into_acceleration(step: float) -> None:
     smooth, rough = (recorded(made("minimum_jerk", step, rounded=rounded)) for rounded in (False, True))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -21,7 +23,7 @@ from tendonrepro.dataset.meaning import understand
 from tendonrepro.dataset.printed_tables import _tail
 from tendonrepro.dataset.reference_motion import Reference, recover, zero_of
 from tendonrepro.dataset.reference_signal import Recorded, _refined, refined_shift
-from tendonrepro.dataset.rerun import aligned, departure
+from tendonrepro.dataset.rerun import aligned, departure, together
 from tendonrepro.dataset.residuals import comparison_rows
 from tendonrepro.dataset.signals import Found, Source
 from tendonrepro.errors import DataMissingError
@@ -314,3 +316,25 @@ def test_the_chance_of_agreement_is_that_of_independent_numbers() -> None:
     assert _tail(published(), names, 0) == pytest.approx(1.0)
     assert _tail(published(), names, 1) == pytest.approx(one + other - one * other)
     assert _tail(published(), names, 2) == pytest.approx(one * other)
+
+
+def test_runs_of_both_experiments_carry_both_configurations() -> None:
+    files = [replace(MOVES, source="simulated"), make_decouple_file()]
+    both = together(files)
+    assert both is not None
+    assert both.config_sha256 == hashlib.sha256(both.config_yaml.encode()).hexdigest()
+    assert all(file.config_yaml in both.config_yaml for file in files)
+    assert json.loads(both.manifest_json)["experiments"] == [json.loads(file.manifest_json) for file in files]
+    assert together(files[:1]) is files[0]
+    assert together([]) is None
+
+
+def test_why_there_is_no_rerun_is_said(tmp_path: Path) -> None:
+    trace = MOVES.runs[FIRST]
+    path = tmp_path / "SYNTHETIC.h5"
+    still = {FIRST: measured_trace(trace, q_d=0.0 * trace["q_d"])}
+    write_traces(path, replace(MOVES, runs=still))
+    found = validate.run_validate(
+        path, None, tmp_path / "out", (), None, force=False, dry_run=False, talk=Talk(quiet=True)
+    )
+    assert "a rerun of the comparison: run 'controller_1': q_d does not move" in found["missing"]

@@ -167,13 +167,13 @@ class TestResiduals:
         assert rows[0]["mae_ratio"] == pytest.approx(3.0)
         assert rows[0]["e_correlation"] == pytest.approx(1.0)
         assert rows[0]["e_mae_deg"] == pytest.approx(2.0 * rows[0]["simulated_mae_deg"])
-        assert rows[0]["samples"] == len(model.time)
+        assert rows[0]["e_samples"] == len(model.time)
 
     def test_only_what_the_simulation_reached_is_compared(self) -> None:
         ours = make_compare_file(step=0.01).runs["controller_1"]
         model = make_compare_file(step=0.01, diverged={"controller_1": 5.0}).runs["controller_1"]
         (row, _) = comparison_rows(measured_trace(ours), model)
-        assert row["samples"] == len(model.time)
+        assert row["q_samples"] == len(model.time)
         assert row["status"] == "diverged"
 
     def test_a_rerun_gets_the_start_angles_that_were_taken_off(self) -> None:

@@ -14,7 +14,7 @@ from tendonrepro.dataset.reference_signal import Recorded, noise_peak
 from tendonrepro.dataset.reference_turns import Turns, amplitude_of, movers, turns_of
 
 HALF_COUNT = float(np.deg2rad(0.011))
-"""Half an encoder count, rad."""
+"""Half of the encoder's printed resolution, rad."""
 
 _ROUGH, _FINE = (400, 1e-8), (1500, 1e-15)
 """Most samples, and tolerance, of a search from every guess and of the one from the best."""

@@ -138,7 +138,7 @@ def recover(file: TraceFile) -> Reference:
     problems = []
     for trace in sorted(holding, key=lambda trace: (not _complete(trace), trace.name not in CONTROLLERS)):
         try:
-            return recover_run(_moving_joints(trace))
+            return recover_run(trace.of_joints(COMPARED))
         except DataMissingError as problem:
             problems.append(problem)
     raise problems[0]
@@ -150,21 +150,9 @@ def _complete(trace: Trace) -> bool:
     return {*COMPARED} <= {joint for joint, values in columns if np.isfinite(values).any()}
 
 
-def _moving_joints(trace: Trace) -> Trace:
-    """The joints of the paper's comparison alone, where a run holds joint 1 too, which is at rest there."""
-    places = [place for place, joint in enumerate(trace.joint) if joint in COMPARED]
-    if len(places) in (0, len(trace.joint)):
-        return trace
-    variables = {name: values[:, places] for name, values in trace.variables.items()}
-    return replace(trace, joint=tuple(trace.joint[place] for place in places), variables=variables)
-
-
 def recover_run(trace: Trace, variable: str = "q_d") -> Reference:
     """Recover the motion of one run; see `recover`."""
-    record = recorded(trace, variable)
-    if record.range == 0.0:
-        message = f"run {trace.name!r}: {variable} does not move"
-        raise DataMissingError(message)
+    record = recorded_motion(trace, variable)
     first, last = record.moving()
     begin, end = float(record.time[first]), float(record.time[last])
     repeats, turns = repeat_after(record), turns_of(record)
@@ -176,6 +164,15 @@ def recover_run(trace: Trace, variable: str = "q_d") -> Reference:
     if turns and found.shape.kind in OUT_AND_BACK:
         period *= len(turns.pattern()[0])
     return replace(found, begin=found.delay, period=period)
+
+
+def recorded_motion(trace: Trace, variable: str) -> Recorded:
+    """Put a recorded variable on an even grid, and refuse one at rest; see `recorded`."""
+    record = recorded(trace, variable)
+    if record.range == 0.0:
+        message = f"run {trace.name!r}: {variable} does not move"
+        raise DataMissingError(message)
+    return record
 
 
 def timing_of(file: TraceFile, reference: Reference | None) -> dict[str, Timing]:
@@ -213,7 +210,7 @@ def _later(trace: Trace, reference: Reference) -> float:
     if "q_d" not in trace or trace.name == reference.run:
         return 0.0
     try:
-        record = recorded(_moving_joints(trace))
+        record = recorded(trace.of_joints(COMPARED))
     except DataMissingError:
         return 0.0
     if record.joint != reference.record.joint:

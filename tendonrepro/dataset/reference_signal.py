@@ -20,6 +20,8 @@ _MOVES = 0.4
 Half a period of a sine moves through half of its range at least."""
 _LAGS = 600
 _FEWEST = 20
+_SPARSE = 10.0
+"""Time that a record may last, over that of its samples in a row: more is a pause and not a gap."""
 _REACH = 0.05
 """Half the stretch of a rounded record whose ends tell its rate, s."""
 _NEAR = 0.5
@@ -87,7 +89,7 @@ def recorded(trace: Trace, name: str = "q_d") -> Recorded:
     Raises
     ------
     DataMissingError
-        If the run does not hold it, or too few samples of it.
+        If the run does not hold it, or too few samples of it, or pauses for most of its time.
     """
     values = trace[name]
     known = np.isfinite(values).all(axis=1)
@@ -96,7 +98,12 @@ def recorded(trace: Trace, name: str = "q_d") -> Recorded:
         raise DataMissingError(message)
     time, kept = trace.time[known] - trace.time[0], values[known]
     step = float(np.median(np.diff(time)))
-    even = step * np.arange(round(float(trace.time[-1] - trace.time[0]) / step) + 1.0)
+    lasts = float(trace.time[-1] - trace.time[0])
+    if lasts > _SPARSE * step * len(time):
+        count = f"{len(time)} samples of {name} in {lasts:.4g} s, {step:.4g} s apart"
+        message = f"run {trace.name!r} holds {count}"
+        raise DataMissingError(message, hint="cut pauses off with from_s and to_s in the mapping")
+    even = step * np.arange(round(lasts / step) + 1.0)
     if len(even) != len(time) or np.abs(even - time).max() > 1e-6 * step:
         filled = np.column_stack([np.interp(even, time, column) for column in kept.T])
     else:

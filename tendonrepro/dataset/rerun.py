@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -11,17 +13,18 @@ from typing import Any
 import numpy as np
 
 from tendonrepro.config import LoadedConfig, load_config
+from tendonrepro.dataset.reference_knots import thinned
 from tendonrepro.dataset.reference_motion import (
     FILE,
     Reference,
     config_tree,
     csv_text,
-    recover_run,
+    recorded_motion,
     zero_of,
 )
 from tendonrepro.experiment import simulate_run, trace_file
 from tendonrepro.files import write_atomically
-from tendonrepro.manifest import make_manifest
+from tendonrepro.manifest import make_manifest, to_json
 from tendonrepro.parallel import each
 from tendonrepro.records import Trace, TraceFile
 from tendonrepro.runs import build_loops
@@ -75,9 +78,7 @@ def _with_payloads(runs: Any, masses: Mapping[str, float], measured: str) -> Nod
     return dict(runs) | changed
 
 
-def write_decouple(
-    base: LoadedConfig, trace: Trace, measured: str, folder: Path
-) -> tuple[Reference, list[Path]]:
+def write_decouple(base: LoadedConfig, trace: Trace, measured: str, folder: Path) -> list[Path]:
     """Write the measured motion of the decoupling experiment in the same way.
 
     The motors' angles drive the rerun where they were recorded, else the joints' encoders.
@@ -94,22 +95,27 @@ def write_decouple(
 
     Returns
     -------
-    Reference, list of Path
-        The motion; ``decouple_reference.csv`` and ``decouple.yaml``.
+    list of Path
+        ``decouple_reference.csv`` and ``decouple.yaml``.
+
+    Raises
+    ------
+    DataMissingError
+        If nothing moves, or too few samples were recorded.
     """
     drives, variable = (
         ("motors", "q_motor_encoder") if "q_motor_encoder" in trace else ("joints", "q_encoder")
     )
-    motion = recover_run(trace, variable)
+    knots = thinned(recorded_motion(trace, variable))
     tree: dict[str, Node] = dict(base.tree)
     runs: Any = tree["runs"]
     run = {"drives": drives, "reference": {"kind": "sampled", "file": MOTION}}
     tree["runs"] = {"decouple": run | {"payload": runs["decouple"]["payload"]}}
     tree["title"] = f"{tree['title']}, on the {drives}' angles measured in {measured}"
     paths = [folder / MOTION, folder / DECOUPLE]
-    write_atomically(paths[0], csv_text(motion.knots, trace.joint))
+    write_atomically(paths[0], csv_text(knots, trace.joint))
     write_atomically(paths[1], dump(tree))
-    return motion, paths
+    return paths
 
 
 def rerun(path: Path, names: Sequence[str], talk: Talk) -> TraceFile:
@@ -214,5 +220,14 @@ def together(files: Sequence[TraceFile]) -> TraceFile | None:
     runs = {name: trace for file in files for name, trace in file.runs.items()}
     title = "; ".join(file.title for file in files)
     yaml = "---\n".join(file.config_yaml for file in files)
+    manifest = {"experiment": "both", "experiments": [json.loads(file.manifest_json) for file in files]}
     # Joint 1 moves in the decoupling experiment alone, whose plant record has all joints.
-    return replace(files[-1], experiment="both", title=title, runs=runs, config_yaml=yaml)
+    return replace(
+        files[-1],
+        experiment="both",
+        title=title,
+        runs=runs,
+        config_yaml=yaml,
+        config_sha256=hashlib.sha256(yaml.encode()).hexdigest(),
+        manifest_json=to_json(manifest),
+    )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -36,8 +36,8 @@ def comparison_rows(measured: Trace, simulated: Trace) -> Iterator[Row]:
     Yields
     ------
     dict
-        ``run``, ``joint``, ``samples``, ``status`` of the simulation, MAE of both tracking errors and their
-        ratio, ``e_*`` and ``q_*`` of measured less simulated, ``e_correlation``, ``lag_s``,
+        ``run``, ``joint``, ``status`` of the simulation, MAE of both tracking errors and their ratio, ``e_*``
+        and ``q_*`` of measured less simulated with the samples they rest on, ``e_correlation``, ``lag_s``,
         ``q_d_max_deg``; of the decoupling run the MAE of calculated less encoder, measured and simulated.
         What cannot be told is None or left out.
     """
@@ -48,15 +48,15 @@ def comparison_rows(measured: Trace, simulated: Trace) -> Iterator[Row]:
             for name in ("e", "q_encoder", "q_d")
             if name in measured and name in simulated
         }
-        row: Row = {"run": measured.name, "joint": joint, "samples": 0, "status": simulated.status}
+        row: Row = {"run": measured.name, "joint": joint, "status": simulated.status}
         if "e" in pairs:
             row |= _errors(*pairs["e"])
         if "q_encoder" in pairs:
-            row["samples"] = len(pairs["q_encoder"][0])
-            row |= _sizes("q", np.subtract(*pairs["q_encoder"][:2]))
+            row["q_samples"] = len(pairs["q_encoder"][0])
+            row |= _sizes("q_", np.subtract(*pairs["q_encoder"][:2]))
             row["lag_s"] = _lag(*pairs["q_encoder"][:2], _rate(simulated, joint, pairs["q_encoder"][2]))
         if "q_d" in pairs:
-            row["q_d_max_deg"] = _sizes("q_d", np.subtract(*pairs["q_d"][:2]))["q_d_max_deg"]
+            row["q_d_max_deg"] = _sizes("q_d_", np.subtract(*pairs["q_d"][:2]))["q_d_max_deg"]
         if all("q_calculated" in trace and "q_encoder" in trace for trace in (measured, simulated)):
             row["measured_calculated_mae_deg"] = _coupling_error(measured, joint)
             row["simulated_calculated_mae_deg"] = _coupling_error(simulated, joint)
@@ -93,20 +93,20 @@ def _errors(ours: Array, model: Array, _time: Array) -> Row:
         return {}
     sizes = [float(np.rad2deg(mae(values))) for values in (ours, model)]
     return {
-        "samples": len(ours),
+        "e_samples": len(ours),
         "measured_mae_deg": sizes[0],
         "simulated_mae_deg": sizes[1],
         "mae_ratio": sizes[0] / sizes[1] if sizes[1] > 0.0 else None,
-        **_sizes("e", ours - model),
+        **_sizes("e_", ours - model),
         "e_correlation": _correlation(ours, model),
     }
 
 
-def _sizes(name: str, difference: Array) -> Row:
+def _sizes(prefix: str, difference: Array) -> Row:
     if not len(difference):
-        return {f"{name}_{metric}_deg": None for metric in ("mae", "rms", "max")}
+        return {f"{prefix}{metric}_deg": None for metric in ("mae", "rms", "max")}
     found = {"mae": mae(difference), "rms": rmse(difference), "max": max_abs(difference)}
-    return {f"{name}_{metric}_deg": float(np.rad2deg(size)) for metric, size in found.items()}
+    return {f"{prefix}{metric}_deg": float(np.rad2deg(size)) for metric, size in found.items()}
 
 
 def _correlation(first: Array, second: Array) -> float | None:
@@ -162,9 +162,6 @@ def coupling_rows(trace: Trace, plant: PlantRecord) -> Iterator[Row]:
         known = difference[np.isfinite(difference).all(axis=1)]
         for column, number in enumerate(trace.joint) if len(known) else ():
             values = known[:, column]
-            shifted = {f"shifted_{key}": size for key, size in _sizes("", values - values[0]).items()}
-            yield {"what": what, "number": number} | _named(_sizes("", values) | shifted)
-
-
-def _named(row: Mapping[str, Any]) -> Row:
-    return {key.replace("__", "_").removeprefix("_"): value for key, value in row.items()}
+            yield {"what": what, "number": number, **_sizes("", values)} | _sizes(
+                "shifted_", values - values[0]
+            )

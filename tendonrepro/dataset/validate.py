@@ -14,7 +14,7 @@ from typing import Any, Literal
 from tendonrepro.claim_measured import JUDGED, Measured, judge_measured, measured_of
 from tendonrepro.claim_rules import Judged
 from tendonrepro.config import LoadedConfig, load_config
-from tendonrepro.dataset.measured_file import MEASURED, origin, read_measured
+from tendonrepro.dataset.measured_file import origin, read_measured
 from tendonrepro.dataset.reference_motion import zero_of
 from tendonrepro.dataset.rerun import (
     COMPARE,
@@ -73,7 +73,7 @@ class _Work:
 
 
 def run_validate(
-    measured: Path | None,
+    measured: Path,
     config: str | None,
     out: Path | None,
     overrides: Sequence[str],
@@ -86,8 +86,8 @@ def run_validate(
 
     Parameters
     ----------
-    measured : Path or None
-        Measured trace file; None is ``data/measured.h5``.
+    measured : Path
+        Trace file that ingest has written.
     config : str or None
         Configuration of the model, but for its reference; None is the shipped one.
     out : Path or None
@@ -113,13 +113,13 @@ def run_validate(
     UsageError
         If it is simulated, or the folder holds other results.
     """
-    path, folder = measured or MEASURED, out or FOLDER
-    file = read_measured(path)
+    folder = out or FOLDER
+    file = read_measured(measured)
     kind: Literal["compare", "decouple"] = "compare" if file.part("compare").runs else "decouple"
     base = load_config(config, kind, overrides=overrides, seed=seed)
-    digest = hashlib.sha256(f"{base.sha256} {sha256_of(path)}".encode()).hexdigest()
-    base = replace(base, sha256=digest, inputs=(*base.inputs, path))
-    head = {"schema_version": SCHEMA_VERSION, "measured": str(path), "out": str(folder)}
+    digest = hashlib.sha256(f"{base.sha256} {sha256_of(measured)}".encode()).hexdigest()
+    base = replace(base, sha256=digest, inputs=(*base.inputs, measured))
+    head = {"schema_version": SCHEMA_VERSION, "measured": str(measured), "out": str(folder)}
     if dry_run:
         if not force:
             refuse_others(folder, digest)
@@ -133,7 +133,7 @@ def run_validate(
         started = time.perf_counter()
         clear(folder)
         work = _Work(folder)
-        data = head | _validated(file, path.name, base, work, talk)
+        data = head | _validated(file, measured.name, base, work, talk)
         data["files"] = [str(one) for one in (*work.files, folder / RESULTS)]
         data["manifest"] = str(folder / MANIFEST)
         work.write(RESULTS, to_json(data))
@@ -201,10 +201,11 @@ def _tables(measured: Measured, paper: Published, name: str, work: _Work) -> dic
 
 def _rerun_compare(measured: Measured, name: str, base: LoadedConfig, work: _Work, talk: Talk) -> None:
     reference, runs = measured.reference, measured.compare.runs
-    if reference is None or reference.record.joint != COMPARED:
-        work.missing.append(
-            "no run with desired angles q_d of joints 2 and 3 that move: no rerun of the comparison"
-        )
+    reason = measured.unrecovered
+    if reference is not None and reference.record.joint != COMPARED:
+        reason = "no run holds the desired angles q_d of both joints 2 and 3"
+    if reference is None or reason:
+        work.missing.append(f"a rerun of the comparison: {reason}")
         return
     apart = {run: math.degrees(departure(trace, reference)) for run, trace in runs.items()}
     work.missing += [
@@ -230,8 +231,7 @@ def _rerun_decouple(trace: Trace, name: str, base: LoadedConfig, work: _Work, ta
         work.missing.append("all of joints 1 to 3 in the run decouple: no rerun of it")
         return
     try:
-        _, paths = write_decouple(_decouple_config(base), trace, name, work.folder)
-        work.files += paths
+        work.files += write_decouple(_decouple_config(base), trace, name, work.folder)
         work.simulated.append(rerun(work.folder / DECOUPLE, [trace.name], talk))
     except TendonreproError as error:
         work.missing.append(f"a rerun of the run decouple: {error.message}")

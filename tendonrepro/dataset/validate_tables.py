@@ -36,19 +36,20 @@ def table_data(tried: Tried | None, paper: Published) -> dict[str, Any]:
         ``table2``, ``table3``: row -> ``measured``, ``printed``, ``agree``, each with ``mae_deg`` and
         ``rmse_deg``, lists over joints 2 and 3; rows that were not measured are left out.
     """
+    if tried is None:
+        return {table: {} for table in _ROWS}
     return {
         table: {row: _row(tried, paper, start) for row, start in rows.items() if _has(tried, start)}
         for table, rows in _ROWS.items()
     }
 
 
-def _has(tried: Tried | None, start: str) -> bool:
-    return tried is not None and any(name.startswith(start) for name in tried.sizes)
+def _has(tried: Tried, start: str) -> bool:
+    return any(name.startswith(start) for name in tried.sizes)
 
 
-def _row(tried: Tried | None, paper: Published, start: str) -> dict[str, Any]:
-    sizes = tried.sizes if tried else {}
-    agree = tried.agree if tried else ()
+def _row(tried: Tried, paper: Published, start: str) -> dict[str, Any]:
+    sizes, agree = tried.sizes, tried.agree
     found: dict[str, dict[str, list[Any]]] = {"measured": {}, "printed": {}, "agree": {}}
     for metric in _METRICS:
         names = [f"{start}.{metric}.joint_{joint}" for joint in COMPARED]
