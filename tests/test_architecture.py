@@ -92,13 +92,9 @@ ROOMS = [
     ("dataset.inspection", "dataset.ingest"),
     # measured runs: tables, reference, statistics
     ("dataset.measured_file", "dataset.printed_tables", "measured_statistics"),
-    (
-        "dataset.reference_signal",
-        "dataset.reference_turns",
-        "dataset.reference_shapes",
-        "dataset.reference_fit",
-    ),
-    ("dataset.reference_knots", "dataset.reference_motion"),
+    ("dataset.reference_signal", "dataset.reference_turns", "dataset.reference_shapes"),
+    ("dataset.reference_fit", "dataset.reference_knots", "dataset.reference_motion"),
+    ("dataset.reference_config",),
     ("verdicts",),
     ("claim_plants", "claim_rules"),
     ("claim_statements",),

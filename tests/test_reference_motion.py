@@ -8,22 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tendonrepro import runs
 from tendonrepro.arrays import Array
 from tendonrepro.config import CompareConfig, load_config
+from tendonrepro.dataset.reference_config import FILE, config_tree, csv_text, runnable
+from tendonrepro.dataset.reference_fit import limit
 from tendonrepro.dataset.reference_knots import thinned
-from tendonrepro.dataset.reference_motion import (
-    FILE,
-    config_tree,
-    csv_text,
-    derivatives,
-    recover,
-    recover_run,
-    timing_of,
-)
+from tendonrepro.dataset.reference_motion import Reference, derivatives, recover, recover_run, timing_of
 from tendonrepro.dataset.reference_signal import recorded, repeat_after, rounding_step
 from tendonrepro.errors import DataMissingError
 from tendonrepro.records import PlantRecord, Trace, TraceFile
-from tendonrepro.runs import build_reference
 from tendonrepro.samples import read_samples
 from tendonrepro.strict_yaml import dump
 from tendonrepro.trajectory import (
@@ -200,26 +194,75 @@ def test_the_trajectory_file_starts_at_zero_and_is_read_back(tmp_path: Path) -> 
     assert angles[3] == pytest.approx(found.knots.angle[:, 1], abs=1e-8)
 
 
-@pytest.mark.parametrize(("kind", "turns"), [("minimum_jerk", True), ("trapezoidal", False), ("sine", False)])
-def test_the_written_configuration_runs_the_recovered_motion(kind: str, turns: bool, tmp_path: Path) -> None:
-    reference = recover_run(made(kind, turns=turns))
+def built(reference: Reference, folder: Path) -> runs.Reference:
+    """The motion that the written configuration runs."""
     base = load_config(None, "compare")
-    path = tmp_path / "SYNTHETIC.yaml"
+    (folder / FILE).write_text(csv_text(reference.knots, reference.record.joint), encoding="utf-8")
+    path = folder / "SYNTHETIC.yaml"
     path.write_text(dump(config_tree(base.tree, reference, "SYNTHETIC.h5")), encoding="utf-8")
     loaded = load_config(path, "compare")
     assert isinstance(loaded.config, CompareConfig)
     assert "SYNTHETIC.h5" in loaded.config.title
-    built = build_reference(loaded.config.reference, loaded.config, tmp_path)
-    record = reference.record
-    again = np.column_stack([np.interp(record.time, built.time, column) for column in built.q_d.T])
+    return runs.build_reference(loaded.config.reference, loaded.config, folder)
+
+
+@pytest.mark.parametrize(("kind", "turns"), [("minimum_jerk", True), ("trapezoidal", False), ("sine", False)])
+def test_the_written_configuration_runs_the_recovered_motion(kind: str, turns: bool, tmp_path: Path) -> None:
+    reference = recover_run(made(kind, turns=turns))
+    record, ran = reference.record, built(reference, tmp_path)
+    again = np.column_stack([np.interp(record.time, ran.time, column) for column in ran.q_d.T])
     assert np.abs(again - record.q).max() < np.deg2rad(1e-3)
+
+
+@pytest.mark.parametrize("step", [0.001, 0.01])
+@pytest.mark.parametrize("drift", [0.0, 3e-5])
+def test_a_cycle_of_no_whole_samples_still_runs_as_its_shape(
+    step: float, drift: float, tmp_path: Path
+) -> None:
+    """A (1 - cos t) lasts 2 pi seconds, and a clock that is fast a little more than whole ones."""
+    time = step * np.arange(round(4.0 * np.pi / step) + 1)
+    course = 0.5 * (1.0 - np.cos(time * (1.0 + drift)))[:, np.newaxis]
+    found = recover_run(trace(time, AMPLITUDE * course))
+    assert found.shape is not None
+    assert found.shape.kind == "raised_cosine"
+    written = runnable(found, 0.001)
+    assert written.shape is not None
+    assert written.period == pytest.approx(6.283, abs=1e-9)
+    assert written.shape.largest < limit(found.record)
+    again = built(written, tmp_path)
+    assert (
+        np.abs(np.interp(time, again.time, again.q_d[:, 1]) - AMPLITUDE[1] * course[:, 0])[:-2].max() < 2e-4
+    )
+
+
+def test_a_shape_that_may_not_give_way_runs_as_samples(tmp_path: Path) -> None:
+    """Forty periods of 1.0004 s are 16 ms too long for 40 s."""
+    time = 0.001 * np.arange(40017)
+    q = AMPLITUDE * 0.5 * (1.0 - np.cos(2.0 * np.pi * time / 1.0004))[:, np.newaxis]
+    found = recover_run(trace(time, q))
+    assert found.shape is not None
+    assert runnable(found, 0.0004).shape is not None
+    written = runnable(found, 0.3)
+    assert written.shape is None
+    again = built(written, tmp_path)
+    inside = time <= again.time[-1]
+    assert np.abs(np.interp(time, again.time, again.q_d[:, 1]) - q[:, 1])[inside].max() < np.deg2rad(0.05)
+
+
+def test_whole_cycles_stay_as_they_are() -> None:
+    found = recover_run(made("trapezoidal"))
+    assert runnable(found, 0.001) is found
+    time = 0.01 * np.arange(2000.0)
+    sampled = recover_run(trace(time, (time**2 * np.exp(-time))[:, np.newaxis] * AMPLITUDE))
+    assert sampled.shape is None
+    assert runnable(sampled, 0.3) is sampled
 
 
 def test_a_run_that_starts_later_is_timed_by_its_own_start() -> None:
     early, late = made("minimum_jerk", delay=0.5), made("minimum_jerk", delay=1.5)
     late = Trace("controller_2", late.time, late.joint, late.variables, late.attributes)
-    runs = {"controller_1": early, "controller_2": late}
-    file = TraceFile("compare", "measured", "SYNTHETIC", runs, PlantRecord({}, {}), "", "", "{}", "", "0")
+    both = {"controller_1": early, "controller_2": late}
+    file = TraceFile("compare", "measured", "SYNTHETIC", both, PlantRecord({}, {}), "", "", "{}", "", "0")
     timing = timing_of(file, recover(file))
     assert timing["controller_1"].start == pytest.approx(3.5, abs=1e-6)
     assert timing["controller_2"].start == pytest.approx(4.5, abs=1e-6)

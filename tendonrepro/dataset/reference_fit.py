@@ -4,12 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.dataset.reference_shapes import OUT_AND_BACK, PER_JOINT, POSITIVE, Values, curve, rounded
+from tendonrepro.dataset.reference_shapes import (
+    ANGLES,
+    OUT_AND_BACK,
+    PER_JOINT,
+    POSITIVE,
+    UNITS,
+    Values,
+    curve,
+    rounded,
+)
 from tendonrepro.dataset.reference_signal import Recorded, noise_peak
 from tendonrepro.dataset.reference_turns import Turns, amplitude_of, movers, turns_of
 
@@ -43,6 +53,14 @@ class Fit:
     largest: float
     rms: float
 
+    def parameters(self) -> dict[str, Any]:
+        """Parameters in a configuration's units."""
+        known = {name: value for name, value in self.values.items() if name in UNITS}
+        return {
+            name: np.round(np.rad2deg(value) if name in ANGLES else value, 9).tolist()
+            for name, value in known.items()
+        }
+
 
 def limit(record: Recorded) -> float:
     """Largest residual of a shape that is named: half a count, half the record's step and its noise, rad."""
@@ -75,7 +93,7 @@ def fits(record: Recorded, period: float) -> list[Fit]:
     found = [
         _fine(record, kind, cycles[kind], values)
         if rms <= _CLOSE * closest
-        else _judged(record, kind, cycles[kind], _physical(values))
+        else judged(record, kind, cycles[kind], _physical(values))
         for kind, (rms, values) in rough.items()
     ]
     return sorted(found, key=lambda fit: fit.rms)
@@ -123,19 +141,19 @@ def _rough(
 ) -> tuple[float, Values]:
     """Best result over the guesses, and its RMS residual."""
     solved = [_solved(record, kind, turns, guess, *_ROUGH) for guess in guesses]
-    sizes = [_judged(record, kind, turns, _physical(values)).rms for values in solved]
+    sizes = [judged(record, kind, turns, _physical(values)).rms for values in solved]
     best = int(np.argmin(sizes))
     return sizes[best], solved[best]
 
 
 def _fine(record: Recorded, kind: str, turns: Turns | None, values: Values) -> Fit:
     """Fit with numbers as round as its residual allows."""
-    best = _judged(record, kind, turns, _physical(_solved(record, kind, turns, values, *_FINE)))
+    best = judged(record, kind, turns, _physical(_solved(record, kind, turns, values, *_FINE)))
     for digits in range(1, 8):
         values = rounded(best.values, digits)
         if any(values.get(name) == 0.0 for name in POSITIVE):
             continue
-        rounder = _judged(record, kind, turns, values)
+        rounder = judged(record, kind, turns, values)
         if rounder.largest <= _ROUNDER * best.largest + 1e-9 and rounder.rms <= _ROUNDER * best.rms + 1e-9:
             return rounder
     return best
@@ -226,6 +244,7 @@ def _physical(values: Values) -> Values:
     return kept | {"velocity": float(velocity), "acceleration": float(velocity / (share * rise))}
 
 
-def _judged(record: Recorded, kind: str, turns: Turns | None, values: Values) -> Fit:
+def judged(record: Recorded, kind: str, turns: Turns | None, values: Values) -> Fit:
+    """Residual of a shape with given parameters."""
     residual = curve(kind, values, turns, record.time) - record.q
     return Fit(kind, values, float(np.abs(residual).max()), float(np.sqrt(np.mean(residual**2))))

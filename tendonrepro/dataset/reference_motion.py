@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,19 +17,12 @@ from tendonrepro.dataset.reference_turns import Turns, turns_of
 from tendonrepro.errors import DataMissingError
 from tendonrepro.published import COMPARED
 from tendonrepro.records import Trace, TraceFile
-from tendonrepro.strict_yaml import Node
 from tendonrepro.summary import CONTROLLERS
-
-FILE = "reference.csv"
 
 _NEAR_START = 0.05
 """Share of a period within which an unnamed motion counts as starting with the record."""
 _SAME_TIME = 0.05
 """Share of a sample by which two runs' motions may be apart and still begin at one time."""
-_UNITS = {"period": "s", "rise": "s", "hold": "s", "blend": "s"} | {
-    **{"amplitude": "deg", "offset": "deg"},
-    **{"velocity": "deg s-1", "acceleration": "deg s-2"},
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +75,7 @@ class Reference:
             "run": self.run,
             "joints": list(record.joint),
             "kind": kind,
-            "parameters": _parameters(shape) if shape else {},
+            "parameters": shape.parameters() if shape else {},
             "period_s": self.period or None,
             "periods": self._periods(),
             "begin_s": self.begin,
@@ -233,64 +225,3 @@ def derivatives(trace: Trace) -> tuple[Array, Array]:
     spline = smoothed(recorded(trace)).spline
     time = trace.time - trace.time[0]
     return spline(time, 1), spline(time, 2)
-
-
-def csv_text(knots: Knots, joint: Sequence[int]) -> str:
-    """Trajectory file: ``time_s`` and ``q<joint>_deg``."""
-    rows = np.column_stack([knots.time, np.rad2deg(knots.angle)])
-    lines = [",".join(f"{number:.9g}" for number in row) for row in rows + 0.0]
-    return "\n".join([",".join(["time_s", *(f"q{number}_deg" for number in joint)]), *lines]) + "\n"
-
-
-def reference_tree(reference: Reference, measured: str) -> dict[str, Node]:
-    """Section ``reference`` of a configuration that runs the recovered motion.
-
-    Parameters
-    ----------
-    reference : Reference
-    measured : str
-        Name of the measured file, for the source of each value.
-    """
-    shape, turns = reference.shape, reference.turns
-    if shape is None:
-        return {"kind": "sampled", "file": FILE}
-    source = f"identified: {measured}"
-    tree: dict[str, Node] = {"kind": shape.kind}
-    for name, value in _parameters(shape).items():
-        tree[name] = {"value": value, "unit": _UNITS[name], "source": source}
-    periods: int | None = None
-    if turns and shape.kind in OUT_AND_BACK:
-        pattern, periods = turns.pattern()
-        if len(pattern) > 1:
-            tree["turns"] = [[reference.record.joint[i] for i in turn] for turn in pattern]
-    else:
-        left = float(reference.record.time[-1]) - reference.delay
-        periods = max(round(left / reference.period), 1)
-    tree["periods"] = {"value": periods, "unit": "1", "source": source}
-    return tree
-
-
-def _parameters(shape: Fit) -> dict[str, Any]:
-    """Parameters of a shape in a configuration's units."""
-    found: dict[str, Any] = {}
-    for name, value in shape.values.items():
-        if name not in _UNITS:
-            continue
-        number = np.rad2deg(value) if _UNITS[name].startswith("deg") else np.asarray(value)
-        found[name] = np.round(number, 9).tolist()
-    return found
-
-
-def config_tree(tree: Mapping[str, Node], reference: Reference, measured: str) -> dict[str, Node]:
-    """Whole configuration of a comparison on the recovered motion.
-
-    Parameters
-    ----------
-    tree : Mapping
-        Of a complete configuration.
-    reference : Reference
-    measured : str
-        Name of the measured file.
-    """
-    title = f"{tree['title']}, on the reference measured in {measured}"
-    return dict(tree) | {"title": title, "reference": reference_tree(reference, measured)}

@@ -27,6 +27,11 @@ PER_JOINT = ("amplitude", "offset", "start")
 """Parameters that each joint has its own value of, (n,)."""
 ANGLES = (*PER_JOINT, "velocity", "acceleration")
 """Parameters whose unit holds an angle; they are round in degrees."""
+UNITS = {
+    **{"period": "s", "rise": "s", "hold": "s", "blend": "s"},
+    **{"amplitude": "deg", "offset": "deg", "velocity": "deg s-1", "acceleration": "deg s-2"},
+}
+"""Units in a configuration; what has none here is not written there."""
 POSITIVE = ("period", "rise", "blend", "velocity", "acceleration")
 """Parameters that make no motion when they are zero."""
 

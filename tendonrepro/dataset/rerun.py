@@ -13,15 +13,9 @@ from typing import Any
 import numpy as np
 
 from tendonrepro.config import LoadedConfig, load_config
+from tendonrepro.dataset.reference_config import FILE, config_tree, csv_text
 from tendonrepro.dataset.reference_knots import thinned
-from tendonrepro.dataset.reference_motion import (
-    FILE,
-    Reference,
-    config_tree,
-    csv_text,
-    recorded_motion,
-    zero_of,
-)
+from tendonrepro.dataset.reference_motion import Reference, recorded_motion, zero_of
 from tendonrepro.experiment import simulate_run, trace_file
 from tendonrepro.files import write_atomically
 from tendonrepro.manifest import make_manifest, to_json

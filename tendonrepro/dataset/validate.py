@@ -15,7 +15,8 @@ from tendonrepro.claim_measured import JUDGED, Measured, judge_measured, measure
 from tendonrepro.claim_rules import Judged
 from tendonrepro.config import LoadedConfig, load_config
 from tendonrepro.dataset.measured_file import origin, read_measured
-from tendonrepro.dataset.reference_motion import zero_of
+from tendonrepro.dataset.reference_config import runnable
+from tendonrepro.dataset.reference_motion import Reference, zero_of
 from tendonrepro.dataset.rerun import (
     COMPARE,
     DECOUPLE,
@@ -155,8 +156,11 @@ def _validated(file: TraceFile, name: str, base: LoadedConfig, work: _Work, talk
     found = judge_measured(measured, paper)
     work.missing += [f"the run {run}" for run in EXPECTED if run not in file.runs]
     tables = _tables(measured, paper, name, work)
+    reference = measured.reference
+    if reference is not None:
+        reference = runnable(reference, base.config.sampling_period.si)
     if measured.compare.runs:
-        _rerun_compare(measured, name, base, work, talk)
+        _rerun_compare(measured, reference, name, base, work, talk)
     decouple = file.part("decouple").runs.get("decouple")
     if decouple is not None:
         _rerun_decouple(decouple, name, base, work, talk)
@@ -172,7 +176,7 @@ def _validated(file: TraceFile, name: str, base: LoadedConfig, work: _Work, talk
         "window": measured.tables.deciding.name if measured.tables.deciding else None,
         **tables,
         "windows": measured.tables.as_dict(),
-        "reference": measured.reference.as_dict() if measured.reference else None,
+        "reference": _motion(measured.reference, reference),
         "claims": [_verdict(paper, identifier, found[identifier]) for identifier in JUDGED],
         "numbers": {
             identifier: {"verdict": one.decision.verdict, "ours": one.ours}
@@ -199,9 +203,24 @@ def _tables(measured: Measured, paper: Published, name: str, work: _Work) -> dic
     return data
 
 
-def _rerun_compare(measured: Measured, name: str, base: LoadedConfig, work: _Work, talk: Talk) -> None:
-    reference, runs = measured.reference, measured.compare.runs
-    reason = measured.unrecovered
+def _motion(found: Reference | None, written: Reference | None) -> dict[str, Any] | None:
+    """What was recovered, as the configuration holds it; as found where that holds samples alone."""
+    if found is None or written is None:
+        return None
+    if written.shape:
+        return written.as_dict() | {"written_as": "shape"}
+    return found.as_dict() | {"written_as": "samples"}
+
+
+def _rerun_compare(
+    measured: Measured,
+    reference: Reference | None,
+    name: str,
+    base: LoadedConfig,
+    work: _Work,
+    talk: Talk,
+) -> None:
+    reason, runs = measured.unrecovered, measured.compare.runs
     if reference is not None and reference.record.joint != COMPARED:
         reason = "no run holds the desired angles q_d of both joints 2 and 3"
     if reference is None or reason:

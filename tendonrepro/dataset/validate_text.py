@@ -72,25 +72,31 @@ def _reference(reference: Mapping[str, Any] | None) -> Iterator[str]:
     repeats = f"period {period:.5g} s, begun {reference['periods']} times" if period else "no repetition"
     start = ", ".join(f"{angle:.4g}" for angle in reference["start_angle_deg"])
     if reference["kind"] == "sampled":
-        kind = (
-            f"no shape of the simulator, so samples every {reference['spacing_s']:.4g} s, "
-            f"{reference['deviation_deg']:.2g} deg from the record at most"
-        )
+        kind = f"no shape of the simulator, so {_samples(reference)}"
     else:
         largest = reference["shapes"][0]["largest_residual_deg"]
         kind = f"{reference['kind']}, {largest:.2g} deg from the record at most"
+        if reference["written_as"] == "samples":
+            kind += f" (written as {_samples(reference)}: it lasts no whole number of sampling periods)"
     yield (
         f"Reference of {reference['run']}: {kind}; joints {reference['joints']} move {amplitude} deg, "
         f"{repeats}; start angles {start} deg were taken off{_ends(reference)}"
     )
 
 
+def _samples(reference: Mapping[str, Any]) -> str:
+    spacing, deviation = reference["spacing_s"], reference["deviation_deg"]
+    return f"samples every {spacing:.4g} s, {deviation:.2g} deg from the record at most"
+
+
 def _ends(reference: Mapping[str, Any]) -> str:
     """What the trajectory file does where the record begins or ends in mid-motion."""
     words = ""
-    if reference["kind"] == "sampled" and reference["faded_in_s"]:
+    if reference["written_as"] == "shape":
+        return words
+    if reference["faded_in_s"]:
         words += f"; it begins in mid-motion, and is faded in from rest over {reference['faded_in_s']:g} s"
-    if reference["kind"] == "sampled" and reference["brought_to_rest"]:
+    if reference["brought_to_rest"]:
         words += "; it ends in mid-motion, and is brought to rest"
     return words
 
