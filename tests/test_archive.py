@@ -6,6 +6,7 @@ import bz2
 import gzip
 import io
 import lzma
+import sys
 import tarfile
 import zipfile
 from collections.abc import Callable
@@ -215,6 +216,34 @@ def test_a_truncated_archive_is_named(suffix: str, tmp_path: Path) -> None:
     sources = read_file(path, "x")
     assert sources[0].skipped[0].reason
     assert all(source.signals or source.skipped for source in sources)
+
+
+@pytest.mark.parametrize("suffix", PACKERS)
+def test_want_of_memory_is_no_fault_of_the_archive(
+    suffix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def greedy(*_: object) -> Member:
+        raise MemoryError
+
+    path = PACKERS[suffix](tmp_path / f"SYNTHETIC.{suffix}")
+    monkeypatch.setattr(archive, "_unpacked", greedy)
+    with pytest.raises(MemoryError):
+        unpacked(path, tmp_path / "own")
+    (source,) = read_file(path, "x")
+    assert [left.reason for left in source.skipped] == ["needs too much memory"]
+    assert source.md5
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="has no disk that is always full")
+@pytest.mark.parametrize("suffix", PACKERS)
+def test_a_full_disk_is_no_fault_of_the_archive(suffix: str, tmp_path: Path) -> None:
+    path = PACKERS[suffix](tmp_path / f"SYNTHETIC.{suffix}")
+    (tmp_path / "own").mkdir()
+    (tmp_path / "own" / "member").symlink_to("/dev/full")
+    with pytest.raises(Unreadable) as caught:
+        unpacked(path, tmp_path / "own")
+    assert caught.value.reason == "no room to unpack it"
+    assert "TMPDIR" in caught.value.advice
 
 
 def test_an_empty_archive_says_so(tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ import pytest
 from tendonrepro.dataset import fetch as fetch_module
 from tendonrepro.dataset.fetch import run_fetch
 from tendonrepro.dataset.fetch_text import fetch_text
+from tendonrepro.dataset.readers import files_below
 from tendonrepro.dataset.web import Patience
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.talk import Talk
@@ -587,6 +588,28 @@ def test_nobody_to_ask(fetch: Fetch, by_hand: Path, tmp_path: Path) -> None:
         compared = fetch(repository, force=True)
     assert compared["verified"]
     assert {file["action"] for file in compared["files"]} == {"present"}
+
+
+ODD_NAMES = ["motor.lock", "results.lock.json", "results/r.csv", ".hidden/run.csv", ".x"]
+
+
+def test_whatever_a_record_holds_is_read_afterwards(fetch: Fetch, tmp_path: Path) -> None:
+    odd = dict.fromkeys(ODD_NAMES, b"SYNTHETIC 1\n")
+    with serving(Repository(files=odd)) as repository:
+        fetch(repository)
+    for folder, prefix in ((tmp_path / "zenodo", ""), (tmp_path, "zenodo/")):
+        assert {name for _, name in files_below([folder])} == {prefix + name for name in ODD_NAMES}
+
+
+def test_hidden_files_of_a_record_are_found_by_hand(fetch: Fetch, by_hand: Path, tmp_path: Path) -> None:
+    odd = dict.fromkeys(ODD_NAMES, b"SYNTHETIC 1\n")
+    for name, content in {**odd, ".hidden/other": b"", "run.csv.part": b""}.items():
+        (by_hand / name).parent.mkdir(exist_ok=True)
+        (by_hand / name).write_bytes(content)
+    with serving(Repository(files=odd)) as repository:
+        found = fetch(repository, from_dir=by_hand)
+    assert files_of(tmp_path / "zenodo") == contents(odd)
+    assert set(found["ignored"]) == set(SMALL)
 
 
 def test_a_wrong_file_by_hand_is_refused(fetch: Fetch, by_hand: Path, tmp_path: Path) -> None:

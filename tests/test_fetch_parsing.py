@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 from contextlib import suppress
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
@@ -13,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tendonrepro.dataset.data_lock import DataLock, LockedFile, read_lock, write_lock
-from tendonrepro.dataset.names import safe_paths, safe_relative
+from tendonrepro.dataset.names import LABEL, PART, is_ours, printable, safe_paths, safe_relative
 from tendonrepro.dataset.zenodo import Record, parse_files, parse_record, record_number
 from tendonrepro.errors import DataMissingError, UsageError
 from tests.zenodo_server import RECORD, Repository
@@ -57,6 +58,29 @@ def test_ordinary_names_stay(name: str) -> None:
 def test_dangerous_names_are_refused(name: str, reason: str) -> None:
     with pytest.raises(ValueError, match=reason):
         safe_relative(name)
+
+
+@pytest.mark.parametrize(
+    "name", ["motor.lock", "results.lock.json", ".hidden", "part", "x.part.csv", "x.json"]
+)
+def test_names_of_others_are_not_ours(name: str) -> None:
+    assert not is_ours(name)
+    assert safe_relative(f"run 1/{name}") == PurePosixPath("run 1", name)
+
+
+@pytest.mark.parametrize("name", ["x.mat" + PART, "x.mat" + LABEL, "X.PART", ".lock", ".Lock"])
+def test_names_of_our_own_are_not_taken_from_a_record(name: str) -> None:
+    assert is_ours(name)
+    with pytest.raises(ValueError, match="working files"):
+        safe_relative(f"run 1/{name}")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="names are text there")
+@given(st.binary(max_size=20))
+def test_any_name_on_disk_can_be_printed(raw: bytes) -> None:
+    name = printable(os.fsdecode(raw))
+    assert name.encode().decode() == name
+    assert printable(name) == name
 
 
 @given(st.text(max_size=40) | st.text(alphabet="./\\:aAC \0", max_size=12))

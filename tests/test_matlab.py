@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import os
 import struct
 import time
@@ -338,6 +339,12 @@ def test_dates_are_counted_from_the_first(tmp_path: Path, version: str) -> None:
         assert note in got[name].note
 
 
+def test_dates_of_centuries() -> None:
+    found = walked("when", np.array([["2024-01-01"], ["2500-01-02"]], "datetime64[ms]"))
+    days = (datetime.date(2500, 1, 2) - datetime.date(2024, 1, 1)).days
+    assert signals(found)["when"].values.tolist() == [0.0, 86400.0 * days]
+
+
 @VERSIONS
 def test_a_log_with_nothing_inside_says_so(tmp_path: Path, version: str) -> None:
     log = made.thing("Simulink.SimulationData.Dataset", Name="logsout", Elements=made.EMPTY)
@@ -517,8 +524,19 @@ def test_curves_that_turn_back_keep_their_x(tmp_path: Path) -> None:
     assert got["axes 1/curve 1/x"].group == got["axes 1/curve 1/y"].group == "axes 1/curve 1"
 
 
-def test_figure_in_milliseconds(tmp_path: Path) -> None:
-    axes = made.axes(made.line(1000.0 * TIMES, TIMES), xlabel="t [ms]")
+@pytest.mark.parametrize(
+    ("label", "factor"),
+    [
+        ("t [ms]", 1e3),
+        ("t [msec]", 1e3),
+        ("Time (us)", 1e6),
+        ("时间 (秒)", 1.0),
+        ("t (min)", 1 / 60),
+        ("t", 1.0),
+    ],
+)
+def test_figure_in_any_unit_of_time(tmp_path: Path, label: str, factor: float) -> None:
+    axes = made.axes(made.line(factor * TIMES, TIMES), xlabel=label)
     (curve,) = read_matlab(made.figure(tmp_path / "SYNTHETIC.fig", axes)).signals
     assert curve.time is not None
     np.testing.assert_allclose(curve.time, TIMES)
@@ -616,17 +634,31 @@ def test_deep_nesting_is_refused(tmp_path: Path) -> None:
     assert "deeply" in skipped(found)["a"]
 
 
-def test_a_bomb_is_not_unpacked(tmp_path: Path) -> None:
-    huge = (
-        (14).to_bytes(4, "little")
-        + (2**31 + 64).to_bytes(4, "little")
-        + element(6, (6).to_bytes(8, "little"))
-    )
-    packed = zlib.compress(huge + bytes(10**6))
-    found = read_bytes(
-        tmp_path, HEAD + (15).to_bytes(4, "little") + len(packed).to_bytes(4, "little") + packed
-    )
-    assert found is None or "announces" in skipped(found)[""]
+def packed_matrix(name: str, values: np.ndarray, announced: int | None = None) -> bytes:
+    """A matrix of MATLAB 7, byte by byte; its first size may be a lie."""
+    dims = element(5, values.size.to_bytes(4, "little") + (1).to_bytes(4, "little"))
+    body = element(6, (6).to_bytes(8, "little")) + dims + element(1, name.encode())
+    body += element(9, values.astype("<f8").tobytes())
+    tag = (14).to_bytes(4, "little") + (announced or len(body)).to_bytes(4, "little")
+    packed = zlib.compress(tag + body)
+    return (15).to_bytes(4, "little") + len(packed).to_bytes(4, "little") + packed
+
+
+@pytest.mark.parametrize(
+    ("samples", "announced"),
+    [(10, 2**20), pytest.param(300_000, 2**31 + 64, id="more than is ever read, and packed tightly enough")],
+)
+def test_a_bomb_is_not_unpacked(tmp_path: Path, samples: int, announced: int) -> None:
+    """Nothing is wrong with it but the size in its header."""
+    noise = np.random.default_rng(1).normal(size=samples)
+    rest = packed_matrix("b", TIMES)
+    found = read_bytes(tmp_path, HEAD + packed_matrix("a", noise) + rest)
+    assert found is not None
+    assert list(signals(found)) == ["a", "b"]
+    found = read_bytes(tmp_path, HEAD + packed_matrix("a", noise, announced) + rest)
+    assert found is not None
+    assert list(signals(found)) == ["b"]
+    assert "announces more than it holds" in skipped(found)[""]
 
 
 def test_a_dataset_without_storage_is_not_allocated(tmp_path: Path) -> None:

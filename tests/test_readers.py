@@ -2,23 +2,35 @@
 
 from __future__ import annotations
 
+import datetime
 import hashlib
+import io
 import multiprocessing
 import os
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
+import h5py
+import matlab_bytes
+import numpy as np
 import psutil
 import pytest
 import seed_files
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_array_equal
 
+from tendonrepro.dataset import hdf5_file, signals
+from tendonrepro.dataset.arrays_file import read_npy
+from tendonrepro.dataset.data_lock import DataLock, LockedFile, lock_path, write_lock
 from tendonrepro.dataset.filetype import ADVICE, FileType, kind_of
 from tendonrepro.dataset.guard import Limits, read_guarded
 from tendonrepro.dataset.readers import files_below, read_file
-from tendonrepro.dataset.signals import Source
+from tendonrepro.dataset.signals import Found, Source, seconds
 from tendonrepro.errors import DataMissingError, TendonreproError
 from tendonrepro.talk import Talk
 
@@ -124,8 +136,11 @@ def test_files_below(tmp_path: Path) -> None:
         ".git/x",
         "c.mat.part",
         "c.mat.part.json",
-        "d.lock",
-        "e.json",
+        "C.MAT.PART",
+        ".lock",
+        "motor.lock",
+        "results.lock.json",
+        "results/r.csv",
     ]:
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -134,10 +149,59 @@ def test_files_below(tmp_path: Path) -> None:
     if sys.platform != "win32":  # where links need a right of their own
         (folder / "link").symlink_to(tmp_path / "secret")
         (folder / "circle").symlink_to(folder)
-    assert [name for _, name in files_below([folder])] == ["a.csv", "e.json", "b/z.csv"]
+    names = ["a.csv", "motor.lock", "results.lock.json", "b/z.csv", "results/r.csv"]
+    assert [name for _, name in files_below([folder])] == names
     both = files_below([folder / "a.csv", folder])
-    assert [name for _, name in both] == ["a.csv", "data/a.csv", "data/e.json", "data/b/z.csv"]
+    assert [name for _, name in both] == ["a.csv", *(f"data/{name}" for name in names)]
     assert all(path.is_file() for path, _ in both)
+
+
+def locked_folder(folder: Path, names: Sequence[str]) -> None:
+    """Files with a data lock beside them, as `fetch` leaves them."""
+    files = []
+    for name in names:
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("1\n")
+        files.append(LockedFile(name, 2, "b026324c6904b2a9cb4b88d6d61c81d1", name))
+    nothing = (None, None, None, None, None)
+    write_lock(lock_path(folder), DataLock("1", "1", *nothing, "", "https://x.example", True, tuple(files)))
+
+
+def test_what_a_data_lock_names_is_never_left_out(tmp_path: Path) -> None:
+    """Nor is anything else with such a name, but the lock itself."""
+    folder = tmp_path / "data"
+    named = [".x.csv", "results.lock.json", ".hidden/run.csv", ".hidden/deep/run.csv", "results/r.csv"]
+    locked_folder(folder, named)
+    for name in (".lock", ".y.csv", ".hidden/other.csv", ".git/x", "run.csv.part"):
+        path = folder / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text("1\n")
+    assert sorted(name for _, name in files_below([folder])) == sorted(named)
+    assert sorted(name for _, name in files_below([tmp_path])) == sorted(f"data/{name}" for name in named)
+
+
+@pytest.mark.parametrize("content", ["", "{}", "[" * 10**5, "motor: 1"])
+def test_a_file_that_only_has_the_name_of_a_lock(content: str, tmp_path: Path) -> None:
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data.lock.json").write_text(content)
+    (tmp_path / "data" / "a.csv").write_text("1\n")
+    assert [name for _, name in files_below([tmp_path])] == ["data.lock.json", "data/a.csv"]
+    assert [name for _, name in files_below([tmp_path / "data"])] == ["a.csv"]
+
+
+@pytest.mark.skipif(sys.platform in {"win32", "darwin"}, reason="names are text there")
+def test_names_that_are_no_text(tmp_path: Path) -> None:
+    for name in (b"c1_\xff.csv", b"c1_\xfe.csv", b"\xff/a.csv"):
+        path = Path(os.fsdecode(os.fsencode(tmp_path) + b"/" + name))
+        path.parent.mkdir(exist_ok=True)
+        path.write_bytes(READABLE["SYNTHETIC_comma.csv"])
+    files = files_below([tmp_path])
+    names = [name for _, name in files]
+    assert names == ["c1_\ufffd.csv", "c1_\ufffd.csv (2)", "\ufffd/a.csv"]
+    assert [source.name for source in read_guarded(files, QUIET) if source.signals] == names
+    # A file that is named twice stays one file.
+    assert [name for _, name in files_below([files[0][0], files[0][0]])] == [names[0], names[0]]
 
 
 def test_no_files_below(tmp_path: Path) -> None:
@@ -145,6 +209,148 @@ def test_no_files_below(tmp_path: Path) -> None:
         files_below([tmp_path / "missing"])
     with pytest.raises(DataMissingError, match="no files in"):
         files_below([tmp_path])
+
+
+# --- what one file may take -----------------------------------------------------------------------
+
+
+def narrow(folder: Path, suffix: str, arrays: dict[str, np.ndarray]) -> Path:
+    """Arrays of one byte a number in a file that packs them well."""
+    path = folder / f"SYNTHETIC.{suffix}"
+    if suffix == "h5":
+        with h5py.File(path, "w") as file:
+            for name, values in arrays.items():
+                file.create_dataset(name, data=values, compression="gzip")
+    elif suffix == "npz":
+        np.savez_compressed(path, **arrays)
+    else:
+        matlab_bytes.classic(path, arrays, packed=True)
+    return path
+
+
+@pytest.mark.parametrize("suffix", ["h5", "npz", "mat"])
+def test_signals_together_end_at_a_bound(
+    suffix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They are counted as what they become in memory, and what is small enough still has room."""
+    monkeypatch.setattr(signals, "MOST_BYTES", 2**16)
+    arrays = {f"d{number}": np.arange(3000).astype(np.int8) for number in range(5)}
+    arrays |= {"large": np.zeros(10_000, np.int8), "small": np.arange(10, dtype=np.int8)}
+    (source,) = read_file(narrow(tmp_path, suffix, arrays), "x")
+    assert [signal.path for signal in source.signals] == ["d0", "d1", "small"]
+    assert {(left.path, left.reason, left.advice) for left in source.skipped} == {
+        *((f"d{number}", f"left out after {2**16 / 2**30:g} GB", "split the file") for number in (2, 3, 4)),
+        ("large", "80000 bytes are too many", "save the part of interest alone"),
+    }
+
+
+def test_no_more_is_read_than_may_be_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(signals, "MOST_BYTES", 2**16)
+    read: list[str] = []
+    add = hdf5_file._add
+
+    def noted(found: Found, path: str, dataset: h5py.Dataset) -> None:
+        read.append(path)
+        add(found, path, dataset)
+
+    monkeypatch.setattr(hdf5_file, "_add", noted)
+    arrays = {f"d{number}": np.arange(6000).astype(np.int8) for number in range(5)}
+    hdf5_file.read_hdf5(narrow(tmp_path, "h5", arrays | {"large": np.zeros(10_000, np.int8)}))
+    assert read == ["d0"]
+
+
+def test_an_array_that_is_too_large_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(signals, "MOST_BYTES", 2**16)
+    np.save(tmp_path / "SYNTHETIC.npy", np.zeros(10_000, np.int8))
+    (source,) = read_file(tmp_path / "SYNTHETIC.npy", "x")
+    assert source.skipped[0].reason == "80000 bytes are too many"
+
+
+def test_thousands_of_one_name_are_quick() -> None:
+    found = Found("SYNTHETIC")
+    start = time.monotonic()
+    for _ in range(20_000):
+        found.add("q", np.arange(2.0))
+    assert time.monotonic() - start < 5.0
+    assert [signal.path for signal in found.signals[:3]] == ["q", "q (2)", "q (3)"]
+    assert len({signal.path for signal in found.signals}) == 20_000
+
+
+@given(st.lists(st.sampled_from(["q", "q (2)", "q (3)", "q (2) (2)"]), max_size=12))
+def test_no_two_signals_have_one_name(names: list[str]) -> None:
+    found = Found("SYNTHETIC")
+    for name in names:
+        found.add(name, np.arange(2.0))
+        found.add(name, np.zeros(1))
+    paths = [signal.path for signal in found.signals]
+    assert len(set(paths)) == len(names)
+    assert all(path.startswith(name) for path, name in zip(paths, names, strict=True))
+    # What is no signal takes no number away.
+    assert {left.path for left in found.skipped}.isdisjoint(paths) or set(paths) >= set(names)
+
+
+# --- letters and dates ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-be", "utf-32", "utf-32-be"])
+def test_every_byte_order_mark(encoding: str, tmp_path: Path) -> None:
+    path = tmp_path / "SYNTHETIC.csv"
+    mark = "\ufeff" if encoding.endswith("be") else ""
+    path.write_bytes((mark + "t,角度\n0,1\n1,2\n2,4\n").encode(encoding))
+    assert kind_of(path) is FileType.TEXT
+    (source,) = read_file(path, path.name)
+    assert [signal.label for signal in source.signals] == ["t", "角度"]
+    assert_array_equal(source.signals[1].values, [1.0, 2.0, 4.0])
+
+
+def test_names_of_fields_beyond_latin(tmp_path: Path) -> None:
+    inner = [("左", "i2"), ("右", "<f4", (2,))]
+    kind = np.dtype([("时间", "<f8"), ("角度", inner), ("é", "u1")], align=True)
+    values = np.zeros(5, kind)
+    values["时间"], values["角度"]["右"] = np.arange(5.0), np.arange(10.0).reshape(5, 2)
+    values["é"] = np.arange(5) + 7
+    stream = io.BytesIO()
+    np.lib.format.write_array(stream, values, version=(3, 0))
+    path = tmp_path / "SYNTHETIC.npy"
+    path.write_bytes(stream.getvalue())
+    found = {signal.path: signal.values for signal in read_npy(path).signals}
+    assert list(found) == ["array/时间", "array/角度/左", "array/角度/右", "array/é"]
+    assert_array_equal(found["array/时间"], np.arange(5.0))
+    assert_array_equal(found["array/角度/右"], np.arange(10.0).reshape(5, 2))
+    assert_array_equal(found["array/é"], np.arange(5) + 7)
+
+
+DAYS = st.integers(-400_000, 400_000)
+
+
+@given(days=st.lists(DAYS, min_size=1, max_size=4), unit=st.sampled_from(["h", "s", "ms", "us"]))
+def test_dates_and_durations_in_seconds(days: list[int], unit: str) -> None:
+    """A thousand years before 1970 and after it, exactly."""
+    dates = np.array(days, "M8[D]").astype(f"M8[{unit}]")
+    expected = 86400.0 * (np.array(days, float) - days[0])
+    values, note = seconds(dates)
+    assert_array_equal(values, expected)
+    assert note.startswith(f"dates, in s from {dates[0].astype('M8[ms]')}")
+    assert_array_equal(seconds(dates - dates[0])[0], expected)
+
+
+@given(counts=st.lists(st.integers(2000 - 2**63, 2**63 - 1), min_size=2, max_size=4))
+def test_dates_in_nanoseconds(counts: list[int]) -> None:
+    """Their differences do not always fit into 64 bits."""
+    values, _ = seconds(np.array(counts, "M8[ns]"))
+    expected = [(count - counts[0]) / 10**9 for count in counts]
+    np.testing.assert_allclose(values, expected, rtol=1e-15, atol=0.0)
+
+
+def test_gaps_among_dates() -> None:
+    values, note = seconds(
+        np.array([["NaT", "2024-01-01"], ["2500-01-02", "2024-01-01T00:00:00.001"]], "M8[ms]")
+    )
+    days = (datetime.date(2500, 1, 2) - datetime.date(2024, 1, 1)).days
+    assert_array_equal(values, [[np.nan, 0.0], [86400.0 * days, 0.001]])
+    assert note == "dates, in s from 2024-01-01T00:00:00.000"
+    assert_array_equal(seconds(np.array(["NaT"], "M8[ns]"))[0], [np.nan])
+    assert_array_equal(seconds(np.array([1, "NaT"], "m8[ns]"))[0], [1e-9, np.nan])
 
 
 def misbehave(path: Path, name: str) -> list[Source]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bz2
+import errno
 import gzip
 import lzma
 import stat
@@ -33,6 +34,7 @@ _CHUNK = 2**20
 _LONGEST_NAME = 200
 _BROKEN = "download it again"
 _UNPACK = "unpack it yourself and name the folder"
+_NO_ROOM = "make room on the disk for temporary files, or name a folder on another one in TMPDIR"
 _STREAMS: Mapping[FileType, Callable[[Path], AbstractContextManager[BufferedIOBase]]] = {
     FileType.GZIP: gzip.GzipFile,
     FileType.BZIP2: bz2.BZ2File,
@@ -112,14 +114,15 @@ def members(path: Path, folder: Path, name: str = "", allowance: Allowance | Non
     Raises
     ------
     Unreadable
-        When it cannot be opened at all.
+        When it cannot be opened at all, or there is no room for what is in it.
+    MemoryError
     """
     left = allowance or Allowance()
     try:
         yield from _each(path, folder, name or path.name, left)
     except TooMuch as error:
         yield Member("", None, str(error), _UNPACK)
-    except Unreadable:
+    except (Unreadable, MemoryError):
         raise
     except Exception as error:  # what a broken archive raises depends on the byte that is wrong
         reason = f"a broken archive ({str(error)[:200]})"
@@ -183,7 +186,7 @@ def _of_zip(path: Path, target: Path, left: Allowance) -> Iterator[Member]:
             try:
                 with archive.open(entry) as stream:
                     member = _unpacked(name, _Counted(stream, entry.compress_size, left), target)
-            except (TooMuch, MemoryError):
+            except (TooMuch, Unreadable, MemoryError):
                 raise
             except Exception as error:
                 member = Member(name, None, f"broken ({str(error)[:200]})", _BROKEN)
@@ -209,9 +212,16 @@ def _of_tar(stream: _Counted, target: Path, left: Allowance) -> Iterator[Member]
 
 
 def _unpacked(name: str, stream: _Counted, target: Path) -> Member:
-    with target.open("wb") as file:
-        while data := stream.read(_CHUNK):
-            file.write(data)
+    try:
+        with target.open("wb") as file:
+            while data := stream.read(_CHUNK):
+                file.write(data)
+    except OSError as error:
+        # Streams raise the same class where their bytes are broken.
+        if error.errno == errno.ENOSPC:
+            reason = "no room to unpack it"
+            raise Unreadable(reason, _NO_ROOM) from error
+        raise
     return Member(name, target)
 
 

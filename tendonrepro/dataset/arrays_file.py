@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.dataset.bounds import MOST_SIGNALS, is_full, note_rest
-from tendonrepro.dataset.signals import MOST_BYTES, Found
+from tendonrepro.dataset.signals import Found, seconds
 from tendonrepro.dataset.unreadable import Unreadable
 
 _BROKEN = "save it again with numpy.save or numpy.savez"
@@ -35,11 +35,11 @@ def read_npy(path: Path) -> Found:
     Raises
     ------
     Unreadable
-        When it is broken, or holds Python objects.
+        When it is broken or too large, or holds Python objects.
     """
     found = Found("NumPy array (npy)")
     with path.open("rb") as stream:
-        add_array(found, "array", _read(stream, path.stat().st_size))
+        add_array(found, "array", _read(found, stream, path.stat().st_size))
     return found
 
 
@@ -66,35 +66,28 @@ def read_npz(path: Path) -> Found:
     except Exception as error:  # by what is broken, errors of many kinds
         reason = f"a broken npz file ({error})"
         raise Unreadable(reason, _BROKEN) from error
-    left = MOST_BYTES
     with archive:
         entries = archive.infolist()
         for position, entry in enumerate(entries):
             if is_full(found) or position >= MOST_SIGNALS:
                 note_rest(found, len(entries) - position, "arrays")
                 break
-            name = str(PurePosixPath(entry.filename).with_suffix(""))
-            # A member cannot unpack into more than it announces, so this bounds memory.
-            if entry.file_size > left:
-                found.skip(name, f"{entry.file_size} bytes are too many", "save its part of interest alone")
-                continue
-            left -= entry.file_size
-            _add_member(found, archive, entry, name)
+            _add_member(found, archive, entry, str(PurePosixPath(entry.filename).with_suffix("")))
     return found
 
 
 def _add_member(found: Found, archive: zipfile.ZipFile, entry: zipfile.ZipInfo, name: str) -> None:
     try:
         with archive.open(entry) as stream:
-            add_array(found, name, _read(stream, entry.file_size))
+            add_array(found, name, _read(found, stream, entry.file_size))
     except Unreadable as error:
         found.skip(name, error.reason, error.advice)
     except Exception as error:
         found.skip(name, f"broken ({error})", _BROKEN)
 
 
-def _read(stream: IO[bytes], size: int) -> NDArray[Any]:
-    """Read an array after checking that as many bytes are there as its header announces."""
+def _read(found: Found, stream: IO[bytes], size: int) -> NDArray[Any]:
+    """Read an array once it is known that it is all there and may be kept."""
     try:
         shape, fortran, kind = _header(stream)
     except Exception as error:
@@ -110,6 +103,9 @@ def _read(stream: IO[bytes], size: int) -> NDArray[Any]:
         raise Unreadable(reason, "copy or download it again")
     if not announced:
         return np.zeros(0)
+    reason, advice = found.refusal(max(math.prod(shape), announced // 8))
+    if reason:
+        raise Unreadable(reason, advice)
     flat = np.frombuffer(stream.read(announced), kind)
     return flat.reshape(shape, order="F" if fortran else "C")
 
@@ -118,8 +114,27 @@ def _header(stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
     version = np.lib.format.read_magic(stream)
     if version == (1, 0):
         return np.lib.format.read_array_header_1_0(stream)
-    # Version 3 is version 2 with names beyond Latin in UTF-8, which only structured types have.
-    return np.lib.format.read_array_header_2_0(stream)
+    shape, fortran, kind = np.lib.format.read_array_header_2_0(stream)
+    # Version 3 is version 2 with the names of fields in UTF-8, and NumPy has no function for it alone.
+    return shape, fortran, _from_utf8(kind) if version == (3, 0) else kind
+
+
+def _from_utf8(kind: np.dtype[Any]) -> np.dtype[Any]:
+    """A type whose names of fields were in UTF-8 but taken for Latin."""
+    if kind.subdtype:
+        inner, shape = kind.subdtype
+        return np.dtype((_from_utf8(inner), shape))
+    if kind.fields is None or kind.names is None:
+        return kind
+    members = [kind.fields[name] for name in kind.names]
+    return np.dtype(
+        {
+            "names": [name.encode("latin-1").decode("utf-8", "replace") for name in kind.names],
+            "formats": [_from_utf8(member[0]) for member in members],
+            "offsets": [member[1] for member in members],
+            "itemsize": kind.itemsize,
+        }
+    )
 
 
 def add_array(found: Found, name: str, values: NDArray[Any], *, unit: str | None = None) -> None:
@@ -155,22 +170,12 @@ def _fields(values: NDArray[Any], depth: int) -> Iterator[tuple[str, NDArray[Any
 
 def _add(found: Found, path: str, values: NDArray[Any], unit: str | None, *, label: str, group: str) -> None:
     kind = values.dtype.kind
-    if kind in "mM" and values.size:
-        found.add(path, _seconds(values), label=label, unit="s", group=group, note=_SINCE[kind])
+    if kind in "mM":
+        numbers, note = seconds(values)
+        found.add(path, numbers, label=label, unit="s", group=group, note=note)
     elif kind in "SU":
         words = np.asarray(values).ravel()[:20].astype(str)
         found.text(path, ", ".join(words))
         found.skip(path, "text")
     else:
         found.add(path, values, label=label, unit=unit, group=group)
-
-
-_SINCE = {"M": "dates, seconds from the first", "m": "durations in seconds"}
-
-
-def _seconds(values: NDArray[Any]) -> NDArray[np.float64]:
-    """Dates as seconds since the first valid one, durations in seconds; gaps become NaN."""
-    gaps = np.isnat(values)
-    if values.dtype.kind == "M":
-        values = values - (values[~gaps].ravel()[0] if not gaps.all() else values.ravel()[0])
-    return np.where(gaps, np.nan, np.where(gaps, np.timedelta64(0, "s"), values) / np.timedelta64(1, "s"))

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from tendonrepro.dataset.signals import Found
 
+BEST_PACKING = 1032
+"""Bytes that one compressed byte can stand for at most; deflate packs no better."""
+HARMLESS = 2**24
+"""Bytes that a file may announce whatever it holds."""
 MOST_SIGNALS = 5000
 """A record of every state of the arm has some hundred signals; more is a file of another kind."""
 

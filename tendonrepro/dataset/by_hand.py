@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import os
 import shutil
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from tendonrepro.dataset.data_lock import LockedFile, is_same
-from tendonrepro.dataset.names import safe_paths, shown
+from tendonrepro.dataset.names import is_ours, printable, safe_paths, shown
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.files import atomic_path, md5_of
 
 
 @dataclass(frozen=True)
-class Found:
+class OnDisk:
     """What a folder holds of a record.
 
     Attributes
@@ -30,12 +29,14 @@ class Found:
     ignored: list[str]
 
 
-def list_folder(folder: Path) -> dict[str, Path]:
+def list_folder(folder: Path, wanted: Container[str] = ()) -> dict[str, Path]:
     """Files below a folder by their relative names; hidden ones and our own working files are left out.
 
     Parameters
     ----------
     folder : Path
+    wanted : container of str
+        Names that are listed even when they are hidden.
 
     Returns
     -------
@@ -55,15 +56,15 @@ def list_folder(folder: Path) -> dict[str, Path]:
         message = f"cannot be read: {error.strerror or error}"
         raise UsageError(message, where=str(folder)) from error
     names = {path.relative_to(folder).as_posix(): path for path in paths}
-    ends = (".part", ".part.json")
     return {
         name: path
         for name, path in names.items()
-        if not name.endswith(ends) and not any(piece.startswith(".") for piece in name.split("/"))
+        if name in wanted
+        or not (is_ours(path.name) or any(piece.startswith(".") for piece in name.split("/")))
     }
 
 
-def find_files(expected: Sequence[LockedFile], folder: Path) -> Found:
+def find_files(expected: Sequence[LockedFile], folder: Path) -> OnDisk:
     """Look for a record's files in a folder, by their path or their bare name.
 
     Parameters
@@ -73,7 +74,7 @@ def find_files(expected: Sequence[LockedFile], folder: Path) -> Found:
 
     Returns
     -------
-    Found
+    OnDisk
 
     Raises
     ------
@@ -82,11 +83,11 @@ def find_files(expected: Sequence[LockedFile], folder: Path) -> Found:
     DataMissingError
         If a file is there but is not that of the record.
     """
-    there = list_folder(folder)
+    there = list_folder(folder, {name for file in expected for name in _names_of(file)})
     sources = {}
     for file in expected:
-        name = file.path if file.path in there else Path(file.path).name
-        if name in there:
+        name = next((name for name in _names_of(file) if name in there), None)
+        if name is not None:
             sources[file.path] = there[name]
     wrong = [file for file in expected if file.path in sources and not is_same(sources[file.path], file)]
     if wrong:
@@ -95,9 +96,12 @@ def find_files(expected: Sequence[LockedFile], folder: Path) -> Found:
         hint = "download them again: they are cut short, changed, or of another version"
         raise DataMissingError(message, where=str(folder), hint=hint)
     used = set(sources.values())
-    # Names on disk need not be text.
-    left = [os.fsencode(name).decode(errors="replace") for name, path in there.items() if path not in used]
-    return Found(sources, left)
+    return OnDisk(sources, [printable(name) for name, path in there.items() if path not in used])
+
+
+def _names_of(file: LockedFile) -> tuple[str, str]:
+    """Names under which a file of a record may stand in a folder."""
+    return file.path, PurePosixPath(file.path).name
 
 
 def take_as_they_are(folder: Path) -> tuple[LockedFile, ...]:

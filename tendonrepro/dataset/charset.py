@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 
-BYTE_ORDER_MARKS = (b"\xef\xbb\xbf", b"\xff\xfe", b"\xfe\xff")
-_MARKED = (
-    (b"\xef\xbb\xbf", "utf-8-sig"),
-    (b"\xff\xfe\x00\x00", "utf-32"),
-    (b"\x00\x00\xfe\xff", "utf-32"),
-    (b"\xff\xfe", "utf-16"),
-    (b"\xfe\xff", "utf-16"),
-)
+BYTE_ORDER_MARKS: Mapping[bytes, str] = {
+    b"\xef\xbb\xbf": "utf-8-sig",
+    b"\xff\xfe\x00\x00": "utf-32",
+    b"\x00\x00\xfe\xff": "utf-32",
+    b"\xff\xfe": "utf-16",
+    b"\xfe\xff": "utf-16",
+}
+"""First bytes of a text -> its encoding; the longer of two marks that begin alike comes first."""
 _SAMPLE = 65536
 _LATIN = "cp1252"
 # What remains once Unicode and Chinese are ruled out.
@@ -42,7 +43,7 @@ def decoded(raw: bytes) -> tuple[str, str]:
 
 
 def _encoding(raw: bytes) -> str:
-    for mark, encoding in _MARKED:
+    for mark, encoding in BYTE_ORDER_MARKS.items():
         if raw.startswith(mark):
             return encoding
     plain = unmarked_utf16(raw) or ("utf-8" if _fits(raw, "utf-8") else None)

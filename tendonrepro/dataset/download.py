@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
-from tendonrepro.dataset.names import shown
+from tendonrepro.dataset.names import LABEL, PART, shown
 from tendonrepro.dataset.web import Body, CutShortError, Web
 from tendonrepro.dataset.web_errors import BY_HAND, TOO_MANY, WebError
 from tendonrepro.dataset.zenodo import RemoteFile
@@ -101,20 +101,17 @@ class _Part:
 
 def _complete(web: Web, part: _Part, advance: Callable[[int], None]) -> str | None:
     """Ask one address after the other until every byte is there; the digest the server announced."""
-    announced: str | None = None
     failure: WebError | None = None
     if part.size() == part.remote.size:
         return None
     for url in part.remote.urls:
         try:
-            announced = _exhaust(web, url, part, advance) or announced
+            return _exhaust(web, url, part, advance)
         except WebError as error:
             if error.status == TOO_MANY:
                 raise
             web.talk.detail(f"{url}: {error.message}")
             failure = failure or error
-        else:
-            return announced
     assert failure is not None
     raise failure
 
@@ -228,4 +225,4 @@ def remove_part(target: Path) -> None:
 
 def _working_files(target: Path) -> tuple[Path, Path]:
     """The bytes so far, and the label that says whose they are."""
-    return target.with_name(f"{target.name}.part"), target.with_name(f"{target.name}.part.json")
+    return target.with_name(f"{target.name}{PART}"), target.with_name(f"{target.name}{LABEL}")

@@ -235,7 +235,7 @@ def is_tar(head: bytes) -> bool:
 def _plain_kind(path: Path, head: bytes) -> FileType:
     if is_tar(head):
         return FileType.TAR
-    wide = head.startswith(BYTE_ORDER_MARKS) or unmarked_utf16(head) is not None
+    wide = head.startswith(tuple(BYTE_ORDER_MARKS)) or unmarked_utf16(head) is not None
     if not wide and len(head.translate(None, _CONTROLS)) < len(head):
         return FileType.BINARY
     text = decoded(head)[0] if wide else head.decode("ascii", "ignore")

@@ -12,17 +12,14 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.dataset.arrays_file import add_array
-from tendonrepro.dataset.bounds import is_full
-from tendonrepro.dataset.signals import MOST_BYTES, Found
+from tendonrepro.dataset.bounds import BEST_PACKING, HARMLESS, is_full
+from tendonrepro.dataset.signals import Found
 from tendonrepro.dataset.units import FACTORS, plain_unit
 from tendonrepro.dataset.unreadable import Unreadable
 
 _DEEPEST = 32
 _MOST_OBJECTS = 50_000
 """Links followed; a group may hold millions that lead nowhere."""
-_PACKED = 1100
-"""Deflate, the densest common filter, makes numbers at most 1032 times smaller."""
-_SMALL = 2**24
 _SHORT_SCALE = 64
 _BROKEN = "copy or download it again; if it stays broken, export it again"
 _ELSEWHERE = "copy that file's data into this one with h5repack or h5copy"
@@ -141,7 +138,7 @@ def _attribute(item: Any, name: str) -> str:
 
 def _read_one(found: Found, path: str, dataset: h5py.Dataset) -> None:
     try:
-        reason, advice = _why_not(dataset)
+        reason, advice = _why_not(found, dataset)
         if reason:
             found.skip(path, reason, advice)
         elif dataset.dtype.kind in "OSU":
@@ -154,18 +151,16 @@ def _read_one(found: Found, path: str, dataset: h5py.Dataset) -> None:
         found.skip(path, f"broken ({error})", _BROKEN)
 
 
-def _why_not(dataset: h5py.Dataset) -> tuple[str, str]:
+def _why_not(found: Found, dataset: h5py.Dataset) -> tuple[str, str]:
     """Why a dataset is not read, and the way out; empty texts when it is."""
     if _leads_elsewhere(dataset):
         return "its numbers lie in another file", _ELSEWHERE
     if dataset.shape is None or _attribute(dataset, "NAME").startswith("This is a netCDF dimension but"):
         return "no numbers in it", ""
     size, stored = dataset.size * dataset.dtype.itemsize, dataset.id.get_storage_size()
-    if size > MOST_BYTES:
-        return f"{size} bytes are too many", "save the part of interest alone"
-    if not dataset.is_virtual and size > _PACKED * stored and (size > _SMALL or not stored):
+    if not dataset.is_virtual and size > BEST_PACKING * stored and (size > HARMLESS or not stored):
         return f"announces {size} bytes but holds {stored}, so most were never written", ""
-    return "", ""
+    return found.refusal(max(dataset.size, size // 8))
 
 
 def _leads_elsewhere(dataset: h5py.Dataset) -> bool:
@@ -193,7 +188,7 @@ def _add(found: Found, path: str, dataset: h5py.Dataset) -> None:
         add_array(found, path, values)
         return
     numbers, note = _unpacked(dataset, np.asarray(values))
-    time = None if dataset.is_scale else _time(dataset)
+    time = None if dataset.is_scale else _time(found, dataset)
     found.add(
         path,
         numbers,
@@ -237,11 +232,13 @@ def _scale(dataset: h5py.Dataset, axis: int) -> h5py.Dataset | None:
         return None
 
 
-def _time(dataset: h5py.Dataset) -> Array | None:
+def _time(found: Found, dataset: h5py.Dataset) -> Array | None:
     """Sampling times in s where the first axis has a scale in a unit of time."""
     scale = _scale(dataset, 0) if dataset.ndim else None
     factor = None if scale is None else _time_factor(scale)
-    if scale is None or factor is None or scale.shape != dataset.shape[:1] or any(_why_not(scale)):
+    if scale is None or factor is None or scale.shape != dataset.shape[:1]:
+        return None
+    if any(_why_not(found, scale)):
         return None
     return np.asarray(scale[()], np.float64) * factor
 

@@ -8,13 +8,14 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
+from tendonrepro.dataset.bounds import MOST_SIGNALS
 from tendonrepro.dataset.matlab_elements import HEADER, Element, elements, elements_4
 from tendonrepro.dataset.matlab_figure import BESIDE, TREES, read_figure
 from tendonrepro.dataset.matlab_hdf import contents
 from tendonrepro.dataset.matlab_objects import load_objects, quiet, translate
 from tendonrepro.dataset.matlab_parts import NESTED, OPAQUE, Damaged
 from tendonrepro.dataset.matlab_stream import read_streams
-from tendonrepro.dataset.matlab_tree import MOST_SIGNALS, Walk
+from tendonrepro.dataset.matlab_tree import Walk
 from tendonrepro.dataset.matlab_values import EXPORT, Lost
 from tendonrepro.dataset.signals import MOST_BYTES, Found
 from tendonrepro.dataset.unreadable import Unreadable

@@ -7,6 +7,7 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from tendonrepro.dataset.bounds import BEST_PACKING
 from tendonrepro.dataset.matlab_parts import (
     CHAR,
     COMPRESSED,
@@ -25,8 +26,6 @@ from tendonrepro.dataset.matlab_parts import (
 from tendonrepro.dataset.signals import MOST_BYTES
 
 HEADER = 128
-# Deflate never packs better than this.
-_BEST_PACKING = 1032
 _HEAD = 512
 # MATLAB 4: bytes of a number by the tens digit of its type, and the longest name that is plausible.
 _V4_BYTES = (8, 4, 4, 2, 2, 1)
@@ -115,7 +114,7 @@ def _element(data: memoryview, packed: bool, order: str) -> Element:
             message = "its compressed bytes are damaged"
             raise Damaged(message) from error
     kind, size, at, _ = part(head, 0, order)
-    if kind != MATRIX or (packed and size > len(data) * _BEST_PACKING) or size > MOST_BYTES:
+    if kind != MATRIX or (packed and size > len(data) * BEST_PACKING) or size > MOST_BYTES:
         message = "its header announces more than it holds"
         raise Damaged(message)
     parts = parts_of(head, at, at + size, order)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tendonrepro.dataset.matlab_values import members, text_of
 from tendonrepro.dataset.signals import Found
+from tendonrepro.dataset.units import FACTORS, plain_unit
 
 TREES = ("hgS_070000", "hgS_050000")
 """Variables that hold the tree, by the release that wrote it."""
@@ -24,7 +25,6 @@ _MOST_LINES = 50
 _NO_DATA = re.compile(r"legend|colorbar", re.IGNORECASE)
 # A round bracket right behind a letter is a function's, as in sin(x).
 _UNIT = re.compile(r"(?:\[|(?<!\w)\()\s*([^\[\]()]{1,20}?)\s*[\])]\s*$")
-_SECONDS = {"s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "min": 60.0}
 # Places among the list of an axes' special children.
 _SPECIAL = {"title": 0, "xlabel": 1, "ylabel": 2}
 
@@ -159,9 +159,10 @@ def _curve(
     label, x, y = curve
     x_unit, y_unit = _unit(words.get("xlabel", "")), _unit(words.get("ylabel", ""))
     x = np.asarray(x, np.float64)
-    clock = x_unit is None or x_unit in _SECONDS
-    if clock and bool((np.diff(x) > 0.0).all()):
-        time = x * _SECONDS[x_unit or "s"]
+    # Without a unit it is taken for seconds.
+    factor = FACTORS["time"].get(plain_unit(x_unit or "s") or "")
+    if factor is not None and bool((np.diff(x) > 0.0).all()):
+        time = x * factor
         found.add(
             f"{path}/y", y, label=label, unit=y_unit, group=group, time=time, note="against x of the figure"
         )

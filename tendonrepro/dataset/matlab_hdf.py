@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tendonrepro.dataset.bounds import BEST_PACKING, HARMLESS
 from tendonrepro.dataset.matlab_parts import stands_for_objects
 from tendonrepro.dataset.signals import MOST_BYTES
 from tendonrepro.dataset.unreadable import Unreadable
@@ -14,8 +15,6 @@ from tendonrepro.dataset.unreadable import Unreadable
 STREAMS = "#sigstream#"
 """Group with the samples of streamed logs."""
 
-# Deflate never packs better than 1032:1; small files may announce little in any case.
-_BEST_PACKING, _SMALL = 1032, 2**24
 _MOST_PARTS = 200_000
 _DEEPEST = 60
 # Arrays of numbers are longer than what stands for objects.
@@ -55,7 +54,7 @@ def contents(path: Path) -> Contents:
     """
     import h5py
 
-    most = min(MOST_BYTES, max(_SMALL, _BEST_PACKING * path.stat().st_size))
+    most = min(MOST_BYTES, max(HARMLESS, BEST_PACKING * path.stat().st_size))
     try:
         with h5py.File(path, "r") as file:
             sizes = {str(name): _size(file, name) for name in file}

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.dataset.matlab_plain import is_hdf, load_plain
-from tendonrepro.dataset.matlab_values import EXPORT, Lost, Plain, Series, Table, members, seconds, text_of
+from tendonrepro.dataset.matlab_values import EXPORT, Lost, Plain, Series, Table, members, text_of
+from tendonrepro.dataset.signals import seconds
 
 _SECONDS = {
     "nanoseconds": 1e-9,

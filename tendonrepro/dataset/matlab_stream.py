@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
+from tendonrepro.dataset.bounds import MOST_SIGNALS
 from tendonrepro.dataset.matlab_hdf import STREAMS
-from tendonrepro.dataset.matlab_tree import MOST_SIGNALS
 from tendonrepro.dataset.matlab_values import EXPORT, flat_samples
 from tendonrepro.dataset.signals import Found
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tendonrepro.dataset.bounds import is_full
 from tendonrepro.dataset.matlab_values import (
     EXPORT,
     Lost,
@@ -16,13 +17,9 @@ from tendonrepro.dataset.matlab_values import (
     Table,
     flat_samples,
     members,
-    seconds,
     text_of,
 )
-from tendonrepro.dataset.signals import MOST_BYTES, Found
-
-MOST_SIGNALS = 5000
-"""Most signals of one file; what follows is only counted."""
+from tendonrepro.dataset.signals import Found, seconds
 
 _DEEPEST = 24
 _MOST_NODES = 100_000
@@ -50,7 +47,6 @@ class Walk:
         self._translate = translate
         self._objects: dict[int, tuple[str, object]] = {}
         self._nodes = 0
-        self._bytes = 0
         self._left_out = 0
 
     def visit(self, path: str, value: Any, group: str = "", depth: int = 0) -> None:
@@ -107,8 +103,7 @@ class Walk:
         return plain if first == path else Lost(f"the same object as {first}")
 
     def _series(self, path: str, series: Series, group: str) -> None:
-        self._bytes += 8 * series.values.size
-        if len(self._found.signals) >= MOST_SIGNALS or self._bytes > MOST_BYTES:
+        if is_full(self._found):
             self._left_out += 1
             return
         values, note = flat_samples(series.values, None if series.time is None else len(series.time))

@@ -112,27 +112,3 @@ def flat_samples(values: NDArray[Any], samples: int | None) -> tuple[NDArray[Any
     shape = "x".join(map(str, values.shape[1:]))
     note = f"a matrix of {shape} per sample, column by column" if wide else ""
     return values.reshape((samples, -1), order="F"), note
-
-
-def seconds(values: NDArray[Any]) -> tuple[Array, str]:
-    """Dates as seconds from the first, durations as seconds.
-
-    Parameters
-    ----------
-    values : ndarray of datetime64 or timedelta64
-
-    Returns
-    -------
-    values : Array
-        Same shape, s; NaN where there is none.
-    note : str
-        Says so.
-    """
-    missing = np.isnat(values)
-    counts = values.astype(f"{values.dtype.kind}8[ns]").astype(np.int64)
-    note = "durations in s"
-    if values.dtype.kind == "M" and not missing.all():
-        first = values[~missing].flat[0]
-        counts = counts - counts[~missing].flat[0]
-        note = f"dates, in s from {np.datetime_as_string(first, unit='ms')}"
-    return np.where(missing, np.nan, counts / 1e9), note

@@ -12,7 +12,8 @@ LONGEST = 200
 """Most bytes of one part of a path: file systems take 255, and working files get a longer name."""
 
 RESERVED = re.compile(r"(con|prn|aux|nul|conin\$|conout\$|com[0-9¹²³]|lpt[0-9¹²³])(\..*)?", re.IGNORECASE)
-OURS = re.compile(r".*\.part(\.json)?|\.lock", re.IGNORECASE)
+PART, LABEL, LOCK = ".part", ".part.json", ".lock"
+"""Our own working files: the bytes of a download so far and whose they are, and the lock of a folder."""
 UNSEEN = {"Cc": "a control character", "Cf": "an invisible character", "Cs": "half a character"}
 UNSEEN |= {"Zl": "a line separator", "Zp": "a paragraph separator"}
 
@@ -94,6 +95,47 @@ def safe_paths(names: Iterable[str]) -> dict[str, PurePosixPath]:
     return paths
 
 
+def is_ours(name: str) -> bool:
+    """Whether a file is one of our own working files.
+
+    Parameters
+    ----------
+    name : str
+        Without its folders.
+    """
+    # Some systems take upper and lower case for the same.
+    folded = name.lower()
+    return folded == LOCK or folded.endswith((PART, LABEL))
+
+
+def printable(name: str) -> str:
+    """A name on disk, which need not be text, with a mark in the place of what is none."""
+    return os.fsencode(name).decode(errors="replace")
+
+
+class Numbered:
+    """Names in use; one that comes again gets a number: ``q``, ``q (2)``, ``q (3)``."""
+
+    def __init__(self) -> None:
+        self._used: set[str] = set()
+        self._next: dict[str, int] = {}
+
+    def unused(self, name: str) -> str:
+        """The name, or the first one with a number that is not in use."""
+        # Thousands may have one name, so the search goes on where it ended.
+        number = self._next.get(name, 1)
+        while (unused := name if number == 1 else f"{name} ({number})") in self._used:
+            number += 1
+        self._next[name] = number
+        return unused
+
+    def take(self, name: str) -> str:
+        """As `unused`; the answer is in use from now on."""
+        taken = self.unused(name)
+        self._used.add(taken)
+        return taken
+
+
 def shown(name: str) -> str:
     """Quote a foreign name for a message: nothing invisible, not too long."""
     text = ascii(name) if any(unicodedata.category(letter) in UNSEEN for letter in name) else repr(name)
@@ -123,14 +165,14 @@ def _why_not(name: str) -> str | None:
 def _why_not_part(part: str) -> str | None:
     """Reason against what stands between two slashes."""
     forbidden = sorted(set(part) & set('<>:"|?*')) if os.name == "nt" else []
-    reasons = {
-        "leads out of the folder by '..'": part == "..",
-        "has an empty part between its slashes": part in {"", "."},
-        "begins or ends with a space, or ends with a dot, which some systems drop": part != part.strip(" ")
-        or part != part.rstrip("."),
-        "is a name Windows keeps for a device": RESERVED.fullmatch(part),
-        "is a name tendonrepro keeps for its own working files": OURS.fullmatch(part),
-        f"is longer than {LONGEST} bytes": len(part.encode()) > LONGEST,
-        f"contains {''.join(forbidden)}, which Windows does not allow": forbidden,
-    }
-    return next((reason for reason, holds in reasons.items() if holds), None)
+    dropped = part != part.strip(" ") or part != part.rstrip(".")
+    reasons = (
+        (part == "..", "leads out of the folder by '..'"),
+        (part in {"", "."}, "has an empty part between its slashes"),
+        (dropped, "begins or ends with a space, or ends with a dot, which some systems drop"),
+        (RESERVED.fullmatch(part), "is a name Windows keeps for a device"),
+        (is_ours(part), "is a name tendonrepro keeps for its own working files"),
+        (len(part.encode()) > LONGEST, f"is longer than {LONGEST} bytes"),
+        (forbidden, f"contains {''.join(forbidden)}, which Windows does not allow"),
+    )
+    return next((reason for holds, reason in reasons if holds), None)

@@ -6,18 +6,21 @@ import hashlib
 import os
 import tempfile
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
 from tendonrepro.dataset.archive import DEEPEST, KINDS, Allowance, members
+from tendonrepro.dataset.data_lock import lock_path, read_lock
 from tendonrepro.dataset.filetype import ADVICE, FileType, kind_of
-from tendonrepro.dataset.signals import MOST_BYTES, Found, Signal, Skipped, Source
+from tendonrepro.dataset.names import Numbered, is_ours, printable
+from tendonrepro.dataset.signals import Found, Skipped, Source
 from tendonrepro.dataset.unreadable import Unreadable
-from tendonrepro.errors import DataMissingError
+from tendonrepro.errors import DataMissingError, TendonreproError
 
-_OWN_SUFFIXES = (".part", ".part.json", ".lock", ".lock.json")
+_NO_MEMORY = ("needs too much memory", "split it into smaller files")
 
 
 def files_below(paths: Sequence[Path]) -> list[tuple[Path, str]]:
@@ -26,13 +29,14 @@ def files_below(paths: Sequence[Path]) -> list[tuple[Path, str]]:
     Parameters
     ----------
     paths : sequence of Path
-        Files, and folders to be searched through. Hidden files, links that lead out of the folder, and the
-        locks and unfinished downloads of `fetch` are left out.
+        Files, and folders to be searched through. Links that lead out of the folder are left out, and so are
+        hidden files and what `fetch` leaves there for itself, unless its data lock names them as data.
 
     Returns
     -------
     list of (Path, str)
-        Each file and its name: below its folder, which comes first where several paths were given.
+        Each file and its name: below its folder, which comes first where several paths were given. A mark
+        stands for what is no text in a name, and a number follows where two become the same by that.
 
     Raises
     ------
@@ -52,19 +56,47 @@ def files_below(paths: Sequence[Path]) -> list[tuple[Path, str]]:
     if not found:
         message = f"no files in {', '.join(map(str, paths))}"
         raise DataMissingError(message, hint="tendonrepro fetch downloads the paper's data")
-    return found
+    names = _as_text(name for _, name in found)
+    return [(path, names[name]) for path, name in found]
+
+
+def _as_text(names: Iterable[str]) -> dict[str, str]:
+    """Names as text by the names on disk; those that become the same by it differ by a number."""
+    used = Numbered()
+    return {name: used.take(printable(name)) for name in dict.fromkeys(names)}
 
 
 def _inside(folder: Path) -> Iterator[Path]:
     """Files below a folder in the order of their names."""
     root = folder.resolve()
+    locked = _locked(folder)
     for place, folders, files in os.walk(folder):
-        folders[:] = sorted(name for name in folders if not name.startswith("."))
+        here = Path(place)
+        of_folders = {name: _locked(here / name) for name in folders}
+        locks = {lock_path(here / name) for name, paths in of_folders.items() if paths}
+        locked.update(*of_folders.values())
+        folders[:] = sorted(
+            name for name in folders if not name.startswith(".") or _holds(here / name, locked)
+        )
+        hidden = any(part.startswith(".") for part in here.relative_to(folder).parts)
         for name in sorted(files):
-            path = Path(place, name)
-            own = name.startswith(".") or name.endswith(_OWN_SUFFIXES)
-            if not own and path.is_file() and path.resolve().is_relative_to(root):
+            path = here / name
+            left_out = hidden or name.startswith(".") or is_ours(name) or path in locks
+            if (path in locked or not left_out) and path.is_file() and path.resolve().is_relative_to(root):
                 yield path
+
+
+def _holds(folder: Path, files: set[Path]) -> bool:
+    return any(file.is_relative_to(folder) for file in files)
+
+
+def _locked(folder: Path) -> set[Path]:
+    """Files of a folder that the data lock beside it names; they are data whatever their names."""
+    # Another program's file may have the name of a lock, and a folder such as the root has none.
+    with suppress(TendonreproError):
+        lock = read_lock(lock_path(folder))
+        return {folder / file.path for file in lock.files} if lock else set()
+    return set()
 
 
 def read_file(path: Path, name: str) -> list[Source]:
@@ -108,13 +140,14 @@ def _read_one(path: Path, name: str, kind: FileType) -> Source:
     except Unreadable as error:
         return unread(path, name, error.reason, error.advice, str(kind))
     except MemoryError:
-        return unread(path, name, "needs too much memory", "split it into smaller files", str(kind))
+        return unread(path, name, *_NO_MEMORY, str(kind))
     except Exception as error:  # a file no reader foresaw must not stop the others
         reason = f"its reader failed: {type(error).__name__}: {str(error)[:200]}"
         return unread(path, name, reason, "save it again, as CSV or HDF5 for instance", str(kind))
     size, md5 = _digest(path)
-    signals, skipped = _affordable(found)
-    return Source(name, found.kind, size, md5, signals, skipped, found.texts)
+    if not found.signals and not found.skipped:
+        found.skip("", "no numbers in it")
+    return Source(name, found.kind, size, md5, tuple(found.signals), tuple(found.skipped), found.texts)
 
 
 def _reader(kind: FileType) -> Callable[[Path], Found]:
@@ -150,23 +183,6 @@ _NOT_READ = {
 }
 
 
-def _affordable(found: Found) -> tuple[tuple[Signal, ...], tuple[Skipped, ...]]:
-    """Signals until they fill the memory one file may take, and a note of the rest."""
-    taken, kept = 0, 0
-    for signal in found.signals:
-        taken += signal.values.nbytes
-        if taken > MOST_BYTES:
-            break
-        kept += 1
-    skipped = tuple(found.skipped)
-    if kept < len(found.signals):
-        reason = f"{len(found.signals) - kept} signals left out after {MOST_BYTES // 2**30} GB"
-        skipped += (Skipped("", reason, "split the file"),)
-    if not found.signals and not skipped:
-        skipped = (Skipped("", "no numbers in it"),)
-    return tuple(found.signals[:kept]), skipped
-
-
 def _read_archive(
     path: Path, name: str, kind: FileType, folder: Path, left: Allowance, depth: int
 ) -> list[Source]:
@@ -176,7 +192,7 @@ def _read_archive(
         return [unread(path, name, reason, "unpack it yourself and name the folder", str(kind))]
     inside: list[Source] = []
     skipped: list[Skipped] = []
-    names: set[str] = set()
+    names = Numbered()
     own = folder / str(depth)
     own.mkdir(exist_ok=True)
     try:
@@ -184,24 +200,16 @@ def _read_archive(
             if member.path is None:
                 skipped.append(Skipped(member.name, member.reason, member.advice))
                 continue
-            inner = _unused(f"{name}/{member.name}", names)
+            inner = names.take(f"{name}/{member.name}")
             inside += _read(member.path, inner, folder, left, depth + 1)
     except Unreadable as error:
         skipped.append(Skipped("", error.reason, error.advice))
+    except MemoryError:
+        skipped.append(Skipped("", *_NO_MEMORY))
     if not inside and not skipped:
         skipped.append(Skipped("", "no files in it"))
     size, md5 = _digest(path)
     return [Source(name, str(kind), size, md5, (), tuple(skipped)), *inside]
-
-
-def _unused(name: str, names: set[str]) -> str:
-    """Name that no member before had; archives may hold several files of one name."""
-    number, unused = 2, name
-    while unused in names:
-        unused = f"{name} ({number})"
-        number += 1
-    names.add(unused)
-    return unused
 
 
 def unread(path: Path, name: str, reason: str, advice: str = "", kind: str = "unknown") -> Source:

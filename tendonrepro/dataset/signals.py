@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
+from tendonrepro.dataset.names import Numbered
 
 ROWS_AS_SIGNALS = 16
 """Most rows of an array that can be signals stored one per row."""
 _LONGER = 4
-# Bytes of one file's signals once they are numbers in memory.
 MOST_BYTES = 2**31
+"""Bytes of one file's signals, once they are numbers in memory."""
 _LONGEST_TEXT = 1000
 
 
@@ -122,7 +123,8 @@ class Found:
     signals: list[Signal] = field(default_factory=list)
     skipped: list[Skipped] = field(default_factory=list)
     texts: dict[str, str] = field(default_factory=dict)
-    _taken: set[str] = field(default_factory=set, init=False, repr=False)
+    _names: Numbered = field(default_factory=Numbered, init=False, repr=False)
+    _bytes: int = field(default=0, init=False, repr=False)
 
     def add(
         self,
@@ -135,7 +137,7 @@ class Found:
         time: Array | None = None,
         note: str = "",
     ) -> None:
-        """Note an array of numbers as a signal, or why it is none.
+        """Note an array of numbers as a signal, or why it is none or is left out.
 
         Parameters
         ----------
@@ -146,18 +148,34 @@ class Found:
         label, unit, group, time, note
             As in `Signal`. A time that does not fit the samples is noted as skipped, the signal is kept.
         """
-        path = self._unused(path)
-        reason = _no_signal(values)
+        path = self._names.unused(path)
+        reason, advice = _no_signal(values), ""
+        if not reason:
+            reason, advice = self.refusal(values.size)
         if reason:
-            self.skipped.append(Skipped(path, reason))
+            self.skipped.append(Skipped(path, reason, advice))
             return
         numbers, turned = samples_first(np.asarray(values), None if time is None else len(time))
         if time is not None and len(time) != len(numbers):
             self.skipped.append(Skipped(f"{path}/time", f"{len(time)} times for {len(numbers)} samples"))
             time = None
         notes = "; ".join(text for text in (note, turned) if text)
-        self._taken.add(path)
+        self._bytes += numbers.nbytes
+        self._names.take(path)
         self.signals.append(Signal(path, numbers, str(values.dtype), label, unit, group, time, notes))
+
+    def refusal(self, count: int) -> tuple[str, str]:
+        """Why so many more numbers are not kept, and the way out; empty texts when they are.
+
+        Readers ask before they take a large array into memory.
+        """
+        # Every number becomes a float64, however few bytes it takes in the file.
+        size = 8 * count
+        if size > MOST_BYTES:
+            return f"{size} bytes are too many", "save the part of interest alone"
+        if self._bytes + size > MOST_BYTES:
+            return f"left out after {MOST_BYTES / 2**30:g} GB", "split the file"
+        return "", ""
 
     def skip(self, path: str, reason: str, advice: str = "") -> None:
         """Note what is left out."""
@@ -167,17 +185,6 @@ class Found:
         """Note a text that may say what the numbers are; long ones are cut."""
         if text.strip():
             self.texts[path] = text.strip()[:_LONGEST_TEXT]
-
-    def _unused(self, path: str) -> str:
-        return next(name for name in _numbered(path) if name not in self._taken)
-
-
-def _numbered(path: str) -> Iterator[str]:
-    yield path
-    number = 2
-    while True:
-        yield f"{path} ({number})"
-        number += 1
 
 
 def _no_signal(values: NDArray[Any]) -> str:
@@ -223,6 +230,28 @@ def samples_first(values: NDArray[Any], samples: int | None = None) -> tuple[Arr
     return flat, ""
 
 
-def total_bytes(signals: Iterable[Signal]) -> int:
-    """Memory that signals take."""
-    return sum(signal.values.nbytes for signal in signals)
+def seconds(values: NDArray[Any]) -> tuple[Array, str]:
+    """Dates as seconds from the first, durations as seconds.
+
+    Parameters
+    ----------
+    values : ndarray of datetime64 or timedelta64
+
+    Returns
+    -------
+    values : Array
+        Same shape, s; NaN where there is none.
+    note : str
+        Says so.
+    """
+    missing = np.isnat(values)
+    # Counts of nanoseconds overflow within 292 years; microseconds reach any date, and the rest is added.
+    coarse = values.astype(f"{values.dtype.kind}8[us]")
+    fine = values - coarse
+    note = "durations in s"
+    if values.dtype.kind == "M" and not missing.all():
+        first = np.argmin(missing)
+        note = f"dates, in s from {np.datetime_as_string(values.flat[first], unit='ms')}"
+        coarse, fine = coarse - coarse.flat[first], fine - fine.flat[first]
+    numbers = coarse.astype(np.int64) / 1e6 + fine / np.timedelta64(1, "s")
+    return np.where(missing, np.nan, numbers), note

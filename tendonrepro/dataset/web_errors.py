@@ -85,15 +85,13 @@ def refused(status: int, url: str, kind: str, said: str, what: str) -> WebError:
     host = host_of(url)
     quoted = f" ({said})" if said else ""
     retry = f"try again later, {BY_HAND}"
+    closed = (
+        f"{what} is not open to everyone{quoted}",
+        "ask its authors for the files, then use --from-dir DIR",
+    )
     message, hint = {
-        401: (
-            f"{what} is not open to everyone{quoted}",
-            "ask its authors for the files, then use --from-dir DIR",
-        ),
-        403: (
-            f"{what} is not open to everyone{quoted}",
-            "ask its authors for the files, then use --from-dir DIR",
-        ),
+        401: closed,
+        403: closed,
         404: (f"{what}: not at {host}{quoted}", "check its number and --base-url"),
         410: (
             f"{what}: deleted from {host}{quoted}",
