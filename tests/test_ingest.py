@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +22,7 @@ from tendonrepro.figures import available
 from tendonrepro.records import Trace, TraceFile
 from tendonrepro.summary import table_data_compare
 from tendonrepro.talk import Talk
-from tendonrepro.traces import read_traces
+from tendonrepro.traces import read_traces, write_traces
 from tendonrepro.workflow import Order, run_experiment
 
 Array = NDArray[np.float64]
@@ -149,7 +151,11 @@ def test_everything_guessed_is_written_down(from_record: tuple[dict[str, Any], T
     manifest = json.loads(file.manifest_json)
     assert found["guesses"] == manifest["guesses"]
     assert len(manifest["guesses"]) == 22
-    assert all("says" in text or "is" in text for text in manifest["guesses"])
+    says = {"q_d": "desired", "q_encoder": "measured", "q_motor_encoder": "motor"}
+    for guess in manifest["guesses"]:
+        reason = re.match(r"\w+: (\w+) of joint [123]: the name '[^']+' says (\w+); ", guess)
+        assert reason is not None, guess
+        assert reason[2] == says[reason[1]], guess
     md5 = {entry["name"].rsplit("/", 1)[-1]: entry["md5"] for entry in manifest["inputs"]}
     assert set(md5) >= {"SYNTHETIC controller1.mat", "SYNTHETIC_controller3.xlsx", "SYNTHETIC_decoupling.csv"}
     assert all(len(digest) == 32 for digest in md5.values())
@@ -211,6 +217,52 @@ def test_results_of_other_data_are_not_overwritten(record: Path, tmp_path: Path)
     with pytest.raises(UsageError, match="something else"):
         ingest()
     assert out.read_bytes() == b"SYNTHETIC work of a user"
+
+
+@pytest.mark.parametrize("manifest", ["[]", "null", "", "{}", '{"inputs": 3}'])
+def test_a_result_without_a_manifest_is_not_overwritten(
+    from_record: tuple[dict[str, Any], TraceFile], record: Path, tmp_path: Path, manifest: str
+) -> None:
+    mapping, out = tmp_path / "mapping.yaml", tmp_path / "measured.h5"
+    mapping.write_text(from_record[1].config_yaml, encoding="utf-8")
+    write_traces(out, replace(from_record[1], manifest_json=manifest))
+    with pytest.raises(UsageError, match="made from other data"):
+        run_ingest([record], mapping, out, force=False, dry_run=True, talk=QUIET)
+
+
+def test_a_file_that_was_not_taken_is_no_input(tmp_path: Path) -> None:
+    folder, mapping, out = tmp_path / "files", tmp_path / "mapping.yaml", tmp_path / "measured.h5"
+    (folder / "old").mkdir(parents=True)
+    table = "t,q2\n" + "\n".join(f"{0.01 * k:.2f},{k % 7}" for k in range(50))
+    (folder / "SYNTHETIC.csv").write_text(table)
+    run_inspect([folder], mapping, force=False, talk=QUIET)
+    for unrelated in (table, table + "\n0.5,1"):
+        (folder / "old" / "SYNTHETIC.csv").write_text(unrelated)
+        found = run_ingest([folder], mapping, out, force=False, dry_run=False, talk=QUIET)
+        assert [entry["name"] for entry in found["inputs"]] == ["SYNTHETIC.csv"]
+
+
+def test_no_file_steers_the_terminal(tmp_path: Path) -> None:
+    mapping = tmp_path / "mapping.yaml"
+    rows = "\n".join(f"{0.01 * k:.2f},{k % 7}" for k in range(50))
+    (tmp_path / "SYNTHETIC.csv").write_text(f"\x1b[2J SYNTHETIC\x9b31m\nt,\x1bq2\n{rows}")
+    found = run_inspect([tmp_path / "SYNTHETIC.csv"], mapping, force=False, talk=QUIET)
+    assert "\x1b" in json.loads(json.dumps(found))["files"][0]["signals"][1]["path"]
+    text = mapping.read_text(encoding="utf-8").replace('title: "', 'title: "\\e[2J')
+    mapping.write_text(text, encoding="utf-8")
+    ingested = run_ingest(
+        [tmp_path / "SYNTHETIC.csv"], mapping, tmp_path / "m.h5", force=False, dry_run=True, talk=QUIET
+    )
+    assert ingested["title"].startswith("\x1b")
+    for shown in (inspect_text(found), ingest_text(ingested)):
+        assert "\ufffd[2J" in shown
+        assert all(line.isprintable() for line in shown.split("\n"))
+    mapping.write_text(text.replace("q2", "q3"), encoding="utf-8")
+    with pytest.raises(ConfigError) as caught:
+        run_ingest(
+            [tmp_path / "SYNTHETIC.csv"], mapping, tmp_path / "m.h5", force=True, dry_run=True, talk=QUIET
+        )
+    assert "\x1b" not in str(caught.value)
 
 
 def test_what_is_missing_is_named(record: Path, tmp_path: Path) -> None:

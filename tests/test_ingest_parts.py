@@ -11,12 +11,13 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from tendonrepro.arithmetic import coupling_of, table_1
-from tendonrepro.dataset.assembly import Assembly
+from tendonrepro.dataset.assembly import Assembly, doubts_about
 from tendonrepro.dataset.mapping import Mapping, load_mapping
 from tendonrepro.dataset.signals import Found, Source, samples_first
 from tendonrepro.dataset.timebase import RESAMPLED, Timed, TimeProblem, checked, even, shared, within
 from tendonrepro.errors import ConfigError
 from tendonrepro.published import published
+from tendonrepro.records import Trace
 
 Array = NDArray[np.float64]
 S, S_INV = coupling_of(table_1(published()))
@@ -96,6 +97,77 @@ def test_a_recorded_error_gives_way_to_the_difference_and_is_compared() -> None:
     assert any("0.05 deg off" in note for note in assembly.notes)
 
 
+def test_two_give_the_third_joint_by_joint() -> None:
+    q_d, e = ANGLE, np.stack([0.3 * np.cos(TIME), 0.2 * np.sin(TIME)], axis=1)
+    columns = {"d": q_d, "q2": q_d[:, 0] - e[:, 0], "e3": e[:, 1]}
+    entries = [entry("q_d", 2, "d", column=1), entry("q_d", 3, "d", column=2)]
+    entries += [entry("q_encoder", 2, "q2"), entry("e", 3, "e3")]
+    assembly = assemble(make_mapping(*entries), make_source(t=TIME, **columns))
+    (run,) = assembly.runs().values()
+    np.testing.assert_allclose(np.rad2deg(run["q_encoder"]), q_d - e, atol=1e-13)
+    np.testing.assert_allclose(np.rad2deg(run["e"]), e, atol=1e-13)
+    assert assembly.notes == ["controller_1: q_encoder of joint 3 is q_d - e"]
+
+
+@pytest.mark.parametrize("gap", ["q_d", "q_encoder", "e"])
+def test_two_give_the_third_sample_by_sample(gap: str) -> None:
+    q_d, e = ANGLE[:, 0], 0.3 * np.cos(TIME)
+    columns = {"q_d": q_d, "q_encoder": q_d - e, "e": e}
+    given = columns | {gap: np.where(np.arange(len(TIME)) < 7, np.nan, columns[gap])}
+    assembly = assemble(
+        make_mapping(*(entry(name, signal=name) for name in given)), make_source(t=TIME, **given)
+    )
+    (run,) = assembly.runs().values()
+    for name, expected in columns.items():
+        np.testing.assert_allclose(np.rad2deg(run[name][:, 0]), expected, atol=1e-13)
+    formula = {"q_d": "q_encoder + e", "q_encoder": "q_d - e"}
+    filled = [note for note in assembly.notes if "gaps" in note]
+    assert filled == (
+        [] if gap == "e" else [f"controller_1: {gap} of joint 2 is {formula[gap]} where it has gaps"]
+    )
+
+
+def test_a_recorded_error_beside_no_difference_is_compared_with_nothing() -> None:
+    late = np.where(TIME < 1.0, np.nan, 0.1)
+    columns = {"q_d": ANGLE[:, 0], "q_encoder": np.where(TIME < 1.0, ANGLE[:, 0], np.nan), "e": late}
+    assembly = assemble(
+        make_mapping(*(entry(name, signal=name) for name in columns)), make_source(t=TIME, **columns)
+    )
+    assembly.runs()
+    assert not any("recorded error" in note for note in assembly.notes)
+
+
+def test_a_variable_without_a_number_is_not_written() -> None:
+    entries = [entry("q_d", 2, "a"), entry("q_encoder", 3, "b"), entry("tau_m", 2, "u", unit="N m")]
+    source = make_source(t=TIME, a=ANGLE[:, 0], b=ANGLE[:, 1], u=np.full(len(TIME), np.nan))
+    assembly = assemble(make_mapping(*entries), source)
+    (run,) = assembly.runs().values()
+    assert set(run.variables) == {"q_d", "q_encoder"}
+    assert "controller_1: tau_m holds no number and is left out" in assembly.notes
+
+
+def test_a_run_without_a_number_is_refused() -> None:
+    source = make_source(t=TIME, q=np.full(len(TIME), np.nan))
+    with pytest.raises(ConfigError, match="no signal of the run holds a number"):
+        assemble(make_mapping(entry()), source).runs()
+
+
+def test_signals_keep_the_times_they_bring_along() -> None:
+    found = Found("SYNTHETIC")
+    found.add("q", ANGLE[:, 0], time=TIME)
+    found.add("plain", ANGLE[:, 1])
+    source = Source("SYNTHETIC_c1.mat", "SYNTHETIC", 0, "0" * 32, tuple(found.signals))
+    entries = [entry("q_encoder", 2, "q"), entry("q_encoder", 3, "plain")]
+    (run,) = assemble(make_mapping(*entries, time={"step_s": 0.01}), source).runs().values()
+    np.testing.assert_allclose(run.time, TIME, atol=1e-12)
+    with pytest.raises(ConfigError, match="differ by up to"):
+        assemble(make_mapping(*entries, time={"step_s": 0.001}), source).runs()
+    # What stands beside a column has the last word.
+    replaced = [item | {"time": {"step_s": 0.001}} for item in entries]
+    (run,) = assemble(make_mapping(*replaced), source).runs().values()
+    np.testing.assert_allclose(run.time, 0.1 * TIME, atol=1e-12)
+
+
 def test_motor_angles_give_calculated_joint_angles() -> None:
     q = np.stack([ANGLE[:, 0], ANGLE[:, 1], 5.0 * np.cos(TIME)], axis=1)
     entries = [entry("q_motor_encoder", joint, "m", column=joint) for joint in (1, 2, 3)]
@@ -130,7 +202,7 @@ def test_every_problem_with_times_has_its_own_way_out() -> None:
             assemble(make_mapping(entry(), **run), make_source(t=TIME, q=ANGLE, back=TIME[::-1])).runs()
         way[name] = caught.value.hint or ""
     assert "from_s" in way["none"]
-    assert "inspect" in way["back"]
+    assert "beside the column" in way["back"]
     assert "resample" not in "".join(way.values())
 
 
@@ -167,6 +239,30 @@ def test_a_file_is_found_whatever_folders_stand_before_it() -> None:
     twice = [make_source(f"{folder}/SYNTHETIC_c1.mat", t=TIME, q=ANGLE) for folder in "ab"]
     with pytest.raises(ConfigError, match="could be several"):
         assemble(make_mapping(entry()), *twice).runs()
+
+
+def test_only_the_files_that_were_taken_count_as_used() -> None:
+    sources = [make_source(name, t=TIME, q=ANGLE) for name in ("SYNTHETIC_c1.mat", "old/SYNTHETIC_c1.mat")]
+    assembly = assemble(make_mapping(entry()), *sources)
+    assembly.runs()
+    assert assembly.used() == [sources[0]]
+
+
+def test_doubts_look_past_a_gap_at_the_start() -> None:
+    q = np.deg2rad(np.concatenate([np.zeros((len(TIME), 1)), ANGLE], axis=1))
+    gap = q.copy()
+    gap[0] = np.nan
+    about = {
+        name: doubts_about(
+            Trace("decouple", TIME, (1, 2, 3), {"q_encoder": encoder, "q_calculated": 3.0 * q}, {})
+        )
+        for name, encoder in (("whole", q), ("gap", gap), ("none", np.full_like(q, np.nan)))
+    }
+    assert len(about["whole"]) == 2
+    assert [doubt.split(":")[0].split(" is ")[0] for doubt in about["gap"]] == [
+        doubt.split(":")[0].split(" is ")[0] for doubt in about["whole"]
+    ]
+    assert about["none"] == []
 
 
 def timed(time: Array, values: Array | None = None) -> Timed:
@@ -207,6 +303,13 @@ def test_even_times_are_those_that_all_cover() -> None:
     np.testing.assert_allclose(grid, 0.5 + 0.25 * np.arange(11.0))
     with pytest.raises(TimeProblem, match="only 0 s in common"):
         even([timed(TIME), timed(TIME + 50.0)], 0.25)
+
+
+@pytest.mark.parametrize("step", [1e-12, 5e-324])
+def test_a_step_that_no_memory_holds_is_refused(step: float) -> None:
+    with pytest.raises(TimeProblem, match=r"makes .* samples") as caught:
+        even([timed(TIME)], step)
+    assert "larger step_s" in caught.value.hint
 
 
 @given(slope=st.floats(-5.0, 5.0), step=st.floats(0.003, 0.2))
@@ -263,6 +366,36 @@ def test_the_digest_of_a_mapping_is_of_its_content(tmp_path: Path) -> None:
     assert len(set(digests)) == 1
     path.write_text(GOOD.replace("joint: 2", "joint: 3"))
     assert load_mapping(path).sha256 != digests[0]
+
+
+@pytest.mark.parametrize(
+    "time",
+    [
+        "{}",
+        "{file: a.mat}",
+        "{signal: t}",
+        "{file: a.mat, step_s: 0.001}",
+        "{signal: t, step_s: 0.001}",
+        "{file: a.mat, signal: t, step_s: 0.001}",
+        "{unit: ms, step_s: 0.001}",
+        "{column: 2, step_s: 0.001}",
+    ],
+)
+def test_times_are_a_column_or_a_step(tmp_path: Path, time: str) -> None:
+    path = tmp_path / "mapping.yaml"
+    path.write_text(GOOD.replace("{step_s: 0.001}", time))
+    with pytest.raises(ConfigError, match="either file and signal, or step_s alone"):
+        load_mapping(path)
+
+
+@pytest.mark.parametrize(
+    "time",
+    ["{file: a.mat, signal: t, column: 2, unit: ms}", "{step_s: 0.001, because: SYNTHETIC, file: null}"],
+)
+def test_times_may_carry_their_reason_and_their_unit(tmp_path: Path, time: str) -> None:
+    path = tmp_path / "mapping.yaml"
+    path.write_text(GOOD.replace("{step_s: 0.001}", time))
+    assert load_mapping(path).mapping.runs["controller_1"].time
 
 
 @pytest.mark.parametrize("good", MISTAKES)

@@ -13,14 +13,15 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from tendonrepro.arithmetic import coupling_of, table_1
-from tendonrepro.dataset.columns import Column
+from tendonrepro.dataset import columns as columns_module
+from tendonrepro.dataset.columns import Column, columns_of
 from tendonrepro.dataset.evidence import counted_in, difference_of, sampling_step
 from tendonrepro.dataset.mapping import load_mapping
 from tendonrepro.dataset.meaning import understand
 from tendonrepro.dataset.signals import Found, Source
 from tendonrepro.dataset.suggestion import suggest, variable_of
 from tendonrepro.dataset.units import FACTORS, plain_unit
-from tendonrepro.dataset.words import hints
+from tendonrepro.dataset.words import Hints, hints, printable
 from tendonrepro.published import published
 
 Array = NDArray[np.float64]
@@ -151,6 +152,31 @@ def test_a_difference_is_recognised_with_its_sign(sign: float, size: float) -> N
     a, b = course(2), course(2) - size * np.sin(TIME)
     found = difference_of(sign * (a - b), {"a": a, "b": b, "c": course(3)})
     assert found == (("a", "b") if sign > 0.0 else ("b", "a"))
+
+
+@pytest.mark.parametrize("hole", [np.nan, np.inf])
+def test_columns_without_numbers_prove_nothing(hole: float) -> None:
+    """Neither a difference nor a unit, and no warning of the arithmetic either."""
+    empty = np.full(len(TIME), hole)
+    noise = np.random.default_rng(2).normal(size=(2, len(TIME)))
+    assert difference_of(noise[0], {"a": empty, "b": noise[1]}) is None
+    assert difference_of(empty, {"a": noise[0], "b": noise[1]}) is None
+    seven = np.where(np.arange(len(TIME)) < 7, noise[1] + noise[0], hole)
+    assert difference_of(noise[0], {"a": seven, "b": noise[1]}) is None
+    found = guessed(source("x.csv", {"t": TIME, "aa": noise[0], "bb": empty, "cc": 5.0 * noise[1]}, "g"))
+    assert [found[name].quantity for name in ("aa", "bb", "cc")] == [None, None, None]
+
+
+@pytest.mark.parametrize("name", ["e2", "q2", "motor 2"])
+def test_a_column_without_numbers_settles_no_unit(name: str) -> None:
+    column = guessed(source("x.csv", {"t": TIME, name: np.full(len(TIME), np.nan)}, "g"))[name]
+    assert column.because[-1] == "rad: nothing says otherwise; look at it"
+
+
+def test_a_difference_with_gaps_is_still_one() -> None:
+    a, b = course(2), course(2) - np.sin(TIME)
+    e = np.where(TIME < 1.0, np.nan, a - b)
+    assert difference_of(e, {"a": a, "b": np.where(TIME > 3.0, np.nan, b)}) == ("a", "b")
 
 
 def test_a_named_table_is_understood() -> None:
@@ -416,6 +442,42 @@ def test_titles_name_what_stands_below_them() -> None:
     assert suggest(understand([book], S_INV), "x").runs == {"controller_1_payload": 1, "controller_2": 1}
 
 
+def test_texts_speak_nearest_first() -> None:
+    found = Found("SYNTHETIC")
+    found.add("a/b/q", TIME, label="x")
+    places = {"a/title": "of a", "a/b/q/note": "of q", "other/b/title": "of others", "title": "of all"}
+    for path, text in (places | {"a/b/title": "of b", "a/b/second": "more of b"}).items():
+        found.text(path, text)
+    near = ["q", "of q", "of b", "more of b", "of a", "b", "a", "file", "folder", "of all"]
+    said: list[str] = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(columns_module, "hints", lambda name: Hints(figure=_noted(said, name)))
+        (column,) = columns_of(
+            [Source("folder/file.mat", "SYNTHETIC", 0, "0" * 32, tuple(found.signals), texts=found.texts)]
+        )
+    assert [said[hint.figure] for hint in column.around if hint.figure is not None] == near
+    assert column.inside == 7
+
+
+def _noted(said: list[str], name: str) -> int:
+    said.append(name)
+    return len(said) - 1
+
+
+def test_texts_and_names_are_read_once_a_file() -> None:
+    found = Found("SYNTHETIC")
+    for number in range(50):
+        found.add(f"log/s{number}", TIME[:20], label=f"S{number}")
+        found.text(f"remark {number}", f"of the file {number}")
+        found.text(f"log/title {number}", f"of the log {number}")
+    said: list[str] = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(columns_module, "hints", lambda name: Hints(figure=_noted(said, name)))
+        columns_of([Source("file.mat", "SYNTHETIC", 0, "0" * 32, tuple(found.signals), texts=found.texts)])
+    # Labels, names, remarks and titles; the log and the file.
+    assert len(said) == 50 + 50 + 50 + 50 + 2
+
+
 def test_two_columns_for_one_place_are_told_of() -> None:
     sources = [
         source(f"{folder}/c1.csv", {"t": TIME, "q2": followed(2, size)}, "g")
@@ -436,3 +498,11 @@ def test_comparisons_counted_from_one_beside_a_decoupling_record() -> None:
     suggestion = suggest(understand(sources, S_INV), "SYNTHETIC")
     assert suggestion.runs == {"controller_2": 4, "decouple": 6}
     assert suggestion.text.count("as in section 5.4") == 4
+
+
+@given(st.text(max_size=40))
+def test_what_is_shown_is_one_printable_line(text: str) -> None:
+    shown = printable(text)
+    assert len(shown) == len(text)
+    assert shown.isprintable()
+    assert all(after == before for before, after in zip(text, shown, strict=True) if before.isprintable())

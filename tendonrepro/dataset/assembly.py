@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tendonrepro.arrays import Array
 from tendonrepro.dataset.evidence import distance
@@ -13,6 +14,7 @@ from tendonrepro.dataset.mapping import Entry, Mapping, Resample, Run, TimeAxis
 from tendonrepro.dataset.signals import Signal, Source
 from tendonrepro.dataset.timebase import RESAMPLED, Timed, TimeProblem, checked, even, shared, within
 from tendonrepro.dataset.units import factor
+from tendonrepro.dataset.words import printable
 from tendonrepro.errors import ConfigError
 from tendonrepro.records import Trace
 from tendonrepro.summary import MEASURED
@@ -20,6 +22,8 @@ from tendonrepro.summary import MEASURED
 MOST_TURN_DEG = 190.0
 FAR_APART = 0.2
 """Difference of calculated and measured joint angle that no tendon stretches by, as a share of the range."""
+
+_OF_THE_OTHERS = {"q_d": "q_encoder + e", "q_encoder": "q_d - e", "e": "q_d - q_encoder"}
 
 StatusOf = Callable[[Array, Array], tuple[str, float]]
 """Time and error without gaps to status and its time."""
@@ -51,6 +55,11 @@ class Assembly:
     S: Array
     status_of: StatusOf
     notes: list[str] = field(default_factory=list)
+    _taken: set[Source] = field(default_factory=set, init=False, repr=False)
+
+    def used(self) -> list[Source]:
+        """Sources that `runs` has taken anything from, in their order."""
+        return [source for source in self.sources if source in self._taken]
 
     def runs(self) -> dict[str, Trace]:
         """All runs of the mapping, in its order.
@@ -58,7 +67,7 @@ class Assembly:
         Raises
         ------
         ConfigError
-            When a file, signal or column is missing, or times do not fit.
+            When a file, signal or column is missing, times do not fit, or a run holds no number.
         """
         return {name: self._run(name, run) for name, run in self.mapping.runs.items()}
 
@@ -70,7 +79,9 @@ class Assembly:
         if time[0] != 0.0:
             self.notes.append(f"{name}: time starts at {time[0]:g} s in the files, at 0 here")
             time = time - time[0]
-        self._derive(name, variables, joints)
+        self._complete(name, variables, joints)
+        self._calculate(name, variables, joints)
+        self._leave_out(name, variables, joints)
         status, status_time = self._status(time, variables)
         attributes = {
             "law": MEASURED,
@@ -97,10 +108,6 @@ class Assembly:
         for entry, signal in timed.items():
             block = variables.setdefault(entry.variable, np.full((len(time), len(joints)), np.nan))
             block[:, joints.index(entry.joint)] = self._values(signal, time)
-        for variable, block in variables.items():
-            absent = [joint for k, joint in enumerate(joints) if np.isnan(block[:, k]).all()]
-            if absent:
-                self.notes.append(f"{name}: no {variable} of joint {', '.join(map(str, absent))}")
         return time, variables, joints
 
     def _time(self, name: str, signals: Sequence[Timed]) -> Array:
@@ -117,7 +124,7 @@ class Assembly:
     def _timed(self, entry: Entry, run: Run, label: str) -> Timed:
         signal = self._signal(entry.file, entry.signal, entry.column)
         values = (signal.column(entry.column) - entry.offset) * entry.to_si
-        axis = entry.time or run.time
+        axis = entry.time or (run.time if signal.time is None else None)
         if axis is not None:
             return Timed(label, self._axis(axis, len(values)), values)
         if signal.time is not None:
@@ -139,7 +146,7 @@ class Assembly:
         found = next((signal for signal in source.signals if signal.path == path), None)
         if found is None:
             skipped = next((skip for skip in source.skipped if skip.path == path or not skip.path), None)
-            reason = f": {skipped.reason}" if skipped else ""
+            reason = f": {printable(skipped.reason)}" if skipped else ""
             message = f"{file} holds no signal {path!r}{reason}"
             hint = f"`tendonrepro inspect` lists what it holds: {_few([s.path for s in source.signals])}"
             raise ConfigError(message, where=self.where, hint=hint)
@@ -155,6 +162,7 @@ class Assembly:
         above = [source for source in self.sources if f"/{file}".endswith(f"/{source.name}")]
         for found in (exact, below, above):
             if len(found) == 1:
+                self._taken.add(found[0])
                 return found[0]
         message = (
             f"no file {file!r} among what was given" if not below else f"{file!r} could be several files"
@@ -162,24 +170,39 @@ class Assembly:
         hint = f"Given were {_few([source.name for source in self.sources])}"
         raise ConfigError(message, where=self.where, hint=hint)
 
-    def _derive(self, name: str, variables: dict[str, Array], joints: tuple[int, ...]) -> None:
-        """Complete desired angle, measured angle and error from two of them; joint angles from motors."""
-        given = variables.keys() & {"q_d", "q_encoder", "e"}
-        if {"q_d", "q_encoder"} <= given:
-            e = variables["q_d"] - variables["q_encoder"]
-            if "e" in given:
-                apart = np.rad2deg(np.nanmax(np.abs(e - variables["e"]), initial=0.0))
-                self.notes.append(
-                    f"{name}: e is q_d - q_encoder; the recorded error is up to {apart:.3g} deg off"
-                )
-                e = np.where(np.isnan(e), variables["e"], e)
-            variables["e"] = e
-        elif {"q_d", "e"} == given:
-            variables["q_encoder"] = variables["q_d"] - variables["e"]
-            self.notes.append(f"{name}: q_encoder is q_d - e")
-        elif {"q_encoder", "e"} == given:
-            variables["q_d"] = variables["q_encoder"] + variables["e"]
-            self.notes.append(f"{name}: q_d is q_encoder + e")
+    def _complete(self, name: str, variables: dict[str, Array], joints: tuple[int, ...]) -> None:
+        """Fill desired angle, measured angle and error from the other two, sample by sample."""
+        given = {variable: variables[variable] for variable in _OF_THE_OTHERS if variable in variables}
+        if len(given) < 2:
+            return
+        absent = np.full_like(next(iter(given.values())), np.nan)
+        q_d, q, e = (given.get(variable, absent) for variable in _OF_THE_OTHERS)
+        difference = q_d - q
+        apart = np.abs(difference - e)
+        if not np.isnan(apart).all():
+            most = np.rad2deg(np.nanmax(apart))
+            self.notes.append(f"{name}: e is q_d - q_encoder; the recorded error is up to {most:.3g} deg off")
+        variables["q_d"] = np.where(np.isnan(q_d), q + e, q_d)
+        variables["q_encoder"] = np.where(np.isnan(q), q_d - e, q)
+        variables["e"] = np.where(np.isnan(difference), e, difference)
+        for variable, before in (("q_d", q_d), ("q_encoder", q)):
+            self._tell_filled(name, variable, joints, before, variables[variable])
+
+    def _tell_filled(
+        self, name: str, variable: str, joints: tuple[int, ...], before: Array, after: Array
+    ) -> None:
+        filled = (np.isnan(before) & ~np.isnan(after)).any(axis=0)
+        whole = filled & np.isnan(before).all(axis=0)
+        formula = _OF_THE_OTHERS[variable]
+        if whole.any():
+            of = "" if whole.all() else f" of joint {_listed(joints, whole)}"
+            self.notes.append(f"{name}: {variable}{of} is {formula}")
+        if (filled & ~whole).any():
+            of = f"of joint {_listed(joints, filled & ~whole)}"
+            self.notes.append(f"{name}: {variable} {of} is {formula} where it has gaps")
+
+    def _calculate(self, name: str, variables: dict[str, Array], joints: tuple[int, ...]) -> None:
+        """Joint angles from motors."""
         if (
             "q_motor_encoder" in variables
             and "q_calculated" not in variables
@@ -189,6 +212,20 @@ class Assembly:
             variables["q_calculated"] = variables["q_motor_encoder"] @ self.S[np.ix_(index, index)].T
             held = "" if len(joints) == len(self.S) else ", joint 1 held"
             self.notes.append(f"{name}: q_calculated is S q_motor_encoder{held}")
+
+    def _leave_out(self, name: str, variables: dict[str, Array], joints: tuple[int, ...]) -> None:
+        """Drop variables without a number, and tell of joints without one."""
+        for variable, block in list(variables.items()):
+            absent = np.isnan(block).all(axis=0)
+            if absent.all():
+                del variables[variable]
+                self.notes.append(f"{name}: {variable} holds no number and is left out")
+            elif absent.any():
+                self.notes.append(f"{name}: no {variable} of joint {_listed(joints, absent)}")
+        if not variables:
+            message = "no signal of the run holds a number"
+            hint = "`tendonrepro inspect` shows the range of every signal"
+            raise ConfigError(message, where=f"{self.where}: runs.{name}", hint=hint)
 
     def _status(self, time: Array, variables: dict[str, Array]) -> tuple[str, float]:
         """Status by the error; gaps in it are bridged, they are not divergence."""
@@ -209,7 +246,11 @@ def doubts_about(trace: Trace) -> list[str]:
     if {"q_calculated", "q_encoder"} <= trace.variables.keys():
         for k, joint in enumerate(trace.joint):
             calculated, encoder = (trace[name][:, k] for name in ("q_calculated", "q_encoder"))
-            apart = distance(encoder - encoder[0], calculated - calculated[0])
+            known = np.isfinite(encoder) & np.isfinite(calculated)
+            if not known.any():
+                continue
+            first = int(np.argmax(known))
+            apart = distance(encoder - encoder[first], calculated - calculated[first])
             if FAR_APART < apart < np.inf:
                 doubts.append(
                     f"S q_motor of joint {joint} is {apart:.0%} of its range from the encoder: "
@@ -223,6 +264,10 @@ def _bridged(time: Array, values: Array) -> Array | None:
     return np.interp(time, time[known], values[known]) if known.any() else None
 
 
+def _listed(joints: Sequence[int], chosen: ArrayLike) -> str:
+    return ", ".join(str(joints[place]) for place in np.flatnonzero(chosen).tolist())
+
+
 def _few(names: Sequence[str]) -> str:
-    shown = ", ".join(names[:8]) or "nothing"
+    shown = ", ".join(map(printable, names[:8])) or "nothing"
     return f"{shown} and {len(names) - 8} more" if len(names) > 8 else shown

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import PurePosixPath
 from typing import NamedTuple
 
@@ -158,22 +160,36 @@ def columns_of(sources: Iterable[Source]) -> list[Column]:
     list of Column
         With what names and stored units say.
     """
-    return [
-        _column(source, signal, number)
-        for source in sources
-        for signal in source.signals
-        for number in range(1, signal.columns + 1)
-    ]
+    return [column for source in sources for column in _columns(source)]
 
 
-def _column(source: Source, signal: Signal, number: int) -> Column:
-    *parents, last = signal.path.split("/")
-    name = signal.label or last
-    inside = [last] if signal.label and signal.label != last else []
-    inside += [*_titles(source, signal), *reversed(parents)]
-    outside = [*_path_names(source.name), *_remarks(source)]
-    around = tuple(hints(place) for place in [*inside, *outside])
-    column = Column(source, signal, number, hints(name), around, len(inside))
+def _columns(source: Source) -> Iterator[Column]:
+    # A file may hold thousands of signals and of texts: each text and each name is read once.
+    read = cache(hints)
+    titles: dict[str, list[Hints]] = defaultdict(list)
+    for path, text in source.texts.items():
+        titles[path.rpartition("/")[0]] += [read(line) for line in text_names(text)]
+    outside = [*map(read, _path_names(source.name)), *titles[""]]
+    for signal in source.signals:
+        *parents, last = signal.path.split("/")
+        inside = [read(last)] if signal.label and signal.label != last else []
+        inside += [title for scope in _scopes(signal.path) for title in titles.get(scope, ())]
+        inside += map(read, reversed(parents))
+        around = (*inside, *outside)
+        for number in range(1, signal.columns + 1):
+            yield _column(source, signal, number, around, len(inside))
+
+
+def _scopes(path: str) -> Iterator[str]:
+    """A path and all above it, nearest first: a text describes all that lies beside or below it."""
+    while path:
+        yield path
+        path = path.rpartition("/")[0]
+
+
+def _column(source: Source, signal: Signal, number: int, around: tuple[Hints, ...], inside: int) -> Column:
+    name = signal.label or signal.path.rpartition("/")[2]
+    column = Column(source, signal, number, hints(name), around, inside)
     if len(signal.values) < SHORTEST:
         column.because.append("too short for a record")
         return column
@@ -182,19 +198,6 @@ def _column(source: Source, signal: Signal, number: int) -> Column:
     if column.unit:
         column.because.append(f"its unit is given as {signal.unit or column.unit}")
     return column
-
-
-def _titles(source: Source, signal: Signal) -> list[str]:
-    """Titles and labels over a signal, nearest first: a text describes all that lies beside or below it."""
-    scopes = [(path.rpartition("/")[0], text) for path, text in source.texts.items()]
-    over = [(scope, text) for scope, text in scopes if scope and f"{signal.path}/".startswith(f"{scope}/")]
-    over.sort(key=lambda entry: -len(entry[0]))
-    return [line for _, text in over for line in text_names(text)]
-
-
-def _remarks(source: Source) -> list[str]:
-    """Texts about a file as a whole."""
-    return [line for path, text in source.texts.items() if "/" not in path for line in text_names(text)]
 
 
 def _path_names(name: str) -> list[str]:

@@ -103,16 +103,20 @@ def difference_of(values: Array, others: dict[str, Array]) -> tuple[str, str] | 
     Returns
     -------
     tuple of str or None
-        Names of minuend and subtrahend; None when no two differ by it to 1 % of its own size.
+        Names of minuend and subtrahend; None when no two differ by it to 1 % of its own size, at 8 samples
+        or more that all three have.
     """
     x = looked_at(values)
-    size = float(np.nanmax(np.abs(x), initial=0.0))
+    size = float(np.abs(x[np.isfinite(x)]).max(initial=0.0))
     if size == 0.0:
         return None
     thinned = {name: looked_at(other) for name, other in others.items()}
     for a, b in combinations(thinned, 2):
-        for first, second in ((a, b), (b, a)):
-            apart = np.abs(thinned[first] - thinned[second] - x)
-            if np.nanmax(apart, initial=0.0) <= 0.01 * size:
-                return first, second
+        known = np.isfinite(x) & np.isfinite(thinned[a]) & np.isfinite(thinned[b])
+        if known.sum() < _FEWEST:
+            continue
+        difference = thinned[a][known] - thinned[b][known]
+        for names, sign in (((a, b), 1.0), ((b, a), -1.0)):
+            if np.abs(sign * difference - x[known]).max() <= 0.01 * size:
+                return names
     return None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -17,8 +16,10 @@ from tendonrepro.config import load_config
 from tendonrepro.dataset.assembly import Assembly, doubts_about
 from tendonrepro.dataset.guard import read_guarded
 from tendonrepro.dataset.mapping import LoadedMapping, load_mapping
+from tendonrepro.dataset.measured_file import origin
 from tendonrepro.dataset.readers import files_below
 from tendonrepro.dataset.signals import Source
+from tendonrepro.dataset.words import printable
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import sha256_of
 from tendonrepro.manifest import environment, to_json
@@ -75,8 +76,7 @@ def run_ingest(
     for doubt in doubts:
         talk.note(f"check {doubt}")
     guesses = list(loaded.mapping.guesses())
-    used = _used(sources, loaded)
-    manifest = _manifest(mapping, loaded, used) | {
+    manifest = _manifest(mapping, loaded, assembly.used()) | {
         "guesses": guesses,
         "notes": assembly.notes,
         "doubts": doubts,
@@ -115,15 +115,6 @@ def _may_hold(name: str, wanted: str) -> bool:
     parts = wanted.split("/")
     ways = ["/".join(parts[i:j]) for i in range(len(parts)) for j in range(i + 1, len(parts) + 1)]
     return any(f"/{name}".endswith(f"/{way}") for way in ways)
-
-
-def _used(sources: Sequence[Source], loaded: LoadedMapping) -> list[Source]:
-    wanted = loaded.mapping.files()
-    return [
-        source
-        for source in sources
-        if any(f"/{source.name}".endswith(f"/{w}") or f"/{w}".endswith(f"/{source.name}") for w in wanted)
-    ]
 
 
 def _judge(time: Array, e: Array) -> tuple[str, float]:
@@ -176,7 +167,7 @@ def _refuse_others(out: Path, file: TraceFile, manifest: Mapping[str, Any]) -> N
         message = "holds simulated traces"
     elif before.config_sha256 != file.config_sha256:
         message = "was made by another mapping"
-    elif json.loads(before.manifest_json).get("inputs") != manifest["inputs"]:
+    elif origin(before)["inputs"] != manifest["inputs"]:
         message = "was made from other data"
     else:
         return
@@ -224,7 +215,7 @@ def ingest_text(found: Mapping[str, Any]) -> str:
     if found["guesses"]:
         lines.append(f"  {len(found['guesses'])} columns are guessed and not confirmed; see the mapping")
     lines.append(f"would write {found['out']}" if found["dry_run"] else f"wrote {found['out']}")
-    return "\n".join(lines)
+    return "\n".join(map(printable, lines))
 
 
 def _numbers(values: Sequence[float]) -> str:

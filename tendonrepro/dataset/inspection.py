@@ -17,6 +17,7 @@ from tendonrepro.dataset.meaning import understand
 from tendonrepro.dataset.readers import files_below
 from tendonrepro.dataset.signals import Signal, Source
 from tendonrepro.dataset.suggestion import runs_among, suggest, variable_of
+from tendonrepro.dataset.words import printable
 from tendonrepro.errors import UsageError
 from tendonrepro.files import write_atomically
 from tendonrepro.published import published
@@ -148,7 +149,7 @@ def inspect_text(found: Mapping[str, Any]) -> str:
         lines.append(f"wrote {found['mapping']}: {said}; {found['left']} columns in no run")
     else:
         lines.append("--suggest writes a mapping file to edit")
-    return "\n".join(lines)
+    return "\n".join(map(printable, lines))
 
 
 def _file_lines(file: Mapping[str, Any]) -> list[str]:

@@ -19,7 +19,6 @@ from tendonrepro.records import VARIABLES
 from tendonrepro.strict_yaml import Key, load, read_text
 
 HINT = "`tendonrepro inspect PATH --suggest` writes one to begin with."
-METHODS = ("linear", "previous")
 
 Number: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Text: TypeAlias = Annotated[str, Field(min_length=1, strict=True)]
@@ -49,8 +48,10 @@ class TimeAxis(Model):
     @model_validator(mode="after")
     def _check(self) -> Self:
         problems = Problems()
-        if (self.file is None or self.signal is None) == (self.step_s is None):
-            problems.add((), "needs either file and signal, or step_s")
+        given = {key for key in self.model_fields_set if getattr(self, key) is not None} - {"because"}
+        # Whatever stands beside a step would be ignored without a word.
+        if given != {"step_s"} and ("step_s" in given or not {"file", "signal"} <= given):
+            problems.add((), "needs either file and signal, or step_s alone")
         if self.unit not in FACTORS["time"]:
             problems.add(("unit",), f"must be one of {', '.join(FACTORS['time'])}, found {self.unit!r}")
         problems.raise_if_any()

@@ -174,7 +174,7 @@ def _find_differences(group: Sequence[Column]) -> None:
         others = {name: array for name, array in values.items() if name != str(place)}
         found = difference_of(column.values, others)
         # Of three columns any is a difference of the others; the error is the one that is small.
-        if found is None or np.nanmax(np.abs(column.values)) > 0.5 * np.nanmax(np.abs(values[found[0]])):
+        if found is None or _largest(column.values) > 0.5 * _largest(values[found[0]]):
             continue
         minuend, subtrahend = (angles[int(name)] for name in found)
         names = f"{minuend.address} less {subtrahend.address}"
@@ -229,6 +229,7 @@ def _find_units(columns: Sequence[Column]) -> None:
 
 def _shared_unit(angles: Sequence[Column]) -> tuple[str, str]:
     """Degrees or radians by the size of the angles, else of the errors."""
+    angles = [column for column in angles if np.isfinite(column.values).any()]
     for quantities, most, what in (
         ({"desired", "measured", "calculated"}, HALF_TURN, "no joint turns by more than half a turn"),
         ({"motor"}, WINCH_TURN, "no winch turns by more than a turn"),
@@ -238,14 +239,18 @@ def _shared_unit(angles: Sequence[Column]) -> tuple[str, str]:
             return "deg", f"an angle reaches {max(sizes):.3g}, and {what}"
         if sizes:
             return "rad", f"the largest angle is {max(sizes):.3g}; in degrees there would hardly be a motion"
-    errors = [float(np.nanmean(np.abs(c.values))) for c in angles if c.quantity == "error"]
+    errors = [float(np.abs(_finite(c.values)).mean()) for c in angles if c.quantity == "error"]
     if errors and max(errors) > _SMALL_RAD:
         return "deg", f"a mean error of {max(errors):.2g} would be more than a degree in rad"
     return "rad", "nothing says otherwise; look at it"
 
 
+def _finite(values: Array) -> Array:
+    return values[np.isfinite(values)]
+
+
 def _largest(values: Array) -> float:
-    return float(np.nanmax(np.abs(values), initial=0.0))
+    return float(np.abs(_finite(values)).max(initial=0.0))
 
 
 def _doubt(column: Column) -> None:

@@ -12,8 +12,11 @@ from pathlib import PurePosixPath
 
 import numpy as np
 
+from tendonrepro.arrays import Array
 from tendonrepro.dataset.columns import Address, Column, Group
+from tendonrepro.dataset.timebase import SAME_TIME
 from tendonrepro.dataset.units import FACTORS, kind_of_variable
+from tendonrepro.dataset.words import printable
 from tendonrepro.records import VARIABLES
 from tendonrepro.strict_yaml import Node
 
@@ -41,6 +44,8 @@ _VARIABLE = {
 _OF_DESIRED = {"rate": "dq_d", "acceleration": "ddq_d"}
 _NO_TIME: Node = {"step_s": SAMPLING, "because": "the files hold no times; the paper samples every 1 ms"}
 _PLAIN = {"variable", "unit"}
+_UNWRITABLE = re.compile("[\0\ud800-\udfff]")
+"""What no mapping can hold: NUL, and halves of a pair that stand for bytes of no known encoding."""
 _SHIFTED = "only joints 1 and 2 appear, so they are taken for 2 and 3, as in section 5.4"
 
 
@@ -202,12 +207,51 @@ def _remarks(
                 places = ", ".join(f"{column.address.file}: {column.address}" for column in several)
                 claim = f"{len(several)} columns claim to be {variable} {joint} of {name}"
                 yield f"{claim}, the first is taken: {places}"
-        if any(column.time not in axes and column.signal.time is None for column in chosen[name]):
+        untimed = [column for column in chosen[name] if _time_of(column, chosen[name], axes) is _NO_TIME]
+        beside = {column: _timed_beside(column, chosen[name]) for column in untimed}
+        if not all(beside.values()):
             yield f"{name} has columns without a time: every {SAMPLING:g} s is the paper's, check it"
+        for column, others in beside.items():
+            if others:
+                places = f"{column.address} has no times, and those of {others[0].address} beside it"
+                way_out = f"save them as a signal and name it as `time` of {column.address}"
+                yield f"{name}: {places} are not one even step from 0: {way_out}"
 
 
 def _axis(column: Column) -> Node:
     return {**column.address._asdict(), "unit": column.unit or "s"}
+
+
+def _time_of(column: Column, beside: Sequence[Column], axes: Mapping[Address, Node]) -> Node:
+    """Times of a column as the mapping names them; None where its signal brings them along."""
+    if column.signal.time is not None:
+        return None
+    return _step_beside(column, beside) if column.time is None else axes[column.time]
+
+
+def _step_beside(column: Column, beside: Sequence[Column]) -> Node:
+    """Step of what stands beside a column and brings its times along; the paper's where there is none."""
+    others = _timed_beside(column, beside)
+    steps = {_even_step(other.signal.time) for other in others if other.signal.time is not None}
+    step = steps.pop() if len(steps) == 1 else None
+    if step is None:
+        return _NO_TIME
+    return {"step_s": step, "because": f"{others[0].address} beside it, of the same length, has this step"}
+
+
+def _timed_beside(column: Column, beside: Sequence[Column]) -> list[Column]:
+    """Columns of the same length with times of their own."""
+    size = len(column.values)
+    return [other for other in beside if other.signal.time is not None and len(other.values) == size]
+
+
+def _even_step(time: Array) -> float | None:
+    """Step of times that count from 0, s; None where they do not, for a mapping could not say so."""
+    if not np.isfinite(time).all():
+        return None
+    step = float(f"{(time[-1] - time[0]) / (len(time) - 1):.9g}")
+    even = step > 0.0 and np.allclose(time, step * np.arange(len(time)), rtol=0.0, atol=SAME_TIME * step)
+    return step if even else None
 
 
 def _described_run(
@@ -220,22 +264,19 @@ def _described_run(
     masses = [column.payload_mass for column in members if column.payload_mass is not None]
     mass = next((mass for mass in masses if mass), 0.0) if name.endswith("_payload") else 0.0
     run: dict[str, Node] = {"payload_mass_kg": PAYLOAD if math.isnan(mass) else mass}
-    times = {column.time for column in chosen if column.signal.time is None}
+    times = [_time_of(column, chosen, axes) for column in chosen]
+    different = [time for place, time in enumerate(times) if time and time not in times[:place]]
     # One time serves all; where there are several, each column has its own.
-    common = next(iter(times)) if len(times) == 1 else None
-    if times == {None}:
-        run["time"] = _NO_TIME
-    elif common is not None:
-        run["time"] = axes[common]
+    if len(different) == 1:
+        run["time"] = different[0]
+        times = [None] * len(chosen)
     run["signals"] = [
-        _described(column, axes, shift=column in shifted, own_time=len(times) > 1) for column in chosen
+        _described(column, time, shift=column in shifted) for column, time in zip(chosen, times, strict=True)
     ]
     return run
 
 
-def _described(
-    column: Column, axes: Mapping[Address, Node], *, shift: bool, own_time: bool
-) -> dict[str, Node]:
+def _described(column: Column, time: Node, *, shift: bool) -> dict[str, Node]:
     variable = variable_of(column) or "CHOOSE"
     known = FACTORS.get(kind_of_variable(VARIABLES[variable][0]) or "", {}) if variable in VARIABLES else {}
     unit = column.unit if column.unit in known or not known else next(iter(known))
@@ -243,8 +284,8 @@ def _described(
     entry |= {**column.address._asdict(), "unit": unit or "rad"}
     if column.scale != 1.0:
         entry["scale"] = column.scale
-    if own_time and column.signal.time is None:
-        entry["time"] = _NO_TIME if column.time is None else axes[column.time]
+    if time is not None:
+        entry["time"] = time
     return entry | {"because": "; ".join(column.because) or "nothing is known of it"}
 
 
@@ -268,8 +309,13 @@ def _lines(tree: Mapping[str, Node], depth: int) -> Iterator[str]:
 
 
 def _quoted(text: str) -> str:
-    # A text in JSON is one in YAML too.
-    return json.dumps(text, ensure_ascii=False)
+    # A text in JSON is one in YAML too, as far as YAML takes its characters as they are.
+    written = json.dumps(_UNWRITABLE.sub("\ufffd", text), ensure_ascii=False)
+    return "".join(letter if letter.isprintable() else _escaped(ord(letter)) for letter in written)
+
+
+def _escaped(code: int) -> str:
+    return f"\\u{code:04x}" if code <= 0xFFFF else f"\\U{code:08x}"
 
 
 def _head(remarks: Iterable[str]) -> list[str]:
@@ -279,7 +325,7 @@ def _head(remarks: Iterable[str]) -> list[str]:
         "what is left is listed in the result as guessed.",
         f"Runs are {', '.join(RUNS[:-1])} and {RUNS[-1]}.",
     ]
-    return [*(f"# {line}" for line in [*lines, *(f"DECIDE: {remark}" for remark in remarks)]), ""]
+    return [*(f"# {line}" for line in [*lines, *(f"DECIDE: {printable(remark)}" for remark in remarks)]), ""]
 
 
 def _rest(left: Sequence[Column], axes: Mapping[Address, Node], shifted: set[Column]) -> list[str]:
@@ -288,7 +334,7 @@ def _rest(left: Sequence[Column], axes: Mapping[Address, Node], shifted: set[Col
         return []
     lines = ["", "# In no run. To use one, copy its lines under `signals` of a run, without the #."]
     for column in left[:MOST_LISTED]:
-        first, *rest = _lines(_described(column, axes, shift=column in shifted, own_time=True), 6)
+        first, *rest = _lines(_described(column, _time_of(column, (), axes), shift=column in shifted), 6)
         lines += [f"#    - {first.strip()}", *(f"#{line}" for line in rest)]
     if len(left) > MOST_LISTED:
         lines.append(f"# and {len(left) - MOST_LISTED} more; inspect lists them all")

@@ -11,6 +11,8 @@ from tendonrepro.arrays import Array
 
 SAME_TIME = 1e-3
 """Largest difference of times that count as equal, as a share of the step."""
+MOST_SAMPLES = 2**27
+"""Most samples of a run; every column of so many takes 1 GiB."""
 
 
 class TimeProblem(Exception):
@@ -30,7 +32,10 @@ class TimeProblem(Exception):
 
 
 _RESAMPLE = "Put all signals on common times: `resample: {step_s: 0.001}` at the top of the mapping."
-_LOOK = "Look at this column with `tendonrepro inspect`; `time: {step_s: 0.001}` does without it."
+_LOOK = (
+    "Look at this column with `tendonrepro inspect`; "
+    "`time: {step_s: 0.001}` beside the column does without its times."
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,12 +157,16 @@ def even(signals: Sequence[Timed], step: float) -> Array:
     Raises
     ------
     TimeProblem
-        When they have less than one step in common.
+        When they have less than one step in common, or more steps than memory is for.
     """
     start = max(float(signal.time[0]) for signal in signals)
     end = min(float(signal.time[-1]) for signal in signals)
+    steps = (end - start) / step
+    if steps >= MOST_SAMPLES:
+        message = f"a step of {step:g} s makes {steps:.3g} samples"
+        raise TimeProblem(message, "Take a larger step_s.")
     # The margin keeps an end that rounding put just before its step.
-    count = int(np.floor((end - start) / step + 1e-6)) + 1
+    count = int(np.floor(steps + 1e-6)) + 1
     if count < 2:
         message = f"signals have only {max(end - start, 0.0):.3g} s in common, less than a step of {step:g} s"
         raise TimeProblem(

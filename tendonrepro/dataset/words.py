@@ -238,3 +238,21 @@ def _payload(words: Sequence[str], text: str) -> float | None:
 def text_names(text: str) -> Iterator[str]:
     """Lines of a text that are short enough to be names."""
     yield from (line.strip() for line in text.splitlines() if 0 < len(line.strip()) <= 80)
+
+
+def printable(text: str) -> str:
+    """One line that steers no terminal and ends no comment.
+
+    Parameters
+    ----------
+    text : str
+        Such as a name out of a file.
+
+    Returns
+    -------
+    str
+        With a space for every other white space, line breaks too, and U+FFFD for what cannot be shown.
+    """
+    return "".join(
+        letter if letter.isprintable() else " " if letter.isspace() else "\ufffd" for letter in text
+    )
