@@ -9,7 +9,7 @@ import numpy as np
 from tendonrepro.arrays import Array
 from tendonrepro.claim_rules import Judged
 from tendonrepro.errors import DataMissingError
-from tendonrepro.metrics import mae
+from tendonrepro.metrics import mae, start_level
 from tendonrepro.published import COMPARED
 from tendonrepro.records import Trace, TraceFile
 from tendonrepro.summary import CONTROLLERS
@@ -39,12 +39,13 @@ def decoupling(file: TraceFile) -> Judged:
         raise DataMissingError(message)
     encoder = _needed(trace, "q_encoder")[:, places]
     apart = calculated_angles(file, trace)[:, places] - encoder
-    apart = apart[np.isfinite(apart).all(axis=1)]
+    known = np.isfinite(apart).all(axis=1)
+    time, apart = trace.time[known], apart[known]
     reach = np.nanmax(encoder, axis=0) - np.nanmin(encoder, axis=0)
     if not len(apart) or (reach < LEAST_RANGE).any():
         message = "a run decouple in which joints 1 to 3 all move"
         raise DataMissingError(message)
-    ways = {"start_offset_removed": apart - apart[0], "as_recorded": apart}
+    ways = {"start_offset_removed": apart - start_level(time, apart), "as_recorded": apart}
     rows = {name: _agreement(mae(difference), reach) for name, difference in ways.items()}
     decided, other = (all(row["holds"] for row in rows[name]["statements"]) for name in ways)
     remarks = [] if decided == other else ["with the start offset left in, the verdict is the other one"]

@@ -148,7 +148,8 @@ def _claim(measured: Measured, paper: Published, identifier: str, numbers: Mappi
         return motor_angles(measured.file)
     if identifier == "C1":
         _need_errors(measured.compare)
-    plants = Plants(OneArm(measured), PRINTED)
+    arm = OneArm(measured)
+    plants = Plants(arm, PRINTED)
     rule = paper.judgements[identifier].rule
     found = _payload(plants) if rule == "payload" else CLAIMS[rule](plants, paper)
     _all_judged(measured.compare, identifier, found)
@@ -157,7 +158,8 @@ def _claim(measured: Measured, paper: Published, identifier: str, numbers: Mappi
         "statements": [
             {"statement": statement.text, "holds": held}
             for statement, held in zip(found.statements, holds, strict=True)
-        ]
+        ],
+        "statistics": arm.asked,
     }
     remarks = _remarks(measured, identifier)
     if identifier in ("C2", "P1") and measured.tables.deciding:
@@ -211,7 +213,13 @@ def _remarks(measured: Measured, identifier: str) -> list[str]:
 
 
 class OneArm:
-    """A measured comparison with the interface of an ensemble of one plant."""
+    """A measured comparison with the interface of an ensemble of one plant.
+
+    Attributes
+    ----------
+    asked : dict
+        Statistics that were asked for, by run and name, SI, a number a joint.
+    """
 
     joints = COMPARED
     alpha = (0.0, 0.0)
@@ -223,6 +231,7 @@ class OneArm:
     def __init__(self, measured: Measured) -> None:
         self._measured = measured
         self._kept: dict[str, dict[str, Array]] = {}
+        self.asked: dict[str, dict[str, list[float]]] = {}
 
     def has(self, run: str, reading: str) -> bool:
         """Whatever a rule asks for is looked up, so that what is missing can be named."""
@@ -243,6 +252,11 @@ class OneArm:
             When the run, one of its joints or a signal behind the statistic is missing.
         """
         del reading
+        found = self._statistic(run, name)
+        self.asked.setdefault(run, {})[name] = found[0].tolist()
+        return found
+
+    def _statistic(self, run: str, name: str) -> Array:
         trace = self._trace(run)
         if name in ("mae", "rmse"):
             return self._of_the_tables(run, name)
@@ -255,8 +269,7 @@ class OneArm:
         needed = _SIGNALS[name.partition("_")[0]]
         if name not in self._kept[run]:
             # A signal that is there lacks the phases of the motion.
-            message = f"{'q_d' if needed in trace else needed} of the run {run}"
-            raise DataMissingError(message)
+            raise DataMissingError(self._absent("q_d" if needed in trace else needed))
         values = self._kept[run][name][[trace.joint.index(joint) for joint in self.joints]]
         for joint, value in zip(self.joints, values, strict=True):
             # What is not there is smaller than nothing, so it must not come to a comparison.
@@ -287,6 +300,11 @@ class OneArm:
             message = f"the tracking error of the run {run}"
             raise DataMissingError(message)
         return np.deg2rad([[sizes[name] for name in names]])
+
+    def _absent(self, signal: str) -> str:
+        runs = self._measured.compare.runs
+        lacking = [run for run in CONTROLLERS if run in runs and signal not in runs[run]]
+        return f"{signal} of the run" + "s" * (len(lacking) > 1) + f" {', '.join(lacking)}"
 
     def _phases(self, trace: Trace) -> tuple[Array, Array] | None:
         try:

@@ -74,14 +74,17 @@ def sliding_variable(trace: Trace) -> Array | None:
 
 
 def _rate(time: Array, e: Array) -> Array:
-    """Centred difference over `RATE_WINDOW`, (T, n), or over two steps where these are longer."""
-    rate = np.full_like(e, np.nan)
+    """Difference over `RATE_WINDOW` around each sample, (T, n), or over two steps where these are longer.
+
+    Between samples the error is interpolated, so that runs sampled differently have the same window.
+    """
     step = float(np.median(np.diff(time))) if len(time) > 1 else RATE_WINDOW
-    half = max(1, round(0.5 * RATE_WINDOW / step))
-    if len(time) > 2 * half:
-        lasted = time[2 * half :] - time[: -2 * half]
-        rate[half:-half] = (e[2 * half :] - e[: -2 * half]) / lasted[:, np.newaxis]
-    return rate
+    half = max(0.5 * RATE_WINDOW, step)
+    ends = [
+        np.stack([np.interp(time + apart, time, column, np.nan, np.nan) for column in e.T], axis=1)
+        for apart in (-half, half)
+    ]
+    return np.asarray((ends[1] - ends[0]) / (2.0 * half))
 
 
 def _law_of(run: str) -> Law | None:

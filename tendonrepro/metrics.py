@@ -11,6 +11,24 @@ from tendonrepro.arrays import Array
 Status = Literal["ok", "ringing", "diverged"]
 
 
+def start_level(time: Array, x: Array) -> Array:
+    """Level at which a record starts: the median of its first tenth of a second.
+
+    One sample may be spoilt, and nothing moves far in so short a time.
+
+    Parameters
+    ----------
+    time : array (T,)
+        s, increasing.
+    x : array (T, ...)
+
+    Returns
+    -------
+    array (...)
+    """
+    return np.asarray(np.median(x[time <= time[0] + 0.1], axis=0))
+
+
 def mae(e: Array) -> Array:
     """Mean absolute error of each joint, Tables 2 and 3.
 

@@ -137,6 +137,16 @@ class TestComparison:
         assert found.decision.verdict == "not_testable"
         assert variable in found.evidence["missing"]
 
+    def test_what_no_run_recorded_is_said_of_all(self) -> None:
+        missing = judged(comparison(without=("H_hat",)))["C5"].evidence["missing"]
+        assert missing == "H_hat of the runs controller_1, controller_2, controller_3"
+
+    def test_the_numbers_behind_the_statements_are_kept(self) -> None:
+        found = judged(comparison(GROWING))["C2"].evidence["statistics"]
+        first, second = found["controller_1"]["mae"], found["controller_2"]["mae"]
+        assert second == pytest.approx(1.2 * np.array(first))
+        assert len(first) == 2
+
     @pytest.mark.parametrize("claim", ["C3", "C5", "C6"])
     def test_phases_need_the_desired_angles(self, claim: str) -> None:
         found = judged(comparison(without=("q_d", "dq_d", "ddq_d")))
@@ -151,7 +161,7 @@ class TestComparison:
         assert {name: one.decision.verdict for name, one in three.items()} == {
             name: one.decision.verdict for name, one in two.items()
         }
-        assert three["C5"].evidence == two["C5"].evidence
+        assert three["C5"].evidence["statements"] == two["C5"].evidence["statements"]
 
     def test_the_payload_claim_is_about_its_own_runs(self) -> None:
         found = judged(comparison(diverged={"controller_2": 7.0}))["P1"]
@@ -209,6 +219,19 @@ class TestComparison:
             sizes.append(statistics_of(bare, None)["s_rms"])
         assert sizes[1] / sizes[0] == pytest.approx(3.0, rel=0.05)
         assert sizes[2] / sizes[0] == pytest.approx(10.0, rel=0.05)
+
+    @pytest.mark.parametrize("step", [0.001, 0.008, 0.01, 0.015, 0.025])
+    def test_its_rate_is_taken_over_the_same_time_whatever_the_sampling(self, step: float) -> None:
+        time = step * np.arange(round(3.0 / step))
+        e = 0.01 * np.sin(7.0 * time)[:, np.newaxis] * np.ones(2)
+        run = make_compare_file(runs=("controller_3",)).runs["controller_3"]
+        found = sliding_variable(replace(measured_trace(run), time=time, variables={"e": e}))
+        assert found is not None
+        rate = found - 2.0 * e
+        expected = 0.01 * (np.sin(7.0 * (time + 0.025)) - np.sin(7.0 * (time - 0.025))) / 0.05
+        inside = (time > 0.03) & (time < time[-1] - 0.03)
+        assert np.abs(rate[inside, 0] - expected[inside]).max() < 0.01 * 0.07
+        assert np.isnan(found[[0, -1]]).all()
 
     def test_a_run_that_was_not_recorded_is_named(self) -> None:
         found = judged(comparison(runs=("controller_1", "controller_2")))
@@ -287,6 +310,14 @@ class TestAngles:
         assert found.evidence["remarks"]
         assert found.evidence["as_recorded"]["mae_deg"][0] > np.rad2deg(0.1) * 0.99
         assert not decoupling(self.file(0.005, 0.02, 0.04)).evidence["remarks"]
+
+    def test_one_spoilt_sample_at_the_start_is_no_offset(self) -> None:
+        file = self.file(0.005, 0.02, 0.04)
+        trace = file.runs["decouple"]
+        spoilt = trace["q_encoder"].copy()
+        spoilt[0] += np.deg2rad([0.5, 0.0, 1.0])
+        runs = {"decouple": replace(trace, variables=dict(trace.variables) | {"q_encoder": spoilt})}
+        assert decoupling(replace(file, runs=runs)).decision.verdict == "reproduced"
 
     def test_calculated_angles_follow_from_the_motors(self) -> None:
         file = make_decouple_file(source="measured")

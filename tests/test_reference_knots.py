@@ -9,7 +9,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.dataset.reference_fit import HALF_COUNT, limit
 from tendonrepro.dataset.reference_knots import SPACINGS, smoothed, thinned
 from tendonrepro.dataset.reference_motion import derivatives, recover_run
-from tendonrepro.dataset.reference_signal import Recorded, noise, recorded
+from tendonrepro.dataset.reference_record import Recorded, noise, recorded
 from tendonrepro.records import Trace
 from tendonrepro.streaming import thresholds
 from tendonrepro.trajectory import Motion, minimum_jerk, motion, raised_cosine, smooth_sine

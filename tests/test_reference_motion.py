@@ -15,7 +15,8 @@ from tendonrepro.dataset.reference_config import FILE, config_tree, csv_text, ru
 from tendonrepro.dataset.reference_fit import limit
 from tendonrepro.dataset.reference_knots import thinned
 from tendonrepro.dataset.reference_motion import Reference, derivatives, recover, recover_run, timing_of
-from tendonrepro.dataset.reference_signal import recorded, repeat_after, rounding_step
+from tendonrepro.dataset.reference_record import recorded, rounding_step
+from tendonrepro.dataset.reference_signal import repeat_after
 from tendonrepro.errors import DataMissingError
 from tendonrepro.records import PlantRecord, Trace, TraceFile
 from tendonrepro.samples import read_samples

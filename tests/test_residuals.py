@@ -22,7 +22,8 @@ from tendonrepro.dataset.mapping import Mapping
 from tendonrepro.dataset.meaning import understand
 from tendonrepro.dataset.printed_tables import _tail
 from tendonrepro.dataset.reference_motion import Reference, recover, zero_of
-from tendonrepro.dataset.reference_signal import Recorded, _refined, refined_shift
+from tendonrepro.dataset.reference_record import Recorded
+from tendonrepro.dataset.reference_signal import _refined, refined_shift
 from tendonrepro.dataset.rerun import aligned, departure, together
 from tendonrepro.dataset.residuals import comparison_rows
 from tendonrepro.dataset.signals import Found, Source
@@ -78,6 +79,17 @@ class TestLag:
     def test_slow_motion_on_an_encoders_steps_has_its_lag(self, amplitude_deg: float, period: float) -> None:
         ours, model = self.pair(np.deg2rad(amplitude_deg), period)
         for row in comparison_rows(ours, model):
+            assert row["lag_s"] == pytest.approx(self.LATE, rel=0.05)
+
+    @pytest.mark.parametrize("samples", [1667, 10001])
+    def test_an_encoder_that_starts_elsewhere_is_not_late(self, samples: int) -> None:
+        """Over a part of a period the rate has a mean, and an offset would look like a lag."""
+        ours, model = self.pair(np.deg2rad(10.0), 5.0)
+        short = [
+            replace(one, time=one.time[:samples], variables={"q_encoder": one["q_encoder"][:samples] + apart})
+            for one, apart in ((ours, np.deg2rad(1.0)), (model, 0.0))
+        ]
+        for row in comparison_rows(*short):
             assert row["lag_s"] == pytest.approx(self.LATE, rel=0.05)
 
     def test_what_is_early_has_a_negative_lag(self) -> None:
@@ -190,8 +202,8 @@ def test_a_run_that_moved_otherwise_has_no_residuals(tmp_path: Path, monkeypatch
     )
     assert SECOND not in asked
     assert {row["run"] for row in found["residuals"]["rows"]} == set(MOVES.runs) - {SECOND}
-    expected = "the desired motion of controller_2 differs from that of controller_1 by up to 9 deg"
-    assert f"{expected}: no residuals of it" in found["missing"]
+    expected = "its desired motion differs from that of controller_1 by up to 9 deg"
+    assert f"residuals of controller_2: {expected}" in found["missing"]
 
 
 class TestShift:
@@ -203,7 +215,7 @@ class TestShift:
         u = np.clip((time - 1.0 - late) / 4.0, 0.0, 1.0)[:, np.newaxis]
         q = np.deg2rad([30.0, -20.0]) * (10.0 * u**3 - 15.0 * u**4 + 6.0 * u**5) + apart
         q = step * np.round(q / step)
-        return Recorded(time, q - q[0], (2, 3), q[0], step, 0)
+        return Recorded(time, q - q[0], (2, 3), q[0], step, np.ones(len(time), bool))
 
     @pytest.mark.parametrize("late", [-0.3, 0.0, 0.0013, 0.2])
     @pytest.mark.parametrize("apart", [0.0, 0.49])
@@ -212,7 +224,7 @@ class TestShift:
         assert refined_shift(ours, other, late + 0.05) == pytest.approx(late, abs=2e-4)
 
     def test_the_guess_stays_where_the_records_hardly_overlap_or_nothing_near_it_fits(self) -> None:
-        ours, other = self.record(0.0, 0.0), self.record(0.9, 0.0)
+        ours, other = self.record(0.0, 0.0), self.record(1.9, 0.0)
         assert refined_shift(ours, other, 5.95) == 5.95
         assert refined_shift(ours, other, 0.0) == 0.0
 
@@ -230,7 +242,7 @@ class TestRecorded:
         q[20:40:2] = q[170:190:2] = rounding
         q[100:150, 0] = np.linspace(0.0, 1.0, 50)
         q[150:, 0] += 1.0
-        record = Recorded(0.01 * np.arange(200.0), q, (2,), np.zeros(1), rounding, 0)
+        record = Recorded(0.01 * np.arange(200.0), q, (2,), np.zeros(1), rounding, np.ones(200, bool))
         first, last = record.moving()
         assert 95 <= first <= 102
         assert 148 <= last <= 152

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -36,9 +37,7 @@ SHORT = ("reference.periods=2", "reference.rise=0.8", "reference.hold=0.3")
 TIMING = dict.fromkeys((*CONTROLLERS, LOADED), Timing(0.0, PERIOD))
 
 
-def validate(
-    path: Path | None, out: Path, *overrides: str, force: bool = False, dry_run: bool = False
-) -> Any:
+def validate(path: Path, out: Path, *overrides: str, force: bool = False, dry_run: bool = False) -> Any:
     return run_validate(path, None, out, overrides, None, force, dry_run, QUIET)
 
 
@@ -360,6 +359,27 @@ def test_the_decoupling_run_is_rerun_on_its_motors(tmp_path: Path) -> None:
     claims = {claim["id"]: claim["verdict"] for claim in found["claims"]}
     assert claims["K3"] in {"reproduced", "not_reproduced"}
     assert claims["C1"] == "not_testable"
+
+
+def test_the_window_closest_to_the_print_is_shown_beside_the_one_that_decides(tmp_path: Path) -> None:
+    """All but one printed number after the first period, none over the whole run."""
+    file = printed_file(lambda time: time >= PERIOD)
+    first = file.runs["controller_1"]
+    larger = first["e"].copy()
+    larger[first.time >= PERIOD, 0] *= 1.02
+    runs = dict(file.runs) | {"controller_1": replace(first, variables=dict(first.variables) | {"e": larger})}
+    path = tmp_path / "SYNTHETIC.h5"
+    write_traces(path, replace(file, runs=runs))
+    found = validate(path, tmp_path / "out")
+    assert found["window"] == "whole"
+    assert found["best"]["window"] == "after_first_period"
+    agree = found["best"]["table2"]
+    assert agree["controller_2"]["agree"] == {"mae_deg": [True, True], "rmse_deg": [True, True]}
+    assert agree["controller_1"]["agree"] == {"mae_deg": [False, True], "rmse_deg": [False, True]}
+    assert (tmp_path / "out" / "tables" / "best" / "table3.md").exists()
+    text = validate_text(found)
+    assert "averaged over: after_first_period, the window closest to the print" in text
+    assert re.search(r"^C2 .* over whole", text, re.MULTILINE)
 
 
 def test_another_mass_than_the_papers_is_taken_over(tmp_path: Path) -> None:

@@ -68,7 +68,7 @@ def _cycles(reference: Reference) -> int:
     if turns:
         return len(turns.joints)
     left = float(reference.record.time[-1]) - reference.delay
-    return max(round(left / reference.period), 1)
+    return max(int(np.ceil(left / reference.period - 0.02)), 1)
 
 
 def reference_tree(reference: Reference, measured: str) -> dict[str, Node]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
+from tendonrepro.dataset.reference_record import Recorded, noise_peak
 from tendonrepro.dataset.reference_shapes import (
     ANGLES,
     OUT_AND_BACK,
@@ -20,7 +21,6 @@ from tendonrepro.dataset.reference_shapes import (
     curve,
     rounded,
 )
-from tendonrepro.dataset.reference_signal import Recorded, noise_peak
 from tendonrepro.dataset.reference_turns import Turns, amplitude_of, movers, turns_of
 
 HALF_COUNT = float(np.deg2rad(0.011))
@@ -213,8 +213,9 @@ def _solved(
 ) -> Values:
     from scipy.optimize import least_squares
 
-    every = -(-len(record.time) // samples)
-    time, q = record.time[::every], record.q[::every]
+    time, q = record.samples()
+    every = -(-len(time) // samples)
+    time, q = time[::every], q[::every]
     free = _Free.of(record, kind, guess)
     low, high = free.bounds(record)
 
@@ -246,5 +247,6 @@ def _physical(values: Values) -> Values:
 
 def judged(record: Recorded, kind: str, turns: Turns | None, values: Values) -> Fit:
     """Residual of a shape with given parameters."""
-    residual = curve(kind, values, turns, record.time) - record.q
+    time, q = record.samples()
+    residual = curve(kind, values, turns, time) - q
     return Fit(kind, values, float(np.abs(residual).max()), float(np.sqrt(np.mean(residual**2))))

@@ -9,7 +9,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.dataset.reference_fit import HALF_COUNT
-from tendonrepro.dataset.reference_signal import Recorded, noise, noise_peak
+from tendonrepro.dataset.reference_record import Recorded, noise, noise_peak
 from tendonrepro.samples import FEWEST
 from tendonrepro.trajectory import minimum_jerk, sampled
 

@@ -11,16 +11,16 @@ from tendonrepro.arrays import Array
 from tendonrepro.dataset.printed_tables import Timing
 from tendonrepro.dataset.reference_fit import Fit, fits, limit
 from tendonrepro.dataset.reference_knots import Knots, smoothed, thinned
+from tendonrepro.dataset.reference_onset import onset, roundest
+from tendonrepro.dataset.reference_record import Recorded, recorded
 from tendonrepro.dataset.reference_shapes import OUT_AND_BACK, cycle_of
-from tendonrepro.dataset.reference_signal import Recorded, recorded, refined_shift, repeat_after
-from tendonrepro.dataset.reference_turns import Turns, turns_of
+from tendonrepro.dataset.reference_signal import refined_shift, repeat_after
+from tendonrepro.dataset.reference_turns import Turns, amplitude_of, movers, turns_of
 from tendonrepro.errors import DataMissingError
 from tendonrepro.published import COMPARED
 from tendonrepro.records import Trace, TraceFile
 from tendonrepro.summary import CONTROLLERS
 
-_NEAR_START = 0.05
-"""Share of a period within which an unnamed motion counts as starting with the record."""
 _SAME_TIME = 0.05
 """Share of a sample by which two runs' motions may be apart and still begin at one time."""
 
@@ -151,11 +151,22 @@ def recover_run(trace: Trace, variable: str = "q_d") -> Reference:
     fitted = tuple(fits(record, repeats))
     found = Reference(trace.name, record, thinned(record), repeats, begin, end, fitted, turns)
     if found.shape is None:
-        return replace(found, begin=0.0 if begin <= _NEAR_START * repeats else begin)
+        return replace(found, begin=_begin_of(record), period=roundest(repeats, 0.5 * record.step))
     period = cycle_of(found.shape.kind, found.shape.values)
     if turns and found.shape.kind in OUT_AND_BACK:
         period *= len(turns.pattern()[0])
     return replace(found, begin=found.delay, period=period)
+
+
+def _begin_of(record: Recorded) -> float:
+    """When a motion begins whose joints have no common shape: told by those that have one of their own."""
+    delays = []
+    for column in movers(amplitude_of(record)):
+        joint = record.of(column)
+        best = next(iter(fits(joint, repeat_after(joint))), None)
+        if best is not None and best.largest <= limit(joint):
+            delays.append(max(float(best.values["delay"]), 0.0))
+    return min(delays) if delays else onset(record)
 
 
 def recorded_motion(trace: Trace, variable: str) -> Recorded:

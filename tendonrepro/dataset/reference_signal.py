@@ -1,14 +1,11 @@
-"""The desired motion as it was recorded: its rounding, where it moves, and after how long it repeats."""
+"""After how long a recorded motion repeats, and how much later it was than another one."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.errors import DataMissingError
-from tendonrepro.records import Trace
+from tendonrepro.dataset.reference_record import FEWEST, Recorded
 
 _SAME = 0.05
 """Largest difference, as a share of the motion's size, between two periods that are repeats."""
@@ -19,110 +16,12 @@ _MOVES = 0.4
 
 Half a period of a sine moves through half of its range at least."""
 _LAGS = 600
-_FEWEST = 20
-_SPARSE = 10.0
-"""Time that a record may last, over that of its samples in a row: more is a pause and not a gap."""
 _REACH = 0.05
 """Half the stretch of a rounded record whose ends tell its rate, s."""
-_NEAR = 0.5
+_NEAR = 1.0
 """Farthest that the beginning of a motion is misjudged, s."""
+_SCAN = np.linspace(-_NEAR, _NEAR, 41)
 _STEPS = 8
-
-
-@dataclass(frozen=True, eq=False)
-class Recorded:
-    """Desired joint angles of a run on an even time grid.
-
-    Parameters
-    ----------
-    time : array (T,)
-        s, from 0 at the run's first sample.
-    q : array (T, n)
-        Displacement from the first angles, rad.
-    joint : tuple of int
-        The paper's numbers.
-    start_angle : array (n,)
-        First recorded angles, rad.
-    rounding : float
-        Step to which the record itself is rounded, rad; 0 if it is not.
-    missing : int
-        Samples that were missing, filled by interpolation.
-    """
-
-    time: Array
-    q: Array
-    joint: tuple[int, ...]
-    start_angle: Array
-    rounding: float
-    missing: int
-
-    @property
-    def step(self) -> float:
-        """Sampling step, s."""
-        return float(self.time[1] - self.time[0])
-
-    @property
-    def range(self) -> float:
-        """Largest range of a joint, rad."""
-        return float(np.ptp(self.q, axis=0).max())
-
-    def moving(self) -> tuple[int, int]:
-        """First and last sample of the motion: rest before it and after it are left out."""
-        tolerance = max(1.5 * self.rounding, 1e-3 * self.range)
-        left = (np.abs(self.q - self.q[0]) > tolerance).any(axis=1)
-        ahead = (np.abs(self.q - self.q[-1]) > tolerance).any(axis=1)
-        if not left.any():
-            return 0, len(self.time) - 1
-        last = len(ahead) - int(np.argmax(ahead[::-1])) if ahead.any() else len(ahead) - 1
-        return max(int(np.argmax(left)) - 1, 0), min(last, len(ahead) - 1)
-
-
-def recorded(trace: Trace, name: str = "q_d") -> Recorded:
-    """Put a recorded variable on an even grid.
-
-    Parameters
-    ----------
-    trace : Trace
-    name : str
-        Variable, an angle.
-
-    Raises
-    ------
-    DataMissingError
-        If the run does not hold it, or too few samples of it, or pauses for most of its time.
-    """
-    values = trace[name]
-    known = np.isfinite(values).all(axis=1)
-    if known.sum() < _FEWEST:
-        message = f"run {trace.name!r} holds {int(known.sum())} samples of {name}, {_FEWEST} are needed"
-        raise DataMissingError(message)
-    time, kept = trace.time[known] - trace.time[0], values[known]
-    step = float(np.median(np.diff(time)))
-    lasts = float(trace.time[-1] - trace.time[0])
-    if lasts > _SPARSE * step * len(time):
-        count = f"{len(time)} samples of {name} in {lasts:.4g} s, {step:.4g} s apart"
-        message = f"run {trace.name!r} holds {count}"
-        raise DataMissingError(message, hint="cut pauses off with from_s and to_s in the mapping")
-    even = step * np.arange(round(lasts / step) + 1.0)
-    if len(even) != len(time) or np.abs(even - time).max() > 1e-6 * step:
-        filled = np.column_stack([np.interp(even, time, column) for column in kept.T])
-    else:
-        filled = kept
-    start = filled[0]
-    return Recorded(even, filled - start, trace.joint, start, rounding_step(kept), int((~known).sum()))
-
-
-def rounding_step(angles: Array) -> float:
-    """Step to which angles are rounded, rad; 0 if they are not."""
-    values = np.unique(angles)
-    gaps = np.diff(values)
-    gaps = gaps[gaps > 1e-7]
-    if len(gaps) < _FEWEST or gaps.min() > 0.02 * np.ptp(values):
-        return 0.0
-    whole = np.round((values - values[0]) / gaps.min())
-    step = float(whole @ (values - values[0]) / (whole @ whole))
-    apart = np.abs(values - values[0] - step * whole).max()
-    return step if apart < 1e-3 * step else 0.0
 
 
 def repeat_after(record: Recorded) -> float:
@@ -132,7 +31,7 @@ def repeat_after(record: Recorded) -> float:
     at least its last half period, since some motions begin with a blend.
     """
     first, last = record.moving()
-    if last - first < _FEWEST or record.range == 0.0:
+    if last - first < FEWEST or record.range == 0.0:
         return 0.0
     coarse = -(-(last - first) // _LAGS)
     x = record.q[first : last + 1 : coarse]
@@ -186,11 +85,14 @@ def refined_shift(ours: Recorded, other: Recorded, guess: float) -> float:
     guess : float
         s; the answer where no shift near it explains more.
     """
-    shift = guess
+    apart = [_apart(ours, other, guess + late) for late in _SCAN]
+    if not np.isfinite(min(apart)):
+        return guess
+    shift = guess + float(_SCAN[np.argmin(apart)])
     for _ in range(_STEPS):
         time = ours.time - shift
         inside = (time >= _REACH) & (time <= other.time[-1] - _REACH)
-        if inside.sum() < _FEWEST:
+        if inside.sum() < FEWEST:
             return guess
         before, here, after = (_at(other, time[inside] + apart) for apart in (-_REACH, 0.0, _REACH))
         rate, difference = (after - before) / (2.0 * _REACH), ours.q[inside] - here
@@ -202,17 +104,19 @@ def refined_shift(ours: Recorded, other: Recorded, guess: float) -> float:
     return shift
 
 
+def _apart(ours: Recorded, other: Recorded, late: float) -> float:
+    """Mean square of what differs when one record is moved, on some hundred samples; infinite for few.
+
+    Records that hardly overlap are alike wherever both are at rest.
+    """
+    every = -(-len(ours.time) // _LAGS)
+    time, q = ours.time[::every] - late, ours.q[::every]
+    inside = (time >= 0.0) & (time <= other.time[-1])
+    if inside.sum() < max(FEWEST, 0.5 * min(1.0, other.time[-1] / ours.time[-1]) * len(time)):
+        return float("inf")
+    difference = q[inside] - _at(other, time[inside])
+    return float(np.mean((difference - difference.mean(axis=0)) ** 2))
+
+
 def _at(record: Recorded, time: Array) -> Array:
     return np.column_stack([np.interp(time, record.time, column) for column in record.q.T])
-
-
-def noise(record: Recorded) -> float:
-    """Standard deviation of white noise, from the median fourth difference, rad; 0 where it is rounding."""
-    fourth = np.median(np.abs(np.diff(record.q, 4, axis=0)), axis=0)
-    found = float(fourth.max() / (0.6745 * np.sqrt(70.0)))
-    return found if found > 0.6 * record.rounding else 0.0
-
-
-def noise_peak(record: Recorded) -> float:
-    """Largest deviation that noise is expected to cause among all samples, that of the first added, rad."""
-    return float(noise(record) * (1.0 + np.sqrt(2.0 * np.log(record.q.size))))

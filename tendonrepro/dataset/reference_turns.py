@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.dataset.reference_signal import Recorded
+from tendonrepro.dataset.reference_record import Recorded
 
 _AWAY = 0.02
 """Share of a joint's amplitude beyond which it has left its start."""

@@ -157,7 +157,8 @@ def departure(trace: Trace, reference: Reference) -> float:
     """
     record = reference.record
     time = trace.time - zero_of(trace, reference) + reference.delay
-    inside = (time >= 0.0) & (time <= record.time[-1])
+    # What bridges a gap of the other record is no evidence.
+    inside = np.interp(time, record.time, record.known, left=0.0, right=0.0) == 1.0
     late = max(record.step, float(np.median(np.diff(time))))
     largest = beyond = 0.0
     for place, joint in enumerate(record.joint):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.metrics import mae, max_abs, rmse
+from tendonrepro.metrics import mae, max_abs, rmse, start_level
 from tendonrepro.records import PlantRecord, Trace
 
 Row: TypeAlias = dict[str, Any]
@@ -127,11 +127,12 @@ def _rate(trace: Trace, joint: int, time: Array) -> Array:
 
 
 def _lag(ours: Array, model: Array, rate: Array) -> float | None:
-    """Shift of the simulation that explains most of the difference, to first order, s."""
+    """Shift of the simulation that, with an offset, explains most of the difference to first order, s."""
     if len(rate) < _LEAST:
         return None
+    difference, rate = model - ours - (model - ours).mean(), rate - rate.mean()
     power = float(rate @ rate)
-    return float((model - ours) @ rate) / power if power > 0.0 else None
+    return float(difference @ rate) / power if power > 0.0 else None
 
 
 def coupling_rows(trace: Trace, plant: PlantRecord) -> Iterator[Row]:
@@ -148,7 +149,7 @@ def coupling_rows(trace: Trace, plant: PlantRecord) -> Iterator[Row]:
     ------
     dict
         ``what`` (joint or motor angle), ``number``, and MAE, RMS and largest difference, as recorded and with
-        the first difference taken off, deg. There are no rows unless the motors were recorded too.
+        the difference at the start taken off, deg. There are no rows unless the motors were recorded too.
     """
     if not {"q_motor_encoder", "q_encoder"} <= set(trace.variables):
         return
@@ -159,9 +160,8 @@ def coupling_rows(trace: Trace, plant: PlantRecord) -> Iterator[Row]:
         "motor angle, S_inv q_encoder less motor": encoder @ S_inv.T - motor,
     }
     for what, difference in differences.items():
-        known = difference[np.isfinite(difference).all(axis=1)]
-        for column, number in enumerate(trace.joint) if len(known) else ():
-            values = known[:, column]
-            yield {"what": what, "number": number, **_sizes("", values)} | _sizes(
-                "shifted_", values - values[0]
-            )
+        known = np.isfinite(difference).all(axis=1)
+        for column, number in enumerate(trace.joint) if known.any() else ():
+            values = difference[known, column]
+            shifted = values - start_level(trace.time[known], values)
+            yield {"what": what, "number": number} | _sizes("", values) | _sizes("shifted_", shifted)

@@ -45,6 +45,8 @@ SCHEMA_VERSION = 1
 FOLDER = Path("reports") / "validate"
 RESULTS, SIMULATED = "validation.json", "simulated.h5"
 
+RARE = 0.01
+"""Chance below which a window that gives some of the printed numbers is shown."""
 EXPECTED = (*CONTROLLERS, LOADS["with_load"], "decouple")
 """Runs that a complete measurement holds."""
 
@@ -200,7 +202,17 @@ def _tables(measured: Measured, paper: Published, name: str, work: _Work) -> dic
     if deciding is not None:
         work.files += write_measured_tables(data, deciding.name, name, work.folder / "tables")
         work.write("windows.csv", csv_of(window_rows(measured.tables, paper)))
-    return data
+    return data | {"best": _best(measured, paper, name, work)}
+
+
+def _best(measured: Measured, paper: Published, name: str, work: _Work) -> dict[str, Any] | None:
+    """Tables over the window closest to the print, where that is no accident and not what decides."""
+    best = measured.tables.best
+    if best is None or best is measured.tables.deciding or measured.tables.chance > RARE:
+        return None
+    data = table_data(best, paper)
+    work.files += write_measured_tables(data, best.name, name, work.folder / "tables" / "best")
+    return {"window": best.name, **data}
 
 
 def _motion(found: Reference | None, written: Reference | None) -> dict[str, Any] | None:
@@ -228,8 +240,7 @@ def _rerun_compare(
         return
     apart = {run: math.degrees(departure(trace, reference)) for run, trace in runs.items()}
     work.missing += [
-        f"the desired motion of {run} differs from that of {reference.run} by up to {size:.3g} deg: "
-        "no residuals of it"
+        f"residuals of {run}: its desired motion differs from that of {reference.run} by up to {size:.3g} deg"
         for run, size in apart.items()
         if size
     ]
@@ -238,11 +249,15 @@ def _rerun_compare(
         work.files += write_compare(base, reference, masses, name, work.folder)
         simulated = rerun(work.folder / COMPARE, [run for run in runs if not apart[run]], talk)
     except TendonreproError as error:
-        work.missing.append(f"a rerun of the comparison: {error.message}")
+        work.missing.append(f"a rerun of the comparison: {_with_hint(error)}")
         return
     if simulated.runs:
         work.simulated.append(simulated)
         work.zeros |= {run: zero_of(runs[run], reference) for run in simulated.runs}
+
+
+def _with_hint(error: TendonreproError) -> str:
+    return f"{error.message}; {error.hint}" if error.hint else error.message
 
 
 def _rerun_decouple(trace: Trace, name: str, base: LoadedConfig, work: _Work, talk: Talk) -> None:
@@ -253,7 +268,7 @@ def _rerun_decouple(trace: Trace, name: str, base: LoadedConfig, work: _Work, ta
         work.files += write_decouple(_decouple_config(base), trace, name, work.folder)
         work.simulated.append(rerun(work.folder / DECOUPLE, [trace.name], talk))
     except TendonreproError as error:
-        work.missing.append(f"a rerun of the run decouple: {error.message}")
+        work.missing.append(f"a rerun of the run decouple: {_with_hint(error)}")
         return
     work.zeros[trace.name] = float(trace.time[0])
 

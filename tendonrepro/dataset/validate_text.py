@@ -41,6 +41,13 @@ def _head(found: Mapping[str, Any]) -> str:
 
 
 def _tables(found: Mapping[str, Any]) -> Iterator[str]:
+    yield from _table(found, found["window"])
+    if found["best"]:
+        yield from _table(found["best"], f"{found['best']['window']}, the window closest to the print")
+    yield f"Windows: {found['windows']['remark']}"
+
+
+def _table(found: Mapping[str, Any], window: str) -> Iterator[str]:
     rows: list[Sequence[str]] = [("", "joint", "MAE", "printed", "", "RMSE", "printed", "")]
     for table, title in (("table2", ""), ("table3", "Table 3 ")):
         for name, row in found[table].items():
@@ -48,8 +55,7 @@ def _tables(found: Mapping[str, Any]) -> Iterator[str]:
                 cells = [cell for metric in ("mae_deg", "rmse_deg") for cell in _cells(row, metric, place)]
                 rows.append((f"{title}{name}", str(joint), *cells))
     if len(rows) > 1:
-        yield f"Errors in deg, averaged over: {found['window']}\n{_aligned(rows)}"
-    yield f"Windows: {found['windows']['remark']}"
+        yield f"Errors in deg, averaged over: {window}\n{_aligned(rows)}"
 
 
 def _cells(row: Mapping[str, Any], metric: str, place: int) -> tuple[str, str, str]:
@@ -70,7 +76,7 @@ def _reference(reference: Mapping[str, Any] | None) -> Iterator[str]:
     amplitude = ", ".join(f"{size:.4g}" for size in reference["amplitude_deg"])
     period = reference["period_s"]
     repeats = f"period {period:.5g} s, begun {reference['periods']} times" if period else "no repetition"
-    start = ", ".join(f"{angle:.4g}" for angle in reference["start_angle_deg"])
+    start = ", ".join(f"{angle:z.4g}" for angle in reference["start_angle_deg"])
     if reference["kind"] == "sampled":
         kind = f"no shape of the simulator, so {_samples(reference)}"
     else:
@@ -106,6 +112,8 @@ def _claims(claims: Sequence[Mapping[str, Any]]) -> str:
     for claim in claims:
         evidence = claim["evidence"]
         why = f"missing: {evidence['missing']}" if "missing" in evidence else _failing(evidence)
+        if "window" in evidence:
+            why = f"over {evidence['window']}" + (f": {why}" if why else "")
         rows.append((claim["id"], claim["where"], claim["verdict"], why))
     return _aligned(rows)
 
@@ -130,4 +138,4 @@ def _residuals(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
         shown = [NOTHING if cell is None else f"{cell:z.3g}" for cell in cells]
         lines.append((row["run"], str(row["joint"]), *shown))
     if len(lines) > 1:
-        yield f"The model on the measured motion, in deg:\n{_aligned(lines)}"
+        yield f"The model on the measured motion, in deg, over what both cover:\n{_aligned(lines)}"

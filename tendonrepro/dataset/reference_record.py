@@ -1,0 +1,179 @@
+"""The desired motion as it was recorded, on an even grid: gaps, rounding, noise, and where it moves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonrepro.arrays import Array
+from tendonrepro.errors import DataMissingError
+from tendonrepro.records import Trace
+
+FEWEST = 20
+"""Samples below which nothing is told of a motion."""
+_SPARSE = 10.0
+"""Time that a record may last, over that of its samples in a row: more is a pause and not a gap."""
+_GAP = 1.9
+"""Distance of two samples, over that of most, from which on something is missing between them."""
+_BESIDE = 0.1
+"""Stretch beside a gap that tells how the motion enters and leaves it, s."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """Desired joint angles of a run on an even time grid.
+
+    Parameters
+    ----------
+    time : array (T,)
+        s, from 0 at the run's first sample.
+    q : array (T, n)
+        Displacement from the first angles, rad; gaps are bridged.
+    joint : tuple of int
+        The paper's numbers.
+    start_angle : array (n,)
+        First recorded angles, rad.
+    rounding : float
+        Step to which the record itself is rounded, rad; 0 if it is not.
+    known : bool array (T,)
+        False in a gap.
+    """
+
+    time: Array
+    q: Array
+    joint: tuple[int, ...]
+    start_angle: Array
+    rounding: float
+    known: NDArray[np.bool_]
+
+    @property
+    def step(self) -> float:
+        """Sampling step, s."""
+        return float(self.time[1] - self.time[0])
+
+    @property
+    def range(self) -> float:
+        """Largest range of a joint, rad."""
+        return float(np.ptp(self.q, axis=0).max())
+
+    @property
+    def missing(self) -> int:
+        """Samples in gaps."""
+        return int((~self.known).sum())
+
+    def samples(self) -> tuple[Array, Array]:
+        """Return times and angles of the samples in no gap, (N,) and (N, n)."""
+        return self.time[self.known], self.q[self.known]
+
+    def of(self, column: int) -> Recorded:
+        """Record of one joint, by column."""
+        one = slice(column, column + 1)
+        return replace(self, q=self.q[:, one], joint=self.joint[one], start_angle=self.start_angle[one])
+
+    def moving(self) -> tuple[int, int]:
+        """First and last sample of the motion: rest before it and after it are left out."""
+        tolerance = max(1.5 * self.rounding, noise_peak(self), 1e-3 * self.range)
+        left = (np.abs(self.q - self.q[0]) > tolerance).any(axis=1)
+        ahead = (np.abs(self.q - self.q[-1]) > tolerance).any(axis=1)
+        if not left.any():
+            return 0, len(self.time) - 1
+        last = len(ahead) - int(np.argmax(ahead[::-1])) if ahead.any() else len(ahead) - 1
+        return max(int(np.argmax(left)) - 1, 0), min(last, len(ahead) - 1)
+
+
+def recorded(trace: Trace, name: str = "q_d") -> Recorded:
+    """Put a recorded variable on an even grid.
+
+    Parameters
+    ----------
+    trace : Trace
+    name : str
+        Variable, an angle.
+
+    Raises
+    ------
+    DataMissingError
+        If the run does not hold it, or too few samples of it, or pauses for most of its time.
+    """
+    values = trace[name]
+    there = np.isfinite(values).all(axis=1)
+    if there.sum() < FEWEST:
+        message = f"run {trace.name!r} holds {int(there.sum())} samples of {name}, {FEWEST} are needed"
+        raise DataMissingError(message)
+    time, kept = trace.time[there] - trace.time[0], values[there]
+    step = float(np.median(np.diff(time)))
+    lasts = float(trace.time[-1] - trace.time[0])
+    if lasts > _SPARSE * step * len(time):
+        count = f"{len(time)} samples of {name} in {lasts:.4g} s, {step:.4g} s apart"
+        message = f"run {trace.name!r} holds {count}"
+        raise DataMissingError(message, hint="cut pauses off with from_s and to_s in the mapping")
+    even = step * np.arange(round(lasts / step) + 1.0)
+    if len(even) == len(time) and np.abs(even - time).max() <= 1e-6 * step:
+        filled, known = kept, np.ones(len(even), dtype=bool)
+    else:
+        filled, known = _even(even, time, kept)
+    start = filled[0]
+    return Recorded(even, filled - start, trace.joint, start, rounding_step(kept), known)
+
+
+def _even(even: Array, time: Array, kept: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Samples interpolated on an even grid, (T, n), and which of them lie in no gap."""
+    filled = np.column_stack([np.interp(even, time, column) for column in kept.T])
+    step = even[1] - even[0]
+    known = (even >= time[0] - 0.5 * step) & (even <= time[-1] + 0.5 * step)
+    for place in np.flatnonzero(np.diff(time) > _GAP * step).tolist():
+        inside = (even > time[place] + 0.5 * step) & (even < time[place + 1] - 0.5 * step)
+        filled[inside] = _bridge(even[inside], time, kept, place)
+        known &= ~inside
+    return filled, known
+
+
+def _bridge(instants: Array, time: Array, kept: Array, place: int) -> Array:
+    """Cubic from one side of a gap to the other: a straight line would be a jerk that nobody commanded."""
+    ends, width = time[place : place + 2], time[place + 1] - time[place]
+    sides = (
+        slice(int(np.searchsorted(time, ends[0] - _BESIDE)), place + 1),
+        slice(place + 1, int(np.searchsorted(time, ends[1] + _BESIDE, side="right"))),
+    )
+    (q_0, dq_0), (q_1, dq_1) = (
+        _level_and_rate(time[side] - end, kept[side]) for side, end in zip(sides, ends, strict=True)
+    )
+    u = ((instants - ends[0]) / width)[:, np.newaxis]
+    rise = u**2 * (3.0 - 2.0 * u)
+    leave, enter = u * (1.0 - u) ** 2, u**2 * (u - 1.0)
+    return np.asarray(q_0 + (q_1 - q_0) * rise + width * (dq_0 * leave + dq_1 * enter))
+
+
+def _level_and_rate(time: Array, q: Array) -> tuple[Array, Array]:
+    """Value and slope at time 0 of the parabola through samples, each (n,)."""
+    degree = min(len(time) - 1, 2)
+    powers = np.vander(time, degree + 1, increasing=True)
+    found = np.linalg.lstsq(powers, q, rcond=None)[0]
+    return found[0], found[1] if degree else np.zeros(q.shape[1])
+
+
+def rounding_step(angles: Array) -> float:
+    """Step to which angles are rounded, rad; 0 if they are not."""
+    values = np.unique(angles)
+    gaps = np.diff(values)
+    gaps = gaps[gaps > 1e-7]
+    if len(gaps) < FEWEST or gaps.min() > 0.02 * np.ptp(values):
+        return 0.0
+    whole = np.round((values - values[0]) / gaps.min())
+    step = float(whole @ (values - values[0]) / (whole @ whole))
+    apart = np.abs(values - values[0] - step * whole).max()
+    return step if apart < 1e-3 * step else 0.0
+
+
+def noise(record: Recorded) -> float:
+    """Standard deviation of white noise, from the median fourth difference, rad; 0 where it is rounding."""
+    fourth = np.median(np.abs(np.diff(record.q[record.known], 4, axis=0)), axis=0)
+    found = float(fourth.max() / (0.6745 * np.sqrt(70.0)))
+    return found if found > 0.6 * record.rounding else 0.0
+
+
+def noise_peak(record: Recorded) -> float:
+    """Largest deviation that noise is expected to cause among all samples, that of the first added, rad."""
+    return float(noise(record) * (1.0 + np.sqrt(2.0 * np.log(record.q.size))))
