@@ -380,7 +380,7 @@ def test_the_page_says_what_the_code_does() -> None:
     text = " ".join(PAGE.read_text(encoding="utf-8").partition("## On the measurement")[2].split())
     assert f"on joint 1 below {100 * TINY:g} %" in text
     assert f"on every joint below {100 * AGREES:g} %" in text
-    assert f"MAE of each motor below {100 * AGREES:g} % of the range" in text
+    assert f"MAE of each motor below {100 * AGREES:g} % of the desired range" in text
     assert f"moves less than {np.rad2deg(LEAST_RANGE):.0f}°" in text
     assert f"spread evenly within {100 * SPREAD:g} % of the print" in text
 
