@@ -111,6 +111,22 @@ class TestStatistics:
         assert np.isnan(found[[0, -1]]).all()
         assert found[1:-1] == pytest.approx(expected, rel=1e-9, abs=1e-12)
 
+    def test_one_sample_is_enough_for_a_mean_and_none_is_none(self) -> None:
+        trace = make_compare_file(step=0.05, periods=1).runs["controller_1"]
+        tau = np.full_like(trace["tau_m"], np.nan)
+        tau[7, 0] = -2.0
+        found = statistics_of(replace(trace, variables={"tau_m": tau}), None)
+        assert found["torque_rms"].tolist() == pytest.approx([2.0, np.nan], nan_ok=True)
+        assert np.isnan(found["torque_step_rms"]).all()
+
+    def test_s_needs_a_law_an_error_and_more_than_one_sample(self) -> None:
+        trace = make_compare_file(step=0.05, periods=1, without=("s",)).runs["controller_2"]
+        assert sliding_variable(replace(trace, name="decouple")) is None
+        assert sliding_variable(replace(trace, variables={"q_d": trace["q_d"]})) is None
+        alone = sliding_variable(replace(trace, time=trace.time[:1], variables={"e": trace["e"][:1]}))
+        assert alone is not None
+        assert np.isnan(alone).all()
+
 
 class TestComparison:
     def test_the_order_holds_and_fails_when_reversed(self) -> None:
@@ -182,6 +198,7 @@ class TestComparison:
         found = judged(replace(file, runs=runs))[claim]
         assert found.decision.verdict == "not_testable"
         assert name in found.evidence["missing"]
+        assert found.evidence["missing"].startswith((variable, "the measured error", "the tracking error"))
 
     def test_a_joint_alone_still_has_its_numbers(self) -> None:
         file = printed_file(lambda time: time >= 0.0)
@@ -255,6 +272,51 @@ class TestComparison:
         found = judged(replace(file, runs={**file.runs, "controller_2": thin}))
         assert "sampled alike" in found["C6"].evidence["missing"]
         assert found["C2"].decision.verdict != "not_testable"
+        for stretch, alike in ((1.005, True), (1.1, False)):
+            slow = replace(one, time=stretch * one.time)
+            found = judged(replace(file, runs={**file.runs, "controller_2": slow}))
+            assert ("missing" not in found["C6"].evidence) is alike
+            assert "missing" not in found["C5"].evidence
+
+    def test_a_pause_in_a_record_is_no_other_sampling(self) -> None:
+        file = comparison()
+        one = file.runs["controller_2"]
+        paused = replace(one, time=one.time + np.where(np.arange(len(one.time)) < 100, 0.0, 0.5))
+        found = judged(replace(file, runs={**file.runs, "controller_2": paused}))
+        assert "missing" not in found["C6"].evidence
+
+    def test_nothing_is_a_percentage_of_zero(self) -> None:
+        found = judged(comparison(GROWING | {"controller_1": 0.0}))
+        for metric in ("mae", "rmse"):
+            one = found[f"increase.with_load.{metric}.joint_2"]
+            assert one.decision.verdict == "not_testable"
+            assert one.evidence["missing"] == "an error of controller_1, joint 2 that is not zero"
+
+    def test_a_run_of_one_joint_or_without_its_error_says_nothing_of_stability(self) -> None:
+        file = comparison()
+        one = file.runs["controller_2"]
+        single = replace(one, joint=(2,), variables={name: v[:, :1] for name, v in one.variables.items()})
+        bare = replace(one, variables={"q_d": one["q_d"]})
+        for run, joint in ((single, 3), (bare, 2)):
+            found = judged(replace(file, runs={**file.runs, "controller_2": run}))["C1"]
+            assert found.evidence["missing"] == f"the measured error of controller_2, joint {joint}"
+
+    def test_the_row_without_load_is_controller_1(self) -> None:
+        found = judged(comparison(runs=("controller_2",)))
+        for name in ("table3.no_load.mae.joint_2", "share.controller_1_of_2.mae.joint_2"):
+            assert found[name].evidence["missing"] == "the measured errors of controller_1, joint 2"
+
+    def test_a_gap_in_an_error_says_nothing_against_stability(self) -> None:
+        file = comparison()
+        e = file.runs["controller_2"]["e"].copy()
+        e[40:60] = np.nan
+        holed = measured_trace(file.runs["controller_2"], e=e)
+        assert verdict(replace(file, runs={**file.runs, "controller_2": holed}), "C1") == "reproduced"
+
+    def test_the_window_is_named_where_the_tables_decide(self) -> None:
+        found = judged(comparison(GROWING))
+        claims = ("C1", "C2", "C3", "C4", "C5", "C6", "P1")
+        assert {name for name in claims if "window" in found[name].evidence} == {"C2", "P1"}
 
     def test_surfaces_computed_from_e_are_said_to_be(self) -> None:
         same = dict.fromkeys(GROWING, 1.0)
@@ -262,6 +324,7 @@ class TestComparison:
         found = judged(comparison(same, without=("s",)))["C4"]
         assert found.decision.verdict != "not_testable"
         assert "Eq. (11)" in found.evidence["remarks"][0]
+        assert "over 50 ms" in found.evidence["remarks"][0]
 
     def test_the_payload_is_its_percentages(self) -> None:
         found = judged(comparison(GROWING))["P1"]
@@ -364,12 +427,69 @@ class TestAngles:
         shares = [row["share_of_range"] for row in found.evidence["statements"]]
         assert shares[0] / shares[1] == pytest.approx(77.0 / 35.0)
 
+    def test_k5_needs_samples_of_both_angles(self) -> None:
+        file = make_compare_file(step=0.02, source="measured", runs=("controller_2",))
+        trace = file.runs["controller_2"]
+        lost = measured_trace(trace, q_encoder=np.full_like(trace["q_d"], np.nan))
+        with pytest.raises(DataMissingError, match="motors move"):
+            motor_angles(replace(file, runs={"controller_2": lost}))
+
     def test_k5_needs_motors_that_move(self) -> None:
         file = make_compare_file(step=0.02, source="measured", runs=("controller_2",))
         trace = file.runs["controller_2"]
         still = measured_trace(trace, q_d=0.0 * trace["q_d"], q_encoder=0.0 * trace["q_d"])
         with pytest.raises(DataMissingError, match="motors move"):
             motor_angles(replace(file, runs={"controller_2": still}))
+
+    def on_ranges(self, sizes_deg: tuple[float, ...], ranges_deg: tuple[float, ...]) -> TraceFile:
+        """SYNTHETIC decoupling run with an MAE and a range of a size a joint, at angles far from zero."""
+        file = make_decouple_file(source="measured")
+        trace = file.runs["decouple"]
+        moves = trace["q_encoder"] / np.ptp(trace["q_encoder"], axis=0)
+        encoder = np.deg2rad(ranges_deg) * moves + np.deg2rad([100.0, -150.0, 50.0])
+        apart = np.deg2rad(sizes_deg) * np.minimum(np.arange(len(trace.time)), 1)[:, np.newaxis]
+        encoder[7, 1] = apart[8, 2] = np.nan
+        run = measured_trace(trace, q_encoder=encoder, q_calculated=encoder + apart)
+        return replace(file, runs={"decouple": run})
+
+    @pytest.mark.parametrize("joint", [1, 2, 3])
+    def test_a_degree_is_the_least_motion(self, joint: int) -> None:
+        small, enough = (
+            tuple(size if number == joint else 40.0 for number in (1, 2, 3)) for size in (0.9, 1.1)
+        )
+        assert decoupling(self.on_ranges((0.1, 0.2, 0.3), enough)).evidence
+        with pytest.raises(DataMissingError, match="all move"):
+            decoupling(self.on_ranges((0.1, 0.2, 0.3), small))
+
+    @pytest.mark.parametrize("joint", [1, 2, 3])
+    def test_k3_needs_all_joints(self, joint: int) -> None:
+        file = make_decouple_file(source="measured")
+        trace = file.runs["decouple"]
+        kept = [place for place, number in enumerate(trace.joint) if number != joint]
+        variables = {name: trace[name][:, kept] for name in ("q_encoder", "q_calculated")}
+        fewer = replace(trace, joint=tuple(trace.joint[place] for place in kept), variables=variables)
+        with pytest.raises(DataMissingError, match="all of joints 1 to 3"):
+            decoupling(replace(file, runs={"decouple": fewer}))
+
+    @pytest.mark.parametrize("share", [0.049, 0.051])
+    def test_k5_is_the_mae_of_each_motor_over_the_largest_range(self, share: float) -> None:
+        file = make_compare_file(step=0.02, source="measured", runs=("controller_2",))
+        trace = file.runs["controller_2"]
+        S_inv = file.plant.matrix("S_inv", trace.joint)
+        q_d = trace["q_d"].copy()
+        reach = np.ptp(q_d @ S_inv.T, axis=0).max()
+        apart = reach * np.array([0.5 * share, -share])
+        shaken = np.where(np.arange(len(q_d)) % 2, 0.5, 1.5)[:, np.newaxis] * apart
+        q_encoder = q_d + shaken @ np.linalg.inv(S_inv).T
+        q_d[5:7] = q_encoder[8:10, 1] = np.nan
+        q_d, q_encoder = q_d[: len(q_d) // 2 * 2], q_encoder[: len(q_d) // 2 * 2]
+        variables = {"q_d": q_d, "q_encoder": q_encoder}
+        run = replace(measured_trace(trace), time=trace.time[: len(q_d)], variables=variables)
+        rows = motor_angles(replace(file, runs={"controller_2": run})).evidence["statements"]
+        assert [row["share_of_range"] for row in rows] == pytest.approx([0.5 * share, share], rel=1e-9)
+        assert [row["mae_deg"] for row in rows] == pytest.approx(np.rad2deg(np.abs(apart)), rel=1e-9)
+        assert [row["holds"] for row in rows] == [True, share < 0.05]
+        assert all("below 5 % of the largest range" in row["statement"] for row in rows)
 
 
 PAGE = Path(__file__).parent.parent / "docs" / "verdicts.md"

@@ -12,17 +12,20 @@ from tendonrepro import runs
 from tendonrepro.arrays import Array
 from tendonrepro.config import CompareConfig, load_config
 from tendonrepro.dataset.reference_config import FILE, config_tree, csv_text, runnable
-from tendonrepro.dataset.reference_fit import limit
+from tendonrepro.dataset.reference_fit import _guesses, _physical, limit
 from tendonrepro.dataset.reference_knots import thinned
 from tendonrepro.dataset.reference_motion import Reference, derivatives, recover, recover_run, timing_of
-from tendonrepro.dataset.reference_record import recorded, rounding_step
-from tendonrepro.dataset.reference_signal import repeat_after
+from tendonrepro.dataset.reference_record import Recorded, recorded, rounding_step
+from tendonrepro.dataset.reference_shapes import Values
+from tendonrepro.dataset.reference_signal import _misfit, repeat_after
+from tendonrepro.dataset.reference_turns import amplitude_of, movers, turns_of
 from tendonrepro.errors import DataMissingError
 from tendonrepro.records import PlantRecord, Trace, TraceFile
 from tendonrepro.samples import read_samples
 from tendonrepro.strict_yaml import dump
 from tendonrepro.trajectory import (
     Motion,
+    Shape,
     at_rest,
     minimum_jerk,
     motion,
@@ -282,3 +285,160 @@ def test_recorded_derivatives_are_taken_and_others_made() -> None:
     assert np.abs(found[1] - ddq).max() < 0.2 * np.abs(ddq).max()
     given = Trace(plain.name, plain.time, (2, 3), {**plain.variables, "dq_d": 2.0 * dq, "ddq_d": ddq}, {})
     assert derivatives(given)[0] is given["dq_d"]
+
+
+def made_of(q: Array, step: float = 0.001) -> Recorded:
+    return Recorded(step * np.arange(float(len(q))), q, (2, 3), np.zeros(q.shape[1]), 0.0, 0)
+
+
+def ramps(plan: list[tuple[float, Array]], rise: float, hold: float, end: float) -> Recorded:
+    """Straight out in `rise`, a `hold`, and straight back, from each of some times."""
+    time = 0.001 * np.arange(round(end / 0.001) + 1.0)
+    knots = np.array([0.0, rise, rise + hold, 2.0 * rise + hold])
+    trips = [np.outer(np.interp(time - start, knots, [0, 1, 1, 0]), far) for start, far in plan]
+    return made_of(np.sum(trips, axis=0))
+
+
+class TestTurns:
+    FAR = np.array([0.4, -0.2])
+
+    def test_times_are_those_of_2_and_98_percent(self) -> None:
+        found = turns_of(ramps([(1.0, self.FAR), (6.0, self.FAR)], 2.0, 0.5, 12.0))
+        assert found is not None
+        assert found.joints == ((0, 1), (0, 1))
+        expected = (1.0 + 0.02 * 2.0, 1.0 + 2.5 + 0.98 * 2.0, 5.0, 0.96 * 2.0)
+        assert (found.begin, found.end, found.cycle, found.rise) == pytest.approx(expected, abs=0.002)
+        assert found.pattern() == (((0, 1),), 2)
+
+    def test_one_excursion_has_no_cycle(self) -> None:
+        found = turns_of(ramps([(1.0, self.FAR)], 2.0, 0.5, 7.0))
+        assert found is not None
+        assert (found.cycle, found.joints) == (0.0, ((0, 1),))
+        assert found.pattern() == (((0, 1),), 1)
+
+    def test_joints_that_move_one_after_the_other_are_told_apart(self) -> None:
+        first, second = self.FAR * [1.0, 0.0], self.FAR * [0.0, 1.0]
+        order = (first, second, second, first, second, second)
+        found = turns_of(ramps([(1.0 + 3.0 * k, far) for k, far in enumerate(order)], 1.0, 0.5, 20.0))
+        assert found is not None
+        assert found.joints == ((0,), (1,), (1,), (0,), (1,), (1,))
+        assert found.pattern() == (((0,), (1,), (1,)), 2)
+        assert found.cycle == pytest.approx(3.0, abs=0.002)
+
+    @pytest.mark.parametrize(("share", "counts"), [(0.04, False), (0.06, True), (-0.06, True)])
+    def test_a_joint_that_hardly_moves_is_at_rest(self, share: float, counts: bool) -> None:
+        found = turns_of(ramps([(1.0, np.array([0.4, 0.4 * share]))], 2.0, 0.5, 7.0))
+        assert found is not None
+        assert found.joints == (((0, 1) if counts else (0,)),)
+        assert amplitude_of(ramps([(1.0, self.FAR)], 2.0, 0.5, 7.0)) == pytest.approx(self.FAR)
+
+    def test_a_leap_to_the_other_side_and_no_motion_have_no_turns(self) -> None:
+        leap = ramps([(1.0, self.FAR)], 2.0, 0.5, 7.0)
+        sides = np.where((leap.time < 3.2)[:, np.newaxis], 1.0, [1.0, -1.0])
+        leap = replace(leap, q=sides * leap.q)
+        assert turns_of(leap) is None
+        assert turns_of(replace(leap, q=0.0 * leap.q)) is None
+        assert movers(np.zeros(2)) == []
+
+
+class TestMisfit:
+    def test_it_is_the_size_of_the_difference_over_that_of_the_motion(self) -> None:
+        """A sine and the same later differ by a sine of 2 sin(half the phase) times its size."""
+        phase = 2.0 * np.pi * np.arange(5000.0) / 1000.0
+        x = np.column_stack([np.sin(phase), 0.5 * np.cos(phase)])
+        for lag in (100, 250, 500, 1000, 1500):
+            expected = np.sqrt(2.0) * abs(np.sin(np.pi * lag / 1000.0))
+            assert _misfit(x[: 4000 + lag], lag) == pytest.approx(expected, abs=0.01)
+
+    def test_where_nothing_moves_at_the_end_nothing_tells(self) -> None:
+        x = np.concatenate([np.linspace(0.0, 1.0, 100), np.ones(100)])[:, np.newaxis]
+        assert _misfit(x, 160) == np.inf
+        assert np.isfinite(_misfit(x[:110], 30))
+        assert _misfit(x, 50) > 0.1
+        wave = np.sin(2.0 * np.pi * np.arange(200.0) / 40.0)[:, np.newaxis]
+        assert _misfit(wave, 120) == pytest.approx(0.0, abs=1e-9)
+        assert _misfit(wave, 160) == np.inf
+
+
+class TestGuesses:
+    """Of a search for a shape: near the truth where the record holds it exactly."""
+
+    FAR = np.array([0.5, -0.3])
+
+    def guesses(self, kind: str, shapes: list[Shape], cycle: float, cycles: int) -> list[Values]:
+        motions = [Motion((each,) * cycles, cycle) for each in shapes]
+        time = 0.001 * np.arange(round((1.0 + cycles * cycle) / 0.001) + 1.0)
+        record = made_of(motion(time - 0.5, motions)[0])
+        turns = turns_of(record)
+        assert turns is not None
+        return list(_guesses(kind, record, turns))
+
+    @pytest.mark.parametrize("cycles", [1, 2])
+    def test_a_raised_cosine(self, cycles: int) -> None:
+        shapes = [raised_cosine(size, 6.0) for size in self.FAR]
+        (found,) = self.guesses("raised_cosine", shapes, 6.0, cycles)
+        assert found["amplitude"] == pytest.approx(self.FAR, rel=1e-6)
+        assert (found["delay"], found["period"]) == pytest.approx((0.5, 6.0), abs=0.02)
+
+    @pytest.mark.parametrize("cycles", [1, 2])
+    def test_a_minimum_jerk(self, cycles: int) -> None:
+        shapes = [minimum_jerk(size, 2.5, 1.0) for size in self.FAR]
+        (found,) = self.guesses("minimum_jerk", shapes, 7.0, cycles)
+        assert found["amplitude"] == pytest.approx(self.FAR, rel=1e-6)
+        assert (found["delay"], found["rise"]) == pytest.approx((0.5, 2.5), abs=0.03)
+        assert cycles == 1 or found["hold"] == pytest.approx(1.0, abs=0.03)
+
+    @pytest.mark.parametrize("cycles", [1, 2])
+    def test_a_ramp(self, cycles: int) -> None:
+        """With the limits of a ramp a third of which speeds up."""
+        rise, hold = 2.0, 1.0
+        velocity = 0.5 / (rise * (1.0 - 0.3))
+        limits = velocity, velocity / (0.3 * rise)
+        rises = [trapezoid_times(size, *limits)[1] for size in self.FAR]
+        shapes = [
+            trapezoidal(size, *limits, hold + rise - own) for size, own in zip(self.FAR, rises, strict=True)
+        ]
+        found = self.guesses("trapezoidal", shapes, 6.0, cycles)
+        assert len({guess["share"] for guess in found}) == len(found) > 1
+        for guess in found:
+            assert 0.0 < guess["share"] < 0.5
+            assert (guess["delay"], guess["rise"]) == pytest.approx((0.5, rise), abs=0.15)
+            assert cycles == 1 or guess["hold"] == pytest.approx(hold, abs=0.3)
+
+    def test_a_ramps_limits_are_those_of_its_rise(self) -> None:
+        values = {"amplitude": self.FAR, "rise": 2.0, "share": 0.3, "delay": 0.5, "hold": 1.0}
+        found = _physical(values)
+        begin, rise = trapezoid_times(0.5, found["velocity"], found["acceleration"])
+        assert (begin, rise) == pytest.approx((0.3 * 2.0, 2.0))
+        assert found.keys() == {"amplitude", "delay", "hold", "velocity", "acceleration"}
+        assert _physical(found) is found
+
+
+class TestGrid:
+    def test_a_gap_is_bridged_by_a_straight_line(self) -> None:
+        time = 0.01 * np.arange(101.0)
+        q = np.column_stack([2.0 * time + 1.0, -time])
+        q[30:40, 1] = np.nan
+        found = recorded(trace(time + 5.0, q))
+        np.testing.assert_allclose(found.time, time, atol=1e-12)
+        np.testing.assert_allclose(found.q, np.column_stack([2.0 * time, -time]), atol=1e-12)
+        assert found.start_angle.tolist() == [1.0, 0.0]
+        assert (found.missing, found.joint) == (10, (2, 3))
+        assert (found.step, found.range) == pytest.approx((0.01, 2.0))
+
+    @pytest.mark.parametrize(("count", "enough"), [(19, False), (20, True)])
+    def test_twenty_samples_are_needed(self, count: int, enough: bool) -> None:
+        run = trace(0.01 * np.arange(float(count)), np.zeros((count, 2)))
+        if enough:
+            assert len(recorded(run).time) == count
+        else:
+            with pytest.raises(DataMissingError, match="holds 19 samples of q_d, 20 are needed"):
+                recorded(run)
+
+    def test_a_step_is_found_from_few_values_and_not_from_uneven_ones(self) -> None:
+        rng = np.random.default_rng(3)
+        whole = np.floor(rng.uniform(0.0, 2000.0, 500))
+        assert rounding_step(COUNT * whole) == pytest.approx(COUNT, rel=1e-6)
+        assert rounding_step(COUNT * whole + 0.7) == pytest.approx(COUNT, rel=1e-6)
+        assert rounding_step(COUNT * (whole + rng.uniform(-0.2, 0.2, 500))) == 0.0
+        assert rounding_step(COUNT * np.arange(20.0)) == 0.0

@@ -15,6 +15,7 @@ from measured_synthetic import measured_trace
 from synthetic import COUNT, S, make_compare_file, make_decouple_file
 
 from tendonrepro.arrays import Array
+from tendonrepro.config import load_config
 from tendonrepro.dataset import validate
 from tendonrepro.dataset.assembly import Assembly, doubts_about
 from tendonrepro.dataset.columns import Column
@@ -24,7 +25,7 @@ from tendonrepro.dataset.printed_tables import _tail
 from tendonrepro.dataset.reference_motion import Reference, recover, zero_of
 from tendonrepro.dataset.reference_record import Recorded
 from tendonrepro.dataset.reference_signal import _refined, refined_shift
-from tendonrepro.dataset.rerun import aligned, departure, together
+from tendonrepro.dataset.rerun import aligned, departure, together, write_compare
 from tendonrepro.dataset.residuals import comparison_rows
 from tendonrepro.dataset.signals import Found, Source
 from tendonrepro.errors import DataMissingError
@@ -96,6 +97,50 @@ class TestLag:
         late, model = self.pair(np.deg2rad(10.0), 2.5)
         for row in comparison_rows(model, late):
             assert row["lag_s"] == pytest.approx(-self.LATE, rel=0.05)
+
+    def test_a_model_at_rest_tells_no_lag_and_two_samples_do(self) -> None:
+        ours, model = self.pair(np.deg2rad(2.0), 2.5)
+        still = replace(model, variables={"q_encoder": np.zeros_like(model["q_encoder"])})
+        assert [row["lag_s"] for row in comparison_rows(ours, still)] == [None, None]
+        for kept, told in ((1, False), (2, True)):
+            few = np.where(np.arange(len(ours.time))[:, np.newaxis] < kept, ours["q_encoder"], np.nan)
+            rows = comparison_rows(measured_trace(ours, q_encoder=few), model)
+            assert [row["lag_s"] is not None for row in rows] == [told, told]
+
+
+class TestSizes:
+    """Of two runs that differ by known amounts."""
+
+    TIME = 0.01 * np.arange(200.0)
+    WAVE = np.column_stack([np.sin(TIME), np.cos(3.0 * TIME)])
+
+    def run(self, **variables: Array) -> Trace:
+        return Trace(FIRST, self.TIME, (2, 3), variables, {"status": "ok"})
+
+    def test_what_the_motors_say_is_compared_by_its_mean(self) -> None:
+        apart = np.deg2rad([1.0, 2.0]) * (1.0 + self.WAVE)
+        ours = self.run(q_encoder=self.WAVE, q_calculated=self.WAVE - apart)
+        for column, row in enumerate(comparison_rows(ours, ours)):
+            size = np.rad2deg(np.abs(apart[:, column]).mean())
+            assert row["measured_calculated_mae_deg"] == pytest.approx(size)
+            assert row["simulated_calculated_mae_deg"] == pytest.approx(size)
+
+    def test_no_error_has_no_ratio_and_a_constant_one_no_correlation(self) -> None:
+        ours, none = self.run(e=0.0 * self.WAVE + 0.1), self.run(e=0.0 * self.WAVE)
+        for row in comparison_rows(ours, none):
+            assert row["mae_ratio"] is row["e_correlation"] is None
+        for row in comparison_rows(self.run(e=-1e-4 * self.WAVE), self.run(e=2e-4 * self.WAVE)):
+            assert row["e_correlation"] == pytest.approx(-1.0)
+            assert row["mae_ratio"] == pytest.approx(0.5)
+            size = 1e-4 * np.rad2deg(np.abs(self.WAVE[:, row["joint"] - 2]).mean())
+            assert row["measured_mae_deg"] == pytest.approx(size)
+            assert row["simulated_mae_deg"] == pytest.approx(2.0 * size)
+
+    @pytest.mark.parametrize("kept", [1, 2])
+    def test_two_samples_have_an_error(self, kept: int) -> None:
+        few = np.where(np.arange(200)[:, np.newaxis] < kept, self.WAVE, np.nan)
+        for row in comparison_rows(self.run(e=few), self.run(e=self.WAVE)):
+            assert ("e_mae_deg" in row) is (kept == 2)
 
 
 def test_calculated_less_encoder_is_a_difference() -> None:
@@ -176,6 +221,14 @@ class TestDeparture:
         far = departure(moved(rounded[1], 0.9 * rounded[1]["q_d"]), reference)
         assert np.rad2deg(far) == pytest.approx(3.0, rel=0.1)
 
+    @pytest.mark.parametrize(("samples", "departs"), [(-0.8, False), (0.8, False), (-2.5, True), (2.5, True)])
+    def test_one_sample_of_time_is_no_departure(
+        self, reference: Reference, samples: float, departs: bool
+    ) -> None:
+        """Of the reference's own run, whose time is not adjusted."""
+        first = MOVES.runs[FIRST]
+        assert (departure(moved(first, first["q_d"], samples * STEP), reference) > 0.0) is departs
+
     def test_a_rerun_begins_when_its_run_does(self, reference: Reference) -> None:
         second = MOVES.runs[SECOND]
         late = replace(moved(second, second["q_d"], 0.7), time=second.time + 3.0)
@@ -183,6 +236,45 @@ class TestDeparture:
         assert zero == pytest.approx(3.7, abs=2.0 * STEP)
         (row, _) = comparison_rows(late, aligned(MOVES.runs[FIRST], late, zero))
         assert row["q_d_max_deg"] < 0.1
+
+
+def test_what_was_not_measured_is_not_moved() -> None:
+    trace = MOVES.runs[FIRST]
+    start = trace["q_d"] + np.array([0.2, np.nan])
+    single = replace(trace, joint=(2,), variables={"q_d": start[:, :1]})
+    for ours in (measured_trace(trace, q_d=start), single):
+        found = aligned(trace, ours, 3.0)
+        assert found.time[0] == 3.0
+        for name in ("q_d", "q_encoder"):
+            np.testing.assert_allclose(found[name] - trace[name], [[0.2, 0.0]] * len(trace.time), atol=1e-12)
+        np.testing.assert_array_equal(found["e"], trace["e"])
+    bare = aligned(trace, measured_trace(replace(trace, variables={"e": trace["e"]})), 0.0)
+    np.testing.assert_array_equal(bare["q_d"], trace["q_d"])
+
+
+def test_runs_of_both_experiments_come_into_one_file() -> None:
+    other = replace(make_decouple_file(), config_yaml="schema_version: 2\n", title="other")
+    assert together([]) is None
+    assert together([MOVES]) is MOVES
+    found = together([MOVES, other])
+    assert found is not None
+    assert found.experiment == "both"
+    assert [*found.runs] == [*MOVES.runs, *other.runs]
+    assert found.title == f"{MOVES.title}; other"
+    assert found.config_yaml == f"{MOVES.config_yaml}---\nschema_version: 2\n"
+
+
+def test_a_mass_that_is_the_configurations_keeps_its_source(reference: Reference, tmp_path: Path) -> None:
+    base = load_config(None, "compare")
+    runs: Any = base.tree["runs"]
+    masses = {SECOND: 0.25, "controller_1_payload": runs["controller_1_payload"]["payload"]["value"]}
+    paths = write_compare(base, reference, masses, "SYNTHETIC.h5", tmp_path)
+    found: Any = load_config(paths[1], "compare").tree["runs"]
+    assert found.keys() == runs.keys()
+    assert found[SECOND]["payload"]["value"] == 0.25
+    assert "SYNTHETIC.h5" in found[SECOND]["payload"]["source"]
+    for name in runs.keys() - {SECOND}:
+        assert found[name] == runs[name]
 
 
 def test_a_run_that_moved_otherwise_has_no_residuals(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -250,7 +342,8 @@ class TestRecorded:
     @pytest.mark.parametrize("lag", [99.7, 100.0, 100.3])
     def test_a_period_between_two_samples_is_found(self, lag: float) -> None:
         x = np.sin(2.0 * np.pi * np.arange(400.0) / lag)[:, np.newaxis]
-        assert _refined(x, 100, 1) == pytest.approx(lag, abs=0.05)
+        assert _refined(x, 100, 1) == pytest.approx(lag, abs=0.01)
+        assert _refined(x, 1, 1) == 1.0
 
 
 def test_a_calculated_joint_angle_is_not_taken_for_the_encoder() -> None:
@@ -264,6 +357,15 @@ def test_a_calculated_joint_angle_is_not_taken_for_the_encoder() -> None:
         for joint in (2, 3):
             assert columns[f"{encoder}{joint}"].quantity == "measured"
             assert columns[f"{calculated}{joint}"].quantity == "calculated"
+
+
+def test_what_does_not_follow_the_encoder_is_not_calculated_from_the_motors() -> None:
+    time = 0.001 * np.arange(4000.0)
+    count = 360.0 / 16384.0
+    smooth = [10.0 * (1.0 - np.cos(2.0 * np.pi * time / (1.5 + 0.5 * joint))) for joint in (2, 3)]
+    steps = [count * np.round(column / count) for column in smooth]
+    columns = _understood(time, **_named("Q", steps), **_named("q", smooth[::-1]))
+    assert "calculated" not in {column.quantity for column in columns.values()}
 
 
 def _named(letter: str, columns: Sequence[Array]) -> dict[str, Array]:
@@ -319,6 +421,26 @@ class TestDoubts:
     @pytest.mark.parametrize("factor", [180.0 / np.pi, np.pi / 180.0])
     def test_so_does_a_wrong_unit(self, factor: float) -> None:
         assert len([doubt for doubt in self.doubts(factor) if "unit" in doubt]) == 3
+
+    @pytest.mark.parametrize(("turn_deg", "doubtful"), [(185.0, False), (-185.0, False), (-195.0, True)])
+    @pytest.mark.parametrize("name", ["q_encoder", "q_d"])
+    def test_no_joint_turns_by_more_than_half_a_turn(
+        self, name: str, turn_deg: float, doubtful: bool
+    ) -> None:
+        angle = np.deg2rad(np.linspace(0.0, turn_deg, 50))[:, np.newaxis]
+        run = Trace("decouple", 0.01 * np.arange(50.0), (2,), {name: angle}, {})
+        assert (
+            doubts_about(run)
+            == [f"{name} reaches 195 deg, and no joint turns by more than half a turn"] * doubtful
+        )
+
+    @pytest.mark.parametrize(("share", "doubtful"), [(0.19, False), (0.21, True)])
+    def test_a_tendon_stretches_by_a_fifth_of_the_range_at_most(self, share: float, doubtful: bool) -> None:
+        encoder = np.tile([0.0, 0.5], 50)[:, np.newaxis] + np.array([1.0])
+        apart = share * 0.5 * np.array([0.0, *np.tile([1.0, -1.0], 50)[:99]])[:, np.newaxis]
+        variables = {"q_encoder": encoder, "q_calculated": encoder + apart - 2.0}
+        run = Trace("decouple", 0.01 * np.arange(100.0), (2,), variables, {})
+        assert bool(doubts_about(run)) is doubtful
 
 
 def test_the_chance_of_agreement_is_that_of_independent_numbers() -> None:

@@ -7,7 +7,7 @@ import json
 import re
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -15,10 +15,11 @@ from measured_synthetic import CONTROLLERS, LOADED, measured_trace, printed_file
 from synthetic import PERIOD, make_compare_file, make_decouple_file
 
 from tendonrepro.config import load_config
-from tendonrepro.dataset.printed_tables import NUMBERS, Timing, spans, try_windows
+from tendonrepro.dataset.printed_tables import NUMBERS, PrintedTables, Timing, Tried, spans, try_windows
 from tendonrepro.dataset.rerun import aligned
 from tendonrepro.dataset.residuals import comparison_rows, coupling_rows
 from tendonrepro.dataset.validate import RESULTS, run_validate
+from tendonrepro.dataset.validate_tables import table_data, window_rows, write_measured_tables
 from tendonrepro.dataset.validate_text import validate_text
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.experiment import simulate_all, trace_file
@@ -92,6 +93,48 @@ class TestWindows:
         assert found["period_2"] == slice(1100, 2100)
         assert list(spans(time, Timing(0.0, 0.0))) == ["whole"]
 
+    def test_whole_periods_after_the_first_are_all_of_them(self) -> None:
+        found = spans(0.01 * np.arange(3501.0), Timing(1.0, 10.0))
+        assert found["whole_periods"] == slice(100, 3100)
+        assert found["whole_periods_after_first"] == slice(1100, 3100)
+        assert list(spans(0.01 * np.arange(3501.0), Timing(36.0, 10.0))) == ["whole"]
+        one = spans(0.01 * np.arange(1501.0), Timing(0.0, 10.0))
+        assert set(one) == {"whole", "whole_periods", "after_first_period", "period_1"}
+
+    @pytest.mark.parametrize(("start", "first"), [(3.004, 100), (3.0055, 101), (3.006, 101)])
+    def test_a_motion_begins_at_the_nearest_sample(self, start: float, first: int) -> None:
+        found = spans(2.0 + 0.01 * np.arange(2501.0), Timing(start, 10.0))
+        assert found["whole_periods"] == slice(first, first + 2000)
+
+    def test_a_sample_of_which_one_joint_is_missing_counts_as_missing(self) -> None:
+        file = printed_file(lambda time: time < np.inf)
+        trace = file.runs["controller_2"]
+        e = trace["e"].copy()
+        e[10:15, 0] = e[20:22, 1] = np.nan
+        holed = replace(file, runs={"controller_2": measured_trace(trace, e=e)})
+        assert try_windows(holed, published(), TIMING).left_out == {"controller_2": 7}
+
+    def test_the_chance_counts_every_try(self) -> None:
+        whole = printed_file(lambda time: time < np.inf)
+        trace = whole.runs["controller_2"]
+        part = replace(whole, runs={"controller_2": trace})
+        found = try_windows(part, published(), TIMING)
+        each = [  # a printed number and the digit it is rounded to
+            1e-3 / (0.2 * published().number(f"table2.controller_2.{metric}.joint_{joint}"))
+            for metric in ("mae", "rmse")
+            for joint in (2, 3)
+        ]
+        assert found.chance == pytest.approx(len(found.tried) * np.prod(each), rel=1e-9)
+        assert "evenly within 10 % of the print" in found.remark()
+        far = replace(part, runs={"controller_2": measured_trace(trace, e=trace["e"] + 1.0)})
+        none = try_windows(far, published(), dict.fromkeys(TIMING, Timing(0.0, 0.0)))
+        assert none.chance == 1.0
+        assert (none.as_dict()["best_agree"], none.as_dict()["compared"]) == (0, 4)
+        assert none.remark().startswith("none of 2 combinations gives all 4 printed numbers")
+        assert none.remark().endswith("nor any of them")
+        empty = try_windows(replace(whole, runs={}), published(), {})
+        assert (empty.chance, empty.as_dict()["best_agree"]) == (0.0, 0)
+
     def test_missing_samples_are_left_out_and_counted(self) -> None:
         file = printed_file(lambda time: time < np.inf)
         trace = file.runs["controller_2"]
@@ -112,6 +155,58 @@ class TestWindows:
         assert found.winner is not None
         assert "16 are printed" in found.remark()
         assert "no run" in try_windows(replace(whole, runs={}), published(), {}).remark()
+
+
+class TestMeasuredTables:
+    """Of sizes of controller 2 alone, one of which is missing."""
+
+    SIZES: ClassVar = {
+        "table2.controller_2.mae.joint_2": 0.3,
+        "table2.controller_2.mae.joint_3": 0.2,
+        "table2.controller_2.rmse.joint_2": 0.375,
+    }
+    TRIED = Tried("whole", False, SIZES, ("table2.controller_2.rmse.joint_2",))
+
+    def test_they_hold_what_was_measured_beside_the_print(self) -> None:
+        found = table_data(self.TRIED, published())
+        assert found["table3"] == {}
+        assert found["table2"].keys() == {"controller_2"}
+        row = found["table2"]["controller_2"]
+        assert row["measured"] == {"mae_deg": [0.3, 0.2], "rmse_deg": [0.375, None]}
+        assert row["printed"]["rmse_deg"] == [0.375, 0.292]
+        assert row["agree"] == {"mae_deg": [False, False], "rmse_deg": [True, None]}
+        assert table_data(None, published()) == {"table2": {}, "table3": {}}
+
+    def test_they_are_written_where_they_have_rows(self, tmp_path: Path) -> None:
+        data = table_data(self.TRIED, published())
+        paths = write_measured_tables(data, "whole", "SYNTHETIC.h5", tmp_path)
+        assert [path.name for path in paths] == ["table2.csv", "table2.md", "table2.tex"]
+        text = paths[1].read_text(encoding="utf-8")
+        assert "Table 2 as measured, averaged over: whole (SYNTHETIC.h5)." in text
+        assert "| yes" in text
+        assert "| no" in text
+        assert "0.375" in text
+        assert ":--- | ---: | ---: | ---: | :--- | ---: | ---: | :---" in text
+
+    def test_each_row_is_there_for_its_own_numbers(self) -> None:
+        sizes = self.SIZES | {"table3.with_load.mae.joint_3": 0.9}
+        found = table_data(replace(self.TRIED, sizes=sizes), published())
+        assert {table: set(rows) for table, rows in found.items()} == {
+            "table2": {"controller_2"},
+            "table3": {"with_load"},
+        }
+        assert found["table3"]["with_load"]["measured"]["mae_deg"] == [None, 0.9]
+
+    def test_every_try_is_listed_with_its_agreements(self) -> None:
+        rows = window_rows(PrintedTables((self.TRIED,), {}, 1.0), published())
+        assert [row["id"] for row in rows] == [*self.SIZES]
+        assert [row["agrees"] for row in rows] == [False, False, True]
+        assert rows[2]["printed_deg"] == rows[2]["measured_deg"] == 0.375
+
+    def test_one_combination_is_one(self) -> None:
+        tables = PrintedTables((self.TRIED,), {}, 1.0)
+        assert tables.remark().startswith("none of 1 combination gives all 3 printed numbers")
+        assert "the best, whole, gives 1." in tables.remark()
 
 
 class TestBoth:
