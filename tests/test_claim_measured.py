@@ -447,7 +447,7 @@ class TestAngles:
         trace = file.runs["decouple"]
         moves = trace["q_encoder"] / np.ptp(trace["q_encoder"], axis=0)
         encoder = np.deg2rad(ranges_deg) * moves + np.deg2rad([100.0, -150.0, 50.0])
-        apart = np.deg2rad(sizes_deg) * np.minimum(np.arange(len(trace.time)), 1)[:, np.newaxis]
+        apart = np.deg2rad(sizes_deg) * (trace.time > 0.1)[:, np.newaxis]
         encoder[7, 1] = apart[8, 2] = np.nan
         run = measured_trace(trace, q_encoder=encoder, q_calculated=encoder + apart)
         return replace(file, runs={"decouple": run})
@@ -490,6 +490,39 @@ class TestAngles:
         assert [row["mae_deg"] for row in rows] == pytest.approx(np.rad2deg(np.abs(apart)), rel=1e-9)
         assert [row["holds"] for row in rows] == [True, share < 0.05]
         assert all("below 5 % of the largest range" in row["statement"] for row in rows)
+
+    @pytest.mark.parametrize(
+        ("sizes_deg", "held"),
+        [
+            ((0.39, 0.5, 0.9), [True, True, True, True]),
+            ((0.30, 0.9, 0.5), [False, True, True, True]),
+            ((0.50, 0.4, 0.9), [True, False, False, True]),
+            ((0.42, 0.5, 0.9), [True, True, False, True]),
+            ((0.30, 1.1, 1.2), [True, True, True, False]),
+            ((0.30, 0.5, 3.1), [True, True, True, False]),
+        ],
+    )
+    def test_k3_is_the_mae_over_the_range_of_each_joint(
+        self, sizes_deg: tuple[float, ...], held: list[bool]
+    ) -> None:
+        ranges_deg = (40.0, 20.0, 60.0)
+        found = decoupling(self.on_ranges(sizes_deg, ranges_deg)).evidence["start_offset_removed"]
+        assert found["mae_deg"] == pytest.approx(sizes_deg, rel=5e-3)
+        assert found["share_of_range"] == pytest.approx(np.divide(sizes_deg, ranges_deg), rel=5e-3)
+        assert [row["holds"] for row in found["statements"]] == held
+        assert "below 1 % of its range" in found["statements"][2]["statement"]
+        assert "below 5 % of the joint's range" in found["statements"][3]["statement"]
+
+    def test_the_start_offset_is_the_median_of_the_first_tenth_of_a_second(self) -> None:
+        file = make_decouple_file(source="measured")
+        trace = file.runs["decouple"]
+        apart = np.deg2rad([0.1, 0.2, 0.4]) * (2.0 + np.sin(trace.time))[:, np.newaxis]
+        level = np.median(apart[trace.time <= 0.1], axis=0)
+        run = measured_trace(trace, q_calculated=trace["q_encoder"] + apart)
+        found = decoupling(replace(file, runs={"decouple": run})).evidence
+        for name, first in (("start_offset_removed", level), ("as_recorded", 0.0)):
+            expected = np.rad2deg(np.abs(apart - first).mean(axis=0))
+            assert found[name]["mae_deg"] == pytest.approx(expected, rel=1e-9)
 
 
 PAGE = Path(__file__).parent.parent / "docs" / "verdicts.md"

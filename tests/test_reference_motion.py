@@ -12,10 +12,10 @@ from tendonrepro import runs
 from tendonrepro.arrays import Array
 from tendonrepro.config import CompareConfig, load_config
 from tendonrepro.dataset.reference_config import FILE, config_tree, csv_text, runnable
-from tendonrepro.dataset.reference_fit import _guesses, _physical, limit
+from tendonrepro.dataset.reference_fit import _Free, _guesses, _physical, _sines, judged, limit
 from tendonrepro.dataset.reference_knots import thinned
 from tendonrepro.dataset.reference_motion import Reference, derivatives, recover, recover_run, timing_of
-from tendonrepro.dataset.reference_record import Recorded, recorded, rounding_step
+from tendonrepro.dataset.reference_record import Recorded, noise, noise_peak, recorded, rounding_step
 from tendonrepro.dataset.reference_shapes import Values
 from tendonrepro.dataset.reference_signal import _misfit, repeat_after
 from tendonrepro.dataset.reference_turns import amplitude_of, movers, turns_of
@@ -288,7 +288,9 @@ def test_recorded_derivatives_are_taken_and_others_made() -> None:
 
 
 def made_of(q: Array, step: float = 0.001) -> Recorded:
-    return Recorded(step * np.arange(float(len(q))), q, (2, 3), np.zeros(q.shape[1]), 0.0, 0)
+    return Recorded(
+        step * np.arange(float(len(q))), q, (2, 3), np.zeros(q.shape[1]), 0.0, np.ones(len(q), bool)
+    )
 
 
 def ramps(plan: list[tuple[float, Array]], rise: float, hold: float, end: float) -> Recorded:
@@ -413,6 +415,43 @@ class TestGuesses:
         assert found.keys() == {"amplitude", "delay", "hold", "velocity", "acceleration"}
         assert _physical(found) is found
 
+    @pytest.mark.parametrize("delay", [0.0, 1.3])
+    def test_a_sine_is_among_those_of_one(self, delay: float) -> None:
+        sines = [Motion((smooth_sine(size, 0.1, 5.0, 2.5),), 1000.0) for size in self.FAR]
+        time = 0.001 * np.arange(20001.0)
+        record = made_of(motion(time - delay, sines)[0])
+        found = list(_sines(record, 5.0))
+        assert sorted({guess["blend"] for guess in found}) == [1.25, 2.5, 5.0]
+        apart = []
+        for guess in found:
+            late = 2.0 * np.pi / 5.0 * (time[-5000:] - guess["delay"])[:, np.newaxis]
+            wave = guess["offset"] + guess["amplitude"] * np.sin(late)
+            assert wave == pytest.approx(record.q[-5000:], abs=1e-6)
+            assert abs(guess["delay"] - time[record.moving()[0]]) <= 2.5 + 1e-9
+            apart.append(abs(guess["delay"] - delay))
+        assert min(apart) < 1e-6
+
+    def test_the_numbers_of_a_guess_come_back_from_the_search(self) -> None:
+        record = ramps([(1.0, self.FAR)], 2.0, 0.5, 7.0)
+        guess = {"delay": 0.0, "amplitude": np.array([0.5, 0.0]), "rise": 2.0, "share": 0.3, "hold": 1.0}
+        for rounding, count in ((0.0, 5), (1e-4, 7)):
+            free = _Free.of(replace(record, rounding=rounding), "trapezoidal", guess)
+            numbers = free.numbers()
+            assert len(numbers) == count
+            found = free.values(2.0 * numbers)
+            assert found["start"].tolist() == [0.0, 0.0]
+            for name, value in guess.items():
+                assert found[name] == pytest.approx(2.0 * np.asarray(value))
+            low, high = free.bounds(record)
+            assert ((low <= numbers) & (numbers <= high)).all()
+            least, most = free.values(low), free.values(high)
+            assert (least["delay"], most["delay"]) == pytest.approx((-0.002, 7.0))
+            assert (least["rise"], most["rise"]) == pytest.approx((0.002, 14.0))
+            assert (least["share"], most["share"]) == (1e-3, 0.5)
+            assert (least["hold"], most["hold"]) == pytest.approx((0.0, 7.0))
+            assert (least["amplitude"][0], most["amplitude"][0]) == (-20.0, 20.0)
+        assert len(_Free.of(replace(record, rounding=1e-4), "sine", guess).numbers()) == 5
+
 
 class TestGrid:
     def test_a_gap_is_bridged_by_a_straight_line(self) -> None:
@@ -442,3 +481,39 @@ class TestGrid:
         assert rounding_step(COUNT * whole + 0.7) == pytest.approx(COUNT, rel=1e-6)
         assert rounding_step(COUNT * (whole + rng.uniform(-0.2, 0.2, 500))) == 0.0
         assert rounding_step(COUNT * np.arange(20.0)) == 0.0
+
+    @pytest.mark.parametrize("sign", [1.0, -1.0])
+    def test_rest_before_and_after_is_left_out(self, sign: float) -> None:
+        time = 0.01 * np.arange(1001.0)
+        q = sign * np.interp(time, [2.0, 7.0], [0.0, 1.0])[:, np.newaxis] * [1.0, 0.5]
+        first, last = made_of(q, 0.01).moving()
+        assert (first, last) == pytest.approx((200, 700), abs=2)
+        assert made_of(0.0 * q, 0.01).moving() == (0, 1000)
+
+
+def test_a_residual_is_measured_less_nothing_of_it() -> None:
+    record = ramps([(1.0, np.array([0.4, -0.2]))], 2.0, 0.5, 7.0)
+    values = {
+        "delay": 0.0,
+        "amplitude": np.zeros(2),
+        "period": 5.0,
+        "start": np.array([0.1, 0.0]),
+    }
+    turns = turns_of(record)
+    found = judged(record, "raised_cosine", turns, values)
+    apart = record.q - [0.1, 0.0]
+    assert found.largest == pytest.approx(np.abs(apart).max())
+    assert found.rms == pytest.approx(np.sqrt((apart**2).mean()))
+
+
+def test_the_largest_of_many_samples_of_noise_is_expected() -> None:
+    for count in (500, 5000):
+        q = 1e-3 * np.random.default_rng(1).standard_normal((count, 2))
+        found, size = noise_peak(made_of(q)), noise(made_of(q))
+        assert size == pytest.approx(1e-3, rel=0.1)
+        assert found == pytest.approx(size * (1.0 + np.sqrt(2.0 * np.log(2.0 * count))), rel=1e-9)
+        assert np.abs(q).max() < found < 2.0 * np.abs(q).max()
+        rounded = replace(made_of(q), rounding=0.01)
+        assert noise_peak(rounded) == 0.0
+        assert limit(rounded) == pytest.approx(np.deg2rad(0.011) + 0.005)
+        assert limit(made_of(q)) == pytest.approx(np.deg2rad(0.011) + found)

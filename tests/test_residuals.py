@@ -22,15 +22,17 @@ from tendonrepro.dataset.columns import Column
 from tendonrepro.dataset.mapping import Mapping
 from tendonrepro.dataset.meaning import understand
 from tendonrepro.dataset.printed_tables import _tail
+from tendonrepro.dataset.reference_knots import thinned
 from tendonrepro.dataset.reference_motion import Reference, recover, zero_of
-from tendonrepro.dataset.reference_record import Recorded
+from tendonrepro.dataset.reference_record import Recorded, recorded
 from tendonrepro.dataset.reference_signal import _refined, refined_shift
-from tendonrepro.dataset.rerun import aligned, departure, together, write_compare
-from tendonrepro.dataset.residuals import comparison_rows
+from tendonrepro.dataset.rerun import MOTION, aligned, departure, together, write_compare, write_decouple
+from tendonrepro.dataset.residuals import comparison_rows, coupling_rows
 from tendonrepro.dataset.signals import Found, Source
 from tendonrepro.errors import DataMissingError
 from tendonrepro.published import published
 from tendonrepro.records import Trace, TraceFile
+from tendonrepro.samples import read_samples
 from tendonrepro.talk import Talk
 from tendonrepro.traces import write_traces
 
@@ -142,6 +144,25 @@ class TestSizes:
         for row in comparison_rows(self.run(e=few), self.run(e=self.WAVE)):
             assert ("e_mae_deg" in row) is (kept == 2)
 
+    @pytest.mark.parametrize("name", ["e", "q_encoder"])
+    def test_they_are_mean_root_mean_square_and_largest(self, name: str) -> None:
+        apart = np.deg2rad([1.0, 2.0]) * (1.0 + self.WAVE)
+        rows = comparison_rows(self.run(**{name: self.WAVE + apart}), self.run(**{name: self.WAVE}))
+        letter = name[0]
+        for column, row in enumerate(rows):
+            size = np.rad2deg(np.abs(apart[:, column]))
+            assert row[f"{letter}_samples"] == 200
+            assert row[f"{letter}_mae_deg"] == pytest.approx(size.mean())
+            assert row[f"{letter}_rms_deg"] == pytest.approx(np.sqrt((size**2).mean()))
+            assert row[f"{letter}_max_deg"] == pytest.approx(size.max())
+
+    def test_what_only_one_of_them_recorded_is_left_out(self) -> None:
+        whole = self.run(e=self.WAVE, q_encoder=self.WAVE, q_calculated=self.WAVE)
+        for row in comparison_rows(whole, self.run(e=self.WAVE, q_encoder=self.WAVE)):
+            assert "measured_calculated_mae_deg" not in row
+        for row in comparison_rows(whole, self.run(q_d=self.WAVE)):
+            assert row == {"run": FIRST, "joint": row["joint"], "status": "ok"}
+
 
 def test_calculated_less_encoder_is_a_difference() -> None:
     trace = make_decouple_file(source="measured").runs["decouple"]
@@ -236,6 +257,20 @@ class TestDeparture:
         assert zero == pytest.approx(3.7, abs=2.0 * STEP)
         (row, _) = comparison_rows(late, aligned(MOVES.runs[FIRST], late, zero))
         assert row["q_d_max_deg"] < 0.1
+
+    def test_it_is_the_largest_difference_at_the_same_time(self, reference: Reference) -> None:
+        """Gaps, and what comes after the reference's last sample, do not count."""
+        second = MOVES.runs[SECOND]
+        bent = second["q_d"] * (1.0 + 0.5 * (second["q_d"].max() - second["q_d"]))
+        largest = np.abs(bent - second["q_d"]).max()
+        q_d = np.where(np.arange(len(bent))[:, np.newaxis] < len(bent) - 20, bent, second["q_d"] + 1.0)
+        q_d[50:60] = np.nan
+        late = replace(reference, record=replace(reference.record, time=reference.record.time[:-20]))
+        late = replace(
+            late, record=replace(late.record, q=late.record.q[:-20], known=late.record.known[:-20])
+        )
+        run = replace(measured_trace(second), variables={"q_d": q_d})
+        assert departure(run, late) == pytest.approx(largest, rel=2e-3)
 
 
 def test_what_was_not_measured_is_not_moved() -> None:
@@ -472,3 +507,49 @@ def test_why_there_is_no_rerun_is_said(tmp_path: Path) -> None:
         path, None, tmp_path / "out", (), None, force=False, dry_run=False, talk=Talk(quiet=True)
     )
     assert "a rerun of the comparison: run 'controller_1': q_d does not move" in found["missing"]
+
+
+@pytest.mark.parametrize(("drives", "variable"), [("motors", "q_motor_encoder"), ("joints", "q_encoder")])
+def test_the_decoupling_motion_is_that_of_what_was_recorded(
+    drives: str, variable: str, tmp_path: Path
+) -> None:
+    trace = make_decouple_file(step=0.2, source="measured").runs["decouple"]
+    kept = {name: trace[name] for name in ("q_encoder", variable)}
+    base = load_config(None, "decouple")
+    paths = write_decouple(base, replace(trace, variables=kept), "SYNTHETIC.h5", tmp_path)
+    assert paths == [tmp_path / MOTION, tmp_path / "decouple.yaml"]
+    knots = thinned(recorded(trace, variable))
+    time, angles = read_samples(paths[0])
+    for place, joint in enumerate(trace.joint):
+        assert angles[joint] == pytest.approx(knots.angle[:, place], abs=1e-8)
+    assert time == pytest.approx(knots.time, abs=1e-8)
+    tree: Any = load_config(paths[1], "decouple").tree
+    given: Any = base.tree["runs"]
+    assert tree["runs"] == {
+        "decouple": {
+            "drives": drives,
+            "reference": {"kind": "sampled", "file": MOTION},
+            "payload": given["decouple"]["payload"],
+        }
+    }
+    assert tree["title"].endswith(f", on the {drives}' angles measured in SYNTHETIC.h5")
+
+
+def test_sizes_of_the_coupling_are_those_of_the_differences_that_are_there() -> None:
+    file = make_decouple_file(source="measured")
+    trace = file.runs["decouple"]
+    encoder = trace["q_encoder"].copy()
+    encoder[103, 1] = np.nan
+    variables = {"q_encoder": encoder[100:], "q_motor_encoder": trace["q_motor_encoder"][100:]}
+    run = replace(trace, time=trace.time[100:], variables=variables)
+    apart = np.delete(run["q_motor_encoder"] @ S.T - run["q_encoder"], 3, axis=0)
+    first = np.delete(run.time, 3) <= run.time[0] + 0.1
+    turned = -apart @ np.linalg.inv(S).T
+    rows = list(coupling_rows(run, file.plant))
+    assert [row["number"] for row in rows] == [1, 2, 3, 1, 2, 3]
+    for row, column in zip(rows, np.hstack([apart, turned]).T, strict=True):
+        for prefix, values in (("", column), ("shifted_", column - np.median(column[first]))):
+            size = np.rad2deg(np.abs(values))
+            assert row[f"{prefix}mae_deg"] == pytest.approx(size.mean(), rel=1e-9)
+            assert row[f"{prefix}max_deg"] == pytest.approx(size.max(), rel=1e-9)
+    assert list(coupling_rows(replace(run, variables={"q_encoder": run["q_encoder"]}), file.plant)) == []
