@@ -49,6 +49,20 @@ class TestOnset:
         found = onset(recorded(trace(time, q)))
         assert found == pytest.approx(delay, abs=max(2.0 * step, 0.004))
 
+    @pytest.mark.parametrize("place", [0, 1])
+    @pytest.mark.parametrize("rough", [0.0, 0.05 * COUNT])
+    def test_it_is_that_of_the_joint_that_moves_first(self, place: int, rough: float) -> None:
+        time = 0.001 * np.arange(6000.0)
+        delays = (0.6, 1.4) if place == 0 else (1.4, 0.6)
+        q = np.hstack([of_shapes(time, delay, SHAPES["trapezoidal"]) for delay in delays])
+        q += rough * np.random.default_rng(11).standard_normal(q.shape)
+        assert onset(recorded(trace(time, q))) == pytest.approx(0.6, abs=0.006)
+
+    def test_few_samples_tell_it_to_a_sample(self) -> None:
+        time = 0.5 * np.arange(30.0)
+        q = of_shapes(time, 2.2, SHAPES["minimum_jerk"])
+        assert 1.5 <= onset(recorded(trace(time, q))) <= 2.5
+
     @pytest.mark.parametrize("kind", ["ramp", "trapezoidal", "raised_cosine"])
     def test_noise_costs_some_milliseconds(self, kind: str) -> None:
         time = 0.001 * np.arange(6000.0)
