@@ -69,8 +69,11 @@ ROOMS = [
     ("dataset.guard",),
     # from signals to measured runs
     ("dataset.words", "dataset.evidence", "dataset.timebase"),
-    ("dataset.columns", "dataset.coupled", "dataset.mapping"),
-    ("dataset.meaning", "dataset.suggestion", "dataset.assembly"),
+    ("dataset.columns", "dataset.mapping", "dataset.recorded_error"),
+    ("dataset.long_form", "dataset.clock", "dataset.angle_units"),
+    ("dataset.panels", "dataset.joints", "dataset.coupled"),
+    ("dataset.meaning", "dataset.assignment", "dataset.mapping_text", "dataset.remarks"),
+    ("dataset.suggestion", "dataset.assembly"),
     ("tables", "figure_style"),
     ("figure_files", "figure_panels"),
     ("figure_compare", "figure_decouple"),

@@ -115,6 +115,81 @@ def _assert_same_tables(
             assert after[run][name] == pytest.approx(values, rel=1e-10), (run, name)
 
 
+LONG = """    {name}:
+      payload_mass_kg: {mass}
+      time: {{file: SYNTHETIC_long.csv, signal: time_s}}
+      where:
+      - {{signal: controller, equals: {controller}}}
+      - {{signal: payload_kg, equals: {mass}}}
+      signals:
+"""
+LONG_COLUMN = (
+    "      - {{variable: {variable}, joint: {joint}, file: SYNTHETIC_long.csv, signal: {signal}, unit: deg, "
+    "where: {{signal: joint, equals: {joint}}}}}\n"
+)
+
+
+def write_long(folder: Path, file: TraceFile) -> str:
+    """All runs and joints below each other in one table; returns the mapping that takes them apart."""
+    blocks, mapping = [], "schema_version: 1\ntitle: SYNTHETIC\nruns:\n"
+    for name, run in file.runs.items():
+        controller, mass = int(name.split("_")[1]), 0.2 if "payload" in name else 0.0
+        mapping += LONG.format(name=name, controller=controller, mass=mass)
+        for k, joint in enumerate(run.joint):
+            angles = (np.rad2deg(run[variable][:, k]) for variable in ("q_d", "q_encoder"))
+            kind = (np.full(len(run.time), value) for value in (controller, mass, joint))
+            blocks.append(np.stack([run.time, *kind, *angles], axis=1))
+            for variable, signal in (("q_d", "desired"), ("q_encoder", "measured")):
+                mapping += LONG_COLUMN.format(variable=variable, joint=joint, signal=signal)
+    header = "time_s,controller,payload_kg,joint,desired,measured"
+    rows = np.concatenate(blocks)
+    np.savetxt(folder / "SYNTHETIC_long.csv", rows, delimiter=",", header=header, comments="", fmt="%.17g")
+    return mapping
+
+
+def test_a_table_in_long_form_gives_its_own_tables(simulated: TraceFile, tmp_path: Path) -> None:
+    mapping, out = tmp_path / "mapping.yaml", tmp_path / "measured.h5"
+    mapping.write_text(write_long(tmp_path, simulated), encoding="utf-8")
+    path = tmp_path / "SYNTHETIC_long.csv"
+    run_ingest([path], mapping, out, force=False, dry_run=False, talk=QUIET)
+    back = read_traces(out)
+    assert set(back.runs) == set(simulated.runs)
+    before, after = table_data_compare(simulated), table_data_compare(back)
+    for table in ("table2", "table3"):
+        _assert_same_tables(before[table], after[table])
+
+
+def test_an_error_of_the_other_sign_is_asked_about(simulated: TraceFile, tmp_path: Path) -> None:
+    run = simulated.runs["controller_1"]
+    columns = {"time (s)": run.time}
+    for k, joint in enumerate(run.joint):
+        columns[f"joint {joint} actual (deg)"] = np.rad2deg(run["q_encoder"][:, k])
+        columns[f"joint {joint} error (deg)"] = np.rad2deg(run["q_encoder"] - run["q_d"])[:, k]
+    path, mapping = tmp_path / "SYNTHETIC_controller_1.csv", tmp_path / "mapping.yaml"
+    rows = np.stack(list(columns.values()), axis=1)
+    np.savetxt(path, rows, delimiter=",", header=",".join(columns), comments="", fmt="%.6f")
+    run_inspect([path], mapping, force=False, talk=QUIET)
+    found = run_ingest([path], mapping, tmp_path / "m.h5", force=False, dry_run=False, talk=QUIET)
+    (doubt,) = found["doubts"]
+    assert doubt == (
+        "controller_1: e of joint 2, 3: q_encoder - e is smoother than q_encoder + e: `sign: -1`?"
+    )
+    assert json.loads(read_traces(tmp_path / "m.h5").manifest_json)["doubts"] == [doubt]
+
+
+def test_a_folder_without_a_name_is_called_by_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "SYNTHETIC_files"
+    folder.mkdir()
+    rows = "\n".join(f"{1773300045123456 + 2000 * k},{k % 7}" for k in range(50))
+    (folder / "SYNTHETIC.csv").write_text(f"time_us,q2\n{rows}")
+    monkeypatch.chdir(folder)
+    found = run_inspect([Path()], tmp_path / "mapping.yaml", force=False, talk=QUIET)
+    assert 'title: "Measured data from SYNTHETIC_files"' in (tmp_path / "mapping.yaml").read_text()
+    assert "1773300045123456 to 1773300045221456 us, 0.098 s long -> time" in inspect_text(found)
+
+
 @pytest.fixture(scope="module")
 def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("record") / "zenodo"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from tendonrepro.arithmetic import coupling_of, table_1
 from tendonrepro.dataset.assembly import Assembly, doubts_about
 from tendonrepro.dataset.mapping import Mapping, load_mapping
+from tendonrepro.dataset.recorded_error import COUNTS_DEG
 from tendonrepro.dataset.signals import Found, Source, samples_first
 from tendonrepro.dataset.timebase import RESAMPLED, Timed, TimeProblem, checked, even, shared, within
 from tendonrepro.errors import ConfigError
@@ -22,6 +24,7 @@ from tendonrepro.records import Trace
 Array = NDArray[np.float64]
 S, S_INV = coupling_of(table_1(published()))
 TIME = 0.01 * np.arange(301.0)
+EPOCH = 1773300045.125
 ANGLE = np.stack([10.0 * np.sin(TIME), 20.0 * np.sin(2.0 * TIME)], axis=1)
 
 
@@ -77,6 +80,66 @@ def test_times_in_milliseconds() -> None:
     np.testing.assert_allclose(run.time, TIME, rtol=1e-12)
 
 
+@pytest.mark.parametrize("unit", ["us", "µs", "μs"])
+def test_an_offset_brings_two_clocks_together(unit: str) -> None:
+    stamps = 1e6 * EPOCH + np.round(1e6 * TIME)
+    late = {"file": "SYNTHETIC_c1.mat", "signal": "t2", "unit": unit, "offset": 1e6 * EPOCH}
+    entries = [entry("q_encoder", signal="a"), entry("q_motor_encoder", signal="b", time=late)]
+    source = make_source(t=TIME, a=ANGLE[:, 0], t2=stamps, b=ANGLE[:, 1])
+    (run,) = assemble(make_mapping(*entries), source).runs().values()
+    np.testing.assert_allclose(run.time, TIME, atol=1e-12)
+    np.testing.assert_allclose(run["q_motor_encoder"][:, 0], np.deg2rad(ANGLE[:, 1]), rtol=1e-12)
+
+
+def test_a_start_long_ago_is_written_to_the_millisecond() -> None:
+    assembly = assemble(make_mapping(entry(), from_s=EPOCH + 1.0), make_source(t=EPOCH + TIME, q=ANGLE))
+    assembly.runs()
+    assert (
+        "controller_1: time starts at 1773300046.125 s in the files, at 0 here; it lasts 2 s"
+        in assembly.notes
+    )
+
+
+def test_samples_without_a_time_are_told_once() -> None:
+    time = np.where(TIME < 1.295, np.nan, TIME)
+    entries = [entry(column=1), entry(joint=3, column=2), entry("tau_m", signal="u", unit="N m")]
+    assembly = assemble(make_mapping(*entries), make_source(t=time, q=ANGLE, u=np.cos(TIME)))
+    assembly.runs()
+    notes = [note for note in assembly.notes if "without a time" in note]
+    assert notes == ["controller_1: 130 samples without a time left out of each of 3 columns"]
+
+
+def test_rows_are_chosen_by_value() -> None:
+    """A table in long form: all runs and joints below each other in one column."""
+    kinds = np.array([(c, m, j) for c, m in ((1, 0.0), (2, 0.0), (1, 0.2)) for j in (2, 3)])
+    controller, payload, joint = np.repeat(kinds, len(TIME), axis=0).T
+    curves = np.stack([ANGLE[:, k % 2] + k for k in range(6)])
+    source = make_source(
+        t=np.tile(TIME, 6), controller=controller, payload=payload, joint=joint, q=curves.ravel()
+    )
+    entries = [entry(joint=number, where={"signal": "joint", "equals": number}) for number in (2, 3)]
+    of_run = [{"signal": "controller", "equals": 1}, {"signal": "payload", "equals": 0.2}]
+    for run, first in ((of_run, 4), ([of_run[0], {"signal": "payload", "equals": 0}], 0)):
+        (trace,) = assemble(make_mapping(*entries, where=run), source).runs().values()
+        np.testing.assert_allclose(trace.time, TIME, atol=1e-12)
+        np.testing.assert_allclose(np.rad2deg(trace["q_encoder"]).T, curves[first : first + 2], rtol=1e-12)
+    even_step = make_mapping(*entries, where=of_run, time={"step_s": 0.02})
+    (trace,) = assemble(even_step, source).runs().values()
+    np.testing.assert_allclose(trace.time, 2.0 * TIME, atol=1e-12)
+
+
+def test_rows_that_cannot_be_chosen_are_explained() -> None:
+    source = make_source(t=TIME, q=ANGLE, kind=np.round(TIME), short=TIME[:9])
+    for where, message, hint in (
+        ({"signal": "kind", "equals": 7}, "no row left where 'kind' is 7", "'kind' holds 0, 1, 2, 3"),
+        ({"signal": "short", "equals": 0}, "has 301 rows, 'short' of its `where` has 9", ""),
+        ({"signal": "kind", "column": 2, "equals": 0}, "has 1 columns, not 2", ""),
+    ):
+        with pytest.raises(ConfigError, match=message) as caught:
+            assemble(make_mapping(entry(where=where)), source).runs()
+        assert hint in (caught.value.hint or "")
+
+
 @pytest.mark.parametrize("given", [("q_d", "q_encoder"), ("q_d", "e"), ("q_encoder", "e")])
 def test_of_desired_measured_and_error_two_give_the_third(given: tuple[str, str]) -> None:
     q_d, e = ANGLE[:, 0], 0.3 * np.cos(TIME)
@@ -85,6 +148,117 @@ def test_of_desired_measured_and_error_two_give_the_third(given: tuple[str, str]
     (run,) = assemble(mapping, make_source(t=TIME, **columns)).runs().values()
     for name, expected in columns.items():
         np.testing.assert_allclose(run[name][:, 0], np.deg2rad(expected), atol=1e-15)
+
+
+LAG = 0.3 * np.cos(TIME[:, np.newaxis]) + np.array([0.02, 0.05])
+"""Errors that are small beside the motion, deg."""
+
+
+def given_pair(name: str, angle: Array, e: Array) -> Assembly:
+    """A run with one angle and the error, in the making, its variables in two joints."""
+    entries = [
+        entry(variable, joint, signal, column=joint - 1)
+        for variable, signal in ((name, "a"), ("e", "e"))
+        for joint in (2, 3)
+    ]
+    assembly = assemble(make_mapping(*entries), make_source(t=TIME, a=angle, e=e))
+    assembly.runs()
+    return assembly
+
+
+@pytest.mark.parametrize("count", COUNTS_DEG)
+def test_an_error_of_the_other_sign_is_told_by_the_motion_it_makes(count: float) -> None:
+    """No desired angle moves by an encoder's counts, and every measured one does."""
+    q_d, q = ANGLE, count * np.round((ANGLE - LAG) / count)
+    e = q_d - q
+    assert given_pair("q_encoder", q, e).doubts == []
+    assert given_pair("q_encoder", q, -e).doubts == [
+        "controller_1: e of joint 2, 3: q_encoder - e is smoother than q_encoder + e: `sign: -1`?"
+    ]
+    assert given_pair("q_d", q_d, e).doubts == []
+    assert given_pair("q_d", q_d, -e).doubts == [
+        "controller_1: e of joint 2, 3: q_d + e lies on the encoder's counts, q_d - e does not: `sign: -1`?"
+    ]
+
+
+def test_an_error_of_the_other_sign_is_told_by_other_runs() -> None:
+    """All controllers are asked for the same motion."""
+    sizes = {"controller_1": 1.0, "controller_2": 1.4, "controller_3": 0.7}
+    found = {}
+    for sign in (1.0, -1.0):
+        at = {"unit": "deg", "joint": 2}
+        runs, sources = {}, []
+        for name, size in sizes.items():
+            file, e = f"SYNTHETIC_{name}.mat", size * LAG[:, 0]
+            sources.append(make_source(file, t=TIME, q=ANGLE[:, 0] - e, e=sign * e))
+            columns = [
+                {"variable": v, "signal": s, "file": file} | at for v, s in (("q_encoder", "q"), ("e", "e"))
+            ]
+            runs[name] = {"time": {"file": file, "signal": "t"}, "signals": columns}
+        mapping = Mapping.model_validate({"schema_version": 1, "title": "SYNTHETIC", "runs": runs})
+        assembly = assemble(mapping, *sources)
+        assembly.runs()
+        found[sign] = assembly.doubts
+    assert found[1.0] == []
+    (doubt,) = found[-1.0]
+    assert doubt.startswith("controller_1, controller_2, controller_3: e of joint 2: q_encoder - e agrees")
+
+
+def with_error(e: Array, q: Array | None = None) -> tuple[Assembly, Trace]:
+    columns = {"q_d": ANGLE[:, 0], "q_encoder": ANGLE[:, 0] - LAG[:, 0] if q is None else q, "e": e}
+    assembly = assemble(
+        make_mapping(*(entry(name, signal=name) for name in columns)), make_source(t=TIME, **columns)
+    )
+    (run,) = assembly.runs().values()
+    return assembly, run
+
+
+TURN = 180.0 / np.pi
+
+
+@pytest.mark.parametrize(
+    ("factor", "says"),
+    [
+        (-1.0, "is q_encoder - q_d: `sign: -1`?"),
+        (1.0 / TURN, "57.3 times smaller than q_d - q_encoder: `unit: rad`?"),
+        (TURN, "57.3 times larger than q_d - q_encoder: `unit: deg`?"),
+        (-1.0 / TURN, "57.3 times smaller than q_encoder - q_d: `unit: rad` and `sign: -1`?"),
+        (-TURN, "57.3 times larger than q_encoder - q_d: `unit: deg` and `sign: -1`?"),
+        (3.0, "up to 0.64 deg off q_d - q_encoder"),
+    ],
+)
+def test_an_error_that_contradicts_the_difference_is_explained_and_fills_nothing(
+    factor: float, says: str
+) -> None:
+    q = ANGLE[:, 0] - LAG[:, 0]
+    q[50:60] = np.nan
+    assembly, run = with_error(factor * LAG[:, 0], q)
+    (doubt,) = assembly.doubts
+    assert doubt.startswith("controller_1: e of joint 2: it is ")
+    assert says in doubt
+    assert not any("recorded error" in note for note in assembly.notes)
+    for name in ("e", "q_encoder"):
+        assert np.isnan(run[name][50:60]).all()
+    np.testing.assert_allclose(
+        np.rad2deg(np.delete(run["e"][:, 0], slice(50, 60))), np.delete(LAG[:, 0], slice(50, 60))
+    )
+
+
+def test_a_motion_in_steps_is_no_rounding() -> None:
+    """What would be half a step of such a record is no tolerance."""
+    q_d = 10.0 * np.round(TIME)
+    columns = {"q_d": q_d, "q_encoder": q_d - LAG[:, 0], "e": -LAG[:, 0]}
+    entries = [entry(name, signal=name) for name in columns]
+    assembly = assemble(make_mapping(*entries), make_source(t=TIME, **columns))
+    assembly.runs()
+    assert assembly.doubts == ["controller_1: e of joint 2: it is q_encoder - q_d: `sign: -1`?"]
+
+
+@pytest.mark.parametrize("decimals", [16, 5, 3, 2])
+def test_rounding_is_no_contradiction(decimals: int) -> None:
+    assembly, _ = with_error(np.round(LAG[:, 0], decimals), np.round(ANGLE[:, 0] - LAG[:, 0], decimals))
+    assert assembly.doubts == []
+    assert assembly.notes == []
 
 
 def test_a_recorded_error_gives_way_to_the_difference_and_is_compared() -> None:
@@ -265,6 +439,14 @@ def test_doubts_look_past_a_gap_at_the_start() -> None:
     assert about["none"] == []
 
 
+def test_a_step_in_the_wrong_unit_is_doubted() -> None:
+    for step, count in ((0.01, 0), (0.1, 0), (10.0, 1)):
+        trace = Trace("controller_1", step * np.arange(301.0), (2,), {"q_encoder": 0.01 * ANGLE[:, :1]}, {})
+        doubts = doubts_about(trace)
+        assert len(doubts) == count
+        assert all("unit of the time" in doubt for doubt in doubts)
+
+
 def timed(time: Array, values: Array | None = None) -> Timed:
     return Timed("SYNTHETIC", time, time if values is None else values)
 
@@ -278,17 +460,19 @@ def test_time_must_increase(bad: Array) -> None:
 def test_samples_without_a_time_are_left_out() -> None:
     time = TIME.copy()
     time[[0, 7]] = np.nan
-    kept, note = checked(timed(time, np.arange(301.0)))
+    kept, lost = checked(timed(time, np.arange(301.0)))
     assert len(kept.time) == 299
-    assert "2 samples" in note
+    assert lost == 2
     assert 7.0 not in kept.values
 
 
 def test_cutting_keeps_both_ends() -> None:
     cut = within(timed(np.arange(10.0)), 2.0, 5.0)
     np.testing.assert_array_equal(cut.time, [2.0, 3.0, 4.0, 5.0])
-    with pytest.raises(TimeProblem, match="lasts from 0 to 9 s"):
+    with pytest.raises(TimeProblem, match=r"lasts from 0 to 9 s \(9 s\)"):
         within(timed(np.arange(10.0)), 20.0, None)
+    with pytest.raises(TimeProblem, match=r"lasts from 1773300045.125 to 1773300048.125 s \(3 s\)"):
+        within(timed(EPOCH + TIME), 0.0, 3.0)
 
 
 def test_equal_times_are_shared_and_others_refused() -> None:
@@ -301,8 +485,38 @@ def test_equal_times_are_shared_and_others_refused() -> None:
 def test_even_times_are_those_that_all_cover() -> None:
     grid = even([timed(TIME), timed(TIME + 0.5)], 0.25)
     np.testing.assert_allclose(grid, 0.5 + 0.25 * np.arange(11.0))
-    with pytest.raises(TimeProblem, match="only 0 s in common"):
-        even([timed(TIME), timed(TIME + 50.0)], 0.25)
+    with pytest.raises(TimeProblem, match=r"only 0\.05 s in common"):
+        even([timed(TIME), timed(TIME + 2.95)], 0.25)
+
+
+@pytest.mark.parametrize(
+    ("together", "times", "message"),
+    [
+        (shared, TIME, r"differ by up to 1773300045.125 s"),
+        (shared, 1.1 * TIME, r"differ by up to 1773300045.425 s"),
+        (shared, TIME[1:], r"only 0 s in common.*0 to 3 s.*1773300045.135 to"),
+        (lambda signals: even(signals, 0.25), TIME, r"only 0 s in common.*0 to 3 s.*1773300045.125 to"),
+    ],
+)
+def test_two_clocks_are_told_apart_and_led_to_an_offset(
+    together: Callable[[list[Timed]], Array], times: Array, message: str
+) -> None:
+    with pytest.raises(TimeProblem, match=message) as caught:
+        together([timed(TIME), timed(EPOCH + times)])
+    assert "`offset`" in caught.value.hint
+    assert "resample" not in caught.value.hint
+
+
+def test_resampling_is_advised_at_the_step_of_the_record() -> None:
+    """A smaller one would invent samples."""
+    with pytest.raises(TimeProblem) as caught:
+        shared([timed(TIME), timed(TIME[::2])])
+    assert "{step_s: 0.02}" in caught.value.hint
+    assert "offset" not in caught.value.hint
+    with pytest.raises(TimeProblem) as caught:
+        shared([timed(TIME), timed(TIME + 0.5)])
+    assert "offset" in caught.value.hint
+    assert "{step_s: 0.01}" in caught.value.hint
 
 
 @pytest.mark.parametrize("step", [1e-12, 5e-324])
@@ -379,6 +593,7 @@ def test_the_digest_of_a_mapping_is_of_its_content(tmp_path: Path) -> None:
         "{file: a.mat, signal: t, step_s: 0.001}",
         "{unit: ms, step_s: 0.001}",
         "{column: 2, step_s: 0.001}",
+        "{offset: 2, step_s: 0.001}",
     ],
 )
 def test_times_are_a_column_or_a_step(tmp_path: Path, time: str) -> None:
@@ -408,6 +623,37 @@ def test_a_mistake_in_a_mapping_is_named_with_its_line(tmp_path: Path, good: str
     text = str(caught.value)
     assert message in text
     assert "mapping.yaml:" in text
+
+
+def test_a_suggestion_without_runs_says_what_to_do(tmp_path: Path) -> None:
+    path = tmp_path / "mapping.yaml"
+    path.write_text(f"{GOOD[: GOOD.index('  controller_1')]}\n# In no run.\n#    - variable: CHOOSE\n")
+    with pytest.raises(
+        ConfigError, match=r"mapping.yaml:3: runs: no run yet; copy entries from the comments"
+    ):
+        load_mapping(path)
+
+
+def test_units_are_read_as_people_write_them(tmp_path: Path) -> None:
+    path = tmp_path / "mapping.yaml"
+    text = GOOD.replace("{step_s: 0.001}", "{file: a.mat, signal: t, unit: Seconds}")
+    path.write_text(text.replace("unit: deg", "unit: °"), encoding="utf-8")
+    run = load_mapping(path).mapping.runs["controller_1"]
+    assert run.time is not None
+    assert (run.time.unit, run.signals[0].unit) == ("s", "deg")
+
+
+@pytest.mark.parametrize(
+    ("where", "count"),
+    [("{signal: k, equals: 2}", 1), ("[{signal: k, equals: 2}, {signal: l, equals: 0.5}]", 2)],
+)
+def test_rows_are_one_condition_or_several(tmp_path: Path, where: str, count: int) -> None:
+    path = tmp_path / "mapping.yaml"
+    path.write_text(f"{GOOD}      where: {where}\n")
+    assert len(load_mapping(path).mapping.runs["controller_1"].signals[0].where) == count
+    path.write_text(f"{GOOD}      where: {where.replace('equals', 'equal')}\n")
+    with pytest.raises(ConfigError, match="did you mean 'equals'"):
+        load_mapping(path)
 
 
 def test_a_variable_is_given_once(tmp_path: Path) -> None:

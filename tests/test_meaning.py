@@ -14,12 +14,14 @@ from numpy.typing import NDArray
 
 from tendonrepro.arithmetic import coupling_of, table_1
 from tendonrepro.dataset import columns as columns_module
+from tendonrepro.dataset.assignment import variable_of
 from tendonrepro.dataset.columns import Column, columns_of
-from tendonrepro.dataset.evidence import counted_in, difference_of, sampling_step
+from tendonrepro.dataset.evidence import counted_in, differences_of, is_label, sampling_step
+from tendonrepro.dataset.heading import headings
 from tendonrepro.dataset.mapping import load_mapping
 from tendonrepro.dataset.meaning import understand
 from tendonrepro.dataset.signals import Found, Source
-from tendonrepro.dataset.suggestion import suggest, variable_of
+from tendonrepro.dataset.suggestion import suggest
 from tendonrepro.dataset.units import FACTORS, plain_unit
 from tendonrepro.dataset.words import Hints, hints, printable
 from tendonrepro.published import published
@@ -114,7 +116,7 @@ def test_a_load_without_a_weight_is_a_load() -> None:
 @given(st.text(max_size=40))
 def test_any_name_can_be_read(name: str) -> None:
     said = hints(name)
-    assert said.joint in {None, 1, 2, 3}
+    assert said.joint in {None, 0, 1, 2, 3}
 
 
 def test_units_as_people_write_them() -> None:
@@ -150,8 +152,8 @@ def test_the_encoder_tells_degrees_from_radians(offset: float) -> None:
 @given(sign=st.sampled_from([1.0, -1.0]), size=st.floats(0.01, 3.0))
 def test_a_difference_is_recognised_with_its_sign(sign: float, size: float) -> None:
     a, b = course(2), course(2) - size * np.sin(TIME)
-    found = difference_of(sign * (a - b), {"a": a, "b": b, "c": course(3)})
-    assert found == (("a", "b") if sign > 0.0 else ("b", "a"))
+    found = differences_of(sign * (a - b), {1: a, 2: b, 3: course(3)})
+    assert found == [(1, 2) if sign > 0.0 else (2, 1)]
 
 
 @pytest.mark.parametrize("hole", [np.nan, np.inf])
@@ -159,10 +161,10 @@ def test_columns_without_numbers_prove_nothing(hole: float) -> None:
     """Neither a difference nor a unit, and no warning of the arithmetic either."""
     empty = np.full(len(TIME), hole)
     noise = np.random.default_rng(2).normal(size=(2, len(TIME)))
-    assert difference_of(noise[0], {"a": empty, "b": noise[1]}) is None
-    assert difference_of(empty, {"a": noise[0], "b": noise[1]}) is None
+    assert differences_of(noise[0], {1: empty, 2: noise[1]}) == []
+    assert differences_of(empty, {1: noise[0], 2: noise[1]}) == []
     seven = np.where(np.arange(len(TIME)) < 7, noise[1] + noise[0], hole)
-    assert difference_of(noise[0], {"a": seven, "b": noise[1]}) is None
+    assert differences_of(noise[0], {1: seven, 2: noise[1]}) == []
     found = guessed(source("x.csv", {"t": TIME, "aa": noise[0], "bb": empty, "cc": 5.0 * noise[1]}, "g"))
     assert [found[name].quantity for name in ("aa", "bb", "cc")] == [None, None, None]
 
@@ -176,7 +178,7 @@ def test_a_column_without_numbers_settles_no_unit(name: str) -> None:
 def test_a_difference_with_gaps_is_still_one() -> None:
     a, b = course(2), course(2) - np.sin(TIME)
     e = np.where(TIME < 1.0, np.nan, a - b)
-    assert difference_of(e, {"a": a, "b": np.where(TIME > 3.0, np.nan, b)}) == ("a", "b")
+    assert differences_of(e, {1: a, 2: np.where(TIME > 3.0, np.nan, b)}) == [(1, 2)]
 
 
 def test_a_named_table_is_understood() -> None:
@@ -483,10 +485,19 @@ def test_two_columns_for_one_place_are_told_of() -> None:
         source(f"{folder}/c1.csv", {"t": TIME, "q2": followed(2, size)}, "g")
         for folder, size in (("a", 0.1), ("b", 0.2))
     ]
-    remarks = suggest(understand(sources, S_INV), "SYNTHETIC").remarks
-    assert any("2 columns claim to be q_encoder 2 of controller_1" in remark for remark in remarks)
+    suggestion = suggest(understand(sources, S_INV), "SYNTHETIC")
+    assert suggestion.runs == {"controller_1": 1, "controller_1_repeat_2": 1}
+    (remark,) = [remark for remark in suggestion.remarks if "2 recordings claim to be controller_1" in remark]
+    assert "controller_1: a/c1.csv, controller_1_repeat_2: b/c1.csv" in remark
     twice = [source(f"{folder}/c1.csv", {"t": TIME, "q2": followed(2)}, "g") for folder in "ab"]
-    assert not suggest(understand(twice, S_INV), "SYNTHETIC").remarks
+    assert suggest(understand(twice, S_INV), "SYNTHETIC").runs == {"controller_1": 1}
+
+
+def test_two_columns_of_one_table_for_one_place_are_told_of() -> None:
+    signals = {"t": TIME, "q2": followed(2, 0.1), "angle 2": followed(2, 0.2)}
+    suggestion = suggest(understand([source("c1.csv", signals, "g")], S_INV), "SYNTHETIC")
+    assert suggestion.runs == {"controller_1": 1}
+    assert any("q_encoder 2: q2, angle 2" in remark for remark in suggestion.remarks)
 
 
 def test_comparisons_counted_from_one_beside_a_decoupling_record() -> None:
@@ -506,3 +517,344 @@ def test_what_is_shown_is_one_printable_line(text: str) -> None:
     assert len(shown) == len(text)
     assert shown.isprintable()
     assert all(after == before for before, after in zip(text, shown, strict=True) if before.isprintable())
+
+
+# ---- Clocks ----------------------------------------------------------------------------------------------
+
+
+@given(
+    step=st.floats(1e-4, 0.09),
+    start=st.floats(1.2e9, 2.5e9),
+    unit=st.sampled_from(["s", "ms", "us", "ns"]),
+)
+def test_dates_tell_their_unit(step: float, start: float, unit: str) -> None:
+    """Whatever the sampling; a double holds nanoseconds from 1970 to some hundred of them."""
+    times = np.round((start + step * np.arange(400.0)) / FACTORS["time"][unit], 6)
+    clock = guessed(source("x.csv", {"t": times, "q2": course(2)[:400]}, "g"))["t"]
+    assert clock.quantity == "time"
+    assert clock.unit == unit
+    assert any("1970" in doubt for doubt in clock.doubts)
+
+
+@given(step=st.floats(1.001e-4, 0.0999), unit=st.sampled_from(["s", "ms", "us", "ns"]))
+def test_the_step_of_a_loop_tells_its_unit(step: float, unit: str) -> None:
+    times = step * np.arange(400.0) / FACTORS["time"][unit]
+    clock = guessed(source("x.csv", {"t": times, "q2": course(2)[:400]}, "g"))["t"]
+    assert clock.unit == unit
+    assert clock.doubts
+
+
+def test_a_stated_unit_of_time_is_no_doubt() -> None:
+    for unit in ("us", "微秒", "10^-6 s", "microsecond", "µsec"):
+        clock = guessed(source("x.csv", {"t": TIME, "q2": course(2)}, "g", t=unit))["t"]
+        assert clock.unit == "us"
+        assert not clock.doubts
+
+
+def test_a_dropped_cycle_is_no_end_of_time() -> None:
+    kept = np.arange(len(TIME)) % 500 != 7
+    assert sampling_step(TIME[kept]) == pytest.approx(0.001)
+    assert sampling_step(np.append(TIME, [np.nan, np.nan])) == pytest.approx(0.001)
+    assert sampling_step(np.where(kept, TIME, np.nan)) is None
+
+
+@pytest.mark.parametrize("names", [["X1", "Y1", "X2", "Y2"], ["X", "Y", "X (2)", "Y (2)"], list("abcd")])
+def test_each_curve_has_the_times_before_it(names: list[str]) -> None:
+    shorter = np.where(TIME < 3.0, TIME, np.nan)
+    curves = [TIME, followed(2), shorter, np.where(TIME < 3.0, followed(3), np.nan)]
+    found = guessed(source("Fig14a.csv", dict(zip(names, curves, strict=True)), "g"))
+    a, b, c, d = (found[name] for name in names)
+    assert [column.quantity for column in (a, b, c, d)] == ["time", "measured", "time", "measured"]
+    assert (b.time, d.time) == (a.address, c.address)
+
+
+def test_a_second_clock_beside_the_first_is_of_nothing() -> None:
+    signals = {"Time": TIME, "timestamp": 1e9 + TIME, "q2": followed(2), "q3": followed(3)}
+    found = guessed(source("c1.csv", signals, "g"))
+    assert found["q2"].time == found["q3"].time == found["Time"].address
+
+
+# ---- Tables ----------------------------------------------------------------------------------------------
+
+
+def tables(**matrices: Array) -> Source:
+    found = Found("SYNTHETIC")
+    for name, matrix in matrices.items():
+        found.add(name, matrix)
+    return Source("all.mat", "SYNTHETIC", 0, "0" * 32, tuple(found.signals))
+
+
+def test_matrices_of_one_length_are_tables_of_their_own() -> None:
+    """Both joints are sent along one course, in all of them."""
+    matrices = {}
+    for number in (1, 2, 3, 4):
+        q = [followed(2, 0.1 * number), followed(2, 0.15 * number)]
+        matrices[f"data{number}"] = np.stack(
+            [TIME, course(2), q[0], course(2) - q[0], course(2), q[1], course(2) - q[1]], axis=1
+        )
+    found = guessed(tables(**matrices))
+    expected = [
+        ("time", None),
+        *((kind, joint) for joint in (2, 3) for kind in ("desired", "measured", "error")),
+    ]
+    for number in (1, 2, 3, 4):
+        columns = [found[f"data{number}[{place}]"] for place in range(1, 8)]
+        assert [(column.quantity, column.joint) for column in columns] == expected
+        assert {column.time for column in columns[1:]} == {columns[0].address}
+    suggestion = suggest(understand([tables(**matrices)], S_INV), "SYNTHETIC")
+    assert suggestion.runs == {f"data{number}": 6 for number in (1, 2, 3, 4)}
+
+
+def test_a_wide_table_says_what_was_not_compared() -> None:
+    noise = np.random.default_rng(4).normal(size=(len(TIME), 40))
+    columns = understand([tables(wide=np.column_stack([TIME, noise]))], S_INV)
+    assert any("only 24 columns are compared" in remark for remark in suggest(columns, "x").remarks)
+
+
+def long_table(*, shuffled: bool, **labels: tuple[float, ...]) -> Source:
+    """Angles of joints 2 and 3 below each other, once for each value of the labels."""
+    kinds = list(product(*labels.values(), (2, 3)))
+    signals = {
+        "time": np.tile(TIME, len(kinds)),
+        **{name: np.repeat([kind[k] for kind in kinds], len(TIME)) for k, name in enumerate(labels)},
+        "joint": np.repeat([float(kind[-1]) for kind in kinds], len(TIME)),
+        "measured": np.concatenate([followed(int(kind[-1]), 0.1 * k) for k, kind in enumerate(kinds)]),
+    }
+    # Sorted by time, as a data base gives them, or one run after the other.
+    order = np.argsort(signals["time"], kind="stable") if shuffled else slice(None)
+    return source("tidy.csv", {name: values[order] for name, values in signals.items()}, "g")
+
+
+@pytest.mark.parametrize("shuffled", [True, False])
+def test_a_table_in_long_form_is_cut(*, shuffled: bool) -> None:
+    table = long_table(shuffled=shuffled, controller=(1.0, 2.0), payload=(0.0, 0.2))
+    columns = understand([table], S_INV)
+    suggestion = suggest(columns, "x")
+    of_load = {f"controller_{k}{load}": 2 for k in (1, 2) for load in ("", "_payload")}
+    assert suggestion.runs == of_load
+    measured = [column for column in columns if column.quantity == "measured"]
+    for k, column in enumerate(sorted(measured, key=lambda column: str(column.address.rows))):
+        np.testing.assert_array_equal(column.values, followed(column.joint or 0, 0.1 * k))
+    assert any("cut by its columns 'controller', 'payload', 'joint'" in line for line in suggestion.remarks)
+
+
+def test_trials_in_one_table_are_repetitions() -> None:
+    table = long_table(shuffled=False, controller=(2.0,), trial=(1.0, 2.0))
+    assert suggest(understand([table], S_INV), "x").runs == {"tidy": 2, "tidy_repeat_2": 2}
+
+
+def test_a_table_in_long_form_that_cannot_be_cut_is_told_of() -> None:
+    signals = {"time": np.tile(TIME, 2), "kind": np.repeat([1.0, 2.0], len(TIME))}
+    signals["q2"] = np.tile(followed(2), 2)
+    columns = understand([source("tidy.csv", signals, "g")], S_INV)
+    assert columns[1].quantity == "other"
+    assert any("long form" in line and "'kind'" in line for line in suggest(columns, "x").remarks)
+
+
+@pytest.mark.parametrize(
+    "values", [np.zeros(100), np.repeat([0.0, 30.0], 50), np.arange(100.0), np.full(100, 0.5)]
+)
+def test_what_is_no_label(values: Array) -> None:
+    assert not is_label(values)
+
+
+# ---- Angles ----------------------------------------------------------------------------------------------
+
+
+def test_a_joint_that_rests_is_on_no_grid() -> None:
+    """Most numbers of a decoupling record are of joints that stand still."""
+    moved = np.where(TIME < 1.0, course(2), course(2)[0])
+    assert counted_in(moved) is None
+    assert counted_in(COUNT * np.round(moved / COUNT)) == "deg"
+
+
+@pytest.mark.parametrize("count", [360.0 / 16384.0, 0.022])
+@pytest.mark.parametrize("unit", ["deg", "rad"])
+def test_a_count_as_it_is_and_as_it_is_printed(count: float, unit: str) -> None:
+    steps = count * np.round(course(2) / count)
+    assert counted_in(steps if unit == "deg" else np.deg2rad(steps)) == unit
+
+
+def test_two_smooth_angles_are_no_pair() -> None:
+    signals = {"t": TIME, "aa": course(2), "bb": course(2) + 0.3 * np.sin(TIME)}
+    found = guessed(source("x.csv", signals, "g"))
+    assert {found[name].quantity for name in ("aa", "bb")} == {None}
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("unit", ["deg", "rad"])
+def test_errors_get_their_sign_and_unit_from_the_angles(sign: float, unit: str) -> None:
+    e = sign * (course(2) - followed(2))
+    signals = {"t": TIME, "qd2": course(2), "q2": followed(2), "e2": e if unit == "deg" else np.deg2rad(e)}
+    found = guessed(source("x.csv", signals, "g"))
+    assert (found["e2"].unit, found["e2"].scale) == (unit, sign)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_sign_of_an_error_without_a_desired_angle_is_to_be_decided(sign: float) -> None:
+    e = sign * (course(2) - followed(2))
+    found = guessed(source("x.csv", {"t": TIME, "q2": followed(2), "e2": e}, "g"))
+    assert any("sign: -1" in doubt for doubt in found["e2"].doubts) == (sign < 0.0)
+
+
+@pytest.mark.parametrize("in_degrees", [True, False])
+def test_the_unit_of_a_sliding_surface_is_told_by_the_error(*, in_degrees: bool) -> None:
+    """The angles are in degrees; the controller's s need not be."""
+    e = (course(2) - followed(2)) * (1.0 if in_degrees else np.pi / 180.0)
+    s = np.gradient(e, TIME) + 1.5 * np.sign(e) * np.abs(e) ** 0.9
+    found = guessed(source("c1.csv", {"t": TIME, "qd2": course(2), "q2": followed(2), "s2": s}, "g"))
+    assert found["s2"].unit == ("deg/s" if in_degrees else "rad/s")
+    assert not found["s2"].doubts
+    alone = guessed(source("c1.csv", {"t": TIME, "s2": s}, "g"))["s2"]
+    assert alone.doubts
+
+
+# ---- Joints and motors -----------------------------------------------------------------------------------
+
+
+def test_joints_counted_from_zero_are_moved_everywhere() -> None:
+    with_zero = {"t": TIME} | {f"q{k}": followed(k + 1) for k in (0, 1, 2)}
+    without = {"t": TIME} | {f"q{k}": followed(k + 1) for k in (1, 2)}
+    sources = [source("decoupling.csv", with_zero, "g"), source("c1.csv", without, "g")]
+    columns = understand(sources, S_INV)
+    joints = [column.joint for column in columns if column.quantity == "measured"]
+    assert joints == [1, 2, 3, 2, 3]
+    suggestion = suggest(columns, "SYNTHETIC")
+    assert suggestion.runs == {"controller_1": 2, "decouple": 3}
+    (remark,) = [remark for remark in suggestion.remarks if "counted from 0" in remark]
+    assert remark.startswith("controller_1, decouple: ")
+
+
+def test_a_nought_beside_joint_three_is_no_joint() -> None:
+    signals = {"t": TIME} | {f"q{k}": followed(max(k, 1)) for k in (0, 1, 2, 3)}
+    found = guessed(source("decoupling.csv", signals, "g"))
+    assert [found[f"q{k}"].joint for k in (0, 1, 2, 3)] == [None, 1, 2, 3]
+
+
+def test_a_nought_may_be_a_start() -> None:
+    found = guessed(source("c1.csv", {"t": TIME, "q0": 0.0 * TIME, "q2": followed(2)}, "g"))
+    assert [found[name].joint for name in ("q0", "q2")] == [None, 2]
+
+
+def test_a_joint_below_the_title_calculated_is_calculated() -> None:
+    found = Found("SYNTHETIC")
+    for title, angle in (("Encoder", followed), ("Calculated", course)):
+        for joint in (1, 2, 3):
+            found.add(f"{title[0]}/Joint {joint}", angle(joint), label=f"Joint {joint}", group=title[0])
+        found.text(f"{title[0]}/title", title)
+    columns = understand(
+        [Source("x.xlsx", "SYNTHETIC", 0, "0" * 32, tuple(found.signals), texts=found.texts)], S_INV
+    )
+    assert [column.quantity for column in columns] == ["measured"] * 3 + ["calculated"] * 3
+
+
+def test_a_single_joint_keeps_its_number() -> None:
+    assert guessed(source("c1.csv", {"t": TIME, "q2": followed(2)}, "g"))["q2"].joint == 2
+
+
+@given(
+    starts=st.tuples(*[st.floats(-50.0, 50.0)] * 3),
+    signs=st.tuples(*[st.sampled_from([1.0, -1.0])] * 3),
+    ratio=st.sampled_from([1.0, 100.0]),
+    base=st.sampled_from([0, 1]),
+)
+def test_motors_are_found_wherever_they_start(
+    starts: tuple[float, ...], signs: tuple[float, ...], ratio: float, base: int
+) -> None:
+    q = np.deg2rad(np.stack([followed(1), followed(2), followed(3)], axis=1))
+    expected = q @ S_INV.T
+    motors = [signs[k] * ratio * expected[:, k] + starts[k] for k in range(3)]
+    signals = (
+        {"t": TIME}
+        | {f"joint{k + base}": q[:, k] for k in range(3)}
+        | {f"motor{k + base}": motors[k] for k in range(3)}
+    )
+    found = guessed(source("decoupling.csv", signals, "g"))
+    for k in range(3):
+        motor = found[f"motor{k + base}"]
+        assert (motor.quantity, motor.joint, motor.unit) == ("motor", k + 1, "rad")
+        assert motor.scale == signs[k] / ratio
+        angle = motor.scale * (motor.values - motor.offset)
+        np.testing.assert_allclose(angle, expected[:, k], atol=0.0101 * float(np.ptp(expected[:, k])))
+
+
+@pytest.mark.parametrize("hole", [np.nan, np.inf, -np.inf])
+def test_gaps_stop_nobody(hole: float) -> None:
+    """Whatever has them: the guess goes on, and what can be known is known."""
+    q = np.deg2rad(np.stack([followed(1), followed(2), followed(3)], axis=1))
+    named = {"t": TIME} | {f"joint{k + 1}": q[:, k] for k in range(3)}
+    named |= {f"motor{k + 1}": (q @ S_INV.T)[:, k] + 20.0 for k in range(3)}
+    named |= {"e2": np.deg2rad(course(2)) - q[:, 1], "qd2": np.deg2rad(course(2)), "s2": 0.1 * q[:, 1]}
+    for name in named:
+        for rows in (slice(0, 3), slice(2000, 2500), slice(-3, None), slice(None)):
+            signals = {other: values.copy() for other, values in named.items()}
+            signals[name][rows] = hole
+            columns = understand([source("decoupling.csv", signals, "g")], S_INV)
+            assert all(np.isfinite([column.offset, column.scale]).all() for column in columns)
+            others = [c for c in columns if c.label in {"motor1", "motor2", "motor3"} and c.label != name]
+            told = {column.quantity for column in others}
+            assert told == {"motor"}
+
+
+def test_a_motor_that_rests_has_the_gear_of_the_others() -> None:
+    q = np.deg2rad(np.stack([0.0 * TIME, followed(2), followed(3)], axis=1))
+    motors = 100.0 * q @ S_INV.T + np.array([12.566, -3.2, 40.1])
+    signals = {f"joint{k}": q[:, k] for k in range(3)} | {f"motor{k}": motors[:, k] for k in range(3)}
+    found = guessed(source("c1.csv", {"t": TIME} | signals, "g"))
+    assert [found[f"motor{k}"].scale for k in range(3)] == [0.01] * 3
+    assert found["motor0"].offset == 12.566
+
+
+# ---- Figures ---------------------------------------------------------------------------------------------
+
+
+def test_of_two_curves_the_one_with_steps_is_measured() -> None:
+    found = guessed(source("Fig11.csv", {"X": TIME, "curve 1": course(2), "curve 2": followed(2)}, "g"))
+    assert [(found[f"curve {k}"].quantity, found[f"curve {k}"].joint) for k in (1, 2)] == [
+        ("calculated", 2),
+        ("measured", 2),
+    ]
+
+
+@pytest.mark.parametrize("unit", ["deg", "rad"])
+def test_small_curves_of_figure_16_are_errors(unit: str) -> None:
+    factor = 1.0 if unit == "deg" else np.pi / 180.0
+    curves = {f"curve {k}": factor * (course(2) - followed(2, 0.1 * k)) for k in (1, 2)}
+    columns = understand([source("fig16a.csv", {"X": TIME} | curves, "g")], S_INV)
+    assert [column.quantity for column in columns] == ["time", "error", "error"]
+    suggestion = suggest(columns, "x")
+    assert suggestion.runs == {"controller_1": 1, "controller_1_payload": 1}
+    assert any("small" in remark for remark in suggestion.remarks)
+    assert any("in the paper's order" in remark for remark in suggestion.remarks)
+
+
+def test_curves_without_names_are_in_the_order_of_the_paper() -> None:
+    curves = {"Y1": course(3)} | {f"Y{k + 1}": followed(3, 0.1 * k) for k in (1, 2, 3)}
+    columns = understand([source("fig14b.csv", {"X": TIME} | curves, "g")], S_INV)
+    assert [(column.quantity, column.controller) for column in columns[1:]] == [
+        ("desired", None),
+        ("measured", 1),
+        ("measured", 2),
+        ("measured", 3),
+    ]
+    assert suggest(columns, "x").runs == {f"controller_{k}": 2 for k in (1, 2, 3)}
+
+
+# ---- Headings --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("letters", [True, False])
+@pytest.mark.parametrize("formulas", [["F(x)"], ["F(x)=", "Sparklines"], []])
+def test_rows_told_by_their_first_cell(letters: bool, formulas: list[str]) -> None:
+    rows = [["", "A(X)", "B(Y)", "C(Y)"]] if letters else []
+    rows += [["Long Name", "Time", "Angle", "Angle"], ["Units", "s", "deg", "deg"]]
+    rows += [["Comments", "SYNTHETIC", "desired 2", "actual 2"], *([name, "", "", ""] for name in formulas)]
+    found, used = headings(rows, 4)
+    assert [heading.label for heading in found] == ["", "Time SYNTHETIC", "Angle desired 2", "Angle actual 2"]
+    assert [heading.unit for heading in found] == [None, "s", "deg", "deg"]
+    assert used == list(range(len(rows)))
+
+
+def test_a_column_called_name_is_no_row_of_names() -> None:
+    found, _ = headings([["Name", "q2", "q3"]], 3)
+    assert [heading.name for heading in found] == ["Name", "q2", "q3"]

@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 S, S_INV = coupling_of(table_1(published()))
 TIME = 0.01 * np.arange(500.0)
 COURSE = np.sin(TIME)
+MOTORS = ("motor1", "motor2", "motor3")
 LATE = COURSE - 1e-3 * np.cos(7.0 * TIME)
 
 # Names as YAML could hold them: it has no way to write half of a pair, and the strict reader refuses NUL.
@@ -144,4 +145,105 @@ class TestTimes:
         (run,) = mapping.runs.values()
         assert run.time is not None
         assert run.time.signal == "log/Time"
-        assert not suggestion.remarks
+        assert not any("has no times" in remark for remark in suggestion.remarks)
+
+
+class TestOwnTimes:
+    """Columns of one run with different times."""
+
+    def test_they_are_resampled_where_they_meet(self) -> None:
+        """What is taken where both have samples is not changed by it."""
+        signals = {"X1": TIME, "q2_d Y": COURSE, "X2": np.append(TIME[:400], np.full(100, np.nan))}
+        signals["q2 Y"] = np.append(LATE[:400], np.full(100, np.nan))
+        found = Found("SYNTHETIC")
+        for path, values in signals.items():
+            found.add(path, values, group="table")
+        sources = [Source("c1.csv", "SYNTHETIC", 0, "0" * 32, tuple(found.signals))]
+        suggestion, mapping = suggested(*sources)
+        assert mapping.resample is not None
+        assert mapping.resample.step_s == 0.01
+        assert any("times of their own" in remark for remark in suggestion.remarks)
+        (run,) = (
+            Assembly(sources, mapping, "m.yaml", S, lambda time, _: ("ok", float(time[-1]))).runs().values()
+        )
+        np.testing.assert_allclose(
+            run["q_d"][:, 0] / run["q_encoder"][:, 0], (COURSE / LATE)[:400], rtol=1e-9
+        )
+
+    @pytest.mark.parametrize("step", [0.01, 0.004])
+    def test_clocks_that_do_not_meet_start_together(self, step: float) -> None:
+        apart = [
+            source("decoupling_a.csv", {"Time": TIME} | {f"q{k}": COURSE for k in (1, 2, 3)}),
+            source("decoupling_b.csv", {"Time": 1e9 + step * np.arange(500.0)} | dict.fromkeys(MOTORS, LATE)),
+        ]
+        suggestion, mapping = suggested(*apart)
+        assert (mapping.resample is None) == (step == 0.01)
+        assert any("do not meet" in remark for remark in suggestion.remarks)
+        assert duration(*apart) == pytest.approx(499.0 * step, abs=2e-6)
+
+
+def test_a_table_in_long_form_is_assembled_as_it_was() -> None:
+    found = Found("SYNTHETIC")
+    signals = {
+        "Time (s)": np.tile(TIME, 4),
+        "controller": np.repeat([1.0, 1.0, 3.0, 3.0], len(TIME)),
+        "joint": np.repeat([2.0, 3.0, 2.0, 3.0], len(TIME)),
+        "measured (rad)": np.concatenate([k * LATE for k in (1.0, 0.9, 0.8, 0.7)]),
+    }
+    for name, values in signals.items():
+        found.add(name, values, group="table")
+    tidy = [Source("tidy.csv", "SYNTHETIC", 0, "0" * 32, tuple(found.signals))]
+    _, mapping = suggested(*tidy)
+    runs = Assembly(tidy, mapping, "mapping.yaml", S, lambda time, _: ("ok", float(time[-1]))).runs()
+    assert list(runs) == ["controller_1", "controller_3"]
+    np.testing.assert_array_equal(runs["controller_1"]["q_encoder"], np.stack([LATE, 0.9 * LATE], axis=1))
+    np.testing.assert_array_equal(
+        runs["controller_3"]["q_encoder"], np.stack([0.8 * LATE, 0.7 * LATE], axis=1)
+    )
+
+
+class TestRecordings:
+    """Several recordings of one run."""
+
+    def test_columns_of_one_run_are_of_one_recording(self) -> None:
+        first = {"Time": TIME, "q2_d": COURSE, "q2": LATE}
+        second = {"Time": TIME, "q2_d": COURSE, "q2": LATE**2, "s2": LATE, "tau2": LATE}
+        _, mapping = suggested(source("c1_trial1.csv", first), source("c1_trial2.csv", second))
+        files = {name: {entry.file for entry in run.signals} for name, run in mapping.runs.items()}
+        assert files == {"controller_1": {"c1_trial2.csv"}, "controller_1_repeat_2": {"c1_trial1.csv"}}
+
+    def test_files_that_complete_each_other_are_one_recording(self) -> None:
+        parts = [
+            source(f"c1_{part}{trial}.csv", {"Time": TIME, f"{part}2": LATE**trial})
+            for part in ("q", "tau")
+            for trial in (1, 2)
+        ]
+        _, mapping = suggested(*parts)
+        files = [[entry.file for entry in run.signals] for run in mapping.runs.values()]
+        assert files == [["c1_q1.csv", "c1_tau1.csv"], ["c1_q2.csv", "c1_tau2.csv"]]
+
+    def test_a_repeated_run_with_a_load_keeps_it(self) -> None:
+        trials = [source(f"c1_0.3kg_{k}.csv", {"Time": TIME, "q2": LATE**k}) for k in (1, 2)]
+        _, mapping = suggested(*trials)
+        assert list(mapping.runs) == ["controller_1_payload", "controller_1_payload_repeat_2"]
+        assert {run.payload_mass_kg for run in mapping.runs.values()} == {0.3}
+
+    def test_one_line_for_all_that_is_repeated(self) -> None:
+        signals = ("q2_d", "q2", "q3_d", "q3", "tau2", "tau3")
+        trials = [
+            source(f"c1_trial{k}.csv", {"Time": TIME} | dict.fromkeys(signals, COURSE**k)) for k in (1, 2, 3)
+        ]
+        suggestion, _ = suggested(*trials)
+        assert len([remark for remark in suggestion.remarks if "c1_trial1.csv" in remark]) == 1
+
+
+def test_without_a_run_there_is_one_to_fill_in() -> None:
+    found = Found("SYNTHETIC")
+    found.add("mystery", np.random.default_rng(3).normal(size=100))
+    columns = understand([Source("x.csv", "SYNTHETIC", 0, "0" * 32, tuple(found.signals))], S_INV)
+    suggestion = suggest(columns, "SYNTHETIC")
+    assert not suggestion.runs
+    head, _, below = suggestion.text.partition("runs:\n")
+    run = [line.removeprefix("#") for line in below.split("\n\n")[0].split("\n")[1:]]
+    mapping = Mapping.model_validate(load("\n".join([head, "runs:", *run]), "mapping.yaml").tree)
+    assert [entry.signal for entry in mapping.runs["controller_1"].signals] == ["mystery"]

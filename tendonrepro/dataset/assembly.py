@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.dataset.evidence import distance
 from tendonrepro.dataset.mapping import Entry, Mapping, Resample, Run, TimeAxis
+from tendonrepro.dataset.recorded_error import complete, listed, opposed
 from tendonrepro.dataset.signals import Signal, Source
-from tendonrepro.dataset.timebase import RESAMPLED, Timed, TimeProblem, checked, even, shared, within
+from tendonrepro.dataset.timebase import (
+    RESAMPLED,
+    Timed,
+    TimeProblem,
+    checked,
+    even,
+    in_seconds,
+    shared,
+    within,
+)
 from tendonrepro.dataset.units import factor
 from tendonrepro.dataset.words import printable
 from tendonrepro.errors import ConfigError
@@ -22,8 +33,10 @@ from tendonrepro.summary import MEASURED
 MOST_TURN_DEG = 190.0
 FAR_APART = 0.2
 """Difference of calculated and measured joint angle that no tendon stretches by, as a share of the range."""
-
-_OF_THE_OTHERS = {"q_d": "q_encoder + e", "q_encoder": "q_d - e", "e": "q_d - q_encoder"}
+SAME_VALUE = 1e-6
+"""Relative difference within which a number is the one of a `where`; single precision makes 1e-7 of it."""
+LONGEST_STEP = 0.1
+"""Sampling step, s, beyond which the unit of the times is in doubt; the paper's is 1 ms."""
 
 StatusOf = Callable[[Array, Array], tuple[str, float]]
 """Time and error without gaps to status and its time."""
@@ -47,6 +60,8 @@ class Assembly:
     ----------
     notes : list of str
         What was done to the numbers on the way.
+    doubts : list of str
+        What makes a recorded error implausible.
     """
 
     sources: Sequence[Source]
@@ -55,7 +70,9 @@ class Assembly:
     S: Array
     status_of: StatusOf
     notes: list[str] = field(default_factory=list)
+    doubts: list[str] = field(default_factory=list)
     _taken: set[Source] = field(default_factory=set, init=False, repr=False)
+    _pairs: dict[str, dict[int, tuple[Array, Array]]] = field(default_factory=dict, init=False, repr=False)
 
     def used(self) -> list[Source]:
         """Sources that `runs` has taken anything from, in their order."""
@@ -69,7 +86,9 @@ class Assembly:
         ConfigError
             When a file, signal or column is missing, times do not fit, or a run holds no number.
         """
-        return {name: self._run(name, run) for name, run in self.mapping.runs.items()}
+        found = {name: self._run(name, run) for name, run in self.mapping.runs.items()}
+        self.doubts += opposed(self._pairs)
+        return found
 
     def _run(self, name: str, run: Run) -> Trace:
         try:
@@ -77,7 +96,8 @@ class Assembly:
         except TimeProblem as problem:
             raise ConfigError(str(problem), where=f"{self.where}: runs.{name}", hint=problem.hint) from None
         if time[0] != 0.0:
-            self.notes.append(f"{name}: time starts at {time[0]:g} s in the files, at 0 here")
+            start, lasts = in_seconds(time[0]), f"{time[-1] - time[0]:.6g}"
+            self.notes.append(f"{name}: time starts at {start} s in the files, at 0 here; it lasts {lasts} s")
             time = time - time[0]
         self._complete(name, variables, joints)
         self._calculate(name, variables, joints)
@@ -97,11 +117,15 @@ class Assembly:
     def _variables(self, name: str, run: Run) -> tuple[Array, dict[str, Array], tuple[int, ...]]:
         """Time base, variables by name, and the joints in order."""
         timed = {}
+        without: dict[int, list[str]] = defaultdict(list)
         for entry in run.signals:
             label = f"{entry.variable} of joint {entry.joint}"
-            signal, note = checked(self._timed(entry, run, label))
-            self.notes += [f"{name}: {note}"] if note else []
+            signal, lost = checked(self._timed(entry, run, label))
+            without[lost].append(label)
             timed[entry] = within(signal, run.from_s, run.to_s)
+        for lost, labels in without.items():
+            of = labels[0] if len(labels) == 1 else f"each of {len(labels)} columns"
+            self.notes += [f"{name}: {lost} samples without a time left out of {of}"] if lost else []
         time = self._time(name, list(timed.values()))
         joints = tuple(sorted({entry.joint for entry in run.signals}))
         variables: dict[str, Array] = {}
@@ -123,23 +147,41 @@ class Assembly:
 
     def _timed(self, entry: Entry, run: Run, label: str) -> Timed:
         signal = self._signal(entry.file, entry.signal, entry.column)
-        values = (signal.column(entry.column) - entry.offset) * entry.to_si
+        rows = self._rows(entry, run, len(signal.values), label)
+        values = (signal.column(entry.column)[rows] - entry.offset) * entry.to_si
         axis = entry.time or (run.time if signal.time is None else None)
         if axis is not None:
-            return Timed(label, self._axis(axis, len(values)), values)
+            return Timed(label, self._axis(axis, rows), values)
         if signal.time is not None:
-            return Timed(label, signal.time, values)
+            return Timed(label, signal.time[rows], values)
         message = f"{label} has no time"
-        hint = "Give its run a `time: {file, signal}`, or `time: {step_s: 0.001}`."
+        hint = "Give its run a `time: {file, signal}`, or `time: {step_s: 0.001}` with the record's own step."
         raise ConfigError(message, where=self.where, hint=hint)
 
-    def _axis(self, axis: TimeAxis, samples: int) -> Array:
+    def _rows(self, entry: Entry, run: Run, samples: int, label: str) -> NDArray[np.bool_]:
+        """Rows that meet every condition of a column and of its run."""
+        rows = np.ones(samples, bool)
+        for where in (*run.where, *entry.where):
+            values = self._signal(entry.file, where.signal, where.column).column(where.column)
+            if len(values) != samples:
+                message = f"{label} has {samples} rows, {where.signal!r} of its `where` has {len(values)}"
+                raise ConfigError(message, where=self.where)
+            before, rows = rows, rows & np.isclose(values, where.equals, rtol=SAME_VALUE, atol=0.0)
+            if not rows.any():
+                message = f"{label} has no row left where {where.signal!r} is {where.equals:g}"
+                hint = f"There {where.signal!r} holds {_few([f'{x:g}' for x in np.unique(values[before])])}"
+                raise ConfigError(message, where=self.where, hint=hint)
+        return rows
+
+    def _axis(self, axis: TimeAxis, rows: NDArray[np.bool_]) -> Array:
         if axis.step_s is not None:
-            return np.asarray(axis.step_s * np.arange(samples))
+            return np.asarray(axis.step_s * np.arange(rows.sum()))
         assert axis.file is not None
         assert axis.signal is not None
         column = self._signal(axis.file, axis.signal, axis.column).column(axis.column)
-        return column * factor(axis.unit, "time")
+        # Times that were saved for the chosen rows alone are whole already.
+        times = column[rows] if len(column) == len(rows) else column
+        return (times - axis.offset) * factor(axis.unit, "time")
 
     def _signal(self, file: str, path: str, column: int) -> Signal:
         source = self._source(file)
@@ -171,35 +213,10 @@ class Assembly:
         raise ConfigError(message, where=self.where, hint=hint)
 
     def _complete(self, name: str, variables: dict[str, Array], joints: tuple[int, ...]) -> None:
-        """Fill desired angle, measured angle and error from the other two, sample by sample."""
-        given = {variable: variables[variable] for variable in _OF_THE_OTHERS if variable in variables}
-        if len(given) < 2:
-            return
-        absent = np.full_like(next(iter(given.values())), np.nan)
-        q_d, q, e = (given.get(variable, absent) for variable in _OF_THE_OTHERS)
-        difference = q_d - q
-        apart = np.abs(difference - e)
-        if not np.isnan(apart).all():
-            most = np.rad2deg(np.nanmax(apart))
-            self.notes.append(f"{name}: e is q_d - q_encoder; the recorded error is up to {most:.3g} deg off")
-        variables["q_d"] = np.where(np.isnan(q_d), q + e, q_d)
-        variables["q_encoder"] = np.where(np.isnan(q), q_d - e, q)
-        variables["e"] = np.where(np.isnan(difference), e, difference)
-        for variable, before in (("q_d", q_d), ("q_encoder", q)):
-            self._tell_filled(name, variable, joints, before, variables[variable])
-
-    def _tell_filled(
-        self, name: str, variable: str, joints: tuple[int, ...], before: Array, after: Array
-    ) -> None:
-        filled = (np.isnan(before) & ~np.isnan(after)).any(axis=0)
-        whole = filled & np.isnan(before).all(axis=0)
-        formula = _OF_THE_OTHERS[variable]
-        if whole.any():
-            of = "" if whole.all() else f" of joint {_listed(joints, whole)}"
-            self.notes.append(f"{name}: {variable}{of} is {formula}")
-        if (filled & ~whole).any():
-            of = f"of joint {_listed(joints, filled & ~whole)}"
-            self.notes.append(f"{name}: {variable} {of} is {formula} where it has gaps")
+        found = complete(variables, joints)
+        self.notes += [f"{name}: {note}" for note in found.notes]
+        self.doubts += [f"{name}: {doubt}" for doubt in found.doubts]
+        self._pairs[name] = found.pairs
 
     def _calculate(self, name: str, variables: dict[str, Array], joints: tuple[int, ...]) -> None:
         """Joint angles from motors."""
@@ -221,7 +238,7 @@ class Assembly:
                 del variables[variable]
                 self.notes.append(f"{name}: {variable} holds no number and is left out")
             elif absent.any():
-                self.notes.append(f"{name}: no {variable} of joint {_listed(joints, absent)}")
+                self.notes.append(f"{name}: no {variable} of joint {listed(joints, absent)}")
         if not variables:
             message = "no signal of the run holds a number"
             hint = "`tendonrepro inspect` shows the range of every signal"
@@ -239,6 +256,9 @@ class Assembly:
 def doubts_about(trace: Trace) -> list[str]:
     """What makes a run implausible: a wrong unit, a motor taken for a joint, a wrong sign or gear."""
     doubts = []
+    step = float(np.median(np.diff(trace.time)))
+    if step > LONGEST_STEP:
+        doubts.append(f"it has a sample every {step:.4g} s: check the unit of the time")
     for name in ("q_encoder", "q_d", "q_calculated"):
         turn = np.rad2deg(np.nanmax(np.abs(trace[name]), initial=0.0)) if name in trace else 0.0
         if turn > MOST_TURN_DEG:
@@ -262,10 +282,6 @@ def doubts_about(trace: Trace) -> list[str]:
 def _bridged(time: Array, values: Array) -> Array | None:
     known = np.isfinite(values)
     return np.interp(time, time[known], values[known]) if known.any() else None
-
-
-def _listed(joints: Sequence[int], chosen: ArrayLike) -> str:
-    return ", ".join(str(joints[place]) for place in np.flatnonzero(chosen).tolist())
 
 
 def _few(names: Sequence[str]) -> str:

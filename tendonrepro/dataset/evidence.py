@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from itertools import combinations
+from collections.abc import Mapping
+from itertools import permutations, product
 
 import numpy as np
 
@@ -10,12 +11,17 @@ from tendonrepro.arrays import Array
 
 COUNT_DEG = 360.0 / 16384.0
 """One count of the paper's joint encoder, deg: 4096 pulses, four counts each."""
+COUNTS_DEG = (COUNT_DEG, 0.022)
+"""The same, and as the paper prints it, for some multiply counts by that."""
 SAME_COURSE = 0.1
 """Largest RMS difference of two signals that follow each other, as a share of the range."""
 COUPLED = 0.05
 """Largest RMS of what a coupling leaves of a motor angle, as a share of its range."""
 _UNEVEN = 0.5
+_REGULAR = 0.95  # share of steps that are even; a logger drops a cycle now and then
 _FEWEST = 8
+_MOST_COUNTED = 20000  # samples that are laid on the grid of the encoder
+_MOST_LABELS = 8
 _ENOUGH = 2000  # samples that comparisons look at
 
 
@@ -25,20 +31,49 @@ def sampling_step(values: Array) -> float | None:
     Parameters
     ----------
     values : Array
-        Shape (N,).
+        Shape (N,); cells without a number at the end, where a longer column stands beside it, do not count.
 
     Returns
     -------
     float or None
-        None unless there are at least 8 numbers that increase strictly, by steps that differ from their
-        median by less than half of it.
+        None unless there are at least 8 numbers that increase strictly, nearly all by steps that differ from
+        their median by less than half of it.
     """
+    values = without_tail(values)
     if len(values) < _FEWEST or not np.isfinite(values).all():
         return None
     steps = np.diff(values)
     middle = float(np.median(steps))
-    even = steps.min() > 0.0 and np.abs(steps - middle).max() < _UNEVEN * middle
-    return middle if even else None
+    if steps.min() <= 0.0:
+        return None
+    return middle if np.mean(np.abs(steps - middle) < _UNEVEN * middle) >= _REGULAR else None
+
+
+def same_curve(a: Array, b: Array) -> bool:
+    """Whether two columns hold the same numbers, one perhaps with empty cells below."""
+    if a[0] != b[0] and not np.isnan(a[0]):
+        return False
+    return np.array_equal(without_tail(a), without_tail(b), equal_nan=True)
+
+
+def without_tail(values: Array) -> Array:
+    """Numbers up to the last finite one, shape (M,)."""
+    known = np.flatnonzero(np.isfinite(values))
+    return values[: known[-1] + 1] if known.size else values[:0]
+
+
+def is_label(values: Array) -> bool:
+    """Whether numbers tell rows apart, as that of a joint or a trial does: few, whole, close together.
+
+    Parameters
+    ----------
+    values : Array
+        Shape (N,).
+    """
+    if not np.isfinite(values).all() or (values != np.round(values)).any():
+        return False
+    kinds = np.unique(values)
+    return bool(0 < np.ptp(kinds) < _MOST_LABELS and len(values) >= _FEWEST * len(kinds))
 
 
 def counted_in(values: Array) -> str | None:
@@ -57,9 +92,10 @@ def counted_in(values: Array) -> str | None:
     finite = values[np.isfinite(values)]
     if len(finite) < _FEWEST:
         return None
-    offsets = finite - finite[0]
-    for unit, count in (("deg", COUNT_DEG), ("rad", float(np.deg2rad(COUNT_DEG)))):
-        counts = offsets / count
+    # Each number once: a joint that rests for most of the time is on any grid there.
+    offsets = np.unique(finite[:: max(1, len(finite) // _MOST_COUNTED)]) - finite[0]
+    for unit, count in product(("deg", "rad"), COUNTS_DEG):
+        counts = offsets / (count if unit == "deg" else np.deg2rad(count))
         if np.ptp(counts) > 20.0 and np.median(np.abs(counts - np.round(counts))) < 0.02:
             # A coarser grid, such as whole degrees, or a finer one is not the encoder's.
             steps = np.diff(np.unique(np.round(counts)))
@@ -90,33 +126,32 @@ def roughness(values: Array) -> float:
     return float(np.mean(np.abs(np.diff(finite, 3))) / np.ptp(finite))
 
 
-def difference_of(values: Array, others: dict[str, Array]) -> tuple[str, str] | None:
-    """Find two signals whose difference a third one is.
+def differences_of(values: Array, others: Mapping[int, Array]) -> list[tuple[int, int]]:
+    """Find all pairs of signals whose difference another one is.
 
     Parameters
     ----------
     values : Array
         Shape (N,).
-    others : dict
-        Candidates of the same length, by name.
+    others : mapping
+        Candidates of the same length, by their places in the table.
 
     Returns
     -------
-    tuple of str or None
-        Names of minuend and subtrahend; None when no two differ by it to 1 % of its own size, at 8 samples
-        or more that all three have.
+    list of tuple of int
+        Places of minuend and subtrahend, those next to each other first. Two signals count when their
+        difference is the given one to 1 % of its own size, at 8 samples or more that all three have.
     """
     x = looked_at(values)
     size = float(np.abs(x[np.isfinite(x)]).max(initial=0.0))
     if size == 0.0:
-        return None
-    thinned = {name: looked_at(other) for name, other in others.items()}
-    for a, b in combinations(thinned, 2):
-        known = np.isfinite(x) & np.isfinite(thinned[a]) & np.isfinite(thinned[b])
-        if known.sum() < _FEWEST:
-            continue
-        difference = thinned[a][known] - thinned[b][known]
-        for names, sign in (((a, b), 1.0), ((b, a), -1.0)):
-            if np.abs(sign * difference - x[known]).max() <= 0.01 * size:
-                return names
-    return None
+        return []
+    thinned = {place: looked_at(other) for place, other in others.items()}
+
+    def fits(minuend: int, subtrahend: int) -> bool:
+        a, b = thinned[minuend], thinned[subtrahend]
+        known = np.isfinite(x) & np.isfinite(a) & np.isfinite(b)
+        return bool(known.sum() >= _FEWEST and np.abs(a[known] - b[known] - x[known]).max() <= 0.01 * size)
+
+    found = [pair for pair in permutations(thinned, 2) if fits(*pair)]
+    return sorted(found, key=lambda pair: abs(pair[0] - pair[1]))

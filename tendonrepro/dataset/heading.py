@@ -53,8 +53,16 @@ _OTHER_UNITS = frozenset(
 _BRACKETED = re.compile(r"^(?P<name>.*?)\s*[(\[（【{](?P<unit>[^()\[\]（）【】{}]{1,16})[)\]）】}]\s*$")
 _AFTER_MARK = re.compile(r"^(?P<name>.*\S)(?:\s*/\s*|\s*,\s+|\s+in\s+)(?P<unit>\S{1,12})$")
 _AFTER_LINE = re.compile(r"^(?P<name>.+?)_(?P<unit>deg_s2|deg_s|rad_s2|rad_s|[A-Za-z]{2,4})$")
+_SHORT_NAME = re.compile(r"[A-Z]{1,2}\((?:[XYZLM]|[xy]Er±)\)")
 _TIMES = frozenset({"t", "time", "zeit", "temps", "tiempo", "时间"})
 _LONGEST_NAME = 100
+_ROWS = {
+    "long name": "names", "name": "names", "长名称": "names",
+    "units": "units", "unit": "units", "单位": "units",
+    "comments": "comments", "comment": "comments", "注释": "comments",
+    "f(x)": "", "f(x)=": "", "sparklines": "", "sampling interval": "",
+}  # fmt: skip
+"""What Origin writes in front of the rows above the numbers; what is in the others is of no use here."""
 
 
 @dataclass(frozen=True)
@@ -131,6 +139,9 @@ def headings(rows: Sequence[Sequence[str]], width: int) -> tuple[list[Heading], 
     used : list of int
         Which of the rows they came from; the others are words about the table.
     """
+    told = _told_in_front(rows)
+    if told:
+        return _as_told(rows, told, width), sorted(told | dict.fromkeys(_letters(rows)))
     left = [number for number, cells in enumerate(rows) if any(cell.strip() for cell in cells)]
     used: list[int] = []
     comments = _comments(rows, left, width)
@@ -153,6 +164,30 @@ def headings(rows: Sequence[Sequence[str]], width: int) -> tuple[list[Heading], 
         used.append(left.pop())
     cells = [(_cell(names, column), _cell(units, column), _cell(comments, column)) for column in range(width)]
     return [_heading(_span(spans, column), *own) for column, own in enumerate(cells)], used
+
+
+def _told_in_front(rows: Sequence[Sequence[str]]) -> dict[int, str]:
+    """What each row is where its first cell tells; empty unless one of them is that of the names."""
+    first = {number: cells[0].strip().lower() for number, cells in enumerate(rows) if cells}
+    told = {number: _ROWS[cell] for number, cell in first.items() if cell in _ROWS}
+    return told if len(told) > 1 and "names" in told.values() else {}
+
+
+def _as_told(rows: Sequence[Sequence[str]], told: dict[int, str], width: int) -> list[Heading]:
+    """Headings where the first column says which row is which; what stands there names no numbers."""
+    by_role = {role: ["", *rows[number][1:]] for number, role in told.items()}
+    names, units, comments = (by_role.get(role, []) for role in ("names", "units", "comments"))
+    cells = [(_cell(names, column), _cell(units, column), _cell(comments, column)) for column in range(width)]
+    return [_heading(_Span(), *own) for own in cells]
+
+
+def _letters(rows: Sequence[Sequence[str]]) -> list[int]:
+    """Rows of Origin's own short names, such as ``A(X)``."""
+    return [
+        number
+        for number, cells in enumerate(rows)
+        if any(cells) and all(_SHORT_NAME.fullmatch(cell.strip()) for cell in cells if cell.strip())
+    ]
 
 
 def _comments(rows: Sequence[Sequence[str]], left: Sequence[int], width: int) -> Sequence[str]:

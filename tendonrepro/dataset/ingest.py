@@ -73,6 +73,7 @@ def run_ingest(
     assembly = Assembly(sources, loaded.mapping, str(mapping), S, _judge)
     runs = assembly.runs()
     doubts = [f"{name}: {doubt}" for name, trace in runs.items() for doubt in doubts_about(trace)]
+    doubts += assembly.doubts
     for doubt in doubts:
         talk.note(f"check {doubt}")
     guesses = list(loaded.mapping.guesses())

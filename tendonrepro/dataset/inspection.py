@@ -10,13 +10,16 @@ from typing import Any
 import numpy as np
 
 from tendonrepro.arithmetic import coupling_of, table_1
+from tendonrepro.dataset.assignment import runs_among, variable_of
 from tendonrepro.dataset.columns import Column
 from tendonrepro.dataset.evidence import sampling_step
 from tendonrepro.dataset.guard import read_guarded
 from tendonrepro.dataset.meaning import understand
 from tendonrepro.dataset.readers import files_below
 from tendonrepro.dataset.signals import Signal, Source
-from tendonrepro.dataset.suggestion import runs_among, suggest, variable_of
+from tendonrepro.dataset.suggestion import suggest
+from tendonrepro.dataset.timebase import in_seconds
+from tendonrepro.dataset.units import FACTORS, factor
 from tendonrepro.dataset.words import printable
 from tendonrepro.errors import UsageError
 from tendonrepro.files import write_atomically
@@ -64,7 +67,7 @@ def run_inspect(paths: Sequence[Path], suggest_to: Path | None, *, force: bool, 
     columns = understand(sources, coupling_of(table_1(published()))[1])
     found = {"schema_version": SCHEMA_VERSION, "files": _files(sources, columns)}
     if suggest_to is not None:
-        title = f"Measured data from {', '.join(path.name for path in paths)}"
+        title = f"Measured data from {', '.join(path.resolve().name for path in paths)}"
         suggestion = suggest(columns, title)
         write_atomically(suggest_to, suggestion.text)
         found |= {"mapping": str(suggest_to), "runs": dict(suggestion.runs)}
@@ -192,15 +195,33 @@ def _pace(signal: Mapping[str, Any]) -> str:
         return ""
     if signal["step_s"] is not None:
         return f"every {signal['step_s'] * 1e3:g} ms"
-    return "times from {:g} to {:g} s".format(*signal["times_s"])
+    first, last = signal["times_s"]
+    return f"times from {in_seconds(first)} to {in_seconds(last)} s, {last - first:.6g} s long"
+
+
+def _extent(column: Mapping[str, Any]) -> str:
+    first, last = column["range"]
+    if column["meaning"] == "time":
+        return f"{in_seconds(first)} to {in_seconds(last)}"
+    return f"{first:.4g} to {last:.4g}"
+
+
+def _length(column: Mapping[str, Any]) -> str:
+    """How long times last that do not count from their own beginning."""
+    if column["meaning"] != "time" or column["range"] is None or column["unit"] not in FACTORS["time"]:
+        return ""
+    first, last = column["range"]
+    lasts = (last - first) * factor(column["unit"], "time")
+    return f", {lasts:.6g} s long" if abs(first) > last - first else ""
 
 
 def _column_line(column: Mapping[str, Any], signal: Mapping[str, Any]) -> str:
-    extent = "no numbers" if column["range"] is None else "{:.4g} to {:.4g}".format(*column["range"])
+    extent = "no numbers" if column["range"] is None else _extent(column)
     if signal["unit"]:
         extent += f" {signal['unit']}"
     if column["missing"]:
         extent += f", {column['missing']} missing"
+    extent += _length(column)
     head = f"{column['column']}: {extent}" if len(signal["columns"]) > 1 else extent
     if column["meaning"] is None:
         return f"{head} -> ?"

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal, Self, TypeAlias
 
-from pydantic import AfterValidator, Field, StrictInt, ValidationError, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, StrictInt, ValidationError, model_validator
 
 from tendonrepro.config_errors import Place, explain, nearest
 from tendonrepro.config_model import Model, Problems, RunName, SchemaVersion
-from tendonrepro.dataset.units import FACTORS, factor, kind_of_variable
+from tendonrepro.dataset.units import FACTORS, factor, kind_of_variable, plain_unit
 from tendonrepro.errors import ConfigError
 from tendonrepro.records import VARIABLES
 from tendonrepro.strict_yaml import Key, load, read_text
@@ -35,13 +35,37 @@ def _known_variable(name: str) -> str:
     return name
 
 
+def _in_a_list(written: object) -> object:
+    return [written] if isinstance(written, dict) else written
+
+
+Unit: TypeAlias = Annotated[Text, AfterValidator(lambda written: plain_unit(written) or written)]
+"""A unit in the spelling of `units.FACTORS`, however it is written; one that is not known as it is."""
+
+
+class Where(Model):
+    """Which rows to take: those where a column of the same file has a value."""
+
+    signal: Annotated[Text, Field(description="signal in the file of the column that is cut")]
+    column: Annotated[StrictInt, Field(ge=1, description="column of the signal, from 1")] = 1
+    equals: Annotated[Number, Field(description="the value, as the file has it")]
+
+
+Rows: TypeAlias = Annotated[
+    tuple[Where, ...],
+    BeforeValidator(_in_a_list),
+    Field(description="rows to take; of several conditions all have to hold"),
+]
+
+
 class TimeAxis(Model):
     """Sampling times: a column of a file, or an even step."""
 
     file: Annotated[Text | None, Field(description="file, as inspect names it")] = None
     signal: Annotated[Text | None, Field(description="signal in the file")] = None
     column: Annotated[StrictInt, Field(ge=1, description="column of the signal, from 1")] = 1
-    unit: Annotated[Text, Field(description="unit of the times")] = "s"
+    unit: Annotated[Unit, Field(description="unit of the times")] = "s"
+    offset: Annotated[Number, Field(description="taken off, in the file's unit")] = 0.0
     step_s: Annotated[Positive | None, Field(description="s between samples, instead of a column")] = None
     because: Annotated[Text | None, Field(description="reasons of a guess")] = None
 
@@ -66,10 +90,11 @@ class Entry(Model):
     file: Annotated[Text, Field(description="file, as inspect names it")]
     signal: Annotated[Text, Field(description="signal in the file, as inspect names it")]
     column: Annotated[StrictInt, Field(ge=1, description="column of the signal, from 1")] = 1
-    unit: Annotated[Text, Field(description="unit of the numbers in the file")]
+    unit: Annotated[Unit, Field(description="unit of the numbers in the file")]
     scale: Annotated[Number, Field(description="factor, such as 0.01 before a 1:100 reducer")] = 1.0
     offset: Annotated[Number, Field(description="taken off first, in the file's unit")] = 0.0
     sign: Annotated[Literal[1, -1], Field(description="-1 where the file counts the other way")] = 1
+    where: Rows = ()
     time: Annotated[TimeAxis | None, Field(description="times of this column, where they are its own")] = None
     because: Annotated[
         Text | None, Field(description="reasons of a guess; delete the line once you have checked it")
@@ -104,8 +129,9 @@ class Run(Model):
 
     payload_mass_kg: Annotated[Number, Field(ge=0.0, description="mass at the end-effector, kg")] = 0.0
     period_s: Annotated[Positive | None, Field(description="period of the desired motion, s")] = None
-    from_s: Annotated[Number | None, Field(description="first time to keep, in the file's own time")] = None
+    from_s: Annotated[Number | None, Field(description="first time to keep, s, on the file's clock")] = None
     to_s: Annotated[Number | None, Field(description="last time to keep")] = None
+    where: Rows = ()
     time: Annotated[TimeAxis | None, Field(description="times of all signals without their own")] = None
     signals: Annotated[tuple[Entry, ...], Field(min_length=1, description="the columns")]
 
@@ -196,6 +222,10 @@ def load_mapping(path: Path) -> LoadedMapping:
     if not isinstance(document.tree, dict):
         message = "a mapping file is a mapping of keys, beginning with 'schema_version: 1'"
         raise ConfigError(message, where=document.where(()), hint=HINT)
+    if document.tree.get("runs", {}) is None:
+        message = "runs: no run yet; copy entries from the comments below into a run"
+        hint = "Begin it with its name, such as `controller_1:`, then `signals:` and the entries."
+        raise ConfigError(message, where=document.where(("runs",)), hint=hint)
 
     def locate(key: Key) -> Place:
         return Place(1, document.line(key), document.where(key))

@@ -31,10 +31,14 @@ class TimeProblem(Exception):
         self.hint = hint
 
 
-_RESAMPLE = "Put all signals on common times: `resample: {step_s: 0.001}` at the top of the mapping."
 _LOOK = (
-    "Look at this column with `tendonrepro inspect`; "
-    "`time: {step_s: 0.001}` beside the column does without its times."
+    "Look at this column with `tendonrepro inspect`. "
+    "`where` takes the rows of one run from a table that holds several; "
+    "`time: {step_s: 0.001}` beside the column, with the record's own step, does without its times."
+)
+_CLOCKS = (
+    "Two clocks? `offset` in a column's `time` is taken off its times, in the file's unit: "
+    "give each the first time of its own clock."
 )
 
 
@@ -55,14 +59,25 @@ class Timed:
     values: Array
 
 
-def checked(signal: Timed) -> tuple[Timed, str]:
+def in_seconds(time: float) -> str:
+    """A time to read, to the millisecond where it counts from long ago.
+
+    Examples
+    --------
+    >>> in_seconds(0.25), in_seconds(1773300045.5)
+    ('0.25', '1773300045.5')
+    """
+    return f"{time:.6g}" if abs(time) < 1e3 else f"{time:.3f}".rstrip("0").rstrip(".")
+
+
+def checked(signal: Timed) -> tuple[Timed, int]:
     """Leave out samples without a time, and make sure that time increases.
 
     Returns
     -------
     signal : Timed
-    note : str
-        What was left out; empty when nothing.
+    lost : int
+        How many were left out.
 
     Raises
     ------
@@ -80,12 +95,10 @@ def checked(signal: Timed) -> tuple[Timed, str]:
     late = np.flatnonzero(np.diff(time) <= 0.0)
     if late.size:
         k = int(late[0])
-        step = f"from sample {k + 1} to {k + 2}: {time[k]:g} s, {time[k + 1]:g} s"
+        step = f"from sample {k + 1} to {k + 2}: {in_seconds(time[k])} s, {in_seconds(time[k + 1])} s"
         message = f"the time of {signal.name} does not increase {step}"
         raise TimeProblem(message, _LOOK)
-    lost = len(known) - len(time)
-    note = f"{signal.name}: {lost} samples without a time left out" if lost else ""
-    return Timed(signal.name, time, values), note
+    return Timed(signal.name, time, values), len(known) - len(time)
 
 
 def within(signal: Timed, first: float | None, last: float | None) -> Timed:
@@ -102,8 +115,7 @@ def within(signal: Timed, first: float | None, last: float | None) -> Timed:
     if last is not None:
         kept &= signal.time <= last
     if kept.sum() < 2:
-        lasts = f"it lasts from {signal.time[0]:g} to {signal.time[-1]:g} s"
-        message = f"{signal.name} has {kept.sum()} samples between from_s and to_s; {lasts}"
+        message = f"{signal.name} has {kept.sum()} samples between from_s and to_s; it {_extent(signal)}"
         raise TimeProblem(message, "Change from_s or to_s of the run.")
     return Timed(signal.name, signal.time[kept], signal.values[kept])
 
@@ -127,16 +139,50 @@ def shared(signals: Sequence[Timed]) -> Array:
         When their times differ by more than a thousandth of a step.
     """
     first = signals[0]
-    step = float(np.median(np.diff(first.time)))
+    step = _step(first)
     for other in signals[1:]:
         if len(other.time) != len(first.time):
+            _refuse_apart((first, other))
             message = f"{first.name} has {len(first.time)} samples, {other.name} has {len(other.time)}"
-            raise TimeProblem(message, _RESAMPLE)
-        apart = float(np.abs(other.time - first.time).max())
+            raise TimeProblem(message, _resample(signals))
+        late = other.time - first.time
+        apart = float(np.abs(late).max())
         if apart > SAME_TIME * step:
-            message = f"the times of {first.name} and {other.name} differ by up to {apart:.3g} s"
-            raise TimeProblem(message, _RESAMPLE)
+            message = f"the times of {first.name} and {other.name} differ by up to {in_seconds(apart)} s"
+            if not _overlap(first, other):
+                raise TimeProblem(message, _CLOCKS)
+            clocks = f"{_CLOCKS} " if np.ptp(late) <= SAME_TIME * step else ""
+            raise TimeProblem(message, clocks + _resample(signals))
     return first.time
+
+
+def _refuse_apart(signals: Sequence[Timed]) -> None:
+    """Refuse signals that were never recorded at the same time, as far as their clocks say."""
+    late = max(signals, key=lambda signal: signal.time[0])
+    early = min(signals, key=lambda signal: signal.time[-1])
+    if not _overlap(early, late):
+        both = f"{early.name} {_extent(early)}, {late.name} {_extent(late)}"
+        message = f"signals have only 0 s in common: {both}"
+        raise TimeProblem(message, _CLOCKS)
+
+
+def _overlap(one: Timed, other: Timed) -> bool:
+    return bool(one.time[0] <= other.time[-1] and other.time[0] <= one.time[-1])
+
+
+def _resample(signals: Sequence[Timed]) -> str:
+    """The way to common times, at a step that invents no samples."""
+    step = max(_step(signal) for signal in signals)
+    return f"`resample: {{step_s: {step:.3g}}}` at the top of the mapping puts all signals on common times."
+
+
+def _step(signal: Timed) -> float:
+    return float(np.median(np.diff(signal.time)))
+
+
+def _extent(signal: Timed) -> str:
+    first, last = float(signal.time[0]), float(signal.time[-1])
+    return f"lasts from {in_seconds(first)} to {in_seconds(last)} s ({last - first:.6g} s)"
 
 
 def even(signals: Sequence[Timed], step: float) -> Array:
@@ -159,6 +205,7 @@ def even(signals: Sequence[Timed], step: float) -> Array:
     TimeProblem
         When they have less than one step in common, or more steps than memory is for.
     """
+    _refuse_apart(signals)
     start = max(float(signal.time[0]) for signal in signals)
     end = min(float(signal.time[-1]) for signal in signals)
     steps = (end - start) / step
@@ -168,7 +215,7 @@ def even(signals: Sequence[Timed], step: float) -> Array:
     # The margin keeps an end that rounding put just before its step.
     count = int(np.floor(steps + 1e-6)) + 1
     if count < 2:
-        message = f"signals have only {max(end - start, 0.0):.3g} s in common, less than a step of {step:g} s"
+        message = f"signals have only {end - start:.3g} s in common, less than a step of {step:g} s"
         raise TimeProblem(
             message, "Take another step_s, or leave out a signal that starts late or ends early."
         )
@@ -181,7 +228,7 @@ def _linear(time: Array, signal: Timed) -> Array:
 
 def _previous(time: Array, signal: Timed) -> Array:
     # A sample that is late by rounding alone is still the one at that time.
-    margin = 1e-6 * float(np.median(np.diff(signal.time)))
+    margin = 1e-6 * _step(signal)
     place = np.searchsorted(signal.time, time + margin, side="right") - 1
     return signal.values[np.maximum(place, 0)]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import unicodedata
 from collections.abc import Mapping
 
@@ -30,9 +31,17 @@ _SPELLINGS = {
     "mnm": "mN m", "mn.m": "mN m", "mn·m": "mN m", "ncm": "N cm", "n.cm": "N cm", "n·cm": "N cm",
     "nmm": "N mm", "n.mm": "N mm", "n·mm": "N mm", "kgcm": "kgf cm", "kgfcm": "kgf cm", "kg.cm": "kgf cm",
     "sec": "s", "secs": "s", "second": "s", "seconds": "s", "秒": "s",
-    "msec": "ms", "millisecond": "ms", "milliseconds": "ms", "毫秒": "ms",
-    "μs": "us", "µs": "us", "usec": "us", "microseconds": "us", "minute": "min", "minutes": "min",
+    "msec": "ms", "msecs": "ms", "millisecond": "ms", "milliseconds": "ms", "millis": "ms", "毫秒": "ms",
+    "μs": "us", "µs": "us", "usec": "us", "usecs": "us", "μsec": "us", "µsec": "us", "microsecond": "us",
+    "microseconds": "us", "micros": "us", "微秒": "us",
+    "nsec": "ns", "nsecs": "ns", "nanosecond": "ns", "nanoseconds": "ns", "nanos": "ns", "纳秒": "ns",
+    "minute": "min", "minutes": "min", "分钟": "min",
 }  # fmt: skip
+_POWERS = {"3": "ms", "6": "us", "9": "ns"}
+_POWER = re.compile(
+    r"(?:1(?:\.0*)?e|(?:1?[x×*·])?10(?:\^|\*\*))\(?[-−](?P<power>[369])\)?[x×*·]?s(?:ec|econds?)?"
+)
+"""A second times a power of ten."""
 
 
 def kind_of_variable(units: str) -> str | None:
@@ -46,7 +55,7 @@ def plain_unit(written: str | None) -> str | None:
     Parameters
     ----------
     written : str or None
-        Such as ``°``, ``Degrees``, ``N·m``.
+        Such as ``°``, ``Degrees``, ``N·m``, ``10^-6 s``.
 
     Returns
     -------
@@ -67,7 +76,8 @@ def plain_unit(written: str | None) -> str | None:
     squeezed = "".join(text.lower().split())
     by_case = {"".join(unit.lower().split()): unit for unit in known}
     # "nm" and "mnm" are torques here; nobody measures a manipulator in nanometres.
-    return _SPELLINGS.get(squeezed) or by_case.get(squeezed)
+    power = _POWER.fullmatch(squeezed.replace("e-0", "e-"))
+    return _SPELLINGS.get(squeezed) or by_case.get(squeezed) or (_POWERS[power["power"]] if power else None)
 
 
 def factor(unit: str, kind: str) -> float:

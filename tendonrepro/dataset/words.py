@@ -81,7 +81,8 @@ _LOAD = _these("load loaded payload weight loading")
 _NO_LOAD = ("noload", "unload", "nopayload", "withoutload", "withoutpayload", "空载", "无负载", "无载")
 _CHINESE_LOAD = ("负载", "带载", "有载", "加载")
 _DECOUPLING = _these("decouple decoupled decoupling coupling kinematics")
-_CONTROLLER = _these("controller ctrl control con contr c cont")
+CONTROLLER = _these("controller ctrl control con contr c cont")
+"""Words before the number of a controller."""
 _NTSM = _these("ntsm tdentsm ntsmc")
 _TSM = _these("tsm tdetsm tsmc tdc tdepd pd")
 
@@ -94,7 +95,7 @@ class Hints:
     ----------
     quantity : Quantity or None
     joint : int or None
-        Number in the name; the paper's, unless the data set counts otherwise.
+        Number in the name, from 0 to 3; the paper's, unless the data set counts otherwise.
     controller : int or None
     decoupling : bool
         Whether it speaks of the decoupling experiment.
@@ -199,12 +200,12 @@ def _desired(words: Sequence[str]) -> bool:
 
 
 def _joint(words: Sequence[str]) -> int | None:
-    """A number from 1 to 3 behind a word that can name a joint, the last one if there are several."""
-    counted = _NOT_JOINTS | _CONTROLLER
+    """A number from 0 to 3 behind a word that can name a joint, the last one if there are several."""
+    counted = _NOT_JOINTS | CONTROLLER | _LOAD
     found = [
         int(number)
         for before, number, after in zip(words, words[1:], [*words[2:], ""], strict=False)
-        if number in {"1", "2", "3"}
+        if number in {"0", "1", "2", "3"}
         and not (before in counted or before[0].isdigit() or after in {"kg", "g"})
         and not any(part in before for part in ("控制器", "图", "表"))
     ]
@@ -213,7 +214,7 @@ def _joint(words: Sequence[str]) -> int | None:
 
 def _controller(words: Sequence[str], name: str) -> int | None:
     for before, number in pairwise(words):
-        if number in {"1", "2", "3"} and (before in _CONTROLLER or "控制器" in before):
+        if number in {"1", "2", "3"} and (before in CONTROLLER or "控制器" in before):
             return int(number)
     if _ALPHA.search(name):
         return 1
