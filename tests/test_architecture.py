@@ -115,6 +115,7 @@ ROOMS = [
     ("ledger",),
     ("dataset.residuals", "dataset.row_files", "figure_overlay"),
     ("dataset.validate_tables", "dataset.validate_text", "dataset.rerun"),
+    ("dataset.reruns",),
     ("dataset.validate",),
     ("identify_misfit", "identify_state", "identify_judge"),
     ("identify_search", "identify_report", "figure_identify"),

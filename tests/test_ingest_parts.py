@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from tendonrepro.arithmetic import coupling_of, table_1
 from tendonrepro.dataset.assembly import Assembly, doubts_about
+from tendonrepro.dataset.evidence import COUNTS_DEG
 from tendonrepro.dataset.mapping import Mapping, load_mapping
-from tendonrepro.dataset.recorded_error import COUNTS_DEG
 from tendonrepro.dataset.signals import Found, Source, samples_first
 from tendonrepro.dataset.timebase import RESAMPLED, Timed, TimeProblem, checked, even, shared, within
 from tendonrepro.errors import ConfigError

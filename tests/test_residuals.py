@@ -16,7 +16,7 @@ from synthetic import COUNT, S, make_compare_file, make_decouple_file
 
 from tendonrepro.arrays import Array
 from tendonrepro.config import load_config
-from tendonrepro.dataset import validate
+from tendonrepro.dataset import reruns, validate
 from tendonrepro.dataset.assembly import Assembly, doubts_about
 from tendonrepro.dataset.columns import Column
 from tendonrepro.dataset.mapping import Mapping
@@ -319,7 +319,7 @@ def test_a_run_that_moved_otherwise_has_no_residuals(tmp_path: Path, monkeypatch
         asked.extend(names)
         return replace(MOVES, source="simulated", runs={name: MOVES.runs[name] for name in names})
 
-    monkeypatch.setattr(validate, "rerun", simulated)
+    monkeypatch.setattr(reruns, "rerun", simulated)
     monkeypatch.setattr(validate, "_draw", lambda *_: None)
     second = MOVES.runs[SECOND]
     path = tmp_path / "SYNTHETIC.h5"

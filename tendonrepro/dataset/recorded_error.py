@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tendonrepro.arrays import Array
-from tendonrepro.dataset.evidence import COUNT_DEG, distance, roughness
+from tendonrepro.dataset.evidence import COUNTS_DEG, distance, roughness
 
 CONTRADICTS = 0.5
 """RMS of error less difference, over that of the difference, from which on the error is not believed."""
@@ -23,8 +23,6 @@ ON_COUNTS, OFF_COUNTS = 0.9, 0.7
 """Agreement with an encoder's counts from which on angles lie on them, and below which they do not."""
 COARSEST = 0.05
 """Largest step of a rounded record, as a share of its largest number; beyond it the motion itself steps."""
-COUNTS_DEG = (COUNT_DEG, 0.022)
-"""Count of the paper's encoder, and what the paper prints of it."""
 
 _OF_THE_OTHERS = {"q_d": "q_encoder + e", "q_encoder": "q_d - e", "e": "q_d - q_encoder"}
 _EQUAL = 1e-9

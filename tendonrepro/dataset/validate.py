@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-import math
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
@@ -16,26 +15,17 @@ from tendonrepro.claim_rules import Judged
 from tendonrepro.config import LoadedConfig, load_config
 from tendonrepro.dataset.measured_file import origin, read_measured
 from tendonrepro.dataset.reference_config import runnable
-from tendonrepro.dataset.reference_motion import Reference, zero_of
-from tendonrepro.dataset.rerun import (
-    COMPARE,
-    DECOUPLE,
-    aligned,
-    departure,
-    rerun,
-    together,
-    write_compare,
-    write_decouple,
-)
+from tendonrepro.dataset.reference_motion import Reference
+from tendonrepro.dataset.rerun import together
+from tendonrepro.dataset.reruns import Work, rerun_compare, rerun_decouple
 from tendonrepro.dataset.residuals import comparison_rows, coupling_rows
 from tendonrepro.dataset.row_files import csv_of, markdown_of
 from tendonrepro.dataset.validate_tables import table_data, window_rows, write_measured_tables
-from tendonrepro.errors import TendonreproError
 from tendonrepro.files import sha256_of, write_atomically
 from tendonrepro.manifest import make_manifest, to_json, with_outputs
 from tendonrepro.parallel import each
-from tendonrepro.published import COMPARED, Published, published
-from tendonrepro.records import Trace, TraceFile
+from tendonrepro.published import Published, published
+from tendonrepro.records import TraceFile
 from tendonrepro.results import MANIFEST, claimed, clear, refuse_others
 from tendonrepro.summary import CONTROLLERS, LOADS
 from tendonrepro.talk import Talk
@@ -49,30 +39,6 @@ RARE = 0.01
 """Chance below which a window that gives some of the printed numbers is shown."""
 EXPECTED = (*CONTROLLERS, LOADS["with_load"], "decouple")
 """Runs that a complete measurement holds."""
-
-
-@dataclass
-class _Work:
-    """Files written so far, simulated runs and when each begins, and what could not be done."""
-
-    folder: Path
-    files: list[Path] = field(default_factory=list)
-    simulated: list[TraceFile] = field(default_factory=list)
-    zeros: dict[str, float] = field(default_factory=dict)
-    missing: list[str] = field(default_factory=list)
-
-    def write(self, name: str, text: str) -> None:
-        """Write a text file of the result."""
-        write_atomically(self.folder / name, text)
-        self.files.append(self.folder / name)
-
-    def runs(self, measured: TraceFile) -> dict[str, Trace]:
-        """Simulated runs by name, on the measured axes."""
-        return {
-            name: aligned(trace, measured.runs[name], self.zeros[name])
-            for file in self.simulated
-            for name, trace in file.runs.items()
-        }
 
 
 def run_validate(
@@ -135,7 +101,7 @@ def run_validate(
     with claimed(folder, digest, force=force):
         started = time.perf_counter()
         clear(folder)
-        work = _Work(folder)
+        work = Work(folder)
         data = head | _validated(file, measured.name, base, work, talk)
         data["files"] = [str(one) for one in (*work.files, folder / RESULTS)]
         data["manifest"] = str(folder / MANIFEST)
@@ -151,7 +117,7 @@ def model_diverged(found: Mapping[str, Any]) -> bool:
     return "diverged" in found.get("residuals", {}).get("status", {}).values()
 
 
-def _validated(file: TraceFile, name: str, base: LoadedConfig, work: _Work, talk: Talk) -> dict[str, Any]:
+def _validated(file: TraceFile, name: str, base: LoadedConfig, work: Work, talk: Talk) -> dict[str, Any]:
     paper = published()
     talk.detail("trying averaging windows, recovering the reference, judging the claims")
     measured = measured_of(file, paper)
@@ -162,10 +128,10 @@ def _validated(file: TraceFile, name: str, base: LoadedConfig, work: _Work, talk
     if reference is not None:
         reference = runnable(reference, base.config.sampling_period.si)
     if measured.compare.runs:
-        _rerun_compare(measured, reference, name, base, work, talk)
+        rerun_compare(measured, reference, name, base, work, talk)
     decouple = file.part("decouple").runs.get("decouple")
     if decouple is not None:
-        _rerun_decouple(decouple, name, base, work, talk)
+        rerun_decouple(decouple, name, base, work, talk)
     residuals = _residuals(file, work)
     _draw(file, work)
     known = origin(file)
@@ -196,7 +162,7 @@ def _verdict(paper: Published, identifier: str, one: Judged) -> dict[str, Any]:
     return head | {"verdict": one.decision.verdict, "evidence": one.evidence}
 
 
-def _tables(measured: Measured, paper: Published, name: str, work: _Work) -> dict[str, Any]:
+def _tables(measured: Measured, paper: Published, name: str, work: Work) -> dict[str, Any]:
     deciding = measured.tables.deciding
     data = table_data(deciding, paper)
     if deciding is not None:
@@ -205,7 +171,7 @@ def _tables(measured: Measured, paper: Published, name: str, work: _Work) -> dic
     return data | {"best": _best(measured, paper, name, work)}
 
 
-def _best(measured: Measured, paper: Published, name: str, work: _Work) -> dict[str, Any] | None:
+def _best(measured: Measured, paper: Published, name: str, work: Work) -> dict[str, Any] | None:
     """Tables over the window closest to the print, where that is no accident and not what decides."""
     best = measured.tables.best
     if best is None or best is measured.tables.deciding or measured.tables.chance > RARE:
@@ -224,64 +190,7 @@ def _motion(found: Reference | None, written: Reference | None) -> dict[str, Any
     return found.as_dict() | {"written_as": "samples"}
 
 
-def _rerun_compare(
-    measured: Measured,
-    reference: Reference | None,
-    name: str,
-    base: LoadedConfig,
-    work: _Work,
-    talk: Talk,
-) -> None:
-    reason, runs = measured.unrecovered, measured.compare.runs
-    if reference is not None and reference.record.joint != COMPARED:
-        reason = "no run holds the desired angles q_d of both joints 2 and 3"
-    if reference is None or reason:
-        work.missing.append(f"a rerun of the comparison: {reason}")
-        return
-    apart = {run: math.degrees(departure(trace, reference)) for run, trace in runs.items()}
-    work.missing += [
-        f"residuals of {run}: its desired motion differs from that of {reference.run} by up to {size:.3g} deg"
-        for run, size in apart.items()
-        if size
-    ]
-    try:
-        masses = {run: float(trace.attributes["payload_mass"]) for run, trace in runs.items()}
-        work.files += write_compare(base, reference, masses, name, work.folder)
-        simulated = rerun(work.folder / COMPARE, [run for run in runs if not apart[run]], talk)
-    except TendonreproError as error:
-        work.missing.append(f"a rerun of the comparison: {_with_hint(error)}")
-        return
-    if simulated.runs:
-        work.simulated.append(simulated)
-        work.zeros |= {run: zero_of(runs[run], reference) for run in simulated.runs}
-
-
-def _with_hint(error: TendonreproError) -> str:
-    return f"{error.message}; {error.hint}" if error.hint else error.message
-
-
-def _rerun_decouple(trace: Trace, name: str, base: LoadedConfig, work: _Work, talk: Talk) -> None:
-    if trace.joint != (1, 2, 3):
-        work.missing.append("all of joints 1 to 3 in the run decouple: no rerun of it")
-        return
-    try:
-        work.files += write_decouple(_decouple_config(base), trace, name, work.folder)
-        work.simulated.append(rerun(work.folder / DECOUPLE, [trace.name], talk))
-    except TendonreproError as error:
-        work.missing.append(f"a rerun of the run decouple: {_with_hint(error)}")
-        return
-    work.zeros[trace.name] = float(trace.time[0])
-
-
-def _decouple_config(base: LoadedConfig) -> LoadedConfig:
-    """The configuration given, or the shipped one with what was set of the manipulator."""
-    if base.config.experiment == "decouple":
-        return base
-    both = [text for text in base.overrides if text.startswith(("manipulator.", "seed="))]
-    return load_config(None, "decouple", overrides=both)
-
-
-def _residuals(file: TraceFile, work: _Work) -> dict[str, Any]:
+def _residuals(file: TraceFile, work: Work) -> dict[str, Any]:
     simulated = work.runs(file)
     rows = [row for name, trace in simulated.items() for row in comparison_rows(file.runs[name], trace)]
     decouple = file.part("decouple").runs.get("decouple")
@@ -304,7 +213,7 @@ def _residuals(file: TraceFile, work: _Work) -> dict[str, Any]:
     }
 
 
-def _draw(file: TraceFile, work: _Work) -> None:
+def _draw(file: TraceFile, work: Work) -> None:
     from tendonrepro.figure_overlay import Pair, available_overlays, saved_overlay
 
     simulated = work.runs(file)
