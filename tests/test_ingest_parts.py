@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +17,7 @@ from tendonrepro.arithmetic import coupling_of, table_1
 from tendonrepro.dataset.assembly import Assembly, doubts_about
 from tendonrepro.dataset.evidence import COUNTS_DEG
 from tendonrepro.dataset.mapping import Mapping, load_mapping
-from tendonrepro.dataset.signals import Found, Source, samples_first
+from tendonrepro.dataset.signals import Found, Skipped, Source, samples_first
 from tendonrepro.dataset.timebase import RESAMPLED, Timed, TimeProblem, checked, even, shared, within
 from tendonrepro.errors import ConfigError
 from tendonrepro.published import published
@@ -76,8 +78,10 @@ def test_time_starts_at_zero_and_says_so() -> None:
 
 def test_times_in_milliseconds() -> None:
     mapping = make_mapping(entry(), time={"file": "SYNTHETIC_c1.mat", "signal": "t", "unit": "ms"})
-    (run,) = assemble(mapping, make_source(t=1e3 * TIME, q=ANGLE)).runs().values()
+    assembly = assemble(mapping, make_source(t=1e3 * TIME, q=ANGLE))
+    (run,) = assembly.runs().values()
     np.testing.assert_allclose(run.time, TIME, rtol=1e-12)
+    assert assembly.notes == []
 
 
 @pytest.mark.parametrize("unit", ["us", "µs", "μs"])
@@ -349,6 +353,37 @@ def test_motor_angles_give_calculated_joint_angles() -> None:
     np.testing.assert_allclose(np.rad2deg(run["q_calculated"]), q, atol=1e-12)
 
 
+def test_motors_2_and_3_alone_are_taken_with_joint_1_held() -> None:
+    q = np.stack([np.zeros_like(TIME), ANGLE[:, 0], ANGLE[:, 1]], axis=1)
+    entries = [entry("q_motor_encoder", joint, "m", column=joint) for joint in (2, 3)]
+    assembly = assemble(make_mapping(*entries), make_source(t=TIME, m=q @ S_INV.T))
+    (run,) = assembly.runs().values()
+    np.testing.assert_allclose(np.rad2deg(run["q_calculated"]), q[:, 1:], atol=1e-12)
+    assert "controller_1: q_calculated is S q_motor_encoder, joint 1 held" in assembly.notes
+    (run,) = assemble(make_mapping(entries[0]), make_source(t=TIME, m=q @ S_INV.T)).runs().values()
+    assert "q_calculated" not in run
+
+
+@pytest.mark.parametrize("path", ["qq", ""])
+def test_why_a_signal_is_not_there_is_said(path: str) -> None:
+    skipped = (Skipped("another", "a text"), Skipped(path, "it is broken"))
+    source = replace(make_source(t=TIME, q=ANGLE), skipped=skipped)
+    with pytest.raises(ConfigError, match=r"(?m)holds no signal 'qq': it is broken$"):
+        assemble(make_mapping(entry(signal="qq")), source).runs()
+    lost = replace(source, skipped=skipped[:1])
+    with pytest.raises(ConfigError, match=r"(?m)holds no signal 'qq'$"):
+        assemble(make_mapping(entry(signal="qq")), lost).runs()
+
+
+@pytest.mark.parametrize(("count", "told"), [(8, "s8$"), (9, "s8 and 1 more$")])
+def test_a_long_list_of_what_is_there_is_cut(count: int, told: str) -> None:
+    signals = {f"s{k}": TIME for k in range(1, count + 1)}
+    source = make_source("SYNTHETIC_c1.mat", **signals)
+    with pytest.raises(ConfigError) as caught:
+        assemble(make_mapping(entry()), source).runs()
+    assert re.search(told, caught.value.hint or "")
+
+
 def test_a_joint_without_a_variable_is_missing_and_told_of() -> None:
     entries = [entry(column=1), entry(joint=3, column=2), entry("tau_m", 3, "u", unit="N m")]
     assembly = assemble(make_mapping(*entries), make_source(t=TIME, q=ANGLE, u=np.cos(TIME)))
@@ -364,6 +399,29 @@ def test_gaps_stay_gaps_and_are_no_divergence() -> None:
     (run,) = assemble(make_mapping(entry("e", signal="e")), make_source(t=TIME, e=e)).runs().values()
     assert np.isnan(run["e"]).sum() == 10
     assert run.status == "ok"
+
+
+def test_the_error_is_judged_with_its_gaps_bridged() -> None:
+    e = np.stack([np.degrees(TIME), np.full(len(TIME), np.nan)], axis=1)
+    e[50:60, 0] = np.nan
+    seen = []
+
+    def diverged(time: Array, e: Array) -> tuple[str, float]:
+        seen.append(e)
+        return "diverged", float(time[-2])
+
+    mapping = make_mapping(*(entry("e", joint, "e", column=joint - 1) for joint in (2, 3)))
+    assembly = Assembly([make_source(t=TIME, e=e)], mapping, "mapping.yaml", S, diverged)
+    (run,) = assembly.runs().values()
+    np.testing.assert_allclose(seen[0], TIME[:, np.newaxis], atol=1e-12)
+    assert (run.status, run.attributes["status_time"]) == ("diverged", TIME[-2])
+    assert assembly.notes == ["controller_1: no e of joint 3"]
+
+
+@pytest.mark.parametrize("period", [9.0, None])
+def test_a_stated_period_is_kept(period: float | None) -> None:
+    (run,) = assemble(make_mapping(entry(), period_s=period), make_source(t=TIME, q=ANGLE)).runs().values()
+    assert run.attributes["reference_period"] == (period or 0.0)
 
 
 def test_every_problem_with_times_has_its_own_way_out() -> None:
@@ -457,6 +515,18 @@ def test_time_must_increase(bad: Array) -> None:
         checked(timed(bad))
 
 
+def test_where_time_goes_back_is_said_by_sample() -> None:
+    with pytest.raises(TimeProblem, match=r"from sample 3 to 4: 2 s, 1\.5 s"):
+        checked(timed(np.array([0.0, 1.0, 2.0, 1.5, 3.0, 2.5])))
+
+
+def test_two_samples_are_enough() -> None:
+    pair = timed(np.array([0.0, 1.0]))
+    assert len(checked(pair)[0].time) == 2
+    assert len(within(timed(TIME), 1.0, 1.01).time) == 2
+    np.testing.assert_array_equal(even([pair], 1.0), [0.0, 1.0])
+
+
 def test_samples_without_a_time_are_left_out() -> None:
     time = TIME.copy()
     time[[0, 7]] = np.nan
@@ -480,6 +550,42 @@ def test_equal_times_are_shared_and_others_refused() -> None:
     np.testing.assert_array_equal(shared([timed(TIME), timed(jitter)]), TIME)
     with pytest.raises(TimeProblem, match=r"differ by up to 0.005 s"):
         shared([timed(TIME), timed(TIME + 0.005)])
+
+
+def test_one_time_that_differs_is_enough() -> None:
+    late = TIME.copy()
+    late[7] += 0.003
+    with pytest.raises(TimeProblem, match=r"differ by up to 0.003 s"):
+        shared([timed(TIME), timed(late)])
+
+
+@pytest.mark.parametrize(("share", "equal"), [(0.9e-3, True), (1.1e-3, False)])
+def test_times_are_equal_to_a_thousandth_of_a_step(share: float, equal: bool) -> None:
+    pair = [timed(TIME), timed(TIME - 0.01 * share)]
+    if equal:
+        assert shared(pair) is TIME
+    else:
+        with pytest.raises(TimeProblem, match="differ by up to"):
+            shared(pair)
+
+
+def test_less_than_a_step_is_no_time_base() -> None:
+    with pytest.raises(TimeProblem, match=r"only 1 s in common, less than a step of 1\.5 s"):
+        even([timed(np.arange(5.0)), timed(3.0 + np.arange(5.0))], 1.5)
+
+
+def test_every_signal_has_to_share_the_times() -> None:
+    with pytest.raises(TimeProblem, match="differ by up to"):
+        shared([timed(TIME), timed(TIME + 0.005), timed(TIME)])
+
+
+@pytest.mark.parametrize("step", [0.001, 1.0])
+def test_a_pause_in_a_record_changes_nothing_before_it(step: float) -> None:
+    time = step * np.append(np.arange(100.0), 1e9)
+    with pytest.raises(TimeProblem, match="differ by up to"):
+        shared([timed(time), timed(time + 0.01 * step)])
+    held = RESAMPLED["previous"](step * (np.arange(99.0) + 0.9), timed(time, np.arange(101.0)))
+    np.testing.assert_array_equal(held, np.arange(99.0))
 
 
 def test_even_times_are_those_that_all_cover() -> None:
@@ -673,7 +779,10 @@ def test_rows_become_columns_when_they_are_signals() -> None:
     assert kept.shape == (100, 3)
     assert not note
     assert samples_first(wide, samples=3)[0].shape == (3, 20)
+    assert samples_first(wide.T, samples=3)[0].shape == (3, 20)
+    assert samples_first(wide.T, samples=7)[0].shape == (20, 3)
     assert samples_first(np.arange(5.0).reshape(1, 5))[0].shape == (5,)
+    assert samples_first(np.ones((1, 1)))[0].shape == (1,)
 
 
 def test_found_keeps_paths_apart_and_says_what_is_no_signal() -> None:
@@ -684,3 +793,29 @@ def test_found_keeps_paths_apart_and_says_what_is_no_signal() -> None:
     assert [signal.path for signal in found.signals] == ["x", "x (2)", "x (3)"]
     assert found.signals[2].time is None
     assert len(found.skipped) == 4
+
+
+@pytest.mark.parametrize(
+    ("shape", "turned"),
+    [((16, 64), True), ((16, 63), False), ((17, 100), False), ((2, 8), True), ((2, 7), False)],
+)
+def test_few_long_rows_are_signals(shape: tuple[int, int], turned: bool) -> None:
+    values, note = samples_first(np.arange(float(np.prod(shape))).reshape(shape))
+    assert values.shape == (shape[::-1] if turned else shape)
+    assert bool(note) is turned
+
+
+def test_a_signal_has_two_dimensions_that_count() -> None:
+    found = Found("SYNTHETIC")
+    for shape in ((2, 2, 2), (1, 3, 4), (2, 1, 1), (1, 1)):
+        found.add("x".join(map(str, shape)), np.ones(shape))
+    assert [signal.path for signal in found.signals] == ["1x3x4", "2x1x1"]
+    assert [skip.path for skip in found.skipped] == ["2x2x2", "1x1"]
+    assert found.skipped[1].reason == "a single number"
+
+
+def test_long_texts_are_cut() -> None:
+    found = Found("SYNTHETIC")
+    found.text("x", " " + "a" * 2000)
+    found.text("y", "  ")
+    assert found.texts == {"x": "a" * 1000}

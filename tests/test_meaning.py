@@ -22,7 +22,7 @@ from tendonrepro.dataset.mapping import load_mapping
 from tendonrepro.dataset.meaning import understand
 from tendonrepro.dataset.signals import Found, Source
 from tendonrepro.dataset.suggestion import suggest
-from tendonrepro.dataset.units import FACTORS, plain_unit
+from tendonrepro.dataset.units import FACTORS, factor, plain_unit
 from tendonrepro.dataset.words import Hints, hints, printable
 from tendonrepro.published import published
 
@@ -134,6 +134,24 @@ def test_units_as_people_write_them() -> None:
     assert all(plain_unit(unit) == unit for units in FACTORS.values() for unit in units)
 
 
+SAME = {
+    "angle": {"rev": 1.0, "deg": 360.0, "arcmin": 21600.0, "rad": 2.0 * np.pi, "mrad": 2000.0 * np.pi},
+    "rate": {"rpm": 60.0, "deg/s": 360.0, "rad/s": 2.0 * np.pi},
+    "acceleration": {"deg/s^2": 180.0, "rad/s^2": np.pi},
+    "torque": {"N m": 9.80665, "mN m": 9806.65, "N cm": 980.665, "N mm": 9806.65, "kgf cm": 100.0},
+    "time": {"min": 1.0, "s": 60.0, "ms": 6e4, "us": 6e7, "ns": 6e10},
+}
+"""One amount of each kind in all its units."""
+
+
+@pytest.mark.parametrize("kind", FACTORS)
+def test_an_amount_is_the_same_in_every_unit(kind: str) -> None:
+    assert SAME[kind].keys() == FACTORS[kind].keys()
+    (unit,) = {"rad", "rad/s", "rad/s^2", "N m", "s"} & SAME[kind].keys()
+    amounts = [number * factor(name, kind) for name, number in SAME[kind].items()]
+    assert amounts == pytest.approx([SAME[kind][unit]] * len(amounts), rel=1e-14)
+
+
 def test_steps_of_a_time_axis() -> None:
     assert sampling_step(TIME) == pytest.approx(0.001)
     assert sampling_step(TIME[::-1]) is None
@@ -238,6 +256,53 @@ def test_motor_angles_are_found_through_the_coupling(ratio: float, sign: float) 
     assert [column.quantity for column in motor] == ["motor"] * 3
     assert [column.joint for column in motor] == [1, 2, 3]
     assert [column.scale for column in motor] == [sign / ratio] * 3
+    where = "before the reducer" if ratio == 100.0 else "at the winch"
+    for number, column in enumerate(motor, 1):
+        assert any(f"it is motor {number} {where}" in reason for reason in column.because)
+
+
+def test_two_joints_are_enough_to_find_their_motors() -> None:
+    q = np.stack([np.zeros_like(TIME), course(2), course(3)], axis=1)
+    motors = q @ S_INV.T
+    names = {"t": TIME, "q2": q[:, 1], "q3": q[:, 2], "x_a": motors[:, 1], "x_b": motors[:, 2]}
+    found = guessed(source("decoupling.csv", names, group="g"))
+    assert [(found[name].quantity, found[name].joint) for name in ("x_a", "x_b")] == [
+        ("motor", 2),
+        ("motor", 3),
+    ]
+
+
+def test_one_joint_alone_tells_no_motor() -> None:
+    """Motor 3 turns as joint 3 does while the others rest."""
+    again = 0.999 * course(3)
+    found = guessed(source("x.csv", {"t": TIME, "Q3": course(3), "q3": again, "x": 100.0 * again}, group="g"))
+    assert "motor" not in {column.quantity for column in found.values()}
+
+
+@pytest.mark.parametrize("other", ["deg", "rad"])
+def test_motors_in_another_unit_than_the_joints_are_found(other: str) -> None:
+    q = np.stack([course(1), course(2), course(3)], axis=1)
+    motors = 100.0 * q @ S_INV.T
+    if other == "deg":
+        q = np.deg2rad(q)
+    else:
+        motors = np.deg2rad(motors)
+    joints = {f"q{k + 1}": q[:, k] for k in range(3)}
+    drives = {f"motor{k + 1}": motors[:, k] for k in range(3)}
+    units = dict.fromkeys(joints, "rad" if other == "deg" else "deg") | dict.fromkeys(drives, other)
+    found = guessed(source("x.csv", {"t": TIME} | joints | drives, "g", **units))
+    assert [(found[name].quantity, found[name].scale) for name in drives] == [("motor", 0.01)] * 3
+
+
+def test_the_number_in_a_motors_name_is_not_overruled() -> None:
+    q = np.stack([course(1), course(2), course(3)], axis=1)
+    motors = 100.0 * q @ S_INV.T
+    joints = {f"q{k + 1}": q[:, k] for k in range(3)}
+    found = guessed(
+        source("x.csv", {"t": TIME} | joints | {"motor1": motors[:, 1], "motor2": motors[:, 1]}, "g")
+    )
+    # Both are before the reducer, as one of them is.
+    assert [(found[f"motor{k}"].joint, found[f"motor{k}"].scale) for k in (1, 2)] == [(1, 0.01), (2, 0.01)]
 
 
 def test_times_in_milliseconds() -> None:
