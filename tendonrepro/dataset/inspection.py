@@ -129,6 +129,10 @@ def _column(column: Column, runs: Sequence[str]) -> dict[str, Any]:
     }
 
 
+def _number(count: int, noun: str) -> str:
+    return f"{count} {noun}" + "s" * (count != 1)
+
+
 def inspect_text(found: Mapping[str, Any]) -> str:
     """What a terminal shows of an inspection.
 
@@ -144,7 +148,8 @@ def inspect_text(found: Mapping[str, Any]) -> str:
     lines = [line for file in found["files"] for line in _file_lines(file)]
     read = sum(len(file["signals"]) for file in found["files"])
     skipped = sum(len(file["skipped"]) for file in found["files"])
-    lines += ["", f"{len(found['files'])} files: {read} signals read, {skipped} things skipped"]
+    files = _number(len(found["files"]), "file")
+    lines += ["", f"{files}: {_number(read, 'signal')} read, {skipped} left out"]
     if "mapping" in found:
         lines += [f"decide: {remark}" for remark in found["decide"]]
         runs = ", ".join(f"{name} ({count} columns)" for name, count in found["runs"].items())
