@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping as AnyMapping
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,12 +12,12 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from tendonrepro.arithmetic import coupling_of, table_1
-from tendonrepro.dataset.assembly import Assembly
-from tendonrepro.dataset.mapping import Mapping
+from tendonrepro.dataset.assembly import Assembly, doubts_about
+from tendonrepro.dataset.mapping import Mapping, load_mapping
 from tendonrepro.dataset.meaning import understand
 from tendonrepro.dataset.signals import Found, Source
 from tendonrepro.dataset.suggestion import Suggestion, suggest
-from tendonrepro.errors import ConfigError
+from tendonrepro.errors import ConfigError, TendonreproError
 from tendonrepro.published import published
 from tendonrepro.strict_yaml import load
 
@@ -247,3 +248,49 @@ def test_without_a_run_there_is_one_to_fill_in() -> None:
     run = [line.removeprefix("#") for line in below.split("\n\n")[0].split("\n")[1:]]
     mapping = Mapping.model_validate(load("\n".join([head, "runs:", *run]), "mapping.yaml").tree)
     assert [entry.signal for entry in mapping.runs["controller_1"].signals] == ["mystery"]
+
+
+NAMES = ("t", "Time (s)", "q2", "q2_d", "q3", "e2", "X1", "Y1", "s2", "tau2", "motor1", "joint", "controller")
+RECORDS = ("SYNTHETIC.csv", "SYNTHETIC_controller1.mat", "SYNTHETIC_Fig14a.csv", "SYNTHETIC_decouple.txt")
+
+
+def odd_column(rng: np.random.Generator, count: int) -> Array:
+    """Numbers as a file may hold them, sensible or not."""
+    t, wave = np.arange(float(count)), 30.0 * np.sin(np.arange(count) / 50.0)
+    kinds = (
+        t * rng.choice([0.0, 0.002, 1.0, 1e-6]),
+        t * 1e3 + rng.choice([1.7e9, 1.7e15, -5.0]),
+        np.full(count, rng.choice([np.nan, np.inf, -1e308, 1e-320, 0.0])),
+        rng.standard_normal(count) * 10.0 ** rng.integers(-300, 300),
+        rng.integers(0, 4, count).astype(float),
+        np.tile(t, 3)[:count] % max(count // 3, 1),
+        np.where(t < rng.integers(0, count), wave, rng.choice([np.nan, np.inf])),
+        0.02197265625 * np.round(wave / 0.02197265625),
+        wave + 0.1 * rng.standard_normal(count),
+        -wave,
+    )
+    return np.asarray(kinds[rng.integers(0, len(kinds))])
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_whatever_columns_hold_is_suggested_and_read_back(seed: int, tmp_path: Path) -> None:
+    """Warnings are errors: none of it may reach a terminal."""
+    rng = np.random.default_rng(seed)
+    for _ in range(8):
+        sources = []
+        for name in rng.choice(RECORDS, rng.integers(1, 4), replace=False).tolist():
+            found, count = Found(name), int(rng.choice([1, 2, 8, 60, 600]))
+            for column in rng.choice(NAMES, rng.integers(1, 9)).tolist():
+                found.add(column, odd_column(rng, count), group="g")
+            sources.append(Source(name, "SYNTHETIC", 0, "0" * 32, tuple(found.signals)))
+        suggestion = suggest(understand(sources, S_INV), "SYNTHETIC")
+        path = tmp_path / "SYNTHETIC.yaml"
+        path.write_text(suggestion.text, encoding="utf-8")
+        try:
+            mapping = load_mapping(path).mapping
+            assembly = Assembly(sources, mapping, "m.yaml", S, lambda time, _: ("ok", float(time[-1])))
+            doubts = [doubt for run in assembly.runs().values() for doubt in doubts_about(run)]
+        except TendonreproError:
+            # One clear message, where nothing could be made of it.
+            continue
+        assert all(isinstance(doubt, str) for doubt in doubts)

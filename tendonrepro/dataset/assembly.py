@@ -78,6 +78,8 @@ class Assembly:
         """Sources that `runs` has taken anything from, in their order."""
         return [source for source in self.sources if source in self._taken]
 
+    # Numbers near the largest there are mean nothing, but a file may hold them.
+    @np.errstate(over="ignore", invalid="ignore")
     def runs(self) -> dict[str, Trace]:
         """All runs of the mapping, in its order.
 
@@ -253,6 +255,7 @@ class Assembly:
         return self.status_of(time, np.stack(known, axis=1)) if known else ("ok", float(time[-1]))
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def doubts_about(trace: Trace) -> list[str]:
     """What makes a run implausible: a wrong unit, a motor taken for a joint, a wrong sign or gear."""
     doubts = []

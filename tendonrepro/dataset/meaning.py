@@ -47,6 +47,8 @@ _ROUGHER, _MUCH_ROUGHER = 1.5, 3.0
 """How much rougher a measured angle is than the desired one at least, and what is to prove something."""
 
 
+# Numbers near the largest there are mean nothing, but a file may hold them.
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def understand(sources: Iterable[Source], S_inv: Array) -> list[Column]:
     """Guess what every column is.
 

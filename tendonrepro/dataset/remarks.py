@@ -136,8 +136,12 @@ def common_step(
             apart.append(name)
             axes = [axis - axis[0] for axis in axes]
         if not all(_same(axes[0], axis) for axis in axes[1:]):
-            resampled.append(name)
-            steps.append(min(float(np.median(np.diff(axis))) for axis in axes))
+            rises = [np.diff(axis)[np.diff(axis) > 0.0] for axis in axes]
+            found = [float(np.median(rise)) for rise in rises if rise.size]
+            # A clock that stands still all the time has no step; ingest says so.
+            if found:
+                resampled.append(name)
+                steps.append(min(found))
     remarks = []
     if apart:
         remarks.append(f"{listed(apart)}: clocks of columns do not meet, they are taken to start together")
