@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -269,12 +269,13 @@ class OneArm:
         needed = _SIGNALS[name.partition("_")[0]]
         if name not in self._kept[run]:
             # A signal that is there lacks the phases of the motion.
-            raise DataMissingError(self._absent("q_d" if needed in trace else needed))
+            there = any(signal in trace for signal in needed)
+            raise DataMissingError(self._absent(("q_d",) if there else needed, run))
         values = self._kept[run][name][[trace.joint.index(joint) for joint in self.joints]]
         for joint, value in zip(self.joints, values, strict=True):
             # What is not there is smaller than nothing, so it must not come to a comparison.
             if not np.isfinite(value):
-                what = f"{needed} of joint {joint} of the run {run}"
+                what = f"{' or '.join(needed)} of joint {joint} of the run {run}"
                 message = f"{what}, or samples of it in a phase of the motion"
                 raise DataMissingError(message)
         return values[np.newaxis]
@@ -301,10 +302,13 @@ class OneArm:
             raise DataMissingError(message)
         return np.deg2rad([[sizes[name] for name in names]])
 
-    def _absent(self, signal: str) -> str:
+    def _absent(self, signals: Sequence[str], run: str) -> str:
+        """Name signals of a run, and of all controllers that hold none of them."""
         runs = self._measured.compare.runs
-        lacking = [run for run in CONTROLLERS if run in runs and signal not in runs[run]]
-        return f"{signal} of the run" + "s" * (len(lacking) > 1) + f" {', '.join(lacking)}"
+        others = [name for name in CONTROLLERS if name in runs and not {*signals} & {*runs[name].variables}]
+        # What was recorded but holds too little is a matter of this run alone.
+        lacking = others if run in others else [run]
+        return f"{' or '.join(signals)} of the run" + "s" * (len(lacking) > 1) + f" {', '.join(lacking)}"
 
     def _phases(self, trace: Trace) -> tuple[Array, Array] | None:
         try:
@@ -326,5 +330,5 @@ class OneArm:
             raise DataMissingError(message)
 
 
-_SIGNALS = {"s": "s, or e to compute it from", "torque": "tau_m", "H": "H_hat", "mae": "e"}
-"""Signal behind a statistic, by the first word of its name."""
+_SIGNALS = {"s": ("s", "e"), "torque": ("tau_m",), "H": ("H_hat",), "mae": ("e",)}
+"""Signals of which a statistic needs one, by the first word of its name."""

@@ -12,18 +12,19 @@ from measured_synthetic import LOADED, measured_trace, printed_file
 from synthetic import PERIOD, make_compare_file, make_decouple_file
 
 from tendonrepro.claim_angles import AGREES, LEAST_RANGE, TINY, decoupling, motor_angles
-from tendonrepro.claim_measured import Measured, judge_measured, measured_of
+from tendonrepro.claim_measured import Measured, OneArm, judge_measured, measured_of
 from tendonrepro.claim_report import table_text
 from tendonrepro.claim_rules import Judged
 from tendonrepro.claims import Sources, judge_all
 from tendonrepro.control import polynomial
 from tendonrepro.dataset.measured_file import read_measured
-from tendonrepro.dataset.printed_tables import SPREAD, Timing, try_windows
+from tendonrepro.dataset.printed_tables import SPREAD, PrintedTables, Timing, try_windows
 from tendonrepro.dataset.reference_motion import derivatives
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.ledger import run_claims
 from tendonrepro.measured_statistics import sliding_variable, statistics_of
 from tendonrepro.published import published
+from tendonrepro.readings import PRINTED
 from tendonrepro.records import Trace, TraceFile
 from tendonrepro.streaming import Sample, Sums, add_sample, finished, thresholds
 from tendonrepro.talk import Talk
@@ -62,6 +63,7 @@ def verdict(file: TraceFile, claim: str) -> str:
     return judged(file)[claim].decision.verdict
 
 
+EMPTY = PrintedTables((), {}, 0.0)
 GROWING = {"controller_1": 1.0, "controller_2": 1.2, "controller_3": 1.5, LOADED: 1.1}
 
 
@@ -156,6 +158,33 @@ class TestComparison:
     def test_what_no_run_recorded_is_said_of_all(self) -> None:
         missing = judged(comparison(without=("H_hat",)))["C5"].evidence["missing"]
         assert missing == "H_hat of the runs controller_1, controller_2, controller_3"
+
+    def test_what_one_run_recorded_too_little_of_is_said_of_it(self) -> None:
+        file = comparison()
+        few = {name: file.runs["controller_2"][name].copy() for name in ("q_d", "dq_d", "ddq_d")}
+        for values in few.values():
+            values[5:] = np.nan
+        runs = dict(file.runs) | {"controller_2": measured_trace(file.runs["controller_2"], **few)}
+        missing = judged(replace(file, runs=runs))["C5"].evidence["missing"]
+        assert missing == "q_d of the run controller_2"
+
+    def test_what_a_surface_is_computed_from_is_named_where_it_lacks(self) -> None:
+        file = comparison()
+        one = file.runs["controller_3"]
+        kept = {name: values for name, values in one.variables.items() if name not in ("s", "e")}
+        arm = OneArm(
+            Measured(replace(file, runs={**file.runs, one.name: replace(one, variables=kept)}), EMPTY, None)
+        )
+        with pytest.raises(DataMissingError, match=r"^s of all controllers"):
+            arm.statistic(one.name, PRINTED, "s_rms")
+        bare = {
+            name: replace(trace, variables={k: v for k, v in trace.variables.items() if k != "s"})
+            for name, trace in file.runs.items()
+        }
+        bare[one.name] = replace(one, variables=kept)
+        arm = OneArm(Measured(replace(file, runs=bare), EMPTY, None))
+        with pytest.raises(DataMissingError, match=r"^s or e of the run controller_3$"):
+            arm.statistic(one.name, PRINTED, "s_rms")
 
     def test_the_numbers_behind_the_statements_are_kept(self) -> None:
         found = judged(comparison(GROWING))["C2"].evidence["statistics"]
