@@ -5,19 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
-from typing import TypeAlias
 
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.kinematics import coupling_inverse, coupling_matrix
-from tendonrepro.published import PrintedNumber, PrintedRatio, Published
-
-Interval: TypeAlias = tuple[Fraction, Fraction]
-"""Lower and upper end, both included."""
-
-SIGN = np.array([[1.0, 1.0, -1.0], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
-"""``c[p, q]`` of section 3.3."""
+from tendonrepro.kinematics import coupling_inverse
+from tendonrepro.published import SIGN, Interval, PrintedNumber, Published, exact, rounding
 
 COURSES: Mapping[str, tuple[float, float, float]] = {
     "negative": (1.0, 1.0, 1.0),
@@ -29,20 +22,6 @@ COURSES: Mapping[str, tuple[float, float, float]] = {
 
 _COURSE_MM = (35.0, 35.0, 37.0)
 _ZERO = 1e-9
-
-
-def exact(entry: PrintedNumber | PrintedRatio) -> Fraction:
-    """The digits as printed, as a fraction."""
-    if isinstance(entry, PrintedRatio):
-        return Fraction(str(entry.numerator)) / Fraction(str(entry.denominator))
-    return Fraction(entry.as_printed)
-
-
-def rounding(entry: PrintedNumber | PrintedRatio) -> Interval:
-    """Numbers that print like this one when rounded; a fraction of two lengths stands for itself."""
-    value = exact(entry)
-    half = Fraction(0) if isinstance(entry, PrintedRatio) else Fraction(1, 2 * 10**entry.decimals)
-    return value - half, value + half
 
 
 def meets(first: Interval, second: Interval) -> bool:
@@ -113,21 +92,6 @@ def inverse(lower: Sequence[Sequence[Fraction]]) -> list[list[Fraction]]:
         before = [-sum((row[k] * rows[k][i] for k in range(i, n)), Fraction(0)) / row[n] for i in range(n)]
         rows.append([*before, 1 / row[n]])
     return rows
-
-
-def table_1(paper: Published) -> Array:
-    """Table 1, ``D[p, q] / D[q]``, (3, 3), zero below the diagonal."""
-    ratio = np.zeros((3, 3))
-    for p in range(3):
-        for q in range(p, 3):
-            ratio[p, q] = paper.number(f"table1.D_{p + 1}{q + 1}_over_D_{q + 1}")
-    return ratio
-
-
-def coupling_of(ratio: Array) -> tuple[Array, Array]:
-    """``S`` and ``S_inv`` of Eq. (2) from `table_1`."""
-    S_inv = coupling_inverse(np.ones(3), ratio, SIGN)
-    return coupling_matrix(S_inv), S_inv
 
 
 def slopes_of_coupling(ratio: Array) -> tuple[Array, Array]:

@@ -22,16 +22,9 @@ from tendonrepro.control import Law, Surface
 from tendonrepro.controllers import TimeDelayController
 from tendonrepro.errors import TendonreproError
 from tendonrepro.lanes import LANES
+from tendonrepro.metrics import STATUSES
 from tendonrepro.resolution import TOLERANCE
 from tendonrepro.simulate import Loop, motor_angles, trace_variables
-
-STATUSES = ("ok", "ringing", "diverged", "unresolved")
-"""Statuses of a run by their number; an unresolved plant is too fast for the largest number of steps."""
-
-STATISTICS = streaming.STATISTICS
-
-NAME = "compiled Runge-Kutta of order 4"
-"""What a manifest calls this stepper."""
 
 LINES_PER_RINGING = 32
 """The error is summed up over blocks this many times shorter than a period of the ringing frequency."""
@@ -199,7 +192,7 @@ class _Results:
     def __init__(self, loops: Sequence[Loop], limits: Limits, *, record: bool) -> None:
         count, n = len(loops), loops[0].plant.preload.size
         self.limits = limits
-        self.statistics = {name: np.full((count, n), np.nan) for name in STATISTICS}
+        self.statistics = {name: np.full((count, n), np.nan) for name in streaming.STATISTICS}
         self.status = np.full(count, STATUSES.index("unresolved"), dtype=np.int8)
         self.status_time = np.zeros(count)
         self.steps = np.zeros(count, dtype=np.int64)

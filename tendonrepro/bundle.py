@@ -228,7 +228,7 @@ def run_bundle(
     trace = np.empty((samples if record else 0, 9 * n * LANES))
     noise = _noise(chosen, samples)
     run = (sample.code.run, plant.code.run)
-    compiled.follow(v, w, n, LANES, desired, noise, L, steps, block, slow, trace, *run)
+    compiled.compiled_lane_loop()(v, w, n, LANES, desired, noise, L, steps, block, slow, trace, *run)
     return _ended(v.reshape(-1, LANES)[:, : len(loops)], sample.rows, slow, trace)
 
 

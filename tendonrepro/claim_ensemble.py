@@ -8,7 +8,6 @@ from functools import partial
 
 import numpy as np
 
-from tendonrepro.arithmetic import rounding
 from tendonrepro.arrays import Array
 from tendonrepro.claim_plants import UNRESOLVED, Plants
 from tendonrepro.claim_rules import Evidence, Judged, missing
@@ -20,8 +19,9 @@ from tendonrepro.claim_statements import (
     Statement,
     smaller,
 )
+from tendonrepro.ensemble_shares import range_of, share_of
 from tendonrepro.errors import DataMissingError
-from tendonrepro.published import Published
+from tendonrepro.published import Published, rounding
 from tendonrepro.summary import CONTROLLERS
 from tendonrepro.verdicts import (
     LEAST_PLANTS,
@@ -31,8 +31,6 @@ from tendonrepro.verdicts import (
     of_number,
     of_share,
     of_values,
-    range_of,
-    share_of,
     with_values,
 )
 

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from tendonrepro.arithmetic import cut, printed_percentages
 from tendonrepro.arrays import Array
-from tendonrepro.batch import STATUSES
 from tendonrepro.claim_angles import decoupling, motor_angles
 from tendonrepro.claim_plants import Plants
 from tendonrepro.claim_rules import Evidence, Judged, missing
@@ -22,6 +21,7 @@ from tendonrepro.dataset.printed_tables import PrintedTables, prints_as, try_win
 from tendonrepro.dataset.reference_motion import Reference, derivatives, recover, timing_of
 from tendonrepro.errors import DataMissingError
 from tendonrepro.measured_statistics import RATE_WINDOW, statistics_of
+from tendonrepro.metrics import STATUSES
 from tendonrepro.published import COMPARED, PrintedNumber, Published
 from tendonrepro.readings import PRINTED
 from tendonrepro.records import Trace, TraceFile

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.batch import STATUSES
 from tendonrepro.errors import DataMissingError
+from tendonrepro.metrics import STATUSES
 from tendonrepro.readings import PRINTED
 from tendonrepro.verdicts import Mask
 

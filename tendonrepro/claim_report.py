@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from tendonrepro.claims import SCHEMA_VERSION, SHARE, Verdict, summary
-from tendonrepro.files import write_atomically
-from tendonrepro.manifest import to_json
+from tendonrepro.files import to_json, write_atomically
 from tendonrepro.typeset import NOTHING, Sheet, markdown
 
 CAPTION = "What the printed numbers and claims are worth; rules in docs/verdicts.md."

@@ -10,23 +10,27 @@ import numpy as np
 
 from tendonrepro.arithmetic import (
     COURSES,
-    Interval,
-    coupling_of,
     cut,
-    exact,
     inverse,
     least_tensions,
     meets,
     percentage,
     printed_inverse,
     printed_percentages,
-    rounding,
     slopes_of_coupling,
     stays_tense,
-    table_1,
 )
 from tendonrepro.control import polynomial
-from tendonrepro.published import COMPARED, PrintedNumber, Published
+from tendonrepro.published import (
+    COMPARED,
+    Interval,
+    PrintedNumber,
+    Published,
+    coupling_of,
+    exact,
+    rounding,
+    table_1,
+)
 from tendonrepro.verdicts import Decision, Name, of_arithmetic, of_model
 
 FAR_LESS = 0.1

@@ -61,7 +61,7 @@ def detail(text: str, quiet: bool, verbose: bool) -> None:
 def show(content: Any, *, as_json: bool, quiet: bool) -> None:
     """Print a result as text, or as JSON even where words are not wanted."""
     if as_json:
-        from tendonrepro.manifest import to_json
+        from tendonrepro.files import to_json
 
         typer.echo(to_json(content), nl=False)
     elif not quiet:

@@ -17,6 +17,7 @@ import math
 import os
 import tempfile
 from collections.abc import Callable, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -236,20 +237,22 @@ for _function in LAW_FUNCTIONS:
 command = _compile(command)
 
 
-register_jitable(lane_loop.any_live)
-_TABLE = types.float64[:, ::1]
-_COUNT, _NUMBER = types.int64, types.float64
-# Without a signature the loop would be compiled again, all its callees inside, for every pair of functions.
-follow = _compile(
-    lane_loop.follow,
-    types.void(
-        *(FLAT, FLAT, _COUNT, _COUNT, _TABLE, _TABLE, _NUMBER, _COUNT, _COUNT, _TABLE, _TABLE),
-        types.FunctionType(types.void(FLAT, _NUMBER)),
-        types.FunctionType(types.void(FLAT, _NUMBER, _NUMBER)),
-    ),
-    nogil=True,
-)
-"""Compiled :func:`tendonrepro.lane_loop.follow`."""
+@cache
+def compiled_lane_loop() -> Callable[..., None]:
+    """Compile :func:`tendonrepro.lane_loop.follow`; SciPy's stepper does without it."""
+    register_jitable(lane_loop.any_live)
+    table, count, number = types.float64[:, ::1], types.int64, types.float64
+    # Without a signature the loop and all its callees would be compiled again for every pair of functions.
+    loop: Callable[..., None] = _compile(
+        lane_loop.follow,
+        types.void(
+            *(FLAT, FLAT, count, count, table, table, number, count, count, table, table),
+            types.FunctionType(types.void(FLAT, number)),
+            types.FunctionType(types.void(FLAT, number, number)),
+        ),
+        nogil=True,
+    )
+    return loop
 
 
 def cache_is_empty() -> bool:

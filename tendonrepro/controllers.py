@@ -7,12 +7,11 @@ memory is a value that it returns, never state of its own.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from tendonrepro import compiled
 from tendonrepro.arrays import Array
 from tendonrepro.control import Law, Memory, remember, start_memory
 from tendonrepro.dynamics import Plant
@@ -75,6 +74,13 @@ class Controller(Protocol):
         """Further variables of a trace, each (T, n), that follow from the run's own."""
 
 
+def _compiled_command() -> CommandFunction:
+    """The law as machine code; imported where a loop is built, for whoever reads results needs none."""
+    from tendonrepro import compiled
+
+    return compiled.command
+
+
 @dataclass(frozen=True)
 class TimeDelayController:
     """Controllers 1 to 3, plain TDC, and any law with the signature of :func:`tendonrepro.control.command`.
@@ -86,7 +92,7 @@ class TimeDelayController:
     """
 
     law: Law
-    command: CommandFunction = compiled.command
+    command: CommandFunction = field(default_factory=_compiled_command)
 
     @property
     def signals(self) -> tuple[str, ...]:

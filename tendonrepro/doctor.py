@@ -7,7 +7,7 @@ from typing import Any
 
 from tendonrepro import __version__
 from tendonrepro.manifest import environment
-from tendonrepro.screen import columns
+from tendonrepro.talk import columns
 
 SCHEMA_VERSION = 1
 WRONG = "wrong:"

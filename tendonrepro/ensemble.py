@@ -22,8 +22,8 @@ from tendonrepro.ensemble_table import cost_text, population_summary, spot_check
 from tendonrepro.ensemble_words import conclusions
 from tendonrepro.errors import UsageError
 from tendonrepro.figure_ensemble import draw_ensemble_figures
-from tendonrepro.files import write_atomically
-from tendonrepro.manifest import make_manifest, to_json, with_outputs
+from tendonrepro.files import to_json, write_atomically
+from tendonrepro.manifest import make_manifest, with_outputs
 from tendonrepro.readings import default_readings, full_cross, parse_reading
 from tendonrepro.results import MANIFEST, claimed, clear, refuse_others
 from tendonrepro.shards import FOLDER, SCHEMA_VERSION, Block

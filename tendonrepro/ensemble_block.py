@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from tendonrepro import __version__
 from tendonrepro.arrays import Array
-from tendonrepro.batch import STATUSES, Batch, simulate_batch
+from tendonrepro.batch import Batch, simulate_batch
 from tendonrepro.box import configured, scrambled_sobol
 from tendonrepro.config import CompareConfig
 from tendonrepro.config_model import Model
@@ -25,7 +25,7 @@ from tendonrepro.encoder import Encoder
 from tendonrepro.ensemble_plan import Study
 from tendonrepro.errors import TendonreproError
 from tendonrepro.manifest import cpu_name
-from tendonrepro.metrics import mae, rmse, status_of
+from tendonrepro.metrics import STATUSES, mae, rmse, status_of
 from tendonrepro.readings import under
 from tendonrepro.rig import build_actuator, build_encoder
 from tendonrepro.runs import build_law, build_loops

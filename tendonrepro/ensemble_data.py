@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.batch import STATISTICS
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.shards import FOLDER, Block, Case, opened
+from tendonrepro.streaming import STATISTICS
 
 KEPT_BYTES = 64e6
 """Largest dataset, over all shards, that is kept in memory; an ensemble has some 25."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -10,8 +11,8 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from tendonrepro.arrays import Array
-from tendonrepro.batch import STATUSES
 from tendonrepro.ensemble_data import EnsembleData
+from tendonrepro.metrics import STATUSES
 from tendonrepro.published import published
 from tendonrepro.summary import CONTROLLERS
 
@@ -36,13 +37,62 @@ FEWEST_PLANTS = 30
 LEAST_SCRAMBLINGS = 8
 """Scramblings with plants below which there is no interval."""
 
+MOST, FEW = 0.95, 0.05
+"""Shares that confirm a direction, or confirm its opposite."""
+
 _CONFIDENCE = 0.95
 
 Flags: TypeAlias = NDArray[np.bool_]
 Numbers: TypeAlias = dict[str, Any]
+Ends: TypeAlias = tuple[float, float]
 
 
-def share_of(hits: Flags, counted: Flags, replicate: NDArray[np.int64]) -> Numbers:
+@dataclass(frozen=True)
+class Share:
+    """Part of some plants on which a statement holds, with its interval over the scramblings.
+
+    Attributes
+    ----------
+    value : float
+        NaN without plants.
+    interval : tuple of float, or None
+        None with fewer than `LEAST_SCRAMBLINGS` scramblings.
+    plants : int
+        The number counted.
+    """
+
+    value: float
+    interval: Ends | None
+    plants: int
+
+    def as_dict(self) -> Numbers:
+        """Plain data."""
+        return {"share": self.value, "interval": self.interval, "plants": self.plants}
+
+    def as_row(self) -> Numbers:
+        """Plain data with the interval's ends apart."""
+        low, high = self.interval or (None, None)
+        share = self.value if self.plants else None
+        return {"share": share, "low": low, "high": high, "plants": self.plants}
+
+
+@dataclass(frozen=True)
+class Range:
+    """Median and central 90 % of a number, with intervals of both ends over the scramblings."""
+
+    median: float
+    low: float
+    high: float
+    low_interval: Ends | None
+    high_interval: Ends | None
+    plants: int
+
+    def as_dict(self) -> Numbers:
+        """Plain data."""
+        return asdict(self)
+
+
+def share_of(hits: Flags, replicate: NDArray[np.int64], counted: Flags | None = None) -> Share:
     """Share of the counted plants that are hits, with its interval.
 
     The interval is Student's, 95 %, from the scatter of the scramblings. Each scrambling counts by its number
@@ -52,33 +102,25 @@ def share_of(hits: Flags, counted: Flags, replicate: NDArray[np.int64]) -> Numbe
 
     Parameters
     ----------
-    hits, counted : bool array (N,)
+    hits : bool array (N,)
     replicate : int array (N,)
         Number of the scrambling.
-
-    Returns
-    -------
-    dict
-        ``share`` (None without plants), ``low``, ``high`` (None with fewer than `LEAST_SCRAMBLINGS`
-        scramblings) and ``plants``, the number counted.
+    counted : bool array (N,), optional
+        Plants that count; all if not given.
     """
+    counted = np.ones_like(hits) if counted is None else counted
     places = np.unique(replicate, return_inverse=True)[1]
     plants = np.bincount(places, counted)
     found = np.bincount(places, hits & counted)
     total = int(plants.sum())
-    share = float(found.sum() / total) if total else None
-    if share is None or np.count_nonzero(plants) < LEAST_SCRAMBLINGS:
-        return {"share": share, "low": None, "high": None, "plants": total}
+    share = float(found.sum() / total) if total else float("nan")
+    if np.count_nonzero(plants) < LEAST_SCRAMBLINGS:
+        return Share(share, None, total)
     if share in {0.0, 1.0}:
         reach = 1.0 - (1.0 - _CONFIDENCE) ** (1.0 / total)
     else:
         reach = _half_width((found - share * plants) / plants.mean())
-    return {
-        "share": share,
-        "low": max(share - reach, 0.0),
-        "high": min(share + reach, 1.0),
-        "plants": total,
-    }
+    return Share(share, (max(share - reach, 0.0), min(share + reach, 1.0)), total)
 
 
 def _half_width(values: Array) -> float:
@@ -122,6 +164,25 @@ def quantiles_of(values: Array, replicate: NDArray[np.int64]) -> Numbers:
         result[name] = {"value": value, "low": interval[0], "high": interval[1]}
     extremes = {"lowest": float(values.min()), "highest": float(values.max())}
     return result | extremes | {"plants": len(values)}
+
+
+def range_of(values: Array, replicate: NDArray[np.int64]) -> Range:
+    """Median and central 90 % of a number over plants.
+
+    Parameters
+    ----------
+    values : array (K,)
+        One per plant judged, K > 0, finite.
+    replicate : int array (K,)
+        Scrambling each plant belongs to.
+    """
+    found = quantiles_of(values, replicate)
+    low, high = found["q05"], found["q95"]
+    return Range(found["median"]["value"], low["value"], high["value"], _ends(low), _ends(high), len(values))
+
+
+def _ends(found: Numbers) -> Ends | None:
+    return None if found["low"] is None else (found["low"], found["high"])
 
 
 def reading_summary(data: EnsembleData, reading: str) -> Numbers:
@@ -186,7 +247,7 @@ def _shares(data: EnsembleData, flags: Flags, kept: Flags) -> Numbers:
     joints: dict[str, Flags] = {f"joint_{joint}": flags[:, i] for i, joint in enumerate(data.joints)}
     both: Flags = np.asarray(flags.all(axis=1))
     each: dict[str, Flags] = {"both": both} | joints
-    return {name: share_of(hits, kept, data.replicate) for name, hits in each.items()}
+    return {name: share_of(hits, data.replicate, kept).as_row() for name, hits in each.items()}
 
 
 def _ratio_quantiles(
@@ -230,13 +291,12 @@ def status_shares(data: EnsembleData, reading: str) -> Numbers:
     dict
         Run -> status -> share, with ``count``.
     """
-    every = np.ones(len(data), dtype=bool)
     result: Numbers = {}
     for run in data.runs:
         codes = data.status(run, reading)
         hits = {name: codes == code for code, name in enumerate(STATUSES)}
         result[run] = {
-            name: share_of(flags, every, data.replicate) | {"count": int(flags.sum())}
+            name: share_of(flags, data.replicate).as_row() | {"count": int(flags.sum())}
             for name, flags in hits.items()
         }
     return result

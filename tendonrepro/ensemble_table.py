@@ -12,9 +12,9 @@ from tendonrepro.ensemble_data import EnsembleData
 from tendonrepro.ensemble_shares import METRICS, PLANTS, QUANTILES, RATIO_NAMES, RATIOS, reading_summary
 from tendonrepro.files import write_atomically
 from tendonrepro.readings import PRINTED
-from tendonrepro.screen import columns
 from tendonrepro.shards import FOLDER, Block, read_check
 from tendonrepro.summary import CONTROLLERS
+from tendonrepro.talk import columns
 from tendonrepro.typeset import NOTHING, Sheet, markdown
 
 IMPLIED, EXCLUDED = 0.95, 0.05

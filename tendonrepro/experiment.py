@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
-from tendonrepro import __version__, compiled
+from tendonrepro import __version__
 from tendonrepro.arrays import Array
-from tendonrepro.batch import simulate_batch
 from tendonrepro.config import CompareConfig, LoadedConfig
 from tendonrepro.controllers import TimeDelayController
 from tendonrepro.errors import TendonreproError, UsageError
-from tendonrepro.manifest import to_json
+from tendonrepro.files import to_json
 from tendonrepro.metrics import status_of
 from tendonrepro.parallel import advance, each
 from tendonrepro.plant_record import plant_record
@@ -63,7 +62,9 @@ def simulate_all(loaded: LoadedConfig, law: UserLaw | None, talk: Talk) -> list[
     list of Trace
         Each with its status; one that diverged ends early and the others go on.
     """
-    if compiled.cache_is_empty():
+    from tendonrepro.compiled import cache_is_empty
+
+    if cache_is_empty():
         talk.note("compiling once for this machine, about ten seconds")
     loops = all_loops(loaded, law)
     total = sum(loop.reference.time.size for loop in loops.values())
@@ -110,8 +111,11 @@ def simulate_together(loaded: LoadedConfig, law: UserLaw | None, talk: Talk) -> 
     TendonreproError
         If a plant is too fast for it, or a law is not the package's own.
     """
+    from tendonrepro.batch import simulate_batch
+    from tendonrepro.compiled import cache_is_empty
+
     loops = all_loops(loaded, law)
-    if compiled.cache_is_empty():
+    if cache_is_empty():
         talk.note("compiling once for this machine, some twenty seconds")
     with talk.bar(f"simulating {len(loops)} runs", len(loops)) as progress:
         batch = simulate_batch(

@@ -13,16 +13,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.config import CompareConfig, LoadedConfig
 from tendonrepro.config_control import Readings
 from tendonrepro.errors import UsageError
-from tendonrepro.explanation import (
-    ERROR_SIZES_DEG,
-    TYPICAL_ERROR_DEG,
-    Curves,
-    Explanation,
-    Map,
-    RunMargins,
-    View,
-    WhatIf,
-)
+from tendonrepro.explanation import Curves, Explanation, Map, RunMargins, View, WhatIf
 from tendonrepro.margins import (
     ChannelMargins,
     Complex,
@@ -34,7 +25,7 @@ from tendonrepro.margins import (
 )
 from tendonrepro.rig import build_plant
 from tendonrepro.runs import build_law, build_reference
-from tendonrepro.slow_error import error_ratio
+from tendonrepro.slow_error import ERROR_SIZES_DEG, TYPICAL_ERROR_DEG, error_ratio
 from tendonrepro.stability import decay_rate, loop_matrix, open_loop
 from tendonrepro.stability_map import (
     PARAMETERS,

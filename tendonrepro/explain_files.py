@@ -14,12 +14,12 @@ import numpy as np
 from tendonrepro.config import LoadedConfig
 from tendonrepro.explain import explain
 from tendonrepro.explain_text import explanation_text
-from tendonrepro.explanation import TYPICAL_ERROR_DEG, Explanation, RunMargins, View
-from tendonrepro.files import write_atomically
-from tendonrepro.manifest import make_manifest, to_json, with_outputs
+from tendonrepro.explanation import Explanation, RunMargins, View
+from tendonrepro.files import to_json, write_atomically
+from tendonrepro.manifest import make_manifest, with_outputs
 from tendonrepro.margins import LOW_FREQUENCY, ChannelMargins
 from tendonrepro.results import MANIFEST, claimed, clear, refuse_others
-from tendonrepro.slow_error import estimate_age
+from tendonrepro.slow_error import TYPICAL_ERROR_DEG, estimate_age
 from tendonrepro.talk import Talk
 from tendonrepro.typeset import NOTHING, Sheet, markdown
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.explain import first_views, slow_ratio, view_pairs
-from tendonrepro.explanation import TYPICAL_ERROR_DEG, Explanation, View, WhatIf
-from tendonrepro.screen import columns
-from tendonrepro.slow_error import estimate_age, stiffness
+from tendonrepro.explanation import Explanation, View, WhatIf
+from tendonrepro.slow_error import TYPICAL_ERROR_DEG, estimate_age, stiffness
+from tendonrepro.talk import columns
 
 _NAMED_PAIRS = ("c1_c2", "c2_c3")
 # Ratios nearer to 1 than this are called equal; slow loads of the real plant bend them by more.

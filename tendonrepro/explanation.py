@@ -11,12 +11,6 @@ from tendonrepro.control import Law
 from tendonrepro.dynamics import Plant
 from tendonrepro.margins import ChannelMargins, Complex
 
-ERROR_SIZES_DEG = (0.05, 0.25, 1.0, 5.0)
-"""Sizes of the error at which the ratio of two laws is given."""
-
-TYPICAL_ERROR_DEG = 0.25
-"""The one of these that is nearest to the printed mean errors of both joints."""
-
 
 class View(NamedTuple):
     """One run as a linear loop."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import secrets
 from collections.abc import Callable, Iterator
@@ -110,3 +111,24 @@ def _digest(path: Path, new: Callable[[], Any]) -> str:
 
 def _reason(error: OSError) -> str:
     return error.strerror or str(error)
+
+
+def to_json(content: Any) -> str:
+    """JSON text with a final newline; numbers that are not finite become null.
+
+    Parameters
+    ----------
+    content : object
+        Of dicts, lists, strings, numbers, booleans and None.
+    """
+    return json.dumps(_finite(content), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _finite(content: Any) -> Any:
+    if isinstance(content, dict):
+        return {key: _finite(value) for key, value in content.items()}
+    if isinstance(content, list | tuple):
+        return [_finite(value) for value in content]
+    if isinstance(content, float) and not abs(content) < float("inf"):
+        return None
+    return content

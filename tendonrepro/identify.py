@@ -15,7 +15,7 @@ from tendonrepro.batch import simulate_batch
 from tendonrepro.box import make_box, scrambled_sobol
 from tendonrepro.config_ensemble import LoadedEnsemble, load_ensemble
 from tendonrepro.errors import UsageError
-from tendonrepro.files import write_atomically
+from tendonrepro.files import to_json, write_atomically
 from tendonrepro.identify_judge import (
     number_rows,
     order_rows,
@@ -37,7 +37,7 @@ from tendonrepro.identify_report import CONFIG, conclusions, write_config, write
 from tendonrepro.identify_search import Effort, Found, search
 from tendonrepro.identify_state import State
 from tendonrepro.identify_task import NEAR, SCHEMA_VERSION, Fit, Task
-from tendonrepro.manifest import make_manifest, to_json, with_outputs
+from tendonrepro.manifest import make_manifest, with_outputs
 from tendonrepro.published import Published, published
 from tendonrepro.readings import AXES, RUNS, Reading, default_readings, parse_reading
 from tendonrepro.results import MANIFEST, claimed, clear, refuse_others

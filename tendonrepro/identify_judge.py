@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.batch import STATUSES
 from tendonrepro.box import Box
+from tendonrepro.ensemble_shares import FEW, MOST
 from tendonrepro.identify_misfit import METRICS, Measured, Printed, log_misfit
+from tendonrepro.metrics import STATUSES
 from tendonrepro.readings import RUNS
 from tendonrepro.summary import CONTROLLERS
-from tendonrepro.verdicts import FEW, MOST
 
 CENTRAL = (5.0, 50.0, 95.0)
 """Percentiles of the near-optimal plants."""

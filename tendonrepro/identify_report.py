@@ -12,8 +12,8 @@ import numpy as np
 
 from tendonrepro.config import CompareConfig, load_config
 from tendonrepro.files import write_atomically
-from tendonrepro.screen import columns
 from tendonrepro.strict_yaml import Node, dump
+from tendonrepro.talk import columns
 from tendonrepro.typeset import NOTHING, Sheet, markdown
 
 CONFIG = "identified.yaml"

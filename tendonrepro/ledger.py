@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.batch import STATUSES
 from tendonrepro.claim_ensemble import outcome
 from tendonrepro.claim_plants import Ensemble, Plants
 from tendonrepro.claim_report import as_data, details_text, table_text, write_claims
@@ -21,8 +20,8 @@ from tendonrepro.claims import Sources, Verdict, changed, failing, judge_all
 from tendonrepro.dataset.measured_file import MEASURED, read_measured
 from tendonrepro.ensemble_data import EnsembleData, read_ensemble
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.files import write_atomically
-from tendonrepro.manifest import to_json
+from tendonrepro.files import to_json, write_atomically
+from tendonrepro.metrics import STATUSES
 from tendonrepro.published import published
 from tendonrepro.readings import PRINTED
 from tendonrepro.records import TraceFile

@@ -10,6 +10,9 @@ from tendonrepro.arrays import Array
 
 Status = Literal["ok", "ringing", "diverged"]
 
+STATUSES = ("ok", "ringing", "diverged", "unresolved")
+"""Statuses by their number in stored results; a plant too fast for the compiled stepper is unresolved."""
+
 
 def start_level(time: Array, x: Array) -> Array:
     """Level at which a record starts: the median of its first tenth of a second.

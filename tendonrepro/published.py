@@ -5,15 +5,26 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from fnmatch import fnmatchcase
+from fractions import Fraction
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import TypeAlias
 
+import numpy as np
+
+from tendonrepro.arrays import Array
 from tendonrepro.errors import ConfigError
+from tendonrepro.kinematics import coupling_inverse, coupling_matrix
 from tendonrepro.strict_yaml import Document, Node, load, read_text
 
 SCHEMA_VERSION = 2
+
+Interval: TypeAlias = tuple[Fraction, Fraction]
+"""Lower and upper end, both included."""
+
+SIGN = np.array([[1.0, 1.0, -1.0], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
+"""``c[p, q]`` of section 3.3."""
 
 COMPARED = (2, 3)
 """Joints of the comparison; the paper prints gains and errors of these."""
@@ -243,3 +254,32 @@ def _entry(item: Node, where: str) -> Entry:
 
 def _is_a(value: Node, accepted: tuple[type, ...]) -> bool:
     return isinstance(value, accepted) and not isinstance(value, bool)
+
+
+def exact(entry: PrintedNumber | PrintedRatio) -> Fraction:
+    """The digits as printed, as a fraction."""
+    if isinstance(entry, PrintedRatio):
+        return Fraction(str(entry.numerator)) / Fraction(str(entry.denominator))
+    return Fraction(entry.as_printed)
+
+
+def rounding(entry: PrintedNumber | PrintedRatio) -> Interval:
+    """Numbers that print like this one when rounded; a fraction of two lengths stands for itself."""
+    value = exact(entry)
+    half = Fraction(0) if isinstance(entry, PrintedRatio) else Fraction(1, 2 * 10**entry.decimals)
+    return value - half, value + half
+
+
+def table_1(paper: Published) -> Array:
+    """Table 1, ``D[p, q] / D[q]``, (3, 3), zero below the diagonal."""
+    ratio = np.zeros((3, 3))
+    for p in range(3):
+        for q in range(p, 3):
+            ratio[p, q] = paper.number(f"table1.D_{p + 1}{q + 1}_over_D_{q + 1}")
+    return ratio
+
+
+def coupling_of(ratio: Array) -> tuple[Array, Array]:
+    """``S`` and ``S_inv`` of Eq. (2) from `table_1`."""
+    S_inv = coupling_inverse(np.ones(3), ratio, SIGN)
+    return coupling_matrix(S_inv), S_inv

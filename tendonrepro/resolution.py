@@ -13,6 +13,9 @@ from tendonrepro.dynamics import Plant, holding_torque, rest_state, state_deriva
 STEPS = (1, 2, 3, 4, 5, 6, 8, 12, 16, 24, 32, 48, 64)
 """Numbers of steps per sample there are to choose from."""
 
+COMPILED_STEPPER = "compiled Runge-Kutta of order 4"
+"""What a manifest calls the stepper that these numbers are for."""
+
 TOLERANCE = 4e-4
 """Error of a mode over one sample that is allowed unless asked for less, see :func:`steps_needed`."""
 

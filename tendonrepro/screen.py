@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tendonrepro.summary import LOADS
-
-Rows = Iterable[Sequence[str]]
+from tendonrepro.talk import columns
 
 
 def results_text(data: Mapping[str, Any]) -> str:
@@ -27,19 +26,6 @@ def results_text(data: Mapping[str, Any]) -> str:
         return _plan_text(data)
     parts = _compare_parts(data) if data["experiment"] == "compare" else _decouple_parts(data)
     return "\n\n".join([*parts, f"Figures, tables and traces are in {data['out']}"])
-
-
-def columns(rows: Rows) -> str:
-    """Rows as columns, the first flush left and the others flush right."""
-    cells = [list(row) for row in rows]
-    widths = [max(len(cell) for cell in column) for column in zip(*cells, strict=True)]
-    return "\n".join(
-        "  ".join(
-            cell.ljust(w) if k == 0 else cell.rjust(w)
-            for k, (cell, w) in enumerate(zip(row, widths, strict=True))
-        )
-        for row in cells
-    )
 
 
 def _plan_text(data: Mapping[str, Any]) -> str:

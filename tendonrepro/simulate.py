@@ -15,7 +15,6 @@ from typing import Literal
 import numpy as np
 from scipy.integrate import ode
 
-from tendonrepro import compiled
 from tendonrepro.actuator import Actuator, applied_torque
 from tendonrepro.arrays import Array
 from tendonrepro.controllers import Controller, Measurement
@@ -237,7 +236,9 @@ def _torque_noise(loop: Loop) -> Array:
 
 def _integrator(loop: Loop) -> Callable[[float, float, Array, Array], Array]:
     """SciPy's integrator, started afresh in every period: the torque jumps there."""
-    solver, (derivative, p) = loop.solver, compiled.compiled_plant(loop.plant)
+    from tendonrepro.compiled import compiled_plant
+
+    solver, (derivative, p) = loop.solver, compiled_plant(loop.plant)
     problem = ode(derivative).set_integrator(
         solver.method,
         rtol=solver.rtol,

@@ -7,6 +7,12 @@ import numpy as np
 from tendonrepro.arrays import Array
 from tendonrepro.control import Law, surface_and_feedback
 
+ERROR_SIZES_DEG = (0.05, 0.25, 1.0, 5.0)
+"""Sizes of the error at which the ratio of two laws is given."""
+
+TYPICAL_ERROR_DEG = 0.25
+"""The one of these that is nearest to the printed mean errors of both joints."""
+
 
 def estimate_age(law: Law, delay: int = 0) -> Array:
     """Mean age of the estimate when it acts, in periods, (n,).

@@ -13,17 +13,18 @@ from typing import Any
 
 import numpy as np
 
-from tendonrepro.batch import NAME, STATUSES, simulate_batch
+from tendonrepro.batch import simulate_batch
 from tendonrepro.config import LoadedConfig, load_config
 from tendonrepro.config_overrides import parse_override
 from tendonrepro.controllers import TimeDelayController
-from tendonrepro.explanation import TYPICAL_ERROR_DEG
-from tendonrepro.files import sha256_of, write_atomically
-from tendonrepro.manifest import make_manifest, to_json, with_outputs
+from tendonrepro.files import sha256_of, to_json, write_atomically
+from tendonrepro.manifest import make_manifest, with_outputs
+from tendonrepro.metrics import STATUSES
+from tendonrepro.resolution import COMPILED_STEPPER
 from tendonrepro.results import MANIFEST, claimed, clear, refuse_others
 from tendonrepro.runs import build_loops
 from tendonrepro.simulate import Loop
-from tendonrepro.slow_error import error_ratio
+from tendonrepro.slow_error import TYPICAL_ERROR_DEG, error_ratio
 from tendonrepro.summary import CONTROLLERS
 from tendonrepro.sweep_points import Axis, Point, numbers_per_joint, parse_over, sweep_points, unit_of
 from tendonrepro.sweep_table import COLUMNS, write_table
@@ -287,7 +288,7 @@ def _plan(sweep: Sweep) -> dict[str, Any]:
 
 def _manifest(sweep: Sweep, data: Mapping[str, Any], over: Sequence[str], seconds: float) -> dict[str, Any]:
     steps = [run["steps_per_sample"] for point in data["points"] for run in point["runs"].values()]
-    solver = {"name": NAME, "steps_per_sample": [min(steps), max(steps)]}
+    solver = {"name": COMPILED_STEPPER, "steps_per_sample": [min(steps), max(steps)]}
     manifest = make_manifest(sweep.base, seconds) | {"command": "sweep", "solver": solver}
     return manifest | {"over": list(over), "points": len(sweep.points)}
 

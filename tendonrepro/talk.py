@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -55,12 +55,12 @@ class Talk:
         from rich.console import Console
         from rich.progress import Progress
 
-        with Progress(*_columns(), console=Console(stderr=True), transient=True) as progress:
+        with Progress(*_bar_columns(), console=Console(stderr=True), transient=True) as progress:
             task = progress.add_task(label, total=total)
             yield lambda steps: progress.advance(task, steps)
 
 
-def _columns() -> list[Any]:
+def _bar_columns() -> list[Any]:
     """Label, bar, share, rate and time left."""
     from rich.progress import BarColumn, ProgressColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
     from rich.text import Text
@@ -76,3 +76,16 @@ def _columns() -> list[Any]:
 
     label = TextColumn("{task.description}")
     return [label, BarColumn(), TaskProgressColumn(), Rate(), TimeRemainingColumn()]
+
+
+def columns(rows: Iterable[Sequence[str]]) -> str:
+    """Rows as columns, the first flush left and the others flush right."""
+    cells = [list(row) for row in rows]
+    widths = [max(len(cell) for cell in column) for column in zip(*cells, strict=True)]
+    return "\n".join(
+        "  ".join(
+            cell.ljust(w) if k == 0 else cell.rjust(w)
+            for k, (cell, w) in enumerate(zip(row, widths, strict=True))
+        )
+        for row in cells
+    )

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonrepro import ensemble_shares as shares
-from tendonrepro.arrays import Array
+from tendonrepro.ensemble_shares import FEW, MOST, Ends, Range, Share
 
 Name: TypeAlias = Literal[
     "exact",
@@ -27,51 +26,12 @@ NAMES: tuple[Name, ...] = get_args(Name)
 FAILURES = frozenset({"not_reproduced", "contradicted", "outside_model"})
 """Verdicts for which ``claims --check`` ends with exit code 3."""
 
-MOST, FEW = 0.95, 0.05
-"""Shares that confirm a direction, or confirm its opposite."""
 SIMILAR = 0.05
 """Largest relative difference of what is called similar."""
 LEAST_PLANTS = 100
 MOST_UNRESOLVED = 0.05
 
 Mask: TypeAlias = NDArray[np.bool_]
-Ends: TypeAlias = tuple[float, float]
-
-
-@dataclass(frozen=True)
-class Share:
-    """Part of some plants on which a statement holds, with its interval over the scramblings."""
-
-    value: float
-    interval: Ends | None
-    plants: int
-
-    def as_dict(self) -> dict[str, Any]:
-        """Plain data."""
-        return {"share": self.value, "interval": self.interval, "plants": self.plants}
-
-
-@dataclass(frozen=True)
-class Range:
-    """Median and central 90 % of a number, with intervals of both ends over the scramblings."""
-
-    median: float
-    low: float
-    high: float
-    low_interval: Ends | None
-    high_interval: Ends | None
-    plants: int
-
-    def as_dict(self) -> dict[str, Any]:
-        """Plain data."""
-        return {
-            "median": self.median,
-            "low": self.low,
-            "high": self.high,
-            "low_interval": self.low_interval,
-            "high_interval": self.high_interval,
-            "plants": self.plants,
-        }
 
 
 @dataclass(frozen=True)
@@ -80,40 +40,6 @@ class Decision:
 
     verdict: Name
     borderline: bool = False
-
-
-def share_of(holds: Mask, replicate: NDArray[np.int64]) -> Share:
-    """Share of plants on which a statement holds.
-
-    Parameters
-    ----------
-    holds : array of bool (K,)
-        One per plant judged, K > 0.
-    replicate : array of int (K,)
-        Scrambling each plant belongs to; with fewer than 8 there is no interval.
-    """
-    found = shares.share_of(holds, np.ones_like(holds), replicate)
-    return Share(found["share"], _ends(found), len(holds))
-
-
-def range_of(values: Array, replicate: NDArray[np.int64]) -> Range:
-    """Median and central 90 % of a number over plants.
-
-    Parameters
-    ----------
-    values : array (K,)
-        One per plant judged, K > 0, finite.
-    replicate : array of int (K,)
-        Scrambling each plant belongs to.
-    """
-    found = shares.quantiles_of(values, replicate)
-    low, high = found["q05"], found["q95"]
-    median = found["median"]["value"]
-    return Range(median, low["value"], high["value"], _ends(low), _ends(high), len(values))
-
-
-def _ends(found: Mapping[str, Any]) -> Ends | None:
-    return None if found["low"] is None else (found["low"], found["high"])
 
 
 def inside(printed: Ends, found: Range) -> bool:

@@ -10,17 +10,17 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
-from tendonrepro.batch import NAME
 from tendonrepro.config import LoadedConfig, load_config
 from tendonrepro.config_ensemble import LoadedEnsemble
 from tendonrepro.config_kinds import checked
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.experiment import PRECISE, all_loops, simulate_all, simulate_together, trace_file
-from tendonrepro.files import write_atomically
-from tendonrepro.manifest import make_manifest, to_json, with_outputs
+from tendonrepro.files import to_json, write_atomically
+from tendonrepro.manifest import make_manifest, with_outputs
 from tendonrepro.parallel import each
 from tendonrepro.published import published
 from tendonrepro.records import TraceFile
+from tendonrepro.resolution import COMPILED_STEPPER
 from tendonrepro.results import MANIFEST, TRACES, claimed, clear, read_manifest, refuse_others
 from tendonrepro.summary import LOADS, compared_runs, table_data_compare, table_data_decouple
 from tendonrepro.talk import Talk
@@ -99,7 +99,7 @@ def run_experiment(order: Order, talk: Talk) -> dict[str, Any]:
         traces = run(loaded, law, talk)
         manifest = make_manifest(loaded, time.perf_counter() - started)
         if order.solver == "compiled":
-            manifest["solver"] = {"name": NAME, "tolerance": PRECISE}
+            manifest["solver"] = {"name": COMPILED_STEPPER, "tolerance": PRECISE}
         file = trace_file(loaded, traces, manifest)
         clear(order.folder)
         write_traces(order.folder / TRACES, file)

@@ -9,9 +9,7 @@ from hypothesis import strategies as st
 
 from tendonrepro.arithmetic import (
     COURSES,
-    coupling_of,
     cut,
-    exact,
     inverse,
     least_tensions,
     meets,
@@ -19,12 +17,10 @@ from tendonrepro.arithmetic import (
     printed_inverse,
     printed_percentages,
     quotient,
-    rounding,
     slopes_of_coupling,
     stays_tense,
-    table_1,
 )
-from tendonrepro.published import PrintedNumber, published
+from tendonrepro.published import PrintedNumber, coupling_of, exact, published, rounding, table_1
 
 
 def printed(digits: str) -> PrintedNumber:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tendonrepro.arrays import Array
-from tendonrepro.batch import STATISTICS, STATUSES, Batch, simulate_batch
+from tendonrepro.batch import Batch, simulate_batch
 from tendonrepro.box import configured, population, scrambled_sobol
 from tendonrepro.config import CompareConfig, load_config
 from tendonrepro.config_ensemble import load_ensemble
@@ -19,11 +19,12 @@ from tendonrepro.disturbance import no_disturbance
 from tendonrepro.dynamics import frictionless
 from tendonrepro.errors import TendonreproError
 from tendonrepro.lanes import stacked
-from tendonrepro.metrics import periodogram, status_of
+from tendonrepro.metrics import STATUSES, periodogram, status_of
 from tendonrepro.resolution import STEPS, plant_modes, steps_needed
 from tendonrepro.runs import build_loops
 from tendonrepro.simulate import Loop, Reference, simulate
 from tendonrepro.stability import decay_rate, plant_matrices
+from tendonrepro.streaming import STATISTICS
 
 IDEAL = "manipulator.encoders.joint.resolution=0"
 EXACT = 1e-9

@@ -15,7 +15,7 @@ import pytest
 from fake_batch import DRAWS, fake_batch, fingerprint, small_study
 
 from tendonrepro import files
-from tendonrepro.batch import STATISTICS, Batch
+from tendonrepro.batch import Batch
 from tendonrepro.ensemble import load_study, run_ensemble, run_study
 from tendonrepro.ensemble_block import compute_block, loops_of, spot_check
 from tendonrepro.ensemble_data import read_ensemble
@@ -27,6 +27,7 @@ from tendonrepro.readings import RUNS, under
 from tendonrepro.runs import build_loops
 from tendonrepro.shards import FOLDER, read_shard, shard_files
 from tendonrepro.simulate import Loop
+from tendonrepro.streaming import STATISTICS
 from tendonrepro.talk import Talk
 
 QUIET = Talk(quiet=True)

@@ -12,7 +12,6 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from tendonrepro.batch import STATUSES
 from tendonrepro.ensemble_data import EnsembleData
 from tendonrepro.ensemble_shares import QUANTILES, printed_ratios, quantiles_of, reading_summary, share_of
 from tendonrepro.ensemble_table import (
@@ -25,6 +24,7 @@ from tendonrepro.ensemble_table import (
 )
 from tendonrepro.ensemble_words import conclusions
 from tendonrepro.figure_ensemble import draw_ensemble_figures, draw_ratios, draw_shares, draw_statuses
+from tendonrepro.metrics import STATUSES
 
 RUNS = ("controller_1", "controller_2", "controller_3", "controller_1_payload")
 READINGS = ("printed", "weights=extrapolating", "start=cold")
@@ -174,7 +174,7 @@ def test_equal_scramblings_give_the_t_interval_of_their_means() -> None:
     means = hits.reshape(8, 50).mean(axis=1)
     # Student's t for 7 degrees of freedom, two-sided 95 %, from a printed table.
     reach = 2.364624 * means.std(ddof=1) / np.sqrt(8)
-    found = share_of(hits, np.ones(400, bool), replicate)
+    found = share_of(hits, replicate).as_row()
     assert found["share"] == pytest.approx(means.mean())
     assert (found["low"], found["high"]) == pytest.approx((means.mean() - reach, means.mean() + reach), 1e-6)
 
@@ -185,7 +185,7 @@ def test_an_interval_covers_the_truth_as_often_as_it_says() -> None:
     replicate = np.repeat(np.arange(8), 64)
     for _ in range(400):
         hits, counted = rng.random(512) < truth, rng.random(512) < 0.5
-        found = share_of(hits, counted, replicate)
+        found = share_of(hits, replicate, counted).as_row()
         covered += found["low"] <= truth <= found["high"]
     assert 0.92 <= covered / 400 <= 0.98
 
@@ -193,7 +193,7 @@ def test_an_interval_covers_the_truth_as_often_as_it_says() -> None:
 @pytest.mark.parametrize("share", [0.0, 1.0])
 def test_a_share_without_exception_still_has_an_interval(share: float) -> None:
     """The rule of three: nothing seen among 256 leaves up to about 3/256."""
-    found = share_of(np.full(PLANTS, share == 1.0), np.ones(PLANTS, bool), np.repeat(np.arange(8), EACH))
+    found = share_of(np.full(PLANTS, share == 1.0), np.repeat(np.arange(8), EACH)).as_row()
     assert found["share"] == share
     assert found["high"] - found["low"] == pytest.approx(3.0 / PLANTS, rel=0.02)
     assert 0.0 <= found["low"] <= found["high"] <= 1.0
@@ -205,7 +205,7 @@ def test_few_scramblings_with_plants_give_no_interval() -> None:
     rng = np.random.default_rng(9)
     hits = rng.random(PLANTS) < 0.5
     for held in (7, 1):
-        found = share_of(hits, replicate < held, replicate)
+        found = share_of(hits, replicate, replicate < held).as_row()
         assert (found["low"], found["high"]) == (None, None)
         assert found["share"] == pytest.approx(hits[replicate < held].mean())
         kept = replicate < held
@@ -214,7 +214,7 @@ def test_few_scramblings_with_plants_give_no_interval() -> None:
 
 def test_no_plants_give_no_share() -> None:
     nothing = np.zeros(PLANTS, bool)
-    found = share_of(nothing, nothing, np.repeat(np.arange(8), EACH))
+    found = share_of(nothing, np.repeat(np.arange(8), EACH), nothing).as_row()
     assert found == {"share": None, "low": None, "high": None, "plants": 0}
     assert quantiles_of(np.zeros(0), np.zeros(0, int))["median"]["value"] is None
 

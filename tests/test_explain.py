@@ -14,9 +14,9 @@ from tendonrepro.errors import UsageError
 from tendonrepro.explain import explain, run_margins, run_views, stroke, worst
 from tendonrepro.explain_files import explanation_data, run_explain
 from tendonrepro.explain_text import explanation_text
-from tendonrepro.explanation import TYPICAL_ERROR_DEG
-from tendonrepro.manifest import to_json
+from tendonrepro.files import to_json
 from tendonrepro.margins import ChannelMargins
+from tendonrepro.slow_error import TYPICAL_ERROR_DEG
 from tendonrepro.stability import decay_rate, loop_matrix
 from tendonrepro.stability_map import border_distance, modes, root_locus, scaled
 from tendonrepro.talk import Talk

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from tendonrepro import identify_search
-from tendonrepro.batch import STATISTICS, STATUSES, Batch
+from tendonrepro.batch import Batch
 from tendonrepro.box import make_box, scrambled_sobol
 from tendonrepro.config import load_config
 from tendonrepro.config_ensemble import load_ensemble
@@ -39,9 +39,11 @@ from tendonrepro.identify_misfit import (
 from tendonrepro.identify_report import identify_text
 from tendonrepro.identify_search import Effort, Found, search
 from tendonrepro.identify_state import load_state
+from tendonrepro.metrics import STATUSES
 from tendonrepro.published import PrintedNumber, published
 from tendonrepro.readings import RUNS, reading
 from tendonrepro.runs import build_loops
+from tendonrepro.streaming import STATISTICS
 from tendonrepro.talk import Talk
 
 QUIET = Talk(quiet=True)

@@ -10,11 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tendonrepro.batch import STATUSES, simulate_batch
+from tendonrepro.batch import simulate_batch
 from tendonrepro.config import load_config
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.figure_sweep import draw_curves
 from tendonrepro.figure_sweep_map import draw_maps
+from tendonrepro.metrics import STATUSES
 from tendonrepro.results import read_manifest
 from tendonrepro.runs import build_loops
 from tendonrepro.sweep import load_sweep, run_sweep, simulate_sweep

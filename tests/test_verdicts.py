@@ -11,22 +11,18 @@ from scipy import stats
 
 from tendonrepro import claim_rules, verdicts
 from tendonrepro.claim_statements import CLAIMS
-from tendonrepro.ensemble_shares import LEAST_SCRAMBLINGS, QUANTILES
+from tendonrepro.ensemble_shares import LEAST_SCRAMBLINGS, QUANTILES, Range, Share, range_of, share_of
 from tendonrepro.published import published
 from tendonrepro.verdicts import (
     FAILURES,
     NAMES,
     Decision,
-    Range,
-    Share,
     inside,
     of_arithmetic,
     of_model,
     of_number,
     of_share,
     of_values,
-    range_of,
-    share_of,
     with_values,
 )
 

@@ -10,7 +10,6 @@ from typing import Any, Literal
 import numpy as np
 
 from tendonrepro import __version__
-from tendonrepro.arithmetic import coupling_of, table_1
 from tendonrepro.arrays import Array
 from tendonrepro.config import load_config
 from tendonrepro.dataset.assembly import Assembly, doubts_about
@@ -21,10 +20,10 @@ from tendonrepro.dataset.readers import files_below
 from tendonrepro.dataset.signals import Source
 from tendonrepro.dataset.words import printable
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.files import sha256_of
-from tendonrepro.manifest import environment, to_json
+from tendonrepro.files import sha256_of, to_json
+from tendonrepro.manifest import environment
 from tendonrepro.metrics import status_of
-from tendonrepro.published import published
+from tendonrepro.published import coupling_of, published, table_1
 from tendonrepro.records import DECOUPLING_RUNS, PlantRecord, PlantValue, Trace, TraceFile
 from tendonrepro.summary import sizes_deg
 from tendonrepro.talk import Talk

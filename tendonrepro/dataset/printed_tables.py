@@ -9,10 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tendonrepro.arithmetic import rounding
 from tendonrepro.arrays import Array
 from tendonrepro.metrics import windows
-from tendonrepro.published import Published
+from tendonrepro.published import Published, rounding
 from tendonrepro.records import Trace, TraceFile
 from tendonrepro.summary import CONTROLLERS, LOADS, sizes_deg
 

@@ -17,8 +17,8 @@ from tendonrepro.dataset.reference_config import FILE, config_tree, csv_text
 from tendonrepro.dataset.reference_knots import thinned
 from tendonrepro.dataset.reference_motion import Reference, recorded_motion, zero_of
 from tendonrepro.experiment import simulate_run, trace_file
-from tendonrepro.files import write_atomically
-from tendonrepro.manifest import make_manifest, to_json
+from tendonrepro.files import to_json, write_atomically
+from tendonrepro.manifest import make_manifest
 from tendonrepro.parallel import each
 from tendonrepro.records import Trace, TraceFile
 from tendonrepro.runs import build_loops

@@ -21,8 +21,8 @@ from tendonrepro.dataset.reruns import Work, rerun_compare, rerun_decouple
 from tendonrepro.dataset.residuals import comparison_rows, coupling_rows
 from tendonrepro.dataset.row_files import csv_of, markdown_of
 from tendonrepro.dataset.validate_tables import table_data, window_rows, write_measured_tables
-from tendonrepro.files import sha256_of, write_atomically
-from tendonrepro.manifest import make_manifest, to_json, with_outputs
+from tendonrepro.files import sha256_of, to_json, write_atomically
+from tendonrepro.manifest import make_manifest, with_outputs
 from tendonrepro.parallel import each
 from tendonrepro.published import Published, published
 from tendonrepro.records import TraceFile
