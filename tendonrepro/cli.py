@@ -288,8 +288,8 @@ def config_schema(
 
 def _run(orders: Sequence[Order], *, dry_run: bool, as_json: bool, quiet: bool, verbose: bool) -> int:
     """Carry out orders, print what they found, and return the exit code."""
+    from tendonrepro.console import Talk
     from tendonrepro.screen import results_text
-    from tendonrepro.talk import Talk
     from tendonrepro.workflow import diverged, plan, run_experiment
 
     talk = Talk(quiet=quiet, verbose=verbose)

@@ -35,9 +35,9 @@ def fetch(
     verbose: Verbose = False,
 ) -> None:
     """Download the paper's data set and verify it; a second run needs no network."""
+    from tendonrepro.console import Talk
     from tendonrepro.dataset.fetch import run_fetch
     from tendonrepro.dataset.fetch_text import fetch_text
-    from tendonrepro.talk import Talk
 
     talk = Talk(quiet=quiet, verbose=verbose)
     found = run_fetch(record, out, base_url, from_dir, force, dry_run, talk)
@@ -55,8 +55,8 @@ def inspect(
     verbose: Verbose = False,
 ) -> None:
     """What is in files, whatever their format, and what it seems to mean."""
+    from tendonrepro.console import Talk
     from tendonrepro.dataset.inspection import inspect_text, run_inspect
-    from tendonrepro.talk import Talk
 
     talk = Talk(quiet=quiet, verbose=verbose)
     found = run_inspect(paths, mapping if suggest else None, force=force, talk=talk)
@@ -77,8 +77,8 @@ def ingest(
     verbose: Verbose = False,
 ) -> None:
     """Convert measured data to the layout of simulated traces."""
+    from tendonrepro.console import Talk
     from tendonrepro.dataset.ingest import ingest_text, run_ingest
-    from tendonrepro.talk import Talk
 
     talk = Talk(quiet=quiet, verbose=verbose)
     found = run_ingest(paths, mapping, out, force=force, dry_run=dry_run, talk=talk)
@@ -103,9 +103,9 @@ def validate(
     verbose: Verbose = False,
 ) -> int:
     """Compare measured data with what the paper prints and with the model."""
+    from tendonrepro.console import Talk
     from tendonrepro.dataset.validate import model_diverged, run_validate
     from tendonrepro.dataset.validate_text import validate_text
-    from tendonrepro.talk import Talk
 
     talk = Talk(quiet=quiet, verbose=verbose)
     found = run_validate(measured, config, out, overrides or (), seed, force, dry_run, talk)

@@ -53,7 +53,7 @@ def list_files(paths: Sequence[Path], *, as_json: bool, quiet: bool, verbose: bo
 
 def detail(text: str, quiet: bool, verbose: bool) -> None:
     """Say something only a curious user wants to know."""
-    from tendonrepro.talk import Talk
+    from tendonrepro.console import Talk
 
     Talk(quiet=quiet, verbose=verbose).detail(text)
 

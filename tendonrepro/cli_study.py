@@ -43,9 +43,9 @@ def sweep(
     verbose: Verbose = False,
 ) -> int:
     """The comparison over values of one or two keys: table and figures."""
+    from tendonrepro.console import Talk
     from tendonrepro.sweep import run_sweep
     from tendonrepro.sweep_words import sweep_text
-    from tendonrepro.talk import Talk
 
     talk = Talk(quiet=quiet, verbose=verbose)
     chosen = numbers(controllers)
@@ -76,9 +76,9 @@ def ensemble(
     verbose: Verbose = False,
 ) -> None:
     """Many plausible plants under many readings: what the claims are judged over."""
+    from tendonrepro.console import Talk
     from tendonrepro.ensemble import run_ensemble
     from tendonrepro.ensemble_table import ensemble_text
-    from tendonrepro.talk import Talk
 
     talk, changes = Talk(quiet=quiet, verbose=verbose), overrides or ()
     found = run_ensemble(
@@ -113,9 +113,9 @@ def identify(
     verbose: Verbose = False,
 ) -> None:
     """Plants and readings closest to the printed numbers; an interrupted search goes on."""
+    from tendonrepro.console import Talk
     from tendonrepro.identify import run_identify
     from tendonrepro.identify_report import identify_text
-    from tendonrepro.talk import Talk
 
     talk, changes = Talk(quiet=quiet, verbose=verbose), overrides or ()
     effort = generations, population, seeds
@@ -140,8 +140,8 @@ def explain(
     # Thousands of eigenvalues of small matrices: threads of the library would only wait for each other.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from tendonrepro.config import load_config
+    from tendonrepro.console import Talk
     from tendonrepro.explain_files import run_explain
-    from tendonrepro.talk import Talk
 
     chosen = numbers(controllers)
     loaded = load_config(config, "compare", overrides=overrides or (), seed=seed, controllers=chosen)
@@ -171,8 +171,8 @@ def claims(
     verbose: Verbose = False,
 ) -> int:
     """The verdict on every printed number and claim."""
+    from tendonrepro.console import Talk
     from tendonrepro.ledger import run_claims
-    from tendonrepro.talk import Talk
 
     found = run_claims(out, ids or (), baseline, Talk(quiet=quiet, verbose=verbose), measured)
     show(found.data if as_json else found.text, as_json=as_json, quiet=quiet)

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from typing import Any
 
 from tendonrepro import __version__
+from tendonrepro.console import columns
 from tendonrepro.manifest import environment
-from tendonrepro.talk import columns
 
 SCHEMA_VERSION = 1
 WRONG = "wrong:"

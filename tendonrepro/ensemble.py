@@ -13,6 +13,7 @@ from tendonrepro import __version__
 from tendonrepro.batch import simulate_batch
 from tendonrepro.box import population
 from tendonrepro.config_ensemble import load_ensemble
+from tendonrepro.console import Talk
 from tendonrepro.ensemble_block import Simulate, make_block
 from tendonrepro.ensemble_data import PLAN, read_ensemble
 from tendonrepro.ensemble_folder import missing_blocks, prepare, refuse_shards
@@ -27,7 +28,6 @@ from tendonrepro.manifest import make_manifest, with_outputs
 from tendonrepro.readings import default_readings, full_cross, parse_reading
 from tendonrepro.results import MANIFEST, claimed, clear, refuse_others
 from tendonrepro.shards import FOLDER, SCHEMA_VERSION, Block
-from tendonrepro.talk import Talk
 
 SUMMARY = "summary.json"
 

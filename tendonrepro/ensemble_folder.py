@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from tendonrepro.console import Talk
 from tendonrepro.ensemble_plan import Study
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.results import clear
 from tendonrepro.shards import FOLDER, Block, identity_of, read_shard, shard_files
-from tendonrepro.talk import Talk
 
 
 def prepare(folder: Path, study: Study, *, force: bool) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 from tendonrepro import __version__
 from tendonrepro.arrays import Array
 from tendonrepro.config import CompareConfig, LoadedConfig
+from tendonrepro.console import Talk
 from tendonrepro.controllers import TimeDelayController
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.files import to_json
@@ -18,7 +19,6 @@ from tendonrepro.plant_record import plant_record
 from tendonrepro.records import RESERVED, Trace, TraceFile
 from tendonrepro.runs import build_loops, reference_period
 from tendonrepro.simulate import Loop, simulate
-from tendonrepro.talk import Talk
 from tendonrepro.user_law import UserLaw, add_user_law
 
 PRECISE = 1e-6

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from tendonrepro.config import LoadedConfig
+from tendonrepro.console import Talk
 from tendonrepro.explain import explain
 from tendonrepro.explain_text import explanation_text
 from tendonrepro.explanation import Explanation, RunMargins, View
@@ -20,7 +21,6 @@ from tendonrepro.manifest import make_manifest, with_outputs
 from tendonrepro.margins import LOW_FREQUENCY, ChannelMargins
 from tendonrepro.results import MANIFEST, claimed, clear, refuse_others
 from tendonrepro.slow_error import TYPICAL_ERROR_DEG, estimate_age
-from tendonrepro.talk import Talk
 from tendonrepro.typeset import NOTHING, Sheet, markdown
 
 SCHEMA_VERSION = 1

@@ -14,6 +14,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.batch import simulate_batch
 from tendonrepro.box import make_box, scrambled_sobol
 from tendonrepro.config_ensemble import LoadedEnsemble, load_ensemble
+from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.identify_judge import (
@@ -41,7 +42,6 @@ from tendonrepro.manifest import make_manifest, with_outputs
 from tendonrepro.published import Published, published
 from tendonrepro.readings import AXES, RUNS, Reading, default_readings, parse_reading
 from tendonrepro.results import MANIFEST, claimed, clear, refuse_others
-from tendonrepro.talk import Talk
 
 DATA = "identify.json"
 STATES = "search"

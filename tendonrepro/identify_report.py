@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from tendonrepro.config import CompareConfig, load_config
+from tendonrepro.console import columns
 from tendonrepro.files import write_atomically
 from tendonrepro.strict_yaml import Node, dump
-from tendonrepro.talk import columns
 from tendonrepro.typeset import NOTHING, Sheet, markdown
 
 CONFIG = "identified.yaml"

@@ -20,8 +20,8 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from tendonrepro.arrays import Array
+from tendonrepro.console import Talk
 from tendonrepro.identify_state import State, load_state, save_state
-from tendonrepro.talk import Talk
 
 
 class Found(NamedTuple):

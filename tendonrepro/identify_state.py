@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from tendonrepro.arrays import Array
+from tendonrepro.console import Talk
 from tendonrepro.files import write_atomically
-from tendonrepro.talk import Talk
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from tendonrepro.console import columns
 from tendonrepro.summary import LOADS
-from tendonrepro.talk import columns
 
 
 def results_text(data: Mapping[str, Any]) -> str:

@@ -16,6 +16,7 @@ import numpy as np
 from tendonrepro.batch import simulate_batch
 from tendonrepro.config import LoadedConfig, load_config
 from tendonrepro.config_overrides import parse_override
+from tendonrepro.console import Talk
 from tendonrepro.controllers import TimeDelayController
 from tendonrepro.files import sha256_of, to_json, write_atomically
 from tendonrepro.manifest import make_manifest, with_outputs
@@ -29,7 +30,6 @@ from tendonrepro.summary import CONTROLLERS
 from tendonrepro.sweep_points import Axis, Point, numbers_per_joint, parse_over, sweep_points, unit_of
 from tendonrepro.sweep_table import COLUMNS, write_table
 from tendonrepro.sweep_words import findings
-from tendonrepro.talk import Talk
 
 SCHEMA_VERSION = 1
 DATA = "sweep.json"

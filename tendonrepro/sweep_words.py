@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from tendonrepro.arrays import Array
+from tendonrepro.console import columns
 from tendonrepro.summary import CONTROLLERS
-from tendonrepro.talk import columns
 
 _FIRST, _SECOND, _ = CONTROLLERS
 

@@ -13,6 +13,7 @@ from typing import Any, Literal
 from tendonrepro.config import LoadedConfig, load_config
 from tendonrepro.config_ensemble import LoadedEnsemble
 from tendonrepro.config_kinds import checked
+from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.experiment import PRECISE, all_loops, simulate_all, simulate_together, trace_file
 from tendonrepro.files import to_json, write_atomically
@@ -23,7 +24,6 @@ from tendonrepro.records import TraceFile
 from tendonrepro.resolution import COMPILED_STEPPER
 from tendonrepro.results import MANIFEST, TRACES, claimed, clear, read_manifest, refuse_others
 from tendonrepro.summary import LOADS, compared_runs, table_data_compare, table_data_decouple
-from tendonrepro.talk import Talk
 from tendonrepro.traces import read_traces, write_traces
 from tendonrepro.user_law import UserLaw, find_user_law
 

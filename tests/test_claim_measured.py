@@ -16,6 +16,7 @@ from tendonrepro.claim_measured import Measured, OneArm, judge_measured, measure
 from tendonrepro.claim_report import table_text
 from tendonrepro.claim_rules import Judged
 from tendonrepro.claims import Sources, judge_all
+from tendonrepro.console import Talk
 from tendonrepro.control import polynomial
 from tendonrepro.dataset.measured_file import read_measured
 from tendonrepro.dataset.printed_tables import SPREAD, PrintedTables, Timing, try_windows
@@ -27,7 +28,6 @@ from tendonrepro.published import published
 from tendonrepro.readings import PRINTED
 from tendonrepro.records import Trace, TraceFile
 from tendonrepro.streaming import Sample, Sums, add_sample, finished, thresholds
-from tendonrepro.talk import Talk
 from tendonrepro.traces import write_traces
 
 

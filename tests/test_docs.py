@@ -23,6 +23,7 @@ from tendonrepro.config import ExperimentName, LoadedConfig, load_config, shippe
 from tendonrepro.config_control import Readings
 from tendonrepro.config_ensemble import load_ensemble
 from tendonrepro.config_kinds import json_schema
+from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiment import all_loops
 from tendonrepro.metrics import mae, status_of
@@ -32,7 +33,6 @@ from tendonrepro.records import VARIABLES
 from tendonrepro.runs import build_loops
 from tendonrepro.simulate import simulate
 from tendonrepro.stability import decay_rate
-from tendonrepro.talk import Talk
 from tendonrepro.traces import read_traces
 from tendonrepro.user_law import find_user_law
 from tendonrepro.workflow import Order, plan, run_experiment

@@ -16,6 +16,7 @@ from fake_batch import DRAWS, fake_batch, fingerprint, small_study
 
 from tendonrepro import files
 from tendonrepro.batch import Batch
+from tendonrepro.console import Talk
 from tendonrepro.ensemble import load_study, run_ensemble, run_study
 from tendonrepro.ensemble_block import compute_block, loops_of, spot_check
 from tendonrepro.ensemble_data import read_ensemble
@@ -28,7 +29,6 @@ from tendonrepro.runs import build_loops
 from tendonrepro.shards import FOLDER, read_shard, shard_files
 from tendonrepro.simulate import Loop
 from tendonrepro.streaming import STATISTICS
-from tendonrepro.talk import Talk
 
 QUIET = Talk(quiet=True)
 

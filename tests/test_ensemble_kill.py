@@ -16,13 +16,13 @@ import numpy as np
 import pytest
 from fake_batch import DRAWS, fake_batch, run_small, slow_batch, small_study
 
+from tendonrepro.console import Talk
 from tendonrepro.ensemble import run_study
 from tendonrepro.ensemble_block import Made, make_block
 from tendonrepro.ensemble_plan import Study
 from tendonrepro.ensemble_run import here
 from tendonrepro.errors import TendonreproError
 from tendonrepro.shards import FOLDER, Block, read_shard, shard_files
-from tendonrepro.talk import Talk
 
 pytestmark = [
     pytest.mark.slow,

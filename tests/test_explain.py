@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from tendonrepro.config import load_config
+from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.explain import explain, run_margins, run_views, stroke, worst
 from tendonrepro.explain_files import explanation_data, run_explain
@@ -19,7 +20,6 @@ from tendonrepro.margins import ChannelMargins
 from tendonrepro.slow_error import TYPICAL_ERROR_DEG
 from tendonrepro.stability import decay_rate, loop_matrix
 from tendonrepro.stability_map import border_distance, modes, root_locus, scaled
-from tendonrepro.talk import Talk
 
 DELAY = "manipulator.actuator.output_delay=1"
 FORMATS = ("pdf", "svg", "png")

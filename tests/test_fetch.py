@@ -16,13 +16,13 @@ from typing import Any
 
 import pytest
 
+from tendonrepro.console import Talk
 from tendonrepro.dataset import fetch as fetch_module
 from tendonrepro.dataset.fetch import run_fetch
 from tendonrepro.dataset.fetch_text import fetch_text
 from tendonrepro.dataset.readers import files_below
 from tendonrepro.dataset.web import Patience
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
-from tendonrepro.talk import Talk
 from tests.test_cli import answer, run
 from tests.zenodo_server import CONCEPT, ONE, RECORD, SMALL, Repository, serving
 

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from tendonrepro.console import Talk
 from tendonrepro.dataset.data_lock import find_differences
 from tendonrepro.dataset.download import download
 from tendonrepro.dataset.resolve import expected_files, resolve
 from tendonrepro.dataset.web import Patience, Web
 from tendonrepro.dataset.zenodo import SITE
-from tendonrepro.talk import Talk
 
 
 @pytest.mark.network

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from tendonrepro.config import CompareConfig, load_config
+from tendonrepro.console import Talk
 from tendonrepro.experiment import simulate_all, trace_file
 from tendonrepro.metrics import mae, rmse, window_mean
 from tendonrepro.records import TraceFile
@@ -18,7 +19,6 @@ from tendonrepro.rig import build_plant
 from tendonrepro.runs import build_law
 from tendonrepro.stability import decay_rate
 from tendonrepro.summary import table_data_compare, table_data_decouple
-from tendonrepro.talk import Talk
 from tendonrepro.traces import write_traces
 
 DOCS = Path(__file__).parent.parent

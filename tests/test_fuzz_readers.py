@@ -12,10 +12,10 @@ import psutil
 import pytest
 import seed_files
 
+from tendonrepro.console import Talk
 from tendonrepro.dataset.guard import Limits, read_guarded
 from tendonrepro.dataset.readers import read_file
 from tendonrepro.dataset.signals import Source
-from tendonrepro.talk import Talk
 
 SEEDS = seed_files.readable()
 QUICK = 16

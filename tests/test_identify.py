@@ -18,6 +18,7 @@ from tendonrepro.batch import Batch
 from tendonrepro.box import make_box, scrambled_sobol
 from tendonrepro.config import load_config
 from tendonrepro.config_ensemble import load_ensemble
+from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.identify import run_identify
 from tendonrepro.identify_judge import (
@@ -44,7 +45,6 @@ from tendonrepro.published import PrintedNumber, published
 from tendonrepro.readings import RUNS, reading
 from tendonrepro.runs import build_loops
 from tendonrepro.streaming import STATISTICS
-from tendonrepro.talk import Talk
 
 QUIET = Talk(quiet=True)
 OK, RINGING, DIVERGED, UNRESOLVED = range(len(STATUSES))

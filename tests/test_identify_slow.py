@@ -11,11 +11,11 @@ import pytest
 from tendonrepro.batch import simulate_batch
 from tendonrepro.box import make_box, scrambled_sobol
 from tendonrepro.config_ensemble import load_ensemble
+from tendonrepro.console import Talk
 from tendonrepro.identify import run_identify
 from tendonrepro.identify_misfit import Bench
 from tendonrepro.published import published
 from tendonrepro.readings import RUNS, parse_reading
-from tendonrepro.talk import Talk
 
 pytestmark = pytest.mark.slow
 

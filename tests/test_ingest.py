@@ -15,13 +15,13 @@ import synthetic_record
 from matlab_bytes import classic, hdf
 from numpy.typing import NDArray
 
+from tendonrepro.console import Talk
 from tendonrepro.dataset.ingest import ingest_text, run_ingest
 from tendonrepro.dataset.inspection import inspect_text, run_inspect
 from tendonrepro.errors import ConfigError, DataMissingError, UsageError
 from tendonrepro.figures import available
 from tendonrepro.records import Trace, TraceFile
 from tendonrepro.summary import table_data_compare
-from tendonrepro.talk import Talk
 from tendonrepro.traces import read_traces, write_traces
 from tendonrepro.workflow import Order, run_experiment
 

@@ -24,6 +24,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
+from tendonrepro.console import Talk
 from tendonrepro.dataset import hdf5_file, signals
 from tendonrepro.dataset.arrays_file import read_npy
 from tendonrepro.dataset.data_lock import DataLock, LockedFile, lock_path, write_lock
@@ -32,7 +33,6 @@ from tendonrepro.dataset.guard import Limits, read_guarded
 from tendonrepro.dataset.readers import files_below, read_file
 from tendonrepro.dataset.signals import Found, Source, seconds
 from tendonrepro.errors import DataMissingError, TendonreproError
-from tendonrepro.talk import Talk
 
 QUIET = Talk(quiet=True)
 READABLE = seed_files.readable()

@@ -16,6 +16,7 @@ from synthetic import COUNT, S, make_compare_file, make_decouple_file
 
 from tendonrepro.arrays import Array
 from tendonrepro.config import load_config
+from tendonrepro.console import Talk
 from tendonrepro.dataset import reruns, validate
 from tendonrepro.dataset.assembly import Assembly, doubts_about
 from tendonrepro.dataset.columns import Column
@@ -33,7 +34,6 @@ from tendonrepro.errors import DataMissingError
 from tendonrepro.published import published
 from tendonrepro.records import Trace, TraceFile
 from tendonrepro.samples import read_samples
-from tendonrepro.talk import Talk
 from tendonrepro.traces import write_traces
 
 STEP = 0.005

@@ -12,6 +12,7 @@ import pytest
 
 from tendonrepro.batch import simulate_batch
 from tendonrepro.config import load_config
+from tendonrepro.console import Talk
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.figure_sweep import draw_curves
 from tendonrepro.figure_sweep_map import draw_maps
@@ -22,7 +23,6 @@ from tendonrepro.sweep import load_sweep, run_sweep, simulate_sweep
 from tendonrepro.sweep_points import parse_over, split_values, unit_of
 from tendonrepro.sweep_table import COLUMNS, rows
 from tendonrepro.sweep_words import findings, sweep_text
-from tendonrepro.talk import Talk
 
 ALPHA = "control.gains.alpha=[0,0],[0.1,0.2],[0.3,0.4]"
 PERIOD = "sampling_period=0.5,1,2"

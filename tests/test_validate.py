@@ -15,6 +15,7 @@ from measured_synthetic import CONTROLLERS, LOADED, measured_trace, printed_file
 from synthetic import PERIOD, make_compare_file, make_decouple_file
 
 from tendonrepro.config import load_config
+from tendonrepro.console import Talk
 from tendonrepro.dataset.printed_tables import NUMBERS, PrintedTables, Timing, Tried, spans, try_windows
 from tendonrepro.dataset.rerun import aligned
 from tendonrepro.dataset.residuals import comparison_rows, coupling_rows
@@ -30,7 +31,6 @@ from tendonrepro.published import published
 from tendonrepro.records import PlantRecord, TraceFile
 from tendonrepro.summary import table_data_compare, tracking_errors
 from tendonrepro.tables import write_tables
-from tendonrepro.talk import Talk
 from tendonrepro.traces import read_traces, write_traces
 
 QUIET = Talk(quiet=True)

@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from tendonrepro.console import Talk
 from tendonrepro.dataset.by_hand import copy_file, find_files, take_as_they_are
 from tendonrepro.dataset.data_lock import (
     DataLock,
@@ -29,7 +30,6 @@ from tendonrepro.dataset.zenodo import Record, record_number
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.files import md5_of
 from tendonrepro.results import locked
-from tendonrepro.talk import Talk
 
 
 @dataclass(frozen=True)

@@ -15,12 +15,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import TypeAlias
 
+from tendonrepro.console import Talk
 from tendonrepro.dataset.filetype import kind_of
 from tendonrepro.dataset.readers import read_file, unread
 from tendonrepro.dataset.signals import Source
 from tendonrepro.errors import TendonreproError
 from tendonrepro.parallel import interrupts_held
-from tendonrepro.talk import Talk
 
 Read: TypeAlias = Callable[[Path, str], list[Source]]
 

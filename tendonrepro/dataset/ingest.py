@@ -12,6 +12,7 @@ import numpy as np
 from tendonrepro import __version__
 from tendonrepro.arrays import Array
 from tendonrepro.config import load_config
+from tendonrepro.console import Talk
 from tendonrepro.dataset.assembly import Assembly, doubts_about
 from tendonrepro.dataset.guard import read_guarded
 from tendonrepro.dataset.mapping import LoadedMapping, load_mapping
@@ -26,7 +27,6 @@ from tendonrepro.metrics import status_of
 from tendonrepro.published import coupling_of, published, table_1
 from tendonrepro.records import DECOUPLING_RUNS, PlantRecord, PlantValue, Trace, TraceFile
 from tendonrepro.summary import sizes_deg
-from tendonrepro.talk import Talk
 from tendonrepro.traces import read_traces, write_traces
 
 SCHEMA_VERSION = 1

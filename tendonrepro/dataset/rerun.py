@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from tendonrepro.config import LoadedConfig, load_config
+from tendonrepro.console import Talk
 from tendonrepro.dataset.reference_config import FILE, config_tree, csv_text
 from tendonrepro.dataset.reference_knots import thinned
 from tendonrepro.dataset.reference_motion import Reference, recorded_motion, zero_of
@@ -23,7 +24,6 @@ from tendonrepro.parallel import each
 from tendonrepro.records import Trace, TraceFile
 from tendonrepro.runs import build_loops
 from tendonrepro.strict_yaml import Node, dump
-from tendonrepro.talk import Talk
 
 COMPARE, DECOUPLE = "compare.yaml", "decouple.yaml"
 MOTION = "decouple_reference.csv"

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from tendonrepro.claim_measured import Measured
 from tendonrepro.config import LoadedConfig, load_config
+from tendonrepro.console import Talk
 from tendonrepro.dataset.reference_motion import Reference, zero_of
 from tendonrepro.dataset.rerun import (
     COMPARE,
@@ -22,7 +23,6 @@ from tendonrepro.errors import TendonreproError
 from tendonrepro.files import write_atomically
 from tendonrepro.published import COMPARED
 from tendonrepro.records import Trace, TraceFile
-from tendonrepro.talk import Talk
 
 
 @dataclass

@@ -13,6 +13,7 @@ from typing import Any, Literal
 from tendonrepro.claim_measured import JUDGED, Measured, judge_measured, measured_of
 from tendonrepro.claim_rules import Judged
 from tendonrepro.config import LoadedConfig, load_config
+from tendonrepro.console import Talk
 from tendonrepro.dataset.measured_file import origin, read_measured
 from tendonrepro.dataset.reference_config import runnable
 from tendonrepro.dataset.reference_motion import Reference
@@ -28,7 +29,6 @@ from tendonrepro.published import Published, published
 from tendonrepro.records import TraceFile
 from tendonrepro.results import MANIFEST, claimed, clear, refuse_others
 from tendonrepro.summary import CONTROLLERS, LOADS
-from tendonrepro.talk import Talk
 from tendonrepro.traces import write_traces
 
 SCHEMA_VERSION = 1

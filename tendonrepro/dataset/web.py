@@ -11,10 +11,10 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from tendonrepro import __version__
+from tendonrepro.console import Talk
 from tendonrepro.dataset.headers import kind_of_body, md5_of_body, place_of_body, seconds_asked
 from tendonrepro.dataset.web_errors import BY_HAND, TOO_MANY, WebError, host_of, passing, refused, unreached
 from tendonrepro.dataset.zenodo import plain
-from tendonrepro.talk import Talk
 
 if TYPE_CHECKING:
     from requests import Response, Session
