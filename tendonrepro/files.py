@@ -14,6 +14,13 @@ from typing import Any
 from tendonrepro.errors import DataMissingError, TendonreproError
 
 
+def shipped(folder: str) -> Path:
+    """Folder that comes with the package: inside an installed one, beside it in a checkout."""
+    package = Path(__file__).parent
+    installed = package / folder
+    return installed if installed.is_dir() else package.parent / folder
+
+
 @contextmanager
 def atomic_path(path: Path) -> Iterator[Path]:
     """Give a temporary path to write to, and rename it to `path` when the block ends well.

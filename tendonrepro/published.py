@@ -7,7 +7,6 @@ from dataclasses import dataclass, fields
 from fnmatch import fnmatchcase
 from fractions import Fraction
 from functools import cache
-from pathlib import Path
 from types import MappingProxyType
 from typing import TypeAlias
 
@@ -15,6 +14,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.errors import ConfigError
+from tendonrepro.files import shipped
 from tendonrepro.kinematics import coupling_inverse, coupling_matrix
 from tendonrepro.strict_yaml import Document, Node, load, read_text
 
@@ -163,10 +163,7 @@ def published() -> Published:
     ConfigError
         When the shipped file was damaged.
     """
-    package = Path(__file__).parent
-    # An installed wheel carries its own copy; in a checkout the file lies next to the package.
-    shipped = package / "data" / "published.yaml"
-    path = shipped if shipped.is_file() else package.parent / "data" / "published.yaml"
+    path = shipped("data") / "published.yaml"
     return parse_published(load(read_text(path), str(path)))
 
 

@@ -6,17 +6,15 @@ from pathlib import Path
 
 from tendonrepro.config_errors import nearest
 from tendonrepro.errors import UsageError
-from tendonrepro.files import write_atomically
+from tendonrepro.files import shipped, write_atomically
 from tendonrepro.strict_yaml import load, read_text
 
 SCHEMA_FILE = "schema.json"
 
 
 def shipped_folder() -> Path:
-    """Folder of the shipped configurations: inside an installed package, beside it in a checkout."""
-    package = Path(__file__).parent
-    installed = package / "configs"
-    return installed if installed.is_dir() else package.parent / "configs"
+    """Folder of the shipped configurations."""
+    return shipped("configs")
 
 
 def shipped_names() -> list[str]:
