@@ -82,7 +82,7 @@ def different_plants(loop, parameters, count):
 
     import numpy as np
 
-    from tendonrepro.arm import make_arm
+    from tendonrepro.physics.arm import make_arm
 
     masses = parameters["mass"] * np.random.default_rng(1).uniform(1.0 - SPREAD, 1.0 + SPREAD, (count, 2))
     plain = [parameters | {"mass": mass} for mass in masses]

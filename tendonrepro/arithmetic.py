@@ -9,7 +9,7 @@ from fractions import Fraction
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.kinematics import coupling_inverse
+from tendonrepro.physics.kinematics import coupling_inverse
 from tendonrepro.published import SIGN, Interval, PrintedNumber, Published, exact, rounding
 
 COURSES: Mapping[str, tuple[float, float, float]] = {

@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 from tendonrepro import compiled, streaming
 from tendonrepro.arrays import Array
 from tendonrepro.bundle import Ended, Part, plant_part, run_bundle, sample_part
-from tendonrepro.control import Law, Surface
 from tendonrepro.controllers import TimeDelayController
 from tendonrepro.errors import TendonreproError
 from tendonrepro.lanes import LANES
-from tendonrepro.metrics import STATUSES
+from tendonrepro.physics.control import Law, Surface
+from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.resolution import TOLERANCE
 from tendonrepro.simulate import Loop, motor_angles, trace_variables
 

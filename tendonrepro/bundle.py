@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from tendonrepro import compiled, streaming
 from tendonrepro.arrays import Array
-from tendonrepro.control import Law, start_memory
-from tendonrepro.dynamics import holding_torque, rest_state
-from tendonrepro.encoder import quantise
 from tendonrepro.kernel import RECORDED, Numbers, sample_code, step_code
 from tendonrepro.lanes import LANES, Rows, stacked
+from tendonrepro.physics.control import Law, start_memory
+from tendonrepro.physics.dynamics import holding_torque, rest_state
+from tendonrepro.physics.encoder import quantise
 from tendonrepro.resolution import plant_modes, steps_needed
 from tendonrepro.simulate import JOINT_NOISE, TORQUE_NOISE, Loop, random_stream
 

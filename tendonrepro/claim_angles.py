@@ -9,7 +9,7 @@ import numpy as np
 from tendonrepro.arrays import Array
 from tendonrepro.claim_rules import Judged
 from tendonrepro.errors import DataMissingError
-from tendonrepro.metrics import mae, start_level
+from tendonrepro.physics.metrics import mae, start_level
 from tendonrepro.published import COMPARED
 from tendonrepro.records import Trace, TraceFile
 from tendonrepro.summary import CONTROLLERS

@@ -21,7 +21,7 @@ from tendonrepro.dataset.printed_tables import PrintedTables, prints_as, try_win
 from tendonrepro.dataset.reference_motion import Reference, derivatives, recover, timing_of
 from tendonrepro.errors import DataMissingError
 from tendonrepro.measured_statistics import RATE_WINDOW, statistics_of
-from tendonrepro.metrics import STATUSES
+from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.published import COMPARED, PrintedNumber, Published
 from tendonrepro.readings import PRINTED
 from tendonrepro.records import Trace, TraceFile

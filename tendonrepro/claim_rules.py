@@ -20,7 +20,7 @@ from tendonrepro.arithmetic import (
     slopes_of_coupling,
     stays_tense,
 )
-from tendonrepro.control import polynomial
+from tendonrepro.physics.control import polynomial
 from tendonrepro.published import (
     COMPARED,
     Interval,

@@ -27,11 +27,13 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic, overload, register_jitable
 
-from tendonrepro import arrays, control, lane_loop, matrices
+from tendonrepro import arrays, lane_loop
 from tendonrepro.arrays import Array
-from tendonrepro.control import Law, Memory
-from tendonrepro.dynamics import Plant, state_derivative
 from tendonrepro.files import write_atomically
+from tendonrepro.physics import control
+from tendonrepro.physics import linalg as matrices
+from tendonrepro.physics.control import Law, Memory
+from tendonrepro.physics.dynamics import Plant, state_derivative
 from tendonrepro.unroll import unrolled
 
 LAW_FUNCTIONS = (
@@ -87,7 +89,7 @@ def _is_writable(folder: Path) -> bool:
 
 
 def compiled_plant(plant: Plant) -> tuple[Derivative, Array]:
-    """Compile :func:`tendonrepro.dynamics.state_derivative` for a plant.
+    """Compile :func:`tendonrepro.physics.dynamics.state_derivative` for a plant.
 
     Plants of one size with the same features switched off share one piece of code.
 
@@ -172,7 +174,7 @@ def _compile(function: Any, *signature: Any, **options: Any) -> Any:
 def command(
     memory: Memory, q: Array, q_d: Array, dq_d: Array, ddq_d: Array, law: Law
 ) -> tuple[Array, Array, Array, Array]:
-    """:func:`tendonrepro.control.command`, compiled."""
+    """:func:`tendonrepro.physics.control.command`, compiled."""
     return control.command(memory, q, q_d, dq_d, ddq_d, law)
 
 

@@ -23,12 +23,12 @@ from tendonrepro.config_model import Model, Name, Problems, RootModel, SchemaVer
 from tendonrepro.config_overrides import parse_override
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.physical import physical
+from tendonrepro.physics.trajectory import trapezoid_times
 from tendonrepro.published import COMPARED
 from tendonrepro.quantity import Scalar
 from tendonrepro.readings import AXES, RUNS, VARIATIONS, parse_reading
 from tendonrepro.shipped import shipped_folder
 from tendonrepro.strict_yaml import dump
-from tendonrepro.trajectory import trapezoid_times
 
 FAST_PERIOD = 3.33
 """Period of the motion ``fast_sine``, s: 0.3 Hz."""

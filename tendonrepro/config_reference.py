@@ -20,8 +20,8 @@ from pydantic import (
 
 from tendonrepro.config_model import Model, Outline, Problems
 from tendonrepro.physical import physical
+from tendonrepro.physics.trajectory import trapezoid_times
 from tendonrepro.quantity import Scalar, Vector
-from tendonrepro.trajectory import trapezoid_times
 
 Amplitude: TypeAlias = Annotated[Vector, physical("rad", "largest angle of each joint", size="moving")]
 Duration: TypeAlias = Annotated[Scalar, physical("s", "duration", above=0.0)]

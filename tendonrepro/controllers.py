@@ -13,12 +13,12 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.control import Law, Memory, remember, start_memory
-from tendonrepro.dynamics import Plant
-from tendonrepro.servo import Servo, servo_torque
+from tendonrepro.physics.control import Law, Memory, remember, start_memory
+from tendonrepro.physics.dynamics import Plant
+from tendonrepro.physics.servo import Servo, servo_torque
 
 CommandFunction = Callable[[Memory, Array, Array, Array, Array, Law], tuple[Array, Array, Array, Array]]
-"""Signature of :func:`tendonrepro.control.command`."""
+"""Signature of :func:`tendonrepro.physics.control.command`."""
 
 
 class Measurement(NamedTuple):
@@ -83,7 +83,7 @@ def _compiled_command() -> CommandFunction:
 
 @dataclass(frozen=True)
 class TimeDelayController:
-    """Controllers 1 to 3, plain TDC, and any law with the signature of :func:`tendonrepro.control.command`.
+    """Controllers 1 to 3, plain TDC, and any law with the signature of :func:`tendonrepro.physics.control.command`.
 
     Attributes
     ----------

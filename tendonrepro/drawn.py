@@ -10,9 +10,9 @@ import numpy as np
 
 from tendonrepro.config_box import DISTURBANCES, FRICTION_SIDES, MOTIONS, to_si
 from tendonrepro.config_ensemble import FAST_PERIOD
+from tendonrepro.physics.trajectory import trapezoid_times
 from tendonrepro.published import COMPARED
 from tendonrepro.readings import AXES
-from tendonrepro.trajectory import trapezoid_times
 
 GRID = 0.01
 """Times of a motion are multiples of this, s, so that every sampling period divides them."""

@@ -21,11 +21,11 @@ from tendonrepro.box import configured, scrambled_sobol
 from tendonrepro.config import CompareConfig
 from tendonrepro.config_model import Model
 from tendonrepro.controllers import TimeDelayController
-from tendonrepro.encoder import Encoder
 from tendonrepro.ensemble_plan import Study
 from tendonrepro.errors import TendonreproError
 from tendonrepro.manifest import cpu_name
-from tendonrepro.metrics import STATUSES, mae, rmse, status_of
+from tendonrepro.physics.encoder import Encoder
+from tendonrepro.physics.metrics import STATUSES, mae, rmse, status_of
 from tendonrepro.readings import under
 from tendonrepro.rig import build_actuator, build_encoder
 from tendonrepro.runs import build_law, build_loops

@@ -12,7 +12,7 @@ from scipy.special import stdtrit
 
 from tendonrepro.arrays import Array
 from tendonrepro.ensemble_data import EnsembleData
-from tendonrepro.metrics import STATUSES
+from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.published import published
 from tendonrepro.summary import CONTROLLERS
 

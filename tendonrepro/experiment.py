@@ -13,8 +13,8 @@ from tendonrepro.console import Talk
 from tendonrepro.controllers import TimeDelayController
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.files import to_json
-from tendonrepro.metrics import status_of
 from tendonrepro.parallel import advance, each
+from tendonrepro.physics.metrics import status_of
 from tendonrepro.plant_record import plant_record
 from tendonrepro.records import RESERVED, Trace, TraceFile
 from tendonrepro.runs import build_loops, reference_period

@@ -23,9 +23,9 @@ from tendonrepro.margins import (
     disk_margin,
     response,
 )
+from tendonrepro.physics.slow_error import ERROR_SIZES_DEG, TYPICAL_ERROR_DEG, error_ratio
 from tendonrepro.rig import build_plant
 from tendonrepro.runs import build_law, build_reference
-from tendonrepro.slow_error import ERROR_SIZES_DEG, TYPICAL_ERROR_DEG, error_ratio
 from tendonrepro.stability import decay_rate, loop_matrix, open_loop
 from tendonrepro.stability_map import (
     PARAMETERS,
@@ -134,7 +134,7 @@ def view_pairs(views: Mapping[str, View]) -> Iterator[tuple[str, View, View]]:
 
 
 def slow_ratio(a: View, b: View, size_deg: float) -> Array:
-    """Ratio of two runs' errors under a slow load, (n,); see :func:`tendonrepro.slow_error.error_ratio`."""
+    """Ratio of two runs' errors under a slow load, (n,); see :func:`tendonrepro.physics.slow_error.error_ratio`."""
     return error_ratio(a.law, b.law, float(np.deg2rad(size_deg)), a.delay)
 
 

@@ -19,8 +19,8 @@ from tendonrepro.explanation import Explanation, RunMargins, View
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.manifest import make_manifest, with_outputs
 from tendonrepro.margins import LOW_FREQUENCY, ChannelMargins
+from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, estimate_age
 from tendonrepro.results import MANIFEST, claimed, clear, refuse_others
-from tendonrepro.slow_error import TYPICAL_ERROR_DEG, estimate_age
 from tendonrepro.typeset import NOTHING, Sheet, markdown
 
 SCHEMA_VERSION = 1

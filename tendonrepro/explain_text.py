@@ -11,7 +11,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.console import columns
 from tendonrepro.explain import first_views, slow_ratio, view_pairs
 from tendonrepro.explanation import Explanation, View, WhatIf
-from tendonrepro.slow_error import TYPICAL_ERROR_DEG, estimate_age, stiffness
+from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, estimate_age, stiffness
 
 _NAMED_PAIRS = ("c1_c2", "c2_c3")
 # Ratios nearer to 1 than this are called equal; slow loads of the real plant bend them by more.

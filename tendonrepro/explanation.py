@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from tendonrepro.arrays import Array
-from tendonrepro.control import Law
-from tendonrepro.dynamics import Plant
 from tendonrepro.margins import ChannelMargins, Complex
+from tendonrepro.physics.control import Law
+from tendonrepro.physics.dynamics import Plant
 
 
 class View(NamedTuple):

@@ -10,7 +10,7 @@ import numpy as np
 from tendonrepro.arrays import Array
 from tendonrepro.figure_panels import Sheet
 from tendonrepro.figure_style import COLUMN_MM, PAGE_MM, REFERENCE, Stroke, stroke_of
-from tendonrepro.metrics import window_mean
+from tendonrepro.physics.metrics import window_mean
 from tendonrepro.traces import VARIABLES, Trace, TraceFile
 
 MEAN_WINDOW = 0.05

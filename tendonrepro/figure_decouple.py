@@ -7,7 +7,7 @@ import numpy as np
 from tendonrepro.arrays import Array
 from tendonrepro.figure_panels import Sheet
 from tendonrepro.figure_style import COLUMN_MM, REFERENCE, stroke_of
-from tendonrepro.metrics import mae
+from tendonrepro.physics.metrics import mae
 from tendonrepro.traces import Trace, TraceFile
 
 

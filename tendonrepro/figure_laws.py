@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from tendonrepro.arrays import Array
 from tendonrepro.figure_files import sheet
 from tendonrepro.figure_style import PAGE_MM, SERIES, journal_style
-from tendonrepro.metrics import periodogram
+from tendonrepro.physics.metrics import periodogram
 from tendonrepro.records import Trace, TraceFile
 from tendonrepro.summary import CONTROLLERS
 

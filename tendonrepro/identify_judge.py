@@ -13,7 +13,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.box import Box
 from tendonrepro.ensemble_shares import FEW, MOST
 from tendonrepro.identify_misfit import METRICS, Measured, Printed, log_misfit
-from tendonrepro.metrics import STATUSES
+from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.readings import RUNS
 from tendonrepro.summary import CONTROLLERS
 

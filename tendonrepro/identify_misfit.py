@@ -13,7 +13,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.batch import Batch
 from tendonrepro.box import Box, configured
 from tendonrepro.config import CompareConfig, LoadedConfig
-from tendonrepro.metrics import STATUSES
+from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.published import PrintedNumber, Published
 from tendonrepro.readings import RUNS, Reading, under
 from tendonrepro.runs import build_loops

@@ -10,14 +10,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tendonrepro import control, streaming
-from tendonrepro.actuator import Actuator, applied_torque
+from tendonrepro import streaming
 from tendonrepro.arrays import Array, choose
-from tendonrepro.control import Law, Memory
 from tendonrepro.controllers import Measurement, TimeDelayController
-from tendonrepro.dynamics import Plant, state_derivative
-from tendonrepro.encoder import Encoder, quantise
 from tendonrepro.lanes import LaneTape, Rows, lane_code, remembered
+from tendonrepro.physics import control
+from tendonrepro.physics.control import Law, Memory
+from tendonrepro.physics.dynamics import Plant, state_derivative
+from tendonrepro.physics.encoder import Encoder, quantise
+from tendonrepro.physics.instruments import Actuator, applied_torque
 from tendonrepro.simulate import LARGEST_TORQUE
 
 AT_LIMIT = 1.0 - 1e-12

@@ -22,7 +22,7 @@ from tendonrepro.dataset.measured_file import MEASURED, read_measured
 from tendonrepro.ensemble_data import EnsembleData, read_ensemble
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import to_json, write_atomically
-from tendonrepro.metrics import STATUSES
+from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.published import published
 from tendonrepro.readings import PRINTED
 from tendonrepro.records import TraceFile

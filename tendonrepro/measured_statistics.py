@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.control import Law, surface_and_feedback
+from tendonrepro.physics.control import Law, surface_and_feedback
 from tendonrepro.published import COMPARED
 from tendonrepro.records import Trace
 from tendonrepro.streaming import thresholds

@@ -15,7 +15,7 @@ import numpy as np
 from tendonrepro.arrays import Array
 from tendonrepro.errors import ConfigError
 from tendonrepro.files import shipped
-from tendonrepro.kinematics import coupling_inverse, coupling_matrix
+from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix
 from tendonrepro.strict_yaml import Document, Node, load, read_text
 
 SCHEMA_VERSION = 2

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.dynamics import Plant, holding_torque, rest_state, state_derivative
+from tendonrepro.physics.dynamics import Plant, holding_torque, rest_state, state_derivative
 
 STEPS = (1, 2, 3, 4, 5, 6, 8, 12, 16, 24, 32, 48, 64)
 """Numbers of steps per sample there are to choose from."""

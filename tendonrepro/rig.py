@@ -8,25 +8,25 @@ from __future__ import annotations
 
 import numpy as np
 
-from tendonrepro.actuator import Actuator
-from tendonrepro.arm import Arm, make_arm
 from tendonrepro.arrays import Array
 from tendonrepro.config import CompareConfig, DecoupleConfig
 from tendonrepro.config_experiment import NoDisturbance, SineDisturbance, StepDisturbance
 from tendonrepro.config_manipulator import Encoder as EncoderConfig
 from tendonrepro.config_manipulator import Manipulator
-from tendonrepro.disturbance import (
+from tendonrepro.physics.arm import Arm, make_arm
+from tendonrepro.physics.disturbance import (
     Disturbance,
     no_disturbance,
     noise_disturbance,
     sine_disturbance,
     step_disturbance,
 )
-from tendonrepro.drive import Drive
-from tendonrepro.dynamics import Plant
-from tendonrepro.encoder import Encoder
-from tendonrepro.friction import Friction
-from tendonrepro.kinematics import coupling_inverse, coupling_matrix
+from tendonrepro.physics.drive import Drive
+from tendonrepro.physics.dynamics import Plant
+from tendonrepro.physics.encoder import Encoder
+from tendonrepro.physics.friction import Friction
+from tendonrepro.physics.instruments import Actuator
+from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix
 
 Experiment = CompareConfig | DecoupleConfig
 

@@ -12,21 +12,11 @@ from tendonrepro.config import CompareConfig
 from tendonrepro.config_experiment import MOST_SAMPLES
 from tendonrepro.config_reference import InTurns, MinimumJerk, PerJoint, RaisedCosine, Sampled, Sine, Single
 from tendonrepro.config_reference import Reference as ReferenceConfig
-from tendonrepro.control import DEGREES_PER_RADIAN, Law, Surface, estimator_weights
 from tendonrepro.controllers import Controller, PositionController, TimeDelayController
 from tendonrepro.errors import ConfigError
-from tendonrepro.rig import (
-    Experiment,
-    build_actuator,
-    build_encoder,
-    build_plant,
-    coupling,
-    start_angles,
-)
-from tendonrepro.samples import read_samples
-from tendonrepro.servo import Servo
-from tendonrepro.simulate import Loop, Reference, Solver
-from tendonrepro.trajectory import (
+from tendonrepro.physics.control import DEGREES_PER_RADIAN, Law, Surface, estimator_weights
+from tendonrepro.physics.servo import Servo
+from tendonrepro.physics.trajectory import (
     Motion,
     Shape,
     at_rest,
@@ -38,6 +28,16 @@ from tendonrepro.trajectory import (
     trapezoid_times,
     trapezoidal,
 )
+from tendonrepro.rig import (
+    Experiment,
+    build_actuator,
+    build_encoder,
+    build_plant,
+    coupling,
+    start_angles,
+)
+from tendonrepro.samples import read_samples
+from tendonrepro.simulate import Loop, Reference, Solver
 
 RESOLVED_ANGLE = 1e-9
 """Error that counts as resolved with an ideal encoder, rad; see ``Law.power_floor``."""

@@ -15,13 +15,13 @@ from typing import Literal
 import numpy as np
 from scipy.integrate import ode
 
-from tendonrepro.actuator import Actuator, applied_torque
 from tendonrepro.arrays import Array
 from tendonrepro.controllers import Controller, Measurement
-from tendonrepro.drive import tendon_torque, to_joint_torque
-from tendonrepro.dynamics import Plant, holding_torque, link_acceleration, rest_state
-from tendonrepro.encoder import Encoder, noise_sequence, quantise
 from tendonrepro.errors import TendonreproError
+from tendonrepro.physics.drive import tendon_torque, to_joint_torque
+from tendonrepro.physics.dynamics import Plant, holding_torque, link_acceleration, rest_state
+from tendonrepro.physics.encoder import Encoder, noise_sequence, quantise
+from tendonrepro.physics.instruments import Actuator, applied_torque
 
 STEPS_PER_SAMPLE = 5000
 """Integrator steps in one period after which a plant counts as one it cannot resolve."""

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.linalg import expm
 
-from tendonrepro.arm import gravity_torque, mass_matrix
 from tendonrepro.arrays import Array
-from tendonrepro.control import (
+from tendonrepro.physics.arm import gravity_torque, mass_matrix
+from tendonrepro.physics.control import (
     Law,
     Memory,
     Surface,
@@ -22,8 +22,8 @@ from tendonrepro.control import (
     remember,
     time_delay_estimate,
 )
-from tendonrepro.dynamics import Plant
-from tendonrepro.kinematics import to_joint_matrix
+from tendonrepro.physics.dynamics import Plant
+from tendonrepro.physics.kinematics import to_joint_matrix
 
 
 def plant_matrices(q: Array, plant: Plant) -> tuple[Array, Array]:

@@ -8,9 +8,9 @@ from itertools import pairwise
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.control import Law
-from tendonrepro.dynamics import Plant
 from tendonrepro.margins import Complex
+from tendonrepro.physics.control import Law
+from tendonrepro.physics.dynamics import Plant
 from tendonrepro.stability import (
     closed,
     hold_discretised,

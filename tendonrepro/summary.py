@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.metrics import mae, max_abs, rmse, windows
+from tendonrepro.physics.metrics import mae, max_abs, rmse, windows
 from tendonrepro.records import Trace, TraceFile
 
 CONTROLLERS = ("controller_1", "controller_2", "controller_3")

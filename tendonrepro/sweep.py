@@ -20,12 +20,12 @@ from tendonrepro.console import Talk
 from tendonrepro.controllers import TimeDelayController
 from tendonrepro.files import sha256_of, to_json, write_atomically
 from tendonrepro.manifest import make_manifest, with_outputs
-from tendonrepro.metrics import STATUSES
+from tendonrepro.physics.metrics import STATUSES
+from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, error_ratio
 from tendonrepro.resolution import COMPILED_STEPPER
 from tendonrepro.results import MANIFEST, claimed, clear, refuse_others
 from tendonrepro.runs import build_loops
 from tendonrepro.simulate import Loop
-from tendonrepro.slow_error import TYPICAL_ERROR_DEG, error_ratio
 from tendonrepro.summary import CONTROLLERS
 from tendonrepro.sweep_points import Axis, Point, numbers_per_joint, parse_over, sweep_points, unit_of
 from tendonrepro.sweep_table import COLUMNS, write_table

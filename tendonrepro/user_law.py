@@ -12,16 +12,16 @@ from typing import Any, cast
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.control import Law, Memory
 from tendonrepro.controllers import CommandFunction, TimeDelayController
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.files import sha256_of
+from tendonrepro.physics.control import Law, Memory
 from tendonrepro.simulate import Loop
 
 
 @dataclass(frozen=True)
 class UserLaw:
-    """A function with the signature of :func:`tendonrepro.control.command`, named by its place.
+    """A function with the signature of :func:`tendonrepro.physics.control.command`, named by its place.
 
     Attributes
     ----------

@@ -16,7 +16,7 @@ from tendonrepro.batch import Batch
 from tendonrepro.console import Talk
 from tendonrepro.ensemble import load_study
 from tendonrepro.ensemble_plan import Study
-from tendonrepro.metrics import STATUSES
+from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulate import Loop
 from tendonrepro.streaming import STATISTICS
 

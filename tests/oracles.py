@@ -14,12 +14,12 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from tendonrepro.arm import Arm, make_arm
-from tendonrepro.disturbance import Disturbance, no_disturbance, step_disturbance
-from tendonrepro.drive import Drive
-from tendonrepro.dynamics import Plant
-from tendonrepro.friction import Friction
-from tendonrepro.kinematics import coupling_inverse, coupling_matrix
+from tendonrepro.physics.arm import Arm, make_arm
+from tendonrepro.physics.disturbance import Disturbance, no_disturbance, step_disturbance
+from tendonrepro.physics.drive import Drive
+from tendonrepro.physics.dynamics import Plant
+from tendonrepro.physics.friction import Friction
+from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix
 
 Array = NDArray[np.float64]
 

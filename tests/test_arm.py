@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from oracles import Links, lagrangian, mass_matrix_by_lagrange, random_links, slope
 
-from tendonrepro.arm import (
+from tendonrepro.physics.arm import (
     bias_torque,
     coriolis_matrix,
     gravity_torque,

@@ -13,13 +13,13 @@ from tendonrepro.batch import Batch, simulate_batch
 from tendonrepro.box import configured, population, scrambled_sobol
 from tendonrepro.config import CompareConfig, load_config
 from tendonrepro.config_ensemble import load_ensemble
-from tendonrepro.control import Law
 from tendonrepro.controllers import TimeDelayController
-from tendonrepro.disturbance import no_disturbance
-from tendonrepro.dynamics import frictionless
 from tendonrepro.errors import TendonreproError
 from tendonrepro.lanes import stacked
-from tendonrepro.metrics import STATUSES, periodogram, status_of
+from tendonrepro.physics.control import Law
+from tendonrepro.physics.disturbance import no_disturbance
+from tendonrepro.physics.dynamics import frictionless
+from tendonrepro.physics.metrics import STATUSES, periodogram, status_of
 from tendonrepro.resolution import STEPS, plant_modes, steps_needed
 from tendonrepro.runs import build_loops
 from tendonrepro.simulate import Loop, Reference, simulate

@@ -17,7 +17,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from tendonrepro.dynamics import state_derivative
+from tendonrepro.physics.dynamics import state_derivative
 from tendonrepro.simulate import simulate
 
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"

@@ -17,13 +17,13 @@ from tendonrepro.claim_report import table_text
 from tendonrepro.claim_rules import Judged
 from tendonrepro.claims import Sources, judge_all
 from tendonrepro.console import Talk
-from tendonrepro.control import polynomial
 from tendonrepro.dataset.measured_file import read_measured
 from tendonrepro.dataset.printed_tables import SPREAD, PrintedTables, Timing, try_windows
 from tendonrepro.dataset.reference_motion import derivatives
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.ledger import run_claims
 from tendonrepro.measured_statistics import sliding_variable, statistics_of
+from tendonrepro.physics.control import polynomial
 from tendonrepro.published import published
 from tendonrepro.readings import PRINTED
 from tendonrepro.records import Trace, TraceFile

@@ -311,7 +311,7 @@ def test_quiet_is_quiet_and_notes_go_to_stderr(command: str, tmp_path: Path) -> 
 @pytest.mark.slow
 def test_a_law_of_the_users_own_runs_beside_the_others(command: str, tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(
-        "from tendonrepro.control import command\n"
+        "from tendonrepro.physics.control import command\n"
         "def mine(memory, q, q_d, dq_d, ddq_d, law):\n"
         "    return command(memory, q, q_d, dq_d, ddq_d, law)\n"
         "def broken(memory, q, q_d, dq_d, ddq_d, law):\n"

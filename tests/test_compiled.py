@@ -14,10 +14,11 @@ import pytest
 from numpy.typing import NDArray
 from oracles import FEATURES, PAPER, random_plant, random_state
 
-from tendonrepro import compiled, control
+from tendonrepro import compiled
 from tendonrepro.config import CompareConfig, load_config
-from tendonrepro.control import remember, start_memory
-from tendonrepro.dynamics import state_derivative
+from tendonrepro.physics import control
+from tendonrepro.physics.control import remember, start_memory
+from tendonrepro.physics.dynamics import state_derivative
 from tendonrepro.runs import build_law
 from tendonrepro.unroll import unrolled
 

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from tendonrepro import compiled
-from tendonrepro.arm import bias_torque, coriolis_matrix, gravity_torque, make_arm, mass_matrix
-from tendonrepro.control import (
+from tendonrepro.physics.arm import bias_torque, coriolis_matrix, gravity_torque, make_arm, mass_matrix
+from tendonrepro.physics.control import (
     DEGREES_PER_RADIAN,
     Law,
     Memory,

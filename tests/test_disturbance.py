@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tendonrepro.disturbance import (
+from tendonrepro.physics.disturbance import (
     Disturbance,
     disturbance_torque,
     no_disturbance,

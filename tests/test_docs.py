@@ -26,7 +26,7 @@ from tendonrepro.config_kinds import json_schema
 from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiment import all_loops
-from tendonrepro.metrics import mae, status_of
+from tendonrepro.physics.metrics import mae, status_of
 from tendonrepro.published import published
 from tendonrepro.quantity import UNITS
 from tendonrepro.records import VARIABLES

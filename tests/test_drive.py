@@ -17,7 +17,7 @@ from oracles import (
     winch_angles,
 )
 
-from tendonrepro.drive import (
+from tendonrepro.physics.drive import (
     Drive,
     motor_acceleration,
     tendon_torque,
@@ -27,7 +27,7 @@ from tendonrepro.drive import (
     to_winch_torque,
     winch_friction,
 )
-from tendonrepro.kinematics import to_joint_matrix
+from tendonrepro.physics.kinematics import to_joint_matrix
 
 Array = NDArray[np.float64]
 

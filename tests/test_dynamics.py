@@ -24,9 +24,9 @@ from oracles import (
 )
 from scipy.integrate import solve_ivp
 
-from tendonrepro.disturbance import no_disturbance, step_disturbance
-from tendonrepro.drive import tendon_torque, to_joint_torque
-from tendonrepro.dynamics import (
+from tendonrepro.physics.disturbance import no_disturbance, step_disturbance
+from tendonrepro.physics.drive import tendon_torque, to_joint_torque
+from tendonrepro.physics.dynamics import (
     Plant,
     frictionless,
     holding_torque,

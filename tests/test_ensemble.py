@@ -23,7 +23,7 @@ from tendonrepro.ensemble_data import read_ensemble
 from tendonrepro.ensemble_folder import missing_blocks
 from tendonrepro.ensemble_plan import Study
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
-from tendonrepro.metrics import mae, rmse
+from tendonrepro.physics.metrics import mae, rmse
 from tendonrepro.readings import RUNS, under
 from tendonrepro.runs import build_loops
 from tendonrepro.shards import FOLDER, read_shard, shard_files

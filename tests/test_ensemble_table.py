@@ -24,7 +24,7 @@ from tendonrepro.ensemble_table import (
 )
 from tendonrepro.ensemble_words import conclusions
 from tendonrepro.figure_ensemble import draw_ensemble_figures, draw_ratios, draw_shares, draw_statuses
-from tendonrepro.metrics import STATUSES
+from tendonrepro.physics.metrics import STATUSES
 
 RUNS = ("controller_1", "controller_2", "controller_3", "controller_1_payload")
 READINGS = ("printed", "weights=extrapolating", "start=cold")

@@ -17,7 +17,7 @@ from tendonrepro.explain_files import explanation_data, run_explain
 from tendonrepro.explain_text import explanation_text
 from tendonrepro.files import to_json
 from tendonrepro.margins import ChannelMargins
-from tendonrepro.slow_error import TYPICAL_ERROR_DEG
+from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG
 from tendonrepro.stability import decay_rate, loop_matrix
 from tendonrepro.stability_map import border_distance, modes, root_locus, scaled
 

@@ -13,7 +13,7 @@ import pytest
 from tendonrepro.config import CompareConfig, load_config
 from tendonrepro.console import Talk
 from tendonrepro.experiment import simulate_all, trace_file
-from tendonrepro.metrics import mae, rmse, window_mean
+from tendonrepro.physics.metrics import mae, rmse, window_mean
 from tendonrepro.records import TraceFile
 from tendonrepro.rig import build_plant
 from tendonrepro.runs import build_law

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from oracles import friction_by_formula, random_friction, slope
 
-from tendonrepro.friction import Friction, friction_torque, without_dry_friction
+from tendonrepro.physics.friction import Friction, friction_torque, without_dry_friction
 
 Array = NDArray[np.float64]
 

@@ -40,7 +40,7 @@ from tendonrepro.identify_misfit import (
 from tendonrepro.identify_report import identify_text
 from tendonrepro.identify_search import Effort, Found, search
 from tendonrepro.identify_state import load_state
-from tendonrepro.metrics import STATUSES
+from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.published import PrintedNumber, published
 from tendonrepro.readings import RUNS, reading
 from tendonrepro.runs import build_loops

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from oracles import TABLE_1, coupling_by_columns
 
-from tendonrepro.actuator import Actuator, applied_torque
-from tendonrepro.encoder import noise_sequence, quantise
-from tendonrepro.servo import Servo, servo_torque
+from tendonrepro.physics.encoder import noise_sequence, quantise
+from tendonrepro.physics.instruments import Actuator, applied_torque
+from tendonrepro.physics.servo import Servo, servo_torque
 
 Array = NDArray[np.float64]
 

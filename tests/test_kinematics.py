@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from oracles import TABLE_1, Routing, coupling_by_columns, random_routing, rope_used, winch_angles
 
-from tendonrepro.kinematics import coupling_inverse, coupling_matrix, to_joint_matrix
+from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix, to_joint_matrix
 
 Array = NDArray[np.float64]
 

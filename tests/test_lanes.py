@@ -7,9 +7,9 @@ import pytest
 
 from tendonrepro import compiled
 from tendonrepro.arrays import Array, choose
-from tendonrepro.dynamics import state_derivative
 from tendonrepro.kernel import runge_kutta, step_code
 from tendonrepro.lanes import LANES, LaneTape, Rows, lane_code, signature, stacked
+from tendonrepro.physics.dynamics import state_derivative
 from tests.oracles import FEATURES, random_plant, random_state
 
 

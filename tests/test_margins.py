@@ -9,10 +9,10 @@ import pytest
 
 from tendonrepro.config import load_config
 from tendonrepro.margins import angle_grid, channel, channel_margins, disk_margin, response, scaled_norm
+from tendonrepro.physics.slow_error import error_ratio, estimate_age, stiffness
 from tendonrepro.rig import build_plant
 from tendonrepro.runs import build_law, build_loops
 from tendonrepro.simulate import simulate
-from tendonrepro.slow_error import error_ratio, estimate_age, stiffness
 from tendonrepro.stability import open_loop, spectral_radius
 
 L = 1e-3

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from tendonrepro.metrics import mae, max_abs, periodogram, rmse, status_of, window_mean, windows
+from tendonrepro.physics.metrics import mae, max_abs, periodogram, rmse, status_of, window_mean, windows
 
 Array = NDArray[np.float64]
 STEP = 1e-3

@@ -12,8 +12,8 @@ import pytest
 from tendonrepro.box import configured, make_box, scrambled_sobol
 from tendonrepro.config import CompareConfig, shipped_folder
 from tendonrepro.config_ensemble import load_ensemble
-from tendonrepro.control import Law, Surface
 from tendonrepro.errors import UsageError
+from tendonrepro.physics.control import Law, Surface
 from tendonrepro.readings import (
     AXES,
     RUNS,

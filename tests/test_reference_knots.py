@@ -10,9 +10,9 @@ from tendonrepro.dataset.reference_fit import HALF_COUNT, limit
 from tendonrepro.dataset.reference_knots import SPACINGS, smoothed, thinned
 from tendonrepro.dataset.reference_motion import derivatives, recover_run
 from tendonrepro.dataset.reference_record import Recorded, noise, recorded
+from tendonrepro.physics.trajectory import Motion, minimum_jerk, motion, raised_cosine, smooth_sine
 from tendonrepro.records import Trace
 from tendonrepro.streaming import thresholds
-from tendonrepro.trajectory import Motion, minimum_jerk, motion, raised_cosine, smooth_sine
 
 AMPLITUDE = np.deg2rad([20.0, 30.0])
 COUNT = np.deg2rad(0.022)

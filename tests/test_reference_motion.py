@@ -20,10 +20,7 @@ from tendonrepro.dataset.reference_shapes import Values
 from tendonrepro.dataset.reference_signal import _misfit, repeat_after
 from tendonrepro.dataset.reference_turns import amplitude_of, movers, turns_of
 from tendonrepro.errors import DataMissingError
-from tendonrepro.records import PlantRecord, Trace, TraceFile
-from tendonrepro.samples import read_samples
-from tendonrepro.strict_yaml import dump
-from tendonrepro.trajectory import (
+from tendonrepro.physics.trajectory import (
     Motion,
     Shape,
     at_rest,
@@ -34,6 +31,9 @@ from tendonrepro.trajectory import (
     trapezoid_times,
     trapezoidal,
 )
+from tendonrepro.records import PlantRecord, Trace, TraceFile
+from tendonrepro.samples import read_samples
+from tendonrepro.strict_yaml import dump
 
 COUNT = float(np.deg2rad(0.022))
 AMPLITUDE = np.deg2rad([20.0, 30.0])

@@ -13,8 +13,15 @@ from tendonrepro.dataset.reference_motion import recover, recover_run
 from tendonrepro.dataset.reference_onset import onset
 from tendonrepro.dataset.reference_record import noise, recorded
 from tendonrepro.dataset.rerun import departure
+from tendonrepro.physics.trajectory import (
+    Motion,
+    minimum_jerk,
+    motion,
+    raised_cosine,
+    smooth_sine,
+    trapezoidal,
+)
 from tendonrepro.records import Trace
-from tendonrepro.trajectory import Motion, minimum_jerk, motion, raised_cosine, smooth_sine, trapezoidal
 
 SIZE = np.deg2rad(24.0)
 SHAPES = {

@@ -10,11 +10,11 @@ import pytest
 from numpy.typing import NDArray
 from oracles import TABLE_1, coupling_by_columns
 
-from tendonrepro.actuator import Actuator
-from tendonrepro.arm import bias_torque, mass_matrix
 from tendonrepro.config import load_config
-from tendonrepro.disturbance import Disturbance, disturbance_torque
-from tendonrepro.kinematics import to_joint_matrix
+from tendonrepro.physics.arm import bias_torque, mass_matrix
+from tendonrepro.physics.disturbance import Disturbance, disturbance_torque
+from tendonrepro.physics.instruments import Actuator
+from tendonrepro.physics.kinematics import to_joint_matrix
 from tendonrepro.rig import (
     build_actuator,
     build_arm,

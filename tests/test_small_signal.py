@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from tendonrepro.config import load_config
-from tendonrepro.metrics import mae, rmse
+from tendonrepro.physics.metrics import mae, rmse
 from tendonrepro.runs import build_loops
 from tendonrepro.simulate import simulate
 

@@ -9,16 +9,16 @@ import pytest
 from scipy.optimize import brentq
 from scipy.signal import cont2discrete
 
-from tendonrepro.actuator import Actuator
-from tendonrepro.arm import Arm, gravity_torque
 from tendonrepro.config import load_config
-from tendonrepro.control import Law, Surface, estimator_weights, phi, surface_and_feedback
 from tendonrepro.controllers import TimeDelayController
-from tendonrepro.disturbance import no_disturbance
-from tendonrepro.drive import Drive
-from tendonrepro.dynamics import Plant, frictionless, holding_torque, rest_state, state_derivative
-from tendonrepro.encoder import Encoder
-from tendonrepro.friction import Friction
+from tendonrepro.physics.arm import Arm, gravity_torque
+from tendonrepro.physics.control import Law, Surface, estimator_weights, phi, surface_and_feedback
+from tendonrepro.physics.disturbance import no_disturbance
+from tendonrepro.physics.drive import Drive
+from tendonrepro.physics.dynamics import Plant, frictionless, holding_torque, rest_state, state_derivative
+from tendonrepro.physics.encoder import Encoder
+from tendonrepro.physics.friction import Friction
+from tendonrepro.physics.instruments import Actuator
 from tendonrepro.rig import build_plant
 from tendonrepro.runs import build_law
 from tendonrepro.simulate import Loop, Reference, Solver, simulate

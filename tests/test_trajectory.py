@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tendonrepro.errors import ConfigError
-from tendonrepro.samples import read_samples
-from tendonrepro.trajectory import (
+from tendonrepro.physics.trajectory import (
     Motion,
     at_rest,
     minimum_jerk,
@@ -20,6 +19,7 @@ from tendonrepro.trajectory import (
     trapezoid_times,
     trapezoidal,
 )
+from tendonrepro.samples import read_samples
 
 A = np.deg2rad(30.0)
 KNOTS = np.linspace(0.0, 2.0, 21)

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from oracles import FEATURES, PAPER, random_plant, random_state
 
-from tendonrepro.dynamics import Plant, state_derivative
+from tendonrepro.physics.dynamics import Plant, state_derivative
 from tendonrepro.unroll import Tape, symbols, unrolled
 
 Array = NDArray[np.float64]

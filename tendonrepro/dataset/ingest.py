@@ -23,7 +23,7 @@ from tendonrepro.dataset.words import printable
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import sha256_of, to_json
 from tendonrepro.manifest import environment
-from tendonrepro.metrics import status_of
+from tendonrepro.physics.metrics import status_of
 from tendonrepro.published import coupling_of, published, table_1
 from tendonrepro.records import DECOUPLING_RUNS, PlantRecord, PlantValue, Trace, TraceFile
 from tendonrepro.summary import sizes_deg

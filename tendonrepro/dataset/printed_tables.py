@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.metrics import windows
+from tendonrepro.physics.metrics import windows
 from tendonrepro.published import Published, rounding
 from tendonrepro.records import Trace, TraceFile
 from tendonrepro.summary import CONTROLLERS, LOADS, sizes_deg

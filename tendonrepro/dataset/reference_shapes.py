@@ -9,7 +9,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.dataset.reference_turns import Turns
-from tendonrepro.trajectory import (
+from tendonrepro.physics.trajectory import (
     Motion,
     Shape,
     at_rest,

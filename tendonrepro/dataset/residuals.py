@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.metrics import mae, max_abs, rmse, start_level
+from tendonrepro.physics.metrics import mae, max_abs, rmse, start_level
 from tendonrepro.records import PlantRecord, Trace
 
 Row: TypeAlias = dict[str, Any]

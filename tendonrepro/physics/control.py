@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tendonrepro.arrays import Array, choose
-from tendonrepro.matrices import times
+from tendonrepro.physics.linalg import times
 
 SAMPLES_BACK = 4
 """Oldest encoder sample that Eq. (16) needs."""

@@ -10,10 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tendonrepro.arm import Arm, bias_torque, gravity_torque, mass_matrix
 from tendonrepro.arrays import Array
-from tendonrepro.disturbance import Disturbance, disturbance_torque
-from tendonrepro.drive import (
+from tendonrepro.physics.arm import Arm, bias_torque, gravity_torque, mass_matrix
+from tendonrepro.physics.disturbance import Disturbance, disturbance_torque
+from tendonrepro.physics.drive import (
     Drive,
     lever,
     motor_acceleration,
@@ -22,8 +22,8 @@ from tendonrepro.drive import (
     to_joint_torque,
     to_winch_torque,
 )
-from tendonrepro.friction import Friction, friction_torque, without_dry_friction
-from tendonrepro.matrices import solve_positive_definite
+from tendonrepro.physics.friction import Friction, friction_torque, without_dry_friction
+from tendonrepro.physics.linalg import solve_positive_definite
 
 
 class Plant(NamedTuple):

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.encoder import quantise
+from tendonrepro.physics.encoder import quantise
 
 
 class Actuator(NamedTuple):

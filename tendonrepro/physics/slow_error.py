@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.control import Law, surface_and_feedback
+from tendonrepro.physics.control import Law, surface_and_feedback
 
 ERROR_SIZES_DEG = (0.05, 0.25, 1.0, 5.0)
 """Sizes of the error at which the ratio of two laws is given."""
