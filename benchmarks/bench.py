@@ -61,7 +61,7 @@ def main():
 
 def compare_case(duration, baselines, repeats):
     """One Controller 1 run with the shipped solver against plain loops at an equal error of q."""
-    from tendonrepro.simulate import simulate
+    from tendonrepro.simulation.stepper import simulate
 
     loop, parameters, reference = stated_case(duration)
     truth = simulate(tightened(loop))["q"]
@@ -80,7 +80,7 @@ def compare_case(duration, baselines, repeats):
 
 def against(loop, truth, error, plain, ladder, repeats):
     """Times of the package and of one baseline at the tolerance that makes their errors equal."""
-    from tendonrepro.simulate import simulate
+    from tendonrepro.simulation.stepper import simulate
 
     rtol, plain_error = matching_tolerance(ladder, error, lambda rtol: largest(plain(rtol) - truth))
     seconds, plain_seconds, ratio = timed_in_turns(lambda: simulate(loop), lambda: plain(rtol), repeats)

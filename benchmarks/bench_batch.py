@@ -65,7 +65,7 @@ class Stated:
         self.steps = sorted(map(int, set(self.batch(self.loops[:1]).steps)))
 
     def batch(self, loops, **options):
-        from tendonrepro.batch import simulate_batch
+        from tendonrepro.simulation.batch import simulate_batch
 
         return simulate_batch(loops, self.limits, **options)
 
@@ -95,7 +95,7 @@ def different_plants(loop, parameters, count):
 
 def truth(loop):
     """Traces with joint angles to 1e-10 rad and better."""
-    from tendonrepro.simulate import simulate
+    from tendonrepro.simulation.stepper import simulate
 
     return simulate(tightened(loop))
 

@@ -21,7 +21,7 @@ def stated_case(duration, overrides=IDEAL_ENCODER):
 
     from tendonrepro.config import load_config
     from tendonrepro.runs import build_loops
-    from tendonrepro.simulate import Reference
+    from tendonrepro.simulation.stepper import Reference
 
     loaded = load_config(None, "compare", overrides=overrides)
     loop = dict(build_loops(loaded.config, loaded.folder))["controller_1"]

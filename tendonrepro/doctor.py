@@ -74,6 +74,6 @@ def _published() -> str:
 
 
 def _compiled() -> str:
-    from tendonrepro.compiled import cache_is_empty
+    from tendonrepro.simulation.codegen.compiled import cache_is_empty
 
     return "will be compiled at the first run, about ten seconds" if cache_is_empty() else "ok"

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 from tendonrepro import __version__
-from tendonrepro.batch import simulate_batch
 from tendonrepro.box import population
 from tendonrepro.config_ensemble import load_ensemble
 from tendonrepro.console import Talk
@@ -28,6 +27,7 @@ from tendonrepro.manifest import make_manifest, with_outputs
 from tendonrepro.readings import default_readings, full_cross, parse_reading
 from tendonrepro.results import MANIFEST, claimed, clear, refuse_others
 from tendonrepro.shards import FOLDER, SCHEMA_VERSION, Block
+from tendonrepro.simulation.batch import simulate_batch
 
 SUMMARY = "summary.json"
 

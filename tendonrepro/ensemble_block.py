@@ -16,11 +16,9 @@ from numpy.typing import NDArray
 
 from tendonrepro import __version__
 from tendonrepro.arrays import Array
-from tendonrepro.batch import Batch, simulate_batch
 from tendonrepro.box import configured, scrambled_sobol
 from tendonrepro.config import CompareConfig
 from tendonrepro.config_model import Model
-from tendonrepro.controllers import TimeDelayController
 from tendonrepro.ensemble_plan import Study
 from tendonrepro.errors import TendonreproError
 from tendonrepro.manifest import cpu_name
@@ -30,10 +28,12 @@ from tendonrepro.readings import under
 from tendonrepro.rig import build_actuator, build_encoder
 from tendonrepro.runs import build_law, build_loops
 from tendonrepro.shards import Block, Shard, shard_image
-from tendonrepro.simulate import Loop, simulate
+from tendonrepro.simulation.batch import Batch, simulate_batch
+from tendonrepro.simulation.controllers import TimeDelayController
+from tendonrepro.simulation.stepper import Loop, simulate
 
 Simulate: TypeAlias = Callable[[Sequence[Loop], Any], Batch]
-"""Signature of `tendonrepro.batch.simulate_batch`."""
+"""Signature of `tendonrepro.simulation.batch.simulate_batch`."""
 
 DRAWS_AT_ONCE = 32
 """Draws simulated together; more fill the lanes better; each has motions of some 3 MB."""

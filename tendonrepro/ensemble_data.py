@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from tendonrepro.arrays import Array
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.shards import FOLDER, Block, Case, opened
-from tendonrepro.streaming import STATISTICS
+from tendonrepro.simulation.streaming import STATISTICS
 
 KEPT_BYTES = 64e6
 """Largest dataset, over all shards, that is kept in memory; an ensemble has some 25."""
@@ -85,7 +85,7 @@ class EnsembleData:
         return (run, reading) in self.lookup
 
     def status(self, run: str, reading: str) -> NDArray[np.int8]:
-        """Status codes of a run under a reading or variation, (N,); `tendonrepro.batch.STATUSES` names them.
+        """Status codes of a run under a reading or variation, (N,); `tendonrepro.simulation.batch.STATUSES` names them.
 
         Raises
         ------
@@ -95,7 +95,7 @@ class EnsembleData:
         return np.concatenate(self._pieces("status", self._place(run, reading))).astype(np.int8)
 
     def statistic(self, run: str, reading: str, name: str) -> Array:
-        """One of `tendonrepro.batch.STATISTICS`, SI units, (N, n).
+        """One of `tendonrepro.simulation.batch.STATISTICS`, SI units, (N, n).
 
         Raises
         ------

@@ -17,7 +17,7 @@ from tendonrepro.config import CompareConfig, LoadedConfig
 from tendonrepro.errors import UsageError
 from tendonrepro.readings import RUNS, Reading, case_of
 from tendonrepro.shards import SCHEMA_VERSION, Block, Case
-from tendonrepro.streaming import STATISTICS
+from tendonrepro.simulation.streaming import STATISTICS
 
 CHECK_EVERY = 8
 """One block in so many reruns one of its experiments with the reference stepper, which takes seconds."""

@@ -10,7 +10,6 @@ from tendonrepro import __version__
 from tendonrepro.arrays import Array
 from tendonrepro.config import CompareConfig, LoadedConfig
 from tendonrepro.console import Talk
-from tendonrepro.controllers import TimeDelayController
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.files import to_json
 from tendonrepro.parallel import advance, each
@@ -18,7 +17,8 @@ from tendonrepro.physics.metrics import status_of
 from tendonrepro.plant_record import plant_record
 from tendonrepro.records import RESERVED, Trace, TraceFile
 from tendonrepro.runs import build_loops, reference_period
-from tendonrepro.simulate import Loop, simulate
+from tendonrepro.simulation.controllers import TimeDelayController
+from tendonrepro.simulation.stepper import Loop, simulate
 from tendonrepro.user_law import UserLaw, add_user_law
 
 PRECISE = 1e-6
@@ -62,7 +62,7 @@ def simulate_all(loaded: LoadedConfig, law: UserLaw | None, talk: Talk) -> list[
     list of Trace
         Each with its status; one that diverged ends early and the others go on.
     """
-    from tendonrepro.compiled import cache_is_empty
+    from tendonrepro.simulation.codegen.compiled import cache_is_empty
 
     if cache_is_empty():
         talk.note("compiling once for this machine, about ten seconds")
@@ -111,8 +111,8 @@ def simulate_together(loaded: LoadedConfig, law: UserLaw | None, talk: Talk) -> 
     TendonreproError
         If a plant is too fast for it, or a law is not the package's own.
     """
-    from tendonrepro.batch import simulate_batch
-    from tendonrepro.compiled import cache_is_empty
+    from tendonrepro.simulation.batch import simulate_batch
+    from tendonrepro.simulation.codegen.compiled import cache_is_empty
 
     loops = all_loops(loaded, law)
     if cache_is_empty():

@@ -11,7 +11,6 @@ from typing import Any, get_args
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.batch import simulate_batch
 from tendonrepro.box import make_box, scrambled_sobol
 from tendonrepro.config_ensemble import LoadedEnsemble, load_ensemble
 from tendonrepro.console import Talk
@@ -42,6 +41,7 @@ from tendonrepro.manifest import make_manifest, with_outputs
 from tendonrepro.published import Published, published
 from tendonrepro.readings import AXES, RUNS, Reading, default_readings, parse_reading
 from tendonrepro.results import MANIFEST, claimed, clear, refuse_others
+from tendonrepro.simulation.batch import simulate_batch
 
 DATA = "identify.json"
 STATES = "search"

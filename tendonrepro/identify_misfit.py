@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.batch import Batch
 from tendonrepro.box import Box, configured
 from tendonrepro.config import CompareConfig, LoadedConfig
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.published import PrintedNumber, Published
 from tendonrepro.readings import RUNS, Reading, under
 from tendonrepro.runs import build_loops
-from tendonrepro.simulate import Loop, Reference
+from tendonrepro.simulation.batch import Batch
+from tendonrepro.simulation.stepper import Loop, Reference
 
 Window: TypeAlias = Literal["whole", "late"]
 """What the printed numbers average: the whole run, or all after its first period."""
@@ -34,7 +34,7 @@ _PLANTS_AT_ONCE = 256
 
 
 class Simulate(Protocol):
-    """Signature of `tendonrepro.batch.simulate_batch`."""
+    """Signature of `tendonrepro.simulation.batch.simulate_batch`."""
 
     def __call__(self, loops: Sequence[Loop], limits: Any, *, threads: int) -> Batch:
         """Run many closed loops."""
@@ -86,7 +86,7 @@ class Measured:
     sizes : array (N, R, 2, n)
         MAE and RMSE, deg; up to its end of a diverged run, NaN where there is nothing.
     status : array (N, R) of int8
-        Index into `tendonrepro.batch.STATUSES`.
+        Index into `tendonrepro.simulation.batch.STATUSES`.
     lasted : array (N, R)
         Share of the run that was done.
     """

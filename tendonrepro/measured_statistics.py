@@ -9,7 +9,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.physics.control import Law, surface_and_feedback
 from tendonrepro.published import COMPARED
 from tendonrepro.records import Trace
-from tendonrepro.streaming import thresholds
+from tendonrepro.simulation.streaming import thresholds
 
 RATE_WINDOW = 0.05
 """Time over which the rate of a measured error is taken, s."""

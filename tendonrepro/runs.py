@@ -12,7 +12,6 @@ from tendonrepro.config import CompareConfig
 from tendonrepro.config_experiment import MOST_SAMPLES
 from tendonrepro.config_reference import InTurns, MinimumJerk, PerJoint, RaisedCosine, Sampled, Sine, Single
 from tendonrepro.config_reference import Reference as ReferenceConfig
-from tendonrepro.controllers import Controller, PositionController, TimeDelayController
 from tendonrepro.errors import ConfigError
 from tendonrepro.physics.control import DEGREES_PER_RADIAN, Law, Surface, estimator_weights
 from tendonrepro.physics.servo import Servo
@@ -37,7 +36,8 @@ from tendonrepro.rig import (
     start_angles,
 )
 from tendonrepro.samples import read_samples
-from tendonrepro.simulate import Loop, Reference, Solver
+from tendonrepro.simulation.controllers import Controller, PositionController, TimeDelayController
+from tendonrepro.simulation.stepper import Loop, Reference, Solver
 
 RESOLVED_ANGLE = 1e-9
 """Error that counts as resolved with an ideal encoder, rad; see ``Law.power_floor``."""

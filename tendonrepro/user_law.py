@@ -12,11 +12,11 @@ from typing import Any, cast
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.controllers import CommandFunction, TimeDelayController
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.files import sha256_of
 from tendonrepro.physics.control import Law, Memory
-from tendonrepro.simulate import Loop
+from tendonrepro.simulation.controllers import CommandFunction, TimeDelayController
+from tendonrepro.simulation.stepper import Loop
 
 
 @dataclass(frozen=True)

@@ -21,8 +21,8 @@ from tendonrepro.manifest import make_manifest, with_outputs
 from tendonrepro.parallel import each
 from tendonrepro.published import published
 from tendonrepro.records import TraceFile
-from tendonrepro.resolution import COMPILED_STEPPER
 from tendonrepro.results import MANIFEST, TRACES, claimed, clear, read_manifest, refuse_others
+from tendonrepro.simulation.resolution import COMPILED_STEPPER
 from tendonrepro.summary import LOADS, compared_runs, table_data_compare, table_data_decouple
 from tendonrepro.traces import read_traces, write_traces
 from tendonrepro.user_law import UserLaw, find_user_law

@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from tendonrepro.batch import Batch
 from tendonrepro.console import Talk
 from tendonrepro.ensemble import load_study
 from tendonrepro.ensemble_plan import Study
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.simulate import Loop
-from tendonrepro.streaming import STATISTICS
+from tendonrepro.simulation.batch import Batch
+from tendonrepro.simulation.stepper import Loop
+from tendonrepro.simulation.streaming import STATISTICS
 
 SHARES = {"ok": 0.8, "ringing": 0.08, "diverged": 0.08, "unresolved": 0.04}
 

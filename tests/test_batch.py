@@ -9,22 +9,22 @@ import numpy as np
 import pytest
 
 from tendonrepro.arrays import Array
-from tendonrepro.batch import Batch, simulate_batch
 from tendonrepro.box import configured, population, scrambled_sobol
 from tendonrepro.config import CompareConfig, load_config
 from tendonrepro.config_ensemble import load_ensemble
-from tendonrepro.controllers import TimeDelayController
 from tendonrepro.errors import TendonreproError
-from tendonrepro.lanes import stacked
 from tendonrepro.physics.control import Law
 from tendonrepro.physics.disturbance import no_disturbance
 from tendonrepro.physics.dynamics import frictionless
 from tendonrepro.physics.metrics import STATUSES, periodogram, status_of
-from tendonrepro.resolution import STEPS, plant_modes, steps_needed
 from tendonrepro.runs import build_loops
-from tendonrepro.simulate import Loop, Reference, simulate
+from tendonrepro.simulation.batch import Batch, simulate_batch
+from tendonrepro.simulation.codegen.lanes import stacked
+from tendonrepro.simulation.controllers import TimeDelayController
+from tendonrepro.simulation.resolution import STEPS, plant_modes, steps_needed
+from tendonrepro.simulation.stepper import Loop, Reference, simulate
+from tendonrepro.simulation.streaming import STATISTICS
 from tendonrepro.stability import decay_rate, plant_matrices
-from tendonrepro.streaming import STATISTICS
 
 IDEAL = "manipulator.encoders.joint.resolution=0"
 EXACT = 1e-9

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from tendonrepro.physics.dynamics import state_derivative
-from tendonrepro.simulate import simulate
+from tendonrepro.simulation.stepper import simulate
 
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 KEYS = {"what", "cpu", "experiments_per_second", "ratio_to_baselines", "max_error_rad", "bars"}

@@ -27,7 +27,7 @@ from tendonrepro.physics.control import polynomial
 from tendonrepro.published import published
 from tendonrepro.readings import PRINTED
 from tendonrepro.records import Trace, TraceFile
-from tendonrepro.streaming import Sample, Sums, add_sample, finished, thresholds
+from tendonrepro.simulation.streaming import Sample, Sums, add_sample, finished, thresholds
 from tendonrepro.traces import write_traces
 
 

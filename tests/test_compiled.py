@@ -14,13 +14,13 @@ import pytest
 from numpy.typing import NDArray
 from oracles import FEATURES, PAPER, random_plant, random_state
 
-from tendonrepro import compiled
 from tendonrepro.config import CompareConfig, load_config
 from tendonrepro.physics import control
 from tendonrepro.physics.control import remember, start_memory
 from tendonrepro.physics.dynamics import state_derivative
 from tendonrepro.runs import build_law
-from tendonrepro.unroll import unrolled
+from tendonrepro.simulation.codegen import compiled
+from tendonrepro.simulation.codegen.symbols import unrolled
 
 Array = NDArray[np.float64]
 
@@ -132,7 +132,7 @@ class TestCache:
             f"sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
             "import numpy as np\n"
             "from oracles import FEATURES, random_plant\n"
-            "from tendonrepro.compiled import compiled_plant\n"
+            "from tendonrepro.simulation.codegen.compiled import compiled_plant\n"
             "derivative, p = compiled_plant(random_plant(2, 1, FEATURES).plant)\n"
             "derivative(0.0, np.zeros(8), np.zeros(2), p)\n"
             "sys.stdout.write(f'{sum(derivative.stats.cache_hits.values())}')\n",

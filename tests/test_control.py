@@ -8,7 +8,6 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from tendonrepro import compiled
 from tendonrepro.physics.arm import bias_torque, coriolis_matrix, gravity_torque, make_arm, mass_matrix
 from tendonrepro.physics.control import (
     DEGREES_PER_RADIAN,
@@ -27,6 +26,7 @@ from tendonrepro.physics.control import (
     surface_and_feedback,
     time_delay_estimate,
 )
+from tendonrepro.simulation.codegen import compiled
 
 N = 2
 L = 2.0**-10  # close to 1 ms, and exact in binary: second differences of dyadic numbers do not round

@@ -31,7 +31,7 @@ from tendonrepro.published import published
 from tendonrepro.quantity import UNITS
 from tendonrepro.records import VARIABLES
 from tendonrepro.runs import build_loops
-from tendonrepro.simulate import simulate
+from tendonrepro.simulation.stepper import simulate
 from tendonrepro.stability import decay_rate
 from tendonrepro.traces import read_traces
 from tendonrepro.user_law import find_user_law

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tendonrepro import elementary
+from tendonrepro.simulation.codegen import elementary
 
 RNG = np.random.default_rng(5)
 

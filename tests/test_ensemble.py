@@ -15,7 +15,6 @@ import pytest
 from fake_batch import DRAWS, fake_batch, fingerprint, small_study
 
 from tendonrepro import files
-from tendonrepro.batch import Batch
 from tendonrepro.console import Talk
 from tendonrepro.ensemble import load_study, run_ensemble, run_study
 from tendonrepro.ensemble_block import compute_block, loops_of, spot_check
@@ -27,8 +26,9 @@ from tendonrepro.physics.metrics import mae, rmse
 from tendonrepro.readings import RUNS, under
 from tendonrepro.runs import build_loops
 from tendonrepro.shards import FOLDER, read_shard, shard_files
-from tendonrepro.simulate import Loop
-from tendonrepro.streaming import STATISTICS
+from tendonrepro.simulation.batch import Batch
+from tendonrepro.simulation.stepper import Loop
+from tendonrepro.simulation.streaming import STATISTICS
 
 QUIET = Talk(quiet=True)
 

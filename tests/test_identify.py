@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 
 from tendonrepro import identify_search
-from tendonrepro.batch import Batch
 from tendonrepro.box import make_box, scrambled_sobol
 from tendonrepro.config import load_config
 from tendonrepro.config_ensemble import load_ensemble
@@ -44,7 +43,8 @@ from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.published import PrintedNumber, published
 from tendonrepro.readings import RUNS, reading
 from tendonrepro.runs import build_loops
-from tendonrepro.streaming import STATISTICS
+from tendonrepro.simulation.batch import Batch
+from tendonrepro.simulation.streaming import STATISTICS
 
 QUIET = Talk(quiet=True)
 OK, RINGING, DIVERGED, UNRESOLVED = range(len(STATUSES))

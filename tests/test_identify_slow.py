@@ -8,7 +8,6 @@ from types import MappingProxyType
 import numpy as np
 import pytest
 
-from tendonrepro.batch import simulate_batch
 from tendonrepro.box import make_box, scrambled_sobol
 from tendonrepro.config_ensemble import load_ensemble
 from tendonrepro.console import Talk
@@ -16,6 +15,7 @@ from tendonrepro.identify import run_identify
 from tendonrepro.identify_misfit import Bench
 from tendonrepro.published import published
 from tendonrepro.readings import RUNS, parse_reading
+from tendonrepro.simulation.batch import simulate_batch
 
 pytestmark = pytest.mark.slow
 

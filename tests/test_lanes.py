@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tendonrepro import compiled
 from tendonrepro.arrays import Array, choose
-from tendonrepro.kernel import runge_kutta, step_code
-from tendonrepro.lanes import LANES, LaneTape, Rows, lane_code, signature, stacked
 from tendonrepro.physics.dynamics import state_derivative
+from tendonrepro.simulation.codegen import compiled
+from tendonrepro.simulation.codegen.lanes import LANES, LaneTape, Rows, lane_code, signature, stacked
+from tendonrepro.simulation.kernel import runge_kutta, step_code
 from tests.oracles import FEATURES, random_plant, random_state
 
 

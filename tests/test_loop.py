@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from tendonrepro.config import load_config
 from tendonrepro.errors import TendonreproError
 from tendonrepro.runs import build_loops
-from tendonrepro.simulate import Reference, simulate
+from tendonrepro.simulation.stepper import Reference, simulate
 
 L = 1e-3
 IDEAL = "manipulator.encoders.joint.resolution=0"

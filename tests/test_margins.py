@@ -12,7 +12,7 @@ from tendonrepro.margins import angle_grid, channel, channel_margins, disk_margi
 from tendonrepro.physics.slow_error import error_ratio, estimate_age, stiffness
 from tendonrepro.rig import build_plant
 from tendonrepro.runs import build_law, build_loops
-from tendonrepro.simulate import simulate
+from tendonrepro.simulation.stepper import simulate
 from tendonrepro.stability import open_loop, spectral_radius
 
 L = 1e-3

@@ -21,7 +21,7 @@ from oracles import Routing, rope_used, winch_angles
 
 from tendonrepro.config import load_config
 from tendonrepro.runs import build_loops
-from tendonrepro.simulate import simulate
+from tendonrepro.simulation.stepper import simulate
 
 Array = NDArray[np.float64]
 

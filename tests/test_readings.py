@@ -28,7 +28,7 @@ from tendonrepro.readings import (
     under,
 )
 from tendonrepro.runs import build_loops
-from tendonrepro.simulate import Loop
+from tendonrepro.simulation.stepper import Loop
 
 ALONE = [reading({axis.name: value}) for axis in AXES.values() for value in axis.alternatives]
 UNREAD_BY_TSM = ("eta", "b", "Delta", "phi_is_odd", "power_inside", "power_floor", "angle_scale", "rate_gain")

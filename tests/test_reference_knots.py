@@ -12,7 +12,7 @@ from tendonrepro.dataset.reference_motion import derivatives, recover_run
 from tendonrepro.dataset.reference_record import Recorded, noise, recorded
 from tendonrepro.physics.trajectory import Motion, minimum_jerk, motion, raised_cosine, smooth_sine
 from tendonrepro.records import Trace
-from tendonrepro.streaming import thresholds
+from tendonrepro.simulation.streaming import thresholds
 
 AMPLITUDE = np.deg2rad([20.0, 30.0])
 COUNT = np.deg2rad(0.022)

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from tendonrepro.config import load_config
-from tendonrepro.controllers import PositionController
 from tendonrepro.errors import ConfigError
 from tendonrepro.physics.control import DEGREES_PER_RADIAN, Surface
 from tendonrepro.physics.trajectory import minimum_jerk
 from tendonrepro.rig import coupling
 from tendonrepro.runs import build_law, build_loops, build_reference, reference_period, torque_map
-from tendonrepro.simulate import simulate
+from tendonrepro.simulation.controllers import PositionController
+from tendonrepro.simulation.stepper import simulate
 
 SOURCE = "source: 'assumed: test'"
 RUNS = ("controller_1", "controller_2", "controller_3", "controller_1_payload")

@@ -15,7 +15,7 @@ import pytest
 from tendonrepro.config import load_config
 from tendonrepro.physics.metrics import mae, rmse
 from tendonrepro.runs import build_loops
-from tendonrepro.simulate import simulate
+from tendonrepro.simulation.stepper import simulate
 
 L, M_BAR, LAM, BETA = 1e-3, 0.01, 8.0, 2.0
 ALPHA = np.array([0.1, 0.2])

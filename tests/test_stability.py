@@ -10,7 +10,6 @@ from scipy.optimize import brentq
 from scipy.signal import cont2discrete
 
 from tendonrepro.config import load_config
-from tendonrepro.controllers import TimeDelayController
 from tendonrepro.physics.arm import Arm, gravity_torque
 from tendonrepro.physics.control import Law, Surface, estimator_weights, phi, surface_and_feedback
 from tendonrepro.physics.disturbance import no_disturbance
@@ -21,7 +20,8 @@ from tendonrepro.physics.friction import Friction
 from tendonrepro.physics.instruments import Actuator
 from tendonrepro.rig import build_plant
 from tendonrepro.runs import build_law
-from tendonrepro.simulate import Loop, Reference, Solver, simulate
+from tendonrepro.simulation.controllers import TimeDelayController
+from tendonrepro.simulation.stepper import Loop, Reference, Solver, simulate
 from tendonrepro.stability import (
     closed,
     decay_rate,

@@ -5,9 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tendonrepro import streaming
 from tendonrepro.arrays import Array
-from tendonrepro.streaming import STATISTICS, Sample, Sums, Thresholds, add_sample, finished, thresholds
+from tendonrepro.simulation import streaming
+from tendonrepro.simulation.streaming import (
+    STATISTICS,
+    Sample,
+    Sums,
+    Thresholds,
+    add_sample,
+    finished,
+    thresholds,
+)
 
 T, N, PERIOD = 400, 2, 150
 

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tendonrepro.batch import simulate_batch
 from tendonrepro.config import load_config
 from tendonrepro.console import Talk
 from tendonrepro.errors import ConfigError, UsageError
@@ -19,6 +18,7 @@ from tendonrepro.figure_sweep_map import draw_maps
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results import read_manifest
 from tendonrepro.runs import build_loops
+from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.sweep import load_sweep, run_sweep, simulate_sweep
 from tendonrepro.sweep_points import parse_over, split_values, unit_of
 from tendonrepro.sweep_table import COLUMNS, rows

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from oracles import FEATURES, PAPER, random_plant, random_state
 
 from tendonrepro.physics.dynamics import Plant, state_derivative
-from tendonrepro.unroll import Tape, symbols, unrolled
+from tendonrepro.simulation.codegen.symbols import Tape, symbols, unrolled
 
 Array = NDArray[np.float64]
 

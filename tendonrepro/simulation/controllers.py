@@ -76,7 +76,7 @@ class Controller(Protocol):
 
 def _compiled_command() -> CommandFunction:
     """The law as machine code; imported where a loop is built, for whoever reads results needs none."""
-    from tendonrepro import compiled
+    from tendonrepro.simulation.codegen import compiled
 
     return compiled.command
 

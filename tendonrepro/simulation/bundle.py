@@ -8,15 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonrepro import compiled, streaming
 from tendonrepro.arrays import Array
-from tendonrepro.kernel import RECORDED, Numbers, sample_code, step_code
-from tendonrepro.lanes import LANES, Rows, stacked
 from tendonrepro.physics.control import Law, start_memory
 from tendonrepro.physics.dynamics import holding_torque, rest_state
 from tendonrepro.physics.encoder import quantise
-from tendonrepro.resolution import plant_modes, steps_needed
-from tendonrepro.simulate import JOINT_NOISE, TORQUE_NOISE, Loop, random_stream
+from tendonrepro.simulation import streaming
+from tendonrepro.simulation.codegen import compiled
+from tendonrepro.simulation.codegen.lanes import LANES, Rows, stacked
+from tendonrepro.simulation.kernel import RECORDED, Numbers, sample_code, step_code
+from tendonrepro.simulation.resolution import plant_modes, steps_needed
+from tendonrepro.simulation.stepper import JOINT_NOISE, TORQUE_NOISE, Loop, random_stream
 
 
 @dataclass(frozen=True)
@@ -93,7 +94,7 @@ def plant_part(loops: Mapping[int, Loop], tolerance: float) -> tuple[Part, dict[
     loops : mapping of int to Loop
         By their place in the batch; as many joints and components of the disturbance in each.
     tolerance : float
-        Of the integration, see :func:`tendonrepro.resolution.steps_needed`.
+        Of the integration, see :func:`tendonrepro.simulation.resolution.steps_needed`.
 
     Returns
     -------

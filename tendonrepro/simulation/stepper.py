@@ -16,12 +16,12 @@ import numpy as np
 from scipy.integrate import ode
 
 from tendonrepro.arrays import Array
-from tendonrepro.controllers import Controller, Measurement
 from tendonrepro.errors import TendonreproError
 from tendonrepro.physics.drive import tendon_torque, to_joint_torque
 from tendonrepro.physics.dynamics import Plant, holding_torque, link_acceleration, rest_state
 from tendonrepro.physics.encoder import Encoder, noise_sequence, quantise
 from tendonrepro.physics.instruments import Actuator, applied_torque
+from tendonrepro.simulation.controllers import Controller, Measurement
 
 STEPS_PER_SAMPLE = 5000
 """Integrator steps in one period after which a plant counts as one it cannot resolve."""
@@ -236,7 +236,7 @@ def _torque_noise(loop: Loop) -> Array:
 
 def _integrator(loop: Loop) -> Callable[[float, float, Array, Array], Array]:
     """SciPy's integrator, started afresh in every period: the torque jumps there."""
-    from tendonrepro.compiled import compiled_plant
+    from tendonrepro.simulation.codegen.compiled import compiled_plant
 
     solver, (derivative, p) = loop.solver, compiled_plant(loop.plant)
     problem = ode(derivative).set_integrator(

@@ -10,16 +10,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tendonrepro import streaming
 from tendonrepro.arrays import Array, choose
-from tendonrepro.controllers import Measurement, TimeDelayController
-from tendonrepro.lanes import LaneTape, Rows, lane_code, remembered
 from tendonrepro.physics import control
 from tendonrepro.physics.control import Law, Memory
 from tendonrepro.physics.dynamics import Plant, state_derivative
 from tendonrepro.physics.encoder import Encoder, quantise
 from tendonrepro.physics.instruments import Actuator, applied_torque
-from tendonrepro.simulate import LARGEST_TORQUE
+from tendonrepro.simulation import streaming
+from tendonrepro.simulation.codegen.lanes import LaneTape, Rows, lane_code, remembered
+from tendonrepro.simulation.controllers import Measurement, TimeDelayController
+from tendonrepro.simulation.stepper import LARGEST_TORQUE
 
 AT_LIMIT = 1.0 - 1e-12
 """Share of the torque limit that counts as saturated."""

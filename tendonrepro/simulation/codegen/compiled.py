@@ -1,9 +1,9 @@
 """Machine code for the pure functions; the only module that knows numba.
 
-For one run the plant is unrolled to straight-line code (:mod:`tendonrepro.unroll`), and the control law is
+For one run the plant is unrolled to straight-line code (:mod:`tendonrepro.simulation.codegen.symbols`), and the control law is
 compiled as it stands: its functions stay plain Python and are registered with numba, so that the entry point
 calls the very same source. For many runs at once plant, law and statistics are all unrolled, onto lanes
-(:mod:`tendonrepro.lanes`).
+(:mod:`tendonrepro.simulation.codegen.lanes`).
 
 Compiled code is kept on disk. The plant's file is named after its own content; the law's folder after a hash
 of the sources, because numba itself would not notice a change in a function of another module.
@@ -27,14 +27,15 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic, overload, register_jitable
 
-from tendonrepro import arrays, lane_loop
+from tendonrepro import arrays
 from tendonrepro.arrays import Array
 from tendonrepro.files import write_atomically
 from tendonrepro.physics import control
 from tendonrepro.physics import linalg as matrices
 from tendonrepro.physics.control import Law, Memory
 from tendonrepro.physics.dynamics import Plant, state_derivative
-from tendonrepro.unroll import unrolled
+from tendonrepro.simulation.codegen import lane_loop
+from tendonrepro.simulation.codegen.symbols import unrolled
 
 LAW_FUNCTIONS = (
     matrices.times,
@@ -111,14 +112,14 @@ def compiled_plant(plant: Plant) -> tuple[Derivative, Array]:
 
 
 class LaneCode(NamedTuple):
-    """Compiled functions of one :func:`tendonrepro.lanes.lane_code`."""
+    """Compiled functions of one :func:`tendonrepro.simulation.codegen.lanes.lane_code`."""
 
     prepare: Callable[[Array], None]
     run: Callable[..., None]
 
 
 def compiled_lanes(source: str, name: str, arguments: int) -> LaneCode:
-    """Compile what :func:`tendonrepro.lanes.lane_code` wrote.
+    """Compile what :func:`tendonrepro.simulation.codegen.lanes.lane_code` wrote.
 
     Parameters
     ----------
@@ -241,7 +242,7 @@ command = _compile(command)
 
 @cache
 def compiled_lane_loop() -> Callable[..., None]:
-    """Compile :func:`tendonrepro.lane_loop.follow`; SciPy's stepper does without it."""
+    """Compile :func:`tendonrepro.simulation.codegen.lane_loop.follow`; SciPy's stepper does without it."""
     register_jitable(lane_loop.any_live)
     table, count, number = types.float64[:, ::1], types.int64, types.float64
     # Without a signature the loop and all its callees would be compiled again for every pair of functions.

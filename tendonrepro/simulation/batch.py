@@ -15,16 +15,17 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonrepro import compiled, streaming
 from tendonrepro.arrays import Array
-from tendonrepro.bundle import Ended, Part, plant_part, run_bundle, sample_part
-from tendonrepro.controllers import TimeDelayController
 from tendonrepro.errors import TendonreproError
-from tendonrepro.lanes import LANES
 from tendonrepro.physics.control import Law, Surface
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.resolution import TOLERANCE
-from tendonrepro.simulate import Loop, motor_angles, trace_variables
+from tendonrepro.simulation import streaming
+from tendonrepro.simulation.bundle import Ended, Part, plant_part, run_bundle, sample_part
+from tendonrepro.simulation.codegen import compiled
+from tendonrepro.simulation.codegen.lanes import LANES
+from tendonrepro.simulation.controllers import TimeDelayController
+from tendonrepro.simulation.resolution import TOLERANCE
+from tendonrepro.simulation.stepper import Loop, motor_angles, trace_variables
 
 LINES_PER_RINGING = 32
 """The error is summed up over blocks this many times shorter than a period of the ringing frequency."""
@@ -57,7 +58,7 @@ class Batch:
     steps : array (N,) of int64
         Integration steps per sample; 0 where unresolved.
     traces : tuple of dict, or None
-        Variables of every run, as :func:`tendonrepro.simulate.simulate` returns them; None of an unresolved
+        Variables of every run, as :func:`tendonrepro.simulation.stepper.simulate` returns them; None of an unresolved
         one. Only on request.
     """
 
@@ -91,7 +92,7 @@ def simulate_batch(
     record : bool
         Keep the traces.
     tolerance : float
-        Of the integration, see :func:`tendonrepro.resolution.steps_needed`. The default leaves q mostly
+        Of the integration, see :func:`tendonrepro.simulation.resolution.steps_needed`. The default leaves q mostly
         within 1e-6 rad of the truth and always within a tenth of an encoder count, as long as no count
         differs; 1e-6 brings smooth runs within 1e-9 rad.
 
