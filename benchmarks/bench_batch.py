@@ -55,7 +55,7 @@ class Stated:
     """Plants of one case: our closed loops and the same numbers for the baselines."""
 
     def __init__(self, duration, overrides, count):
-        from tendonrepro.config import load_config
+        from tendonrepro.config.load import load_config
 
         self.loop, self.parameters, self.reference = stated_case(duration, overrides)
         self.limits = load_config(None, "compare").config.status

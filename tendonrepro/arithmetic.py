@@ -9,8 +9,8 @@ from fractions import Fraction
 import numpy as np
 
 from tendonrepro.arrays import Array
+from tendonrepro.config.published import SIGN, Interval, PrintedNumber, Published, exact, rounding
 from tendonrepro.physics.kinematics import coupling_inverse
-from tendonrepro.published import SIGN, Interval, PrintedNumber, Published, exact, rounding
 
 COURSES: Mapping[str, tuple[float, float, float]] = {
     "negative": (1.0, 1.0, 1.0),

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.config import CompareConfig, LoadedConfig
-from tendonrepro.config_box import Among, Range, Row, Words, rule_of, to_si
-from tendonrepro.config_ensemble import EnsembleConfig
+from tendonrepro.config.ensemble import EnsembleConfig
+from tendonrepro.config.load import CompareConfig, LoadedConfig
+from tendonrepro.config.models.box import Among, Range, Row, Words, rule_of, to_si
+from tendonrepro.config.models.readings import as_printed
 from tendonrepro.drawn import drawn_tree
-from tendonrepro.readings import as_printed
 
 _CHOICE = "choice"
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.claim_rules import Judged
+from tendonrepro.config.published import COMPARED
 from tendonrepro.errors import DataMissingError
 from tendonrepro.physics.metrics import mae, start_level
-from tendonrepro.published import COMPARED
 from tendonrepro.records import Trace, TraceFile
 from tendonrepro.summary import CONTROLLERS
 from tendonrepro.verdicts import of_model

@@ -19,9 +19,9 @@ from tendonrepro.claim_statements import (
     Statement,
     smaller,
 )
+from tendonrepro.config.published import Published, rounding
 from tendonrepro.ensemble_shares import range_of, share_of
 from tendonrepro.errors import DataMissingError
-from tendonrepro.published import Published, rounding
 from tendonrepro.summary import CONTROLLERS
 from tendonrepro.verdicts import (
     LEAST_PLANTS,

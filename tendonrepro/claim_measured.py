@@ -17,13 +17,13 @@ from tendonrepro.claim_angles import decoupling, motor_angles
 from tendonrepro.claim_plants import Plants
 from tendonrepro.claim_rules import Evidence, Judged, missing
 from tendonrepro.claim_statements import CLAIMS, FIRST, LOADED, Findings, smaller
+from tendonrepro.config.models.readings import PRINTED
+from tendonrepro.config.published import COMPARED, PrintedNumber, Published
 from tendonrepro.dataset.printed_tables import PrintedTables, prints_as, try_windows
 from tendonrepro.dataset.reference_motion import Reference, derivatives, recover, timing_of
 from tendonrepro.errors import DataMissingError
 from tendonrepro.measured_statistics import RATE_WINDOW, statistics_of
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.published import COMPARED, PrintedNumber, Published
-from tendonrepro.readings import PRINTED
 from tendonrepro.records import Trace, TraceFile
 from tendonrepro.summary import CONTROLLERS
 from tendonrepro.verdicts import of_model

@@ -20,8 +20,7 @@ from tendonrepro.arithmetic import (
     slopes_of_coupling,
     stays_tense,
 )
-from tendonrepro.physics.control import polynomial
-from tendonrepro.published import (
+from tendonrepro.config.published import (
     COMPARED,
     Interval,
     PrintedNumber,
@@ -31,6 +30,7 @@ from tendonrepro.published import (
     rounding,
     table_1,
 )
+from tendonrepro.physics.control import polynomial
 from tendonrepro.verdicts import Decision, Name, of_arithmetic, of_model
 
 FAR_LESS = 0.1

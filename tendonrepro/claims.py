@@ -10,9 +10,9 @@ from tendonrepro.claim_ensemble import COMMAND, judge, outcome
 from tendonrepro.claim_measured import judge_measured, measured_of
 from tendonrepro.claim_plants import Ensemble, Plants
 from tendonrepro.claim_rules import FROM_THE_PRINT, Judged, missing
+from tendonrepro.config.models.readings import PRINTED
+from tendonrepro.config.published import Entry, Judgement, PrintedText, Published, published
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.published import Entry, Judgement, PrintedText, Published, published
-from tendonrepro.readings import PRINTED
 from tendonrepro.records import TraceFile
 from tendonrepro.sensitivity import Ranking, ranked
 from tendonrepro.summary import LOADS, decoupling_errors, tracking_errors

@@ -208,7 +208,7 @@ def doctor(as_json: Json = False, quiet: Quiet = False, verbose: Verbose = False
 @config_app.command("list", epilog="Example: tendonrepro config list")
 def config_list(as_json: Json = False, quiet: Quiet = False, verbose: Verbose = False) -> None:
     """Names of the shipped configurations."""
-    from tendonrepro.config import shipped_folder, shipped_names
+    from tendonrepro.config.load import shipped_folder, shipped_names
 
     names = shipped_names()
     detail(f"in {shipped_folder()}", quiet, verbose)
@@ -228,7 +228,7 @@ def config_show(
     verbose: Verbose = False,
 ) -> None:
     """A configuration as it is used: complete, changes applied."""
-    from tendonrepro.config_kinds import shown
+    from tendonrepro.config.kinds import shown
 
     tree, text = shown(config, overrides or ())
     detail(f"{config} is valid", quiet, verbose)
@@ -244,7 +244,7 @@ def config_init(
     verbose: Verbose = False,
 ) -> None:
     """Copy a shipped configuration, with its manipulator and schema, to be edited."""
-    from tendonrepro.config import init_config
+    from tendonrepro.config.load import init_config
 
     list_files(init_config(name, out), as_json=as_json, quiet=quiet, verbose=verbose)
 
@@ -279,7 +279,7 @@ def config_schema(
     verbose: Verbose = False,
 ) -> None:
     """JSON schema of configuration files, for editors."""
-    from tendonrepro.config_kinds import json_schema
+    from tendonrepro.config.kinds import json_schema
 
     detail(f"for {kind or 'any'} configuration", quiet, verbose)
     if not quiet:

@@ -139,7 +139,7 @@ def explain(
     """Stability margins and predicted error ratios of the sampled loop."""
     # Thousands of eigenvalues of small matrices: threads of the library would only wait for each other.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    from tendonrepro.config import load_config
+    from tendonrepro.config.load import load_config
     from tendonrepro.console import Talk
     from tendonrepro.explain_files import run_explain
 

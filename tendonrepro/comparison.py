@@ -8,7 +8,7 @@ from typing import TypeAlias
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.published import PrintedText, published
+from tendonrepro.config.published import PrintedText, published
 from tendonrepro.records import Trace, TraceFile
 from tendonrepro.summary import LOADS, compared_runs, decoupling_errors, tracking_errors
 

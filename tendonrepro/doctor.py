@@ -60,7 +60,7 @@ def _outcome(check: Callable[[], str]) -> str:
 
 
 def _configurations() -> str:
-    from tendonrepro.config import load_config
+    from tendonrepro.config.load import load_config
 
     for experiment in ("compare", "decouple"):
         load_config(None, experiment)
@@ -68,7 +68,7 @@ def _configurations() -> str:
 
 
 def _published() -> str:
-    from tendonrepro.published import published
+    from tendonrepro.config.published import published
 
     return "ok" if published().entries else f"{WRONG} empty"
 

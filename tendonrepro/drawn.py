@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from tendonrepro.config_box import DISTURBANCES, FRICTION_SIDES, MOTIONS, to_si
-from tendonrepro.config_ensemble import FAST_PERIOD
+from tendonrepro.config.ensemble import FAST_PERIOD
+from tendonrepro.config.models.box import DISTURBANCES, FRICTION_SIDES, MOTIONS, to_si
+from tendonrepro.config.models.readings import AXES
+from tendonrepro.config.published import COMPARED
 from tendonrepro.physics.trajectory import trapezoid_times
-from tendonrepro.published import COMPARED
-from tendonrepro.readings import AXES
 
 GRID = 0.01
 """Times of a motion are multiples of this, s, so that every sampling period divides them."""

@@ -11,7 +11,8 @@ from typing import Any, Literal
 
 from tendonrepro import __version__
 from tendonrepro.box import population
-from tendonrepro.config_ensemble import load_ensemble
+from tendonrepro.config.ensemble import load_ensemble
+from tendonrepro.config.models.readings import default_readings, full_cross, parse_reading
 from tendonrepro.console import Talk
 from tendonrepro.ensemble_block import Simulate, make_block
 from tendonrepro.ensemble_data import PLAN, read_ensemble
@@ -24,7 +25,6 @@ from tendonrepro.errors import UsageError
 from tendonrepro.figure_ensemble import draw_ensemble_figures
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.manifest import make_manifest, with_outputs
-from tendonrepro.readings import default_readings, full_cross, parse_reading
 from tendonrepro.results import MANIFEST, claimed, clear, refuse_others
 from tendonrepro.shards import FOLDER, SCHEMA_VERSION, Block
 from tendonrepro.simulation.batch import simulate_batch

@@ -17,14 +17,14 @@ from numpy.typing import NDArray
 from tendonrepro import __version__
 from tendonrepro.arrays import Array
 from tendonrepro.box import configured, scrambled_sobol
-from tendonrepro.config import CompareConfig
-from tendonrepro.config_model import Model
+from tendonrepro.config.fields.model import Model
+from tendonrepro.config.load import CompareConfig
+from tendonrepro.config.models.readings import under
 from tendonrepro.ensemble_plan import Study
 from tendonrepro.errors import TendonreproError
 from tendonrepro.manifest import cpu_name
 from tendonrepro.physics.encoder import Encoder
 from tendonrepro.physics.metrics import STATUSES, mae, rmse, status_of
-from tendonrepro.readings import under
 from tendonrepro.rig import build_actuator, build_encoder
 from tendonrepro.runs import build_law, build_loops
 from tendonrepro.shards import Block, Shard, shard_image

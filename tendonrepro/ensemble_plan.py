@@ -13,9 +13,9 @@ import numpy as np
 
 from tendonrepro import __version__
 from tendonrepro.box import Box
-from tendonrepro.config import CompareConfig, LoadedConfig
+from tendonrepro.config.load import CompareConfig, LoadedConfig
+from tendonrepro.config.models.readings import RUNS, Reading, case_of
 from tendonrepro.errors import UsageError
-from tendonrepro.readings import RUNS, Reading, case_of
 from tendonrepro.shards import SCHEMA_VERSION, Block, Case
 from tendonrepro.simulation.streaming import STATISTICS
 

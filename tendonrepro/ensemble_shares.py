@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from tendonrepro.arrays import Array
+from tendonrepro.config.published import published
 from tendonrepro.ensemble_data import EnsembleData
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.published import published
 from tendonrepro.summary import CONTROLLERS
 
 METRICS = ("mae", "rmse")

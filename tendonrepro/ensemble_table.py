@@ -8,11 +8,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from tendonrepro.config.models.readings import PRINTED
 from tendonrepro.console import columns
 from tendonrepro.ensemble_data import EnsembleData
 from tendonrepro.ensemble_shares import METRICS, PLANTS, QUANTILES, RATIO_NAMES, RATIOS, reading_summary
 from tendonrepro.files import write_atomically
-from tendonrepro.readings import PRINTED
 from tendonrepro.shards import FOLDER, Block, read_check
 from tendonrepro.summary import CONTROLLERS
 from tendonrepro.typeset import NOTHING, Sheet, markdown

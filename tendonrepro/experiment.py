@@ -8,7 +8,7 @@ from typing import Any
 
 from tendonrepro import __version__
 from tendonrepro.arrays import Array
-from tendonrepro.config import CompareConfig, LoadedConfig
+from tendonrepro.config.load import CompareConfig, LoadedConfig
 from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.files import to_json

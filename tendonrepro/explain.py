@@ -10,8 +10,8 @@ from typing import get_args
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.config import CompareConfig, LoadedConfig
-from tendonrepro.config_control import Readings
+from tendonrepro.config.load import CompareConfig, LoadedConfig
+from tendonrepro.config.models.control import Readings
 from tendonrepro.errors import UsageError
 from tendonrepro.explanation import Curves, Explanation, Map, RunMargins, View, WhatIf
 from tendonrepro.margins import (

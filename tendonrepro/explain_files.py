@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from tendonrepro.config import LoadedConfig
+from tendonrepro.config.load import LoadedConfig
 from tendonrepro.console import Talk
 from tendonrepro.explain import explain
 from tendonrepro.explain_text import explanation_text

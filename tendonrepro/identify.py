@@ -12,7 +12,9 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.box import make_box, scrambled_sobol
-from tendonrepro.config_ensemble import LoadedEnsemble, load_ensemble
+from tendonrepro.config.ensemble import LoadedEnsemble, load_ensemble
+from tendonrepro.config.models.readings import AXES, RUNS, Reading, default_readings, parse_reading
+from tendonrepro.config.published import Published, published
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.files import to_json, write_atomically
@@ -38,8 +40,6 @@ from tendonrepro.identify_search import Effort, Found, search
 from tendonrepro.identify_state import State
 from tendonrepro.identify_task import NEAR, SCHEMA_VERSION, Fit, Task
 from tendonrepro.manifest import make_manifest, with_outputs
-from tendonrepro.published import Published, published
-from tendonrepro.readings import AXES, RUNS, Reading, default_readings, parse_reading
 from tendonrepro.results import MANIFEST, claimed, clear, refuse_others
 from tendonrepro.simulation.batch import simulate_batch
 

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.box import Box
+from tendonrepro.config.models.readings import RUNS
 from tendonrepro.ensemble_shares import FEW, MOST
 from tendonrepro.identify_misfit import METRICS, Measured, Printed, log_misfit
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.readings import RUNS
 from tendonrepro.summary import CONTROLLERS
 
 CENTRAL = (5.0, 50.0, 95.0)

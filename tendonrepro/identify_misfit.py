@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.box import Box, configured
-from tendonrepro.config import CompareConfig, LoadedConfig
+from tendonrepro.config.load import CompareConfig, LoadedConfig
+from tendonrepro.config.models.readings import RUNS, Reading, under
+from tendonrepro.config.published import PrintedNumber, Published
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.published import PrintedNumber, Published
-from tendonrepro.readings import RUNS, Reading, under
 from tendonrepro.runs import build_loops
 from tendonrepro.simulation.batch import Batch
 from tendonrepro.simulation.stepper import Loop, Reference

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from tendonrepro.config import CompareConfig, load_config
+from tendonrepro.config.fields.strict_yaml import Node, dump
+from tendonrepro.config.load import CompareConfig, load_config
 from tendonrepro.console import columns
 from tendonrepro.files import write_atomically
-from tendonrepro.strict_yaml import Node, dump
 from tendonrepro.typeset import NOTHING, Sheet, markdown
 
 CONFIG = "identified.yaml"

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from tendonrepro import __version__
-from tendonrepro.config_ensemble import LoadedEnsemble
+from tendonrepro.config.ensemble import LoadedEnsemble
+from tendonrepro.config.models.readings import RUNS, Reading, case_of, reading
 from tendonrepro.identify_misfit import Bench, Printed
 from tendonrepro.identify_search import Effort
-from tendonrepro.readings import RUNS, Reading, case_of, reading
 
 SCHEMA_VERSION = 1
 

@@ -17,14 +17,14 @@ from tendonrepro.claim_ensemble import outcome
 from tendonrepro.claim_plants import Ensemble, Plants
 from tendonrepro.claim_report import as_data, details_text, table_text, write_claims
 from tendonrepro.claims import Sources, Verdict, changed, failing, judge_all
+from tendonrepro.config.models.readings import PRINTED
+from tendonrepro.config.published import published
 from tendonrepro.console import Talk
 from tendonrepro.dataset.measured_file import MEASURED, read_measured
 from tendonrepro.ensemble_data import EnsembleData, read_ensemble
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.published import published
-from tendonrepro.readings import PRINTED
 from tendonrepro.records import TraceFile
 from tendonrepro.results import TRACES
 from tendonrepro.sensitivity import Ranking, ranked

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
+from tendonrepro.config.published import COMPARED
 from tendonrepro.physics.control import Law, surface_and_feedback
-from tendonrepro.published import COMPARED
 from tendonrepro.records import Trace
 from tendonrepro.simulation.streaming import thresholds
 
@@ -89,7 +89,7 @@ def _rate(time: Array, e: Array) -> Array:
 
 def _law_of(run: str) -> Law | None:
     """Law of a run of the comparison, with the gains and readings of the shipped configuration."""
-    from tendonrepro.config import CompareConfig, load_config
+    from tendonrepro.config.load import CompareConfig, load_config
     from tendonrepro.runs import build_law
 
     config = load_config(None, "compare").config

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from tendonrepro.arrays import Array
+from tendonrepro.config.fields.quantity import Matrix, Scalar, Vector
 from tendonrepro.physics.kinematics import to_joint_matrix
-from tendonrepro.quantity import Matrix, Scalar, Vector
 from tendonrepro.records import PlantRecord, PlantValue
 from tendonrepro.rig import Experiment, build_drive
 

@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.config import CompareConfig, DecoupleConfig
-from tendonrepro.config_experiment import NoDisturbance, SineDisturbance, StepDisturbance
-from tendonrepro.config_manipulator import Encoder as EncoderConfig
-from tendonrepro.config_manipulator import Manipulator
+from tendonrepro.config.load import CompareConfig, DecoupleConfig
+from tendonrepro.config.models.experiment import NoDisturbance, SineDisturbance, StepDisturbance
+from tendonrepro.config.models.manipulator import Encoder as EncoderConfig
+from tendonrepro.config.models.manipulator import Manipulator
 from tendonrepro.physics.arm import Arm, make_arm
 from tendonrepro.physics.disturbance import (
     Disturbance,

@@ -8,10 +8,19 @@ from pathlib import Path
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.config import CompareConfig
-from tendonrepro.config_experiment import MOST_SAMPLES
-from tendonrepro.config_reference import InTurns, MinimumJerk, PerJoint, RaisedCosine, Sampled, Sine, Single
-from tendonrepro.config_reference import Reference as ReferenceConfig
+from tendonrepro.config.load import CompareConfig
+from tendonrepro.config.models.experiment import MOST_SAMPLES
+from tendonrepro.config.models.reference import (
+    InTurns,
+    MinimumJerk,
+    PerJoint,
+    RaisedCosine,
+    Sampled,
+    Sine,
+    Single,
+)
+from tendonrepro.config.models.reference import Reference as ReferenceConfig
+from tendonrepro.config.trajectory_file import read_samples
 from tendonrepro.errors import ConfigError
 from tendonrepro.physics.control import DEGREES_PER_RADIAN, Law, Surface, estimator_weights
 from tendonrepro.physics.servo import Servo
@@ -35,7 +44,6 @@ from tendonrepro.rig import (
     coupling,
     start_angles,
 )
-from tendonrepro.samples import read_samples
 from tendonrepro.simulation.controllers import Controller, PositionController, TimeDelayController
 from tendonrepro.simulation.stepper import Loop, Reference, Solver
 

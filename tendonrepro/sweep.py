@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from tendonrepro.config import LoadedConfig, load_config
-from tendonrepro.config_overrides import parse_override
+from tendonrepro.config.load import LoadedConfig, load_config
+from tendonrepro.config.overrides import parse_override
 from tendonrepro.console import Talk
 from tendonrepro.files import sha256_of, to_json, write_atomically
 from tendonrepro.manifest import make_manifest, with_outputs

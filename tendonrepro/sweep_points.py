@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
 
-from tendonrepro.config import CompareConfig, LoadedConfig
-from tendonrepro.config_draft import Draft, Source
-from tendonrepro.config_overrides import Override, parse_override
-from tendonrepro.config_reference import Sampled
+from tendonrepro.config.draft import Draft, Source
+from tendonrepro.config.fields.strict_yaml import Node
+from tendonrepro.config.load import CompareConfig, LoadedConfig
+from tendonrepro.config.models.reference import Sampled
+from tendonrepro.config.overrides import Override, parse_override
 from tendonrepro.errors import ConfigError, UsageError
-from tendonrepro.strict_yaml import Node
 
 MOST_KEYS = 2
 OPTION = "--over"

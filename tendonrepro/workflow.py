@@ -10,16 +10,16 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
-from tendonrepro.config import LoadedConfig, load_config
-from tendonrepro.config_ensemble import LoadedEnsemble
-from tendonrepro.config_kinds import checked
+from tendonrepro.config.ensemble import LoadedEnsemble
+from tendonrepro.config.kinds import checked
+from tendonrepro.config.load import LoadedConfig, load_config
+from tendonrepro.config.published import published
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.experiment import PRECISE, all_loops, simulate_all, simulate_together, trace_file
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.manifest import make_manifest, with_outputs
 from tendonrepro.parallel import each
-from tendonrepro.published import published
 from tendonrepro.records import TraceFile
 from tendonrepro.results import MANIFEST, TRACES, claimed, clear, read_manifest, refuse_others
 from tendonrepro.simulation.resolution import COMPILED_STEPPER

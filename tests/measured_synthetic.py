@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from synthetic import make_compare_file
 
-from tendonrepro.published import published
+from tendonrepro.config.published import published
 from tendonrepro.records import Trace, TraceFile
 
 Array = NDArray[np.float64]

@@ -20,7 +20,7 @@ from tendonrepro.arithmetic import (
     slopes_of_coupling,
     stays_tense,
 )
-from tendonrepro.published import PrintedNumber, coupling_of, exact, published, rounding, table_1
+from tendonrepro.config.published import PrintedNumber, coupling_of, exact, published, rounding, table_1
 
 
 def printed(digits: str) -> PrintedNumber:
@@ -141,7 +141,7 @@ class TestTension:
         assert tuple(np.sign(np.where(np.abs(preload) < 1e-9, 0.0, preload))) == signs
 
     def test_courses_are_the_readings_of_the_ensemble(self) -> None:
-        from tendonrepro.readings import AXES
+        from tendonrepro.config.models.readings import AXES
 
         axis = AXES["tensioner"]
         assert tuple(COURSES) == (axis.printed, *axis.alternatives)

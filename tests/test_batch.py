@@ -10,8 +10,8 @@ import pytest
 
 from tendonrepro.arrays import Array
 from tendonrepro.box import configured, population, scrambled_sobol
-from tendonrepro.config import CompareConfig, load_config
-from tendonrepro.config_ensemble import load_ensemble
+from tendonrepro.config.ensemble import load_ensemble
+from tendonrepro.config.load import CompareConfig, load_config
 from tendonrepro.errors import TendonreproError
 from tendonrepro.physics.control import Law
 from tendonrepro.physics.disturbance import no_disturbance

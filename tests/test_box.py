@@ -12,11 +12,11 @@ import pytest
 
 from tendonrepro.arrays import Array
 from tendonrepro.box import Box, configured, make_box, population, scrambled_sobol
-from tendonrepro.config import CompareConfig
-from tendonrepro.config_box import DISTURBANCES, MOTIONS, Choice, Range, Words
-from tendonrepro.config_ensemble import LoadedEnsemble, load_ensemble
-from tendonrepro.config_reference import MinimumJerk
-from tendonrepro.readings import AXES, RUNS, VARIATIONS, default_readings, under
+from tendonrepro.config.ensemble import LoadedEnsemble, load_ensemble
+from tendonrepro.config.load import CompareConfig
+from tendonrepro.config.models.box import DISTURBANCES, MOTIONS, Choice, Range, Words
+from tendonrepro.config.models.readings import AXES, RUNS, VARIATIONS, default_readings, under
+from tendonrepro.config.models.reference import MinimumJerk
 from tendonrepro.rig import build_actuator, build_drive, build_encoder, build_plant, build_preload
 from tendonrepro.runs import build_law, build_loops
 

@@ -16,6 +16,8 @@ from tendonrepro.claim_measured import Measured, OneArm, judge_measured, measure
 from tendonrepro.claim_report import table_text
 from tendonrepro.claim_rules import Judged
 from tendonrepro.claims import Sources, judge_all
+from tendonrepro.config.models.readings import PRINTED
+from tendonrepro.config.published import published
 from tendonrepro.console import Talk
 from tendonrepro.dataset.measured_file import read_measured
 from tendonrepro.dataset.printed_tables import SPREAD, PrintedTables, Timing, try_windows
@@ -24,8 +26,6 @@ from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.ledger import run_claims
 from tendonrepro.measured_statistics import sliding_variable, statistics_of
 from tendonrepro.physics.control import polynomial
-from tendonrepro.published import published
-from tendonrepro.readings import PRINTED
 from tendonrepro.records import Trace, TraceFile
 from tendonrepro.simulation.streaming import Sample, Sums, add_sample, finished, thresholds
 from tendonrepro.traces import write_traces

@@ -17,9 +17,9 @@ from tendonrepro.claim_plants import Plants
 from tendonrepro.claim_report import as_data, details_text, table_text, write_claims
 from tendonrepro.claim_statements import CLAIMS, HALVED, IDEAL, LONGER, SHORTER
 from tendonrepro.claims import Sources, Verdict, changed, failing, judge_all, summary
+from tendonrepro.config.models.readings import PRINTED, VARIATIONS, parse_reading
+from tendonrepro.config.published import PrintedNumber, Published, published
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.published import PrintedNumber, Published, published
-from tendonrepro.readings import PRINTED, VARIATIONS, parse_reading
 from tendonrepro.summary import CONTROLLERS
 
 Array = NDArray[np.float64]

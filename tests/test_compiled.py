@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 from oracles import FEATURES, PAPER, random_plant, random_state
 
-from tendonrepro.config import CompareConfig, load_config
+from tendonrepro.config.load import CompareConfig, load_config
 from tendonrepro.physics import control
 from tendonrepro.physics.control import remember, start_memory
 from tendonrepro.physics.dynamics import state_derivative

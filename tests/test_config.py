@@ -16,7 +16,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tendonrepro.config import (
+from tendonrepro.config.fields.quantity import Quantity
+from tendonrepro.config.fields.strict_yaml import Node, load, read_text
+from tendonrepro.config.kinds import json_schema
+from tendonrepro.config.load import (
     CompareConfig,
     DecoupleConfig,
     init_config,
@@ -24,10 +27,7 @@ from tendonrepro.config import (
     shipped_folder,
     shipped_names,
 )
-from tendonrepro.config_kinds import json_schema
 from tendonrepro.errors import ConfigError, UsageError
-from tendonrepro.quantity import Quantity
-from tendonrepro.strict_yaml import Node, load, read_text
 
 EXPERIMENTS = ("compare", "decouple")
 SHIPPED_FILES = ("compare", "decouple", "ensemble", "lumidouce_ii")

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from tendonrepro.config import CompareConfig, init_config, shipped_folder
-from tendonrepro.config_ensemble import load_ensemble
+from tendonrepro.config.ensemble import load_ensemble
+from tendonrepro.config.load import CompareConfig, init_config, shipped_folder
 from tendonrepro.errors import ConfigError, UsageError
 
 TEXT = (shipped_folder() / "ensemble.yaml").read_text(encoding="utf-8")

@@ -16,10 +16,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pydantic import BaseModel, ValidationError
 
-from tendonrepro.config import CompareConfig, DecoupleConfig, load_config, shipped_folder
-from tendonrepro.config_errors import Place, explain
+from tendonrepro.config.fields.strict_yaml import Key, Node, dump, read_text
+from tendonrepro.config.load import CompareConfig, DecoupleConfig, load_config, shipped_folder
+from tendonrepro.config.messages import Place, explain
 from tendonrepro.errors import ConfigError
-from tendonrepro.strict_yaml import Key, Node, dump, read_text
 
 TEXTS = {
     name: read_text(shipped_folder() / f"{name}.yaml") for name in ("compare", "decouple", "lumidouce_ii")

@@ -19,16 +19,16 @@ from typer.main import get_command
 
 import tendonrepro
 from tendonrepro.cli import app
-from tendonrepro.config import ExperimentName, LoadedConfig, load_config, shipped_folder
-from tendonrepro.config_control import Readings
-from tendonrepro.config_ensemble import load_ensemble
-from tendonrepro.config_kinds import json_schema
+from tendonrepro.config.ensemble import load_ensemble
+from tendonrepro.config.fields.quantity import UNITS
+from tendonrepro.config.kinds import json_schema
+from tendonrepro.config.load import ExperimentName, LoadedConfig, load_config, shipped_folder
+from tendonrepro.config.models.control import Readings
+from tendonrepro.config.published import published
 from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiment import all_loops
 from tendonrepro.physics.metrics import mae, status_of
-from tendonrepro.published import published
-from tendonrepro.quantity import UNITS
 from tendonrepro.records import VARIABLES
 from tendonrepro.runs import build_loops
 from tendonrepro.simulation.stepper import simulate

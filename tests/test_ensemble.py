@@ -15,6 +15,7 @@ import pytest
 from fake_batch import DRAWS, fake_batch, fingerprint, small_study
 
 from tendonrepro import files
+from tendonrepro.config.models.readings import RUNS, under
 from tendonrepro.console import Talk
 from tendonrepro.ensemble import load_study, run_ensemble, run_study
 from tendonrepro.ensemble_block import compute_block, loops_of, spot_check
@@ -23,7 +24,6 @@ from tendonrepro.ensemble_folder import missing_blocks
 from tendonrepro.ensemble_plan import Study
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.physics.metrics import mae, rmse
-from tendonrepro.readings import RUNS, under
 from tendonrepro.runs import build_loops
 from tendonrepro.shards import FOLDER, read_shard, shard_files
 from tendonrepro.simulation.batch import Batch

@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from tendonrepro.config import load_config
+from tendonrepro.config.load import load_config
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.explain import explain, run_margins, run_views, stroke, worst

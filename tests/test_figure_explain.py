@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from tendonrepro.config import load_config
+from tendonrepro.config.load import load_config
 from tendonrepro.explain import explain
 from tendonrepro.figure_explain import Plants, draw_explanation, draw_locus, draw_map, draw_margins
 from tendonrepro.figure_style import journal_style, stroke_of

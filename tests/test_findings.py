@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 import pytest
 
-from tendonrepro.config import CompareConfig, load_config
+from tendonrepro.config.load import CompareConfig, load_config
 from tendonrepro.console import Talk
 from tendonrepro.experiment import simulate_all, trace_file
 from tendonrepro.physics.metrics import mae, rmse, window_mean

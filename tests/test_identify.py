@@ -15,8 +15,10 @@ import pytest
 
 from tendonrepro import identify_search
 from tendonrepro.box import make_box, scrambled_sobol
-from tendonrepro.config import load_config
-from tendonrepro.config_ensemble import load_ensemble
+from tendonrepro.config.ensemble import load_ensemble
+from tendonrepro.config.load import load_config
+from tendonrepro.config.models.readings import RUNS, reading
+from tendonrepro.config.published import PrintedNumber, published
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.identify import run_identify
@@ -40,8 +42,6 @@ from tendonrepro.identify_report import identify_text
 from tendonrepro.identify_search import Effort, Found, search
 from tendonrepro.identify_state import load_state
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.published import PrintedNumber, published
-from tendonrepro.readings import RUNS, reading
 from tendonrepro.runs import build_loops
 from tendonrepro.simulation.batch import Batch
 from tendonrepro.simulation.streaming import STATISTICS

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from tendonrepro.box import make_box, scrambled_sobol
-from tendonrepro.config_ensemble import load_ensemble
+from tendonrepro.config.ensemble import load_ensemble
+from tendonrepro.config.models.readings import RUNS, parse_reading
+from tendonrepro.config.published import published
 from tendonrepro.console import Talk
 from tendonrepro.identify import run_identify
 from tendonrepro.identify_misfit import Bench
-from tendonrepro.published import published
-from tendonrepro.readings import RUNS, parse_reading
 from tendonrepro.simulation.batch import simulate_batch
 
 pytestmark = pytest.mark.slow

@@ -13,13 +13,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from tendonrepro.config.published import coupling_of, published, table_1
 from tendonrepro.dataset.assembly import Assembly, doubts_about
 from tendonrepro.dataset.evidence import COUNTS_DEG
 from tendonrepro.dataset.mapping import Mapping, load_mapping
 from tendonrepro.dataset.signals import Found, Skipped, Source, samples_first
 from tendonrepro.dataset.timebase import RESAMPLED, Timed, TimeProblem, checked, even, shared, within
 from tendonrepro.errors import ConfigError
-from tendonrepro.published import coupling_of, published, table_1
 from tendonrepro.records import Trace
 
 Array = NDArray[np.float64]

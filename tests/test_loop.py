@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from tendonrepro.config import load_config
+from tendonrepro.config.load import load_config
 from tendonrepro.errors import TendonreproError
 from tendonrepro.runs import build_loops
 from tendonrepro.simulation.stepper import Reference, simulate

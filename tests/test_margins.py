@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from tendonrepro.config import load_config
+from tendonrepro.config.load import load_config
 from tendonrepro.margins import angle_grid, channel, channel_margins, disk_margin, response, scaled_norm
 from tendonrepro.physics.slow_error import error_ratio, estimate_age, stiffness
 from tendonrepro.rig import build_plant

@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from tendonrepro.config.published import coupling_of, published, table_1
 from tendonrepro.dataset import columns as columns_module
 from tendonrepro.dataset.assignment import variable_of
 from tendonrepro.dataset.columns import Column, columns_of
@@ -23,7 +24,6 @@ from tendonrepro.dataset.signals import Found, Source
 from tendonrepro.dataset.suggestion import suggest
 from tendonrepro.dataset.units import FACTORS, factor, plain_unit
 from tendonrepro.dataset.words import Hints, hints, printable
-from tendonrepro.published import coupling_of, published, table_1
 
 Array = NDArray[np.float64]
 

@@ -19,7 +19,7 @@ import pytest
 from numpy.typing import NDArray
 from oracles import Routing, rope_used, winch_angles
 
-from tendonrepro.config import load_config
+from tendonrepro.config.load import load_config
 from tendonrepro.runs import build_loops
 from tendonrepro.simulation.stepper import simulate
 

@@ -47,7 +47,7 @@ def test_errors_arrive_whole(monkeypatch: pytest.MonkeyPatch, processors: int) -
 
 
 def test_runs_do_not_depend_on_the_number_of_processes(monkeypatch: pytest.MonkeyPatch) -> None:
-    from tendonrepro.config import load_config
+    from tendonrepro.config.load import load_config
     from tendonrepro.console import Talk
     from tendonrepro.experiment import simulate_all
 

@@ -6,8 +6,8 @@ import re
 import numpy as np
 import pytest
 
-from tendonrepro.errors import ConfigError
-from tendonrepro.published import (
+from tendonrepro.config.fields.strict_yaml import load
+from tendonrepro.config.published import (
     Judgement,
     PrintedClaim,
     PrintedNumber,
@@ -16,7 +16,7 @@ from tendonrepro.published import (
     parse_published,
     published,
 )
-from tendonrepro.strict_yaml import load
+from tendonrepro.errors import ConfigError
 
 JOINTS = (2, 3)
 

@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import BaseModel, ValidationError
 
-from tendonrepro.config_model import Outline
-from tendonrepro.physical import physical
-from tendonrepro.quantity import UNITS, Matrix, Scalar, Vector
+from tendonrepro.config.fields.model import Outline
+from tendonrepro.config.fields.physical import physical
+from tendonrepro.config.fields.quantity import UNITS, Matrix, Scalar, Vector
 
 SOURCE = "assumed: for a test"
 

@@ -10,11 +10,9 @@ import numpy as np
 import pytest
 
 from tendonrepro.box import configured, make_box, scrambled_sobol
-from tendonrepro.config import CompareConfig, shipped_folder
-from tendonrepro.config_ensemble import load_ensemble
-from tendonrepro.errors import UsageError
-from tendonrepro.physics.control import Law, Surface
-from tendonrepro.readings import (
+from tendonrepro.config.ensemble import load_ensemble
+from tendonrepro.config.load import CompareConfig, shipped_folder
+from tendonrepro.config.models.readings import (
     AXES,
     RUNS,
     VARIATIONS,
@@ -27,6 +25,8 @@ from tendonrepro.readings import (
     reading,
     under,
 )
+from tendonrepro.errors import UsageError
+from tendonrepro.physics.control import Law, Surface
 from tendonrepro.runs import build_loops
 from tendonrepro.simulation.stepper import Loop
 

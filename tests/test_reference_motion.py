@@ -10,7 +10,9 @@ import pytest
 
 from tendonrepro import runs
 from tendonrepro.arrays import Array
-from tendonrepro.config import CompareConfig, load_config
+from tendonrepro.config.fields.strict_yaml import dump
+from tendonrepro.config.load import CompareConfig, load_config
+from tendonrepro.config.trajectory_file import read_samples
 from tendonrepro.dataset.reference_config import FILE, config_tree, csv_text, runnable
 from tendonrepro.dataset.reference_fit import _Free, _guesses, _physical, _sines, judged, limit
 from tendonrepro.dataset.reference_knots import thinned
@@ -32,8 +34,6 @@ from tendonrepro.physics.trajectory import (
     trapezoidal,
 )
 from tendonrepro.records import PlantRecord, Trace, TraceFile
-from tendonrepro.samples import read_samples
-from tendonrepro.strict_yaml import dump
 
 COUNT = float(np.deg2rad(0.022))
 AMPLITUDE = np.deg2rad([20.0, 30.0])

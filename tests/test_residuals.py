@@ -15,7 +15,9 @@ from measured_synthetic import measured_trace
 from synthetic import COUNT, S, make_compare_file, make_decouple_file
 
 from tendonrepro.arrays import Array
-from tendonrepro.config import load_config
+from tendonrepro.config.load import load_config
+from tendonrepro.config.published import published
+from tendonrepro.config.trajectory_file import read_samples
 from tendonrepro.console import Talk
 from tendonrepro.dataset import reruns, validate
 from tendonrepro.dataset.assembly import Assembly, doubts_about
@@ -31,9 +33,7 @@ from tendonrepro.dataset.rerun import MOTION, aligned, departure, together, writ
 from tendonrepro.dataset.residuals import comparison_rows, coupling_rows
 from tendonrepro.dataset.signals import Found, Source
 from tendonrepro.errors import DataMissingError
-from tendonrepro.published import published
 from tendonrepro.records import Trace, TraceFile
-from tendonrepro.samples import read_samples
 from tendonrepro.traces import write_traces
 
 STEP = 0.005

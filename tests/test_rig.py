@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from oracles import TABLE_1, coupling_by_columns
 
-from tendonrepro.config import load_config
+from tendonrepro.config.load import load_config
 from tendonrepro.physics.arm import bias_torque, mass_matrix
 from tendonrepro.physics.disturbance import Disturbance, disturbance_torque
 from tendonrepro.physics.instruments import Actuator

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from tendonrepro.config import load_config
+from tendonrepro.config.load import load_config
 from tendonrepro.errors import ConfigError
 from tendonrepro.physics.control import DEGREES_PER_RADIAN, Surface
 from tendonrepro.physics.trajectory import minimum_jerk

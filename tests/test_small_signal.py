@@ -12,7 +12,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from tendonrepro.config import load_config
+from tendonrepro.config.load import load_config
 from tendonrepro.physics.metrics import mae, rmse
 from tendonrepro.runs import build_loops
 from tendonrepro.simulation.stepper import simulate

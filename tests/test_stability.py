@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import brentq
 from scipy.signal import cont2discrete
 
-from tendonrepro.config import load_config
+from tendonrepro.config.load import load_config
 from tendonrepro.physics.arm import Arm, gravity_torque
 from tendonrepro.physics.control import Law, Surface, estimator_weights, phi, surface_and_feedback
 from tendonrepro.physics.disturbance import no_disturbance

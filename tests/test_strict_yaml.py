@@ -11,9 +11,9 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tendonrepro import strict_yaml
+from tendonrepro.config.fields import strict_yaml
+from tendonrepro.config.fields.strict_yaml import MAX_BYTES, MAX_DEPTH, decode, dump, load, read_text
 from tendonrepro.errors import ConfigError
-from tendonrepro.strict_yaml import MAX_BYTES, MAX_DEPTH, decode, dump, load, read_text
 
 
 @pytest.fixture(params=["libyaml", "pure Python"])

@@ -11,14 +11,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from tendonrepro.config.fields.strict_yaml import load
+from tendonrepro.config.published import coupling_of, published, table_1
 from tendonrepro.dataset.assembly import Assembly, doubts_about
 from tendonrepro.dataset.mapping import Mapping, load_mapping
 from tendonrepro.dataset.meaning import understand
 from tendonrepro.dataset.signals import Found, Source
 from tendonrepro.dataset.suggestion import Suggestion, suggest
 from tendonrepro.errors import ConfigError, TendonreproError
-from tendonrepro.published import coupling_of, published, table_1
-from tendonrepro.strict_yaml import load
 
 Array = NDArray[np.float64]
 S, S_INV = coupling_of(table_1(published()))

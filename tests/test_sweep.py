@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tendonrepro.config import load_config
+from tendonrepro.config.load import load_config
 from tendonrepro.console import Talk
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.figure_sweep import draw_curves

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tendonrepro.config.trajectory_file import read_samples
 from tendonrepro.errors import ConfigError
 from tendonrepro.physics.trajectory import (
     Motion,
@@ -19,7 +20,6 @@ from tendonrepro.physics.trajectory import (
     trapezoid_times,
     trapezoidal,
 )
-from tendonrepro.samples import read_samples
 
 A = np.deg2rad(30.0)
 KNOTS = np.linspace(0.0, 2.0, 21)

@@ -14,7 +14,8 @@ import pytest
 from measured_synthetic import CONTROLLERS, LOADED, measured_trace, printed_file
 from synthetic import PERIOD, make_compare_file, make_decouple_file
 
-from tendonrepro.config import load_config
+from tendonrepro.config.load import load_config
+from tendonrepro.config.published import published
 from tendonrepro.console import Talk
 from tendonrepro.dataset.printed_tables import NUMBERS, PrintedTables, Timing, Tried, spans, try_windows
 from tendonrepro.dataset.rerun import aligned
@@ -27,7 +28,6 @@ from tendonrepro.experiment import simulate_all, trace_file
 from tendonrepro.figures import available
 from tendonrepro.files import sha256_of
 from tendonrepro.manifest import make_manifest
-from tendonrepro.published import published
 from tendonrepro.records import PlantRecord, TraceFile
 from tendonrepro.summary import table_data_compare, tracking_errors
 from tendonrepro.tables import write_tables

@@ -11,7 +11,8 @@ import numpy as np
 
 from tendonrepro import __version__
 from tendonrepro.arrays import Array
-from tendonrepro.config import load_config
+from tendonrepro.config.load import load_config
+from tendonrepro.config.published import coupling_of, published, table_1
 from tendonrepro.console import Talk
 from tendonrepro.dataset.assembly import Assembly, doubts_about
 from tendonrepro.dataset.guard import read_guarded
@@ -24,7 +25,6 @@ from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import sha256_of, to_json
 from tendonrepro.manifest import environment
 from tendonrepro.physics.metrics import status_of
-from tendonrepro.published import coupling_of, published, table_1
 from tendonrepro.records import DECOUPLING_RUNS, PlantRecord, PlantValue, Trace, TraceFile
 from tendonrepro.summary import sizes_deg
 from tendonrepro.traces import read_traces, write_traces

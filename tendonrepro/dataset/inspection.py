@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from tendonrepro.config.published import coupling_of, published, table_1
 from tendonrepro.console import Talk
 from tendonrepro.dataset.assignment import runs_among, variable_of
 from tendonrepro.dataset.columns import Column
@@ -23,7 +24,6 @@ from tendonrepro.dataset.units import FACTORS, factor
 from tendonrepro.dataset.words import printable
 from tendonrepro.errors import UsageError
 from tendonrepro.files import write_atomically
-from tendonrepro.published import coupling_of, published, table_1
 
 SCHEMA_VERSION = 1
 MOST_NAMED = 5

@@ -11,12 +11,12 @@ from typing import Annotated, Literal, Self, TypeAlias
 
 from pydantic import AfterValidator, BeforeValidator, Field, StrictInt, ValidationError, model_validator
 
-from tendonrepro.config_errors import Place, explain, nearest
-from tendonrepro.config_model import Model, Problems, RunName, SchemaVersion
+from tendonrepro.config.fields.model import Model, Problems, RunName, SchemaVersion
+from tendonrepro.config.fields.strict_yaml import Key, load, read_text
+from tendonrepro.config.messages import Place, explain, nearest
 from tendonrepro.dataset.units import FACTORS, factor, kind_of_variable, plain_unit
 from tendonrepro.errors import ConfigError
 from tendonrepro.records import VARIABLES
-from tendonrepro.strict_yaml import Key, load, read_text
 
 HINT = "`tendonrepro inspect PATH --suggest` writes one to begin with."
 

@@ -6,9 +6,9 @@ import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
 
+from tendonrepro.config.fields.strict_yaml import Node
 from tendonrepro.dataset.assignment import RUNS
 from tendonrepro.dataset.words import printable
-from tendonrepro.strict_yaml import Node
 
 _PLAIN = {"variable", "unit", "method"}
 _UNWRITABLE = re.compile("[\0\ud800-\udfff]")

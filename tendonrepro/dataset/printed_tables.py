@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tendonrepro.arrays import Array
+from tendonrepro.config.published import Published, rounding
 from tendonrepro.physics.metrics import windows
-from tendonrepro.published import Published, rounding
 from tendonrepro.records import Trace, TraceFile
 from tendonrepro.summary import CONTROLLERS, LOADS, sizes_deg
 

@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from tendonrepro.config_model import is_multiple
+from tendonrepro.config.fields.model import is_multiple
+from tendonrepro.config.fields.strict_yaml import Node
 from tendonrepro.dataset.reference_fit import judged, limit
 from tendonrepro.dataset.reference_knots import Knots
 from tendonrepro.dataset.reference_motion import Reference
 from tendonrepro.dataset.reference_shapes import OUT_AND_BACK, UNITS, cycle_of
 from tendonrepro.dataset.reference_turns import Turns
-from tendonrepro.strict_yaml import Node
 
 FILE = "reference.csv"
 

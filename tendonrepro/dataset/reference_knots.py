@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tendonrepro.arrays import Array
+from tendonrepro.config.trajectory_file import FEWEST
 from tendonrepro.dataset.reference_fit import HALF_COUNT
 from tendonrepro.dataset.reference_record import Recorded, noise, noise_peak
 from tendonrepro.physics.trajectory import minimum_jerk, sampled
-from tendonrepro.samples import FEWEST
 
 SPACINGS = (1.0, 0.7, 0.5, 0.3, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002)
 """Spacings tried, widest first, s."""

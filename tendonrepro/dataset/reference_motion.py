@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from tendonrepro.arrays import Array
+from tendonrepro.config.published import COMPARED
 from tendonrepro.dataset.printed_tables import Timing
 from tendonrepro.dataset.reference_fit import Fit, fits, limit
 from tendonrepro.dataset.reference_knots import Knots, smoothed, thinned
@@ -17,7 +18,6 @@ from tendonrepro.dataset.reference_shapes import OUT_AND_BACK, cycle_of
 from tendonrepro.dataset.reference_signal import refined_shift, repeat_after
 from tendonrepro.dataset.reference_turns import Turns, amplitude_of, movers, turns_of
 from tendonrepro.errors import DataMissingError
-from tendonrepro.published import COMPARED
 from tendonrepro.records import Trace, TraceFile
 from tendonrepro.summary import CONTROLLERS
 

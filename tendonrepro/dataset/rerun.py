@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from tendonrepro.config import LoadedConfig, load_config
+from tendonrepro.config.fields.strict_yaml import Node, dump
+from tendonrepro.config.load import LoadedConfig, load_config
 from tendonrepro.console import Talk
 from tendonrepro.dataset.reference_config import FILE, config_tree, csv_text
 from tendonrepro.dataset.reference_knots import thinned
@@ -23,7 +24,6 @@ from tendonrepro.manifest import make_manifest
 from tendonrepro.parallel import each
 from tendonrepro.records import Trace, TraceFile
 from tendonrepro.runs import build_loops
-from tendonrepro.strict_yaml import Node, dump
 
 COMPARE, DECOUPLE = "compare.yaml", "decouple.yaml"
 MOTION = "decouple_reference.csv"

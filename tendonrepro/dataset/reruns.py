@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from tendonrepro.claim_measured import Measured
-from tendonrepro.config import LoadedConfig, load_config
+from tendonrepro.config.load import LoadedConfig, load_config
+from tendonrepro.config.published import COMPARED
 from tendonrepro.console import Talk
 from tendonrepro.dataset.reference_motion import Reference, zero_of
 from tendonrepro.dataset.rerun import (
@@ -21,7 +22,6 @@ from tendonrepro.dataset.rerun import (
 )
 from tendonrepro.errors import TendonreproError
 from tendonrepro.files import write_atomically
-from tendonrepro.published import COMPARED
 from tendonrepro.records import Trace, TraceFile
 
 

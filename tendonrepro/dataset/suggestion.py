@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tendonrepro.arrays import Array
+from tendonrepro.config.fields.strict_yaml import Node
 from tendonrepro.dataset.assignment import REPEAT, places, runs_among, variable_of
 from tendonrepro.dataset.clock import SAMPLING
 from tendonrepro.dataset.columns import Address, Column
@@ -17,7 +18,6 @@ from tendonrepro.dataset.remarks import common_step, doubts_of, listed, remarks_
 from tendonrepro.dataset.timebase import SAME_TIME
 from tendonrepro.dataset.units import FACTORS, kind_of_variable
 from tendonrepro.records import VARIABLES
-from tendonrepro.strict_yaml import Node
 
 PAYLOAD = 0.2
 """The paper's payload, kg, where a name says that there is one but not how heavy."""

@@ -12,7 +12,8 @@ from typing import Any, Literal
 
 from tendonrepro.claim_measured import JUDGED, Measured, judge_measured, measured_of
 from tendonrepro.claim_rules import Judged
-from tendonrepro.config import LoadedConfig, load_config
+from tendonrepro.config.load import LoadedConfig, load_config
+from tendonrepro.config.published import Published, published
 from tendonrepro.console import Talk
 from tendonrepro.dataset.measured_file import origin, read_measured
 from tendonrepro.dataset.reference_config import runnable
@@ -25,7 +26,6 @@ from tendonrepro.dataset.validate_tables import table_data, window_rows, write_m
 from tendonrepro.files import sha256_of, to_json, write_atomically
 from tendonrepro.manifest import make_manifest, with_outputs
 from tendonrepro.parallel import each
-from tendonrepro.published import Published, published
 from tendonrepro.records import TraceFile
 from tendonrepro.results import MANIFEST, claimed, clear, refuse_others
 from tendonrepro.summary import CONTROLLERS, LOADS

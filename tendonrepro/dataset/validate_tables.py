@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from tendonrepro.config.published import COMPARED, Published
 from tendonrepro.dataset.printed_tables import PrintedTables, Tried
 from tendonrepro.dataset.row_files import csv_of
 from tendonrepro.files import write_atomically
-from tendonrepro.published import COMPARED, Published
 from tendonrepro.summary import CONTROLLERS
 from tendonrepro.typeset import NOTHING, Sheet, latex, markdown
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from tendonrepro.config.published import COMPARED
 from tendonrepro.dataset.measured_file import resting_on
-from tendonrepro.published import COMPARED
 from tendonrepro.typeset import NOTHING
 
 

@@ -12,8 +12,8 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, WithJsonSchema
 
 from tendonrepro.arrays import Array
-from tendonrepro.config_model import Model, Problems, describe
-from tendonrepro.strict_yaml import Key
+from tendonrepro.config.fields.model import Model, Problems, describe
+from tendonrepro.config.fields.strict_yaml import Key
 
 SOURCE_PATTERN = r"^(printed|derived|datasheet|assumed|identified): \S"
 

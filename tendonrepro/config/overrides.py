@@ -6,9 +6,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TypeGuard
 
-from tendonrepro.config_errors import nearest
+from tendonrepro.config.fields.strict_yaml import Key, Node, load
+from tendonrepro.config.messages import nearest
 from tendonrepro.errors import ConfigError, UsageError
-from tendonrepro.strict_yaml import Key, Node, load
 
 COMMAND_LINE = "assumed: set on the command line"
 _QUANTITY = {"value", "unit", "source"}

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from itertools import product
 from typing import Any, Protocol
 
-from tendonrepro.config_experiment import CompareConfig
+from tendonrepro.config.fields.quantity import Scalar
+from tendonrepro.config.models.experiment import CompareConfig
 from tendonrepro.errors import UsageError
-from tendonrepro.quantity import Scalar
 
 PRINTED = "printed"
 """Name of the reading that leaves every axis as printed."""

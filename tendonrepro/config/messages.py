@@ -10,9 +10,9 @@ from typing import Annotated, Any, NamedTuple, TypeAlias, Union, get_args, get_o
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from tendonrepro.config_model import describe
+from tendonrepro.config.fields.model import describe
+from tendonrepro.config.fields.strict_yaml import Key
 from tendonrepro.errors import ConfigError
-from tendonrepro.strict_yaml import Key
 
 
 class Place(NamedTuple):

@@ -6,9 +6,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from tendonrepro.config_model import Model, Problems, RootModel, SchemaVersion
-from tendonrepro.physical import physical
-from tendonrepro.quantity import Matrix, Scalar, Vector
+from tendonrepro.config.fields.model import Model, Problems, RootModel, SchemaVersion
+from tendonrepro.config.fields.physical import physical
+from tendonrepro.config.fields.quantity import Matrix, Scalar, Vector
 
 
 class Routing(Model):

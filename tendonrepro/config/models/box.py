@@ -16,10 +16,10 @@ from typing import Annotated, Any, Literal, Self, TypeAlias
 from pydantic import AfterValidator, Field, GetCoreSchemaHandler, model_validator
 from pydantic_core import CoreSchema
 
-from tendonrepro.config_model import Model, Problems, describe
-from tendonrepro.quantity import SOURCE_PATTERN, UNITS
-from tendonrepro.readings import ERROR_RATES
-from tendonrepro.strict_yaml import Key
+from tendonrepro.config.fields.model import Model, Problems, describe
+from tendonrepro.config.fields.quantity import SOURCE_PATTERN, UNITS
+from tendonrepro.config.fields.strict_yaml import Key
+from tendonrepro.config.models.readings import ERROR_RATES
 
 SWITCH = ("off", "on")
 FRICTION_SIDES = ("none", "link", "winch", "both")

@@ -7,13 +7,13 @@ from typing import Any, TypeAlias
 
 from pydantic import TypeAdapter
 
-from tendonrepro.config import CompareConfig, DecoupleConfig, LoadedConfig, load_config
-from tendonrepro.config_draft import MANIPULATOR, Draft, find_source
-from tendonrepro.config_ensemble import EnsembleConfig, LoadedEnsemble, load_ensemble
-from tendonrepro.config_manipulator import Manipulator
-from tendonrepro.config_overrides import parse_override
+from tendonrepro.config.draft import MANIPULATOR, Draft, find_source
+from tendonrepro.config.ensemble import EnsembleConfig, LoadedEnsemble, load_ensemble
+from tendonrepro.config.fields.strict_yaml import dump, load
+from tendonrepro.config.load import CompareConfig, DecoupleConfig, LoadedConfig, load_config
+from tendonrepro.config.models.manipulator import Manipulator
+from tendonrepro.config.overrides import parse_override
 from tendonrepro.errors import UsageError
-from tendonrepro.strict_yaml import dump, load
 
 Held: TypeAlias = LoadedConfig | LoadedEnsemble | Manipulator
 

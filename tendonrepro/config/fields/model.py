@@ -20,7 +20,7 @@ from pydantic import (
 )
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from tendonrepro.strict_yaml import Key
+from tendonrepro.config.fields.strict_yaml import Key
 
 
 class Model(BaseModel):

@@ -11,8 +11,8 @@ import numpy as np
 from pydantic import GetCoreSchemaHandler, ValidationInfo, WithJsonSchema, WrapValidator
 from pydantic_core import CoreSchema
 
-from tendonrepro.config_model import Outline, Problems, describe
-from tendonrepro.quantity import UNITS, Quantity
+from tendonrepro.config.fields.model import Outline, Problems, describe
+from tendonrepro.config.fields.quantity import UNITS, Quantity
 
 Size: TypeAlias = Literal["one", "pair", "joints", "moving"]
 

@@ -15,20 +15,20 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import AfterValidator, Field, model_validator
 
-from tendonrepro.config import LoadedConfig, load_config
-from tendonrepro.config_box import Confidence, Rows, to_si
-from tendonrepro.config_draft import Draft, Source, find_source
-from tendonrepro.config_experiment import CompareConfig
-from tendonrepro.config_model import Model, Name, Problems, RootModel, SchemaVersion
-from tendonrepro.config_overrides import parse_override
+from tendonrepro.config.draft import Draft, Source, find_source
+from tendonrepro.config.fields.model import Model, Name, Problems, RootModel, SchemaVersion
+from tendonrepro.config.fields.physical import physical
+from tendonrepro.config.fields.quantity import Scalar
+from tendonrepro.config.fields.strict_yaml import dump
+from tendonrepro.config.load import LoadedConfig, load_config
+from tendonrepro.config.models.box import Confidence, Rows, to_si
+from tendonrepro.config.models.experiment import CompareConfig
+from tendonrepro.config.models.readings import AXES, RUNS, VARIATIONS, parse_reading
+from tendonrepro.config.overrides import parse_override
+from tendonrepro.config.published import COMPARED
+from tendonrepro.config.shipped import shipped_folder
 from tendonrepro.errors import ConfigError, UsageError
-from tendonrepro.physical import physical
 from tendonrepro.physics.trajectory import trapezoid_times
-from tendonrepro.published import COMPARED
-from tendonrepro.quantity import Scalar
-from tendonrepro.readings import AXES, RUNS, VARIATIONS, parse_reading
-from tendonrepro.shipped import shipped_folder
-from tendonrepro.strict_yaml import dump
 
 FAST_PERIOD = 3.33
 """Period of the motion ``fast_sine``, s: 0.3 Hz."""

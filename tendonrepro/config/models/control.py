@@ -6,9 +6,9 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from tendonrepro.config_model import Model, Name, Problems
-from tendonrepro.physical import physical
-from tendonrepro.quantity import Scalar, Vector
+from tendonrepro.config.fields.model import Model, Name, Problems
+from tendonrepro.config.fields.physical import physical
+from tendonrepro.config.fields.quantity import Scalar, Vector
 
 
 class Gains(Model):

@@ -13,15 +13,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-from tendonrepro.config_draft import Draft, Source, find_source
-from tendonrepro.config_experiment import CompareConfig, DecoupleConfig
-from tendonrepro.config_manipulator import Manipulator
-from tendonrepro.config_overrides import Override, parse_override
-from tendonrepro.config_reference import Sampled
+from tendonrepro.config.draft import Draft, Source, find_source
+from tendonrepro.config.fields.strict_yaml import Key, Node, dump
+from tendonrepro.config.models.experiment import CompareConfig, DecoupleConfig
+from tendonrepro.config.models.manipulator import Manipulator
+from tendonrepro.config.models.reference import Sampled
+from tendonrepro.config.overrides import Override, parse_override
+from tendonrepro.config.shipped import init_config, shipped_folder, shipped_names
 from tendonrepro.errors import UsageError
 from tendonrepro.files import sha256_of
-from tendonrepro.shipped import init_config, shipped_folder, shipped_names
-from tendonrepro.strict_yaml import Key, Node, dump
 
 __all__ = [
     "CompareConfig",

@@ -10,12 +10,12 @@ from typing import TypeVar
 
 from pydantic import ValidationError
 
-from tendonrepro.config_errors import Place, explain
-from tendonrepro.config_model import Model
-from tendonrepro.config_overrides import Override, apply_overrides
+from tendonrepro.config.fields.model import Model
+from tendonrepro.config.fields.strict_yaml import MAX_BYTES, Document, Key, Node, decode, load, read_text
+from tendonrepro.config.messages import Place, explain
+from tendonrepro.config.overrides import Override, apply_overrides
+from tendonrepro.config.shipped import shipped_file, shipped_folder, shipped_names
 from tendonrepro.errors import ConfigError, UsageError
-from tendonrepro.shipped import shipped_file, shipped_folder, shipped_names
-from tendonrepro.strict_yaml import MAX_BYTES, Document, Key, Node, decode, load, read_text
 
 MANIPULATOR = "manipulator"
 EXPERIMENTS = ("compare", "decouple", "ensemble")

@@ -13,10 +13,10 @@ from typing import TypeAlias
 import numpy as np
 
 from tendonrepro.arrays import Array
+from tendonrepro.config.fields.strict_yaml import Document, Node, load, read_text
 from tendonrepro.errors import ConfigError
 from tendonrepro.files import shipped
 from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix
-from tendonrepro.strict_yaml import Document, Node, load, read_text
 
 SCHEMA_VERSION = 2
 

@@ -18,10 +18,10 @@ from pydantic import (
     model_validator,
 )
 
-from tendonrepro.config_model import Model, Outline, Problems
-from tendonrepro.physical import physical
+from tendonrepro.config.fields.model import Model, Outline, Problems
+from tendonrepro.config.fields.physical import physical
+from tendonrepro.config.fields.quantity import Scalar, Vector
 from tendonrepro.physics.trajectory import trapezoid_times
-from tendonrepro.quantity import Scalar, Vector
 
 Amplitude: TypeAlias = Annotated[Vector, physical("rad", "largest angle of each joint", size="moving")]
 Duration: TypeAlias = Annotated[Scalar, physical("s", "duration", above=0.0)]

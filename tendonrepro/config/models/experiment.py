@@ -14,13 +14,21 @@ from pydantic import (
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
-from tendonrepro.config_control import Control
-from tendonrepro.config_manipulator import Manipulator
-from tendonrepro.config_model import Model, Outline, Problems, RootModel, RunName, SchemaVersion, is_multiple
-from tendonrepro.config_reference import Reference
-from tendonrepro.physical import physical
-from tendonrepro.quantity import Scalar, Vector
-from tendonrepro.strict_yaml import Key
+from tendonrepro.config.fields.model import (
+    Model,
+    Outline,
+    Problems,
+    RootModel,
+    RunName,
+    SchemaVersion,
+    is_multiple,
+)
+from tendonrepro.config.fields.physical import physical
+from tendonrepro.config.fields.quantity import Scalar, Vector
+from tendonrepro.config.fields.strict_yaml import Key
+from tendonrepro.config.models.control import Control
+from tendonrepro.config.models.manipulator import Manipulator
+from tendonrepro.config.models.reference import Reference
 
 _T = TypeVar("_T")
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tendonrepro.config_errors import nearest
+from tendonrepro.config.fields.strict_yaml import load, read_text
+from tendonrepro.config.messages import nearest
 from tendonrepro.errors import UsageError
 from tendonrepro.files import shipped, write_atomically
-from tendonrepro.strict_yaml import load, read_text
 
 SCHEMA_FILE = "schema.json"
 

@@ -1,0 +1,1 @@
+"""What users write and what the paper prints: YAML to frozen models."""

@@ -1,0 +1,1 @@
+"""The frozen models of configuration files."""
