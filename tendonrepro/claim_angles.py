@@ -11,8 +11,8 @@ from tendonrepro.claim_rules import Judged
 from tendonrepro.config.published import COMPARED
 from tendonrepro.errors import DataMissingError
 from tendonrepro.physics.metrics import mae, start_level
-from tendonrepro.records import Trace, TraceFile
-from tendonrepro.summary import CONTROLLERS
+from tendonrepro.results.records import Trace, TraceFile
+from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts import of_model
 
 TINY, AGREES = 0.01, 0.05

@@ -22,7 +22,7 @@ from tendonrepro.claim_statements import (
 from tendonrepro.config.published import Published, rounding
 from tendonrepro.ensemble_shares import range_of, share_of
 from tendonrepro.errors import DataMissingError
-from tendonrepro.summary import CONTROLLERS
+from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts import (
     LEAST_PLANTS,
     MOST_UNRESOLVED,

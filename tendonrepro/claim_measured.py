@@ -24,8 +24,8 @@ from tendonrepro.dataset.reference_motion import Reference, derivatives, recover
 from tendonrepro.errors import DataMissingError
 from tendonrepro.measured_statistics import RATE_WINDOW, statistics_of
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.records import Trace, TraceFile
-from tendonrepro.summary import CONTROLLERS
+from tendonrepro.results.records import Trace, TraceFile
+from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts import of_model
 
 JUDGED = ("K3", "K5", "C1", "C2", "C3", "C4", "C5", "C6", "P1")

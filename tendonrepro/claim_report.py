@@ -11,7 +11,7 @@ from typing import Any
 
 from tendonrepro.claims import SCHEMA_VERSION, SHARE, Verdict, summary
 from tendonrepro.files import to_json, write_atomically
-from tendonrepro.typeset import NOTHING, Sheet, markdown
+from tendonrepro.results.typeset import NOTHING, Sheet, markdown
 
 CAPTION = "What the printed numbers and claims are worth; rules in docs/verdicts.md."
 

@@ -11,7 +11,7 @@ import numpy as np
 from tendonrepro.arrays import Array
 from tendonrepro.claim_plants import DIVERGED, UNRESOLVED, Plants
 from tendonrepro.config.published import Published
-from tendonrepro.summary import CONTROLLERS, LOADS
+from tendonrepro.results.summary import CONTROLLERS, LOADS
 from tendonrepro.verdicts import SIMILAR, Mask
 
 IDEAL = "encoder=ideal"

@@ -13,9 +13,9 @@ from tendonrepro.claim_rules import FROM_THE_PRINT, Judged, missing
 from tendonrepro.config.models.readings import PRINTED
 from tendonrepro.config.published import Entry, Judgement, PrintedText, Published, published
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.records import TraceFile
+from tendonrepro.results.records import TraceFile
+from tendonrepro.results.summary import LOADS, decoupling_errors, tracking_errors
 from tendonrepro.sensitivity import Ranking, ranked
-from tendonrepro.summary import LOADS, decoupling_errors, tracking_errors
 from tendonrepro.verdicts import FAILURES, NAMES, Name
 
 SCHEMA_VERSION = 1

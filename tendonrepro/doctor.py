@@ -7,7 +7,7 @@ from typing import Any
 
 from tendonrepro import __version__
 from tendonrepro.console import columns
-from tendonrepro.manifest import environment
+from tendonrepro.results.manifest import environment
 
 SCHEMA_VERSION = 1
 WRONG = "wrong:"

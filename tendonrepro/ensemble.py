@@ -24,8 +24,8 @@ from tendonrepro.ensemble_words import conclusions
 from tendonrepro.errors import UsageError
 from tendonrepro.figure_ensemble import draw_ensemble_figures
 from tendonrepro.files import to_json, write_atomically
-from tendonrepro.manifest import make_manifest, with_outputs
-from tendonrepro.results import MANIFEST, claimed, clear, refuse_others
+from tendonrepro.results.folder import MANIFEST, claimed, clear, refuse_others
+from tendonrepro.results.manifest import make_manifest, with_outputs
 from tendonrepro.shards import FOLDER, SCHEMA_VERSION, Block
 from tendonrepro.simulation.batch import simulate_batch
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from tendonrepro.console import Talk
 from tendonrepro.ensemble_plan import Study
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
-from tendonrepro.results import clear
+from tendonrepro.results.folder import clear
 from tendonrepro.shards import FOLDER, Block, identity_of, read_shard, shard_files
 
 
@@ -18,7 +18,7 @@ def prepare(folder: Path, study: Study, *, force: bool) -> None:
     Parameters
     ----------
     folder : Path
-        Results folder, held by `tendonrepro.results.claimed`.
+        Results folder, held by `tendonrepro.results.folder.claimed`.
     study : Study
     force : bool
         Remove the shards of another ensemble.

@@ -14,7 +14,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.config.published import published
 from tendonrepro.ensemble_data import EnsembleData
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.summary import CONTROLLERS
+from tendonrepro.results.summary import CONTROLLERS
 
 METRICS = ("mae", "rmse")
 QUANTILES: Mapping[str, float] = {"q05": 0.05, "q25": 0.25, "median": 0.5, "q75": 0.75, "q95": 0.95}

@@ -13,9 +13,9 @@ from tendonrepro.console import columns
 from tendonrepro.ensemble_data import EnsembleData
 from tendonrepro.ensemble_shares import METRICS, PLANTS, QUANTILES, RATIO_NAMES, RATIOS, reading_summary
 from tendonrepro.files import write_atomically
+from tendonrepro.results.summary import CONTROLLERS
+from tendonrepro.results.typeset import NOTHING, Sheet, markdown
 from tendonrepro.shards import FOLDER, Block, read_check
-from tendonrepro.summary import CONTROLLERS
-from tendonrepro.typeset import NOTHING, Sheet, markdown
 
 IMPLIED, EXCLUDED = 0.95, 0.05
 """Shares of the box from which on a ranking follows from the model, and up to which it is denied by it."""

@@ -13,7 +13,7 @@ from tendonrepro.ensemble_table import (
     printed_reading,
     quantile_text,
 )
-from tendonrepro.summary import CONTROLLERS
+from tendonrepro.results.summary import CONTROLLERS
 
 _SHORT = {run: f"Controller {place}" for place, run in enumerate(CONTROLLERS, start=1)}
 

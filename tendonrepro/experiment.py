@@ -15,7 +15,7 @@ from tendonrepro.files import to_json
 from tendonrepro.parallel import advance, each
 from tendonrepro.physics.metrics import status_of
 from tendonrepro.plant_record import plant_record
-from tendonrepro.records import RESERVED, Trace, TraceFile
+from tendonrepro.results.records import RESERVED, Trace, TraceFile
 from tendonrepro.runs import build_loops, reference_period
 from tendonrepro.simulation.controllers import TimeDelayController
 from tendonrepro.simulation.stepper import Loop, simulate

@@ -17,11 +17,11 @@ from tendonrepro.explain import explain
 from tendonrepro.explain_text import explanation_text
 from tendonrepro.explanation import Explanation, RunMargins, View
 from tendonrepro.files import to_json, write_atomically
-from tendonrepro.manifest import make_manifest, with_outputs
 from tendonrepro.margins import LOW_FREQUENCY, ChannelMargins
 from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, estimate_age
-from tendonrepro.results import MANIFEST, claimed, clear, refuse_others
-from tendonrepro.typeset import NOTHING, Sheet, markdown
+from tendonrepro.results.folder import MANIFEST, claimed, clear, refuse_others
+from tendonrepro.results.manifest import make_manifest, with_outputs
+from tendonrepro.results.typeset import NOTHING, Sheet, markdown
 
 SCHEMA_VERSION = 1
 

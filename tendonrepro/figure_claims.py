@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
 from tendonrepro.arrays import Array
-from tendonrepro.figure_files import sheet
-from tendonrepro.figure_style import COLUMN_MM, PAGE_MM, SERIES, journal_style
+from tendonrepro.results.figures.files import sheet
+from tendonrepro.results.figures.style import COLUMN_MM, PAGE_MM, SERIES, journal_style
 from tendonrepro.sensitivity import Ranking
 
 _BARS = 12

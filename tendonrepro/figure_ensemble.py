@@ -13,9 +13,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from tendonrepro.ensemble_shares import RATIO_NAMES, RATIOS
-from tendonrepro.figure_files import save_drawn
-from tendonrepro.figure_style import PAGE_MM, SERIES, journal_style
-from tendonrepro.summary import CONTROLLERS
+from tendonrepro.results.figures.files import save_drawn
+from tendonrepro.results.figures.style import PAGE_MM, SERIES, journal_style
+from tendonrepro.results.summary import CONTROLLERS
 
 _MM_PER_INCH = 25.4
 _ROW_MM = 4.2

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from tendonrepro import __version__
 from tendonrepro.arrays import Array
 from tendonrepro.explanation import Explanation, Map
-from tendonrepro.figure_files import save_figure
-from tendonrepro.figure_style import PAGE_MM, Stroke, journal_style, stroke_of
+from tendonrepro.results.figures.files import save_figure
+from tendonrepro.results.figures.style import PAGE_MM, Stroke, journal_style, stroke_of
 
 SYMBOLS: Mapping[str, str] = {
     "M_bar": r"$\bar M$",

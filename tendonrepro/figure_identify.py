@@ -12,8 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from tendonrepro.figure_files import save_drawn
-from tendonrepro.figure_style import PAGE_MM, SERIES, journal_style
+from tendonrepro.results.figures.files import save_drawn
+from tendonrepro.results.figures.style import PAGE_MM, SERIES, journal_style
 
 _MM_PER_INCH = 25.4
 _ROW_MM = 4.2

@@ -9,11 +9,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tendonrepro.arrays import Array
-from tendonrepro.figure_files import sheet
-from tendonrepro.figure_style import PAGE_MM, SERIES, journal_style
 from tendonrepro.physics.metrics import periodogram
-from tendonrepro.records import Trace, TraceFile
-from tendonrepro.summary import CONTROLLERS
+from tendonrepro.results.figures.files import sheet
+from tendonrepro.results.figures.style import PAGE_MM, SERIES, journal_style
+from tendonrepro.results.records import Trace, TraceFile
+from tendonrepro.results.summary import CONTROLLERS
 
 Curve = Callable[[Trace, int], tuple[Array, Array]]
 

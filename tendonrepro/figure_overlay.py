@@ -11,12 +11,12 @@ import numpy as np
 from matplotlib.colors import to_hex, to_rgb
 
 from tendonrepro.arrays import Array
-from tendonrepro.figure_compare import MEAN_WINDOW, mean_curve
-from tendonrepro.figure_panels import FigureArtists, Sheet
-from tendonrepro.figure_style import COLUMN_MM, PAGE_MM, REFERENCE, Stroke, journal_style, stroke_of
-from tendonrepro.figures import FIGURES, save
-from tendonrepro.records import VARIABLES, Trace, TraceFile
-from tendonrepro.summary import CONTROLLERS, LOADS
+from tendonrepro.results.figures.catalogue import FIGURES, save
+from tendonrepro.results.figures.compare import MEAN_WINDOW, mean_curve
+from tendonrepro.results.figures.panels import FigureArtists, Sheet
+from tendonrepro.results.figures.style import COLUMN_MM, PAGE_MM, REFERENCE, Stroke, journal_style, stroke_of
+from tendonrepro.results.records import VARIABLES, Trace, TraceFile
+from tendonrepro.results.summary import CONTROLLERS, LOADS
 
 NUMBERS = (9, 10, 11, 12, 13, 14, 15, 16)
 """Figures that are overlaid."""

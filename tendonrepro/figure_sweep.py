@@ -17,8 +17,6 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocat
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.figure_files import save_drawn
-from tendonrepro.figure_style import SERIES, Stroke, journal_style, stroke_of
 from tendonrepro.figure_sweep_map import (
     GONE,
     PAIRS,
@@ -29,7 +27,9 @@ from tendonrepro.figure_sweep_map import (
     name_of,
     title_of,
 )
-from tendonrepro.summary import CONTROLLERS, LOADS
+from tendonrepro.results.figures.files import save_drawn
+from tendonrepro.results.figures.style import SERIES, Stroke, journal_style, stroke_of
+from tendonrepro.results.summary import CONTROLLERS, LOADS
 
 _PANEL_MM = 48.0
 # From this ratio of the largest to the smallest value on, an axis is logarithmic.

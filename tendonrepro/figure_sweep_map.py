@@ -15,8 +15,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from tendonrepro.arrays import Array
-from tendonrepro.figure_style import PAGE_MM, journal_style
-from tendonrepro.summary import CONTROLLERS
+from tendonrepro.results.figures.style import PAGE_MM, journal_style
+from tendonrepro.results.summary import CONTROLLERS
 
 PAIRS = {"c1_c2": "C1/C2", "c2_c3": "C2/C3"}
 """Ratios by their keys."""

@@ -39,8 +39,8 @@ from tendonrepro.identify_report import CONFIG, conclusions, write_config, write
 from tendonrepro.identify_search import Effort, Found, search
 from tendonrepro.identify_state import State
 from tendonrepro.identify_task import NEAR, SCHEMA_VERSION, Fit, Task
-from tendonrepro.manifest import make_manifest, with_outputs
-from tendonrepro.results import MANIFEST, claimed, clear, refuse_others
+from tendonrepro.results.folder import MANIFEST, claimed, clear, refuse_others
+from tendonrepro.results.manifest import make_manifest, with_outputs
 from tendonrepro.simulation.batch import simulate_batch
 
 DATA = "identify.json"

@@ -15,7 +15,7 @@ from tendonrepro.config.models.readings import RUNS
 from tendonrepro.ensemble_shares import FEW, MOST
 from tendonrepro.identify_misfit import METRICS, Measured, Printed, log_misfit
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.summary import CONTROLLERS
+from tendonrepro.results.summary import CONTROLLERS
 
 CENTRAL = (5.0, 50.0, 95.0)
 """Percentiles of the near-optimal plants."""

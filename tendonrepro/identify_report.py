@@ -14,7 +14,7 @@ from tendonrepro.config.fields.strict_yaml import Node, dump
 from tendonrepro.config.load import CompareConfig, load_config
 from tendonrepro.console import columns
 from tendonrepro.files import write_atomically
-from tendonrepro.typeset import NOTHING, Sheet, markdown
+from tendonrepro.results.typeset import NOTHING, Sheet, markdown
 
 CONFIG = "identified.yaml"
 

@@ -25,10 +25,10 @@ from tendonrepro.ensemble_data import EnsembleData, read_ensemble
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.records import TraceFile
-from tendonrepro.results import TRACES
+from tendonrepro.results.folder import TRACES
+from tendonrepro.results.records import TraceFile
+from tendonrepro.results.traces import read_traces
 from tendonrepro.sensitivity import Ranking, ranked
-from tendonrepro.traces import read_traces
 
 FOLDER = "claims"
 DECIDES = "decides.json"
@@ -189,7 +189,7 @@ def _ratio(data: Ensemble) -> tuple[NDArray[np.bool_], Array]:
 def _draw(data: Ensemble, rankings: Mapping[str, Ranking], folder: Path) -> list[Path]:
     """Draw which unknowns decide, and the ratio against the unknowns that explain most of it."""
     from tendonrepro.figure_claims import draw_ratio_against_unknowns, draw_tornado
-    from tendonrepro.figure_files import save_figure
+    from tendonrepro.results.figures.files import save_figure
 
     written: list[Path] = []
     for claim in [name for name in rankings if name in TORNADOES]:
@@ -211,8 +211,8 @@ def _draw(data: Ensemble, rankings: Mapping[str, Ranking], folder: Path) -> list
 
 
 def _draw_laws(file: TraceFile, folder: Path) -> list[Path]:
-    from tendonrepro.figure_files import save_figure
     from tendonrepro.figure_laws import draw_laws
+    from tendonrepro.results.figures.files import save_figure
 
     caption = "Torque and estimation error over frequency, distribution of the error, error at a reversal."
     return save_figure(draw_laws(file), folder, "laws", "laws", caption)

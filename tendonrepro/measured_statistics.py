@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from tendonrepro.arrays import Array
 from tendonrepro.config.published import COMPARED
 from tendonrepro.physics.control import Law, surface_and_feedback
-from tendonrepro.records import Trace
+from tendonrepro.results.records import Trace
 from tendonrepro.simulation.streaming import thresholds
 
 RATE_WINDOW = 0.05

@@ -9,7 +9,7 @@ import numpy as np
 from tendonrepro.arrays import Array
 from tendonrepro.config.fields.quantity import Matrix, Scalar, Vector
 from tendonrepro.physics.kinematics import to_joint_matrix
-from tendonrepro.records import PlantRecord, PlantValue
+from tendonrepro.results.records import PlantRecord, PlantValue
 from tendonrepro.rig import Experiment, build_drive
 
 ANGLES = (

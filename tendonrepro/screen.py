@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tendonrepro.console import columns
-from tendonrepro.summary import LOADS
+from tendonrepro.results.summary import LOADS
 
 
 def results_text(data: Mapping[str, Any]) -> str:

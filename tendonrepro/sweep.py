@@ -17,16 +17,16 @@ from tendonrepro.config.load import LoadedConfig, load_config
 from tendonrepro.config.overrides import parse_override
 from tendonrepro.console import Talk
 from tendonrepro.files import sha256_of, to_json, write_atomically
-from tendonrepro.manifest import make_manifest, with_outputs
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, error_ratio
-from tendonrepro.results import MANIFEST, claimed, clear, refuse_others
+from tendonrepro.results.folder import MANIFEST, claimed, clear, refuse_others
+from tendonrepro.results.manifest import make_manifest, with_outputs
+from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.runs import build_loops
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.controllers import TimeDelayController
 from tendonrepro.simulation.resolution import COMPILED_STEPPER
 from tendonrepro.simulation.stepper import Loop
-from tendonrepro.summary import CONTROLLERS
 from tendonrepro.sweep_points import Axis, Point, numbers_per_joint, parse_over, sweep_points, unit_of
 from tendonrepro.sweep_table import COLUMNS, write_table
 from tendonrepro.sweep_words import findings

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from tendonrepro.files import write_atomically
-from tendonrepro.typeset import NOTHING, Sheet, markdown
+from tendonrepro.results.typeset import NOTHING, Sheet, markdown
 
 COLUMNS: Mapping[str, tuple[str, str, float]] = {
     "mae_deg": ("mae", "MAE (deg)", np.rad2deg(1.0)),

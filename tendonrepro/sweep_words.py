@@ -9,7 +9,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.console import columns
-from tendonrepro.summary import CONTROLLERS
+from tendonrepro.results.summary import CONTROLLERS
 
 _FIRST, _SECOND, _ = CONTROLLERS
 

@@ -18,13 +18,13 @@ from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.experiment import PRECISE, all_loops, simulate_all, simulate_together, trace_file
 from tendonrepro.files import to_json, write_atomically
-from tendonrepro.manifest import make_manifest, with_outputs
 from tendonrepro.parallel import each
-from tendonrepro.records import TraceFile
-from tendonrepro.results import MANIFEST, TRACES, claimed, clear, read_manifest, refuse_others
+from tendonrepro.results.folder import MANIFEST, TRACES, claimed, clear, read_manifest, refuse_others
+from tendonrepro.results.manifest import make_manifest, with_outputs
+from tendonrepro.results.records import TraceFile
+from tendonrepro.results.summary import LOADS, compared_runs, table_data_compare, table_data_decouple
+from tendonrepro.results.traces import read_traces, write_traces
 from tendonrepro.simulation.resolution import COMPILED_STEPPER
-from tendonrepro.summary import LOADS, compared_runs, table_data_compare, table_data_decouple
-from tendonrepro.traces import read_traces, write_traces
 from tendonrepro.user_law import UserLaw, find_user_law
 
 SCHEMA_VERSION = 1
@@ -245,7 +245,7 @@ def redraw(out: Path, numbers: Sequence[int] | None) -> list[Path]:
     DataMissingError
         If no stored traces hold what one of the figures shows.
     """
-    from tendonrepro.figures import FIGURES, available
+    from tendonrepro.results.figures.catalogue import FIGURES, available
 
     unknown = [number for number in numbers or () if number not in FIGURES]
     if unknown:
@@ -334,7 +334,7 @@ def draw_figures(file: TraceFile, folder: Path, numbers: Sequence[int] | None = 
     -------
     list of Path
     """
-    from tendonrepro.figures import available, redrawn
+    from tendonrepro.results.figures.catalogue import available, redrawn
 
     chosen = available(file) if numbers is None else numbers
     drawn = each(partial(redrawn, file, folder / "figures"), chosen)
@@ -353,7 +353,7 @@ def make_tables(file: TraceFile, folder: Path) -> list[Path]:
     -------
     list of Path
     """
-    from tendonrepro.tables import write_tables
+    from tendonrepro.results.tables import write_tables
 
     return write_tables(file, folder / "tables")
 

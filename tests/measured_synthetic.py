@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from synthetic import make_compare_file
 
 from tendonrepro.config.published import published
-from tendonrepro.records import Trace, TraceFile
+from tendonrepro.results.records import Trace, TraceFile
 
 Array = NDArray[np.float64]
 CONTROLLERS = ("controller_1", "controller_2", "controller_3")

@@ -26,9 +26,9 @@ from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.ledger import run_claims
 from tendonrepro.measured_statistics import sliding_variable, statistics_of
 from tendonrepro.physics.control import polynomial
-from tendonrepro.records import Trace, TraceFile
+from tendonrepro.results.records import Trace, TraceFile
+from tendonrepro.results.traces import write_traces
 from tendonrepro.simulation.streaming import Sample, Sums, add_sample, finished, thresholds
-from tendonrepro.traces import write_traces
 
 
 def comparison(sizes: Mapping[str, float] | None = None, **options: object) -> TraceFile:

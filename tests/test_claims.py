@@ -20,7 +20,7 @@ from tendonrepro.claims import Sources, Verdict, changed, failing, judge_all, su
 from tendonrepro.config.models.readings import PRINTED, VARIATIONS, parse_reading
 from tendonrepro.config.published import PrintedNumber, Published, published
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.summary import CONTROLLERS
+from tendonrepro.results.summary import CONTROLLERS
 
 Array = NDArray[np.float64]
 RUNS = (*CONTROLLERS, "controller_1_payload")

@@ -283,7 +283,7 @@ def test_an_edited_copy_runs_and_standard_input_works(command: str, tmp_path: Pa
 def test_the_config_inside_the_traces_runs_again(
     command: str, compared: tuple[Path, Any], tmp_path: Path
 ) -> None:
-    from tendonrepro.traces import read_traces
+    from tendonrepro.results.traces import read_traces
 
     folder, first = compared
     file = read_traces(folder / "out" / "traces.h5")

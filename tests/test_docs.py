@@ -29,11 +29,11 @@ from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiment import all_loops
 from tendonrepro.physics.metrics import mae, status_of
-from tendonrepro.records import VARIABLES
+from tendonrepro.results.records import VARIABLES
+from tendonrepro.results.traces import read_traces
 from tendonrepro.runs import build_loops
 from tendonrepro.simulation.stepper import simulate
 from tendonrepro.stability import decay_rate
-from tendonrepro.traces import read_traces
 from tendonrepro.user_law import find_user_law
 from tendonrepro.workflow import Order, plan, run_experiment
 

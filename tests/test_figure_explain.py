@@ -11,7 +11,7 @@ from matplotlib.colors import to_hex
 from tendonrepro.config.load import load_config
 from tendonrepro.explain import explain
 from tendonrepro.figure_explain import Plants, draw_explanation, draw_locus, draw_map, draw_margins
-from tendonrepro.figure_style import journal_style, stroke_of
+from tendonrepro.results.figures.style import journal_style, stroke_of
 
 RUNS = ["Controller 1", "Controller 2", "Controller 1 payload"]
 

@@ -12,8 +12,8 @@ from measured_synthetic import CONTROLLERS, LOADED, measured_trace
 from synthetic import make_compare_file, make_decouple_file
 
 from tendonrepro.figure_overlay import NUMBERS, Pair, available_overlays, draw_overlay, saved_overlay
-from tendonrepro.figures import draw
-from tendonrepro.records import TraceFile
+from tendonrepro.results.figures.catalogue import draw
+from tendonrepro.results.records import TraceFile
 
 
 def measured() -> TraceFile:

@@ -21,10 +21,10 @@ from matplotlib.transforms import Bbox
 from synthetic import S, make_compare_file, make_decouple_file
 
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
-from tendonrepro.figure_panels import FigureArtists
-from tendonrepro.figure_style import REFERENCE, SERIES, envelope, journal_style, thin
-from tendonrepro.figures import FIGURES, available, draw, save
-from tendonrepro.traces import Trace, TraceFile
+from tendonrepro.results.figures.catalogue import FIGURES, available, draw, save
+from tendonrepro.results.figures.panels import FigureArtists
+from tendonrepro.results.figures.style import REFERENCE, SERIES, envelope, journal_style, thin
+from tendonrepro.results.traces import Trace, TraceFile
 
 compare_file = cache(make_compare_file)
 decouple_file = cache(make_decouple_file)
@@ -565,7 +565,7 @@ def test_vector_files_stay_small_at_full_length(tmp_path: Path) -> None:
 def test_same_bytes_on_a_second_run_in_another_process(tmp_path: Path) -> None:
     script = (
         "import sys; from pathlib import Path; from synthetic import make_compare_file as make;"
-        "from tendonrepro.figures import draw, save; save(draw(15, make()), Path(sys.argv[1]));"
+        "from tendonrepro.results.figures.catalogue import draw, save; save(draw(15, make()), Path(sys.argv[1]));"
         "assert 'matplotlib.pyplot' not in sys.modules"
     )
     here = Path(__file__).parent

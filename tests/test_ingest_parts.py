@@ -20,7 +20,7 @@ from tendonrepro.dataset.mapping import Mapping, load_mapping
 from tendonrepro.dataset.signals import Found, Skipped, Source, samples_first
 from tendonrepro.dataset.timebase import RESAMPLED, Timed, TimeProblem, checked, even, shared, within
 from tendonrepro.errors import ConfigError
-from tendonrepro.records import Trace
+from tendonrepro.results.records import Trace
 
 Array = NDArray[np.float64]
 S, S_INV = coupling_of(table_1(published()))

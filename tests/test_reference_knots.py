@@ -11,7 +11,7 @@ from tendonrepro.dataset.reference_knots import SPACINGS, smoothed, thinned
 from tendonrepro.dataset.reference_motion import derivatives, recover_run
 from tendonrepro.dataset.reference_record import Recorded, noise, recorded
 from tendonrepro.physics.trajectory import Motion, minimum_jerk, motion, raised_cosine, smooth_sine
-from tendonrepro.records import Trace
+from tendonrepro.results.records import Trace
 from tendonrepro.simulation.streaming import thresholds
 
 AMPLITUDE = np.deg2rad([20.0, 30.0])

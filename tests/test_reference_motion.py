@@ -33,7 +33,7 @@ from tendonrepro.physics.trajectory import (
     trapezoid_times,
     trapezoidal,
 )
-from tendonrepro.records import PlantRecord, Trace, TraceFile
+from tendonrepro.results.records import PlantRecord, Trace, TraceFile
 
 COUNT = float(np.deg2rad(0.022))
 AMPLITUDE = np.deg2rad([20.0, 30.0])

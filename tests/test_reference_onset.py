@@ -21,7 +21,7 @@ from tendonrepro.physics.trajectory import (
     smooth_sine,
     trapezoidal,
 )
-from tendonrepro.records import Trace
+from tendonrepro.results.records import Trace
 
 SIZE = np.deg2rad(24.0)
 SHAPES = {

@@ -33,8 +33,8 @@ from tendonrepro.dataset.rerun import MOTION, aligned, departure, together, writ
 from tendonrepro.dataset.residuals import comparison_rows, coupling_rows
 from tendonrepro.dataset.signals import Found, Source
 from tendonrepro.errors import DataMissingError
-from tendonrepro.records import Trace, TraceFile
-from tendonrepro.traces import write_traces
+from tendonrepro.results.records import Trace, TraceFile
+from tendonrepro.results.traces import write_traces
 
 STEP = 0.005
 MOVES = make_compare_file(step=STEP, source="measured")

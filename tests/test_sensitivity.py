@@ -11,7 +11,7 @@ from tendonrepro.figure_claims import (
     draw_tornado,
     running_median,
 )
-from tendonrepro.figure_files import save_figure
+from tendonrepro.results.figures.files import save_figure
 from tendonrepro.sensitivity import Ranking, ranked
 
 NAMES = ("a", "b", "c", "d")

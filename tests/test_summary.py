@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from synthetic import S_INV, S, make_compare_file, make_decouple_file
 
-from tendonrepro.summary import (
+from tendonrepro.results.summary import (
     decoupling_errors,
     ranking,
     sizes_deg,
@@ -17,7 +17,7 @@ from tendonrepro.summary import (
     table_data_decouple,
     tracking_errors,
 )
-from tendonrepro.traces import Trace, TraceFile
+from tendonrepro.results.traces import Trace, TraceFile
 
 Array = NDArray[np.float64]
 

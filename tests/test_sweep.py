@@ -16,7 +16,7 @@ from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.figure_sweep import draw_curves
 from tendonrepro.figure_sweep_map import draw_maps
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.results import read_manifest
+from tendonrepro.results.folder import read_manifest
 from tendonrepro.runs import build_loops
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.sweep import load_sweep, run_sweep, simulate_sweep

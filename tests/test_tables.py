@@ -11,7 +11,7 @@ import pytest
 from synthetic import S_INV, S, make_compare_file, make_decouple_file
 
 from tendonrepro.errors import TendonreproError
-from tendonrepro.tables import (
+from tendonrepro.results.tables import (
     table1,
     table2,
     table2_windows,
@@ -21,8 +21,8 @@ from tendonrepro.tables import (
     write_table,
     write_tables,
 )
-from tendonrepro.traces import PlantRecord, TraceFile
-from tendonrepro.typeset import Sheet, latex, markdown
+from tendonrepro.results.traces import PlantRecord, TraceFile
+from tendonrepro.results.typeset import Sheet, latex, markdown
 
 
 def with_plant(file: TraceFile, **arrays: np.ndarray | None) -> TraceFile:

@@ -602,7 +602,7 @@ def test_fields_packed_numbers_and_netcdf(tmp_path: Path) -> None:
 def test_our_own_traces_are_read(tmp_path: Path) -> None:
     from synthetic import make_compare_file
 
-    from tendonrepro.traces import write_traces
+    from tendonrepro.results.traces import write_traces
 
     path = tmp_path / "SYNTHETIC_traces.h5"
     write_traces(path, make_compare_file(step=0.1))

@@ -19,7 +19,7 @@ from synthetic import S_INV, S, make_compare_file, make_decouple_file
 
 from tendonrepro.errors import DataMissingError, TendonreproError
 from tendonrepro.files import sha256_of
-from tendonrepro.traces import (
+from tendonrepro.results.traces import (
     NEEDED,
     SCHEMA_VERSION,
     VARIABLES,

@@ -25,13 +25,13 @@ from tendonrepro.dataset.validate_tables import table_data, window_rows, write_m
 from tendonrepro.dataset.validate_text import validate_text
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.experiment import simulate_all, trace_file
-from tendonrepro.figures import available
 from tendonrepro.files import sha256_of
-from tendonrepro.manifest import make_manifest
-from tendonrepro.records import PlantRecord, TraceFile
-from tendonrepro.summary import table_data_compare, tracking_errors
-from tendonrepro.tables import write_tables
-from tendonrepro.traces import read_traces, write_traces
+from tendonrepro.results.figures.catalogue import available
+from tendonrepro.results.manifest import make_manifest
+from tendonrepro.results.records import PlantRecord, TraceFile
+from tendonrepro.results.summary import table_data_compare, tracking_errors
+from tendonrepro.results.tables import write_tables
+from tendonrepro.results.traces import read_traces, write_traces
 
 QUIET = Talk(quiet=True)
 SHORT = ("reference.periods=2", "reference.rise=0.8", "reference.hold=0.3")

@@ -27,8 +27,8 @@ from tendonrepro.dataset.timebase import (
 from tendonrepro.dataset.units import factor
 from tendonrepro.dataset.words import printable
 from tendonrepro.errors import ConfigError
-from tendonrepro.records import Trace
-from tendonrepro.summary import MEASURED
+from tendonrepro.results.records import Trace
+from tendonrepro.results.summary import MEASURED
 
 MOST_TURN_DEG = 190.0
 FAR_APART = 0.2

@@ -29,7 +29,7 @@ from tendonrepro.dataset.web_errors import WebError
 from tendonrepro.dataset.zenodo import Record, record_number
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.files import md5_of
-from tendonrepro.results import locked
+from tendonrepro.results.folder import locked
 
 
 @dataclass(frozen=True)

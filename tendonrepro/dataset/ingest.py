@@ -23,11 +23,11 @@ from tendonrepro.dataset.signals import Source
 from tendonrepro.dataset.words import printable
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import sha256_of, to_json
-from tendonrepro.manifest import environment
 from tendonrepro.physics.metrics import status_of
-from tendonrepro.records import DECOUPLING_RUNS, PlantRecord, PlantValue, Trace, TraceFile
-from tendonrepro.summary import sizes_deg
-from tendonrepro.traces import read_traces, write_traces
+from tendonrepro.results.manifest import environment
+from tendonrepro.results.records import DECOUPLING_RUNS, PlantRecord, PlantValue, Trace, TraceFile
+from tendonrepro.results.summary import sizes_deg
+from tendonrepro.results.traces import read_traces, write_traces
 
 SCHEMA_VERSION = 1
 _PRINTED = "printed: Table 1, signs of section 3.3"

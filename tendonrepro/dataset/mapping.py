@@ -16,7 +16,7 @@ from tendonrepro.config.fields.strict_yaml import Key, load, read_text
 from tendonrepro.config.messages import Place, explain, nearest
 from tendonrepro.dataset.units import FACTORS, factor, kind_of_variable, plain_unit
 from tendonrepro.errors import ConfigError
-from tendonrepro.records import VARIABLES
+from tendonrepro.results.records import VARIABLES
 
 HINT = "`tendonrepro inspect PATH --suggest` writes one to begin with."
 

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.records import TraceFile
-from tendonrepro.traces import read_traces
+from tendonrepro.results.records import TraceFile
+from tendonrepro.results.traces import read_traces
 
 MEASURED = Path("data") / "measured.h5"
 """Where it is unless a command says otherwise."""

@@ -12,8 +12,8 @@ import numpy as np
 from tendonrepro.arrays import Array
 from tendonrepro.config.published import Published, rounding
 from tendonrepro.physics.metrics import windows
-from tendonrepro.records import Trace, TraceFile
-from tendonrepro.summary import CONTROLLERS, LOADS, sizes_deg
+from tendonrepro.results.records import Trace, TraceFile
+from tendonrepro.results.summary import CONTROLLERS, LOADS, sizes_deg
 
 NUMBERS = 16
 """Numbers that Table 2 and the loaded row of Table 3 print."""

@@ -18,8 +18,8 @@ from tendonrepro.dataset.reference_shapes import OUT_AND_BACK, cycle_of
 from tendonrepro.dataset.reference_signal import refined_shift, repeat_after
 from tendonrepro.dataset.reference_turns import Turns, amplitude_of, movers, turns_of
 from tendonrepro.errors import DataMissingError
-from tendonrepro.records import Trace, TraceFile
-from tendonrepro.summary import CONTROLLERS
+from tendonrepro.results.records import Trace, TraceFile
+from tendonrepro.results.summary import CONTROLLERS
 
 _SAME_TIME = 0.05
 """Share of a sample by which two runs' motions may be apart and still begin at one time."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.errors import DataMissingError
-from tendonrepro.records import Trace
+from tendonrepro.results.records import Trace
 
 FEWEST = 20
 """Samples below which nothing is told of a motion."""

@@ -20,9 +20,9 @@ from tendonrepro.dataset.reference_knots import thinned
 from tendonrepro.dataset.reference_motion import Reference, recorded_motion, zero_of
 from tendonrepro.experiment import simulate_run, trace_file
 from tendonrepro.files import to_json, write_atomically
-from tendonrepro.manifest import make_manifest
 from tendonrepro.parallel import each
-from tendonrepro.records import Trace, TraceFile
+from tendonrepro.results.manifest import make_manifest
+from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.runs import build_loops
 
 COMPARE, DECOUPLE = "compare.yaml", "decouple.yaml"

@@ -22,7 +22,7 @@ from tendonrepro.dataset.rerun import (
 )
 from tendonrepro.errors import TendonreproError
 from tendonrepro.files import write_atomically
-from tendonrepro.records import Trace, TraceFile
+from tendonrepro.results.records import Trace, TraceFile
 
 
 @dataclass

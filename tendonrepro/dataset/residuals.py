@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.physics.metrics import mae, max_abs, rmse, start_level
-from tendonrepro.records import PlantRecord, Trace
+from tendonrepro.results.records import PlantRecord, Trace
 
 Row: TypeAlias = dict[str, Any]
 """A table row by column name; angles in degrees."""

@@ -7,7 +7,7 @@ import io
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tendonrepro.typeset import NOTHING, Sheet, markdown
+from tendonrepro.results.typeset import NOTHING, Sheet, markdown
 
 
 def csv_of(rows: Sequence[Mapping[str, Any]]) -> str:

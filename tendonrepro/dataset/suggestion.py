@@ -17,7 +17,7 @@ from tendonrepro.dataset.mapping_text import head_lines, quoted, skeleton_lines,
 from tendonrepro.dataset.remarks import common_step, doubts_of, listed, remarks_on
 from tendonrepro.dataset.timebase import SAME_TIME
 from tendonrepro.dataset.units import FACTORS, kind_of_variable
-from tendonrepro.records import VARIABLES
+from tendonrepro.results.records import VARIABLES
 
 PAYLOAD = 0.2
 """The paper's payload, kg, where a name says that there is one but not how heavy."""

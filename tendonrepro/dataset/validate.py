@@ -24,12 +24,12 @@ from tendonrepro.dataset.residuals import comparison_rows, coupling_rows
 from tendonrepro.dataset.row_files import csv_of, markdown_of
 from tendonrepro.dataset.validate_tables import table_data, window_rows, write_measured_tables
 from tendonrepro.files import sha256_of, to_json, write_atomically
-from tendonrepro.manifest import make_manifest, with_outputs
 from tendonrepro.parallel import each
-from tendonrepro.records import TraceFile
-from tendonrepro.results import MANIFEST, claimed, clear, refuse_others
-from tendonrepro.summary import CONTROLLERS, LOADS
-from tendonrepro.traces import write_traces
+from tendonrepro.results.folder import MANIFEST, claimed, clear, refuse_others
+from tendonrepro.results.manifest import make_manifest, with_outputs
+from tendonrepro.results.records import TraceFile
+from tendonrepro.results.summary import CONTROLLERS, LOADS
+from tendonrepro.results.traces import write_traces
 
 SCHEMA_VERSION = 1
 FOLDER = Path("reports") / "validate"

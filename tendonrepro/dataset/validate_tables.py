@@ -10,8 +10,8 @@ from tendonrepro.config.published import COMPARED, Published
 from tendonrepro.dataset.printed_tables import PrintedTables, Tried
 from tendonrepro.dataset.row_files import csv_of
 from tendonrepro.files import write_atomically
-from tendonrepro.summary import CONTROLLERS
-from tendonrepro.typeset import NOTHING, Sheet, latex, markdown
+from tendonrepro.results.summary import CONTROLLERS
+from tendonrepro.results.typeset import NOTHING, Sheet, latex, markdown
 
 _ROWS: Mapping[str, Mapping[str, str]] = {
     "table2": {name: f"table2.{name}" for name in CONTROLLERS},

@@ -7,7 +7,7 @@ from typing import Any
 
 from tendonrepro.config.published import COMPARED
 from tendonrepro.dataset.measured_file import resting_on
-from tendonrepro.typeset import NOTHING
+from tendonrepro.results.typeset import NOTHING
 
 
 def validate_text(found: Mapping[str, Any]) -> str:

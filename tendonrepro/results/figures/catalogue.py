@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.figure_compare import (
+from tendonrepro.results.figures.compare import (
     MEAN_WINDOW,
     controllers,
     draw_law,
@@ -16,11 +16,11 @@ from tendonrepro.figure_compare import (
     draw_payload,
     draw_tracking,
 )
-from tendonrepro.figure_decouple import draw_joint, draw_motor_angles, draw_pull
-from tendonrepro.figure_files import save_figure
-from tendonrepro.figure_panels import FigureArtists, Sheet
-from tendonrepro.figure_style import journal_style
-from tendonrepro.traces import Trace, TraceFile
+from tendonrepro.results.figures.decouple import draw_joint, draw_motor_angles, draw_pull
+from tendonrepro.results.figures.files import save_figure
+from tendonrepro.results.figures.panels import FigureArtists, Sheet
+from tendonrepro.results.figures.style import journal_style
+from tendonrepro.results.traces import Trace, TraceFile
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.config.published import PrintedText, published
-from tendonrepro.records import Trace, TraceFile
-from tendonrepro.summary import LOADS, compared_runs, decoupling_errors, tracking_errors
+from tendonrepro.results.records import Trace, TraceFile
+from tendonrepro.results.summary import LOADS, compared_runs, decoupling_errors, tracking_errors
 
 Row: TypeAlias = dict[str, object]
 """A table row by column name; a column without a value may be left out."""

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from tendonrepro.comparison import (
+from tendonrepro.files import write_atomically
+from tendonrepro.results.comparison import (
     Row,
     change_rows,
     controller_rows,
@@ -16,10 +17,9 @@ from tendonrepro.comparison import (
     decoupling_rows,
     load_rows,
 )
-from tendonrepro.files import write_atomically
-from tendonrepro.records import TraceFile
-from tendonrepro.summary import compared_runs, tracking_errors
-from tendonrepro.typeset import NOTHING, Sheet, latex, markdown
+from tendonrepro.results.records import TraceFile
+from tendonrepro.results.summary import compared_runs, tracking_errors
+from tendonrepro.results.typeset import NOTHING, Sheet, latex, markdown
 
 # Heading, and digits behind the point, of every column as a reader sees it; csv keeps names and all digits.
 _COLUMNS: Mapping[str, tuple[str, int]] = {

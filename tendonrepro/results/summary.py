@@ -10,7 +10,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.physics.metrics import mae, max_abs, rmse, windows
-from tendonrepro.records import Trace, TraceFile
+from tendonrepro.results.records import Trace, TraceFile
 
 CONTROLLERS = ("controller_1", "controller_2", "controller_3")
 """The compared runs, in the order in which the paper ranks them."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.figure_panels import Sheet
-from tendonrepro.figure_style import COLUMN_MM, REFERENCE, stroke_of
 from tendonrepro.physics.metrics import mae
-from tendonrepro.traces import Trace, TraceFile
+from tendonrepro.results.figures.panels import Sheet
+from tendonrepro.results.figures.style import COLUMN_MM, REFERENCE, stroke_of
+from tendonrepro.results.traces import Trace, TraceFile
 
 
 def draw_pull(file: TraceFile, traces: list[Trace]) -> Sheet:

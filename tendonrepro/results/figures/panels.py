@@ -18,7 +18,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon
 
 from tendonrepro.arrays import Array
-from tendonrepro.figure_style import Stroke, envelope, thin
+from tendonrepro.results.figures.style import Stroke, envelope, thin
 
 _MM_PER_INCH = 25.4
 # Free space above and below the curves, as a share of their range.
@@ -37,7 +37,7 @@ class FigureArtists:
     number : int
         The paper's number.
     figure : Figure
-        Laid out for the journal style, which `tendonrepro.figures.save` puts in force again.
+        Laid out for the journal style, which `tendonrepro.results.figures.catalogue.save` puts in force again.
     axes : dict
         Panels by letter.
     lines : dict

@@ -8,8 +8,8 @@ from typing import Any, Protocol
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from tendonrepro.figure_style import journal_style
 from tendonrepro.files import atomic_path
+from tendonrepro.results.figures.style import journal_style
 
 _MM_PER_INCH = 25.4
 

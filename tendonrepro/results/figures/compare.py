@@ -8,10 +8,10 @@ from itertools import count, product
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.figure_panels import Sheet
-from tendonrepro.figure_style import COLUMN_MM, PAGE_MM, REFERENCE, Stroke, stroke_of
 from tendonrepro.physics.metrics import window_mean
-from tendonrepro.traces import VARIABLES, Trace, TraceFile
+from tendonrepro.results.figures.panels import Sheet
+from tendonrepro.results.figures.style import COLUMN_MM, PAGE_MM, REFERENCE, Stroke, stroke_of
+from tendonrepro.results.traces import VARIABLES, Trace, TraceFile
 
 MEAN_WINDOW = 0.05
 """Width of the centred moving mean, s."""

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tendonrepro.arrays import Array
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import write_atomically
-from tendonrepro.records import (
+from tendonrepro.results.records import (
     EVERY_RUN,
     SCHEMA_VERSION,
     VARIABLES,
