@@ -20,7 +20,7 @@ def stated_case(duration, overrides=IDEAL_ENCODER):
     from dataclasses import replace
 
     from tendonrepro.config.load import load_config
-    from tendonrepro.runs import build_loops
+    from tendonrepro.experiments.loops import build_loops
     from tendonrepro.simulation.stepper import Reference
 
     loaded = load_config(None, "compare", overrides=overrides)
@@ -42,7 +42,7 @@ def tightened(loop):
 
 def plain_parameters(config):
     """The configuration's numbers for the baseline, SI units, moving joints only."""
-    from tendonrepro.rig import coupling, start_angles
+    from tendonrepro.experiments.rig import coupling, start_angles
 
     n = len(config.joints)
     arm, run = config.manipulator, config.runs["controller_1"]

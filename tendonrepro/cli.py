@@ -33,7 +33,7 @@ from tendonrepro.cli_study import study_app
 from tendonrepro.errors import TendonreproError
 
 if TYPE_CHECKING:
-    from tendonrepro.workflow import Order
+    from tendonrepro.experiments.command import Order
 
 EPILOG = (
     "Exit codes: 0 done, 1 error, 2 usage or configuration, 3 a verdict is against the print "
@@ -113,7 +113,7 @@ def compare(
     verbose: Verbose = False,
 ) -> int:
     """Controllers 1 to 3 and the payload case: traces, Figures 13 to 16, Tables 2 and 3."""
-    from tendonrepro.workflow import Order
+    from tendonrepro.experiments.command import Order
 
     order = Order("compare", config, out, overrides or (), seed, numbers(controllers), law, force, solver)
     return _run([order], dry_run=dry_run, as_json=as_json, quiet=quiet, verbose=verbose)
@@ -134,7 +134,7 @@ def decouple(
     verbose: Verbose = False,
 ) -> int:
     """Joint angles calculated from motor angles: traces, Figures 6 and 9 to 12, Table 1."""
-    from tendonrepro.workflow import Order
+    from tendonrepro.experiments.command import Order
 
     order = Order("decouple", config, out, overrides or (), seed, force=force)
     return _run([order], dry_run=dry_run, as_json=as_json, quiet=quiet, verbose=verbose)
@@ -155,7 +155,7 @@ def reproduce(
     verbose: Verbose = False,
 ) -> int:
     """Both experiments: every figure and table of the paper's section 5."""
-    from tendonrepro.workflow import both_orders
+    from tendonrepro.experiments.command import both_orders
 
     orders = both_orders(config, out, overrides or (), seed, force=force)
     return _run(orders, dry_run=dry_run, as_json=as_json, quiet=quiet, verbose=verbose)
@@ -174,7 +174,7 @@ def figures(
     verbose: Verbose = False,
 ) -> None:
     """Draw figures again from stored traces."""
-    from tendonrepro.workflow import redraw
+    from tendonrepro.experiments.command import redraw
 
     list_files(redraw(out, numbers), as_json=as_json, quiet=quiet, verbose=verbose)
 
@@ -189,7 +189,7 @@ def tables(
     verbose: Verbose = False,
 ) -> None:
     """Write tables again from stored traces."""
-    from tendonrepro.workflow import rewrite_tables
+    from tendonrepro.experiments.command import rewrite_tables
 
     list_files(rewrite_tables(out), as_json=as_json, quiet=quiet, verbose=verbose)
 
@@ -260,7 +260,7 @@ def config_check(
     verbose: Verbose = False,
 ) -> None:
     """Check a configuration; all its mistakes are listed at once."""
-    from tendonrepro.workflow import check
+    from tendonrepro.experiments.command import check
 
     found = check(config, overrides or ())
     detail(
@@ -289,8 +289,8 @@ def config_schema(
 def _run(orders: Sequence[Order], *, dry_run: bool, as_json: bool, quiet: bool, verbose: bool) -> int:
     """Carry out orders, print what they found, and return the exit code."""
     from tendonrepro.console import Talk
-    from tendonrepro.screen import results_text
-    from tendonrepro.workflow import diverged, plan, run_experiment
+    from tendonrepro.experiments.command import diverged, plan, run_experiment
+    from tendonrepro.experiments.report import results_text
 
     talk = Talk(quiet=quiet, verbose=verbose)
     # All orders are checked before the first is carried out.

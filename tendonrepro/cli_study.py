@@ -44,8 +44,8 @@ def sweep(
 ) -> int:
     """The comparison over values of one or two keys: table and figures."""
     from tendonrepro.console import Talk
-    from tendonrepro.sweep import run_sweep
-    from tendonrepro.sweep_words import sweep_text
+    from tendonrepro.experiments.sweep.command import run_sweep
+    from tendonrepro.experiments.sweep.report import sweep_text
 
     talk = Talk(quiet=quiet, verbose=verbose)
     chosen = numbers(controllers)

@@ -22,11 +22,11 @@ from tendonrepro.config.load import CompareConfig
 from tendonrepro.config.models.readings import under
 from tendonrepro.ensemble_plan import Study
 from tendonrepro.errors import TendonreproError
+from tendonrepro.experiments.loops import build_law, build_loops
+from tendonrepro.experiments.rig import build_actuator, build_encoder
 from tendonrepro.physics.encoder import Encoder
 from tendonrepro.physics.metrics import STATUSES, mae, rmse, status_of
 from tendonrepro.results.manifest import cpu_name
-from tendonrepro.rig import build_actuator, build_encoder
-from tendonrepro.runs import build_law, build_loops
 from tendonrepro.shards import Block, Shard, shard_image
 from tendonrepro.simulation.batch import Batch, simulate_batch
 from tendonrepro.simulation.controllers import TimeDelayController

@@ -13,6 +13,8 @@ from tendonrepro.arrays import Array
 from tendonrepro.config.load import CompareConfig, LoadedConfig
 from tendonrepro.config.models.control import Readings
 from tendonrepro.errors import UsageError
+from tendonrepro.experiments.loops import build_law, build_reference
+from tendonrepro.experiments.rig import build_plant
 from tendonrepro.explanation import Curves, Explanation, Map, RunMargins, View, WhatIf
 from tendonrepro.margins import (
     ChannelMargins,
@@ -24,8 +26,6 @@ from tendonrepro.margins import (
     response,
 )
 from tendonrepro.physics.slow_error import ERROR_SIZES_DEG, TYPICAL_ERROR_DEG, error_ratio
-from tendonrepro.rig import build_plant
-from tendonrepro.runs import build_law, build_reference
 from tendonrepro.stability import decay_rate, loop_matrix, open_loop
 from tendonrepro.stability_map import (
     PARAMETERS,

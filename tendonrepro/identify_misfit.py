@@ -14,8 +14,8 @@ from tendonrepro.box import Box, configured
 from tendonrepro.config.load import CompareConfig, LoadedConfig
 from tendonrepro.config.models.readings import RUNS, Reading, under
 from tendonrepro.config.published import PrintedNumber, Published
+from tendonrepro.experiments.loops import build_loops
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.runs import build_loops
 from tendonrepro.simulation.batch import Batch
 from tendonrepro.simulation.stepper import Loop, Reference
 

@@ -90,7 +90,7 @@ def _rate(time: Array, e: Array) -> Array:
 def _law_of(run: str) -> Law | None:
     """Law of a run of the comparison, with the gains and readings of the shipped configuration."""
     from tendonrepro.config.load import CompareConfig, load_config
-    from tendonrepro.runs import build_law
+    from tendonrepro.experiments.loops import build_law
 
     config = load_config(None, "compare").config
     if not isinstance(config, CompareConfig) or run not in config.runs:

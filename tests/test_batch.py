@@ -13,11 +13,11 @@ from tendonrepro.box import configured, population, scrambled_sobol
 from tendonrepro.config.ensemble import load_ensemble
 from tendonrepro.config.load import CompareConfig, load_config
 from tendonrepro.errors import TendonreproError
+from tendonrepro.experiments.loops import build_loops
 from tendonrepro.physics.control import Law
 from tendonrepro.physics.disturbance import no_disturbance
 from tendonrepro.physics.dynamics import frictionless
 from tendonrepro.physics.metrics import STATUSES, periodogram, status_of
-from tendonrepro.runs import build_loops
 from tendonrepro.simulation.batch import Batch, simulate_batch
 from tendonrepro.simulation.codegen.lanes import stacked
 from tendonrepro.simulation.controllers import TimeDelayController

@@ -17,8 +17,8 @@ from tendonrepro.config.load import CompareConfig
 from tendonrepro.config.models.box import DISTURBANCES, MOTIONS, Choice, Range, Words
 from tendonrepro.config.models.readings import AXES, RUNS, VARIATIONS, default_readings, under
 from tendonrepro.config.models.reference import MinimumJerk
-from tendonrepro.rig import build_actuator, build_drive, build_encoder, build_plant, build_preload
-from tendonrepro.runs import build_law, build_loops
+from tendonrepro.experiments.loops import build_law, build_loops
+from tendonrepro.experiments.rig import build_actuator, build_drive, build_encoder, build_plant, build_preload
 
 PAGE = Path(__file__).parent.parent / "docs" / "box.md"
 DRAWS = 256

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from oracles import FEATURES, PAPER, random_plant, random_state
 
 from tendonrepro.config.load import CompareConfig, load_config
+from tendonrepro.experiments.loops import build_law
 from tendonrepro.physics import control
 from tendonrepro.physics.control import remember, start_memory
 from tendonrepro.physics.dynamics import state_derivative
-from tendonrepro.runs import build_law
 from tendonrepro.simulation.codegen import compiled
 from tendonrepro.simulation.codegen.symbols import unrolled
 

@@ -27,15 +27,15 @@ from tendonrepro.config.models.control import Readings
 from tendonrepro.config.published import published
 from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
-from tendonrepro.experiment import all_loops
+from tendonrepro.experiments.command import Order, plan, run_experiment
+from tendonrepro.experiments.loops import build_loops
+from tendonrepro.experiments.run import all_loops
+from tendonrepro.experiments.user_law import find_user_law
 from tendonrepro.physics.metrics import mae, status_of
 from tendonrepro.results.records import VARIABLES
 from tendonrepro.results.traces import read_traces
-from tendonrepro.runs import build_loops
 from tendonrepro.simulation.stepper import simulate
 from tendonrepro.stability import decay_rate
-from tendonrepro.user_law import find_user_law
-from tendonrepro.workflow import Order, plan, run_experiment
 
 PACKAGE = Path(tendonrepro.__file__).parent
 ROOT = PACKAGE.parent

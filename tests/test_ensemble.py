@@ -23,8 +23,8 @@ from tendonrepro.ensemble_data import read_ensemble
 from tendonrepro.ensemble_folder import missing_blocks
 from tendonrepro.ensemble_plan import Study
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
+from tendonrepro.experiments.loops import build_loops
 from tendonrepro.physics.metrics import mae, rmse
-from tendonrepro.runs import build_loops
 from tendonrepro.shards import FOLDER, read_shard, shard_files
 from tendonrepro.simulation.batch import Batch
 from tendonrepro.simulation.stepper import Loop

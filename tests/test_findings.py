@@ -12,13 +12,13 @@ import pytest
 
 from tendonrepro.config.load import CompareConfig, load_config
 from tendonrepro.console import Talk
-from tendonrepro.experiment import simulate_all, trace_file
+from tendonrepro.experiments.loops import build_law
+from tendonrepro.experiments.rig import build_plant
+from tendonrepro.experiments.run import simulate_all, trace_file
 from tendonrepro.physics.metrics import mae, rmse, window_mean
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.summary import table_data_compare, table_data_decouple
 from tendonrepro.results.traces import write_traces
-from tendonrepro.rig import build_plant
-from tendonrepro.runs import build_law
 from tendonrepro.stability import decay_rate
 
 DOCS = Path(__file__).parent.parent

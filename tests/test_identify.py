@@ -21,6 +21,7 @@ from tendonrepro.config.models.readings import RUNS, reading
 from tendonrepro.config.published import PrintedNumber, published
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
+from tendonrepro.experiments.loops import build_loops
 from tendonrepro.identify import run_identify
 from tendonrepro.identify_judge import (
     number_rows,
@@ -42,7 +43,6 @@ from tendonrepro.identify_report import identify_text
 from tendonrepro.identify_search import Effort, Found, search
 from tendonrepro.identify_state import load_state
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.runs import build_loops
 from tendonrepro.simulation.batch import Batch
 from tendonrepro.simulation.streaming import STATISTICS
 

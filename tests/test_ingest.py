@@ -19,11 +19,11 @@ from tendonrepro.console import Talk
 from tendonrepro.dataset.ingest import ingest_text, run_ingest
 from tendonrepro.dataset.inspection import inspect_text, run_inspect
 from tendonrepro.errors import ConfigError, DataMissingError, UsageError
+from tendonrepro.experiments.command import Order, run_experiment
 from tendonrepro.results.figures.catalogue import available
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import table_data_compare
 from tendonrepro.results.traces import read_traces, write_traces
-from tendonrepro.workflow import Order, run_experiment
 
 Array = NDArray[np.float64]
 QUIET = Talk(quiet=True)

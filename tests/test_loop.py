@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 from tendonrepro.config.load import load_config
 from tendonrepro.errors import TendonreproError
-from tendonrepro.runs import build_loops
+from tendonrepro.experiments.loops import build_loops
 from tendonrepro.simulation.stepper import Reference, simulate
 
 L = 1e-3

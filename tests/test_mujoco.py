@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from oracles import Routing, rope_used, winch_angles
 
 from tendonrepro.config.load import load_config
-from tendonrepro.runs import build_loops
+from tendonrepro.experiments.loops import build_loops
 from tendonrepro.simulation.stepper import simulate
 
 Array = NDArray[np.float64]

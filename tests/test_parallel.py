@@ -49,7 +49,7 @@ def test_errors_arrive_whole(monkeypatch: pytest.MonkeyPatch, processors: int) -
 def test_runs_do_not_depend_on_the_number_of_processes(monkeypatch: pytest.MonkeyPatch) -> None:
     from tendonrepro.config.load import load_config
     from tendonrepro.console import Talk
-    from tendonrepro.experiment import simulate_all
+    from tendonrepro.experiments.run import simulate_all
 
     short = ["reference.periods=1", "reference.rise=0.1", "reference.hold=0.05", "reference.amplitude=[2,2]"]
     loaded = load_config(None, "compare", overrides=short)

@@ -26,8 +26,8 @@ from tendonrepro.config.models.readings import (
     under,
 )
 from tendonrepro.errors import UsageError
+from tendonrepro.experiments.loops import build_loops
 from tendonrepro.physics.control import Law, Surface
-from tendonrepro.runs import build_loops
 from tendonrepro.simulation.stepper import Loop
 
 ALONE = [reading({axis.name: value}) for axis in AXES.values() for value in axis.alternatives]

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tendonrepro import runs
 from tendonrepro.arrays import Array
 from tendonrepro.config.fields.strict_yaml import dump
 from tendonrepro.config.load import CompareConfig, load_config
@@ -22,6 +21,7 @@ from tendonrepro.dataset.reference_shapes import Values
 from tendonrepro.dataset.reference_signal import _misfit, repeat_after
 from tendonrepro.dataset.reference_turns import amplitude_of, movers, turns_of
 from tendonrepro.errors import DataMissingError
+from tendonrepro.experiments import loops as runs
 from tendonrepro.physics.trajectory import (
     Motion,
     Shape,

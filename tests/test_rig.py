@@ -11,11 +11,7 @@ from numpy.typing import NDArray
 from oracles import TABLE_1, coupling_by_columns
 
 from tendonrepro.config.load import load_config
-from tendonrepro.physics.arm import bias_torque, mass_matrix
-from tendonrepro.physics.disturbance import Disturbance, disturbance_torque
-from tendonrepro.physics.instruments import Actuator
-from tendonrepro.physics.kinematics import to_joint_matrix
-from tendonrepro.rig import (
+from tendonrepro.experiments.rig import (
     build_actuator,
     build_arm,
     build_disturbance,
@@ -27,6 +23,10 @@ from tendonrepro.rig import (
     full_coupling,
     start_angles,
 )
+from tendonrepro.physics.arm import bias_torque, mass_matrix
+from tendonrepro.physics.disturbance import Disturbance, disturbance_torque
+from tendonrepro.physics.instruments import Actuator
+from tendonrepro.physics.kinematics import to_joint_matrix
 
 Array = NDArray[np.float64]
 

@@ -9,10 +9,16 @@ import pytest
 
 from tendonrepro.config.load import load_config
 from tendonrepro.errors import ConfigError
+from tendonrepro.experiments.loops import (
+    build_law,
+    build_loops,
+    build_reference,
+    reference_period,
+    torque_map,
+)
+from tendonrepro.experiments.rig import coupling
 from tendonrepro.physics.control import DEGREES_PER_RADIAN, Surface
 from tendonrepro.physics.trajectory import minimum_jerk
-from tendonrepro.rig import coupling
-from tendonrepro.runs import build_law, build_loops, build_reference, reference_period, torque_map
 from tendonrepro.simulation.controllers import PositionController
 from tendonrepro.simulation.stepper import simulate
 

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from tendonrepro.config.load import load_config
+from tendonrepro.experiments.loops import build_loops
 from tendonrepro.physics.metrics import mae, rmse
-from tendonrepro.runs import build_loops
 from tendonrepro.simulation.stepper import simulate
 
 L, M_BAR, LAM, BETA = 1e-3, 0.01, 8.0, 2.0

@@ -10,6 +10,8 @@ from scipy.optimize import brentq
 from scipy.signal import cont2discrete
 
 from tendonrepro.config.load import load_config
+from tendonrepro.experiments.loops import build_law
+from tendonrepro.experiments.rig import build_plant
 from tendonrepro.physics.arm import Arm, gravity_torque
 from tendonrepro.physics.control import Law, Surface, estimator_weights, phi, surface_and_feedback
 from tendonrepro.physics.disturbance import no_disturbance
@@ -18,8 +20,6 @@ from tendonrepro.physics.dynamics import Plant, frictionless, holding_torque, re
 from tendonrepro.physics.encoder import Encoder
 from tendonrepro.physics.friction import Friction
 from tendonrepro.physics.instruments import Actuator
-from tendonrepro.rig import build_plant
-from tendonrepro.runs import build_law
 from tendonrepro.simulation.controllers import TimeDelayController
 from tendonrepro.simulation.stepper import Loop, Reference, Solver, simulate
 from tendonrepro.stability import (

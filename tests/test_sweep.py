@@ -13,16 +13,16 @@ import pytest
 from tendonrepro.config.load import load_config
 from tendonrepro.console import Talk
 from tendonrepro.errors import ConfigError, UsageError
-from tendonrepro.figure_sweep import draw_curves
-from tendonrepro.figure_sweep_map import draw_maps
+from tendonrepro.experiments.loops import build_loops
+from tendonrepro.experiments.sweep.command import load_sweep, run_sweep, simulate_sweep
+from tendonrepro.experiments.sweep.figure_map import draw_maps
+from tendonrepro.experiments.sweep.figures import draw_curves
+from tendonrepro.experiments.sweep.points import parse_over, split_values, unit_of
+from tendonrepro.experiments.sweep.report import findings, sweep_text
+from tendonrepro.experiments.sweep.table import COLUMNS, rows
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.folder import read_manifest
-from tendonrepro.runs import build_loops
 from tendonrepro.simulation.batch import simulate_batch
-from tendonrepro.sweep import load_sweep, run_sweep, simulate_sweep
-from tendonrepro.sweep_points import parse_over, split_values, unit_of
-from tendonrepro.sweep_table import COLUMNS, rows
-from tendonrepro.sweep_words import findings, sweep_text
 
 ALPHA = "control.gains.alpha=[0,0],[0.1,0.2],[0.3,0.4]"
 PERIOD = "sampling_period=0.5,1,2"

@@ -24,7 +24,7 @@ from tendonrepro.dataset.validate import RESULTS, run_validate
 from tendonrepro.dataset.validate_tables import table_data, window_rows, write_measured_tables
 from tendonrepro.dataset.validate_text import validate_text
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.experiment import simulate_all, trace_file
+from tendonrepro.experiments.run import simulate_all, trace_file
 from tendonrepro.files import sha256_of
 from tendonrepro.results.figures.catalogue import available
 from tendonrepro.results.manifest import make_manifest

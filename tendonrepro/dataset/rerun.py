@@ -18,12 +18,12 @@ from tendonrepro.console import Talk
 from tendonrepro.dataset.reference_config import FILE, config_tree, csv_text
 from tendonrepro.dataset.reference_knots import thinned
 from tendonrepro.dataset.reference_motion import Reference, recorded_motion, zero_of
-from tendonrepro.experiment import simulate_run, trace_file
+from tendonrepro.experiments.loops import build_loops
+from tendonrepro.experiments.run import simulate_run, trace_file
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.parallel import each
 from tendonrepro.results.manifest import make_manifest
 from tendonrepro.results.records import Trace, TraceFile
-from tendonrepro.runs import build_loops
 
 COMPARE, DECOUPLE = "compare.yaml", "decouple.yaml"
 MOTION = "decouple_reference.csv"

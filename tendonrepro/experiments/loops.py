@@ -22,6 +22,14 @@ from tendonrepro.config.models.reference import (
 from tendonrepro.config.models.reference import Reference as ReferenceConfig
 from tendonrepro.config.trajectory_file import read_samples
 from tendonrepro.errors import ConfigError
+from tendonrepro.experiments.rig import (
+    Experiment,
+    build_actuator,
+    build_encoder,
+    build_plant,
+    coupling,
+    start_angles,
+)
 from tendonrepro.physics.control import DEGREES_PER_RADIAN, Law, Surface, estimator_weights
 from tendonrepro.physics.servo import Servo
 from tendonrepro.physics.trajectory import (
@@ -35,14 +43,6 @@ from tendonrepro.physics.trajectory import (
     smooth_sine,
     trapezoid_times,
     trapezoidal,
-)
-from tendonrepro.rig import (
-    Experiment,
-    build_actuator,
-    build_encoder,
-    build_plant,
-    coupling,
-    start_angles,
 )
 from tendonrepro.simulation.controllers import Controller, PositionController, TimeDelayController
 from tendonrepro.simulation.stepper import Loop, Reference, Solver

@@ -20,7 +20,7 @@ def sweep_text(data: Mapping[str, Any]) -> str:
     Parameters
     ----------
     data : mapping
-        As :func:`tendonrepro.sweep.run_sweep` returns it.
+        As :func:`tendonrepro.experiments.sweep.command.run_sweep` returns it.
 
     Returns
     -------

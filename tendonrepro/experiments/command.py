@@ -16,7 +16,8 @@ from tendonrepro.config.load import LoadedConfig, load_config
 from tendonrepro.config.published import published
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.experiment import PRECISE, all_loops, simulate_all, simulate_together, trace_file
+from tendonrepro.experiments.run import PRECISE, all_loops, simulate_all, simulate_together, trace_file
+from tendonrepro.experiments.user_law import UserLaw, find_user_law
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.parallel import each
 from tendonrepro.results.folder import MANIFEST, TRACES, claimed, clear, read_manifest, refuse_others
@@ -25,7 +26,6 @@ from tendonrepro.results.records import TraceFile
 from tendonrepro.results.summary import LOADS, compared_runs, table_data_compare, table_data_decouple
 from tendonrepro.results.traces import read_traces, write_traces
 from tendonrepro.simulation.resolution import COMPILED_STEPPER
-from tendonrepro.user_law import UserLaw, find_user_law
 
 SCHEMA_VERSION = 1
 ExperimentName = Literal["compare", "decouple"]

@@ -17,7 +17,7 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocat
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.figure_sweep_map import (
+from tendonrepro.experiments.sweep.figure_map import (
     GONE,
     PAIRS,
     SweepFigure,
@@ -67,7 +67,7 @@ def draw_sweep_figures(data: Mapping[str, Any], folder: Path) -> list[Path]:
     Parameters
     ----------
     data : mapping
-        From `tendonrepro.sweep.simulate_sweep`.
+        From `tendonrepro.experiments.sweep.command.simulate_sweep`.
     folder : Path
         Made when missing.
 

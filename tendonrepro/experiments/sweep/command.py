@@ -16,20 +16,27 @@ import numpy as np
 from tendonrepro.config.load import LoadedConfig, load_config
 from tendonrepro.config.overrides import parse_override
 from tendonrepro.console import Talk
+from tendonrepro.experiments.loops import build_loops
+from tendonrepro.experiments.sweep.points import (
+    Axis,
+    Point,
+    numbers_per_joint,
+    parse_over,
+    sweep_points,
+    unit_of,
+)
+from tendonrepro.experiments.sweep.report import findings
+from tendonrepro.experiments.sweep.table import COLUMNS, write_table
 from tendonrepro.files import sha256_of, to_json, write_atomically
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, error_ratio
 from tendonrepro.results.folder import MANIFEST, claimed, clear, refuse_others
 from tendonrepro.results.manifest import make_manifest, with_outputs
 from tendonrepro.results.summary import CONTROLLERS
-from tendonrepro.runs import build_loops
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.controllers import TimeDelayController
 from tendonrepro.simulation.resolution import COMPILED_STEPPER
 from tendonrepro.simulation.stepper import Loop
-from tendonrepro.sweep_points import Axis, Point, numbers_per_joint, parse_over, sweep_points, unit_of
-from tendonrepro.sweep_table import COLUMNS, write_table
-from tendonrepro.sweep_words import findings
 
 SCHEMA_VERSION = 1
 DATA = "sweep.json"
@@ -308,7 +315,7 @@ def write_results(data: Mapping[str, Any], folder: Path) -> list[Path]:
     list of Path
         ``sweep.json``, ``tables/sweep.csv`` and ``.md``, and pictures under ``figures``.
     """
-    from tendonrepro.figure_sweep import draw_sweep_figures
+    from tendonrepro.experiments.sweep.figures import draw_sweep_figures
 
     write_atomically(folder / DATA, to_json(data))
     return [

@@ -11,15 +11,15 @@ from tendonrepro.arrays import Array
 from tendonrepro.config.load import CompareConfig, LoadedConfig
 from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError, UsageError
+from tendonrepro.experiments.loops import build_loops, reference_period
+from tendonrepro.experiments.plant_record import plant_record
+from tendonrepro.experiments.user_law import UserLaw, add_user_law
 from tendonrepro.files import to_json
 from tendonrepro.parallel import advance, each
 from tendonrepro.physics.metrics import status_of
-from tendonrepro.plant_record import plant_record
 from tendonrepro.results.records import RESERVED, Trace, TraceFile
-from tendonrepro.runs import build_loops, reference_period
 from tendonrepro.simulation.controllers import TimeDelayController
 from tendonrepro.simulation.stepper import Loop, simulate
-from tendonrepro.user_law import UserLaw, add_user_law
 
 PRECISE = 1e-6
 """Tolerance of the compiled stepper where a single comparison is asked for."""

@@ -8,9 +8,9 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.config.fields.quantity import Matrix, Scalar, Vector
+from tendonrepro.experiments.rig import Experiment, build_drive
 from tendonrepro.physics.kinematics import to_joint_matrix
 from tendonrepro.results.records import PlantRecord, PlantValue
-from tendonrepro.rig import Experiment, build_drive
 
 ANGLES = (
     "q is the displacement from the start posture, where q and the encoders are zero. The absolute angle of "
