@@ -141,7 +141,7 @@ def explain(
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from tendonrepro.config.load import load_config
     from tendonrepro.console import Talk
-    from tendonrepro.explain_files import run_explain
+    from tendonrepro.explain.command import run_explain
 
     chosen = numbers(controllers)
     loaded = load_config(config, "compare", overrides=overrides or (), seed=seed, controllers=chosen)

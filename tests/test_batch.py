@@ -14,6 +14,7 @@ from tendonrepro.config.ensemble import load_ensemble
 from tendonrepro.config.load import CompareConfig, load_config
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import build_loops
+from tendonrepro.explain.linear_loop import decay_rate, plant_matrices
 from tendonrepro.physics.control import Law
 from tendonrepro.physics.disturbance import no_disturbance
 from tendonrepro.physics.dynamics import frictionless
@@ -24,7 +25,6 @@ from tendonrepro.simulation.controllers import TimeDelayController
 from tendonrepro.simulation.resolution import STEPS, plant_modes, steps_needed
 from tendonrepro.simulation.stepper import Loop, Reference, simulate
 from tendonrepro.simulation.streaming import STATISTICS
-from tendonrepro.stability import decay_rate, plant_matrices
 
 IDEAL = "manipulator.encoders.joint.resolution=0"
 EXACT = 1e-9

@@ -31,11 +31,11 @@ from tendonrepro.experiments.command import Order, plan, run_experiment
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.experiments.run import all_loops
 from tendonrepro.experiments.user_law import find_user_law
+from tendonrepro.explain.linear_loop import decay_rate
 from tendonrepro.physics.metrics import mae, status_of
 from tendonrepro.results.records import VARIABLES
 from tendonrepro.results.traces import read_traces
 from tendonrepro.simulation.stepper import simulate
-from tendonrepro.stability import decay_rate
 
 PACKAGE = Path(tendonrepro.__file__).parent
 ROOT = PACKAGE.parent

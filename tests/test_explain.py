@@ -12,14 +12,14 @@ import pytest
 from tendonrepro.config.load import load_config
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
-from tendonrepro.explain import explain, run_margins, run_views, stroke, worst
-from tendonrepro.explain_files import explanation_data, run_explain
-from tendonrepro.explain_text import explanation_text
+from tendonrepro.explain.analysis import explain, run_margins, run_views, stroke, worst
+from tendonrepro.explain.command import explanation_data, run_explain
+from tendonrepro.explain.linear_loop import decay_rate, loop_matrix
+from tendonrepro.explain.maps import border_distance, modes, root_locus, scaled
+from tendonrepro.explain.margins import ChannelMargins
+from tendonrepro.explain.report import explanation_text
 from tendonrepro.files import to_json
-from tendonrepro.margins import ChannelMargins
 from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG
-from tendonrepro.stability import decay_rate, loop_matrix
-from tendonrepro.stability_map import border_distance, modes, root_locus, scaled
 
 DELAY = "manipulator.actuator.output_delay=1"
 FORMATS = ("pdf", "svg", "png")

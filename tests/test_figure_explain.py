@@ -9,8 +9,8 @@ import pytest
 from matplotlib.colors import to_hex
 
 from tendonrepro.config.load import load_config
-from tendonrepro.explain import explain
-from tendonrepro.figure_explain import Plants, draw_explanation, draw_locus, draw_map, draw_margins
+from tendonrepro.explain.analysis import explain
+from tendonrepro.explain.figures import Plants, draw_explanation, draw_locus, draw_map, draw_margins
 from tendonrepro.results.figures.style import journal_style, stroke_of
 
 RUNS = ["Controller 1", "Controller 2", "Controller 1 payload"]

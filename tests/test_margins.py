@@ -10,10 +10,17 @@ import pytest
 from tendonrepro.config.load import load_config
 from tendonrepro.experiments.loops import build_law, build_loops
 from tendonrepro.experiments.rig import build_plant
-from tendonrepro.margins import angle_grid, channel, channel_margins, disk_margin, response, scaled_norm
+from tendonrepro.explain.linear_loop import open_loop, spectral_radius
+from tendonrepro.explain.margins import (
+    angle_grid,
+    channel,
+    channel_margins,
+    disk_margin,
+    response,
+    scaled_norm,
+)
 from tendonrepro.physics.slow_error import error_ratio, estimate_age, stiffness
 from tendonrepro.simulation.stepper import simulate
-from tendonrepro.stability import open_loop, spectral_radius
 
 L = 1e-3
 POSTURE = np.deg2rad([30.0, 30.0])

@@ -12,17 +12,7 @@ from scipy.signal import cont2discrete
 from tendonrepro.config.load import load_config
 from tendonrepro.experiments.loops import build_law
 from tendonrepro.experiments.rig import build_plant
-from tendonrepro.physics.arm import Arm, gravity_torque
-from tendonrepro.physics.control import Law, Surface, estimator_weights, phi, surface_and_feedback
-from tendonrepro.physics.disturbance import no_disturbance
-from tendonrepro.physics.drive import Drive
-from tendonrepro.physics.dynamics import Plant, frictionless, holding_torque, rest_state, state_derivative
-from tendonrepro.physics.encoder import Encoder
-from tendonrepro.physics.friction import Friction
-from tendonrepro.physics.instruments import Actuator
-from tendonrepro.simulation.controllers import TimeDelayController
-from tendonrepro.simulation.stepper import Loop, Reference, Solver, simulate
-from tendonrepro.stability import (
+from tendonrepro.explain.linear_loop import (
     closed,
     decay_rate,
     feedback_gains,
@@ -34,6 +24,16 @@ from tendonrepro.stability import (
     plant_matrices,
     spectral_radius,
 )
+from tendonrepro.physics.arm import Arm, gravity_torque
+from tendonrepro.physics.control import Law, Surface, estimator_weights, phi, surface_and_feedback
+from tendonrepro.physics.disturbance import no_disturbance
+from tendonrepro.physics.drive import Drive
+from tendonrepro.physics.dynamics import Plant, frictionless, holding_torque, rest_state, state_derivative
+from tendonrepro.physics.encoder import Encoder
+from tendonrepro.physics.friction import Friction
+from tendonrepro.physics.instruments import Actuator
+from tendonrepro.simulation.controllers import TimeDelayController
+from tendonrepro.simulation.stepper import Loop, Reference, Solver, simulate
 
 L = 1e-3
 POSTURES = [np.zeros(2), np.deg2rad([15.0, 15.0]), np.deg2rad([30.0, 30.0])]

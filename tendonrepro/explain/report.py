@@ -9,8 +9,8 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.console import columns
-from tendonrepro.explain import first_views, slow_ratio, view_pairs
-from tendonrepro.explanation import Explanation, View, WhatIf
+from tendonrepro.explain.analysis import first_views, slow_ratio, view_pairs
+from tendonrepro.explain.explanation import Explanation, View, WhatIf
 from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, estimate_age, stiffness
 
 _NAMED_PAIRS = ("c1_c2", "c2_c3")

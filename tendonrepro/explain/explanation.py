@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from tendonrepro.arrays import Array
-from tendonrepro.margins import ChannelMargins, Complex
+from tendonrepro.explain.margins import ChannelMargins, Complex
 from tendonrepro.physics.control import Law
 from tendonrepro.physics.dynamics import Plant
 

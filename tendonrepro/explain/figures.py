@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from tendonrepro import __version__
 from tendonrepro.arrays import Array
-from tendonrepro.explanation import Explanation, Map
+from tendonrepro.explain.explanation import Explanation, Map
 from tendonrepro.results.figures.files import save_figure
 from tendonrepro.results.figures.style import PAGE_MM, Stroke, journal_style, stroke_of
 

@@ -15,8 +15,10 @@ from tendonrepro.config.models.control import Readings
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import build_law, build_reference
 from tendonrepro.experiments.rig import build_plant
-from tendonrepro.explanation import Curves, Explanation, Map, RunMargins, View, WhatIf
-from tendonrepro.margins import (
+from tendonrepro.explain.explanation import Curves, Explanation, Map, RunMargins, View, WhatIf
+from tendonrepro.explain.linear_loop import decay_rate, loop_matrix, open_loop
+from tendonrepro.explain.maps import PARAMETERS, border_distance, gain_decay, modes, root_locus, tendon_decay
+from tendonrepro.explain.margins import (
     ChannelMargins,
     Complex,
     angle_grid,
@@ -26,15 +28,6 @@ from tendonrepro.margins import (
     response,
 )
 from tendonrepro.physics.slow_error import ERROR_SIZES_DEG, TYPICAL_ERROR_DEG, error_ratio
-from tendonrepro.stability import decay_rate, loop_matrix, open_loop
-from tendonrepro.stability_map import (
-    PARAMETERS,
-    border_distance,
-    gain_decay,
-    modes,
-    root_locus,
-    tendon_decay,
-)
 
 MAP_POINTS = 25
 LOCUS_POINTS = 41

@@ -8,16 +8,16 @@ from itertools import pairwise
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.margins import Complex
-from tendonrepro.physics.control import Law
-from tendonrepro.physics.dynamics import Plant
-from tendonrepro.stability import (
+from tendonrepro.explain.linear_loop import (
     closed,
     hold_discretised,
     law_matrices,
     plant_matrices,
     spectral_radius,
 )
+from tendonrepro.explain.margins import Complex
+from tendonrepro.physics.control import Law
+from tendonrepro.physics.dynamics import Plant
 
 PARAMETERS = ("M_bar", "alpha", "K_s", "D_s")
 """What can be multiplied: two gains of the law, two properties of the tendons, each on all joints."""

@@ -13,11 +13,11 @@ import numpy as np
 
 from tendonrepro.config.load import LoadedConfig
 from tendonrepro.console import Talk
-from tendonrepro.explain import explain
-from tendonrepro.explain_text import explanation_text
-from tendonrepro.explanation import Explanation, RunMargins, View
+from tendonrepro.explain.analysis import explain
+from tendonrepro.explain.explanation import Explanation, RunMargins, View
+from tendonrepro.explain.margins import LOW_FREQUENCY, ChannelMargins
+from tendonrepro.explain.report import explanation_text
 from tendonrepro.files import to_json, write_atomically
-from tendonrepro.margins import LOW_FREQUENCY, ChannelMargins
 from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, estimate_age
 from tendonrepro.results.folder import MANIFEST, claimed, clear, refuse_others
 from tendonrepro.results.manifest import make_manifest, with_outputs
@@ -58,7 +58,7 @@ def run_explain(
     TendonreproError
         If the configuration has no controllers or results cannot be written.
     """
-    from tendonrepro.figure_explain import draw_explanation
+    from tendonrepro.explain.figures import draw_explanation
 
     folder = out or DEFAULT_OUT
     if dry_run:

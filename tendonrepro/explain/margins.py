@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.stability import spectral_radius
+from tendonrepro.explain.linear_loop import spectral_radius
 
 Complex = NDArray[np.complex128]
 Cut = tuple[Array, Array, Array]
-"""``A``, ``B``, ``C`` of :func:`tendonrepro.stability.open_loop`."""
+"""``A``, ``B``, ``C`` of :func:`tendonrepro.explain.linear_loop.open_loop`."""
 
 LOW_FREQUENCY = 0.1
 """Frequency at which the loop gain is given, Hz: about that of the desired motion."""
@@ -141,7 +141,7 @@ def channel_margins(cut: Cut, joint: int, L: float) -> ChannelMargins:
     Parameters
     ----------
     cut : tuple of array
-        Of :func:`tendonrepro.stability.open_loop`.
+        Of :func:`tendonrepro.explain.linear_loop.open_loop`.
     joint : int
         From 0.
     L : float
@@ -238,7 +238,7 @@ def disk_margin(cut: Cut, L: float) -> tuple[float, float]:
     Parameters
     ----------
     cut : tuple of array
-        Of :func:`tendonrepro.stability.open_loop`.
+        Of :func:`tendonrepro.explain.linear_loop.open_loop`.
     L : float
         Sampling period, s.
 
