@@ -20,7 +20,7 @@ from tendonrepro.claim_statements import (
     smaller,
 )
 from tendonrepro.config.published import Published, rounding
-from tendonrepro.ensemble_shares import range_of, share_of
+from tendonrepro.ensemble.shares import range_of, share_of
 from tendonrepro.errors import DataMissingError
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts import (

@@ -77,8 +77,8 @@ def ensemble(
 ) -> None:
     """Many plausible plants under many readings: what the claims are judged over."""
     from tendonrepro.console import Talk
-    from tendonrepro.ensemble import run_ensemble
-    from tendonrepro.ensemble_table import ensemble_text
+    from tendonrepro.ensemble.command import run_ensemble
+    from tendonrepro.ensemble.report import ensemble_text
 
     talk, changes = Talk(quiet=quiet, verbose=verbose), overrides or ()
     found = run_ensemble(

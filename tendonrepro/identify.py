@@ -11,11 +11,11 @@ from typing import Any, get_args
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.box import make_box, scrambled_sobol
 from tendonrepro.config.ensemble import LoadedEnsemble, load_ensemble
 from tendonrepro.config.models.readings import AXES, RUNS, Reading, default_readings, parse_reading
 from tendonrepro.config.published import Published, published
 from tendonrepro.console import Talk
+from tendonrepro.ensemble.box import make_box, scrambled_sobol
 from tendonrepro.errors import UsageError
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.identify_judge import (

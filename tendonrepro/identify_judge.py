@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.box import Box
 from tendonrepro.config.models.readings import RUNS
-from tendonrepro.ensemble_shares import FEW, MOST
+from tendonrepro.ensemble.box import Box
+from tendonrepro.ensemble.shares import FEW, MOST
 from tendonrepro.identify_misfit import METRICS, Measured, Printed, log_misfit
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.summary import CONTROLLERS

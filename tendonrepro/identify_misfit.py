@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.box import Box, configured
 from tendonrepro.config.load import CompareConfig, LoadedConfig
 from tendonrepro.config.models.readings import RUNS, Reading, under
 from tendonrepro.config.published import PrintedNumber, Published
+from tendonrepro.ensemble.box import Box, configured
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.batch import Batch

@@ -21,7 +21,7 @@ from tendonrepro.config.models.readings import PRINTED
 from tendonrepro.config.published import published
 from tendonrepro.console import Talk
 from tendonrepro.dataset.measured_file import MEASURED, read_measured
-from tendonrepro.ensemble_data import EnsembleData, read_ensemble
+from tendonrepro.ensemble.data import EnsembleData, read_ensemble
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.physics.metrics import STATUSES

@@ -9,7 +9,7 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonrepro.ensemble_shares import FEW, MOST, Ends, Range, Share
+from tendonrepro.ensemble.shares import FEW, MOST, Ends, Range, Share
 
 Name: TypeAlias = Literal[
     "exact",

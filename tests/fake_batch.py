@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from tendonrepro.console import Talk
-from tendonrepro.ensemble import load_study
-from tendonrepro.ensemble_plan import Study
+from tendonrepro.ensemble.command import load_study
+from tendonrepro.ensemble.plan import Study
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.batch import Batch
 from tendonrepro.simulation.stepper import Loop
@@ -89,7 +89,7 @@ def slow_batch(loops: Sequence[Loop], limits: Any) -> Batch:
 
 def run_small(folder: Path, jobs: int) -> None:
     """Body of a process that may be killed: figures left out, for they are no part of what is resumed."""
-    from tendonrepro import ensemble
+    from tendonrepro.ensemble import command as ensemble
 
     ensemble.draw_ensemble_figures = lambda *_: []
     ensemble.run_study(small_study(), DRAWS, folder, jobs=jobs, talk=Talk(quiet=True), simulate=fake_batch)

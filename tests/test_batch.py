@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from tendonrepro.arrays import Array
-from tendonrepro.box import configured, population, scrambled_sobol
 from tendonrepro.config.ensemble import load_ensemble
 from tendonrepro.config.load import CompareConfig, load_config
+from tendonrepro.ensemble.box import configured, population, scrambled_sobol
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.explain.linear_loop import decay_rate, plant_matrices

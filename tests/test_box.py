@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from tendonrepro.arrays import Array
-from tendonrepro.box import Box, configured, make_box, population, scrambled_sobol
 from tendonrepro.config.ensemble import LoadedEnsemble, load_ensemble
 from tendonrepro.config.load import CompareConfig
 from tendonrepro.config.models.box import DISTURBANCES, MOTIONS, Choice, Range, Words
 from tendonrepro.config.models.readings import AXES, RUNS, VARIATIONS, default_readings, under
 from tendonrepro.config.models.reference import MinimumJerk
+from tendonrepro.ensemble.box import Box, configured, make_box, population, scrambled_sobol
 from tendonrepro.experiments.loops import build_law, build_loops
 from tendonrepro.experiments.rig import build_actuator, build_drive, build_encoder, build_plant, build_preload
 

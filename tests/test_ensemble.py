@@ -17,15 +17,15 @@ from fake_batch import DRAWS, fake_batch, fingerprint, small_study
 from tendonrepro import files
 from tendonrepro.config.models.readings import RUNS, under
 from tendonrepro.console import Talk
-from tendonrepro.ensemble import load_study, run_ensemble, run_study
-from tendonrepro.ensemble_block import compute_block, loops_of, spot_check
-from tendonrepro.ensemble_data import read_ensemble
-from tendonrepro.ensemble_folder import missing_blocks
-from tendonrepro.ensemble_plan import Study
+from tendonrepro.ensemble.block import compute_block, loops_of, spot_check
+from tendonrepro.ensemble.command import load_study, run_ensemble, run_study
+from tendonrepro.ensemble.data import read_ensemble
+from tendonrepro.ensemble.folder import missing_blocks
+from tendonrepro.ensemble.plan import Study
+from tendonrepro.ensemble.shards import FOLDER, read_shard, shard_files
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.physics.metrics import mae, rmse
-from tendonrepro.shards import FOLDER, read_shard, shard_files
 from tendonrepro.simulation.batch import Batch
 from tendonrepro.simulation.stepper import Loop
 from tendonrepro.simulation.streaming import STATISTICS
@@ -51,7 +51,7 @@ def results(folder: Path) -> dict[str, bytes]:
 def no_figures() -> Iterator[None]:
     """Figures take most of the time and have tests of their own."""
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr("tendonrepro.ensemble.draw_ensemble_figures", lambda *_: [])
+        patched.setattr("tendonrepro.ensemble.command.draw_ensemble_figures", lambda *_: [])
         yield
 
 
@@ -134,7 +134,7 @@ def test_shared_loops_equal_loops_built_anew() -> None:
     block = study.blocks(512)[0]
     box = study.boxes["box"]
     for row in block_values(study)[:2]:
-        from tendonrepro.box import configured
+        from tendonrepro.ensemble.box import configured
 
         config, draw = configured(study.base, box, row), box.named(row)
         for (name, case), loop in zip(study.cases, loops_of(study, block, row), strict=True):
@@ -167,7 +167,7 @@ def test_a_draw_that_cannot_be_run_is_named(monkeypatch: pytest.MonkeyPatch) -> 
         message = "no such arm"
         raise TendonreproError(message)
 
-    monkeypatch.setattr("tendonrepro.ensemble_block.configured", broken)
+    monkeypatch.setattr("tendonrepro.ensemble.block.configured", broken)
     study = small_study()
     block = study.blocks(DRAWS)[0]
     with pytest.raises(TendonreproError, match=f"{block.file_name}.*no such arm"):
@@ -199,7 +199,7 @@ def batch_with(e: np.ndarray, status: int, factor: float) -> Any:
 
 def test_the_spot_check_finds_what_differs(monkeypatch: pytest.MonkeyPatch) -> None:
     e = np.array([0.004, -0.003])
-    monkeypatch.setattr("tendonrepro.ensemble_block.simulate", reference_with(e))
+    monkeypatch.setattr("tendonrepro.ensemble.block.simulate", reference_with(e))
     study = replace(small_study(), check_every=1)
     block = study.blocks(DRAWS)[0]
     values = compute_block(small_study(), block, fake_batch).draws
@@ -215,7 +215,7 @@ def test_the_spot_check_finds_what_differs(monkeypatch: pytest.MonkeyPatch) -> N
 
 def test_about_one_block_in_so_many_is_checked(monkeypatch: pytest.MonkeyPatch) -> None:
     e = np.array([0.004, -0.003])
-    monkeypatch.setattr("tendonrepro.ensemble_block.simulate", reference_with(e))
+    monkeypatch.setattr("tendonrepro.ensemble.block.simulate", reference_with(e))
     study = replace(small_study(), check_every=8)
     values = compute_block(small_study(), study.blocks(DRAWS)[0], fake_batch).draws
     checks = [spot_check(study, block, values, batch_with(e, 0, 1.0)) for block in study.blocks(1024)]
@@ -467,10 +467,10 @@ def test_a_dry_run_counts_what_is_there_and_refuses_what_a_run_would(
     study = replace(small_study(), block_draws=8)
     run(tmp_path, study)
     asked = [None, 2 * DRAWS, 1, tmp_path, (), None, False, None]
-    monkeypatch.setattr("tendonrepro.ensemble.load_study", lambda *_: study)
+    monkeypatch.setattr("tendonrepro.ensemble.command.load_study", lambda *_: study)
     found = run_ensemble(*asked, dry_run=True)  # type: ignore[arg-type]
     assert (found["resumed_from"], found["blocks"]) == (8, 16)
-    monkeypatch.setattr("tendonrepro.ensemble.load_study", lambda *_: replace(study, seed=77))
+    monkeypatch.setattr("tendonrepro.ensemble.command.load_study", lambda *_: replace(study, seed=77))
     with pytest.raises(UsageError, match="another configuration"):
         run_ensemble(*asked, dry_run=True)  # type: ignore[arg-type]
     (tmp_path / "manifest.json").unlink()
@@ -480,7 +480,7 @@ def test_a_dry_run_counts_what_is_there_and_refuses_what_a_run_would(
 
 def test_all_readings_need_a_yes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     readings = load_study(None, (), None, "default").readings
-    monkeypatch.setattr("tendonrepro.ensemble.full_cross", lambda: readings)
+    monkeypatch.setattr("tendonrepro.ensemble.command.full_cross", lambda: readings)
     with pytest.raises(UsageError, match=r"minutes of one processor and .* MB") as caught:
         run_ensemble(None, 4096, 1, tmp_path / "none", (), None, False, None, "all")
     assert "--yes" in str(caught.value.hint)

@@ -17,12 +17,12 @@ import pytest
 from fake_batch import DRAWS, fake_batch, run_small, slow_batch, small_study
 
 from tendonrepro.console import Talk
-from tendonrepro.ensemble import run_study
-from tendonrepro.ensemble_block import Made, make_block
-from tendonrepro.ensemble_plan import Study
-from tendonrepro.ensemble_run import here
+from tendonrepro.ensemble.block import Made, make_block
+from tendonrepro.ensemble.command import run_study
+from tendonrepro.ensemble.plan import Study
+from tendonrepro.ensemble.shards import FOLDER, Block, read_shard, shard_files
+from tendonrepro.ensemble.workers import here
 from tendonrepro.errors import TendonreproError
-from tendonrepro.shards import FOLDER, Block, read_shard, shard_files
 
 pytestmark = [
     pytest.mark.slow,
@@ -34,7 +34,7 @@ pytestmark = [
 def context() -> multiprocessing.context.ForkServerContext:
     """Processes that start with everything imported, so that kills hit the work and not the imports."""
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["fake_batch", "tendonrepro.ensemble"])
+    context.set_forkserver_preload(["fake_batch", "tendonrepro.ensemble.command"])
     return context
 
 
@@ -92,7 +92,7 @@ def test_a_cluster_that_loses_a_worker_gives_the_same(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     distributed = pytest.importorskip("distributed")
-    monkeypatch.setattr("tendonrepro.ensemble.draw_ensemble_figures", lambda *_: [])
+    monkeypatch.setattr("tendonrepro.ensemble.command.draw_ensemble_figures", lambda *_: [])
     run_small(tmp_path / "unbroken", 1)
     folder = tmp_path / "cluster"
     killed = []

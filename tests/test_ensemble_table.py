@@ -12,9 +12,10 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from tendonrepro.ensemble_data import EnsembleData
-from tendonrepro.ensemble_shares import QUANTILES, printed_ratios, quantiles_of, reading_summary, share_of
-from tendonrepro.ensemble_table import (
+from tendonrepro.ensemble.conclusions import conclusions
+from tendonrepro.ensemble.data import EnsembleData
+from tendonrepro.ensemble.figures import draw_ensemble_figures, draw_ratios, draw_shares, draw_statuses
+from tendonrepro.ensemble.report import (
     ensemble_text,
     flat_rows,
     population_summary,
@@ -22,8 +23,7 @@ from tendonrepro.ensemble_table import (
     status_rows,
     write_ensemble_tables,
 )
-from tendonrepro.ensemble_words import conclusions
-from tendonrepro.figure_ensemble import draw_ensemble_figures, draw_ratios, draw_shares, draw_statuses
+from tendonrepro.ensemble.shares import QUANTILES, printed_ratios, quantiles_of, reading_summary, share_of
 from tendonrepro.physics.metrics import STATUSES
 
 RUNS = ("controller_1", "controller_2", "controller_3", "controller_1_payload")

@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 
 from tendonrepro import identify_search
-from tendonrepro.box import make_box, scrambled_sobol
 from tendonrepro.config.ensemble import load_ensemble
 from tendonrepro.config.load import load_config
 from tendonrepro.config.models.readings import RUNS, reading
 from tendonrepro.config.published import PrintedNumber, published
 from tendonrepro.console import Talk
+from tendonrepro.ensemble.box import make_box, scrambled_sobol
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.identify import run_identify

@@ -8,11 +8,11 @@ from types import MappingProxyType
 import numpy as np
 import pytest
 
-from tendonrepro.box import make_box, scrambled_sobol
 from tendonrepro.config.ensemble import load_ensemble
 from tendonrepro.config.models.readings import RUNS, parse_reading
 from tendonrepro.config.published import published
 from tendonrepro.console import Talk
+from tendonrepro.ensemble.box import make_box, scrambled_sobol
 from tendonrepro.identify import run_identify
 from tendonrepro.identify_misfit import Bench
 from tendonrepro.simulation.batch import simulate_batch

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tendonrepro.box import configured, make_box, scrambled_sobol
 from tendonrepro.config.ensemble import load_ensemble
 from tendonrepro.config.load import CompareConfig, shipped_folder
 from tendonrepro.config.models.readings import (
@@ -25,6 +24,7 @@ from tendonrepro.config.models.readings import (
     reading,
     under,
 )
+from tendonrepro.ensemble.box import configured, make_box, scrambled_sobol
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.physics.control import Law, Surface

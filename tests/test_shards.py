@@ -9,8 +9,16 @@ import h5py
 import numpy as np
 import pytest
 
+from tendonrepro.ensemble.shards import (
+    Block,
+    Shard,
+    identity_of,
+    read_check,
+    read_shard,
+    shard_files,
+    shard_image,
+)
 from tendonrepro.errors import DataMissingError
-from tendonrepro.shards import Block, Shard, identity_of, read_check, read_shard, shard_files, shard_image
 
 
 def shard(**changes: object) -> Shard:

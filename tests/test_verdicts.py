@@ -12,7 +12,7 @@ from scipy import stats
 from tendonrepro import claim_rules, verdicts
 from tendonrepro.claim_statements import CLAIMS
 from tendonrepro.config.published import published
-from tendonrepro.ensemble_shares import LEAST_SCRAMBLINGS, QUANTILES, Range, Share, range_of, share_of
+from tendonrepro.ensemble.shares import LEAST_SCRAMBLINGS, QUANTILES, Range, Share, range_of, share_of
 from tendonrepro.verdicts import (
     FAILURES,
     NAMES,

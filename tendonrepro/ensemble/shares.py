@@ -12,7 +12,7 @@ from scipy.special import stdtrit
 
 from tendonrepro.arrays import Array
 from tendonrepro.config.published import published
-from tendonrepro.ensemble_data import EnsembleData
+from tendonrepro.ensemble.data import EnsembleData
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.summary import CONTROLLERS
 

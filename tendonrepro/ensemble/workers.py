@@ -9,9 +9,9 @@ from collections.abc import Callable, Generator, Sequence
 from contextlib import suppress
 from typing import TypeAlias
 
-from tendonrepro.ensemble_block import Made
+from tendonrepro.ensemble.block import Made
+from tendonrepro.ensemble.shards import Block
 from tendonrepro.errors import TendonreproError, UsageError
-from tendonrepro.shards import Block
 
 LOOK_SECONDS = 1.0
 """How often a worker process looks whether the process that started it is still there."""

@@ -16,18 +16,18 @@ from numpy.typing import NDArray
 
 from tendonrepro import __version__
 from tendonrepro.arrays import Array
-from tendonrepro.box import configured, scrambled_sobol
 from tendonrepro.config.fields.model import Model
 from tendonrepro.config.load import CompareConfig
 from tendonrepro.config.models.readings import under
-from tendonrepro.ensemble_plan import Study
+from tendonrepro.ensemble.box import configured, scrambled_sobol
+from tendonrepro.ensemble.plan import Study
+from tendonrepro.ensemble.shards import Block, Shard, shard_image
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import build_law, build_loops
 from tendonrepro.experiments.rig import build_actuator, build_encoder
 from tendonrepro.physics.encoder import Encoder
 from tendonrepro.physics.metrics import STATUSES, mae, rmse, status_of
 from tendonrepro.results.manifest import cpu_name
-from tendonrepro.shards import Block, Shard, shard_image
 from tendonrepro.simulation.batch import Batch, simulate_batch
 from tendonrepro.simulation.controllers import TimeDelayController
 from tendonrepro.simulation.stepper import Loop, simulate

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
+from tendonrepro.ensemble.shards import FOLDER, Block, Case, opened
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.shards import FOLDER, Block, Case, opened
 from tendonrepro.simulation.streaming import STATISTICS
 
 KEPT_BYTES = 64e6

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from tendonrepro.console import Talk
-from tendonrepro.ensemble_plan import Study
+from tendonrepro.ensemble.plan import Study
+from tendonrepro.ensemble.shards import FOLDER, Block, identity_of, read_shard, shard_files
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.results.folder import clear
-from tendonrepro.shards import FOLDER, Block, identity_of, read_shard, shard_files
 
 
 def prepare(folder: Path, study: Study, *, force: bool) -> None:

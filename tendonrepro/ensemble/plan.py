@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from tendonrepro import __version__
-from tendonrepro.box import Box
 from tendonrepro.config.load import CompareConfig, LoadedConfig
 from tendonrepro.config.models.readings import RUNS, Reading, case_of
+from tendonrepro.ensemble.box import Box
+from tendonrepro.ensemble.shards import SCHEMA_VERSION, Block, Case
 from tendonrepro.errors import UsageError
-from tendonrepro.shards import SCHEMA_VERSION, Block, Case
 from tendonrepro.simulation.streaming import STATISTICS
 
 CHECK_EVERY = 8

@@ -10,12 +10,12 @@ from typing import Any
 
 from tendonrepro.config.models.readings import PRINTED
 from tendonrepro.console import columns
-from tendonrepro.ensemble_data import EnsembleData
-from tendonrepro.ensemble_shares import METRICS, PLANTS, QUANTILES, RATIO_NAMES, RATIOS, reading_summary
+from tendonrepro.ensemble.data import EnsembleData
+from tendonrepro.ensemble.shards import FOLDER, Block, read_check
+from tendonrepro.ensemble.shares import METRICS, PLANTS, QUANTILES, RATIO_NAMES, RATIOS, reading_summary
 from tendonrepro.files import write_atomically
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.results.typeset import NOTHING, Sheet, markdown
-from tendonrepro.shards import FOLDER, Block, read_check
 
 IMPLIED, EXCLUDED = 0.95, 0.05
 """Shares of the box from which on a ranking follows from the model, and up to which it is denied by it."""
@@ -34,7 +34,7 @@ def population_summary(data: EnsembleData) -> dict[str, Any]:
     -------
     dict
         ``plants``, the number of draws; ``joints``; ``laws``, run -> status -> count under the printed
-        reading; ``readings``, a list of `tendonrepro.ensemble_shares.reading_summary`, each with ``theory``,
+        reading; ``readings``, a list of `tendonrepro.ensemble.shares.reading_summary`, each with ``theory``,
         the ratio C1/C2 of slowly changing errors per joint.
     """
     found = []
@@ -212,7 +212,7 @@ def write_ensemble_tables(summary: Mapping[str, Any], folder: Path) -> list[Path
     Parameters
     ----------
     summary : mapping
-        Of the whole ensemble; see `tendonrepro.ensemble.finish`.
+        Of the whole ensemble; see `tendonrepro.ensemble.command.finish`.
     folder : Path
         Made when missing.
 

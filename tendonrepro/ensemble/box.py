@@ -15,7 +15,7 @@ from tendonrepro.config.ensemble import EnsembleConfig
 from tendonrepro.config.load import CompareConfig, LoadedConfig
 from tendonrepro.config.models.box import Among, Range, Row, Words, rule_of, to_si
 from tendonrepro.config.models.readings import as_printed
-from tendonrepro.drawn import drawn_tree
+from tendonrepro.ensemble.draw import drawn_tree
 
 _CHOICE = "choice"
 

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from tendonrepro.ensemble_shares import RATIO_NAMES, RATIOS
+from tendonrepro.ensemble.shares import RATIO_NAMES, RATIOS
 from tendonrepro.results.figures.files import save_drawn
 from tendonrepro.results.figures.style import PAGE_MM, SERIES, journal_style
 from tendonrepro.results.summary import CONTROLLERS
@@ -53,7 +53,7 @@ def draw_ensemble_figures(summary: Mapping[str, Any], folder: Path) -> list[Path
     Parameters
     ----------
     summary : mapping
-        Of the whole ensemble; see `tendonrepro.ensemble.finish`.
+        Of the whole ensemble; see `tendonrepro.ensemble.command.finish`.
     folder : Path
         Made when missing.
 
@@ -76,7 +76,7 @@ def draw_ratios(population: str, summary: Mapping[str, Any]) -> EnsembleFigure:
     ----------
     population : str
     summary : mapping
-        From `tendonrepro.ensemble_table.population_summary`.
+        From `tendonrepro.ensemble.report.population_summary`.
     """
     panels = [(key, joint) for key in RATIOS for joint in summary["joints"]]
     titles = [f"{RATIO_NAMES[key]}, joint {joint}" for key, joint in panels]
@@ -137,7 +137,7 @@ def draw_shares(population: str, summary: Mapping[str, Any]) -> EnsembleFigure:
     ----------
     population : str
     summary : mapping
-        From `tendonrepro.ensemble_table.population_summary`.
+        From `tendonrepro.ensemble.report.population_summary`.
     """
 
     def draw(axes: Sequence[Axes]) -> None:
@@ -189,7 +189,7 @@ def draw_statuses(population: str, summary: Mapping[str, Any]) -> EnsembleFigure
     ----------
     population : str
     summary : mapping
-        From `tendonrepro.ensemble_table.population_summary`.
+        From `tendonrepro.ensemble.report.population_summary`.
     """
 
     def draw(axes: Sequence[Axes]) -> None:

@@ -5,14 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tendonrepro.ensemble_shares import FEWEST_PLANTS, RATIO_NAMES, RATIOS
-from tendonrepro.ensemble_table import (
-    EXCLUDED,
-    IMPLIED,
-    percent,
-    printed_reading,
-    quantile_text,
-)
+from tendonrepro.ensemble.report import EXCLUDED, IMPLIED, percent, printed_reading, quantile_text
+from tendonrepro.ensemble.shares import FEWEST_PLANTS, RATIO_NAMES, RATIOS
 from tendonrepro.results.summary import CONTROLLERS
 
 _SHORT = {run: f"Controller {place}" for place, run in enumerate(CONTROLLERS, start=1)}
@@ -24,7 +18,7 @@ def conclusions(populations: Mapping[str, Mapping[str, Any]]) -> list[str]:
     Parameters
     ----------
     populations : mapping
-        Population -> `tendonrepro.ensemble_table.population_summary`; the first is judged.
+        Population -> `tendonrepro.ensemble.report.population_summary`; the first is judged.
 
     Returns
     -------

@@ -66,7 +66,7 @@ class Shard:
     ----------
     block : Block
     identity : str
-        Digest that all shards of one ensemble share; see `tendonrepro.ensemble_plan.Study`.
+        Digest that all shards of one ensemble share; see `tendonrepro.ensemble.plan.Study`.
     names : tuple of str
         Of the P numbers drawn.
     cases : tuple of Case

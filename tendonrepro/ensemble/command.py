@@ -10,23 +10,23 @@ from pathlib import Path
 from typing import Any, Literal
 
 from tendonrepro import __version__
-from tendonrepro.box import population
 from tendonrepro.config.ensemble import load_ensemble
 from tendonrepro.config.models.readings import default_readings, full_cross, parse_reading
 from tendonrepro.console import Talk
-from tendonrepro.ensemble_block import Simulate, make_block
-from tendonrepro.ensemble_data import PLAN, read_ensemble
-from tendonrepro.ensemble_folder import missing_blocks, prepare, refuse_shards
-from tendonrepro.ensemble_plan import Study
-from tendonrepro.ensemble_run import here, on_cluster
-from tendonrepro.ensemble_table import cost_text, population_summary, spot_checks, write_ensemble_tables
-from tendonrepro.ensemble_words import conclusions
+from tendonrepro.ensemble.block import Simulate, make_block
+from tendonrepro.ensemble.box import population
+from tendonrepro.ensemble.conclusions import conclusions
+from tendonrepro.ensemble.data import PLAN, read_ensemble
+from tendonrepro.ensemble.figures import draw_ensemble_figures
+from tendonrepro.ensemble.folder import missing_blocks, prepare, refuse_shards
+from tendonrepro.ensemble.plan import Study
+from tendonrepro.ensemble.report import cost_text, population_summary, spot_checks, write_ensemble_tables
+from tendonrepro.ensemble.shards import FOLDER, SCHEMA_VERSION, Block
+from tendonrepro.ensemble.workers import here, on_cluster
 from tendonrepro.errors import UsageError
-from tendonrepro.figure_ensemble import draw_ensemble_figures
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.results.folder import MANIFEST, claimed, clear, refuse_others
 from tendonrepro.results.manifest import make_manifest, with_outputs
-from tendonrepro.shards import FOLDER, SCHEMA_VERSION, Block
 from tendonrepro.simulation.batch import simulate_batch
 
 SUMMARY = "summary.json"

@@ -1,0 +1,1 @@
+"""Many plausible plants under many readings; :func:`tendonrepro.ensemble.command.command.run_ensemble`."""
