@@ -114,8 +114,8 @@ def identify(
 ) -> None:
     """Plants and readings closest to the printed numbers; an interrupted search goes on."""
     from tendonrepro.console import Talk
-    from tendonrepro.identify import run_identify
-    from tendonrepro.identify_report import identify_text
+    from tendonrepro.identify.command import run_identify
+    from tendonrepro.identify.report import identify_text
 
     talk, changes = Talk(quiet=quiet, verbose=verbose), overrides or ()
     effort = generations, population, seeds

@@ -13,7 +13,6 @@ from types import MappingProxyType
 import numpy as np
 import pytest
 
-from tendonrepro import identify_search
 from tendonrepro.config.ensemble import load_ensemble
 from tendonrepro.config.load import load_config
 from tendonrepro.config.models.readings import RUNS, reading
@@ -22,8 +21,9 @@ from tendonrepro.console import Talk
 from tendonrepro.ensemble.box import make_box, scrambled_sobol
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import build_loops
-from tendonrepro.identify import run_identify
-from tendonrepro.identify_judge import (
+from tendonrepro.identify import search as identify_search
+from tendonrepro.identify.command import run_identify
+from tendonrepro.identify.judge import (
     number_rows,
     order_rows,
     order_verdict,
@@ -31,7 +31,7 @@ from tendonrepro.identify_judge import (
     pareto_rows,
     ratio_rows,
 )
-from tendonrepro.identify_misfit import (
+from tendonrepro.identify.misfit import (
     Bench,
     Measured,
     acting_units,
@@ -39,9 +39,9 @@ from tendonrepro.identify_misfit import (
     printed_numbers,
     rounding_misfit,
 )
-from tendonrepro.identify_report import identify_text
-from tendonrepro.identify_search import Effort, Found, search
-from tendonrepro.identify_state import load_state
+from tendonrepro.identify.report import identify_text
+from tendonrepro.identify.search import Effort, Found, search
+from tendonrepro.identify.state import load_state
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.batch import Batch
 from tendonrepro.simulation.streaming import STATISTICS
@@ -604,7 +604,7 @@ class TestBench:
             sizes.append(len(loops))
             return made_up(loops, limits, threads=threads)
 
-        monkeypatch.setattr("tendonrepro.identify_misfit._PLANTS_AT_ONCE", 16)
+        monkeypatch.setattr("tendonrepro.identify.misfit._PLANTS_AT_ONCE", 16)
         box = make_box(loaded().config)
         bench = Bench(loaded().base, box, "whole", counting, 1)
         found = bench.measure(

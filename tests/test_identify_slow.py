@@ -13,8 +13,8 @@ from tendonrepro.config.models.readings import RUNS, parse_reading
 from tendonrepro.config.published import published
 from tendonrepro.console import Talk
 from tendonrepro.ensemble.box import make_box, scrambled_sobol
-from tendonrepro.identify import run_identify
-from tendonrepro.identify_misfit import Bench
+from tendonrepro.identify.command import run_identify
+from tendonrepro.identify.misfit import Bench
 from tendonrepro.simulation.batch import simulate_batch
 
 pytestmark = pytest.mark.slow

@@ -18,7 +18,7 @@ from tendonrepro.console import Talk
 from tendonrepro.ensemble.box import make_box, scrambled_sobol
 from tendonrepro.errors import UsageError
 from tendonrepro.files import to_json, write_atomically
-from tendonrepro.identify_judge import (
+from tendonrepro.identify.judge import (
     number_rows,
     order_rows,
     parameter_rows,
@@ -26,7 +26,7 @@ from tendonrepro.identify_judge import (
     ratio_rows,
     status_counts,
 )
-from tendonrepro.identify_misfit import (
+from tendonrepro.identify.misfit import (
     Bench,
     Simulate,
     Window,
@@ -35,10 +35,10 @@ from tendonrepro.identify_misfit import (
     printed_numbers,
     rounding_misfit,
 )
-from tendonrepro.identify_report import CONFIG, conclusions, write_config, write_identify_tables
-from tendonrepro.identify_search import Effort, Found, search
-from tendonrepro.identify_state import State
-from tendonrepro.identify_task import NEAR, SCHEMA_VERSION, Fit, Task
+from tendonrepro.identify.report import CONFIG, conclusions, write_config, write_identify_tables
+from tendonrepro.identify.search import Effort, Found, search
+from tendonrepro.identify.state import State
+from tendonrepro.identify.task import NEAR, SCHEMA_VERSION, Fit, Task
 from tendonrepro.results.folder import MANIFEST, claimed, clear, refuse_others
 from tendonrepro.results.manifest import make_manifest, with_outputs
 from tendonrepro.simulation.batch import simulate_batch
@@ -184,7 +184,7 @@ def _outline(task: Task, folder: Path) -> dict[str, Any]:
 
 
 def _identified(task: Task, folder: Path, identity: str, talk: Talk) -> dict[str, Any]:
-    from tendonrepro.figure_identify import draw_identify_figures
+    from tendonrepro.identify.figures import draw_identify_figures
 
     started = time.perf_counter()
     states = {held.name: _searched(task, task.case(held), folder, talk) for held in task.readings}

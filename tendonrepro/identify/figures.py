@@ -52,7 +52,7 @@ def draw_identify_figures(data: Mapping[str, Any], folder: Path) -> list[Path]:
     Parameters
     ----------
     data : mapping
-        Of `tendonrepro.identify.run_identify`.
+        Of `tendonrepro.identify.command.run_identify`.
     folder : Path
         Made when missing.
 

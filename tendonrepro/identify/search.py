@@ -21,7 +21,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.console import Talk
-from tendonrepro.identify_state import State, load_state, save_state
+from tendonrepro.identify.state import State, load_state, save_state
 
 
 class Found(NamedTuple):

@@ -13,7 +13,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.config.models.readings import RUNS
 from tendonrepro.ensemble.box import Box
 from tendonrepro.ensemble.shares import FEW, MOST
-from tendonrepro.identify_misfit import METRICS, Measured, Printed, log_misfit
+from tendonrepro.identify.misfit import METRICS, Measured, Printed, log_misfit
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.summary import CONTROLLERS
 

@@ -11,8 +11,8 @@ from typing import Literal, TypeAlias
 from tendonrepro import __version__
 from tendonrepro.config.ensemble import LoadedEnsemble
 from tendonrepro.config.models.readings import RUNS, Reading, case_of, reading
-from tendonrepro.identify_misfit import Bench, Printed
-from tendonrepro.identify_search import Effort
+from tendonrepro.identify.misfit import Bench, Printed
+from tendonrepro.identify.search import Effort
 
 SCHEMA_VERSION = 1
 

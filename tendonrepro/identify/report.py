@@ -66,7 +66,7 @@ def conclusions(data: Mapping[str, Any]) -> list[str]:
     Parameters
     ----------
     data : mapping
-        Of :func:`tendonrepro.identify.run_identify`, with `readings`.
+        Of :func:`tendonrepro.identify.command.run_identify`, with `readings`.
 
     Returns
     -------
@@ -124,7 +124,7 @@ def identify_text(data: Mapping[str, Any]) -> str:
     Parameters
     ----------
     data : mapping
-        What :func:`tendonrepro.identify.run_identify` returns.
+        What :func:`tendonrepro.identify.command.run_identify` returns.
 
     Returns
     -------

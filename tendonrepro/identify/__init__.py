@@ -1,0 +1,1 @@
+"""Plants closest to the print; :func:`tendonrepro.identify.command.command.run_identify`."""
