@@ -19,8 +19,8 @@ from tendonrepro.claim_rules import Evidence, Judged, missing
 from tendonrepro.claim_statements import CLAIMS, FIRST, LOADED, Findings, smaller
 from tendonrepro.config.models.readings import PRINTED
 from tendonrepro.config.published import COMPARED, PrintedNumber, Published
-from tendonrepro.dataset.printed_tables import PrintedTables, prints_as, try_windows
-from tendonrepro.dataset.reference_motion import Reference, derivatives, recover, timing_of
+from tendonrepro.dataset.motion.recover import Reference, derivatives, recover, timing_of
+from tendonrepro.dataset.motion.windows import PrintedTables, prints_as, try_windows
 from tendonrepro.errors import DataMissingError
 from tendonrepro.measured_statistics import RATE_WINDOW, statistics_of
 from tendonrepro.physics.metrics import STATUSES

@@ -36,8 +36,8 @@ def fetch(
 ) -> None:
     """Download the paper's data set and verify it; a second run needs no network."""
     from tendonrepro.console import Talk
-    from tendonrepro.dataset.fetch import run_fetch
-    from tendonrepro.dataset.fetch_text import fetch_text
+    from tendonrepro.dataset.repository.fetch import run_fetch
+    from tendonrepro.dataset.repository.fetch_text import fetch_text
 
     talk = Talk(quiet=quiet, verbose=verbose)
     found = run_fetch(record, out, base_url, from_dir, force, dry_run, talk)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from tendonrepro.dataset.matlab_objects import quiet
+from tendonrepro.dataset.readers.matlab.objects import quiet
 
 NOTE = b"SYNTHETIC, made by the tests"
 

@@ -20,8 +20,8 @@ from tendonrepro.config.models.readings import PRINTED
 from tendonrepro.config.published import published
 from tendonrepro.console import Talk
 from tendonrepro.dataset.measured_file import read_measured
-from tendonrepro.dataset.printed_tables import SPREAD, PrintedTables, Timing, try_windows
-from tendonrepro.dataset.reference_motion import derivatives
+from tendonrepro.dataset.motion.recover import derivatives
+from tendonrepro.dataset.motion.windows import SPREAD, PrintedTables, Timing, try_windows
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.ledger import run_claims
 from tendonrepro.measured_statistics import sliding_variable, statistics_of

@@ -17,11 +17,11 @@ from typing import Any
 import pytest
 
 from tendonrepro.console import Talk
-from tendonrepro.dataset import fetch as fetch_module
-from tendonrepro.dataset.fetch import run_fetch
-from tendonrepro.dataset.fetch_text import fetch_text
-from tendonrepro.dataset.readers import files_below
-from tendonrepro.dataset.web import Patience
+from tendonrepro.dataset.readers.read import files_below
+from tendonrepro.dataset.repository import fetch as fetch_module
+from tendonrepro.dataset.repository.fetch import run_fetch
+from tendonrepro.dataset.repository.fetch_text import fetch_text
+from tendonrepro.dataset.repository.web import Patience
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tests.test_cli import answer, run
 from tests.zenodo_server import CONCEPT, ONE, RECORD, SMALL, Repository, serving
@@ -545,7 +545,7 @@ def test_a_full_disk(fetch: Fetch, tmp_path: Path, monkeypatch: pytest.MonkeyPat
     def full(*_: Any) -> None:
         raise OSError(28, os.strerror(28))
 
-    monkeypatch.setattr("tendonrepro.dataset.download._write", full)
+    monkeypatch.setattr("tendonrepro.dataset.repository.download._write", full)
     with (
         serving(Repository()) as repository,
         pytest.raises(TendonreproError, match="No space left") as caught,

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 from tendonrepro.console import Talk
-from tendonrepro.dataset.data_lock import find_differences
-from tendonrepro.dataset.download import download
-from tendonrepro.dataset.resolve import expected_files, resolve
-from tendonrepro.dataset.web import Patience, Web
-from tendonrepro.dataset.zenodo import SITE
+from tendonrepro.dataset.repository.download import download
+from tendonrepro.dataset.repository.lock import find_differences
+from tendonrepro.dataset.repository.resolve import expected_files, resolve
+from tendonrepro.dataset.repository.web import Patience, Web
+from tendonrepro.dataset.repository.zenodo import SITE
 
 
 @pytest.mark.network

@@ -13,9 +13,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tendonrepro.dataset.data_lock import DataLock, LockedFile, read_lock, write_lock
-from tendonrepro.dataset.names import LABEL, PART, is_ours, printable, safe_paths, safe_relative
-from tendonrepro.dataset.zenodo import Record, parse_files, parse_record, record_number
+from tendonrepro.dataset.repository.lock import DataLock, LockedFile, read_lock, write_lock
+from tendonrepro.dataset.repository.names import LABEL, PART, is_ours, printable, safe_paths, safe_relative
+from tendonrepro.dataset.repository.zenodo import Record, parse_files, parse_record, record_number
 from tendonrepro.errors import DataMissingError, UsageError
 from tests.zenodo_server import RECORD, Repository
 

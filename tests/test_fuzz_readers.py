@@ -13,9 +13,9 @@ import pytest
 import seed_files
 
 from tendonrepro.console import Talk
-from tendonrepro.dataset.guard import Limits, read_guarded
-from tendonrepro.dataset.readers import read_file
-from tendonrepro.dataset.signals import Source
+from tendonrepro.dataset.readers.guard import Limits, read_guarded
+from tendonrepro.dataset.readers.read import read_file
+from tendonrepro.dataset.readers.signals import Source
 
 SEEDS = seed_files.readable()
 QUICK = 16

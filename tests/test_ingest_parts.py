@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from tendonrepro.config.published import coupling_of, published, table_1
-from tendonrepro.dataset.assembly import Assembly, doubts_about
-from tendonrepro.dataset.evidence import COUNTS_DEG
-from tendonrepro.dataset.mapping import Mapping, load_mapping
-from tendonrepro.dataset.signals import Found, Skipped, Source, samples_first
-from tendonrepro.dataset.timebase import RESAMPLED, Timed, TimeProblem, checked, even, shared, within
+from tendonrepro.dataset.mapping.assembly import Assembly, doubts_about
+from tendonrepro.dataset.mapping.model import Mapping, load_mapping
+from tendonrepro.dataset.mapping.timebase import RESAMPLED, Timed, TimeProblem, checked, even, shared, within
+from tendonrepro.dataset.meaning.evidence import COUNTS_DEG
+from tendonrepro.dataset.readers.signals import Found, Skipped, Source, samples_first
 from tendonrepro.errors import ConfigError
 from tendonrepro.results.records import Trace
 

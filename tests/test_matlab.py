@@ -19,11 +19,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
-from tendonrepro.dataset.matlab import is_matlab, read_matlab
-from tendonrepro.dataset.matlab_objects import load_objects
-from tendonrepro.dataset.matlab_tree import Walk
-from tendonrepro.dataset.signals import Found, Signal
-from tendonrepro.dataset.unreadable import Unreadable
+from tendonrepro.dataset.readers.matlab.file import is_matlab, read_matlab
+from tendonrepro.dataset.readers.matlab.objects import load_objects
+from tendonrepro.dataset.readers.matlab.walk import Walk
+from tendonrepro.dataset.readers.signals import Found, Signal
+from tendonrepro.dataset.readers.unreadable import Unreadable
 
 SAMPLES = Path(os.environ.get("TENDONREPRO_MATLAB_SAMPLES", Path(__file__).parent / "matlab_samples"))
 TIMES = np.linspace(0.0, 0.9, 10)
@@ -732,7 +732,7 @@ def test_walks_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     found = walked("deep", deep)
     assert not found.signals
     assert "left out" in skipped(found)[""]
-    monkeypatch.setattr("tendonrepro.dataset.matlab_tree._MOST_NODES", 10)
+    monkeypatch.setattr("tendonrepro.dataset.readers.matlab.walk._MOST_NODES", 10)
     found = walked("wide", made.cells(*[np.array([1.0, 2.0])] * 30))
     assert 0 < len(found.signals) < 10
     assert f"{30 - len(found.signals)} more" in skipped(found)[""]

@@ -13,17 +13,17 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from tendonrepro.config.published import coupling_of, published, table_1
-from tendonrepro.dataset import columns as columns_module
-from tendonrepro.dataset.assignment import variable_of
-from tendonrepro.dataset.columns import Column, columns_of
-from tendonrepro.dataset.evidence import counted_in, differences_of, is_label, sampling_step
-from tendonrepro.dataset.heading import headings
-from tendonrepro.dataset.mapping import load_mapping
-from tendonrepro.dataset.meaning import understand
-from tendonrepro.dataset.signals import Found, Source
-from tendonrepro.dataset.suggestion import suggest
-from tendonrepro.dataset.units import FACTORS, factor, plain_unit
-from tendonrepro.dataset.words import Hints, hints, printable
+from tendonrepro.dataset.mapping.model import load_mapping
+from tendonrepro.dataset.mapping.suggestion import suggest
+from tendonrepro.dataset.meaning import columns as columns_module
+from tendonrepro.dataset.meaning.assignment import variable_of
+from tendonrepro.dataset.meaning.columns import Column, columns_of
+from tendonrepro.dataset.meaning.evidence import counted_in, differences_of, is_label, sampling_step
+from tendonrepro.dataset.meaning.understand import understand
+from tendonrepro.dataset.meaning.words import Hints, hints, printable
+from tendonrepro.dataset.readers.heading import headings
+from tendonrepro.dataset.readers.signals import Found, Source
+from tendonrepro.dataset.readers.units import FACTORS, factor, plain_unit
 
 Array = NDArray[np.float64]
 

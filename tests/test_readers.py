@@ -25,13 +25,14 @@ from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
 from tendonrepro.console import Talk
-from tendonrepro.dataset import hdf5_file, signals
-from tendonrepro.dataset.arrays_file import read_npy
-from tendonrepro.dataset.data_lock import DataLock, LockedFile, lock_path, write_lock
-from tendonrepro.dataset.filetype import ADVICE, FileType, kind_of
-from tendonrepro.dataset.guard import Limits, read_guarded
-from tendonrepro.dataset.readers import files_below, read_file
-from tendonrepro.dataset.signals import Found, Source, seconds
+from tendonrepro.dataset.readers import hdf5 as hdf5_file
+from tendonrepro.dataset.readers import signals
+from tendonrepro.dataset.readers.filetype import ADVICE, FileType, kind_of
+from tendonrepro.dataset.readers.guard import Limits, read_guarded
+from tendonrepro.dataset.readers.numpy_files import read_npy
+from tendonrepro.dataset.readers.read import files_below, read_file
+from tendonrepro.dataset.readers.signals import Found, Source, seconds
+from tendonrepro.dataset.repository.lock import DataLock, LockedFile, lock_path, write_lock
 from tendonrepro.errors import DataMissingError, TendonreproError
 
 QUIET = Talk(quiet=True)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from tendonrepro.arrays import Array
-from tendonrepro.dataset.reference_fit import HALF_COUNT, limit
-from tendonrepro.dataset.reference_knots import SPACINGS, smoothed, thinned
-from tendonrepro.dataset.reference_motion import derivatives, recover_run
-from tendonrepro.dataset.reference_record import Recorded, noise, recorded
+from tendonrepro.dataset.motion.fit import HALF_COUNT, limit
+from tendonrepro.dataset.motion.knots import SPACINGS, smoothed, thinned
+from tendonrepro.dataset.motion.record import Recorded, noise, recorded
+from tendonrepro.dataset.motion.recover import derivatives, recover_run
 from tendonrepro.physics.trajectory import Motion, minimum_jerk, motion, raised_cosine, smooth_sine
 from tendonrepro.results.records import Trace
 from tendonrepro.simulation.streaming import thresholds

@@ -12,14 +12,14 @@ from tendonrepro.arrays import Array
 from tendonrepro.config.fields.strict_yaml import dump
 from tendonrepro.config.load import CompareConfig, load_config
 from tendonrepro.config.trajectory_file import read_samples
-from tendonrepro.dataset.reference_config import FILE, config_tree, csv_text, runnable
-from tendonrepro.dataset.reference_fit import _Free, _guesses, _physical, _sines, judged, limit
-from tendonrepro.dataset.reference_knots import thinned
-from tendonrepro.dataset.reference_motion import Reference, derivatives, recover, recover_run, timing_of
-from tendonrepro.dataset.reference_record import Recorded, noise, noise_peak, recorded, rounding_step
-from tendonrepro.dataset.reference_shapes import Values
-from tendonrepro.dataset.reference_signal import _misfit, repeat_after
-from tendonrepro.dataset.reference_turns import amplitude_of, movers, turns_of
+from tendonrepro.dataset.motion.fit import _Free, _guesses, _physical, _sines, judged, limit
+from tendonrepro.dataset.motion.knots import thinned
+from tendonrepro.dataset.motion.period import _misfit, repeat_after
+from tendonrepro.dataset.motion.record import Recorded, noise, noise_peak, recorded, rounding_step
+from tendonrepro.dataset.motion.recover import Reference, derivatives, recover, recover_run, timing_of
+from tendonrepro.dataset.motion.reference_turns import amplitude_of, movers, turns_of
+from tendonrepro.dataset.motion.shapes import Values
+from tendonrepro.dataset.motion.written import FILE, config_tree, csv_text, runnable
 from tendonrepro.errors import DataMissingError
 from tendonrepro.experiments import loops as runs
 from tendonrepro.physics.trajectory import (

@@ -9,9 +9,9 @@ import pytest
 from synthetic import COUNT, make_compare_file
 
 from tendonrepro.arrays import Array
-from tendonrepro.dataset.reference_motion import recover, recover_run
-from tendonrepro.dataset.reference_onset import onset
-from tendonrepro.dataset.reference_record import noise, recorded
+from tendonrepro.dataset.motion.record import noise, recorded
+from tendonrepro.dataset.motion.recover import recover, recover_run
+from tendonrepro.dataset.motion.reference_onset import onset
 from tendonrepro.dataset.rerun import departure
 from tendonrepro.physics.trajectory import (
     Motion,

@@ -20,18 +20,18 @@ from tendonrepro.config.published import published
 from tendonrepro.config.trajectory_file import read_samples
 from tendonrepro.console import Talk
 from tendonrepro.dataset import reruns, validate
-from tendonrepro.dataset.assembly import Assembly, doubts_about
-from tendonrepro.dataset.columns import Column
-from tendonrepro.dataset.mapping import Mapping
-from tendonrepro.dataset.meaning import understand
-from tendonrepro.dataset.printed_tables import _tail
-from tendonrepro.dataset.reference_knots import thinned
-from tendonrepro.dataset.reference_motion import Reference, recover, zero_of
-from tendonrepro.dataset.reference_record import Recorded, recorded
-from tendonrepro.dataset.reference_signal import _refined, refined_shift
+from tendonrepro.dataset.mapping.assembly import Assembly, doubts_about
+from tendonrepro.dataset.mapping.model import Mapping
+from tendonrepro.dataset.meaning.columns import Column
+from tendonrepro.dataset.meaning.understand import understand
+from tendonrepro.dataset.motion.knots import thinned
+from tendonrepro.dataset.motion.period import _refined, refined_shift
+from tendonrepro.dataset.motion.record import Recorded, recorded
+from tendonrepro.dataset.motion.recover import Reference, recover, zero_of
+from tendonrepro.dataset.motion.windows import _tail
+from tendonrepro.dataset.readers.signals import Found, Source
 from tendonrepro.dataset.rerun import MOTION, aligned, departure, together, write_compare, write_decouple
 from tendonrepro.dataset.residuals import comparison_rows, coupling_rows
-from tendonrepro.dataset.signals import Found, Source
 from tendonrepro.errors import DataMissingError
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.traces import write_traces

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from tendonrepro.config.fields.strict_yaml import load
 from tendonrepro.config.published import coupling_of, published, table_1
-from tendonrepro.dataset.assembly import Assembly, doubts_about
-from tendonrepro.dataset.mapping import Mapping, load_mapping
-from tendonrepro.dataset.meaning import understand
-from tendonrepro.dataset.signals import Found, Source
-from tendonrepro.dataset.suggestion import Suggestion, suggest
+from tendonrepro.dataset.mapping.assembly import Assembly, doubts_about
+from tendonrepro.dataset.mapping.model import Mapping, load_mapping
+from tendonrepro.dataset.mapping.suggestion import Suggestion, suggest
+from tendonrepro.dataset.meaning.understand import understand
+from tendonrepro.dataset.readers.signals import Found, Source
 from tendonrepro.errors import ConfigError, TendonreproError
 
 Array = NDArray[np.float64]

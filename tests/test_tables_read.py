@@ -17,12 +17,12 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
-from tendonrepro.dataset.arrays_file import read_npy, read_npz
-from tendonrepro.dataset.hdf5_file import read_hdf5
-from tendonrepro.dataset.signals import Found
-from tendonrepro.dataset.text_table import read_text_table
-from tendonrepro.dataset.unreadable import Unreadable
-from tendonrepro.dataset.workbook import read_workbook
+from tendonrepro.dataset.readers.hdf5 import read_hdf5
+from tendonrepro.dataset.readers.numpy_files import read_npy, read_npz
+from tendonrepro.dataset.readers.signals import Found
+from tendonrepro.dataset.readers.text import read_text_table
+from tendonrepro.dataset.readers.unreadable import Unreadable
+from tendonrepro.dataset.readers.workbook import read_workbook
 
 
 def of_text(content: str | bytes, folder: Path) -> Found:

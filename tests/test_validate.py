@@ -17,7 +17,7 @@ from synthetic import PERIOD, make_compare_file, make_decouple_file
 from tendonrepro.config.load import load_config
 from tendonrepro.config.published import published
 from tendonrepro.console import Talk
-from tendonrepro.dataset.printed_tables import NUMBERS, PrintedTables, Timing, Tried, spans, try_windows
+from tendonrepro.dataset.motion.windows import NUMBERS, PrintedTables, Timing, Tried, spans, try_windows
 from tendonrepro.dataset.rerun import aligned
 from tendonrepro.dataset.residuals import comparison_rows, coupling_rows
 from tendonrepro.dataset.validate import RESULTS, run_validate

@@ -1,1 +1,1 @@
-"""The paper's data: fetched, read whatever its format, mapped to traces, compared with print and model."""
+"""The paper's measured data: fetch, inspect, ingest."""

@@ -14,13 +14,13 @@ from tendonrepro.arrays import Array
 from tendonrepro.config.load import load_config
 from tendonrepro.config.published import coupling_of, published, table_1
 from tendonrepro.console import Talk
-from tendonrepro.dataset.assembly import Assembly, doubts_about
-from tendonrepro.dataset.guard import read_guarded
-from tendonrepro.dataset.mapping import LoadedMapping, load_mapping
+from tendonrepro.dataset.mapping.assembly import Assembly, doubts_about
+from tendonrepro.dataset.mapping.model import LoadedMapping, load_mapping
+from tendonrepro.dataset.meaning.words import printable
 from tendonrepro.dataset.measured_file import origin
-from tendonrepro.dataset.readers import files_below
-from tendonrepro.dataset.signals import Source
-from tendonrepro.dataset.words import printable
+from tendonrepro.dataset.readers.guard import read_guarded
+from tendonrepro.dataset.readers.read import files_below
+from tendonrepro.dataset.readers.signals import Source
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import sha256_of, to_json
 from tendonrepro.physics.metrics import status_of

@@ -11,17 +11,17 @@ import numpy as np
 
 from tendonrepro.config.published import coupling_of, published, table_1
 from tendonrepro.console import Talk
-from tendonrepro.dataset.assignment import runs_among, variable_of
-from tendonrepro.dataset.columns import Column
-from tendonrepro.dataset.evidence import sampling_step
-from tendonrepro.dataset.guard import read_guarded
-from tendonrepro.dataset.meaning import understand
-from tendonrepro.dataset.readers import files_below
-from tendonrepro.dataset.signals import Signal, Source
-from tendonrepro.dataset.suggestion import suggest
-from tendonrepro.dataset.timebase import in_seconds
-from tendonrepro.dataset.units import FACTORS, factor
-from tendonrepro.dataset.words import printable
+from tendonrepro.dataset.mapping.suggestion import suggest
+from tendonrepro.dataset.mapping.timebase import in_seconds
+from tendonrepro.dataset.meaning.assignment import runs_among, variable_of
+from tendonrepro.dataset.meaning.columns import Column
+from tendonrepro.dataset.meaning.evidence import sampling_step
+from tendonrepro.dataset.meaning.understand import understand
+from tendonrepro.dataset.meaning.words import printable
+from tendonrepro.dataset.readers.guard import read_guarded
+from tendonrepro.dataset.readers.read import files_below
+from tendonrepro.dataset.readers.signals import Signal, Source
+from tendonrepro.dataset.readers.units import FACTORS, factor
 from tendonrepro.errors import UsageError
 from tendonrepro.files import write_atomically
 

@@ -15,9 +15,9 @@ import numpy as np
 from tendonrepro.config.fields.strict_yaml import Node, dump
 from tendonrepro.config.load import LoadedConfig, load_config
 from tendonrepro.console import Talk
-from tendonrepro.dataset.reference_config import FILE, config_tree, csv_text
-from tendonrepro.dataset.reference_knots import thinned
-from tendonrepro.dataset.reference_motion import Reference, recorded_motion, zero_of
+from tendonrepro.dataset.motion.knots import thinned
+from tendonrepro.dataset.motion.recover import Reference, recorded_motion, zero_of
+from tendonrepro.dataset.motion.written import FILE, config_tree, csv_text
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.experiments.run import simulate_run, trace_file
 from tendonrepro.files import to_json, write_atomically

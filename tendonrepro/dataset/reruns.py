@@ -10,7 +10,7 @@ from tendonrepro.claim_measured import Measured
 from tendonrepro.config.load import LoadedConfig, load_config
 from tendonrepro.config.published import COMPARED
 from tendonrepro.console import Talk
-from tendonrepro.dataset.reference_motion import Reference, zero_of
+from tendonrepro.dataset.motion.recover import Reference, zero_of
 from tendonrepro.dataset.rerun import (
     COMPARE,
     DECOUPLE,

@@ -16,8 +16,8 @@ from tendonrepro.config.load import LoadedConfig, load_config
 from tendonrepro.config.published import Published, published
 from tendonrepro.console import Talk
 from tendonrepro.dataset.measured_file import origin, read_measured
-from tendonrepro.dataset.reference_config import runnable
-from tendonrepro.dataset.reference_motion import Reference
+from tendonrepro.dataset.motion.recover import Reference
+from tendonrepro.dataset.motion.written import runnable
 from tendonrepro.dataset.rerun import together
 from tendonrepro.dataset.reruns import Work, rerun_compare, rerun_decouple
 from tendonrepro.dataset.residuals import comparison_rows, coupling_rows

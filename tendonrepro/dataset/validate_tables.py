@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from tendonrepro.config.published import COMPARED, Published
-from tendonrepro.dataset.printed_tables import PrintedTables, Tried
+from tendonrepro.dataset.motion.windows import PrintedTables, Tried
 from tendonrepro.dataset.row_files import csv_of
 from tendonrepro.files import write_atomically
 from tendonrepro.results.summary import CONTROLLERS

@@ -1,0 +1,1 @@
+"""What columns seem to mean; :func:`tendonrepro.dataset.meaning.understand.understand`."""

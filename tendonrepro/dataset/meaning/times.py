@@ -1,0 +1,118 @@
+"""Which columns are times, in which unit, and of what."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+
+import numpy as np
+
+from tendonrepro.arrays import Array
+from tendonrepro.dataset.meaning.columns import Column
+from tendonrepro.dataset.meaning.evidence import sampling_step
+from tendonrepro.dataset.meaning.words import tokens
+from tendonrepro.dataset.readers.units import FACTORS
+
+SAMPLING = 0.001
+"""The paper's sampling period, s, where the files hold no times."""
+_EPOCH = (9e8, 4e9)
+"""Seconds from 1970 to 1998 and to 2096, between which a date of a measurement lies."""
+_SLOWEST = 0.1
+"""Longest step of a control loop, s."""
+
+
+def find_times(group: Sequence[Column]) -> None:
+    """Name the time axes of columns recorded together, and hand each to the columns it is of.
+
+    Parameters
+    ----------
+    group : sequence of Column
+        In their order. Where they are pairs, as ``X1, Y1, X2, Y2``, every other one is an axis.
+    """
+    for column in group:
+        if column.quantity == "index" or (column.own.quantity is None and _counts(column.values)):
+            column.call("index", "it counts samples")
+    group = [column for column in group if column.quantity != "index"]
+    steps = {column: sampling_step(column.values) for column in group}
+    axes = _axes(group, steps)
+    for axis in axes:
+        if steps[axis] is None:
+            axis.because.append("although it does not increase evenly")
+        elif axis.quantity != "time":
+            axis.call("time", f"it increases evenly, by {steps[axis]:g}")
+        if axis.unit not in FACTORS["time"]:
+            _settle_unit(axis)
+    current = axes[0] if axes else None
+    for column in group:
+        current = column if column in axes else current
+        if current is not None and column not in axes and column.signal.time is None:
+            column.time = current.address
+
+
+def _axes(group: Sequence[Column], steps: dict[Column, float | None]) -> list[Column]:
+    """Time axes of a group: one, unless each stands before columns of its own."""
+    even = [column for column in group if steps[column]]
+    paired = [column for column in even if column.quantity == "time" or _is_abscissa(column)]
+    if len(paired) < 2 and _alternate(group, even):
+        paired = list(group[::2])
+    places = [group.index(column) for column in paired]
+    if len(paired) > 1 and places[0] == 0 and np.diff(places).min() > 1:
+        return paired
+    named = [column for column in group if column.quantity == "time"]
+    unnamed = [column for column in even if column.quantity is None]
+    return next(([column] for column in (*(c for c in named if steps[c]), *paired, *named, *unnamed)), [])
+
+
+def _is_abscissa(column: Column) -> bool:
+    """Whether the last word of its name is an x, as in ``X1`` or ``Desired X``."""
+    letters = [word for word in tokens(column.label) if word.isalpha()]
+    return letters[-1:] == ["x"]
+
+
+def _alternate(group: Sequence[Column], even: Sequence[Column]) -> bool:
+    """Whether every other column, from the first, and none between them, increases evenly."""
+    nameless = all(column.quantity in {None, "time"} for column in group[::2])
+    return len(group) > 3 and len(group) % 2 == 0 and nameless and list(group[::2]) == list(even)
+
+
+def _counts(values: Array) -> bool:
+    """Whether numbers are 0, 1, 2 or 1, 2, 3 and so on."""
+    return bool(values[0] in {0.0, 1.0} and (np.diff(values) == 1.0).all())
+
+
+def _settle_unit(axis: Column) -> None:
+    times = axis.values[np.isfinite(axis.values)]
+    axis.unit, reason = _unit_by_size(times) if len(times) > 1 else ("s", "and nothing says so")
+    axis.because.append(f"taken to be in {axis.unit}, {reason}")
+    axis.doubts.append(f"no unit of the times is stated, {axis.unit} is taken, {reason}")
+
+
+def _unit_by_size(times: Array) -> tuple[str, str]:
+    """Unit that makes the numbers dates of our time, else the one that makes the step that of a loop."""
+    units = [(unit, FACTORS["time"][unit]) for unit in ("s", "ms", "us", "ns")]
+    step = float(np.median(np.diff(times)))
+    for unit, factor in units:
+        if _EPOCH[0] <= times[0] * factor < _EPOCH[1] and step * factor <= 100.0 * _SLOWEST:
+            return unit, "for they count from 1970"
+    # A hundred milliseconds to the last bit are still that.
+    slowest = _SLOWEST * (1.0 + 1e-6)
+    unit, factor = next(((unit, factor) for unit, factor in units if step * factor <= slowest), units[-1])
+    return unit, f"which makes their step {step * factor * 1e3:.3g} ms"
+
+
+def share_times(file: Sequence[Column]) -> None:
+    """Give columns without a time the only time axis of the file that has as many samples.
+
+    Parameters
+    ----------
+    file : sequence of Column
+    """
+    axes: dict[int, list[Column]] = defaultdict(list)
+    for column in file:
+        if column.quantity == "time":
+            axes[len(column.values)].append(column)
+    for column in file:
+        fitting = axes[len(column.values)]
+        timeless = column.time is None and column.signal.time is None and column not in fitting
+        if timeless and len(fitting) == 1:
+            column.time = fitting[0].address

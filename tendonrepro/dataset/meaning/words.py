@@ -1,0 +1,259 @@
+"""What the names of files, sheets and columns say about the numbers below them."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal, TypeAlias
+
+from tendonrepro.dataset.readers.units import plain_unit
+
+Quantity: TypeAlias = Literal[
+    "time", "index", "desired", "measured", "error", "motor", "calculated", "torque", "surface", "estimate",
+    "rate", "acceleration", "other",
+]  # fmt: skip
+
+_GREEK = {
+    "α": " alpha ",
+    "θ": " theta ",
+    "τ": " tau ",
+    "ω": " omega ",
+    "σ": " sigma ",
+    "ĥ": " hhat ",
+    "°": " ",
+}
+_TOKEN = re.compile(r"[a-z]+|\d+(?:\.\d+)?|[\u4e00-\u9fff]+")
+_CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
+_RANGE = re.compile(r"![A-Z]{1,3}\d*(:[A-Z]{1,3}\d*)?$")
+_MASS = re.compile(r"(?<![a-z0-9.])(\d+(?:[.p]\d+)?)\s*(kg|g)(?![a-z])")
+_FIGURE = re.compile(r"(?:fig(?:ure)?s?|图)[\s._-]*(\d+)[\s._-]*\(?([a-f])?(?![a-z0-9])")
+_ALPHA = re.compile(r"(?<![a-z])(a|alpha|α)[\s_-]*tde|proposed", re.I)
+
+
+def _these(words: str) -> frozenset[str]:
+    return frozenset(words.split())
+
+
+# The first line that knows a word of the name decides: an "error of the joint angle" is an error. Behind the
+# English words stand parts of Chinese ones.
+_WORDS: Mapping[Quantity, tuple[frozenset[str], Sequence[str]]] = {
+    "time": (_these("time times tout timestamp seconds clock"), ("时间",)),
+    "index": (_these("sample samples index idx"), ("序号", "采样点")),
+    "other": (_these("de edot current voltage tension force pressure"), ("电流", "电压", "张力")),
+    "error": (_these("err error errors deviation"), ("误差",)),
+    "surface": (_these("sliding surface manifold sigma"), ("滑模",)),
+    "estimate": (
+        _these("hhat hat estimate estimated estimation lumped uncertainty uncertainties"),
+        ("估计",),
+    ),
+    "torque": (_these("tau torque torques taum moment"), ("力矩", "转矩", "扭矩")),
+    "acceleration": (_these("ddq acc accel acceleration ddtheta ddqd"), ("加速度",)),
+    "rate": (_these("dq vel velocity speed omega qdot dot dtheta dth rate dqd"), ("速度",)),
+    "calculated": (_these("calc calculated calculate computed cal"), ("计算",)),
+    "motor": (_these("motor motors winch shaft qm thetam thm servo"), ("电机", "马达")),
+    "desired": (
+        _these("des desired ref reference expect expected target setpoint qd qr thetad thd yd command"),
+        ("期望", "参考", "目标"),
+    ),
+    "measured": (
+        _these(
+            "act actual meas measured real enc encoder feedback pos position angle angles joint link q th "
+            "theta response output"
+        ),
+        ("实际", "测量", "编码器", "关节", "角度", "转角"),
+    ),
+}
+# Letters that mean something only when they stand alone.
+_LETTERS: Mapping[str, Quantity] = {
+    "t": "time", "e": "error", "s": "surface", "h": "estimate", "u": "torque", "n": "index", "k": "index",
+}  # fmt: skip
+_ANGLES = _these("q th theta")
+# Words that count something else than joints.
+_NOT_JOINTS = _these(
+    "fig figure table tab exp experiment test run trial case sheet column col curve line axes subplot data "
+    "file block v version ver no x y var untitled scope port out"
+)
+_EMPTY = _these("no without un non free empty w")
+_LOAD = _these("load loaded payload weight loading")
+_NO_LOAD = ("noload", "unload", "nopayload", "withoutload", "withoutpayload", "空载", "无负载", "无载")
+_CHINESE_LOAD = ("负载", "带载", "有载", "加载")
+_DECOUPLING = _these("decouple decoupled decoupling coupling kinematics")
+CONTROLLER = _these("controller ctrl control con contr c cont")
+"""Words before the number of a controller."""
+_NTSM = _these("ntsm tdentsm ntsmc")
+_TSM = _these("tsm tdetsm tsmc tdc tdepd pd")
+
+
+@dataclass(frozen=True)
+class Hints:
+    """What a name says; None where it says nothing.
+
+    Attributes
+    ----------
+    quantity : Quantity or None
+    joint : int or None
+        Number in the name, from 0 to 3; the paper's, unless the data set counts otherwise.
+    controller : int or None
+    decoupling : bool
+        Whether it speaks of the decoupling experiment.
+    payload_mass : float or None
+        kg; 0 where the name says that there is none, NaN where it says there is one but not how heavy.
+    figure : int or None
+        Of the paper.
+    panel : str or None
+        Letter behind the figure's number.
+    of_motor : bool
+        Whether it is about a motor, whatever the quantity.
+    desired : bool
+        Whether it is about the desired motion, whatever the quantity.
+    letter : bool
+        Whether the quantity is told by a single letter, which is worth little but as a column's own name.
+    """
+
+    quantity: Quantity | None = None
+    joint: int | None = None
+    controller: int | None = None
+    decoupling: bool = False
+    payload_mass: float | None = None
+    figure: int | None = None
+    panel: str | None = None
+    of_motor: bool = False
+    desired: bool = False
+    letter: bool = False
+
+
+def tokens(name: str) -> list[str]:
+    """Words and numbers of a name, in lower case: ``qDes2_act`` gives q, des, 2, act."""
+    return _TOKEN.findall(_plain(_CAMEL.sub(" ", name)))
+
+
+def hints(name: str) -> Hints:
+    """Read one name: of a file without its suffix, a sheet, a variable, a column, a title.
+
+    Parameters
+    ----------
+    name : str
+
+    Returns
+    -------
+    Hints
+    """
+    name = _RANGE.sub("", name)
+    words, text = tokens(name), _plain(name)
+    figure = _FIGURE.search(text)
+    quantity, letter = _quantity(words, panel=figure is not None)
+    return Hints(
+        quantity=quantity,
+        joint=_joint(words),
+        controller=_controller(words, name),
+        decoupling=any(word in _DECOUPLING or "解耦" in word for word in words),
+        payload_mass=_payload(words, text),
+        figure=int(figure[1]) if figure else None,
+        panel=figure[2] if figure else None,
+        of_motor=_about("motor", words) or _behind_angle(words, "m"),
+        desired=_desired(words),
+        letter=letter,
+    )
+
+
+def _plain(name: str) -> str:
+    """Lower case, Greek letters as words, wide forms as narrow ones."""
+    text = unicodedata.normalize("NFC", name).lower()
+    # Compatibility forms last: they would take the hat off its letter.
+    for letter, word in _GREEK.items():
+        text = text.replace(letter, word)
+    return unicodedata.normalize("NFKC", text)
+
+
+def _about(quantity: Quantity, words: Sequence[str]) -> bool:
+    known, parts = _WORDS[quantity]
+    return bool(known.intersection(words)) or any(part in word for part in parts for word in words)
+
+
+def _quantity(words: Sequence[str], *, panel: bool) -> tuple[Quantity | None, bool]:
+    """Quantity of a name, and whether a letter alone tells it; behind a figure's number it is a panel."""
+    letters = [word for word in words if word.isalpha() and (len(word) == 1 or not plain_unit(word))]
+    if len(letters) == 1 and letters[0] in _LETTERS and not panel:
+        return _LETTERS[letters[0]], True
+    for quantity in _WORDS:
+        if quantity == "motor" and _behind_angle(words, "m"):
+            return "motor", False
+        if quantity == "measured" and _desired(words):
+            return "desired", False
+        if _about(quantity, words):
+            return quantity, False
+    return None, False
+
+
+def _behind_angle(words: Sequence[str], letter: str) -> bool:
+    """Whether a letter stands behind an angle, as in ``q_d``, ``q2d``, ``theta_m2``."""
+    places = [place for place, word in enumerate(words) if word in _ANGLES]
+    return bool(places) and letter in words[places[0] :]
+
+
+def _desired(words: Sequence[str]) -> bool:
+    behind = any(_behind_angle(words, letter) for letter in "dr")
+    return behind or _about("desired", words) or bool({"dqd", "ddqd"}.intersection(words))
+
+
+def _joint(words: Sequence[str]) -> int | None:
+    """A number from 0 to 3 behind a word that can name a joint, the last one if there are several."""
+    counted = _NOT_JOINTS | CONTROLLER | _LOAD
+    found = [
+        int(number)
+        for before, number, after in zip(words, words[1:], [*words[2:], ""], strict=False)
+        if number in {"0", "1", "2", "3"}
+        and not (before in counted or before[0].isdigit() or after in {"kg", "g"})
+        and not any(part in before for part in ("控制器", "图", "表"))
+    ]
+    return found[-1] if found else None
+
+
+def _controller(words: Sequence[str], name: str) -> int | None:
+    for before, number in pairwise(words):
+        if number in {"1", "2", "3"} and (before in CONTROLLER or "控制器" in before):
+            return int(number)
+    if _ALPHA.search(name):
+        return 1
+    if _NTSM.intersection(words):
+        return 2
+    return 3 if _TSM.intersection(words) else None
+
+
+def _payload(words: Sequence[str], text: str) -> float | None:
+    mass = _MASS.search(text)
+    if mass:
+        return float(mass[1].replace("p", ".")) * (1.0 if mass[2] == "kg" else 1e-3)
+    joined = "".join(words)
+    if any(part in joined for part in _NO_LOAD) or any(
+        before in _EMPTY and word in _LOAD for before, word in pairwise(words)
+    ):
+        return 0.0
+    loaded = _LOAD.intersection(words) or any(part in joined for part in _CHINESE_LOAD)
+    return float("nan") if loaded else None
+
+
+def text_names(text: str) -> Iterator[str]:
+    """Lines of a text that are short enough to be names."""
+    yield from (line.strip() for line in text.splitlines() if 0 < len(line.strip()) <= 80)
+
+
+def printable(text: str) -> str:
+    """One line that steers no terminal and ends no comment.
+
+    Parameters
+    ----------
+    text : str
+        Such as a name out of a file.
+
+    Returns
+    -------
+    str
+        With a space for every other white space, line breaks too, and U+FFFD for what cannot be shown.
+    """
+    return "".join(
+        letter if letter.isprintable() else " " if letter.isspace() else "\ufffd" for letter in text
+    )

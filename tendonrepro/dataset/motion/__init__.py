@@ -1,0 +1,1 @@
+"""The desired motion and the averaging window behind measured runs."""

@@ -1,0 +1,248 @@
+"""What a file truly is, told by its content."""
+
+from __future__ import annotations
+
+import struct
+import tarfile
+import zipfile
+from enum import StrEnum
+from pathlib import Path
+
+from tendonrepro.dataset.readers.charset import BYTE_ORDER_MARKS, decoded, unmarked_utf16
+
+_HEAD = 65536
+"""Bytes looked at; a text says within its first pages that it is one."""
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+_HDF5_OFFSETS = (0, 512, 1024, 2048, 4096)
+_DIRECTORY = 16384
+"""Bytes of an OLE2 directory looked at: 128 entries, a workbook has a dozen."""
+_TAR_BLOCK = 512
+
+
+class FileType(StrEnum):
+    """True type of a file; its value is what a user is told."""
+
+    MATLAB_4 = "MATLAB 4"
+    MATLAB_5 = "MATLAB 5"
+    MATLAB_73 = "MATLAB 7.3"
+    HDF5 = "HDF5"
+    XLSX = "Excel workbook (xlsx)"
+    XLSB = "Excel binary workbook (xlsb)"
+    XLS = "Excel 97 workbook (xls)"
+    ODS = "OpenDocument spreadsheet (ods)"
+    NPY = "NumPy array (npy)"
+    NPZ = "NumPy arrays (npz)"
+    TEXT = "text"
+    ZIP = "zip archive"
+    TAR = "tar archive"
+    GZIP = "gzip file"
+    BZIP2 = "bzip2 file"
+    XZ = "xz file"
+    ENCRYPTED_ZIP = "encrypted zip archive"
+    ENCRYPTED_OFFICE = "encrypted Office file"
+    RAR = "rar archive"
+    SEVEN_ZIP = "7z archive"
+    ZSTD = "zstd file"
+    ORIGIN = "Origin project"
+    TDMS = "LabVIEW TDMS"
+    SIMULINK = "Simulink model"
+    MATLAB_CODE = "MATLAB code"
+    PYTHON_CODE = "Python code"
+    LIVE_SCRIPT = "MATLAB live script"
+    OFFICE = "Office document without a workbook"
+    PDF = "PDF"
+    IMAGE = "image"
+    HTML = "HTML page"
+    XML = "XML"
+    LFS_POINTER = "Git LFS pointer"
+    EMPTY = "empty file"
+    BINARY = "unknown binary"
+
+
+_UNPACK = "unpack it and name the folder"
+_PASSWORD = "ask its authors for the password, open it and save it without one"
+_NUMBERS_ELSEWHERE = "no numbers to read here; look for the data file beside it"
+ADVICE = {
+    FileType.ENCRYPTED_ZIP: _PASSWORD,
+    FileType.ENCRYPTED_OFFICE: _PASSWORD,
+    FileType.RAR: _UNPACK,
+    FileType.SEVEN_ZIP: _UNPACK,
+    FileType.ZSTD: _UNPACK,
+    FileType.ORIGIN: "open it in Origin or the free Origin Viewer and export the worksheets as CSV",
+    FileType.TDMS: "export it as CSV from LabVIEW or DIAdem",
+    FileType.SIMULINK: "run the model and save its logged signals with save('x.mat')",
+    FileType.MATLAB_CODE: _NUMBERS_ELSEWHERE,
+    FileType.PYTHON_CODE: _NUMBERS_ELSEWHERE,
+    FileType.LIVE_SCRIPT: _NUMBERS_ELSEWHERE,
+    FileType.OFFICE: "save its tables as xlsx or CSV",
+    FileType.PDF: _NUMBERS_ELSEWHERE,
+    FileType.IMAGE: _NUMBERS_ELSEWHERE,
+    FileType.HTML: "a web page was saved instead of the file; download the file again",
+    FileType.XML: "open it in the program that wrote it and save as xlsx or CSV",
+    FileType.LFS_POINTER: "it only points to the data; run git lfs pull where it came from",
+    FileType.EMPTY: "download it again",
+    FileType.BINARY: "export it as CSV, MAT or HDF5 from the program that wrote it",
+}
+"""Types that are not read, each with what a user can do about it."""
+
+_MAGIC = (
+    (b"\x1f\x8b", FileType.GZIP),
+    (b"BZh", FileType.BZIP2),
+    (b"\xfd7zXZ\x00", FileType.XZ),
+    (b"\x28\xb5\x2f\xfd", FileType.ZSTD),
+    (b"\x93NUMPY", FileType.NPY),
+    (b"CPYA", FileType.ORIGIN),
+    (b"CPYUA", FileType.ORIGIN),
+    (b"TDSm", FileType.TDMS),
+    (b"%PDF", FileType.PDF),
+    (b"\x89PNG\r\n", FileType.IMAGE),
+    (b"\xff\xd8\xff", FileType.IMAGE),
+    (b"GIF8", FileType.IMAGE),
+    (b"II*\x00", FileType.IMAGE),
+    (b"MM\x00*", FileType.IMAGE),
+    (b"Rar!\x1a\x07", FileType.RAR),
+    (b"7z\xbc\xaf\x27\x1c", FileType.SEVEN_ZIP),
+    (b"version https://git-lfs", FileType.LFS_POINTER),
+    (b"# MathWorks OPC Text Package", FileType.SIMULINK),
+)
+_CODE = {".m": FileType.MATLAB_CODE, ".py": FileType.PYTHON_CODE}
+_MEMBERS = (
+    ("xl/workbook.xml", FileType.XLSX),
+    ("xl/workbook.bin", FileType.XLSB),
+    ("simulink/blockdiagram.xml", FileType.SIMULINK),
+    ("matlab/document.xml", FileType.LIVE_SCRIPT),
+    ("word/document.xml", FileType.OFFICE),
+    ("ppt/presentation.xml", FileType.OFFICE),
+)
+_TEXT_STARTS = (
+    ("<!doctype html", FileType.HTML),
+    ("<html", FileType.HTML),
+    ("<?xml", FileType.XML),
+    ("model {", FileType.SIMULINK),
+    ("library {", FileType.SIMULINK),
+)
+_CONTROLS = bytes(set(range(32)) - set(b"\t\n\r\f\x1a\x1b"))
+
+
+def kind_of(path: Path) -> FileType:
+    """True type of a file by its content; a name alone never decides.
+
+    Parameters
+    ----------
+    path : Path
+        An existing file.
+
+    Returns
+    -------
+    FileType
+
+    Raises
+    ------
+    OSError
+        When it cannot be opened.
+    """
+    with path.open("rb") as stream:
+        head = stream.read(_HEAD)
+    if not head:
+        return FileType.EMPTY
+    for magic, kind in _MAGIC:
+        if head.startswith(magic):
+            return kind
+    if head.startswith((b"PK\x03\x04", b"PK\x05\x06", b"PK\x07\x08")):
+        return _zip_kind(path)
+    if head.startswith(b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"):
+        return _ole2_kind(path, head)
+    return _matlab_or_hdf5(head) or _plain_kind(path, head)
+
+
+def _matlab_or_hdf5(head: bytes) -> FileType | None:
+    hdf5 = any(head[offset:].startswith(_HDF5) for offset in _HDF5_OFFSETS)
+    if head.startswith(b"MATLAB 7.3") or (hdf5 and head.startswith(b"MATLAB")):
+        return FileType.MATLAB_73
+    if hdf5:
+        return FileType.HDF5
+    # The text before may be anything: what makes a level 5 file is its version and byte order.
+    level_5 = head[124:128] in {b"\x00\x01IM", b"\x01\x00MI"}
+    if level_5 or head.startswith(b"MATLAB 5.0"):
+        return FileType.MATLAB_5
+    return FileType.MATLAB_4 if _is_level_4(head) else None
+
+
+def _is_level_4(head: bytes) -> bool:
+    """Level 4 has no signature, only the header of its first matrix."""
+    if len(head) < 21:
+        return False
+    for order, machine in (("<", 0), (">", 1)):
+        number, rows, columns, imaginary, length = struct.unpack(f"{order}5i", head[:20])
+        thousands, rest = divmod(number, 1000)
+        precision, matrix = divmod(rest, 10)
+        plausible = thousands == machine and precision % 10 <= 5 and precision < 10 and matrix <= 2
+        if plausible and number >= 0 and rows >= 0 and columns >= 0 and imaginary in {0, 1}:
+            name = head[20 : 20 + length] if 2 <= length <= 256 else b""
+            return name.endswith(b"\0") and name[:-1].replace(b"_", b"a").isalnum()
+    return False
+
+
+def _zip_kind(path: Path) -> FileType:
+    try:
+        with zipfile.ZipFile(path) as archive:
+            entries = [entry for entry in archive.infolist() if not entry.is_dir()]
+    except Exception:  # a broken one raises whatever its bytes lead to; the reader of archives says so
+        return FileType.ZIP
+    if entries and all(entry.flag_bits & 1 for entry in entries):
+        return FileType.ENCRYPTED_ZIP
+    names = {entry.filename for entry in entries}
+    for name, kind in _MEMBERS:
+        if name in names:
+            return kind
+    # OpenDocument names its type in a first member that is never compressed.
+    if {"mimetype", "content.xml"} <= names:
+        return FileType.ODS if _mentions(path, b"opendocument.spreadsheet") else FileType.OFFICE
+    return FileType.NPZ if names and all(name.endswith(".npy") for name in names) else FileType.ZIP
+
+
+def _mentions(path: Path, word: bytes) -> bool:
+    with path.open("rb") as stream:
+        return word in stream.read(_HEAD)
+
+
+def _ole2_kind(path: Path, head: bytes) -> FileType:
+    if len(head) < 52:
+        return FileType.BINARY
+    (shift,) = struct.unpack("<H", head[30:32])
+    (first,) = struct.unpack("<I", head[48:52])
+    if shift not in {9, 12}:
+        return FileType.BINARY
+    with path.open("rb") as stream:
+        stream.seek((first + 1) << shift)
+        names = stream.read(_DIRECTORY)
+    if "EncryptedPackage".encode("utf-16-le") in names:
+        return FileType.ENCRYPTED_OFFICE
+    # A name starts an entry of the directory; "Book" is what Excel 95 wrote.
+    workbook = any(f"{name}\0".encode("utf-16-le") in names for name in ("Workbook", "Book"))
+    return FileType.XLS if workbook else FileType.OFFICE
+
+
+def is_tar(head: bytes) -> bool:
+    """Whether bytes begin a tar archive: its first block carries a checksum of itself."""
+    try:
+        tarfile.TarInfo.frombuf(head[:_TAR_BLOCK], "utf-8", "surrogateescape")
+    except (tarfile.HeaderError, ValueError):
+        return False
+    return True
+
+
+def _plain_kind(path: Path, head: bytes) -> FileType:
+    if is_tar(head):
+        return FileType.TAR
+    wide = head.startswith(tuple(BYTE_ORDER_MARKS)) or unmarked_utf16(head) is not None
+    if not wide and len(head.translate(None, _CONTROLS)) < len(head):
+        return FileType.BINARY
+    text = decoded(head)[0] if wide else head.decode("ascii", "ignore")
+    lowered = text[:1000].lstrip().lower()
+    for beginning, kind in _TEXT_STARTS:
+        if lowered.startswith(beginning):
+            return kind
+    # Code and tables are both text: a name decides only where the text does not begin with a number.
+    numeric = lowered[:1].isdigit() or lowered[:1] in {"-", "+", "."}
+    return FileType.TEXT if numeric else _CODE.get(path.suffix.lower(), FileType.TEXT)

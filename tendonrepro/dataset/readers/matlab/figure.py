@@ -1,0 +1,177 @@
+"""Curves in a MATLAB figure, which is a MATLAB file with a tree of graphics objects."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonrepro.dataset.readers.matlab.values import members, text_of
+from tendonrepro.dataset.readers.signals import Found
+from tendonrepro.dataset.readers.units import FACTORS, plain_unit
+
+TREES = ("hgS_070000", "hgS_050000")
+"""Variables that hold the tree, by the release that wrote it."""
+BESIDE = ("hgM_070000", "hgM_050000", "meta_data")
+"""Variables that hold the same once more, as objects."""
+
+_DEEPEST = 20
+_MOST_CURVES = 1000
+_MOST_LINES = 50
+_NO_DATA = re.compile(r"legend|colorbar", re.IGNORECASE)
+# A round bracket right behind a letter is a function's, as in sin(x).
+_UNIT = re.compile(r"(?:\[|(?<!\w)\()\s*([^\[\]()]{1,20}?)\s*[\])]\s*$")
+# Places among the list of an axes' special children.
+_SPECIAL = {"title": 0, "xlabel": 1, "ylabel": 2}
+
+
+@dataclass(frozen=True)
+class _Node:
+    """One graphics object."""
+
+    kind: str
+    properties: Mapping[str, Any]
+    children: tuple[Any, ...]
+    special: tuple[int, ...]
+
+
+def read_figure(tree: Any, found: Found) -> None:
+    """Note the curves of a figure.
+
+    Parameters
+    ----------
+    tree : ndarray
+        Value of one of `TREES`.
+    found : Found
+        Is added to.
+    """
+    nodes = list(_nodes(tree, 0))
+    axes = [node for node in nodes if node.kind == "axes" and not _is_legend(node)]
+    found.text("title", " ".join(text_of(node.properties.get("Name")) for node in nodes[:1]))
+    for number, node in enumerate(axes, start=1):
+        _axes(f"axes {number}", node, found)
+    for node in (node for node in nodes if _is_legend(node)):
+        number = _legend_of(node, axes)
+        if number:
+            found.text(f"axes {number}/legend", " | ".join(_lines(node.properties.get("String"))))
+    if not found.signals:
+        found.skip("", "a figure without curves")
+
+
+def _nodes(tree: Any, depth: int) -> Iterator[_Node]:
+    """A tree of graphics objects, parents first."""
+    if not isinstance(tree, np.ndarray) or tree.dtype.names is None or depth > _DEEPEST:
+        return
+    for record in tree.ravel():
+        own = members(record)
+        inner = own.get("children")
+        plain = isinstance(inner, np.ndarray) and inner.dtype.names is not None
+        special = own.get("special")
+        numeric = isinstance(special, np.ndarray) and special.dtype.kind in "iuf"
+        node = _Node(
+            text_of(own.get("type")),
+            members(own.get("properties")),
+            tuple(inner.ravel()) if plain else (),  # type: ignore[union-attr]
+            tuple(int(index) for index in special.ravel()) if numeric else (),  # type: ignore[union-attr]
+        )
+        yield node
+        yield from _nodes(inner, depth + 1)
+
+
+def _is_legend(node: _Node) -> bool:
+    return bool(_NO_DATA.search(f"{node.kind} {text_of(node.properties.get('Tag'))}"))
+
+
+def _legend_of(legend: _Node, axes: Sequence[_Node]) -> int:
+    """Number from 1 of the only axes, or the only ones that a legend lies in; 0 where it is not clear."""
+    inside = [number for number, node in enumerate(axes, start=1) if len(axes) == 1 or _covers(node, legend)]
+    return inside[0] if len(inside) == 1 else 0
+
+
+def _covers(node: _Node, other: _Node) -> bool:
+    """Whether the middle of another node lies in a node."""
+    (left, low, width, height), (x, y, wide, high) = _position(node), _position(other)
+    return 0.0 <= x + wide / 2 - left <= width and 0.0 <= y + high / 2 - low <= height
+
+
+def _position(node: _Node) -> tuple[float, ...]:
+    """Left, bottom, width and height; NaN where they are not stored."""
+    value = node.properties.get("Position")
+    known = isinstance(value, np.ndarray) and value.dtype.kind in "iuf" and value.size == 4
+    return tuple(map(float, value.ravel())) if known else (np.nan,) * 4  # type: ignore[union-attr]
+
+
+def _lines(value: Any) -> list[str]:
+    """Lines of a char array or of a cell array of them."""
+    if isinstance(value, np.ndarray) and value.dtype.kind in "OUST":
+        lines = [text_of(item) for item in value.ravel()[:_MOST_LINES]]
+        return [line for line in lines if line]
+    return [text_of(value)] if text_of(value) else []
+
+
+def _axes(path: str, node: _Node, found: Found) -> None:
+    words = _words(node)
+    for name, text in words.items():
+        found.text(f"{path}/{name}", text)
+    curves = list(_curves(node))[:_MOST_CURVES]
+    shared = len(curves) > 1 and all(np.array_equal(x, curves[0][1]) for _, x, _ in curves)
+    for number, (label, x, y) in enumerate(curves, start=1):
+        where = f'{path}/curve {number} "{label}"' if label else f"{path}/curve {number}"
+        _curve(where, path if shared else where, (label, x, y), words, found)
+
+
+def _words(node: _Node) -> dict[str, str]:
+    """Title and labels of an axes."""
+    found = {}
+    for name, place in _SPECIAL.items():
+        number = node.special[place] if place < len(node.special) else 0
+        if 0 < number <= len(node.children):
+            text = members(members(node.children[number - 1]).get("properties")).get("String")
+            if _lines(text):
+                found[name] = " ".join(_lines(text))
+    return found
+
+
+def _curves(node: _Node) -> Iterator[tuple[str, NDArray[Any], NDArray[Any]]]:
+    for child in node.children:
+        own = members(members(child).get("properties"))
+        y = own.get("YData")
+        if not isinstance(y, np.ndarray) or y.dtype.kind not in "iuf" or y.size < 2 or y.size > max(y.shape):
+            continue
+        x = own.get("XData")
+        # A curve drawn against its sample numbers may leave them out.
+        numbers = np.arange(1.0, y.size + 1.0)
+        given = isinstance(x, np.ndarray) and x.dtype.kind in "iuf" and x.size == y.size
+        yield text_of(own.get("DisplayName")), np.ravel(x) if given else numbers, np.ravel(y)  # type: ignore[arg-type]
+
+
+def _curve(
+    path: str,
+    group: str,
+    curve: tuple[str, NDArray[Any], NDArray[Any]],
+    words: Mapping[str, str],
+    found: Found,
+) -> None:
+    label, x, y = curve
+    x_unit, y_unit = _unit(words.get("xlabel", "")), _unit(words.get("ylabel", ""))
+    x = np.asarray(x, np.float64)
+    # Without a unit it is taken for seconds.
+    factor = FACTORS["time"].get(plain_unit(x_unit or "s") or "")
+    if factor is not None and bool((np.diff(x) > 0.0).all()):
+        time = x * factor
+        found.add(
+            f"{path}/y", y, label=label, unit=y_unit, group=group, time=time, note="against x of the figure"
+        )
+        return
+    found.add(f"{path}/x", x, label=label, unit=x_unit, group=path)
+    found.add(f"{path}/y", y, label=label, unit=y_unit, group=path)
+
+
+def _unit(label: str) -> str | None:
+    """What stands in brackets at the end of a label."""
+    match = _UNIT.search(label)
+    return match[1] if match else None

@@ -1,0 +1,243 @@
+"""The reader for each type of file, and the files below what a user named."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+
+from tendonrepro.dataset.readers.archive import DEEPEST, KINDS, Allowance, members
+from tendonrepro.dataset.readers.filetype import ADVICE, FileType, kind_of
+from tendonrepro.dataset.readers.signals import Found, Skipped, Source
+from tendonrepro.dataset.readers.unreadable import Unreadable
+from tendonrepro.dataset.repository.lock import lock_path, read_lock
+from tendonrepro.dataset.repository.names import Numbered, is_ours, printable
+from tendonrepro.errors import DataMissingError, TendonreproError
+
+_NO_MEMORY = ("needs too much memory", "split it into smaller files")
+
+
+def files_below(paths: Sequence[Path]) -> list[tuple[Path, str]]:
+    """Files that a user means.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        Files, and folders to be searched through. Links that lead out of the folder are left out, and so are
+        hidden files and what `fetch` leaves there for itself, unless its data lock names them as data.
+
+    Returns
+    -------
+    list of (Path, str)
+        Each file and its name: below its folder, which comes first where several paths were given. A mark
+        stands for what is no text in a name, and a number follows where two become the same by that.
+
+    Raises
+    ------
+    DataMissingError
+        When a path does not exist, or there is no file at all.
+    """
+    found: list[tuple[Path, str]] = []
+    for path in paths:
+        if path.is_dir():
+            prefix = f"{path.name or path.resolve().name}/" if len(paths) > 1 else ""
+            found += [(file, prefix + file.relative_to(path).as_posix()) for file in _inside(path)]
+        elif path.is_file():
+            found.append((path, path.name))
+        else:
+            message = f"{path} does not exist" if not path.exists() else f"{path} is neither file nor folder"
+            raise DataMissingError(message, hint="name a file, an archive or a folder")
+    if not found:
+        message = f"no files in {', '.join(map(str, paths))}"
+        raise DataMissingError(message, hint="tendonrepro fetch downloads the paper's data")
+    names = _as_text(name for _, name in found)
+    return [(path, names[name]) for path, name in found]
+
+
+def _as_text(names: Iterable[str]) -> dict[str, str]:
+    """Names as text by the names on disk; those that become the same by it differ by a number."""
+    used = Numbered()
+    return {name: used.take(printable(name)) for name in dict.fromkeys(names)}
+
+
+def _inside(folder: Path) -> Iterator[Path]:
+    """Files below a folder in the order of their names."""
+    root = folder.resolve()
+    locked = _locked(folder)
+    for place, folders, files in os.walk(folder):
+        here = Path(place)
+        of_folders = {name: _locked(here / name) for name in folders}
+        locks = {lock_path(here / name) for name, paths in of_folders.items() if paths}
+        locked.update(*of_folders.values())
+        folders[:] = sorted(
+            name for name in folders if not name.startswith(".") or _holds(here / name, locked)
+        )
+        hidden = any(part.startswith(".") for part in here.relative_to(folder).parts)
+        for name in sorted(files):
+            path = here / name
+            left_out = hidden or name.startswith(".") or is_ours(name) or path in locks
+            if (path in locked or not left_out) and path.is_file() and path.resolve().is_relative_to(root):
+                yield path
+
+
+def _holds(folder: Path, files: set[Path]) -> bool:
+    return any(file.is_relative_to(folder) for file in files)
+
+
+def _locked(folder: Path) -> set[Path]:
+    """Files of a folder that the data lock beside it names; they are data whatever their names."""
+    # Another program's file may have the name of a lock, and a folder such as the root has none.
+    with suppress(TendonreproError):
+        lock = read_lock(lock_path(folder))
+        return {folder / file.path for file in lock.files} if lock else set()
+    return set()
+
+
+def read_file(path: Path, name: str) -> list[Source]:
+    """Read whatever a file holds.
+
+    Parameters
+    ----------
+    path : Path
+    name : str
+        What the user knows it by.
+
+    Returns
+    -------
+    list of Source
+        One for the file and, for an archive, one for each file in it. What cannot be read is noted in
+        `skipped`, nothing is raised.
+    """
+    with (
+        warnings.catch_warnings(),
+        np.errstate(all="ignore"),
+        tempfile.TemporaryDirectory(prefix="tendonrepro-") as folder,
+    ):
+        # Libraries warn about odd files; what matters of it is in what they return.
+        warnings.simplefilter("ignore")
+        return _read(path, name, Path(folder), Allowance(), depth=1)
+
+
+def _read(path: Path, name: str, folder: Path, left: Allowance, depth: int) -> list[Source]:
+    try:
+        kind = kind_of(path)
+        if kind in KINDS:
+            return _read_archive(path, name, kind, folder, left, depth)
+        return [_read_one(path, name, kind)]
+    except OSError as error:
+        return [unread(path, name, f"cannot be opened: {error.strerror or error}")]
+
+
+def _read_one(path: Path, name: str, kind: FileType) -> Source:
+    try:
+        found = _reader(kind)(path)
+    except Unreadable as error:
+        return unread(path, name, error.reason, error.advice, str(kind))
+    except MemoryError:
+        return unread(path, name, *_NO_MEMORY, str(kind))
+    except Exception as error:  # a file no reader foresaw must not stop the others
+        reason = f"its reader failed: {type(error).__name__}: {str(error)[:200]}"
+        return unread(path, name, reason, "save it again, as CSV or HDF5 for instance", str(kind))
+    size, md5 = _digest(path)
+    if not found.signals and not found.skipped:
+        found.skip("", "no numbers in it")
+    return Source(name, found.kind, size, md5, tuple(found.signals), tuple(found.skipped), found.texts)
+
+
+def _reader(kind: FileType) -> Callable[[Path], Found]:
+    """Reader for a type of file; its libraries are loaded only now."""
+    if kind in {FileType.MATLAB_4, FileType.MATLAB_5, FileType.MATLAB_73}:
+        from tendonrepro.dataset.readers.matlab.file import read_matlab
+
+        return read_matlab
+    if kind is FileType.HDF5:
+        from tendonrepro.dataset.readers.hdf5 import read_hdf5
+
+        return read_hdf5
+    if kind in {FileType.NPY, FileType.NPZ}:
+        from tendonrepro.dataset.readers.numpy_files import read_npy, read_npz
+
+        return read_npy if kind is FileType.NPY else read_npz
+    if kind in {FileType.XLSX, FileType.XLSB, FileType.XLS, FileType.ODS}:
+        from tendonrepro.dataset.readers.workbook import read_workbook
+
+        return lambda path: read_workbook(path, str(kind))
+    if kind is FileType.TEXT:
+        from tendonrepro.dataset.readers.text import read_text_table
+
+        return read_text_table
+    raise Unreadable(_NOT_READ.get(kind, f"{kind}: not a format with signals that is read"), ADVICE[kind])
+
+
+_NOT_READ = {
+    FileType.EMPTY: "empty, 0 bytes",
+    FileType.BINARY: "binary of an unknown format",
+    FileType.ENCRYPTED_ZIP: "encrypted",
+    FileType.ENCRYPTED_OFFICE: "encrypted",
+}
+
+
+def _read_archive(
+    path: Path, name: str, kind: FileType, folder: Path, left: Allowance, depth: int
+) -> list[Source]:
+    """One source for the archive, which says what was left out, and those of its members."""
+    if depth > DEEPEST:
+        reason = f"more than {DEEPEST} archives inside each other"
+        return [unread(path, name, reason, "unpack it yourself and name the folder", str(kind))]
+    inside: list[Source] = []
+    skipped: list[Skipped] = []
+    names = Numbered()
+    own = folder / str(depth)
+    own.mkdir(exist_ok=True)
+    try:
+        for member in members(path, own, name, left):
+            if member.path is None:
+                skipped.append(Skipped(member.name, member.reason, member.advice))
+                continue
+            inner = names.take(f"{name}/{member.name}")
+            inside += _read(member.path, inner, folder, left, depth + 1)
+    except Unreadable as error:
+        skipped.append(Skipped("", error.reason, error.advice))
+    except MemoryError:
+        skipped.append(Skipped("", *_NO_MEMORY))
+    if not inside and not skipped:
+        skipped.append(Skipped("", "no files in it"))
+    size, md5 = _digest(path)
+    return [Source(name, str(kind), size, md5, (), tuple(skipped)), *inside]
+
+
+def unread(path: Path, name: str, reason: str, advice: str = "", kind: str = "unknown") -> Source:
+    """What is known of a file that could not be read.
+
+    Parameters
+    ----------
+    path : Path
+    name : str
+        What the user knows it by.
+    reason, advice : str
+        Why, and what can be done about it.
+    kind : str
+        True type as far as it is known.
+
+    Returns
+    -------
+    Source
+        Without signals; its size and digest are zero and empty when the file cannot even be opened.
+    """
+    try:
+        size, md5 = _digest(path)
+    except OSError:
+        size, md5 = 0, ""
+    return Source(name, kind, size, md5, (), (Skipped("", reason, advice),))
+
+
+def _digest(path: Path) -> tuple[int, str]:
+    with path.open("rb") as stream:
+        digest = hashlib.file_digest(stream, lambda: hashlib.md5(usedforsecurity=False)).hexdigest()
+        return stream.tell(), digest

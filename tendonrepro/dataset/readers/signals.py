@@ -1,0 +1,257 @@
+"""What a reader finds in a file: signals, and what had to be left out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonrepro.arrays import Array
+from tendonrepro.dataset.repository.names import Numbered
+
+ROWS_AS_SIGNALS = 16
+"""Most rows of an array that can be signals stored one per row."""
+_LONGER = 4
+MOST_BYTES = 2**31
+"""Bytes of one file's signals, once they are numbers in memory."""
+_LONGEST_TEXT = 1000
+
+
+@dataclass(frozen=True, eq=False)
+class Signal:
+    """Numbers found in a file, samples along the first axis.
+
+    Parameters
+    ----------
+    path : str
+        Where in the file, parts joined by ``/``: variable, field, sheet, column. Unique within the file.
+    values : Array
+        Shape (N,) or (N, m), as stored, in the stored unit.
+    dtype : str
+        Type in the file, such as ``int16``.
+    label : str
+        Its own name where the file tells one: header of a column, name of a logged signal, legend of a curve.
+    unit : str or None
+        As written in the file.
+    group : str
+        Path of what it was recorded in (sheet, table, log); signals of one group share their samples.
+    time : Array or None
+        Sampling times in s, shape (N,), where the container itself stores them, as a timeseries does.
+    note : str
+        What a reader did to it, such as a transposition; empty when nothing.
+    """
+
+    path: str
+    values: Array
+    dtype: str
+    label: str = ""
+    unit: str | None = None
+    group: str = ""
+    time: Array | None = None
+    note: str = ""
+
+    @property
+    def columns(self) -> int:
+        """Number of columns; 1 for a vector."""
+        return 1 if self.values.ndim == 1 else self.values.shape[1]
+
+    def column(self, number: int) -> Array:
+        """Column by its number from 1, shape (N,)."""
+        return self.values if self.values.ndim == 1 else self.values[:, number - 1]
+
+
+@dataclass(frozen=True)
+class Skipped:
+    """Something in a file that is no signal, or cannot be read.
+
+    Parameters
+    ----------
+    path : str
+        Where in the file; empty for the file as a whole.
+    reason : str
+        Why.
+    advice : str
+        What a user can do about it; empty when it is no loss, such as a text.
+    """
+
+    path: str
+    reason: str
+    advice: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """One file, or one member of an archive, as read.
+
+    Parameters
+    ----------
+    name : str
+        Path below what the user named; members of an archive follow its name and ``/``.
+    kind : str
+        True type by content, such as ``MATLAB 5`` or ``text table (comma, utf-8)``.
+    size : int
+        Bytes.
+    md5 : str
+        Of its bytes, 32 hexadecimal digits.
+    signals : tuple of Signal
+    skipped : tuple of Skipped
+    texts : mapping
+        Short texts found inside that may say what the numbers are: path -> text. One at ``D/x`` describes
+        every signal whose path begins with ``D/``, one at a path without ``/`` the whole file.
+    """
+
+    name: str
+    kind: str
+    size: int
+    md5: str
+    signals: tuple[Signal, ...] = ()
+    skipped: tuple[Skipped, ...] = ()
+    texts: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass
+class Found:
+    """What a reader has found so far.
+
+    One unreadable part never stops the rest: it is noted in `skipped`.
+    """
+
+    kind: str
+    signals: list[Signal] = field(default_factory=list)
+    skipped: list[Skipped] = field(default_factory=list)
+    texts: dict[str, str] = field(default_factory=dict)
+    _names: Numbered = field(default_factory=Numbered, init=False, repr=False)
+    _bytes: int = field(default=0, init=False, repr=False)
+
+    def add(
+        self,
+        path: str,
+        values: NDArray[Any],
+        *,
+        label: str = "",
+        unit: str | None = None,
+        group: str = "",
+        time: Array | None = None,
+        note: str = "",
+    ) -> None:
+        """Note an array of numbers as a signal, or why it is none or is left out.
+
+        Parameters
+        ----------
+        path : str
+            Made unique if it is taken.
+        values : ndarray
+            Any type and rank.
+        label, unit, group, time, note
+            As in `Signal`. A time that does not fit the samples is noted as skipped, the signal is kept.
+        """
+        path = self._names.unused(path)
+        reason, advice = _no_signal(values), ""
+        if not reason:
+            reason, advice = self.refusal(values.size)
+        if reason:
+            self.skipped.append(Skipped(path, reason, advice))
+            return
+        numbers, turned = samples_first(np.asarray(values), None if time is None else len(time))
+        if time is not None and len(time) != len(numbers):
+            self.skipped.append(Skipped(f"{path}/time", f"{len(time)} times for {len(numbers)} samples"))
+            time = None
+        notes = "; ".join(text for text in (note, turned) if text)
+        self._bytes += numbers.nbytes
+        self._names.take(path)
+        self.signals.append(Signal(path, numbers, str(values.dtype), label, unit, group, time, notes))
+
+    def refusal(self, count: int) -> tuple[str, str]:
+        """Why so many more numbers are not kept, and the way out; empty texts when they are.
+
+        Readers ask before they take a large array into memory.
+        """
+        # Every number becomes a float64, however few bytes it takes in the file.
+        size = 8 * count
+        if size > MOST_BYTES:
+            return f"{size} bytes are too many", "save the part of interest alone"
+        if self._bytes + size > MOST_BYTES:
+            return f"left out after {MOST_BYTES / 2**30:g} GB", "split the file"
+        return "", ""
+
+    def skip(self, path: str, reason: str, advice: str = "") -> None:
+        """Note what is left out."""
+        self.skipped.append(Skipped(path, reason, advice))
+
+    def text(self, path: str, text: str) -> None:
+        """Note a text that may say what the numbers are; long ones are cut."""
+        if text.strip():
+            self.texts[path] = text.strip()[:_LONGEST_TEXT]
+
+
+def _no_signal(values: NDArray[Any]) -> str:
+    """Why an array is no signal; empty when it is one."""
+    if values.dtype.kind not in "biuf":
+        return f"{values.dtype} is not real numbers"
+    shape = "x".join(map(str, values.shape))
+    if values.size < 2:
+        return "a single number" if values.size else "empty"
+    if sum(size > 1 for size in values.shape) > 2:
+        return f"an array of {shape} has too many dimensions"
+    return ""
+
+
+def samples_first(values: NDArray[Any], samples: int | None = None) -> tuple[Array, str]:
+    """Bring an array into the form of a signal.
+
+    Parameters
+    ----------
+    values : ndarray
+        Numbers with at most two dimensions longer than one.
+    samples : int or None
+        Number of samples where it is known.
+
+    Returns
+    -------
+    values : Array
+        Shape (N,), or (N, m) with the samples along the first axis: the axis of `samples` where it is known,
+        else the longer one if the other is short enough to be a list of signals.
+    note : str
+        Says so when rows became columns.
+    """
+    numbers = np.asarray(values, np.float64)
+    flat = numbers.reshape([size for size in numbers.shape if size > 1] or [1])
+    if flat.ndim < 2:
+        return flat, ""
+    rows, columns = flat.shape
+    along_rows = columns >= _LONGER * rows and rows <= ROWS_AS_SIGNALS
+    if samples is not None and samples in (rows, columns):
+        along_rows = samples != rows
+    if along_rows:
+        return np.ascontiguousarray(flat.T), "stored one signal per row, turned"
+    return flat, ""
+
+
+def seconds(values: NDArray[Any]) -> tuple[Array, str]:
+    """Dates as seconds from the first, durations as seconds.
+
+    Parameters
+    ----------
+    values : ndarray of datetime64 or timedelta64
+
+    Returns
+    -------
+    values : Array
+        Same shape, s; NaN where there is none.
+    note : str
+        Says so.
+    """
+    missing = np.isnat(values)
+    # Counts of nanoseconds overflow within 292 years; microseconds reach any date, and the rest is added.
+    coarse = values.astype(f"{values.dtype.kind}8[us]")
+    fine = values - coarse
+    note = "durations in s"
+    if values.dtype.kind == "M" and not missing.all():
+        first = np.argmin(missing)
+        note = f"dates, in s from {np.datetime_as_string(values.flat[first], unit='ms')}"
+        coarse, fine = coarse - coarse.flat[first], fine - fine.flat[first]
+    numbers = coarse.astype(np.int64) / 1e6 + fine / np.timedelta64(1, "s")
+    return np.where(missing, np.nan, numbers), note
