@@ -171,8 +171,8 @@ def claims(
     verbose: Verbose = False,
 ) -> int:
     """The verdict on every printed number and claim."""
+    from tendonrepro.claims.command import run_claims
     from tendonrepro.console import Talk
-    from tendonrepro.ledger import run_claims
 
     found = run_claims(out, ids or (), baseline, Talk(quiet=quiet, verbose=verbose), measured)
     show(found.data if as_json else found.text, as_json=as_json, quiet=quiet)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tendonrepro.arithmetic import (
+from tendonrepro.claims.arithmetic import (
     COURSES,
     cut,
     inverse,

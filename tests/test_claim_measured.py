@@ -11,11 +11,13 @@ import pytest
 from measured_synthetic import LOADED, measured_trace, printed_file
 from synthetic import PERIOD, make_compare_file, make_decouple_file
 
-from tendonrepro.claim_angles import AGREES, LEAST_RANGE, TINY, decoupling, motor_angles
-from tendonrepro.claim_measured import Measured, OneArm, judge_measured, measured_of
-from tendonrepro.claim_report import table_text
-from tendonrepro.claim_rules import Judged
-from tendonrepro.claims import Sources, judge_all
+from tendonrepro.claims.angles import AGREES, LEAST_RANGE, TINY, decoupling, motor_angles
+from tendonrepro.claims.command import run_claims
+from tendonrepro.claims.from_measurement import Measured, OneArm, judge_measured, measured_of
+from tendonrepro.claims.from_print import Judged
+from tendonrepro.claims.judge import Sources, judge_all
+from tendonrepro.claims.report import table_text
+from tendonrepro.claims.run_statistics import sliding_variable, statistics_of
 from tendonrepro.config.models.readings import PRINTED
 from tendonrepro.config.published import published
 from tendonrepro.console import Talk
@@ -23,8 +25,6 @@ from tendonrepro.dataset.measured_file import read_measured
 from tendonrepro.dataset.motion.recover import derivatives
 from tendonrepro.dataset.motion.windows import SPREAD, PrintedTables, Timing, try_windows
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.ledger import run_claims
-from tendonrepro.measured_statistics import sliding_variable, statistics_of
 from tendonrepro.physics.control import polynomial
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.traces import write_traces

@@ -13,10 +13,10 @@ import pytest
 from numpy.typing import NDArray
 from synthetic import make_compare_file, make_decouple_file
 
-from tendonrepro.claim_plants import Plants
-from tendonrepro.claim_report import as_data, details_text, table_text, write_claims
-from tendonrepro.claim_statements import CLAIMS, HALVED, IDEAL, LONGER, SHORTER
-from tendonrepro.claims import Sources, Verdict, changed, failing, judge_all, summary
+from tendonrepro.claims.judge import Sources, Verdict, changed, failing, judge_all, summary
+from tendonrepro.claims.plants import Plants
+from tendonrepro.claims.report import as_data, details_text, table_text, write_claims
+from tendonrepro.claims.statements import CLAIMS, HALVED, IDEAL, LONGER, SHORTER
 from tendonrepro.config.models.readings import PRINTED, VARIATIONS, parse_reading
 from tendonrepro.config.published import PrintedNumber, Published, published
 from tendonrepro.errors import DataMissingError, UsageError

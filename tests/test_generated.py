@@ -82,7 +82,7 @@ def test_verdicts_that_the_page_explains(generate: Any) -> None:
 
 def test_stored_verdicts_follow_from_the_rules_of_today(generate: Any) -> None:
     """What needs nothing but the print is judged again."""
-    from tendonrepro.claims import Sources, judge_all
+    from tendonrepro.claims.judge import Sources, judge_all
 
     entries = {entry["id"]: entry for entry in generate.stored("claims.json")["claims"]}
     for verdict in judge_all(Sources()):

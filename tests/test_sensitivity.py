@@ -6,13 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import qmc
 
-from tendonrepro.figure_claims import (
-    draw_ratio_against_unknowns,
-    draw_tornado,
-    running_median,
-)
+from tendonrepro.claims.figures import draw_ratio_against_unknowns, draw_tornado, running_median
+from tendonrepro.claims.sensitivity import Ranking, ranked
 from tendonrepro.results.figures.files import save_figure
-from tendonrepro.sensitivity import Ranking, ranked
 
 NAMES = ("a", "b", "c", "d")
 

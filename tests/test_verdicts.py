@@ -9,11 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from tendonrepro import claim_rules, verdicts
-from tendonrepro.claim_statements import CLAIMS
-from tendonrepro.config.published import published
-from tendonrepro.ensemble.shares import LEAST_SCRAMBLINGS, QUANTILES, Range, Share, range_of, share_of
-from tendonrepro.verdicts import (
+from tendonrepro.claims import from_print as claim_rules
+from tendonrepro.claims import verdicts
+from tendonrepro.claims.statements import CLAIMS
+from tendonrepro.claims.verdicts import (
     FAILURES,
     NAMES,
     Decision,
@@ -25,6 +24,8 @@ from tendonrepro.verdicts import (
     of_values,
     with_values,
 )
+from tendonrepro.config.published import published
+from tendonrepro.ensemble.shares import LEAST_SCRAMBLINGS, QUANTILES, Range, Share, range_of, share_of
 
 PAGE = Path(__file__).parent.parent / "docs" / "verdicts.md"
 EIGHT = np.repeat(np.arange(8), 50)

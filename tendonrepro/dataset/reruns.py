@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from tendonrepro.claim_measured import Measured
+from tendonrepro.claims.from_measurement import Measured
 from tendonrepro.config.load import LoadedConfig, load_config
 from tendonrepro.config.published import COMPARED
 from tendonrepro.console import Talk

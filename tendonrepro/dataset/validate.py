@@ -10,8 +10,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
-from tendonrepro.claim_measured import JUDGED, Measured, judge_measured, measured_of
-from tendonrepro.claim_rules import Judged
+from tendonrepro.claims.from_measurement import JUDGED, Measured, judge_measured, measured_of
+from tendonrepro.claims.from_print import Judged
 from tendonrepro.config.load import LoadedConfig, load_config
 from tendonrepro.config.published import Published, published
 from tendonrepro.console import Talk

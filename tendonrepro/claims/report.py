@@ -9,7 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from tendonrepro.claims import SCHEMA_VERSION, SHARE, Verdict, summary
+from tendonrepro.claims.judge import SCHEMA_VERSION, SHARE, Verdict, summary
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.results.typeset import NOTHING, Sheet, markdown
 

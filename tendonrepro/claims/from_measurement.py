@@ -11,22 +11,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonrepro.arithmetic import cut, printed_percentages
 from tendonrepro.arrays import Array
-from tendonrepro.claim_angles import decoupling, motor_angles
-from tendonrepro.claim_plants import Plants
-from tendonrepro.claim_rules import Evidence, Judged, missing
-from tendonrepro.claim_statements import CLAIMS, FIRST, LOADED, Findings, smaller
+from tendonrepro.claims.angles import decoupling, motor_angles
+from tendonrepro.claims.arithmetic import cut, printed_percentages
+from tendonrepro.claims.from_print import Evidence, Judged, missing
+from tendonrepro.claims.plants import Plants
+from tendonrepro.claims.run_statistics import RATE_WINDOW, statistics_of
+from tendonrepro.claims.statements import CLAIMS, FIRST, LOADED, Findings, smaller
+from tendonrepro.claims.verdicts import of_model
 from tendonrepro.config.models.readings import PRINTED
 from tendonrepro.config.published import COMPARED, PrintedNumber, Published
 from tendonrepro.dataset.motion.recover import Reference, derivatives, recover, timing_of
 from tendonrepro.dataset.motion.windows import PrintedTables, prints_as, try_windows
 from tendonrepro.errors import DataMissingError
-from tendonrepro.measured_statistics import RATE_WINDOW, statistics_of
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import CONTROLLERS
-from tendonrepro.verdicts import of_model
 
 JUDGED = ("K3", "K5", "C1", "C2", "C3", "C4", "C5", "C6", "P1")
 """Claims that a measurement is asked about."""

@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.claim_ensemble import outcome
-from tendonrepro.claim_plants import Ensemble, Plants
-from tendonrepro.claim_report import as_data, details_text, table_text, write_claims
-from tendonrepro.claims import Sources, Verdict, changed, failing, judge_all
+from tendonrepro.claims.from_ensemble import outcome
+from tendonrepro.claims.judge import Sources, Verdict, changed, failing, judge_all
+from tendonrepro.claims.plants import Ensemble, Plants
+from tendonrepro.claims.report import as_data, details_text, table_text, write_claims
+from tendonrepro.claims.sensitivity import Ranking, ranked
 from tendonrepro.config.models.readings import PRINTED
 from tendonrepro.config.published import published
 from tendonrepro.console import Talk
@@ -28,7 +29,6 @@ from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.folder import TRACES
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.traces import read_traces
-from tendonrepro.sensitivity import Ranking, ranked
 
 FOLDER = "claims"
 DECIDES = "decides.json"
@@ -188,7 +188,7 @@ def _ratio(data: Ensemble) -> tuple[NDArray[np.bool_], Array]:
 
 def _draw(data: Ensemble, rankings: Mapping[str, Ranking], folder: Path) -> list[Path]:
     """Draw which unknowns decide, and the ratio against the unknowns that explain most of it."""
-    from tendonrepro.figure_claims import draw_ratio_against_unknowns, draw_tornado
+    from tendonrepro.claims.figures import draw_ratio_against_unknowns, draw_tornado
     from tendonrepro.results.figures.files import save_figure
 
     written: list[Path] = []
@@ -211,7 +211,7 @@ def _draw(data: Ensemble, rankings: Mapping[str, Ranking], folder: Path) -> list
 
 
 def _draw_laws(file: TraceFile, folder: Path) -> list[Path]:
-    from tendonrepro.figure_laws import draw_laws
+    from tendonrepro.claims.figure_laws import draw_laws
     from tendonrepro.results.figures.files import save_figure
 
     caption = "Torque and estimation error over frequency, distribution of the error, error at a reversal."

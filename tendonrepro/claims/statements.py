@@ -9,10 +9,10 @@ from itertools import pairwise, product
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.claim_plants import DIVERGED, UNRESOLVED, Plants
+from tendonrepro.claims.plants import DIVERGED, UNRESOLVED, Plants
+from tendonrepro.claims.verdicts import SIMILAR, Mask
 from tendonrepro.config.published import Published
 from tendonrepro.results.summary import CONTROLLERS, LOADS
-from tendonrepro.verdicts import SIMILAR, Mask
 
 IDEAL = "encoder=ideal"
 SHORTER, LONGER, HALVED = "sampling_period=0.5ms", "sampling_period=2ms", "M_bar=halved"

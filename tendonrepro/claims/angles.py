@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.claim_rules import Judged
+from tendonrepro.claims.from_print import Judged
+from tendonrepro.claims.verdicts import of_model
 from tendonrepro.config.published import COMPARED
 from tendonrepro.errors import DataMissingError
 from tendonrepro.physics.metrics import mae, start_level
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import CONTROLLERS
-from tendonrepro.verdicts import of_model
 
 TINY, AGREES = 0.01, 0.05
 """Largest errors of K3 and K5 as shares of a joint's or motor's range."""

@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
 from tendonrepro.arrays import Array
+from tendonrepro.claims.sensitivity import Ranking
 from tendonrepro.results.figures.files import sheet
 from tendonrepro.results.figures.style import COLUMN_MM, PAGE_MM, SERIES, journal_style
-from tendonrepro.sensitivity import Ranking
 
 _BARS = 12
 _COLUMNS = 4

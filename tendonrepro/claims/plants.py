@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
+from tendonrepro.claims.verdicts import Mask
 from tendonrepro.config.models.readings import PRINTED
 from tendonrepro.errors import DataMissingError
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.verdicts import Mask
 
 OK, DIVERGED, UNRESOLVED = (STATUSES.index(name) for name in ("ok", "diverged", "unresolved"))
 """Status codes that the rules tell apart."""

@@ -9,21 +9,10 @@ from functools import partial
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.claim_plants import UNRESOLVED, Plants
-from tendonrepro.claim_rules import Evidence, Judged, missing
-from tendonrepro.claim_statements import (
-    CLAIMS,
-    FIRST,
-    LOADED,
-    Findings,
-    Statement,
-    smaller,
-)
-from tendonrepro.config.published import Published, rounding
-from tendonrepro.ensemble.shares import range_of, share_of
-from tendonrepro.errors import DataMissingError
-from tendonrepro.results.summary import CONTROLLERS
-from tendonrepro.verdicts import (
+from tendonrepro.claims.from_print import Evidence, Judged, missing
+from tendonrepro.claims.plants import UNRESOLVED, Plants
+from tendonrepro.claims.statements import CLAIMS, FIRST, LOADED, Findings, Statement, smaller
+from tendonrepro.claims.verdicts import (
     LEAST_PLANTS,
     MOST_UNRESOLVED,
     Decision,
@@ -33,6 +22,10 @@ from tendonrepro.verdicts import (
     of_values,
     with_values,
 )
+from tendonrepro.config.published import Published, rounding
+from tendonrepro.ensemble.shares import range_of, share_of
+from tendonrepro.errors import DataMissingError
+from tendonrepro.results.summary import CONTROLLERS
 
 COMMAND = "tendonrepro ensemble"
 HARDWARE = "The paper measured hardware; this is what the printed equations do on the plants of the box."

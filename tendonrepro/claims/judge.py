@@ -6,17 +6,17 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from tendonrepro.claim_ensemble import COMMAND, judge, outcome
-from tendonrepro.claim_measured import judge_measured, measured_of
-from tendonrepro.claim_plants import Ensemble, Plants
-from tendonrepro.claim_rules import FROM_THE_PRINT, Judged, missing
+from tendonrepro.claims.from_ensemble import COMMAND, judge, outcome
+from tendonrepro.claims.from_measurement import judge_measured, measured_of
+from tendonrepro.claims.from_print import FROM_THE_PRINT, Judged, missing
+from tendonrepro.claims.plants import Ensemble, Plants
+from tendonrepro.claims.sensitivity import Ranking, ranked
+from tendonrepro.claims.verdicts import FAILURES, NAMES, Name
 from tendonrepro.config.models.readings import PRINTED
 from tendonrepro.config.published import Entry, Judgement, PrintedText, Published, published
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.summary import LOADS, decoupling_errors, tracking_errors
-from tendonrepro.sensitivity import Ranking, ranked
-from tendonrepro.verdicts import FAILURES, NAMES, Name
 
 SCHEMA_VERSION = 1
 SHARE = "share of the box"

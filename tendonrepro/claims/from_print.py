@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from tendonrepro.arithmetic import (
+from tendonrepro.claims.arithmetic import (
     COURSES,
     cut,
     inverse,
@@ -20,6 +20,7 @@ from tendonrepro.arithmetic import (
     slopes_of_coupling,
     stays_tense,
 )
+from tendonrepro.claims.verdicts import Decision, Name, of_arithmetic, of_model
 from tendonrepro.config.published import (
     COMPARED,
     Interval,
@@ -31,7 +32,6 @@ from tendonrepro.config.published import (
     table_1,
 )
 from tendonrepro.physics.control import polynomial
-from tendonrepro.verdicts import Decision, Name, of_arithmetic, of_model
 
 FAR_LESS = 0.1
 """Motor 3 against motor 2 in claim K4."""
