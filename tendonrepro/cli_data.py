@@ -104,8 +104,8 @@ def validate(
 ) -> int:
     """Compare measured data with what the paper prints and with the model."""
     from tendonrepro.console import Talk
-    from tendonrepro.dataset.validate import model_diverged, run_validate
-    from tendonrepro.dataset.validate_text import validate_text
+    from tendonrepro.validation.command import model_diverged, run_validate
+    from tendonrepro.validation.report import validate_text
 
     talk = Talk(quiet=quiet, verbose=verbose)
     found = run_validate(measured, config, out, overrides or (), seed, force, dry_run, talk)

@@ -11,9 +11,9 @@ from matplotlib.colors import to_rgb
 from measured_synthetic import CONTROLLERS, LOADED, measured_trace
 from synthetic import make_compare_file, make_decouple_file
 
-from tendonrepro.figure_overlay import NUMBERS, Pair, available_overlays, draw_overlay, saved_overlay
 from tendonrepro.results.figures.catalogue import draw
 from tendonrepro.results.records import TraceFile
+from tendonrepro.validation.figures import NUMBERS, Pair, available_overlays, draw_overlay, saved_overlay
 
 
 def measured() -> TraceFile:

@@ -12,7 +12,6 @@ from tendonrepro.arrays import Array
 from tendonrepro.dataset.motion.record import noise, recorded
 from tendonrepro.dataset.motion.recover import recover, recover_run
 from tendonrepro.dataset.motion.reference_onset import onset
-from tendonrepro.dataset.rerun import departure
 from tendonrepro.physics.trajectory import (
     Motion,
     minimum_jerk,
@@ -22,6 +21,7 @@ from tendonrepro.physics.trajectory import (
     trapezoidal,
 )
 from tendonrepro.results.records import Trace
+from tendonrepro.validation.rerun import departure
 
 SIZE = np.deg2rad(24.0)
 SHAPES = {

@@ -19,7 +19,6 @@ from tendonrepro.config.load import load_config
 from tendonrepro.config.published import published
 from tendonrepro.config.trajectory_file import read_samples
 from tendonrepro.console import Talk
-from tendonrepro.dataset import reruns, validate
 from tendonrepro.dataset.mapping.assembly import Assembly, doubts_about
 from tendonrepro.dataset.mapping.model import Mapping
 from tendonrepro.dataset.meaning.columns import Column
@@ -30,11 +29,13 @@ from tendonrepro.dataset.motion.record import Recorded, recorded
 from tendonrepro.dataset.motion.recover import Reference, recover, zero_of
 from tendonrepro.dataset.motion.windows import _tail
 from tendonrepro.dataset.readers.signals import Found, Source
-from tendonrepro.dataset.rerun import MOTION, aligned, departure, together, write_compare, write_decouple
-from tendonrepro.dataset.residuals import comparison_rows, coupling_rows
 from tendonrepro.errors import DataMissingError
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.traces import write_traces
+from tendonrepro.validation import command as validate
+from tendonrepro.validation import reruns
+from tendonrepro.validation.rerun import MOTION, aligned, departure, together, write_compare, write_decouple
+from tendonrepro.validation.residuals import comparison_rows, coupling_rows
 
 STEP = 0.005
 MOVES = make_compare_file(step=STEP, source="measured")

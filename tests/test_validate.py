@@ -18,11 +18,6 @@ from tendonrepro.config.load import load_config
 from tendonrepro.config.published import published
 from tendonrepro.console import Talk
 from tendonrepro.dataset.motion.windows import NUMBERS, PrintedTables, Timing, Tried, spans, try_windows
-from tendonrepro.dataset.rerun import aligned
-from tendonrepro.dataset.residuals import comparison_rows, coupling_rows
-from tendonrepro.dataset.validate import RESULTS, run_validate
-from tendonrepro.dataset.validate_tables import table_data, window_rows, write_measured_tables
-from tendonrepro.dataset.validate_text import validate_text
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.experiments.run import simulate_all, trace_file
 from tendonrepro.files import sha256_of
@@ -32,6 +27,11 @@ from tendonrepro.results.records import PlantRecord, TraceFile
 from tendonrepro.results.summary import table_data_compare, tracking_errors
 from tendonrepro.results.tables import write_tables
 from tendonrepro.results.traces import read_traces, write_traces
+from tendonrepro.validation.command import RESULTS, run_validate
+from tendonrepro.validation.report import validate_text
+from tendonrepro.validation.rerun import aligned
+from tendonrepro.validation.residuals import comparison_rows, coupling_rows
+from tendonrepro.validation.tables import table_data, window_rows, write_measured_tables
 
 QUIET = Talk(quiet=True)
 SHORT = ("reference.periods=2", "reference.rise=0.8", "reference.hold=0.3")

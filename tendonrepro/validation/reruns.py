@@ -11,7 +11,10 @@ from tendonrepro.config.load import LoadedConfig, load_config
 from tendonrepro.config.published import COMPARED
 from tendonrepro.console import Talk
 from tendonrepro.dataset.motion.recover import Reference, zero_of
-from tendonrepro.dataset.rerun import (
+from tendonrepro.errors import TendonreproError
+from tendonrepro.files import write_atomically
+from tendonrepro.results.records import Trace, TraceFile
+from tendonrepro.validation.rerun import (
     COMPARE,
     DECOUPLE,
     aligned,
@@ -20,9 +23,6 @@ from tendonrepro.dataset.rerun import (
     write_compare,
     write_decouple,
 )
-from tendonrepro.errors import TendonreproError
-from tendonrepro.files import write_atomically
-from tendonrepro.results.records import Trace, TraceFile
 
 
 @dataclass

@@ -18,11 +18,6 @@ from tendonrepro.console import Talk
 from tendonrepro.dataset.measured_file import origin, read_measured
 from tendonrepro.dataset.motion.recover import Reference
 from tendonrepro.dataset.motion.written import runnable
-from tendonrepro.dataset.rerun import together
-from tendonrepro.dataset.reruns import Work, rerun_compare, rerun_decouple
-from tendonrepro.dataset.residuals import comparison_rows, coupling_rows
-from tendonrepro.dataset.row_files import csv_of, markdown_of
-from tendonrepro.dataset.validate_tables import table_data, window_rows, write_measured_tables
 from tendonrepro.files import sha256_of, to_json, write_atomically
 from tendonrepro.parallel import each
 from tendonrepro.results.folder import MANIFEST, claimed, clear, refuse_others
@@ -30,6 +25,11 @@ from tendonrepro.results.manifest import make_manifest, with_outputs
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.summary import CONTROLLERS, LOADS
 from tendonrepro.results.traces import write_traces
+from tendonrepro.validation.rerun import together
+from tendonrepro.validation.reruns import Work, rerun_compare, rerun_decouple
+from tendonrepro.validation.residuals import comparison_rows, coupling_rows
+from tendonrepro.validation.row_files import csv_of, markdown_of
+from tendonrepro.validation.tables import table_data, window_rows, write_measured_tables
 
 SCHEMA_VERSION = 1
 FOLDER = Path("reports") / "validate"
@@ -214,7 +214,7 @@ def _residuals(file: TraceFile, work: Work) -> dict[str, Any]:
 
 
 def _draw(file: TraceFile, work: Work) -> None:
-    from tendonrepro.figure_overlay import Pair, available_overlays, saved_overlay
+    from tendonrepro.validation.figures import Pair, available_overlays, saved_overlay
 
     simulated = work.runs(file)
     pairs = {name: Pair(trace, simulated.get(name)) for name, trace in file.runs.items()}

@@ -8,10 +8,10 @@ from typing import Any
 
 from tendonrepro.config.published import COMPARED, Published
 from tendonrepro.dataset.motion.windows import PrintedTables, Tried
-from tendonrepro.dataset.row_files import csv_of
 from tendonrepro.files import write_atomically
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.results.typeset import NOTHING, Sheet, latex, markdown
+from tendonrepro.validation.row_files import csv_of
 
 _ROWS: Mapping[str, Mapping[str, str]] = {
     "table2": {name: f"table2.{name}" for name in CONTROLLERS},
