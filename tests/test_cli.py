@@ -63,7 +63,7 @@ def decoupled(command: str, tmp_path_factory: pytest.TempPathFactory) -> tuple[P
 
 
 def test_help_imports_nothing_heavy() -> None:
-    code = "import sys, tendonrepro.cli; print(' '.join(sys.modules))"
+    code = "import sys, tendonrepro.cli.app; print(' '.join(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     heavy = {"numpy", "scipy", "numba", "h5py", "matplotlib", "pandas", "pydantic", "yaml", "rich"}
     assert not heavy & set(done.stdout.split())

@@ -18,7 +18,7 @@ import typer
 from typer.main import get_command
 
 import tendonrepro
-from tendonrepro.cli import app
+from tendonrepro.cli.app import app
 from tendonrepro.config.ensemble import load_ensemble
 from tendonrepro.config.fields.quantity import UNITS
 from tendonrepro.config.kinds import json_schema
@@ -526,7 +526,7 @@ def test_manifest_keys_of_the_page(results: Path) -> None:
 
 
 def test_exit_codes_agree_with_the_command_line() -> None:
-    from tendonrepro.cli import EPILOG
+    from tendonrepro.cli.app import EPILOG
 
     codes = {row[0] for row in rows(section(page("traces.md"), "## Exit codes")) if row[0].isdigit()}
     assert codes == set(re.findall(r"\b(\d+) ", EPILOG))

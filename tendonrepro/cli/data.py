@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from tendonrepro.cli_options import Config, DryRun, Force, Json, Quiet, Seed, Set, Verbose, show
+from tendonrepro.cli.options import Config, DryRun, Force, Json, Quiet, Seed, Set, Verbose, show
 
 data_app = typer.Typer(rich_markup_mode=None)
 

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from tendonrepro.cli_options import (
+from tendonrepro.cli.options import (
     Config,
     Controllers,
     DryRun,

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from tendonrepro import __version__
-from tendonrepro.cli_data import data_app
-from tendonrepro.cli_options import (
+from tendonrepro.cli.data import data_app
+from tendonrepro.cli.options import (
     Config,
     Controllers,
     DryRun,
@@ -29,7 +29,7 @@ from tendonrepro.cli_options import (
     numbers,
     show,
 )
-from tendonrepro.cli_study import study_app
+from tendonrepro.cli.study import study_app
 from tendonrepro.errors import TendonreproError
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def _print_version(wanted: bool) -> None:
 
 def _print_citation(wanted: bool) -> None:
     if wanted:
-        from tendonrepro.citation import bibtex
+        from tendonrepro.cli.citation import bibtex
 
         typer.echo(bibtex())
         raise typer.Exit
@@ -197,7 +197,7 @@ def tables(
 @app.command(epilog="Example: tendonrepro doctor --json")
 def doctor(as_json: Json = False, quiet: Quiet = False, verbose: Verbose = False) -> int:
     """Environment, versions, and whether everything needed is there."""
-    from tendonrepro.doctor import all_well, examine, report_text
+    from tendonrepro.cli.doctor import all_well, examine, report_text
 
     found = examine()
     detail(f"{len(found['checks'])} checks", quiet, verbose)
