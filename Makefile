@@ -45,7 +45,7 @@ findings: $(VENV)/.run  ## the generated part of docs/findings.md, from reports/
 mutants: $(VENV)/.test  ## mutation run over the physics, half an hour
 	$(PIP) mutmut
 	NUMBA_DISABLE_JIT=1 $(BIN)/mutmut run $(ARGS)
-	@$(BIN)/python tests/mutants.py
+	@$(BIN)/python tests/support/mutants.py
 
 clean:  ## remove the environment and caches, keep results
 	rm -rf $(VENV) .mypy_cache .pytest_cache .ruff_cache .hypothesis build dist mutants

@@ -1,9 +1,11 @@
-"""Imports go one way, and each heavy dependency stays behind its own modules."""
+"""Imports go down from room to room, and each heavy library stays in the rooms that own it."""
 
 from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
+from fnmatch import fnmatchcase
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -12,236 +14,123 @@ import tendonrepro
 
 PACKAGE = Path(tendonrepro.__file__).parent
 
-# Rooms from bottom to top. A module may import from rooms below, and from its own what stands before it.
-ROOMS = [
-    ("errors", "arrays"),
-    ("files", "samples"),
-    # the paper: pure functions
-    ("matrices", "kinematics", "metrics", "friction", "encoder", "disturbance", "trajectory", "servo"),
-    ("elementary", "arm", "drive", "actuator", "control"),
-    ("dynamics", "streaming"),
-    ("unroll",),
-    ("lane_loop", "lanes"),
-    ("compiled", "stability", "slow_error", "margins", "stability_map"),
-    ("controllers",),
-    ("resolution", "simulate"),
-    ("kernel",),
-    ("bundle",),
-    ("batch",),
-    # what users write and what the paper printed
-    ("strict_yaml",),
-    ("config_model",),
-    ("quantity",),
-    ("physical",),
-    ("config_control", "config_manipulator", "config_reference"),
-    ("config_experiment",),
-    ("readings",),
-    ("config_box",),
-    ("config_errors",),
-    ("config_overrides", "shipped"),
-    ("config_draft",),
-    ("config", "published"),
-    ("config_ensemble", "config_kinds", "drawn"),
-    ("box",),
-    # configuration to physics
-    ("rig",),
-    ("runs", "user_law"),
-    ("explanation", "explain"),
-    # results
-    ("records",),
-    ("traces", "summary", "plant_record", "manifest", "typeset", "talk", "parallel"),
-    ("comparison", "results", "screen", "citation"),
-    # the paper's data set: from the repository to disk
-    ("dataset.names", "dataset.zenodo", "dataset.headers", "dataset.web_errors", "dataset.web"),
-    ("dataset.download", "dataset.data_lock"),
-    ("dataset.by_hand", "dataset.resolve", "dataset.fetch_text"),
-    ("dataset.fetch",),
-    # from files of any format to signals
-    ("dataset.unreadable", "dataset.signals", "dataset.units", "dataset.stamps", "dataset.charset"),
-    ("dataset.matlab_parts", "dataset.matlab_values"),
-    ("dataset.bounds", "dataset.filetype", "dataset.heading"),
-    ("dataset.matlab_elements", "dataset.matlab_hdf", "dataset.matlab_plain", "dataset.matlab_objects"),
-    ("dataset.matlab_tree", "dataset.matlab_figure", "dataset.matlab_stream", "dataset.matlab"),
-    ("dataset.archive", "dataset.arrays_file", "dataset.cells"),
-    ("dataset.hdf5_file", "dataset.text_style", "dataset.workbook"),
-    ("dataset.text_table",),
-    ("dataset.readers",),
-    ("dataset.guard",),
-    # from signals to measured runs
-    ("dataset.words", "dataset.evidence", "dataset.timebase"),
-    ("dataset.columns", "dataset.mapping", "dataset.recorded_error"),
-    ("dataset.long_form", "dataset.clock", "dataset.angle_units"),
-    ("dataset.panels", "dataset.joints", "dataset.coupled"),
-    ("dataset.meaning", "dataset.assignment", "dataset.mapping_text", "dataset.remarks"),
-    ("dataset.suggestion", "dataset.assembly"),
-    ("tables", "figure_style"),
-    ("figure_files", "figure_panels"),
-    ("figure_compare", "figure_decouple"),
-    ("figures", "experiment", "doctor"),
-    ("workflow",),
-    # beyond the paper's own runs
-    ("explain_text", "figure_explain"),
-    ("explain_files",),
-    ("sweep_points", "sweep_table", "sweep_words", "figure_sweep_map"),
-    ("figure_sweep",),
-    ("sweep",),
-    ("shards",),
-    ("ensemble_data", "ensemble_plan"),
-    ("ensemble_shares", "ensemble_block", "ensemble_folder"),
-    ("ensemble_table", "ensemble_run", "figure_ensemble"),
-    ("ensemble_words",),
-    ("ensemble",),
-    ("arithmetic", "sensitivity"),
-    ("dataset.measured_file",),
-    ("dataset.inspection", "dataset.ingest"),
-    # measured runs: tables, reference, statistics
-    ("dataset.printed_tables", "measured_statistics"),
-    ("dataset.reference_record",),
-    (
-        "dataset.reference_onset",
-        "dataset.reference_signal",
-        "dataset.reference_turns",
-        "dataset.reference_shapes",
-    ),
-    ("dataset.reference_fit", "dataset.reference_knots", "dataset.reference_motion"),
-    ("dataset.reference_config",),
-    ("verdicts",),
-    ("claim_plants", "claim_rules"),
-    ("claim_statements",),
-    ("claim_ensemble",),
-    ("claim_angles", "claim_measured"),
-    ("claims",),
-    ("claim_report", "figure_claims", "figure_laws"),
-    ("ledger",),
-    ("dataset.residuals", "dataset.row_files", "figure_overlay"),
-    ("dataset.validate_tables", "dataset.validate_text", "dataset.rerun"),
-    ("dataset.reruns",),
-    ("dataset.validate",),
-    ("identify_misfit", "identify_state", "identify_judge"),
-    ("identify_search", "identify_report", "figure_identify"),
-    ("identify_task",),
-    ("identify",),
-    ("cli_options",),
-    ("cli_study", "cli_data"),
-    ("cli",),
-    ("__main__",),
+# From bottom to top. A file may import the rooms on lower floors, and anything in its own room.
+FLOORS = [
+    {"errors", "arrays", "files", "parallel", "console"},
+    {"physics"},
+    {"simulation", "config"},
+    {"results"},
+    {"experiments", "dataset"},
+    {"explain", "ensemble"},
+    {"identify", "claims"},
+    {"validation"},
+    {"cli"},
+    {"__main__"},
 ]
-PHYSICS = {name for room in ROOMS[2:6] for name in room}
+FLOOR = {room: level for level, rooms in enumerate(FLOORS) for room in rooms}
 
 OWNERS = {
-    "numba": {"compiled"},
-    "llvmlite": {"compiled"},
-    "platformdirs": {"compiled"},
-    "scipy": {
-        "box",
-        "dataset.matlab",
-        "dataset.reference_fit",
-        "dataset.reference_knots",
-        "ensemble_shares",
-        "simulate",
-        "stability",
-        "trajectory",
-    },
-    "h5py": {
-        "traces",
-        "shards",
-        "dataset.hdf5_file",
-        "dataset.matlab_hdf",
-        "dataset.matlab_plain",
-        "dataset.matlab_stream",
-    },
-    "pandas": {"tables", "dataset.text_table"},
-    "matio": {"dataset.matlab_objects"},
-    "python_calamine": {"dataset.workbook"},
-    "charset_normalizer": {"dataset.charset"},
-    "yaml": {"strict_yaml"},
-    "filelock": {"results"},
-    "typer": {"cli", "cli_data", "cli_options", "cli_study"},
-    "requests": {"dataset.web", "dataset.web_errors"},
-    "pooch": {"dataset.download"},
-    "SALib": {"sensitivity"},
-    "joblib": {"ensemble_run"},
-    "distributed": {"ensemble_run"},
-    "rich": {"talk"},
-}
-PREFIX_OWNERS = {
-    "matplotlib": "figure",
-    "pydantic": ("config", "quantity", "physical", "dataset.mapping"),
+    "numba": ["simulation/codegen/compiled.py"],
+    "llvmlite": ["simulation/codegen/compiled.py"],
+    "platformdirs": ["simulation/codegen/compiled.py"],
+    "matplotlib": ["results/figures/*", "*/figure*.py"],
+    "pydantic": ["config/*", "dataset/mapping/model.py"],
+    "yaml": ["config/fields/strict_yaml.py"],
+    "h5py": ["results/traces.py", "ensemble/shards.py", "dataset/readers/*"],
+    "pandas": ["results/tables.py", "dataset/readers/*"],
+    "matio": ["dataset/readers/matlab/*"],
+    "python_calamine": ["dataset/readers/*"],
+    "charset_normalizer": ["dataset/readers/*"],
+    "requests": ["dataset/repository/*"],
+    "pooch": ["dataset/repository/*"],
+    "filelock": ["results/folder.py"],
+    "joblib": ["ensemble/workers.py"],
+    "distributed": ["ensemble/workers.py"],
+    "SALib": ["claims/sensitivity.py"],
+    "rich": ["console.py"],
+    "typer": ["cli/*"],
 }
 
-
-def modules() -> list[str]:
-    """Names below the package: ``arm``, ``dataset.web``."""
-    paths = [path.relative_to(PACKAGE) for path in PACKAGE.rglob("*.py") if path.stem != "__init__"]
-    return sorted(".".join(path.with_suffix("").parts) for path in paths)
+FILES = sorted(path.relative_to(PACKAGE).as_posix() for path in PACKAGE.rglob("*.py"))
+INNER = [file for file in FILES if file != "__init__.py"]
 
 
-def tree_of(module: str) -> ast.Module:
-    return ast.parse(PACKAGE.joinpath(*module.split(".")).with_suffix(".py").read_text(encoding="utf-8"))
+def tree_of(file: str) -> ast.Module:
+    return ast.parse((PACKAGE / file).read_text(encoding="utf-8"))
 
 
-def imported(module: str) -> Iterator[str]:
-    for node in ast.walk(tree_of(module)):
+def imported(file: str) -> Iterator[str]:
+    """Dotted names that a file imports, wherever in it; of our own, those of files."""
+    for node in ast.walk(tree_of(file)):
         if isinstance(node, ast.Import):
             yield from (name.name for name in node.names)
         elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{module} imports relatively"
-            assert node.module is not None
-            if node.module in {"tendonrepro", "tendonrepro.dataset"}:
-                yield from (f"{node.module}.{name.name}" for name in node.names)
-            else:
-                yield node.module
+            assert node.level == 0, f"{file} imports relatively"
+            module = node.module or ""
+            folder = PACKAGE.parent.joinpath(*module.split("."))
+            for name in node.names:
+                is_file = folder.joinpath(f"{name.name}.py").exists() or folder.joinpath(name.name).is_dir()
+                yield f"{module}.{name.name}" if is_file else module
 
 
-def own(module: str) -> set[str]:
-    """Modules of the package that a module imports."""
-    names = {name.partition(".")[2] for name in imported(module) if name.startswith("tendonrepro.")}
-    return names - {"__version__"}
+def file_of(module: str) -> str:
+    path = PACKAGE.parent.joinpath(*module.split("."))
+    found = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+    return found.relative_to(PACKAGE).as_posix()
 
 
-def test_every_module_has_a_room() -> None:
-    assert modules() == sorted(name for room in ROOMS for name in room)
+def own(file: str) -> set[str]:
+    """Files of the package that a file imports."""
+    return {file_of(name) for name in imported(file) if name.split(".")[0] == "tendonrepro"} - {"__init__.py"}
 
 
-@pytest.mark.parametrize("module", modules())
-def test_imports_go_down(module: str) -> None:
-    floor = {name: level for level, room in enumerate(ROOMS) for name in room}
-    upwards = {
-        name
-        for name in own(module)
-        if floor[name] > floor[module]
-        or (floor[name] == floor[module] and not _stands_before(name, module, ROOMS[floor[module]]))
-    }
-    assert not upwards
+def room_of(file: str) -> str:
+    return file.split("/", maxsplit=1)[0].removesuffix(".py")
 
 
-def _stands_before(name: str, module: str, room: tuple[str, ...]) -> bool:
-    return room.index(name) < room.index(module)
+def test_every_room_has_a_floor() -> None:
+    assert {room_of(file) for file in INNER} == set(FLOOR)
 
 
-@pytest.mark.parametrize("module", modules())
-def test_heavy_dependencies_stay_behind_their_owners(module: str) -> None:
-    used = {name.split(".")[0] for name in imported(module)}
+@pytest.mark.parametrize("file", INNER)
+def test_imports_go_down(file: str) -> None:
+    room = room_of(file)
+    others = {name for name in own(file) if room_of(name) != room}
+    assert not {name for name in others if FLOOR[room_of(name)] >= FLOOR[room] > 0}
+    assert not {name for name in others if FLOOR[room_of(name)] > 0 == FLOOR[room]}
+
+
+def test_no_files_import_each_other_in_a_circle() -> None:
+    TopologicalSorter({file: own(file) for file in INNER}).prepare()
+
+
+@pytest.mark.parametrize("file", INNER)
+def test_heavy_libraries_stay_with_their_owners(file: str) -> None:
+    used = {name.split(".")[0] for name in imported(file)}
     for library, owners in OWNERS.items():
-        assert library not in used or module in owners, f"{module} imports {library}"
-    for library, prefix in PREFIX_OWNERS.items():
-        assert library not in used or module.startswith(prefix), f"{module} imports {library}"
+        assert library not in used or any(fnmatchcase(file, owner) for owner in owners), library
 
 
-@pytest.mark.parametrize("module", sorted(PHYSICS))
-def test_physics_is_pure(module: str) -> None:
+@pytest.mark.parametrize("file", [file for file in INNER if room_of(file) == "physics"])
+def test_physics_is_pure(file: str) -> None:
     """No file, clock, print, randomness of its own or global state."""
-    tree = tree_of(module)
+    tree = tree_of(file)
     calls = {ast.unparse(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
     assert not calls & {"open", "print", "time.time", "np.random.default_rng", "np.random.seed"}
     assert not any(isinstance(node, ast.Global) for node in ast.walk(tree))
 
 
-@pytest.mark.parametrize("module", modules())
-def test_functions_fit_a_screen(module: str) -> None:
-    for node in ast.walk(tree_of(module)):
+@pytest.mark.parametrize("file", INNER)
+def test_functions_fit_a_screen(file: str) -> None:
+    for node in ast.walk(tree_of(file)):
         if isinstance(node, ast.FunctionDef):
             doc = ast.get_docstring(node, clean=False) or ""
             assert node.end_lineno is not None
             lines = node.end_lineno - node.lineno + 1 - len(doc.splitlines())
-            assert lines <= 60, f"{module}.{node.name} has {lines} lines"
+            assert lines <= 60, f"{file}: {node.name} has {lines} lines"
+
+
+def test_the_house_is_small_enough_to_know() -> None:
+    """Folder names say where things are; a reader keeps this many in mind."""
+    assert len([path for path in PACKAGE.iterdir() if (path / "__init__.py").exists()]) <= 14
+    assert len([*PACKAGE.glob("*.py")]) <= 7

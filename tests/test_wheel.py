@@ -10,8 +10,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
-
-ROOT = Path(__file__).parent.parent
+from support import ROOT
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +34,7 @@ def test_the_wheel_holds_the_data_and_nothing_else(wheel: Path) -> None:
         "tendonrepro/configs/lumidouce_ii.yaml",
         "tendonrepro/configs/schema.json",
         "tendonrepro/data/published.yaml",
-        "tendonrepro/tendonrepro.mplstyle",
+        "tendonrepro/results/figures/tendonrepro.mplstyle",
     }
     assert all(name.startswith("tendonrepro/") for name in names)
 

@@ -1,1 +1,1 @@
-"""A printed number or claim and results to a verdict, by a stated rule; :func:`tendonrepro.claims.judge.command.run_claims`."""
+"""A printed number or claim, and results, to a verdict by a stated rule; enter by `command.run_claims`."""

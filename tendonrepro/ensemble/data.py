@@ -85,7 +85,7 @@ class EnsembleData:
         return (run, reading) in self.lookup
 
     def status(self, run: str, reading: str) -> NDArray[np.int8]:
-        """Status codes of a run under a reading or variation, (N,); `tendonrepro.simulation.batch.STATUSES` names them.
+        """Status codes of a run under a reading or variation, (N,); see `physics.metrics.STATUSES`.
 
         Raises
         ------

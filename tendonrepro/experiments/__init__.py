@@ -1,1 +1,1 @@
-"""The paper's own runs; :func:`tendonrepro.experiments.command.run_experiment` makes one."""
+"""The paper's own runs; enter by `command.run_experiment`."""

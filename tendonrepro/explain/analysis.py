@@ -127,7 +127,7 @@ def view_pairs(views: Mapping[str, View]) -> Iterator[tuple[str, View, View]]:
 
 
 def slow_ratio(a: View, b: View, size_deg: float) -> Array:
-    """Ratio of two runs' errors under a slow load, (n,); see :func:`tendonrepro.physics.slow_error.error_ratio`."""
+    """Ratio of two runs' errors under a slow load, (n,), by `tendonrepro.physics.slow_error.error_ratio`."""
     return error_ratio(a.law, b.law, float(np.deg2rad(size_deg)), a.delay)
 
 

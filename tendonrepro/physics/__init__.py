@@ -1,1 +1,28 @@
-"""The paper's equations as pure functions: no files, no clock, no state."""
+"""The paper's equations as pure functions: no files, no clock, no state.
+
+What a law of your own builds on (docs/laws.md) can be imported from here.
+"""
+
+from tendonrepro.physics.control import (
+    Law,
+    Memory,
+    command,
+    error_rate,
+    phi,
+    phi_slope,
+    sig,
+    surface_and_feedback,
+    time_delay_estimate,
+)
+
+__all__ = [
+    "Law",
+    "Memory",
+    "command",
+    "error_rate",
+    "phi",
+    "phi_slope",
+    "sig",
+    "surface_and_feedback",
+    "time_delay_estimate",
+]

@@ -3,7 +3,7 @@
 Everything here is diagonal in winch coordinates, ``q_motor = S_inv theta``: one inertia, one friction law
 and one tendon per winch. Written in joint coordinates the same sums are the paper's matrices,
 ``I = S_invᵀ diag(inertia) S_inv`` and likewise ``D_m``, ``K_s``, ``D_s``
-(:func:`tendonrepro.physics.kinematics.to_joint_matrix`); by virtual work a winch feels ``Sᵀ`` of a joint torque.
+(`tendonrepro.physics.kinematics.to_joint_matrix`); by virtual work a winch feels ``Sᵀ`` of a joint torque.
 
 All functions take the joint axis first; further axes are independent lanes.
 """

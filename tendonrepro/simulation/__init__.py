@@ -1,1 +1,1 @@
-"""Closed loops in time: one by SciPy (:mod:`tendonrepro.simulation.stepper`), thousands by machine code (:mod:`tendonrepro.simulation.batch`)."""
+"""Closed loops in time: one by SciPy in `stepper`, thousands by machine code in `batch`."""

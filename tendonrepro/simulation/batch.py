@@ -58,7 +58,7 @@ class Batch:
     steps : array (N,) of int64
         Integration steps per sample; 0 where unresolved.
     traces : tuple of dict, or None
-        Variables of every run, as :func:`tendonrepro.simulation.stepper.simulate` returns them; None of an unresolved
+        Variables of every run, as `stepper.simulate` returns them; None of an unresolved
         one. Only on request.
     """
 
@@ -92,7 +92,7 @@ def simulate_batch(
     record : bool
         Keep the traces.
     tolerance : float
-        Of the integration, see :func:`tendonrepro.simulation.resolution.steps_needed`. The default leaves q mostly
+        Of the integration, see `tendonrepro.simulation.resolution`. The default leaves q mostly
         within 1e-6 rad of the truth and always within a tenth of an encoder count, as long as no count
         differs; 1e-6 brings smooth runs within 1e-9 rad.
 

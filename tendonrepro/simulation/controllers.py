@@ -83,7 +83,7 @@ def _compiled_command() -> CommandFunction:
 
 @dataclass(frozen=True)
 class TimeDelayController:
-    """Controllers 1 to 3, plain TDC, and any law with the signature of :func:`tendonrepro.physics.control.command`.
+    """Controllers 1 to 3, plain TDC, and any law with the signature of `tendonrepro.physics.control.command`.
 
     Attributes
     ----------

@@ -1,1 +1,1 @@
-"""What columns seem to mean; :func:`tendonrepro.dataset.meaning.understand.understand`."""
+"""What columns seem to mean; enter by `understand`."""

@@ -1,1 +1,1 @@
-"""From a file of any format to signals, in a process with limits; :mod:`tendonrepro.dataset.readers.read.guard`."""
+"""From a file of any format to signals, in a process with limits; enter by `guard.read_guarded`."""

@@ -1,1 +1,1 @@
-"""From a record on a server to verified files and a lock; :func:`tendonrepro.dataset.repository.fetch.run_fetch`."""
+"""From a record on a server to verified files and a lock; enter by `fetch.run_fetch`."""

@@ -1,1 +1,1 @@
-"""The paper's figures, drawn from traces; :func:`tendonrepro.results.folder.figures.catalogue.available` says which."""
+"""The paper's figures, drawn from traces; `catalogue` knows which there are."""

@@ -37,7 +37,7 @@ class FigureArtists:
     number : int
         The paper's number.
     figure : Figure
-        Laid out for the journal style, which `tendonrepro.results.figures.catalogue.save` puts in force again.
+        Laid out for the journal style, which `catalogue.save` puts in force again.
     axes : dict
         Panels by letter.
     lines : dict

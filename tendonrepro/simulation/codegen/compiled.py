@@ -1,9 +1,8 @@
 """Machine code for the pure functions; the only module that knows numba.
 
-For one run the plant is unrolled to straight-line code (:mod:`tendonrepro.simulation.codegen.symbols`), and the control law is
-compiled as it stands: its functions stay plain Python and are registered with numba, so that the entry point
-calls the very same source. For many runs at once plant, law and statistics are all unrolled, onto lanes
-(:mod:`tendonrepro.simulation.codegen.lanes`).
+For one run the plant is unrolled to straight-line code (`symbols`), and the control law is compiled as it
+stands: its functions stay plain Python and are registered with numba, so that the entry point calls the very
+same source. For many runs at once plant, law and statistics are all unrolled, onto lanes (`lanes`).
 
 Compiled code is kept on disk. The plant's file is named after its own content; the law's folder after a hash
 of the sources, because numba itself would not notice a change in a function of another module.

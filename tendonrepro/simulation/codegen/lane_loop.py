@@ -1,4 +1,4 @@
-"""The time loop over one bundle of experiments: plain Python, compiled in :mod:`tendonrepro.simulation.codegen.compiled`."""
+"""The time loop over one bundle of experiments: plain Python, compiled in `compiled`."""
 
 from __future__ import annotations
 

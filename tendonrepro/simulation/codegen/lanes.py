@@ -1,7 +1,7 @@
 """Code for many experiments at once: one flat array, and experiments as its innermost axis.
 
 A row is ``LANES`` neighbouring numbers, one of each experiment of a bundle. The pure functions of the plant
-and of the loop are run on symbols (:mod:`tendonrepro.simulation.codegen.symbols`) that stand for rows; what they write down
+and of the loop are run on symbols (`symbols`) that stand for rows; what they write down
 becomes the body of one loop over the lanes, which a compiler turns into vector instructions. To that end no
 library is called in it, and what depends on parameters alone is worked out once in a loop of its own.
 """

@@ -1,0 +1,244 @@
+"""The benchmark script: what it prints, and that its baseline simulates the same run. No timing is judged."""
+
+from __future__ import annotations
+
+import ast
+import json
+import os
+import platform
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+from support import ROOT
+
+from tendonrepro.physics.dynamics import state_derivative
+from tendonrepro.simulation.stepper import simulate
+
+BENCHMARKS = ROOT / "benchmarks"
+KEYS = {"what", "cpu", "experiments_per_second", "ratio_to_baselines", "max_error_rad", "bars"}
+
+
+@pytest.fixture
+def bench(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    import bench
+
+    return bench
+
+
+@pytest.fixture
+def batch(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    import bench_batch
+
+    return bench_batch
+
+
+@pytest.fixture
+def baseline(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    import baseline_solve_ivp
+
+    return baseline_solve_ivp
+
+
+def test_compare_case_has_the_contracts_keys(bench: ModuleType) -> None:
+    baselines = {"plain": ("RK45", (1e-9, 1e-11)), "loose": ("RK45", (1e-3,))}
+    found = json.loads(json.dumps(bench.compare_case(0.02, baselines, 1)))
+    assert found.keys() == KEYS | {"seconds", "baselines"}
+    assert found["ratio_to_baselines"].keys() == baselines.keys()
+    assert found["bars"]["smallest_ratio"].keys() == {"value", "bar", "met"}
+    assert found["experiments_per_second"] > 0.0
+    assert 0.0 <= found["max_error_rad"] < 1e-9
+    assert not found["baselines"]["loose"]["error_matched"]
+
+
+def test_command_case_measures_time_and_memory(bench: ModuleType) -> None:
+    found = bench.command_case(["--version"], 1)
+    assert found.keys() == KEYS | {"cpu_seconds"}
+    assert found["bars"].keys() == {"seconds", "peak_memory_mb"}
+    assert all(entry["value"] > 0.0 for entry in found["bars"].values())
+
+
+def test_import_case_finds_heavy_packages(bench: ModuleType) -> None:
+    found = bench.import_case(["config", "list"])
+    assert found.keys() == KEYS | {"packages"}
+    assert {"pydantic", "yaml"} <= set(found["packages"])
+    assert found["bars"]["packages"] == {"value": len(found["packages"]), "bar": 0, "met": False}
+
+
+def test_the_printed_object(
+    bench: ModuleType, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    names = {
+        "help_case": "help",
+        "import_case": "import_heavy",
+        "command_case": "whole_command",
+        "compilation_case": "first_compilation",
+        "compare_case": "compare_run",
+    }
+    for function, name in names.items():
+        monkeypatch.setattr(bench, function, lambda *_, name=name: {"what": name})
+    monkeypatch.setattr(bench, "batch_cases", lambda: {"batch_alone": {"what": "batch_alone"}})
+    bench.main()
+    found = json.loads(capsys.readouterr().out)
+    assert found["schema_version"] == 1
+    assert found["cpu"]
+    assert found["python"] == platform.python_version()
+    assert {key: entry["what"] for key, entry in found["cases"].items()} == {
+        key: key for key in (*names.values(), "batch_alone")
+    }
+
+
+def test_loosest_tolerance_that_is_good_enough(bench: ModuleType) -> None:
+    errors = {1e-5: 1e-6, 1e-6: 1.05e-9, 1e-7: 1e-12}
+    assert bench.matching_tolerance(errors, 1e-9, errors.get) == (1e-6, 1.05e-9)
+    assert bench.matching_tolerance(errors, 1e-15, errors.get) == (1e-7, 1e-12)
+
+
+def test_bars_say_whether_they_are_met(bench: ModuleType) -> None:
+    assert bench.bar(2.0, 3.0)["met"]
+    assert not bench.bar(2.0, 3.0, at_least=True)["met"]
+
+
+def test_memory_is_that_of_all_processes_together(bench: ModuleType) -> None:
+    if not Path("/proc/self/task").exists():
+        pytest.skip("no /proc")
+    hold = "import time; block = bytearray(50_000_000); block[::4096] = block[1::4096]; time.sleep(60)"
+    start = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {hold!r}])"
+    with subprocess.Popen([sys.executable, "-c", start]) as process:
+        for _ in range(400):
+            pids = list(bench.descendants(process.pid))
+            each = [bench.together_mb([pid]) for pid in pids]
+            if max(each) > 50.0:
+                break
+            time.sleep(0.05)
+        both = bench.together_mb(pids)
+        for pid in reversed(pids):
+            os.kill(pid, signal.SIGKILL)
+    assert len(pids) == 2
+    # The interpreter's own files count once.
+    assert 50.0 < max(each) < both < sum(each)
+
+
+def test_batch_cases_have_the_contracts_keys(batch: ModuleType) -> None:
+    found = json.loads(json.dumps(batch.batch_cases(0.02, 5, 1)))
+    assert set(found) == {
+        "plain_solve_ivp",
+        "plain_numba",
+        "batch_alone",
+        "batch_one_core",
+        "batch_two_cores",
+        "batch_default",
+    }
+    for entry in found.values():
+        assert entry.keys() >= KEYS | {"seconds"}
+        assert entry["experiments_per_second"] > 0.0
+        assert entry["max_error_rad"] < 1e-8
+    barred = {name for name, entry in found.items() if "max_error_rad" in entry["bars"]}
+    assert barred == found.keys() - {"batch_default"}
+    assert all(found[name]["bars"]["max_error_rad"]["bar"] == 1e-8 for name in barred)
+    assert found["batch_one_core"]["steps"] == [3]
+    assert found["batch_one_core"]["targets"].keys() == {"ratio_to_numba_rk4", "ratio_to_solve_ivp"}
+
+
+def test_ratios_are_medians_over_the_turns(batch: ModuleType) -> None:
+    names = ("solve_ivp", "alone", "numba_rk4", "one_core", "two_cores", "default")
+    # A turn in which everything takes ten times as long changes no ratio.
+    quick = dict(zip(names, (6.0, 0.05, 0.02, 0.004, 0.002, 0.006), strict=True))
+    turns = [quick, {name: 10.0 * value for name, value in quick.items()}, quick]
+    cases = [batch.Stated.__new__(batch.Stated) for _ in range(2)]
+    for one in cases:
+        one.loops, one.steps = [], [2]
+    found = batch.entries(turns, dict.fromkeys(names, 1e-9), "what, ideal", *cases)
+    bars = {name: {key: bar["value"] for key, bar in entry["bars"].items()} for name, entry in found.items()}
+    assert bars["batch_alone"]["ratio_to_solve_ivp"] == pytest.approx(120.0)
+    assert bars["batch_one_core"]["ratio_to_numba_rk4"] == pytest.approx(5.0)
+    assert bars["batch_two_cores"]["ratio_to_one_core"] == pytest.approx(2.0)
+    assert bars["batch_default"]["share_of_stated_speed"] == pytest.approx(4.0 / 6.0)
+    assert found["batch_one_core"]["ratio_to_baselines"]["solve_ivp"] == pytest.approx(1500.0)
+    assert found["batch_one_core"]["experiments_per_second"] == pytest.approx(250.0)
+    missed = found["batch_one_core"]["targets"]["ratio_to_numba_rk4"]
+    assert (missed["bar"], missed["met"]) == (7.0, False)
+
+
+def test_plants_of_a_batch_differ_and_baselines_have_the_same_ones(
+    batch: ModuleType, baseline: ModuleType
+) -> None:
+    loop, parameters, _ = batch.stated_case(0.01)
+    loops, plain = batch.different_plants(loop, parameters, 6)
+    assert len({arm.plant.arm.a.tobytes() for arm in loops}) == 6
+    assert max(np.abs(p["mass"] / parameters["mass"] - 1.0).max() for p in plain) <= batch.SPREAD
+    state, tau_m = np.linspace(-0.4, 0.5, 8), np.array([1.0, -2.0])
+    for ours, theirs in zip(loops, plain, strict=True):
+        expected = baseline.FlexibleArm(theirs).derivative(0.0, state, tau_m)
+        found = state_derivative(0.0, state, tau_m, ours.plant)
+        np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-11)
+
+
+def test_friction_is_smooth_in_the_stated_case_only(batch: ModuleType) -> None:
+    loop, _, _ = batch.stated_case(0.01, (*batch.IDEAL_ENCODER, *batch.SMOOTH_FRICTION))
+    shipped, _, _ = batch.stated_case(0.01, ())
+    for friction in (loop.plant.link_friction, loop.plant.drive.friction):
+        np.testing.assert_array_equal(friction.smoothing_velocity, [0.1, 0.1])
+    for friction in (shipped.plant.link_friction, shipped.plant.drive.friction):
+        assert (friction.smoothing_velocity < 0.05).all()
+        assert (friction.coulomb > 0.0).all()
+    assert loop.joint_encoder.resolution == 0.0 < shipped.joint_encoder.resolution
+
+
+def test_error_counts_up_to_the_first_other_count(batch: ModuleType, bench: ModuleType) -> None:
+    loop, _, _ = batch.stated_case(0.05, ())
+    trace = simulate(bench.tightened(loop))
+    trace["q"][:10] += 1e-11
+    trace["q"][31:] += 1e-4
+    assert batch.error_before_flip(trace, loop) == pytest.approx(1e-4)
+    trace["q_encoder"][30:] += loop.joint_encoder.resolution
+    assert batch.error_before_flip(trace, loop) == pytest.approx(1e-11)
+    ideal = replace(loop, joint_encoder=loop.joint_encoder._replace(resolution=0.0))
+    other = simulate(bench.tightened(ideal))
+    other["q"][31:] += 1e-4
+    assert batch.error_before_flip(other, ideal) == pytest.approx(1e-4)
+
+
+def test_first_run_compiles_where_it_is_told(
+    batch: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(
+        batch, "FIRST_RUN", "import os; print(os.environ['XDG_CACHE_HOME'], file=open({duration!r}, 'w'))"
+    )
+    assert batch.first_run(str(tmp_path / "note"), (), "there") > 0.0
+    assert (tmp_path / "note").read_text().strip() == "there"
+    # Nothing was compiled, so the time says nothing.
+    assert batch.compilation_case(str(tmp_path / "note"), ())["bars"] == {}
+
+
+def test_baseline_plant_is_the_same_differential_equation(bench: ModuleType, baseline: ModuleType) -> None:
+    loop, parameters, _ = bench.stated_case(0.01)
+    arm = baseline.FlexibleArm(parameters)
+    rng = np.random.default_rng(4)
+    for _ in range(20):
+        state, tau_m = rng.uniform(-0.5, 0.5, 8), rng.uniform(-5.0, 5.0, 2)
+        expected = state_derivative(0.0, state, tau_m, loop.plant)
+        np.testing.assert_allclose(arm.derivative(0.0, state, tau_m), expected, rtol=1e-11, atol=1e-11)
+
+
+def test_baseline_run_is_the_same_run(bench: ModuleType, baseline: ModuleType) -> None:
+    loop, parameters, reference = bench.stated_case(0.06)
+    angles = baseline.run(parameters, reference, 1e-11)
+    np.testing.assert_allclose(angles, simulate(bench.tightened(loop))["q"], rtol=0.0, atol=1e-13)
+    assert np.abs(angles).max() > 1e-6
+
+
+def test_baseline_shares_no_code_with_the_package() -> None:
+    tree = ast.parse((BENCHMARKS / "baseline_solve_ivp.py").read_text(encoding="utf-8"))
+    imported = {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
+    imported |= {str(node.module) for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
+    assert imported == {"__future__", "collections", "numpy", "scipy.integrate"}

@@ -1,0 +1,247 @@
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+from support import ROOT
+
+from tendonrepro.claims import from_print as claim_rules
+from tendonrepro.claims import verdicts
+from tendonrepro.claims.statements import CLAIMS
+from tendonrepro.claims.verdicts import (
+    FAILURES,
+    NAMES,
+    Decision,
+    inside,
+    of_arithmetic,
+    of_model,
+    of_number,
+    of_share,
+    of_values,
+    with_values,
+)
+from tendonrepro.config.published import published
+from tendonrepro.ensemble.shares import LEAST_SCRAMBLINGS, QUANTILES, Range, Share, range_of, share_of
+
+PAGE = ROOT / "docs" / "verdicts.md"
+EIGHT = np.repeat(np.arange(8), 50)
+
+
+def share(value: float, reach: float | None = None) -> Share:
+    return Share(value, None if reach is None else (value - reach, value + reach), 1000)
+
+
+def found(low: float, high: float, reach: float | None = None) -> Range:
+    ends = [None if reach is None else (end - reach, end + reach) for end in (low, high)]
+    return Range(0.5 * (low + high), low, high, ends[0], ends[1], 1000)
+
+
+class TestShares:
+    def test_share_is_the_mean(self) -> None:
+        holds = np.arange(400) % 10 < 3
+        assert share_of(holds, EIGHT).value == 0.3
+        assert share_of(holds, EIGHT).plants == 400
+
+    def test_interval_is_students_when_all_scramblings_count_alike(self) -> None:
+        holds = np.random.default_rng(3).random(400) < 0.4
+        means = holds.reshape(8, 50).mean(axis=1)
+        low, high = stats.t.interval(0.95, 7, means.mean(), stats.sem(means))
+        assert share_of(holds, EIGHT).interval == pytest.approx((low, high))
+
+    def test_a_scrambling_with_few_plants_weighs_little(self) -> None:
+        few = np.repeat(np.arange(8), [57, 57, 57, 57, 57, 57, 57, 1])
+        holds = np.arange(400) % 2 == 0
+        interval = share_of(holds, few).interval
+        assert interval is not None
+        assert interval[1] - interval[0] < 0.02
+
+    def test_without_an_exception_the_open_end_is_not_closed(self) -> None:
+        interval = share_of(np.ones(400, dtype=bool), EIGHT).interval
+        assert interval is not None
+        assert interval[1] == 1.0
+        # A share this large shows 400 plants without exception once in 20 times.
+        assert interval[0] ** 400 == pytest.approx(0.05)
+
+    @pytest.mark.parametrize("count", [1, 7])
+    def test_seven_scramblings_are_too_few(self, count: int) -> None:
+        kept = np.isin(EIGHT, range(count))
+        one = share_of((np.arange(400) % 2 == 0)[kept], EIGHT[kept])
+        assert (one.value, one.interval) == (0.5, None)
+        assert range_of(np.linspace(0.0, 1.0, 400)[kept], EIGHT[kept]).low_interval is None
+
+    @given(st.lists(st.booleans(), min_size=80, max_size=200), st.integers(0, 2**32 - 1))
+    def test_intervals_stay_between_0_and_1_around_the_share(self, flags: list[bool], seed: int) -> None:
+        replicate = np.arange(len(flags)) % 8
+        order = np.random.default_rng(seed).permutation(len(flags))
+        one, other = (share_of(np.array(flags)[o], replicate[o]) for o in (np.arange(len(flags)), order))
+        assert one.interval is not None
+        assert 0.0 <= one.interval[0] <= one.value <= one.interval[1] <= 1.0
+        assert other.interval == pytest.approx(one.interval)
+
+
+class TestRanges:
+    def test_ends_are_plants(self) -> None:
+        values = np.random.default_rng(5).permutation(np.arange(1.0, 401.0))
+        box = range_of(values, EIGHT)
+        assert (box.low, box.median, box.high) == (20.0, 200.0, 380.0)
+
+    def test_intervals_of_the_ends(self) -> None:
+        values = np.random.default_rng(5).normal(size=400)
+        box = range_of(values, EIGHT)
+        each = np.array([np.quantile(part, 0.05, method="inverted_cdf") for part in values.reshape(8, 50)])
+        half = stats.t.ppf(0.975, 7) * stats.sem(each)
+        assert box.low_interval == pytest.approx((box.low - half, box.low + half))
+        assert box.high_interval is not None
+        assert box.high_interval[0] < box.high < box.high_interval[1]
+
+    @pytest.mark.parametrize(
+        ("printed", "expected"),
+        [
+            ((0.9, 1.0), True),
+            ((0.9, 0.999), False),
+            ((2.0, 2.1), True),
+            ((2.001, 2.1), False),
+            ((0.0, 3.0), True),
+            ((1.4, 1.5), True),
+        ],
+    )
+    def test_inside_includes_the_ends(self, printed: tuple[float, float], expected: bool) -> None:
+        assert inside(printed, found(1.0, 2.0)) is expected
+
+
+class TestNumbers:
+    INSIDE, OUTSIDE = (1.4, 1.5), (3.0, 3.1)
+
+    def test_inside_is_compatible_whatever_the_direction(self) -> None:
+        for direction in (None, share(0.0), share(1.0)):
+            assert of_number(self.INSIDE, found(1.0, 2.0), direction).verdict == "compatible"
+
+    @pytest.mark.parametrize(
+        ("direction", "verdict"),
+        [
+            (None, "outside_model"),
+            (1.0, "direction_only"),
+            (0.95, "direction_only"),
+            (0.9499, "depends_on_plant"),
+            (0.0501, "depends_on_plant"),
+            (0.05, "contradicted"),
+            (0.0, "contradicted"),
+        ],
+    )
+    def test_outside_goes_by_direction(self, direction: float | None, verdict: str) -> None:
+        given_share = None if direction is None else share(direction)
+        assert of_number(self.OUTSIDE, found(1.0, 2.0), given_share).verdict == verdict
+
+    @pytest.mark.parametrize(
+        ("printed", "near"),
+        [((1.05, 1.06), True), ((0.95, 0.96), True), ((1.2, 1.21), False), ((2.0, 2.0), True)],
+    )
+    def test_borderline_at_the_ends(self, printed: tuple[float, float], near: bool) -> None:
+        assert of_number(printed, found(1.0, 2.0, 0.1), None).borderline is near
+
+    def test_borderline_by_direction_only_where_it_decides(self) -> None:
+        assert of_number(self.OUTSIDE, found(1.0, 2.0, 0.1), share(0.94, 0.02)).borderline
+        assert not of_number(self.INSIDE, found(1.0, 2.0, 0.1), share(0.94, 0.02)).borderline
+
+
+class TestClaims:
+    @pytest.mark.parametrize(
+        ("value", "verdict"),
+        [
+            (0.95, "compatible"),
+            (0.9499, "depends_on_plant"),
+            (0.0501, "depends_on_plant"),
+            (0.05, "contradicted"),
+        ],
+    )
+    def test_one_statement(self, value: float, verdict: str) -> None:
+        assert of_share(share(value)).verdict == verdict
+
+    @pytest.mark.parametrize(
+        ("value", "reach", "near"),
+        [(0.96, 0.02, True), (0.96, 0.01, True), (0.96, 0.009, False), (0.06, 0.02, True), (0.5, 0.1, False)],
+    )
+    def test_borderline(self, value: float, reach: float, near: bool) -> None:
+        one = share(value, reach)
+        assert of_share(one).borderline is near
+
+    def test_printed_values_of_an_order(self) -> None:
+        good, bad = Decision("compatible"), Decision("outside_model")
+        assert with_values(good, [good, good]).verdict == "compatible"
+        assert with_values(good, [good, bad]).verdict == "direction_only"
+        for other in ("depends_on_plant", "contradicted"):
+            assert with_values(Decision(other), [good]).verdict == other
+            assert with_values(Decision(other), [bad]).verdict == other
+
+    def test_a_claim_that_is_its_values(self) -> None:
+        good, bad = Decision("compatible"), Decision("direction_only")
+        assert of_values([good], Decision("contradicted")).verdict == "compatible"
+        assert of_values([bad], Decision("compatible")).verdict == "direction_only"
+        assert of_values([good, bad], Decision("depends_on_plant")).verdict == "depends_on_plant"
+
+    def test_values_near_an_end_make_the_claim_borderline(self) -> None:
+        near = Decision("compatible", borderline=True)
+        assert with_values(Decision("compatible"), [near]).borderline
+        assert not with_values(Decision("contradicted"), [near]).borderline
+        assert of_values([near], Decision("compatible")).borderline
+
+    def test_arithmetic_and_model(self) -> None:
+        assert [of_arithmetic(x).verdict for x in (True, False)] == ["exact", "not_reproduced"]
+        assert [of_model(x).verdict for x in (True, False)] == ["reproduced", "not_reproduced"]
+
+
+def test_every_name_can_be_reached() -> None:
+    reached = {
+        of_arithmetic(True).verdict,
+        of_arithmetic(False).verdict,
+        of_model(True).verdict,
+        claim_rules.missing("x").decision.verdict,
+        of_number((9.0, 9.0), found(1.0, 2.0), None).verdict,
+        of_number((9.0, 9.0), found(1.0, 2.0), share(1.0)).verdict,
+        *(of_share(share(value)).verdict for value in (0.0, 0.5, 1.0)),
+    }
+    assert reached == set(NAMES)
+    assert set(NAMES) >= FAILURES
+
+
+@pytest.mark.skipif(not PAGE.is_file(), reason="no docs folder beside the package")
+class TestPage:
+    """The page of rules says what the code does."""
+
+    @pytest.fixture(name="text")
+    def _text(self) -> str:
+        return " ".join(PAGE.read_text(encoding="utf-8").split())
+
+    def test_every_verdict_and_rule_is_there(self) -> None:
+        rows = set(re.findall(r"^\| `(\w+)` \|", PAGE.read_text(encoding="utf-8"), re.M))
+        rules = {judgement.rule for judgement in published().judgements.values()} - {"input"}
+        assert rows == set(NAMES) | rules
+        assert rules >= set(CLAIMS) | set(claim_rules.FROM_THE_PRINT)
+
+    def test_failures(self, text: str) -> None:
+        (names,) = re.findall(r"exit code 3 when a verdict is (.*?)\. With", text)
+        assert set(re.findall(r"`(\w+)`", names)) == FAILURES
+
+    @pytest.mark.parametrize(
+        ("pattern", "value"),
+        [
+            (r"at least (\d+) %: its direction is confirmed", 100 * verdicts.MOST),
+            (r"at most (\d+) %: `contradicted`", 100 * verdicts.FEW),
+            (r"with fewer than (\d+) plants judged", verdicts.LEAST_PLANTS),
+            (r"more than (\d+) % of the box, claim C1", 100 * verdicts.MOST_UNRESOLVED),
+            (r"t intervals at (\d+) %", 95),
+            (r"With fewer than (\d+) scramblings", LEAST_SCRAMBLINGS),
+            (r"similar \| differ by at most (\d+) %", 100 * verdicts.SIMILAR),
+            (r"range from the (\d+) %", 100 * QUANTILES["q05"]),
+            (r"to the (\d+) % quantile of the plants", 100 * QUANTILES["q95"]),
+            (r"is more than (\d+) % and less", 100 * (1 - claim_rules.NEARLY)),
+            (r"less than (\d+) % of its expected", 100 * (1 + claim_rules.NEARLY)),
+        ],
+    )
+    def test_thresholds(self, text: str, pattern: str, value: float) -> None:
+        (stated,) = re.findall(pattern, text)
+        assert float(stated) == pytest.approx(value)

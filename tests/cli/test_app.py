@@ -1,0 +1,339 @@
+"""The installed command, as a user runs it: output, files, exit codes, errors."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from support.command import SHORT, SHORT_DECOUPLE, answer, hear_interrupts, run
+
+
+@pytest.fixture(scope="module")
+def compared(command: str, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Any]:
+    folder = tmp_path_factory.mktemp("compare")
+    return folder, answer(command, "compare", *SHORT, "--out", "out", cwd=folder)
+
+
+@pytest.fixture(scope="module")
+def decoupled(command: str, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Any]:
+    folder = tmp_path_factory.mktemp("decouple")
+    return folder, answer(command, "decouple", *SHORT_DECOUPLE, "--out", "out", cwd=folder)
+
+
+def test_help_imports_nothing_heavy() -> None:
+    code = "import sys, tendonrepro.cli.app; print(' '.join(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    heavy = {"numpy", "scipy", "numba", "h5py", "matplotlib", "pandas", "pydantic", "yaml", "rich"}
+    assert not heavy & set(done.stdout.split())
+
+
+def test_every_command_has_help_with_an_example(command: str, tmp_path: Path) -> None:
+    top = run(command, "--help", cwd=tmp_path)
+    assert "Exit codes" in top.stdout
+    single = ["compare", "decouple", "reproduce", "figures", "tables", "doctor"]
+    single += ["sweep", "ensemble", "identify", "explain", "claims"]
+    for words in [[name] for name in single] + [
+        ["config", name] for name in ("list", "show", "init", "check", "schema")
+    ]:
+        assert words[-1] in top.stdout or words[0] == "config"
+        text = run(command, *words, "--help", cwd=tmp_path)
+        assert text.returncode == 0
+        assert f"Example: tendonrepro {' '.join(words)}" in text.stdout
+
+
+def test_compare_json_has_the_promised_keys(compared: tuple[Path, Any]) -> None:
+    _, data = compared
+    assert data["schema_version"] == 1
+    assert data["joints"] == [2, 3]
+    for name in ("controller_1", "controller_2", "controller_3"):
+        for metric in ("mae_deg", "rmse_deg"):
+            assert [x > 0 for x in data["table2"][name][metric]] == [True, True]
+    assert data["table3"]["no_load"] == data["table2"]["controller_1"]
+    assert set(data["table3"]) == {"no_load", "with_load"}
+    assert set(data["status"]) == {"controller_1", "controller_2", "controller_3", "controller_1_payload"}
+    assert data["printed"]["table2"]["controller_1"]["mae_deg"] == [0.261, 0.219]
+    assert data["out"] == "out"
+    assert data["manifest"] == str(Path("out") / "manifest.json")
+
+
+def test_compare_writes_the_promised_files(compared: tuple[Path, Any]) -> None:
+    out = compared[0] / "out"
+    for number in (13, 14, 15, 16):
+        for suffix in ("pdf", "svg", "png"):
+            assert (out / "figures" / f"fig{number}.{suffix}").stat().st_size > 1000
+    for stem in ("table2", "table3"):
+        for suffix in ("csv", "md", "tex"):
+            assert (out / "tables" / f"{stem}.{suffix}").exists()
+    assert not list(out.rglob(".*.tmp*"))
+
+
+def test_manifest_says_what_made_the_result(compared: tuple[Path, Any]) -> None:
+    from tendonrepro.files import sha256_of
+
+    out = compared[0] / "out"
+    manifest = json.loads((out / "manifest.json").read_text())
+    assert manifest["overrides"] == SHORT[1::2]
+    assert manifest["seed"] == 1
+    assert manifest["solver"]["rtol"] == 1e-7
+    assert manifest["environment"]["versions"]["numpy"]
+    for name, digest in manifest["outputs"].items():
+        assert sha256_of(out / name) == digest
+    assert "traces.h5" in manifest["outputs"]
+    assert manifest["inputs"]
+
+
+def test_decouple_json_has_the_promised_keys(decoupled: tuple[Path, Any]) -> None:
+    folder, data = decoupled
+    assert [[round(abs(x), 4) for x in row] for row in data["S"]] == [
+        [0.4805, 0, 0],
+        [0.2184, 0.4805, 0],
+        [0.2479, 0.4545, 1],
+    ]
+    assert data["S_inv"][2] == pytest.approx([35 / 37, -35 / 37, 1])
+    for joint in (1, 2, 3):
+        assert set(data["errors"][f"joint_{joint}"]) == {"mae_deg", "rmse_deg", "max_deg"}
+    for number in (6, 9, 10, 11, 12):
+        assert (folder / "out" / "figures" / f"fig{number:02d}.png").exists()
+
+
+@pytest.mark.slow
+def test_a_second_run_gives_identical_numbers_and_figures(command: str, compared: tuple[Path, Any]) -> None:
+    folder, first = compared
+    out = folder / "out"
+    before = {path: path.read_bytes() for path in (out / "figures").iterdir()}
+    assert answer(command, "compare", *SHORT, "--out", "out", cwd=folder) == first
+    assert {path: path.read_bytes() for path in (out / "figures").iterdir()} == before
+
+
+def test_results_of_another_configuration_are_not_overwritten(
+    command: str, compared: tuple[Path, Any]
+) -> None:
+    folder, _ = compared
+    before = (folder / "out" / "traces.h5").read_bytes()
+    done = run(command, "compare", *SHORT, "--set", "control.gains.lam=[9,9]", "--out", "out", cwd=folder)
+    assert done.returncode == 2
+    assert "another configuration" in done.stderr
+    assert "--force" in done.stderr
+    assert (folder / "out" / "traces.h5").read_bytes() == before
+
+
+@pytest.mark.slow
+def test_force_overwrites(command: str, tmp_path: Path) -> None:
+    answer(command, "compare", *SHORT, "--controllers", "3", "--out", "out", cwd=tmp_path)
+    (tmp_path / "out" / "mine.txt").write_text("my notes")
+    other = [*SHORT, "--controllers", "1", "--out", "out"]
+    assert run(command, "compare", *other, cwd=tmp_path).returncode == 2
+    assert list(answer(command, "compare", *other, "--force", cwd=tmp_path)["table2"]) == ["controller_1"]
+    assert (tmp_path / "out" / "figures" / "fig16.png").exists()
+    answer(command, "compare", *SHORT, "--controllers", "3", "--out", "out", "--force", cwd=tmp_path)
+    assert not (tmp_path / "out" / "figures" / "fig16.png").exists(), "no figure of an earlier result stays"
+    assert (tmp_path / "out" / "mine.txt").read_text() == "my notes"
+
+
+def test_traces_without_manifest_are_not_overwritten(command: str, tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "traces.h5").write_text("precious")
+    done = run(command, "compare", *SHORT, "--out", "out", cwd=tmp_path)
+    assert done.returncode == 2
+    assert (tmp_path / "out" / "traces.h5").read_text() == "precious"
+
+
+@pytest.mark.slow
+def test_a_diverged_run_ends_with_code_5_and_full_results(command: str, tmp_path: Path) -> None:
+    words = [*SHORT, "--set", "control.readings.gain_unit=law_in_degrees", "--out", "out"]
+    data = answer(command, "compare", *words, cwd=tmp_path, code=5)
+    assert "diverged" in data["status"].values()
+    assert (tmp_path / "out" / "figures" / "fig14.png").exists()
+    assert data["table2"]["controller_1"]["mae_deg"][0] > 0
+
+
+@pytest.mark.slow
+def test_overflow_is_a_diverged_run_too(command: str, tmp_path: Path) -> None:
+    words = [*SHORT, "--set", "control.gains.M_bar=[1e300,1e300]", "--controllers", "1,3", "--out", "out"]
+    data = answer(command, "compare", *words, cwd=tmp_path, code=5)
+    assert set(data["status"].values()) == {"diverged"}
+
+
+@pytest.mark.slow
+def test_an_interrupted_second_run_leaves_the_first_result(command: str, compared: tuple[Path, Any]) -> None:
+    import time
+
+    if sys.platform == "win32":
+        pytest.skip("no SIGINT for a child on Windows")
+    out = compared[0] / "out"
+    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
+    words = ["compare", *SHORT, "--set", "reference.periods=20", "--out", "out", "--force"]
+    process = subprocess.Popen(
+        [command, *words],
+        cwd=compared[0],
+        stderr=subprocess.PIPE,
+        preexec_fn=hear_interrupts,  # noqa: PLW1509 (there are no threads here)
+    )
+    time.sleep(4.0)
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
+
+
+@pytest.mark.slow
+def test_figures_and_tables_are_made_again_from_traces(command: str, compared: tuple[Path, Any]) -> None:
+    folder, _ = compared
+    out = folder / "out"
+    before = (out / "figures" / "fig14.svg").read_bytes()
+    (out / "figures" / "fig14.svg").unlink()
+    made = answer(command, "figures", "14", "--out", "out", cwd=folder)
+    assert len(made["files"]) == 3
+    assert (out / "figures" / "fig14.svg").read_bytes() == before
+    assert answer(command, "tables", "--out", ".", cwd=folder)["files"]
+    assert run(command, "figures", "9", "--out", "out", cwd=folder).returncode == 4
+    assert run(command, "figures", "99", "--out", "out", cwd=folder).returncode == 2
+
+
+def test_missing_traces_are_code_4(command: str, tmp_path: Path) -> None:
+    done = run(command, "figures", cwd=tmp_path)
+    assert done.returncode == 4
+    assert "traces.h5" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_usage_errors_are_one_message_and_code_2(command: str, tmp_path: Path) -> None:
+    for words in (
+        ["compare", "--bogus"],
+        ["nonsense"],
+        ["compare", "--controllers", "x"],
+        ["compare", "--seed", "a"],
+    ):
+        done = run(command, *words, cwd=tmp_path)
+        assert done.returncode == 2, words
+        assert "Traceback" not in done.stderr
+        error = answer(command, *words, cwd=tmp_path, code=2)["error"]
+        assert error["code"] == 2
+        assert error["message"]
+
+
+def test_config_errors_name_file_and_line(command: str, tmp_path: Path) -> None:
+    run(command, "config", "init", "compare", "--out", "mine", cwd=tmp_path)
+    path = tmp_path / "mine" / "compare.yaml"
+    text = path.read_text()
+    line = text[: text.index("    lam:")].count("\n") + 2
+    path.write_text(text.replace("[8, 8]", "[8, -8]"))
+    done = run(command, "compare", "--config", "mine/compare.yaml", cwd=tmp_path)
+    assert done.returncode == 2
+    assert f"compare.yaml:{line}: control.gains.lam" in done.stderr
+    assert not (tmp_path / "reports").exists()
+
+
+@pytest.mark.slow
+def test_an_edited_copy_runs_and_standard_input_works(command: str, tmp_path: Path) -> None:
+    run(command, "config", "init", "compare", "--out", "mine", cwd=tmp_path)
+    again = run(command, "config", "init", "compare", "--out", "mine", cwd=tmp_path)
+    assert again.returncode == 2
+    assert "not overwritten" in again.stderr
+    text = run(command, "config", "show", "mine/compare.yaml", cwd=tmp_path).stdout
+    done = run(command, "config", "check", "-", "--json", cwd=tmp_path, stdin=text)
+    checked = json.loads(done.stdout)
+    own = answer(command, "config", "check", "compare", cwd=tmp_path)
+    assert checked["config_sha256"] == own["config_sha256"]
+
+
+@pytest.mark.slow
+def test_the_config_inside_the_traces_runs_again(
+    command: str, compared: tuple[Path, Any], tmp_path: Path
+) -> None:
+    from tendonrepro.results.traces import read_traces
+
+    folder, first = compared
+    file = read_traces(folder / "out" / "traces.h5")
+    (tmp_path / "again.yaml").write_text(file.config_yaml)
+    data = answer(command, "compare", "--config", "again.yaml", "--out", "out", cwd=tmp_path)
+    assert data["table2"] == first["table2"]
+
+
+def test_dry_run_writes_nothing(command: str, tmp_path: Path) -> None:
+    plan = answer(command, "reproduce", "--dry-run", cwd=tmp_path)
+    assert plan["compare"]["samples"]["controller_1"] == 18001
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+def test_quiet_is_quiet_and_notes_go_to_stderr(command: str, tmp_path: Path) -> None:
+    words = ["compare", *SHORT, "--controllers", "2", "--out", "out"]
+    done = run(command, *words, "--quiet", cwd=tmp_path)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    verbose = run(command, *words, "--verbose", cwd=tmp_path)
+    assert "controller_2: ok" in verbose.stderr
+    assert "controller_2: ok" not in verbose.stdout
+
+
+@pytest.mark.slow
+def test_a_law_of_the_users_own_runs_beside_the_others(command: str, tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(
+        "from tendonrepro.physics.control import command\n"
+        "def mine(memory, q, q_d, dq_d, ddq_d, law):\n"
+        "    return command(memory, q, q_d, dq_d, ddq_d, law)\n"
+        "def broken(memory, q, q_d, dq_d, ddq_d, law):\n"
+        "    return q\n"
+    )
+    words = ["compare", *SHORT, "--controllers", "1", "--out", "out"]
+    data = answer(command, *words, "--law", "mine.py:mine", cwd=tmp_path)
+    assert data["table2"]["mine"] == data["table2"]["controller_1"]
+    for spec, message in (
+        ("mine.py:broken", "must return"),
+        ("mine.py:none", "no function"),
+        ("no.py:f", "no such file"),
+    ):
+        done = run(command, *words[:-1], "other", "--law", spec, cwd=tmp_path)
+        assert done.returncode in (1, 2)
+        assert message in done.stderr
+        assert "Traceback" not in done.stderr
+
+
+def test_interrupted_run_leaves_no_half_result(command: str, tmp_path: Path) -> None:
+    import time
+
+    if sys.platform == "win32":
+        pytest.skip("no SIGINT for a child on Windows")
+    process = subprocess.Popen(
+        [command, "compare", "--out", "out"],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        preexec_fn=hear_interrupts,  # noqa: PLW1509
+        text=True,
+    )
+    while not (tmp_path / "out").exists() and process.poll() is None:
+        time.sleep(0.02)
+    time.sleep(0.5)
+    process.send_signal(signal.SIGINT)
+    _, stderr = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert stderr == "error: interrupted\n"
+    assert [path.name for path in (tmp_path / "out").iterdir() if path.name != ".lock"] == []
+
+
+def test_an_unwritable_folder_is_explained(command: str, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    done = run(command, "compare", *SHORT, "--out", "file/out", cwd=tmp_path)
+    assert done.returncode == 1
+    assert "results folder" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_version_and_citation(command: str, tmp_path: Path) -> None:
+    from tendonrepro import __version__
+
+    assert run(command, "--version", cwd=tmp_path).stdout.strip() == __version__
+    assert "10.3390/act15050271" in run(command, "--cite", cwd=tmp_path).stdout
+
+
+def test_doctor_finds_everything_in_order(command: str, tmp_path: Path) -> None:
+    found = answer(command, "doctor", cwd=tmp_path)
+    assert found["checks"]["configurations"] == "ok"
+    assert found["checks"]["published numbers"] == "ok"
+    assert found["environment"]["versions"]["h5py"]

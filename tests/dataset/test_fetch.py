@@ -1,0 +1,670 @@
+"""The data set's download, as a user runs it, against a repository that has every bad day it can have."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from support.command import answer, run
+from support.zenodo_server import CONCEPT, ONE, RECORD, SMALL, Repository, serving
+
+from tendonrepro.console import Talk
+from tendonrepro.dataset.readers.read import files_below
+from tendonrepro.dataset.repository import fetch as fetch_module
+from tendonrepro.dataset.repository.fetch import run_fetch
+from tendonrepro.dataset.repository.fetch_text import fetch_text
+from tendonrepro.dataset.repository.web import Patience
+from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
+
+Fetch = Callable[..., dict[str, Any]]
+
+
+def files_of(folder: Path) -> dict[str, bytes]:
+    """What stands under final names: no working file, no lock."""
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and path.suffix != ".part" and not path.name.endswith(".part.json")
+        if path.name != ".lock"
+    }
+
+
+def contents(files: dict[str, bytes]) -> dict[str, bytes]:
+    return dict(sorted(files.items()))
+
+
+@pytest.fixture
+def waits() -> list[float]:
+    """Seconds the download wanted to wait; nobody does."""
+    return []
+
+
+@pytest.fixture
+def fetch(tmp_path: Path, waits: list[float]) -> Fetch:
+    """The command's function, on a folder of its own, without real waits."""
+
+    def carry_out(repository: Repository | str, **options: Any) -> dict[str, Any]:
+        url = repository if isinstance(repository, str) else repository.url
+        defaults: dict[str, Any] = {"record": str(RECORD), "out": tmp_path / "zenodo", "from_dir": None}
+        defaults |= {"force": False, "dry_run": False, "talk": Talk(quiet=True)}
+        words = defaults | {"base_url": url} | options
+        return run_fetch(**words, patience=Patience(sleep=waits.append, timeout=(5.0, 5.0)))
+
+    return carry_out
+
+
+# ---- through the installed command ----
+
+
+def test_fetch_then_again_without_a_network(command: str, tmp_path: Path) -> None:
+    with serving(Repository()) as repository:
+        found = answer(command, "fetch", str(RECORD), "--base-url", repository.url, cwd=tmp_path)
+        agents = {headers["user-agent"] for _, headers in repository.log}
+    assert files_of(tmp_path / "data" / "zenodo") == contents(SMALL)
+    assert {file["action"] for file in found["files"]} == {"downloaded"}
+    assert found["title"].startswith("SYNTHETIC")
+    lock = json.loads((tmp_path / "data" / "zenodo.lock.json").read_text())
+    assert {key: lock[key] for key in ("record", "licence", "version", "verified")} == {
+        "record": str(RECORD),
+        "licence": "cc-by-4.0",
+        "version": "v1",
+        "verified": True,
+    }
+    assert all(hashlib.md5(SMALL[file["key"]]).hexdigest() == file["md5"] for file in lock["files"])
+    assert all(agent.startswith("tendonrepro/") and "(+http" in agent for agent in agents)
+    again = run(command, "fetch", str(RECORD), cwd=tmp_path, TENDONREPRO_ZENODO_URL=repository.url)
+    assert again.returncode == 0
+    assert "nothing asked of the network" in again.stderr
+    assert "SYNTHETIC exp data 1.mat" in again.stdout
+
+
+@pytest.mark.parametrize(
+    ("modes", "code", "words"),
+    [
+        ({"deleted"}, 4, "SYNTHETIC note: withdrawn"),
+        ({"restricted"}, 4, "not open to everyone (restricted)"),
+        ({"embargoed"}, 4, "until 2999-01-01"),
+        ({"closed_files"}, 4, "Permission denied"),
+        ({"refused"}, 4, "refuses this computer"),
+        ({"page"}, 4, "instead of JSON"),
+        ({"broken_json"}, 4, "damaged"),
+        ({"gateway"}, 4, "504"),
+        ({"busy"}, 4, "too many requests"),
+        ({"page_content"}, 4, "web page instead of the file"),
+        ({"closed_content"}, 4, "not open to everyone"),
+        ({"wrong_md5"}, 4, "another MD5"),
+        ({"longer"}, 4, "40004 bytes"),
+        ({"longer", "chunked"}, 4, "more comes than"),
+    ],
+    ids=lambda value: "+".join(sorted(value)) if isinstance(value, set) else None,
+)
+def test_every_failure_is_one_sentence_and_leaves_nothing(
+    command: str, tmp_path: Path, modes: set[str], code: int, words: str
+) -> None:
+    with serving(Repository(modes=modes)) as repository:
+        done = run(command, "fetch", str(RECORD), "--base-url", repository.url, cwd=tmp_path)
+    assert done.returncode == code
+    assert words in done.stderr
+    assert "Traceback" not in done.stderr
+    assert done.stderr.splitlines()[-2].startswith("error: ")
+    assert done.stderr.splitlines()[-1].strip()
+    left = [path.name for path in tmp_path.rglob("*") if path.is_file()]
+    assert set(left) <= {".lock"}
+
+
+@pytest.mark.parametrize(
+    ("modes", "options"),
+    [
+        ({"busy"}, {"failures": 2, "retry_after": "1"}),
+        ({"cut"}, {"files": ONE, "failures": 2}),
+        ({"cut", "no_range"}, {"files": ONE, "failures": 1}),
+        ({"cut", "no_such_range"}, {"files": ONE, "failures": 1}),
+    ],
+    ids=["busy", "cut", "range ignored", "range refused"],
+)
+def test_what_passes_is_waited_for(
+    command: str, tmp_path: Path, modes: set[str], options: dict[str, Any]
+) -> None:
+    with serving(Repository(modes=modes, **options)) as repository:
+        done = run(command, "fetch", str(RECORD), "--base-url", repository.url, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert files_of(tmp_path / "data" / "zenodo") == contents(repository.files)
+    assert ("waiting 1 s" in done.stderr) == ("busy" in modes)
+    ranges = [found for found in repository.ranges() if found]
+    assert bool(ranges) == ("cut" in modes)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs SIGKILL")
+def test_a_killed_download_goes_on_where_it_stopped(command: str, tmp_path: Path) -> None:
+    with serving(Repository(files=dict(ONE), modes={"stuck"}, failures=1)) as repository:
+        words = [command, "fetch", str(RECORD), "--base-url", repository.url, "--quiet"]
+        part = tmp_path / "data" / "zenodo" / "SYNTHETIC run.bin.part"
+        with subprocess.Popen(words, cwd=tmp_path) as process:
+            wait_for(lambda: part.exists() and part.stat().st_size >= 49152, process)
+            process.send_signal(signal.SIGKILL)
+        assert files_of(part.parent) == {}
+        repository.release.set()
+        assert run(command, *words[1:], cwd=tmp_path).returncode == 0
+        assert repository.ranges() == [None, "bytes=49152-"]
+    assert files_of(part.parent) == ONE
+    assert not part.exists()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs the sizes of open files")
+def test_two_at_once(command: str, tmp_path: Path) -> None:
+    """The first finishes undisturbed; the second is told to wait."""
+    with serving(Repository(files=dict(ONE), modes={"stuck"}, failures=1)) as repository:
+        words = ["fetch", str(RECORD), "--base-url", repository.url, "--quiet"]
+        part = tmp_path / "data" / "zenodo" / "SYNTHETIC run.bin.part"
+        with subprocess.Popen([command, *words], cwd=tmp_path) as first:
+            wait_for(lambda: part.exists() and part.stat().st_size >= 49152, first)
+            second = run(command, *words, cwd=tmp_path)
+            repository.release.set()
+        assert (first.returncode, second.returncode) == (0, 2)
+        assert "another tendonrepro is writing here" in second.stderr
+    assert files_of(part.parent) == ONE
+
+
+def wait_for(holds: Callable[[], bool], process: subprocess.Popen[bytes]) -> None:
+    deadline = time.monotonic() + 30.0
+    while not holds():
+        assert process.poll() is None
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a limit on the size of files")
+def test_a_disk_that_takes_no_more(command: str, tmp_path: Path) -> None:
+    # A limit set between fork and exec would warn of the server's thread, so a small program sets it.
+    limit = "import os, resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000)); "
+    limited = [sys.executable, "-c", f"{limit}os.execv(sys.argv[1], sys.argv[1:])"]
+    with serving(Repository(files=dict(ONE))) as repository:
+        words = [command, "fetch", str(RECORD), "--base-url", repository.url]
+        done = run(limited[0], *limited[1:], *words, cwd=tmp_path)
+        assert done.returncode == 1
+        assert "cannot write" in done.stderr
+        assert "Traceback" not in done.stderr
+        assert files_of(tmp_path / "data" / "zenodo") == {}
+        assert run(command, *words[1:], cwd=tmp_path).returncode == 0
+    assert [found for found in repository.ranges() if found]
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "message"),
+    [
+        (["12", "--base-url", "{url}"], 4, "persistent identifier does not exist"),
+        ([], 4, "the proxy for zenodo.org cannot be used"),
+        (["--base-url", "{closed}"], 4, "no connection to"),
+        (["--base-url", "{secure}"], 4, "no secure connection"),
+        (["nonsense"], 2, "is not a record"),
+        (["--base-url", "http://me:secret@127.0.0.1"], 2, "is not the address of a site"),
+        (["--base-url", "ftp://127.0.0.1"], 2, "is not the address of a site"),
+        (["--from-dir", "nowhere", "--base-url", "{closed}"], 2, "is not a folder"),
+    ],
+)
+def test_wrong_addresses(command: str, tmp_path: Path, words: list[str], code: int, message: str) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        closed = f"http://127.0.0.1:{free.getsockname()[1]}"
+    with serving(Repository()) as repository:
+        places = {"url": repository.url, "closed": closed, "secure": repository.url.replace("http", "https")}
+        done = run(command, "fetch", *(word.format(**places) for word in words), cwd=tmp_path)
+    assert done.returncode == code
+    assert message in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_files_downloaded_by_hand(command: str, tmp_path: Path) -> None:
+    by_hand = tmp_path / "Downloads"
+    by_hand.mkdir()
+    for key, content in SMALL.items():
+        (by_hand / Path(key).name).write_bytes(content)
+    (by_hand / "holiday.jpg").write_bytes(b"SYNTHETIC")
+    words = ["fetch", str(RECORD), "--from-dir", "Downloads"]
+    with serving(Repository()) as repository:
+        found = answer(command, *words, "--base-url", repository.url, cwd=tmp_path)
+        assert not repository.ranges()
+    assert found["verified"]
+    assert found["ignored"] == ["holiday.jpg"]
+    assert files_of(tmp_path / "data" / "zenodo") == contents(SMALL)
+
+
+# ---- in this process: resuming ----
+
+
+def test_every_shape_gives_the_same_lock(fetch: Fetch, tmp_path: Path) -> None:
+    locks = []
+    for shape in ("zenodo", "2023", "rdm"):
+        with serving(Repository(shape=shape)) as repository:
+            fetch(repository, out=tmp_path / shape)
+        lock = json.loads((tmp_path / f"{shape}.lock.json").read_text())
+        locks.append({key: lock[key] for key in lock if key not in {"fetched_at", "base_url"}})
+    assert locks[0] == locks[1] == locks[2]
+    assert locks[0]["concept_doi"] == f"10.5281/zenodo.{CONCEPT}"
+
+
+@pytest.mark.parametrize("mode", ["bare_md5", "stripped", "listed", "chunked", "no_md5"])
+def test_harmless_days(fetch: Fetch, tmp_path: Path, mode: str) -> None:
+    with serving(Repository(modes={mode})) as repository:
+        found = fetch(repository)
+    assert files_of(tmp_path / "zenodo") == contents(SMALL)
+    assert any("no MD5" in text for text in found["warnings"]) == (mode == "no_md5")
+    with_md5 = {file["md5"] for file in json.loads((tmp_path / "zenodo.lock.json").read_text())["files"]}
+    assert with_md5 == {hashlib.md5(content).hexdigest() for content in SMALL.values()}
+
+
+def test_the_other_address_helps_where_ranges_fail(fetch: Fetch, tmp_path: Path) -> None:
+    modes = {"cut", "gateway_on_range"}
+    with serving(Repository(files=dict(ONE), modes=modes, failures=1)) as repository:
+        fetch(repository)
+        assert repository.paths()[-1].endswith("?download=1")
+    assert files_of(tmp_path / "zenodo") == ONE
+
+
+def test_a_part_from_the_wrong_place_is_not_joined(fetch: Fetch, tmp_path: Path) -> None:
+    with serving(Repository(files=dict(ONE), modes={"cut", "shifted"}, failures=1)) as repository:
+        fetch(repository)
+        assert repository.ranges() == [None, "bytes=49152-", None]
+    assert files_of(tmp_path / "zenodo") == ONE
+
+
+def test_a_line_that_always_ends_leaves_the_part_for_the_next_time(fetch: Fetch, tmp_path: Path) -> None:
+    with serving(Repository(files=dict(ONE), modes={"cut"}, cut_at=20_000)) as repository:
+        with pytest.raises(DataMissingError, match=r"of 204800 bytes") as caught:
+            fetch(repository)
+        assert "run the command again" in str(caught.value)
+        part = tmp_path / "zenodo" / "SYNTHETIC run.bin.part"
+        kept = part.stat().st_size
+        assert part.read_bytes() == ONE["SYNTHETIC run.bin"][:kept] != b""
+        repository.modes.clear()
+        fetch(repository)
+        assert repository.ranges()[-1] == f"bytes={kept}-"
+    assert files_of(tmp_path / "zenodo") == ONE
+
+
+@pytest.mark.parametrize("change", ["label", "no label", "too long", "other bytes"])
+def test_a_part_of_something_else(fetch: Fetch, tmp_path: Path, change: str) -> None:
+    """Without its label a part is not trusted, and with it the digest has the last word."""
+    with serving(Repository(files=dict(ONE), modes={"cut"}, cut_at=20_000)) as repository:
+        with pytest.raises(DataMissingError):
+            fetch(repository)
+        part = tmp_path / "zenodo" / "SYNTHETIC run.bin.part"
+        label = part.with_name(f"{part.name}.json")
+        repository.modes.clear()
+        repository.log.clear()
+        if change == "label":
+            label.write_text(label.read_text().replace(str(RECORD), "77"))
+        elif change == "no label":
+            label.unlink()
+        elif change == "too long":
+            part.write_bytes(ONE["SYNTHETIC run.bin"] + b"more")
+        else:
+            part.write_bytes(b"x" * 1000)
+            with pytest.raises(DataMissingError, match="another MD5"):
+                fetch(repository)
+            assert not part.exists()
+            repository.log.clear()
+        fetch(repository)
+        assert repository.ranges() == [None]
+    assert files_of(tmp_path / "zenodo") == ONE
+
+
+def test_a_complete_part_is_only_checked(fetch: Fetch, tmp_path: Path) -> None:
+    with serving(Repository(files=dict(ONE), modes={"cut"}, cut_at=20_000)) as repository:
+        with pytest.raises(DataMissingError):
+            fetch(repository)
+        (tmp_path / "zenodo" / "SYNTHETIC run.bin.part").write_bytes(ONE["SYNTHETIC run.bin"])
+        repository.log.clear()
+        fetch(repository)
+        assert repository.ranges() == []
+    assert files_of(tmp_path / "zenodo") == ONE
+
+
+# ---- waiting ----
+
+
+@pytest.mark.parametrize(
+    ("retry_after", "expected"),
+    [("7", [7.0]), (None, [0.25]), ("soon", [0.25]), ("-5", [0.0]), ("nan", [0.25]), ("inf", [0.25])],
+)
+def test_the_wait_a_server_asks_for(
+    fetch: Fetch, waits: list[float], retry_after: str | None, expected: list[float]
+) -> None:
+    with serving(Repository(modes={"busy"}, failures=1, retry_after=retry_after)) as repository:
+        fetch(repository)
+    assert waits == expected
+
+
+@pytest.mark.parametrize("retry_after", ["3600", "Fri, 31 Dec 9999 23:59:59 GMT"])
+def test_nobody_waits_an_hour(fetch: Fetch, waits: list[float], retry_after: str) -> None:
+    with (
+        serving(Repository(modes={"busy"}, retry_after=retry_after)) as repository,
+        pytest.raises(DataMissingError, match="too many requests"),
+    ):
+        fetch(repository)
+    assert waits == []
+
+
+def test_a_header_that_asks_to_wait_counts_only_with_its_status(fetch: Fetch, waits: list[float]) -> None:
+    with serving(Repository()) as repository:
+        fetch(repository)
+    assert waits == []
+
+
+def test_a_gateway_that_recovers(fetch: Fetch, waits: list[float]) -> None:
+    with serving(Repository(modes={"gateway"}, failures=3)) as repository:
+        fetch(repository)
+    assert waits == [0.25, 0.5, 1.0]
+
+
+def test_a_name_that_cannot_be_found(fetch: Fetch, monkeypatch: pytest.MonkeyPatch) -> None:
+    def unknown(*_: Any, **__: Any) -> None:
+        raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
+
+    monkeypatch.setenv("NO_PROXY", "*")
+    monkeypatch.setenv("no_proxy", "*")
+    monkeypatch.setattr(socket, "getaddrinfo", unknown)
+    with pytest.raises(DataMissingError, match=r"the name zenodo.example cannot be found") as caught:
+        fetch("https://zenodo.example")
+    assert "--from-dir" in str(caught.value)
+
+
+def test_redirects_without_end(fetch: Fetch) -> None:
+    with (
+        serving(Repository(modes={"endless"})) as repository,
+        pytest.raises(DataMissingError, match="without end"),
+    ):
+        fetch(repository)
+
+
+@pytest.mark.parametrize("reach", ["connect", "connect_ex", "getaddrinfo"])
+def test_no_test_leaves_this_machine(reach: str) -> None:
+    """The guard in conftest, tried on an address kept for documentation."""
+    there = "192.0.2.1", 80
+    with socket.socket() as line:
+        tries = {
+            "connect": lambda: line.connect(there),
+            "connect_ex": lambda: line.connect_ex(there),
+            "getaddrinfo": lambda: socket.getaddrinfo(*there),
+        }
+        with pytest.raises(pytest.fail.Exception, match=r"192\.0\.2\.1"):
+            tries[reach]()
+    remembered: list[str] = socket.getaddrinfo.__globals__["strays"]
+    assert len(remembered) == 1
+    remembered.clear()
+
+
+@pytest.mark.parametrize("host", ["a..b", "a" * 70])
+def test_addresses_that_make_no_sense(fetch: Fetch, monkeypatch: pytest.MonkeyPatch, host: str) -> None:
+    """Such names fail in their encoding, before anybody is asked for them."""
+    monkeypatch.setenv("NO_PROXY", "*")
+    monkeypatch.setenv("no_proxy", "*")
+    with pytest.raises(DataMissingError, match="makes no sense"):
+        fetch(f"http://{host}")
+
+
+# ---- versions ----
+
+
+def test_a_number_of_all_versions_is_followed_and_named(fetch: Fetch) -> None:
+    with serving(Repository()) as repository:
+        found = fetch(repository, record=f"https://doi.org/10.5281/zenodo.{CONCEPT}")
+    assert found["record"] == str(RECORD)
+    assert any(f"ask for {RECORD}" in text for text in found["warnings"])
+    # Both numbers are known from now on, and the version stays.
+    for number in (RECORD, CONCEPT):
+        assert not fetch("http://127.0.0.1:9", record=str(number))["network"]
+
+
+@pytest.mark.parametrize("shape", ["zenodo", "rdm"])
+def test_a_later_version_is_told(fetch: Fetch, shape: str) -> None:
+    with serving(Repository(shape=shape, is_last=False)) as repository:
+        assert "not the latest" in fetch(repository)["warnings"][0]
+
+
+# ---- the lock and what is on disk ----
+
+
+@pytest.fixture
+def fetched(fetch: Fetch) -> Iterator[Repository]:
+    with serving(Repository()) as repository:
+        fetch(repository)
+        repository.log.clear()
+        yield repository
+
+
+def test_a_missing_file_is_fetched_again(fetch: Fetch, fetched: Repository, tmp_path: Path) -> None:
+    (tmp_path / "zenodo" / "SYNTHETIC folder" / "run.csv").unlink()
+    found = fetch(fetched)
+    assert [file["action"] for file in found["files"]] == ["present", "downloaded", "present"]
+    assert len(fetched.ranges()) == 1
+    assert files_of(tmp_path / "zenodo") == contents(SMALL)
+
+
+def test_an_altered_file_is_kept_until_forced(fetch: Fetch, fetched: Repository, tmp_path: Path) -> None:
+    mine = tmp_path / "zenodo" / "SYNTHETIC exp data 1.mat"
+    mine.write_bytes(b"my own work")
+    with pytest.raises(UsageError, match=r"SYNTHETIC exp data 1\.mat"):
+        fetch(fetched)
+    assert mine.read_bytes() == b"my own work"
+    assert not fetched.log
+    assert fetch(fetched, force=True)["files"][0]["action"] == "downloaded"
+    assert files_of(tmp_path / "zenodo") == contents(SMALL)
+
+
+def test_files_without_a_lock_are_compared(fetch: Fetch, fetched: Repository, tmp_path: Path) -> None:
+    (tmp_path / "zenodo.lock.json").unlink()
+    assert {file["action"] for file in fetch(fetched)["files"]} == {"present"}
+    assert fetched.ranges() == []
+    (tmp_path / "zenodo.lock.json").unlink()
+    (tmp_path / "zenodo" / "SYNTHETIC empty.txt").write_text("mine")
+    with pytest.raises(UsageError, match=r"SYNTHETIC empty.txt"):
+        fetch(fetched)
+
+
+def test_another_record_needs_force(fetch: Fetch, fetched: Repository) -> None:
+    with pytest.raises(UsageError, match=f"holds record {RECORD}, not 5"):
+        fetch(fetched, record="5")
+    with pytest.raises(DataMissingError, match="record 5"):
+        fetch(fetched, record="5", force=True)
+
+
+def test_a_record_that_changed_under_its_number(fetch: Fetch, fetched: Repository, tmp_path: Path) -> None:
+    (tmp_path / "zenodo" / "SYNTHETIC empty.txt").unlink()
+    fetched.files["SYNTHETIC empty.txt"] = b"SYNTHETIC, no longer empty"
+    with pytest.raises(UsageError, match="other files now"):
+        fetch(fetched)
+    assert fetch(fetched, force=True)["warnings"]
+    assert files_of(tmp_path / "zenodo") == contents(fetched.files)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('"schema_version": 1', '"schema_version": 99'),
+        ('"path": "SYNTHETIC empty.txt"', '"path": "../escape.txt"'),
+        ('"path": "SYNTHETIC empty.txt"', '"path": "SYNTHETIC exp data 1.mat"'),
+        ('"size": 0', '"size": -1'),
+        ('"size": 0', '"size": true'),
+        ('"verified": true', '"verified": 1'),
+        ('"verified": true', '"verified": true, "more": 1'),
+        (f'"record": "{RECORD}"', f'"record": {RECORD}'),
+        ('"md5": "d41d', '"md5": "zz1d'),
+        ("{", "["),
+    ],
+)
+def test_a_broken_lock_is_refused(
+    fetch: Fetch, fetched: Repository, tmp_path: Path, old: str, new: str
+) -> None:
+    path = tmp_path / "zenodo.lock.json"
+    assert old in path.read_text()
+    path.write_text(path.read_text().replace(old, new, 1))
+    with pytest.raises(DataMissingError, match="data lock") as caught:
+        fetch(fetched)
+    assert "remove it" in str(caught.value)
+
+
+def test_the_lock_stands_beside_the_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert fetch_module.lock_path(Path("data/zenodo")) == Path("data/zenodo.lock.json")
+    assert fetch_module.lock_path(Path()) == tmp_path.with_name(f"{tmp_path.name}.lock.json")
+    with pytest.raises(UsageError):
+        fetch_module.lock_path(Path(tmp_path.anchor))
+
+
+def test_dry_run_writes_nothing(fetch: Fetch, tmp_path: Path) -> None:
+    with serving(Repository()) as repository:
+        found = fetch(repository, dry_run=True)
+        assert repository.ranges() == []
+    assert {file["action"] for file in found["files"]} == {"to download"}
+    assert "nothing written" in fetch_text(found)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_too_little_room_is_told_before(fetch: Fetch, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Usage:
+        free = 1000
+
+    monkeypatch.setattr("shutil.disk_usage", lambda _: Usage)
+    with serving(Repository()) as repository:
+        with pytest.raises(TendonreproError, match=r"need 40.0 kB, 1.0 kB are free"):
+            fetch(repository)
+        assert repository.ranges() == []
+
+
+def test_a_full_disk(fetch: Fetch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: Any) -> None:
+        raise OSError(28, os.strerror(28))
+
+    monkeypatch.setattr("tendonrepro.dataset.repository.download._write", full)
+    with (
+        serving(Repository()) as repository,
+        pytest.raises(TendonreproError, match="No space left") as caught,
+    ):
+        fetch(repository)
+    assert "goes on where it stopped" in str(caught.value)
+    assert files_of(tmp_path / "zenodo") == {}
+
+
+# ---- from a folder ----
+
+
+@pytest.fixture
+def by_hand(tmp_path: Path) -> Path:
+    folder = tmp_path / "Downloads"
+    for key, content in SMALL.items():
+        (folder / key).parent.mkdir(parents=True, exist_ok=True)
+        (folder / key).write_bytes(content)
+    return folder
+
+
+def test_a_lock_is_enough_to_verify(fetch: Fetch, fetched: Repository, by_hand: Path, tmp_path: Path) -> None:
+    (tmp_path / "zenodo" / "SYNTHETIC empty.txt").unlink()
+    found = fetch("http://127.0.0.1:9", from_dir=by_hand)
+    assert [file["action"] for file in found["files"]] == ["present", "present", "copied"]
+    assert not fetched.log
+    assert files_of(tmp_path / "zenodo") == contents(SMALL)
+
+
+def test_nobody_to_ask(fetch: Fetch, by_hand: Path, tmp_path: Path) -> None:
+    """Files are taken as they are, and that they are unverified is said until they are compared."""
+    found = fetch("http://127.0.0.1:9", from_dir=by_hand)
+    assert not found["verified"]
+    assert "NOT compared" in found["warnings"][0]
+    assert "NOT compared" in fetch_text(found)
+    assert files_of(tmp_path / "zenodo") == contents(SMALL)
+    again = fetch("http://127.0.0.1:9")
+    assert "never compared" in again["warnings"][0]
+    with serving(Repository()) as repository:
+        compared = fetch(repository, force=True)
+    assert compared["verified"]
+    assert {file["action"] for file in compared["files"]} == {"present"}
+
+
+ODD_NAMES = ["motor.lock", "results.lock.json", "results/r.csv", ".hidden/run.csv", ".x"]
+
+
+def test_whatever_a_record_holds_is_read_afterwards(fetch: Fetch, tmp_path: Path) -> None:
+    odd = dict.fromkeys(ODD_NAMES, b"SYNTHETIC 1\n")
+    with serving(Repository(files=odd)) as repository:
+        fetch(repository)
+    for folder, prefix in ((tmp_path / "zenodo", ""), (tmp_path, "zenodo/")):
+        assert {name for _, name in files_below([folder])} == {prefix + name for name in ODD_NAMES}
+
+
+def test_hidden_files_of_a_record_are_found_by_hand(fetch: Fetch, by_hand: Path, tmp_path: Path) -> None:
+    odd = dict.fromkeys(ODD_NAMES, b"SYNTHETIC 1\n")
+    for name, content in {**odd, ".hidden/other": b"", "run.csv.part": b""}.items():
+        (by_hand / name).parent.mkdir(exist_ok=True)
+        (by_hand / name).write_bytes(content)
+    with serving(Repository(files=odd)) as repository:
+        found = fetch(repository, from_dir=by_hand)
+    assert files_of(tmp_path / "zenodo") == contents(odd)
+    assert set(found["ignored"]) == set(SMALL)
+
+
+def test_a_wrong_file_by_hand_is_refused(fetch: Fetch, by_hand: Path, tmp_path: Path) -> None:
+    (by_hand / "SYNTHETIC exp data 1.mat").write_bytes(b"cut")
+    with (
+        serving(Repository()) as repository,
+        pytest.raises(DataMissingError, match=r"SYNTHETIC exp data 1\.mat"),
+    ):
+        fetch(repository, from_dir=by_hand)
+    assert files_of(tmp_path / "zenodo") == {}
+
+
+def test_an_incomplete_folder_is_completed_by_the_network(
+    fetch: Fetch, by_hand: Path, tmp_path: Path
+) -> None:
+    (by_hand / "SYNTHETIC empty.txt").unlink()
+    with serving(Repository()) as repository:
+        with pytest.raises(DataMissingError, match=r"lacks 1 of the record's 3 files.*SYNTHETIC empty.txt"):
+            fetch(repository, from_dir=by_hand)
+        assert not (tmp_path / "zenodo.lock.json").exists()
+        found = fetch(repository)
+    assert [file["action"] for file in found["files"]] == ["present", "present", "downloaded"]
+
+
+def test_an_unfinished_download_is_tidied_when_the_file_comes_by_hand(
+    fetch: Fetch, by_hand: Path, tmp_path: Path
+) -> None:
+    for name, content in ONE.items():
+        (by_hand / name).write_bytes(content)
+    with serving(Repository(files=dict(ONE), modes={"cut"}, cut_at=20_000)) as repository:
+        with pytest.raises(DataMissingError):
+            fetch(repository)
+        assert list((tmp_path / "zenodo").glob("*.part*"))
+        fetch(repository, from_dir=by_hand)
+    assert not list((tmp_path / "zenodo").glob("*.part*"))
+
+
+def test_files_already_in_place(fetch: Fetch, by_hand: Path) -> None:
+    with serving(Repository()) as repository:
+        found = fetch(repository, out=by_hand, from_dir=by_hand)
+    assert {file["action"] for file in found["files"]} == {"present"}
+    assert files_of(by_hand) == contents(SMALL)
+
+
+def test_a_record_that_is_not_there_is_not_taken_by_hand(fetch: Fetch, by_hand: Path) -> None:
+    with serving(Repository()) as repository, pytest.raises(DataMissingError, match="not at"):
+        fetch(repository, record="5", from_dir=by_hand)
+
+
+@pytest.mark.parametrize("key", ["../SYNTHETIC.mat", "/SYNTHETIC.mat", "a\\SYNTHETIC.mat", "SYNTHETIC.part"])
+def test_a_record_cannot_write_elsewhere(fetch: Fetch, tmp_path: Path, key: str) -> None:
+    with (
+        serving(Repository(files={key: b"SYNTHETIC"})) as repository,
+        pytest.raises(DataMissingError, match="SYNTHETIC") as caught,
+    ):
+        fetch(repository)
+    assert "file name" in str(caught.value)
+    assert [path.name for path in tmp_path.rglob("*") if path.is_file()] == [".lock"]

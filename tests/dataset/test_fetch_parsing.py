@@ -1,0 +1,285 @@
+"""Names and records from elsewhere: whatever they are, the answer is a safe path or one clear error."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from contextlib import suppress
+from pathlib import Path, PurePosixPath, PureWindowsPath
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from support.zenodo_server import RECORD, Repository
+
+from tendonrepro.dataset.repository.lock import DataLock, LockedFile, read_lock, write_lock
+from tendonrepro.dataset.repository.names import LABEL, PART, is_ours, printable, safe_paths, safe_relative
+from tendonrepro.dataset.repository.zenodo import Record, parse_files, parse_record, record_number
+from tendonrepro.errors import DataMissingError, UsageError
+
+SITE = "https://zenodo.example"
+
+
+@pytest.mark.parametrize("name", ["data.mat", "exp data 1.mat", "run 1/joint.csv", "数据.xlsx", "a..b", ".x"])
+def test_ordinary_names_stay(name: str) -> None:
+    assert safe_relative(name) == PurePosixPath(name)
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("", "empty"),
+        ("..", "out of the folder"),
+        ("a/../../b", "out of the folder"),
+        ("/etc/passwd", "absolute"),
+        ("C:/x", "drive"),
+        ("c:x", "drive"),
+        ("a\\b", "backslash"),
+        ("a\0b", "control"),
+        ("a\nb", "control"),
+        ("a\u202eb", "invisible"),
+        ("a\ud800b", "half a character"),
+        ("a//b", "empty part"),
+        ("a/", "empty part"),
+        ("./a", "empty part"),
+        ("a.", "dot"),
+        ("a /b", "space"),
+        ("CON", "Windows"),
+        ("x/nul.txt", "Windows"),
+        ("com1.mat", "Windows"),
+        ("x.part", "working files"),
+        ("x.PART.json", "working files"),
+        (".lock", "working files"),
+        ("x" * 300, "longer"),
+    ],
+)
+def test_dangerous_names_are_refused(name: str, reason: str) -> None:
+    with pytest.raises(ValueError, match=reason):
+        safe_relative(name)
+
+
+@pytest.mark.parametrize(
+    "name", ["motor.lock", "results.lock.json", ".hidden", "part", "x.part.csv", "x.json"]
+)
+def test_names_of_others_are_not_ours(name: str) -> None:
+    assert not is_ours(name)
+    assert safe_relative(f"run 1/{name}") == PurePosixPath("run 1", name)
+
+
+@pytest.mark.parametrize("name", ["x.mat" + PART, "x.mat" + LABEL, "X.PART", ".lock", ".Lock"])
+def test_names_of_our_own_are_not_taken_from_a_record(name: str) -> None:
+    assert is_ours(name)
+    with pytest.raises(ValueError, match="working files"):
+        safe_relative(f"run 1/{name}")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="names are text there")
+@given(st.binary(max_size=20))
+def test_any_name_on_disk_can_be_printed(raw: bytes) -> None:
+    name = printable(os.fsdecode(raw))
+    assert name.encode().decode() == name
+    assert printable(name) == name
+
+
+@given(st.text(max_size=40) | st.text(alphabet="./\\:aAC \0", max_size=12))
+def test_a_safe_name_never_leaves_its_folder(name: str) -> None:
+    try:
+        path = safe_relative(name)
+    except ValueError:
+        return
+    root = Path("root").absolute()
+    assert Path(os.path.normpath(root / path)).is_relative_to(root)
+    windows = PureWindowsPath(str(path))
+    assert not windows.drive
+    assert not windows.is_absolute()
+    assert windows.parts == path.parts
+    assert ".." not in path.parts
+    assert safe_relative(str(path)) == path
+
+
+@pytest.mark.parametrize(
+    "names", [["A.mat", "a.mat"], ["é.mat", "e\u0301.mat"], ["a", "a/b"], ["a/b", "A"], ["x", "x"]]
+)
+def test_names_that_meet_are_refused(names: list[str]) -> None:
+    with pytest.raises(ValueError, match="same file"):
+        safe_paths(names)
+
+
+def test_names_in_one_folder_do_not_meet() -> None:
+    assert list(safe_paths(["a/b", "a/c", "ab"])) == ["a/b", "a/c", "ab"]
+
+
+@given(st.lists(st.text(alphabet="aAbB/.", min_size=1, max_size=4), max_size=6))
+def test_safe_names_are_different_files(names: list[str]) -> None:
+    try:
+        paths = safe_paths(names)
+    except ValueError:
+        return
+    folded = [str(path).lower() for path in paths.values()]
+    assert len(set(folded)) == len(names)
+    assert not any(one != other and other.startswith(f"{one}/") for one in folded for other in folded)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "19467931",
+        " 19467931 ",
+        "10.5281/zenodo.19467931",
+        "doi:10.5281/zenodo.19467931",
+        "https://doi.org/10.5281/zenodo.19467931",
+        "http://dx.doi.org/10.5281/ZENODO.19467931",
+        "https://zenodo.org/records/19467931",
+        "https://zenodo.org/record/19467931/files/x.mat?download=1",
+        "https://zenodo.org/api/records/19467931",
+        f"{SITE}/records/19467931",
+    ],
+)
+def test_ways_to_name_a_record(text: str) -> None:
+    assert record_number(text, SITE) == "19467931"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "x",
+        "-1",
+        "1.5",
+        "10.5281/zenodo.",
+        "10.1000/1",
+        "https://elsewhere.example/records/1",
+        "https://[",
+    ],
+)
+def test_what_is_no_record(text: str) -> None:
+    with pytest.raises(UsageError, match="is not a record"):
+        record_number(text, SITE)
+
+
+@given(st.text(max_size=30))
+def test_any_text_is_a_number_or_a_mistake(text: str) -> None:
+    with suppress(UsageError):
+        assert record_number(text).isdigit()
+
+
+def example(shape: str) -> dict[str, Any]:
+    return Repository(shape=shape, url=SITE).record()
+
+
+@pytest.mark.parametrize("shape", ["zenodo", "2023", "rdm"])
+def test_all_shapes_say_the_same(shape: str) -> None:
+    record = parse_record(example(shape), SITE)
+    reference = parse_record(example("zenodo"), SITE)
+    assert record == reference
+    assert record.files[0].urls[0].endswith("/files/SYNTHETIC%20exp%20data%201.mat/content")
+    assert record.files[0].urls[1].endswith("/files/SYNTHETIC%20exp%20data%201.mat?download=1")
+    assert record.files[1].urls[0].endswith("/SYNTHETIC%20folder/run.csv/content")
+
+
+def test_a_listing_is_read_as_list_and_by_key() -> None:
+    entries = Repository(url=SITE).entries()
+    files = parse_files({"enabled": True, "entries": entries}, str(RECORD), SITE)
+    by_key = {entry["key"]: {key: entry[key] for key in ("size", "checksum", "links")} for entry in entries}
+    assert parse_files({"entries": by_key}, str(RECORD), SITE) == files
+    assert parse_files({"enabled": True}, str(RECORD), SITE) == ()
+
+
+@pytest.mark.parametrize(
+    ("entry", "words"),
+    [
+        ({"key": "SYNTHETIC", "size": -1}, "size"),
+        ({"key": "SYNTHETIC", "size": "5"}, "size"),
+        ({"key": "SYNTHETIC", "size": True}, "size"),
+        ({"key": 5, "size": 5}, "name of a file"),
+        ({"size": 5}, "name of a file"),
+        ({"key": "SYNTHETIC", "size": 5, "checksum": "md5:123"}, "checksum"),
+        ({"key": "SYNTHETIC", "size": 5, "links": "x"}, "links"),
+        ("SYNTHETIC", "a file"),
+    ],
+)
+def test_a_nonsensical_file_is_named(entry: Any, words: str) -> None:
+    with pytest.raises(DataMissingError, match=words):
+        parse_files([entry], "1", SITE)
+
+
+def test_another_digest_is_no_digest() -> None:
+    entry = {"key": "SYNTHETIC", "size": 5, "checksum": "sha256:00", "links": {"self": "file:///etc/passwd"}}
+    (file,) = parse_files([entry], "1", SITE)
+    assert file.md5 is None
+    assert all(url.startswith(SITE) for url in file.urls)
+
+
+def test_a_title_cannot_move_the_terminal_about() -> None:
+    tree = example("zenodo")
+    tree["metadata"]["title"] = "SYNTHETIC \x1b[2J\r\ntitle"
+    assert parse_record(tree, SITE).title == "SYNTHETIC [2J title"
+
+
+def places(tree: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    """Every place inside a JSON tree."""
+    pairs: list[tuple[Any, Any]] = []
+    if isinstance(tree, dict):
+        pairs = list(tree.items())
+    elif isinstance(tree, list):
+        pairs = list(enumerate(tree))
+    return [found for key, value in pairs for found in [(*path, key), *places(value, (*path, key))]]
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    max_leaves=5,
+)
+
+
+def damage(tree: Any, data: st.DataObject) -> None:
+    """Remove or replace one to three values anywhere."""
+    for _ in range(data.draw(st.integers(1, 3))):
+        if not (found := places(tree)):
+            return
+        *above, last = data.draw(st.sampled_from(found))
+        room = tree
+        for key in above:
+            room = room[key]
+        if data.draw(st.booleans()):
+            room[last] = data.draw(JSON)
+        else:
+            del room[last]
+
+
+@given(st.sampled_from(["zenodo", "2023", "rdm"]), st.data())
+def test_a_damaged_record_is_read_or_refused(shape: str, data: st.DataObject) -> None:
+    tree = example(shape)
+    damage(tree, data)
+    try:
+        assert isinstance(parse_record(tree, SITE), Record)
+    except DataMissingError as error:
+        assert error.hint  # noqa: PT017  # either outcome is right
+
+
+@given(st.data())
+def test_a_damaged_lock_is_read_or_refused(
+    tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
+) -> None:
+    path = tmp_path_factory.getbasetemp() / "SYNTHETIC.lock.json"
+    file = LockedFile("SYNTHETIC.mat", 5, "0" * 32, "SYNTHETIC.mat")
+    nothing = (None, None, None, None, None)
+    lock = DataLock("1", "1", *nothing, "2026-01-01T00:00:00+00:00", SITE, True, (file,))
+    write_lock(path, lock)
+    assert read_lock(path) == lock
+    tree = json.loads(path.read_text())
+    damage(tree, data)
+    path.write_text(json.dumps(tree))
+    try:
+        assert isinstance(read_lock(path), DataLock)
+    except DataMissingError as error:
+        assert error.hint  # noqa: PT017  # either outcome is right
+
+
+@given(JSON)
+def test_any_json_is_read_or_refused(tree: Any) -> None:
+    with pytest.raises(DataMissingError, match="makes no sense"):
+        parse_record(tree, SITE)

@@ -1,0 +1,465 @@
+"""Files are told by content, go to their reader, and no file takes the program down."""
+
+from __future__ import annotations
+
+import datetime
+import hashlib
+import io
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import h5py
+import numpy as np
+import psutil
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_array_equal
+from support import ROOT, matlab_bytes, seed_files
+
+from tendonrepro.console import Talk
+from tendonrepro.dataset.readers import hdf5 as hdf5_file
+from tendonrepro.dataset.readers import signals
+from tendonrepro.dataset.readers.filetype import ADVICE, FileType, kind_of
+from tendonrepro.dataset.readers.guard import Limits, read_guarded
+from tendonrepro.dataset.readers.numpy_files import read_npy
+from tendonrepro.dataset.readers.read import files_below, read_file
+from tendonrepro.dataset.readers.signals import Found, Source, seconds
+from tendonrepro.dataset.repository.lock import DataLock, LockedFile, lock_path, write_lock
+from tendonrepro.errors import DataMissingError, TendonreproError
+
+QUIET = Talk(quiet=True)
+READABLE = seed_files.readable()
+KINDS = {
+    "SYNTHETIC_comma.csv": FileType.TEXT,
+    "SYNTHETIC_semicolon.csv": FileType.TEXT,
+    "SYNTHETIC_utf16.txt": FileType.TEXT,
+    "SYNTHETIC.xlsx": FileType.XLSX,
+    "SYNTHETIC.xls": FileType.XLS,
+    "SYNTHETIC.ods": FileType.ODS,
+    "SYNTHETIC.npy": FileType.NPY,
+    "SYNTHETIC.npz": FileType.NPZ,
+    "SYNTHETIC.h5": FileType.HDF5,
+    "SYNTHETIC_4.mat": FileType.MATLAB_4,
+    "SYNTHETIC_5.mat": FileType.MATLAB_5,
+    "SYNTHETIC_7.mat": FileType.MATLAB_5,
+    "SYNTHETIC_73.mat": FileType.MATLAB_73,
+    "SYNTHETIC.zip": FileType.ZIP,
+    "SYNTHETIC.tar": FileType.TAR,
+    "SYNTHETIC.tar.gz": FileType.GZIP,
+    "SYNTHETIC.csv.gz": FileType.GZIP,
+    "SYNTHETIC.csv.bz2": FileType.BZIP2,
+    "SYNTHETIC.csv.xz": FileType.XZ,
+}
+
+
+def encrypted_zip() -> bytes:
+    raw = bytearray(seed_files.zipped({"a.csv": b"x"}))
+    raw[raw.index(b"PK\x01\x02") + 8] |= 1
+    return bytes(raw)
+
+
+UNREAD = {
+    "a.opj": (b"CPYA 4.2673 552#\n", FileType.ORIGIN),
+    "a.opju": (b"CPYUA 4.3380 160\n", FileType.ORIGIN),
+    "a.tdms": (b"TDSm\x0e\x00\x00\x00", FileType.TDMS),
+    "a.pdf": (b"%PDF-1.7\n", FileType.PDF),
+    "a.png": (b"\x89PNG\r\n\x1a\n", FileType.IMAGE),
+    "a.jpg": (b"\xff\xd8\xff\xe0", FileType.IMAGE),
+    "a.rar": (b"Rar!\x1a\x07\x01\x00", FileType.RAR),
+    "a.7z": (b"7z\xbc\xaf\x27\x1c\x00\x04", FileType.SEVEN_ZIP),
+    "a.zip": (encrypted_zip(), FileType.ENCRYPTED_ZIP),
+    "a.xlsx": (seed_files.ole2("EncryptedPackage"), FileType.ENCRYPTED_OFFICE),
+    "a.doc": (seed_files.ole2("WordDocument"), FileType.OFFICE),
+    "a.docx": (seed_files.zipped({"word/document.xml": b"<w/>"}), FileType.OFFICE),
+    "a.slx": (seed_files.zipped({"simulink/blockdiagram.xml": b"<m/>"}), FileType.SIMULINK),
+    "a.mdl": (b"Model {\n  Name \"a\"\n}\n", FileType.SIMULINK),
+    "b.mdl": (b"# MathWorks OPC Text Package\n", FileType.SIMULINK),
+    "a.m": (b"function y = f(x)\ny = 2*x;\n", FileType.MATLAB_CODE),
+    "a.py": (b"import numpy as np\nx = 1\n", FileType.PYTHON_CODE),
+    "a.csv": (b"<!DOCTYPE html>\n<html></html>", FileType.HTML),
+    "a.xml": (b"<?xml version='1.0'?><a/>", FileType.XML),
+    "a.mat": (b"version https://git-lfs.github.com/spec/v1\noid sha256:0\n", FileType.LFS_POINTER),
+    "empty.csv": (b"", FileType.EMPTY),
+    "a.bin": (bytes(range(256)), FileType.BINARY),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_a_file_is_told_by_content_and_read(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "misleading.pdf"
+    path.write_bytes(READABLE[name])
+    assert kind_of(path) is KINDS[name]
+    sources = read_file(path, name)
+    assert any(source.signals for source in sources)
+    assert sources[0].md5 == hashlib.md5(READABLE[name], usedforsecurity=False).hexdigest()
+    assert sources[0].size == len(READABLE[name])
+
+
+def test_every_readable_type_has_a_seed() -> None:
+    assert set(FileType) - set(ADVICE) - {FileType.XLSB} == set(KINDS.values())
+
+
+@pytest.mark.parametrize("name", UNREAD)
+def test_what_is_not_read_is_named_with_advice(name: str, tmp_path: Path) -> None:
+    content, kind = UNREAD[name]
+    path = tmp_path / name
+    path.write_bytes(content)
+    assert kind_of(path) is kind
+    (source,) = read_file(path, name)
+    assert source.kind == str(kind)
+    assert source.skipped[0].reason
+    assert source.skipped[0].advice == ADVICE[kind]
+
+
+def test_every_unread_type_is_tested() -> None:
+    assert set(ADVICE) - {FileType.ZSTD, FileType.LIVE_SCRIPT} == {kind for _, kind in UNREAD.values()}
+
+
+def test_a_file_that_cannot_be_opened(tmp_path: Path) -> None:
+    (source,) = read_file(tmp_path / "missing", "missing")
+    assert source.skipped[0].reason.startswith("cannot be opened")
+
+
+def test_files_below(tmp_path: Path) -> None:
+    folder = tmp_path / "data"
+    for name in [
+        "b/z.csv",
+        "a.csv",
+        ".hidden",
+        ".git/x",
+        "c.mat.part",
+        "c.mat.part.json",
+        "C.MAT.PART",
+        ".lock",
+        "motor.lock",
+        "results.lock.json",
+        "results/r.csv",
+    ]:
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("1\n")
+    (tmp_path / "secret").write_text("1\n")
+    if sys.platform != "win32":  # where links need a right of their own
+        (folder / "link").symlink_to(tmp_path / "secret")
+        (folder / "circle").symlink_to(folder)
+    names = ["a.csv", "motor.lock", "results.lock.json", "b/z.csv", "results/r.csv"]
+    assert [name for _, name in files_below([folder])] == names
+    both = files_below([folder / "a.csv", folder])
+    assert [name for _, name in both] == ["a.csv", *(f"data/{name}" for name in names)]
+    assert all(path.is_file() for path, _ in both)
+
+
+def locked_folder(folder: Path, names: Sequence[str]) -> None:
+    """Files with a data lock beside them, as `fetch` leaves them."""
+    files = []
+    for name in names:
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("1\n")
+        files.append(LockedFile(name, 2, "b026324c6904b2a9cb4b88d6d61c81d1", name))
+    nothing = (None, None, None, None, None)
+    write_lock(lock_path(folder), DataLock("1", "1", *nothing, "", "https://x.example", True, tuple(files)))
+
+
+def test_what_a_data_lock_names_is_never_left_out(tmp_path: Path) -> None:
+    """Nor is anything else with such a name, but the lock itself."""
+    folder = tmp_path / "data"
+    named = [".x.csv", "results.lock.json", ".hidden/run.csv", ".hidden/deep/run.csv", "results/r.csv"]
+    locked_folder(folder, named)
+    for name in (".lock", ".y.csv", ".hidden/other.csv", ".git/x", "run.csv.part"):
+        path = folder / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text("1\n")
+    assert sorted(name for _, name in files_below([folder])) == sorted(named)
+    assert sorted(name for _, name in files_below([tmp_path])) == sorted(f"data/{name}" for name in named)
+
+
+@pytest.mark.parametrize("content", ["", "{}", "[" * 10**5, "motor: 1"])
+def test_a_file_that_only_has_the_name_of_a_lock(content: str, tmp_path: Path) -> None:
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data.lock.json").write_text(content)
+    (tmp_path / "data" / "a.csv").write_text("1\n")
+    assert [name for _, name in files_below([tmp_path])] == ["data.lock.json", "data/a.csv"]
+    assert [name for _, name in files_below([tmp_path / "data"])] == ["a.csv"]
+
+
+@pytest.mark.skipif(sys.platform in {"win32", "darwin"}, reason="names are text there")
+def test_names_that_are_no_text(tmp_path: Path) -> None:
+    for name in (b"c1_\xff.csv", b"c1_\xfe.csv", b"\xff/a.csv"):
+        path = Path(os.fsdecode(os.fsencode(tmp_path) + b"/" + name))
+        path.parent.mkdir(exist_ok=True)
+        path.write_bytes(READABLE["SYNTHETIC_comma.csv"])
+    files = files_below([tmp_path])
+    names = [name for _, name in files]
+    assert names == ["c1_\ufffd.csv", "c1_\ufffd.csv (2)", "\ufffd/a.csv"]
+    assert [source.name for source in read_guarded(files, QUIET) if source.signals] == names
+    # A file that is named twice stays one file.
+    assert [name for _, name in files_below([files[0][0], files[0][0]])] == [names[0], names[0]]
+
+
+def test_no_files_below(tmp_path: Path) -> None:
+    with pytest.raises(DataMissingError, match="does not exist"):
+        files_below([tmp_path / "missing"])
+    with pytest.raises(DataMissingError, match="no files in"):
+        files_below([tmp_path])
+
+
+# --- what one file may take -----------------------------------------------------------------------
+
+
+def narrow(folder: Path, suffix: str, arrays: dict[str, np.ndarray]) -> Path:
+    """Arrays of one byte a number in a file that packs them well."""
+    path = folder / f"SYNTHETIC.{suffix}"
+    if suffix == "h5":
+        with h5py.File(path, "w") as file:
+            for name, values in arrays.items():
+                file.create_dataset(name, data=values, compression="gzip")
+    elif suffix == "npz":
+        np.savez_compressed(path, **arrays)
+    else:
+        matlab_bytes.classic(path, arrays, packed=True)
+    return path
+
+
+@pytest.mark.parametrize("suffix", ["h5", "npz", "mat"])
+def test_signals_together_end_at_a_bound(
+    suffix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They are counted as what they become in memory, and what is small enough still has room."""
+    monkeypatch.setattr(signals, "MOST_BYTES", 2**16)
+    arrays = {f"d{number}": np.arange(3000).astype(np.int8) for number in range(5)}
+    arrays |= {"large": np.zeros(10_000, np.int8), "small": np.arange(10, dtype=np.int8)}
+    (source,) = read_file(narrow(tmp_path, suffix, arrays), "x")
+    assert [signal.path for signal in source.signals] == ["d0", "d1", "small"]
+    assert {(left.path, left.reason, left.advice) for left in source.skipped} == {
+        *((f"d{number}", f"left out after {2**16 / 2**30:g} GB", "split the file") for number in (2, 3, 4)),
+        ("large", "80000 bytes are too many", "save the part of interest alone"),
+    }
+
+
+def test_no_more_is_read_than_may_be_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(signals, "MOST_BYTES", 2**16)
+    read: list[str] = []
+    add = hdf5_file._add
+
+    def noted(found: Found, path: str, dataset: h5py.Dataset) -> None:
+        read.append(path)
+        add(found, path, dataset)
+
+    monkeypatch.setattr(hdf5_file, "_add", noted)
+    arrays = {f"d{number}": np.arange(6000).astype(np.int8) for number in range(5)}
+    hdf5_file.read_hdf5(narrow(tmp_path, "h5", arrays | {"large": np.zeros(10_000, np.int8)}))
+    assert read == ["d0"]
+
+
+def test_an_array_that_is_too_large_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(signals, "MOST_BYTES", 2**16)
+    np.save(tmp_path / "SYNTHETIC.npy", np.zeros(10_000, np.int8))
+    (source,) = read_file(tmp_path / "SYNTHETIC.npy", "x")
+    assert source.skipped[0].reason == "80000 bytes are too many"
+
+
+def test_thousands_of_one_name_are_quick() -> None:
+    found = Found("SYNTHETIC")
+    start = time.monotonic()
+    for _ in range(20_000):
+        found.add("q", np.arange(2.0))
+    assert time.monotonic() - start < 5.0
+    assert [signal.path for signal in found.signals[:3]] == ["q", "q (2)", "q (3)"]
+    assert len({signal.path for signal in found.signals}) == 20_000
+
+
+@given(st.lists(st.sampled_from(["q", "q (2)", "q (3)", "q (2) (2)"]), max_size=12))
+def test_no_two_signals_have_one_name(names: list[str]) -> None:
+    found = Found("SYNTHETIC")
+    for name in names:
+        found.add(name, np.arange(2.0))
+        found.add(name, np.zeros(1))
+    paths = [signal.path for signal in found.signals]
+    assert len(set(paths)) == len(names)
+    assert all(path.startswith(name) for path, name in zip(paths, names, strict=True))
+    # What is no signal takes no number away.
+    assert {left.path for left in found.skipped}.isdisjoint(paths) or set(paths) >= set(names)
+
+
+# --- letters and dates ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-be", "utf-32", "utf-32-be"])
+def test_every_byte_order_mark(encoding: str, tmp_path: Path) -> None:
+    path = tmp_path / "SYNTHETIC.csv"
+    mark = "\ufeff" if encoding.endswith("be") else ""
+    path.write_bytes((mark + "t,角度\n0,1\n1,2\n2,4\n").encode(encoding))
+    assert kind_of(path) is FileType.TEXT
+    (source,) = read_file(path, path.name)
+    assert [signal.label for signal in source.signals] == ["t", "角度"]
+    assert_array_equal(source.signals[1].values, [1.0, 2.0, 4.0])
+
+
+def test_names_of_fields_beyond_latin(tmp_path: Path) -> None:
+    inner = [("左", "i2"), ("右", "<f4", (2,))]
+    kind = np.dtype([("时间", "<f8"), ("角度", inner), ("é", "u1")], align=True)
+    values = np.zeros(5, kind)
+    values["时间"], values["角度"]["右"] = np.arange(5.0), np.arange(10.0).reshape(5, 2)
+    values["é"] = np.arange(5) + 7
+    stream = io.BytesIO()
+    np.lib.format.write_array(stream, values, version=(3, 0))
+    path = tmp_path / "SYNTHETIC.npy"
+    path.write_bytes(stream.getvalue())
+    found = {signal.path: signal.values for signal in read_npy(path).signals}
+    assert list(found) == ["array/时间", "array/角度/左", "array/角度/右", "array/é"]
+    assert_array_equal(found["array/时间"], np.arange(5.0))
+    assert_array_equal(found["array/角度/右"], np.arange(10.0).reshape(5, 2))
+    assert_array_equal(found["array/é"], np.arange(5) + 7)
+
+
+DAYS = st.integers(-400_000, 400_000)
+
+
+@given(days=st.lists(DAYS, min_size=1, max_size=4), unit=st.sampled_from(["h", "s", "ms", "us"]))
+def test_dates_and_durations_in_seconds(days: list[int], unit: str) -> None:
+    """A thousand years before 1970 and after it, exactly."""
+    dates = np.array(days, "M8[D]").astype(f"M8[{unit}]")
+    expected = 86400.0 * (np.array(days, float) - days[0])
+    values, note = seconds(dates)
+    assert_array_equal(values, expected)
+    assert note.startswith(f"dates, in s from {dates[0].astype('M8[ms]')}")
+    assert_array_equal(seconds(dates - dates[0])[0], expected)
+
+
+@given(counts=st.lists(st.integers(2000 - 2**63, 2**63 - 1), min_size=2, max_size=4))
+def test_dates_in_nanoseconds(counts: list[int]) -> None:
+    """Their differences do not always fit into 64 bits."""
+    values, _ = seconds(np.array(counts, "M8[ns]"))
+    expected = [(count - counts[0]) / 10**9 for count in counts]
+    np.testing.assert_allclose(values, expected, rtol=1e-15, atol=0.0)
+
+
+def test_gaps_among_dates() -> None:
+    values, note = seconds(
+        np.array([["NaT", "2024-01-01"], ["2500-01-02", "2024-01-01T00:00:00.001"]], "M8[ms]")
+    )
+    days = (datetime.date(2500, 1, 2) - datetime.date(2024, 1, 1)).days
+    assert_array_equal(values, [[np.nan, 0.0], [86400.0 * days, 0.001]])
+    assert note == "dates, in s from 2024-01-01T00:00:00.000"
+    assert_array_equal(seconds(np.array(["NaT"], "M8[ns]"))[0], [np.nan])
+    assert_array_equal(seconds(np.array([1, "NaT"], "m8[ns]"))[0], [1e-9, np.nan])
+
+
+def misbehave(path: Path, name: str) -> list[Source]:
+    """Reader that does what a name says."""
+    if name == "crash":
+        os.abort()
+    if name == "hang":
+        time.sleep(600)
+    if name == "grow":
+        bytearray(2**34)
+    if name == "raise":
+        message = "unforeseen"
+        raise RuntimeError(message)
+    print("noise")  # noqa: T201
+    sys.stderr.write("more noise")
+    return read_file(path, name)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="memory of a process is limited on Linux only")
+def test_one_bad_file_does_not_stop_the_rest(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "SYNTHETIC.csv"
+    path.write_bytes(READABLE["SYNTHETIC_comma.csv"])
+    names = ["first", "crash", "second", "hang", "grow", "raise", "last"]
+    sources = read_guarded([(path, name) for name in names], QUIET, Limits(seconds=3.0), misbehave)
+    assert [source.name for source in sources] == names
+    reasons = {source.name: source.skipped[0].reason for source in sources if source.skipped}
+    assert reasons == {
+        "crash": "its reader crashed, perhaps for want of memory",
+        "hang": "reading it took longer than 3 s",
+        "grow": "reading it needed too much memory",
+        "raise": "its reader crashed, perhaps for want of memory",
+    }
+    assert all(len(source.signals) == 3 for source in sources if source.name not in reasons)
+    assert all(source.md5 and source.kind.startswith("text") for source in sources)
+    assert capfd.readouterr() == ("", "")
+    assert not multiprocessing.active_children()
+
+
+def test_the_order_and_the_numbers_are_those_of_reading_here(tmp_path: Path) -> None:
+    for name, content in READABLE.items():
+        (tmp_path / name).write_bytes(content)
+    files = files_below([tmp_path])
+    there = read_guarded(files, QUIET)
+    here = [source for path, name in files for source in read_file(path, name)]
+    assert [(one.name, one.kind, one.md5, one.skipped) for one in there] == [
+        (one.name, one.kind, one.md5, one.skipped) for one in here
+    ]
+    for one, other in zip(there, here, strict=True):
+        for signal_there, signal_here in zip(one.signals, other.signals, strict=True):
+            assert signal_there.values.tobytes() == signal_here.values.tobytes()
+
+
+WITHOUT_GUARD = """
+from pathlib import Path
+from tendonrepro.dataset.readers.guard import read_guarded
+from tendonrepro.console import Talk
+read_guarded([(Path(__file__), "x")], Talk())
+"""
+
+
+def test_a_script_without_a_main_guard_is_told(tmp_path: Path) -> None:
+    script = tmp_path / "SYNTHETIC_script.py"
+    script.write_text(WITHOUT_GUARD)
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 1
+    assert f"{TendonreproError.__name__}: the process that reads files did not start" in done.stderr
+
+
+HANGING = """
+import signal
+from pathlib import Path
+import test_readers
+from tendonrepro.dataset.readers.guard import read_guarded
+if __name__ == "__main__":
+    # Tests that run in the background of a shell inherit that interrupts are ignored.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    print("ready", flush=True)
+    files = [(Path(__file__), "first"), (Path(__file__), "hang")]
+    read_guarded(files, test_readers.QUIET, read=test_readers.misbehave)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no signals there")
+@pytest.mark.parametrize("how", ["SIGKILL", pytest.param("SIGINT", marks=pytest.mark.slow)])
+def test_nobody_is_left_behind(how: str, tmp_path: Path) -> None:
+    script = tmp_path / "SYNTHETIC_script.py"
+    script.write_text(HANGING)
+    environment = os.environ | {
+        "PYTHONPATH": os.pathsep.join(map(str, (ROOT / "tests", Path(__file__).parent)))
+    }
+    parent = subprocess.Popen(
+        [sys.executable, script], env=environment, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+    )
+    process = psutil.Process(parent.pid)
+    try:
+        assert parent.stdout is not None
+        assert parent.stdout.readline() == b"ready\n"
+        deadline = time.monotonic() + 60
+        # The children are the reader and Python's own tracker of resources; the reader sleeps once it hangs.
+        while not (children := process.children()) and time.monotonic() < deadline:
+            time.sleep(0.05)
+        time.sleep(1.0)
+        children = process.children()
+        assert children
+        parent.send_signal(getattr(signal, how))
+        parent.wait(30)
+    finally:
+        parent.kill()
+        parent.communicate()
+    _, alive = psutil.wait_procs(children, timeout=10)
+    assert not alive

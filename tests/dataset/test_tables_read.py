@@ -1,0 +1,613 @@
+"""Tables in texts, workbooks, NumPy and HDF5 files: what is written comes back, with names and units."""
+
+from __future__ import annotations
+
+import datetime
+import io
+import itertools
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import h5py
+import numpy as np
+import openpyxl
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_array_equal
+
+from tendonrepro.dataset.readers.hdf5 import read_hdf5
+from tendonrepro.dataset.readers.numpy_files import read_npy, read_npz
+from tendonrepro.dataset.readers.signals import Found
+from tendonrepro.dataset.readers.text import read_text_table
+from tendonrepro.dataset.readers.unreadable import Unreadable
+from tendonrepro.dataset.readers.workbook import read_workbook
+
+
+def of_text(content: str | bytes, folder: Path) -> Found:
+    path = folder / "SYNTHETIC.txt"
+    path.write_bytes(content.encode() if isinstance(content, str) else content)
+    return read_text_table(path)
+
+
+def columns(found: Found) -> dict[str, list[float]]:
+    return {signal.path: signal.values.tolist() for signal in found.signals}
+
+
+def names_and_units(found: Found) -> list[tuple[str, str | None]]:
+    return [(signal.label, signal.unit) for signal in found.signals]
+
+
+TABLE = {"t": [0.0, 1.0, 2.0], "q": [1.5, 2.5, 3.5]}
+SPELLINGS = {
+    "comma": "t,q\n0,1.5\n1,2.5\n2,3.5\n",
+    "semicolon": "t;q\n0;1.5\n1;2.5\n2;3.5\n",
+    "tab": "t\tq\n0\t1.5\n1\t2.5\n2\t3.5\n",
+    "pipe": "t | q\n0 | 1.5\n1 | 2.5\n2 | 3.5\n",
+    "blanks": "  t   q\n  0   1.5\n  1   2.5\n 2   3.5\n",
+    "comma and blank": "t, q\n0, 1.5\n1, 2.5\n2, 3.5\n",
+    "decimal comma, semicolon": "t;q\n0;1,5\n1;2,5\n2;3,5\n",
+    "decimal comma, tab": "t\tq\n0\t1,5\n1\t2,5\n2\t3,5\n",
+    "decimal comma, blanks": "t q\n0,0 1,5\n1,0 2,5\n2,0 3,5\n",
+    "line ends of Windows": "t,q\r\n0,1.5\r\n1,2.5\r\n2,3.5\r\n",
+    "line ends of old Macs": "t,q\r0,1.5\r1,2.5\r2,3.5",
+    "every other line blank": "t,q\n\n0,1.5\n\n1,2.5\n\n2,3.5\n\n",
+    "separator at the end": "t,q,\n0,1.5,\n1,2.5,\n2,3.5,\n",
+    "quoted": '"t";"q"\n"0";"1,5"\n"1";"2,5"\n"2";"3,5"\n',
+    "quotation mark left open": 't,q\n0,1.5"\n1,2.5\n2,3.5\n',
+    "exponents of Fortran": "t q\n0.0D+00 0.15D+01\n0.1D+01 0.25D+01\n0.2D+01 0.35D+01\n",
+    "comments": "% made up\n// nothing\nt,q\n0,1.5\n# pause\n1,2.5\n2,3.5\n",
+    "names in a comment": "# t q\n0 1.5\n1 2.5\n2 3.5\n",
+    "preamble": "SYNTHETIC\nDate: today\n\nt,q\n0,1.5\n1,2.5\n2,3.5\n",
+    "settings above": "Rate,1000\nGain,2.5\n\nt,q\n0,1.5\n1,2.5\n2,3.5\n",
+    "LabVIEW": "LabVIEW Measurement\t\n"
+    "Samples\t1000\t1000\n***End_of_Header***\t\nt\tq\tComment\n0\t1.5\n1\t2.5\n2\t3.5\n",
+    "hint of Excel": "sep=;\nt;q\n0;1.5\n1;2.5\n2;3.5\n",
+    "byte order mark": "\ufefft,q\n0,1.5\n1,2.5\n2,3.5\n",
+    "minus sign of typesetters": "t,q\n−0,1.5\n1,2.5\n2,3.5\n",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("spelling", SPELLINGS)
+def test_a_table_is_the_same_however_it_is_spelt(spelling: str, tmp_path: Path) -> None:
+    found = of_text(SPELLINGS[spelling], tmp_path)
+    assert columns(found) == TABLE
+    assert {signal.group for signal in found.signals} == {"table"}
+
+
+@pytest.mark.parametrize(
+    "encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "gbk", "gb18030", "utf-32"]
+)
+def test_chinese_names_come_through_in_every_encoding(encoding: str, tmp_path: Path) -> None:
+    found = of_text("时间(s),期望角度（deg）,角度(°)\n0,1,2\n1,2,3\n2,3,4\n".encode(encoding), tmp_path)
+    assert names_and_units(found) == [("时间", "s"), ("期望角度", "deg"), ("角度", "°")]
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "cp1252"])
+def test_german_names_come_through(encoding: str, tmp_path: Path) -> None:
+    text = "Zeit / s;Größe des Winkels (°);M [N·m]\n0,0;1,5;2,25\n0,1;1,6;2,35\n0,2;1,7;2,45\n"
+    found = of_text(text.encode(encoding), tmp_path)
+    assert names_and_units(found) == [("Zeit", "s"), ("Größe des Winkels", "°"), ("M", "N·m")]
+
+
+@pytest.mark.parametrize(
+    ("header", "label", "unit"),
+    [
+        ("q2 (deg)", "q2", "deg"),
+        ("q2 [deg]", "q2", "deg"),
+        ("q2_deg", "q2", "deg"),
+        ("vel_rad_s", "vel", "rad/s"),
+        ("Time_s", "Time", "s"),
+        ("angle / rad", "angle", "rad"),
+        ("q_m", "q_m", None),
+        ("q2 (desired)", "q2 (desired)", None),
+        ("q[2]", "q[2]", None),
+        ("x/y", "x/y", None),
+    ],
+)
+def test_a_unit_in_a_name(header: str, label: str, unit: str | None, tmp_path: Path) -> None:
+    assert names_and_units(of_text(f"{header}\n1\n2\n3\n", tmp_path)) == [(label, unit)]
+
+
+def test_a_row_of_units(tmp_path: Path) -> None:
+    assert names_and_units(of_text("t,q2\ns,deg\n0,1\n1,2\n2,3\n", tmp_path)) == [("t", "s"), ("q2", "deg")]
+
+
+def test_numbers_without_names_are_counted(tmp_path: Path) -> None:
+    assert list(columns(of_text("0 1\n1 2\n2 3\n", tmp_path))) == ["column 1", "column 2"]
+
+
+def test_names_that_are_numbers(tmp_path: Path) -> None:
+    assert columns(of_text("t,1,2\n0,5,6\n1,5,6\n2,5,7\n", tmp_path))["2"] == [6.0, 6.0, 7.0]
+
+
+def test_names_over_several_columns(tmp_path: Path) -> None:
+    text = ",Controller 1,,Controller 2,\nt,q2,q3,q2,q3\n0,1,2,3,4\n1,1,2,3,4\n2,1,2,3,5\n"
+    paths = [signal.path for signal in of_text(text, tmp_path).signals]
+    assert paths == ["t", "Controller 1/q2", "Controller 1/q3", "Controller 2/q2", "Controller 2/q3"]
+
+
+def test_a_setting_above_the_names_is_none_of_them(tmp_path: Path) -> None:
+    found = of_text("SYNTHETIC\nOperator,Yan\nt,q2,q3\n0,1,2\n1,1,2\n2,1,2\n", tmp_path)
+    assert [signal.path for signal in found.signals] == ["t", "q2", "q3"]
+    assert found.texts == {"title": "SYNTHETIC", "line 2": "Operator, Yan"}
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+@pytest.mark.parametrize("lead", ["", "t"])
+def test_group_names_are_spread_over_the_empty_cells_behind_them(
+    separator: str, lead: str, tmp_path: Path
+) -> None:
+    rows = [["", "关节2", "", "关节3", ""], [lead, "期望", "实际", "期望", "实际"]]
+    rows += [[str(n), "1", "2", "3", "4"] for n in range(3)]
+    text = "SYNTHETIC\n" + "\n".join(separator.join(row) for row in rows)
+    found = of_text(text, tmp_path)
+    groups = [f"{joint} {name}" for joint in ("关节2", "关节3") for name in ("期望", "实际")]
+    assert [signal.label for signal in found.signals] == [lead, *groups]
+    assert [signal.path for signal in found.signals] == [
+        lead or "column 1",
+        *(name.replace(" ", "/") for name in groups),
+    ]
+    assert found.texts == {"title": "SYNTHETIC"}
+
+
+def test_groups_apart_by_an_empty_column(tmp_path: Path) -> None:
+    text = "Controller 1,,,Controller 2,\nt,q2,,t,q2\n0,1,,0,3\n1,1,,1,3\n2,1,,2,3\n"
+    found = of_text(text, tmp_path)
+    assert list(columns(found)) == [f"Controller {k}/{name}" for k in (1, 2) for name in ("t", "q2")]
+    assert not found.skipped
+
+
+@pytest.mark.parametrize("title", ["Controller 1,,,,", ",,Controller 1,,", "Controller 1"])
+def test_a_lone_name_above_is_the_title(title: str, tmp_path: Path) -> None:
+    found = of_text(f"{title}\nt,q2,q3,q2d,q3d\n" + "0,1,2,3,4\n" * 3, tmp_path)
+    assert list(columns(found)) == ["t", "q2", "q3", "q2d", "q3d"]
+    assert found.texts == {"title": "Controller 1"}
+
+
+def test_a_group_of_one_column_with_its_unit_below(tmp_path: Path) -> None:
+    found = of_text("时间,电机,,关节\ns,θ1,θ2,θ1\n" + "0,1,2,3\n" * 3, tmp_path)
+    assert names_and_units(found) == [
+        ("时间", "s"),
+        *((name, None) for name in ("电机 θ1", "电机 θ2", "关节 θ1")),
+    ]
+
+
+ORIGIN = "{names}\n\t°\tNm\n{comments}\n" + "".join(f"{n}\t1.5\t2.5\n" for n in range(3))
+
+
+@pytest.mark.parametrize(
+    ("names", "comments", "expected"),
+    [
+        ("\tActual\tTorque", "\tController 1\t", ["", "Actual Controller 1", "Torque"]),
+        ("\tActual\tActual", "\tC1\tC2", ["", "Actual C1", "Actual C2"]),
+        ("Sample\tActual\tTorque", "\t\t", ["Sample", "Actual", "Torque"]),
+        ("\tActual\tTorque", "\t\t", ["", "Actual", "Torque"]),
+        ("\t\t", "\tC1\tC2", ["", "C1", "C2"]),
+        ("Sample\t\tTorque", "\tC1\tC2", ["Sample", "C1", "Torque C2"]),
+    ],
+)
+def test_rows_of_origin(names: str, comments: str, expected: list[str], tmp_path: Path) -> None:
+    found = of_text(ORIGIN.format(names=names, comments=comments), tmp_path)
+    assert names_and_units(found) == list(zip(expected, [None, "°", "Nm"], strict=True))
+    assert found.signals[1].path in {"Actual", "C1"}
+    assert not found.texts
+
+
+def test_an_empty_first_cell_keeps_its_place(tmp_path: Path) -> None:
+    found = of_text("\tq2\n0\t5\n1\t6\n2\t7\n", tmp_path)
+    assert columns(found) == {"column 1": [0.0, 1.0, 2.0], "q2": [5.0, 6.0, 7.0]}
+    assert columns(of_text("# \tq2\n0\t5\n1\t6\n2\t7\n", tmp_path)) == columns(found)
+    assert columns(of_text("\tt\tq\n0\t1.5\n1\t2.5\n2\t3.5\n", tmp_path)) == TABLE
+
+
+def test_decimal_commas_alone_in_a_column(tmp_path: Path) -> None:
+    assert columns(of_text("q2\n1,5\n2,5\n3,5\n", tmp_path)) == {"q2": [1.5, 2.5, 3.5]}
+    assert columns(of_text("1,05\n2,50\n3,25\n", tmp_path)) == {"column 1": [1.05, 2.5, 3.25]}
+
+
+def test_marks_between_thousands(tmp_path: Path) -> None:
+    expected = [1234.5, 2234.5, 3234.5]
+    assert columns(of_text("t;q\n0;1.234,5\n1;2.234,5\n2;3.234,5\n", tmp_path))["q"] == expected
+    assert columns(of_text('t,q\n0,"1,234.5"\n1,"2,234.5"\n2,"3,234.5"\n', tmp_path))["q"] == expected
+    doubtful = of_text("t;q\n0;1,234\n1;2,234\n2;3,234\n", tmp_path).signals[1]
+    assert doubtful.values.tolist() == [1.234, 2.234, 3.234]
+    assert "thousands" in doubtful.note
+
+
+@pytest.mark.parametrize(
+    "stamps",
+    [
+        ("12:00:00.000", "12:00:00.500", "12:00:01.000"),
+        ("23:59:59.500", "00:00:00.000", "00:00:00.500"),
+        ("2026-01-01T12:00:00Z", "2026-01-01T12:00:00.5Z", "2026-01-01T13:00:01+01:00"),
+        ("2026/1/31 23:59:59.5", "2026/2/1 00:00:00.0", "2026/2/1 00:00:00.5"),
+        ("31.01.2026 12:00:00", "31.01.2026 12:00:00.5", "31.01.2026 12:00:01"),
+        ("1/31/2026 12:00:00", "1/31/2026 12:00:00.5", "1/31/2026 12:00:01"),
+        ("00:00.0", "00:00.5", "00:01.0"),
+    ],
+)
+def test_clock_times_become_seconds(stamps: Sequence[str], tmp_path: Path) -> None:
+    rows = "".join(f"{stamp};{number}\n" for number, stamp in enumerate(stamps))
+    time = of_text(f"when;q\n{rows}", tmp_path).signals[0]
+    assert time.values.tolist() == [0.0, 0.5, 1.0]
+    assert time.unit == "s"
+    assert "clock times" in time.note
+
+
+def test_gaps_and_words_among_numbers(tmp_path: Path) -> None:
+    found = of_text("t,q,state\n0,1,idle\n1,,run\n2,ERR,run\n3,4,run\n", tmp_path)
+    assert_array_equal(found.signals[1].values, [1.0, np.nan, np.nan, 4.0])
+    assert "'ERR'" in found.signals[1].note
+    assert [(left.path, left.reason) for left in found.skipped] == [
+        ("state", "4 cells of words, 2 different")
+    ]
+    assert found.texts["state"] == "idle, run"
+
+
+def test_rows_of_other_lengths_are_noted(tmp_path: Path) -> None:
+    found = of_text("t,q\n" + "0,1\n" * 20 + "5,6,7\n8\n", tmp_path)
+    assert columns(found)["t"] == [0.0] * 20 + [5.0, 8.0]
+    assert found.skipped[0].reason.startswith("2 rows have another number of cells")
+
+
+def test_several_tables(tmp_path: Path) -> None:
+    text = "Run 1\nt,q\n0,1\n1,2\n2,3\n\nRun 2\nt,q\n0,5\n1,6\n2,7\n\n0,8\n1,8\n2,9\n"
+    found = of_text(text, tmp_path)
+    blocks = [f"block {number}/{name}" for number, name in itertools.product((1, 2, 3), "tq")]
+    assert list(columns(found)) == blocks
+    assert found.signals[-1].note == "headings of the table before"
+    assert found.texts == {"block 1/title": "Run 1", "block 2/title": "Run 2"}
+
+
+def test_settings_between_tables_belong_to_the_next(tmp_path: Path) -> None:
+    table = "t,q\n0,1\n1,2\n2,3\n"
+    found = of_text(f"{table}\nController 2\nPayload,0.2\n\n{table}the end\n", tmp_path)
+    assert found.texts == {
+        "block 2/title": "Controller 2",
+        "block 2/line 7": "Payload, 0.2",
+        "line 13": "the end",
+    }
+
+
+def test_many_tables_are_left_out_and_noted(tmp_path: Path) -> None:
+    found = of_text("t,q\n0,1\n1,2\n2,3\n" * 150, tmp_path)
+    assert len(found.signals) == 200
+    assert [left.reason for left in found.skipped] == ["50 more tables, lines 402 to 600, left out"]
+
+
+def test_words_alone_are_kept_as_texts(tmp_path: Path) -> None:
+    found = of_text("SYNTHETIC notes\nall angles in degrees\n", tmp_path)
+    assert not found.signals
+    assert found.texts == {"text": "SYNTHETIC notes\nall angles in degrees"}
+    assert [left.reason for left in found.skipped] == ["a text without a table of numbers"]
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        ["1. SYNTHETIC data of controller 1", "2. data of controller 2", "3. the same with 0.2 kg"],
+        ["SYNTHETIC", "Payload: 0.2 kg"],
+        ["rate,1000", "SYNTHETIC"],
+    ],
+)
+def test_numbers_in_sentences_are_no_table(lines: list[str], tmp_path: Path) -> None:
+    found = of_text("\n".join(lines), tmp_path)
+    assert not found.signals
+    assert [left.reason for left in found.skipped] == ["a text without a table of numbers"]
+    assert found.texts == {"text": "\n".join(lines)}
+
+
+def test_a_long_text_is_cut(tmp_path: Path) -> None:
+    many = of_text("".join(f"word {'abc'[n % 3]}\n" for n in range(100)), tmp_path)
+    assert len(many.texts["text"].splitlines()) == 12
+    assert len(of_text("word " * 9999, tmp_path).texts["text"]) == 999
+
+
+numbers = st.floats(allow_nan=False, allow_infinity=False, width=64)
+tables = st.integers(2, 5).flatmap(
+    lambda width: st.lists(st.lists(numbers, min_size=width, max_size=width), min_size=4, max_size=12)
+)
+
+
+@settings(max_examples=60)
+@given(
+    rows=tables,
+    form=st.sampled_from(
+        [(",", "."), (";", "."), (";", ","), ("\t", "."), ("\t", ","), ("|", "."), (" ", ".")]
+    ),
+    encoding=st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "gbk"]),
+    units=st.booleans(),
+)
+def test_what_is_written_as_text_is_read(
+    rows: list[list[float]], form: str, encoding: str, units: bool
+) -> None:
+    separator, decimal = form
+    names = [f"角{number}" for number in range(len(rows[0]))]
+    lines = [separator.join(names)] + ([separator.join(["deg"] * len(names))] if units else [])
+    lines += [separator.join(repr(value).replace(".", decimal) for value in row) for row in rows]
+    with tempfile.TemporaryDirectory() as folder:
+        found = of_text("\n".join(lines).encode(encoding), Path(folder))
+    assert [signal.label for signal in found.signals] == names
+    assert {signal.unit for signal in found.signals} == {"deg" if units else None}
+    assert_array_equal(np.column_stack([signal.values for signal in found.signals]), rows)
+
+
+def of_book(book: openpyxl.Workbook, folder: Path) -> Found:
+    path = folder / "SYNTHETIC.xlsx"
+    book.save(path)
+    return read_workbook(path, "xlsx")
+
+
+def book_of(rows: Sequence[Sequence[object]], title: str = "Data") -> openpyxl.Workbook:
+    book = openpyxl.Workbook()
+    book.active.title = title
+    for row in rows:
+        book.active.append(row)
+    return book
+
+
+@settings(max_examples=20)
+@given(rows=tables, units=st.booleans())
+def test_what_is_written_as_workbook_is_read(rows: list[list[float]], units: bool) -> None:
+    # A spreadsheet rounds to 16 digits, which takes the largest number past infinity.
+    assume(np.abs(rows).max() < 1e308)
+    names = [f"q{number}" for number in range(len(rows[0]))]
+    head = [names, ["deg"] * len(names)] if units else [names]
+    with tempfile.TemporaryDirectory() as folder:
+        found = of_book(book_of([*head, *rows]), Path(folder))
+    assert [signal.path for signal in found.signals] == [f"Data/{name}" for name in names]
+    assert {signal.unit for signal in found.signals} == {"deg" if units else None}
+    np.testing.assert_allclose(
+        np.column_stack([signal.values for signal in found.signals]), rows, rtol=1e-14, atol=1e-300
+    )
+
+
+def test_tables_side_by_side_and_below_each_other(tmp_path: Path) -> None:
+    side = [["t", "q2", None, "t", "q3"], *([n, 2 * n, None, n + 0.5, 3 * n] for n in range(4))]
+    below = [[], ["Controller 2"], ["t", "q2"], *([n, n + 7] for n in range(3))]
+    found = of_book(book_of([*side, *below]), tmp_path)
+    assert columns(found)["Data!D2:E5/q3"] == [0.0, 3.0, 6.0, 9.0]
+    assert columns(found)["Data!A9:B11/q2"] == [7.0, 8.0, 9.0]
+    assert found.texts == {"Data!A9:B11/title": "Controller 2"}
+    assert len({signal.group for signal in found.signals}) == 3
+
+
+def test_titles_belong_to_the_table_below_them(tmp_path: Path) -> None:
+    head = [
+        ["All controllers", *[None] * 4],
+        ["Controller 1", None, None, "Controller 2", None],
+        ["no load", None, None, "Payload", 0.2],
+        [],
+        ["t", "q2", None, "t", "q2"],
+    ]
+    book = book_of([*head, *([n, 1, None, n, 2] for n in range(3)), ["measured in May"]])
+    book.active.merge_cells("A1:E1")
+    book.active.merge_cells("D2:E2")
+    found = of_book(book, tmp_path)
+    assert found.texts == {
+        "Data!A6:B8/title": "All controllers",
+        "Data!A6:B8/title 2": "Controller 1",
+        "Data!A6:B8/title 3": "no load",
+        "Data!D6:E8/title": "All controllers",
+        "Data!D6:E8/title 2": "Controller 2",
+        "Data!D6:E8/row 3": "Payload, 0.2",
+        "Data!A6:B8/row 9": "measured in May",
+    }
+    assert all(
+        any(s.path.startswith(path.rpartition("/")[0] + "/") for s in found.signals) for path in found.texts
+    )
+
+
+def test_a_merged_name_ends_where_the_merged_cells_end(tmp_path: Path) -> None:
+    rows = [["t", "关节2", None, "关节3", None, None], [None, "期望", "实际", "期望", "实际", "remark"]]
+    book = book_of([*rows, *([n, 1, 2, 3, 4, 5] for n in range(3))])
+    for cells in ("A1:A2", "B1:C1", "D1:E1"):
+        book.active.merge_cells(cells)
+    found = of_book(book, tmp_path)
+    labels = ["t", "关节2 期望", "关节2 实际", "关节3 期望", "关节3 实际", "remark"]
+    assert [signal.label for signal in found.signals] == labels
+    assert not found.texts
+
+
+def test_merged_names_hidden_sheets_charts_and_empty_ones(tmp_path: Path) -> None:
+    rows = [[None, "Controller 1", None], ["t", "q2", "q3"], *([n, 1, 2] for n in range(3))]
+    book = book_of(rows)
+    book.active.merge_cells("B1:C1")
+    hidden = book.create_sheet("Old")
+    hidden.sheet_state = "hidden"
+    for number in range(3):
+        hidden.append([number])
+    book.create_sheet("Empty")
+    book.create_chartsheet("Chart")
+    found = of_book(book, tmp_path)
+    paths = ["Data/t", "Data/Controller 1/q2", "Data/Controller 1/q3", "Old/column 1"]
+    assert [signal.path for signal in found.signals] == paths
+    assert found.signals[-1].note == "on a hidden sheet"
+    assert {left.path for left in found.skipped} == {"Empty", "Chart"}
+
+
+def test_formulas_without_results_and_dates(tmp_path: Path) -> None:
+    start = datetime.datetime(2026, 1, 1, 12)
+    rows = [
+        [start + datetime.timedelta(seconds=n), n, f"=B{n + 2}*2", "#DIV/0!" if n else 1] for n in range(4)
+    ]
+    found = of_book(book_of([["when", "q", "twice", "bad"], *rows]), tmp_path)
+    assert columns(found)["Data/when"] == [0.0, 1.0, 2.0, 3.0]
+    assert found.signals[0].unit == "s"
+    assert [(left.path, bool(left.advice)) for left in found.skipped] == [("Data/twice", True)]
+    assert_array_equal(found.signals[2].values, [1.0, np.nan, np.nan, np.nan])
+
+
+def test_old_and_open_workbooks(tmp_path: Path) -> None:
+    xlwt = pytest.importorskip("xlwt")
+    book = xlwt.Workbook()
+    sheet = book.add_sheet("Data")
+    for row, cells in enumerate([["t", "q (deg)"], [0, 1.5], [1, 2.5], [2, 3.5]]):
+        for column, cell in enumerate(cells):
+            sheet.write(row, column, cell)
+    path = tmp_path / "SYNTHETIC.xls"
+    book.save(str(path))
+    expected = {"Data/t": [0.0, 1.0, 2.0], "Data/q (deg)": [1.5, 2.5, 3.5]}
+    assert columns(read_workbook(path, "xls")) == expected
+    assert columns(read_workbook(write_ods(tmp_path), "ods")) == expected
+
+
+def write_ods(folder: Path) -> Path:
+    opendocument = pytest.importorskip("odf.opendocument")
+    from odf.table import Table, TableCell, TableRow
+    from odf.text import P
+
+    document = opendocument.OpenDocumentSpreadsheet()
+    table = Table(name="Data")
+    for cells in [["t", "q (deg)"], [0, 1.5], [1, 2.5], [2, 3.5]]:
+        row = TableRow()
+        for value in cells:
+            kind = "string" if isinstance(value, str) else "float"
+            cell = TableCell(valuetype=kind) if kind == "string" else TableCell(valuetype=kind, value=value)
+            cell.addElement(P(text=str(value)))
+            row.addElement(cell)
+        table.addElement(row)
+    document.spreadsheet.addElement(table)
+    path = folder / "SYNTHETIC.ods"
+    document.save(str(path))
+    return path
+
+
+def test_a_broken_workbook_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "SYNTHETIC.xlsx"
+    path.write_bytes(b"PK\x03\x04 and nothing more")
+    with pytest.raises(Unreadable, match="broken workbook"):
+        read_workbook(path, "xlsx")
+
+
+kinds = st.sampled_from(["f8", "f4", "i2", "u1", "i8", ">f8", "?"])
+
+
+@settings(max_examples=60)
+@given(kind=kinds, length=st.integers(20, 40), width=st.integers(1, 3), seed=st.integers(0, 99))
+def test_what_is_written_as_arrays_is_read(kind: str, length: int, width: int, seed: int) -> None:
+    values = np.random.default_rng(seed).integers(0, 2, (length, width)).astype(kind)
+    expected = values.astype(float).squeeze(1) if width == 1 else values.astype(float)
+    with tempfile.TemporaryDirectory() as folder:
+        npz, npy, hdf5 = (Path(folder, f"SYNTHETIC.{suffix}") for suffix in ("npz", "npy", "h5"))
+        np.savez_compressed(npz, q=values, fortran=np.asfortranarray(values))
+        np.save(npy, values)
+        with h5py.File(hdf5, "w") as file:
+            file["run/q"] = values
+        found = [*read_npz(npz).signals, *read_npy(npy).signals, *read_hdf5(hdf5).signals]
+    assert [signal.path for signal in found] == ["q", "fortran", "array", "run/q"]
+    assert {signal.dtype for signal in found[:3]} == {str(values.dtype)}
+    for signal in found:
+        assert_array_equal(signal.values, expected)
+
+
+def test_structured_arrays_dates_and_texts(tmp_path: Path) -> None:
+    stamps = np.array(["2026-01-01T00:00:00.0", "2026-01-01T00:00:00.5", "NaT"], "datetime64[ms]")
+    table = np.array([(0.0, (1, 2)), (1.0, (3, 4))], [("t", "f8"), ("q", [("a", "i4"), ("b", "i4")])])
+    np.savez(tmp_path / "SYNTHETIC.npz", when=stamps, table=table, words=np.array(["a", "b"]))
+    found = read_npz(tmp_path / "SYNTHETIC.npz")
+    assert list(columns(found)) == ["when", "table/t", "table/q/a", "table/q/b"]
+    assert_array_equal(found.signals[0].values, [0.0, 0.5, np.nan])
+    assert {signal.group for signal in found.signals[1:]} == {"table"}
+    assert found.texts == {"words": "a, b"}
+
+
+def test_objects_are_refused_and_do_not_stop_the_rest(tmp_path: Path) -> None:
+    objects = np.array([{"runs": "code"}], object)
+    np.savez(tmp_path / "SYNTHETIC.npz", bad=objects, good=np.arange(3.0))
+    np.save(tmp_path / "SYNTHETIC.npy", objects)
+    found = read_npz(tmp_path / "SYNTHETIC.npz")
+    assert columns(found) == {"good": [0.0, 1.0, 2.0]}
+    assert [(left.path, left.reason) for left in found.skipped] == [("bad", "saved as Python objects")]
+    with pytest.raises(Unreadable, match="Python objects"):
+        read_npy(tmp_path / "SYNTHETIC.npy")
+
+
+@pytest.mark.parametrize("version", [(1, 0), (2, 0), (3, 0)])
+def test_a_header_that_announces_more_than_there_is(version: tuple[int, int], tmp_path: Path) -> None:
+    stream = io.BytesIO()
+    np.lib.format.write_array(stream, np.arange(100.0), version=version)
+    path = tmp_path / "SYNTHETIC.npy"
+    path.write_bytes(stream.getvalue())
+    assert columns(read_npy(path)) == {"array": list(range(100))}
+    path.write_bytes(stream.getvalue().replace(b"(100,)", b"(999,)"))
+    with pytest.raises(Unreadable, match="announces 7992 bytes, 800 are there"):
+        read_npy(path)
+
+
+@pytest.fixture
+def hdf5(tmp_path: Path) -> Path:
+    path = tmp_path / "SYNTHETIC.h5"
+    with h5py.File(path, "w") as file:
+        group = file.create_group("controller_1")
+        group.attrs["run"] = "SYNTHETIC"
+        time = group.create_dataset("time", data=np.arange(5) * 10.0)
+        joint = group.create_dataset("joint", data=np.array([2, 3]))
+        for scale in (time, joint):
+            scale.make_scale()
+        time.attrs["units"] = "ms"
+        q = group.create_dataset("q", data=np.arange(10.0).reshape(5, 2))
+        q.attrs["units"], q.attrs["long_name"] = "deg", "joint angle"
+        q.dims[0].attach_scale(time)
+        q.dims[1].attach_scale(joint)
+    return path
+
+
+def test_scales_units_and_names_of_hdf5(hdf5: Path) -> None:
+    time, q = sorted(read_hdf5(hdf5).signals, key=lambda signal: signal.path, reverse=True)
+    assert (q.path, q.label, q.unit, q.group) == ("controller_1/q", "joint angle", "deg", "controller_1")
+    assert_array_equal(q.time, np.arange(5) * 0.01)
+    assert q.note == "columns are joint 2, 3"
+    assert (time.path, time.unit) == ("controller_1/time", "ms")
+    assert read_hdf5(hdf5).texts == {"controller_1/@run": "SYNTHETIC", "controller_1/joint": "2, 3"}
+
+
+def test_links_loops_and_promises_of_hdf5(hdf5: Path, tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "SYNTHETIC_secret.h5", "w") as other:
+        other["q"] = np.arange(10.0)
+    layout = h5py.VirtualLayout((10,), "f8")
+    layout[:] = h5py.VirtualSource(str(tmp_path / "SYNTHETIC_secret.h5"), "q", (10,))
+    with h5py.File(hdf5, "a") as file:
+        file["away"] = h5py.ExternalLink("SYNTHETIC_secret.h5", "q")
+        file["here"], file["there"] = h5py.SoftLink("/there"), h5py.SoftLink("/here")
+        file["loop"] = file["/"]
+        file.create_virtual_dataset("virtual", layout)
+        file.create_dataset("outside", (10,), "f8", external=[(str(tmp_path / "SYNTHETIC_secret.h5"), 0, 80)])
+        file.create_dataset("huge", (10**12,), "f8", chunks=(1000,))
+        file.create_dataset("partly", (10**8,), "f8", chunks=(1000,))[:10] = 1.0
+        file.create_dataset("never", (100,), "f8")
+    found = read_hdf5(hdf5)
+    assert sorted(columns(found)) == ["controller_1/q", "controller_1/time"]
+    assert sorted(left.path for left in found.skipped) == [
+        "away", "huge", "never", "outside", "partly", "virtual",
+    ]  # fmt: skip
+
+
+def test_fields_packed_numbers_and_netcdf(tmp_path: Path) -> None:
+    path = tmp_path / "SYNTHETIC.nc"
+    with h5py.File(path, "w") as file:
+        file.attrs["_NCProperties"] = "version=2"
+        file["table"] = np.array([(1, 2.0), (3, 4.0)], [("a", "i4"), ("b", "f8")])
+        packed = file.create_dataset("packed", data=np.array([1, 2, -99], "i2"))
+        packed.attrs["_FillValue"], packed.attrs["scale_factor"] = np.int16(-99), 0.5
+    found = read_hdf5(path)
+    assert found.kind == "netCDF-4"
+    values = {signal.path: signal.values for signal in found.signals}
+    assert_array_equal(values["packed"], [0.5, 1.0, np.nan])
+    assert_array_equal(values["table/b"], [2.0, 4.0])
+
+
+def test_our_own_traces_are_read(tmp_path: Path) -> None:
+    from support.synthetic import make_compare_file
+
+    from tendonrepro.results.traces import write_traces
+
+    path = tmp_path / "SYNTHETIC_traces.h5"
+    write_traces(path, make_compare_file(step=0.1))
+    signals = {signal.path: signal for signal in read_hdf5(path).signals}
+    q = signals["controller_1/q"]
+    assert q.unit == "rad"
+    assert q.note == "columns are joint 2, 3"
+    assert_array_equal(q.time, signals["controller_1/time"].values)

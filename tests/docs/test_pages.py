@@ -1,0 +1,538 @@
+"""What the documentation says about the package is true: links, commands, keys, numbers, examples."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import itertools
+import json
+import re
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import typer
+from typer.main import get_command
+
+import tendonrepro
+from tendonrepro.cli.app import app
+from tendonrepro.config.ensemble import load_ensemble
+from tendonrepro.config.fields.quantity import UNITS
+from tendonrepro.config.kinds import json_schema
+from tendonrepro.config.load import ExperimentName, LoadedConfig, load_config, shipped_folder
+from tendonrepro.config.models.control import Readings
+from tendonrepro.config.published import published
+from tendonrepro.console import Talk
+from tendonrepro.errors import TendonreproError
+from tendonrepro.experiments.command import Order, plan, run_experiment
+from tendonrepro.experiments.loops import build_loops
+from tendonrepro.experiments.run import all_loops
+from tendonrepro.experiments.user_law import find_user_law
+from tendonrepro.explain.linear_loop import decay_rate
+from tendonrepro.physics.metrics import mae, status_of
+from tendonrepro.results.records import VARIABLES
+from tendonrepro.results.traces import read_traces
+from tendonrepro.simulation.stepper import simulate
+
+PACKAGE = Path(tendonrepro.__file__).parent
+ROOT = PACKAGE.parent
+DOCS = ROOT / "docs"
+# The package may be tested from an installation, which has no documentation.
+pytestmark = pytest.mark.skipif(not DOCS.is_dir(), reason="no docs folder beside the package")
+
+PAGES = sorted(DOCS.glob("*.md"))
+TEXTS = [*PAGES, *(path for path in [ROOT / "README.md"] if path.exists())]
+EXPERIMENTS: tuple[ExperimentName, ...] = ("compare", "decouple")
+SHORT = ("reference.periods=1", "reference.rise=1.0", "reference.hold=0.25")
+
+
+def page(name: str) -> str:
+    return (DOCS / name).read_text(encoding="utf-8")
+
+
+def blocks(text: str, language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```", text, re.S | re.M)
+
+
+def prose(text: str) -> str:
+    return re.sub(r"^ *```.*?^ *```", "", text, flags=re.S | re.M)
+
+
+def inline(text: str) -> list[str]:
+    return re.findall(r"`([^`\n]+)`", prose(text))
+
+
+def rows(text: str) -> list[list[str]]:
+    """Cells of every table row; a bar that is escaped belongs to its cell."""
+    lines = [line for line in prose(text).splitlines() if line.startswith("|")]
+    return [[cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]] for line in lines]
+
+
+def section(text: str, heading: str) -> str:
+    """Text from a heading up to the next of the same or a higher level."""
+    start = text.index(f"\n{heading}\n") + 1
+    level = heading.index(" ")
+    end = re.search(rf"^#{{1,{level}}} ", text[start + len(heading) :], re.M)
+    return text[start:] if end is None else text[start : start + len(heading) + end.start()]
+
+
+@pytest.fixture(scope="module")
+def shipped() -> dict[str, LoadedConfig]:
+    return {name: load_config(None, name) for name in EXPERIMENTS}
+
+
+def quantities(tree: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[str, dict[str, Any]]]:
+    if isinstance(tree, dict):
+        if {"value", "unit", "source"} <= tree.keys():
+            yield ".".join(path), tree
+            return
+        for key, below in tree.items():
+            yield from quantities(below, (*path, key))
+
+
+def leads_somewhere(key: str, tree: Any) -> bool:
+    for part in key.split("."):
+        if not isinstance(tree, dict) or part not in tree:
+            return False
+        tree = tree[part]
+    return True
+
+
+# ---- every page --------------------------------------------------------------------------------------------
+
+
+def slug(heading: str) -> str:
+    kept = re.sub(r"[^\w\- ]", "", heading.strip().lower())
+    return kept.replace(" ", "-")
+
+
+@pytest.mark.parametrize("path", TEXTS, ids=lambda path: path.name)
+def test_relative_links_resolve(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    for target in re.findall(r"\]\(([^)\s]+)\)", prose(text)):
+        if re.match(r"[a-z]+:", target):
+            continue
+        file, _, anchor = target.partition("#")
+        place = (path.parent / file).resolve() if file else path
+        assert place.exists(), f"{path.name} links to {target}"
+        if anchor:
+            headings = re.findall(r"^#+ (.*)$", place.read_text(encoding="utf-8"), re.M)
+            assert anchor in map(slug, headings), f"{path.name} links to {target}"
+
+
+def test_index_lists_every_page() -> None:
+    listed = set(re.findall(r"\]\(([a-z_]+\.md)\)", page("index.md")))
+    assert listed == {path.name for path in PAGES} - {"index.md"}
+
+
+@pytest.mark.parametrize("path", TEXTS, ids=lambda path: path.name)
+def test_functions_named_in_the_text_exist(path: Path) -> None:
+    """``module.function()`` of the package."""
+    for token in inline(path.read_text(encoding="utf-8")):
+        if found := re.fullmatch(r"([a-z_.]+)\.(\w+)\(\)", token):
+            module = importlib.import_module(f"tendonrepro.{found[1]}")
+            assert callable(getattr(module, found[2], None)), f"{path.name} names {token}"
+
+
+@pytest.mark.parametrize("path", TEXTS, ids=lambda path: path.name)
+def test_files_of_the_package_named_in_the_text_exist(path: Path) -> None:
+    own = {"my_law.py", "integral.py"}
+    for token in inline(path.read_text(encoding="utf-8")):
+        if re.fullmatch(r"[\w/]+\.py", token) and token not in own:
+            assert (ROOT / token).exists() or [*PACKAGE.rglob(token)], f"{path.name} names {token}"
+
+
+# ---- commands ----------------------------------------------------------------------------------------------
+
+
+def commands() -> list[tuple[str, str]]:
+    found = []
+    for path in TEXTS:
+        text = path.read_text(encoding="utf-8")
+        shown = "".join(blocks(text, "sh") + blocks(text, "console")).splitlines()
+        quoted = [line.removeprefix("$ ") for line in shown] + inline(text)
+        found += [(path.name, line) for line in quoted if re.match(r"tendonrepro\s+[-a-z]", line)]
+    return sorted(set(found))
+
+
+COMMANDS = commands() if DOCS.is_dir() else []
+
+
+def words(command: str) -> list[str]:
+    """Arguments after the program's name, without comment and redirection."""
+    parts = shlex.split(command, comments=True)[1:]
+    return list(itertools.takewhile(lambda part: part not in {">", "<", "|", "|&", "&&"}, parts))
+
+
+def parse(command: Any, parts: list[str], name: str = "tendonrepro", parent: Any = None) -> Any:
+    """Let typer parse a command without running it."""
+    context = command.make_context(name, list(parts), parent=parent)
+    if not hasattr(command, "resolve_command"):
+        return context
+    below, chosen, rest = command.resolve_command(context, [*context._protected_args, *context.args])
+    return parse(chosen, rest, below, context)
+
+
+@pytest.mark.parametrize(("name", "command"), COMMANDS)
+def test_commands_parse(name: str, command: str) -> None:
+    del name
+    # --version and --cite print and leave while they are parsed.
+    with contextlib.suppress(typer.Exit):
+        parse(get_command(app), words(command))
+
+
+def test_every_command_is_documented() -> None:
+    group: Any = get_command(app)
+    named = {
+        f"{name} {below}" if hasattr(command, "commands") else name
+        for name, command in group.commands.items()
+        for below in getattr(command, "commands", [""])
+    }
+    shown = {" ".join(words(command)) for _, command in COMMANDS}
+    assert all(any(line == name or line.startswith(f"{name} ") for line in shown) for name in named)
+
+
+MISTAKES = ("lamb=", "-0.45")  # shown on purpose
+PLACEHOLDERS = ("KEY", "my_arm.yaml")
+SETTINGS = [
+    item for item in COMMANDS if "--set" in item[1] and not any(word in item[1] for word in PLACEHOLDERS)
+]
+
+
+@pytest.mark.parametrize(("name", "command"), SETTINGS)
+def test_settings_in_commands_are_valid(name: str, command: str) -> None:
+    context = parse(get_command(app), words(command))
+    wrong = any(word in command for word in MISTAKES)
+    assert name == "cli.md" or not wrong
+    of_box = context.info_name in {"ensemble", "identify"}
+    experiment = context.info_name if context.info_name == "decouple" else "compare"
+    overrides = context.params["overrides"]
+    with pytest.raises(TendonreproError) if wrong else contextlib.nullcontext():
+        _ = (
+            load_ensemble(None, overrides=overrides)
+            if of_box
+            else load_config(None, experiment, overrides=overrides)
+        )
+
+
+def test_options_named_in_messages_exist() -> None:
+    """A way out that is none would be worse than silence."""
+    tree = get_command(app)
+    groups = [tree, *(group for group in tree.commands.values() if hasattr(group, "commands"))]  # type: ignore[attr-defined]
+    known = {
+        option
+        for group in groups
+        for command in [group, *group.commands.values()]  # type: ignore[attr-defined]
+        for parameter in command.params
+        for option in (*parameter.opts, *parameter.secondary_opts)
+    }
+    for path in PACKAGE.rglob("*.py"):
+        for option in re.findall(r"(?<![\w-])--[a-z][a-z-]+", path.read_text(encoding="utf-8")):
+            assert option in known | {"--porcelain", "--error-unmatch", "--help"}, (
+                f"{path.name} names {option}"
+            )
+
+
+# ---- configurations ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.name)
+def test_configuration_keys_in_the_text_exist(path: Path, shipped: dict[str, LoadedConfig]) -> None:
+    trees = [loaded.tree for loaded in shipped.values()]
+    tops = {key for tree in trees for key in tree}
+    for token in inline(path.read_text(encoding="utf-8")):
+        key = re.split(r"[:=]", token)[0]
+        if re.fullmatch(r"\w+(\.\w+)+", key) and key.split(".")[0] in tops and not token.endswith("()"):
+            if key.endswith((".py", ".csv")) or key in {"control.Surface", "control.Law"}:
+                continue
+            assert any(leads_somewhere(key, tree) for tree in trees), f"{path.name} names {token}"
+
+
+def test_every_unit_is_listed() -> None:
+    line = section(page("configs.md"), "## A value, its unit, its source")
+    start = line.index("Units:")
+    listed = re.findall(r"`([^`]+)`", line[start : line.index(". Each field", start)])
+    assert sorted(listed) == sorted(UNITS)
+
+
+def test_every_reading_is_listed_with_its_choices() -> None:
+    found = {
+        key.strip("`").removeprefix("control.readings."): re.findall(r"`(\w+)`", choices)
+        for key, choices, _ in rows(section(page("configs.md"), "## Readings"))
+        if key.startswith("`")
+    }
+    fields = json_schema("compare")["$defs"]["Readings"]["properties"]
+    assert found == {name: field["enum"] for name, field in fields.items()}
+    assert list(found) == list(Readings.model_fields)
+
+
+def test_effects_that_are_off_are_off(shipped: dict[str, LoadedConfig]) -> None:
+    known = dict(quantities(shipped["compare"].tree))
+    table = rows(section(page("configs.md"), "## Effects that are off by default"))
+    keys = [key for row in table for key in inline(row[0])]
+    assert len(keys) >= 10
+    for key in set(keys) & known.keys():
+        off = 1 if key.endswith("efficiency") else 0
+        assert np.all(np.asarray(known[key]["value"]) == off), key
+
+
+def examples(key: str) -> list[str]:
+    return [block for block in blocks(page("configs.md"), "yaml") if block.startswith(f"{key}:")]
+
+
+@pytest.mark.parametrize("key", ["reference", "disturbance"])
+def test_examples_load_and_build(key: str, tmp_path: Path) -> None:
+    shipped_text = (shipped_folder() / "compare.yaml").read_text(encoding="utf-8")
+    (tmp_path / "trajectory.csv").write_text(blocks(page("configs.md"), "csv")[0], encoding="utf-8")
+    kinds = []
+    for example in examples(key):
+        path = tmp_path / "compare.yaml"
+        text = re.sub(rf"^{key}:.*?(?=^\S)", f"{example}\n", shipped_text, flags=re.S | re.M)
+        path.write_text(text, encoding="utf-8")
+        loaded = load_config(path, "compare")
+        loop = dict(build_loops(loaded.config, loaded.folder))["controller_1"]
+        assert np.isfinite(loop.reference.q_d).all()
+        assert np.abs(loop.reference.q_d).max() > 0
+        kinds.append(getattr(loaded.config, key).kind)
+    field = json_schema("compare")["properties"][key]
+    assert sorted(kinds) == sorted(field["discriminator"]["mapping"])
+
+
+# ---- numbers -----------------------------------------------------------------------------------------------
+
+
+def test_assumed_values_are_those_of_the_configurations(shipped: dict[str, LoadedConfig]) -> None:
+    """Every value that is not printed in the paper has a row, and every row has the value."""
+    unprinted = {
+        key: quantity
+        for loaded in shipped.values()
+        for key, quantity in quantities(loaded.tree)
+        if not quantity["source"].startswith("printed:")
+    }
+    listed = {}
+    for key, value, unit, origin, why in (row for row in rows(page("assumptions.md")) if len(row) == 5):
+        if key.startswith("`") and key != "`Factor`":
+            listed[key.strip("`")] = (json.loads(value), unit, origin, bool(why))
+    found = {
+        key: (quantity["value"], quantity["unit"], quantity["source"].split(":")[0], True)
+        for key, quantity in unprinted.items()
+    }
+    assert listed == found
+
+
+def test_both_experiments_share_what_the_page_lists_once(shipped: dict[str, LoadedConfig]) -> None:
+    compare, decouple = (dict(quantities(shipped[name].tree)) for name in EXPERIMENTS)
+    for key in compare.keys() & decouple.keys():
+        assert [compare[key][part] for part in ("value", "unit")] == [
+            decouple[key][part] for part in ("value", "unit")
+        ]
+
+
+def decay_rates(factor: str) -> dict[str, float]:
+    loaded = load_config(None, "compare", overrides=[f"manipulator.tendons.damping_factor={factor}"])
+    found = {}
+    for name, loop in build_loops(loaded.config, loaded.folder):
+        stroke = loop.reference.q_d.max(axis=0)
+        postures = [share * stroke for share in (0.0, 0.5, 1.0)]
+        found[name] = decay_rate(postures, loop.plant, loop.controller.law, loop.actuator.delay)
+    return found
+
+
+def test_decay_rates_and_the_rule_for_the_damping_factor(shipped: dict[str, LoadedConfig]) -> None:
+    head, _, *body = rows(section(page("assumptions.md"), "## The damping factor"))
+    first = None
+    for factor, *cells in body:
+        rates = decay_rates(factor)
+        assert list(rates) == head[1:]
+        assert [f"{rate:.2f}" for rate in rates.values()] == cells, factor
+        if first is None and min(rates.values()) >= 1.0:
+            first = float(factor)
+    assert [float(row[0]) for row in body] == [1, 1.25, 1.5, 2, 2.5, 3]
+    assert shipped["compare"].config.manipulator.tendons.damping_factor.value == first
+
+
+def settings() -> list[tuple[str, list[str]]]:
+    table = rows(section(page("slips.md"), "## What each reading does")) if DOCS.is_dir() else []
+    return [(name.strip("`"), cells) for name, *cells in table if name[0] == "`" or name == "as shipped"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("setting", "cells"), settings(), ids=[name for name, _ in settings()])
+def test_what_each_reading_does(setting: str, cells: list[str]) -> None:
+    overrides = [] if setting == "as shipped" else [setting]
+    loaded = load_config(None, "compare", overrides=overrides)
+    limits = loaded.config.status
+    found = []
+    for loop in (all_loops(loaded, None)[f"controller_{k}"] for k in (1, 2, 3)):
+        run = simulate(loop)
+        status, _ = status_of(
+            run["time"],
+            run["e"],
+            limits.divergence_limit.si,
+            limits.ringing_frequency.si,
+            limits.ringing_share.si,
+        )
+        sizes = np.rad2deg(mae(run["e"]))
+        found.append(f"{sizes[0]:.3f} / {sizes[1]:.3f}" if status == "ok" else status)
+    # A run near its bound of stability magnifies rounding, so the last digit is left free.
+    for text, number in zip(cells, found, strict=True):
+        if "/" in text and "/" in number:
+            ours, ours_now = (np.array(x.split(" / "), dtype=float) for x in (text, number))
+            np.testing.assert_allclose(ours_now, ours, atol=0.0015)
+        else:
+            assert text == number
+
+
+# ---- equations ---------------------------------------------------------------------------------------------
+
+
+def test_every_equation_has_a_row() -> None:
+    table = [row for row in rows(section(page("notation.md"), "## Equations")) if row[0].startswith("(")]
+    assert [row[0] for row in table] == [f"({k})" for k in range(1, 32)]
+    assert all(equation and where for _, equation, where in table)
+
+
+def test_numbers_quoted_in_the_slips() -> None:
+    """The arithmetic behind entries 1, 9, 17, 22 and 25."""
+    text = page("slips.md")
+    b, Delta, eta = 0.9, 0.2, 1.5
+    gamma_1, gamma_2 = (2 - b) * Delta ** (b - 1), (b - 1) * Delta ** (b - 2)
+    assert f"{-(Delta**b):.3f}".replace("-", "−") in text
+    assert f"{-gamma_1 * Delta + gamma_2 * Delta**2:.3f}".replace("-", "−") in text
+    pulse = 0.01 * np.deg2rad(0.022) / 0.001**2
+    assert f"{pulse:.2f} N m" in text
+    omega = 0.1
+    inside = min(np.roots([gamma_2, gamma_1, -omega / eta]).real)
+    assert f"{(omega / eta) ** (1 / b):.4f} rad" in text
+    assert f"{inside:.4f} rad rests" in text
+    assert round(360 / 16384, 3) == 0.022
+    assert f"{np.deg2rad(0.022) / 0.001**2:.0f} rad s⁻²" in text
+
+
+def test_printed_row_of_the_readings_table() -> None:
+    (row,) = (row for row in rows(page("slips.md")) if row[0] == "printed in Table 2")
+    numbers = [published().per_joint(f"table2.controller_{k}.mae", (2, 3)) for k in (1, 2, 3)]
+    assert row[1:] == [" / ".join(f"{number:.3f}" for number in pair) for pair in numbers]
+
+
+# ---- traces ------------------------------------------------------------------------------------------------
+
+
+def test_every_variable_of_a_trace_is_listed() -> None:
+    table = rows(section(page("traces.md"), "### Variables of a run"))
+    listed = {cells[0].strip("`"): cells[1] for cells in table if "`" in cells[0]}
+    assert listed == {name: unit for name, (unit, _) in VARIABLES.items()}
+
+
+def test_architecture_draws_every_room() -> None:
+    tree = blocks(page("architecture.md"), "")[0]
+    drawn = set(re.findall(r"^ +(\w+)/", tree, re.M))
+    assert drawn == {path.parent.name for path in PACKAGE.rglob("__init__.py")} - {"tendonrepro", "matlab"}
+    ground = {path.stem for path in PACKAGE.glob("*.py")}
+    assert set(tree.splitlines()[1].split("   ")[0].split()) == ground
+
+
+# ---- examples that run -------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A short comparison with the first law of the page beside Controller 1, as the page runs it."""
+    folder = tmp_path_factory.mktemp("docs")
+    law = folder / "my_law.py"
+    law.write_text(blocks(page("laws.md"), "python")[0], encoding="utf-8")
+    out = folder / "reports" / "compare"
+    order = Order("compare", out=out, overrides=SHORT, controllers=[1], law=f"{law}:steep")
+    found = run_experiment(order, Talk(quiet=True))
+    assert list(found["table2"]) == ["controller_1", "steep"]
+    assert found["status"]["steep"] == "ok"
+    return out
+
+
+def test_law_in_a_file(results: Path) -> None:
+    runs = read_traces(results / "traces.h5").runs
+    assert runs["steep"].attributes["law"] == "user law steep"
+    # A steeper surface and a shorter effective delay: the page's law must beat Controller 1.
+    assert (mae(runs["steep"]["e"]) < mae(runs["controller_1"]["e"])).all()
+    assert (results / "tables" / "table2.md").read_text(encoding="utf-8").count("| steep |") == 2
+
+
+def test_law_with_memory_of_its_own(tmp_path: Path) -> None:
+    law = tmp_path / "integral.py"
+    law.write_text(blocks(page("laws.md"), "python")[1], encoding="utf-8")
+    order = Order("compare", out=tmp_path, overrides=SHORT, controllers=[3], law=f"{law}:integral")
+    assert list(plan(order)["samples"]) == ["controller_3", "integral"]
+    loaded = load_config(None, "compare", overrides=SHORT, controllers=[3])
+    loops = all_loops(loaded, find_user_law(f"{law}:integral"))
+    run = simulate(loops["integral"])
+    assert run["time"].size == loops["integral"].reference.time.size
+    # s holds the integral: without it the surface is Controller 3's, of the recorded error.
+    e, L = run["e"], loops["integral"].L
+    de = run["dq_d"] - np.diff(run["q_encoder"], axis=0, prepend=0.0) / L
+    np.testing.assert_allclose(run["s"], de + 2.0 * e + 2.0 * L * np.cumsum(e, axis=0), atol=1e-9)
+
+
+def test_law_of_the_configuration(tmp_path: Path) -> None:
+    text = (shipped_folder() / "compare.yaml").read_text(encoding="utf-8")
+    (example,) = blocks(page("laws.md"), "yaml")
+    law, run = (line for line in example.splitlines() if "tsm_alpha:" in line)
+    path = tmp_path / "compare.yaml"
+    text = text.replace("  laws:\n", f"  laws:\n{law}\n").replace("\nruns:\n", f"\nruns:\n{run}\n")
+    path.write_text(text, encoding="utf-8")
+    config = load_config(path, "compare").config
+    assert config.runs["tsm_alpha"].law == "tsm_alpha"
+
+
+@pytest.mark.parametrize("number", [0, 1], ids=["xarray", "h5py"])
+def test_ways_to_open_traces(
+    number: int, results: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if number == 0:
+        pytest.importorskip("xarray")
+    code = blocks(page("traces.md"), "python")[number]
+    monkeypatch.chdir(results.parent.parent)
+    scope: dict[str, Any] = {}
+    exec(compile(code, "traces.md", "exec"), scope)
+    printed = capsys.readouterr().out
+    assert ("ok" in printed and "N m" in printed) if number == 0 else "rad" in printed
+    if number == 0:
+        scope["tree"].close()
+
+
+def test_groups_and_attributes_of_the_page(results: Path) -> None:
+    import h5py
+
+    text, matrices = page("traces.md"), ("I", "D_m", "K_s", "D_s", "S", "S_inv")
+    with h5py.File(results / "traces.h5") as file:
+        for name in file.attrs:
+            assert f"`{name}`" in text, name
+        for name in (*matrices, "length", "mass", "com", "inertia", "gravity", "posture"):
+            assert f"`{name}`" in text
+            assert name in file["plant"]
+        for name in ("angle_convention", "friction_law", "equations", "moving_joints", "held_joints"):
+            assert f"`{name}`" in text
+            assert name in file["plant"].attrs
+        for name in file["controller_1"].attrs:
+            assert name.startswith(("gain_", "reading_")) or f"`{name}`" in text, name
+
+
+def test_manifest_keys_of_the_page(results: Path) -> None:
+    manifest = json.loads((results / "manifest.json").read_text(encoding="utf-8"))
+    text = section(page("traces.md"), "## Manifest")
+    assert {key for key in manifest if f"`{key}`" not in text} == set()
+
+
+def test_exit_codes_agree_with_the_command_line() -> None:
+    from tendonrepro.cli.app import EPILOG
+
+    codes = {row[0] for row in rows(section(page("traces.md"), "## Exit codes")) if row[0].isdigit()}
+    assert codes == set(re.findall(r"\b(\d+) ", EPILOG))
+
+
+def test_tables_and_figures_of_the_page_are_written(results: Path) -> None:
+    written = {path.stem for path in (results / "tables").iterdir()}
+    assert written == {"table2", "table2_windows", "table3", "table3_change"}
+    assert {path.suffix for path in (results / "figures").iterdir()} == {".pdf", ".svg", ".png"}

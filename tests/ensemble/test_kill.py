@@ -1,0 +1,136 @@
+"""Killed at any instant, an ensemble resumes to the identical result; a cluster may lose a worker."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+import time
+from functools import partial
+from multiprocessing.context import ForkServerProcess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.fake_batch import DRAWS, fake_batch, run_small, slow_batch, small_study
+
+from tendonrepro.console import Talk
+from tendonrepro.ensemble.block import Made, make_block
+from tendonrepro.ensemble.command import run_study
+from tendonrepro.ensemble.plan import Study
+from tendonrepro.ensemble.shards import FOLDER, Block, read_shard, shard_files
+from tendonrepro.ensemble.workers import here
+from tendonrepro.errors import TendonreproError
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(sys.platform == "win32", reason="needs SIGKILL and a fork server"),
+]
+
+
+@pytest.fixture(scope="module")
+def context() -> multiprocessing.context.ForkServerContext:
+    """Processes that start with everything imported, so that kills hit the work and not the imports."""
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["support.fake_batch", "tendonrepro.ensemble.command"])
+    return context
+
+
+def results(folder: Path) -> dict[str, object]:
+    """Digest of every shard, and the tables."""
+    digests: dict[str, object] = {
+        path.name: read_shard(path).digest() for path in shard_files(folder / FOLDER)
+    }
+    return digests | {path.name: path.read_text() for path in sorted((folder / "tables").iterdir())}
+
+
+def finished(process: ForkServerProcess, seconds: float) -> bool:
+    """Wait so long, then kill; whether the process had come to its end before."""
+    process.start()
+    process.join(seconds)
+    if process.exitcode is None:
+        assert process.pid is not None
+        os.kill(process.pid, signal.SIGKILL)
+    process.join()
+    assert process.exitcode in {0, -signal.SIGKILL}
+    return process.exitcode == 0
+
+
+@pytest.mark.parametrize(("jobs", "kills"), [(1, 50), (2, 4)])
+def test_kills_at_random_instants_change_nothing(
+    context: multiprocessing.context.ForkServerContext, tmp_path: Path, jobs: int, kills: int
+) -> None:
+    run_small(tmp_path / "unbroken", 1)
+    expected = results(tmp_path / "unbroken")
+    # The first run starts the fork server as well; the second shows how long one takes.
+    for name in ("first", "second"):
+        started = time.monotonic()
+        assert finished(context.Process(target=run_small, args=(tmp_path / name, jobs)), 300.0)
+        whole = time.monotonic() - started
+    assert results(tmp_path / "second") == expected
+    rng = np.random.default_rng(11)
+    done = resumed = 0
+    while done < kills:
+        folder = tmp_path / f"after_{done}"
+        kept = 0
+        while not finished(
+            context.Process(target=run_small, args=(folder, jobs)), float(rng.uniform(0.0, 1.1 * whole))
+        ):
+            done += 1
+            # Whatever is there is whole, and nothing that was there is lost.
+            whole_shards = [read_shard(path) for path in shard_files(folder / FOLDER)]
+            assert len(whole_shards) >= kept
+            resumed += len(whole_shards) > kept
+            kept = len(whole_shards)
+        assert results(folder) == expected
+    assert resumed > kills // 5, "the kills came too early to try anything"
+
+
+def test_a_cluster_that_loses_a_worker_gives_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    distributed = pytest.importorskip("distributed")
+    monkeypatch.setattr("tendonrepro.ensemble.command.draw_ensemble_figures", lambda *_: [])
+    run_small(tmp_path / "unbroken", 1)
+    folder = tmp_path / "cluster"
+    killed = []
+
+    def kill_one() -> None:
+        while len(shard_files(folder / FOLDER)) < 2:
+            time.sleep(0.02)
+        pid = next(iter(cluster.workers.values())).pid
+        os.kill(pid, signal.SIGKILL)
+        killed.append(pid)
+
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+    ) as cluster:
+        killer = threading.Thread(target=kill_one, daemon=True)
+        killer.start()
+        summary = run_study(
+            small_study(),
+            DRAWS,
+            folder,
+            jobs=1,
+            talk=Talk(quiet=True),
+            dask=cluster.scheduler_address,
+            simulate=slow_batch,
+        )
+        killer.join(10.0)
+    assert killed
+    assert summary["resumed_from"] == 0
+    assert results(folder) == results(tmp_path / "unbroken")
+
+
+def deadly(study: Study, block: Block) -> Made:
+    if block.replicate == 3:
+        os._exit(9)
+    return make_block(study, block, fake_batch)
+
+
+def test_a_dead_worker_is_reported() -> None:
+    study = small_study()
+    with pytest.raises(TendonreproError, match="a worker process died"):
+        list(here(partial(deadly, study), study.blocks(DRAWS), 2))

@@ -1,0 +1,248 @@
+"""From the shipped configurations to plants; most laws of the plant itself are tested on random ones."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from support.oracles import TABLE_1, coupling_by_columns
+
+from tendonrepro.config.load import load_config
+from tendonrepro.experiments.rig import (
+    build_actuator,
+    build_arm,
+    build_disturbance,
+    build_drive,
+    build_encoder,
+    build_plant,
+    build_preload,
+    coupling,
+    full_coupling,
+    start_angles,
+)
+from tendonrepro.physics.arm import bias_torque, mass_matrix
+from tendonrepro.physics.disturbance import Disturbance, disturbance_torque
+from tendonrepro.physics.instruments import Actuator
+from tendonrepro.physics.kinematics import to_joint_matrix
+
+Array = NDArray[np.float64]
+
+
+def config_of(experiment: Any, *overrides: str) -> Any:
+    return load_config(None, experiment, overrides=overrides).config
+
+
+COMPARE, DECOUPLE = config_of("compare"), config_of("decouple")
+
+
+class TestCoupling:
+    def test_three_joints_have_table_1(self) -> None:
+        S, S_inv = coupling(DECOUPLE)
+        assert S_inv == pytest.approx(coupling_by_columns(TABLE_1), rel=1e-14, abs=1e-16)
+        assert np.abs(S).round(4).tolist() == [[0.4805, 0, 0], [0.2184, 0.4805, 0], [0.2479, 0.4545, 1]]
+        whole = full_coupling(DECOUPLE.manipulator)
+        assert np.array_equal(S, whole[0])
+        assert np.array_equal(S_inv, whole[1])
+
+    def test_joint_1_held_leaves_the_trailing_block(self) -> None:
+        S, S_inv = coupling(COMPARE)
+        assert 37.0 * S_inv == pytest.approx(np.array([[77.0, 0.0], [-35.0, 37.0]]), rel=1e-14)
+        assert np.abs(S).round(4).tolist() == [[0.4805, 0], [0.4545, 1]]
+        assert S_inv.flags.c_contiguous
+
+
+class TestArm:
+    def test_posture_gives_absolute_angles_from_hanging(self) -> None:
+        bent = config_of("decouple", "posture=[40, 20, -10]")
+        assert np.rad2deg(start_angles(bent)) == pytest.approx([40.0, 60.0, 50.0])
+        assert np.rad2deg(start_angles(config_of("compare", "posture=[40, 20, -10]"))) == pytest.approx(
+            [60.0, 50.0]
+        )
+
+    @pytest.mark.parametrize("payload", [0.0, 0.2])
+    def test_joint_1_held_leaves_the_trailing_block(self, payload: float) -> None:
+        whole, held = build_arm(DECOUPLE, payload), build_arm(COMPARE, payload)
+        q, dq = np.array([0.0, 0.3, -0.2]), np.array([0.0, 1.0, 2.0])
+        assert mass_matrix(q[1:], held) == pytest.approx(mass_matrix(q, whole)[1:, 1:], rel=1e-14)
+        assert bias_torque(q[1:], dq[1:], held) == pytest.approx(bias_torque(q, dq, whole)[1:], rel=1e-14)
+
+    def test_payload_adds_its_weight_at_the_tip(self) -> None:
+        added = build_arm(COMPARE, 0.2).b - build_arm(COMPARE, 0.0).b
+        # Moment of weight of a link: the payload on its whole length.
+        assert added == pytest.approx([0.2 * 9.81 * 0.25, 0.2 * 9.81 * 0.20], rel=1e-13)
+
+
+class TestDrive:
+    def test_values_at_the_tendons_own_joints(self) -> None:
+        """The sources name them: 250, 150 and 50 N m/rad, and 1.0, 1.0 and 0.6 N m s/rad times two."""
+        drive = build_drive(DECOUPLE)
+        own = np.array([77.0, 77.0, 37.0]) / 37.0
+        assert drive.stiffness * own**2 == pytest.approx([250.0, 150.0, 50.0], rel=1e-5)
+        assert drive.damping * own**2 == pytest.approx([2.0, 2.0, 1.2], rel=1e-5)
+
+    def test_joint_matrices_of_two_joints(self) -> None:
+        """By hand: own tendon on the diagonal, tendon 3 over the guide pulley of joint 2 beside it."""
+        drive = build_drive(COMPARE)
+        guide = 35.0 / 37.0
+        K_s = [[150.0 + guide**2 * 50.0, -guide * 50.0], [-guide * 50.0, 50.0]]
+        assert to_joint_matrix(drive.stiffness, drive.S_inv) == pytest.approx(np.array(K_s), rel=1e-5)
+        I = np.array([[77.0**2 + 35.0**2, -35.0 * 37.0], [-35.0 * 37.0, 37.0**2]]) / 37.0**2 * 0.10003
+        assert to_joint_matrix(drive.inertia, drive.S_inv) == pytest.approx(I, rel=1e-12)
+
+    def test_clearance_is_half_of_it_over_the_winch_radius(self) -> None:
+        drive = build_drive(config_of("compare", "manipulator.tendons.clearance=[0.1, 0.37, 0.74]"))
+        assert drive.slack == pytest.approx([0.01, 0.02], rel=1e-12)
+
+    @pytest.mark.parametrize(("experiment", "pulleys"), [("decouple", [0, 1, 2]), ("compare", [1, 2])])
+    def test_a_tendon_passes_one_guide_pulley_per_joint_before_its_own(
+        self, experiment: str, pulleys: list[int]
+    ) -> None:
+        drive = build_drive(config_of(experiment, "manipulator.friction.per_pulley=0.03"))
+        assert drive.pulley_loss == pytest.approx(0.03 * np.array(pulleys), rel=1e-15)
+
+    def test_what_the_reducer_does_not_pass_on_is_lost(self) -> None:
+        drive = build_drive(config_of("compare", "manipulator.friction.reducer_efficiency=0.7"))
+        assert drive.reducer_loss == pytest.approx([0.3, 0.3], rel=1e-15)
+
+    def test_transmission_error(self) -> None:
+        drive = build_drive(config_of("compare", "manipulator.transmission_error.peak_to_peak=4.4e-4"))
+        assert drive.wobble == pytest.approx([2.2e-4, 2.2e-4], rel=1e-15)
+        assert drive.wobble_rate.tolist() == [200.0, 200.0]
+
+
+class TestTensioner:
+    @staticmethod
+    def tensions(side: str) -> Array:
+        """Tendon tensions that balance tendon 4 alone, N, from the rope each joint takes up."""
+        config = config_of("decouple", "manipulator.tensioner.force=20", f"manipulator.tensioner.side={side}")
+        radius = TABLE_1.winch / 2
+        rope = coupling_by_columns(TABLE_1) * radius[:, np.newaxis]
+        return np.linalg.solve(rope.T, -build_preload(config))
+
+    def test_on_the_negative_side_it_loads_every_tendon(self) -> None:
+        assert (self.tensions("negative") > 1.0).all()
+
+    def test_on_joint_3_alone_it_slackens_tendon_1(self) -> None:
+        tension = self.tensions("distal_only")
+        assert tension[0] < -1.0
+        # Tendon 4 has the diameter of joint 3's own winch, so tendon 3 balances it one to one.
+        assert tension[2] == pytest.approx(20.0, rel=1e-12)
+
+    def test_on_alternating_sides_it_leaves_tendons_1_and_2_without_load(self) -> None:
+        assert self.tensions("alternating") == pytest.approx([0.0, 0.0, 20.0], abs=1e-12)
+
+    def test_torque_at_each_joint(self) -> None:
+        config = config_of("compare", "manipulator.tensioner.force=20")
+        assert build_preload(config) == pytest.approx([-20.0 * 0.0175, -20.0 * 0.0185], rel=1e-14)
+
+    def test_off_as_shipped(self) -> None:
+        assert (build_preload(COMPARE) == 0.0).all()
+
+
+class TestDisturbance:
+    def test_none_as_shipped(self) -> None:
+        disturbance = build_disturbance(COMPARE)
+        assert [disturbance_torque(1.0, i, disturbance) for i in range(2)] == [0.0, 0.0]
+
+    def test_step(self) -> None:
+        made = self.of_kind("step", torque=("N m", [0.1, 0.2]), start=("s", 1.5))
+        assert [disturbance_torque(1.4999, i, made) for i in range(2)] == [0.0, 0.0]
+        assert [disturbance_torque(1.5, i, made) for i in range(2)] == [0.1, 0.2]
+
+    def test_sine(self) -> None:
+        made = self.of_kind("sine", torque=("N m", [0.1, 0.2]), frequency=("Hz", 5))
+        assert [disturbance_torque(0.05, i, made) for i in range(2)] == pytest.approx([0.1, 0.2])
+
+    def test_noise_follows_the_seed(self) -> None:
+        fields = {"torque": ("N m", [0.1, 0.2]), "band": ("Hz", [1, 5]), "components": ("1", 40)}
+        first, again, other = (self.of_kind("noise", f"seed={seed}", **fields) for seed in (1, 1, 2))
+        assert (first.phase == again.phase).all()
+        assert (first.omega == again.omega).all()
+        assert (first.phase != other.phase).all()
+        assert first.omega.size == 40
+        assert (2.0 * np.pi <= first.omega).all()
+        assert (first.omega <= 10.0 * np.pi).all()
+        assert np.sqrt((first.amplitude**2).sum(axis=1) / 2.0) == pytest.approx([0.1, 0.2])
+
+    @staticmethod
+    def of_kind(kind: str, *overrides: str, **fields: tuple[str, Any]) -> Disturbance:
+        quantities = {
+            name: {"value": value, "unit": unit, "source": "assumed: a test"}
+            for name, (unit, value) in fields.items()
+        }
+        choice = f"disturbance={json.dumps({'kind': kind} | quantities)}"
+        return build_disturbance(config_of("compare", choice, *overrides))
+
+
+class TestInstruments:
+    def test_joint_encoder_has_the_printed_count(self) -> None:
+        encoder = build_encoder(COMPARE.manipulator.encoders.joint)
+        assert np.rad2deg(encoder.resolution) == pytest.approx(0.022, rel=1e-15)
+        assert encoder.noise == 0.0
+
+    def test_motor_encoder_has_819200_counts_a_turn(self) -> None:
+        encoder = build_encoder(DECOUPLE.manipulator.encoders.motor)
+        assert 2.0 * np.pi / encoder.resolution == pytest.approx(819200.0, rel=1e-12)
+
+    def test_actuator_takes_the_limits_of_the_moving_joints(self) -> None:
+        config = config_of(
+            "compare",
+            "manipulator.actuator.torque_limit=[30, 31, 32]",
+            "manipulator.actuator.torque_resolution=0.016",
+            "manipulator.actuator.torque_noise=0.02",
+            "manipulator.actuator.output_delay=1",
+        )
+        actuator = build_actuator(config)
+        assert actuator.limit.tolist() == [31.0, 32.0]
+        assert actuator[1:] == (0.016, 0.02, 1)
+        assert isinstance(actuator, Actuator)
+
+
+def test_values_of_held_joints_drop_out() -> None:
+    """Every per-joint value of joint 1 changed, and the plant of joints 2 and 3 stays the same."""
+    changed = config_of(
+        "compare",
+        "manipulator.links.mass=[9, 0.45, 0.25]",
+        "manipulator.links.com=[0.2, 0.1125, 0.09]",
+        "manipulator.links.inertia=[0.1, 2.34375e-3, 8.33333e-4]",
+        "manipulator.links.length=[0.4, 0.25, 0.20]",
+        "manipulator.winches.reflected_inertia=[9, 0.1, 0.1]",
+        "manipulator.winches.drum_inertia=[1e-2, 3e-5, 3e-5]",
+        "manipulator.winches.viscous=[9, 2, 2]",
+        "manipulator.tendons.axial_stiffness=[9e5, 101197.5, 146092.0]",
+        "manipulator.tendons.axial_damping=[9e3, 674.65, 1753.10]",
+        "manipulator.tendons.clearance=[1, 0, 0]",
+        "manipulator.friction.link.coulomb=[9, 0.05, 0.05]",
+        "manipulator.friction.link.viscous=[9, 0.02, 0.02]",
+        "manipulator.friction.winch.coulomb=[9, 0.5, 0.5]",
+    )
+    same, expected = _flat(build_plant(changed, 0.0)), _flat(build_plant(COMPARE, 0.0))
+    assert same.tolist() == expected.tolist()
+
+
+def test_friction_of_joints_and_winches_are_not_mixed_up() -> None:
+    config = config_of(
+        "compare",
+        *(
+            f"manipulator.friction.{part}.{field}=[1, {number}, {number + 1}]"
+            for part, first in (("link", 2), ("winch", 20))
+            for number, field in enumerate(
+                ("coulomb", "static_ratio", "stribeck_velocity", "smoothing_velocity"), first
+            )
+        ),
+        "manipulator.friction.link.viscous=[1, 7, 8]",
+        "manipulator.winches.viscous=[1, 9, 10]",
+    )
+    plant = build_plant(config, 0.0)
+    expected_link = [[7, 8], [2, 3], [3, 4], [4, 5], [5, 6]]
+    expected_winch = [[9, 10], [20, 21], [21, 22], [22, 23], [23, 24]]
+    assert [field.tolist() for field in plant.link_friction] == expected_link
+    assert [field.tolist() for field in plant.drive.friction] == expected_winch
+
+
+def _flat(record: Any) -> Array:
+    parts = [_flat(field) if isinstance(field, tuple) else np.ravel(field) for field in record]
+    return np.concatenate(parts)

@@ -1,0 +1,208 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from support.oracles import Links, lagrangian, mass_matrix_by_lagrange, random_links, slope
+
+from tendonrepro.physics.arm import (
+    bias_torque,
+    coriolis_matrix,
+    gravity_torque,
+    kinetic_energy,
+    link_angles,
+    mass_matrix,
+    potential_energy,
+)
+
+Array = NDArray[np.float64]
+
+many = settings(max_examples=60, deadline=None)
+cases = given(st.integers(1, 3), st.integers(0, 2**32 - 1))
+# The oracle covers three links; laws that need none are tried on longer chains too.
+long_cases = given(st.integers(1, 6), st.integers(0, 2**32 - 1))
+
+
+def drawn(n: int, seed: int) -> tuple[Links, Array, Array, Array]:
+    """Links, posture, velocity and acceleration, over the full circle."""
+    rng = np.random.default_rng(seed)
+    return random_links(n, rng), *rng.uniform(-np.pi, np.pi, (3, n))
+
+
+def near(value: Array, expected: Array) -> bool:
+    """Equal but for the rounding of sums of a few dozen terms."""
+    return bool(np.abs(value - expected).max() <= 2e-14 * (1.0 + np.abs(expected).max()))
+
+
+class TestAgainstLagrange:
+    @many
+    @cases
+    def test_mass_matrix(self, n: int, seed: int) -> None:
+        links, q, _, _ = drawn(n, seed)
+        assert near(mass_matrix(q, links.arm()), mass_matrix_by_lagrange(q, links))
+
+    @many
+    @cases
+    def test_gravity(self, n: int, seed: int) -> None:
+        links, q, _, _ = drawn(n, seed)
+        expected = lagrangian(n).torque(q, 0.0 * q, 0.0 * q, links)
+        assert near(gravity_torque(q, links.arm()), expected)
+
+    @many
+    @cases
+    def test_coriolis_torque(self, n: int, seed: int) -> None:
+        links, q, dq, _ = drawn(n, seed)
+        weightless = links._replace(gravity=0.0)
+        expected = lagrangian(n).torque(q, dq, 0.0 * q, weightless)
+        assert near(coriolis_matrix(q, dq, links.arm()) @ dq, expected)
+
+    @many
+    @cases
+    def test_whole_equation_of_motion(self, n: int, seed: int) -> None:
+        links, q, dq, ddq = drawn(n, seed)
+        arm = links.arm()
+        torque = mass_matrix(q, arm) @ ddq + bias_torque(q, dq, arm)
+        assert near(torque, lagrangian(n).torque(q, dq, ddq, links))
+
+    @many
+    @cases
+    def test_energies(self, n: int, seed: int) -> None:
+        links, q, dq, _ = drawn(n, seed)
+        arm, oracle = links.arm(), lagrangian(n)
+        assert near(kinetic_energy(q, dq, arm), oracle.kinetic(q, dq, 0.0 * q, links))
+        assert near(potential_energy(q, arm), oracle.potential(q, dq, 0.0 * q, links))
+
+    def test_payload_weighs_on_every_joint(self) -> None:
+        links, q, _, _ = drawn(3, 1)
+        heavier = links._replace(payload_mass=links.payload_mass + 0.2)
+        joints = np.cumsum(links.length * np.sin(links.phi_0 + np.cumsum(q)))
+        lever = joints[-1] - np.append(0.0, joints[:-1])
+        added = gravity_torque(q, heavier.arm()) - gravity_torque(q, links.arm())
+        assert added == pytest.approx(0.2 * 9.81 * lever, rel=1e-12)
+
+
+class TestLaws:
+    @many
+    @long_cases
+    def test_mass_matrix_symmetric_and_positive_definite(self, n: int, seed: int) -> None:
+        links, q, _, _ = drawn(n, seed)
+        M = mass_matrix(q, links.arm())
+        assert near(M, M.T)
+        assert np.linalg.eigvalsh(M).min() > 0.0
+
+    @many
+    @long_cases
+    def test_rate_of_M_less_twice_C_is_skew(self, n: int, seed: int) -> None:
+        links, q, dq, _ = drawn(n, seed)
+        arm = links.arm()
+        rate = slope(lambda at: mass_matrix(at, arm), q, dq)
+        N = rate - 2.0 * coriolis_matrix(q, dq, arm)
+        assert near(N, -N.T)
+
+    @many
+    @long_cases
+    def test_C_is_the_christoffel_form(self, n: int, seed: int) -> None:
+        links, q, dq, _ = drawn(n, seed)
+        arm = links.arm()
+        dM = np.stack([slope(lambda at: mass_matrix(at, arm), q, axis) for axis in np.eye(n)], axis=-1)
+        symbols = (dM + dM.transpose(0, 2, 1) - dM.transpose(2, 1, 0)) / 2.0
+        assert near(coriolis_matrix(q, dq, arm), symbols @ dq)
+
+    @many
+    @long_cases
+    def test_gravity_is_the_slope_of_its_energy(self, n: int, seed: int) -> None:
+        links, q, _, _ = drawn(n, seed)
+        arm = links.arm()
+        gradient = [slope(lambda at: potential_energy(at, arm), q, axis) for axis in np.eye(n)]
+        assert near(gravity_torque(q, arm), np.array(gradient))
+
+    @many
+    @long_cases
+    def test_bias_is_coriolis_and_gravity(self, n: int, seed: int) -> None:
+        links, q, dq, _ = drawn(n, seed)
+        arm = links.arm()
+        expected = coriolis_matrix(q, dq, arm) @ dq + gravity_torque(q, arm)
+        assert near(bias_torque(q, dq, arm), expected)
+
+    @many
+    @long_cases
+    def test_start_posture_is_an_offset_of_the_joint_angles(self, n: int, seed: int) -> None:
+        links, q, dq, _ = drawn(n, seed)
+        arm, hanging = links.arm(), links._replace(phi_0=np.zeros(n)).arm()
+        moved = q + np.diff(links.phi_0, prepend=0.0)
+        assert near(mass_matrix(q, arm), mass_matrix(moved, hanging))
+        assert near(coriolis_matrix(q, dq, arm), coriolis_matrix(moved, dq, hanging))
+        assert near(gravity_torque(q, arm), gravity_torque(moved, hanging))
+
+    @many
+    @given(st.integers(2, 6), st.integers(0, 2**32 - 1))
+    def test_holding_the_first_joint_leaves_a_shorter_arm(self, n: int, seed: int) -> None:
+        links, q, dq, _ = drawn(n, seed)
+        q[0] = dq[0] = 0.0
+        outer = Links(*(field[1:] for field in links[:5]), links.payload_mass, links.gravity)
+        assert near(mass_matrix(q, links.arm())[1:, 1:], mass_matrix(q[1:], outer.arm()))
+        assert near(bias_torque(q, dq, links.arm())[1:], bias_torque(q[1:], dq[1:], outer.arm()))
+
+
+class TestConvention:
+    """Absolute angles from hanging, positive clockwise, that is upwards on the left."""
+
+    links = Links(*np.array([[0.3], [0.7], [0.1], [0.01], [0.0]]), payload_mass=0.2, gravity=9.81)
+
+    def test_a_hanging_link_needs_no_torque_and_one_above_it_a_positive_one(self) -> None:
+        arm = self.links.arm()
+        assert gravity_torque(np.array([0.0]), arm)[0] == 0.0
+        # Horizontal: the full weight of link and payload on their levers.
+        expected = 9.81 * (0.7 * 0.1 + 0.2 * 0.3)
+        assert gravity_torque(np.array([np.pi / 2]), arm)[0] == pytest.approx(expected, rel=1e-15)
+
+    def test_energy_is_zero_when_horizontal_and_grows_upwards(self) -> None:
+        arm = self.links.arm()
+        energy = potential_energy(np.array([[0.0, np.pi / 2, np.pi]]), arm)
+        weight = 9.81 * (0.7 * 0.1 + 0.2 * 0.3)
+        assert energy == pytest.approx([-weight, 0.0, weight], abs=1e-15)
+
+    def test_mass_matrix_of_one_link_is_its_inertia_about_the_axis(self) -> None:
+        expected = 0.01 + 0.7 * 0.1**2 + 0.2 * 0.3**2
+        assert mass_matrix(np.array([1.0]), self.links.arm())[0, 0] == pytest.approx(expected, rel=1e-15)
+
+    def test_link_angles_add_up_from_the_start_posture(self) -> None:
+        q = np.array([0.1, 0.2, -0.5])
+        assert link_angles(q, np.array([1.0, 2.0, 3.0])) == pytest.approx([1.1, 2.3, 2.8], rel=1e-15)
+
+
+class TestLanes:
+    @pytest.mark.parametrize("n", [1, 2, 3])
+    @pytest.mark.parametrize(
+        "function",
+        [
+            lambda q, _, arm: link_angles(q, arm.phi_0),
+            lambda q, _, arm: mass_matrix(q, arm),
+            lambda q, _, arm: gravity_torque(q, arm),
+            coriolis_matrix,
+            bias_torque,
+        ],
+        ids=["link_angles", "mass_matrix", "gravity_torque", "coriolis_matrix", "bias_torque"],
+    )
+    def test_many_postures_at_once_equal_each_alone_bit_for_bit(
+        self, n: int, function: Callable[..., Array]
+    ) -> None:
+        rng = np.random.default_rng(n)
+        arm = random_links(n, rng).arm()
+        q, dq = rng.uniform(-np.pi, np.pi, (2, n, 37))
+        together = function(q, dq, arm)
+        alone = np.stack([function(q[:, k], dq[:, k], arm) for k in range(37)], axis=-1)
+        assert (together == alone).all()
+
+    def test_energies_of_many_postures(self) -> None:
+        rng = np.random.default_rng(0)
+        arm = random_links(3, rng).arm()
+        q, dq = rng.uniform(-np.pi, np.pi, (2, 3, 37))
+        together = kinetic_energy(q, dq, arm) + potential_energy(q, arm)
+        alone = [kinetic_energy(q[:, k], dq[:, k], arm) + potential_energy(q[:, k], arm) for k in range(37)]
+        # NumPy contracts one posture and many in different orders.
+        assert together == pytest.approx(alone, rel=1e-13)

@@ -1,0 +1,243 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from support.oracles import (
+    FEATURES,
+    PAPER,
+    Subject,
+    accelerations_by_matrices,
+    friction_by_formula,
+    joint_matrices,
+    random_plant,
+    random_state,
+    slope,
+    stretch_energy,
+    winch_angles,
+)
+
+from tendonrepro.physics.drive import (
+    Drive,
+    motor_acceleration,
+    tendon_torque,
+    theta_at_rest,
+    to_joint_torque,
+    to_winch_angle,
+    to_winch_torque,
+    winch_friction,
+)
+from tendonrepro.physics.kinematics import to_joint_matrix
+
+Array = NDArray[np.float64]
+
+SEEDS = range(5)
+each_size = pytest.mark.parametrize("n", [1, 2, 3])
+each_seed = pytest.mark.parametrize("seed", SEEDS)
+
+# Sums of a handful of products whose factors are up to about a hundred.
+ROUNDING = {"rel": 1e-11, "abs": 1e-11}
+
+
+def drawn(n: int, seed: int, features: frozenset[str]) -> tuple[Subject, Array, Array, Array, Array]:
+    state = random_state(n, np.random.default_rng([n, seed, 1]))
+    return random_plant(n, seed, features), *np.split(state, 4)
+
+
+def one_winch(**changes: float) -> Drive:
+    """Single tendon of stiffness 50 and no other feature, unless changed."""
+    drive = random_plant(1, 0, frozenset()).plant.drive
+    plain = drive._replace(S=np.eye(1), S_inv=np.eye(1), stiffness=np.array([50.0]))
+    return plain._replace(**{name: np.array([value]) for name, value in changes.items()})
+
+
+def pull(stretch: Array, drive: Drive, rate: float = 0.0) -> Array:
+    """Torque of the single tendon at given stretches, the joint held at zero."""
+    at = np.atleast_2d(stretch)
+    return tendon_torque(0.0 * at, 0.0 * at, at, 0.0 * at + rate, drive)[0]
+
+
+@each_size
+@each_seed
+class TestCoordinates:
+    def test_winch_angles_take_up_the_rope(self, n: int, seed: int) -> None:
+        subject, q, *_ = drawn(n, seed, FEATURES)
+        assert to_winch_angle(q, subject.plant.drive) == pytest.approx(
+            winch_angles(q, subject.routing), **ROUNDING
+        )
+
+    def test_power_is_the_same_at_winches_and_joints(self, n: int, seed: int) -> None:
+        """Virtual work."""
+        subject, rate, torque, *_ = drawn(n, seed, FEATURES)
+        drive = subject.plant.drive
+        at_winches = to_winch_torque(torque, drive) @ to_winch_angle(rate, drive)
+        assert at_winches == pytest.approx(torque @ rate, **ROUNDING)
+
+    def test_torque_there_and_back(self, n: int, seed: int) -> None:
+        subject, torque, *_ = drawn(n, seed, FEATURES)
+        drive = subject.plant.drive
+        assert to_joint_torque(to_winch_torque(torque, drive), drive) == pytest.approx(torque, **ROUNDING)
+
+
+@each_size
+@each_seed
+class TestEquations3And5:
+    """Written with the paper's matrices in joint coordinates."""
+
+    def test_compliance_torque(self, n: int, seed: int) -> None:
+        subject, q, dq, theta, dtheta = drawn(n, seed, PAPER)
+        drive, matrix = subject.plant.drive, joint_matrices(subject)
+        tau_s = to_joint_torque(tendon_torque(q, dq, theta, dtheta, drive), drive)
+        assert tau_s == pytest.approx(matrix.K_s @ (theta - q) + matrix.D_s @ (dtheta - dq), **ROUNDING)
+
+    def test_motor_acceleration(self, n: int, seed: int) -> None:
+        subject, q, dq, theta, dtheta = drawn(n, seed, PAPER)
+        tau_m = np.linspace(-3.0, 2.0, n)
+        tendon = tendon_torque(q, dq, theta, dtheta, subject.plant.drive)
+        state = np.concatenate([q, dq, theta, dtheta])
+        _, expected = accelerations_by_matrices(0.0, state, tau_m, subject)
+        # The routing's condition, up to some hundreds, multiplies the rounding.
+        tolerance = 1e-12 * np.abs(expected).max() * np.linalg.cond(subject.plant.drive.S) ** 2
+        got = motor_acceleration(theta, dtheta, tendon, tau_m, subject.plant.drive)
+        assert got == pytest.approx(expected, abs=tolerance)
+
+    def test_K_s_is_the_curvature_of_the_stretch_energy(self, n: int, seed: int) -> None:
+        subject, q, _, theta, _ = drawn(n, seed, PAPER)
+        K_s = to_joint_matrix(subject.plant.drive.stiffness, subject.plant.drive.S_inv)
+        stretch = theta - q
+        assert stretch_energy(q, theta, subject) == pytest.approx(stretch @ K_s @ stretch / 2, **ROUNDING)
+        for axis in np.eye(n):
+            # A quadratic form: its second difference is exact for any step.
+            energies = [stretch_energy(q, theta + step * axis, subject) for step in (-1.0, 0.0, 1.0)]
+            assert np.dot(energies, [1.0, -2.0, 1.0]) == pytest.approx(axis @ K_s @ axis, **ROUNDING)
+
+    def test_I_holds_the_kinetic_energy_of_the_winches(self, n: int, seed: int) -> None:
+        subject, *_, dtheta = drawn(n, seed, PAPER)
+        drive = subject.plant.drive
+        I = to_joint_matrix(drive.inertia, drive.S_inv)
+        at_winches = (drive.inertia * winch_angles(dtheta, subject.routing) ** 2).sum() / 2
+        assert dtheta @ I @ dtheta / 2 == pytest.approx(at_winches, **ROUNDING)
+
+
+@each_size
+@each_seed
+@pytest.mark.parametrize("features", [frozenset(), frozenset({"clearance"})], ids=["tight", "clearance"])
+def test_elastic_torque_is_the_slope_of_the_stretch_energy(
+    n: int, seed: int, features: frozenset[str]
+) -> None:
+    subject, q, dq, theta, _ = drawn(n, seed, features)
+    drive = subject.plant.drive
+    tau_s = to_joint_torque(tendon_torque(q, dq, theta, dq, drive), drive)
+    for i, axis in enumerate(np.eye(n)):
+        by_motor = slope(lambda at: stretch_energy(q + 0j, at, subject), theta, axis)
+        by_joint = slope(lambda at: stretch_energy(at, theta + 0j, subject), q, axis)
+        assert tau_s[i] == pytest.approx(by_motor, **ROUNDING)
+        assert tau_s[i] == pytest.approx(-by_joint, **ROUNDING)
+
+
+class TestClearance:
+    drive = one_winch(slack=0.02)
+
+    def test_no_torque_inside(self) -> None:
+        inside = np.linspace(-0.02, 0.02, 41)
+        # The stretch less itself: the rounding of numbers of 0.02 times the stiffness.
+        assert pull(inside, self.drive) == pytest.approx(np.zeros(41), abs=50.0 * 1e-17)
+
+    def test_full_stiffness_beyond_without_a_jump(self) -> None:
+        beyond = np.array([0.02, 0.03, 0.12])
+        assert pull(beyond, self.drive) == pytest.approx([0.0, 0.5, 5.0], abs=1e-14)
+        assert pull(-beyond, self.drive) == pytest.approx([0.0, -0.5, -5.0], abs=1e-14)
+
+    def test_damping_acts_throughout(self) -> None:
+        damped = self.drive._replace(damping=np.array([3.0]))
+        assert pull(np.array([0.0, 0.12]), damped, rate=2.0) == pytest.approx([6.0, 11.0], abs=1e-14)
+
+
+class TestTransmissionError:
+    @each_size
+    @each_seed
+    def test_damping_sees_the_rate_of_what_stiffness_sees(self, n: int, seed: int) -> None:
+        subject, q, dq, theta, dtheta = drawn(n, seed, frozenset({"damping", "wobble"}))
+        drive = subject.plant.drive
+        elastic = drive._replace(damping=0.0 * drive.damping)
+        damped = drive._replace(stiffness=0.0 * drive.stiffness)
+
+        def stretch(at: Array) -> Array:
+            return tendon_torque(at[0], 0.0 * at[0], at[1], 0.0 * at[1], elastic) / drive.stiffness
+
+        rate = slope(stretch, np.array([q, theta]), np.array([dq, dtheta]))
+        got = tendon_torque(q, dq, theta, dtheta, damped) / drive.damping
+        assert got == pytest.approx(rate, **ROUNDING)
+
+    def test_amplitude_and_cycles_per_turn(self) -> None:
+        drive = one_winch(wobble=1e-3, wobble_rate=200.0)
+        turn = np.linspace(0.0, 2.0 * np.pi, 4001)[:-1]
+        still = np.atleast_2d(turn)
+        # The joint follows the winch, so what is left is the error alone.
+        error = tendon_torque(still, 0.0 * still, still, 0.0 * still, drive)[0] / 50.0
+        spectrum = np.abs(np.fft.rfft(error)) / 2000.0
+        assert spectrum.argmax() == 200
+        assert spectrum[200] == pytest.approx(1e-3, rel=1e-9)
+
+
+class TestWinchFriction:
+    def test_bearings_alone(self) -> None:
+        subject = random_plant(3, 1, FEATURES - {"losses"})
+        rate, load = np.array([0.1, -0.2, 0.3]), np.array([5.0, -7.0, 2.0])
+        got = winch_friction(rate, load, load, subject.plant.drive)
+        assert got == pytest.approx(friction_by_formula(rate, subject.plant.drive.friction), rel=1e-14)
+
+    def test_pulleys_and_reducer_lose_their_share_against_the_motion(self) -> None:
+        drive = one_winch(pulley_loss=0.1, reducer_loss=0.3)
+        # At 10 rad/s the smoothed sign is 1 to rounding.
+        for rate, sense in ((10.0, 1.0), (-10.0, -1.0)):
+            for tendon, motor, lost in ((4.0, 0.0, 0.4), (-4.0, 0.0, 0.4), (0.0, 2.0, 0.6), (4.0, -2.0, 1.0)):
+                got = winch_friction(np.array([rate]), np.array([tendon]), np.array([motor]), drive)
+                assert got == pytest.approx([sense * lost], rel=1e-14)
+
+    @each_size
+    @each_seed
+    def test_never_drives(self, n: int, seed: int) -> None:
+        subject, rate, tendon, motor, _ = drawn(n, seed, FEATURES)
+        friction = winch_friction(rate, 10.0 * tendon, 10.0 * motor, subject.plant.drive)
+        assert (friction * rate > 0.0).all()
+        assert (winch_friction(0.0 * rate, tendon, motor, subject.plant.drive) == 0.0).all()
+
+    def test_it_brakes_the_motor(self) -> None:
+        drive = one_winch(pulley_loss=0.1, reducer_loss=0.3, inertia=0.5)
+        moving, tendon, motor = np.array([10.0]), np.array([4.0]), np.array([2.0])
+        # (2 - 4 - 0.1 4 - 0.3 2) / 0.5
+        assert motor_acceleration(np.zeros(1), moving, tendon, motor, drive) == pytest.approx(
+            [-6.0], rel=1e-14
+        )
+
+
+class TestRest:
+    @each_size
+    @each_seed
+    @pytest.mark.parametrize("features", [PAPER, FEATURES], ids=["paper", "all"])
+    def test_tendons_carry_the_torque(self, n: int, seed: int, features: frozenset[str]) -> None:
+        subject, q, tau_s, *_ = drawn(n, seed, features)
+        drive = subject.plant.drive
+        theta = theta_at_rest(q, 5.0 * tau_s, drive)
+        carried = to_joint_torque(tendon_torque(q, 0.0 * q, theta, 0.0 * q, drive), drive)
+        assert carried == pytest.approx(5.0 * tau_s, **ROUNDING)
+
+    def test_a_tendon_without_load_rests_in_the_middle_of_its_clearance(self) -> None:
+        q = np.array([0.3])
+        assert theta_at_rest(q, np.zeros(1), one_winch(slack=0.02)) == pytest.approx(q, rel=1e-15)
+        assert theta_at_rest(q, np.array([5.0]), one_winch(slack=0.02)) == pytest.approx([0.42], rel=1e-15)
+        assert theta_at_rest(q, np.array([-5.0]), one_winch(slack=0.02)) == pytest.approx([0.18], rel=1e-15)
+
+
+@each_size
+def test_many_states_at_once_equal_each_alone_bit_for_bit(n: int) -> None:
+    drive = random_plant(n, 1, FEATURES).plant.drive
+    q, dq, theta, dtheta = np.split(random_state(n, np.random.default_rng(n), (37,)), 4)
+    tendon = tendon_torque(q, dq, theta, dtheta, drive)
+    acceleration = motor_acceleration(theta, dtheta, tendon, q, drive)
+    for k in range(37):
+        alone = tendon_torque(q[:, k], dq[:, k], theta[:, k], dtheta[:, k], drive)
+        assert (tendon[:, k] == alone).all()
+        single = motor_acceleration(theta[:, k], dtheta[:, k], alone, q[:, k], drive)
+        assert (acceleration[:, k] == single).all()

@@ -1,0 +1,126 @@
+"""Encoders, actuators and the motors' position loop."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from support.oracles import TABLE_1, coupling_by_columns
+
+from tendonrepro.physics.encoder import noise_sequence, quantise
+from tendonrepro.physics.instruments import Actuator, applied_torque
+from tendonrepro.physics.servo import Servo, servo_torque
+
+Array = NDArray[np.float64]
+
+S_INV = coupling_by_columns(TABLE_1)
+S = np.linalg.inv(S_INV)
+IDEAL = Actuator(limit=np.full(3, 1e6), resolution=0.0, noise=0.0, delay=0)
+
+angles = st.floats(-100.0, 100.0)
+steps = st.floats(1e-4, 1.0)
+torques = st.lists(st.floats(-50.0, 50.0), min_size=3, max_size=3).map(np.array)
+
+
+def counts(value: float, step: float) -> float:
+    return float(quantise(np.array(value), step))
+
+
+def at_winches(torque: Array) -> Array:
+    return S.T @ torque
+
+
+class TestQuantise:
+    @pytest.mark.parametrize(
+        ("value", "expected"), [(0.49, 0.0), (0.5, 1.0), (1.5, 2.0), (-0.5, 0.0), (-0.51, -1.0), (-1.5, -1.0)]
+    )
+    def test_halves_go_upwards(self, value: float, expected: float) -> None:
+        assert counts(value, 1.0) == expected
+        assert counts(0.25 * value, 0.25) == 0.25 * expected
+
+    @given(angles, steps)
+    def test_error_is_at_most_half_a_count(self, value: float, step: float) -> None:
+        # The quotient and the product of up to 1e6 counts are rounded.
+        assert abs(counts(value, step) - value) <= 0.5 * step + 4.0 * np.spacing(abs(value))
+
+    @given(angles, steps)
+    def test_a_whole_number_of_counts_stays_put(self, value: float, step: float) -> None:
+        once = counts(value, step)
+        assert counts(once, step) == once
+        assert once / step == pytest.approx(round(once / step), rel=1e-15)
+
+    @given(angles, angles, steps)
+    def test_order_is_kept(self, a: float, b: float, step: float) -> None:
+        assert (counts(a, step) - counts(b, step)) * (a - b) >= 0.0
+
+    @given(angles)
+    def test_no_step_means_no_change(self, value: float) -> None:
+        assert counts(value, 0.0) == value
+
+
+class TestNoise:
+    def test_root_mean_square_and_shape(self) -> None:
+        noise = noise_sequence(0.3, (50000, 2), np.random.default_rng(1))
+        assert noise.shape == (50000, 2)
+        # The RMS of N samples scatters by 1 / sqrt(2 N) = 0.3 %, the mean by 1 / sqrt(N) = 0.45 %.
+        assert np.sqrt((noise**2).mean(axis=0)) == pytest.approx([0.3, 0.3], rel=0.015)
+        assert noise.mean(axis=0) == pytest.approx([0.0, 0.0], abs=0.3 * 0.02)
+
+    def test_white(self) -> None:
+        noise = noise_sequence(1.0, (50000, 2), np.random.default_rng(1))
+        between_samples = (noise[1:] * noise[:-1]).mean(axis=0)
+        between_axes = (noise[:, 0] * noise[:, 1]).mean()
+        assert [*between_samples, between_axes] == pytest.approx([0.0, 0.0, 0.0], abs=0.02)
+
+    def test_a_seed_decides_it(self) -> None:
+        first, again, other = (noise_sequence(1.0, (9, 2), np.random.default_rng(seed)) for seed in (1, 1, 2))
+        assert (first == again).all()
+        assert (first != other).all()
+
+
+class TestActuator:
+    @given(torques)
+    def test_one_that_changes_nothing_returns_the_command_to_the_last_bit(self, command: Array) -> None:
+        assert (applied_torque(command, IDEAL, S, S_INV) == command).all()
+
+    @given(torques)
+    def test_each_winch_is_limited_by_itself(self, command: Array) -> None:
+        limit = np.array([3.0, 4.0, 5.0])
+        applied = applied_torque(command, IDEAL._replace(limit=limit), S, S_INV)
+        expected = np.clip(at_winches(command), -limit, limit)
+        # Two 3 x 3 products of numbers below 100.
+        assert at_winches(applied) == pytest.approx(expected, abs=1e-12)
+
+    @given(torques)
+    def test_winch_torques_are_whole_steps(self, command: Array) -> None:
+        applied = applied_torque(command, IDEAL._replace(resolution=0.25), S, S_INV)
+        steps_taken = at_winches(applied) / 0.25
+        assert steps_taken == pytest.approx(np.round(steps_taken), abs=1e-11)
+        assert np.abs(at_winches(applied) - at_winches(command)).max() <= 0.125 + 1e-12
+
+    def test_rounding_cannot_push_a_winch_beyond_its_limit(self) -> None:
+        limited = IDEAL._replace(limit=np.full(3, 2.0), resolution=0.3)
+        command = S_INV.T @ np.array([2.3, -2.3, 0.1])
+        applied = applied_torque(command, limited, S, S_INV)
+        assert at_winches(applied) == pytest.approx([2.0, -2.0, 0.0], abs=1e-14)
+
+
+class TestServo:
+    servo = Servo(stiffness=np.array([10.0, 20.0]), damping=np.array([1.0, 2.0]), L=0.5)
+
+    def test_drives_towards_the_command(self) -> None:
+        still = np.zeros(2)
+        torque = servo_torque(still, still, np.array([0.1, -0.2]), still, self.servo)
+        assert torque == pytest.approx([1.0, -4.0])
+
+    def test_resists_motion_measured_over_one_period(self) -> None:
+        here, before = np.array([0.1, 0.2]), np.array([0.0, 0.3])
+        torque = servo_torque(here, before, here, np.zeros(2), self.servo)
+        assert torque == pytest.approx([-0.2, 0.4])
+
+    def test_does_nothing_on_the_commanded_motion(self) -> None:
+        here, rate = np.array([0.1, 0.2]), np.array([0.4, -0.6])
+        torque = servo_torque(here, here - 0.5 * rate, here, rate, self.servo)
+        assert torque == pytest.approx([0.0, 0.0], abs=1e-15)

@@ -1,0 +1,175 @@
+from __future__ import annotations
+
+from fractions import Fraction
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from support.oracles import TABLE_1, Routing, coupling_by_columns, random_routing, rope_used, winch_angles
+
+from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix, to_joint_matrix
+
+Array = NDArray[np.float64]
+
+# Section 5.2 as printed: absolute values.
+PRINTED_S = np.array([[0.4805, 0.0, 0.0], [0.2184, 0.4805, 0.0], [0.2479, 0.4545, 1.0]])
+# Table 1, times 37.
+PRINTED_RATIOS = np.array([[77.0, 0.0, 0.0], [35.0, 77.0, 0.0], [35.0, 35.0, 37.0]])
+PATTERNS = list(product([1.0, -1.0], repeat=3))
+
+cases = given(st.integers(1, 6), st.integers(0, 2**32 - 1))
+many = settings(max_examples=100, deadline=None)
+
+
+def routing_of(n: int, seed: int) -> Routing:
+    return random_routing(n, np.random.default_rng(seed))
+
+
+def with_signs(c12: float, c13: float, c23: float) -> Routing:
+    sign = np.eye(3)
+    sign[0, 1], sign[0, 2], sign[1, 2] = c12, c13, c23
+    return TABLE_1._replace(sign=sign)
+
+
+def S_of_table_1() -> Array:
+    return coupling_matrix(coupling_inverse(*TABLE_1))
+
+
+def joints_by_hand(q_motor: Array, routing: Routing) -> list[float]:
+    """Eq. (1) solved joint after joint from the base."""
+    q: list[float] = []
+    for n in range(q_motor.size):
+        passed = sum(routing.sign[i, n] * q[i] * routing.pulley[i, n] for i in range(n))
+        turned = q_motor[n] * routing.winch[n] + passed
+        q.append(turned / (routing.sign[n, n] * routing.pulley[n, n]))
+    return q
+
+
+class TestCoupling:
+    @many
+    @cases
+    def test_equation_1_holds_row_by_row(self, n: int, seed: int) -> None:
+        routing = routing_of(n, seed)
+        q = np.random.default_rng(seed + 1).uniform(-2.0, 2.0, n)
+        q_motor = coupling_inverse(*routing) @ q
+        # A sum of n products of numbers up to about 10.
+        assert routing.winch * q_motor / 2 == pytest.approx(rope_used(q, routing), abs=1e-14)
+
+    @many
+    @cases
+    def test_forward_map_solves_equation_1_from_the_base_outwards(self, n: int, seed: int) -> None:
+        routing = routing_of(n, seed)
+        q_motor = np.random.default_rng(seed + 1).uniform(-2.0, 2.0, n)
+        S = coupling_matrix(coupling_inverse(*routing))
+        size = np.abs(S).max()
+        assert S @ q_motor == pytest.approx(joints_by_hand(q_motor, routing), abs=1e-13 * size)
+
+    @many
+    @cases
+    def test_S_and_S_inv_are_inverses_on_both_sides(self, n: int, seed: int) -> None:
+        S_inv = coupling_inverse(*routing_of(n, seed))
+        S = coupling_matrix(S_inv)
+        # Rounding of a product is bounded by that of the absolute values; S itself carries it once more.
+        bound = 4 * n * np.finfo(float).eps * np.abs(S) @ np.abs(S_inv) @ np.abs(S) @ np.abs(S_inv)
+        assert (np.abs(S @ S_inv - np.eye(n)) <= bound).all()
+        assert (np.abs(S_inv @ S - np.eye(n)) <= bound.max()).all()
+
+    @many
+    @cases
+    def test_no_tendon_is_moved_by_a_joint_beyond_its_own(self, n: int, seed: int) -> None:
+        S_inv = coupling_inverse(*routing_of(n, seed))
+        assert (np.triu(S_inv, 1) == 0.0).all()
+        assert (np.triu(coupling_matrix(S_inv), 1) == 0.0).all()
+
+    @many
+    @cases
+    def test_diameters_below_the_diagonal_are_not_read(self, n: int, seed: int) -> None:
+        routing = routing_of(n, seed)
+        below = np.tril(np.full((n, n), np.nan), -1)
+        same = coupling_inverse(routing.winch, routing.pulley + below, routing.sign + below)
+        assert (same == coupling_inverse(*routing)).all()
+
+    @many
+    @given(st.integers(2, 6), st.integers(0, 2**32 - 1))
+    def test_holding_the_first_joint_leaves_the_trailing_block(self, n: int, seed: int) -> None:
+        routing = routing_of(n, seed)
+        alone = Routing(routing.winch[1:], routing.pulley[1:, 1:], routing.sign[1:, 1:])
+        S_inv = coupling_inverse(*routing)
+        assert (coupling_inverse(*alone) == S_inv[1:, 1:]).all()
+        S = coupling_matrix(S_inv)
+        assert coupling_matrix(S_inv[1:, 1:]) == pytest.approx(S[1:, 1:], abs=1e-13 * np.abs(S).max())
+
+    def test_coupling_falls_with_the_winch_and_rises_with_the_guide_pulley(self) -> None:
+        """Claim K6."""
+        wider_winch = TABLE_1._replace(winch=2.0 * TABLE_1.winch)
+        assert coupling_inverse(*wider_winch) == pytest.approx(coupling_inverse(*TABLE_1) / 2.0, rel=1e-15)
+        wider_pulleys = TABLE_1._replace(pulley=2.0 * TABLE_1.pulley)
+        assert coupling_inverse(*wider_pulleys) == pytest.approx(coupling_inverse(*TABLE_1) * 2.0, rel=1e-15)
+
+
+class TestPrintedNumbers:
+    """Section 5.2 and Table 1."""
+
+    def test_table_1_is_the_inverse_coupling(self) -> None:
+        assert 37.0 * np.abs(coupling_inverse(*TABLE_1)) == pytest.approx(PRINTED_RATIOS, rel=1e-15)
+
+    def test_signs_of_section_3_3(self) -> None:
+        signs = [[1.0, 0.0, 0.0], [-1.0, 1.0, 0.0], [1.0, -1.0, 1.0]]
+        assert np.sign(coupling_inverse(*TABLE_1)).tolist() == signs
+
+    def test_S_to_the_printed_digits(self) -> None:
+        assert np.abs(S_of_table_1()).round(4).tolist() == PRINTED_S.tolist()
+
+    def test_S_in_exact_fractions(self) -> None:
+        S21 = Fraction(35 * 37, 77 * 77)
+        S32 = Fraction(35, 77)
+        S31 = -Fraction(35, 77) + Fraction(35, 37) * S21
+        exact = [[Fraction(37, 77), 0, 0], [S21, Fraction(37, 77), 0], [S31, S32, 1]]
+        # One rounding per operation of the forward substitution.
+        assert S_of_table_1() == pytest.approx(np.array(exact, dtype=float), abs=4e-16)
+
+    @pytest.mark.parametrize("signs", PATTERNS)
+    def test_only_sign_patterns_of_product_minus_one_print_that_S(self, signs: tuple[float, ...]) -> None:
+        S = coupling_matrix(coupling_inverse(*with_signs(*signs)))
+        assert (np.abs(S).round(4).tolist() == PRINTED_S.tolist()) == (np.prod(signs) == -1.0)
+
+    def test_pulling_tendon_1_alone_turns_joint_2_along_with_joint_1(self) -> None:
+        """Claim K2."""
+        q = S_of_table_1() @ np.array([1.0, 0.0, 0.0])
+        assert q[1] / q[0] == pytest.approx(35.0 / 77.0, rel=1e-15)
+        assert round(q[1] / q[0], 4) == 0.4545
+
+    def test_motor_3_hardly_turns_when_joints_2_and_3_turn_alike(self) -> None:
+        """Claim K4; it forces the sign c23 = +1."""
+        together = np.array([0.0, 1.0, 1.0])
+        motor_2, motor_3 = (coupling_inverse(*TABLE_1) @ together)[1:]
+        assert motor_3 == pytest.approx(2.0 / 37.0, abs=1e-15)
+        assert round(motor_3, 3) == 0.054
+        assert motor_2 == pytest.approx(77.0 / 37.0)
+        other = coupling_inverse(*with_signs(1.0, 1.0, -1.0)) @ together
+        assert round(other[2], 3) == 1.946
+
+
+class TestToJointMatrix:
+    @many
+    @cases
+    def test_energy_does_not_depend_on_the_coordinates(self, n: int, seed: int) -> None:
+        routing, rng = routing_of(n, seed), np.random.default_rng(seed + 1)
+        winch_values, q = rng.uniform(0.1, 10.0, n), rng.uniform(-1.0, 1.0, n)
+        A = to_joint_matrix(winch_values, coupling_inverse(*routing))
+        at_winches = (winch_values * winch_angles(q, routing) ** 2).sum()
+        # The sum cancels where the winches nearly stand still.
+        assert q @ A @ q == pytest.approx(at_winches, rel=1e-12, abs=1e-13 * np.abs(A).max())
+
+    @many
+    @cases
+    def test_symmetric_and_positive_definite(self, n: int, seed: int) -> None:
+        S_inv = coupling_by_columns(routing_of(n, seed))
+        winch_values = np.linspace(1.0, 2.0, n)
+        A = to_joint_matrix(winch_values, S_inv)
+        assert np.abs(A - A.T).max() <= 1e-14 * np.abs(A).max()
+        # A triangular S_inv gives the determinant; its rounding grows with the condition of A.
+        assert np.linalg.det(A) == pytest.approx(np.prod(np.diag(S_inv) ** 2 * winch_values), rel=1e-6)

@@ -1,0 +1,595 @@
+"""The figures, by their artists: panels, curves, labels, ranges, and what is said when something is amiss."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from dataclasses import replace
+from functools import cache
+from itertools import combinations
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgb, to_rgba
+from matplotlib.lines import Line2D
+from matplotlib.text import Text
+from matplotlib.transforms import Bbox
+from support import ROOT
+from support.synthetic import S, make_compare_file, make_decouple_file
+
+from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
+from tendonrepro.results.figures.catalogue import FIGURES, available, draw, save
+from tendonrepro.results.figures.panels import FigureArtists
+from tendonrepro.results.figures.style import REFERENCE, SERIES, envelope, journal_style, thin
+from tendonrepro.results.traces import Trace, TraceFile
+
+compare_file = cache(make_compare_file)
+decouple_file = cache(make_decouple_file)
+
+PANELS = {6: "ab", 9: "a", 10: "ab", 11: "ab", 12: "ab", 13: "ab", 14: "abcd", 15: "abcdef", 16: "abcd"}
+TITLES = {
+    6: ["(a) Motors", "(b) Joints"],
+    9: [""],
+    **{9 + joint: [f"(a) Joint {joint}", "(b) Calculated − encoder"] for joint in (1, 2, 3)},
+    13: ["(a) Motors", "(b) From encoders − from desired"],
+    14: ["(a) Joint 2", "(b) Joint 3", "(c) Joint 2", "(d) Joint 3"],
+    15: ["(a) Joint 2", "(b) Joint 3", "(c) Joint 2", "(d) Joint 3", "(e) Joint 2", "(f) Joint 3"],
+    16: ["(a) Joint 2", "(b) Joint 3", "(c) Joint 2", "(d) Joint 3"],
+}
+THREE = ["Controller 1", "Controller 2", "Controller 3"]
+LEGENDS = {
+    6: [f"Motor/joint {k}" for k in (1, 2, 3)],
+    9: [f"Motor {k}" for k in (1, 2, 3)],
+    **{9 + joint: ["Encoder (simulated)", r"Calculated, $S\,q_\mathrm{motor}$"] for joint in (1, 2, 3)},
+    13: ["From desired angles", "Motor 2, from encoders", "Motor 3, from encoders"],
+    14: ["Desired", *THREE],
+    15: [*THREE, "Pale: range of raw samples, dark: 50 ms mean"],
+    16: ["Desired", "Controller 1, no payload", "Controller 1, 0.2 kg payload"],
+}
+UNITS = {
+    **{number: ["deg"] * len(letters) for number, letters in PANELS.items()},
+    15: ["rad/s", "rad/s", "N m", "N m", "N m", "N m"],
+}
+every_figure = pytest.mark.parametrize("number", list(FIGURES))
+
+
+def source(number: int) -> TraceFile:
+    return decouple_file() if number < 13 else compare_file()
+
+
+@cache
+def drawn(number: int) -> FigureArtists:
+    artists = draw(number, source(number))
+    # Legends and labels find their places when drawn, and the density of ticks follows the style in force.
+    with journal_style():
+        artists.figure.draw_without_rendering()
+    return artists
+
+
+def legend_texts(artists: FigureArtists) -> list[str]:
+    return [text.get_text() for legend in artists.figure.legends for text in legend.get_texts()]
+
+
+def values(line: Line2D) -> np.ndarray:
+    return np.asarray(line.get_ydata())
+
+
+def with_run(file: TraceFile, trace: Trace) -> TraceFile:
+    return replace(file, runs={**file.runs, trace.name: trace})
+
+
+def with_status(trace: Trace, status: str, **changed: np.ndarray) -> Trace:
+    attributes = {**trace.attributes, "status": status}
+    return replace(trace, variables={**trace.variables, **changed}, attributes=attributes)
+
+
+# --- what is in a figure -----------------------------------------------------------------------------------
+
+
+def test_each_experiment_gives_its_figures() -> None:
+    assert available(decouple_file()) == [6, 9, 10, 11, 12]
+    assert available(compare_file()) == [13, 14, 15, 16]
+
+
+@every_figure
+def test_panels_are_lettered_and_named(number: int) -> None:
+    axes = drawn(number).axes
+    assert "".join(axes) == PANELS[number]
+    assert [panel.get_title(loc="left") for panel in axes.values()] == TITLES[number]
+
+
+@every_figure
+def test_every_axis_names_its_unit(number: int) -> None:
+    artists = drawn(number)
+    for panel, unit in zip(artists.axes.values(), UNITS[number], strict=True):
+        assert panel.get_ylabel().endswith(f"({unit})")
+    columns = 1 if number < 14 else 2
+    texts = [panel.get_xlabel() for panel in artists.axes.values()]
+    assert texts == [""] * (len(texts) - columns) + ["Time (s)"] * columns
+
+
+@every_figure
+def test_panels_share_the_time_axis_of_the_run(number: int) -> None:
+    for panel in drawn(number).axes.values():
+        end = 9.0 if number == 6 else 36.0 if number < 13 else 18.0
+        assert panel.get_xlim() == pytest.approx((0.0, end))
+
+
+def test_a_run_that_ends_a_sample_early_still_gets_its_last_tick() -> None:
+    trace = compare_file().runs["controller_1"]
+    cut = {name: value[:-1] for name, value in trace.variables.items()}
+    file = replace(compare_file(), runs={"controller_1": replace(trace, time=trace.time[:-1], variables=cut)})
+    assert draw(14, file).axes["a"].get_xlim()[1] == pytest.approx(18.0)
+
+
+@every_figure
+def test_legend_names_the_curves_once(number: int) -> None:
+    assert legend_texts(drawn(number)) == LEGENDS[number]
+
+
+@every_figure
+def test_width_is_that_of_one_or_two_columns(number: int) -> None:
+    assert drawn(number).figure.get_figwidth() * 25.4 == pytest.approx(85.0 if number < 14 else 175.0)
+
+
+# --- what a journal would check ----------------------------------------------------------------------------
+
+
+def shown_texts(artists: FigureArtists) -> list[Text]:
+    texts = [text for legend in artists.figure.legends for text in legend.get_texts()]
+    for panel in artists.axes.values():
+        titles = [title for title in panel.findobj(Text) if title.get_text() and title not in panel.texts]
+        ticks = {label for axis in (panel.xaxis, panel.yaxis) for label in axis.get_ticklabels(which="both")}
+        texts += [text for text in titles if text not in ticks and text.get_visible()]
+        for axis in (panel.xaxis, panel.yaxis):
+            low, high = sorted(axis.get_view_interval())
+            # An axis whose labels stand below another panel has none of its own.
+            places = zip(axis.get_ticklocs(), axis.get_ticklabels(), strict=False)
+            texts += [label for place, label in places if low <= place <= high and label.get_visible()]
+    return texts
+
+
+def apart(first: Bbox, second: Bbox) -> bool:
+    return Bbox.intersection(first, second) is None
+
+
+@every_figure
+def test_no_text_touches_another_or_leaves_the_page(number: int) -> None:
+    artists = drawn(number)
+    with journal_style():
+        texts = shown_texts(artists)
+    assert len(texts) > 10
+    page = artists.figure.bbox
+    boxes = [(text.get_text(), text.get_window_extent()) for text in texts]
+    outside = [text for text, box in boxes if Bbox.union([box, page]).bounds != page.bounds]
+    assert outside == []
+    touching = [(a[0], b[0]) for a, b in combinations(boxes, 2) if not apart(a[1], b[1])]
+    assert touching == []
+
+
+@every_figure
+def test_legend_hides_no_data(number: int) -> None:
+    artists = drawn(number)
+    for legend in artists.figure.legends:
+        assert all(apart(legend.get_window_extent(), panel.bbox) for panel in artists.axes.values())
+
+
+@every_figure
+def test_curves_of_a_panel_differ_in_dashes(number: int) -> None:
+    artists = drawn(number)
+    for letter in artists.axes:
+        lines = [line for (where, name), line in artists.lines.items() if where == letter]
+        # Desired curves of several motors are one thing in several places and share the wide pale stroke.
+        looks = [
+            str(line._dash_pattern)  # type: ignore[attr-defined]
+            for line in lines
+            if line.get_linewidth() < 2.0
+        ]
+        assert len(set(looks)) == len(looks)
+
+
+def luminance(colour: str) -> float:
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in to_rgb(colour)]
+    relative = float(np.dot(linear, [0.2126, 0.7152, 0.0722]))
+    return 116.0 * float(np.cbrt(relative)) - 16.0
+
+
+def test_strokes_differ_in_grey() -> None:
+    assert len({stroke.dashes for stroke in SERIES}) == len(SERIES)
+    grey = [luminance(stroke.colour) for stroke in (*SERIES[:3], REFERENCE)]
+    assert min(abs(a - b) for a, b in combinations(grey, 2)) > 10.0
+
+
+# --- the curves are the traces -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", THREE)
+@pytest.mark.parametrize(("letter", "variable", "column"), [("a", "q_encoder", 0), ("d", "e", 1)])
+def test_tracking_curves_hold_the_trace_to_its_extremes(
+    name: str, letter: str, variable: str, column: int
+) -> None:
+    trace = compare_file().runs[name.lower().replace(" ", "_")]
+    expected = np.rad2deg(trace[variable][:, column])
+    found = values(drawn(14).lines[letter, name])
+    assert (found.min(), found.max()) == (expected.min(), expected.max())
+    assert (found[0], found[-1]) == (expected[0], expected[-1])
+    assert np.isin(found, expected).all()
+
+
+@every_figure
+def test_every_curve_and_band_is_inside_its_panel(number: int) -> None:
+    artists = drawn(number)
+    for (letter, name), line in artists.lines.items():
+        low, high = artists.axes[letter].get_ylim()
+        assert low < values(line).min(), name
+        assert values(line).max() < high, name
+    for (letter, name), band in artists.bands.items():
+        low, high = artists.axes[letter].get_ylim()
+        assert low < band.get_xy()[:, 1].min(), name
+        assert band.get_xy()[:, 1].max() < high, name
+
+
+def test_motor_angles_come_from_the_coupling_matrix() -> None:
+    trace = compare_file().runs["controller_1"]
+    # At equal angles q of joints 2 and 3: motor 2 turns 77/37 q, motor 3 turns q - 35/37 q.
+    desired = np.rad2deg(trace["q_d"][:, 0]).max()
+    lines = drawn(13).lines
+    assert values(lines["a", "Motor 2 desired"]).max() == pytest.approx(desired * 77 / 37)
+    assert values(lines["a", "Motor 3 desired"]).max() == pytest.approx(desired * 2 / 37)
+    e = np.rad2deg(trace["e"])
+    expected = (e[:, 1] - 35 / 37 * e[:, 0]).min()
+    assert -values(lines["b", "Motor 3"]).max() == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("joint", [1, 2, 3])
+def test_difference_of_a_joint_and_its_mean(joint: int) -> None:
+    trace = decouple_file().runs["decouple"]
+    expected = np.rad2deg(trace["q_calculated"] - trace["q_encoder"])[:, joint - 1]
+    artists = drawn(9 + joint)
+    found = values(artists.lines["b", "Difference"])
+    assert (found.min(), found.max()) == pytest.approx((expected.min(), expected.max()))
+    assert artists.axes["b"].get_title(loc="right") == f"MAE {np.abs(expected).mean():.4f}°"
+
+
+def test_pulling_tendon_1_states_the_slope_of_joint_2() -> None:
+    note = drawn(6).axes["b"].get_title(loc="right")
+    slope, coupling = map(float, re.findall(r"= (\d\.\d+)", note))
+    assert coupling == pytest.approx(35 / 77, abs=5e-5)
+    assert coupling == pytest.approx(S[1, 0] / S[0, 0], abs=5e-5)
+    assert slope == pytest.approx(coupling, abs=1e-3)
+    assert np.ptp(values(drawn(6).lines["a", "Motor 2"])) == 0.0
+    assert np.ptp(values(drawn(6).lines["b", "Joint 2"])) > 10.0
+
+
+def test_no_slope_is_stated_when_nothing_moved() -> None:
+    trace = decouple_file().runs["pull_tendon_1"]
+    still = replace(trace, variables={name: np.zeros_like(value) for name, value in trace.variables.items()})
+    assert draw(6, with_run(decouple_file(), still)).axes["b"].get_title(loc="right") == ""
+
+
+@pytest.mark.parametrize(
+    ("letter", "variable", "column"), [("b", "s", 1), ("c", "H_hat", 0), ("f", "tau_m", 1)]
+)
+def test_dark_curves_are_50_ms_means_of_the_pale_samples(letter: str, variable: str, column: int) -> None:
+    trace = compare_file().runs["controller_2"]
+    raw = trace[variable][:, column]
+    line = drawn(15).lines[letter, "Controller 2"]
+    times = np.asarray(line.get_xdata())
+    for k in range(1, 40):
+        near = np.abs(trace.time - times[k]) < 0.0251
+        assert values(line)[k] == pytest.approx(raw[near].mean())
+
+
+@pytest.mark.parametrize(
+    ("letter", "variable", "column"), [("b", "s", 1), ("c", "H_hat", 0), ("f", "tau_m", 1)]
+)
+def test_pale_bands_hold_the_raw_samples_and_no_more(letter: str, variable: str, column: int) -> None:
+    trace = compare_file().runs["controller_2"]
+    raw = trace[variable][:, column]
+    times, edge = drawn(15).bands[letter, "Controller 2"].get_xy().T
+    assert (edge.min(), edge.max()) == (raw.min(), raw.max())
+    assert (times.min(), times.max()) == (trace.time[0], trace.time[-1])
+    middles = np.unique(times)[1:-1]
+    assert len(middles) > 150
+    for time in middles[::10]:
+        near = raw[np.abs(trace.time - time) < 0.3 * (middles[1] - middles[0])]
+        assert edge[times == time].min() <= near.min()
+        assert near.max() <= edge[times == time].max()
+
+
+def test_bands_are_pale_let_each_other_show_and_lie_below_the_means() -> None:
+    artists = drawn(15)
+    assert set(artists.bands) == {(letter, name) for letter in "abcdef" for name in THREE}
+    for (letter, name), band in artists.bands.items():
+        line = artists.lines[letter, name]
+        assert to_rgb(band.get_facecolor()) == to_rgb(line.get_color())
+        assert to_rgba(band.get_facecolor())[3] <= 0.1
+        edge, mean = (
+            np.dot(to_rgb(colour), (0.299, 0.587, 0.114))
+            for colour in (band.get_edgecolor(), line.get_color())
+        )
+        assert edge > mean + 0.15
+        assert band.get_linewidth() < line.get_linewidth()
+        assert band.get_zorder() < min(found.get_zorder() for found in artists.axes[letter].lines)
+    # Where two edges meet, that of Controller 1 is seen.
+    orders = [artists.bands["d", name].get_zorder() for name in THREE]
+    assert orders == sorted(orders, reverse=True)
+    assert len(set(orders)) == 3
+
+
+def test_range_follows_the_samples_of_runs_that_end_well_and_says_when_others_are_clipped() -> None:
+    assert {panel.get_title(loc="right") for panel in drawn(15).axes.values()} == {""}
+    good = [compare_file().runs[name]["s"][:, 0] for name in ("controller_1", "controller_3")]
+    wild = {"s": 100.0 * compare_file().runs["controller_2"]["s"]}
+    trace = with_status(compare_file().runs["controller_2"], "diverged", **wild)
+    artists = draw(15, with_run(compare_file(), trace))
+    low, high = artists.axes["a"].get_ylim()
+    assert high - low == pytest.approx(1.12 * np.ptp(good))
+    assert [panel.get_title(loc="right") for panel in artists.axes.values()] == ["raw clipped"] * 2 + [""] * 4
+    # No further off the panel than its own height, whatever the samples were.
+    edge = artists.bands["a", "Controller 2"].get_xy()[:, 1]
+    assert (edge.min(), edge.max()) == pytest.approx((2 * low - high, 2 * high - low))
+
+
+def test_constant_samples_make_a_band_without_height() -> None:
+    flat = {name: np.ones_like(compare_file().runs["controller_1"]["e"]) for name in ("s", "H_hat", "tau_m")}
+    trace = with_status(compare_file().runs["controller_1"], "ok", **flat)
+    artists = draw(15, replace(compare_file(), runs={trace.name: trace}))
+    assert {panel.get_title(loc="right") for panel in artists.axes.values()} == {""}
+    assert set(artists.bands["a", "Controller 1"].get_xy()[:, 1]) == {1.0}
+    low, high = artists.axes["a"].get_ylim()
+    assert low < 1.0 < high
+
+
+# --- thinning ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("place", [0, 1, 29, 30, 8191, 17_996, 17_999])
+@pytest.mark.parametrize("size", [-5.0, 5.0])
+def test_one_sample_in_eighteen_thousand_survives_thinning(place: int, size: float) -> None:
+    time = np.linspace(0.0, 17.999, 18_000)
+    signal = np.zeros(18_000)
+    signal[place] = size
+    x, y = thin(time, signal)
+    assert y[x == time[place]] == size
+    assert len(x) <= 1202
+
+
+def test_thinning_keeps_every_extreme_of_its_groups_in_order() -> None:
+    rng = np.random.default_rng(1)
+    time = np.asarray(np.cumsum(0.1 + rng.random(18_001)), np.float64)
+    signal = rng.standard_normal(18_001)
+    x, y = thin(time, signal)
+    assert (np.diff(x) > 0.0).all()
+    assert (y == signal[np.searchsorted(time, x)]).all()
+    assert (x[0], x[-1]) == (time[0], time[-1])
+    for start in range(0, 18_001, 31):
+        group = signal[start : start + 31]
+        assert np.isin([group.min(), group.max()], y).all()
+
+
+def test_short_curves_are_left_alone_and_gaps_left_out() -> None:
+    time = np.arange(5.0)
+    signal = np.array([1.0, np.nan, 2.0, np.inf, 3.0])
+    x, y = thin(time, signal)
+    assert x.tolist() == [0.0, 2.0, 4.0]
+    assert y.tolist() == [1.0, 2.0, 3.0]
+    assert len(thin(np.arange(1000.0), np.zeros(1000))[0]) == 1000
+
+
+@pytest.mark.parametrize("count", [1, 2, 179, 181, 18_001])
+def test_envelope_keeps_the_extremes_of_every_group(count: int) -> None:
+    signal = np.random.default_rng(2).standard_normal(count)
+    time, low, high = envelope(np.arange(float(count)), signal)
+    size = -(-count // 180)
+    assert len(time) == -(-count // size)
+    assert low.tolist() == [signal[start : start + size].min() for start in range(0, count, size)]
+    assert high.tolist() == [signal[start : start + size].max() for start in range(0, count, size)]
+    assert (time[0], time[-1]) == (0.0, count - 1.0)
+    assert (np.diff(time) > 0.0).all()
+
+
+def test_envelope_leaves_gaps_out() -> None:
+    time, low, high = envelope(np.arange(4.0), np.array([np.nan, 1.0, np.inf, 2.0]))
+    assert (time.tolist(), low.tolist(), high.tolist()) == ([1.0, 3.0], [1.0, 2.0], [1.0, 2.0])
+    assert [len(part) for part in envelope(np.arange(2.0), np.full(2, np.nan))] == [0, 0, 0]
+
+
+# --- runs that went wrong, are missing, or come from elsewhere ---------------------------------------------
+
+
+def test_diverged_run_is_drawn_to_its_end_and_named_so() -> None:
+    file = make_compare_file(diverged={"controller_2": 4.23})
+    artists = draw(14, file)
+    assert legend_texts(artists) == [
+        "Desired",
+        "Controller 1",
+        "Controller 2 (diverged at 4.23 s)",
+        "Controller 3",
+    ]
+    line = artists.lines["c", "Controller 2"]
+    assert np.asarray(line.get_xdata())[-1] == pytest.approx(4.23)
+    # The error beyond 10 degrees leaves the panel to the others; its end is marked at the edge.
+    low, high = artists.axes["c"].get_ylim()
+    assert np.abs(values(line)).max() > 10.0
+    assert max(abs(low), abs(high)) < 1.0
+    (mark,) = [found for found in artists.axes["c"].lines if found.get_marker() == "x"]
+    assert np.asarray(mark.get_xdata()).item() == pytest.approx(4.23)
+    assert low <= np.asarray(mark.get_ydata()).item() <= high
+    assert "Run controller_2 diverged at 4.23 s." in artists.caption
+    mean = draw(15, file).lines["c", "Controller 2"]
+    assert np.asarray(mean.get_xdata())[-1] == pytest.approx(4.23)
+    assert artists.axes["c"].get_xlim() == pytest.approx((0.0, 18.0))
+
+
+def test_when_all_diverge_all_is_shown() -> None:
+    file = make_compare_file(diverged=dict.fromkeys(["controller_1", "controller_2", "controller_3"], 3.0))
+    artists = draw(14, file)
+    low, high = artists.axes["c"].get_ylim()
+    for name in THREE:
+        error = values(artists.lines["c", name])
+        assert low < error.min()
+        assert error.max() < high
+    assert len(artists.figure.legends[0].get_texts()) == 4
+    assert all(
+        apart(artists.figure.legends[0].get_window_extent(), axes.bbox) for axes in artists.axes.values()
+    )
+    assert "Controller 1 (diverged at 3.00 s)" in draw(13, file).axes["a"].get_title(loc="right")
+
+
+def test_overflow_at_the_end_of_a_diverged_run_can_be_drawn_and_saved(tmp_path: Path) -> None:
+    trace = compare_file().runs["controller_2"]
+    changed = {name: trace[name].copy() for name in ("q_encoder", "e", "s", "H_hat", "tau_m")}
+    for value in changed.values():
+        value[-3:] = np.array([[1e300], [-1e300], [np.nan]])
+    artists = draw(15, with_run(compare_file(), with_status(trace, "diverged", **changed)))
+    assert len(save(artists, tmp_path)) == 3
+    assert np.isfinite(artists.axes["c"].get_ylim()).all()
+
+
+@pytest.mark.parametrize("number", [13, 14, 15])
+def test_a_run_of_a_single_sample_can_be_drawn(number: int) -> None:
+    trace = compare_file().runs["controller_1"]
+    first = {name: value[:1] for name, value in trace.variables.items()}
+    short = with_status(replace(trace, time=trace.time[:1], variables=first), "diverged")
+    artists = draw(number, replace(compare_file(), runs={trace.name: short}))
+    for panel in artists.axes.values():
+        (left, right), (low, high) = panel.get_xlim(), panel.get_ylim()
+        assert left < right
+        assert low < high
+
+
+def test_ringing_is_said() -> None:
+    trace = with_status(compare_file().runs["controller_3"], "ringing")
+    artists = draw(15, with_run(compare_file(), trace))
+    assert "Controller 3 (ringing)" in legend_texts(artists)
+    assert "Run controller_3 is ringing." in artists.caption
+
+
+def test_missing_runs_are_absent_and_the_others_keep_their_look() -> None:
+    file = make_compare_file(runs=("controller_1", "controller_3"))
+    artists = draw(14, file)
+    assert legend_texts(artists) == ["Desired", "Controller 1", "Controller 3"]
+    for name in ("Controller 1", "Controller 3"):
+        assert artists.lines["c", name].get_color() == drawn(14).lines["c", name].get_color()
+    assert legend_texts(draw(16, file)) == ["Desired", "Controller 1, no payload"]
+    assert available(make_compare_file(runs=("controller_1_payload",))) == [16]
+    assert available(make_compare_file(runs=())) == []
+
+
+def test_a_law_of_the_users_own_joins_the_others() -> None:
+    own = replace(compare_file().runs["controller_1"], name="own_law")
+    artists = draw(15, with_run(compare_file(), own))
+    assert legend_texts(artists)[:4] == [*THREE, "Own law"]
+    assert artists.lines["c", "Own law"].get_color() == SERIES[3].colour
+
+
+def test_each_joint_has_a_column() -> None:
+    trace = compare_file().runs["controller_1"]
+    wide = {name: np.column_stack([value[:, :1], value]) for name, value in trace.variables.items()}
+    file = replace(compare_file(), runs={trace.name: replace(trace, joint=(1, 2, 3), variables=wide)})
+    assert [panel.get_title(loc="left") for panel in draw(14, file).axes.values()][:3] == [
+        "(a) Joint 1",
+        "(b) Joint 2",
+        "(c) Joint 3",
+    ]
+    assert len(draw(15, file).axes) == 9
+    # With joint 1 moving too, all of the coupling matrix is used.
+    third = values(draw(13, file).lines["a", "Motor 3 desired"]).max()
+    assert third == pytest.approx(30.0 * (35 - 35 + 37) / 37)
+
+
+def test_measured_traces_without_the_laws_inside_say_not_recorded() -> None:
+    file = make_compare_file(source="measured", without=("s", "H_hat"))
+    artists = draw(15, file)
+    remarks = {letter: [text.get_text() for text in panel.texts] for letter, panel in artists.axes.items()}
+    assert remarks == {**{letter: ["not recorded"] for letter in "abcd"}, "e": [], "f": []}
+    assert all(len(artists.axes[letter].get_yticks()) == 0 for letter in "abcd")
+    assert "Measured;" in artists.caption
+    assert legend_texts(draw(10, make_decouple_file(source="measured")))[0] == "Encoder (measured)"
+    errors_below = draw(14, make_compare_file(without=("e",))).axes["d"]
+    assert [text.get_text() for text in errors_below.texts] == ["not recorded"]
+    assert available(make_compare_file(without=("s", "H_hat", "tau_m"))) == [13, 14, 16]
+    assert available(make_compare_file(without=("q_encoder", "e"))) == [15]
+
+
+def test_caption_says_what_made_the_figure() -> None:
+    caption = drawn(13).caption
+    assert caption.startswith("Figure 13. ")
+    assert "here Controller 1" in caption
+    assert caption.endswith("Simulated; tendonrepro 0.1.0, configuration 000000000000.")
+
+
+@pytest.mark.parametrize("number", [7, 8, 17, -1])
+def test_a_figure_that_does_not_exist_is_refused(number: int) -> None:
+    with pytest.raises(UsageError, match=f"no Figure {number}") as caught:
+        draw(number, compare_file())
+    assert "6, 9, 10, 11, 12, 13, 14, 15, 16" in str(caught.value)
+
+
+def test_a_figure_of_the_other_experiment_is_refused() -> None:
+    with pytest.raises(DataMissingError, match="Figure 14") as caught:
+        draw(14, decouple_file())
+    assert "6, 9, 10, 11, 12" in str(caught.value)
+
+
+# --- files -------------------------------------------------------------------------------------------------
+
+
+def test_three_files_with_numbered_names(tmp_path: Path) -> None:
+    paths = save(drawn(9), tmp_path / "new" / "figures")
+    assert [path.name for path in paths] == ["fig09.pdf", "fig09.svg", "fig09.png"]
+    starts = [path.read_bytes()[:5] for path in paths]
+    assert starts == [b"%PDF-", b"<?xml", b"\x89PNG\r"]
+    assert sorted(path.name for path in paths[0].parent.iterdir()) == sorted(path.name for path in paths)
+
+
+def test_type_is_kept_as_type(tmp_path: Path) -> None:
+    pdf, svg, _ = save(drawn(14), tmp_path)
+    assert b"/Type3" not in pdf.read_bytes()
+    assert ">Tracking error (deg)</text>" in svg.read_text()
+    assert "DejaVu Sans" in svg.read_text()
+
+
+def test_vector_files_stay_small_at_full_length(tmp_path: Path) -> None:
+    file = make_compare_file(step=1e-3)
+    for number in (14, 15):
+        pdf, svg, _ = save(draw(number, file), tmp_path)
+        assert svg.stat().st_size < 400_000
+        assert pdf.stat().st_size < 400_000
+
+
+def test_same_bytes_on_a_second_run_in_another_process(tmp_path: Path) -> None:
+    script = (
+        "import sys; from pathlib import Path; from support.synthetic import make_compare_file as make;"
+        "from tendonrepro.results.figures.catalogue import draw, save;"
+        "save(draw(15, make()), Path(sys.argv[1]));"
+        "assert 'matplotlib.pyplot' not in sys.modules"
+    )
+    here = ROOT / "tests"
+    environment = {
+        **os.environ,
+        "PYTHONHASHSEED": "7",
+        "PYTHONPATH": os.pathsep.join([str(here), str(here.parent)]),
+    }
+    subprocess.run([sys.executable, "-c", script, str(tmp_path / "other")], check=True, env=environment)
+    for path in save(draw(15, make_compare_file()), tmp_path / "this"):
+        assert path.read_bytes() == (tmp_path / "other" / path.name).read_bytes()
+
+
+def test_the_users_own_matplotlib_settings_have_no_say_and_are_left_alone(tmp_path: Path) -> None:
+    before = [path.read_bytes() for path in save(draw(9, decouple_file()), tmp_path)]
+    with mpl.rc_context({"axes.grid": True, "font.size": 20.0, "svg.fonttype": "path", "savefig.dpi": 50}):
+        after = [path.read_bytes() for path in save(draw(9, decouple_file()), tmp_path)]
+        assert mpl.rcParams["font.size"] == 20.0
+    assert before == after
+
+
+def test_a_folder_that_cannot_be_is_reported(tmp_path: Path) -> None:
+    (tmp_path / "figures").write_text("in the way")
+    with pytest.raises(TendonreproError, match="fig09"):
+        save(drawn(9), tmp_path / "figures")

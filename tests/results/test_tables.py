@@ -1,0 +1,254 @@
+from __future__ import annotations
+
+import csv
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from support.synthetic import S_INV, S, make_compare_file, make_decouple_file
+
+from tendonrepro.errors import TendonreproError
+from tendonrepro.results.tables import (
+    table1,
+    table2,
+    table2_windows,
+    table3,
+    table3_change,
+    table_decouple,
+    write_table,
+    write_tables,
+)
+from tendonrepro.results.traces import PlantRecord, TraceFile
+from tendonrepro.results.typeset import Sheet, latex, markdown
+
+
+def with_plant(file: TraceFile, **arrays: np.ndarray | None) -> TraceFile:
+    """The file with some plant values replaced or, for None, removed."""
+    values = dict(file.plant.values)
+    for name, array in arrays.items():
+        if array is None:
+            del values[name]
+        else:
+            values[name] = dataclasses.replace(values[name], value=array)
+    return dataclasses.replace(file, plant=PlantRecord(values, {}))
+
+
+def test_table_1_agrees_with_the_print_to_its_digits() -> None:
+    frame = table1(make_decouple_file()).set_index("quantity")
+    assert len(frame) == 18
+    assert frame["difference"].abs().max() < 0.5e-4
+    assert frame.loc["D_23/D_3", "printed_as"] == "35/37"
+    assert frame.loc["S_31", "printed_as"] == "0.2479"
+    assert frame.loc["S_31", "ours"] == pytest.approx(-30.0 / 121.0)
+    assert frame.loc["S_inv_21", "ours"] == pytest.approx(-35.0 / 37.0)
+
+
+def test_table_1_of_a_record_with_the_moving_joints_alone() -> None:
+    frame = table1(with_plant(make_decouple_file(), S=S[1:, 1:], S_inv=S_INV[1:, 1:])).set_index("quantity")
+    assert [name for name in frame.index if name.startswith("S_inv")] == ["S_inv_22", "S_inv_32", "S_inv_33"]
+    assert frame["difference"].abs().max() < 0.5e-4
+
+
+def test_table_1_shows_a_mechanism_that_is_not_the_printed_one() -> None:
+    frame = table1(with_plant(make_decouple_file(), S=2.0 * S)).set_index("quantity")
+    assert frame.loc["S_33", "difference"] == pytest.approx(1.0)
+
+
+def test_table_1_of_a_longer_arm_has_rows_without_print() -> None:
+    four = {"winch_diameter": np.full(4, 0.037), "pulley_diameter": np.full((4, 4), 0.037)}
+    frame = table1(with_plant(make_decouple_file(), **four, S=np.eye(4), S_inv=np.eye(4))).set_index(
+        "quantity"
+    )
+    assert math.isnan(frame.loc["S_44", "printed"])
+    assert frame.loc["S_44", "ours"] == 1.0
+
+
+def test_table_1_needs_four_values_and_no_other() -> None:
+    others = dict.fromkeys(("K_s", "mass", "gravity"))
+    assert len(table1(with_plant(make_decouple_file(), **others))) == 18
+
+
+def test_table_1_without_the_diameters_is_empty() -> None:
+    assert table1(with_plant(make_decouple_file(), winch_diameter=None)).empty
+
+
+def test_table_2_has_ours_printed_and_their_ratio() -> None:
+    file = make_compare_file()
+    frame = table2(file).set_index(["run", "joint"])
+    assert list(frame.index) == [(f"controller_{k}", joint) for k in (1, 2, 3) for joint in (2, 3)]
+    e = np.rad2deg(file.runs["controller_3"]["e"][:, 1])
+    row = frame.loc[("controller_3", 3)]
+    assert row["mae_deg"] == pytest.approx(np.abs(e).mean())
+    assert row["rmse_deg"] == pytest.approx(math.sqrt((e**2).mean()))
+    assert (row["mae_printed_deg"], row["rmse_printed_deg"]) == (0.266, 0.349)
+    assert row["mae_ratio"] == pytest.approx(np.abs(e).mean() / 0.266)
+    assert row["rmse_ratio"] == pytest.approx(math.sqrt((e**2).mean()) / 0.349)
+    assert set(frame["status"]) == {"ok"}
+
+
+def test_table_2_shows_a_diverged_run_and_says_so() -> None:
+    frame = table2(make_compare_file(diverged={"controller_2": 7.3})).set_index(["run", "joint"])
+    assert frame.loc[("controller_2", 2), "status"] == "diverged at 7.300 s"
+    assert frame.loc[("controller_2", 2), "rmse_deg"] > 0.3
+    assert frame.loc[("controller_3", 2), "status"] == "ok"
+
+
+def test_table_2_of_some_runs() -> None:
+    frame = table2(make_compare_file(runs=["controller_3", "mine"])).set_index(["run", "joint"])
+    assert list(frame.index) == [(name, joint) for name in ("controller_3", "mine") for joint in (2, 3)]
+    assert math.isnan(frame.loc[("mine", 2), "mae_printed_deg"])
+    assert math.isnan(frame.loc[("mine", 2), "mae_ratio"])
+
+
+def test_table_2_over_windows() -> None:
+    file = make_compare_file(diverged={"controller_2": 10.0})
+    frame = table2_windows(file).set_index(["window", "run", "joint"])
+    assert list(dict.fromkeys(frame.index.get_level_values("window"))) == [
+        *("whole", "after_first_period", "period_1", "period_2"),
+    ]
+    e = np.rad2deg(file.runs["controller_1"]["e"][900:, 0])
+    assert frame.loc[("period_2", "controller_1", 2), "mae_deg"] == pytest.approx(np.abs(e).mean())
+    assert ("period_1", "controller_2", 2) in frame.index
+    assert ("period_2", "controller_2", 2) not in frame.index
+    assert ("after_first_period", "controller_2", 2) in frame.index
+    whole = frame.loc["whole"].reset_index()
+    pd.testing.assert_frame_equal(whole, table2(file))
+
+
+def test_table_3_and_the_change_by_the_payload() -> None:
+    file = make_compare_file()
+    frame = table3(file).set_index(["load", "joint"])
+    assert list(frame.index) == [(load, joint) for load in ("no_load", "with_load") for joint in (2, 3)]
+    assert frame["rmse_printed_deg"].tolist() == [0.311, 0.261, 0.325, 0.265]
+    change = table3_change(file).set_index(["metric", "joint"])
+    before, after = frame.loc[("no_load", 3), "rmse_deg"], frame.loc[("with_load", 3), "rmse_deg"]
+    assert change.loc[("RMSE", 3), "change_percent"] == pytest.approx(100.0 * (after / before - 1.0))
+    assert change["change_printed_percent"].tolist() == [1.1, 3.7, 4.5, 1.5]
+    assert set(change["statuses"]) == {"ok / ok"}
+
+
+def test_table_3_without_a_payload_run() -> None:
+    file = make_compare_file(runs=["controller_1", "controller_2"])
+    assert table3(file)["load"].unique().tolist() == ["no_load"]
+    assert table3_change(file).empty
+
+
+def test_a_change_from_no_error_at_all_is_no_number() -> None:
+    file = make_compare_file()
+    trace = file.runs["controller_1"]
+    perfect = dataclasses.replace(trace, variables={"e": np.zeros_like(trace["e"])})
+    frame = table3_change(dataclasses.replace(file, runs={**file.runs, "controller_1": perfect}))
+    assert frame["change_percent"].isna().all()
+
+
+def test_table_of_the_decoupling_experiment() -> None:
+    file = make_decouple_file()
+    frame = table_decouple(file).set_index("joint")
+    trace = file.runs["decouple"]
+    difference = np.rad2deg(trace["q_calculated"] - trace["q_encoder"])
+    assert frame["mae_deg"].tolist() == pytest.approx(np.abs(difference).mean(axis=0))
+    assert frame["max_deg"].tolist() == pytest.approx(np.abs(difference).max(axis=0))
+    assert frame.index.tolist() == [1, 2, 3]
+
+
+def test_table_of_the_decoupling_experiment_without_its_run() -> None:
+    file = make_decouple_file()
+    assert table_decouple(dataclasses.replace(file, runs={})).empty
+
+
+class TestFiles:
+    def test_names_of_compare(self, tmp_path: Path) -> None:
+        written = write_tables(make_compare_file(), tmp_path / "tables")
+        stems = ("table2", "table2_windows", "table3", "table3_change")
+        expected = [f"{stem}.{suffix}" for stem in stems for suffix in ("csv", "md", "tex")]
+        assert [path.name for path in written] == expected
+        assert sorted(path.name for path in (tmp_path / "tables").iterdir()) == sorted(expected)
+
+    def test_names_of_decouple(self, tmp_path: Path) -> None:
+        written = write_tables(make_decouple_file(), tmp_path)
+        assert {path.stem for path in written} == {"table1", "decoupling_errors"}
+
+    def test_tables_without_rows_are_not_written(self, tmp_path: Path) -> None:
+        written = write_tables(make_compare_file(runs=["controller_2"]), tmp_path)
+        assert {path.stem for path in written} == {"table2", "table2_windows"}
+
+    def test_the_same_bytes_twice(self, tmp_path: Path) -> None:
+        first = [path.read_bytes() for path in write_tables(make_compare_file(), tmp_path / "a")]
+        assert first == [path.read_bytes() for path in write_tables(make_compare_file(), tmp_path / "b")]
+
+    def test_csv_has_every_digit(self, tmp_path: Path) -> None:
+        frame = table2(make_compare_file())
+        path, _, _ = write_table(frame, tmp_path, "table2", "x")
+        rows = list(csv.DictReader(path.read_text().splitlines()))
+        assert list(rows[0]) == frame.columns.tolist()
+        assert [float(row["mae_deg"]) for row in rows] == frame["mae_deg"].tolist()
+        assert b"\r" not in path.read_bytes()
+
+    def test_markdown_is_rounded_as_printed(self, tmp_path: Path) -> None:
+        _, md, _ = write_table(table2(make_compare_file()), tmp_path, "table2", "Table 2")
+        caption, blank, head, rule, *rows = md.read_text().splitlines()
+        assert (caption, blank) == ("Table 2", "")
+        assert head.startswith("| Run | Joint | MAE (deg) | printed | ours/printed | RMSE (deg) |")
+        assert rule == "| :--- | " + "---: | " * 7 + ":--- |"
+        assert len(rows) == 6
+        # 0.240, not 0.24: as many digits as the paper.
+        assert rows[3].split(" | ")[3] == "0.240"
+        assert all(row.count("|") == head.count("|") for row in rows)
+
+    def test_captions_say_what_made_the_numbers(self, tmp_path: Path) -> None:
+        file = dataclasses.replace(make_compare_file(source="measured"), config_sha256="ab" * 32)
+        write_tables(file, tmp_path)
+        for suffix in ("md", "tex"):
+            assert "(measured, config abababababab)" in (tmp_path / f"table3.{suffix}").read_text()
+
+    def test_missing_numbers_are_dashes(self, tmp_path: Path) -> None:
+        data, md, tex = write_table(table2(make_compare_file(runs=["mine"])), tmp_path, "t", "x")
+        assert data.read_text().splitlines()[1].split(",")[3] == ""
+        assert md.read_text().splitlines()[4].split(" | ")[3:5] == ["--", "--"]
+        assert "& -- & -- &" in tex.read_text()
+
+    def test_a_zero_has_no_sign(self, tmp_path: Path) -> None:
+        frame = pd.DataFrame({"quantity": ["x"], "difference": [-1e-17]})
+        _, md, _ = write_table(frame, tmp_path, "t", "x")
+        assert md.read_text().splitlines()[4] == "| x | 0.000000 |"
+
+    def test_a_file_in_the_way_of_the_folder(self, tmp_path: Path) -> None:
+        (tmp_path / "tables").write_text("I am a file")
+        with pytest.raises(TendonreproError, match="cannot write"):
+            write_tables(make_compare_file(), tmp_path / "tables")
+
+
+class TestTypesetting:
+    sheet = Sheet(
+        "50 % of S_inv & <more>", ["Name", "x_1"], [False, True], [["a-b|c", "-1.5"], ["~^\\", "--"]]
+    )
+
+    def test_latex(self) -> None:
+        assert latex(self.sheet, "table9").splitlines() == [
+            r"\begin{table}",
+            r"\centering",
+            r"\caption{50 \% of S\_inv \& \textless{}more\textgreater{}}",
+            r"\label{tab:table9}",
+            r"\begin{tabular}{lr}",
+            r"\toprule",
+            r"Name & x\_1 \\",
+            r"\midrule",
+            r"a-b|c & $-$1.5 \\",
+            r"\textasciitilde{}\textasciicircum{}\textbackslash{} & -- \\",
+            r"\bottomrule",
+            r"\end{tabular}",
+            r"\end{table}",
+        ]
+
+    def test_markdown(self) -> None:
+        assert markdown(self.sheet).splitlines() == [
+            "50 % of S_inv & <more>",
+            "",
+            "| Name | x_1 |",
+            "| :--- | ---: |",
+            r"| a-b\|c | -1.5 |",
+            r"| ~^\ | -- |",
+        ]

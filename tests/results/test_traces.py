@@ -1,0 +1,373 @@
+from __future__ import annotations
+
+import dataclasses
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+import h5py
+import netCDF4
+import numpy as np
+import pytest
+import xarray
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from numpy.typing import NDArray
+from support import ROOT
+from support.synthetic import S_INV, S, make_compare_file, make_decouple_file
+
+from tendonrepro.errors import DataMissingError, TendonreproError
+from tendonrepro.files import sha256_of
+from tendonrepro.results.traces import (
+    NEEDED,
+    SCHEMA_VERSION,
+    VARIABLES,
+    PlantRecord,
+    PlantValue,
+    Trace,
+    TraceFile,
+    read_traces,
+    write_traces,
+)
+
+Array = NDArray[np.float64]
+
+TEXTS = [field.name for field in dataclasses.fields(TraceFile) if field.name not in ("runs", "plant")]
+
+
+def same_bits(a: Array, b: Array) -> bool:
+    return a.shape == b.shape and a.dtype == b.dtype and a.tobytes() == b.tobytes()
+
+
+def assert_same(a: TraceFile, b: TraceFile) -> None:
+    assert [getattr(a, name) for name in TEXTS] == [getattr(b, name) for name in TEXTS]
+    assert list(a.runs) == list(b.runs)
+    for x, y in zip(a.runs.values(), b.runs.values(), strict=True):
+        assert (x.name, x.joint) == (y.name, y.joint)
+        assert x.attributes == y.attributes
+        assert same_bits(x.time, y.time)
+        assert list(x.variables) == list(y.variables)
+        assert all(same_bits(x[name], y[name]) for name in x.variables)
+    assert a.plant.attributes == b.plant.attributes
+    assert list(a.plant.values) == list(b.plant.values)
+    for name, p in a.plant.values.items():
+        q = b.plant.values[name]
+        assert same_bits(p.value, q.value)
+        assert (p.units, p.source, p.long_name) == (q.units, q.source, q.long_name)
+
+
+def one_run(values: Mapping[str, Array], time: Array, joint: tuple[int, ...]) -> TraceFile:
+    attributes = {"law": "x", "gains": {}, "readings": {}, "status": "ok"}
+    attributes |= {"status_time": 0.0, "payload_mass": 0.0, "reference_period": 0.0}
+    run = Trace("controller_1", time, joint, values, attributes)
+    return dataclasses.replace(make_compare_file(runs=()), runs={"controller_1": run})
+
+
+@pytest.fixture(scope="module")
+def compare_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("compare") / "traces.h5"
+    write_traces(path, make_compare_file(diverged={"controller_2": 7.3}))
+    return path
+
+
+@pytest.fixture(scope="module")
+def decouple_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("decouple") / "traces.h5"
+    write_traces(path, make_decouple_file())
+    return path
+
+
+class TestRoundTrip:
+    def test_compare(self, compare_path: Path) -> None:
+        assert_same(read_traces(compare_path), make_compare_file(diverged={"controller_2": 7.3}))
+
+    def test_decouple(self, decouple_path: Path) -> None:
+        assert_same(read_traces(decouple_path), make_decouple_file())
+
+    @given(
+        x=arrays(np.float64, st.tuples(st.integers(1, 30), st.integers(1, 4)), elements=st.floats()),
+        gains=st.dictionaries(
+            st.from_regex(r"[A-Za-z_]{1,8}", fullmatch=True), st.lists(st.floats(allow_nan=False), min_size=1)
+        ),
+    )
+    def test_every_bit_of_every_number(
+        self, tmp_path_factory: pytest.TempPathFactory, x: Array, gains: dict[str, list[float]]
+    ) -> None:
+        joint = tuple(range(2, 2 + x.shape[1]))
+        file = one_run({"q": x, "tau_m": -x}, np.arange(len(x)) * 1e-3, joint)
+        file.runs["controller_1"].attributes["gains"].update(gains)  # type: ignore[index]
+        path = tmp_path_factory.mktemp("bits") / "traces.h5"
+        write_traces(path, file)
+        assert_same(read_traces(path), file)
+
+    def test_a_configuration_beyond_the_64_kib_of_an_old_attribute(self, tmp_path: Path) -> None:
+        long_text = "# η, λ and α\n" * 16000
+        assert len(long_text.encode()) > 200 * 1024
+        file = dataclasses.replace(make_decouple_file(), config_yaml=long_text, manifest_json=long_text)
+        write_traces(tmp_path / "traces.h5", file)
+        assert_same(read_traces(tmp_path / "traces.h5"), file)
+
+    def test_more_runs_than_a_compact_group_holds_keep_their_order(self, tmp_path: Path) -> None:
+        runs = {f"run_{k}": make_compare_file(runs=[f"run_{k}"]).runs[f"run_{k}"] for k in (3, 1, 2)}
+        runs |= {f"a{k}": dataclasses.replace(runs["run_1"], name=f"a{k}") for k in range(12, 0, -1)}
+        file = dataclasses.replace(make_compare_file(), runs=runs)
+        write_traces(tmp_path / "traces.h5", file)
+        assert_same(read_traces(tmp_path / "traces.h5"), file)
+
+
+class TestFile:
+    def test_equal_contents_give_equal_bytes(self, compare_path: Path, tmp_path: Path) -> None:
+        write_traces(tmp_path / "again.h5", make_compare_file(diverged={"controller_2": 7.3}))
+        assert sha256_of(tmp_path / "again.h5") == sha256_of(compare_path)
+
+    def test_root_attributes_are_those_of_the_contract(self, compare_path: Path) -> None:
+        with h5py.File(compare_path) as root:
+            assert root.attrs["Conventions"] == "CF-1.11"
+            assert root.attrs["source"] == "simulated"
+            assert root.attrs["schema_version"] == SCHEMA_VERSION
+            promised = "title tendonrepro_version config_yaml config_sha256 manifest_json created"
+            assert set(promised.split()) <= set(root.attrs)
+
+    def test_every_variable_has_scales_units_and_a_meaning(self, compare_path: Path) -> None:
+        with h5py.File(compare_path) as root:
+            group = root["controller_1"]
+            assert group["joint"][()].tolist() == [2, 3]
+            assert group["time"].attrs["units"] == "s"
+            for name in make_compare_file().runs["controller_1"].variables:
+                assert [dim[0].name for dim in group[name].dims] == [
+                    "/controller_1/time",
+                    "/controller_1/joint",
+                ]
+                assert (group[name].attrs["units"], group[name].attrs["long_name"]) == VARIABLES[name]
+
+    def test_long_records_are_packed_without_loss(self, compare_path: Path) -> None:
+        with h5py.File(compare_path) as root:
+            assert (root["controller_1/q"].compression, root["controller_1/q"].shuffle) == ("gzip", True)
+            assert root["plant/S"].chunks is None
+            stored = root["controller_1/q_encoder"].id.get_storage_size()
+            assert stored < 0.5 * root["controller_1/q_encoder"].nbytes
+
+    def test_mappings_are_flat_attributes_that_other_tools_can_read(self, compare_path: Path) -> None:
+        with h5py.File(compare_path) as root:
+            attributes = root["controller_1"].attrs
+            assert attributes["gain_alpha"].tolist() == [0.1, 0.2]
+            assert attributes["reading_weights"] == "interpolating"
+            assert attributes["reference_period"] == 9.0
+
+    def test_plant_values_run_over_named_dimensions(self, compare_path: Path, decouple_path: Path) -> None:
+        with xarray.open_dataset(compare_path, group="plant") as plant:
+            assert plant["S_inv"].dims == ("joint", "joint_other")
+            assert plant["K_s"].dims == ("moving_joint", "moving_joint_other")
+            assert plant["moving_joint"].values.tolist() == [2, 3]
+            assert plant["mass"].dims == ("joint",)
+            assert plant["gravity"].dims == ()
+            assert plant["mass"].attrs["source"] == "assumed: test"
+        with h5py.File(decouple_path) as root:
+            assert not any(name.startswith("phony") for name in root["plant"])
+
+    def test_a_length_that_is_no_number_of_joints_is_an_index(self, tmp_path: Path) -> None:
+        values = dict(make_compare_file().plant.values)
+        values["ramp"] = PlantValue(np.zeros((1, 2)), "1", "assumed: test", "odd shape")
+        file = dataclasses.replace(make_compare_file(), plant=PlantRecord(values, {}))
+        write_traces(tmp_path / "traces.h5", file)
+        assert_same(read_traces(tmp_path / "traces.h5"), file)
+        with xarray.open_dataset(tmp_path / "traces.h5", group="plant") as plant:
+            assert plant["ramp"].dims == ("index_1", "moving_joint_other")
+
+
+@pytest.mark.parametrize("which", ["compare_path", "decouple_path"])
+class TestOtherReaders:
+    # Warnings are errors throughout the suite, so these also show that nothing warns.
+
+    def test_xarray_tree(self, which: str, request: pytest.FixtureRequest) -> None:
+        path = request.getfixturevalue(which)
+        with xarray.open_datatree(path, engine="h5netcdf") as tree:
+            for run in read_traces(path).runs.values():
+                node = tree[run.name]
+                assert node["q"].dims == ("time", "joint")
+                assert np.array_equal(node["q"].sel(joint=run.joint[-1]).values, run["q"][:, -1])
+                assert np.array_equal(node["time"].values, run.time)
+
+    def test_xarray_dataset_by_netcdf4(self, which: str, request: pytest.FixtureRequest) -> None:
+        path = request.getfixturevalue(which)
+        for run in read_traces(path).runs.values():
+            with xarray.open_dataset(path, group=run.name, engine="netcdf4") as data:
+                assert np.array_equal(data["e"].values, run["e"])
+                assert data["e"].attrs["units"] == "rad"
+
+    def test_netcdf4(self, which: str, request: pytest.FixtureRequest) -> None:
+        path = request.getfixturevalue(which)
+        with netCDF4.Dataset(path) as root:
+            assert root.title == read_traces(path).title
+            for run in read_traces(path).runs.values():
+                group = root[run.name]
+                assert set(group.dimensions) == {"time", "joint"}
+                assert np.array_equal(group["q"][:], run["q"])
+            assert np.allclose(root["plant/S_inv"][:] @ root["plant/S"][:], np.eye(3), atol=1e-15)
+
+
+class TestUnusableFiles:
+    def fails(self, path: Path, words: str) -> DataMissingError:
+        with pytest.raises(DataMissingError, match=words) as caught:
+            read_traces(path)
+        assert str(path) in caught.value.message
+        assert caught.value.exit_code == 4
+        return caught.value
+
+    def test_missing(self, tmp_path: Path) -> None:
+        error = self.fails(tmp_path / "traces.h5", "No such file")
+        assert error.hint is not None
+        assert "tendonrepro compare" in error.hint
+
+    def test_a_folder(self, tmp_path: Path) -> None:
+        self.fails(tmp_path, "cannot read the trace file")
+
+    @pytest.mark.parametrize("content", [b"", b"time,q\n0,1\n", b"\x89HDF\r\n"])
+    def test_not_hdf5(self, tmp_path: Path, content: bytes) -> None:
+        path = tmp_path / "traces.h5"
+        path.write_bytes(content)
+        self.fails(path, "is not an HDF5 file")
+
+    @pytest.mark.parametrize("attributes", [{}, {"schema_version": 1}, {"tendonrepro_version": "0.1.0"}])
+    def test_hdf5_of_someone_else(self, tmp_path: Path, attributes: dict[str, object]) -> None:
+        path = tmp_path / "other.h5"
+        with h5py.File(path, "w") as root:
+            root["x"] = 1.0
+            root.attrs.update(attributes)
+        self.fails(path, "not a trace file of tendonrepro")
+
+    def test_another_layout(self, tmp_path: Path) -> None:
+        path = tmp_path / "traces.h5"
+        write_traces(path, dataclasses.replace(make_decouple_file(), schema_version=7))
+        self.fails(path, "layout version 7; this tendonrepro reads version 1")
+
+    @pytest.mark.parametrize("share", [0.01, 0.5, 0.99])
+    def test_truncated(self, compare_path: Path, tmp_path: Path, share: float) -> None:
+        whole = compare_path.read_bytes()
+        path = tmp_path / "traces.h5"
+        path.write_bytes(whole[: int(share * len(whole))])
+        self.fails(path, "is damaged or incomplete")
+
+    def test_damaged_numbers(self, tmp_path: Path) -> None:
+        path = tmp_path / "traces.h5"
+        write_traces(path, make_compare_file(step=1e-3))
+        with h5py.File(path) as root:
+            chunk = root["controller_1/q"].id.get_chunk_info(0)
+        data = bytearray(path.read_bytes())
+        data[chunk.byte_offset : chunk.byte_offset + chunk.size] = b"\xff" * chunk.size
+        path.write_bytes(data)
+        self.fails(path, "is damaged or incomplete")
+
+    @pytest.mark.parametrize("gone", ["controller_1/time", "plant", "controller_1/joint"])
+    def test_a_part_is_gone(self, tmp_path: Path, gone: str) -> None:
+        path = tmp_path / "traces.h5"
+        write_traces(path, make_compare_file())
+        with h5py.File(path, "a") as root:
+            del root[gone]
+        self.fails(path, "is damaged or incomplete")
+
+
+def test_an_unwritable_place_is_one_sentence(tmp_path: Path) -> None:
+    blocker = tmp_path / "reports"
+    blocker.write_text("I am a file")
+    with pytest.raises(TendonreproError, match="cannot write") as caught:
+        write_traces(blocker / "traces.h5", make_decouple_file())
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs resource limits")
+@pytest.mark.parametrize("limit", [100, 5000, 100_000])
+def test_a_full_disk_is_one_sentence_and_leaves_nothing(tmp_path: Path, limit: int) -> None:
+    # HDF5 writing to a disk that is full prints pages of errors and may crash the interpreter.
+    program = f"""
+import resource, sys
+from pathlib import Path
+sys.path.insert(0, {str(ROOT / "tests")!r})
+from support.synthetic import make_compare_file
+from tendonrepro.errors import TendonreproError
+from tendonrepro.results.traces import write_traces
+resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))
+try:
+    write_traces(Path({str(tmp_path / "traces.h5")!r}), make_compare_file())
+except TendonreproError as error:
+    print(error)
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("cannot write ")
+    assert done.stdout.count("\n") == 1
+    assert done.stderr == ""
+    assert list(tmp_path.iterdir()) == []
+
+
+class TestTrace:
+    def test_variables_of_the_contract(self) -> None:
+        promised = """q dq ddq q_encoder theta dtheta q_d dq_d ddq_d e s H H_hat epsilon tau_cmd tau_m tau_s
+        q_motor q_motor_encoder q_calculated"""
+        assert set(VARIABLES) == set(promised.split())
+
+    def test_a_variable_that_was_not_recorded(self) -> None:
+        trace = make_compare_file(without=["s"]).runs["controller_1"]
+        assert "s" not in trace
+        assert "e" in trace
+        with pytest.raises(DataMissingError, match="'controller_1' holds no variable 's'"):
+            trace["s"]
+
+    def test_status(self) -> None:
+        runs = make_compare_file(diverged={"controller_2": 7.3}).runs
+        assert (runs["controller_1"].status, runs["controller_2"].status) == ("ok", "diverged")
+
+    @pytest.mark.parametrize(
+        ("values", "words"),
+        [
+            ({"q": np.zeros((3, 1))}, r"'q' has shape \(3, 1\), expected \(3, 2\)"),
+            ({"q": np.zeros((2, 3))}, r"'q' has shape \(2, 3\), expected \(3, 2\)"),
+            ({"angle": np.zeros((3, 2))}, "unknown variable 'angle'"),
+        ],
+    )
+    def test_wrong_variables(self, values: dict[str, Array], words: str) -> None:
+        with pytest.raises(ValueError, match=words):
+            one_run(values, np.arange(3.0), (2, 3))
+
+    def test_no_samples(self) -> None:
+        with pytest.raises(ValueError, match="no samples or no joints"):
+            one_run({}, np.zeros(0), (2, 3))
+
+
+class TestPlantRecord:
+    record = PlantRecord(
+        {
+            "S": PlantValue(S, "1", "derived: test", "all joints"),
+            "S_inv": PlantValue(S_INV, "1", "derived: test", "all joints"),
+            "K_s": PlantValue(
+                np.array([[2.0, 1.0], [1.0, 3.0]]), "N m rad-1", "assumed: test", "moving joints"
+            ),
+        },
+        {},
+    )
+
+    def test_the_block_of_the_distal_joints_is_itself_an_inverse(self) -> None:
+        product = self.record.matrix("S", (2, 3)) @ self.record.matrix("S_inv", (2, 3))
+        assert product == pytest.approx(np.eye(2), abs=1e-15)
+        assert self.record.matrix("S_inv", (2, 3))[1] == pytest.approx([-35.0 / 37.0, 1.0])
+
+    def test_a_matrix_of_the_moving_joints_is_taken_as_it_is(self) -> None:
+        assert self.record.matrix("K_s", (2, 3)).tolist() == [[2.0, 1.0], [1.0, 3.0]]
+
+    def test_all_joints(self) -> None:
+        assert same_bits(self.record.matrix("S", (1, 2, 3)), S)
+
+    def test_a_matrix_that_is_not_there(self) -> None:
+        with pytest.raises(DataMissingError, match="holds no 'D_s'"):
+            self.record.matrix("D_s", (2, 3))
+
+
+@pytest.mark.parametrize("name", NEEDED)
+def test_a_run_without_an_attribute_that_is_needed_is_refused(tmp_path: Path, name: str) -> None:
+    path = tmp_path / "traces.h5"
+    write_traces(path, make_compare_file())
+    with h5py.File(path, "r+") as root:
+        del root["controller_2"].attrs[name]
+    with pytest.raises(DataMissingError, match=f"'controller_2'.*{name}"):
+        read_traces(path)

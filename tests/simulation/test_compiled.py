@@ -1,0 +1,150 @@
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from support import ROOT
+from support.oracles import FEATURES, PAPER, random_plant, random_state
+
+from tendonrepro.config.load import CompareConfig, load_config
+from tendonrepro.experiments.loops import build_law
+from tendonrepro.physics import control
+from tendonrepro.physics.control import remember, start_memory
+from tendonrepro.physics.dynamics import state_derivative
+from tendonrepro.simulation.codegen import compiled
+from tendonrepro.simulation.codegen.symbols import unrolled
+
+Array = NDArray[np.float64]
+
+# Only sin, cos, tanh and exp may differ, in the last bit; the acceleration of a light last link under a stiff
+# tendon multiplies that by some hundreds.
+ROUNDING = 1e-12
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+@pytest.mark.parametrize("features", [frozenset(), PAPER, FEATURES], ids=["none", "paper", "all"])
+def test_compiled_plant_is_the_pure_one(n: int, features: frozenset[str]) -> None:
+    rng = np.random.default_rng(n)
+    for seed in range(3):
+        plant = random_plant(n, seed, features).plant
+        derivative, p = compiled.compiled_plant(plant)
+        for t in (0.0, 0.5, 0.8):
+            state, tau_m = random_state(n, rng), rng.uniform(-5.0, 5.0, n)
+            expected = state_derivative(t, state, tau_m, plant)
+            got = derivative(t, state, tau_m, p)
+            assert got == pytest.approx(expected, rel=0.0, abs=ROUNDING * np.abs(expected).max())
+
+
+def test_plants_with_the_same_features_share_machine_code() -> None:
+    first, second, other = (
+        compiled.compiled_plant(random_plant(2, seed, features).plant)
+        for seed, features in ((1, FEATURES), (2, FEATURES), (1, PAPER))
+    )
+    assert first[0] is second[0]
+    assert first[0] is not other[0]
+    assert (first[1] != second[1]).any()
+
+
+@pytest.mark.parametrize("name", ["controller_1", "controller_2", "controller_3", "tdc"])
+@pytest.mark.parametrize(
+    "override",
+    [
+        "control.readings.phi_branch=printed",
+        "control.readings.phi_branch=power",
+        "control.readings.differencing=centred",
+        "control.readings.gain_unit=law_in_degrees",
+        "control.readings.torque_coordinates=winch",
+    ],
+)
+def test_compiled_law_is_the_pure_one(name: str, override: str) -> None:
+    config = load_config(None, "compare", overrides=[override]).config
+    assert isinstance(config, CompareConfig)
+    law = build_law(config, name)
+    rng = np.random.default_rng(1)
+    memory = start_memory(np.zeros(2), rng.uniform(-5.0, 5.0, 2))
+    for _ in range(20):
+        q, q_d = rng.normal(0.0, 1e-3, (2, 2))
+        dq_d, ddq_d = rng.normal(0.0, 0.1, (2, 2))
+        got = compiled.command(memory, q, q_d, dq_d, ddq_d, law)
+        expected = control.command(memory, q, q_d, dq_d, ddq_d, law)
+        for ours, pure in zip(got, expected, strict=True):
+            assert ours == pytest.approx(pure, rel=1e-12, abs=1e-12 * max(1.0, np.abs(pure).max()))
+        memory = remember(memory, q, expected[3], expected[0])
+
+
+class TestCache:
+    def test_code_of_a_plant_lies_in_a_file_named_after_its_content(self) -> None:
+        plant = random_plant(2, 1, PAPER).plant
+        source, _ = unrolled(state_derivative, plant, 2)
+        derivative, _ = compiled.compiled_plant(plant)
+        path = Path(derivative.__code__.co_filename)  # type: ignore[attr-defined]
+        assert path.name == f"compiled_{hashlib.sha256(source.encode()).hexdigest()[:16]}.py"
+        assert path.read_text(encoding="utf-8") == source.replace("def compiled(", f"def {path.stem}(")
+
+    def test_numba_is_left_as_it_was(self) -> None:
+        before = numba.config.CACHE_DIR
+        compiled.compiled_plant(random_plant(1, 1, frozenset({"damping"})).plant)
+        assert before == numba.config.CACHE_DIR
+
+    def test_folder_follows_the_sources(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+        monkeypatch.setattr(compiled.platformdirs, "user_cache_dir", lambda _: str(tmp_path))
+        now = compiled.cache_folder()
+        assert now.is_dir()
+        assert now.is_relative_to(tmp_path)
+        assert compiled.cache_folder() == now
+        changed = Path(shutil.copy(control.__file__, tmp_path / "control.py"))
+        with changed.open("a", encoding="utf-8") as file:
+            file.write("# changed\n")
+        real = compiled.inspect.getfile
+        monkeypatch.setattr(
+            compiled.inspect,
+            "getfile",
+            lambda function: str(changed) if real(function) == control.__file__ else real(function),
+        )
+        assert compiled.cache_folder() != now
+
+    def test_without_a_usable_cache_a_temporary_folder_serves(
+        self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    ) -> None:
+        blocked = tmp_path / "file"
+        blocked.write_text("not a folder", encoding="utf-8")
+        monkeypatch.setattr(compiled.platformdirs, "user_cache_dir", lambda _: str(blocked))
+        monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+        folder = compiled.cache_folder()
+        assert folder.is_dir()
+        assert folder.is_relative_to(tmp_path)
+        assert compiled.cache_folder() == folder, "one folder serves all processes"
+
+    @pytest.mark.slow
+    def test_a_second_process_compiles_nothing(self, tmp_path: Path) -> None:
+        """Fills an empty cache in one process and uses it in another."""
+        script = tmp_path / "use.py"
+        script.write_text(
+            "import sys\n"
+            f"sys.path.insert(0, {str(ROOT / 'tests')!r})\n"
+            "import numpy as np\n"
+            "from support.oracles import FEATURES, random_plant\n"
+            "from tendonrepro.simulation.codegen.compiled import compiled_plant\n"
+            "derivative, p = compiled_plant(random_plant(2, 1, FEATURES).plant)\n"
+            "derivative(0.0, np.zeros(8), np.zeros(2), p)\n"
+            "sys.stdout.write(f'{sum(derivative.stats.cache_hits.values())}')\n",
+            encoding="utf-8",
+        )
+        environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path), "HOME": str(tmp_path)}
+        environment["PYTHONPATH"] = str(ROOT)
+        hits = [
+            subprocess.run(
+                [sys.executable, str(script)], env=environment, capture_output=True, text=True, check=True
+            ).stdout
+            for _ in range(2)
+        ]
+        assert hits == ["0", "1"]

@@ -1,0 +1,556 @@
+"""Residuals of a rerun, which run its motion is taken from, and signs in what is told of a measurement."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from support.measured_synthetic import measured_trace
+from support.synthetic import COUNT, S, make_compare_file, make_decouple_file
+
+from tendonrepro.arrays import Array
+from tendonrepro.config.load import load_config
+from tendonrepro.config.published import published
+from tendonrepro.config.trajectory_file import read_samples
+from tendonrepro.console import Talk
+from tendonrepro.dataset.mapping.assembly import Assembly, doubts_about
+from tendonrepro.dataset.mapping.model import Mapping
+from tendonrepro.dataset.meaning.columns import Column
+from tendonrepro.dataset.meaning.understand import understand
+from tendonrepro.dataset.motion.knots import thinned
+from tendonrepro.dataset.motion.period import _refined, refined_shift
+from tendonrepro.dataset.motion.record import Recorded, recorded
+from tendonrepro.dataset.motion.recover import Reference, recover, zero_of
+from tendonrepro.dataset.motion.windows import _tail
+from tendonrepro.dataset.readers.signals import Found, Source
+from tendonrepro.errors import DataMissingError
+from tendonrepro.results.records import Trace, TraceFile
+from tendonrepro.results.traces import write_traces
+from tendonrepro.validation import command as validate
+from tendonrepro.validation import reruns
+from tendonrepro.validation.rerun import MOTION, aligned, departure, together, write_compare, write_decouple
+from tendonrepro.validation.residuals import comparison_rows, coupling_rows
+
+STEP = 0.005
+MOVES = make_compare_file(step=STEP, source="measured")
+"""SYNTHETIC: joints 2 and 3 move together, all runs alike."""
+FIRST, SECOND, THIRD = "controller_1", "controller_2", "controller_3"
+
+
+def with_runs(**runs: Trace) -> TraceFile:
+    return replace(MOVES, runs={**MOVES.runs, **runs})
+
+
+def moved(trace: Trace, q_d: Array, by: float = 0.0) -> Trace:
+    """The run on another desired motion, without what else was recorded, by some seconds later."""
+    before = trace.time - by
+    late = np.column_stack([np.interp(before, trace.time, column) for column in q_d.T])
+    return replace(measured_trace(trace), variables={"q_d": late, "e": trace["e"]})
+
+
+def without(trace: Trace, joint: int) -> Trace:
+    """The run with no desired angles of a joint."""
+    q_d = trace["q_d"].copy()
+    q_d[:, trace.joint.index(joint)] = np.nan
+    return measured_trace(trace, q_d=q_d)
+
+
+class TestLag:
+    """Of two encoders, one 5 ms behind the other."""
+
+    LATE = 0.005
+
+    def pair(self, amplitude: float, period: float) -> tuple[Trace, Trace]:
+        time = 0.001 * np.arange(10001)
+        rate = 2.0 * np.pi / period
+
+        def at(time: Array) -> Array:
+            return np.repeat(amplitude * np.sin(rate * time)[:, np.newaxis], 2, axis=1)
+
+        attributes = {"status": "ok"}
+        model = {"q_encoder": COUNT * np.round(at(time) / COUNT)}
+        ours = {"q_encoder": COUNT * np.round(at(time - self.LATE) / COUNT)}
+        return Trace(FIRST, time, (2, 3), ours, attributes), Trace(FIRST, time, (2, 3), model, attributes)
+
+    @pytest.mark.parametrize("period", [1.0, 2.5, 5.0, 10.0])
+    @pytest.mark.parametrize("amplitude_deg", [5.0, 30.0])
+    def test_slow_motion_on_an_encoders_steps_has_its_lag(self, amplitude_deg: float, period: float) -> None:
+        ours, model = self.pair(np.deg2rad(amplitude_deg), period)
+        for row in comparison_rows(ours, model):
+            assert row["lag_s"] == pytest.approx(self.LATE, rel=0.05)
+
+    @pytest.mark.parametrize("samples", [1667, 10001])
+    def test_an_encoder_that_starts_elsewhere_is_not_late(self, samples: int) -> None:
+        """Over a part of a period the rate has a mean, and an offset would look like a lag."""
+        ours, model = self.pair(np.deg2rad(10.0), 5.0)
+        short = [
+            replace(one, time=one.time[:samples], variables={"q_encoder": one["q_encoder"][:samples] + apart})
+            for one, apart in ((ours, np.deg2rad(1.0)), (model, 0.0))
+        ]
+        for row in comparison_rows(*short):
+            assert row["lag_s"] == pytest.approx(self.LATE, rel=0.05)
+
+    def test_what_is_early_has_a_negative_lag(self) -> None:
+        late, model = self.pair(np.deg2rad(10.0), 2.5)
+        for row in comparison_rows(model, late):
+            assert row["lag_s"] == pytest.approx(-self.LATE, rel=0.05)
+
+    def test_a_model_at_rest_tells_no_lag_and_two_samples_do(self) -> None:
+        ours, model = self.pair(np.deg2rad(2.0), 2.5)
+        still = replace(model, variables={"q_encoder": np.zeros_like(model["q_encoder"])})
+        assert [row["lag_s"] for row in comparison_rows(ours, still)] == [None, None]
+        for kept, told in ((1, False), (2, True)):
+            few = np.where(np.arange(len(ours.time))[:, np.newaxis] < kept, ours["q_encoder"], np.nan)
+            rows = comparison_rows(measured_trace(ours, q_encoder=few), model)
+            assert [row["lag_s"] is not None for row in rows] == [told, told]
+
+
+class TestSizes:
+    """Of two runs that differ by known amounts."""
+
+    TIME = 0.01 * np.arange(200.0)
+    WAVE = np.column_stack([np.sin(TIME), np.cos(3.0 * TIME)])
+
+    def run(self, **variables: Array) -> Trace:
+        return Trace(FIRST, self.TIME, (2, 3), variables, {"status": "ok"})
+
+    def test_what_the_motors_say_is_compared_by_its_mean(self) -> None:
+        apart = np.deg2rad([1.0, 2.0]) * (1.0 + self.WAVE)
+        ours = self.run(q_encoder=self.WAVE, q_calculated=self.WAVE - apart)
+        for column, row in enumerate(comparison_rows(ours, ours)):
+            size = np.rad2deg(np.abs(apart[:, column]).mean())
+            assert row["measured_calculated_mae_deg"] == pytest.approx(size)
+            assert row["simulated_calculated_mae_deg"] == pytest.approx(size)
+
+    def test_no_error_has_no_ratio_and_a_constant_one_no_correlation(self) -> None:
+        ours, none = self.run(e=0.0 * self.WAVE + 0.1), self.run(e=0.0 * self.WAVE)
+        for row in comparison_rows(ours, none):
+            assert row["mae_ratio"] is row["e_correlation"] is None
+        for row in comparison_rows(self.run(e=-1e-4 * self.WAVE), self.run(e=2e-4 * self.WAVE)):
+            assert row["e_correlation"] == pytest.approx(-1.0)
+            assert row["mae_ratio"] == pytest.approx(0.5)
+            size = 1e-4 * np.rad2deg(np.abs(self.WAVE[:, row["joint"] - 2]).mean())
+            assert row["measured_mae_deg"] == pytest.approx(size)
+            assert row["simulated_mae_deg"] == pytest.approx(2.0 * size)
+
+    @pytest.mark.parametrize("kept", [1, 2])
+    def test_two_samples_have_an_error(self, kept: int) -> None:
+        few = np.where(np.arange(200)[:, np.newaxis] < kept, self.WAVE, np.nan)
+        for row in comparison_rows(self.run(e=few), self.run(e=self.WAVE)):
+            assert ("e_mae_deg" in row) is (kept == 2)
+
+    @pytest.mark.parametrize("name", ["e", "q_encoder"])
+    def test_they_are_mean_root_mean_square_and_largest(self, name: str) -> None:
+        apart = np.deg2rad([1.0, 2.0]) * (1.0 + self.WAVE)
+        rows = comparison_rows(self.run(**{name: self.WAVE + apart}), self.run(**{name: self.WAVE}))
+        letter = name[0]
+        for column, row in enumerate(rows):
+            size = np.rad2deg(np.abs(apart[:, column]))
+            assert row[f"{letter}_samples"] == 200
+            assert row[f"{letter}_mae_deg"] == pytest.approx(size.mean())
+            assert row[f"{letter}_rms_deg"] == pytest.approx(np.sqrt((size**2).mean()))
+            assert row[f"{letter}_max_deg"] == pytest.approx(size.max())
+
+    def test_what_only_one_of_them_recorded_is_left_out(self) -> None:
+        whole = self.run(e=self.WAVE, q_encoder=self.WAVE, q_calculated=self.WAVE)
+        for row in comparison_rows(whole, self.run(e=self.WAVE, q_encoder=self.WAVE)):
+            assert "measured_calculated_mae_deg" not in row
+        for row in comparison_rows(whole, self.run(q_d=self.WAVE)):
+            assert row == {"run": FIRST, "joint": row["joint"], "status": "ok"}
+
+
+def test_calculated_less_encoder_is_a_difference() -> None:
+    trace = make_decouple_file(source="measured").runs["decouple"]
+    apart = np.deg2rad([0.1, -0.2, 0.3])
+    ours = measured_trace(trace, q_calculated=trace["q_encoder"] + apart)
+    exact = measured_trace(trace, q_calculated=trace["q_encoder"])
+    rows = list(comparison_rows(ours, exact))
+    assert [row["measured_calculated_mae_deg"] for row in rows] == pytest.approx([0.1, 0.2, 0.3])
+    assert [row["simulated_calculated_mae_deg"] for row in rows] == [0.0, 0.0, 0.0]
+
+
+class TestRunOfTheReference:
+    @pytest.mark.parametrize("joint", [2, 3])
+    def test_a_run_without_a_joint_gives_way_to_one_with_both(self, joint: int) -> None:
+        found = recover(with_runs(controller_1=without(MOVES.runs[FIRST], joint)))
+        assert found.run == SECOND
+        assert found.record.joint == (2, 3)
+
+    def test_so_does_a_run_of_one_joint(self) -> None:
+        trace = MOVES.runs[FIRST]
+        single = replace(trace, joint=(3,), variables={"q_d": trace["q_d"][:, 1:]})
+        found = recover(with_runs(controller_1=single))
+        assert (found.run, found.record.joint) == (SECOND, (2, 3))
+        assert recover(replace(MOVES, runs={FIRST: single})).record.joint == (3,)
+
+    def test_so_does_a_run_at_rest_or_of_too_few_samples(self) -> None:
+        first, second = MOVES.runs[FIRST], MOVES.runs[SECOND]
+        few = np.where(np.arange(len(second.time))[:, np.newaxis] < 5, second["q_d"], np.nan)
+        still = moved(first, 0.0 * first["q_d"])
+        assert recover(with_runs(controller_1=still, controller_2=moved(second, few))).run == THIRD
+        with pytest.raises(DataMissingError, match="does not move"):
+            recover(replace(MOVES, runs={FIRST: still, SECOND: moved(second, few)}))
+
+    def test_the_first_controller_comes_before_a_load(self) -> None:
+        backwards = dict(reversed(MOVES.runs.items()))
+        assert next(iter(backwards)) == "controller_1_payload"
+        assert recover(replace(MOVES, runs=backwards)).run == THIRD
+
+
+@pytest.fixture(scope="module", name="reference")
+def _reference() -> Reference:
+    return recover(MOVES)
+
+
+class TestDeparture:
+    @pytest.mark.parametrize("by", [0.0, 0.7])
+    @pytest.mark.parametrize("share", [0.7, 1.02, -1.0])
+    def test_a_run_that_moved_otherwise_is_told_by_how_far(
+        self, reference: Reference, share: float, by: float
+    ) -> None:
+        second = MOVES.runs[SECOND]
+        far = np.rad2deg(departure(moved(second, share * second["q_d"], by), reference))
+        assert far == pytest.approx(30.0 * abs(1.0 - share), rel=0.1)
+
+    @pytest.mark.parametrize("by", [0.0, 0.7, 0.7013])
+    @pytest.mark.parametrize("counts", [0.0, 0.3, 20.8])
+    def test_where_when_and_how_roughly_it_was_recorded_is_no_departure(
+        self, reference: Reference, counts: float, by: float
+    ) -> None:
+        second = MOVES.runs[SECOND]
+        smooth = moved(second, second["q_d"] + counts * COUNT, by)
+        q_d = COUNT * np.round(smooth["q_d"] / COUNT)
+        q_d[500:600] = np.nan
+        assert departure(smooth, reference) == 0.0
+        assert departure(replace(smooth, variables={"q_d": q_d}), reference) == 0.0
+        assert departure(replace(smooth, variables={"e": second["e"]}), reference) == 0.0
+
+    def test_steps_that_hide_the_beginning_are_no_departure(self) -> None:
+        first, second = (make_compare_file(step=0.001).runs[name] for name in (FIRST, SECOND))
+        rounded = [
+            moved(trace, COUNT * np.round((trace["q_d"] + start * COUNT) / COUNT), by)
+            for trace, start, by in ((first, 0.0, 0.4), (second, 0.5, 1.1))
+        ]
+        reference = recover(with_runs(controller_1=rounded[0]))
+        assert reference.delay == pytest.approx(0.4, abs=0.01)
+        assert departure(rounded[1], reference) == 0.0
+        far = departure(moved(rounded[1], 0.9 * rounded[1]["q_d"]), reference)
+        assert np.rad2deg(far) == pytest.approx(3.0, rel=0.1)
+
+    @pytest.mark.parametrize(("samples", "departs"), [(-0.8, False), (0.8, False), (-2.5, True), (2.5, True)])
+    def test_one_sample_of_time_is_no_departure(
+        self, reference: Reference, samples: float, departs: bool
+    ) -> None:
+        """Of the reference's own run, whose time is not adjusted."""
+        first = MOVES.runs[FIRST]
+        assert (departure(moved(first, first["q_d"], samples * STEP), reference) > 0.0) is departs
+
+    def test_a_rerun_begins_when_its_run_does(self, reference: Reference) -> None:
+        second = MOVES.runs[SECOND]
+        late = replace(moved(second, second["q_d"], 0.7), time=second.time + 3.0)
+        zero = zero_of(late, reference)
+        assert zero == pytest.approx(3.7, abs=2.0 * STEP)
+        (row, _) = comparison_rows(late, aligned(MOVES.runs[FIRST], late, zero))
+        assert row["q_d_max_deg"] < 0.1
+
+    def test_it_is_the_largest_difference_at_the_same_time(self, reference: Reference) -> None:
+        """Gaps, and what comes after the reference's last sample, do not count."""
+        second = MOVES.runs[SECOND]
+        bent = second["q_d"] * (1.0 + 0.5 * (second["q_d"].max() - second["q_d"]))
+        largest = np.abs(bent - second["q_d"]).max()
+        q_d = np.where(np.arange(len(bent))[:, np.newaxis] < len(bent) - 20, bent, second["q_d"] + 1.0)
+        q_d[50:60] = np.nan
+        late = replace(reference, record=replace(reference.record, time=reference.record.time[:-20]))
+        late = replace(
+            late, record=replace(late.record, q=late.record.q[:-20], known=late.record.known[:-20])
+        )
+        run = replace(measured_trace(second), variables={"q_d": q_d})
+        assert departure(run, late) == pytest.approx(largest, rel=2e-3)
+
+
+def test_what_was_not_measured_is_not_moved() -> None:
+    trace = MOVES.runs[FIRST]
+    start = trace["q_d"] + np.array([0.2, np.nan])
+    single = replace(trace, joint=(2,), variables={"q_d": start[:, :1]})
+    for ours in (measured_trace(trace, q_d=start), single):
+        found = aligned(trace, ours, 3.0)
+        assert found.time[0] == 3.0
+        for name in ("q_d", "q_encoder"):
+            np.testing.assert_allclose(found[name] - trace[name], [[0.2, 0.0]] * len(trace.time), atol=1e-12)
+        np.testing.assert_array_equal(found["e"], trace["e"])
+    bare = aligned(trace, measured_trace(replace(trace, variables={"e": trace["e"]})), 0.0)
+    np.testing.assert_array_equal(bare["q_d"], trace["q_d"])
+
+
+def test_runs_of_both_experiments_come_into_one_file() -> None:
+    other = replace(make_decouple_file(), config_yaml="schema_version: 2\n", title="other")
+    assert together([]) is None
+    assert together([MOVES]) is MOVES
+    found = together([MOVES, other])
+    assert found is not None
+    assert found.experiment == "both"
+    assert [*found.runs] == [*MOVES.runs, *other.runs]
+    assert found.title == f"{MOVES.title}; other"
+    assert found.config_yaml == f"{MOVES.config_yaml}---\nschema_version: 2\n"
+
+
+def test_a_mass_that_is_the_configurations_keeps_its_source(reference: Reference, tmp_path: Path) -> None:
+    base = load_config(None, "compare")
+    runs: Any = base.tree["runs"]
+    masses = {SECOND: 0.25, "controller_1_payload": runs["controller_1_payload"]["payload"]["value"]}
+    paths = write_compare(base, reference, masses, "SYNTHETIC.h5", tmp_path)
+    found: Any = load_config(paths[1], "compare").tree["runs"]
+    assert found.keys() == runs.keys()
+    assert found[SECOND]["payload"]["value"] == 0.25
+    assert "SYNTHETIC.h5" in found[SECOND]["payload"]["source"]
+    for name in runs.keys() - {SECOND}:
+        assert found[name] == runs[name]
+
+
+def test_a_run_that_moved_otherwise_has_no_residuals(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[str] = []
+
+    def simulated(_path: Path, names: Sequence[str], _talk: Talk) -> TraceFile:
+        asked.extend(names)
+        return replace(MOVES, source="simulated", runs={name: MOVES.runs[name] for name in names})
+
+    monkeypatch.setattr(reruns, "rerun", simulated)
+    monkeypatch.setattr(validate, "_draw", lambda *_: None)
+    second = MOVES.runs[SECOND]
+    path = tmp_path / "SYNTHETIC.h5"
+    write_traces(path, with_runs(controller_2=moved(second, 0.7 * second["q_d"])))
+    found: Any = validate.run_validate(
+        path, None, tmp_path / "out", (), None, force=False, dry_run=False, talk=Talk(quiet=True)
+    )
+    assert SECOND not in asked
+    assert {row["run"] for row in found["residuals"]["rows"]} == set(MOVES.runs) - {SECOND}
+    expected = "its desired motion differs from that of controller_1 by up to 9 deg"
+    assert f"residuals of controller_2: {expected}" in found["missing"]
+
+
+class TestShift:
+    """Of one motion in two records."""
+
+    @staticmethod
+    def record(late: float, apart: float, step: float = COUNT) -> Recorded:
+        time = 0.002 * np.arange(3000.0)
+        u = np.clip((time - 1.0 - late) / 4.0, 0.0, 1.0)[:, np.newaxis]
+        q = np.deg2rad([30.0, -20.0]) * (10.0 * u**3 - 15.0 * u**4 + 6.0 * u**5) + apart
+        q = step * np.round(q / step)
+        return Recorded(time, q - q[0], (2, 3), q[0], step, np.ones(len(time), bool))
+
+    @pytest.mark.parametrize("late", [-0.3, 0.0, 0.0013, 0.2])
+    @pytest.mark.parametrize("apart", [0.0, 0.49])
+    def test_it_is_found_although_steps_hide_the_beginning(self, late: float, apart: float) -> None:
+        ours, other = self.record(late, apart * COUNT), self.record(0.0, 0.0)
+        assert refined_shift(ours, other, late + 0.05) == pytest.approx(late, abs=2e-4)
+
+    def test_the_guess_stays_where_the_records_hardly_overlap_or_nothing_near_it_fits(self) -> None:
+        ours, other = self.record(0.0, 0.0), self.record(1.9, 0.0)
+        assert refined_shift(ours, other, 5.95) == 5.95
+        assert refined_shift(ours, other, 0.0) == 0.0
+
+    def test_a_motion_a_sample_later_is_not_taken_for_the_same_time(self, reference: Reference) -> None:
+        second = MOVES.runs[SECOND]
+        late = moved(second, second["q_d"], 0.8 * STEP)
+        assert zero_of(late, reference) == pytest.approx(0.8 * STEP, abs=2e-4)
+        assert zero_of(second, reference) == 0.0
+
+
+class TestRecorded:
+    def test_a_flicker_of_one_rounding_step_is_no_motion(self) -> None:
+        rounding = 0.01
+        q = np.zeros((200, 1))
+        q[20:40:2] = q[170:190:2] = rounding
+        q[100:150, 0] = np.linspace(0.0, 1.0, 50)
+        q[150:, 0] += 1.0
+        record = Recorded(0.01 * np.arange(200.0), q, (2,), np.zeros(1), rounding, np.ones(200, bool))
+        first, last = record.moving()
+        assert 95 <= first <= 102
+        assert 148 <= last <= 152
+
+    @pytest.mark.parametrize("lag", [99.7, 100.0, 100.3])
+    def test_a_period_between_two_samples_is_found(self, lag: float) -> None:
+        x = np.sin(2.0 * np.pi * np.arange(400.0) / lag)[:, np.newaxis]
+        assert _refined(x, 100, 1) == pytest.approx(lag, abs=0.01)
+        assert _refined(x, 1, 1) == 1.0
+
+
+def test_a_calculated_joint_angle_is_not_taken_for_the_encoder() -> None:
+    time = 0.001 * np.arange(4000.0)
+    count = 360.0 / 16384.0
+    smooth = [10.0 * (1.0 - np.cos(2.0 * np.pi * time / (1.5 + 0.5 * joint))) for joint in (2, 3)]
+    steps = [count * np.round(column / count) for column in smooth]
+    for first, second in ((steps, smooth), (smooth, steps)):
+        columns = _understood(time, **_named("Q", first), **_named("q", second))
+        encoder, calculated = ("Q", "q") if first is steps else ("q", "Q")
+        for joint in (2, 3):
+            assert columns[f"{encoder}{joint}"].quantity == "measured"
+            assert columns[f"{calculated}{joint}"].quantity == "calculated"
+
+
+def test_what_does_not_follow_the_encoder_is_not_calculated_from_the_motors() -> None:
+    time = 0.001 * np.arange(4000.0)
+    count = 360.0 / 16384.0
+    smooth = [10.0 * (1.0 - np.cos(2.0 * np.pi * time / (1.5 + 0.5 * joint))) for joint in (2, 3)]
+    steps = [count * np.round(column / count) for column in smooth]
+    columns = _understood(time, **_named("Q", steps), **_named("q", smooth[::-1]))
+    assert "calculated" not in {column.quantity for column in columns.values()}
+
+
+def _named(letter: str, columns: Sequence[Array]) -> dict[str, Array]:
+    return {f"{letter}{joint}": column for joint, column in zip((2, 3), columns, strict=True)}
+
+
+def _understood(time: Array, **signals: Array) -> dict[str, Column]:
+    found = Found("SYNTHETIC")
+    for path, values in {"t": time, **signals}.items():
+        found.add(path, values, group="g")
+    source = Source("SYNTHETIC.csv", "SYNTHETIC", 0, "0" * 32, tuple(found.signals))
+    return {column.signal.path: column for column in understand([source], np.linalg.inv(S))}
+
+
+def test_a_gap_in_the_difference_is_filled_from_the_recorded_error() -> None:
+    time = 0.01 * np.arange(301.0)
+    q_d = 10.0 * np.sin(time)
+    q = q_d - 0.2
+    q[50:60] = np.nan
+    signals = {"q_d": q_d, "q_encoder": q, "e": np.full(len(time), 0.25)}
+    found = Found("SYNTHETIC")
+    for path, values in {"t": time, **signals}.items():
+        found.add(path, values)
+    source = Source("SYNTHETIC.mat", "SYNTHETIC", 0, "0" * 32, tuple(found.signals))
+    at = {"joint": 2, "file": source.name, "unit": "deg"}
+    run = {
+        "time": {"file": source.name, "signal": "t"},
+        "signals": [{"variable": name, "signal": name} | at for name in signals],
+    }
+    mapping = Mapping.model_validate({"schema_version": 1, "title": "SYNTHETIC", "runs": {FIRST: run}})
+    assembly = Assembly([source], mapping, "mapping.yaml", S, lambda time, _: ("ok", float(time[-1])))
+    e = np.rad2deg(assembly.runs()[FIRST]["e"][:, 0])
+    np.testing.assert_allclose(e[50:60], 0.25, rtol=1e-12)
+    np.testing.assert_allclose(np.delete(e, slice(50, 60)), 0.2, rtol=1e-9)
+
+
+class TestDoubts:
+    RUN = make_decouple_file(source="measured").runs["decouple"]
+
+    def doubts(self, factor: Array | float) -> list[str]:
+        return doubts_about(
+            measured_trace(self.RUN, q_calculated=(factor * self.RUN["q_motor_encoder"]) @ S.T)
+        )
+
+    def test_a_correct_run_gives_none(self) -> None:
+        assert self.doubts(1.0) == []
+
+    @pytest.mark.parametrize("motor", [1, 2, 3])
+    def test_a_motor_with_a_flipped_sign_does(self, motor: int) -> None:
+        found = self.doubts(np.where(np.arange(1, 4) == motor, -1.0, 1.0))
+        assert any(f"S q_motor of joint {motor} " in doubt for doubt in found)
+
+    @pytest.mark.parametrize("factor", [180.0 / np.pi, np.pi / 180.0])
+    def test_so_does_a_wrong_unit(self, factor: float) -> None:
+        assert len([doubt for doubt in self.doubts(factor) if "unit" in doubt]) == 3
+
+    @pytest.mark.parametrize(("turn_deg", "doubtful"), [(185.0, False), (-185.0, False), (-195.0, True)])
+    @pytest.mark.parametrize("name", ["q_encoder", "q_d"])
+    def test_no_joint_turns_by_more_than_half_a_turn(
+        self, name: str, turn_deg: float, doubtful: bool
+    ) -> None:
+        angle = np.deg2rad(np.linspace(0.0, turn_deg, 50))[:, np.newaxis]
+        run = Trace("decouple", 0.01 * np.arange(50.0), (2,), {name: angle}, {})
+        assert (
+            doubts_about(run)
+            == [f"{name} reaches 195 deg, and no joint turns by more than half a turn"] * doubtful
+        )
+
+    @pytest.mark.parametrize(("share", "doubtful"), [(0.19, False), (0.21, True)])
+    def test_a_tendon_stretches_by_a_fifth_of_the_range_at_most(self, share: float, doubtful: bool) -> None:
+        encoder = np.tile([0.0, 0.5], 50)[:, np.newaxis] + np.array([1.0])
+        apart = share * 0.5 * np.array([0.0, *np.tile([1.0, -1.0], 50)[:99]])[:, np.newaxis]
+        variables = {"q_encoder": encoder, "q_calculated": encoder + apart - 2.0}
+        run = Trace("decouple", 0.01 * np.arange(100.0), (2,), variables, {})
+        assert bool(doubts_about(run)) is doubtful
+
+
+def test_the_chance_of_agreement_is_that_of_independent_numbers() -> None:
+    # 0.375 and 0.292 printed to 0.001: shares of a fifth of each are 1/75 and 5/292.
+    names = dict.fromkeys(("table2.controller_2.rmse.joint_2", "table2.controller_2.rmse.joint_3"), 0.0)
+    one, other = 1.0 / 75.0, 5.0 / 292.0
+    assert _tail(published(), names, 0) == pytest.approx(1.0)
+    assert _tail(published(), names, 1) == pytest.approx(one + other - one * other)
+    assert _tail(published(), names, 2) == pytest.approx(one * other)
+
+
+def test_runs_of_both_experiments_carry_both_configurations() -> None:
+    files = [replace(MOVES, source="simulated"), make_decouple_file()]
+    both = together(files)
+    assert both is not None
+    assert both.config_sha256 == hashlib.sha256(both.config_yaml.encode()).hexdigest()
+    assert all(file.config_yaml in both.config_yaml for file in files)
+    assert json.loads(both.manifest_json)["experiments"] == [json.loads(file.manifest_json) for file in files]
+    assert together(files[:1]) is files[0]
+    assert together([]) is None
+
+
+def test_why_there_is_no_rerun_is_said(tmp_path: Path) -> None:
+    trace = MOVES.runs[FIRST]
+    path = tmp_path / "SYNTHETIC.h5"
+    still = {FIRST: measured_trace(trace, q_d=0.0 * trace["q_d"])}
+    write_traces(path, replace(MOVES, runs=still))
+    found = validate.run_validate(
+        path, None, tmp_path / "out", (), None, force=False, dry_run=False, talk=Talk(quiet=True)
+    )
+    assert "a rerun of the comparison: run 'controller_1': q_d does not move" in found["missing"]
+
+
+@pytest.mark.parametrize(("drives", "variable"), [("motors", "q_motor_encoder"), ("joints", "q_encoder")])
+def test_the_decoupling_motion_is_that_of_what_was_recorded(
+    drives: str, variable: str, tmp_path: Path
+) -> None:
+    trace = make_decouple_file(step=0.2, source="measured").runs["decouple"]
+    kept = {name: trace[name] for name in ("q_encoder", variable)}
+    base = load_config(None, "decouple")
+    paths = write_decouple(base, replace(trace, variables=kept), "SYNTHETIC.h5", tmp_path)
+    assert paths == [tmp_path / MOTION, tmp_path / "decouple.yaml"]
+    knots = thinned(recorded(trace, variable))
+    time, angles = read_samples(paths[0])
+    for place, joint in enumerate(trace.joint):
+        assert angles[joint] == pytest.approx(knots.angle[:, place], abs=1e-8)
+    assert time == pytest.approx(knots.time, abs=1e-8)
+    tree: Any = load_config(paths[1], "decouple").tree
+    given: Any = base.tree["runs"]
+    assert tree["runs"] == {
+        "decouple": {
+            "drives": drives,
+            "reference": {"kind": "sampled", "file": MOTION},
+            "payload": given["decouple"]["payload"],
+        }
+    }
+    assert tree["title"].endswith(f", on the {drives}' angles measured in SYNTHETIC.h5")
+
+
+def test_sizes_of_the_coupling_are_those_of_the_differences_that_are_there() -> None:
+    file = make_decouple_file(source="measured")
+    trace = file.runs["decouple"]
+    encoder = trace["q_encoder"].copy()
+    encoder[103, 1] = np.nan
+    variables = {"q_encoder": encoder[100:], "q_motor_encoder": trace["q_motor_encoder"][100:]}
+    run = replace(trace, time=trace.time[100:], variables=variables)
+    apart = np.delete(run["q_motor_encoder"] @ S.T - run["q_encoder"], 3, axis=0)
+    first = np.delete(run.time, 3) <= run.time[0] + 0.1
+    turned = -apart @ np.linalg.inv(S).T
+    rows = list(coupling_rows(run, file.plant))
+    assert [row["number"] for row in rows] == [1, 2, 3, 1, 2, 3]
+    for row, column in zip(rows, np.hstack([apart, turned]).T, strict=True):
+        for prefix, values in (("", column), ("shifted_", column - np.median(column[first]))):
+            size = np.rad2deg(np.abs(values))
+            assert row[f"{prefix}mae_deg"] == pytest.approx(size.mean(), rel=1e-9)
+            assert row[f"{prefix}max_deg"] == pytest.approx(size.max(), rel=1e-9)
+    assert list(coupling_rows(replace(run, variables={"q_encoder": run["q_encoder"]}), file.plant)) == []

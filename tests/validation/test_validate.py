@@ -1,0 +1,490 @@
+"""A measurement against the print and the model: windows, residuals, and everything that is written."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+from support.measured_synthetic import CONTROLLERS, LOADED, measured_trace, printed_file
+from support.synthetic import PERIOD, make_compare_file, make_decouple_file
+
+from tendonrepro.config.load import load_config
+from tendonrepro.config.published import published
+from tendonrepro.console import Talk
+from tendonrepro.dataset.motion.windows import NUMBERS, PrintedTables, Timing, Tried, spans, try_windows
+from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.experiments.run import simulate_all, trace_file
+from tendonrepro.files import sha256_of
+from tendonrepro.results.figures.catalogue import available
+from tendonrepro.results.manifest import make_manifest
+from tendonrepro.results.records import PlantRecord, TraceFile
+from tendonrepro.results.summary import table_data_compare, tracking_errors
+from tendonrepro.results.tables import write_tables
+from tendonrepro.results.traces import read_traces, write_traces
+from tendonrepro.validation.command import RESULTS, run_validate
+from tendonrepro.validation.report import validate_text
+from tendonrepro.validation.rerun import aligned
+from tendonrepro.validation.residuals import comparison_rows, coupling_rows
+from tendonrepro.validation.tables import table_data, window_rows, write_measured_tables
+
+QUIET = Talk(quiet=True)
+SHORT = ("reference.periods=2", "reference.rise=0.8", "reference.hold=0.3")
+TIMING = dict.fromkeys((*CONTROLLERS, LOADED), Timing(0.0, PERIOD))
+
+
+def validate(path: Path, out: Path, *overrides: str, force: bool = False, dry_run: bool = False) -> Any:
+    return run_validate(path, None, out, overrides, None, force, dry_run, QUIET)
+
+
+class TestWindows:
+    def test_the_whole_run_is_the_winner_where_it_gives_all_numbers(self) -> None:
+        found = try_windows(printed_file(lambda time: time < np.inf), published(), TIMING)
+        assert found.compared == NUMBERS == 16
+        assert found.winner is found.tried[0]
+        assert found.winner.name == "whole"
+        assert found.chance < 1e-15
+        assert "gives all 16" in found.remark()
+
+    @pytest.mark.parametrize(
+        ("window", "first", "last"),
+        [("after_first_period", PERIOD, np.inf), ("period_1", 0.0, PERIOD)],
+    )
+    def test_the_one_window_with_the_printed_numbers_is_found(
+        self, window: str, first: float, last: float
+    ) -> None:
+        file = printed_file(lambda time: (time >= first - 1e-9) & (time < last - 1e-9))
+        found = try_windows(file, published(), TIMING)
+        assert found.winner is not None
+        assert found.winner.name == window
+        assert all(len(one.agree) < NUMBERS for one in found.tried if one is not found.winner)
+        assert found.as_dict()["tried"] == len(found.tried)
+
+    def test_a_constant_offset_is_found_to_have_been_taken_off(self) -> None:
+        file = printed_file(lambda time: time < np.inf, centred=True)
+        runs = {name: measured_trace(trace, e=trace["e"] + 0.01) for name, trace in file.runs.items()}
+        found = try_windows(replace(file, runs=runs), published(), TIMING)
+        assert found.winner is not None
+        assert found.winner.name == "whole, offset removed"
+
+    def test_none_is_none(self) -> None:
+        found = try_windows(make_compare_file(source="measured"), published(), TIMING)
+        assert found.winner is None
+        assert found.deciding is found.tried[0]
+        assert "none of" in found.remark()
+
+    def test_windows_that_keep_the_same_samples_count_once(self) -> None:
+        names = [one.window for one in try_windows(make_compare_file(), published(), TIMING).tried]
+        assert len(names) == 2 * len(set(names))
+        assert set(names) == {"whole", "after_first_period", "period_1"}
+
+    def test_an_incomplete_last_period_and_a_late_start_are_told_apart(self) -> None:
+        time = 0.01 * np.arange(2501)
+        found = spans(time, Timing(1.0, 10.0))
+        assert found["whole"] == slice(0, 2501)
+        assert found["whole_periods"] == slice(100, 2100)
+        assert found["after_first_period"] == slice(1100, 2501)
+        assert found["whole_periods_after_first"] == slice(1100, 2100)
+        assert found["period_2"] == slice(1100, 2100)
+        assert list(spans(time, Timing(0.0, 0.0))) == ["whole"]
+
+    def test_whole_periods_after_the_first_are_all_of_them(self) -> None:
+        found = spans(0.01 * np.arange(3501.0), Timing(1.0, 10.0))
+        assert found["whole_periods"] == slice(100, 3100)
+        assert found["whole_periods_after_first"] == slice(1100, 3100)
+        assert list(spans(0.01 * np.arange(3501.0), Timing(36.0, 10.0))) == ["whole"]
+        one = spans(0.01 * np.arange(1501.0), Timing(0.0, 10.0))
+        assert set(one) == {"whole", "whole_periods", "after_first_period", "period_1"}
+
+    @pytest.mark.parametrize(("start", "first"), [(3.004, 100), (3.0055, 101), (3.006, 101)])
+    def test_a_motion_begins_at_the_nearest_sample(self, start: float, first: int) -> None:
+        found = spans(2.0 + 0.01 * np.arange(2501.0), Timing(start, 10.0))
+        assert found["whole_periods"] == slice(first, first + 2000)
+
+    def test_a_sample_of_which_one_joint_is_missing_counts_as_missing(self) -> None:
+        file = printed_file(lambda time: time < np.inf)
+        trace = file.runs["controller_2"]
+        e = trace["e"].copy()
+        e[10:15, 0] = e[20:22, 1] = np.nan
+        holed = replace(file, runs={"controller_2": measured_trace(trace, e=e)})
+        assert try_windows(holed, published(), TIMING).left_out == {"controller_2": 7}
+
+    def test_the_chance_counts_every_try(self) -> None:
+        whole = printed_file(lambda time: time < np.inf)
+        trace = whole.runs["controller_2"]
+        part = replace(whole, runs={"controller_2": trace})
+        found = try_windows(part, published(), TIMING)
+        each = [  # a printed number and the digit it is rounded to
+            1e-3 / (0.2 * published().number(f"table2.controller_2.{metric}.joint_{joint}"))
+            for metric in ("mae", "rmse")
+            for joint in (2, 3)
+        ]
+        assert found.chance == pytest.approx(len(found.tried) * np.prod(each), rel=1e-9)
+        assert "evenly within 10 % of the print" in found.remark()
+        far = replace(part, runs={"controller_2": measured_trace(trace, e=trace["e"] + 1.0)})
+        none = try_windows(far, published(), dict.fromkeys(TIMING, Timing(0.0, 0.0)))
+        assert none.chance == 1.0
+        assert (none.as_dict()["best_agree"], none.as_dict()["compared"]) == (0, 4)
+        assert none.remark().startswith("none of 2 combinations gives all 4 printed numbers")
+        assert none.remark().endswith("nor any of them")
+        empty = try_windows(replace(whole, runs={}), published(), {})
+        assert (empty.chance, empty.as_dict()["best_agree"]) == (0.0, 0)
+
+    def test_missing_samples_are_left_out_and_counted(self) -> None:
+        file = printed_file(lambda time: time < np.inf)
+        trace = file.runs["controller_2"]
+        e, gap = trace["e"].copy(), slice(500, 600)
+        e[gap] = np.nan
+        holed = replace(file, runs={**file.runs, "controller_2": measured_trace(trace, e=e)})
+        found = try_windows(holed, published(), TIMING)
+        kept = np.delete(np.rad2deg(trace["e"][:, 0]), np.r_[gap])
+        size = found.tried[0].sizes["table2.controller_2.mae.joint_2"]
+        assert size == pytest.approx(np.abs(kept).mean(), rel=1e-12)
+        assert found.left_out == {**dict.fromkeys(file.runs, 0), "controller_2": 100}
+
+    def test_a_part_is_compared_as_a_part(self) -> None:
+        whole = printed_file(lambda time: time < np.inf)
+        part = replace(whole, runs={"controller_2": whole.runs["controller_2"]})
+        found = try_windows(part, published(), TIMING)
+        assert found.compared == 4
+        assert found.winner is not None
+        assert "16 are printed" in found.remark()
+        assert "no run" in try_windows(replace(whole, runs={}), published(), {}).remark()
+
+
+class TestMeasuredTables:
+    """Of sizes of controller 2 alone, one of which is missing."""
+
+    SIZES: ClassVar = {
+        "table2.controller_2.mae.joint_2": 0.3,
+        "table2.controller_2.mae.joint_3": 0.2,
+        "table2.controller_2.rmse.joint_2": 0.375,
+    }
+    TRIED = Tried("whole", False, SIZES, ("table2.controller_2.rmse.joint_2",))
+
+    def test_they_hold_what_was_measured_beside_the_print(self) -> None:
+        found = table_data(self.TRIED, published())
+        assert found["table3"] == {}
+        assert found["table2"].keys() == {"controller_2"}
+        row = found["table2"]["controller_2"]
+        assert row["measured"] == {"mae_deg": [0.3, 0.2], "rmse_deg": [0.375, None]}
+        assert row["printed"]["rmse_deg"] == [0.375, 0.292]
+        assert row["agree"] == {"mae_deg": [False, False], "rmse_deg": [True, None]}
+        assert table_data(None, published()) == {"table2": {}, "table3": {}}
+
+    def test_they_are_written_where_they_have_rows(self, tmp_path: Path) -> None:
+        data = table_data(self.TRIED, published())
+        paths = write_measured_tables(data, "whole", "SYNTHETIC.h5", tmp_path)
+        assert [path.name for path in paths] == ["table2.csv", "table2.md", "table2.tex"]
+        text = paths[1].read_text(encoding="utf-8")
+        assert "Table 2 as measured, averaged over: whole (SYNTHETIC.h5)." in text
+        assert "| yes" in text
+        assert "| no" in text
+        assert "0.375" in text
+        assert ":--- | ---: | ---: | ---: | :--- | ---: | ---: | :---" in text
+
+    def test_each_row_is_there_for_its_own_numbers(self) -> None:
+        sizes = self.SIZES | {"table3.with_load.mae.joint_3": 0.9}
+        found = table_data(replace(self.TRIED, sizes=sizes), published())
+        assert {table: set(rows) for table, rows in found.items()} == {
+            "table2": {"controller_2"},
+            "table3": {"with_load"},
+        }
+        assert found["table3"]["with_load"]["measured"]["mae_deg"] == [None, 0.9]
+
+    def test_every_try_is_listed_with_its_agreements(self) -> None:
+        rows = window_rows(PrintedTables((self.TRIED,), {}, 1.0), published())
+        assert [row["id"] for row in rows] == [*self.SIZES]
+        assert [row["agrees"] for row in rows] == [False, False, True]
+        assert rows[2]["printed_deg"] == rows[2]["measured_deg"] == 0.375
+
+    def test_one_combination_is_one(self) -> None:
+        tables = PrintedTables((self.TRIED,), {}, 1.0)
+        assert tables.remark().startswith("none of 1 combination gives all 3 printed numbers")
+        assert "the best, whole, gives 1." in tables.remark()
+
+
+class TestBoth:
+    """A file with the runs of both experiments."""
+
+    def file(self) -> TraceFile:
+        compare, decouple = make_compare_file(source="measured"), make_decouple_file(source="measured")
+        return replace(compare, experiment="both", runs={**compare.runs, **decouple.runs})
+
+    def test_its_parts_are_the_experiments(self, tmp_path: Path) -> None:
+        path = tmp_path / "SYNTHETIC.h5"
+        write_traces(path, self.file())
+        file = read_traces(path)
+        assert file.experiment == "both"
+        assert set(file.part("compare").runs) == {*CONTROLLERS, LOADED}
+        assert set(file.part("decouple").runs) == {"decouple", "pull_tendon_1"}
+        assert not file.part("compare").part("decouple").runs
+        assert table_data_compare(file.part("compare"))["table2"].keys() == set(CONTROLLERS)
+
+    def test_its_figures_and_tables_are_those_of_both(self, tmp_path: Path) -> None:
+        file = self.file()
+        assert available(file) == [6, 9, 10, 11, 12, 13, 14, 15, 16]
+        stems = {path.stem for path in write_tables(file, tmp_path)}
+        assert {"table1", "table2", "table3", "decoupling_errors"} <= stems
+
+    def test_gaps_do_not_end_a_measured_run(self) -> None:
+        trace = self.file().runs["controller_1"]
+        e = trace["e"].copy()
+        e[100:110] = np.nan
+        kept = np.rad2deg(np.abs(np.delete(trace["e"], slice(100, 110), axis=0)))
+        found = tracking_errors(measured_trace(trace, e=e))["whole"]["mae"]
+        assert found == pytest.approx(kept.mean(axis=0), rel=1e-12)
+        simulated = replace(trace, variables={**trace.variables, "e": e})
+        assert tracking_errors(simulated)["whole"]["mae"] == pytest.approx(kept[:100].mean(axis=0), rel=1e-12)
+
+
+class TestResiduals:
+    def test_a_shift_in_time_is_told_as_a_lag(self) -> None:
+        model = make_compare_file(step=0.01).runs["controller_1"]
+        late = {name: np.interp(model.time - 0.02, model.time, model[name][:, 0]) for name in ("q_d", "q")}
+        q = np.column_stack([late["q"]] * 2)
+        ours = measured_trace(model, q_encoder=q)
+        smooth = replace(model, variables={**model.variables, "q_encoder": model["q"]})
+        (row, _) = comparison_rows(ours, smooth)
+        assert row["lag_s"] == pytest.approx(0.02, rel=0.02)
+
+    def test_sizes_are_those_of_the_difference(self) -> None:
+        model = make_compare_file(step=0.01).runs["controller_1"]
+        ours = measured_trace(model, e=3.0 * model["e"])
+        rows = list(comparison_rows(ours, model))
+        assert [row["joint"] for row in rows] == [2, 3]
+        assert rows[0]["mae_ratio"] == pytest.approx(3.0)
+        assert rows[0]["e_correlation"] == pytest.approx(1.0)
+        assert rows[0]["e_mae_deg"] == pytest.approx(2.0 * rows[0]["simulated_mae_deg"])
+        assert rows[0]["e_samples"] == len(model.time)
+
+    def test_only_what_the_simulation_reached_is_compared(self) -> None:
+        ours = make_compare_file(step=0.01).runs["controller_1"]
+        model = make_compare_file(step=0.01, diverged={"controller_1": 5.0}).runs["controller_1"]
+        (row, _) = comparison_rows(measured_trace(ours), model)
+        assert row["q_samples"] == len(model.time)
+        assert row["status"] == "diverged"
+
+    def test_a_rerun_gets_the_start_angles_that_were_taken_off(self) -> None:
+        model = make_compare_file(step=0.01).runs["controller_1"]
+        start = np.deg2rad([12.0, -5.0])
+        ours = measured_trace(model, q_d=model["q_d"] + start, q_encoder=model["q_encoder"] + start)
+        ours = replace(ours, time=ours.time + 3.0)
+        rows = list(comparison_rows(ours, aligned(model, ours, 3.0)))
+        assert max(row["q_max_deg"] for row in rows) < 1e-9
+        assert max(row["e_max_deg"] for row in rows) < 1e-9
+        assert max(row["q_d_max_deg"] for row in rows) < 1e-9
+
+    def test_coupling_is_exact_where_nothing_stretches(self) -> None:
+        file = make_decouple_file(source="measured")
+        trace = file.runs["decouple"]
+        S_inv = file.plant.matrix("S_inv", (1, 2, 3))
+        rigid = measured_trace(trace, q_motor_encoder=trace["q_encoder"] @ S_inv.T + 0.1)
+        rows = list(coupling_rows(rigid, file.plant))
+        assert len(rows) == 6
+        assert max(row["shifted_max_deg"] for row in rows) < 1e-9
+        assert min(row["mae_deg"] for row in rows) > 0.5
+
+
+@pytest.fixture(scope="module", name="shipped")
+def _shipped(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """SYNTHETIC: the model's own traces on a short reference, stored as if measured."""
+    loaded = load_config(None, "compare", overrides=SHORT, controllers=[1, 2])
+    traces = simulate_all(loaded, None, QUIET)
+    file = trace_file(loaded, traces, make_manifest(loaded, 0.0))
+    kept = ("q_encoder", "q_d", "e", "s", "H_hat", "tau_m")
+    runs = {}
+    for trace in traces:
+        bare = measured_trace(trace)
+        variables = {name: trace[name] for name in kept}
+        attributes = dict(bare.attributes) | {"reference_period": 0.0}
+        runs[trace.name] = replace(bare, time=trace.time + 2.0, variables=variables, attributes=attributes)
+    plant = PlantRecord({name: file.plant.values[name] for name in ("S", "S_inv")}, {})
+    manifest = json.dumps({"inputs": {"SYNTHETIC.mat": "0" * 32}, "guesses": ["unit of e", "joint order"]})
+    path = tmp_path_factory.mktemp("measured") / "SYNTHETIC.h5"
+    write_traces(
+        path,
+        replace(file, source="measured", title="SYNTHETIC", runs=runs, plant=plant, manifest_json=manifest),
+    )
+    return path
+
+
+@pytest.fixture(scope="module", name="found")
+def _found(shipped: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    out = tmp_path_factory.mktemp("validated") / "out"
+    found: dict[str, Any] = validate(shipped, out, "manipulator.gravity=9.81")
+    return found
+
+
+class TestValidate:
+    def test_the_model_explains_its_own_traces(self, found: dict[str, Any]) -> None:
+        assert found["reference"]["kind"] == "minimum_jerk"
+        assert found["reference"]["parameters"]["rise"] == 0.8
+        rows = found["residuals"]["rows"]
+        assert [(row["run"], row["joint"]) for row in rows] == [
+            (run, joint) for run in ("controller_1", "controller_2", LOADED) for joint in (2, 3)
+        ]
+        assert max(row["e_max_deg"] for row in rows) < 1e-9
+        assert max(row["q_max_deg"] for row in rows) < 1e-9
+        assert max(row["q_d_max_deg"] for row in rows) < 1e-9
+        assert max(abs(row["lag_s"]) for row in rows) < 1e-9
+
+    def test_tables_are_those_of_the_errors(self, found: dict[str, Any], shipped: Path) -> None:
+        data = table_data_compare(read_traces(shipped))
+        for run in ("controller_1", "controller_2"):
+            assert found["table2"][run]["measured"]["mae_deg"] == pytest.approx(
+                data["table2"][run]["mae_deg"]
+            )
+        ours = found["table3"]["with_load"]["measured"]["rmse_deg"]
+        assert ours == pytest.approx(data["table3"]["with_load"]["rmse_deg"])
+        assert found["table2"]["controller_1"]["agree"]["mae_deg"] == [False, False]
+        assert found["table2"]["controller_2"]["printed"]["rmse_deg"] == [0.375, 0.292]
+
+    def test_what_is_missing_is_said(self, found: dict[str, Any]) -> None:
+        assert found["missing"] == ["the run controller_3", "the run decouple"]
+        claims = {claim["id"]: claim for claim in found["claims"]}
+        assert claims["C2"]["verdict"] == "not_testable"
+        assert claims["K3"]["verdict"] == "not_testable"
+        assert claims["K5"]["verdict"] in {"reproduced", "not_reproduced"}
+
+    def test_every_file_is_there_and_in_the_manifest(self, found: dict[str, Any], shipped: Path) -> None:
+        out = Path(found["out"])
+        manifest = json.loads((out / "manifest.json").read_text())
+        assert set(manifest["outputs"]) == {Path(name).relative_to(out).as_posix() for name in found["files"]}
+        for name, digest in manifest["outputs"].items():
+            assert sha256_of(out / name) == digest
+        assert manifest["inputs"][str(shipped)] == sha256_of(shipped)
+        expected = {"reference.csv", "compare.yaml", "simulated.h5", "residuals.csv", "windows.csv", RESULTS}
+        assert expected <= set(manifest["outputs"])
+        assert {"figures/fig13.pdf", "figures/fig16.png", "tables/table2.tex"} <= set(manifest["outputs"])
+        assert load_config(out / "compare.yaml", "compare").config.title.endswith("SYNTHETIC.h5")
+        assert set(read_traces(out / "simulated.h5").runs) == {"controller_1", "controller_2", LOADED}
+
+    def test_the_stored_results_are_those_returned(self, found: dict[str, Any]) -> None:
+        stored = json.loads((Path(found["out"]) / RESULTS).read_text())
+        assert stored == json.loads(json.dumps(found))
+        assert stored["schema_version"] == 1
+        assert stored["sources"] == {"SYNTHETIC.mat": "0" * 32}
+
+    def test_windows_are_listed_number_by_number(self, found: dict[str, Any]) -> None:
+        with (Path(found["out"]) / "windows.csv").open(encoding="utf-8", newline="") as stream:
+            rows = list(csv.DictReader(stream))
+        assert len(rows) == found["windows"]["tried"] * found["windows"]["compared"]
+
+    def test_the_text_names_guesses_verdicts_and_gaps(self, found: dict[str, Any]) -> None:
+        text = validate_text(found)
+        for words in (
+            "resting on 2 guesses",
+            "minimum_jerk",
+            "Missing: the run controller_3",
+            "C1",
+            "differs",
+        ):
+            assert words in text
+
+    def test_other_results_are_not_overwritten(self, found: dict[str, Any], shipped: Path) -> None:
+        before = sha256_of(Path(found["out"]) / RESULTS)
+        with pytest.raises(UsageError, match="another configuration"):
+            validate(shipped, Path(found["out"]), "manipulator.gravity=9.8")
+        with pytest.raises(UsageError, match="another configuration"):
+            validate(shipped, Path(found["out"]), "manipulator.gravity=9.8", dry_run=True)
+        assert sha256_of(Path(found["out"]) / RESULTS) == before
+
+    def test_a_dry_run_writes_nothing(self, shipped: Path, tmp_path: Path) -> None:
+        plan = validate(shipped, tmp_path / "out", dry_run=True)
+        assert plan["dry_run"]
+        assert "Would validate" in validate_text(plan)
+        assert not (tmp_path / "out").exists()
+
+
+def test_a_file_without_the_desired_angles_still_has_its_tables(tmp_path: Path) -> None:
+    path = tmp_path / "SYNTHETIC.h5"
+    file = make_compare_file(source="measured", step=0.05, runs=("controller_1",))
+    trace = file.runs["controller_1"]
+    bare = replace(measured_trace(trace), variables={"e": trace["e"]})
+    write_traces(path, replace(file, runs={"controller_1": bare}))
+    found = validate(path, tmp_path / "out")
+    assert found["reference"] is None
+    assert any("q_d" in text for text in found["missing"])
+    assert found["residuals"]["rows"] == []
+    assert len(found["table2"]["controller_1"]["measured"]["mae_deg"]) == 2
+    assert found["guesses"] == []
+    assert "resting on 0 guesses" in validate_text(found)
+
+
+def test_a_motion_that_the_model_cannot_follow_is_a_result(tmp_path: Path) -> None:
+    path = tmp_path / "SYNTHETIC.h5"
+    file = make_compare_file(source="measured", step=0.05, runs=("controller_1",))
+    trace = file.runs["controller_1"]
+    swung = replace(measured_trace(trace), variables={"q_d": -4.0 * trace["q_d"], "e": trace["e"]})
+    write_traces(path, replace(file, runs={"controller_1": swung}))
+    found = validate(path, tmp_path / "out")
+    assert any("rerun" in text and "deg" in text for text in found["missing"])
+    assert (tmp_path / "out" / "compare.yaml").exists()
+
+
+def test_simulated_and_absent_files_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(DataMissingError, match="no measured"):
+        validate(tmp_path / "SYNTHETIC.h5", tmp_path / "out")
+    write_traces(tmp_path / "SYNTHETIC.h5", make_decouple_file())
+    with pytest.raises(UsageError, match="simulated"):
+        validate(tmp_path / "SYNTHETIC.h5", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.slow
+def test_the_decoupling_run_is_rerun_on_its_motors(tmp_path: Path) -> None:
+    path = tmp_path / "SYNTHETIC.h5"
+    file = make_decouple_file(source="measured")
+    kept = ("q_encoder", "q_motor_encoder", "q_calculated")
+    trace = file.runs["decouple"]
+    bare = replace(measured_trace(trace), variables={name: trace[name] for name in kept})
+    write_traces(path, replace(file, runs={"decouple": bare}))
+    found = validate(path, tmp_path / "out")
+    assert [row["joint"] for row in found["residuals"]["rows"]] == [1, 2, 3]
+    assert max(row["q_rms_deg"] for row in found["residuals"]["rows"]) < 1.0
+    assert len(found["residuals"]["coupling"]) == 6
+    assert "drives: motors" in (tmp_path / "out" / "decouple.yaml").read_text()
+    assert (tmp_path / "out" / "figures" / "fig12.png").exists()
+    claims = {claim["id"]: claim["verdict"] for claim in found["claims"]}
+    assert claims["K3"] in {"reproduced", "not_reproduced"}
+    assert claims["C1"] == "not_testable"
+
+
+def test_the_window_closest_to_the_print_is_shown_beside_the_one_that_decides(tmp_path: Path) -> None:
+    """All but one printed number after the first period, none over the whole run."""
+    file = printed_file(lambda time: time >= PERIOD)
+    first = file.runs["controller_1"]
+    larger = first["e"].copy()
+    larger[first.time >= PERIOD, 0] *= 1.02
+    runs = dict(file.runs) | {"controller_1": replace(first, variables=dict(first.variables) | {"e": larger})}
+    path = tmp_path / "SYNTHETIC.h5"
+    write_traces(path, replace(file, runs=runs))
+    found = validate(path, tmp_path / "out")
+    assert found["window"] == "whole"
+    assert found["best"]["window"] == "after_first_period"
+    agree = found["best"]["table2"]
+    assert agree["controller_2"]["agree"] == {"mae_deg": [True, True], "rmse_deg": [True, True]}
+    assert agree["controller_1"]["agree"] == {"mae_deg": [False, True], "rmse_deg": [False, True]}
+    assert (tmp_path / "out" / "tables" / "best" / "table3.md").exists()
+    text = validate_text(found)
+    assert "averaged over: after_first_period, the window closest to the print" in text
+    assert re.search(r"^C2 .* over whole", text, re.MULTILINE)
+
+
+def test_another_mass_than_the_papers_is_taken_over(tmp_path: Path) -> None:
+    file = make_compare_file(step=0.02, source="measured")
+    loaded = file.runs["controller_1_payload"]
+    heavy = replace(loaded, attributes=dict(loaded.attributes) | {"payload_mass": 0.35})
+    path = tmp_path / "SYNTHETIC.h5"
+    write_traces(path, replace(file, runs=dict(file.runs) | {heavy.name: heavy}))
+    validate(path, tmp_path / "out")
+    tree = load_config(tmp_path / "out" / "compare.yaml", "compare").tree
+    assert tree["runs"]["controller_1_payload"]["payload"]["value"] == 0.35
+    assert tree["runs"]["controller_1_payload"]["payload"]["source"].startswith("identified:")
+    assert tree["runs"]["controller_1"]["payload"]["source"].startswith("printed:")
