@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -11,11 +9,10 @@ from typing import Any
 
 from tendonrepro.claims.judge import SCHEMA_VERSION, SHARE, Verdict, summary
 from tendonrepro.files import to_json, write_atomically
-from tendonrepro.results.typeset import NOTHING, Sheet, markdown
+from tendonrepro.results.tables import NOTHING, csv_text, markdown
 
 CAPTION = "What the printed numbers and claims are worth; rules in docs/verdicts.md."
 
-_HEADINGS = ("Id", "Where", "Printed", "Ours", "Central 90 %", "Verdict", "Readings that change it")
 _CSV = ("id", "where", "kind", "printed", "ours", "low", "high", "unit", "rule", "verdict", "borderline")
 _INDENT = 2
 
@@ -48,10 +45,11 @@ def write_claims(verdicts: Sequence[Verdict], folder: Path) -> list[Path]:
     TendonreproError
         When a file cannot be written.
     """
-    headings = [*_HEADINGS, *(["On the measurement"] * _has_measured(verdicts))]
-    numeric = [heading in ("Ours", "Central 90 %") for heading in headings]
-    sheet = Sheet(CAPTION, headings, numeric, _rows(verdicts))
-    texts = {"json": to_json(as_data(verdicts)), "csv": _csv(verdicts), "md": markdown(sheet)}
+    texts = {
+        "json": to_json(as_data(verdicts)),
+        "csv": csv_text(_csv_rows(verdicts)),
+        "md": markdown(_rows(verdicts), CAPTION),
+    }
     paths = [folder / f"claims.{suffix}" for suffix in texts]
     for path, text in zip(paths, texts.values(), strict=True):
         write_atomically(path, text)
@@ -127,19 +125,19 @@ def _plain(value: Any) -> str:
     return str(value)
 
 
-def _rows(verdicts: Sequence[Verdict]) -> list[list[str]]:
+def _rows(verdicts: Sequence[Verdict]) -> list[dict[str, str]]:
     measured = _has_measured(verdicts)
     return [
-        [
-            verdict.id,
-            verdict.where,
-            f"{verdict.printed}{_unit(verdict)}",
-            _ours(verdict),
-            _box(verdict),
-            _name(verdict),
-            ", ".join(verdict.readings_that_change_it) or NOTHING,
-            *([_measured(verdict)] * measured),
-        ]
+        {
+            "Id": verdict.id,
+            "Where": verdict.where,
+            "Printed": f"{verdict.printed}{_unit(verdict)}",
+            "Ours": _ours(verdict),
+            "Central 90 %": _box(verdict),
+            "Verdict": _name(verdict),
+            "Readings that change it": ", ".join(verdict.readings_that_change_it) or NOTHING,
+        }
+        | ({"On the measurement": _measured(verdict)} if measured else {})
         for verdict in verdicts
     ]
 
@@ -148,18 +146,15 @@ def _has_measured(verdicts: Sequence[Verdict]) -> bool:
     return any("measured" in verdict.evidence for verdict in verdicts)
 
 
-def _csv(verdicts: Sequence[Verdict]) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    measured = _has_measured(verdicts)
-    writer.writerow([*_CSV, "missing", "depends_on", "readings_that_change_it", *(["measured"] * measured)])
+def _csv_rows(verdicts: Sequence[Verdict]) -> list[dict[str, Any]]:
+    measured, rows = _has_measured(verdicts), []
     for verdict in verdicts:
         box = verdict.evidence.get("box", {})
         values = asdict(verdict) | {"low": box.get("low"), "high": box.get("high")}
-        lists = ["; ".join(names) for names in (verdict.depends_on, verdict.readings_that_change_it)]
-        beside = [_measured(verdict)] * measured
-        writer.writerow([*(values[name] for name in _CSV), verdict.evidence.get("missing"), *lists, *beside])
-    return text.getvalue()
+        row = {name: values[name] for name in _CSV} | {"missing": verdict.evidence.get("missing")}
+        row |= {name: values[name] for name in ("depends_on", "readings_that_change_it")}
+        rows.append(row | ({"measured": _measured(verdict)} if measured else {}))
+    return rows
 
 
 def _is_number(verdict: Verdict) -> bool:

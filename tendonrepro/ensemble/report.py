@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,7 +13,7 @@ from tendonrepro.ensemble.shards import FOLDER, Block, read_check
 from tendonrepro.ensemble.shares import METRICS, PLANTS, QUANTILES, RATIO_NAMES, RATIOS, reading_summary
 from tendonrepro.files import write_atomically
 from tendonrepro.results.summary import CONTROLLERS
-from tendonrepro.results.typeset import NOTHING, Sheet, markdown
+from tendonrepro.results.tables import NOTHING, csv_text, markdown
 
 IMPLIED, EXCLUDED = 0.95, 0.05
 """Shares of the box from which on a ranking follows from the model, and up to which it is denied by it."""
@@ -141,47 +139,37 @@ def status_rows(population: str, summary: Mapping[str, Any]) -> Iterator[dict[st
                 yield start | {key: share[key] for key in ("count", "share", "low", "high")}
 
 
-def readings_sheet(summary: Mapping[str, Any], caption: str) -> Sheet:
-    """Table of one population for a reader: a row per reading.
-
-    Parameters
-    ----------
-    summary : mapping
-        From `population_summary`.
-    caption : str
-    """
-    joints = summary["joints"]
-    headings = ["Reading", "ok C1 / C2 / C3 (%)", "plants all ok"]
-    headings += ["C1 < C2 < C3 MAE (%)", *(f"joint {joint}" for joint in joints), "RMSE (%)"]
-    headings += ["diverged last, MAE (%)", "C1 best, MAE (%)"]
-    headings += [f"{ratio} joint {joint}" for ratio in RATIO_NAMES.values() for joint in joints]
-    headings += ["printed ratios inside", "verdict"]
-    rows = [_sheet_row(reading, joints) for reading in summary["readings"]]
-    return Sheet(caption, headings, [False] + [True] * (len(headings) - 2) + [False], rows)
+def readings_rows(summary: Mapping[str, Any]) -> list[dict[str, str]]:
+    """Table of one population for a reader: a row per reading."""
+    return [_reader_row(reading, summary["joints"]) for reading in summary["readings"]]
 
 
-def _sheet_row(reading: Mapping[str, Any], joints: Sequence[int]) -> list[str]:
+def _reader_row(reading: Mapping[str, Any], joints: Sequence[int]) -> dict[str, str]:
     ordered, best = reading["share_c1_lt_c2_lt_c3"], reading["share_c1_best"]
     held = reading["agreement"]
     total = len(held["inside"]) + len(held["outside"])
     ok = " / ".join(percent(reading["status"][run]["ok"]["share"], "") for run in CONTROLLERS)
-    each = [percent(ordered["all_ok"]["mae"][f"joint_{joint}"]["share"], "") for joint in joints]
-    ratios = [
-        quantile_text(reading[key]["all_ok"]["mae"][f"joint_{joint}"]) for key in RATIOS for joint in joints
-    ]
-    return [
-        reading["name"],
-        ok,
-        str(ordered["all_ok"]["mae"]["both"]["plants"]),
-        share_text(ordered["all_ok"]["mae"]["both"]),
-        *each,
-        share_text(ordered["all_ok"]["rmse"]["both"]),
-        share_text(ordered["diverged_last"]["mae"]["both"]),
-        share_text(best["all_ok"]["mae"]["both"]),
-        *ratios,
-        f"{len(held['inside'])} of {total}",
-        held["verdict"],
-    ]
+    each = {
+        f"joint {joint}": percent(ordered["all_ok"]["mae"][f"joint_{joint}"]["share"], "") for joint in joints
+    }
+    ratios = {
+        f"{ratio} joint {joint}": quantile_text(reading[key]["all_ok"]["mae"][f"joint_{joint}"])
+        for key, ratio in RATIO_NAMES.items()
+        for joint in joints
+    }
+    return {
+        "Reading": reading["name"],
+        "ok C1 / C2 / C3 (%)": ok,
+        "plants all ok": str(ordered["all_ok"]["mae"]["both"]["plants"]),
+        "C1 < C2 < C3 MAE (%)": share_text(ordered["all_ok"]["mae"]["both"]),
+        **each,
+        "RMSE (%)": share_text(ordered["all_ok"]["rmse"]["both"]),
+        "diverged last, MAE (%)": share_text(ordered["diverged_last"]["mae"]["both"]),
+        "C1 best, MAE (%)": share_text(best["all_ok"]["mae"]["both"]),
+        **ratios,
+        "printed ratios inside": f"{len(held['inside'])} of {total}",
+        "verdict": held["verdict"],
+    }
 
 
 def percent(share: float | None, unit: str = " %") -> str:
@@ -227,22 +215,15 @@ def write_ensemble_tables(summary: Mapping[str, Any], folder: Path) -> list[Path
         When a file cannot be written.
     """
     populations = summary["populations"]
+    held = populations.items()
     texts = {
-        "readings.csv": _csv([row for name, held in populations.items() for row in flat_rows(name, held)]),
-        "statuses.csv": _csv([row for name, held in populations.items() for row in status_rows(name, held)]),
+        "readings.csv": csv_text([row for name, one in held for row in flat_rows(name, one)]),
+        "statuses.csv": csv_text([row for name, one in held for row in status_rows(name, one)]),
         "readings.md": _markdown(summary),
     }
     for name, text in texts.items():
         write_atomically(folder / name, text)
     return [folder / name for name in texts]
-
-
-def _csv(rows: Sequence[Mapping[str, object]]) -> str:
-    stream = io.StringIO()
-    writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return stream.getvalue()
 
 
 def _markdown(summary: Mapping[str, Any]) -> str:
@@ -253,7 +234,7 @@ def _markdown(summary: Mapping[str, Any]) -> str:
             f"from {summary['scramblings']} scramblings; ratios are medians of the ratio of MAE over plants "
             f"on which all three laws are ok, with their central 90 %."
         )
-        parts.append(markdown(readings_sheet(held, caption)))
+        parts.append(markdown(readings_rows(held), caption))
     return "\n".join(parts)
 
 

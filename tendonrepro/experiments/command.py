@@ -353,7 +353,7 @@ def make_tables(file: TraceFile, folder: Path) -> list[Path]:
     -------
     list of Path
     """
-    from tendonrepro.results.tables import write_tables
+    from tendonrepro.results.comparison import write_tables
 
     return write_tables(file, folder / "tables")
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -21,7 +19,7 @@ from tendonrepro.files import to_json, write_atomically
 from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, estimate_age
 from tendonrepro.results.folder import MANIFEST, claimed, clear, refuse_others
 from tendonrepro.results.manifest import make_manifest, with_outputs
-from tendonrepro.results.typeset import NOTHING, Sheet, markdown
+from tendonrepro.results.tables import write_table
 
 SCHEMA_VERSION = 1
 
@@ -69,7 +67,11 @@ def run_explain(
         data = explanation_data(found)
         manifest = make_manifest(loaded, time.perf_counter() - started) | {"command": "explain"}
         clear(folder)
-        outputs = [*write_table(found, folder / "tables"), *draw_explanation(found, folder / "figures")]
+        rows = list(margin_rows(found))
+        caption = f"Stability of the sampled loop, worst of {len(found.postures)} postures ({found.origin})."
+        columns = {name: (name, ".6g") for name in rows[0]}
+        outputs = write_table(rows, folder / "tables", "explain", caption, columns)
+        outputs += draw_explanation(found, folder / "figures")
         write_atomically(folder / DATA, to_json(data))
         manifest = with_outputs(manifest, folder, [*outputs, folder / DATA])
         write_atomically(folder / MANIFEST, to_json(manifest))
@@ -192,44 +194,3 @@ def margin_rows(found: Explanation) -> Iterator[dict[str, Any]]:
                 "loop_gain": channel.loop_gain,
                 "loop_gain_slope": channel.loop_slope,
             }
-
-
-def write_table(found: Explanation, folder: Path) -> list[Path]:
-    """Write the table of margins as csv (full digits) and Markdown (rounded).
-
-    Parameters
-    ----------
-    found : Explanation
-    folder : Path
-        Made when missing.
-
-    Returns
-    -------
-    list of Path
-        ``explain.csv`` and ``explain.md``.
-    """
-    rows = list(margin_rows(found))
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(rows[0])
-    writer.writerows([["" if _missing(cell) else cell for cell in row.values()] for row in rows])
-    sheet = Sheet(
-        caption=f"Stability of the sampled loop, worst of {len(found.postures)} postures ({found.origin}).",
-        headings=list(rows[0]),
-        numeric=[name not in {"run", "joint"} for name in rows[0]],
-        rows=[[_cell(cell) for cell in row.values()] for row in rows],
-    )
-    paths = [folder / "explain.csv", folder / "explain.md"]
-    for path, text in zip(paths, (stream.getvalue(), markdown(sheet)), strict=True):
-        write_atomically(path, text)
-    return paths
-
-
-def _missing(cell: object) -> bool:
-    return isinstance(cell, float) and not np.isfinite(cell)
-
-
-def _cell(cell: object) -> str:
-    if _missing(cell):
-        return NOTHING
-    return f"{cell:.6g}" if isinstance(cell, float) else str(cell)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,7 +12,7 @@ from tendonrepro.config.fields.strict_yaml import Node, dump
 from tendonrepro.config.load import CompareConfig, load_config
 from tendonrepro.console import columns
 from tendonrepro.files import write_atomically
-from tendonrepro.results.typeset import NOTHING, Sheet, markdown
+from tendonrepro.results.tables import NOTHING, write_table
 
 CONFIG = "identified.yaml"
 
@@ -201,33 +199,9 @@ def write_identify_tables(data: Mapping[str, Any], folder: Path) -> list[Path]:
             for x, y in [[value for key, value in point.items() if key != "plant"]]
         ],
     }
-    return [path for stem, rows in tables.items() if rows for path in _write(stem, rows, folder)]
+    written = (write_table(rows, folder, stem, _CAPTIONS[stem]) for stem, rows in tables.items() if rows)
+    return [path for paths in written for path in paths]
 
 
 def _gathered(readings: Sequence[Mapping[str, Any]], key: str) -> list[dict[str, Any]]:
     return [{"reading": reading["name"], **row} for reading in readings for row in reading[key]]
-
-
-def _write(stem: str, rows: list[dict[str, Any]], folder: Path) -> list[Path]:
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(rows[0])
-    writer.writerows([[_plain(cell) for cell in row.values()] for row in rows])
-    sheet = Sheet(
-        caption=_CAPTIONS[stem],
-        headings=list(rows[0]),
-        numeric=[isinstance(cell, int | float) and not isinstance(cell, bool) for cell in rows[0].values()],
-        rows=[[_text(cell) for cell in row.values()] for row in rows],
-    )
-    paths = [folder / f"{stem}.csv", folder / f"{stem}.md"]
-    for path, text in zip(paths, (stream.getvalue(), markdown(sheet)), strict=True):
-        write_atomically(path, text)
-    return paths
-
-
-def _plain(cell: object) -> object:
-    if isinstance(cell, float) and not np.isfinite(cell):
-        return ""
-    if isinstance(cell, list):
-        return " ".join(map(str, cell))
-    return cell

@@ -1,8 +1,10 @@
-"""Ours beside the printed values, row by row: the contents of Tables 1 to 3 and their companions."""
+"""Tables 1 to 3 and their companions: ours beside the printed values, as rows and as files."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
+from itertools import chain
+from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
@@ -11,9 +13,68 @@ from tendonrepro.arrays import Array
 from tendonrepro.config.published import PrintedText, published
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import LOADS, compared_runs, decoupling_errors, tracking_errors
+from tendonrepro.results.tables import Columns, write_table
 
 Row: TypeAlias = dict[str, object]
 """A table row by column name; a column without a value may be left out."""
+
+COLUMNS: Columns = {
+    "window": ("Window", ""),
+    "run": ("Run", ""),
+    "load": ("Load", ""),
+    "joint": ("Joint", ""),
+    "metric": ("Metric", ""),
+    # "z" keeps a rounded zero from having a sign; as many digits as the paper.
+    "mae_deg": ("MAE (deg)", "z.3f"),
+    "mae_printed_deg": ("printed", "z.3f"),
+    "mae_ratio": ("ours/printed", "z.3f"),
+    "rmse_deg": ("RMSE (deg)", "z.3f"),
+    "rmse_printed_deg": ("printed", "z.3f"),
+    "rmse_ratio": ("ours/printed", "z.3f"),
+    "max_deg": ("Max (deg)", "z.3f"),
+    "change_percent": ("Change (%)", "z.1f"),
+    "change_printed_percent": ("printed", "z.1f"),
+    "status": ("Status", ""),
+    "statuses": ("Status without / with", ""),
+    "quantity": ("Quantity", ""),
+    "printed_as": ("Printed as", ""),
+    "printed": ("Magnitude printed", "z.4f"),
+    "ours": ("Ours", "z.4f"),
+    "difference": ("Difference of magnitudes", "z.6f"),
+}
+"""Heading and format of every column, in the order in which tables show them."""
+
+
+def write_tables(file: TraceFile, folder: Path) -> list[Path]:
+    """Write every table the runs allow, as csv, Markdown and LaTeX.
+
+    Parameters
+    ----------
+    file : TraceFile
+        Either experiment.
+    folder : Path
+        Where to; made when missing.
+
+    Returns
+    -------
+    list of Path
+        The files written; tables without rows are left out.
+
+    Raises
+    ------
+    TendonreproError
+        When a file cannot be written.
+    """
+    origin = f"{file.source}, config {file.config_sha256[:12]}"
+    paths = []
+    for experiment, tables in _TABLES.items():
+        part = file.part(experiment)
+        for stem, (make, caption) in tables.items() if part.runs else ():
+            if rows := list(make(part)):
+                columns = {name: COLUMNS[name] for name in COLUMNS if name in rows[0]}
+                about = f"{caption} ({origin})."
+                paths += write_table(rows, folder, stem, about, columns, ("csv", "md", "tex"))
+    return paths
 
 
 def coupling_rows(file: TraceFile) -> Iterator[Row]:
@@ -39,15 +100,24 @@ def coupling_rows(file: TraceFile) -> Iterator[Row]:
             yield _coupling_row(f"{matrix}_{place}", f"{matrix}.{place}", value[i, j])
 
 
-def controller_rows(file: TraceFile, window: str) -> Iterator[Row]:
+def controller_rows(file: TraceFile, window: str = "whole") -> Iterator[Row]:
     """Yield a row of Table 2 per run and joint, the payload run left out.
 
-    Columns: ``window``, ``run``, ``joint``, ``status``, and for ``mae`` and ``rmse`` ``<metric>_deg``,
-    ``<metric>_printed_deg`` and ``<metric>_ratio``, ours over printed.
+    Columns: ``run``, ``joint``, ``status``, and for ``mae`` and ``rmse`` ``<metric>_deg``,
+    ``<metric>_printed_deg`` and ``<metric>_ratio``, ours over printed. A diverged run has its errors up to
+    the end, and its status says when that was; one that ended before the window has no row.
     """
     for name, trace in compared_runs(file).items():
         for row in _error_rows(trace, window, f"table2.{name}"):
             yield {"run": name} | row
+
+
+def window_rows(file: TraceFile) -> Iterator[Row]:
+    """Yield Table 2 over every window of `metrics.windows`: the paper does not say what it averages over."""
+    names = dict.fromkeys(chain.from_iterable(map(tracking_errors, compared_runs(file).values())))
+    for name in names:
+        for row in controller_rows(file, name):
+            yield {"window": name} | row
 
 
 def load_rows(file: TraceFile) -> Iterator[Row]:
@@ -95,7 +165,7 @@ def decoupling_rows(file: TraceFile) -> Iterator[Row]:
 def _coupling_row(quantity: str, identifier: str, ours: float) -> Row:
     entry = published().entries.get(identifier)
     if entry is None or isinstance(entry, PrintedText):
-        return {"quantity": quantity, "ours": ours}
+        return {"quantity": quantity, "printed_as": None, "printed": None, "ours": ours, "difference": None}
     return {
         "quantity": quantity,
         "printed_as": entry.as_printed,
@@ -117,10 +187,24 @@ def _error_rows(trace: Trace, window: str, identifier: str) -> Iterator[Row]:
         columns[f"{metric}_ratio"] = sizes[metric] / printed
     for index, joint in enumerate(trace.joint):
         numbers = {name: values[index] for name, values in columns.items()}
-        yield {"window": window, "joint": joint, "status": _status(trace)} | numbers
+        yield {"joint": joint, "status": _status(trace)} | numbers
 
 
 def _status(trace: Trace) -> str:
     if trace.status == "diverged":
         return f"diverged at {trace.attributes['status_time']:.3f} s"
     return trace.status
+
+
+_TABLES: Mapping[str, Mapping[str, tuple[Callable[[TraceFile], Iterator[Row]], str]]] = {
+    "decouple": {
+        "table1": (coupling_rows, "Table 1 and the coupling matrices of section 5.2"),
+        "decoupling_errors": (decoupling_rows, "Calculated minus measured joint angles, Figs 10 to 12"),
+    },
+    "compare": {
+        "table2": (controller_rows, "Table 2, tracking errors over the whole run"),
+        "table2_windows": (window_rows, "Table 2 over other windows"),
+        "table3": (load_rows, "Table 3, tracking errors of Controller 1 without and with payload"),
+        "table3_change": (change_rows, "Change of the tracking errors with the payload, section 5.4"),
+    },
+}

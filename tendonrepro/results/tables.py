@@ -1,254 +1,165 @@
-"""Tables 1 to 3 and their companions as frames and files: ours beside the printed values."""
+"""Rows of plain values as files: csv with every digit, Markdown and LaTeX rounded for reading."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+import csv
+import io
+import math
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-
-import numpy as np
-import pandas as pd
+from typing import Any, TypeAlias
 
 from tendonrepro.files import write_atomically
-from tendonrepro.results.comparison import (
-    Row,
-    change_rows,
-    controller_rows,
-    coupling_rows,
-    decoupling_rows,
-    load_rows,
-)
-from tendonrepro.results.records import TraceFile
-from tendonrepro.results.summary import compared_runs, tracking_errors
-from tendonrepro.results.typeset import NOTHING, Sheet, latex, markdown
 
-# Heading, and digits behind the point, of every column as a reader sees it; csv keeps names and all digits.
-_COLUMNS: Mapping[str, tuple[str, int]] = {
-    "window": ("Window", 0),
-    "run": ("Run", 0),
-    "load": ("Load", 0),
-    "joint": ("Joint", 0),
-    "metric": ("Metric", 0),
-    "mae_deg": ("MAE (deg)", 3),
-    "mae_printed_deg": ("printed", 3),
-    "mae_ratio": ("ours/printed", 3),
-    "rmse_deg": ("RMSE (deg)", 3),
-    "rmse_printed_deg": ("printed", 3),
-    "rmse_ratio": ("ours/printed", 3),
-    "max_deg": ("Max (deg)", 3),
-    "change_percent": ("Change (%)", 1),
-    "change_printed_percent": ("printed", 1),
-    "status": ("Status", 0),
-    "statuses": ("Status without / with", 0),
-    "quantity": ("Quantity", 0),
-    "printed_as": ("Printed as", 0),
-    "printed": ("Magnitude printed", 4),
-    "ours": ("Ours", 4),
-    "difference": ("Difference of magnitudes", 6),
+Rows: TypeAlias = Sequence[Mapping[str, Any]]
+"""Rows of a table by column name; a column without a value may be left out of a row, or be None."""
+
+Columns: TypeAlias = Mapping[str, tuple[str, str]]
+"""Name -> heading for a reader, and format of its floats."""
+
+NOTHING = "--"
+"""What a reader finds where there is no value."""
+
+_ROUNDED = ".4g"
+_TEX = {character: f"\\{character}" for character in "&%$#_{}"} | {
+    "\\": r"\textbackslash{}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    "<": r"\textless{}",
+    ">": r"\textgreater{}",
 }
-_ERROR_COLUMNS = (
-    *("joint", "mae_deg", "mae_printed_deg", "mae_ratio"),
-    *("rmse_deg", "rmse_printed_deg", "rmse_ratio", "status"),
-)
 
 
-def table1(file: TraceFile) -> pd.DataFrame:
-    """Table 1 and the coupling matrices of section 5.2; printed are magnitudes, ours have signs.
-
-    Parameters
-    ----------
-    file : TraceFile
-        Its plant record needs ``winch_diameter``, ``pulley_diameter``, ``S`` and ``S_inv``.
-
-    Returns
-    -------
-    DataFrame
-        A row per diameter ratio and per entry of `S_inv` and `S`; empty unless all four are there.
-    """
-    return _frame(coupling_rows(file), "quantity", "printed_as", "printed", "ours", "difference")
-
-
-def table2(file: TraceFile) -> pd.DataFrame:
-    """Table 2: errors of the controllers over the whole run.
+def write_table(
+    rows: Rows,
+    folder: Path,
+    stem: str,
+    caption: str,
+    columns: Columns | None = None,
+    suffixes: Sequence[str] = ("csv", "md"),
+) -> list[Path]:
+    """Write a table as files.
 
     Parameters
     ----------
-    file : TraceFile
-        Experiment ``compare``.
-
-    Returns
-    -------
-    DataFrame
-        A row per run and joint, the payload run left out. A diverged run has its errors up to the end, and
-        its status says when that was.
-    """
-    return _frame(controller_rows(file, "whole"), "run", *_ERROR_COLUMNS)
-
-
-def table2_windows(file: TraceFile) -> pd.DataFrame:
-    """Table 2 over every window of `metrics.windows`, since the paper does not say what it averages over.
-
-    Parameters
-    ----------
-    file : TraceFile
-        Experiment ``compare``.
-
-    Returns
-    -------
-    DataFrame
-        Rows as in `table2` for each window; a run that ended before a window has no row there.
-    """
-    names = dict.fromkeys(name for trace in compared_runs(file).values() for name in tracking_errors(trace))
-    rows = (row for name in names for row in controller_rows(file, name))
-    return _frame(rows, "window", "run", *_ERROR_COLUMNS)
-
-
-def table3(file: TraceFile) -> pd.DataFrame:
-    """Table 3: errors of Controller 1 without and with the payload, over the whole run.
-
-    Parameters
-    ----------
-    file : TraceFile
-        Experiment ``compare``.
-
-    Returns
-    -------
-    DataFrame
-        A row per load and joint.
-    """
-    return _frame(load_rows(file), "load", *_ERROR_COLUMNS)
-
-
-def table3_change(file: TraceFile) -> pd.DataFrame:
-    """Percentages by which the payload changes the errors, section 5.4.
-
-    Parameters
-    ----------
-    file : TraceFile
-        Experiment ``compare``.
-
-    Returns
-    -------
-    DataFrame
-        A row per metric and joint; empty unless both runs are there.
-    """
-    columns = ("metric", "joint", "change_percent", "change_printed_percent", "statuses")
-    return _frame(change_rows(file), *columns)
-
-
-def table_decouple(file: TraceFile) -> pd.DataFrame:
-    """Differences between calculated and measured joint angles, Figs 10 to 12.
-
-    Parameters
-    ----------
-    file : TraceFile
-        Experiment ``decouple``.
-
-    Returns
-    -------
-    DataFrame
-        A row per joint; empty without the run ``decouple``.
-    """
-    return _frame(decoupling_rows(file), "joint", "mae_deg", "rmse_deg", "max_deg", "status")
-
-
-def write_tables(file: TraceFile, folder: Path) -> list[Path]:
-    """Write every table the runs allow.
-
-    Parameters
-    ----------
-    file : TraceFile
-        Either experiment.
-    folder : Path
-        Where to; made when missing.
-
-    Returns
-    -------
-    list of Path
-        The files written; tables without rows are left out.
-
-    Raises
-    ------
-    TendonreproError
-        When a file cannot be written.
-    """
-    origin = f"{file.source}, config {file.config_sha256[:12]}"
-    paths = []
-    for experiment, tables in _TABLES.items():
-        part = file.part(experiment)
-        for stem, (make, caption) in tables.items() if part.runs else ():
-            frame = make(part)
-            if len(frame):
-                paths += write_table(frame, folder, stem, f"{caption} ({origin}).")
-    return paths
-
-
-def write_table(frame: pd.DataFrame, folder: Path, stem: str, caption: str) -> list[Path]:
-    """Write a table as csv (full digits), Markdown and LaTeX with booktabs (rounded for reading).
-
-    Parameters
-    ----------
-    frame : DataFrame
-        As made by this module.
+    rows : sequence of mapping
+        Numbers, texts, booleans, None, and lists of these.
     folder : Path
         Where to; made when missing.
     stem : str
         File name without suffix, and the LaTeX label.
     caption : str
         Plain text.
+    columns : mapping, optional
+        The columns in their order; if not given, every key of any row under its own name.
+    suffixes : sequence of str
+        Of ``csv``, ``md`` and ``tex``.
 
     Returns
     -------
     list of Path
-        The three files.
+        The files.
 
     Raises
     ------
     TendonreproError
         When a file cannot be written.
     """
-    sheet = _sheet(frame, caption)
-    texts = {
-        "csv": frame.to_csv(index=False, lineterminator="\n"),
-        "md": markdown(sheet),
-        "tex": latex(sheet, stem),
+    write: Mapping[str, Callable[[], str]] = {
+        "csv": lambda: csv_text(rows, columns),
+        "md": lambda: markdown(rows, caption, columns),
+        "tex": lambda: latex(rows, caption, stem, columns),
     }
-    paths = [folder / f"{stem}.{suffix}" for suffix in texts]
-    for path, text in zip(paths, texts.values(), strict=True):
-        write_atomically(path, text)
+    paths = [folder / f"{stem}.{suffix}" for suffix in suffixes]
+    for suffix, path in zip(suffixes, paths, strict=True):
+        write_atomically(path, write[suffix]())
     return paths
 
 
-_TABLES: Mapping[str, Mapping[str, tuple[Callable[[TraceFile], pd.DataFrame], str]]] = {
-    "decouple": {
-        "table1": (table1, "Table 1 and the coupling matrices of section 5.2"),
-        "decoupling_errors": (table_decouple, "Calculated minus measured joint angles, Figs 10 to 12"),
-    },
-    "compare": {
-        "table2": (table2, "Table 2, tracking errors over the whole run"),
-        "table2_windows": (table2_windows, "Table 2 over other windows"),
-        "table3": (table3, "Table 3, tracking errors of Controller 1 without and with payload"),
-        "table3_change": (table3_change, "Change of the tracking errors with the payload, section 5.4"),
-    },
-}
+def csv_text(rows: Rows, columns: Columns | None = None) -> str:
+    """Column names and all digits; nothing where there is no value."""
+    names = list(_columns(rows, columns))
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(names)
+    writer.writerows([_plain(row.get(name)) for name in names] for row in rows)
+    return text.getvalue()
 
 
-def _frame(rows: Iterable[Row], *columns: str) -> pd.DataFrame:
-    return pd.DataFrame(list(rows), columns=list(columns))
+def markdown(rows: Rows, caption: str, columns: Columns | None = None) -> str:
+    """Caption and a pipe table, numbers to the right."""
+    held = _columns(rows, columns)
+    rule = ["---:" if _is_numeric(rows, name) else ":---" for name in held]
+    cells = [[heading for heading, _ in held.values()], *_cells(rows, held)]
+    escaped = [[cell.replace("|", r"\|") for cell in line] for line in cells]
+    lines = [f"| {' | '.join(line)} |" for line in (escaped[0], rule, *escaped[1:])]
+    return "\n".join([caption, "", *lines, ""])
 
 
-def _sheet(frame: pd.DataFrame, caption: str) -> Sheet:
-    columns = [_COLUMNS[str(name)] for name in frame.columns]
-    rows = frame.itertuples(index=False, name=None)
-    return Sheet(
-        caption=caption,
-        headings=[heading for heading, _ in columns],
-        numeric=[pd.api.types.is_numeric_dtype(kind) for kind in frame.dtypes],
-        rows=[[_cell(x, digits) for x, (_, digits) in zip(row, columns, strict=True)] for row in rows],
-    )
+def latex(rows: Rows, caption: str, label: str, columns: Columns | None = None) -> str:
+    """Write a ``table`` float that needs the package booktabs; its label is ``tab:<label>``."""
+    held = _columns(rows, columns)
+    numeric = [_is_numeric(rows, name) for name in held]
+    head = " & ".join(_tex(heading) for heading, _ in held.values())
+    body = [
+        " & ".join(_tex_number(cell) if n else _tex(cell) for cell, n in zip(line, numeric, strict=True))
+        for line in _cells(rows, held)
+    ]
+    lines = [
+        r"\begin{table}",
+        r"\centering",
+        rf"\caption{{{_tex(caption)}}}",
+        rf"\label{{tab:{label}}}",
+        rf"\begin{{tabular}}{{{''.join('r' if n else 'l' for n in numeric)}}}",
+        r"\toprule",
+        rf"{head} \\",
+        r"\midrule",
+        *(rf"{line} \\" for line in body),
+        r"\bottomrule",
+        r"\end{tabular}",
+        r"\end{table}",
+    ]
+    return "\n".join([*lines, ""])
 
 
-def _cell(value: object, digits: int) -> str:
-    if not isinstance(value, float):
-        return str(value)
-    # "z" keeps a rounded zero from having a sign.
-    return f"{value:z.{digits}f}" if np.isfinite(value) else NOTHING
+def _columns(rows: Rows, columns: Columns | None) -> Columns:
+    if columns is not None:
+        return columns
+    return {name: (name.replace("_", " "), _ROUNDED) for row in rows for name in row}
+
+
+def _is_numeric(rows: Rows, name: str) -> bool:
+    """Whether a column holds numbers and nothing else."""
+    held = [row[name] for row in rows if row.get(name) is not None]
+    return bool(held) and all(isinstance(x, int | float) and not isinstance(x, bool) for x in held)
+
+
+def _cells(rows: Rows, columns: Columns) -> list[list[str]]:
+    return [[rounded(row.get(name), form) for name, (_, form) in columns.items()] for row in rows]
+
+
+def rounded(value: Any, form: str = _ROUNDED) -> str:
+    """Text of a value for a reader; a float in a format."""
+    if isinstance(value, float):
+        return format(value, form) if math.isfinite(value) else NOTHING
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, list | tuple):
+        return ", ".join(rounded(item, form) for item in value) or NOTHING
+    return NOTHING if value is None else str(value)
+
+
+def _plain(value: Any) -> Any:
+    """Value as csv shows it."""
+    if isinstance(value, list | tuple):
+        return "; ".join(map(str, value))
+    return "" if value is None or (isinstance(value, float) and not math.isfinite(value)) else value
+
+
+def _tex(text: str) -> str:
+    return "".join(_TEX.get(character, character) for character in text)
+
+
+def _tex_number(text: str) -> str:
+    # A hyphen is not a minus sign.
+    return text if text == NOTHING else text.replace("-", "$-$")

@@ -3,6 +3,7 @@ from __future__ import annotations
 import csv
 import dataclasses
 import math
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -11,18 +12,37 @@ import pytest
 from support.synthetic import S_INV, S, make_compare_file, make_decouple_file
 
 from tendonrepro.errors import TendonreproError
-from tendonrepro.results.tables import (
-    table1,
-    table2,
-    table2_windows,
-    table3,
-    table3_change,
-    table_decouple,
-    write_table,
+from tendonrepro.results.comparison import (
+    COLUMNS,
+    Row,
+    change_rows,
+    controller_rows,
+    coupling_rows,
+    decoupling_rows,
+    load_rows,
+    window_rows,
     write_tables,
 )
+from tendonrepro.results.tables import csv_text, latex, markdown, write_table
 from tendonrepro.results.traces import PlantRecord, TraceFile
-from tendonrepro.results.typeset import Sheet, latex, markdown
+
+
+def frame_of(rows: Iterator[Row]) -> pd.DataFrame:
+    return pd.DataFrame(list(rows))
+
+
+def table1(file: TraceFile) -> pd.DataFrame:
+    return frame_of(coupling_rows(file))
+
+
+def table2(file: TraceFile) -> pd.DataFrame:
+    return frame_of(controller_rows(file))
+
+
+def written(rows: Iterator[Row], folder: Path) -> list[Path]:
+    held = list(rows)
+    columns = {name: COLUMNS[name] for name in COLUMNS if name in held[0]}
+    return write_table(held, folder, "table2", "Table 2", columns, ("csv", "md", "tex"))
 
 
 def with_plant(file: TraceFile, **arrays: np.ndarray | None) -> TraceFile:
@@ -105,7 +125,7 @@ def test_table_2_of_some_runs() -> None:
 
 def test_table_2_over_windows() -> None:
     file = make_compare_file(diverged={"controller_2": 10.0})
-    frame = table2_windows(file).set_index(["window", "run", "joint"])
+    frame = frame_of(window_rows(file)).set_index(["window", "run", "joint"])
     assert list(dict.fromkeys(frame.index.get_level_values("window"))) == [
         *("whole", "after_first_period", "period_1", "period_2"),
     ]
@@ -120,10 +140,10 @@ def test_table_2_over_windows() -> None:
 
 def test_table_3_and_the_change_by_the_payload() -> None:
     file = make_compare_file()
-    frame = table3(file).set_index(["load", "joint"])
+    frame = frame_of(load_rows(file)).set_index(["load", "joint"])
     assert list(frame.index) == [(load, joint) for load in ("no_load", "with_load") for joint in (2, 3)]
     assert frame["rmse_printed_deg"].tolist() == [0.311, 0.261, 0.325, 0.265]
-    change = table3_change(file).set_index(["metric", "joint"])
+    change = frame_of(change_rows(file)).set_index(["metric", "joint"])
     before, after = frame.loc[("no_load", 3), "rmse_deg"], frame.loc[("with_load", 3), "rmse_deg"]
     assert change.loc[("RMSE", 3), "change_percent"] == pytest.approx(100.0 * (after / before - 1.0))
     assert change["change_printed_percent"].tolist() == [1.1, 3.7, 4.5, 1.5]
@@ -132,21 +152,21 @@ def test_table_3_and_the_change_by_the_payload() -> None:
 
 def test_table_3_without_a_payload_run() -> None:
     file = make_compare_file(runs=["controller_1", "controller_2"])
-    assert table3(file)["load"].unique().tolist() == ["no_load"]
-    assert table3_change(file).empty
+    assert frame_of(load_rows(file))["load"].unique().tolist() == ["no_load"]
+    assert frame_of(change_rows(file)).empty
 
 
 def test_a_change_from_no_error_at_all_is_no_number() -> None:
     file = make_compare_file()
     trace = file.runs["controller_1"]
     perfect = dataclasses.replace(trace, variables={"e": np.zeros_like(trace["e"])})
-    frame = table3_change(dataclasses.replace(file, runs={**file.runs, "controller_1": perfect}))
+    frame = frame_of(change_rows(dataclasses.replace(file, runs={**file.runs, "controller_1": perfect})))
     assert frame["change_percent"].isna().all()
 
 
 def test_table_of_the_decoupling_experiment() -> None:
     file = make_decouple_file()
-    frame = table_decouple(file).set_index("joint")
+    frame = frame_of(decoupling_rows(file)).set_index("joint")
     trace = file.runs["decouple"]
     difference = np.rad2deg(trace["q_calculated"] - trace["q_encoder"])
     assert frame["mae_deg"].tolist() == pytest.approx(np.abs(difference).mean(axis=0))
@@ -156,7 +176,7 @@ def test_table_of_the_decoupling_experiment() -> None:
 
 def test_table_of_the_decoupling_experiment_without_its_run() -> None:
     file = make_decouple_file()
-    assert table_decouple(dataclasses.replace(file, runs={})).empty
+    assert frame_of(decoupling_rows(dataclasses.replace(file, runs={}))).empty
 
 
 class TestFiles:
@@ -180,15 +200,15 @@ class TestFiles:
         assert first == [path.read_bytes() for path in write_tables(make_compare_file(), tmp_path / "b")]
 
     def test_csv_has_every_digit(self, tmp_path: Path) -> None:
-        frame = table2(make_compare_file())
-        path, _, _ = write_table(frame, tmp_path, "table2", "x")
+        path, _, _ = written(controller_rows(make_compare_file()), tmp_path)
         rows = list(csv.DictReader(path.read_text().splitlines()))
-        assert list(rows[0]) == frame.columns.tolist()
+        frame = table2(make_compare_file())
+        assert set(rows[0]) == set(frame.columns)
         assert [float(row["mae_deg"]) for row in rows] == frame["mae_deg"].tolist()
         assert b"\r" not in path.read_bytes()
 
     def test_markdown_is_rounded_as_printed(self, tmp_path: Path) -> None:
-        _, md, _ = write_table(table2(make_compare_file()), tmp_path, "table2", "Table 2")
+        _, md, _ = written(controller_rows(make_compare_file()), tmp_path)
         caption, blank, head, rule, *rows = md.read_text().splitlines()
         assert (caption, blank) == ("Table 2", "")
         assert head.startswith("| Run | Joint | MAE (deg) | printed | ours/printed | RMSE (deg) |")
@@ -205,15 +225,13 @@ class TestFiles:
             assert "(measured, config abababababab)" in (tmp_path / f"table3.{suffix}").read_text()
 
     def test_missing_numbers_are_dashes(self, tmp_path: Path) -> None:
-        data, md, tex = write_table(table2(make_compare_file(runs=["mine"])), tmp_path, "t", "x")
+        data, md, tex = written(controller_rows(make_compare_file(runs=["mine"])), tmp_path)
         assert data.read_text().splitlines()[1].split(",")[3] == ""
         assert md.read_text().splitlines()[4].split(" | ")[3:5] == ["--", "--"]
         assert "& -- & -- &" in tex.read_text()
 
-    def test_a_zero_has_no_sign(self, tmp_path: Path) -> None:
-        frame = pd.DataFrame({"quantity": ["x"], "difference": [-1e-17]})
-        _, md, _ = write_table(frame, tmp_path, "t", "x")
-        assert md.read_text().splitlines()[4] == "| x | 0.000000 |"
+    def test_a_zero_has_no_sign(self) -> None:
+        assert "| x | 0.000000 |" in markdown([{"quantity": "x", "difference": -1e-17}], "x", COLUMNS_OF_TWO)
 
     def test_a_file_in_the_way_of_the_folder(self, tmp_path: Path) -> None:
         (tmp_path / "tables").write_text("I am a file")
@@ -221,13 +239,14 @@ class TestFiles:
             write_tables(make_compare_file(), tmp_path / "tables")
 
 
-class TestTypesetting:
-    sheet = Sheet(
-        "50 % of S_inv & <more>", ["Name", "x_1"], [False, True], [["a-b|c", "-1.5"], ["~^\\", "--"]]
-    )
+COLUMNS_OF_TWO = {name: COLUMNS[name] for name in ("quantity", "difference")}
+ODD = [{"Name": "a-b|c", "x_1": -1.5}, {"Name": "~^\\", "x_1": None}]
+HEADINGS = {"Name": ("Name", ""), "x_1": ("x_1", ".1f")}
 
+
+class TestTypesetting:
     def test_latex(self) -> None:
-        assert latex(self.sheet, "table9").splitlines() == [
+        assert latex(ODD, "50 % of S_inv & <more>", "table9", HEADINGS).splitlines() == [
             r"\begin{table}",
             r"\centering",
             r"\caption{50 \% of S\_inv \& \textless{}more\textgreater{}}",
@@ -244,11 +263,21 @@ class TestTypesetting:
         ]
 
     def test_markdown(self) -> None:
-        assert markdown(self.sheet).splitlines() == [
+        assert markdown(ODD, "50 % of S_inv & <more>", HEADINGS).splitlines() == [
             "50 % of S_inv & <more>",
             "",
             "| Name | x_1 |",
             "| :--- | ---: |",
             r"| a-b\|c | -1.5 |",
             r"| ~^\ | -- |",
+        ]
+
+    def test_columns_come_from_the_rows_where_none_are_given(self) -> None:
+        rows = [{"a_b": 1.23456789, "fits": True}, {"seeds": [1, 2], "a_b": float("nan")}]
+        assert csv_text(rows).splitlines() == ["a_b,fits,seeds", "1.23456789,True,", ",,1; 2"]
+        assert markdown(rows, "x").splitlines()[2:] == [
+            "| a b | fits | seeds |",
+            "| ---: | :--- | :--- |",
+            "| 1.235 | yes | -- |",
+            "| -- | -- | 1, 2 |",
         ]

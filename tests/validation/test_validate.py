@@ -21,11 +21,11 @@ from tendonrepro.dataset.motion.windows import NUMBERS, PrintedTables, Timing, T
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.experiments.run import simulate_all, trace_file
 from tendonrepro.files import sha256_of
+from tendonrepro.results.comparison import write_tables
 from tendonrepro.results.figures.catalogue import available
 from tendonrepro.results.manifest import make_manifest
 from tendonrepro.results.records import PlantRecord, TraceFile
 from tendonrepro.results.summary import table_data_compare, tracking_errors
-from tendonrepro.results.tables import write_tables
 from tendonrepro.results.traces import read_traces, write_traces
 from tendonrepro.validation.command import RESULTS, run_validate
 from tendonrepro.validation.report import validate_text

@@ -26,7 +26,7 @@ from tendonrepro.experiments.sweep.points import (
     unit_of,
 )
 from tendonrepro.experiments.sweep.report import findings
-from tendonrepro.experiments.sweep.table import COLUMNS, write_table
+from tendonrepro.experiments.sweep.table import COLUMNS, write_sweep_table
 from tendonrepro.files import sha256_of, to_json, write_atomically
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, error_ratio
@@ -320,6 +320,6 @@ def write_results(data: Mapping[str, Any], folder: Path) -> list[Path]:
     write_atomically(folder / DATA, to_json(data))
     return [
         folder / DATA,
-        *write_table(data, folder / "tables"),
+        *write_sweep_table(data, folder / "tables"),
         *draw_sweep_figures(data, folder / "figures"),
     ]

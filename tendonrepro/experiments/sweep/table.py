@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tendonrepro.files import write_atomically
-from tendonrepro.results.typeset import NOTHING, Sheet, markdown
+from tendonrepro.results.tables import write_table
 
 COLUMNS: Mapping[str, tuple[str, str, float]] = {
     "mae_deg": ("mae", "MAE (deg)", np.rad2deg(1.0)),
@@ -52,7 +49,7 @@ def rows(data: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
                 yield row | {name: found[name][k] for name in COLUMNS}
 
 
-def write_table(data: Mapping[str, Any], folder: Path) -> list[Path]:
+def write_sweep_table(data: Mapping[str, Any], folder: Path) -> list[Path]:
     """Write a sweep's table as csv (full digits) and Markdown (rounded).
 
     Parameters
@@ -66,31 +63,10 @@ def write_table(data: Mapping[str, Any], folder: Path) -> list[Path]:
     list of Path
     """
     every = list(rows(data))
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(every[0])
-    writer.writerows([["" if _missing(cell) else cell for cell in row.values()] for row in every])
     headings = {"run": "Run", "joint": "Joint", "status": "Status", "status_time_s": "Until (s)"}
     headings |= {name: heading for name, (_, heading, _) in COLUMNS.items()}
     keys = " and ".join(axis["key"] for axis in data["keys"])
-    sheet = Sheet(
-        caption=f"{data['config']} over values of {keys} (sweep {data['config_sha256'][:12]}). "
-        "A diverged run has its numbers up to its end.",
-        headings=[headings.get(name, name) for name in every[0]],
-        numeric=[name in {"joint", "status_time_s", *COLUMNS} for name in every[0]],
-        rows=[[_cell(cell) for cell in row.values()] for row in every],
-    )
-    paths = [folder / "sweep.csv", folder / "sweep.md"]
-    for path, text in zip(paths, (stream.getvalue(), markdown(sheet)), strict=True):
-        write_atomically(path, text)
-    return paths
-
-
-def _missing(cell: object) -> bool:
-    return isinstance(cell, float) and not np.isfinite(cell)
-
-
-def _cell(cell: object) -> str:
-    if _missing(cell):
-        return NOTHING
-    return f"{cell:.4g}" if isinstance(cell, float) else str(cell)
+    caption = f"{data['config']} over values of {keys} (sweep {data['config_sha256'][:12]}). "
+    caption += "A diverged run has its numbers up to its end."
+    columns = {name: (headings.get(name, name), ".4g") for name in every[0]}
+    return write_table(every, folder, "sweep", caption, columns)
