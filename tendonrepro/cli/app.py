@@ -6,30 +6,15 @@ import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from tendonrepro import __version__
 from tendonrepro.cli.data import data_app
-from tendonrepro.cli.options import (
-    Config,
-    Controllers,
-    DryRun,
-    Force,
-    Json,
-    Out,
-    Quiet,
-    Seed,
-    Set,
-    UserLaw,
-    Verbose,
-    detail,
-    list_files,
-    numbers,
-    show,
-)
+from tendonrepro.cli.options import Terminal, command
 from tendonrepro.cli.study import study_app
+from tendonrepro.config.request import Request
 from tendonrepro.errors import TendonreproError
 
 if TYPE_CHECKING:
@@ -94,215 +79,166 @@ def _help_if_alone(context: typer.Context) -> None:
         typer.echo(context.get_help())
 
 
-@app.command(epilog="Example: tendonrepro compare --set control.gains.alpha=[0,0] --out reports/no_alpha")
+@command(app, "tendonrepro compare --set control.gains.alpha=[0,0] --out reports/no_alpha", without=())
 def compare(
-    config: Config = None,
-    out: Out = None,
-    overrides: Set = None,
-    seed: Seed = None,
-    controllers: Controllers = None,
-    law: UserLaw = None,
+    request: Request,
+    terminal: Terminal,
+    law: Annotated[
+        str | None,
+        typer.Option(
+            "--law", metavar="FILE:NAME", help="Run a law of your own beside them; FILE is executed."
+        ),
+    ] = None,
     solver: Annotated[
         Literal["scipy", "compiled"],
         typer.Option("--solver", help="Reference, or that of ensembles."),
     ] = "scipy",
-    dry_run: DryRun = False,
-    force: Force = False,
-    as_json: Json = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
 ) -> int:
     """Controllers 1 to 3 and the payload case: traces, Figures 13 to 16, Tables 2 and 3."""
     from tendonrepro.experiments.command import Order
 
-    order = Order("compare", config, out, overrides or (), seed, numbers(controllers), law, force, solver)
-    return _run([order], dry_run=dry_run, as_json=as_json, quiet=quiet, verbose=verbose)
+    return _carry_out([Order("compare", request, law, solver)], terminal)
 
 
-@app.command(
-    epilog="Example: tendonrepro decouple --set manipulator.tendons.damping_factor=3 --out reports/damped"
-)
-def decouple(
-    config: Config = None,
-    out: Out = None,
-    overrides: Set = None,
-    seed: Seed = None,
-    dry_run: DryRun = False,
-    force: Force = False,
-    as_json: Json = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-) -> int:
+@command(app, "tendonrepro decouple --set manipulator.tendons.damping_factor=3 --out reports/damped")
+def decouple(request: Request, terminal: Terminal) -> int:
     """Joint angles calculated from motor angles: traces, Figures 6 and 9 to 12, Table 1."""
     from tendonrepro.experiments.command import Order
 
-    order = Order("decouple", config, out, overrides or (), seed, force=force)
-    return _run([order], dry_run=dry_run, as_json=as_json, quiet=quiet, verbose=verbose)
+    return _carry_out([Order("decouple", request)], terminal)
 
 
-@app.command(epilog="Example: tendonrepro reproduce --out reports")
+@command(app, "tendonrepro reproduce --out reports", without=("config", "controllers"))
 def reproduce(
+    request: Request,
+    terminal: Terminal,
     config: Annotated[
         Path | None, typer.Option("--config", help="Folder with decouple.yaml and compare.yaml.")
     ] = None,
-    out: Annotated[Path, typer.Option("--out", help="Folder for both results.")] = Path("reports"),
-    overrides: Set = None,
-    seed: Seed = None,
-    dry_run: DryRun = False,
-    force: Force = False,
-    as_json: Json = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
 ) -> int:
     """Both experiments: every figure and table of the paper's section 5."""
     from tendonrepro.experiments.command import both_orders
 
-    orders = both_orders(config, out, overrides or (), seed, force=force)
-    return _run(orders, dry_run=dry_run, as_json=as_json, quiet=quiet, verbose=verbose)
+    return _carry_out(both_orders(config, request), terminal)
 
 
-@app.command(epilog="Example: tendonrepro figures 14 15")
+def _carry_out(orders: Sequence[Order], terminal: Terminal) -> int:
+    """Carry out orders, print what they found, and return the exit code."""
+    from tendonrepro.experiments.command import diverged, plan, run_experiment
+    from tendonrepro.experiments.report import results_text
+
+    # All orders are checked before the first is carried out.
+    found = {order.experiment: plan(order) for order in orders}
+    if not orders[0].request.dry_run:
+        found = {order.experiment: run_experiment(order, terminal.talk) for order in orders}
+    alone = next(iter(found.values()))
+    together: dict[str, Any] = {"schema_version": 1} | found
+    terminal.show(alone if len(found) == 1 else together, "\n\n".join(map(results_text, found.values())))
+    return 5 if any(map(diverged, found.values())) else 0
+
+
+ResultsFolder = Annotated[Path, typer.Option("--out", help="Results folder, or the folder above several.")]
+
+
+@command(app, "tendonrepro figures 14 15")
 def figures(
+    terminal: Terminal,
     numbers: Annotated[
         list[int] | None, typer.Argument(help="The paper's figure numbers [default: all].")
     ] = None,
-    out: Annotated[Path, typer.Option("--out", help="Results folder, or the folder above several.")] = Path(
-        "reports"
-    ),
-    as_json: Json = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
+    out: ResultsFolder = Path("reports"),
 ) -> None:
     """Draw figures again from stored traces."""
     from tendonrepro.experiments.command import redraw
 
-    list_files(redraw(out, numbers), as_json=as_json, quiet=quiet, verbose=verbose)
+    terminal.list_files(redraw(out, numbers))
 
 
-@app.command(epilog="Example: tendonrepro tables --out reports/compare")
-def tables(
-    out: Annotated[Path, typer.Option("--out", help="Results folder, or the folder above several.")] = Path(
-        "reports"
-    ),
-    as_json: Json = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-) -> None:
+@command(app, "tendonrepro tables --out reports/compare")
+def tables(terminal: Terminal, out: ResultsFolder = Path("reports")) -> None:
     """Write tables again from stored traces."""
     from tendonrepro.experiments.command import rewrite_tables
 
-    list_files(rewrite_tables(out), as_json=as_json, quiet=quiet, verbose=verbose)
+    terminal.list_files(rewrite_tables(out))
 
 
-@app.command(epilog="Example: tendonrepro doctor --json")
-def doctor(as_json: Json = False, quiet: Quiet = False, verbose: Verbose = False) -> int:
+@command(app, "tendonrepro doctor --json")
+def doctor(terminal: Terminal) -> int:
     """Environment, versions, and whether everything needed is there."""
     from tendonrepro.cli.doctor import all_well, examine, report_text
 
     found = examine()
-    detail(f"{len(found['checks'])} checks", quiet, verbose)
-    show(found if as_json else report_text(found), as_json=as_json, quiet=quiet)
+    terminal.talk.detail(f"{len(found['checks'])} checks")
+    terminal.show(found, report_text)
     return 0 if all_well(found) else 1
 
 
-@config_app.command("list", epilog="Example: tendonrepro config list")
-def config_list(as_json: Json = False, quiet: Quiet = False, verbose: Verbose = False) -> None:
+ConfigFile = Annotated[
+    str, typer.Argument(help="Configuration file, - for standard input, or a shipped name.")
+]
+Changes = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Change a value of the configuration; repeatable."),
+]
+
+
+@command(config_app, "tendonrepro config list", name="list")
+def config_list(terminal: Terminal) -> None:
     """Names of the shipped configurations."""
-    from tendonrepro.config.load import shipped_folder, shipped_names
+    from tendonrepro.config.shipped import shipped_folder, shipped_names
 
     names = shipped_names()
-    detail(f"in {shipped_folder()}", quiet, verbose)
-    show(
-        {"schema_version": 1, "configs": names} if as_json else "\n".join(names), as_json=as_json, quiet=quiet
-    )
+    terminal.talk.detail(f"in {shipped_folder()}")
+    terminal.show({"schema_version": 1, "configs": names}, "\n".join(names))
 
 
-@config_app.command("show", epilog="Example: tendonrepro config show compare")
-def config_show(
-    config: Annotated[
-        str, typer.Argument(help="Configuration file, - for standard input, or a shipped name.")
-    ],
-    overrides: Set = None,
-    as_json: Json = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-) -> None:
+@command(config_app, "tendonrepro config show compare", name="show")
+def config_show(terminal: Terminal, config: ConfigFile, overrides: Changes = None) -> None:
     """A configuration as it is used: complete, changes applied."""
     from tendonrepro.config.kinds import shown
 
     tree, text = shown(config, overrides or ())
-    detail(f"{config} is valid", quiet, verbose)
-    show(tree if as_json else text.rstrip(), as_json=as_json, quiet=quiet)
+    terminal.talk.detail(f"{config} is valid")
+    terminal.show(tree, text.rstrip())
 
 
-@config_app.command("init", epilog="Example: tendonrepro config init compare --out my_experiment")
+@command(config_app, "tendonrepro config init compare --out my_experiment", name="init")
 def config_init(
+    terminal: Terminal,
     name: Annotated[str, typer.Argument(help="A shipped configuration.")],
     out: Annotated[Path, typer.Option("--out", help="Folder for the copy.")] = Path(),
-    as_json: Json = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
 ) -> None:
     """Copy a shipped configuration, with its manipulator and schema, to be edited."""
-    from tendonrepro.config.load import init_config
+    from tendonrepro.config.shipped import init_config
 
-    list_files(init_config(name, out), as_json=as_json, quiet=quiet, verbose=verbose)
+    terminal.list_files(init_config(name, out))
 
 
-@config_app.command("check", epilog="Example: tendonrepro config check my_experiment/compare.yaml")
-def config_check(
-    config: Annotated[
-        str, typer.Argument(help="Configuration file, - for standard input, or a shipped name.")
-    ],
-    overrides: Set = None,
-    as_json: Json = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-) -> None:
+@command(config_app, "tendonrepro config check my_experiment/compare.yaml", name="check")
+def config_check(terminal: Terminal, config: ConfigFile, overrides: Changes = None) -> None:
     """Check a configuration; all its mistakes are listed at once."""
     from tendonrepro.experiments.command import check
 
     found = check(config, overrides or ())
-    detail(
-        f"sha256 {found.get('config_sha256', 'of a manipulator is that of its experiment')}", quiet, verbose
-    )
-    show(found if as_json else f"{found['config']}: valid {found['kind']}", as_json=as_json, quiet=quiet)
+    digest = found.get("config_sha256", "of a manipulator is that of its experiment")
+    terminal.talk.detail(f"sha256 {digest}")
+    terminal.show(found, f"{found['config']}: valid {found['kind']}")
 
 
-@config_app.command("schema", epilog="Example: tendonrepro config schema > schema.json")
+@command(config_app, "tendonrepro config schema > schema.json", name="schema")
 def config_schema(
+    terminal: Terminal,
     kind: Annotated[
         str | None, typer.Argument(help="compare, decouple, ensemble or manipulator [default: any].")
     ] = None,
-    as_json: Json = True,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
 ) -> None:
     """JSON schema of configuration files, for editors."""
     from tendonrepro.config.kinds import json_schema
+    from tendonrepro.files import to_json
 
-    detail(f"for {kind or 'any'} configuration", quiet, verbose)
-    if not quiet:
-        show(json_schema(kind), as_json=as_json, quiet=quiet)
-
-
-def _run(orders: Sequence[Order], *, dry_run: bool, as_json: bool, quiet: bool, verbose: bool) -> int:
-    """Carry out orders, print what they found, and return the exit code."""
-    from tendonrepro.console import Talk
-    from tendonrepro.experiments.command import diverged, plan, run_experiment
-    from tendonrepro.experiments.report import results_text
-
-    talk = Talk(quiet=quiet, verbose=verbose)
-    # All orders are checked before the first is carried out.
-    found = {order.experiment: plan(order) for order in orders}
-    if not dry_run:
-        found = {order.experiment: run_experiment(order, talk) for order in orders}
-    if as_json:
-        alone = next(iter(found.values()))
-        show(alone if len(found) == 1 else {"schema_version": 1, **found}, as_json=True, quiet=False)
-    else:
-        show("\n\n".join(results_text(data) for data in found.values()), as_json=False, quiet=quiet)
-    return 5 if any(diverged(data) for data in found.values()) else 0
+    terminal.talk.detail(f"for {kind or 'any'} configuration")
+    schema = json_schema(kind)
+    terminal.show(schema, to_json(schema).rstrip())
 
 
 def main() -> None:
@@ -328,7 +264,3 @@ def _fail(code: int, message: str, where: str | None, hint: str | None) -> int:
         head = f"{where}: {message}" if where else message
         typer.echo("\n".join(["error: " + head, *([hint] if hint else [])]), err=True)
     return code
-
-
-if __name__ == "__main__":
-    main()

@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from tendonrepro.cli.options import Config, DryRun, Force, Json, Quiet, Seed, Set, Verbose, show
+from tendonrepro.cli.options import Terminal, command
+from tendonrepro.config.request import Request
 
 data_app = typer.Typer(rich_markup_mode=None)
 
@@ -15,8 +16,9 @@ Paths = Annotated[list[Path], typer.Argument(help="Files, folders or archives.")
 Mapping = Annotated[Path, typer.Option("--mapping", help="Mapping file: which column is which variable.")]
 
 
-@data_app.command(epilog="Example: tendonrepro fetch --out data/zenodo")
+@command(data_app, "tendonrepro fetch --out data/zenodo")
 def fetch(
+    terminal: Terminal,
     record: Annotated[str, typer.Argument(help="Number, DOI or address of the record.")] = "19467931",
     out: Annotated[Path, typer.Option("--out", help="Folder for the files.")] = Path("data/zenodo"),
     base_url: Annotated[
@@ -30,41 +32,33 @@ def fetch(
     force: Annotated[
         bool, typer.Option("--force", help="Replace altered files, or another record's.")
     ] = False,
-    as_json: Json = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
 ) -> None:
     """Download the paper's data set and verify it; a second run needs no network."""
-    from tendonrepro.console import Talk
     from tendonrepro.dataset.repository.fetch import run_fetch
     from tendonrepro.dataset.repository.fetch_text import fetch_text
 
-    talk = Talk(quiet=quiet, verbose=verbose)
-    found = run_fetch(record, out, base_url, from_dir, force, dry_run, talk)
-    show(found if as_json else fetch_text(found), as_json=as_json, quiet=quiet)
+    found = run_fetch(record, out, base_url, from_dir, force, dry_run, terminal.talk)
+    terminal.show(found, fetch_text)
 
 
-@data_app.command(epilog="Example: tendonrepro inspect data/zenodo --suggest")
+@command(data_app, "tendonrepro inspect data/zenodo --suggest")
 def inspect(
+    terminal: Terminal,
     paths: Paths,
     suggest: Annotated[bool, typer.Option("--suggest", help="Write a mapping file to edit.")] = False,
     mapping: Mapping = Path("data/mapping.yaml"),
     force: Annotated[bool, typer.Option("--force", help="Overwrite the mapping file.")] = False,
-    as_json: Json = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
 ) -> None:
     """What is in files, whatever their format, and what it seems to mean."""
-    from tendonrepro.console import Talk
     from tendonrepro.dataset.inspection import inspect_text, run_inspect
 
-    talk = Talk(quiet=quiet, verbose=verbose)
-    found = run_inspect(paths, mapping if suggest else None, force=force, talk=talk)
-    show(found if as_json else inspect_text(found), as_json=as_json, quiet=quiet)
+    found = run_inspect(paths, mapping if suggest else None, force=force, talk=terminal.talk)
+    terminal.show(found, inspect_text)
 
 
-@data_app.command(epilog="Example: tendonrepro ingest data/zenodo --mapping data/mapping.yaml")
+@command(data_app, "tendonrepro ingest data/zenodo --mapping data/mapping.yaml")
 def ingest(
+    terminal: Terminal,
     paths: Paths,
     mapping: Mapping = Path("data/mapping.yaml"),
     out: Annotated[Path, typer.Option("--out", help="Trace file to write.")] = Path("data/measured.h5"),
@@ -72,42 +66,26 @@ def ingest(
     force: Annotated[
         bool, typer.Option("--force", help="Overwrite a file of another mapping or other data.")
     ] = False,
-    as_json: Json = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
 ) -> None:
     """Convert measured data to the layout of simulated traces."""
-    from tendonrepro.console import Talk
     from tendonrepro.dataset.ingest import ingest_text, run_ingest
 
-    talk = Talk(quiet=quiet, verbose=verbose)
-    found = run_ingest(paths, mapping, out, force=force, dry_run=dry_run, talk=talk)
-    show(found if as_json else ingest_text(found), as_json=as_json, quiet=quiet)
+    found = run_ingest(paths, mapping, out, force=force, dry_run=dry_run, talk=terminal.talk)
+    terminal.show(found, ingest_text)
 
 
-@data_app.command(epilog="Example: tendonrepro validate data/measured.h5")
+@command(data_app, "tendonrepro validate data/measured.h5")
 def validate(
+    request: Request,
+    terminal: Terminal,
     measured: Annotated[Path, typer.Argument(help="Trace file that ingest has written.")] = Path(
         "data/measured.h5"
     ),
-    config: Config = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", help="Results folder [default: reports/validate].")
-    ] = None,
-    overrides: Set = None,
-    seed: Seed = None,
-    dry_run: DryRun = False,
-    force: Force = False,
-    as_json: Json = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
 ) -> int:
     """Compare measured data with what the paper prints and with the model."""
-    from tendonrepro.console import Talk
     from tendonrepro.validation.command import model_diverged, run_validate
     from tendonrepro.validation.report import validate_text
 
-    talk = Talk(quiet=quiet, verbose=verbose)
-    found = run_validate(measured, config, out, overrides or (), seed, force, dry_run, talk)
-    show(found if as_json else validate_text(found), as_json=as_json, quiet=quiet)
+    found = run_validate(measured, request, terminal.talk)
+    terminal.show(found, validate_text)
     return 5 if model_diverged(found) else 0

@@ -2,67 +2,114 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, get_type_hints
 
 import typer
 
-Config = Annotated[
-    str | None, typer.Option("--config", help="Configuration file, - for standard input, or a shipped name.")
-]
-Out = Annotated[Path | None, typer.Option("--out", help="Results folder [default: reports/<experiment>].")]
-Set = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Change a value of the configuration; repeatable."),
-]
-Seed = Annotated[int | None, typer.Option("--seed", help="Seed of all noise.")]
-DryRun = Annotated[bool, typer.Option("--dry-run", help="Check everything, run nothing.")]
-Force = Annotated[
-    bool, typer.Option("--force", help="Overwrite results of another configuration or version.")
-]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
-Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Say more on standard error.")]
-Controllers = Annotated[
-    str | None, typer.Option("--controllers", metavar="1,3", help="Run only these controllers.")
-]
-UserLaw = Annotated[
-    str | None,
-    typer.Option("--law", metavar="FILE:NAME", help="Run a law of your own beside them; FILE is executed."),
-]
+from tendonrepro.config.request import Request
+from tendonrepro.console import Talk
+
+_TERMINAL = {
+    "as_json": Annotated[bool, typer.Option("--json", help="Print one JSON object.")],
+    "quiet": Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")],
+    "verbose": Annotated[bool, typer.Option("--verbose", "-v", help="Say more on standard error.")],
+}
+_CONFIG = "Configuration file, - for standard input, or a shipped name."
+_REQUEST = {
+    "config": Annotated[str | None, typer.Option("--config", help=_CONFIG)],
+    "out": Annotated[Path | None, typer.Option("--out", help="Results folder [default: reports/<command>].")],
+    "overrides": Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Change a value of the configuration; repeatable."),
+    ],
+    "seed": Annotated[int | None, typer.Option("--seed", help="Seed of all noise.")],
+    "controllers": Annotated[
+        str | None, typer.Option("--controllers", metavar="1,3", help="Run only these controllers.")
+    ],
+    "dry_run": Annotated[bool, typer.Option("--dry-run", help="Check everything, run nothing.")],
+    "force": Annotated[
+        bool, typer.Option("--force", help="Overwrite results of another configuration or version.")
+    ],
+}
+_SWITCHES = {"as_json", "quiet", "verbose", "dry_run", "force"}
 
 
-def numbers(text: str | None) -> list[int] | None:
-    """Numbers of controllers, from text such as ``1,3``."""
-    if text is None:
-        return None
+@dataclass(frozen=True)
+class Terminal:
+    """How a command talks and prints: words on standard error, results on standard output."""
+
+    as_json: bool
+    quiet: bool
+    verbose: bool
+
+    @property
+    def talk(self) -> Talk:
+        """Notes and progress."""
+        return Talk(quiet=self.quiet, verbose=self.verbose)
+
+    def show(self, data: Any, text: str | Callable[[Any], str]) -> None:
+        """Print a result as words, or as JSON even where words are not wanted."""
+        if self.as_json:
+            from tendonrepro.files import to_json
+
+            typer.echo(to_json(data), nl=False)
+        elif not self.quiet:
+            typer.echo(text if isinstance(text, str) else text(data))
+
+    def list_files(self, paths: list[Path]) -> None:
+        """Print the files a command wrote."""
+        names = [str(path) for path in paths]
+        self.talk.detail(f"{len(names)} files")
+        self.show({"schema_version": 1, "files": names}, "\n".join(names))
+
+
+def command(
+    app: typer.Typer, example: str, name: str | None = None, without: tuple[str, ...] = ("controllers",)
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Make a function a command.
+
+    Its parameters `terminal` and `request` stand for the options that all commands, and all that run
+    something, have in common; of the latter those in `without` are left out.
+    """
+
+    def register(function: Callable[..., Any]) -> Callable[..., Any]:
+        own, hints = inspect.signature(function).parameters, get_type_hints(function, include_extras=True)
+        asked = {key: kind for key, kind in _REQUEST.items() if "request" in own and key not in without}
+
+        def run(**given: Any) -> Any:
+            terminal = Terminal(**{key: given.pop(key) for key in _TERMINAL})
+            if "request" in own:
+                given["request"] = _request({key: given.pop(key) for key in asked})
+            return function(terminal=terminal, **given)
+
+        keyword = inspect.Parameter.KEYWORD_ONLY
+        shared = {
+            key: inspect.Parameter(key, keyword, default=False if key in _SWITCHES else None, annotation=kind)
+            for key, kind in (asked | _TERMINAL).items()
+        }
+        kept = {
+            key: parameter.replace(annotation=hints[key], kind=keyword)
+            for key, parameter in own.items()
+            if key not in {"request", "terminal"}
+        }
+        run.__signature__ = inspect.Signature([*kept.values(), *shared.values()])  # type: ignore[attr-defined]
+        run.__annotations__ = {key: parameter.annotation for key, parameter in (kept | shared).items()}
+        run.__doc__ = function.__doc__
+        app.command(name or function.__name__, epilog=f"Example: {example}")(run)
+        return function
+
+    return register
+
+
+def _request(given: dict[str, Any]) -> Request:
+    text = given.get("controllers")
     try:
-        return [int(part) for part in text.split(",")]
+        numbers = None if text is None else [int(part) for part in text.split(",")]
     except ValueError as error:
         message = f"must be numbers like 1,3, found {text!r}"
         raise typer.BadParameter(message, param_hint="--controllers") from error
-
-
-def list_files(paths: Sequence[Path], *, as_json: bool, quiet: bool, verbose: bool) -> None:
-    """Print the files a command wrote."""
-    names = [str(path) for path in paths]
-    detail(f"{len(names)} files", quiet, verbose)
-    show({"schema_version": 1, "files": names} if as_json else "\n".join(names), as_json=as_json, quiet=quiet)
-
-
-def detail(text: str, quiet: bool, verbose: bool) -> None:
-    """Say something only a curious user wants to know."""
-    from tendonrepro.console import Talk
-
-    Talk(quiet=quiet, verbose=verbose).detail(text)
-
-
-def show(content: Any, *, as_json: bool, quiet: bool) -> None:
-    """Print a result as text, or as JSON even where words are not wanted."""
-    if as_json:
-        from tendonrepro.files import to_json
-
-        typer.echo(to_json(content), nl=False)
-    elif not quiet:
-        typer.echo(content)
+    return Request(**given | {"overrides": given["overrides"] or (), "controllers": numbers})

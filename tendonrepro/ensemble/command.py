@@ -12,6 +12,7 @@ from typing import Any, Literal
 from tendonrepro import __version__
 from tendonrepro.config.ensemble import load_ensemble
 from tendonrepro.config.models.readings import default_readings, full_cross, parse_reading
+from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.ensemble.block import Simulate, make_block
 from tendonrepro.ensemble.box import population
@@ -25,55 +26,38 @@ from tendonrepro.ensemble.shards import FOLDER, SCHEMA_VERSION, Block
 from tendonrepro.ensemble.workers import here, on_cluster
 from tendonrepro.errors import UsageError
 from tendonrepro.files import to_json, write_atomically
-from tendonrepro.results.folder import MANIFEST, claimed, clear, refuse_others
-from tendonrepro.results.manifest import make_manifest, with_outputs
+from tendonrepro.results.folder import HeldFolder, claimed, refuse_others
+from tendonrepro.results.manifest import make_manifest
 from tendonrepro.simulation.batch import simulate_batch
 
 SUMMARY = "summary.json"
 
-DEFAULT_OUT = Path("reports") / "ensemble"
-
 
 def run_ensemble(
-    source: str | None,
-    draws: int,
-    jobs: int,
-    out: Path | None,
-    overrides: Sequence[str],
-    seed: int | None,
-    force: bool,
-    dask: str | None,
-    readings: Literal["default", "all"] = "default",
-    dry_run: bool = False,
-    talk: Talk | None = None,
+    request: Request,
+    talk: Talk,
     *,
+    draws: int,
+    jobs: int = 1,
+    dask: str | None = None,
+    readings: Literal["default", "all"] = "default",
     yes: bool = False,
 ) -> dict[str, Any]:
     """Simulate many plausible plants under many readings, and write tables and figures.
 
     Parameters
     ----------
-    source : str or None
-        Configuration: a file, ``-``, a shipped name, or None for the shipped one.
+    request : Request
+        `force` removes the shards of another configuration or version.
+    talk : Talk
     draws : int
         Of each population; a power of two.
     jobs : int
         Processes; results do not depend on it.
-    out : Path or None
-        Results folder.
-    overrides : sequence of str
-        ``dotted.key=VALUE``.
-    seed : int or None
-        Replaces the configuration's.
-    force : bool
-        Remove the shards of another configuration or version.
     dask : str or None
         Address of a dask.distributed scheduler to send the blocks to.
     readings : {'default', 'all'}
         As printed, alternatives and the configuration's pairs; or every combination, which needs `yes`.
-    dry_run : bool
-        Only say what it would cost, and how much of it is on disk.
-    talk : Talk, optional
     yes : bool
         The cost of all readings has been seen.
 
@@ -89,28 +73,27 @@ def run_ensemble(
     TendonreproError
         When results cannot be written; whole blocks stay and are not computed again.
     """
-    talk = talk or Talk()
-    study = load_study(source, overrides, seed, readings)
-    folder = out or DEFAULT_OUT
+    study = load_study(request.config, request.overrides, request.seed, readings)
+    folder = request.folder("ensemble")
     cost = study.cost(draws)
     outline = {"schema_version": SCHEMA_VERSION, "experiment": "ensemble", "draws": draws, "out": str(folder)}
     outline |= {"readings_count": len(study.readings), "cases": len(study.cases), "cost": cost}
-    if dry_run:
+    if request.dry_run:
         return (
             outline
             | {"dry_run": True, "config_sha256": study.sha256}
-            | _ahead(study, draws, folder, force=force)
+            | _ahead(study, draws, folder, force=request.force)
         )
     if readings == "all" and not yes:
         message = f"all {len(study.readings)} readings mean {cost_text(cost)}"
         raise UsageError(message, where="--readings all", hint="say --yes if that is what you want")
-    return run_study(study, draws, folder, jobs=jobs, force=force, dask=dask, talk=talk)
+    return run_study(study, draws, folder, jobs=jobs, force=request.force, dask=dask, talk=talk)
 
 
 def _ahead(study: Study, draws: int, folder: Path, *, force: bool) -> dict[str, int]:
     """Blocks that a run would need, and those of them that are on disk."""
+    refuse_others(folder, study.identity, force=force)
     if not force:
-        refuse_others(folder, study.identity)
         refuse_shards(folder, study)
     blocks = study.blocks(draws)
     missing = missing_blocks(folder, study, blocks, Talk(quiet=True))
@@ -184,8 +167,8 @@ def run_study(
         What ``--json`` prints.
     """
     blocks = study.blocks(draws)
-    with claimed(folder, study.identity, force=force):
-        prepare(folder, study, force=force)
+    with claimed(folder, study.identity, force=force) as held:
+        prepare(held, study, force=force)
         write_atomically(folder / PLAN, to_json(study.plan(draws)))
         missing = missing_blocks(folder, study, blocks, talk)
         resumed = len(blocks) - len(missing)
@@ -199,7 +182,7 @@ def run_study(
             "resumed_from": resumed,
             "blocks": len(blocks),
         }
-        return finish(study, draws, folder, speed, seconds)
+        return _finish(study, draws, held, speed, seconds, talk)
 
 
 def _compute(
@@ -226,27 +209,13 @@ def _compute(
     return experiments
 
 
-def finish(study: Study, draws: int, folder: Path, speed: dict[str, Any], seconds: float) -> dict[str, Any]:
-    """Write tables, figures, summary and manifest of a complete ensemble.
-
-    Parameters
-    ----------
-    study : Study
-    draws : int
-    folder : Path
-        Results folder, held.
-    speed : dict
-        ``experiments_per_second``, ``resumed_from``.
-    seconds : float
-        Wall time of what was simulated now.
-
-    Returns
-    -------
-    dict
-        The summary.
-    """
+def _finish(
+    study: Study, draws: int, held: HeldFolder, speed: dict[str, Any], seconds: float, talk: Talk
+) -> dict[str, Any]:
+    """Write tables, figures, summary and manifest of a complete ensemble."""
+    folder = held.path
     data = {name: read_ensemble(folder, name) for name in study.boxes}
-    populations = {name: population_summary(held) for name, held in data.items()}
+    populations = {name: population_summary(one) for name, one in data.items()}
     summary: dict[str, Any] = {
         "schema_version": SCHEMA_VERSION,
         "experiment": "ensemble",
@@ -264,13 +233,12 @@ def finish(study: Study, draws: int, folder: Path, speed: dict[str, Any], second
         "out": str(folder),
         "populations": populations,
     }
-    clear(folder)
-    outputs = write_ensemble_tables(summary, folder / "tables")
-    outputs += draw_ensemble_figures(summary, folder / "figures")
-    write_atomically(folder / SUMMARY, to_json(summary))
+    held.clear()
+    held.files += write_ensemble_tables(summary, folder / "tables")
+    held.files += draw_ensemble_figures(summary, folder / "figures")
+    held.write(SUMMARY, to_json(summary))
     manifest = make_manifest(study.base, seconds)
     manifest |= {"experiment": "ensemble", "seed": study.seed}
     manifest["config"] = manifest["config"] | {"sha256": study.identity, "ensemble_sha256": study.sha256}
-    manifest = with_outputs(manifest, folder, [*outputs, folder / SUMMARY])
-    write_atomically(folder / MANIFEST, to_json(manifest))
+    held.finish(manifest, talk)
     return summary

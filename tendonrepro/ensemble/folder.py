@@ -9,16 +9,15 @@ from tendonrepro.console import Talk
 from tendonrepro.ensemble.plan import Study
 from tendonrepro.ensemble.shards import FOLDER, Block, identity_of, read_shard, shard_files
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
-from tendonrepro.results.folder import clear
+from tendonrepro.results.folder import HeldFolder
 
 
-def prepare(folder: Path, study: Study, *, force: bool) -> None:
+def prepare(held: HeldFolder, study: Study, *, force: bool) -> None:
     """Make the folder of shards ready: no half-written files, and none of another ensemble.
 
     Parameters
     ----------
-    folder : Path
-        Results folder, held by `tendonrepro.results.folder.claimed`.
+    held : HeldFolder
     study : Study
     force : bool
         Remove the shards of another ensemble.
@@ -28,6 +27,7 @@ def prepare(folder: Path, study: Study, *, force: bool) -> None:
     UsageError
         When there are such shards and `force` is not given.
     """
+    folder = held.path
     shards = folder / FOLDER
     try:
         for leftover in shards.glob(".*.h5"):
@@ -39,7 +39,7 @@ def prepare(folder: Path, study: Study, *, force: bool) -> None:
             path.unlink()
         if others:
             # Tables of shards that are gone would make an interrupted run look like another one's results.
-            clear(folder)
+            held.clear()
     except OSError as error:
         message = f"cannot clear the folder of shards: {error.strerror or error}"
         raise TendonreproError(message, where=str(shards)) from error

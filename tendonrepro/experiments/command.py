@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 import hashlib
-import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
 from tendonrepro.config.ensemble import LoadedEnsemble
 from tendonrepro.config.kinds import checked
-from tendonrepro.config.load import LoadedConfig, load_config
+from tendonrepro.config.load import LoadedConfig
 from tendonrepro.config.published import published
+from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.experiments.run import PRECISE, all_loops, simulate_all, simulate_together, trace_file
 from tendonrepro.experiments.user_law import UserLaw, find_user_law
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.parallel import each
-from tendonrepro.results.folder import MANIFEST, TRACES, claimed, clear, read_manifest, refuse_others
+from tendonrepro.results.folder import MANIFEST, TRACES, claimed, read_manifest, refuse_others
 from tendonrepro.results.manifest import make_manifest, with_outputs
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.summary import LOADS, compared_runs, table_data_compare, table_data_decouple
@@ -34,44 +34,27 @@ EXPERIMENTS: tuple[ExperimentName, ...] = ("decouple", "compare")
 
 @dataclass(frozen=True)
 class Order:
-    """What the user asked for.
+    """One of the paper's experiments as a user wants it.
 
     Attributes
     ----------
-    experiment : str
-        ``compare`` or ``decouple``.
-    config : str or None
-        File, ``-``, or a shipped name; None is the shipped configuration of the experiment.
-    out : Path or None
-        Results folder; None is ``reports/<experiment>``.
-    overrides : sequence of str
-        ``dotted.key=VALUE``.
-    seed : int or None
-        Replaces the configuration's.
-    controllers : sequence of int or None
-        Numbers of the controllers to run; None is all.
+    experiment : {'compare', 'decouple'}
+    request : Request
     law : str or None
-        ``FILE:NAME`` of a law to run beside them.
+        ``FILE:NAME`` of a law to run beside the controllers.
     solver : {'scipy', 'compiled'}
         Stepper: the reference, or the one of ensembles.
-    force : bool
-        Overwrite other results.
     """
 
     experiment: ExperimentName
-    config: str | None = None
-    out: Path | None = None
-    overrides: Sequence[str] = ()
-    seed: int | None = None
-    controllers: Sequence[int] | None = None
+    request: Request = field(default_factory=Request)
     law: str | None = None
-    force: bool = False
     solver: Literal["scipy", "compiled"] = "scipy"
 
     @property
     def folder(self) -> Path:
         """Results folder."""
-        return self.out or Path("reports") / self.experiment
+        return self.request.folder(self.experiment)
 
 
 def run_experiment(order: Order, talk: Talk) -> dict[str, Any]:
@@ -93,19 +76,17 @@ def run_experiment(order: Order, talk: Talk) -> dict[str, Any]:
         If the configuration cannot be used or results cannot be written.
     """
     loaded, law = _load(order)
-    with claimed(order.folder, loaded.sha256, force=order.force):
-        started = time.perf_counter()
+    with claimed(order.folder, loaded.sha256, force=order.request.force) as held:
         run = simulate_together if order.solver == "compiled" else simulate_all
         traces = run(loaded, law, talk)
-        manifest = make_manifest(loaded, time.perf_counter() - started)
+        manifest = make_manifest(loaded, held.seconds)
         if order.solver == "compiled":
             manifest["solver"] = {"name": COMPILED_STEPPER, "tolerance": PRECISE}
         file = trace_file(loaded, traces, manifest)
-        clear(order.folder)
-        write_traces(order.folder / TRACES, file)
-        outputs = [order.folder / TRACES, *draw_figures(file, order.folder), *make_tables(file, order.folder)]
-        write_atomically(order.folder / MANIFEST, to_json(with_outputs(manifest, order.folder, outputs)))
-    talk.detail(f"{len(outputs)} files in {time.perf_counter() - started:.1f} s")
+        held.clear()
+        write_traces(held.path / TRACES, file)
+        held.files += [held.path / TRACES, *draw_figures(file, held.path), *make_tables(file, held.path)]
+        held.finish(manifest, talk)
     return results(file, order.folder)
 
 
@@ -114,34 +95,24 @@ def diverged(found: dict[str, Any]) -> bool:
     return "diverged" in found.get("status", {}).values()
 
 
-def both_orders(
-    configs: Path | None, out: Path, overrides: Sequence[str], seed: int | None, *, force: bool
-) -> list[Order]:
+def both_orders(configs: Path | None, request: Request) -> list[Order]:
     """Orders for the two experiments of the paper.
 
     Parameters
     ----------
     configs : Path or None
         Folder with ``decouple.yaml`` and ``compare.yaml``; None is the shipped ones.
-    out : Path
-        Folder for both results.
-    overrides : sequence of str
-        Applied to both.
-    seed : int or None
-    force : bool
-
-    Returns
-    -------
-    list of Order
+    request : Request
+        For both; its results folder is the one above theirs.
     """
     return [
         Order(
             name,
-            config=None if configs is None else str(configs / f"{name}.yaml"),
-            out=out / name,
-            overrides=overrides,
-            seed=seed,
-            force=force,
+            replace(
+                request,
+                config=None if configs is None else str(configs / f"{name}.yaml"),
+                out=(request.out or Path("reports")) / name,
+            ),
         )
         for name in EXPERIMENTS
     ]
@@ -160,8 +131,7 @@ def plan(order: Order) -> dict[str, Any]:
         Runs with their number of samples, digest of the configuration, and results folder.
     """
     loaded, law = _load(order)
-    if not order.force:
-        refuse_others(order.folder, loaded.sha256)
+    refuse_others(order.folder, loaded.sha256, force=order.request.force)
     samples = {name: int(loop.reference.time.size) for name, loop in all_loops(loaded, law).items()}
     return {
         "schema_version": SCHEMA_VERSION,
@@ -359,13 +329,7 @@ def make_tables(file: TraceFile, folder: Path) -> list[Path]:
 
 
 def _load(order: Order) -> tuple[LoadedConfig, UserLaw | None]:
-    loaded = load_config(
-        order.config,
-        order.experiment,
-        overrides=order.overrides,
-        seed=order.seed,
-        controllers=order.controllers,
-    )
+    loaded = order.request.load(order.experiment)
     if order.solver == "compiled":
         digest = hashlib.sha256(f"{loaded.sha256} compiled".encode()).hexdigest()
         loaded = replace(loaded, sha256=digest, overrides=(*loaded.overrides, "solver=compiled"))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,15 +9,16 @@ from typing import Any
 import numpy as np
 
 from tendonrepro.config.load import LoadedConfig
+from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.explain.analysis import explain
 from tendonrepro.explain.explanation import Explanation, RunMargins, View
 from tendonrepro.explain.margins import LOW_FREQUENCY, ChannelMargins
 from tendonrepro.explain.report import explanation_text
-from tendonrepro.files import to_json, write_atomically
+from tendonrepro.files import to_json
 from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, estimate_age
-from tendonrepro.results.folder import MANIFEST, claimed, clear, refuse_others
-from tendonrepro.results.manifest import make_manifest, with_outputs
+from tendonrepro.results.folder import claimed, refuse_others
+from tendonrepro.results.manifest import make_manifest
 from tendonrepro.results.tables import write_table
 
 SCHEMA_VERSION = 1
@@ -26,25 +26,15 @@ SCHEMA_VERSION = 1
 DATA = "explain.json"
 
 _PAIRS = ("c1_c2", "c2_c3")
-DEFAULT_OUT = Path("reports") / "explain"
 
 
-def run_explain(
-    loaded: LoadedConfig, out: Path | None, talk: Talk, *, force: bool = False, dry_run: bool = False
-) -> dict[str, Any]:
+def run_explain(request: Request, talk: Talk) -> dict[str, Any]:
     """Explain a configuration and write numbers, table, figures and manifest.
 
     Parameters
     ----------
-    loaded : LoadedConfig
-        Of the experiment ``compare``.
-    out : Path or None
-        Results folder; None is ``reports/explain``.
+    request : Request
     talk : Talk
-    force : bool
-        Overwrite results of another configuration or version.
-    dry_run : bool
-        Only check that it could be done.
 
     Returns
     -------
@@ -58,30 +48,26 @@ def run_explain(
     """
     from tendonrepro.explain.figures import draw_explanation
 
-    folder = out or DEFAULT_OUT
-    if dry_run:
-        return _plan(loaded, folder, force=force)
-    with claimed(folder, loaded.sha256, force=force):
-        started = time.perf_counter()
+    loaded, folder = request.load("compare"), request.folder("explain")
+    if request.dry_run:
+        return _plan(loaded, folder, force=request.force)
+    with claimed(folder, loaded.sha256, force=request.force) as held:
         found = explain(loaded)
         data = explanation_data(found)
-        manifest = make_manifest(loaded, time.perf_counter() - started) | {"command": "explain"}
-        clear(folder)
+        manifest = make_manifest(loaded, held.seconds) | {"command": "explain"}
+        held.clear()
         rows = list(margin_rows(found))
         caption = f"Stability of the sampled loop, worst of {len(found.postures)} postures ({found.origin})."
         columns = {name: (name, ".6g") for name in rows[0]}
-        outputs = write_table(rows, folder / "tables", "explain", caption, columns)
-        outputs += draw_explanation(found, folder / "figures")
-        write_atomically(folder / DATA, to_json(data))
-        manifest = with_outputs(manifest, folder, [*outputs, folder / DATA])
-        write_atomically(folder / MANIFEST, to_json(manifest))
-    talk.detail(f"{len(outputs) + 1} files in {time.perf_counter() - started:.1f} s")
-    return data | {"text": explanation_text(found), "out": str(folder), "manifest": str(folder / MANIFEST)}
+        held.files += write_table(rows, folder / "tables", "explain", caption, columns)
+        held.files += draw_explanation(found, folder / "figures")
+        held.write(DATA, to_json(data))
+        path = held.finish(manifest, talk)
+    return data | {"text": explanation_text(found), "out": str(folder), "manifest": path}
 
 
 def _plan(loaded: LoadedConfig, folder: Path, *, force: bool) -> dict[str, Any]:
-    if not force:
-        refuse_others(folder, loaded.sha256)
+    refuse_others(folder, loaded.sha256, force=force)
     plan = {"dry_run": True, "config_sha256": loaded.sha256, "out": str(folder)}
     text = f"{loaded.origin} is valid (sha256 {loaded.sha256[:12]})\nwould write to {folder}"
     return {"schema_version": SCHEMA_VERSION, "command": "explain"} | plan | {"text": text}

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import time
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, get_args
 
@@ -14,10 +12,11 @@ from tendonrepro.arrays import Array
 from tendonrepro.config.ensemble import LoadedEnsemble, load_ensemble
 from tendonrepro.config.models.readings import AXES, RUNS, Reading, default_readings, parse_reading
 from tendonrepro.config.published import Published, published
+from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.ensemble.box import make_box, scrambled_sobol
 from tendonrepro.errors import UsageError
-from tendonrepro.files import to_json, write_atomically
+from tendonrepro.files import to_json
 from tendonrepro.identify.judge import (
     number_rows,
     order_rows,
@@ -39,13 +38,12 @@ from tendonrepro.identify.report import CONFIG, conclusions, write_config, write
 from tendonrepro.identify.search import Effort, Found, search
 from tendonrepro.identify.state import State
 from tendonrepro.identify.task import NEAR, SCHEMA_VERSION, Fit, Task
-from tendonrepro.results.folder import MANIFEST, claimed, clear, refuse_others
-from tendonrepro.results.manifest import make_manifest, with_outputs
+from tendonrepro.results.folder import HeldFolder, claimed, refuse_others
+from tendonrepro.results.manifest import make_manifest
 from tendonrepro.simulation.batch import simulate_batch
 
 DATA = "identify.json"
 STATES = "search"
-DEFAULT_OUT = Path("reports") / "identify"
 
 FEWEST_MEMBERS = 5
 
@@ -54,20 +52,15 @@ GENERATIONS, POPULATION, SEEDS = 120, 48, 3
 
 
 def run_identify(
-    source: str | None,
-    fit: Fit,
-    readings: str,
-    window: Window,
-    generations: int,
-    population: int,
-    seeds: int,
-    overrides: Sequence[str],
-    seed: int | None,
-    out: Path | None,
-    force: bool,
-    dry_run: bool = False,
-    talk: Talk | None = None,
+    request: Request,
+    talk: Talk,
     *,
+    fit: Fit = "controller_2",
+    readings: str = "printed",
+    window: Window = "whole",
+    generations: int = GENERATIONS,
+    population: int = POPULATION,
+    seeds: int = SEEDS,
     simulate: Simulate = simulate_batch,
     paper: Published | None = None,
 ) -> dict[str, Any]:
@@ -75,8 +68,9 @@ def run_identify(
 
     Parameters
     ----------
-    source : str or None
-        Configuration of an ensemble, whose box is searched: a file, ``-``, a shipped name, or None.
+    request : Request
+        Its configuration is that of an ensemble, whose box is searched.
+    talk : Talk
     fit : {'controller_2', 'all'}
         Fit Controller 2's four numbers and judge the others by them; or all sixteen and judge nothing.
     readings : str
@@ -85,17 +79,6 @@ def run_identify(
         What the printed numbers average.
     generations, population, seeds : int
         Effort of each search; the population is that of one seed.
-    overrides : sequence of str
-        ``dotted.key=VALUE``, as for the ensemble.
-    seed : int or None
-        Replaces the configuration's.
-    out : Path or None
-        Results folder.
-    force : bool
-        Overwrite other results.
-    dry_run : bool
-        Only say what would be done.
-    talk : Talk, optional
     simulate : callable
         The batch stepper.
     paper : Published, optional
@@ -113,9 +96,9 @@ def run_identify(
     TendonreproError
         When results cannot be written; searches are taken up again from their last generation.
     """
-    talk, folder = talk or Talk(), out or DEFAULT_OUT
+    folder = request.folder("identify")
     _check(fit, window, generations, population, seeds)
-    loaded = load_ensemble(source, overrides=overrides, seed=seed)
+    loaded = load_ensemble(request.config, overrides=request.overrides, seed=request.seed)
     joints, box = loaded.compare.joints, make_box(loaded.config)
     smooth = tuple(choices.size == 0 for choices in box.choices)
     task = Task(
@@ -128,12 +111,11 @@ def run_identify(
         bench=Bench(loaded.base, box, window, simulate, os.cpu_count() or 1),
     )
     identity = task.identity([held.name for held in task.readings])
-    if dry_run:
-        if not force:
-            refuse_others(folder, identity)
+    if request.dry_run:
+        refuse_others(folder, identity, force=request.force)
         return _outline(task, folder) | {"dry_run": True, "config_sha256": loaded.sha256}
-    with claimed(folder, identity, force=force):
-        return _identified(task, folder, identity, talk)
+    with claimed(folder, identity, force=request.force) as held:
+        return _identified(task, held, identity, talk)
 
 
 def _check(fit: str, window: str, generations: int, population: int, seeds: int) -> None:
@@ -183,32 +165,30 @@ def _outline(task: Task, folder: Path) -> dict[str, Any]:
     }
 
 
-def _identified(task: Task, folder: Path, identity: str, talk: Talk) -> dict[str, Any]:
+def _identified(task: Task, held: HeldFolder, identity: str, talk: Talk) -> dict[str, Any]:
     from tendonrepro.identify.figures import draw_identify_figures
 
-    started = time.perf_counter()
-    states = {held.name: _searched(task, task.case(held), folder, talk) for held in task.readings}
+    folder = held.path
+    states = {reading.name: _searched(task, task.case(reading), folder, talk) for reading in task.readings}
     with talk.bar("judging", len(task.readings)) as progress:
         found = []
-        for held in task.readings:
-            found.append(_reading_data(task, held, states[held.name]))
+        for reading in task.readings:
+            found.append(_reading_data(task, reading, states[reading.name]))
             progress(1)
     data = _outline(task, folder) | {"readings": found, "config": str(folder / CONFIG)}
     data["conclusions"] = conclusions(data)
-    clear(folder)
+    held.clear()
     place = int(np.argmin([entry["misfit_log"] for entry in found]))
     best = task.readings[place]
     config = task.bench.config(states[best.name].best()[0], best)
     write_config(folder / CONFIG, config, found[place]["misfit_log"], best.name)
-    outputs = [folder / CONFIG, *write_identify_tables(data, folder / "tables")]
-    outputs += draw_identify_figures(data, folder / "figures")
-    write_atomically(folder / DATA, to_json(data))
-    manifest = make_manifest(task.loaded.base, time.perf_counter() - started)
+    held.files += [folder / CONFIG, *write_identify_tables(data, folder / "tables")]
+    held.files += draw_identify_figures(data, folder / "figures")
+    held.write(DATA, to_json(data))
+    manifest = make_manifest(task.loaded.base, held.seconds)
     manifest |= {"experiment": "identify", "seed": task.seed}
     manifest["config"] = manifest["config"] | {"sha256": identity, "ensemble_sha256": task.loaded.sha256}
-    manifest = with_outputs(manifest, folder, [*outputs, folder / DATA])
-    write_atomically(folder / MANIFEST, to_json(manifest))
-    return data | {"manifest": str(folder / MANIFEST)}
+    return data | {"manifest": held.finish(manifest, talk)}
 
 
 def _searched(task: Task, case: Reading, folder: Path, talk: Talk) -> State:

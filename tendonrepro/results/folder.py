@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,15 +12,71 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from tendonrepro import __version__
+from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
-from tendonrepro.files import sha256_of
+from tendonrepro.files import sha256_of, to_json, write_atomically
+from tendonrepro.results.manifest import with_outputs
 
 MANIFEST = "manifest.json"
 TRACES = "traces.h5"
 
 
+class HeldFolder:
+    """A results folder while it is written: knows its files, and ends with the manifest that lists them.
+
+    Attributes
+    ----------
+    path : Path
+    files : list of Path
+        What the result consists of so far, without the manifest.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.files: list[Path] = []
+        self._started = time.perf_counter()
+
+    @property
+    def seconds(self) -> float:
+        """Wall time since the folder is held."""
+        return time.perf_counter() - self._started
+
+    def clear(self) -> None:
+        """Remove an earlier result, manifest first, so that no old figure stands among new ones.
+
+        Files that its manifest does not list, or that were changed since, are left alone.
+        """
+        if not (self.path / MANIFEST).exists():
+            return
+        try:
+            outputs = read_manifest(self.path).get("outputs", {})
+        except DataMissingError:
+            outputs = {}
+        try:
+            (self.path / MANIFEST).unlink()
+        except OSError as error:
+            message = f"cannot remove the earlier result: {error.strerror}"
+            raise TendonreproError(message, where=str(self.path / MANIFEST)) from error
+        for name, digest in outputs.items():
+            path = self.path / name
+            if path.is_file() and sha256_of(path) == digest:
+                path.unlink()
+
+    def write(self, name: str, content: bytes | str) -> None:
+        """Write a file of the result."""
+        write_atomically(self.path / name, content)
+        self.files.append(self.path / name)
+
+    def finish(self, manifest: dict[str, Any], talk: Talk) -> str:
+        """Write the manifest with the digests of all files; return its path."""
+        path = self.path / MANIFEST
+        write_atomically(path, to_json(with_outputs(manifest, self.path, self.files)))
+        talk.detail(f"{len(self.files)} files in {self.seconds:.1f} s")
+        return str(path)
+
+
 @contextmanager
-def claimed(folder: Path, config_sha256: str, *, force: bool) -> Iterator[None]:
+def claimed(folder: Path, config_sha256: str, *, force: bool) -> Iterator[HeldFolder]:
     """Hold a results folder while writing into it.
 
     Parameters
@@ -31,6 +88,10 @@ def claimed(folder: Path, config_sha256: str, *, force: bool) -> Iterator[None]:
     force : bool
         Overwrite results of another configuration or version.
 
+    Yields
+    ------
+    HeldFolder
+
     Raises
     ------
     UsageError
@@ -39,9 +100,8 @@ def claimed(folder: Path, config_sha256: str, *, force: bool) -> Iterator[None]:
         If the folder cannot be made.
     """
     with locked(folder):
-        if not force:
-            refuse_others(folder, config_sha256)
-        yield
+        refuse_others(folder, config_sha256, force=force)
+        yield HeldFolder(folder)
 
 
 @contextmanager
@@ -76,7 +136,7 @@ def locked(folder: Path) -> Iterator[None]:
         lock.release()
 
 
-def refuse_others(folder: Path, config_sha256: str) -> None:
+def refuse_others(folder: Path, config_sha256: str, *, force: bool = False) -> None:
     """Refuse a folder that holds results of another configuration or version.
 
     Parameters
@@ -85,6 +145,8 @@ def refuse_others(folder: Path, config_sha256: str) -> None:
         May be missing.
     config_sha256 : str
         Digest of the configuration whose results are to be written.
+    force : bool
+        They may be overwritten: refuse nothing.
 
     Raises
     ------
@@ -93,6 +155,8 @@ def refuse_others(folder: Path, config_sha256: str) -> None:
     DataMissingError
         If its manifest cannot be read.
     """
+    if force:
+        return
     hint = "choose another --out, or say --force to overwrite them"
     if not (folder / MANIFEST).exists():
         if (folder / TRACES).exists():
@@ -111,31 +175,6 @@ def refuse_others(folder: Path, config_sha256: str) -> None:
 
 def _short(identity: object) -> str:
     return str(identity)[:12]
-
-
-def clear(folder: Path) -> None:
-    """Remove an earlier result, manifest first, so that no old figure stands among new ones.
-
-    Parameters
-    ----------
-    folder : Path
-        Held by :func:`claimed`. Files that no manifest lists, or that were changed since, are left alone.
-    """
-    if not (folder / MANIFEST).exists():
-        return
-    try:
-        outputs = read_manifest(folder).get("outputs", {})
-    except DataMissingError:
-        outputs = {}
-    try:
-        (folder / MANIFEST).unlink()
-    except OSError as error:
-        message = f"cannot remove the earlier result: {error.strerror}"
-        raise TendonreproError(message, where=str(folder / MANIFEST)) from error
-    for name, digest in outputs.items():
-        path = folder / name
-        if path.is_file() and sha256_of(path) == digest:
-            path.unlink()
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -12,15 +12,16 @@ from typing import Any, Literal
 
 from tendonrepro.claims.from_measurement import JUDGED, Measured, judge_measured, measured_of
 from tendonrepro.claims.from_print import Judged
-from tendonrepro.config.load import LoadedConfig, load_config
+from tendonrepro.config.load import LoadedConfig
 from tendonrepro.config.published import Published, published
+from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.dataset.measured_file import origin, read_measured
 from tendonrepro.dataset.motion.recover import Reference
 from tendonrepro.dataset.motion.written import runnable
 from tendonrepro.files import sha256_of, to_json, write_atomically
 from tendonrepro.parallel import each
-from tendonrepro.results.folder import MANIFEST, claimed, clear, refuse_others
+from tendonrepro.results.folder import MANIFEST, claimed, refuse_others
 from tendonrepro.results.manifest import make_manifest, with_outputs
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.summary import CONTROLLERS, LOADS
@@ -32,7 +33,6 @@ from tendonrepro.validation.row_files import csv_of, markdown_of
 from tendonrepro.validation.tables import table_data, window_rows, write_measured_tables
 
 SCHEMA_VERSION = 1
-FOLDER = Path("reports") / "validate"
 RESULTS, SIMULATED = "validation.json", "simulated.h5"
 
 RARE = 0.01
@@ -41,33 +41,16 @@ EXPECTED = (*CONTROLLERS, LOADS["with_load"], "decouple")
 """Runs that a complete measurement holds."""
 
 
-def run_validate(
-    measured: Path,
-    config: str | None,
-    out: Path | None,
-    overrides: Sequence[str],
-    seed: int | None,
-    force: bool,
-    dry_run: bool,
-    talk: Talk,
-) -> dict[str, Any]:
+def run_validate(measured: Path, request: Request, talk: Talk) -> dict[str, Any]:
     """Compare a measured trace file with the print and with the model, and write all of it.
 
     Parameters
     ----------
     measured : Path
         Trace file that ingest has written.
-    config : str or None
-        Configuration of the model, but for its reference; None is the shipped one.
-    out : Path or None
-        Results folder; None is ``reports/validate``.
-    overrides : sequence of str
-        ``dotted.key=VALUE`` for the configuration; those of the manipulator hold for both experiments.
-    seed : int or None
-    force : bool
-        Overwrite other results.
-    dry_run : bool
-        Check everything, write nothing.
+    request : Request
+        Its configuration is the model's, but for the reference; changes of the manipulator hold for both
+        experiments.
     talk : Talk
 
     Returns
@@ -82,25 +65,24 @@ def run_validate(
     UsageError
         If it is simulated, or the folder holds other results.
     """
-    folder = out or FOLDER
+    folder = request.folder("validate")
     file = read_measured(measured)
     kind: Literal["compare", "decouple"] = "compare" if file.part("compare").runs else "decouple"
-    base = load_config(config, kind, overrides=overrides, seed=seed)
+    base = request.load(kind)
     digest = hashlib.sha256(f"{base.sha256} {sha256_of(measured)}".encode()).hexdigest()
     base = replace(base, sha256=digest, inputs=(*base.inputs, measured))
     head = {"schema_version": SCHEMA_VERSION, "measured": str(measured), "out": str(folder)}
-    if dry_run:
-        if not force:
-            refuse_others(folder, digest)
+    if request.dry_run:
+        refuse_others(folder, digest, force=request.force)
         return head | {
             "dry_run": True,
             "runs": list(file.runs),
             "config": base.origin,
             "config_sha256": digest,
         }
-    with claimed(folder, digest, force=force):
+    with claimed(folder, digest, force=request.force) as held:
         started = time.perf_counter()
-        clear(folder)
+        held.clear()
         work = Work(folder)
         data = head | _validated(file, measured.name, base, work, talk)
         data["files"] = [str(one) for one in (*work.files, folder / RESULTS)]

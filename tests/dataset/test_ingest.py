@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from support import synthetic_record
 from support.matlab_bytes import classic, hdf
 
+from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.dataset.ingest import ingest_text, run_ingest
 from tendonrepro.dataset.inspection import inspect_text, run_inspect
@@ -33,7 +34,7 @@ SHORT = ("reference.periods=2", "reference.rise=0.5", "reference.hold=0.1")
 @pytest.fixture(scope="module")
 def simulated(tmp_path_factory: pytest.TempPathFactory) -> TraceFile:
     out = tmp_path_factory.mktemp("simulated")
-    run_experiment(Order("compare", out=out, overrides=SHORT), QUIET)
+    run_experiment(Order("compare", Request(out=out, overrides=SHORT)), QUIET)
     return read_traces(out / "traces.h5")
 
 

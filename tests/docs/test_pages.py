@@ -18,6 +18,7 @@ import typer
 from typer.main import get_command
 
 import tendonrepro
+from tendonrepro.config.request import Request
 from tendonrepro.cli.app import app
 from tendonrepro.config.ensemble import load_ensemble
 from tendonrepro.config.fields.quantity import UNITS
@@ -445,7 +446,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     law = folder / "my_law.py"
     law.write_text(blocks(page("laws.md"), "python")[0], encoding="utf-8")
     out = folder / "reports" / "compare"
-    order = Order("compare", out=out, overrides=SHORT, controllers=[1], law=f"{law}:steep")
+    order = Order("compare", Request(out=out, overrides=SHORT, controllers=[1]), law=f"{law}:steep")
     found = run_experiment(order, Talk(quiet=True))
     assert list(found["table2"]) == ["controller_1", "steep"]
     assert found["status"]["steep"] == "ok"
@@ -463,7 +464,7 @@ def test_law_in_a_file(results: Path) -> None:
 def test_law_with_memory_of_its_own(tmp_path: Path) -> None:
     law = tmp_path / "integral.py"
     law.write_text(blocks(page("laws.md"), "python")[1], encoding="utf-8")
-    order = Order("compare", out=tmp_path, overrides=SHORT, controllers=[3], law=f"{law}:integral")
+    order = Order("compare", Request(out=tmp_path, overrides=SHORT, controllers=[3]), f"{law}:integral")
     assert list(plan(order)["samples"]) == ["controller_3", "integral"]
     loaded = load_config(None, "compare", overrides=SHORT, controllers=[3])
     loops = all_loops(loaded, find_user_law(f"{law}:integral"))

@@ -16,6 +16,7 @@ from support.fake_batch import DRAWS, fake_batch, fingerprint, small_study
 
 from tendonrepro import files
 from tendonrepro.config.models.readings import RUNS, under
+from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.ensemble.block import compute_block, loops_of, spot_check
 from tendonrepro.ensemble.command import load_study, run_ensemble, run_study
@@ -453,7 +454,7 @@ def test_the_summary_holds_what_the_contract_names(unbroken: Path) -> None:
 
 def test_a_dry_run_writes_nothing_and_states_the_cost(tmp_path: Path) -> None:
     out = tmp_path / "none"
-    found = run_ensemble(None, 4096, 1, out, (), None, False, None, dry_run=True)
+    found = run_ensemble(Request(out=out, dry_run=True), QUIET, draws=4096)
     study = load_study(None, (), None, "default")
     draws = sum(4096 * share for share in study.shares.values())
     assert found["cost"]["experiments"] == draws * len(study.cases)
@@ -466,23 +467,23 @@ def test_a_dry_run_counts_what_is_there_and_refuses_what_a_run_would(
 ) -> None:
     study = replace(small_study(), block_draws=8)
     run(tmp_path, study)
-    asked = [None, 2 * DRAWS, 1, tmp_path, (), None, False, None]
+    asked = Request(out=tmp_path, dry_run=True)
     monkeypatch.setattr("tendonrepro.ensemble.command.load_study", lambda *_: study)
-    found = run_ensemble(*asked, dry_run=True)  # type: ignore[arg-type]
+    found = run_ensemble(asked, QUIET, draws=2 * DRAWS)
     assert (found["resumed_from"], found["blocks"]) == (8, 16)
     monkeypatch.setattr("tendonrepro.ensemble.command.load_study", lambda *_: replace(study, seed=77))
     with pytest.raises(UsageError, match="another configuration"):
-        run_ensemble(*asked, dry_run=True)  # type: ignore[arg-type]
+        run_ensemble(asked, QUIET, draws=2 * DRAWS)
     (tmp_path / "manifest.json").unlink()
     with pytest.raises(UsageError, match="holds 8 blocks of another configuration"):
-        run_ensemble(*asked, dry_run=True)  # type: ignore[arg-type]
+        run_ensemble(asked, QUIET, draws=2 * DRAWS)
 
 
 def test_all_readings_need_a_yes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     readings = load_study(None, (), None, "default").readings
     monkeypatch.setattr("tendonrepro.ensemble.command.full_cross", lambda: readings)
     with pytest.raises(UsageError, match=r"minutes of one processor and .* MB") as caught:
-        run_ensemble(None, 4096, 1, tmp_path / "none", (), None, False, None, "all")
+        run_ensemble(Request(out=tmp_path / "none"), QUIET, draws=4096, readings="all")
     assert "--yes" in str(caught.value.hint)
     assert not (tmp_path / "none").exists()
 

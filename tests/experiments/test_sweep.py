@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from tendonrepro.config.load import load_config
+from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.experiments.loops import build_loops
@@ -41,10 +42,12 @@ SMOOTH = (
     f"period: {quantity(8, 's')}, periods: {quantity(1, '1')}}}",
 )
 
+QUIET = Talk(quiet=True)
+
 
 @cache
 def swept(*over, overrides=(ONE,), controllers=(1, 2)):
-    return simulate_sweep(load_sweep(None, over, overrides, controllers=controllers), Talk(quiet=True))
+    return simulate_sweep(load_sweep(Request(overrides=overrides, controllers=controllers), over), QUIET)
 
 
 def ratios(data, pair="c1_c2"):
@@ -128,7 +131,7 @@ class TestRun:
 
 class TestFiles:
     def test_results_are_complete(self, tmp_path):
-        found = run_sweep(None, [ALPHA], [ONE], None, [1, 2], tmp_path, talk=Talk(quiet=True))
+        found = run_sweep(Request(None, tmp_path, [ONE], controllers=[1, 2]), [ALPHA], QUIET)
         manifest = read_manifest(tmp_path)
         figures = {f"figures/sweep.{suffix}" for suffix in ("pdf", "svg", "png")}
         assert set(manifest["outputs"]) == {"sweep.json", "tables/sweep.csv", "tables/sweep.md", *figures}
@@ -148,12 +151,17 @@ class TestFiles:
         (tmp_path / "manifest.json").write_text('{"config": {"sha256": "0"}, "outputs": {}}')
         for dry_run in (False, True):
             with pytest.raises(UsageError, match="another configuration"):
-                run_sweep(None, [ALPHA], [ONE], None, [1], tmp_path, dry_run=dry_run)
-        assert run_sweep(None, [ALPHA], [ONE], None, [1], tmp_path, force=True, dry_run=True)["dry_run"]
+                run_sweep(
+                    Request(None, tmp_path, [ONE], controllers=[1], dry_run=dry_run),
+                    [ALPHA],
+                    QUIET,
+                )
+        forced = Request(None, tmp_path, [ONE], controllers=[1], dry_run=True, force=True)
+        assert run_sweep(forced, [ALPHA], QUIET)["dry_run"]
 
     def test_dry_run_writes_nothing(self, tmp_path):
         out = tmp_path / "none"
-        found = run_sweep(None, [PERIOD], [ONE], None, [1], out, dry_run=True)
+        found = run_sweep(Request(None, out, [ONE], controllers=[1], dry_run=True), [PERIOD], QUIET)
         assert not out.exists()
         assert found["samples"] == {
             "sampling_period=0.5": 18001, "sampling_period=1": 9001, "sampling_period=2": 4501,
@@ -162,12 +170,12 @@ class TestFiles:
 
     def test_identity_is_that_of_values_and_configuration(self):
         digests = {
-            load_sweep(None, over, overrides).base.sha256
+            load_sweep(Request(overrides=overrides), over).base.sha256
             for over in ([ALPHA], [PERIOD], [ALPHA, PERIOD])
             for overrides in ((), (ONE,))
         }
         assert len(digests) == 6
-        assert load_sweep(None, [ALPHA]).base.sha256 in digests
+        assert load_sweep(Request(), [ALPHA]).base.sha256 in digests
 
     def test_standard_input_is_read_once(self, monkeypatch, tmp_path):
         text = load_config(None, "compare").yaml_text
@@ -175,7 +183,7 @@ class TestFiles:
         path.write_text(text)
         with path.open() as stream:
             monkeypatch.setattr("sys.stdin", stream)
-            assert len(load_sweep("-", [ALPHA]).points) == 3
+            assert len(load_sweep(Request("-"), [ALPHA]).points) == 3
 
 
 class TestValues:
@@ -220,7 +228,7 @@ class TestValues:
     def test_every_wrong_value_is_named_once(self):
         over = ["control.gains.alpha=[0,2],[0.1,0.2],[0,0,0]", "sampling_period=0.7,1"]
         with pytest.raises(ConfigError) as caught:
-            load_sweep(None, over)
+            load_sweep(Request(), over)
         assert caught.value.message.splitlines() == [
             "3 mistakes in the values",
             "--over control.gains.alpha=[0,2]: control.gains.alpha.value.1: "
@@ -233,29 +241,29 @@ class TestValues:
 
     def test_step_that_follows_the_period_is_not_blamed(self):
         with pytest.raises(ConfigError) as caught:
-            load_sweep(None, ["sampling_period=-1,1"])
+            load_sweep(Request(), ["sampling_period=-1,1"])
         assert caught.value.message.splitlines() == [
             "1 mistake in the values",
             "--over sampling_period=-1: sampling_period.value: must be above 0 ms, found -1 ms",
         ]
         with pytest.raises(ConfigError, match=r"max_step\.value: must divide the sampling period"):
-            load_sweep(None, ["sampling_period=1,2", "solver.max_step=1,1.5"])
+            load_sweep(Request(), ["sampling_period=1,2", "solver.max_step=1,1.5"])
 
     def test_unknown_key(self):
         with pytest.raises(ConfigError, match="unknown key 'alpa', did you mean 'alpha'"):
-            load_sweep(None, ["control.gains.alpa=1,2"])
+            load_sweep(Request(), ["control.gains.alpa=1,2"])
         with pytest.raises(ConfigError, match=r"--over nothing.at=1: .*unknown key 'nothing'"):
-            load_sweep(None, ["nothing.at=1,2"])
+            load_sweep(Request(), ["nothing.at=1,2"])
 
     def test_key_set_already_is_refused(self):
         with pytest.raises(UsageError, match="also set by --set"):
-            load_sweep(None, [PERIOD], ["sampling_period=1"])
+            load_sweep(Request(overrides=["sampling_period=1"]), [PERIOD])
 
     def test_points_with_other_runs_are_refused(self):
         run = f"{{a: {{law: controller_1, payload: {quantity(0, 'kg')}}}}}"
         other = run.replace("{a:", "{b:")
         with pytest.raises(UsageError, match="the same runs"):
-            load_sweep(None, [f"runs={run},{other}"])
+            load_sweep(Request(), [f"runs={run},{other}"])
 
     def test_numbers_are_those_of_each_joint(self):
         def numbers(over):
@@ -275,7 +283,7 @@ class TestValues:
 
 
 def swept_keys(over):
-    found = run_sweep(None, [over], dry_run=True, out=Path("no such folder"))
+    found = run_sweep(Request(out=Path("no such folder"), dry_run=True), [over], QUIET)
     return found["keys"]
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from tendonrepro.config.load import load_config
+from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.explain.analysis import explain, run_margins, run_views, stroke, worst
@@ -218,7 +219,7 @@ class TestData:
 class TestFiles:
     def test_results_on_disk(self, tmp_path):
         config = loaded(DEGREES, controllers=(2,))
-        data = run_explain(config, tmp_path, Talk(quiet=True))
+        data = run_explain(Request(None, tmp_path, [DEGREES], controllers=[2]), Talk(quiet=True))
         manifest = json.loads((tmp_path / "manifest.json").read_text())
         figures = [
             f"figures/explain_{name}.{kind}" for name in ("locus", "map", "margins") for kind in FORMATS
@@ -233,7 +234,7 @@ class TestFiles:
         assert float(rows[0]["spectral_radius"]) == data["spectral_radius"]["controller_2"]
         assert data["out"] == str(tmp_path)
         with pytest.raises(UsageError, match="another configuration"):
-            run_explain(loaded(controllers=(2,)), tmp_path, Talk(quiet=True))
+            run_explain(Request(out=tmp_path, controllers=[2]), Talk(quiet=True))
 
     def test_decoupling_has_no_controllers(self):
         with pytest.raises(UsageError, match="compare"):

@@ -17,6 +17,7 @@ from tendonrepro.config.ensemble import load_ensemble
 from tendonrepro.config.load import load_config
 from tendonrepro.config.models.readings import RUNS, reading
 from tendonrepro.config.published import PrintedNumber, published
+from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.ensemble.box import make_box, scrambled_sobol
 from tendonrepro.errors import UsageError
@@ -405,11 +406,14 @@ def identified(
     with pytest.MonkeyPatch.context() as patch:
         if measure:
             patch.setattr(Bench, "measure", measure)
+        request = Request(
+            None, out, given["overrides"], given["seed"], None, given["dry_run"], given["force"]
+        )
+        effort = {key: given[key] for key in ("generations", "population", "seeds")}
+        asked = {"fit": fit, "readings": readings, "window": window}
         return run_identify(
-            None, fit, readings, window, given["generations"], given["population"], given["seeds"],
-            given["overrides"], given["seed"], out, given["force"], given["dry_run"], QUIET,
-            simulate=made_up, paper=held or made_up_paper(),
-        )  # fmt: skip
+            request, QUIET, **asked, **effort, simulate=made_up, paper=held or made_up_paper()
+        )
 
 
 @pytest.fixture(scope="module")

@@ -11,6 +11,7 @@ import pytest
 from tendonrepro.config.ensemble import load_ensemble
 from tendonrepro.config.models.readings import RUNS, parse_reading
 from tendonrepro.config.published import published
+from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.ensemble.box import make_box, scrambled_sobol
 from tendonrepro.identify.command import run_identify
@@ -66,8 +67,8 @@ def identified(tmp_path_factory):
 
     def run(name, values):
         return run_identify(
-            None, "controller_2", READING, "whole", 60, 32, 3, OVERRIDES, None, out / name, False,
-            talk=Talk(quiet=True), paper=paper(values),
+            Request(out=out / name, overrides=OVERRIDES), Talk(quiet=True), readings=READING,
+            generations=60, population=32, seeds=3, paper=paper(values),
         )["readings"][0]  # fmt: skip
 
     return run

@@ -17,6 +17,7 @@ from support.synthetic import COUNT, S, make_compare_file, make_decouple_file
 from tendonrepro.arrays import Array
 from tendonrepro.config.load import load_config
 from tendonrepro.config.published import published
+from tendonrepro.config.request import Request
 from tendonrepro.config.trajectory_file import read_samples
 from tendonrepro.console import Talk
 from tendonrepro.dataset.mapping.assembly import Assembly, doubts_about
@@ -325,9 +326,7 @@ def test_a_run_that_moved_otherwise_has_no_residuals(tmp_path: Path, monkeypatch
     second = MOVES.runs[SECOND]
     path = tmp_path / "SYNTHETIC.h5"
     write_traces(path, with_runs(controller_2=moved(second, 0.7 * second["q_d"])))
-    found: Any = validate.run_validate(
-        path, None, tmp_path / "out", (), None, force=False, dry_run=False, talk=Talk(quiet=True)
-    )
+    found: Any = validate.run_validate(path, Request(out=tmp_path / "out"), Talk(quiet=True))
     assert SECOND not in asked
     assert {row["run"] for row in found["residuals"]["rows"]} == set(MOVES.runs) - {SECOND}
     expected = "its desired motion differs from that of controller_1 by up to 9 deg"
@@ -504,9 +503,7 @@ def test_why_there_is_no_rerun_is_said(tmp_path: Path) -> None:
     path = tmp_path / "SYNTHETIC.h5"
     still = {FIRST: measured_trace(trace, q_d=0.0 * trace["q_d"])}
     write_traces(path, replace(MOVES, runs=still))
-    found = validate.run_validate(
-        path, None, tmp_path / "out", (), None, force=False, dry_run=False, talk=Talk(quiet=True)
-    )
+    found = validate.run_validate(path, Request(out=tmp_path / "out"), Talk(quiet=True))
     assert "a rerun of the comparison: run 'controller_1': q_d does not move" in found["missing"]
 
 

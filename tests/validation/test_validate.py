@@ -16,6 +16,7 @@ from support.synthetic import PERIOD, make_compare_file, make_decouple_file
 
 from tendonrepro.config.load import load_config
 from tendonrepro.config.published import published
+from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.dataset.motion.windows import NUMBERS, PrintedTables, Timing, Tried, spans, try_windows
 from tendonrepro.errors import DataMissingError, UsageError
@@ -39,7 +40,7 @@ TIMING = dict.fromkeys((*CONTROLLERS, LOADED), Timing(0.0, PERIOD))
 
 
 def validate(path: Path, out: Path, *overrides: str, force: bool = False, dry_run: bool = False) -> Any:
-    return run_validate(path, None, out, overrides, None, force, dry_run, QUIET)
+    return run_validate(path, Request(None, out, overrides, dry_run=dry_run, force=force), QUIET)
 
 
 class TestWindows:

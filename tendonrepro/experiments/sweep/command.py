@@ -5,16 +5,15 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tendonrepro.config.load import LoadedConfig, load_config
+from tendonrepro.config.load import LoadedConfig
 from tendonrepro.config.overrides import parse_override
+from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.experiments.sweep.points import (
@@ -27,11 +26,11 @@ from tendonrepro.experiments.sweep.points import (
 )
 from tendonrepro.experiments.sweep.report import findings
 from tendonrepro.experiments.sweep.table import COLUMNS, write_sweep_table
-from tendonrepro.files import sha256_of, to_json, write_atomically
+from tendonrepro.files import sha256_of, to_json
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, error_ratio
-from tendonrepro.results.folder import MANIFEST, claimed, clear, refuse_others
-from tendonrepro.results.manifest import make_manifest, with_outputs
+from tendonrepro.results.folder import claimed, refuse_others
+from tendonrepro.results.manifest import make_manifest
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.controllers import TimeDelayController
@@ -40,7 +39,6 @@ from tendonrepro.simulation.stepper import Loop
 
 SCHEMA_VERSION = 1
 DATA = "sweep.json"
-DEFAULT_OUT = Path("reports") / "sweep"
 
 _PAIRS = {"c1_c2": CONTROLLERS[:2], "c2_c3": CONTROLLERS[1:]}
 
@@ -66,38 +64,16 @@ class Sweep:
         return " ".join(axis.option(place) for axis, place in zip(self.axes, point.places, strict=True))
 
 
-def run_sweep(
-    source: str | None,
-    over: Sequence[str],
-    overrides: Sequence[str] = (),
-    seed: int | None = None,
-    controllers: Sequence[int] | None = None,
-    out: Path | None = None,
-    force: bool = False,
-    dry_run: bool = False,
-    talk: Talk | None = None,
-) -> dict[str, Any]:
+def run_sweep(request: Request, over: Sequence[str], talk: Talk) -> dict[str, Any]:
     """Run the comparison over values of one or two keys, and write table, figures and manifest.
 
     Parameters
     ----------
-    source : str or None
-        Configuration: a file, ``-``, a shipped name, or None for the shipped one.
+    request : Request
+        The same at every point.
     over : sequence of str
         One or two of ``dotted.key=a,b,c``, values in YAML.
-    overrides : sequence of str
-        ``dotted.key=VALUE``, the same at every point.
-    seed : int or None
-        Replaces the configuration's.
-    controllers : sequence of int or None
-        Numbers of the controllers to run; None is all.
-    out : Path or None
-        Results folder.
-    force : bool
-        Overwrite results of another sweep or version.
-    dry_run : bool
-        Check everything and run nothing.
-    talk : Talk, optional
+    talk : Talk
 
     Returns
     -------
@@ -109,42 +85,25 @@ def run_sweep(
     TendonreproError
         When a value cannot be used or results cannot be written.
     """
-    talk, folder = talk or Talk(), out or DEFAULT_OUT
-    sweep = load_sweep(source, over, overrides, seed, controllers)
-    if dry_run:
-        if not force:
-            refuse_others(folder, sweep.base.sha256)
+    from tendonrepro.experiments.sweep.figures import draw_sweep_figures
+
+    sweep, folder = load_sweep(request, over), request.folder("sweep")
+    if request.dry_run:
+        refuse_others(folder, sweep.base.sha256, force=request.force)
         return _head(sweep) | _plan(sweep) | {"out": str(folder)}
-    with claimed(folder, sweep.base.sha256, force=force):
-        started = time.perf_counter()
+    with claimed(folder, sweep.base.sha256, force=request.force) as held:
         data = simulate_sweep(sweep, talk)
-        manifest = _manifest(sweep, data, over, time.perf_counter() - started)
-        clear(folder)
-        outputs = write_results(data, folder)
-        write_atomically(folder / MANIFEST, to_json(with_outputs(manifest, folder, outputs)))
-    talk.detail(f"{len(outputs)} files in {time.perf_counter() - started:.1f} s")
-    return data | {"out": str(folder), "manifest": str(folder / MANIFEST)}
+        manifest = _manifest(sweep, data, over, held.seconds)
+        held.clear()
+        held.write(DATA, to_json(data))
+        held.files += write_sweep_table(data, folder / "tables")
+        held.files += draw_sweep_figures(data, folder / "figures")
+        path = held.finish(manifest, talk)
+    return data | {"out": str(folder), "manifest": path}
 
 
-def load_sweep(
-    source: str | None,
-    over: Sequence[str],
-    overrides: Sequence[str] = (),
-    seed: int | None = None,
-    controllers: Sequence[int] | None = None,
-) -> Sweep:
+def load_sweep(request: Request, over: Sequence[str]) -> Sweep:
     """Read a configuration and make those of all points.
-
-    Parameters
-    ----------
-    source : str or None
-    over, overrides : sequence of str
-    seed : int or None
-    controllers : sequence of int or None
-
-    Returns
-    -------
-    Sweep
 
     Raises
     ------
@@ -153,9 +112,10 @@ def load_sweep(
     UsageError
         When `over` is not of the right form.
     """
-    taken = [parse_override(text).key for text in overrides] + ["seed"] * (seed is not None)
+    taken = [parse_override(text).key for text in request.overrides]
+    taken += ["seed"] * (request.seed is not None)
     axes = parse_over(over, taken)
-    base = load_config(source, "compare", overrides=overrides, seed=seed, controllers=controllers)
+    base = request.load("compare")
     points = sweep_points(base, axes)
     inputs = tuple(dict.fromkeys((*base.inputs, *(path for point in points for path in point.inputs))))
     content = {
@@ -298,28 +258,3 @@ def _manifest(sweep: Sweep, data: Mapping[str, Any], over: Sequence[str], second
     solver = {"name": COMPILED_STEPPER, "steps_per_sample": [min(steps), max(steps)]}
     manifest = make_manifest(sweep.base, seconds) | {"command": "sweep", "solver": solver}
     return manifest | {"over": list(over), "points": len(sweep.points)}
-
-
-def write_results(data: Mapping[str, Any], folder: Path) -> list[Path]:
-    """Write numbers, tables and figures of a sweep.
-
-    Parameters
-    ----------
-    data : mapping
-        From :func:`simulate_sweep`.
-    folder : Path
-        Made when missing.
-
-    Returns
-    -------
-    list of Path
-        ``sweep.json``, ``tables/sweep.csv`` and ``.md``, and pictures under ``figures``.
-    """
-    from tendonrepro.experiments.sweep.figures import draw_sweep_figures
-
-    write_atomically(folder / DATA, to_json(data))
-    return [
-        folder / DATA,
-        *write_sweep_table(data, folder / "tables"),
-        *draw_sweep_figures(data, folder / "figures"),
-    ]
