@@ -6,7 +6,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet install --constr
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help figures test test-slow check format bench claims data findings mutants clean
+.PHONY: help figures test test-slow check format bench claims data findings pages mutants clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -41,6 +41,9 @@ data: $(VENV)/.run  ## the paper's data set from its repository, into data/zenod
 
 findings: $(VENV)/.run  ## the generated part of docs/findings.md, from reports/ensemble and reports/claims
 	$(BIN)/python docs/generate.py reports
+
+pages: $(VENV)/.run  ## the parts of docs that are made from configurations, readings and commands
+	$(BIN)/python docs/pages.py
 
 mutants: $(VENV)/.test  ## mutation run over the physics, half an hour
 	$(PIP) mutmut

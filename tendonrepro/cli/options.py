@@ -21,7 +21,9 @@ _TERMINAL = {
 _CONFIG = "Configuration file, - for standard input, or a shipped name."
 _REQUEST = {
     "config": Annotated[str | None, typer.Option("--config", help=_CONFIG)],
-    "out": Annotated[Path | None, typer.Option("--out", help="Results folder [default: reports/<command>].")],
+    "out": Annotated[
+        Path | None, typer.Option("--out", help="Results folder [default: its own below reports].")
+    ],
     "overrides": Annotated[
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="Change a value of the configuration; repeatable."),

@@ -1,0 +1,140 @@
+"""Write the parts of pages that are made from the package: ``make pages``.
+
+A part stands between ``<!-- made from NAME -->`` and ``<!-- end -->``; a test makes each again and compares.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+DOCS = Path(__file__).parent
+PART = re.compile(r"(<!-- made from ([\w ]+) -->\n).*?(<!-- end -->)", re.S)
+
+
+def fresh(text: str) -> str:
+    """A page with all its made parts made again."""
+    return PART.sub(lambda part: f"{part[1]}\n{MAKERS[part[2]]()}\n\n{part[3]}", text)
+
+
+def table(heads: str, rows: Iterable[Sequence[str]]) -> str:
+    lines = [heads.split("|"), ["---"] * len(heads.split("|")), *rows]
+    escaped = ([cell.replace("|", r"\|") for cell in cells] for cells in lines)
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in escaped)
+
+
+def box() -> str:
+    from tendonrepro.config.ensemble import load_ensemble
+
+    rows = []
+    for name, row in load_ensemble(None).config.box.items():
+        held = row.model_dump()
+        choices = [item if isinstance(item, str) else f"{item:g}" for item in held.get("choices", ())]
+        extent = ", ".join(choices) or f"{held['low']:g} to {held['high']:g}"
+        nominal = held["nominal"] if isinstance(held["nominal"], str) else f"{held['nominal']:g}"
+        unit, scale = held.get("unit", "–"), held.get("scale", "choice")
+        rows.append((f"`{name}`", extent, nominal, unit, scale, held["confidence"], held["source"]))
+    return table("Row|Range or choices|Nominal|Unit|Scale|Confidence|From", rows)
+
+
+def readings() -> str:
+    from tendonrepro.config.models.control import Readings
+    from tendonrepro.config.models.readings import AXES, RUNS
+
+    def runs(affects: Mapping[str, tuple[str, ...]]) -> str:
+        named = {value: "all" if held == RUNS else ", ".join(held) for value, held in affects.items()}
+        each = [f"{value}: {held}" for value, held in named.items()]
+        return named.popitem()[1] if len(set(named.values())) == 1 else "; ".join(each)
+
+    rows = []
+    for axis in AXES.values():
+        key = f"`control.readings.{axis.name}`" if axis.name in Readings.model_fields else f"`{axis.name}`"
+        rows.append((key, axis.printed, ", ".join(axis.alternatives), runs(axis.affects), axis.place, axis.about))
+    return table("Reading|Default|Alternatives|Changes the runs|Place|About", rows)
+
+
+def pairs() -> str:
+    from tendonrepro.config.ensemble import load_ensemble
+
+    return "\n".join(f"- `{'+'.join(pair)}`" for pair in load_ensemble(None).config.pairs)
+
+
+def quantities(tree: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Quantities of a configuration by their keys."""
+    if isinstance(tree, dict) and {"value", "unit", "source"} <= tree.keys():
+        yield ".".join(path), tree
+    elif isinstance(tree, dict):
+        for key, value in tree.items():
+            yield from quantities(value, (*path, str(key)))
+
+
+def unprinted(wanted: Callable[[str, bool], bool]) -> str:
+    """Values of the shipped experiments that the paper does not print, by key and whether both hold them."""
+    from tendonrepro.config.load import load_config
+
+    trees = [dict(quantities(load_config(None, name).tree)) for name in ("compare", "decouple")]
+    rows = []
+    for key, held in (trees[0] | {k: v for k, v in trees[1].items() if k not in trees[0]}).items():
+        origin, _, why = held["source"].partition(": ")
+        if origin != "printed" and wanted(key, all(key in tree for tree in trees)):
+            rows.append((f"`{key}`", json.dumps(held["value"]), held["unit"], origin, why))
+    return table("Key|Value|Unit|Origin|Why", rows)
+
+
+def of_compare(key: str, both: bool) -> bool:
+    return not both and not key.startswith(("manipulator.", "position_loop.", "runs.decouple", "runs.pull"))
+
+
+def of_decouple(key: str, both: bool) -> bool:
+    return not both and key.startswith(("position_loop.", "runs.decouple", "runs.pull"))
+
+
+def tree_of_commands() -> Any:
+    from typer.main import get_command
+
+    from tendonrepro.cli.app import app
+
+    return get_command(app)
+
+
+def commands() -> str:
+    held = tree_of_commands().commands
+    wide = max(map(len, held))
+    lines = [f"tendonrepro {name:{wide}}  {command.get_short_help_str(200)}" for name, command in held.items()]
+    return "\n".join(["```", *lines, "```"])
+
+
+def options() -> str:
+    rows = []
+    for option in tree_of_commands().commands["compare"].params:
+        shown = ", ".join(f"`{name}`" for name in option.opts)
+        rows.append((shown, option.help or "Show the help."))
+    return table("Option|Meaning", rows)
+
+
+def variables() -> str:
+    from tendonrepro.results.records import VARIABLES
+
+    return table("Name|Unit|Meaning", [(f"`{name}`", unit, about) for name, (unit, about) in VARIABLES.items()])
+
+
+MAKERS: Mapping[str, Callable[[], str]] = {
+    "the box": box,
+    "the readings": readings,
+    "the pairs of readings": pairs,
+    "the manipulator": lambda: unprinted(lambda key, _: key.startswith("manipulator.")),
+    "both experiments": lambda: unprinted(lambda key, both: both and not key.startswith("manipulator.")),
+    "the comparison": lambda: unprinted(of_compare),
+    "the decoupling experiment": lambda: unprinted(of_decouple),
+    "the commands": commands,
+    "the options of compare": options,
+    "the variables of a trace": variables,
+}
+
+
+if __name__ == "__main__":
+    for path in sorted(DOCS.glob("*.md")):
+        path.write_text(fresh(path.read_text(encoding="utf-8")), encoding="utf-8")
