@@ -36,8 +36,7 @@ def fetch(
 ) -> None:
     """Download the paper's data set and verify it; a second run needs no network."""
     from tendonrepro.console import Talk
-    from tendonrepro.dataset.repository.fetch import run_fetch
-    from tendonrepro.dataset.repository.fetch_text import fetch_text
+    from tendonrepro.dataset.repository.fetch import fetch_text, run_fetch
 
     talk = Talk(quiet=quiet, verbose=verbose)
     found = run_fetch(record, out, base_url, from_dir, force, dry_run, talk)
