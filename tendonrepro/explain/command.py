@@ -86,18 +86,7 @@ def _plan(loaded: LoadedConfig, folder: Path, *, force: bool) -> dict[str, Any]:
 
 
 def explanation_data(found: Explanation) -> dict[str, Any]:
-    """Plain numbers with the keys of ``--json``; what does not exist is NaN, which JSON writes as null.
-
-    Parameters
-    ----------
-    found : Explanation
-
-    Returns
-    -------
-    dict
-        ``spectral_radius`` per run; ``gain_margin`` (factor), ``phase_margin`` (deg) and ``loop_gain`` per
-        run as lists over the joints; ``predicted_ratio``; ``runs`` with everything about each; ``what_if``.
-    """
+    """Plain numbers with the keys of ``--json``; what does not exist is NaN, which JSON writes as null."""
     margins = found.margins
     ratio = {pair: sizes[TYPICAL_ERROR_DEG].tolist() for pair, sizes in found.ratios.items()}
     return {
@@ -160,16 +149,7 @@ def _run_data(view: View, margin: RunMargins) -> dict[str, Any]:
 
 
 def margin_rows(found: Explanation) -> Iterator[dict[str, Any]]:
-    """One row per run and joint for a table: run, joint and all numbers about them.
-
-    Parameters
-    ----------
-    found : Explanation
-
-    Yields
-    ------
-    dict
-    """
+    """One row per run and joint for a table: run, joint and all numbers about them."""
     for run, margin in found.margins.items():
         for k, joint in enumerate(found.joints):
             channel = margin.channels[k]
@@ -195,19 +175,7 @@ def margin_rows(found: Explanation) -> Iterator[dict[str, Any]]:
 
 
 def write_table(found: Explanation, folder: Path) -> list[Path]:
-    """Write the table of margins as csv (full digits) and Markdown (rounded).
-
-    Parameters
-    ----------
-    found : Explanation
-    folder : Path
-        Made when missing.
-
-    Returns
-    -------
-    list of Path
-        ``explain.csv`` and ``explain.md``.
-    """
+    """Write the table of margins as csv (full digits) and Markdown (rounded)."""
     rows = list(margin_rows(found))
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
