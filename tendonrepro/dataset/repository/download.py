@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import json
+import os
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -68,10 +69,12 @@ def part_size(target: Path) -> int:
 
 
 def remove_part(target: Path) -> None:
-    """Remove what an unfinished download left."""
+    """Remove what an unfinished download left, and folders empty then, up to the one that holds our lock."""
     for path in (_part(target), _label(target)):
         with suppress(OSError):
             path.unlink()
+    with suppress(OSError):
+        os.removedirs(target.parent)
 
 
 def _open(record_id: str, remote: RemoteFile, target: Path) -> None:

@@ -185,16 +185,16 @@ def site_of(base_url: str | None) -> str:
 def _held(out: Path) -> Iterator[None]:
     """Be the only one who writes into the folder; a failure leaves no lock and no empty folder of its own."""
     new = [folder for folder in (out, *out.parents) if not folder.exists()]
-    before = set(out.rglob("*"))
+    unlocked = not (out / LOCK).exists()
     with locked(out):
         try:
             yield
         except BaseException:
-            inner = sorted((path for path in out.rglob("*") if path.is_dir()), reverse=True)
             with suppress(OSError):
-                if out / LOCK not in before:
+                if unlocked:
                     (out / LOCK).unlink()
-                for folder in [*(folder for folder in inner if folder not in before), *new]:
+                inner = [path for path in out.rglob("*") if path.is_dir()] if new else []
+                for folder in [*sorted(inner, reverse=True), *new]:
                     with suppress(OSError):
                         folder.rmdir()
             raise
