@@ -34,8 +34,7 @@ def fetch(
     ] = False,
 ) -> None:
     """Download the paper's data set and verify it; a second run needs no network."""
-    from tendonrepro.dataset.repository.fetch import run_fetch
-    from tendonrepro.dataset.repository.fetch_text import fetch_text
+    from tendonrepro.dataset.repository.fetch import fetch_text, run_fetch
 
     found = run_fetch(record, out, base_url, from_dir, force, dry_run, terminal.talk)
     terminal.show(found, fetch_text)

@@ -34,24 +34,7 @@ LOCUS_POINTS = 41
 
 
 def explain(loaded: LoadedConfig) -> Explanation:
-    """Linearise every run of a configuration and say how stable it is and what its error must be.
-
-    Parameters
-    ----------
-    loaded : LoadedConfig
-        Of the experiment ``compare``.
-
-    Returns
-    -------
-    Explanation
-
-    Raises
-    ------
-    UsageError
-        If the configuration has no controllers.
-    ConfigError
-        If its reference cannot be used.
-    """
+    """Linearise every run of a ``compare`` configuration: how stable it is, what its error must be."""
     config = loaded.config
     if not isinstance(config, CompareConfig):
         message = "only the experiment 'compare' has controllers to explain"
@@ -92,12 +75,7 @@ def stroke(q_d: Array) -> Array:
 
 
 def run_views(config: CompareConfig) -> dict[str, View]:
-    """Law, plant and delay of every run.
-
-    Parameters
-    ----------
-    config : CompareConfig
-    """
+    """Law, plant and delay of every run."""
     delay = int(config.manipulator.actuator.output_delay.si)
     return {
         name: View(
@@ -132,16 +110,7 @@ def slow_ratio(a: View, b: View, size_deg: float) -> Array:
 
 
 def run_margins(view: View, postures: Array, ringing: float) -> RunMargins:
-    """Stability of one run over several postures.
-
-    Parameters
-    ----------
-    view : View
-    postures : array (P, n)
-        rad.
-    ringing : float
-        Frequency from which on a mode counts as ringing, Hz.
-    """
+    """Stability of one run over postures (P, n), rad; from `ringing`, Hz, on a mode counts as ringing."""
     L, joints = view.law.L, range(postures.shape[1])
     found = [modes(loop_matrix(q, view.plant, view.law, view.delay), L) for q in postures]
     slowest, fast = _slowest(found, 0.0), _slowest(found, ringing)
@@ -173,12 +142,7 @@ def _slowest(found: Sequence[Complex], above: float) -> tuple[float, float]:
 
 
 def worst(found: Sequence[ChannelMargins]) -> ChannelMargins:
-    """Smallest margin of several postures, number by number; none where the loop grows at one of them.
-
-    Parameters
-    ----------
-    found : sequence of ChannelMargins
-    """
+    """Smallest margin of several postures, number by number; none where the loop grows at one of them."""
     gain, slope = min((each.loop_gain, each.loop_slope) for each in found)
     if not all(each.stable for each in found):
         return ChannelMargins(False, *7 * (np.nan,), gain, slope)

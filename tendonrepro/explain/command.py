@@ -74,18 +74,7 @@ def _plan(loaded: LoadedConfig, folder: Path, *, force: bool) -> dict[str, Any]:
 
 
 def explanation_data(found: Explanation) -> dict[str, Any]:
-    """Plain numbers with the keys of ``--json``; what does not exist is NaN, which JSON writes as null.
-
-    Parameters
-    ----------
-    found : Explanation
-
-    Returns
-    -------
-    dict
-        ``spectral_radius`` per run; ``gain_margin`` (factor), ``phase_margin`` (deg) and ``loop_gain`` per
-        run as lists over the joints; ``predicted_ratio``; ``runs`` with everything about each; ``what_if``.
-    """
+    """Plain numbers with the keys of ``--json``; what does not exist is NaN, which JSON writes as null."""
     margins = found.margins
     ratio = {pair: sizes[TYPICAL_ERROR_DEG].tolist() for pair, sizes in found.ratios.items()}
     return {
@@ -148,16 +137,7 @@ def _run_data(view: View, margin: RunMargins) -> dict[str, Any]:
 
 
 def margin_rows(found: Explanation) -> Iterator[dict[str, Any]]:
-    """One row per run and joint for a table: run, joint and all numbers about them.
-
-    Parameters
-    ----------
-    found : Explanation
-
-    Yields
-    ------
-    dict
-    """
+    """One row per run and joint for a table: run, joint and all numbers about them."""
     for run, margin in found.margins.items():
         for k, joint in enumerate(found.joints):
             channel = margin.channels[k]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from string import ascii_lowercase
 from typing import Any
@@ -16,7 +15,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter, NullLocator
-from numpy.typing import NDArray
 
 from tendonrepro import __version__
 from tendonrepro.arrays import Array
@@ -32,81 +30,34 @@ SYMBOLS: Mapping[str, str] = {
 }
 """Parameters as axes name them."""
 
-STATUS_MARKERS: Mapping[str, tuple[str, str]] = {
-    "ok": (".", "#777777"),
-    "ringing": ("+", "#CC8800"),
-    "diverged": ("x", "#B5405A"),
-    "unresolved": ("1", "#000000"),
-}
-"""Marker and colour of a simulated plant by what became of it."""
-
 _MM_PER_INCH = 25.4
 _SLOWEST_DRAWN = -20.0
 _FASTEST_GROWTH = 10.0
 _PALE = "#E4EAF1"
 
 
-@dataclass(frozen=True)
-class Plants:
-    """Simulated plants to be laid over the map of tendons.
-
-    Attributes
-    ----------
-    K_s, D_s : array (N,)
-        Stiffness and damping as factors on the configuration's.
-    status : array (N,)
-        ``ok``, ``ringing``, ``diverged`` or ``unresolved``.
-    """
-
-    K_s: Array
-    D_s: Array
-    status: NDArray[np.str_]
-
-
-def draw_explanation(found: Explanation, folder: Path, plants: Plants | None = None) -> list[Path]:
-    """Draw and save every picture as PDF, SVG and PNG.
-
-    Parameters
-    ----------
-    found : Explanation
-    folder : Path
-        Made when missing.
-    plants : Plants, optional
-        To be laid over the map.
-
-    Returns
-    -------
-    list of Path
-    """
+def draw_explanation(found: Explanation, folder: Path) -> list[Path]:
+    """Draw and save every picture as PDF, SVG and PNG; the folder is made when missing."""
+    drawn = {
+        "explain_margins": (draw_margins, "Open loops of every joint, the other loops closed"),
+        "explain_locus": (draw_locus, "Modes of the loop while one parameter is multiplied"),
+        "explain_map": (draw_map, "Borders of stability"),
+    }
+    paths = []
     with journal_style():
-        drawn = {
-            "explain_margins": (draw_margins(found), "Open loops of every joint, the other loops closed"),
-            "explain_locus": (draw_locus(found), "Modes of the loop while one parameter is multiplied"),
-            "explain_map": (draw_map(found, plants), "Borders of stability"),
-        }
-        return [
-            path
-            for stem, (figure, caption) in drawn.items()
-            for path in _save(figure, folder, stem, f"{caption}; tendonrepro {__version__}, {found.origin}.")
-        ]
-
-
-def _save(figure: Figure, folder: Path, stem: str, caption: str) -> list[Path]:
-    engine = figure.get_layout_engine()
-    if engine is not None:
-        # Laid out once; without its engine no format computes it again.
-        engine.execute(figure)
-        figure.set_layout_engine(None)
-    return save_figure(figure, folder, stem, stem, caption)
+        for stem, (draw, caption) in drawn.items():
+            figure = draw(found)
+            if engine := figure.get_layout_engine():
+                # Laid out once; without its engine no format computes it again.
+                engine.execute(figure)
+                figure.set_layout_engine(None)
+            text = f"{caption}; tendonrepro {__version__}, {found.origin}."
+            paths += save_figure(figure, folder, stem, stem, text)
+    return paths
 
 
 def draw_margins(found: Explanation) -> Figure:
-    """Gain and phase of every joint's open loop over the frequency, with the gain margins as circles.
-
-    Parameters
-    ----------
-    found : Explanation
-    """
+    """Gain and phase of every joint's open loop over the frequency, with the gain margins as circles."""
     figure, grid = _sheet(2, len(found.joints), 100.0, sharex=True, sharey="row")
     letters = iter(ascii_lowercase)
     for row, title in enumerate(("gain", "phase")):
@@ -119,48 +70,30 @@ def draw_margins(found: Explanation) -> Figure:
         for number, (run, curves) in enumerate(found.curves.items(), start=1):
             stroke, value = stroke_of(number), curves.channels[k]
             _line(gain, curves.hertz, np.abs(value), stroke, run)
-            _line(phase, curves.hertz, _turned(value), stroke, run)
-            _mark(gain, curves.hertz, np.abs(value), found.margins[run].channels[k].gain_up_hz, stroke)
+            # Of -G, continuous from between -180 and 180 at the lowest frequency.
+            _line(phase, curves.hertz, np.rad2deg(np.unwrap(np.angle(-value))), stroke, run)
+            place = found.margins[run].channels[k].gain_up_hz
+            if np.isfinite(place):
+                height = np.exp(np.interp(np.log(place), np.log(curves.hertz), np.log(np.abs(value))))
+                circle = {"markersize": 3.2, "markerfacecolor": "white", "markeredgecolor": stroke.colour}
+                gain.plot([place], [height], "o", **circle)
         phase.set_xlabel("Frequency (Hz)")
     grid[0, 0].set_yscale("log")
     grid[1, 0].set_xscale("log")
     grid[1, 0].set_yticks(np.arange(-360.0, 361.0, 90.0))
     highest = max(np.max(line.get_ydata()) for axes in grid[1] for line in axes.lines)
     grid[1, 0].set_ylim(-360.0, 0.0 if highest <= 0.0 else 180.0)
+    low_gain = max(float(np.abs(curves.channels[:, 0]).max()) for curves in found.curves.values())
     # A law with a pole on the unit circle has no finite gain there.
-    grid[0, 0].set_ylim(max(grid[0, 0].get_ylim()[0], 1e-5), 3.0 * _low_gain(found))
+    grid[0, 0].set_ylim(max(grid[0, 0].get_ylim()[0], 1e-5), 3.0 * low_gain)
     grid[0, 0].set_ylabel("Loop gain")
     grid[1, 0].set_ylabel("Loop phase (deg)")
-    _legend(figure, grid[0, 0], extra=[_sample("o", "gain margin")])
+    _legend(figure, grid[0, 0], [_sample("o", "gain margin")])
     return figure
 
 
-def _low_gain(found: Explanation) -> float:
-    return max(float(np.abs(curves.channels[:, 0]).max()) for curves in found.curves.values())
-
-
-def _turned(value: Any) -> Array:
-    """Phase of ``-G`` in degrees, continuous from between -180 and 180 at the lowest frequency."""
-    return np.asarray(np.rad2deg(np.unwrap(np.angle(-value))))
-
-
-def _mark(axes: Axes, hertz: Array, values: Array, place: float, stroke: Stroke) -> None:
-    if np.isfinite(place):
-        height = np.exp(np.interp(np.log(place), np.log(hertz), np.log(values)))
-        axes.plot(
-            [place], [height], "o", markersize=3.2, markerfacecolor="white", markeredgecolor=stroke.colour
-        )
-
-
 def draw_locus(found: Explanation) -> Figure:
-    """Modes as curves: growth across, frequency upwards.
-
-    A circle marks the loop as configured, a point the largest factor.
-
-    Parameters
-    ----------
-    found : Explanation
-    """
+    """Modes as curves, growth across, frequency upwards; circle: as configured, point: the largest factor."""
     figure, grid = _sheet(2, 2, 118.0, sharex=True, sharey=True)
     for letter, axes, (parameter, loci) in zip("abcd", grid.flat, found.loci.items(), strict=True):
         factors = found.locus_factors[parameter]
@@ -171,8 +104,7 @@ def draw_locus(found: Explanation) -> Figure:
         axes.axvline(0.0, color="#999999", linewidth=0.5)
         axes.set_title(f"({letter}) {SYMBOLS[parameter]} × {factors[0]:.3g} to {factors[-1]:.3g}")
     _frame_locus(grid)
-    extra = [_sample("o", "as configured"), _sample(".", "largest factor")]
-    _legend(figure, grid[0, 0], extra=extra)
+    _legend(figure, grid[0, 0], [_sample("o", "as configured"), _sample(".", "largest factor")])
     return figure
 
 
@@ -202,15 +134,8 @@ def _plain(value: float, _place: int) -> str:
     return f"{value:g}"
 
 
-def draw_map(found: Explanation, plants: Plants | None = None) -> Figure:
-    """Borders of stability of every run over tendons and over gains; where all are stable is pale.
-
-    Parameters
-    ----------
-    found : Explanation
-    plants : Plants, optional
-        Laid over the tendons.
-    """
+def draw_map(found: Explanation) -> Figure:
+    """Borders of stability of every run over tendons and over gains; where all are stable is pale."""
     figure, grid = _sheet(1, len(found.maps), 82.0)
     for letter, axes, drawn in zip("ab", grid.flat, found.maps, strict=True):
         _borders(axes, drawn)
@@ -225,10 +150,9 @@ def draw_map(found: Explanation, plants: Plants | None = None) -> Figure:
         axes.set_xlabel(f"Factor on {SYMBOLS[drawn.x]}")
         axes.set_ylabel(f"Factor on {SYMBOLS[drawn.y]}")
         axes.set_title(f"({letter}) " + ("Tendons" if drawn.x == "K_s" else "Gains"))
-    extra: list[Artist] = [_sample("*", "as configured", "black"), Patch(color=_PALE, label="all stable")]
-    if plants is not None:
-        extra += _lay(grid.flat[0], plants)
-    _legend(figure, grid[0, 0], extra=extra)
+    _legend(
+        figure, grid[0, 0], [_sample("*", "as configured", "black"), Patch(color=_PALE, label="all stable")]
+    )
     return figure
 
 
@@ -248,22 +172,6 @@ def _borders(axes: Axes, drawn: Map) -> None:
     axes.set_ylim(y[0], y[-1])
 
 
-def _lay(axes: Axes, plants: Plants) -> list[Artist]:
-    samples: list[Artist] = []
-    for status, (marker, colour) in STATUS_MARKERS.items():
-        chosen = plants.status == status
-        if chosen.any():
-            style: dict[str, Any] = {
-                "color": colour,
-                "markersize": 2.0,
-                "markeredgewidth": 0.5,
-                "linestyle": "none",
-            }
-            axes.plot(plants.K_s[chosen], plants.D_s[chosen], marker, zorder=1.5, **style)
-            samples.append(_sample(marker, f"plant {status}", colour))
-    return samples
-
-
 def _sheet(rows: int, cols: int, height_mm: float, **shared: Any) -> tuple[Figure, Any]:
     figure = Figure(figsize=(PAGE_MM / _MM_PER_INCH, height_mm / _MM_PER_INCH), layout="constrained")
     FigureCanvasAgg(figure)
@@ -276,17 +184,9 @@ def _line(axes: Axes, x: Array, y: Array, stroke: Stroke, label: str) -> None:
 
 def _sample(marker: str, label: str, colour: str = "#555555") -> Line2D:
     face = "white" if marker == "o" else colour
-    return Line2D(
-        [],
-        [],
-        linestyle="none",
-        marker=marker,
-        color=colour,
-        markerfacecolor=face,
-        markeredgewidth=0.0 if marker in "*." else 0.7,
-        markersize=5.0,
-        label=label,
-    )
+    edge = 0.0 if marker in "*." else 0.7
+    style: dict[str, Any] = {"markerfacecolor": face, "markeredgewidth": edge, "markersize": 5.0}
+    return Line2D([], [], linestyle="none", marker=marker, color=colour, label=label, **style)
 
 
 def _legend(figure: Figure, axes: Axes, extra: Sequence[Artist]) -> None:

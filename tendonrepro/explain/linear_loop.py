@@ -27,21 +27,10 @@ from tendonrepro.physics.kinematics import to_joint_matrix
 
 
 def plant_matrices(q: Array, plant: Plant) -> tuple[Array, Array]:
-    """Frictionless plant linearised at rest: ``dx/dt = A x + B tau_m``.
+    """Frictionless plant at rest at ``q`` (n,), linear: ``dx/dt = A x + B tau_m``, A (4 n, 4 n), B (4 n, n).
 
     The state is the deviation of ``q``, ``dq``, ``theta``, ``dtheta``; the matrices of Eqs. (3) and (5) stand
     in it as the paper writes them. A clearance or transmission error does not enter.
-
-    Parameters
-    ----------
-    q : array (n,)
-        Posture, rad.
-    plant : Plant
-
-    Returns
-    -------
-    A : array (4 n, 4 n)
-    B : array (4 n, n)
     """
     n, drive = q.size, plant.drive
     I, D_m = to_joint_matrix(drive.inertia, drive.S_inv), to_joint_matrix(drive.friction.viscous, drive.S_inv)
@@ -62,39 +51,14 @@ def plant_matrices(q: Array, plant: Plant) -> tuple[Array, Array]:
 
 
 def gravity_stiffness(q: Array, plant: Plant) -> Array:
-    """Derivative of ``G(q)``, N m rad⁻¹, by a complex step: exact to rounding.
-
-    Parameters
-    ----------
-    q : array (n,)
-        Posture, rad.
-    plant : Plant
-
-    Returns
-    -------
-    array (n, n)
-        Symmetric.
-    """
+    """Derivative of ``G(q)``, N m rad⁻¹, (n, n), by a complex step: exact to rounding."""
     step = 1e-30
     shifted = q[:, np.newaxis] + 1j * step * np.eye(q.size)
     return np.asarray(gravity_torque(shifted, plant.arm).imag / step)
 
 
 def hold_discretised(A: Array, B: Array, L: float) -> tuple[Array, Array]:
-    """Exact step over one period with the input held: ``x(t + L) = Phi x(t) + Gamma tau_m``.
-
-    Parameters
-    ----------
-    A : array (m, m)
-    B : array (m, n)
-    L : float
-        Period, s.
-
-    Returns
-    -------
-    Phi : array (m, m)
-    Gamma : array (m, n)
-    """
+    """Exact step over a period of L seconds, the input held: ``x(t + L) = Phi x(t) + Gamma tau_m``."""
     m, n = B.shape
     block = np.zeros((m + n, m + n))
     block[:m, :m], block[:m, m:] = A, B
@@ -103,17 +67,7 @@ def hold_discretised(A: Array, B: Array, L: float) -> tuple[Array, Array]:
 
 
 def feedback_gains(law: Law) -> tuple[Array, Array]:
-    """Gains of ``e`` and ``de`` in ``u`` for small errors, s⁻² and s⁻¹, each (n,).
-
-    Parameters
-    ----------
-    law : Law
-
-    Returns
-    -------
-    on_error, on_rate : array (n,)
-        For plain TDC ``K_p`` and ``K_d``.
-    """
+    """Gains of ``e`` and ``de`` in ``u`` for small errors, s⁻² and s⁻¹, each (n,)."""
     if law.surface == Surface.PD:
         return law.K_p, law.K_d
     if law.surface == Surface.TSM:
@@ -123,25 +77,11 @@ def feedback_gains(law: Law) -> tuple[Array, Array]:
 
 
 def law_matrices(law: Law, n: int, delay: int = 0) -> tuple[Array, Array]:
-    """Part of the loop that no plant enters: what the law outputs, and what it remembers.
+    """Part of the loop that no plant enters: torque that leaves now (n, m), memory afterwards (m - 4 n, m).
 
     The loop's state is the plant's (4 n), the law's memory (7 n) and the torques on their way to the motors
-    (delay n). The law's own functions are linear in it, so they are applied to every unit vector.
-
-    Parameters
-    ----------
-    law : Law
-    n : int
-        Joints.
-    delay : int
-        Whole samples between command and output.
-
-    Returns
-    -------
-    output : array (n, m)
-        Torque that leaves for the motors now, from the state; ``m = 11 n + delay n``.
-    memory : array (m - 4 n, m)
-        Memory and pending torques at the next sample.
+    (delay n): ``m = 11 n + delay n``. The law's own functions are linear in it, so they are applied to every
+    unit vector.
     """
     units, gains = np.eye((11 + delay) * n), feedback_gains(law)
     output, memory = zip(*(_law_step(z, law, n, *gains) for z in units), strict=True)
@@ -161,21 +101,7 @@ def _law_step(z: Array, law: Law, n: int, on_error: Array, on_rate: Array) -> tu
 
 
 def closed(Phi: Array, Gamma: Array, output: Array, memory: Array) -> Array:
-    """Join sampled plants and laws; leading axes broadcast.
-
-    Parameters
-    ----------
-    Phi : array (..., 4 n, 4 n)
-    Gamma : array (..., 4 n, n)
-        Of :func:`hold_discretised`.
-    output : array (..., n, m)
-    memory : array (..., m - 4 n, m)
-        Of :func:`law_matrices`.
-
-    Returns
-    -------
-    array (..., m, m)
-    """
+    """Join sampled plants, of `hold_discretised`, and laws, of `law_matrices`; leading axes broadcast."""
     motion = Gamma @ output
     motion[..., : Phi.shape[-1]] += Phi
     lead = np.broadcast_shapes(motion.shape[:-2], memory.shape[:-2])
@@ -188,25 +114,8 @@ def open_loop(
 ) -> tuple[Array, Array, Array]:
     """Loop cut before the plant: ``z[k+1] = A z[k] + B v[k]``, ``tau_m[k] = C z[k]``.
 
-    It is closed by ``v = tau_m``.
-
-    Parameters
-    ----------
-    q : array (n,)
-        Posture, rad.
-    plant : Plant
-    law : Law
-    delay : int
-        Whole samples between command and output.
-    known : bool
-        What the plant feels, ``v``, is also what the law remembers, as where it measures the motors' torque;
-        else the law remembers its own ``tau_m``.
-
-    Returns
-    -------
-    A : array (m, m)
-    B : array (m, n)
-    C : array (n, m)
+    It is closed by ``v = tau_m``. If `known`, what the plant feels, ``v``, is also what the law remembers, as
+    where it measures the motors' torque; else the law remembers its own ``tau_m``.
     """
     n = q.size
     output, memory = law_matrices(law, n, delay)
@@ -220,56 +129,17 @@ def open_loop(
 
 
 def loop_matrix(q: Array, plant: Plant, law: Law, delay: int = 0) -> Array:
-    """Matrix that takes the closed loop from one sample to the next.
-
-    Parameters
-    ----------
-    q : array (n,)
-        Posture, rad.
-    plant : Plant
-    law : Law
-    delay : int
-        Whole samples between command and output.
-
-    Returns
-    -------
-    array (m, m)
-        ``m = 11 n + delay n``; the state is that of :func:`law_matrices`.
-    """
+    """Matrix (m, m) that takes the closed loop at posture ``q``, rad, from one sample to the next."""
     A, B, C = open_loop(q, plant, law, delay)
     return A + B @ C
 
 
 def spectral_radius(matrices: Array) -> Array:
-    """Largest modulus of an eigenvalue; leading axes are those of a batch.
-
-    Parameters
-    ----------
-    matrices : array (..., m, m)
-
-    Returns
-    -------
-    array (...)
-    """
+    """Largest modulus of an eigenvalue of matrices (..., m, m)."""
     return np.asarray(np.abs(np.linalg.eigvals(matrices)).max(axis=-1))
 
 
 def decay_rate(postures: Sequence[Array], plant: Plant, law: Law, delay: int = 0) -> float:
-    """Slowest decay of the sampled loop over several postures, s⁻¹; negative where it grows.
-
-    Parameters
-    ----------
-    postures : sequence of array (n,)
-        rad.
-    plant : Plant
-    law : Law
-    delay : int
-        Whole samples between command and output.
-
-    Returns
-    -------
-    float
-        ``-log(rho) / L`` with the largest spectral radius ``rho``.
-    """
+    """Slowest decay of the sampled loop over several postures, s⁻¹; negative where it grows."""
     radii = spectral_radius(np.stack([loop_matrix(q, plant, law, delay) for q in postures]))
     return float(-np.log(radii.max()) / law.L)

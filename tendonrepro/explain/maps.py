@@ -27,20 +27,7 @@ _HALVINGS = 10
 
 
 def scaled(plant: Plant, law: Law, parameter: str, factor: float) -> tuple[Plant, Law]:
-    """Multiply one of `PARAMETERS` on all joints.
-
-    Parameters
-    ----------
-    plant : Plant
-    law : Law
-    parameter : str
-    factor : float
-
-    Returns
-    -------
-    plant : Plant
-    law : Law
-    """
+    """Multiply one of `PARAMETERS` on all joints."""
     drive = plant.drive
     if parameter == "M_bar":
         return plant, law._replace(M_bar=factor * law.M_bar)
@@ -56,17 +43,7 @@ def scaled(plant: Plant, law: Law, parameter: str, factor: float) -> tuple[Plant
 def modes(matrix: Array, L: float) -> Complex:
     """Eigenvalues as rates, ``log(z) / L``, slowest decay first; modes that die within a sample are left out.
 
-    Parameters
-    ----------
-    matrix : array (m, m)
-        Of a closed loop.
-    L : float
-        Sampling period, s.
-
-    Returns
-    -------
-    array
-        Real part: growth, s⁻¹. Imaginary part: ``2 pi`` times the frequency, rad s⁻¹, from 0 to Nyquist's.
+    Real part: growth, s⁻¹. Imaginary part: ``2 pi`` times the frequency, rad s⁻¹, from 0 to Nyquist's.
     """
     z = np.linalg.eigvals(matrix).astype(np.complex128)
     z = z[(np.abs(z) > _DEADEST) & (z.imag >= 0.0)]
@@ -74,24 +51,9 @@ def modes(matrix: Array, L: float) -> Complex:
 
 
 def root_locus(q: Array, plant: Plant, law: Law, delay: int, parameter: str, factors: Array) -> Complex:
-    """Modes of the loop for every factor on a parameter, each followed from factor to factor.
+    """Modes of the loop for every factor on a parameter, (F, m), each followed from factor to factor.
 
-    Parameters
-    ----------
-    q : array (n,)
-        Posture, rad.
-    plant : Plant
-    law : Law
-    delay : int
-        Whole samples between command and output.
-    parameter : str
-        One of `PARAMETERS`.
-    factors : array (F,)
-
-    Returns
-    -------
-    array (F, m)
-        Rates as :func:`modes` gives, of both signs of the frequency; NaN where one dies within a sample.
+    Rates as of `modes`, of both signs of the frequency; NaN where one dies within a sample.
     """
     rows, parts = [], law_matrices(law, q.size, delay)
     for factor in factors:
@@ -120,24 +82,7 @@ def _followed(before: Complex, now: Complex) -> Complex:
 def tendon_decay(
     postures: Sequence[Array], plant: Plant, law: Law, delay: int, K_s: Array, D_s: Array
 ) -> Array:
-    """Slowest decay over several postures for factors on the tendons' stiffness and damping.
-
-    Parameters
-    ----------
-    postures : sequence of array (n,)
-        rad.
-    plant : Plant
-    law : Law
-    delay : int
-        Whole samples between command and output.
-    K_s, D_s : array (N,)
-        Factors.
-
-    Returns
-    -------
-    array (N,)
-        s⁻¹; negative where the loop grows.
-    """
+    """Slowest decay over several postures, s⁻¹, for factors (N,) on the tendons' stiffness and damping."""
     output, memory = law_matrices(law, law.M_bar.size, delay)
     plants = [
         scaled(scaled(plant, law, "K_s", k)[0], law, "D_s", d)[0] for k, d in zip(K_s, D_s, strict=True)
@@ -153,23 +98,9 @@ def tendon_decay(
 def gain_decay(
     postures: Sequence[Array], plant: Plant, law: Law, delay: int, M_bar: Array, alpha: Array
 ) -> Array:
-    """Slowest decay over several postures for factors on two gains of the law.
+    """Slowest decay over several postures, s⁻¹, for factors (N,) on two gains of the law.
 
-    Parameters
-    ----------
-    postures : sequence of array (n,)
-        rad.
-    plant : Plant
-    law : Law
-    delay : int
-        Whole samples between command and output.
-    M_bar, alpha : array (N,)
-        Factors. A law without the second estimate has no α, and its factor does nothing.
-
-    Returns
-    -------
-    array (N,)
-        s⁻¹; negative where the loop grows.
+    A law without the second estimate has no α, and its factor does nothing.
     """
     pairs = np.column_stack([M_bar, alpha if law.weights[1].any() else np.ones_like(alpha)])
     pairs, places = np.unique(pairs, axis=0, return_inverse=True)
@@ -184,24 +115,11 @@ def gain_decay(
 
 
 def border_distance(decay: Callable[[Array, Array], Array], across: Array, along: Array) -> Array:
-    """Signed distance from the border of stability, positive where stable, in the logarithm of a factor.
+    """Signed distance (Y, X) from the border of stability, positive inside, in the logarithm of `along`.
 
     The decay itself is no good for drawing the border: it is flat where a slow mode sets it and steep where
-    the ringing does. The border is found by halving on every line, so that the distance is right on the grid.
-
-    Parameters
-    ----------
-    decay : callable
-        Of factors (N,) on the first and second parameter, s⁻¹.
-    across : array (X,)
-        Factors on the first parameter.
-    along : array (Y,)
-        Factors on the second, above zero; the distance is taken in their logarithm.
-
-    Returns
-    -------
-    array (Y, X)
-        At most the length of the range.
+    the ringing does. The border is found by halving on every line, so that the distance is right on the grid;
+    it is at most the length of the range.
     """
     height = np.log(along)
     grid = np.meshgrid(across, along)

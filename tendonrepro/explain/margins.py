@@ -69,39 +69,16 @@ class ChannelMargins(NamedTuple):
 
 
 def channel(cut: Cut, joint: int) -> Cut:
-    """Close all loops but one.
-
-    Parameters
-    ----------
-    cut : tuple of array
-        ``A``, ``B``, ``C`` of the loop with all joints cut.
-    joint : int
-        The one left open, from 0.
-
-    Returns
-    -------
-    A : array (m, m)
-    B : array (m, 1)
-    C : array (1, m)
-    """
+    """Close the loops of all joints but one, counted from 0."""
     A, B, C = cut
     others = np.delete(np.arange(B.shape[1]), joint)
     return A + B[:, others] @ C[others], B[:, [joint]], C[[joint]]
 
 
 def response(cut: Cut, angles: Array) -> Complex:
-    """Transfer matrix on the unit circle, from the torque the plant feels to the torque the law asks for.
+    """Transfer matrix (N, p, p) from the torque the plant feels to the torque the law asks for.
 
-    Parameters
-    ----------
-    cut : tuple of array
-        ``A`` (m, m), ``B`` (m, p), ``C`` (p, m).
-    angles : array (N,)
-        ``2 pi f L``, rad; π is Nyquist's frequency.
-
-    Returns
-    -------
-    array (N, p, p)
+    Angles ``2 pi f L`` in rad; π is Nyquist's frequency.
     """
     A, B, C = cut
     z = np.exp(1j * angles)[:, np.newaxis, np.newaxis]
@@ -109,20 +86,10 @@ def response(cut: Cut, angles: Array) -> Complex:
 
 
 def angle_grid(*matrices: Array) -> Array:
-    """Angles that leave no resonance between two points.
+    """Angles, rising up to π, that leave no resonance of the matrices between two points.
 
     Logarithmic towards zero and towards Nyquist's frequency, where a delayed loop has its least damped mode,
     and around every mode as closely as its decay asks for.
-
-    Parameters
-    ----------
-    matrices : array (m, m)
-        Whose eigenvalues are the modes.
-
-    Returns
-    -------
-    array (N,)
-        Rising, up to π.
     """
     towards_zero = np.geomspace(_LOWEST_ANGLE, np.pi, 400)
     parts = [towards_zero, np.pi - np.geomspace(1e-7, 1.0, 120)]
@@ -136,21 +103,7 @@ def angle_grid(*matrices: Array) -> Array:
 
 
 def channel_margins(cut: Cut, joint: int, L: float) -> ChannelMargins:
-    """Gain, phase and delay margin of one joint, and its loop gain.
-
-    Parameters
-    ----------
-    cut : tuple of array
-        Of :func:`tendonrepro.explain.linear_loop.open_loop`.
-    joint : int
-        From 0.
-    L : float
-        Sampling period, s.
-
-    Returns
-    -------
-    ChannelMargins
-    """
+    """Gain, phase and delay margin of one joint, counted from 0, and its loop gain; L in s."""
     A, b, c = single = channel(cut, joint)
     gain, slope = _low_frequency(single, L)
     if spectral_radius(A + b @ c) >= 1.0:
@@ -228,26 +181,12 @@ def _first_loss(single: Cut, factors: Array, places: Array, *, above: bool) -> t
 
 
 def disk_margin(cut: Cut, L: float) -> tuple[float, float]:
-    """Symmetric disk margin of all joints at once.
+    """Symmetric disk margin of all joints at once, 0 to 2 or NaN of a loop that grows, and where, Hz.
 
     Every torque may be multiplied by a complex factor ``(2 + d) / (2 - d)`` of its own; the loop stays stable
     while every ``|d|`` is below the margin. It is ``2 / max mu(S - T)`` over the frequencies, ``mu`` the
     structured singular value of diagonal complex perturbations by scaling: exact for one and two joints,
     cautious for more.
-
-    Parameters
-    ----------
-    cut : tuple of array
-        Of :func:`tendonrepro.explain.linear_loop.open_loop`.
-    L : float
-        Sampling period, s.
-
-    Returns
-    -------
-    margin : float
-        Between 0 and 2; NaN where the loop grows already.
-    frequency : float
-        Where it is smallest, Hz.
     """
     A, B, C = cut
     if spectral_radius(A + B @ C) >= 1.0:
@@ -269,19 +208,11 @@ def disk_margin(cut: Cut, L: float) -> tuple[float, float]:
 
 
 def scaled_norm(M: Complex) -> Array:
-    """Upper bound of the structured singular value for diagonal complex perturbations.
+    """Upper bound of the structured singular value of M (N, n, n) for diagonal complex perturbations.
 
     The largest singular value of ``D M D⁻¹`` with the diagonal ``D`` that makes its Frobenius norm smallest.
     For two rows the product of the singular values does not depend on ``D``, so the same ``D`` makes the
     larger one smallest: the bound is the best there is, and for two perturbations it is the value itself.
-
-    Parameters
-    ----------
-    M : array (N, n, n)
-
-    Returns
-    -------
-    array (N,)
     """
     M = M.copy()
     n = M.shape[-1]

@@ -8,8 +8,8 @@ import pytest
 
 from tendonrepro.console import Talk
 from tendonrepro.dataset.repository.download import download
+from tendonrepro.dataset.repository.fetch import expected_files, resolve
 from tendonrepro.dataset.repository.lock import find_differences
-from tendonrepro.dataset.repository.resolve import expected_files, resolve
 from tendonrepro.dataset.repository.web import Patience, Web
 from tendonrepro.dataset.repository.zenodo import SITE
 

@@ -15,7 +15,15 @@ from hypothesis import strategies as st
 from support.zenodo_server import RECORD, Repository
 
 from tendonrepro.dataset.repository.lock import DataLock, LockedFile, read_lock, write_lock
-from tendonrepro.dataset.repository.names import LABEL, PART, is_ours, printable, safe_paths, safe_relative
+from tendonrepro.dataset.repository.names import (
+    LABEL,
+    MOST_FILES,
+    PART,
+    is_ours,
+    printable,
+    safe_paths,
+    safe_relative,
+)
 from tendonrepro.dataset.repository.zenodo import Record, parse_files, parse_record, record_number
 from tendonrepro.errors import DataMissingError, UsageError
 
@@ -53,6 +61,9 @@ def test_ordinary_names_stay(name: str) -> None:
         ("x.PART.json", "working files"),
         (".lock", "working files"),
         ("x" * 300, "longer"),
+        ("x/" * 400 + "x", "more than 50 parts"),
+        ("x/" * 40_000 + "x", "longer than 1000 letters"),
+        ("数" * 1001, "longer than 1000 letters"),
     ],
 )
 def test_dangerous_names_are_refused(name: str, reason: str) -> None:
@@ -109,6 +120,12 @@ def test_names_that_meet_are_refused(names: list[str]) -> None:
 
 def test_names_in_one_folder_do_not_meet() -> None:
     assert list(safe_paths(["a/b", "a/c", "ab"])) == ["a/b", "a/c", "ab"]
+
+
+def test_names_have_a_number() -> None:
+    assert len(safe_paths(map(str, range(MOST_FILES)))) == MOST_FILES
+    with pytest.raises(ValueError, match="more than 10000 files"):
+        safe_paths(map(str, range(MOST_FILES + 1)))
 
 
 @given(st.lists(st.text(alphabet="aAbB/.", min_size=1, max_size=4), max_size=6))
@@ -196,7 +213,6 @@ def test_a_listing_is_read_as_list_and_by_key() -> None:
         ({"key": 5, "size": 5}, "name of a file"),
         ({"size": 5}, "name of a file"),
         ({"key": "SYNTHETIC", "size": 5, "checksum": "md5:123"}, "checksum"),
-        ({"key": "SYNTHETIC", "size": 5, "links": "x"}, "links"),
         ("SYNTHETIC", "a file"),
     ],
 )
@@ -205,11 +221,29 @@ def test_a_nonsensical_file_is_named(entry: Any, words: str) -> None:
         parse_files([entry], "1", SITE)
 
 
-def test_another_digest_is_no_digest() -> None:
-    entry = {"key": "SYNTHETIC", "size": 5, "checksum": "sha256:00", "links": {"self": "file:///etc/passwd"}}
+def test_a_key_that_comes_twice_is_found_among_many() -> None:
+    """Comparing each with each would take hours here."""
+    entries = [{"key": f"SYNTHETIC {number}", "size": 5} for number in range(60_000)]
+    assert len(parse_files(entries, "1", SITE)) == 60_000
+    with pytest.raises(DataMissingError, match="named twice: 'SYNTHETIC 7'"):
+        parse_files([*entries, entries[7]], "1", SITE)
+
+
+@pytest.mark.parametrize(
+    "links",
+    [
+        "x",
+        {"self": "file:///etc/passwd"},
+        {"self": f"{SITE}/x"},
+        {"content": "http://[/"},
+        {"content": "http:///x"},
+    ],
+)
+def test_an_address_that_is_none_is_built(links: Any) -> None:
+    entry = {"key": "SYNTHETIC", "size": 5, "checksum": "sha256:00", "links": links}
     (file,) = parse_files([entry], "1", SITE)
     assert file.md5 is None
-    assert all(url.startswith(SITE) for url in file.urls)
+    assert file.urls[0] == f"{SITE}/api/records/1/files/SYNTHETIC/content"
 
 
 def test_a_title_cannot_move_the_terminal_about() -> None:
@@ -265,9 +299,10 @@ def test_a_damaged_lock_is_read_or_refused(
     tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
 ) -> None:
     path = tmp_path_factory.getbasetemp() / "SYNTHETIC.lock.json"
-    file = LockedFile("SYNTHETIC.mat", 5, "0" * 32, "SYNTHETIC.mat")
-    nothing = (None, None, None, None, None)
-    lock = DataLock("1", "1", *nothing, "2026-01-01T00:00:00+00:00", SITE, True, (file,))
+    file = LockedFile(key="SYNTHETIC.mat", size=5, md5="0" * 32, path="SYNTHETIC.mat")
+    known = {"schema_version": 1, "record": "1", "requested": "1", "verified": True, "files": (file,)}
+    known |= {"fetched_at": "2026-01-01T00:00:00+00:00", "base_url": SITE}
+    lock = DataLock.model_validate(dict.fromkeys(DataLock.model_fields) | known)
     write_lock(path, lock)
     assert read_lock(path) == lock
     tree = json.loads(path.read_text())

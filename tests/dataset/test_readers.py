@@ -163,9 +163,10 @@ def locked_folder(folder: Path, names: Sequence[str]) -> None:
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text("1\n")
-        files.append(LockedFile(name, 2, "b026324c6904b2a9cb4b88d6d61c81d1", name))
-    nothing = (None, None, None, None, None)
-    write_lock(lock_path(folder), DataLock("1", "1", *nothing, "", "https://x.example", True, tuple(files)))
+        files.append(LockedFile(key=name, size=2, md5="b026324c6904b2a9cb4b88d6d61c81d1", path=name))
+    lock = dict.fromkeys(DataLock.model_fields) | {"schema_version": 1, "record": "1", "requested": "1"}
+    lock |= {"fetched_at": "", "base_url": "https://x.example", "verified": True, "files": tuple(files)}
+    write_lock(lock_path(folder), DataLock.model_validate(lock))
 
 
 def test_what_a_data_lock_names_is_never_left_out(tmp_path: Path) -> None:

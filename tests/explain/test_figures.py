@@ -10,7 +10,7 @@ from matplotlib.colors import to_hex
 
 from tendonrepro.config.load import load_config
 from tendonrepro.explain.analysis import explain
-from tendonrepro.explain.figures import Plants, draw_explanation, draw_locus, draw_map, draw_margins
+from tendonrepro.explain.figures import draw_explanation, draw_locus, draw_map, draw_margins
 from tendonrepro.results.figures.style import journal_style, stroke_of
 
 RUNS = ["Controller 1", "Controller 2", "Controller 1 payload"]
@@ -111,16 +111,6 @@ class TestMap:
         assert {stroke_of(number).colour.upper() for number in (1, 2, 3)} <= colours
         assert legend(drawn(draw_map)) == [*RUNS, "as configured", "all stable"]
         assert axes.get_xlabel() == "Factor on tendon stiffness $K_s$"
-
-    def test_plants_are_laid_over_by_status(self):
-        rng = np.random.default_rng(1)
-        K_s, D_s = np.exp(rng.uniform(-1.0, 1.0, (2, 30)))
-        status = np.array(["ok"] * 20 + ["ringing"] * 7 + ["diverged"] * 3)
-        with journal_style():
-            figure = draw_map(found(), Plants(K_s, D_s, status))
-        lines = figure.axes[0].lines
-        assert [line.get_xdata().size for line in lines if np.size(line.get_xdata()) > 1] == [20, 7, 3]
-        assert legend(figure)[-3:] == ["plant ok", "plant ringing", "plant diverged"]
 
     def test_nothing_stable(self):
         overrides = ("control.readings.torque_coordinates=motor_shaft",)

@@ -25,6 +25,13 @@ SMALL = {
     "SYNTHETIC empty.txt": b"",
 }
 ONE = {"SYNTHETIC run.bin": bytes(range(256)) * 800}
+TRICKLES = {
+    "slow_headers": b"HTTP/1.1 200 OK\r\nX-Synthetic: ",
+    "slow_json": b"HTTP/1.1 200 OK\r\nContent-Type: application/json\r\nContent-Length: 1000\r\n\r\n",
+    "slow_body": b"HTTP/1.1 200 OK\r\nContent-Length: 204800\r\n\r\n",
+    "slow_chunks": b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\n",
+}
+"""How an answer begins whose rest comes as one byte now and then."""
 
 
 @dataclass
@@ -139,9 +146,12 @@ class Handler(BaseHTTPRequestHandler):
         headers = {key.lower(): value for key, value in self.headers.items()}
         repository.log.append((self.path, headers))
         agent = headers.get("user-agent", "")
+        about = {"slow_body", "slow_chunks"} if "/files/" in self.path else {"slow_headers", "slow_json"}
         path = unquote(urlsplit(self.path).path)
         if not agent or agent.startswith("python-requests") or "refused" in repository.modes:
             self.send(403, PAGE, "text/html")
+        elif slow := about & repository.modes:
+            self.trickle(TRICKLES[slow.pop()])
         elif repository.fails("busy"):
             extra = {"Retry-After": repository.retry_after} if repository.retry_after is not None else {}
             self.send_json(429, {"message": "30 per 1 minute", "status": 429}, extra)
@@ -170,6 +180,8 @@ class Handler(BaseHTTPRequestHandler):
             self.send(200, PAGE, "text/html")
         elif "broken_json" in modes:
             self.send(200, b'{"id": 10000', "application/json")
+        elif "huge_json" in modes:
+            self.send(200, b"[" + b"[]," * 2_000_000 + b"[]]", "application/json")
         elif "endless" in modes:
             self.send(302, b"", "text/html", {"Location": self.path})
         else:
@@ -214,6 +226,13 @@ class Handler(BaseHTTPRequestHandler):
             self.send(status, content, "application/octet-stream", headers, length=False)
         else:
             self.send(status, content, "application/octet-stream", headers)
+
+    def trickle(self, head: bytes) -> None:
+        """Go on until nobody listens any more."""
+        self.wfile.write(head)
+        while not self.server.repository.release.wait(0.05):
+            self.wfile.write(b"0")
+        self.close_connection = True
 
     def send_json(self, status: int, tree: Any, extra: dict[str, str] | None = None) -> None:
         self.send(status, json.dumps(tree).encode(), "application/json", extra)

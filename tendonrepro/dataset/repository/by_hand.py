@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Container, Sequence
-from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from tendonrepro.dataset.repository.lock import LockedFile, is_same
@@ -12,44 +11,14 @@ from tendonrepro.dataset.repository.names import is_ours, printable, safe_paths,
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.files import atomic_path, md5_of
 
-
-@dataclass(frozen=True)
-class OnDisk:
-    """What a folder holds of a record.
-
-    Attributes
-    ----------
-    sources : dict of Path
-        Where each file was found, by its path in the record.
-    ignored : list of str
-        Files that are none of the record's.
-    """
-
-    sources: dict[str, Path]
-    ignored: list[str]
+_GIVE = "give the folder with the downloaded files"
 
 
-def list_folder(folder: Path, wanted: Container[str] = ()) -> dict[str, Path]:
-    """Files below a folder by their relative names; hidden ones and our own working files are left out.
-
-    Parameters
-    ----------
-    folder : Path
-    wanted : container of str
-        Names that are listed even when they are hidden.
-
-    Returns
-    -------
-    dict of Path
-
-    Raises
-    ------
-    UsageError
-        If there is no such folder, or it cannot be read.
-    """
+def _files_in(folder: Path, wanted: Container[str] = ()) -> dict[str, Path]:
+    """Files below a folder by relative name, without our own and, unless wanted, without hidden ones."""
     if not folder.is_dir():
         message = "is not a folder"
-        raise UsageError(message, where=str(folder), hint="give the folder with the downloaded files")
+        raise UsageError(message, where=str(folder), hint=_GIVE)
     try:
         paths = sorted(path for path in folder.rglob("*") if path.is_file())
     except OSError as error:
@@ -59,95 +28,46 @@ def list_folder(folder: Path, wanted: Container[str] = ()) -> dict[str, Path]:
     return {
         name: path
         for name, path in names.items()
-        if name in wanted
-        or not (is_ours(path.name) or any(piece.startswith(".") for piece in name.split("/")))
+        if name in wanted or not (is_ours(path.name) or "/." in f"/{name}")
     }
 
 
-def find_files(expected: Sequence[LockedFile], folder: Path) -> OnDisk:
-    """Look for a record's files in a folder, by their path or their bare name.
+def find_files(expected: Sequence[LockedFile], folder: Path) -> tuple[dict[str, Path], list[str]]:
+    """Look for a record's files in a folder: where each is, by path in the record, and what else is there.
 
-    Parameters
-    ----------
-    expected : sequence of LockedFile
-    folder : Path
-
-    Returns
-    -------
-    OnDisk
-
-    Raises
-    ------
-    UsageError
-        If the folder cannot be read.
-    DataMissingError
-        If a file is there but is not that of the record.
+    A file may stand under its path or its bare name. One that is not the record's is a DataMissingError.
     """
-    there = list_folder(folder, {name for file in expected for name in _names_of(file)})
-    sources = {}
-    for file in expected:
-        name = next((name for name in _names_of(file) if name in there), None)
-        if name is not None:
-            sources[file.path] = there[name]
-    wrong = [file for file in expected if file.path in sources and not is_same(sources[file.path], file)]
-    if wrong:
-        names = ", ".join(shown(file.key) for file in wrong)
-        message = f"not the record's files, by size or MD5: {names}"
+    names = {file: (PurePosixPath(file.path).name, file.path) for file in expected}
+    there = _files_in(folder, {name for pair in names.values() for name in pair})
+    # The path comes last, and wins.
+    found = {file: there[name] for file, pair in names.items() for name in pair if name in there}
+    if wrong := [shown(file.key) for file, path in found.items() if not is_same(path, file)]:
+        message = f"not the record's files, by size or MD5: {', '.join(wrong)}"
         hint = "download them again: they are cut short, changed, or of another version"
         raise DataMissingError(message, where=str(folder), hint=hint)
-    used = set(sources.values())
-    return OnDisk(sources, [printable(name) for name, path in there.items() if path not in used])
-
-
-def _names_of(file: LockedFile) -> tuple[str, str]:
-    """Names under which a file of a record may stand in a folder."""
-    return file.path, PurePosixPath(file.path).name
+    used = set(found.values())
+    ignored = [printable(name) for name, path in there.items() if path not in used]
+    return {file.path: path for file, path in found.items()}, ignored
 
 
 def take_as_they_are(folder: Path) -> tuple[LockedFile, ...]:
-    """Describe every file of a folder, for a record nobody could ask about.
-
-    Parameters
-    ----------
-    folder : Path
-
-    Returns
-    -------
-    tuple of LockedFile
-
-    Raises
-    ------
-    UsageError
-        If the folder cannot be read, is empty, or holds a name that does not work everywhere.
-    """
-    there = list_folder(folder)
+    """Describe every file of a folder, for a record nobody could ask about."""
+    there = _files_in(folder)
     if not there:
         message = "holds no files"
-        raise UsageError(message, where=str(folder), hint="give the folder with the downloaded files")
+        raise UsageError(message, where=str(folder), hint=_GIVE)
     try:
         paths = safe_paths(there)
     except ValueError as error:
-        raise UsageError(str(error), where=str(folder), hint="rename the file") from error
+        raise UsageError(str(error), where=str(folder), hint=f"rename the file, or {_GIVE} only") from error
     return tuple(
-        LockedFile(name, path.stat().st_size, md5_of(path), str(paths[name])) for name, path in there.items()
+        LockedFile(key=name, size=path.stat().st_size, md5=md5_of(path), path=str(paths[name]))
+        for name, path in there.items()
     )
 
 
 def copy_file(source: Path, file: LockedFile, target: Path) -> None:
-    """Copy one file, compare the copy, and move it into place.
-
-    Parameters
-    ----------
-    source : Path
-    file : LockedFile
-    target : Path
-        What is there is replaced.
-
-    Raises
-    ------
-    TendonreproError
-        If it cannot be copied or changed meanwhile; nothing is left at `target` then but what was there.
-    """
+    """Copy one file, compare the copy, and move it into place; else what was there stays."""
     if target.exists() and source.samefile(target):
         return
     with atomic_path(target) as temporary:

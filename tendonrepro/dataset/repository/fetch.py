@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import os
+import re
 import shutil
-from collections.abc import Sequence
-from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext, suppress
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 from tendonrepro.console import Talk
 from tendonrepro.dataset.repository.by_hand import copy_file, find_files, take_as_they_are
 from tendonrepro.dataset.repository.download import download, part_size, remove_part
-from tendonrepro.dataset.repository.fetch_text import readable
 from tendonrepro.dataset.repository.lock import (
     DataLock,
     LockedFile,
@@ -22,19 +24,20 @@ from tendonrepro.dataset.repository.lock import (
     read_lock,
     write_lock,
 )
-from tendonrepro.dataset.repository.names import shown
-from tendonrepro.dataset.repository.resolve import expected_files, resolve, site_of
+from tendonrepro.dataset.repository.names import LOCK, safe_paths, shown
 from tendonrepro.dataset.repository.web import Patience, Web
-from tendonrepro.dataset.repository.web_errors import WebError
-from tendonrepro.dataset.repository.zenodo import Record, record_number
+from tendonrepro.dataset.repository.web_errors import BY_HAND, WebError
+from tendonrepro.dataset.repository.zenodo import SITE, Record, parse_files, parse_record, record_number
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.files import md5_of
 from tendonrepro.results.folder import locked
 
+VARIABLE = "TENDONREPRO_ZENODO_URL"
+
 
 @dataclass(frozen=True)
 class _Job:
-    """What was asked for, and what is known before anyone is asked."""
+    """What was asked for, and what became of it so far."""
 
     requested: str
     site: str
@@ -44,8 +47,9 @@ class _Job:
     dry_run: bool
     talk: Talk
     web: Web
-    lock: DataLock | None
-    warnings: list[str]
+    warnings: list[str] = field(default_factory=list)
+    ignored: list[str] = field(default_factory=list)
+    done: dict[str, str] = field(default_factory=dict)
 
     def warn(self, text: str) -> None:
         self.warnings.append(text)
@@ -98,209 +102,275 @@ def run_fetch(
         If the disk is full or cannot be written.
     """
     site = site_of(base_url)
-    number = record_number(record, site)
-    place = lock_path(out)
-    with nullcontext() if dry_run else locked(out):
-        job = _Job(
-            number,
-            site,
-            out,
-            from_dir,
-            force,
-            dry_run,
-            talk,
-            Web(talk, patience or Patience()),
-            read_lock(place),
-            [],
-        )
-        return _carry_out(job, place)
+    web = Web(talk, patience or Patience())
+    job = _Job(record_number(record, site), site, out, from_dir, force, dry_run, talk, web)
+    lock_path(out)  # an `out` without a name is refused before anything is made
+    with nullcontext() if dry_run else _held(out):
+        lock, network = _settled(job)
+    described = lock.model_dump(exclude={"schema_version", "files", "verified"})
+    files = [file.model_dump() | {"action": job.done.get(file.path, "present")} for file in lock.files]
+    return {
+        "schema_version": 1,
+        **described,
+        "out": str(out),
+        "lock": str(lock_path(out)),
+        "verified": lock.verified,
+        "network": network,
+        "dry_run": dry_run,
+        "files": files,
+        "ignored": job.ignored,
+        "warnings": job.warnings,
+    }
 
 
-def _carry_out(job: _Job, place: Path) -> dict[str, Any]:
-    lock = job.lock
-    known = lock is not None and job.requested in {lock.record, lock.requested}
-    if lock is not None and not known and not job.force:
-        message = f"holds record {lock.record}, not {job.requested}"
-        raise UsageError(
-            message, where=str(job.out), hint="choose another --out, or say --force to replace its files"
-        )
-    if lock is None or not known:
-        return _first_time(job, place)
-    missing, altered = _compare(job, lock.files)
-    for file in missing:
-        job.talk.note(f"{shown(file.key)} is missing")
-    _refuse_altered(job, altered)
-    if not missing and not altered and (lock.verified or not job.force):
+def fetch_text(found: dict[str, Any]) -> str:
+    """Say on a terminal what was fetched.
+
+    Parameters
+    ----------
+    found : dict
+        Of `run_fetch`.
+
+    Returns
+    -------
+    str
+        Title, version, licence, and a table of the files.
+    """
+    files = found["files"]
+    width = max(len(file["path"]) for file in files)
+    compared = "compared with the record" if found["verified"] else "NOT compared with the record"
+    foot = (
+        f"{len(files)} files, {_readable(sum(file['size'] for file in files))}, in {found['out']}, {compared}"
+    )
+    return "\n".join(
+        [
+            f"{found['title'] or 'record'} ({found['doi'] or found['record']})",
+            f"version {found['version'] or 'not given'}, licence {found['licence'] or 'not given'}",
+            *(f"  {file['path']:<{width}}  {_readable(file['size']):>9}  {file['action']}" for file in files),
+            "nothing written (--dry-run)" if found["dry_run"] else foot,
+        ]
+    )
+
+
+def _readable(size: float) -> str:
+    """A number of bytes for people.
+
+    >>> _readable(1_234_567)
+    '1.2 MB'
+    """
+    if size < 1000:
+        return f"{size} B"
+    unit = 0
+    while size >= 1000 and unit < 4:
+        size, unit = size / 1000, unit + 1
+    return f"{size:.1f} {' kMGT'[unit]}B"
+
+
+def site_of(base_url: str | None) -> str:
+    """Address of the site to ask: the one given, else of the environment, else Zenodo."""
+    site = (base_url or os.environ.get(VARIABLE) or SITE).strip().rstrip("/")
+    try:
+        parts = urlsplit(site)
+        good = parts.scheme in {"http", "https"} and bool(parts.hostname) and parts.port != 0
+    except ValueError:
+        good = False
+    # A password in an address would end up in the lock.
+    if not good or "@" in parts.netloc or parts.query or parts.fragment or not re.fullmatch(r"[!-~]+", site):
+        message = f"{shown(site)} is not the address of a site"
+        raise UsageError(message, hint=f"give --base-url or {VARIABLE} as in {SITE}")
+    return site.removesuffix("/api")
+
+
+@contextmanager
+def _held(out: Path) -> Iterator[None]:
+    """Be the only one who writes into the folder; a failure leaves no lock and no empty folder of its own."""
+    new = [folder for folder in (out, *out.parents) if not folder.exists()]
+    unlocked = not (out / LOCK).exists()
+    with locked(out):
+        try:
+            yield
+        except BaseException:
+            with suppress(OSError):
+                if unlocked:
+                    (out / LOCK).unlink()
+                inner = [path for path in out.rglob("*") if path.is_dir()] if new else []
+                for folder in [*sorted(inner, reverse=True), *new]:
+                    with suppress(OSError):
+                        folder.rmdir()
+            raise
+
+
+def _settled(job: _Job) -> tuple[DataLock, bool]:
+    """The lock of a folder that holds what it shall, and whether the network was asked."""
+    lock = read_lock(lock_path(job.out))
+    if lock is not None and job.requested not in {lock.record, lock.requested}:
+        if not job.force:
+            message = f"holds record {lock.record}, not {job.requested}"
+            hint = "choose another --out, or say --force to replace its files"
+            raise UsageError(message, where=str(job.out), hint=hint)
+        lock = None
+    if lock is None:
+        return _first_time(job)
+    wanted = _wanted(job, lock.files)
+    for file in wanted:
+        job.talk.note(f"{shown(file.key)} is missing or was altered")
+    if not wanted and (lock.verified or not job.force):
+        place = lock_path(job.out)
         job.talk.note(f"all {len(lock.files)} files are as {place} says: nothing asked of the network")
         if not lock.verified:
             job.warn("these files were never compared with the record; --force does it now")
-        return _answer(job, lock, dict.fromkeys((file.path for file in lock.files), "present"), network=False)
-    return _again(job, place, lock, [*missing, *altered]) if lock.verified else _first_time(job, place)
-
-
-def _again(job: _Job, place: Path, lock: DataLock, wanted: list[LockedFile]) -> dict[str, Any]:
-    """Mend a folder whose record is known."""
+        return lock, False
+    if not lock.verified:
+        return _first_time(job)
     if job.from_dir is not None:
-        done, ignored = _copy(job, job.from_dir, lock.files, wanted)
-        return _answer(job, lock, done, network=False, ignored=ignored)
+        return _obtained(job, lock, None), False
     record = resolve(job.web, job.site, lock.record, job.warn)
-    fresh = _lock_for(job, record)
+    fresh = _lock_for(job, record, expected_files(record)).model_copy(update={"requested": lock.requested})
     before = {file.key: (file.size, file.md5) for file in lock.files}
     # Where the record gives no digest, that of the lock stands in.
     now = {file.key: (file.size, file.md5 or before.get(file.key, (0, None))[1]) for file in fresh.files}
     if now != before:
-        message = f"record {lock.record} shows other files now than {place} says"
+        message = f"record {lock.record} shows other files now than {lock_path(job.out)} says"
         if not job.force:
             raise UsageError(message, hint="say --force to follow the record")
         job.warn(message)
-    return _obtain(job, place, replace(fresh, requested=lock.requested), record)
+    return _obtained(job, fresh, record), True
 
 
-def _first_time(job: _Job, place: Path) -> dict[str, Any]:
+def _first_time(job: _Job) -> tuple[DataLock, bool]:
+    """Ask for the record; with a folder of files and nobody to ask, take them as they are."""
     try:
         record = resolve(job.web, job.site, job.requested, job.warn)
     except WebError as error:
         # That there is no such record is an answer; silence is none, and closed files may come by other ways.
         if job.from_dir is None or error.status in {404, 410}:
             raise
-        return _unverified(job, place, job.from_dir, error)
-    return _obtain(job, place, _lock_for(job, record), record)
+        job.warn(
+            f"{error.message}; the files of {job.from_dir} are taken as they are, NOT compared with a record"
+        )
+        return _obtained(job, _lock_for(job, None, take_as_they_are(job.from_dir)), None), False
+    return _obtained(job, _lock_for(job, record, expected_files(record)), record), True
 
 
-def _lock_for(job: _Job, record: Record) -> DataLock:
-    described = (record.doi, record.concept_doi, record.title, record.version, record.licence)
-    return DataLock(
-        record.record_id, job.requested, *described, _now(), job.site, True, expected_files(record)
+def _lock_for(job: _Job, record: Record | None, files: tuple[LockedFile, ...]) -> DataLock:
+    """The lock of a record, or of files nobody could be asked about."""
+    words = ("doi", "concept_doi", "title", "version", "licence")
+    described = {word: getattr(record, word, None) for word in words}
+    described["record"] = record.record_id if record else job.requested
+    described |= {"requested": job.requested, "fetched_at": datetime.now(UTC).isoformat(timespec="seconds")}
+    return DataLock.model_validate(
+        described | {"base_url": job.site, "verified": record is not None, "files": files}
     )
 
 
-def _obtain(job: _Job, place: Path, lock: DataLock, record: Record) -> dict[str, Any]:
-    """Copy or download what is not on disk yet, and write the lock."""
-    missing, altered = _compare(job, lock.files)
-    _refuse_altered(job, altered)
-    wanted = [*missing, *altered]
-    ignored: list[str] = []
-    if bare := [shown(file.key) for file in lock.files if file.md5 is None]:
-        job.warn(f"the record gives no MD5 of {', '.join(bare)}: only the size could be compared")
-    if job.from_dir is not None:
-        done, ignored = _copy(job, job.from_dir, lock.files, wanted)
-    else:
-        done = _download(job, lock, record, wanted)
-    return _settle(job, place, lock, done, network=True, ignored=ignored)
+def resolve(web: Web, site: str, number: str, warn: Callable[[str], None]) -> Record:
+    """Ask for a record and its files; a number of all versions leads to the latest.
+
+    `warn` is told what may surprise: another version than the number says, or a later one. Raises a WebError
+    where the repository does not answer, does not have the record, or does not show its files.
+    """
+    record = parse_record(web.json(f"{site}/api/records/{number}", f"record {number}"), site)
+    found = record.record_id
+    if found != number:
+        warn(f"{number} stands for all versions and leads to {found} today: ask for {found} to stay with it")
+    if record.is_latest is False:
+        warn(f"record {found} is not the latest version")
+    if record.files:
+        return record
+    if record.access != "open":
+        until = f" until {record.embargo_date}" if record.embargo_date else ""
+        message = f"the files of record {found} are not open to everyone ({record.access}{until})"
+        raise WebError(message, hint="ask its authors for the files, then use --from-dir DIR", status=403)
+    listing = web.json(f"{site}/api/records/{found}/files", f"the files of record {found}")
+    files = parse_files(listing, found, site)
+    if not files:
+        message = f"record {found} shows no files"
+        raise WebError(message, hint=f"check its number, {BY_HAND}", status=200)
+    return replace(record, files=files)
 
 
-def _unverified(job: _Job, place: Path, folder: Path, error: WebError) -> dict[str, Any]:
-    """Take files as they are, because nobody could be asked."""
-    job.warn(f"{error.message}; the files of {folder} are taken as they are, NOT compared with the record")
-    files = take_as_they_are(folder)
-    nothing = (None, None, None, None, None)
-    lock = DataLock(job.requested, job.requested, *nothing, _now(), job.site, False, files)
-    missing, altered = _compare(job, files)
-    _refuse_altered(job, altered)
-    done, ignored = _copy(job, folder, files, [*missing, *altered])
-    return _settle(job, place, lock, done, network=False, ignored=ignored)
-
-
-def _copy(
-    job: _Job, folder: Path, files: Sequence[LockedFile], wanted: list[LockedFile]
-) -> tuple[dict[str, str], list[str]]:
-    """Copy what the folder has of what is wanted; what each file of the record went through, and the rest."""
-    found = find_files(files, folder)
-    here = [file for file in wanted if file.path in found.sources]
-    done = {file.path: "present" for file in files}
-    done |= {file.path: "to copy" if job.dry_run else "copied" for file in here}
-    if not job.dry_run:
-        _need_room(job, sum(file.size for file in here))
-        with job.talk.bar("copying", sum(file.size for file in here)) as advance:
-            for file in here:
-                copy_file(found.sources[file.path], file, job.out / file.path)
-                advance(file.size)
-    if found.ignored:
-        job.talk.note(f"ignored, not of the record: {', '.join(map(shown, found.ignored))}")
-    absent = [shown(file.key) for file in wanted if file.path not in found.sources]
-    if absent:
-        message = f"lacks {len(absent)} of the record's {len(files)} files: {', '.join(absent)}"
-        hint = "put them there, unpacked if they came as one archive, or download them without --from-dir"
-        raise DataMissingError(message, where=str(folder), hint=hint)
-    return done, found.ignored
-
-
-def _download(job: _Job, lock: DataLock, record: Record, wanted: list[LockedFile]) -> dict[str, str]:
-    done = {file.path: "present" for file in lock.files}
-    done |= {file.path: "to download" if job.dry_run else "downloaded" for file in wanted}
-    if job.dry_run:
-        return done
-    remotes = {remote.key: remote for remote in record.files}
-    size = sum(file.size for file in wanted)
-    _need_room(job, size - sum(part_size(job.out / file.path) for file in wanted))
-    with job.talk.bar("downloading", size) as advance:
-        for file in wanted:
-            job.talk.detail(f"downloading {shown(file.key)}, {readable(file.size)}")
-            download(job.web, record.record_id, remotes[file.key], job.out / file.path, advance)
-    return done
-
-
-def _need_room(job: _Job, size: int) -> None:
+def expected_files(record: Record) -> tuple[LockedFile, ...]:
+    """Files of a record as they shall be on disk; a DataMissingError if a name cannot be used there."""
     try:
-        free = shutil.disk_usage(job.out).free
-    except OSError:
-        return
-    if free < size:
-        message = f"the files need {readable(size)}, {readable(free)} are free"
-        raise TendonreproError(message, where=str(job.out), hint="make room, or choose another --out")
+        paths = safe_paths(file.key for file in record.files)
+    except ValueError as error:
+        message = f"record {record.record_id} has a file name that cannot be used: {error}"
+        hint = "download the files in a browser, rename that one, and read them from there"
+        raise DataMissingError(message, hint=hint) from error
+    return tuple(
+        LockedFile(key=file.key, size=file.size, md5=file.md5, path=str(paths[file.key]))
+        for file in record.files
+    )
 
 
-def _compare(job: _Job, files: Sequence[LockedFile]) -> tuple[list[LockedFile], list[LockedFile]]:
+def _wanted(job: _Job, files: Sequence[LockedFile]) -> list[LockedFile]:
+    """Files that are missing, or altered and to be replaced; others that are altered are refused."""
     with job.talk.bar("checking", sum(file.size for file in files)) as advance:
-        return find_differences(files, job.out, advance)
-
-
-def _refuse_altered(job: _Job, altered: list[LockedFile]) -> None:
+        missing, altered = find_differences(files, job.out, advance)
     if altered and not job.force:
         names = ", ".join(shown(file.path) for file in altered)
         message = f"differs from the record: {names}"
         hint = "move them away to keep them, or say --force to replace them"
         raise UsageError(message, where=str(job.out), hint=hint)
+    return [*missing, *altered]
 
 
-def _settle(
-    job: _Job, place: Path, lock: DataLock, done: dict[str, str], *, network: bool, ignored: list[str]
-) -> dict[str, Any]:
-    """Write the lock, now that every file is there."""
+def _obtained(job: _Job, lock: DataLock, record: Record | None) -> DataLock:
+    """Copy or download what is not on disk yet, and write the lock, now that every file is there."""
+    wanted = _wanted(job, lock.files)
+    if bare := [shown(file.key) for file in lock.files if file.md5 is None]:
+        job.warn(f"the record gives no MD5 of {', '.join(bare)}: only the size could be compared")
+    if job.from_dir is not None:
+        _copy(job, job.from_dir, lock.files, wanted)
+    elif record is not None:
+        _download(job, record, wanted)
+    if job.dry_run:
+        return lock
+    for file in lock.files:
+        remove_part(job.out / file.path)
+    files = [file.model_copy(update={"md5": file.md5 or md5_of(job.out / file.path)}) for file in lock.files]
+    lock = lock.model_copy(update={"files": tuple(files)})
+    write_lock(lock_path(job.out), lock)
+    return lock
+
+
+def _copy(job: _Job, folder: Path, files: Sequence[LockedFile], wanted: list[LockedFile]) -> None:
+    """Copy what the folder has of what is wanted."""
+    sources, ignored = find_files(files, folder)
+    job.ignored.extend(ignored)
+    here = [file for file in wanted if file.path in sources]
+    job.done.update((file.path, "to copy" if job.dry_run else "copied") for file in here)
     if not job.dry_run:
-        files = tuple(replace(file, md5=file.md5 or md5_of(job.out / file.path)) for file in lock.files)
-        lock = replace(lock, files=files)
-        write_lock(place, lock)
-        for file in files:
-            remove_part(job.out / file.path)
-    return _answer(job, lock, done, network=network, ignored=ignored)
+        size = sum(file.size for file in here)
+        _need_room(job, size)
+        with job.talk.bar("copying", size) as advance:
+            for file in here:
+                copy_file(sources[file.path], file, job.out / file.path)
+                advance(file.size)
+    if ignored:
+        job.talk.note(f"ignored, not of the record: {', '.join(map(shown, ignored))}")
+    if absent := [shown(file.key) for file in wanted if file.path not in sources]:
+        message = f"lacks {len(absent)} of the record's {len(files)} files: {', '.join(absent)}"
+        hint = "put them there, unpacked if they came as one archive, or download them without --from-dir"
+        raise DataMissingError(message, where=str(folder), hint=hint)
 
 
-def _answer(
-    job: _Job, lock: DataLock, done: dict[str, str], *, network: bool, ignored: Sequence[str] = ()
-) -> dict[str, Any]:
-    files = [
-        {"key": file.key, "size": file.size, "md5": file.md5, "path": file.path, "action": done[file.path]}
-        for file in lock.files
-    ]
-    described = {
-        key: getattr(lock, key)
-        for key in ("record", "requested", "doi", "concept_doi", "title", "version", "licence", "fetched_at")
-    }
-    return {
-        "schema_version": 1,
-        **described,
-        "base_url": lock.base_url,
-        "out": str(job.out),
-        "lock": str(lock_path(job.out)),
-        "verified": lock.verified,
-        "network": network,
-        "dry_run": job.dry_run,
-        "files": files,
-        "ignored": list(ignored),
-        "warnings": job.warnings,
-    }
+def _download(job: _Job, record: Record, wanted: list[LockedFile]) -> None:
+    job.done.update((file.path, "to download" if job.dry_run else "downloaded") for file in wanted)
+    if job.dry_run:
+        return
+    remotes = {remote.key: remote for remote in record.files}
+    size = sum(file.size for file in wanted)
+    _need_room(job, size - sum(part_size(job.out / file.path) for file in wanted))
+    with job.talk.bar("downloading", size) as advance:
+        for file in wanted:
+            job.talk.detail(f"downloading {shown(file.key)}, {_readable(file.size)}")
+            download(job.web, record.record_id, remotes[file.key], job.out / file.path, advance)
 
 
-def _now() -> str:
-    return datetime.now(UTC).isoformat(timespec="seconds")
+def _need_room(job: _Job, size: int) -> None:
+    with suppress(OSError):
+        free = shutil.disk_usage(job.out).free
+        if free < size:
+            message = f"the files need {_readable(size)}, {_readable(free)} are free"
+            raise TendonreproError(message, where=str(job.out), hint="make room, or choose another --out")

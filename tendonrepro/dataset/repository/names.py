@@ -5,11 +5,15 @@ from __future__ import annotations
 import os
 import re
 import unicodedata
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from itertools import chain
 from pathlib import PurePosixPath
+from typing import Any
 
 LONGEST = 200
 """Most bytes of one part of a path: file systems take 255, and working files get a longer name."""
+LONGEST_NAME, MOST_PARTS, MOST_FILES = 1000, 50, 10_000
+"""Most letters of a whole name, most parts between its slashes, and most files of a record."""
 
 RESERVED = re.compile(r"(con|prn|aux|nul|conin\$|conout\$|com[0-9¹²³]|lpt[0-9¹²³])(\..*)?", re.IGNORECASE)
 PART, LABEL, LOCK = ".part", ".part.json", ".lock"
@@ -19,26 +23,8 @@ UNSEEN |= {"Zl": "a line separator", "Zp": "a paragraph separator"}
 
 
 def safe_relative(name: str) -> PurePosixPath:
-    """Turn a foreign name into a path below a folder; a slash makes a sub-folder.
+    """Turn a foreign name into a path below a folder; the reason against it is a ValueError.
 
-    Parameters
-    ----------
-    name : str
-        Key of a file in a record, or member of an archive.
-
-    Returns
-    -------
-    PurePosixPath
-        Relative, without ``..``.
-
-    Raises
-    ------
-    ValueError
-        If the name would leave the folder, cannot exist on some system, or is one of our own working files;
-        the message is the reason.
-
-    Examples
-    --------
     >>> safe_relative("run 1/joint2.mat")
     PurePosixPath('run 1/joint2.mat')
     >>> safe_relative("../joint2.mat")
@@ -46,63 +32,77 @@ def safe_relative(name: str) -> PurePosixPath:
     ...
     ValueError: leads out of the folder by '..'
     """
-    reason = _why_not(name)
-    if reason is None:
-        parts = name.split("/")
-        reason = next((found for part in parts if (found := _why_not_part(part))), None)
-    if reason is not None:
-        raise ValueError(reason)
+    reasons = chain(_about_name(name), chain.from_iterable(map(_about_part, name.split("/", MOST_PARTS))))
+    for against, reason in reasons:
+        if against:
+            raise ValueError(reason)
     return PurePosixPath(name)
+
+
+def _about_name(name: str) -> Iterator[tuple[object, str]]:
+    """Whether something speaks against the whole name, and what."""
+    yield len(name) > LONGEST_NAME, f"is longer than {LONGEST_NAME} letters"
+    yield not name, "is empty"
+    unseen = next((kind for kind in map(unicodedata.category, name) if kind in UNSEEN), None)
+    yield unseen, f"contains {UNSEEN.get(unseen or '')}"
+    yield "\\" in name, "contains a backslash, which some systems take for a folder"
+    yield name.startswith("/"), "is an absolute path"
+    yield re.match(r"[A-Za-z]:", name), "starts with a drive letter"
+    yield name.count("/") >= MOST_PARTS, f"has more than {MOST_PARTS} parts between its slashes"
+
+
+def _about_part(part: str) -> Iterator[tuple[object, str]]:
+    """The same of what stands between two slashes."""
+    yield part == "..", "leads out of the folder by '..'"
+    yield part in {"", "."}, "has an empty part between its slashes"
+    dropped = part != part.strip(" ") or part != part.rstrip(".")
+    yield dropped, "begins or ends with a space, or ends with a dot, which some systems drop"
+    yield RESERVED.fullmatch(part), "is a name Windows keeps for a device"
+    yield is_ours(part), "is a name tendonrepro keeps for its own working files"
+    yield len(part.encode()) > LONGEST, f"is longer than {LONGEST} bytes"
+    forbidden = sorted(set(part) & set('<>:"|?*')) if os.name == "nt" else []
+    yield forbidden, f"contains {''.join(forbidden)}, which Windows does not allow"
 
 
 def safe_paths(names: Iterable[str]) -> dict[str, PurePosixPath]:
     """Turn names into paths that do not meet, even where upper and lower case are the same.
 
-    Parameters
-    ----------
-    names : iterable of str
-
-    Returns
-    -------
-    dict of PurePosixPath
-        By name, in the order given.
-
-    Raises
-    ------
-    ValueError
-        If a name is not safe, or two of them would be the same file, or one the folder of another; the
-        message starts with the name.
+    A ValueError names the one that is not safe, or the two that would be one file, or file and folder.
     """
     paths: dict[str, PurePosixPath] = {}
-    files: dict[str, str] = {}
-    folders: dict[str, str] = {}
+    top: dict[str, Any] = {}  # by folded part: the name of a file, or such a tree again
     for name in names:
+        if len(paths) == MOST_FILES:
+            message = f"there are more than {MOST_FILES} files"
+            raise ValueError(message)
         try:
-            path = safe_relative(name)
+            paths[name] = safe_relative(name)
         except ValueError as error:
             message = f"{shown(name)} {error}"
             raise ValueError(message) from error
-        mine = _folded(path)
-        above = [_folded(parent) for parent in path.parents]
-        rivals = [folders.get(mine), *(files.get(place) for place in (mine, *above))]
-        rival = next((found for found in rivals if found is not None), None)
-        if rival is not None:
-            message = f"{shown(name)} and {shown(rival)} would be the same file on some systems"
-            raise ValueError(message)
-        paths[name] = path
-        files[mine] = name
-        folders |= dict.fromkeys(above, name)
+        tree, (*folders, file) = top, map(_folded, name.split("/"))
+        for folder in folders:
+            tree = tree.setdefault(folder, {})
+            if isinstance(tree, str):
+                raise _meeting(name, tree)
+        if file in tree:
+            raise _meeting(name, tree[file])
+        tree[file] = name
     return paths
 
 
-def is_ours(name: str) -> bool:
-    """Whether a file is one of our own working files.
+def _folded(part: str) -> str:
+    return unicodedata.normalize("NFKC", unicodedata.normalize("NFKC", part).casefold())
 
-    Parameters
-    ----------
-    name : str
-        Without its folders.
-    """
+
+def _meeting(name: str, rival: Any) -> ValueError:
+    while not isinstance(rival, str):
+        rival = next(iter(rival.values()))
+    return ValueError(f"{shown(name)} and {shown(rival)} would be the same file on some systems")
+
+
+def is_ours(name: str) -> bool:
+    """Whether a file, named without its folders, is one of our own working files."""
     # Some systems take upper and lower case for the same.
     folded = name.lower()
     return folded == LOCK or folded.endswith((PART, LABEL))
@@ -138,41 +138,6 @@ class Numbered:
 
 def shown(name: str) -> str:
     """Quote a foreign name for a message: nothing invisible, not too long."""
-    text = ascii(name) if any(unicodedata.category(letter) in UNSEEN for letter in name) else repr(name)
-    return text if len(text) <= 100 else f"{text[:97]}..."
-
-
-def _folded(path: PurePosixPath) -> str:
-    return unicodedata.normalize("NFKC", unicodedata.normalize("NFKC", str(path)).casefold())
-
-
-def _why_not(name: str) -> str | None:
-    """Reason against the whole name."""
-    if not name:
-        return "is empty"
-    for letter in name:
-        if (kind := unicodedata.category(letter)) in UNSEEN:
-            return f"contains {UNSEEN[kind]}"
-    if "\\" in name:
-        return "contains a backslash, which some systems take for a folder"
-    if name.startswith("/"):
-        return "is an absolute path"
-    if re.match(r"[A-Za-z]:", name):
-        return "starts with a drive letter"
-    return None
-
-
-def _why_not_part(part: str) -> str | None:
-    """Reason against what stands between two slashes."""
-    forbidden = sorted(set(part) & set('<>:"|?*')) if os.name == "nt" else []
-    dropped = part != part.strip(" ") or part != part.rstrip(".")
-    reasons = (
-        (part == "..", "leads out of the folder by '..'"),
-        (part in {"", "."}, "has an empty part between its slashes"),
-        (dropped, "begins or ends with a space, or ends with a dot, which some systems drop"),
-        (RESERVED.fullmatch(part), "is a name Windows keeps for a device"),
-        (is_ours(part), "is a name tendonrepro keeps for its own working files"),
-        (len(part.encode()) > LONGEST, f"is longer than {LONGEST} bytes"),
-        (forbidden, f"contains {''.join(forbidden)}, which Windows does not allow"),
-    )
-    return next((reason for holds, reason in reasons if holds), None)
+    head = name[:100]
+    text = ascii(head) if any(unicodedata.category(letter) in UNSEEN for letter in head) else repr(head)
+    return text if head == name and len(text) <= 100 else f"{text[:97]}..."

@@ -1,66 +1,67 @@
-"""Requests to the repository: own name, patience with limits, and each failure in one sentence."""
+"""Requests to the repository: own name, patience with limits, and answers as far as they can be believed."""
 
 from __future__ import annotations
 
 import json
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+import re
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Future
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from threading import Thread
+from typing import TypeVar
+
+from requests import RequestException, Response, Session
+from requests.adapters import HTTPAdapter
+from urllib3.exceptions import HTTPError
+from urllib3.util import Retry
 
 from tendonrepro import __version__
 from tendonrepro.console import Talk
-from tendonrepro.dataset.repository.headers import kind_of_body, md5_of_body, place_of_body, seconds_asked
-from tendonrepro.dataset.repository.web_errors import (
-    BY_HAND,
-    TOO_MANY,
-    WebError,
-    host_of,
-    passing,
-    refused,
-    unreached,
-)
-from tendonrepro.dataset.repository.zenodo import plain
-
-if TYPE_CHECKING:
-    from requests import Response, Session
+from tendonrepro.dataset.repository.web_errors import BY_HAND, TOO_MANY, WebError, host_of, refused, unreached
+from tendonrepro.dataset.repository.zenodo import at, plain
 
 PROJECT = "https://doi.org/10.3390/act15050271"
 AGENT = f"tendonrepro/{__version__} (+{PROJECT}; reproduction of a published experiment)"
-LARGEST_JSON = 64 * 2**20
+LARGEST_JSON = 4 * 2**20
+"""Bytes; a record of a thousand files takes a tenth, and what is parsed may take twenty times as much."""
 CHUNK = 2**14
 """Bytes of a body taken at once; those of an unfinished one are lost when the connection ends."""
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
 class Patience:
-    """How often to try, and how long to wait.
+    """How often to ask, and how long to wait.
 
     Attributes
     ----------
     tries : int
         Most requests for one answer.
     backoff : float
-        s, before the second try; doubled before each further one.
-    longest : float
-        s, most that a server may ask to wait in all.
+        s, between tries; doubled each time.
+    asked : int
+        s, most that is waited before a try because the server asks for it.
     timeout : tuple of float
-        s, for a connection and for the next byte.
-    sleep : callable
-        Waits so many seconds.
+        s, for a connection, and for the next bytes of an answer.
+    chunk : float
+        s, for the next :data:`CHUNK` bytes of a file, so that no server can keep us with a trickle.
+    answer : float
+        s, for an answer with all its tries, and for a whole JSON.
     """
 
     tries: int = 4
     backoff: float = 0.25
-    longest: float = 180.0
-    timeout: tuple[float, float] = (15.0, 60.0)
-    sleep: Callable[[float], None] = time.sleep
+    asked: int = 60
+    timeout: tuple[float, float] = (15.0, 30.0)
+    chunk: float = 30.0
+    answer: float = 300.0
 
 
 class CutShortError(Exception):
-    """A body that ended early; asking for the rest is worth it."""
+    """A body that ended early or came too slowly; asking for the rest is worth it."""
 
 
 @dataclass(frozen=True)
@@ -69,8 +70,6 @@ class Body:
 
     Attributes
     ----------
-    status : int
-        200 for all of it, 206 for a part, 416 if there is no such part.
     start, total : int or None
         First byte of what comes, and size of the whole file, where the server says so.
     md5 : str or None
@@ -79,7 +78,6 @@ class Body:
         Raises :class:`CutShortError` when the connection ends.
     """
 
-    status: int
     start: int | None
     total: int | None
     md5: str | None
@@ -87,163 +85,137 @@ class Body:
 
 
 class Web:
-    """Asks one repository; proxies come from the environment.
-
-    Parameters
-    ----------
-    talk : Talk
-        Told about every wait.
-    patience : Patience
-    """
+    """Asks one repository; proxies come from the environment."""
 
     def __init__(self, talk: Talk, patience: Patience) -> None:
         self.talk = talk
         self.patience = patience
-
-    @cached_property
-    def _session(self) -> Session:
-        from requests import Session
-
-        session = Session()
-        session.headers["User-Agent"] = AGENT
-        session.max_redirects = 5
-        return session
+        # What cannot be reached now is not reached a second later; what was reached may have a bad moment.
+        retry = Retry(
+            total=patience.tries - 1,
+            connect=0,
+            other=0,
+            status_forcelist={TOO_MANY, 500, 502, 503, 504},
+            backoff_factor=patience.backoff,
+            retry_after_max=patience.asked,
+            raise_on_status=False,
+        )
+        self._session = Session()
+        self._session.headers["User-Agent"] = AGENT
+        self._session.max_redirects = 5
+        for scheme in ("http://", "https://"):
+            self._session.mount(scheme, HTTPAdapter(max_retries=retry))
 
     def json(self, url: str, what: str) -> object:
-        """Get an answer in JSON.
-
-        Parameters
-        ----------
-        url : str
-        what : str
-            Name of the thing asked for, for messages.
-
-        Returns
-        -------
-        object
-
-        Raises
-        ------
-        WebError
-            If it does not come.
-        """
+        """Get an answer in JSON; `what` names it in messages. A WebError if it does not come."""
         with self._answer(url, what, {"Accept": "application/json"}) as response:
-            if "json" not in (kind := kind_of_body(response.headers)):
+            if "json" not in (kind := _kind_of_body(response.headers)):
                 message = f"{what}: {host_of(url)} sent {kind or 'something'} instead of JSON"
                 hint = f"look at {url} in a browser: a proxy or a login page may be in the way, {BY_HAND}"
                 raise WebError(message, hint=hint, status=response.status_code)
             try:
-                return json.loads(_whole(response))
+                return self._parsed(response)
             except (ValueError, RecursionError, CutShortError) as error:
-                message = f"{what}: the JSON that {host_of(url)} sent is damaged"
+                message = f"{what}: the JSON that {host_of(url)} sent is damaged, cut short, or far too long"
                 raise WebError(message, hint=f"try again, {BY_HAND}", status=response.status_code) from error
 
     @contextmanager
     def body(self, url: str, what: str, start: int = 0, *, page: bool = False) -> Iterator[Body]:
-        """Get a file, or the rest of it.
+        """Get a file from its byte `start`, though the server may send all of it; else raise a WebError.
 
-        Parameters
-        ----------
-        url : str
-        what : str
-            Name of the file, for messages.
-        start : int
-            First byte wanted. The server may send the whole file nevertheless.
-        page : bool
-            Whether the file is a web page; else one that comes is taken for a message to people.
-
-        Yields
-        ------
-        Body
-
-        Raises
-        ------
-        WebError
-            If it does not come.
+        A web page is taken for a message to people, unless the file is one (`page`).
         """
         # A compressed body would make its length and its ranges those of something else.
         headers = {"Accept": "*/*", "Accept-Encoding": "identity"}
         if start:
             headers["Range"] = f"bytes={start}-"
         with self._answer(url, what, headers) as response:
-            if kind_of_body(response.headers) == "text/html" and not page and response.status_code != 416:
+            status, sent = response.status_code, response.headers
+            if _kind_of_body(sent) == "text/html" and not page and status != 416:
                 message = f"{what}: {host_of(url)} sent a web page instead of the file"
                 hint = f"a proxy or a login page may be in the way; try again later, {BY_HAND}"
-                raise WebError(message, hint=hint, status=response.status_code)
-            first, total = place_of_body(response.status_code, response.headers)
-            yield Body(response.status_code, first, total, md5_of_body(response.headers), _chunks(response))
+                raise WebError(message, hint=hint, status=status)
+            md5 = re.fullmatch(r"md5:([0-9a-f]{1,32})", sent.get("oc-checksum", "").strip(), re.IGNORECASE)
+            chunks = _chunks(response, CHUNK, self.patience.chunk)
+            # The digest may have lost its leading zeros.
+            yield Body(*place_of_body(status, sent), md5[1].lower().zfill(32) if md5 else None, chunks)
 
     @contextmanager
     def _answer(self, url: str, what: str, headers: dict[str, str]) -> Iterator[Response]:
-        """Ask until there is an answer that more asking would not change."""
-        from requests.exceptions import RequestException
+        get = partial(self._session.get, url, headers=headers, timeout=self.patience.timeout, stream=True)
+        try:
+            response = _within(self.patience.answer, get)
+        except (RequestException, TimeoutError, ValueError) as error:
+            # It is a ValueError where a name makes no sense.
+            raise unreached(error, url, what) from error
+        with response:
+            if response.status_code not in {200, 206, 416}:
+                kind = _kind_of_body(response.headers)
+                said = self._said(response) if "json" in kind else ""
+                raise refused(response.status_code, response.url, kind, said, what)
+            yield response
 
-        waited = 0.0
-        for attempt in range(1, self.patience.tries + 1):
-            last = attempt == self.patience.tries
-            pause = self.patience.backoff * 2 ** (attempt - 1)
-            try:
-                response = self._session.get(url, headers=headers, timeout=self.patience.timeout, stream=True)
-            except (RequestException, ValueError) as error:  # a ValueError where a name makes no sense
-                if last or not passing(error):
-                    raise unreached(error, url, what) from error
-                self.patience.sleep(pause)
-                continue
-            with response:
-                if response.status_code == TOO_MANY and not last:
-                    pause = seconds_asked(response.headers, pause)
-                    if waited + pause <= self.patience.longest:
-                        self.talk.note(f"{host_of(url)} has had too many requests: waiting {pause:.0f} s")
-                        self.patience.sleep(pause)
-                        waited += pause
-                        continue
-                if response.status_code >= 500 and not last:
-                    self.talk.detail(f"{host_of(url)} answers {response.status_code}: trying again")
-                    self.patience.sleep(pause)
-                    continue
-                if response.status_code not in {200, 206, 416}:
-                    raise refused(
-                        response.status_code,
-                        response.url,
-                        kind_of_body(response.headers),
-                        _said(response),
-                        what,
-                    )
-                yield response
-                return
+    def _said(self, response: Response) -> str:
+        """What a refusal says in its JSON, with the note on a deleted record."""
+        try:
+            tree = self._parsed(response)
+        except (ValueError, RecursionError, CutShortError):
+            return ""
+        reason = at(tree, "tombstone", "removal_reason")
+        words = [at(tree, "message"), at(tree, "tombstone", "note"), at(reason, "id") or reason]
+        return "; ".join(plain(word).rstrip(".") for word in words if isinstance(word, str) and word.strip())
 
-
-def _said(response: Response) -> str:
-    """What a refusal says in its JSON, with the note on a deleted record."""
-    if "json" not in kind_of_body(response.headers):
-        return ""
-    try:
-        data = json.loads(_whole(response))
-    except (ValueError, RecursionError, CutShortError):
-        return ""
-    tree: dict[str, Any] = data if isinstance(data, dict) else {}
-    stone = tree.get("tombstone")
-    stone = stone if isinstance(stone, dict) else {}
-    reason = stone.get("removal_reason")
-    reason = reason.get("id") if isinstance(reason, dict) else reason
-    words = [tree.get("message"), stone.get("note"), reason]
-    return "; ".join(plain(word).rstrip(".") for word in words if isinstance(word, str) and word.strip())
-
-
-def _whole(response: Response) -> bytearray:
-    content = bytearray()
-    for chunk in _chunks(response):
-        content += chunk
-        if len(content) > LARGEST_JSON:
+    def _parsed(self, response: Response) -> object:
+        """The JSON of an answer, which is taken as one chunk."""
+        text = next(_chunks(response, LARGEST_JSON + 1, self.patience.answer), b"")
+        if len(text) > LARGEST_JSON:
             message = "more than any record needs"
             raise CutShortError(message)
-    return content
+        return json.loads(text)
 
 
-def _chunks(response: Response) -> Iterator[bytes]:
-    from requests.exceptions import RequestException
-
+def _chunks(response: Response, size: int, seconds: float) -> Iterator[bytes]:
+    """A body in chunks of one size, each of which must come in time."""
     try:
-        yield from response.iter_content(CHUNK)
-    except RequestException as error:
+        while chunk := _within(seconds, partial(response.raw.read, size, decode_content=True)):
+            yield chunk
+    except (HTTPError, OSError) as error:
+        # A thread may still be reading; without this it could not be closed.
+        with suppress(OSError, RuntimeError, ValueError):
+            response.raw.shutdown()
         raise CutShortError(str(error)) from error
+
+
+def _within(seconds: float, call: Callable[[], T]) -> T:
+    """Call in a thread, because a time limit on a socket begins anew with every byte."""
+    future: Future[T] = Future()
+
+    def work() -> None:
+        try:
+            future.set_result(call())
+        except BaseException as error:
+            future.set_exception(error)
+
+    Thread(target=work, daemon=True).start()
+    return future.result(seconds)
+
+
+def _kind_of_body(headers: Mapping[str, str]) -> str:
+    """Type of the content without its parameters, in lower case; empty if there is none."""
+    return plain(headers.get("Content-Type", "").partition(";")[0]).lower()
+
+
+def place_of_body(status: int, headers: Mapping[str, str]) -> tuple[int | None, int | None]:
+    """First byte of what comes, and size of the whole file; None where the server does not say.
+
+    >>> place_of_body(206, {"Content-Range": "bytes 10-19/20"})
+    (10, 20)
+    """
+    if status == 200:
+        length = headers.get("Content-Length", "")
+        # The length of a compressed body is not that of the file.
+        plainly = headers.get("Content-Encoding", "identity") == "identity"
+        return 0, int(length) if plainly and re.fullmatch("[0-9]{1,18}", length) else None
+    place = headers.get("Content-Range", "").strip()
+    found = re.fullmatch(r"bytes ([0-9]{1,18})-[0-9]{1,18}/([0-9]{1,18}|\*)", place)
+    return (int(found[1]), None if found[2] == "*" else int(found[2])) if found else (None, None)

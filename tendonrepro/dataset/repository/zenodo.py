@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections import Counter
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 from urllib.parse import quote, urlsplit
@@ -12,7 +13,6 @@ from tendonrepro.dataset.repository.names import shown
 from tendonrepro.errors import DataMissingError, UsageError
 
 SITE = "https://zenodo.org"
-DOI = "10.5281/zenodo."
 UNQUOTED = "/!$&'()*+,;=:@"
 """Characters of a key that stand in an address as they are."""
 
@@ -72,126 +72,74 @@ class Record:
 
 
 def record_number(text: str, site: str = SITE) -> str:
-    """Read how a user names a record.
+    """Read how a user names a record: by number, DOI, or an address at `site` or zenodo.org.
 
-    Parameters
-    ----------
-    text : str
-        Number, DOI with or without its address, or address of the record.
-    site : str
-        Where records are looked up; an address must lead there or to zenodo.org.
-
-    Returns
-    -------
-    str
-        The number.
-
-    Raises
-    ------
-    UsageError
-        If it is none of these.
-
-    Examples
-    --------
     >>> record_number("https://doi.org/10.5281/zenodo.19467931")
     '19467931'
     """
     name = text.strip()
-    number = re.fullmatch(
-        r"(?:(?:doi:|https?://(?:dx\.)?doi\.org/)?10\.5281/zenodo\.)?([0-9]{1,12})", name, re.I
-    )
-    if number:
-        return str(int(number[1]))
-    try:
+    doi = r"(?:(?:doi:|https?://(?:dx\.)?doi\.org/)?10\.5281/zenodo\.)?([0-9]{1,12})"
+    found = re.fullmatch(doi, name, re.IGNORECASE)
+    with suppress(ValueError):
         parts = urlsplit(name)
-        there = parts.netloc.lower() in {"zenodo.org", "www.zenodo.org", urlsplit(site).netloc.lower()}
-    except ValueError:
-        there = False
-    page = re.match(r"/(?:api/)?records?/([0-9]{1,12})(?:/|$)", parts.path) if there else None
-    if page is None:
+        if parts.netloc.lower() in {"zenodo.org", "www.zenodo.org", urlsplit(site).netloc.lower()}:
+            found = found or re.match(r"/(?:api/)?records?/([0-9]{1,12})(?:/|$)", parts.path)
+    if found is None:
         message = f"{shown(text)} is not a record of {site}"
         hint = "give its number, as in 19467931, its DOI, as in 10.5281/zenodo.19467931, or its address"
         raise UsageError(message, hint=f"{hint}; another site needs --base-url")
-    return str(int(page[1]))
+    return str(int(found[1]))
 
 
 def parse_record(data: object, site: str) -> Record:
-    """Read the JSON of a record.
+    """Read the JSON of a record: Zenodo's own shape, that of late 2023, or that of InvenioRDM.
 
-    Parameters
-    ----------
-    data : object
-        As parsed from Zenodo's own shape, that of late 2023, or that of InvenioRDM.
-    site : str
-        Address of the site, for files that come without one.
-
-    Returns
-    -------
-    Record
-
-    Raises
-    ------
-    DataMissingError
-        If it is not the JSON of a record.
+    `site` is for files that come without an address. Raises a DataMissingError if it is no record.
     """
-    tree = _dict(data, "the record")
-    meta, pids, parent = (_dict(tree.get(key, {}), key) for key in ("metadata", "pids", "parent"))
-    number = _number(tree.get("recid", tree.get("id")), "number")
-    concept = tree.get("conceptrecid", parent.get("id"))
-    access, embargo = _access(tree, meta)
+    meta, parent, rights = at(data, "metadata"), at(data, "parent"), at(data, "access", "files")
+    number = _number(at(data, "recid") or at(data, "id"), "number")
+    concept = at(data, "conceptrecid") or at(parent, "id")
+    access = at(meta, "access_right") or at(data, "access", "status") or rights
+    relations = at(meta, "relations", "version")
+    first = relations[0] if isinstance(relations, list) and relations else None
+    latest = [at(first, "is_last"), at(data, "versions", "is_latest")]
     return Record(
         record_id=number,
         concept_id=None if concept is None else _number(concept, "concept number"),
-        doi=_text(tree.get("doi") or meta.get("doi") or _doi_of(pids), "doi"),
-        concept_doi=_text(
-            tree.get("conceptdoi") or _doi_of(_dict(parent.get("pids", {}), "parent.pids")), "concept doi"
-        ),
-        title=_text(meta.get("title") or tree.get("title"), "title"),
-        version=_text(meta.get("version"), "version"),
+        doi=_line(at(data, "doi") or at(meta, "doi") or at(data, "pids", "doi", "identifier")),
+        concept_doi=_line(at(data, "conceptdoi") or at(parent, "pids", "doi", "identifier")),
+        title=_line(at(meta, "title") or at(data, "title")),
+        version=_line(at(meta, "version")),
         licence=_licence(meta),
-        access=access,
-        embargo_date=embargo,
-        is_latest=_latest(tree, meta),
-        files=parse_files(tree.get("files"), number, site),
+        access="open" if access in (None, "public") else _line(access) or "open",
+        embargo_date=_line(at(meta, "embargo_date") or at(data, "access", "embargo", "until")),
+        is_latest=next((found for found in latest if isinstance(found, bool)), None),
+        files=parse_files(at(data, "files"), number, site),
     )
 
 
 def parse_files(data: object, number: str, site: str) -> tuple[RemoteFile, ...]:
-    """Read a list of files: of a record, or the answer about a record's files.
+    """Read a list of files: of record `number`, or the answer about its files; nothing at all is no file.
 
-    Parameters
-    ----------
-    data : object
-        A list, or a mapping whose ``entries`` are a list or a mapping by key; nothing at all is no file.
-    number : str
-        Of the record.
-    site : str
-
-    Returns
-    -------
-    tuple of RemoteFile
-
-    Raises
-    ------
-    DataMissingError
-        If it is anything else, or a key comes twice.
+    It is a list, or has ``entries`` which are a list or a mapping by key. Raises a DataMissingError if it is
+    anything else, or a key comes twice.
     """
     if isinstance(data, dict):
         data = data.get("entries")
     if isinstance(data, dict):
-        data = [{"key": key, **_dict(entry, "a file")} for key, entry in data.items()]
-    if data is None:
-        return ()
-    if not isinstance(data, list):
+        data = [{"key": key, **entry} if isinstance(entry, dict) else entry for key, entry in data.items()]
+    if not isinstance(data, list | None):
         raise _nonsense(data, "files")
-    files = tuple(_file(_dict(entry, "a file"), number, site) for entry in data)
-    keys = [file.key for file in files]
-    if len(set(keys)) < len(keys):
-        raise _nonsense(max(keys, key=keys.count), "a file named twice")
+    files = tuple(_file(entry, number, site) for entry in data or ())
+    for key, times in Counter(file.key for file in files).most_common(1):
+        if times > 1:
+            raise _nonsense(key, "a file named twice")
     return files
 
 
-def _file(entry: dict[str, Any], number: str, site: str) -> RemoteFile:
+def _file(entry: object, number: str, site: str) -> RemoteFile:
+    if not isinstance(entry, dict):
+        raise _nonsense(entry, "a file")
     key = entry.get("key", entry.get("filename"))
     if not isinstance(key, str) or not key:
         raise _nonsense(key, "name of a file")
@@ -202,87 +150,57 @@ def _file(entry: dict[str, Any], number: str, site: str) -> RemoteFile:
     path = quote(key, safe=UNQUOTED, errors="replace")
     built = f"{site}/api/records/{number}/files/{path}/content"
     page = f"{site}/records/{number}/files/{path}?download=1"
-    given = list(_content_urls(_dict(entry.get("links", {}), f"links of {shown(key)}")))
-    return RemoteFile(key, size, _md5(entry.get("checksum"), key), ((given or [built])[0], page))
+    # `self` may also be the address of the description.
+    given = [(name, at(entry, "links", name)) for name in ("content", "self", "download")]
+    good = [url for name, url in given if _is_address(url) and (name != "self" or url.endswith("/content"))]
+    return RemoteFile(key, size, _md5(entry.get("checksum"), key), ((good or [built])[0], page))
 
 
-def _content_urls(links: dict[str, Any]) -> Iterator[str]:
-    """Addresses of the bytes; ``self`` may also be that of the description."""
-    for key in ("content", "self", "download"):
-        url = links.get(key)
-        ends = ("/content",) if key == "self" else ("",)
-        if isinstance(url, str) and re.match(r"https?://[!-~]+$", url) and url.endswith(ends):
-            yield url
+def _is_address(url: object) -> bool:
+    try:
+        return isinstance(url, str) and bool(re.fullmatch("https?://[!-~]+", url) and urlsplit(url).hostname)
+    except ValueError:
+        return False
 
 
 def _md5(checksum: object, key: str) -> str | None:
+    """The digest of a file; None where there is none, or another kind of one."""
     if checksum is None:
         return None
     if isinstance(checksum, str):
-        if match := re.fullmatch(r"(?:md5:)?([0-9a-f]{32})", checksum, re.I):
-            return match[1].lower()
-        if re.match(r"(?!md5:)[a-z0-9-]+:", checksum, re.I):
+        if found := re.fullmatch(r"(?:md5:)?([0-9a-f]{32})", checksum, re.IGNORECASE):
+            return found[1].lower()
+        if re.match(r"(?!md5:)[a-z0-9-]+:", checksum, re.IGNORECASE):
             return None
     raise _nonsense(checksum, f"checksum of {shown(key)}")
 
 
-def _access(tree: dict[str, Any], meta: dict[str, Any]) -> tuple[str, str | None]:
-    if isinstance(rights := tree.get("access"), dict):
-        embargo = _dict(rights.get("embargo", {}), "embargo")
-        word = rights.get("status") or {"public": "open"}.get(str(rights.get("files")), rights.get("files"))
-        return _text(word, "access") or "open", _text(embargo.get("until"), "end of the embargo")
-    return (
-        _text(meta.get("access_right"), "access right") or "open",
-        _text(meta.get("embargo_date"), "embargo date"),
-    )
-
-
-def _licence(meta: dict[str, Any]) -> str | None:
-    found = meta.get("license", meta.get("rights"))
+def _licence(meta: object) -> str | None:
+    found = at(meta, "license") or at(meta, "rights")
     entries = found if isinstance(found, list) else [found]
-    names = [entry.get("id") or entry.get("title") if isinstance(entry, dict) else entry for entry in entries]
+    names = [at(entry, "id") or at(entry, "title") or entry for entry in entries]
     # InvenioRDM gives titles by language.
-    texts = [next(iter(name.values()), None) if isinstance(name, dict) else name for name in names]
-    return ", ".join(filter(None, (_text(text, "licence") for text in texts))) or None
+    texts = [_line(next(iter(name.values()), None) if isinstance(name, dict) else name) for name in names]
+    return ", ".join(text for text in texts if text) or None
 
 
-def _latest(tree: dict[str, Any], meta: dict[str, Any]) -> bool | None:
-    versions = tree.get("versions")
-    relations = meta.get("relations")
-    listed = relations.get("version") if isinstance(relations, dict) else None
-    if isinstance(listed, list) and listed and isinstance(listed[0], dict):
-        found = listed[0].get("is_last")
-    else:
-        found = versions.get("is_latest") if isinstance(versions, dict) else None
-    return found if isinstance(found, bool) else None
-
-
-def _doi_of(pids: dict[str, Any]) -> object:
-    return _dict(pids.get("doi", {}), "doi").get("identifier")
+def at(tree: object, *keys: str) -> Any:
+    """What stands at a place in a JSON tree; None where there is no such place."""
+    for key in keys:
+        tree = tree.get(key) if isinstance(tree, dict) else None
+    return tree
 
 
 def _number(value: object, what: str) -> str:
     text = str(value) if isinstance(value, int) and not isinstance(value, bool) else value
-    if not isinstance(text, str) or not re.fullmatch(r"[0-9]{1,12}", text):
+    if not isinstance(text, str) or not re.fullmatch("[0-9]{1,12}", text):
         raise _nonsense(value, what)
     return text
 
 
-def _dict(value: object, what: str) -> dict[str, Any]:
-    if value is None:
-        return {}
-    if not isinstance(value, dict):
-        raise _nonsense(value, what)
-    return value
-
-
-def _text(value: object, what: str) -> str | None:
+def _line(value: object) -> str | None:
     """One line of printable text, so that a record cannot move the user's terminal about."""
-    if value is None:
-        return None
-    if not isinstance(value, str):
-        raise _nonsense(value, what)
-    return plain(value) or None
+    return (plain(value) or None) if isinstance(value, str) else None
 
 
 def plain(text: str) -> str:
@@ -291,6 +209,7 @@ def plain(text: str) -> str:
 
 
 def _nonsense(value: object, what: str) -> DataMissingError:
-    message = f"the record makes no sense: {what}: {shown(str(value))}"
+    text = shown(value) if isinstance(value, str) else type(value).__name__ if value else str(value)
+    message = f"the record makes no sense: {what}: {text}"
     hint = "see whether --base-url leads to Zenodo, or download the files in a browser and use --from-dir DIR"
     return DataMissingError(message, hint=hint)
