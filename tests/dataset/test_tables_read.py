@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
 from tendonrepro.dataset.readers.hdf5 import read_hdf5
+from tendonrepro.dataset.readers.heading import headings
 from tendonrepro.dataset.readers.numpy_files import read_npy, read_npz
 from tendonrepro.dataset.readers.signals import Found
 from tendonrepro.dataset.readers.text import read_text_table
@@ -195,6 +196,23 @@ def test_rows_of_origin(names: str, comments: str, expected: list[str], tmp_path
     assert not found.texts
 
 
+@pytest.mark.parametrize("letters", [True, False])
+@pytest.mark.parametrize("formulas", [["F(x)"], ["F(x)=", "Sparklines"], []])
+def test_rows_told_by_their_first_cell(letters: bool, formulas: list[str]) -> None:
+    rows = [["SYNTHETIC"], *([["", "A(X)", "B(Y)", "C(Y)"]] if letters else [])]
+    rows += [["Long Name", "Time", "Angle", "Angle"], ["Units", "s", "deg", "deg"]]
+    rows += [["Comments", "SYNTHETIC", "desired 2", "actual 2"], *([name, "", "", ""] for name in formulas)]
+    found, unused = headings(rows, 4)
+    assert [heading.label for heading in found] == ["", "Time SYNTHETIC", "Angle desired 2", "Angle actual 2"]
+    assert [heading.unit for heading in found] == [None, "s", "deg", "deg"]
+    assert unused == [0]
+
+
+def test_a_column_called_name_is_no_row_of_names() -> None:
+    found, _ = headings([["Name", "q2", "q3"]], 3)
+    assert [heading.name for heading in found] == ["Name", "q2", "q3"]
+
+
 def test_an_empty_first_cell_keeps_its_place(tmp_path: Path) -> None:
     found = of_text("\tq2\n0\t5\n1\t6\n2\t7\n", tmp_path)
     assert columns(found) == {"column 1": [0.0, 1.0, 2.0], "q2": [5.0, 6.0, 7.0]}
@@ -228,12 +246,13 @@ def test_marks_between_thousands(tmp_path: Path) -> None:
         ("00:00.0", "00:00.5", "00:01.0"),
     ],
 )
-def test_clock_times_become_seconds(stamps: Sequence[str], tmp_path: Path) -> None:
-    rows = "".join(f"{stamp};{number}\n" for number, stamp in enumerate(stamps))
-    time = of_text(f"when;q\n{rows}", tmp_path).signals[0]
-    assert time.values.tolist() == [0.0, 0.5, 1.0]
-    assert time.unit == "s"
-    assert "clock times" in time.note
+@pytest.mark.parametrize("separator", [";", "\t"])
+def test_clock_times_become_seconds(stamps: Sequence[str], separator: str, tmp_path: Path) -> None:
+    rows = "".join(f"{stamp}{separator}{number}\n" for number, stamp in enumerate(stamps))
+    found = of_text(f"when{separator}q\n{rows}", tmp_path)
+    assert columns(found) == {"when": [0.0, 0.5, 1.0], "q": [0.0, 1.0, 2.0]}
+    assert found.signals[0].unit == "s"
+    assert "clock times" in found.signals[0].note
 
 
 def test_gaps_and_words_among_numbers(tmp_path: Path) -> None:
@@ -533,7 +552,7 @@ def test_a_header_that_announces_more_than_there_is(version: tuple[int, int], tm
     path.write_bytes(stream.getvalue())
     assert columns(read_npy(path)) == {"array": list(range(100))}
     path.write_bytes(stream.getvalue().replace(b"(100,)", b"(999,)"))
-    with pytest.raises(Unreadable, match="announces 7992 bytes, 800 are there"):
+    with pytest.raises(Unreadable, match="broken or cut short"):
         read_npy(path)
 
 
