@@ -105,7 +105,8 @@ def _nanoseconds(cell: Any) -> int | None:
     if isinstance(cell, datetime.timedelta):
         return cell // datetime.timedelta(microseconds=1) * 1000
     text = str(cell).strip()  # of a date or time it reads as people write them
-    text = f"0:{text}" if _WITHOUT_HOUR.fullmatch(text) else text
+    if _WITHOUT_HOUR.fullmatch(text):
+        text = f"0:0{text}" if text[1] == ":" else f"0:{text}"
     match = _STAMP.fullmatch(text) if len(text) <= _LONGEST else None
     if match is None or not (match["date"] or match["clock"]):
         return None

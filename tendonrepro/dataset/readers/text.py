@@ -156,20 +156,17 @@ def _add_block(
     settle_head(block, lambda row: style.split(lines[row]), style.decimal)
     data = [lines[row].strip(" \r\x1a") for row in block.data]
     width, ragged = _width(data, style)
-    if ragged:
-        where = f"lines {block.data[0] + 1} to {block.data[-1] + 1}"
-        found.skip(where, f"{ragged} rows have another number of cells than {width}", "check these rows")
     columns = _columns(data, style, width)
     head = [_head_cells(lines[row], style, width) for row in block.head]
     # A separator at the end of every row leaves a column without numbers or a name.
-    while (
-        width > 1
-        and _is_empty(columns[-1])
-        and not any("".join(cells[width - 1 :]).strip() for cells in head)
-    ):
-        width -= 1
+    named = [column for cells in head for column, cell in enumerate(cells) if cell.strip()]
+    while len(columns) > max(named, default=0) + 1 and _is_empty(columns[-1]):
         columns.pop()
-        head = [_head_cells(lines[row], style, width) for row in block.head]
+    if ragged:
+        where = f"lines {block.data[0] + 1} to {block.data[-1] + 1}"
+        found.skip(
+            where, f"{ragged} rows have another number of cells than {len(columns)}", "check these rows"
+        )
     more = {"prefix": prefix, "decimal": style.decimal, "note": style.doubt}
     return add_table(found, block, head, columns, words_at, before, **more)
 
