@@ -62,6 +62,7 @@ SPELLINGS = {
     "exponents of Fortran": "t q\n0.0D+00 0.15D+01\n0.1D+01 0.25D+01\n0.2D+01 0.35D+01\n",
     "comments": "% made up\n// nothing\nt,q\n0,1.5\n# pause\n1,2.5\n2,3.5\n",
     "names in a comment": "# t q\n0 1.5\n1 2.5\n2 3.5\n",
+    "names by comma over blanks": "t,q\n0 1.5\n1 2.5\n2 3.5\n",
     "preamble": "SYNTHETIC\nDate: today\n\nt,q\n0,1.5\n1,2.5\n2,3.5\n",
     "settings above": "Rate,1000\nGain,2.5\n\nt,q\n0,1.5\n1,2.5\n2,3.5\n",
     "LabVIEW": "LabVIEW Measurement\t\n"
@@ -84,9 +85,10 @@ CHINESE = (
     [("时间", "s"), ("期望角度", "deg"), ("角度", "°")],
 )
 GERMAN = (
-    "Zeit / s;Größe des Winkels (°);M [N·m]\n0,0;1,5;2,25\n0,1;1,6;2,35\n0,2;1,7;2,45\n",
-    [("Zeit", "s"), ("Größe des Winkels", "°"), ("M", "N·m")],
+    "Zeit / s;Größe des Winkels (deg);M [N·m]\n0,0;1,5;2,25\n0,1;1,6;2,35\n0,2;1,7;2,45\n",
+    [("Zeit", "s"), ("Größe des Winkels", "deg"), ("M", "N·m")],
 )
+DEGREE = "t;q (°)\n0;1\n1;2\n2;3\n", [("t", None), ("q", "°")]
 ENCODINGS = ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "gbk", "gb18030", "utf-32"]
 
 
@@ -95,7 +97,7 @@ ENCODINGS = ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "gbk", "g
     [
         *((CHINESE, encoding, "") for encoding in ENCODINGS),
         *((CHINESE, encoding, "\ufeff") for encoding in ("utf-16-be", "utf-32-be")),
-        *((GERMAN, encoding, "") for encoding in ("utf-8", "cp1252")),
+        *((table, encoding, "") for table in (GERMAN, DEGREE) for encoding in ("utf-8", "cp1252")),
     ],
 )
 def test_names_come_through_in_every_encoding(
@@ -225,6 +227,11 @@ def test_a_column_called_name_is_no_row_of_names() -> None:
     assert [heading.name for heading in found] == ["Name", "q2", "q3"]
 
 
+def test_names_with_blanks_stand_further_apart(tmp_path: Path) -> None:
+    found = of_text("time (s)  joint 2\n0 1\n1 2\n2 3\n", tmp_path)
+    assert names_and_units(found) == [("time", "s"), ("joint 2", None)]
+
+
 def test_an_empty_first_cell_keeps_its_place(tmp_path: Path) -> None:
     found = of_text("\tq2\n0\t5\n1\t6\n2\t7\n", tmp_path)
     assert columns(found) == {"column 1": [0.0, 1.0, 2.0], "q2": [5.0, 6.0, 7.0]}
@@ -309,22 +316,16 @@ def test_many_tables_are_left_out_and_noted(tmp_path: Path) -> None:
     assert [left.reason for left in found.skipped] == ["50 more tables, lines 402 to 600, left out"]
 
 
-def test_words_alone_are_kept_as_texts(tmp_path: Path) -> None:
-    found = of_text("SYNTHETIC notes\nall angles in degrees\n", tmp_path)
-    assert not found.signals
-    assert found.texts == {"text": "SYNTHETIC notes\nall angles in degrees"}
-    assert [left.reason for left in found.skipped] == ["a text without a table of numbers"]
-
-
 @pytest.mark.parametrize(
     "lines",
     [
         ["1. SYNTHETIC data of controller 1", "2. data of controller 2", "3. the same with 0.2 kg"],
         ["SYNTHETIC", "Payload: 0.2 kg"],
         ["rate,1000", "SYNTHETIC"],
+        ["SYNTHETIC notes", "all angles in degrees"],
     ],
 )
-def test_numbers_in_sentences_are_no_table(lines: list[str], tmp_path: Path) -> None:
+def test_a_text_for_people_is_no_table(lines: list[str], tmp_path: Path) -> None:
     found = of_text("\n".join(lines), tmp_path)
     assert not found.signals
     assert [left.reason for left in found.skipped] == ["a text without a table of numbers"]
@@ -443,10 +444,8 @@ def test_a_merged_name_ends_where_the_merged_cells_end(tmp_path: Path) -> None:
     assert not found.texts
 
 
-def test_merged_names_hidden_sheets_charts_and_empty_ones(tmp_path: Path) -> None:
-    rows = [[None, "Controller 1", None], ["t", "q2", "q3"], *([n, 1, 2] for n in range(3))]
-    book = book_of(rows)
-    book.active.merge_cells("B1:C1")
+def test_hidden_sheets_charts_and_empty_ones(tmp_path: Path) -> None:
+    book = book_of([["t", "q2"], *([n, 1] for n in range(3))])
     hidden = book.create_sheet("Old")
     hidden.sheet_state = "hidden"
     for number in range(3):
@@ -454,9 +453,8 @@ def test_merged_names_hidden_sheets_charts_and_empty_ones(tmp_path: Path) -> Non
     book.create_sheet("Empty")
     book.create_chartsheet("Chart")
     found = of_book(book, tmp_path)
-    paths = ["Data/t", "Data/Controller 1/q2", "Data/Controller 1/q3", "Old/column 1"]
-    assert [signal.path for signal in found.signals] == paths
-    assert found.signals[-1].note == "on a hidden sheet"
+    notes = {signal.path: signal.note for signal in found.signals}
+    assert notes == {"Data/t": "", "Data/q2": "", "Old/column 1": "on a hidden sheet"}
     assert {left.path for left in found.skipped} == {"Empty", "Chart"}
 
 

@@ -12,8 +12,6 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from tendonrepro.dataset.readers.bounds import is_full
 from tendonrepro.dataset.readers.cells import (
     MOST_TABLES,
@@ -158,10 +156,6 @@ def _add_block(
     width, ragged = _width(data, style)
     columns = _columns(data, style, width)
     head = [_head_cells(lines[row], style, width) for row in block.head]
-    # A separator at the end of every row leaves a column without numbers or a name.
-    named = [column for cells in head for column, cell in enumerate(cells) if cell.strip()]
-    while len(columns) > max(named, default=0) + 1 and _is_empty(columns[-1]):
-        columns.pop()
     if ragged:
         where = f"lines {block.data[0] + 1} to {block.data[-1] + 1}"
         found.skip(
@@ -231,10 +225,6 @@ def _columns(data: Sequence[str], style: Style, width: int) -> list[Cells]:
     # Rows on which the fast parser gives up.
     rows = [(style.split(line) + [""] * width)[:width] for line in data]
     return [list(column) for column in zip(*rows, strict=True)]
-
-
-def _is_empty(cells: Cells) -> bool:
-    return isinstance(cells, np.ndarray) and cells.dtype.kind == "f" and bool(np.isnan(cells).all())
 
 
 def style_of(lines: Sequence[str]) -> Style:
