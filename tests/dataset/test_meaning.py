@@ -21,7 +21,6 @@ from tendonrepro.dataset.meaning.columns import Column, columns_of
 from tendonrepro.dataset.meaning.evidence import counted_in, differences_of, is_label, sampling_step
 from tendonrepro.dataset.meaning.understand import understand
 from tendonrepro.dataset.meaning.words import Hints, hints, printable
-from tendonrepro.dataset.readers.heading import headings
 from tendonrepro.dataset.readers.signals import Found, Source
 from tendonrepro.dataset.readers.units import FACTORS, factor, plain_unit
 
@@ -902,23 +901,3 @@ def test_curves_without_names_are_in_the_order_of_the_paper() -> None:
         ("measured", 3),
     ]
     assert suggest(columns, "x").runs == {f"controller_{k}": 2 for k in (1, 2, 3)}
-
-
-# ---- Headings --------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("letters", [True, False])
-@pytest.mark.parametrize("formulas", [["F(x)"], ["F(x)=", "Sparklines"], []])
-def test_rows_told_by_their_first_cell(letters: bool, formulas: list[str]) -> None:
-    rows = [["", "A(X)", "B(Y)", "C(Y)"]] if letters else []
-    rows += [["Long Name", "Time", "Angle", "Angle"], ["Units", "s", "deg", "deg"]]
-    rows += [["Comments", "SYNTHETIC", "desired 2", "actual 2"], *([name, "", "", ""] for name in formulas)]
-    found, used = headings(rows, 4)
-    assert [heading.label for heading in found] == ["", "Time SYNTHETIC", "Angle desired 2", "Angle actual 2"]
-    assert [heading.unit for heading in found] == [None, "s", "deg", "deg"]
-    assert used == list(range(len(rows)))
-
-
-def test_a_column_called_name_is_no_row_of_names() -> None:
-    found, _ = headings([["Name", "q2", "q3"]], 3)
-    assert [heading.name for heading in found] == ["Name", "q2", "q3"]

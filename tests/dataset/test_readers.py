@@ -293,17 +293,6 @@ def test_no_two_signals_have_one_name(names: list[str]) -> None:
 # --- letters and dates ----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-be", "utf-32", "utf-32-be"])
-def test_every_byte_order_mark(encoding: str, tmp_path: Path) -> None:
-    path = tmp_path / "SYNTHETIC.csv"
-    mark = "\ufeff" if encoding.endswith("be") else ""
-    path.write_bytes((mark + "t,角度\n0,1\n1,2\n2,4\n").encode(encoding))
-    assert kind_of(path) is FileType.TEXT
-    (source,) = read_file(path, path.name)
-    assert [signal.label for signal in source.signals] == ["t", "角度"]
-    assert_array_equal(source.signals[1].values, [1.0, 2.0, 4.0])
-
-
 def test_names_of_fields_beyond_latin(tmp_path: Path) -> None:
     inner = [("左", "i2"), ("右", "<f4", (2,))]
     kind = np.dtype([("时间", "<f8"), ("角度", inner), ("é", "u1")], align=True)

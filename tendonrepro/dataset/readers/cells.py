@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import datetime
+import math
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
-from itertools import chain, count, groupby
+from itertools import accumulate, chain, count, groupby, pairwise
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -16,28 +18,37 @@ from tendonrepro.arrays import Array
 from tendonrepro.dataset.readers.bounds import is_full, note_rest
 from tendonrepro.dataset.readers.heading import Heading, headings
 from tendonrepro.dataset.readers.signals import Found
-from tendonrepro.dataset.readers.stamps import is_stamp, seconds
 
 MOST_TABLES = 100
 """Tables of one text or sheet that are read; a log that restarts more often is rare."""
-FEWEST_ROWS = 3
+MOST_WORDS = 40
+"""Rows of words about one table that are noted."""
+_MOST_TEXTS = 2000
+_FEWEST_ROWS = 3
 """Fewer rows of numbers beside a longer table are settings, such as a sampling rate."""
-_MISSING = frozenset(
-    {"nan", "-nan", "na", "n/a", "#n/a", "null", "none", "nan(ind)", "-nan(ind)", "1.#qnan", "1.#ind"}
-    | {"-1.#ind", "--", "---", "#div/0!", "#value!", "#ref!", "#num!", "#name?", "#null!"}
-)
-_POINT = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d{1,4})?")
-_COMMA = re.compile(r"[+-]?(?:\d+(?:,\d+)?|,\d+)(?:[eEdD][+-]?\d{1,4})?")
-_INFINITE = re.compile(r"[+-]?(?:inf|infinity|∞)", re.IGNORECASE)
+_MISSING = {
+    "nan", "-nan", "na", "n/a", "#n/a", "null", "none", "nan(ind)", "-nan(ind)", "1.#qnan", "1.#ind",
+    "-1.#ind", "--", "---", "#div/0!", "#value!", "#ref!", "#num!", "#name?", "#null!",
+}  # fmt: skip
+_EXPONENT = r"(?:[ed][+-]?\d{1,4})?"
+_NUMBERS = {
+    ".": re.compile(rf"[+-]?(?:(?:\d+\.?\d*|\.\d+){_EXPONENT}|inf(?:inity)?)"),
+    ",": re.compile(rf"[+-]?(?:(?:\d+(?:,\d+)?|,\d+){_EXPONENT}|inf(?:inity)?)"),
+}
 _GROUPED = {
     ".": re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+(?:\.\d*)?"),
     ",": re.compile(r"[+-]?[1-9]\d{0,2}(?:\.\d{3})+(?:,\d*)?"),
 }
-_NO_RESULT = (
-    "if formulas fill it, open the file in its program and save it again so that it holds their results"
+_STAMP = re.compile(
+    r"(?P<date>\d{4}[-/.年]\d{1,2}[-/.月]\d{1,2}日?|\d{1,2}[./-]\d{1,2}[./-]\d{4})?[T\s_]*"
+    r"(?P<clock>\d{1,2}:\d{2}(?::\d{2}(?:[.,:]\d{1,9})?)?)?\s*(?:Z|(?P<zone>[+-]\d{2}:?\d{2}))?"
 )
-_LONGEST_NUMBER = 60
-_MOST_TEXTS = 20
+_WITHOUT_HOUR = re.compile(r"\d{1,2}:\d{2}[.,]\d{1,9}")
+_LONGEST = 60
+_SECOND = 10**9
+_DAY = 86400 * _SECOND
+_NO_RESULT = "if formulas fill it, open the file in its program and save it again with their results"
+_MOST_DIFFERENT = 20
 
 Cells: TypeAlias = NDArray[Any] | Sequence[Any]
 
@@ -53,77 +64,111 @@ class Mark(Enum):
 
 @dataclass
 class Block:
-    """Rows of numbers that belong together, and the rows of words above them, by their positions."""
+    """Rows of numbers that belong together, by their positions.
+
+    `head` holds the rows right above them, `above` the words further up, down from the block before, and
+    `below` those under the last block.
+    """
 
     head: list[int] = field(default_factory=list)
     data: list[int] = field(default_factory=list)
+    above: list[int] = field(default_factory=list)
+    below: list[int] = field(default_factory=list)
 
 
 def number(cell: Any, decimal: str = ".", *, grouped: bool = False) -> float | None:
-    """Number in a cell.
+    """Number in a cell, NaN for the usual words for a missing value; None for what is no number.
 
-    Parameters
-    ----------
-    cell : object
-        Text or number.
-    decimal : str
-        Decimal mark, point or comma.
-    grouped : bool
-        Whether the other mark may stand between thousands.
-
-    Returns
-    -------
-    float or None
-        NaN for the usual words for a missing value; None for what is no number.
+    `grouped` allows the mark that is not the decimal one between thousands.
     """
     if isinstance(cell, int | float):
-        return _as_float(cell)
-    if not isinstance(cell, str) or len(cell) > _LONGEST_NUMBER:
+        return float(cell)
+    if not isinstance(cell, str) or len(cell) > _LONGEST:
         return None
-    text = cell.strip(" \t\"'\u00a0\u3000").replace("−", "-")
-    value = None
-    if (_POINT if decimal == "." else _COMMA).fullmatch(text):
-        value = text.replace(",", ".").lower().replace("d", "e")
-    elif text.lower() in _MISSING:
-        value = "nan"
-    elif _INFINITE.fullmatch(text):
-        value = text.replace("∞", "inf")
-    elif grouped and _GROUPED[decimal].fullmatch(text):
-        value = text.replace("." if decimal == "," else ",", "").replace(",", ".")
-    return None if value is None else float(value)
+    text = cell.strip(" \t\"'\u00a0\u3000").replace("−", "-").replace("∞", "inf").lower()
+    if text in _MISSING:
+        return math.nan
+    if grouped and _GROUPED[decimal].fullmatch(text):
+        text = text.replace("," if decimal == "." else ".", "")
+    elif not _NUMBERS[decimal].fullmatch(text):
+        return None
+    return float(text.replace(",", ".").replace("d", "e"))
 
 
-def _as_float(value: float) -> float:
+def is_stamp(cell: Any) -> bool:
+    """Whether a cell is a date, a clock time or a duration, as an object or written out."""
+    return _nanoseconds(cell) is not None
+
+
+def _nanoseconds(cell: Any) -> int | None:
+    """Time since the calendar began, or since midnight for a clock alone; None for what is no time."""
+    if isinstance(cell, datetime.timedelta):
+        return cell // datetime.timedelta(microseconds=1) * 1000
+    text = str(cell).strip()  # of a date or time it reads as people write them
+    if _WITHOUT_HOUR.fullmatch(text):
+        text = f"0:0{text}" if text[1] == ":" else f"0:{text}"
+    match = _STAMP.fullmatch(text) if len(text) <= _LONGEST else None
+    if match is None or not (match["date"] or match["clock"]):
+        return None
     try:
-        return float(value)
-    except OverflowError:
-        return float("inf") if value > 0 else float("-inf")
+        days = _day(match["date"]) if match["date"] else 0
+    except ValueError:
+        return None
+    hour, minute, second, fraction = [*re.split("[:.,]", match["clock"] or "0"), "0", "0", "0"][:4]
+    zone = (match["zone"] or "+0000").replace(":", "")
+    ahead = 60 * int(zone[:3]) + int(zone[0] + zone[3:])
+    minutes = (24 * days + int(hour)) * 60 + int(minute) - ahead
+    return (60 * minutes + int(second)) * _SECOND + int(fraction.ljust(9, "0"))
+
+
+def _day(written: str) -> int:
+    """Number of a day in the calendar, written with the year first or last."""
+    numbers = [int(digits) for digits in re.findall(r"\d+", written)]
+    year, month, day = numbers if numbers[0] > 31 else reversed(numbers)
+    # Day before month, unless that cannot be: within one day, and a run lasts seconds, either gives the same.
+    return datetime.date(year, *((month, day) if month <= 12 else (day, month))).toordinal()
+
+
+def _seconds(cells: Cells) -> tuple[Array, str] | None:
+    """Times in s from the first, NaN for other cells, with a note; None when most cells are no times."""
+    times = [_nanoseconds(cell) for cell in cells]
+    known = [time for time in times if time is not None]
+    if not known or 2 * len(known) < sum(map(_is_filled, cells)):
+        return None
+    start, note = 0, "durations in seconds"
+    if not any(isinstance(cell, datetime.timedelta) for cell in cells):
+        first = next(str(cell).strip() for cell in cells if is_stamp(cell))
+        start, note = known[0], f"clock times, seconds from the first, {first[:40]}"
+        if max(known) < _DAY:
+            known = _past_midnight(known)
+    values = np.full(len(times), np.nan)
+    values[[time is not None for time in times]] = [(time - start) / _SECOND for time in known]
+    return values, note
+
+
+def _past_midnight(times: Sequence[int]) -> list[int]:
+    """Add a day whenever a clock without a date jumps back by more than half a day."""
+    back = [before - after > _DAY // 2 for before, after in pairwise([times[0], *times])]
+    return [time + days * _DAY for time, days in zip(times, accumulate(back), strict=True)]
+
+
+def _is_filled(cell: Any) -> bool:
+    # Only NaN differs from itself.
+    return cell is not None and cell == cell and bool(str(cell).strip())  # noqa: PLR0124
 
 
 def mark_of(cells: Sequence[Any], decimal: str = ".") -> Mark:
-    """What a row is: numbers as soon as one cell is a number or a time."""
-    filled = [cell for cell in cells if cell is not None and str(cell).strip()]
-    if not filled:
-        return Mark.BLANK
+    """Tell what a row is: numbers as soon as one cell is a number or a time."""
+    filled = [cell for cell in cells if _is_filled(cell)]
     if any(number(cell, decimal, grouped=True) is not None or is_stamp(cell) for cell in filled):
         return Mark.NUMBERS
-    return Mark.WORDS
+    return Mark.WORDS if filled else Mark.BLANK
 
 
-def blocks_of(marks: Iterable[Mark]) -> tuple[list[Block], list[int]]:
-    """Group rows into blocks of numbers with the words above them.
+def blocks_of(marks: Iterable[Mark]) -> list[Block]:
+    """Group rows into blocks with enough rows of numbers to be a table.
 
-    Parameters
-    ----------
-    marks : iterable of Mark
-        One a row. A blank row or one of words ends a block; comments within it do not.
-
-    Returns
-    -------
-    blocks : list of Block
-        With enough rows of numbers to be a table.
-    words : list of int
-        Rows that belong to no block.
+    A blank row or one of words ends a block; comments within it do not.
     """
     blocks = [Block()]
     for row, mark in enumerate(marks):
@@ -137,151 +182,107 @@ def blocks_of(marks: Iterable[Mark]) -> tuple[list[Block], list[int]]:
             blocks.append(Block([row] if mark is Mark.WORDS else []))
         elif mark is Mark.WORDS:
             current.head.append(row)
-    fewest = max(1, min(FEWEST_ROWS, max(len(block.data) for block in blocks)))
-    tables = [block for block in blocks if len(block.data) >= fewest]
-    words = [row for block in blocks if len(block.data) < fewest for row in block.head + block.data]
-    return tables, words
+    fewest = max(1, min(_FEWEST_ROWS, max(len(block.data) for block in blocks)))
+    tables: list[Block] = []
+    words: list[int] = []
+    for block in blocks:
+        if len(block.data) >= fewest:
+            block.above, words = words, []
+            tables.append(block)
+        else:
+            words += block.head + block.data
+    if tables:
+        tables[-1].below = words
+    return tables
 
 
 def settle_head(block: Block, cells_at: Callable[[int], Sequence[Any]], decimal: str = ".") -> None:
-    """Move the first row of numbers to the head if it names the columns, as in ``t, 1, 2, 3``.
-
-    Parameters
-    ----------
-    block : Block
-        Changed in place.
-    cells_at : callable
-        Cells of a row by its position.
-    decimal : str
-        Decimal mark.
-    """
+    """Move the first row of numbers to the head if it names the columns, as in ``t, 1, 2, 3``."""
     named = block.head and sum(_is_filled(cell) for cell in cells_at(block.head[-1])) > 1
     if named or len(block.data) < 3:
         return
-    first, second, third = (list(cells_at(row)) for row in block.data[:3])
-    for top, below, lower in zip(first, second, third, strict=False):
-        word = isinstance(top, str) and top.strip() and mark_of([top], decimal) is Mark.WORDS
-        if word and mark_of([below], decimal) is mark_of([lower], decimal) is Mark.NUMBERS:
+    for top, *below in zip(*map(cells_at, block.data[:3]), strict=False):
+        word = isinstance(top, str) and mark_of([top], decimal) is Mark.WORDS
+        if word and all(mark_of([cell], decimal) is Mark.NUMBERS for cell in below):
             block.head.append(block.data.pop(0))
             return
 
 
-def block_headings(
-    rows: Sequence[Sequence[str]], width: int, before: Sequence[Heading]
-) -> tuple[list[Heading], list[int], str]:
-    """Headings of a block; one without its own takes those of the block before if it is as wide.
-
-    Returns
-    -------
-    headings : list of Heading
-    used : list of int
-        Which of the rows name columns.
-    note : str
-        Says so when they are those of the block before.
-    """
-    own, used = headings(rows, width)
-    if not used and len(before) == width and any(heading.name for heading in before):
-        return list(before), used, "headings of the table before"
-    return own, used, ""
+def words_of(cells: Iterable[str]) -> list[str]:
+    """Texts of a row, those that merged cells repeat only once."""
+    return [word for word, _ in groupby(cell.strip() for cell in cells if cell.strip())]
 
 
-def note_above(found: Found, prefix: str, place: str, cells: Iterable[str]) -> None:
-    """Note a row of words above a table: its title if it is a single text.
-
-    Parameters
-    ----------
-    found : Found
-    prefix : str
-        Of the paths of its columns, with its ``/``.
-    place : str
-        Row or line in the file, the path of what is no title.
-    cells : iterable of str
-    """
-    words = [word for word, _ in groupby(cell.strip() for cell in cells if cell.strip())]
-    path = f"{prefix}{'title' if len(words) == 1 else place}"
+def note_words(found: Found, path: str, words: Iterable[str]) -> None:
+    """Note a row of words; a number follows the path where another row has it."""
     numbered = chain([path], (f"{path} {number}" for number in count(2)))
-    found.text(next(name for name in numbered if name not in found.texts), ", ".join(words))
+    if len(found.texts) < _MOST_TEXTS:
+        found.text(next(name for name in numbered if name not in found.texts), ", ".join(words))
 
 
-def add_columns(
+def add_table(
     found: Found,
-    names: Sequence[Heading],
+    block: Block,
+    head: Sequence[Sequence[str]],
     columns: Sequence[Cells],
+    words_at: Callable[[int], tuple[str, list[str]]],
+    before: list[Heading],
     *,
-    group: str,
-    prefix: str = "",
+    prefix: str,
     decimal: str = ".",
     note: str = "",
-) -> None:
-    """Add the columns of a table as signals; those of words are noted.
+) -> list[Heading]:
+    """Add the columns of a block as signals, with the words above it as texts; returns its headings.
 
-    Parameters
-    ----------
-    found : Found
-    names : sequence of Heading
-    columns : sequence of cells
-        As many.
-    group : str
-        Of all its signals.
-    prefix : str
-        Of their paths, with its ``/``.
-    decimal : str
-        Decimal mark of numbers written out.
-    note : str
-        For every signal.
+    `head` has the cells of the block's head; `words_at` tells where a row stands and its words. A block
+    without names takes those of the one `before` if it is as wide. Paths begin with the `prefix`, which ends
+    with a ``/``, or is empty for the only table of a text.
     """
+    names, unused = headings(head, len(columns))
+    rows = [*block.above, *(block.head[position] for position in unused)]
+    for row in rows[:MOST_WORDS]:
+        place, words = words_at(row)
+        note_words(found, prefix + ("title" if len(words) == 1 else place), words)
+    if len(rows) > MOST_WORDS:
+        found.skip("", f"{len(rows) - MOST_WORDS} more lines of words")
+    group, notes = prefix.removesuffix("/") or "table", [note]
+    named = [any(heading.name for heading in row) for row in (names, before)]
+    if named == [False, True] and len(before) == len(names):
+        names, notes = before, ["headings of the table before", note]
     for position, (heading, cells) in enumerate(zip(names, columns, strict=True)):
         if is_full(found):
             note_rest(found, len(columns) - position, "columns")
-            return
+            break
         path = prefix + (heading.name or f"column {position + 1}")
-        if isinstance(cells, np.ndarray) and cells.dtype.kind in "biuf":
-            values, how, unit = cells, "", heading.unit
-        else:
-            read = _numbers(cells, decimal)
-            if read is None:
-                _note_words(found, path, cells)
-                continue
-            values, how, unit = read[0], read[1], read[2] or heading.unit
-        if np.isnan(values).all():
-            if heading.name:
-                found.skip(path, "no number in it", _NO_RESULT)
-            continue
-        notes = "; ".join(text for text in (how, note) if text)
-        found.add(path, values, label=heading.label, unit=unit, group=group, note=notes)
+        read = _numbers(cells, decimal)
+        if read is None:
+            _note_different(found, path, cells)
+        elif not np.isnan(read[0]).all():
+            values, how, unit = read
+            text = "; ".join(filter(None, [how, *notes]))
+            found.add(path, values, label=heading.label, unit=unit or heading.unit, group=group, note=text)
+        elif heading.name:
+            found.skip(path, "no number in it", _NO_RESULT)
+    return names
 
 
-def _numbers(cells: Cells, decimal: str) -> tuple[Array, str, str | None] | None:
+def _numbers(cells: Cells, decimal: str) -> tuple[NDArray[Any], str, str | None] | None:
     """Values, what was done to get them, and their unit if that is settled; None for words."""
+    if isinstance(cells, np.ndarray) and cells.dtype.kind in "biuf":
+        return cells, "", None
     values = [number(cell, decimal, grouped=True) for cell in cells]
     odd = [cell for cell, value in zip(cells, values, strict=True) if value is None and _is_filled(cell)]
-    numbers = sum(value is not None for value in values)
-    if len(odd) <= numbers and numbers:
-        found = np.array([np.nan if value is None else value for value in values])
-        return found, _odd_cells(odd), None
-    times = seconds(list(cells))
-    return (*times, "s") if times else None
-
-
-def _is_filled(cell: Any) -> bool:
-    # Only NaN differs from itself.
-    return cell is not None and cell == cell and bool(str(cell).strip())  # noqa: PLR0124
-
-
-def _odd_cells(odd: Sequence[Any]) -> str:
-    if not odd:
-        return ""
+    if len(odd) > len(values) - values.count(None):
+        times = _seconds(cells)
+        return (*times, "s") if times else None
     some = ", ".join(sorted({repr(str(cell)[:20]) for cell in odd})[:3])
-    return f"{len(odd)} cells are no numbers ({some}) and became NaN"
+    how = f"{len(odd)} cells are no numbers ({some}) and became NaN" if odd else ""
+    return np.array([math.nan if value is None else value for value in values]), how, None
 
 
-def _note_words(found: Found, path: str, cells: Cells) -> None:
+def _note_different(found: Found, path: str, cells: Cells) -> None:
     """Note a column of words: a few different ones may say which run a row belongs to."""
     words = [str(cell) for cell in cells if _is_filled(cell)]
-    if not words:
-        if not path.rpartition("/")[2].startswith("column "):
-            found.skip(path, "no number in it", _NO_RESULT)
-        return
     different = list(dict.fromkeys(words))
     found.skip(path, f"{len(words)} cells of words, {len(different)} different")
-    found.text(path, ", ".join(different[:_MOST_TEXTS]))
+    found.text(path, ", ".join(different[:_MOST_DIFFERENT]))

@@ -2,62 +2,46 @@
 
 from __future__ import annotations
 
-from bisect import bisect
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from tendonrepro.dataset.readers.bounds import is_full
 from tendonrepro.dataset.readers.cells import (
     MOST_TABLES,
+    MOST_WORDS,
     Block,
-    Cells,
-    add_columns,
-    block_headings,
+    add_table,
     blocks_of,
     mark_of,
-    note_above,
+    note_words,
     settle_head,
+    words_of,
 )
 from tendonrepro.dataset.readers.heading import Heading
 from tendonrepro.dataset.readers.signals import Found
 from tendonrepro.dataset.readers.unreadable import Unreadable
 
 if TYPE_CHECKING:
-    from python_calamine import CalamineSheet
+    from python_calamine import CalamineWorkbook
 
-MOST_CELLS = 20_000_000
+_MOST_CELLS = 20_000_000
 """Of one sheet; each takes some 100 bytes while it is read."""
-_MOST_WORDS = 20
-_MOST_TEXTS = 500
 _MOST_MERGED = 1000
 _BROKEN = "open it in Excel or LibreOffice, which can repair it, and save it again"
 
 
 def read_workbook(path: Path, kind: str) -> Found:
-    """Read every table of numbers on every sheet of a workbook.
+    """Read every table of numbers on every sheet of a workbook; `kind` is the file's true type for the user.
 
-    Parameters
-    ----------
-    path : Path
-    kind : str
-        True type of the file, for the user.
-
-    Returns
-    -------
-    Found
-        One signal a column. The group is the sheet, or the sheet with columns and rows such as
-        ``Sheet1!D:F`` where it has several tables.
-
-    Raises
-    ------
-    Unreadable
-        When it is encrypted or broken.
+    One signal a column. The group is the sheet, with cells such as ``Sheet1!D2:F9`` where it has several
+    tables.
     """
+    # Through pandas a sheet comes from its first cell on, however far off its numbers are, and without its
+    # merged cells.
     from python_calamine import CalamineWorkbook, PasswordError
 
     found = Found(kind)
@@ -81,153 +65,94 @@ def read_workbook(path: Path, kind: str) -> Found:
     return found
 
 
-def _read_sheet(found: Found, book: Any, name: str, note: str) -> None:
+def _read_sheet(found: Found, book: CalamineWorkbook, name: str, note: str) -> None:
     try:
         sheet = book.get_sheet_by_name(name)
-        rows = _rows(sheet)
-    except Unreadable as error:
-        found.skip(name, error.reason, error.advice)
-        return
+        count = sheet.height * sheet.width
+        if count > _MOST_CELLS:
+            found.skip(name, f"{count} cells are too many", "save the sheet as CSV")
+            return
+        grid = _Grid(name, sheet.to_python(skip_empty_area=True), *(sheet.start or (0, 0)))
+        merged = sheet.merged_cell_ranges or []
     except Exception as error:  # calamine raises errors of several families, by what is broken
         found.skip(name, f"a broken sheet ({error})", _BROKEN)
         return
-    grid = _Grid(rows, sheet.start or (0, 0), _merged(sheet, rows))
-    tables = [table for columns in _column_ranges(rows) for table in _tables(found, name, grid, columns)]
+    ranges = grid.column_ranges()
+    grid.fill(merged[:_MOST_MERGED])
+    tables: list[tuple[slice, Block]] = []
+    for columns in ranges:
+        blocks = blocks_of(mark_of(row[columns]) for row in grid.rows)
+        tables += [(columns, block) for block in blocks]
+        if not blocks:
+            _note_rows(found, name, grid, columns, range(len(grid.rows)))
     names: list[Heading] = []
-    for table in tables[:MOST_TABLES]:
-        group = name if len(tables) == 1 else f"{name}!{table.where()}"
-        names = table.add_to(found, group, names, note)
+    for columns, block in tables[:MOST_TABLES]:
+        names = _add_table(found, grid, columns, block, names, note, alone=len(tables) == 1)
     if len(tables) > MOST_TABLES:
         found.skip(name, f"{len(tables) - MOST_TABLES} more tables left out", "split the sheet")
     if not tables:
         found.skip(name, "a sheet without numbers")
 
 
+def _add_table(
+    found: Found, grid: _Grid, columns: slice, block: Block, before: list[Heading], note: str, *, alone: bool
+) -> list[Heading]:
+    """Add one table; returns its headings."""
+    settle_head(block, lambda row: grid.rows[row][columns])
+    group = grid.name if alone else f"{grid.name}!{grid.where(block, columns)}"
+    _note_rows(found, group, grid, columns, block.below)
+    head = [[_text(cell) for cell in grid.rows[row][columns]] for row in block.head]
+    cells = list(zip(*(grid.rows[row][columns] for row in block.data), strict=True))
+    words_at = partial(grid.words_at, columns)
+    return add_table(found, block, head, cells, words_at, before, prefix=f"{group}/", note=note)
+
+
+def _note_rows(found: Found, group: str, grid: _Grid, columns: slice, rows: Sequence[int]) -> None:
+    for row in rows[:MOST_WORDS]:
+        place, words = grid.words_at(columns, row)
+        note_words(found, f"{group}/{place}", words)
+
+
 @dataclass(frozen=True)
 class _Grid:
-    """Cells of a sheet, the place of the first from 0, and the rows with merged cells, filled."""
+    """Cells of a sheet, and the place of the first of them, from 0."""
 
-    rows: Sequence[Sequence[Any]]
-    corner: tuple[int, int]
-    merged: Mapping[int, Sequence[Any]]
+    name: str
+    rows: list[list[Any]]
+    first_row: int
+    first_column: int
 
-    def shown(self, row: int, columns: range) -> Sequence[Any]:
-        """Cells as a reader of the sheet sees them."""
-        return self.merged.get(row, self.rows[row])[columns.start : columns.stop]
+    def column_ranges(self) -> list[slice]:
+        """Runs of columns between empty ones: tables that stand side by side."""
+        used = [any(cell not in ("", None) for cell in column) for column in zip(*self.rows, strict=True)]
+        runs = [list(run) for is_used, run in groupby(range(len(used)), used.__getitem__) if is_used]
+        return [slice(run[0], run[-1] + 1) for run in runs]
 
-    def number(self, row: int) -> int:
-        """Number of a row in the sheet."""
-        return self.corner[0] + row + 1
+    def fill(self, merged: Sequence[tuple[tuple[int, int], tuple[int, int]]]) -> None:
+        """Repeat the text of merged cells over the empty ones they cover in its row."""
+        for (top, left), (_, right) in merged:
+            row, column = top - self.first_row, left - self.first_column
+            if 0 <= row < len(self.rows) and 0 <= column < len(self.rows[row]):
+                cells, text = self.rows[row], self.rows[row][column]
+                for place in range(column, min(right - self.first_column + 1, len(cells))):
+                    if isinstance(text, str) and cells[place] == "":
+                        cells[place] = text
 
+    def words_at(self, columns: slice, row: int) -> tuple[str, list[str]]:
+        """Where a row stands in the sheet, and its words."""
+        return f"row {self.first_row + row + 1}", words_of(map(_text, self.rows[row][columns]))
 
-def _rows(sheet: CalamineSheet) -> list[list[Any]]:
-    cells = sheet.height * sheet.width
-    if cells > MOST_CELLS:
-        reason = f"{cells} cells are too many"
-        raise Unreadable(reason, "save the sheet as CSV")
-    return sheet.to_python(skip_empty_area=True)
-
-
-def _merged(sheet: CalamineSheet, rows: Sequence[Sequence[Any]]) -> dict[int, list[Any]]:
-    """Rows in which cells are merged, with their texts in every column they cover."""
-    first_row, first_column = sheet.start or (0, 0)
-    filled: dict[int, list[Any]] = {}
-    for (top, left), (_, right) in (sheet.merged_cell_ranges or [])[:_MOST_MERGED]:
-        row, column = top - first_row, left - first_column
-        if not 0 <= row < len(rows) or not 0 <= column < len(rows[row]):
-            continue
-        text = rows[row][column]
-        if isinstance(text, str) and text.strip():
-            cells = filled.setdefault(row, list(rows[row]))
-            covered = range(column, min(right - first_column + 1, len(cells)))
-            for place in (place for place in covered if cells[place] in ("", None)):
-                cells[place] = text
-    return filled
-
-
-def _column_ranges(rows: Sequence[Sequence[Any]]) -> list[range]:
-    """Runs of columns between empty ones: tables that stand side by side."""
-    width = max((len(row) for row in rows), default=0)
-    used = np.zeros(width, bool)
-    for row in rows:
-        used[: len(row)] |= [cell is not None and cell != "" for cell in row]
-    runs = [list(run) for is_used, run in groupby(range(width), key=lambda column: used[column]) if is_used]
-    return [range(run[0], run[-1] + 1) for run in runs]
-
-
-def _tables(found: Found, name: str, grid: _Grid, columns: range) -> list[_Table]:
-    """Tables within a run of columns, with the words above them; what is none is noted."""
-    blocks, words = blocks_of([mark_of(grid.shown(row, columns)) for row in range(len(grid.rows))])
-    tables, before = [], 0
-    for block in blocks:
-        above = words[before : bisect(words, block.data[0])]
-        before += len(above)
-        tables.append(_Table(grid, block, columns, above[:_MOST_WORDS]))
-    if tables:
-        tables[-1].below = words[before : before + _MOST_WORDS]
-    else:
-        for row in range(min(len(grid.rows), _MOST_WORDS)):
-            _note_row(found, name, grid, row, columns)
-    return tables
-
-
-def _note_row(found: Found, name: str, grid: _Grid, row: int, columns: range) -> None:
-    cells = grid.rows[row][columns.start : columns.stop]
-    if len(found.texts) < _MOST_TEXTS:
-        found.text(f"{name}/row {grid.number(row)}", ", ".join(_text(cell) for cell in cells if _text(cell)))
-
-
-class _Table:
-    """Rows and columns of a sheet that are one table, and the words outside its head that belong to it."""
-
-    def __init__(self, grid: _Grid, block: Block, columns: range, above: Sequence[int]) -> None:
-        self.grid, self.block, self.columns, self.above = grid, block, columns, above
-        self.below: Sequence[int] = ()
-        settle_head(block, lambda row: grid.rows[row][columns.start : columns.stop])
-
-    def where(self) -> str:
-        """Columns and rows as a spreadsheet names them."""
-        left, right = (_letters(self.grid.corner[1] + self.columns[end]) for end in (0, -1))
-        first, last = (self.grid.number(self.block.data[end]) for end in (0, -1))
-        return f"{left}{first}:{right}{last}"
-
-    def add_to(self, found: Found, group: str, before: Sequence[Heading], note: str) -> list[Heading]:
-        """Add its columns as signals; returns its headings."""
-        names, used, inherited = block_headings(
-            [self._shown(row) for row in self.block.head], len(self.columns), before
-        )
-        for row in (*self.above, *(row for n, row in enumerate(self.block.head) if n not in used)):
-            if len(found.texts) < _MOST_TEXTS:
-                note_above(found, f"{group}/", f"row {self.grid.number(row)}", self._shown(row))
-        for row in self.below:
-            _note_row(found, group, self.grid, row, self.columns)
-        columns = [self._column(column) for column in self.columns]
-        notes = "; ".join(text for text in (note, inherited) if text)
-        add_columns(found, names, columns, group=group, prefix=f"{group}/", note=notes)
-        return names
-
-    def _shown(self, row: int) -> list[str]:
-        return [_text(cell) for cell in self.grid.shown(row, self.columns)]
-
-    def _column(self, column: int) -> Cells:
-        rows = self.grid.rows
-        cells = [rows[row][column] if column < len(rows[row]) else "" for row in self.block.data]
-        if all(type(cell) is float or type(cell) is int for cell in cells):
-            return np.array(cells, np.float64)
-        return cells
+    def where(self, block: Block, columns: slice) -> str:
+        """Columns and rows of a table as a spreadsheet names them."""
+        left, right = (_letters(self.first_column + column) for column in (columns.start, columns.stop - 1))
+        top, bottom = (self.first_row + row + 1 for row in (block.data[0], block.data[-1]))
+        return f"{left}{top}:{right}{bottom}"
 
 
 def _text(cell: Any) -> str:
-    if isinstance(cell, float) and cell.is_integer():
-        return str(int(cell))
-    return "" if cell is None else str(cell)
+    return str(int(cell)) if isinstance(cell, float) and cell.is_integer() else str(cell)
 
 
 def _letters(column: int) -> str:
     """Name of a column by its number from 0: A to Z, AA and so on."""
-    letters = ""
-    column += 1
-    while column:
-        column, rest = divmod(column - 1, 26)
-        letters = chr(ord("A") + rest) + letters
-    return letters
+    return (_letters(column // 26 - 1) if column > 25 else "") + chr(ord("A") + column % 26)
