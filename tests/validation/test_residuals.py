@@ -24,7 +24,7 @@ from tendonrepro.dataset.mapping.model import Mapping
 from tendonrepro.dataset.meaning.columns import Column
 from tendonrepro.dataset.meaning.understand import understand
 from tendonrepro.dataset.motion.knots import thinned
-from tendonrepro.dataset.motion.period import _refined, refined_shift
+from tendonrepro.dataset.motion.period import refined_shift, repeat_after
 from tendonrepro.dataset.motion.record import Recorded, recorded
 from tendonrepro.dataset.motion.recover import Reference, recover, zero_of
 from tendonrepro.dataset.motion.windows import _tail
@@ -377,9 +377,9 @@ class TestRecorded:
 
     @pytest.mark.parametrize("lag", [99.7, 100.0, 100.3])
     def test_a_period_between_two_samples_is_found(self, lag: float) -> None:
-        x = np.sin(2.0 * np.pi * np.arange(400.0) / lag)[:, np.newaxis]
-        assert _refined(x, 100, 1) == pytest.approx(lag, abs=0.01)
-        assert _refined(x, 1, 1) == 1.0
+        q = np.sin(2.0 * np.pi * np.arange(400.0) / lag)[:, np.newaxis]
+        record = Recorded(0.01 * np.arange(400.0), q, (2,), np.zeros(1), 0.0, np.ones(400, bool))
+        assert repeat_after(record) == pytest.approx(0.01 * lag, abs=1e-4)
 
 
 def test_a_calculated_joint_angle_is_not_taken_for_the_encoder() -> None:
