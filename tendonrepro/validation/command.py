@@ -214,9 +214,7 @@ def _residuals(file: TraceFile, work: Work) -> dict[str, Any]:
 
 
 def _draw(file: TraceFile, work: Work) -> None:
-    from tendonrepro.validation.figures import Pair, available_overlays, saved_overlay
+    from tendonrepro.validation.figures import available_overlays, saved_overlay
 
-    simulated = work.runs(file)
-    pairs = {name: Pair(trace, simulated.get(name)) for name, trace in file.runs.items()}
-    drawn = each(partial(saved_overlay, file, pairs, work.folder / "figures"), available_overlays(file))
-    work.files += [path for paths in drawn for path in paths]
+    draw = partial(saved_overlay, file, work.runs(file), work.folder / "figures")
+    work.files += [path for paths in each(draw, available_overlays(file)) for path in paths]

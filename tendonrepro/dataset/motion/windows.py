@@ -211,8 +211,7 @@ def _tried(
     for name, trace in runs.items():
         e = trace["e"][parts[name]]
         if removed:
-            known = np.isfinite(e)
-            e = e - np.where(known, e, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+            e = np.stack([column - _mean(column[np.isfinite(column)]) for column in e.T], axis=1)
         found = sizes_deg(e, gaps=True)
         for metric in _METRICS:
             for joint, size in zip(trace.joint, found[metric], strict=True):
@@ -221,6 +220,10 @@ def _tried(
                     sizes[identifier] = float(size)
     agree = tuple(identifier for identifier, size in sizes.items() if prints_as(paper, identifier, size))
     return Tried(window, removed, sizes, agree)
+
+
+def _mean(values: Array) -> float:
+    return float(values.mean()) if len(values) else 0.0
 
 
 def prints_as(paper: Published, identifier: str, size: float) -> bool:
