@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 from tendonrepro.claims.from_measurement import JUDGED, Measured, judge_measured, measured_of
-from tendonrepro.claims.from_print import Judged
 from tendonrepro.config.load import LoadedConfig, load_config
 from tendonrepro.config.published import Published, published
 from tendonrepro.console import Talk
@@ -25,11 +24,9 @@ from tendonrepro.results.manifest import make_manifest, with_outputs
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.summary import CONTROLLERS, LOADS
 from tendonrepro.results.traces import write_traces
-from tendonrepro.validation.rerun import together
-from tendonrepro.validation.reruns import Work, rerun_compare, rerun_decouple
+from tendonrepro.validation.rerun import Work, rerun_compare, rerun_decouple, together
 from tendonrepro.validation.residuals import comparison_rows, coupling_rows
-from tendonrepro.validation.row_files import csv_of, markdown_of
-from tendonrepro.validation.tables import table_data, window_rows, write_measured_tables
+from tendonrepro.validation.tables import table_data, window_rows, write_measured_tables, write_rows
 
 SCHEMA_VERSION = 1
 FOLDER = Path("reports") / "validate"
@@ -145,7 +142,12 @@ def _validated(file: TraceFile, name: str, base: LoadedConfig, work: Work, talk:
         **tables,
         "windows": measured.tables.as_dict(),
         "reference": _motion(measured.reference, reference),
-        "claims": [_verdict(paper, identifier, found[identifier]) for identifier in JUDGED],
+        "claims": [
+            {"id": identifier, "where": paper.entries[identifier].where}
+            | {"rule": paper.judgements[identifier].rule, "kind": "measured"}
+            | {"verdict": found[identifier].decision.verdict, "evidence": found[identifier].evidence}
+            for identifier in JUDGED
+        ],
         "numbers": {
             identifier: {"verdict": one.decision.verdict, "ours": one.ours}
             for identifier, one in found.items()
@@ -156,29 +158,19 @@ def _validated(file: TraceFile, name: str, base: LoadedConfig, work: Work, talk:
     }
 
 
-def _verdict(paper: Published, identifier: str, one: Judged) -> dict[str, Any]:
-    rule = paper.judgements[identifier].rule
-    head = {"id": identifier, "where": paper.entries[identifier].where, "rule": rule, "kind": "measured"}
-    return head | {"verdict": one.decision.verdict, "evidence": one.evidence}
-
-
 def _tables(measured: Measured, paper: Published, name: str, work: Work) -> dict[str, Any]:
-    deciding = measured.tables.deciding
+    """Tables over the deciding window, and over the one closest to the print where that is no accident."""
+    deciding, best = measured.tables.deciding, measured.tables.best
     data = table_data(deciding, paper)
-    if deciding is not None:
-        work.files += write_measured_tables(data, deciding.name, name, work.folder / "tables")
-        work.write("windows.csv", csv_of(window_rows(measured.tables, paper)))
-    return data | {"best": _best(measured, paper, name, work)}
-
-
-def _best(measured: Measured, paper: Published, name: str, work: Work) -> dict[str, Any] | None:
-    """Tables over the window closest to the print, where that is no accident and not what decides."""
-    best = measured.tables.best
-    if best is None or best is measured.tables.deciding or measured.tables.chance > RARE:
-        return None
-    data = table_data(best, paper)
-    work.files += write_measured_tables(data, best.name, name, work.folder / "tables" / "best")
-    return {"window": best.name, **data}
+    if deciding is None or best is None:
+        return data | {"best": None}
+    work.files += write_measured_tables(data, deciding.name, name, work.folder / "tables")
+    work.files += write_rows(window_rows(measured.tables, paper), work.folder, "windows", "", None, ["csv"])
+    if best is deciding or measured.tables.chance > RARE:
+        return data | {"best": None}
+    closest = table_data(best, paper)
+    work.files += write_measured_tables(closest, best.name, name, work.folder / "tables" / "best")
+    return data | {"best": {"window": best.name, **closest}}
 
 
 def _motion(found: Reference | None, written: Reference | None) -> dict[str, Any] | None:
@@ -200,8 +192,7 @@ def _residuals(file: TraceFile, work: Work) -> dict[str, Any]:
         ("coupling", "Measured joint and motor angles through the coupling matrices.", coupling),
     ):
         if found:
-            work.write(f"{stem}.csv", csv_of(found))
-            work.write(f"{stem}.md", markdown_of(caption, found))
+            work.files += write_rows(found, work.folder, stem, caption)
     traces = together(work.simulated)
     if traces is not None:
         write_traces(work.folder / SIMULATED, traces)

@@ -1,8 +1,10 @@
-"""Tables 2 and 3 as measured, each number beside the printed one and whether they agree."""
+"""Tables 2 and 3 as measured, each number beside the printed one, and rows of plain values as files."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import csv
+import io
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +13,6 @@ from tendonrepro.dataset.motion.windows import PrintedTables, Tried
 from tendonrepro.files import write_atomically
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.results.typeset import NOTHING, Sheet, latex, markdown
-from tendonrepro.validation.row_files import csv_of
 
 _ROWS: Mapping[str, Mapping[str, str]] = {
     "table2": {name: f"table2.{name}" for name in CONTROLLERS},
@@ -19,33 +20,33 @@ _ROWS: Mapping[str, Mapping[str, str]] = {
 }
 """Rows of each table, and how the ids of their measured numbers begin."""
 _METRICS = ("mae", "rmse")
+_COLUMNS = {"row": ("Run", ""), "joint": ("Joint", "")} | {
+    f"{metric}_{what}": (heading, ".3f")
+    for metric in _METRICS
+    for what, heading in {
+        "measured": f"{metric.upper()} measured (deg)",
+        "printed": "printed",
+        "agree": "agree",
+    }.items()
+}
 
 
 def table_data(tried: Tried | None, paper: Published) -> dict[str, Any]:
-    """Data of ``validate --json`` for Tables 2 and 3.
+    """``table2`` and ``table3`` of ``validate --json``, by the way of averaging that decides.
 
-    Parameters
-    ----------
-    tried : Tried or None
-        The way of averaging that decides.
-    paper : Published
-
-    Returns
-    -------
-    dict
-        ``table2``, ``table3``: row -> ``measured``, ``printed``, ``agree``, each with ``mae_deg`` and
-        ``rmse_deg``, lists over joints 2 and 3; rows that were not measured are left out.
+    Row -> ``measured``, ``printed``, ``agree``, each with ``mae_deg`` and ``rmse_deg``, lists over joints 2
+    and 3; rows that were not measured are left out.
     """
     if tried is None:
         return {table: {} for table in _ROWS}
     return {
-        table: {row: _row(tried, paper, start) for row, start in rows.items() if _has(tried, start)}
+        table: {
+            row: _row(tried, paper, start)
+            for row, start in rows.items()
+            if any(name.startswith(start) for name in tried.sizes)
+        }
         for table, rows in _ROWS.items()
     }
-
-
-def _has(tried: Tried, start: str) -> bool:
-    return any(name.startswith(start) for name in tried.sizes)
 
 
 def _row(tried: Tried, paper: Published, start: str) -> dict[str, Any]:
@@ -60,62 +61,23 @@ def _row(tried: Tried, paper: Published, start: str) -> dict[str, Any]:
 
 
 def write_measured_tables(data: Mapping[str, Any], window: str, origin: str, folder: Path) -> list[Path]:
-    """Write ``table2`` and ``table3`` as csv, Markdown and LaTeX.
-
-    Parameters
-    ----------
-    data : Mapping
-        Of `table_data`.
-    window : str
-        What was averaged over.
-    origin : str
-        Of the measurement, for the caption.
-    folder : Path
-
-    Returns
-    -------
-    list of Path
-    """
+    """Write what `table_data` gives as csv, Markdown and LaTeX; the caption names the window and the file."""
     paths: list[Path] = []
     for table, rows in data.items():
-        if not rows:
-            continue
-        flat = [line for row, found in rows.items() for line in _lines(row, found)]
-        caption = f"Table {table[-1]} as measured, averaged over: {window} ({origin})."
-        sheet = _sheet(flat, caption)
-        texts = {"csv": csv_of(flat), "md": markdown(sheet), "tex": latex(sheet, table)}
-        for suffix, text in texts.items():
-            paths.append(folder / f"{table}.{suffix}")
-            write_atomically(paths[-1], text)
+        if rows:
+            lines = [
+                {"row": row, "joint": joint}
+                | {
+                    f"{metric}_{what}": found[what][f"{metric}_deg"][place]
+                    for metric in _METRICS
+                    for what in ("measured", "printed", "agree")
+                }
+                for row, found in rows.items()
+                for place, joint in enumerate(COMPARED)
+            ]
+            caption = f"Table {table[-1]} as measured, averaged over: {window} ({origin})."
+            paths += write_rows(lines, folder, table, caption, _COLUMNS, ("csv", "md", "tex"))
     return paths
-
-
-def _lines(row: str, found: Mapping[str, Any]) -> list[dict[str, Any]]:
-    return [
-        {"row": row, "joint": joint}
-        | {
-            f"{metric}_{what}": found[what][f"{metric}_deg"][place]
-            for metric in _METRICS
-            for what in ("measured", "printed", "agree")
-        }
-        for place, joint in enumerate(COMPARED)
-    ]
-
-
-def _sheet(flat: list[dict[str, Any]], caption: str) -> Sheet:
-    headings = ["Run", "Joint"]
-    for metric in _METRICS:
-        headings += [f"{metric.upper()} measured (deg)", "printed", "agree"]
-    rows = [[_cell(value) for value in line.values()] for line in flat]
-    return Sheet(caption, headings, [heading not in ("Run", "agree") for heading in headings], rows)
-
-
-def _cell(value: Any) -> str:
-    if value is None:
-        return NOTHING
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return f"{value:.3f}" if isinstance(value, float) else str(value)
 
 
 def window_rows(tables: PrintedTables, paper: Published) -> list[dict[str, Any]]:
@@ -132,3 +94,40 @@ def window_rows(tables: PrintedTables, paper: Published) -> list[dict[str, Any]]
         for one in tables.tried
         for identifier, size in one.sizes.items()
     ]
+
+
+def write_rows(
+    rows: Sequence[Mapping[str, Any]],
+    folder: Path,
+    stem: str,
+    caption: str,
+    columns: Mapping[str, tuple[str, str]] | None = None,
+    suffixes: Sequence[str] = ("csv", "md"),
+) -> list[Path]:
+    """Write rows as csv with all digits, and rounded for reading as Markdown and LaTeX.
+
+    `columns` are heading and format of floats by name; if not given, every key of any row.
+    """
+    held = columns or {name: (name.replace("_", " "), ".4g") for row in rows for name in row}
+    numeric = [
+        any(isinstance(row.get(name), int | float) and not isinstance(row[name], bool) for row in rows)
+        for name in held
+    ]
+    cells = [[_cell(row.get(name), form) for name, (_, form) in held.items()] for row in rows]
+    sheet = Sheet(caption, [heading for heading, _ in held.values()], numeric, cells)
+    text = io.StringIO()
+    writer = csv.DictWriter(text, held, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(dict(row) for row in rows)
+    texts = {"csv": text.getvalue(), "md": markdown(sheet), "tex": latex(sheet, stem)}
+    for suffix in suffixes:
+        write_atomically(folder / f"{stem}.{suffix}", texts[suffix])
+    return [folder / f"{stem}.{suffix}" for suffix in suffixes]
+
+
+def _cell(value: Any, form: str) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if value is None:
+        return NOTHING
+    return f"{value:{form}}" if isinstance(value, float) else str(value)

@@ -173,15 +173,6 @@ def test_the_trajectory_does_not_turn_rounding_into_acceleration(step: float) ->
     assert np.abs(second).max() > 5.0 * peak
 
 
-def test_gaps_are_filled_and_counted() -> None:
-    whole = made("minimum_jerk")
-    holed = whole["q_d"].copy()
-    holed[300:320] = np.nan
-    found = recover_run(trace(whole.time, holed))
-    assert found.record.missing == 20
-    assert np.abs(found.record.q - recorded(whole).q).max() < np.deg2rad(0.05)
-
-
 def test_a_record_that_ends_in_mid_motion_is_brought_to_rest() -> None:
     whole = made("raised_cosine")
     knots = thinned(recorded(trace(whole.time[:410], whole["q_d"][:410])))

@@ -33,7 +33,7 @@ from tendonrepro.errors import DataMissingError
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.traces import write_traces
 from tendonrepro.validation import command as validate
-from tendonrepro.validation import reruns
+from tendonrepro.validation import rerun as reruns
 from tendonrepro.validation.rerun import MOTION, aligned, departure, together, write_compare, write_decouple
 from tendonrepro.validation.residuals import comparison_rows, coupling_rows
 
@@ -298,6 +298,9 @@ def test_runs_of_both_experiments_come_into_one_file() -> None:
     assert [*found.runs] == [*MOVES.runs, *other.runs]
     assert found.title == f"{MOVES.title}; other"
     assert found.config_yaml == f"{MOVES.config_yaml}---\nschema_version: 2\n"
+    assert found.config_sha256 == hashlib.sha256(found.config_yaml.encode()).hexdigest()
+    kept = [json.loads(file.manifest_json) for file in (MOVES, other)]
+    assert json.loads(found.manifest_json)["experiments"] == kept
 
 
 def test_a_mass_that_is_the_configurations_keeps_its_source(reference: Reference, tmp_path: Path) -> None:
@@ -486,17 +489,6 @@ def test_the_chance_of_agreement_is_that_of_independent_numbers() -> None:
     assert _tail(published(), names, 0) == pytest.approx(1.0)
     assert _tail(published(), names, 1) == pytest.approx(one + other - one * other)
     assert _tail(published(), names, 2) == pytest.approx(one * other)
-
-
-def test_runs_of_both_experiments_carry_both_configurations() -> None:
-    files = [replace(MOVES, source="simulated"), make_decouple_file()]
-    both = together(files)
-    assert both is not None
-    assert both.config_sha256 == hashlib.sha256(both.config_yaml.encode()).hexdigest()
-    assert all(file.config_yaml in both.config_yaml for file in files)
-    assert json.loads(both.manifest_json)["experiments"] == [json.loads(file.manifest_json) for file in files]
-    assert together(files[:1]) is files[0]
-    assert together([]) is None
 
 
 def test_why_there_is_no_rerun_is_said(tmp_path: Path) -> None:
