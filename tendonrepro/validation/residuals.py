@@ -29,8 +29,8 @@ def comparison_rows(measured: Trace, simulated: Trace) -> Iterator[Row]:
 
     Rows hold ``run``, ``joint``, ``status`` of the simulation, MAE of both tracking errors and their ratio,
     ``e_*`` and ``q_*`` of measured less simulated with the samples they rest on, ``e_correlation``,
-    ``lag_s``, ``q_d_max_deg``; of the decoupling run the MAE of calculated less encoder, measured and simulated.
-    What cannot be told is None or left out.
+    ``lag_s``, ``q_d_max_deg``; of the decoupling run the MAE of calculated less encoder, measured and
+    simulated. What cannot be told is None or left out.
     """
     # Places of the measured samples that the simulation reaches.
     edge = 1e-9 + 1e-6 * (simulated.time[1] - simulated.time[0])
