@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import time
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
@@ -11,7 +10,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 from tendonrepro.claims.from_measurement import JUDGED, Measured, judge_measured, measured_of
-from tendonrepro.claims.from_print import Judged
 from tendonrepro.config.load import LoadedConfig
 from tendonrepro.config.published import Published, published
 from tendonrepro.config.request import Request
@@ -19,17 +17,16 @@ from tendonrepro.console import Talk
 from tendonrepro.dataset.measured_file import origin, read_measured
 from tendonrepro.dataset.motion.recover import Reference
 from tendonrepro.dataset.motion.written import runnable
-from tendonrepro.files import sha256_of, to_json, write_atomically
+from tendonrepro.files import sha256_of, to_json
 from tendonrepro.parallel import each
 from tendonrepro.results.folder import MANIFEST, claimed, refuse_others
-from tendonrepro.results.manifest import make_manifest, with_outputs
+from tendonrepro.results.manifest import make_manifest
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.summary import CONTROLLERS, LOADS
+from tendonrepro.results.tables import write_table
 from tendonrepro.results.traces import write_traces
-from tendonrepro.validation.rerun import together
-from tendonrepro.validation.reruns import Work, rerun_compare, rerun_decouple
+from tendonrepro.validation.rerun import Work, rerun_compare, rerun_decouple, together
 from tendonrepro.validation.residuals import comparison_rows, coupling_rows
-from tendonrepro.validation.row_files import csv_of, markdown_of
 from tendonrepro.validation.tables import table_data, window_rows, write_measured_tables
 
 SCHEMA_VERSION = 1
@@ -81,16 +78,12 @@ def run_validate(measured: Path, request: Request, talk: Talk) -> dict[str, Any]
             "config_sha256": digest,
         }
     with claimed(folder, digest, force=request.force) as held:
-        started = time.perf_counter()
         held.clear()
-        work = Work(folder)
-        data = head | _validated(file, measured.name, base, work, talk)
-        data["files"] = [str(one) for one in (*work.files, folder / RESULTS)]
+        data = head | _validated(file, measured.name, base, Work(held), talk)
+        data["files"] = [str(one) for one in (*held.files, folder / RESULTS)]
         data["manifest"] = str(folder / MANIFEST)
-        work.write(RESULTS, to_json(data))
-        manifest = make_manifest(base, time.perf_counter() - started) | {"experiment": "validate"}
-        write_atomically(folder / MANIFEST, to_json(with_outputs(manifest, folder, work.files)))
-    talk.detail(f"{len(work.files)} files in {time.perf_counter() - started:.1f} s")
+        held.write(RESULTS, to_json(data))
+        held.finish(make_manifest(base, held.seconds) | {"experiment": "validate"}, talk)
     return data
 
 
@@ -127,7 +120,12 @@ def _validated(file: TraceFile, name: str, base: LoadedConfig, work: Work, talk:
         **tables,
         "windows": measured.tables.as_dict(),
         "reference": _motion(measured.reference, reference),
-        "claims": [_verdict(paper, identifier, found[identifier]) for identifier in JUDGED],
+        "claims": [
+            {"id": identifier, "where": paper.entries[identifier].where}
+            | {"rule": paper.judgements[identifier].rule, "kind": "measured"}
+            | {"verdict": found[identifier].decision.verdict, "evidence": found[identifier].evidence}
+            for identifier in JUDGED
+        ],
         "numbers": {
             identifier: {"verdict": one.decision.verdict, "ours": one.ours}
             for identifier, one in found.items()
@@ -138,29 +136,21 @@ def _validated(file: TraceFile, name: str, base: LoadedConfig, work: Work, talk:
     }
 
 
-def _verdict(paper: Published, identifier: str, one: Judged) -> dict[str, Any]:
-    rule = paper.judgements[identifier].rule
-    head = {"id": identifier, "where": paper.entries[identifier].where, "rule": rule, "kind": "measured"}
-    return head | {"verdict": one.decision.verdict, "evidence": one.evidence}
-
-
 def _tables(measured: Measured, paper: Published, name: str, work: Work) -> dict[str, Any]:
-    deciding = measured.tables.deciding
+    """Tables over the deciding window, and over the one closest to the print where that is no accident."""
+    deciding, best = measured.tables.deciding, measured.tables.best
     data = table_data(deciding, paper)
-    if deciding is not None:
-        work.files += write_measured_tables(data, deciding.name, name, work.folder / "tables")
-        work.write("windows.csv", csv_of(window_rows(measured.tables, paper)))
-    return data | {"best": _best(measured, paper, name, work)}
-
-
-def _best(measured: Measured, paper: Published, name: str, work: Work) -> dict[str, Any] | None:
-    """Tables over the window closest to the print, where that is no accident and not what decides."""
-    best = measured.tables.best
-    if best is None or best is measured.tables.deciding or measured.tables.chance > RARE:
-        return None
-    data = table_data(best, paper)
-    work.files += write_measured_tables(data, best.name, name, work.folder / "tables" / "best")
-    return {"window": best.name, **data}
+    if deciding is None or best is None:
+        return data | {"best": None}
+    work.held.files += write_measured_tables(data, deciding.name, name, work.held.path / "tables")
+    work.held.files += write_table(
+        window_rows(measured.tables, paper), work.held.path, "windows", "", None, ["csv"]
+    )
+    if best is deciding or measured.tables.chance > RARE:
+        return data | {"best": None}
+    closest = table_data(best, paper)
+    held.files += write_measured_tables(closest, best.name, name, work.held.path / "tables" / "best")
+    return data | {"best": {"window": best.name, **closest}}
 
 
 def _motion(found: Reference | None, written: Reference | None) -> dict[str, Any] | None:
@@ -182,12 +172,11 @@ def _residuals(file: TraceFile, work: Work) -> dict[str, Any]:
         ("coupling", "Measured joint and motor angles through the coupling matrices.", coupling),
     ):
         if found:
-            work.write(f"{stem}.csv", csv_of(found))
-            work.write(f"{stem}.md", markdown_of(caption, found))
+            work.held.files += write_table(found, work.held.path, stem, caption)
     traces = together(work.simulated)
     if traces is not None:
-        write_traces(work.folder / SIMULATED, traces)
-        work.files.append(work.folder / SIMULATED)
+        write_traces(work.held.path / SIMULATED, traces)
+        work.held.files.append(work.held.path / SIMULATED)
     return {
         "rows": rows,
         "coupling": coupling,
@@ -196,9 +185,7 @@ def _residuals(file: TraceFile, work: Work) -> dict[str, Any]:
 
 
 def _draw(file: TraceFile, work: Work) -> None:
-    from tendonrepro.validation.figures import Pair, available_overlays, saved_overlay
+    from tendonrepro.validation.figures import available_overlays, saved_overlay
 
-    simulated = work.runs(file)
-    pairs = {name: Pair(trace, simulated.get(name)) for name, trace in file.runs.items()}
-    drawn = each(partial(saved_overlay, file, pairs, work.folder / "figures"), available_overlays(file))
-    work.files += [path for paths in drawn for path in paths]
+    draw = partial(saved_overlay, file, work.runs(file), work.held.path / "figures")
+    work.held.files += [path for paths in each(draw, available_overlays(file)) for path in paths]

@@ -7,37 +7,26 @@ from typing import Any
 
 from tendonrepro.config.published import COMPARED
 from tendonrepro.dataset.measured_file import resting_on
-from tendonrepro.results.typeset import NOTHING
+from tendonrepro.results.tables import NOTHING
+
+_COLUMNS = ("measured", "printed", "agree")
 
 
 def validate_text(found: Mapping[str, Any]) -> str:
-    """Summary of a validation.
-
-    Parameters
-    ----------
-    found : Mapping
-        Of `validate.run_validate`.
-
-    Returns
-    -------
-    str
-    """
+    """Summary of a validation, as `command.run_validate` returns it."""
     if found.get("dry_run"):
         runs = ", ".join(found["runs"])
         return f"Would validate {found['measured']} (runs {runs}) and write into {found['out']}"
-    parts = [_head(found), *_tables(found), *_reference(found["reference"])]
+    inputs = len(found["sources"])
+    of = f", made from {inputs} file" + "s" * (inputs != 1) if inputs else ""
+    head = f"{found['measured']}{of}, {resting_on(len(found['guesses']))}: runs {', '.join(found['runs'])}"
+    parts = ["\n".join([head, *(f"check {doubt}" for doubt in found["doubts"])])]
+    parts += [*_tables(found), *_reference(found["reference"])]
     parts += [_claims(found["claims"]), *_residuals(found["residuals"]["rows"])]
     if found["missing"]:
         parts.append("Missing: " + "; ".join(found["missing"]))
     parts.append(f"Tables, figures, reference and traces are in {found['out']}")
     return "\n\n".join(parts)
-
-
-def _head(found: Mapping[str, Any]) -> str:
-    inputs = found["sources"]
-    of = f", made from {len(inputs)} file" + "s" * (len(inputs) != 1) if inputs else ""
-    head = f"{found['measured']}{of}, {resting_on(len(found['guesses']))}: runs {', '.join(found['runs'])}"
-    return "\n".join([head, *(f"check {doubt}" for doubt in found["doubts"])])
 
 
 def _tables(found: Mapping[str, Any]) -> Iterator[str]:
@@ -52,16 +41,16 @@ def _table(found: Mapping[str, Any], window: str) -> Iterator[str]:
     for table, title in (("table2", ""), ("table3", "Table 3 ")):
         for name, row in found[table].items():
             for place, joint in enumerate(COMPARED):
-                cells = [cell for metric in ("mae_deg", "rmse_deg") for cell in _cells(row, metric, place)]
-                rows.append((f"{title}{name}", str(joint), *cells))
+                cells = [f"{title}{name}", str(joint)]
+                for metric in ("mae_deg", "rmse_deg"):
+                    ours, printed, agree = (
+                        row[what][metric][place] for what in ("measured", "printed", "agree")
+                    )
+                    cells += [NOTHING if ours is None else f"{ours:.3f}", f"{printed:.3f}"]
+                    cells.append({True: "agrees", False: "differs", None: ""}[agree])
+                rows.append(cells)
     if len(rows) > 1:
         yield f"Errors in deg, averaged over: {window}\n{_aligned(rows)}"
-
-
-def _cells(row: Mapping[str, Any], metric: str, place: int) -> tuple[str, str, str]:
-    ours, printed, agree = (row[what][metric][place] for what in ("measured", "printed", "agree"))
-    shown = NOTHING if ours is None else f"{ours:.3f}"
-    return shown, f"{printed:.3f}", {True: "agrees", False: "differs", None: ""}[agree]
 
 
 def _aligned(rows: Sequence[Sequence[str]]) -> str:
@@ -77,34 +66,24 @@ def _reference(reference: Mapping[str, Any] | None) -> Iterator[str]:
     period = reference["period_s"]
     repeats = f"period {period:.5g} s, begun {reference['periods']} times" if period else "no repetition"
     start = ", ".join(f"{angle:z.4g}" for angle in reference["start_angle_deg"])
+    spacing, deviation = reference["spacing_s"], reference["deviation_deg"]
+    samples = f"samples every {spacing:.4g} s, {deviation:.2g} deg from the record at most"
     if reference["kind"] == "sampled":
-        kind = f"no shape of the simulator, so {_samples(reference)}"
+        kind = f"no shape of the simulator, so {samples}"
     else:
         largest = reference["shapes"][0]["largest_residual_deg"]
         kind = f"{reference['kind']}, {largest:.2g} deg from the record at most"
         if reference["written_as"] == "samples":
-            kind += f" (written as {_samples(reference)}: it lasts no whole number of sampling periods)"
-    yield (
+            kind += f" (written as {samples}: it lasts no whole number of sampling periods)"
+    words = (
         f"Reference of {reference['run']}: {kind}; joints {reference['joints']} move {amplitude} deg, "
-        f"{repeats}; start angles {start} deg were taken off{_ends(reference)}"
+        f"{repeats}; start angles {start} deg were taken off"
     )
-
-
-def _samples(reference: Mapping[str, Any]) -> str:
-    spacing, deviation = reference["spacing_s"], reference["deviation_deg"]
-    return f"samples every {spacing:.4g} s, {deviation:.2g} deg from the record at most"
-
-
-def _ends(reference: Mapping[str, Any]) -> str:
-    """What the trajectory file does where the record begins or ends in mid-motion."""
-    words = ""
-    if reference["written_as"] == "shape":
-        return words
-    if reference["faded_in_s"]:
+    if reference["written_as"] == "samples" and reference["faded_in_s"]:
         words += f"; it begins in mid-motion, and is faded in from rest over {reference['faded_in_s']:g} s"
-    if reference["brought_to_rest"]:
+    if reference["written_as"] == "samples" and reference["brought_to_rest"]:
         words += "; it ends in mid-motion, and is brought to rest"
-    return words
+    yield words
 
 
 def _claims(claims: Sequence[Mapping[str, Any]]) -> str:

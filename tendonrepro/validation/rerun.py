@@ -1,27 +1,32 @@
-"""The model run again on measured motion: configurations written, runs simulated."""
+"""Both experiments of a measurement run again by the model on the measured motion, and what could not be."""
 
 from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from tendonrepro.claims.from_measurement import Measured
 from tendonrepro.config.fields.strict_yaml import Node, dump
 from tendonrepro.config.load import LoadedConfig, load_config
+from tendonrepro.config.published import COMPARED
 from tendonrepro.console import Talk
 from tendonrepro.dataset.motion.knots import thinned
 from tendonrepro.dataset.motion.recover import Reference, recorded_motion, zero_of
 from tendonrepro.dataset.motion.written import FILE, config_tree, csv_text
+from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.experiments.run import simulate_run, trace_file
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.parallel import each
+from tendonrepro.results.folder import HeldFolder
 from tendonrepro.results.manifest import make_manifest
 from tendonrepro.results.records import Trace, TraceFile
 
@@ -33,105 +38,130 @@ _OF_DECOUPLE = {name: name for name in ("q_encoder", "q_motor_encoder", "q_calcu
 """Angles of a rerun, and the measured variable whose start they get."""
 
 
+@dataclass
+class Work:
+    """What has been done of a validation.
+
+    Parameters
+    ----------
+    held : HeldFolder
+    simulated : list of TraceFile
+        Reruns, one file an experiment.
+    zeros : dict
+        Run -> measured time at which its rerun begins, s.
+    missing : list of str
+        What could not be done, and why.
+    """
+
+    held: HeldFolder
+    simulated: list[TraceFile] = field(default_factory=list)
+    zeros: dict[str, float] = field(default_factory=dict)
+    missing: list[str] = field(default_factory=list)
+
+    def runs(self, measured: TraceFile) -> dict[str, Trace]:
+        """Simulated runs by name, on the measured axes."""
+        return {
+            name: aligned(trace, measured.runs[name], self.zeros[name])
+            for file in self.simulated
+            for name, trace in file.runs.items()
+        }
+
+
+def rerun_compare(
+    measured: Measured, reference: Reference | None, name: str, base: LoadedConfig, work: Work, talk: Talk
+) -> None:
+    """Rerun the comparison on the motion recovered from the file `name`, all runs that followed it."""
+    reason, runs = measured.unrecovered, measured.compare.runs
+    if reference is not None and reference.record.joint != COMPARED:
+        reason = "no run holds the desired angles q_d of both joints 2 and 3"
+    if reference is None or reason:
+        work.missing.append(f"a rerun of the comparison: {reason}")
+        return
+    apart = {run: math.degrees(departure(trace, reference)) for run, trace in runs.items()}
+    work.missing += [
+        f"residuals of {run}: its desired motion differs from that of {reference.run} by up to {size:.3g} deg"
+        for run, size in apart.items()
+        if size
+    ]
+    try:
+        masses = {run: float(trace.attributes["payload_mass"]) for run, trace in runs.items()}
+        work.held.files += write_compare(base, reference, masses, name, work.held.path)
+        simulated = rerun(work.held.path / COMPARE, [run for run in runs if not apart[run]], talk)
+    except TendonreproError as error:
+        work.missing.append(f"a rerun of the comparison: {_with_hint(error)}")
+        return
+    if simulated.runs:
+        work.simulated.append(simulated)
+        work.zeros |= {run: zero_of(runs[run], reference) for run in simulated.runs}
+
+
+def rerun_decouple(trace: Trace, name: str, base: LoadedConfig, work: Work, talk: Talk) -> None:
+    """Rerun the decoupling run on the motors measured in it.
+
+    The model is the configuration given, or the shipped one with what was set of the manipulator.
+    """
+    if trace.joint != (1, 2, 3):
+        work.missing.append("all of joints 1 to 3 in the run decouple: no rerun of it")
+        return
+    try:
+        if base.config.experiment != "decouple":
+            both = [text for text in base.overrides if text.startswith(("manipulator.", "seed="))]
+            base = load_config(None, "decouple", overrides=both)
+        work.held.files += write_decouple(base, trace, name, work.held.path)
+        work.simulated.append(rerun(work.held.path / DECOUPLE, [trace.name], talk))
+    except TendonreproError as error:
+        work.missing.append(f"a rerun of the run decouple: {_with_hint(error)}")
+        return
+    work.zeros[trace.name] = float(trace.time[0])
+
+
+def _with_hint(error: TendonreproError) -> str:
+    return f"{error.message}; {error.hint}" if error.hint else error.message
+
+
 def write_compare(
     base: LoadedConfig, reference: Reference, masses: Mapping[str, float], measured: str, folder: Path
 ) -> list[Path]:
     """Write the recovered reference as a trajectory file and as a complete configuration.
 
-    Parameters
-    ----------
-    base : LoadedConfig
-        Of a comparison; all but its reference and the masses of payloads is kept.
-    reference : Reference
-    masses : mapping
-        Measured run -> mass at its end-effector, kg.
-    measured : str
-        Name of the measured file.
-    folder : Path
-
-    Returns
-    -------
-    list of Path
-        ``reference.csv`` and ``compare.yaml``.
+    All of `base` is kept but its reference, and payloads that were measured with other masses, kg by run.
     """
-    paths = [folder / FILE, folder / COMPARE]
-    write_atomically(paths[0], csv_text(reference.knots, reference.record.joint))
     tree = config_tree(base.tree, reference, measured)
-    write_atomically(paths[1], dump(tree | {"runs": _with_payloads(tree["runs"], masses, measured)}))
-    return paths
-
-
-def _with_payloads(runs: Any, masses: Mapping[str, float], measured: str) -> Node:
-    """Runs of a configuration with the masses that were measured with, where they are others."""
-    changed = {}
+    runs: Any = dict(tree["runs"])  # type: ignore[arg-type]
     for name, run in runs.items():
         mass = masses.get(name, run["payload"]["value"])
         if run["payload"]["unit"] == "kg" and mass != run["payload"]["value"]:
             source = f"identified: the mass stated for {measured}"
-            changed[name] = run | {"payload": {"value": mass, "unit": "kg", "source": source}}
-    return dict(runs) | changed
+            runs[name] = run | {"payload": {"value": mass, "unit": "kg", "source": source}}
+    return _written(
+        folder, FILE, csv_text(reference.knots, reference.record.joint), COMPARE, tree | {"runs": runs}
+    )
 
 
 def write_decouple(base: LoadedConfig, trace: Trace, measured: str, folder: Path) -> list[Path]:
     """Write the measured motion of the decoupling experiment in the same way.
 
     The motors' angles drive the rerun where they were recorded, else the joints' encoders.
-
-    Parameters
-    ----------
-    base : LoadedConfig
-        Of a decoupling experiment.
-    trace : Trace
-        The measured run.
-    measured : str
-        Name of the measured file.
-    folder : Path
-
-    Returns
-    -------
-    list of Path
-        ``decouple_reference.csv`` and ``decouple.yaml``.
-
-    Raises
-    ------
-    DataMissingError
-        If nothing moves, or too few samples were recorded.
     """
-    drives, variable = (
-        ("motors", "q_motor_encoder") if "q_motor_encoder" in trace else ("joints", "q_encoder")
-    )
+    motors = "q_motor_encoder" in trace
+    drives, variable = ("motors", "q_motor_encoder") if motors else ("joints", "q_encoder")
     knots = thinned(recorded_motion(trace, variable))
-    tree: dict[str, Node] = dict(base.tree)
-    runs: Any = tree["runs"]
+    tree: dict[str, Any] = dict(base.tree)
     run = {"drives": drives, "reference": {"kind": "sampled", "file": MOTION}}
-    tree["runs"] = {"decouple": run | {"payload": runs["decouple"]["payload"]}}
+    tree["runs"] = {"decouple": run | {"payload": tree["runs"]["decouple"]["payload"]}}
     tree["title"] = f"{tree['title']}, on the {drives}' angles measured in {measured}"
-    paths = [folder / MOTION, folder / DECOUPLE]
-    write_atomically(paths[0], csv_text(knots, trace.joint))
-    write_atomically(paths[1], dump(tree))
-    return paths
+    return _written(folder, MOTION, csv_text(knots, trace.joint), DECOUPLE, tree)
+
+
+def _written(folder: Path, motion: str, samples: str, config: str, tree: Node) -> list[Path]:
+    """Paths of a trajectory file and of a configuration, both written."""
+    write_atomically(folder / motion, samples)
+    write_atomically(folder / config, dump(tree))
+    return [folder / motion, folder / config]
 
 
 def rerun(path: Path, names: Sequence[str], talk: Talk) -> TraceFile:
-    """Simulate some runs of a configuration.
-
-    Parameters
-    ----------
-    path : Path
-        Configuration of an experiment.
-    names : sequence of str
-        Runs wanted; those that the configuration does not have are left out.
-    talk : Talk
-
-    Returns
-    -------
-    TraceFile
-
-    Raises
-    ------
-    ConfigError
-        If the model cannot follow the motion, for instance out of the working half-plane.
-    """
+    """Simulate those of some runs that a configuration has."""
     loaded = load_config(path, None)
     loops = dict(build_loops(loaded.config, loaded.folder))
     chosen = [name for name in names if name in loops]
@@ -142,18 +172,9 @@ def rerun(path: Path, names: Sequence[str], talk: Talk) -> TraceFile:
 
 
 def departure(trace: Trace, reference: Reference) -> float:
-    """Largest difference of a run's desired motion from the recovered one, where both were recorded.
+    """Largest difference of a run's desired motion from one recovered of another run, rad.
 
-    Parameters
-    ----------
-    trace : Trace
-    reference : Reference
-        Of another run, as a rule.
-
-    Returns
-    -------
-    float
-        rad; 0 where rounding, noise and one sample of time explain it, or it was not recorded.
+    It is 0 where rounding, noise and one sample of time explain it, or it was not recorded.
     """
     record = reference.record
     time = trace.time - zero_of(trace, reference) + reference.delay
@@ -179,16 +200,8 @@ def departure(trace: Trace, reference: Reference) -> float:
 def aligned(simulated: Trace, measured: Trace, zero: float) -> Trace:
     """Put a rerun on the axes of its measured run: its time, and the start angles that were taken off.
 
-    Parameters
-    ----------
-    simulated, measured : Trace
-    zero : float
-        Measured time at which the rerun begins, s.
-
-    Returns
-    -------
-    Trace
-        With `simulated`'s errors unchanged: in a comparison all its angles are moved by the start of `q_d`.
+    It begins at the measured time `zero`, s. In a comparison all its angles are moved by the start of `q_d`,
+    and its errors stay.
     """
     sources = _OF_DECOUPLE if simulated.name == "decouple" else _OF_COMPARE
     variables = dict(simulated.variables)

@@ -14,7 +14,6 @@ from tendonrepro.results.records import PlantRecord, Trace
 
 Row: TypeAlias = dict[str, Any]
 """A table row by column name; angles in degrees."""
-Places: TypeAlias = NDArray[np.intp]
 
 _LEAST = 2
 """Fewest samples that can be compared."""
@@ -23,25 +22,20 @@ _SMOOTH = 0.05
 
 
 def comparison_rows(measured: Trace, simulated: Trace) -> Iterator[Row]:
-    """Put a measured run beside its simulation, joint by joint.
+    """Put a measured run beside its simulation on the measured axes, joint by joint.
 
     The simulation is interpolated on the measured times. Nothing is shifted to fit: the lag is an estimate of
     its own, positive where the measurement is late.
 
-    Parameters
-    ----------
-    measured, simulated : Trace
-        A run and its rerun, as `rerun.aligned` puts it on the measured axes.
-
-    Yields
-    ------
-    dict
-        ``run``, ``joint``, ``status`` of the simulation, MAE of both tracking errors and their ratio, ``e_*``
-        and ``q_*`` of measured less simulated with the samples they rest on, ``e_correlation``, ``lag_s``,
-        ``q_d_max_deg``; of the decoupling run the MAE of calculated less encoder, measured and simulated.
-        What cannot be told is None or left out.
+    Rows hold ``run``, ``joint``, ``status`` of the simulation, MAE of both tracking errors and their ratio,
+    ``e_*`` and ``q_*`` of measured less simulated with the samples they rest on, ``e_correlation``,
+    ``lag_s``, ``q_d_max_deg``; of the decoupling run the MAE of calculated less encoder, measured and
+    simulated. What cannot be told is None or left out.
     """
-    inside = _overlap(measured, simulated)
+    # Places of the measured samples that the simulation reaches.
+    edge = 1e-9 + 1e-6 * (simulated.time[1] - simulated.time[0])
+    first, last = simulated.time[0] - edge, simulated.time[-1] + edge
+    inside = np.flatnonzero((measured.time >= first) & (measured.time <= last))
     for joint in (joint for joint in measured.joint if joint in simulated.joint):
         pairs = {
             name: _pair(measured, simulated, name, joint, inside)
@@ -70,15 +64,8 @@ def _coupling_error(trace: Trace, joint: int) -> float | None:
     return float(np.rad2deg(mae(difference))) if len(difference) else None
 
 
-def _overlap(measured: Trace, simulated: Trace) -> Places:
-    """Places of the measured samples that the simulation reaches."""
-    time = measured.time
-    edge = 1e-9 + 1e-6 * (simulated.time[1] - simulated.time[0])
-    return np.flatnonzero((time >= simulated.time[0] - edge) & (time <= simulated.time[-1] + edge))
-
-
 def _pair(
-    measured: Trace, simulated: Trace, name: str, joint: int, inside: Places
+    measured: Trace, simulated: Trace, name: str, joint: int, inside: NDArray[np.intp]
 ) -> tuple[Array, Array, Array]:
     """Measured and simulated values at the same times, and these; missing samples are left out."""
     time = measured.time[inside]
@@ -136,20 +123,10 @@ def _lag(ours: Array, model: Array, rate: Array) -> float | None:
 
 
 def coupling_rows(trace: Trace, plant: PlantRecord) -> Iterator[Row]:
-    """Compare measured joint and motor angles through the coupling matrices.
+    """Compare measured joint and motor angles of the decoupling run through the plant's ``S`` and ``S_inv``.
 
-    Parameters
-    ----------
-    trace : Trace
-        Measured run of the decoupling experiment.
-    plant : PlantRecord
-        Holds ``S`` and ``S_inv``.
-
-    Yields
-    ------
-    dict
-        ``what`` (joint or motor angle), ``number``, and MAE, RMS and largest difference, as recorded and with
-        the difference at the start taken off, deg. There are no rows unless the motors were recorded too.
+    Rows hold ``what`` (joint or motor angle), ``number``, and MAE, RMS and largest difference, deg, as they
+    are and with the difference at the start taken off. There are none unless the motors were recorded too.
     """
     if not {"q_motor_encoder", "q_encoder"} <= set(trace.variables):
         return

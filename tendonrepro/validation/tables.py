@@ -1,4 +1,4 @@
-"""Tables 2 and 3 as measured, each number beside the printed one and whether they agree."""
+"""Tables 2 and 3 as measured, each number beside the printed one."""
 
 from __future__ import annotations
 
@@ -8,10 +8,8 @@ from typing import Any
 
 from tendonrepro.config.published import COMPARED, Published
 from tendonrepro.dataset.motion.windows import PrintedTables, Tried
-from tendonrepro.files import write_atomically
 from tendonrepro.results.summary import CONTROLLERS
-from tendonrepro.results.typeset import NOTHING, Sheet, latex, markdown
-from tendonrepro.validation.row_files import csv_of
+from tendonrepro.results.tables import write_table
 
 _ROWS: Mapping[str, Mapping[str, str]] = {
     "table2": {name: f"table2.{name}" for name in CONTROLLERS},
@@ -19,33 +17,33 @@ _ROWS: Mapping[str, Mapping[str, str]] = {
 }
 """Rows of each table, and how the ids of their measured numbers begin."""
 _METRICS = ("mae", "rmse")
+_COLUMNS = {"row": ("Run", ""), "joint": ("Joint", "")} | {
+    f"{metric}_{what}": (heading, ".3f")
+    for metric in _METRICS
+    for what, heading in {
+        "measured": f"{metric.upper()} measured (deg)",
+        "printed": "printed",
+        "agree": "agree",
+    }.items()
+}
 
 
 def table_data(tried: Tried | None, paper: Published) -> dict[str, Any]:
-    """Data of ``validate --json`` for Tables 2 and 3.
+    """``table2`` and ``table3`` of ``validate --json``, by the way of averaging that decides.
 
-    Parameters
-    ----------
-    tried : Tried or None
-        The way of averaging that decides.
-    paper : Published
-
-    Returns
-    -------
-    dict
-        ``table2``, ``table3``: row -> ``measured``, ``printed``, ``agree``, each with ``mae_deg`` and
-        ``rmse_deg``, lists over joints 2 and 3; rows that were not measured are left out.
+    Row -> ``measured``, ``printed``, ``agree``, each with ``mae_deg`` and ``rmse_deg``, lists over joints 2
+    and 3; rows that were not measured are left out.
     """
     if tried is None:
         return {table: {} for table in _ROWS}
     return {
-        table: {row: _row(tried, paper, start) for row, start in rows.items() if _has(tried, start)}
+        table: {
+            row: _row(tried, paper, start)
+            for row, start in rows.items()
+            if any(name.startswith(start) for name in tried.sizes)
+        }
         for table, rows in _ROWS.items()
     }
-
-
-def _has(tried: Tried, start: str) -> bool:
-    return any(name.startswith(start) for name in tried.sizes)
 
 
 def _row(tried: Tried, paper: Published, start: str) -> dict[str, Any]:
@@ -60,62 +58,23 @@ def _row(tried: Tried, paper: Published, start: str) -> dict[str, Any]:
 
 
 def write_measured_tables(data: Mapping[str, Any], window: str, origin: str, folder: Path) -> list[Path]:
-    """Write ``table2`` and ``table3`` as csv, Markdown and LaTeX.
-
-    Parameters
-    ----------
-    data : Mapping
-        Of `table_data`.
-    window : str
-        What was averaged over.
-    origin : str
-        Of the measurement, for the caption.
-    folder : Path
-
-    Returns
-    -------
-    list of Path
-    """
+    """Write what `table_data` gives as csv, Markdown and LaTeX; the caption names the window and the file."""
     paths: list[Path] = []
     for table, rows in data.items():
-        if not rows:
-            continue
-        flat = [line for row, found in rows.items() for line in _lines(row, found)]
-        caption = f"Table {table[-1]} as measured, averaged over: {window} ({origin})."
-        sheet = _sheet(flat, caption)
-        texts = {"csv": csv_of(flat), "md": markdown(sheet), "tex": latex(sheet, table)}
-        for suffix, text in texts.items():
-            paths.append(folder / f"{table}.{suffix}")
-            write_atomically(paths[-1], text)
+        if rows:
+            lines = [
+                {"row": row, "joint": joint}
+                | {
+                    f"{metric}_{what}": found[what][f"{metric}_deg"][place]
+                    for metric in _METRICS
+                    for what in ("measured", "printed", "agree")
+                }
+                for row, found in rows.items()
+                for place, joint in enumerate(COMPARED)
+            ]
+            caption = f"Table {table[-1]} as measured, averaged over: {window} ({origin})."
+            paths += write_table(lines, folder, table, caption, _COLUMNS, ("csv", "md", "tex"))
     return paths
-
-
-def _lines(row: str, found: Mapping[str, Any]) -> list[dict[str, Any]]:
-    return [
-        {"row": row, "joint": joint}
-        | {
-            f"{metric}_{what}": found[what][f"{metric}_deg"][place]
-            for metric in _METRICS
-            for what in ("measured", "printed", "agree")
-        }
-        for place, joint in enumerate(COMPARED)
-    ]
-
-
-def _sheet(flat: list[dict[str, Any]], caption: str) -> Sheet:
-    headings = ["Run", "Joint"]
-    for metric in _METRICS:
-        headings += [f"{metric.upper()} measured (deg)", "printed", "agree"]
-    rows = [[_cell(value) for value in line.values()] for line in flat]
-    return Sheet(caption, headings, [heading not in ("Run", "agree") for heading in headings], rows)
-
-
-def _cell(value: Any) -> str:
-    if value is None:
-        return NOTHING
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return f"{value:.3f}" if isinstance(value, float) else str(value)
 
 
 def window_rows(tables: PrintedTables, paper: Published) -> list[dict[str, Any]]:

@@ -9,9 +9,9 @@ import pytest
 from support.synthetic import COUNT, make_compare_file
 
 from tendonrepro.arrays import Array
+from tendonrepro.dataset.motion.period import onset
 from tendonrepro.dataset.motion.record import noise, recorded
 from tendonrepro.dataset.motion.recover import recover, recover_run
-from tendonrepro.dataset.motion.reference_onset import onset
 from tendonrepro.physics.trajectory import (
     Motion,
     minimum_jerk,

@@ -12,8 +12,11 @@ from support.measured_synthetic import CONTROLLERS, LOADED, measured_trace
 from support.synthetic import make_compare_file, make_decouple_file
 
 from tendonrepro.results.figures.catalogue import draw
-from tendonrepro.results.records import TraceFile
-from tendonrepro.validation.figures import NUMBERS, Pair, available_overlays, draw_overlay, saved_overlay
+from tendonrepro.results.figures.style import REFERENCE
+from tendonrepro.results.records import Trace, TraceFile
+from tendonrepro.validation.figures import available_overlays, draw_overlay, saved_overlay
+
+NUMBERS = (9, 10, 11, 12, 13, 14, 15, 16)
 
 
 def measured() -> TraceFile:
@@ -23,22 +26,17 @@ def measured() -> TraceFile:
     return replace(compare, experiment="both", runs=runs)
 
 
-def pairs(file: TraceFile, *, modelled: bool = True) -> dict[str, Pair]:
-    """Each run with a simulation that is a little larger."""
+def models(file: TraceFile) -> dict[str, Trace]:
+    """Simulations of all runs, a little larger than these."""
     return {
-        name: Pair(
-            trace,
-            replace(trace, variables={key: 1.1 * values for key, values in trace.variables.items()})
-            if modelled
-            else None,
-        )
+        name: replace(trace, variables={key: 1.1 * values for key, values in trace.variables.items()})
         for name, trace in file.runs.items()
     }
 
 
 def test_every_figure_with_data_is_there() -> None:
     file = measured()
-    assert tuple(available_overlays(file)) == NUMBERS == (9, 10, 11, 12, 13, 14, 15, 16)
+    assert tuple(available_overlays(file)) == NUMBERS
     assert available_overlays(file.part("decouple")) == [9, 10, 11, 12]
     alone = replace(file, runs={LOADED: file.runs[LOADED]})
     assert available_overlays(alone) == [16]
@@ -47,42 +45,45 @@ def test_every_figure_with_data_is_there() -> None:
 @pytest.mark.parametrize("number", NUMBERS)
 def test_panels_are_the_papers_and_measured_curves_lie_on_top(number: int) -> None:
     file = measured()
-    drawn = draw_overlay(number, file, pairs(file))
+    drawn = draw_overlay(number, file, models(file))
     plain = draw(number, file)
     assert set(drawn.axes) == set(plain.axes)
     for letter, axes in drawn.axes.items():
         assert axes.get_title(loc="left") == plain.axes[letter].get_title(loc="left")
         assert axes.get_ylabel() == plain.axes[letter].get_ylabel()
-    over = {key: line for key, line in drawn.lines.items() if key[1].endswith("measured")}
-    assert over
-    for (letter, name), line in over.items():
-        under = drawn.lines[letter, name.replace("measured", "simulated")]
-        order = list(drawn.axes[letter].lines)
-        assert order.index(under) < order.index(line)
-        assert line.get_linestyle() == "-"
-        assert under.get_linestyle() != "-"
-        assert sum(to_rgb(under.get_color())) > sum(to_rgb(line.get_color()))
+    under = {key: line for key, line in drawn.lines.items() if key[1].endswith(" simulated")}
+    wanted = {(letter, f"{name} simulated") for letter, name in plain.lines if "esired" not in name}
+    assert set(under) == wanted
+    for (letter, name), line in under.items():
+        over = drawn.lines[letter, name.removesuffix(" simulated")]
+        assert over.get_linestyle() == "-" != line.get_linestyle()
+        if over.get_linewidth() < REFERENCE.width:
+            assert over.get_zorder() > line.get_zorder()
+            assert sum(to_rgb(line.get_color())) > sum(to_rgb(over.get_color()))
+        else:
+            assert over.get_zorder() < line.get_zorder()
     assert "Measured solid" in drawn.caption
+    assert "Dashed: simulated" in [text.get_text() for text in drawn.figure.legends[0].get_texts()]
 
 
 def test_curves_are_the_measured_and_the_simulated_values() -> None:
     file = measured()
-    lines = draw_overlay(14, file, pairs(file)).lines
+    lines = draw_overlay(14, file, models(file)).lines
     e = np.rad2deg(file.runs["controller_2"]["e"][:, 0])
-    for kind, size in (("measured", 1.0), ("simulated", 1.1)):
-        values = np.asarray(lines["c", f"Controller 2 {kind}"].get_ydata(), float)
+    for kind, size in (("", 1.0), (" simulated", 1.1)):
+        values = np.asarray(lines["c", f"Controller 2{kind}"].get_ydata(), float)
         assert values.max() == pytest.approx(size * e.max())
         assert values.min() == pytest.approx(size * e.min())
-    motors = draw_overlay(13, file, pairs(file)).lines
+    motors = draw_overlay(13, file, models(file)).lines
     S_inv = file.plant.matrix("S_inv", (2, 3))
     angle = np.rad2deg(file.runs["controller_1"]["q_encoder"] @ S_inv[0])
-    drawn = np.asarray(motors["a", "Motor 2 measured"].get_ydata(), float)
+    drawn = np.asarray(motors["a", "Motor 2"].get_ydata(), float)
     assert drawn.max() == pytest.approx(angle.max())
 
 
 def test_without_a_simulation_the_measurement_stands_alone() -> None:
     file = measured()
-    drawn = draw_overlay(16, file, pairs(file, modelled=False))
+    drawn = draw_overlay(16, file, {})
     assert not any(name.endswith("simulated") for _, name in drawn.lines)
     assert "no simulation" in drawn.caption
 
@@ -93,9 +94,31 @@ def test_what_was_not_recorded_is_said_and_its_simulation_left_out() -> None:
     for name in CONTROLLERS:
         kept = {key: value for key, value in file.runs[name].variables.items() if key != "H_hat"}
         bare[name] = replace(file.runs[name], variables=kept)
-    drawn = draw_overlay(15, replace(file, runs=bare), {n: Pair(bare[n], file.runs[n]) for n in bare})
+    drawn = draw_overlay(15, replace(file, runs=bare), {n: file.runs[n] for n in bare})
     assert not [name for letter, name in drawn.lines if letter in "cd"]
     assert drawn.axes["c"].texts[0].get_text() == "not recorded"
+
+
+def test_a_simulation_is_laid_on_the_joints_that_were_measured() -> None:
+    """Of joint 3 alone, whose panel is then the first."""
+    file = measured()
+    only = replace(file, runs={LOADED: file.runs[LOADED].of_joints([3])})
+    lines = draw_overlay(16, only, models(file)).lines
+    (name,) = (name for letter, name in lines if letter == "b" and name.endswith("simulated"))
+    values = np.asarray(lines["b", name].get_ydata(), float)
+    assert values.max() == pytest.approx(1.1 * np.rad2deg(file.runs[LOADED]["e"][:, 1]).max())
+
+
+def test_a_difference_with_gaps_has_the_mean_of_the_rest() -> None:
+    file = measured()
+    trace = file.runs["decouple"]
+    q = trace["q_encoder"].copy()
+    q[50:60] = np.nan
+    q[:, 2] = np.nan
+    holed = replace(file, runs={"decouple": measured_trace(trace, q_encoder=q)})
+    notes = [draw_overlay(number, holed, {}).axes["b"].get_title(loc="right") for number in (10, 12)]
+    apart = np.rad2deg(np.abs(np.delete(trace["q_calculated"] - trace["q_encoder"], slice(50, 60), axis=0)))
+    assert notes == [f"MAE {apart[:, 0].mean():.4f}°", ""]
 
 
 def test_gaps_leave_a_mean_of_the_rest() -> None:
@@ -104,15 +127,16 @@ def test_gaps_leave_a_mean_of_the_rest() -> None:
     tau = trace["tau_m"].copy()
     tau[50:60] = np.nan
     runs = {"controller_1": measured_trace(trace, tau_m=tau)}
-    drawn = draw_overlay(15, replace(file, runs=runs), {"controller_1": Pair(runs["controller_1"], None)})
-    values = np.asarray(drawn.lines["e", "Controller 1 measured"].get_ydata(), float)
+    drawn = draw_overlay(15, replace(file, runs=runs), {})
+    assert not drawn.bands
+    values = np.asarray(drawn.lines["e", "Controller 1"].get_ydata(), float)
     assert np.isfinite(values).all()
 
 
 def test_a_diverged_simulation_is_named(tmp_path: Path) -> None:
     file = measured()
     gone = make_compare_file(step=0.02, diverged={"controller_1": 5.0}).runs["controller_1"]
-    found = {"controller_1": Pair(file.runs["controller_1"], gone)}
+    found = {"controller_1": gone}
     only = replace(file, runs={"controller_1": file.runs["controller_1"]})
     assert "controller_1 diverged at 5.00 s" in draw_overlay(14, only, found).caption
     paths = saved_overlay(only, found, tmp_path, 14)

@@ -25,7 +25,7 @@ from tendonrepro.dataset.mapping.model import Mapping
 from tendonrepro.dataset.meaning.columns import Column
 from tendonrepro.dataset.meaning.understand import understand
 from tendonrepro.dataset.motion.knots import thinned
-from tendonrepro.dataset.motion.period import _refined, refined_shift
+from tendonrepro.dataset.motion.period import refined_shift, repeat_after
 from tendonrepro.dataset.motion.record import Recorded, recorded
 from tendonrepro.dataset.motion.recover import Reference, recover, zero_of
 from tendonrepro.dataset.motion.windows import _tail
@@ -34,7 +34,7 @@ from tendonrepro.errors import DataMissingError
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.traces import write_traces
 from tendonrepro.validation import command as validate
-from tendonrepro.validation import reruns
+from tendonrepro.validation import rerun as reruns
 from tendonrepro.validation.rerun import MOTION, aligned, departure, together, write_compare, write_decouple
 from tendonrepro.validation.residuals import comparison_rows, coupling_rows
 
@@ -299,6 +299,9 @@ def test_runs_of_both_experiments_come_into_one_file() -> None:
     assert [*found.runs] == [*MOVES.runs, *other.runs]
     assert found.title == f"{MOVES.title}; other"
     assert found.config_yaml == f"{MOVES.config_yaml}---\nschema_version: 2\n"
+    assert found.config_sha256 == hashlib.sha256(found.config_yaml.encode()).hexdigest()
+    kept = [json.loads(file.manifest_json) for file in (MOVES, other)]
+    assert json.loads(found.manifest_json)["experiments"] == kept
 
 
 def test_a_mass_that_is_the_configurations_keeps_its_source(reference: Reference, tmp_path: Path) -> None:
@@ -376,9 +379,9 @@ class TestRecorded:
 
     @pytest.mark.parametrize("lag", [99.7, 100.0, 100.3])
     def test_a_period_between_two_samples_is_found(self, lag: float) -> None:
-        x = np.sin(2.0 * np.pi * np.arange(400.0) / lag)[:, np.newaxis]
-        assert _refined(x, 100, 1) == pytest.approx(lag, abs=0.01)
-        assert _refined(x, 1, 1) == 1.0
+        q = np.sin(2.0 * np.pi * np.arange(400.0) / lag)[:, np.newaxis]
+        record = Recorded(0.01 * np.arange(400.0), q, (2,), np.zeros(1), 0.0, np.ones(400, bool))
+        assert repeat_after(record) == pytest.approx(0.01 * lag, abs=1e-4)
 
 
 def test_a_calculated_joint_angle_is_not_taken_for_the_encoder() -> None:
@@ -485,17 +488,6 @@ def test_the_chance_of_agreement_is_that_of_independent_numbers() -> None:
     assert _tail(published(), names, 0) == pytest.approx(1.0)
     assert _tail(published(), names, 1) == pytest.approx(one + other - one * other)
     assert _tail(published(), names, 2) == pytest.approx(one * other)
-
-
-def test_runs_of_both_experiments_carry_both_configurations() -> None:
-    files = [replace(MOVES, source="simulated"), make_decouple_file()]
-    both = together(files)
-    assert both is not None
-    assert both.config_sha256 == hashlib.sha256(both.config_yaml.encode()).hexdigest()
-    assert all(file.config_yaml in both.config_yaml for file in files)
-    assert json.loads(both.manifest_json)["experiments"] == [json.loads(file.manifest_json) for file in files]
-    assert together(files[:1]) is files[0]
-    assert together([]) is None
 
 
 def test_why_there_is_no_rerun_is_said(tmp_path: Path) -> None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,19 +31,10 @@ _STAIRS = 0.3
 """The same as a share of the step to which a record is rounded; even rounding leaves 1/√12."""
 
 
-@dataclass(frozen=True, eq=False)
-class Smooth:
-    """A recorded motion, smoothed.
+class Smooth(NamedTuple):
+    """Spline of a recorded motion, (T, n), rad, and the spacing of its knots, s."""
 
-    Parameters
-    ----------
-    spline : callable
-        Of instants (T,), s, and the order of the derivative; (T, n), rad.
-    spacing : float
-        Of its knots, s.
-    """
-
-    spline: Callable[[Array, int], Array]
+    spline: Callable[..., Array]
     spacing: float
 
 
@@ -83,46 +75,36 @@ class Knots:
 
 
 def smoothed(record: Recorded) -> Smooth:
-    """Lay a quintic spline through a recorded motion, free at its ends.
+    """Lay a quintic least-squares spline through a recorded motion, free at its ends.
 
     Of all spacings the one with the smallest Bayesian information criterion is taken: a narrower spacing has
     to reduce the residual by more than it would if there were nothing left but noise. A residual as small as
     the record's rounding is not reduced any further.
-
-    Parameters
-    ----------
-    record : Recorded
-
-    Returns
-    -------
-    Smooth
     """
+    from scipy.interpolate import make_lsq_spline
+
     level = max(_EXACT, _STAIRS * record.rounding, _WHITE * noise(record))
-    count, cheapest = len(record.time), np.inf
-    best: Smooth | None = None
+    time, q = record.time, record.q
+    best, cheapest = None, np.inf
     for spacing in _tried(record):
         # Without the outermost inner knots an end rests on three spacings: its curvature is noisy otherwise.
         inner = _places(record, spacing)[3:-3]
-        price = len(inner) * np.log(count)
-        if price + count * np.log(level**2) > cheapest:
-            # No residual could pay for so many knots.
-            break
-        spline = _quintic(record.time, record.q, inner)
-        residual = np.maximum(np.mean((spline(record.time, 0) - record.q) ** 2, axis=0), level**2)
-        criterion = price + count * np.log(residual).mean()
-        if best is None or criterion < cheapest:
+        knots = np.concatenate([np.repeat(time[:1], 6), inner, np.repeat(time[-1:], 6)])
+        # Even samples, many to a knot: normal equations lose nothing and are twenty times faster.
+        spline = make_lsq_spline(time, q, knots, k=5, method="norm-eq")
+        residual = np.maximum(np.mean((spline(time) - q) ** 2, axis=0), level**2)
+        criterion = len(inner) * np.log(len(time)) + len(time) * np.log(residual).mean()
+        if criterion < cheapest:
             best, cheapest = Smooth(spline, spacing), criterion
-        if (residual <= level**2).all():
-            break
     assert best is not None
     return best
 
 
-def _tried(record: Recorded) -> Iterator[float]:
+def _tried(record: Recorded) -> list[float]:
     """Spacings of at least two samples that leave enough of them; two samples where there is no other."""
     end = float(record.time[-1])
     tried = [spacing for spacing in SPACINGS if 1.99 * record.step <= spacing <= end / (FEWEST - 1)]
-    yield from tried or [2.0 * record.step]
+    return tried or [2.0 * record.step]
 
 
 def _places(record: Recorded, spacing: float) -> Array:
@@ -140,56 +122,29 @@ def thinned(record: Recorded) -> Knots:
     where it ends so a stroke to rest is added. The spacing is the widest whose spline stays within half an
     encoder count, or one standard deviation of the record's noise, of the smoothed motion, else the
     narrowest.
-
-    Parameters
-    ----------
-    record : Recorded
-
-    Returns
-    -------
-    Knots
     """
-    smooth = smoothed(record)
-    rate = smooth.spline(record.time, 1)
+    spline, spacing = smoothed(record)
+    rate, first = spline(record.time, 1), spline(record.time[:1])
     still = _STILL * np.abs(rate).max()
     faded = min(_FADE, 0.5 * float(record.time[-1])) if np.abs(rate[0]).max() > still else 0.0
-    first = smooth.spline(record.time[:1], 0)
+    braked = bool(np.abs(rate[-1]).max() > still)
 
     def followed(time: Array) -> Array:
-        q = smooth.spline(time, 0) - first
+        q = spline(time) - first
         return q * minimum_jerk(1.0, faded, np.inf)(time)[0][:, np.newaxis] if faded else q
 
-    braking = rate[-1] if np.abs(rate[-1]).max() > still else None
     target, close = followed(record.time), max(HALF_COUNT, noise(record))
-    for spacing in (each for each in _tried(record) if each <= smooth.spacing):
-        time = _places(record, spacing)
-        samples = _brought_to_rest(time, followed(time), braking)
-        knots = Knots(*samples, spacing, _tolerance(record), 0.0, faded, braking is not None)
+    tolerance = max(record.rounding, HALF_COUNT + noise_peak(record))
+    for narrower in (one for one in _tried(record) if one <= spacing):
+        time = _places(record, narrower)
+        angle = followed(time)
+        if braked:
+            u = np.arange(1, 11)[:, np.newaxis] / 10.0
+            angle = np.vstack([angle, angle[-1] + rate[-1] * _BRAKE * (u - u**3 + 0.5 * u**4)])
+            time = np.append(time, time[-1] + _BRAKE * u[:, 0])
+        knots = Knots(time, angle, narrower, tolerance, 0.0, faded, braked)
         q = knots.curve(record.time)[0]
         if np.abs(q - target).max() <= close:
             break
     late = record.time >= faded
     return replace(knots, deviation=float(np.abs(q + first - record.q)[late].max()))
-
-
-def _tolerance(record: Recorded) -> float:
-    return max(HALF_COUNT, record.rounding, HALF_COUNT + noise_peak(record))
-
-
-def _brought_to_rest(time: Array, angle: Array, rate: Array | None) -> tuple[Array, Array]:
-    """Add a braking stroke from a rate at the end."""
-    if rate is None:
-        return time, angle
-    u = np.arange(1, 11)[:, np.newaxis] / 10.0
-    stroke = angle[-1] + rate * _BRAKE * (u - u**3 + 0.5 * u**4)
-    return np.append(time, time[-1] + _BRAKE * u[:, 0]), np.vstack([angle, stroke])
-
-
-def _quintic(time: Array, q: Array, inner: Array) -> Callable[[Array, int], Array]:
-    """Least-squares spline with free ends through samples (T, n), of instants and the derivative's order."""
-    from scipy.interpolate import make_lsq_spline
-
-    ends = np.repeat(time[:1], 6), np.repeat(time[-1:], 6)
-    # Even samples, many to a knot: normal equations lose nothing and are twenty times faster.
-    spline = make_lsq_spline(time, q, np.concatenate([ends[0], inner, ends[1]]), k=5, method="norm-eq")
-    return lambda instants, order: np.asarray(spline(instants, order))

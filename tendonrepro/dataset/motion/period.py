@@ -1,11 +1,13 @@
-"""After how long a recorded motion repeats, and how much later it was than another one."""
+"""When a recorded motion begins and repeats, and how much later it was than another one."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.dataset.motion.record import FEWEST, Recorded
+from tendonrepro.dataset.motion.record import FEWEST, Recorded, noise
 
 _SAME = 0.05
 """Largest difference, as a share of the motion's size, between two periods that are repeats."""
@@ -16,12 +18,25 @@ _MOVES = 0.4
 
 Half a period of a sine moves through half of its range at least."""
 _LAGS = 600
-_REACH = 0.05
-"""Half the stretch of a rounded record whose ends tell its rate, s."""
+"""Most samples of a record that are compared at every lag."""
 _NEAR = 1.0
 """Farthest that the beginning of a motion is misjudged, s."""
-_SCAN = np.linspace(-_NEAR, _NEAR, 41)
+_REACH = 0.05
+"""Half the stretch of a rounded record whose ends tell its rate, s."""
 _STEPS = 8
+
+_GROWN = 0.08
+"""Share of the range up to which a motion out of rest is a power of time with one correction."""
+_VISIBLE = 4.0
+"""Standard deviations of the record from which a sample tells something."""
+_MODEL = 3e-3
+"""Relative error of that description."""
+_POWERS = (1, 2, 3, 4)
+"""A ramp, a step of acceleration, a minimum-jerk stroke, a sine that is blended in."""
+_BETTER = 4.0
+"""Chi-square by which a higher power has to be better than a lower one."""
+_CORRECTION = 0.3
+"""Size of the correction at the end of the stretch; it must not make one power look like another."""
 
 
 def repeat_after(record: Recorded) -> float:
@@ -33,70 +48,65 @@ def repeat_after(record: Recorded) -> float:
     first, last = record.moving()
     if last - first < FEWEST or record.range == 0.0:
         return 0.0
-    coarse = -(-(last - first) // _LAGS)
-    x = record.q[first : last + 1 : coarse]
-    misfit = np.array([_misfit(x, lag) for lag in range(1, len(x))])
-    far = np.flatnonzero(misfit > _DIFFERENT)
-    near = np.flatnonzero(misfit < _SAME)
+    q = record.q[first : last + 1]
+    every = -(-(last - first) // _LAGS)
+    misfit = np.array([_misfit(q, lag, every) for lag in range(every, len(q), every)])
+    far, near = np.flatnonzero(misfit > _DIFFERENT), np.flatnonzero(misfit < _SAME)
     near = near[near > far[0]] if len(far) else near[:0]
     if not len(near):
         return 0.0
-    runs = np.split(near, np.flatnonzero(np.diff(near) > 1) + 1)
-    lag = (int(runs[0][np.argmin(misfit[runs[0]])]) + 1) * coarse
-    return _refined(record.q[first : last + 1], lag, coarse) * record.step
+    run = np.split(near, np.flatnonzero(np.diff(near) > 1) + 1)[0]
+    lag = every * (int(run[np.argmin(misfit[run])]) + 1)
+    return _least(lambda lag: _misfit(q, lag, every) ** 2, lag, every) * record.step
 
 
-def _misfit(x: Array, lag: int) -> float:
-    """Difference of a motion from itself a lag later, over its size; infinite where nothing tells."""
-    difference = x[lag:] - x[:-lag]
-    tail = min(len(difference), max(lag // 2, 1))
-    size = np.sqrt(2.0 * x.var(axis=0).sum())
+def _misfit(x: Array, lag: int, every: int) -> float:
+    """Difference of a motion, at every so many samples, from itself a lag earlier, over its size.
+
+    It is infinite where nothing tells.
+    """
+    late = x[lag::every]
+    difference = late - x[: len(x) - lag : every]
+    size, span = np.sqrt(2.0 * x[::every].var(axis=0).sum()), np.ptp(x[::every], axis=0).max()
+    tail = min(len(late), max(lag // (2 * every), 1))
     found = [
         float(np.sqrt((difference[-count:] ** 2).sum(axis=1).mean()) / size)
-        for count in (len(difference), tail)
-        if 3 * len(difference) >= lag and np.ptp(x[-count:], axis=0).max() >= _MOVES * np.ptp(x, axis=0).max()
+        for count in (len(late), tail)
+        if 3 * len(late) * every >= lag and np.ptp(late[-count:], axis=0).max() >= _MOVES * span
     ]
     return min(found, default=np.inf)
 
 
-def _refined(x: Array, lag: int, step: int) -> float:
-    """Lag with the smallest misfit near a first guess that is good to a step, to a part of a sample."""
-    while step > 1:
-        step = max(step // 4, 1)
-        coarse, place = x[::step], lag // step
-        near = range(max(place - 5, 1), min(place + 6, len(coarse) - 1))
-        lag = step * min(near, key=lambda k: _misfit(coarse, k))
-    if not 1 < lag < len(x) - 2:
+def _least(square: Callable[[int], float], lag: int, every: int) -> float:
+    """Lag, to a part of a sample, with the smallest squared misfit near a first guess."""
+    lag = min(range(max(lag - every, 1), lag + every + 1), key=square)
+    near = np.arange(-every, every + 1)
+    found = np.array([square(max(lag + late, 1)) for late in near.tolist()])
+    if not np.isfinite(found).all():
         return float(lag)
-    before, here, after = (_misfit(x, k) ** 2 for k in (lag - 1, lag, lag + 1))
-    bend = before - 2.0 * here + after
-    return lag + 0.5 * (before - after) / bend if here > 1e-12 and bend > 0.0 else float(lag)
+    bend, slope, _ = np.polyfit(near, found, 2)
+    return lag - 0.5 * slope / bend if bend > 0.0 else float(lag)
 
 
 def refined_shift(ours: Recorded, other: Recorded, guess: float) -> float:
-    """How much later one record moves than another of the same motion, s.
+    """How much later one record moves than another of the same motion and joints, s.
 
-    Gauss-Newton steps on all samples, with an angle apart, since both first angles are rounded.
-
-    Parameters
-    ----------
-    ours, other : Recorded
-        Of the same joints.
-    guess : float
-        s; the answer where no shift near it explains more.
+    Gauss-Newton steps on all samples, with an angle apart, since both first angles are rounded. The guess, s,
+    is the answer where no shift near it explains more.
     """
-    apart = [_apart(ours, other, guess + late) for late in _SCAN]
+    tried = guess + np.linspace(-_NEAR, _NEAR, 41)
+    apart = [_apart(ours, other, late) for late in tried]
     if not np.isfinite(min(apart)):
         return guess
-    shift = guess + float(_SCAN[np.argmin(apart)])
+    shift = float(tried[np.argmin(apart)])
     for _ in range(_STEPS):
         time = ours.time - shift
         inside = (time >= _REACH) & (time <= other.time[-1] - _REACH)
         if inside.sum() < FEWEST:
             return guess
-        before, here, after = (_at(other, time[inside] + apart) for apart in (-_REACH, 0.0, _REACH))
+        before, here, after = (_at(other, time[inside] + late) for late in (-_REACH, 0.0, _REACH))
         rate, difference = (after - before) / (2.0 * _REACH), ours.q[inside] - here
-        rate, difference = rate - rate.mean(axis=0), difference - difference.mean(axis=0)
+        rate -= rate.mean(axis=0)
         power = float((rate**2).sum())
         shift -= float((difference * rate).sum()) / power if power > 0.0 else 0.0
         if abs(shift - guess) > _NEAR:
@@ -113,10 +123,64 @@ def _apart(ours: Recorded, other: Recorded, late: float) -> float:
     time, q = ours.time[::every] - late, ours.q[::every]
     inside = (time >= 0.0) & (time <= other.time[-1])
     if inside.sum() < max(FEWEST, 0.5 * min(1.0, other.time[-1] / ours.time[-1]) * len(time)):
-        return float("inf")
-    difference = q[inside] - _at(other, time[inside])
-    return float(np.mean((difference - difference.mean(axis=0)) ** 2))
+        return np.inf
+    return float((q[inside] - _at(other, time[inside])).var(axis=0).mean())
 
 
 def _at(record: Recorded, time: Array) -> Array:
     return np.column_stack([np.interp(time, record.time, column) for column in record.q.T])
+
+
+def onset(record: Recorded) -> float:
+    """Instant at which the joint that moves first leaves its rest, s.
+
+    Out of rest a motion grows as a power of the time since its beginning, of which the record shows the later
+    part. The power and the beginning are searched for, the rest is linear least squares on logarithms. A
+    beginning is as round as an error of some milliseconds allows.
+    """
+    tolerance = max(1.5 * record.rounding, 5.0 * noise(record), 1e-3 * record.range)
+    away = np.abs(record.q - record.q[0]) > tolerance
+    crossed = np.where(away.any(axis=0), np.argmax(away, axis=0), len(away))
+    q, seen = record.q[:, np.argmin(crossed)], int(crossed.min())
+    sigma = max(record.rounding / np.sqrt(12.0), noise(record), 1e-7 * record.range)
+    size = np.abs(q - q[: max(seen // 2, 1)].mean())
+    top = int(np.argmax(size > _GROWN * np.ptp(q)))
+    hidden = np.flatnonzero(size[:top] <= max(_VISIBLE * sigma, 1e-3 * np.ptp(q)))
+    first = int(hidden[-1]) + 1 if len(hidden) else 0
+    if top - first < 3:
+        return float(record.time[max(first - 1, 0)])
+    found = _beginning(record.time[first:top], size[first:top], sigma)
+    return roundest(found, max(record.step, 3e-3))
+
+
+def _beginning(time: Array, size: Array, sigma: float) -> float:
+    """Beginning of a growth that explains sizes best, s."""
+    from scipy.optimize import minimize_scalar
+
+    weight = 1.0 / np.hypot(sigma / size, _MODEL)
+    bounds = max(0.0, float(2.5 * time[0] - 1.5 * time[-1])), float(time[0]) - 1e-9
+    found = [
+        minimize_scalar(
+            lambda start, power=power: _chi_square(time - start, size, weight, power), bounds=bounds
+        )
+        for power in _POWERS
+    ]
+    best = found[0]
+    for higher in found[1:]:
+        best = higher if higher.fun < best.fun - _BETTER else best
+    return float(best.x)
+
+
+def _chi_square(since: Array, size: Array, weight: Array, power: int) -> float:
+    """Of ``size = exp(a + b t) t^power`` with a small b, least in a and b."""
+    parts = np.column_stack([np.ones_like(since), since]) * weight[:, np.newaxis]
+    parts = np.vstack([parts, [0.0, since[-1] / _CORRECTION]])
+    target = np.append((np.log(size) - power * np.log(since)) * weight, 0.0)
+    solved = np.linalg.lstsq(parts, target, rcond=None)[0]
+    return float(((parts @ solved - target) ** 2).sum())
+
+
+def roundest(number: float, error: float) -> float:
+    """Positive number with the fewest decimals within an error of another one."""
+    rounded = (round(number, decimals) for decimals in range(10))
+    return next((one for one in rounded if abs(one - number) <= error), number)

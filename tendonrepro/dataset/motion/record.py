@@ -84,18 +84,9 @@ class Recorded:
 
 
 def recorded(trace: Trace, name: str = "q_d") -> Recorded:
-    """Put a recorded variable on an even grid.
+    """Put a recorded angle on an even grid.
 
-    Parameters
-    ----------
-    trace : Trace
-    name : str
-        Variable, an angle.
-
-    Raises
-    ------
-    DataMissingError
-        If the run does not hold it, or too few samples of it, or pauses for most of its time.
+    Raise DataMissingError if there are too few samples of it, or it pauses for most of its time.
     """
     values = trace[name]
     there = np.isfinite(values).all(axis=1)
@@ -106,52 +97,48 @@ def recorded(trace: Trace, name: str = "q_d") -> Recorded:
     step = float(np.median(np.diff(time)))
     lasts = float(trace.time[-1] - trace.time[0])
     if lasts > _SPARSE * step * len(time):
-        count = f"{len(time)} samples of {name} in {lasts:.4g} s, {step:.4g} s apart"
-        message = f"run {trace.name!r} holds {count}"
+        message = (
+            f"run {trace.name!r} holds {len(time)} samples of {name} in {lasts:.4g} s, {step:.4g} s apart"
+        )
         raise DataMissingError(message, hint="cut pauses off with from_s and to_s in the mapping")
     even = step * np.arange(round(lasts / step) + 1.0)
-    if len(even) == len(time) and np.abs(even - time).max() <= 1e-6 * step:
-        filled, known = kept, np.ones(len(even), dtype=bool)
-    else:
+    filled, known = kept, np.ones(len(even), dtype=bool)
+    if len(even) != len(time) or np.abs(even - time).max() > 1e-6 * step:
         filled, known = _even(even, time, kept)
     start = filled[0]
     return Recorded(even, filled - start, trace.joint, start, rounding_step(kept), known)
 
 
 def _even(even: Array, time: Array, kept: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Samples interpolated on an even grid, (T, n), and which of them lie in no gap."""
+    """Samples interpolated on an even grid, (T, n), and which of them lie in no gap.
+
+    A gap is bridged by a cubic: a straight line would be a jerk that nobody commanded.
+    """
+    from scipy.interpolate import CubicHermiteSpline
+
     filled = np.column_stack([np.interp(even, time, column) for column in kept.T])
     step = even[1] - even[0]
     known = (even >= time[0] - 0.5 * step) & (even <= time[-1] + 0.5 * step)
     for place in np.flatnonzero(np.diff(time) > _GAP * step).tolist():
-        inside = (even > time[place] + 0.5 * step) & (even < time[place + 1] - 0.5 * step)
-        filled[inside] = _bridge(even[inside], time, kept, place)
+        ends = time[place : place + 2]
+        inside = (even > ends[0] + 0.5 * step) & (even < ends[1] - 0.5 * step)
+        before = slice(int(np.searchsorted(time, ends[0] - _BESIDE)), place + 1)
+        after = slice(place + 1, int(np.searchsorted(time, ends[1] + _BESIDE, side="right")))
+        (q_0, dq_0), (q_1, dq_1) = (
+            _level_and_rate(time[side] - end, kept[side])
+            for side, end in zip((before, after), ends, strict=True)
+        )
+        bridge = CubicHermiteSpline(ends, np.stack([q_0, q_1]), np.stack([dq_0, dq_1]))
+        filled[inside] = bridge(even[inside])
         known &= ~inside
     return filled, known
 
 
-def _bridge(instants: Array, time: Array, kept: Array, place: int) -> Array:
-    """Cubic from one side of a gap to the other: a straight line would be a jerk that nobody commanded."""
-    ends, width = time[place : place + 2], time[place + 1] - time[place]
-    sides = (
-        slice(int(np.searchsorted(time, ends[0] - _BESIDE)), place + 1),
-        slice(place + 1, int(np.searchsorted(time, ends[1] + _BESIDE, side="right"))),
-    )
-    (q_0, dq_0), (q_1, dq_1) = (
-        _level_and_rate(time[side] - end, kept[side]) for side, end in zip(sides, ends, strict=True)
-    )
-    u = ((instants - ends[0]) / width)[:, np.newaxis]
-    rise = u**2 * (3.0 - 2.0 * u)
-    leave, enter = u * (1.0 - u) ** 2, u**2 * (u - 1.0)
-    return np.asarray(q_0 + (q_1 - q_0) * rise + width * (dq_0 * leave + dq_1 * enter))
-
-
 def _level_and_rate(time: Array, q: Array) -> tuple[Array, Array]:
     """Value and slope at time 0 of the parabola through samples, each (n,)."""
-    degree = min(len(time) - 1, 2)
-    powers = np.vander(time, degree + 1, increasing=True)
+    powers = np.vander(time, min(len(time), 3), increasing=True)
     found = np.linalg.lstsq(powers, q, rcond=None)[0]
-    return found[0], found[1] if degree else np.zeros(q.shape[1])
+    return found[0], found[1] if len(found) > 1 else np.zeros(q.shape[1])
 
 
 def rounding_step(angles: Array) -> float:

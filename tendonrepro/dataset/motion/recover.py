@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,11 +12,9 @@ from tendonrepro.arrays import Array
 from tendonrepro.config.published import COMPARED
 from tendonrepro.dataset.motion.fit import Fit, fits, limit
 from tendonrepro.dataset.motion.knots import Knots, smoothed, thinned
-from tendonrepro.dataset.motion.period import refined_shift, repeat_after
+from tendonrepro.dataset.motion.period import onset, refined_shift, repeat_after, roundest
 from tendonrepro.dataset.motion.record import Recorded, recorded
-from tendonrepro.dataset.motion.reference_onset import onset, roundest
-from tendonrepro.dataset.motion.reference_turns import Turns, amplitude_of, movers, turns_of
-from tendonrepro.dataset.motion.shapes import OUT_AND_BACK, cycle_of
+from tendonrepro.dataset.motion.shapes import Turns, amplitude_of, cycle_of, movers, turns_of
 from tendonrepro.dataset.motion.windows import Timing
 from tendonrepro.errors import DataMissingError
 from tendonrepro.results.records import Trace, TraceFile
@@ -44,7 +43,7 @@ class Reference:
     fitted : tuple of Fit
         Shapes that were tried, best first.
     turns : Turns or None
-        Cycles of a motion that comes back to its start.
+        Cycles of a motion with a named shape that comes back to its start.
     """
 
     run: str
@@ -65,46 +64,48 @@ class Reference:
     @property
     def delay(self) -> float:
         """Rest before a named motion, s; a sampled one is written with its rest."""
-        return max(float(self.shape.values["delay"]), 0.0) if self.shape else 0.0
+        return _delay(self.shape) if self.shape else 0.0
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data, angles in degrees."""
         record, shape = self.record, self.shape
-        kind = shape.kind if shape else "sampled"
+        periods = None
+        if self.turns:
+            periods = self.turns.pattern()[1]
+        elif self.period:
+            periods = max(int(np.ceil((self.end - self.begin) / self.period - 0.02)), 1)
         return {
             "run": self.run,
             "joints": list(record.joint),
-            "kind": kind,
+            "kind": shape.kind if shape else "sampled",
             "parameters": shape.parameters() if shape else {},
-            "period_s": self.period or None,
-            "periods": self._periods(),
-            "begin_s": self.begin,
+            "period_s": round(self.period, 9) or None,
+            "periods": periods,
+            "begin_s": round(self.begin, 9),
             "end_s": self.end,
             "start_angle_deg": np.rad2deg(record.start_angle).tolist(),
             "amplitude_deg": np.rad2deg(np.ptp(record.q, axis=0)).tolist(),
-            "rounding_deg": float(np.rad2deg(record.rounding)),
+            "rounding_deg": math.degrees(record.rounding),
             "missing_samples": record.missing,
-            "residual_limit_deg": float(np.rad2deg(limit(record))),
+            "residual_limit_deg": math.degrees(limit(record)),
             "shapes": [
                 {
                     "kind": fit.kind,
-                    "largest_residual_deg": float(np.rad2deg(fit.largest)),
-                    "rms_residual_deg": float(np.rad2deg(fit.rms)),
+                    "largest_residual_deg": math.degrees(fit.largest),
+                    "rms_residual_deg": math.degrees(fit.rms),
                 }
                 for fit in self.fitted
             ],
             "spacing_s": self.knots.spacing,
-            "deviation_deg": float(np.rad2deg(self.knots.deviation)),
-            "tolerance_deg": float(np.rad2deg(self.knots.tolerance)),
+            "deviation_deg": math.degrees(self.knots.deviation),
+            "tolerance_deg": math.degrees(self.knots.tolerance),
             "faded_in_s": self.knots.faded,
             "brought_to_rest": self.knots.braked,
         }
 
-    def _periods(self) -> int | None:
-        """Repetitions begun."""
-        if self.shape and self.turns and self.shape.kind in OUT_AND_BACK:
-            return self.turns.pattern()[1]
-        return max(int(np.ceil((self.end - self.begin) / self.period - 0.02)), 1) if self.period else None
+
+def _delay(shape: Fit) -> float:
+    return max(float(shape.values["delay"]), 0.0)
 
 
 def recover(file: TraceFile) -> Reference:
@@ -147,25 +148,20 @@ def recover_run(trace: Trace, variable: str = "q_d") -> Reference:
     record = recorded_motion(trace, variable)
     first, last = record.moving()
     begin, end = float(record.time[first]), float(record.time[last])
-    repeats, turns = repeat_after(record), turns_of(record)
-    fitted = tuple(fits(record, repeats))
-    found = Reference(trace.name, record, thinned(record), repeats, begin, end, fitted, turns)
+    repeats = repeat_after(record)
+    found = Reference(trace.name, record, thinned(record), repeats, begin, end, tuple(fits(record, repeats)))
     if found.shape is None:
         return replace(found, begin=_begin_of(record), period=roundest(repeats, 0.5 * record.step))
-    period = cycle_of(found.shape.kind, found.shape.values)
-    if turns and found.shape.kind in OUT_AND_BACK:
-        period *= len(turns.pattern()[0])
-    return replace(found, begin=found.delay, period=period)
+    turns = None if found.shape.kind == "sine" else turns_of(record)
+    period = cycle_of(found.shape.values) * (len(turns.pattern()[0]) if turns else 1)
+    return replace(found, begin=found.delay, period=period, turns=turns)
 
 
 def _begin_of(record: Recorded) -> float:
     """When a motion begins whose joints have no common shape: told by those that have one of their own."""
-    delays = []
-    for column in movers(amplitude_of(record)):
-        joint = record.of(column)
-        best = next(iter(fits(joint, repeat_after(joint))), None)
-        if best is not None and best.largest <= limit(joint):
-            delays.append(max(float(best.values["delay"]), 0.0))
+    joints = [record.of(column) for column in movers(amplitude_of(record))]
+    best = [(joint, fit) for joint in joints for fit in fits(joint, repeat_after(joint))[:1]]
+    delays = [_delay(fit) for joint, fit in best if fit.largest <= limit(joint)]
     return min(delays) if delays else onset(record)
 
 

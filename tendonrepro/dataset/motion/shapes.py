@@ -1,14 +1,15 @@
-"""Shapes of the simulator as curves of their parameters, and these as round as one likes."""
+"""Cycles of a recorded motion, and the simulator's shapes as curves of their parameters."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.dataset.motion.reference_turns import Turns
+from tendonrepro.dataset.motion.record import Recorded
 from tendonrepro.physics.trajectory import (
     Motion,
     Shape,
@@ -21,80 +22,118 @@ from tendonrepro.physics.trajectory import (
     trapezoidal,
 )
 
-OUT_AND_BACK = ("raised_cosine", "minimum_jerk", "trapezoidal")
-"""Shapes that return to their start in every cycle."""
 PER_JOINT = ("amplitude", "offset", "start")
 """Parameters that each joint has its own value of, (n,)."""
-ANGLES = (*PER_JOINT, "velocity", "acceleration")
-"""Parameters whose unit holds an angle; they are round in degrees."""
-UNITS = {
-    **{"period": "s", "rise": "s", "hold": "s", "blend": "s"},
-    **{"amplitude": "deg", "offset": "deg", "velocity": "deg s-1", "acceleration": "deg s-2"},
-}
-"""Units in a configuration; what has none here is not written there."""
-POSITIVE = ("period", "rise", "blend", "velocity", "acceleration")
-"""Parameters that make no motion when they are zero."""
 
 Values: TypeAlias = dict[str, Any]
-"""Times in s, angles (n,) in rad, rates in rad/s and rad/s²; ``delay`` is the rest before the motion."""
+"""Times in s, angles (n,) in rad. ``delay`` is the rest before the motion, ``start`` the angle of that rest,
+and ``share`` the part of a ramp's rise in which it speeds up."""
+
+_AWAY = 0.02
+"""Share of a joint's amplitude beyond which it has left its start."""
+_STILL = 0.05
+"""Share of the largest amplitude below which a joint counts as at rest."""
+
+
+@dataclass(frozen=True)
+class Turns:
+    """Cycles of a motion that goes out and comes back.
+
+    Parameters
+    ----------
+    joints : tuple of tuple of int
+        Columns that move in each cycle, in order.
+    begin, end : float
+        When the first excursion passes 2 % of the amplitude on its way out and back, s.
+    cycle : float
+        From one excursion to the next, s; 0 when there is only one.
+    rise : float
+        From 2 % to 98 % of the amplitude, s.
+    """
+
+    joints: tuple[tuple[int, ...], ...]
+    begin: float
+    end: float
+    cycle: float
+    rise: float
+
+    def pattern(self) -> tuple[tuple[tuple[int, ...], ...], int]:
+        """Return the shortest list of turns that repeats, and how often it does."""
+        count = len(self.joints)
+        lengths = [k for k in range(1, count + 1) if self.joints[:k] * (count // k) == self.joints]
+        return self.joints[: lengths[0]], count // lengths[0]
+
+
+def turns_of(record: Recorded) -> Turns | None:
+    """Cycles of a motion that leaves its start and returns; None if it is none."""
+    amplitude = amplitude_of(record)
+    trips = [trip for i in movers(amplitude) for trip in _trips(record, i, amplitude[i])]
+    if not trips or any(np.ptp(np.sign(record.q[a:b, i])) > 0.0 for a, b, i in trips):
+        return None
+    groups: list[list[tuple[int, int, int]]] = []
+    for trip in sorted(trips):
+        if groups and trip[0] < max(end for _, end, _ in groups[-1]):
+            groups[-1].append(trip)
+        else:
+            groups.append([trip])
+    starts = record.time[[group[0][0] for group in groups]]
+    cycle = float(np.median(np.diff(starts))) if len(groups) > 1 else 0.0
+    a, b, i = max(groups[0], key=lambda trip: trip[1] - trip[0])
+    top = a + int(np.argmax(np.abs(record.q[a:b, i]) >= (1.0 - _AWAY) * abs(amplitude[i])))
+    joints = tuple(tuple(sorted({i for _, _, i in group})) for group in groups)
+    begin, end, high = (float(record.time[k]) for k in (a, b - 1, top))
+    return Turns(joints, begin, end, cycle, max(high - begin, 2.0 * record.step))
+
+
+def amplitude_of(record: Recorded) -> Array:
+    """Signed angle farthest from the start, (n,)."""
+    far = np.abs(record.q).argmax(axis=0)
+    return np.asarray(record.q[far, np.arange(record.q.shape[1])])
+
+
+def movers(amplitude: Array) -> list[int]:
+    """Joints, by column, that move far enough to count."""
+    return [i for i, size in enumerate(np.abs(amplitude)) if size > _STILL * np.abs(amplitude).max() > 0.0]
+
+
+def _trips(record: Recorded, i: int, amplitude: float) -> Iterator[tuple[int, int, int]]:
+    """First sample, last sample + 1 and joint of each stay away from the start."""
+    away = np.abs(record.q[:, i]) > _AWAY * abs(amplitude)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], away, [False]])))
+    yield from ((int(a), int(b), i) for a, b in zip(edges[::2], edges[1::2], strict=True))
 
 
 def curve(kind: str, values: Values, turns: Turns | None, time: Array) -> Array:
-    """Angles of a shape, rad, (T, n)."""
-    motions = _motions(kind, values, turns, float(time[-1]))
-    angles = motion(time - values["delay"], motions)[0]
-    return np.asarray(angles + values["start"])
+    """Angles of a shape, rad, (T, n); a sine has no turns."""
+    shapes = [_shape(kind, values, i) for i in range(len(values["amplitude"]))]
+    if turns is None or kind == "sine":
+        motions = [Motion((shape,), 2.0 * float(time[-1]) + 1.0) for shape in shapes]
+    else:
+        motions = [
+            Motion(tuple(shape if i in turn else at_rest for turn in turns.joints), cycle_of(values))
+            for i, shape in enumerate(shapes)
+        ]
+    return np.asarray(motion(time - values["delay"], motions)[0] + values.get("start", 0.0))
 
 
-def cycle_of(kind: str, values: Values) -> float:
-    """Duration of one turn, s."""
-    if kind in ("raised_cosine", "sine"):
-        return float(values["period"])
+def _shape(kind: str, values: Values, i: int) -> Shape:
+    amplitude = float(values["amplitude"][i])
+    if kind == "raised_cosine":
+        return raised_cosine(amplitude, values["period"])
     if kind == "minimum_jerk":
-        return float(2.0 * (values["rise"] + values["hold"]))
-    longest = float(np.abs(values["amplitude"]).max())
-    _, rise = trapezoid_times(longest, values["velocity"], values["acceleration"])
-    return 2.0 * (rise + float(values["hold"]))
+        return minimum_jerk(amplitude, values["rise"], values["hold"])
+    if kind == "sine":
+        return smooth_sine(amplitude, float(values["offset"][i]), values["period"], values["blend"])
+    limits = ramp_limits(values)
+    return trapezoidal(amplitude, *limits, cycle_of(values) / 2.0 - trapezoid_times(amplitude, *limits)[1])
 
 
-def _motions(kind: str, values: Values, turns: Turns | None, end: float) -> list[Motion]:
-    shapes = [_SHAPES[kind](values, i) for i in range(len(values["amplitude"]))]
-    if turns is None:
-        return [Motion((shape,), 2.0 * end + 1.0) for shape in shapes]
-    cycle = cycle_of(kind, values)
-    return [
-        Motion(tuple(shape if i in turn else at_rest for turn in turns.joints), cycle)
-        for i, shape in enumerate(shapes)
-    ]
+def cycle_of(values: Values) -> float:
+    """Duration of one turn, s."""
+    return float(values["period"] if "period" in values else 2.0 * (values["rise"] + values["hold"]))
 
 
-def _trapezoid(values: Values, i: int) -> Shape:
-    amplitude, limits = float(values["amplitude"][i]), (values["velocity"], values["acceleration"])
-    hold = cycle_of("trapezoidal", values) / 2.0 - trapezoid_times(amplitude, *limits)[1]
-    return trapezoidal(amplitude, *limits, hold)
-
-
-_SHAPES: Mapping[str, Callable[[Values, int], Shape]] = {
-    "raised_cosine": lambda values, i: raised_cosine(float(values["amplitude"][i]), values["period"]),
-    "minimum_jerk": lambda values, i: minimum_jerk(
-        float(values["amplitude"][i]), values["rise"], values["hold"]
-    ),
-    "trapezoidal": _trapezoid,
-    "sine": lambda values, i: smooth_sine(
-        float(values["amplitude"][i]), float(values["offset"][i]), values["period"], values["blend"]
-    ),
-}
-
-
-def rounded(values: Values, digits: int) -> Values:
-    """Round parameters to some digits of s, deg, deg/s and deg/s²; the start angles stay."""
-    found: Values = {}
-    for name, value in values.items():
-        if name == "start":
-            found[name] = value
-        elif name in ANGLES:
-            numbers = np.deg2rad(np.round(np.rad2deg(value), digits))
-            found[name] = numbers if np.ndim(value) else float(numbers)
-        else:
-            found[name] = round(value, digits)
-    return found
+def ramp_limits(values: Values) -> tuple[float, float]:
+    """Velocity and acceleration, rad/s and rad/s², at which the longest ramp has its rise and share."""
+    velocity = float(np.abs(values["amplitude"]).max()) / (values["rise"] * (1.0 - values["share"]))
+    return velocity, velocity / (values["share"] * values["rise"])

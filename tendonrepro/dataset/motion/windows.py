@@ -211,7 +211,7 @@ def _tried(
     for name, trace in runs.items():
         e = trace["e"][parts[name]]
         if removed:
-            e = np.stack([column - _mean(column) for column in e.T], axis=1)
+            e = np.stack([column - _mean(column[np.isfinite(column)]) for column in e.T], axis=1)
         found = sizes_deg(e, gaps=True)
         for metric in _METRICS:
             for joint, size in zip(trace.joint, found[metric], strict=True):
@@ -223,9 +223,7 @@ def _tried(
 
 
 def _mean(values: Array) -> float:
-    """Mean of the samples that are there; 0 without any."""
-    known = values[np.isfinite(values)]
-    return float(known.mean()) if len(known) else 0.0
+    return float(values.mean()) if len(values) else 0.0
 
 
 def prints_as(paper: Published, identifier: str, size: float) -> bool:

@@ -105,13 +105,15 @@ def draw_payload(_file: TraceFile, traces: list[Trace]) -> Sheet:
     return _tracking(runs)
 
 
-def draw_law(_file: TraceFile, traces: list[Trace]) -> Sheet:
+def draw_law(_file: TraceFile, traces: list[Trace], *, bands: bool = True) -> Sheet:
     """Figure 15: sliding variable, estimate and torque of the controllers.
 
     Parameters
     ----------
     traces : list of Trace
         The runs.
+    bands : bool
+        Without them the means stand alone.
 
     Returns
     -------
@@ -129,8 +131,9 @@ def draw_law(_file: TraceFile, traces: list[Trace]) -> Sheet:
     runs = _controller_runs(traces)
     for letter, (variable, joint) in zip(sheet.letters, product(rows, joints), strict=True):
         sheet.zero_line(letter)
-        _curves(sheet, letter, runs, variable, joint, averaged=True)
-    sheet.explain_bands(f"Pale: range of raw samples, dark: {MEAN_WINDOW * 1e3:g} ms mean")
+        _curves(sheet, letter, runs, variable, joint, averaged=True, bands=bands)
+    if bands:
+        sheet.explain_bands(f"Pale: range of raw samples, dark: {MEAN_WINDOW * 1e3:g} ms mean")
     return sheet
 
 
@@ -199,7 +202,14 @@ def _desired(sheet: Sheet, letter: str, runs: list[_Run], joint: int) -> None:
 
 
 def _curves(
-    sheet: Sheet, letter: str, runs: list[_Run], variable: str, joint: int, *, averaged: bool = False
+    sheet: Sheet,
+    letter: str,
+    runs: list[_Run],
+    variable: str,
+    joint: int,
+    *,
+    averaged: bool = False,
+    bands: bool = True,
 ) -> None:
     """Draw a variable of every run that holds it, as it is or as a mean over the pale band of its samples."""
     holding = [run for run in runs if run.holds(variable, joint)]
@@ -208,8 +218,9 @@ def _curves(
     for run in holding:
         time, values = run.trace.time, run.values(variable, joint)
         diverged = run.trace.status == "diverged"
-        if averaged:
+        if averaged and bands:
             sheet.band(letter, run.name, time, values, run.stroke, diverged=diverged)
+        if averaged:
             time, values = mean_curve(time, values)
         sheet.curve(letter, run.name, time, values, run.stroke, label=run.label, diverged=diverged)
 

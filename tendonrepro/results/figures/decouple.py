@@ -93,7 +93,9 @@ def draw_joint(file: TraceFile, traces: list[Trace], *, joint: int) -> Sheet:
     sheet.zero_line("b")
     difference = calculated - encoder
     sheet.curve("b", "Difference", trace.time, difference, stroke_of(1), label="")
-    sheet.note("b", f"MAE {mae(difference):.4f}°")
+    known = difference[np.isfinite(difference)]
+    if len(known):
+        sheet.note("b", f"MAE {mae(known):.4f}°")
     return sheet
 
 

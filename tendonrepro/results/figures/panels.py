@@ -103,6 +103,11 @@ class Sheet:
         """Letters of the panels, row by row."""
         return list(self._panels)
 
+    @property
+    def lines(self) -> dict[tuple[str, str], Line2D]:
+        """Curves so far, by panel letter and name."""
+        return dict(self._lines)
+
     def curve(
         self,
         letter: str,
