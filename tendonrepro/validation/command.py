@@ -142,14 +142,13 @@ def _tables(measured: Measured, paper: Published, name: str, work: Work) -> dict
     data = table_data(deciding, paper)
     if deciding is None or best is None:
         return data | {"best": None}
-    work.held.files += write_measured_tables(data, deciding.name, name, work.held.path / "tables")
-    work.held.files += write_table(
-        window_rows(measured.tables, paper), work.held.path, "windows", "", None, ["csv"]
-    )
+    held, windows = work.held, window_rows(measured.tables, paper)
+    held.files += write_measured_tables(data, deciding.name, name, held.path / "tables")
+    held.files += write_table(windows, held.path, "windows", "", suffixes=["csv"])
     if best is deciding or measured.tables.chance > RARE:
         return data | {"best": None}
     closest = table_data(best, paper)
-    held.files += write_measured_tables(closest, best.name, name, work.held.path / "tables" / "best")
+    held.files += write_measured_tables(closest, best.name, name, held.path / "tables" / "best")
     return data | {"best": {"window": best.name, **closest}}
 
 
