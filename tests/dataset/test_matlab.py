@@ -23,8 +23,7 @@ from support import matlab_bytes as made
 from tendonrepro.dataset.readers.matlab.file import is_matlab, read_matlab
 from tendonrepro.dataset.readers.matlab.objects import load_objects
 from tendonrepro.dataset.readers.matlab.walk import Walk
-from tendonrepro.dataset.readers.signals import Found, Signal
-from tendonrepro.dataset.readers.unreadable import Unreadable
+from tendonrepro.dataset.readers.signals import Found, Signal, Unreadable
 
 SAMPLES = Path(os.environ.get("TENDONREPRO_MATLAB_SAMPLES", ROOT / "tests/matlab_samples"))
 TIMES = np.linspace(0.0, 0.9, 10)

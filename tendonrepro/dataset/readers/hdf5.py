@@ -11,11 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.dataset.readers.bounds import BEST_PACKING, HARMLESS, is_full
 from tendonrepro.dataset.readers.numpy_files import add_array
-from tendonrepro.dataset.readers.signals import Found
+from tendonrepro.dataset.readers.signals import BEST_PACKING, HARMLESS, Found, Unreadable, is_full
 from tendonrepro.dataset.readers.units import FACTORS, plain_unit
-from tendonrepro.dataset.readers.unreadable import Unreadable
 
 _DEEPEST = 32
 _MOST_OBJECTS = 50_000

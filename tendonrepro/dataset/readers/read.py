@@ -14,8 +14,7 @@ import numpy as np
 
 from tendonrepro.dataset.readers.archive import DEEPEST, KINDS, Allowance, members
 from tendonrepro.dataset.readers.filetype import ADVICE, FileType, kind_of
-from tendonrepro.dataset.readers.signals import Found, Skipped, Source
-from tendonrepro.dataset.readers.unreadable import Unreadable
+from tendonrepro.dataset.readers.signals import Found, Skipped, Source, Unreadable
 from tendonrepro.dataset.repository.lock import lock_path, read_lock
 from tendonrepro.dataset.repository.names import Numbered, is_ours, printable
 from tendonrepro.errors import DataMissingError, TendonreproError

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonrepro.dataset.readers.bounds import is_full
 from tendonrepro.dataset.readers.cells import (
     MOST_TABLES,
     Block,
@@ -27,9 +26,8 @@ from tendonrepro.dataset.readers.cells import (
 )
 from tendonrepro.dataset.readers.charset import decoded
 from tendonrepro.dataset.readers.heading import Heading
-from tendonrepro.dataset.readers.signals import Found
+from tendonrepro.dataset.readers.signals import Found, Unreadable, is_full
 from tendonrepro.dataset.readers.text_style import BLANKS, COMMENTS, Style, style_of
-from tendonrepro.dataset.readers.unreadable import Unreadable
 
 MOST_BYTES = 2**29
 """An hour of twenty columns at 1 kHz; a longer text takes minutes and gigabytes to read."""

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tendonrepro.dataset.readers.bounds import is_full
 from tendonrepro.dataset.readers.cells import (
     MOST_TABLES,
     Block,
@@ -24,8 +23,7 @@ from tendonrepro.dataset.readers.cells import (
     settle_head,
 )
 from tendonrepro.dataset.readers.heading import Heading
-from tendonrepro.dataset.readers.signals import Found
-from tendonrepro.dataset.readers.unreadable import Unreadable
+from tendonrepro.dataset.readers.signals import Found, Unreadable, is_full
 
 if TYPE_CHECKING:
     from python_calamine import CalamineSheet

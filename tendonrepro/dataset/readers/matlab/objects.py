@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.dataset.readers.matlab.plain import is_hdf, load_plain
-from tendonrepro.dataset.readers.matlab.values import EXPORT, Lost, Plain, Series, Table, members, text_of
+from tendonrepro.dataset.readers.matlab.hdf import load_plain
+from tendonrepro.dataset.readers.matlab.values import EXPORT, Lost, Plain, Series, Table, brief, members, text_of
 from tendonrepro.dataset.readers.signals import seconds
 
 _SECONDS = {
@@ -38,24 +38,16 @@ def quiet() -> Iterator[None]:
 
 
 def load_objects(path: Path, names: Sequence[str]) -> dict[str, Any]:
-    """Read variables that are objects or may hold some.
-
-    Parameters
-    ----------
-    path : Path
-        MATLAB 5, 7 or 7.3 file.
-    names : sequence of str
-
-    Returns
-    -------
-    dict
-        Name -> value for `translate`, or `Lost` where it cannot be read.
-    """
+    """Read variables that are objects or may hold some, by name; `Lost` where one cannot be read."""
+    if not names:
+        return {}
     try:
         return _load(path, names)
     except ImportError:
         # There are machines without a build of mat-io.
-        if is_hdf(path):
+        import h5py
+
+        if h5py.is_hdf5(path):
             return load_plain(path, names)
         missing = Lost("reading it needs the package mat-io", f"pip install mat-io, or {EXPORT}")
         return dict.fromkeys(names, missing)
@@ -68,38 +60,24 @@ def _load_alone(path: Path, name: str) -> Any:
     try:
         return _load(path, [name])[name]
     except Exception as error:
-        return Lost(f"cannot be read ({type(error).__name__}: {' '.join(str(error).split())[:120]})", EXPORT)
+        return Lost(f"cannot be read ({brief(error)})", EXPORT)
 
 
 def _load(path: Path, names: Sequence[str]) -> dict[str, Any]:
-    with quiet():
-        import matio
+    import matio
 
-        found = matio.load_from_mat(
-            str(path), variable_names=list(names), add_table_attrs=True, spmatrix=False
-        )
+    found = matio.load_from_mat(
+        str(path), variable_names=list(names), add_table_attrs=True, spmatrix=False
+    )
     return {name: found[name] for name in names}
 
 
 def translate(value: Any) -> Plain:
-    """An object as a plain value.
-
-    Parameters
-    ----------
-    value : object
-        What a library made of it.
-
-    Returns
-    -------
-    Plain
-        `Lost` for what holds no numbers.
-    """
-    with quiet():
-        try:
-            return _translated(value)
-        except Exception as error:
-            kind, detail = type(value).__name__, str(error)[:120]
-            return Lost(f"{kind} is not as expected ({type(error).__name__}: {detail})", EXPORT)
+    """An object of a library as a plain value; `Lost` for what holds no numbers."""
+    try:
+        return _translated(value)
+    except Exception as error:
+        return Lost(f"{type(value).__name__} is not as expected ({brief(error)})", EXPORT)
 
 
 def _translated(value: Any) -> Plain:

@@ -22,10 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.dataset.readers.bounds import MOST_SIGNALS
 from tendonrepro.dataset.readers.matlab.hdf import STREAMS
 from tendonrepro.dataset.readers.matlab.values import EXPORT, flat_samples
-from tendonrepro.dataset.readers.signals import Found
+from tendonrepro.dataset.readers.signals import MOST_SIGNALS, Found
 
 _TYPES = {4: "<f4", 2: "<i2", 1: "u1"}
 _NO_NAME = "a streamed log without its name"

@@ -66,6 +66,11 @@ Plain: TypeAlias = Any
 """`Series`, `Table`, `Lost`, a mapping of members, a str, or an ndarray of numbers, records or cells."""
 
 
+def brief(error: Exception) -> str:
+    """An error of a library in one line."""
+    return f"{type(error).__name__}: {' '.join(str(error).split())[:120]}"
+
+
 def members(record: Any) -> dict[str, Any]:
     """Fields of one struct.
 

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonrepro.dataset.readers.bounds import is_full
 from tendonrepro.dataset.readers.matlab.values import (
     EXPORT,
     Lost,
@@ -19,7 +18,7 @@ from tendonrepro.dataset.readers.matlab.values import (
     members,
     text_of,
 )
-from tendonrepro.dataset.readers.signals import Found, seconds
+from tendonrepro.dataset.readers.signals import Found, is_full, seconds
 
 _DEEPEST = 24
 _MOST_NODES = 100_000
