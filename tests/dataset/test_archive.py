@@ -14,10 +14,10 @@ from pathlib import Path
 
 import pytest
 
-from tendonrepro.dataset.readers.signals import Unreadable
 from tendonrepro.dataset.readers import archive
 from tendonrepro.dataset.readers.archive import Allowance, Member, members
 from tendonrepro.dataset.readers.read import read_file
+from tendonrepro.dataset.readers.signals import Unreadable
 
 TABLE = b"t,q\n0,1\n1,2\n2,4\n"
 

@@ -16,9 +16,9 @@ from io import BufferedIOBase
 from pathlib import Path
 from typing import IO, cast
 
-from tendonrepro.dataset.readers.signals import Unreadable
 from tendonrepro.dataset.readers.charset import decoded
 from tendonrepro.dataset.readers.filetype import FileType, is_tar, kind_of
+from tendonrepro.dataset.readers.signals import Unreadable
 
 MOST_BYTES = 2**32
 """Unpacked, of everything inside one file: a record of some gigabytes is not far-fetched, more is."""

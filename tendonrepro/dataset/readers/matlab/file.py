@@ -62,12 +62,11 @@ def read_matlab(path: Path) -> Found:
 
 def _read_hdf(path: Path) -> Found:
     found = Found("MATLAB 7.3")
-    listed = contents(path)
-    for name, reason in listed.refused.items():
+    names, refused, streams = contents(path)
+    for name, reason in refused.items():
         found.skip(name, reason, _SPLIT)
-    wanted = _wanted(listed.names, found)
-    _visit_all(found, load_objects(path, wanted).items())
-    if listed.streams:
+    _visit_all(found, load_objects(path, _wanted(names, found)).items())
+    if streams:
         read_streams(path, found)
     return found
 
@@ -129,7 +128,8 @@ def _variable(name: str, part: BytesIO) -> _Variable:
     # SciPy calls every object so; its name is in what it makes of it.
     if name == "None" and isinstance(value := _load(part), MatlabOpaque):
         return _Variable(value["s0"][0].decode("latin-1"), _OPAQUE, 0, part)
-    _, shape, kind = whosmat(part)[0]
+    # The stubs know paths only.
+    _, shape, kind = whosmat(part)[0]  # type: ignore[arg-type]
     return _Variable(name, kind, 0 if kind == "sparse" else math.prod(shape), part)
 
 
@@ -156,5 +156,5 @@ def _values(
 def _load(part: BytesIO) -> Any:
     from scipy.io import loadmat
 
-    loaded = loadmat(part, spmatrix=False)
+    loaded = loadmat(part, spmatrix=False)  # type: ignore[arg-type]
     return next(value for name, value in loaded.items() if not name.startswith("__"))

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tendonrepro.dataset.readers.matlab.values import EXPORT, Lost, brief
-from tendonrepro.dataset.readers.signals import BEST_PACKING, HARMLESS, MOST_BYTES
+from tendonrepro.dataset.readers.signals import BEST_PACKING, HARMLESS, MOST_BYTES, Unreadable
 
 STREAMS = "#sigstream#"
 """Group with the samples of streamed logs."""
@@ -18,45 +18,47 @@ STREAMS = "#sigstream#"
 _DEEPEST = 32
 
 
-@dataclass(frozen=True)
-class Contents:
-    """Variables that can be read without danger, reasons for the others by name, and whether logs are
-    streamed beside."""
+def contents(path: Path) -> tuple[list[str], dict[str, str], bool]:
+    """Variables that can be read, reasons for the others by name, and whether logs are streamed beside.
 
-    names: tuple[str, ...]
-    refused: Mapping[str, str]
-    streams: bool
-
-
-def contents(path: Path) -> Contents:
-    """List the variables of a MATLAB 7.3 file; what they share is refused as ``#refs#`` and the like."""
+    `Unreadable` if what the variables share lies in another file or announces too much.
+    """
     import h5py
 
     most = min(MOST_BYTES, max(HARMLESS, BEST_PACKING * path.stat().st_size))
     refused: dict[str, str] = {}
     total = 0
-
-    def link(name: str, kind: object) -> None:
-        if not isinstance(kind, h5py.HardLink):
-            refused[name.partition("/")[0]] = "it refers to another file"
-
-    def node(name: str, item: Any) -> None:
-        nonlocal total
-        variable = name.partition("/")[0]
-        if not isinstance(item, h5py.Dataset) or variable in refused:
-            return
-        if item.is_virtual or item.external:
-            refused[variable] = "it refers to another file"
-        elif total + item.nbytes > most:
-            refused[variable] = "it announces more than the file can hold, or than is read at once"
-        else:
-            total += item.nbytes
-
     with h5py.File(path, "r") as file:
-        file.visititems_links(link)
-        file.visititems(node)
-        names = tuple(name for name in file if name not in refused and not name.startswith("#"))
-        return Contents(names, refused, STREAMS in file)
+        names = [str(name) for name in file]
+        for name in names:
+            sizes = list(_sizes(file, name, 0))
+            size = sum(filter(None, sizes))
+            if None in sizes:
+                refused[name] = "it refers to another file, or is nested too deeply"
+            elif total + size > most:
+                refused[name] = "it announces more than the file can hold, or than is read at once"
+            else:
+                total += size
+    shared = [reason for name, reason in refused.items() if name.startswith("#")]
+    if shared:
+        raise Unreadable(shared[0], "copy or download it again")
+    plain = [name for name in names if name not in refused and not name.startswith("#")]
+    return plain, refused, STREAMS in names
+
+
+def _sizes(group: Any, name: str, depth: int) -> Iterator[int | None]:
+    """Bytes that each dataset of a variable announces; None for what lies in another file, or too deep."""
+    import h5py
+
+    if depth > _DEEPEST or not isinstance(group.get(name, getlink=True), h5py.HardLink):
+        yield None
+        return
+    node = group[name]
+    if isinstance(node, h5py.Dataset):
+        yield None if node.is_virtual or node.external else node.nbytes
+    else:
+        for inner in node if isinstance(node, h5py.Group) else ():
+            yield from _sizes(node, inner, depth + 1)
 
 
 def load_plain(path: Path, names: Sequence[str]) -> dict[str, Any]:
@@ -85,15 +87,13 @@ def _value(file: Any, node: Any, depth: int) -> Any:
         return Lost(needs, f"pip install mat-io, or {EXPORT}")
     if not hasattr(node, "dtype"):
         return _struct(file, node, depth)
-    if "MATLAB_empty" in node.attrs:
-        return np.empty((0, 0))
-    array = np.asarray(node[()]).T
-    if node.dtype.kind == "O":
+    array: NDArray[Any] = np.empty((0, 0)) if "MATLAB_empty" in node.attrs else np.asarray(node[()]).T
+    if array.dtype.kind == "O":
         cells = np.empty(array.shape, dtype=object)
         for place, reference in np.ndenumerate(array):
             cells[place] = _value(file, file[reference], depth + 1)
         return cells
-    if kind == "char":
+    if kind == "char" and array.size:
         return "".join(map(chr, array.ravel().tolist()))
     return array if array.dtype.names is None else array["real"] + 1j * array["imag"]
 

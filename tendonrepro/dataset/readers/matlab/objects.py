@@ -14,7 +14,16 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.dataset.readers.matlab.hdf import load_plain
-from tendonrepro.dataset.readers.matlab.values import EXPORT, Lost, Plain, Series, Table, brief, members, text_of
+from tendonrepro.dataset.readers.matlab.values import (
+    EXPORT,
+    Lost,
+    Plain,
+    Series,
+    Table,
+    brief,
+    members,
+    text_of,
+)
 from tendonrepro.dataset.readers.signals import seconds
 
 _SECONDS = {
@@ -66,9 +75,7 @@ def _load_alone(path: Path, name: str) -> Any:
 def _load(path: Path, names: Sequence[str]) -> dict[str, Any]:
     import matio
 
-    found = matio.load_from_mat(
-        str(path), variable_names=list(names), add_table_attrs=True, spmatrix=False
-    )
+    found = matio.load_from_mat(str(path), variable_names=list(names), add_table_attrs=True, spmatrix=False)
     return {name: found[name] for name in names}
 
 
