@@ -172,8 +172,13 @@ class Walk:
 def _signals(values: Mapping[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
     """Places and members of the signals in a struct that Simulink has logged."""
     signals = values.get("signals")
-    names = signals.dtype.names if isinstance(signals, np.ndarray) and "time" in values else None
-    for number, record in enumerate(signals.ravel(order="F") if "values" in (names or ()) else (), start=1):
+    if (
+        "time" not in values
+        or not isinstance(signals, np.ndarray)
+        or "values" not in (signals.dtype.names or ())
+    ):
+        return
+    for number, record in enumerate(signals.ravel(order="F"), start=1):
         yield "signals" if signals.size == 1 else f"signals[{number}]", members(record)
 
 
