@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from tendonrepro.dataset.readers.archive import DEEPEST, KINDS, Allowance, members
-from tendonrepro.dataset.readers.filetype import ADVICE, FileType, kind_of
+from tendonrepro.dataset.readers.filetype import FileType, kind_of
 from tendonrepro.dataset.readers.signals import Found, Skipped, Source, Unreadable
 from tendonrepro.dataset.repository.lock import lock_path, read_lock
 from tendonrepro.dataset.repository.names import Numbered, is_ours, printable
@@ -171,7 +171,7 @@ def _reader(kind: FileType) -> Callable[[Path], Found]:
         from tendonrepro.dataset.readers.text import read_text_table
 
         return read_text_table
-    raise Unreadable(_NOT_READ.get(kind, f"{kind}: not a format with signals that is read"), ADVICE[kind])
+    raise Unreadable(_NOT_READ.get(kind, f"{kind}: not a format with signals that is read"), kind.advice)
 
 
 _NOT_READ = {
