@@ -43,8 +43,9 @@ class Limits:
 
     def of(self, path: Path) -> float:
         """Seconds that a file may take."""
-        megabytes = path.stat().st_size / 1e6 if path.exists() else 0.0
-        return self.seconds + self.seconds_per_megabyte * megabytes
+        with suppress(OSError):
+            return self.seconds + self.seconds_per_megabyte * path.stat().st_size / 1e6
+        return self.seconds
 
 
 def read_guarded(
