@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import datetime
 import os
 import struct
 import sys
@@ -77,14 +76,6 @@ def test_plain_arrays_of_every_version(tmp_path: Path, version: str) -> None:
     assert not found.skipped
 
 
-@pytest.mark.parametrize("version", ["5", "7.3"])
-def test_rows_become_columns_with_a_note(tmp_path: Path, version: str) -> None:
-    stored = np.stack([np.arange(100.0), np.arange(100.0) ** 2])
-    got = signals(read_matlab(writers()[version](tmp_path / "SYNTHETIC.mat", {"log": stored})))["log"]
-    np.testing.assert_array_equal(got.values, stored.T)
-    assert "turned" in got.note
-
-
 @pytest.mark.parametrize("version", ["5", "7", "7.3"])
 @pytest.mark.parametrize("kind", ["int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "float32"])
 def test_types_are_told_as_stored(tmp_path: Path, version: str, kind: str) -> None:
@@ -108,12 +99,14 @@ def test_structs_cells_and_texts(tmp_path: Path, version: str) -> None:
 
 
 def test_struct_arrays_count_from_one(tmp_path: Path) -> None:
-    data = made.records({"q": WAVES, "load": 0.0}, {"q": 2.0 * WAVES, "load": 0.2})
-    got = signals(read_matlab(made.classic(tmp_path / "SYNTHETIC.mat", {"data": data})))
+    runs = ({"q": k * WAVES, "load": 0.2 * k, "name": f"run {k}"} for k in (1.0, 2.0))
+    found = read_matlab(made.classic(tmp_path / "SYNTHETIC.mat", {"data": made.records(*runs)}))
+    got = signals(found)
     assert set(got) == {"data[1]/q", "data[2]/q", "data/load"}
     np.testing.assert_array_equal(got["data[2]/q"].values, 2.0 * WAVES)
-    np.testing.assert_array_equal(got["data/load"].values, [0.0, 0.2])
+    np.testing.assert_array_equal(got["data/load"].values, [0.2, 0.4])
     assert got["data[1]/q"].group == "data[1]"
+    assert found.texts == {"data[1]/name": "run 1.0", "data[2]/name": "run 2.0"}
 
 
 @pytest.mark.parametrize("many", [False, True])
@@ -147,12 +140,6 @@ def test_structure_without_time_keeps_its_values(tmp_path: Path) -> None:
     assert got["simout/signals/values"].time is None
 
 
-def test_time_beside_is_left_to_the_guesser(tmp_path: Path) -> None:
-    got = signals(read_matlab(made.classic(tmp_path / "SYNTHETIC.mat", {"log": {"t": TIMES, "q": WAVES}})))
-    assert {signal.group for signal in got.values()} == {"log"}
-    assert all(signal.time is None for signal in got.values())
-
-
 numbers = arrays(
     st.sampled_from([np.float64, np.float32, np.int16, np.uint8, np.int32]),
     array_shapes(min_dims=2, max_dims=2, min_side=2, max_side=5),
@@ -163,12 +150,12 @@ names = st.from_regex(r"[a-zA-Z][a-zA-Z0-9_]{0,20}", fullmatch=True)
 @given(variables=st.dictionaries(names, numbers, min_size=1, max_size=4), packed=st.booleans())
 def test_what_is_written_is_read(tmp_path_factory: Any, variables: dict[str, Any], packed: bool) -> None:
     path = tmp_path_factory.mktemp("mat") / "SYNTHETIC.mat"
-    found = read_matlab(made.classic(path, {**variables, "s_t": variables}, packed=packed))
+    # A name of 22 letters is none that is drawn.
+    found = read_matlab(made.classic(path, {**variables, "s" * 22: variables}, packed=packed))
     got = signals(found)
+    assert len(got) == 2 * len(variables)
     for name, values in variables.items():
-        for place in (name, f"s_t/{name}"):
-            if name == "s_t":
-                continue
+        for place in (name, f"{'s' * 22}/{name}"):
             np.testing.assert_array_equal(got[place].values, values.astype(float))
             assert got[place].dtype == str(values.dtype)
     assert not found.skipped
@@ -208,17 +195,17 @@ def test_timeseries(tmp_path: Path, version: str) -> None:
 
 
 @VERSIONS
-def test_timeseries_with_uniform_time(tmp_path: Path, version: str) -> None:
-    series = made.timeseries(WAVES, uniform=(2.0, 0.5, len(WAVES)))
+@pytest.mark.parametrize(
+    ("stored", "times"),
+    [
+        ({"uniform": (2.0, 0.5, len(WAVES))}, 2.0 + 0.5 * np.arange(len(WAVES))),
+        ({"time": 1000.0 * TIMES, "time_unit": "milliseconds"}, TIMES),
+    ],
+)
+def test_times_of_a_timeseries(tmp_path: Path, version: str, stored: dict[str, Any], times: Any) -> None:
+    series = made.timeseries(WAVES, **stored)
     got = signals(read_matlab(made.objects(tmp_path / "SYNTHETIC.mat", {"ts": series}, version)))["ts"]
-    np.testing.assert_allclose(got.time, 2.0 + 0.5 * np.arange(len(WAVES)))
-
-
-@VERSIONS
-def test_timeseries_in_milliseconds(tmp_path: Path, version: str) -> None:
-    series = made.timeseries(WAVES, 1000.0 * TIMES, time_unit="milliseconds")
-    got = signals(read_matlab(made.objects(tmp_path / "SYNTHETIC.mat", {"ts": series}, version)))["ts"]
-    np.testing.assert_allclose(got.time, TIMES)
+    np.testing.assert_allclose(got.time, times)
 
 
 @pytest.mark.parametrize("matrix", [False, True])
@@ -240,24 +227,12 @@ def test_square_timeseries_follow_their_own_word(tmp_path: Path) -> None:
 
 
 @VERSIONS
-def test_streaming_storage_is_turned(tmp_path: Path, version: str) -> None:
-    series = made.timeseries(None, TIMES, name="tau", storage=WAVES.T.copy())
+@pytest.mark.parametrize("stored", [WAVES.T, np.arange(9.0).reshape(3, 3), TIMES[None, :]])
+def test_streaming_storage_is_turned(tmp_path: Path, version: str, stored: np.ndarray) -> None:
+    series = made.timeseries(None, TIMES[: stored.shape[1]], storage=stored.copy())
     got = signals(read_matlab(made.objects(tmp_path / "SYNTHETIC.mat", {"ts": series}, version)))["ts"]
-    np.testing.assert_array_equal(got.values, WAVES)
-    np.testing.assert_array_equal(got.time, TIMES)
-
-
-def test_square_storage_is_turned(tmp_path: Path) -> None:
-    square = np.arange(9.0).reshape(3, 3)
-    series = made.timeseries(None, [0.0, 1.0, 2.0], storage=square)
-    got = signals(read_matlab(made.objects(tmp_path / "SYNTHETIC.mat", {"ts": series}, "v7")))["ts"]
-    np.testing.assert_array_equal(got.values, square.T)
-
-
-def test_single_column_storage(tmp_path: Path) -> None:
-    series = made.timeseries(None, TIMES, storage=TIMES[None, :])
-    got = signals(read_matlab(made.objects(tmp_path / "SYNTHETIC.mat", {"ts": series}, "v7")))["ts"]
-    np.testing.assert_array_equal(got.values, TIMES)
+    np.testing.assert_array_equal(got.values, np.squeeze(stored.T))
+    np.testing.assert_array_equal(got.time, TIMES[: stored.shape[1]])
 
 
 @VERSIONS
@@ -339,12 +314,6 @@ def test_dates_are_counted_from_the_first(tmp_path: Path, version: str) -> None:
         np.testing.assert_allclose(got[name].values, TIMES, atol=1e-6)
         assert got[name].unit == "s"
         assert note in got[name].note
-
-
-def test_dates_of_centuries() -> None:
-    found = walked("when", np.array([["2024-01-01"], ["2500-01-02"]], "datetime64[ms]"))
-    days = (datetime.date(2500, 1, 2) - datetime.date(2024, 1, 1)).days
-    assert signals(found)["when"].values.tolist() == [0.0, 86400.0 * days]
 
 
 @VERSIONS
@@ -511,13 +480,6 @@ def test_words_of_a_figure(tmp_path: Path) -> None:
     }
 
 
-def test_elements_of_a_struct_array_keep_their_names(tmp_path: Path) -> None:
-    runs = made.records(*({"name": name, "q": WAVES} for name in ("tdetsm", "tdentsm")))
-    found = read_matlab(made.classic(tmp_path / "SYNTHETIC.mat", {"expdata": runs, "lab": "SYNTHETIC"}))
-    assert set(signals(found)) == {"expdata[1]/q", "expdata[2]/q"}
-    assert found.texts == {"expdata[1]/name": "tdetsm", "expdata[2]/name": "tdentsm", "lab": "SYNTHETIC"}
-
-
 def test_curves_that_turn_back_keep_their_x(tmp_path: Path) -> None:
     axes = made.axes(made.line(WAVES[:, 1], WAVES[:, 0]), made.line(np.zeros(10), TIMES))
     got = signals(read_matlab(made.figure(tmp_path / "SYNTHETIC.fig", axes)))
@@ -642,7 +604,7 @@ def test_lies_about_sizes_end_in_a_reason(tmp_path: Path) -> None:
     assert [signal.path for signal in found["cells"].signals] == ["b"]
     assert "too many" in reasons(found["cells"])["a"]
     assert [signal.path for signal in found["cells inside"].signals] == ["b"]
-    assert "MemoryError" in reasons(found["cells inside"])["a"]
+    assert "allocate" in reasons(found["cells inside"])["a"]
     assert "crashed" in reasons(found["nested"])[""]
 
 

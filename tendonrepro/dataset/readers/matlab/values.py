@@ -53,8 +53,9 @@ Plain: TypeAlias = Any
 
 
 def brief(error: Exception) -> str:
-    """An error of a library in one line."""
-    return f"{type(error).__name__}: {' '.join(str(error).split())[:120]}"
+    """An error of a library in one line; its type as well where the text is a word or none."""
+    words = str(error).split()
+    return " ".join(words if len(words) > 1 else [f"{type(error).__name__}:", *words])[:120]
 
 
 def members(record: Any) -> dict[str, Any]:
