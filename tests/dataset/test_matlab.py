@@ -630,6 +630,7 @@ def test_links_to_other_files_are_not_followed(tmp_path: Path) -> None:
     other = made.hdf(tmp_path / "SYNTHETIC_other.mat", {"secret": WAVES})
     path = made.hdf(tmp_path / "SYNTHETIC.mat", {"q": WAVES, "s": {"q": WAVES}, "d": {}})
     with h5py.File(path, "r+") as file:
+        file["circle/self"] = file.require_group("circle")
         deep = file["d"]
         for _ in range(40):
             deep = deep.create_group("d")
@@ -637,7 +638,7 @@ def test_links_to_other_files_are_not_followed(tmp_path: Path) -> None:
             group["secret"] = h5py.ExternalLink(other.name, "/secret")
     found = read_matlab(path)
     assert list(signals(found)) == ["q"]
-    assert set(skipped(found)) == {"s", "secret", "d"}
+    assert set(skipped(found)) == {"s", "secret", "d", "circle"}
     assert all("another file" in reason for reason in skipped(found).values())
     with h5py.File(path, "r+") as file:
         file["#refs#/secret"] = h5py.ExternalLink(other.name, "/secret")

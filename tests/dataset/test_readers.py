@@ -8,6 +8,7 @@ import io
 import multiprocessing
 import os
 import signal
+import struct
 import subprocess
 import sys
 import time
@@ -88,6 +89,7 @@ UNREAD = {
     "a.mat": (b"version https://git-lfs.github.com/spec/v1\noid sha256:0\n", FileType.LFS_POINTER),
     "empty.csv": (b"", FileType.EMPTY),
     "a.bin": (bytes(range(256)), FileType.BINARY),
+    "b.bin": (struct.pack("<5i", 7, 1, 1, 0, 2) + b"q\0", FileType.BINARY),
 }  # fmt: skip
 
 
