@@ -22,9 +22,8 @@ from tendonrepro.dataset.readers.filetype import FileType, kind_of
 from tendonrepro.dataset.readers.hdf5 import read_hdf5
 from tendonrepro.dataset.readers.heading import headings
 from tendonrepro.dataset.readers.numpy_files import read_npy, read_npz
-from tendonrepro.dataset.readers.signals import Found
+from tendonrepro.dataset.readers.signals import Found, Unreadable
 from tendonrepro.dataset.readers.text import read_text_table
-from tendonrepro.dataset.readers.unreadable import Unreadable
 from tendonrepro.dataset.readers.workbook import read_workbook
 
 

@@ -10,15 +10,14 @@ import stat
 import tarfile
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from io import BufferedIOBase
 from pathlib import Path
-from typing import IO, cast
+from typing import IO, Any, cast
 
 from tendonrepro.dataset.readers.charset import decoded
 from tendonrepro.dataset.readers.filetype import FileType, is_tar, kind_of
-from tendonrepro.dataset.readers.unreadable import Unreadable
+from tendonrepro.dataset.readers.signals import Unreadable
 
 MOST_BYTES = 2**32
 """Unpacked, of everything inside one file: a record of some gigabytes is not far-fetched, more is."""
@@ -35,7 +34,7 @@ _LONGEST_NAME = 200
 _BROKEN = "download it again"
 _UNPACK = "unpack it yourself and name the folder"
 _NO_ROOM = "make room on the disk for temporary files, or name a folder on another one in TMPDIR"
-_STREAMS: Mapping[FileType, Callable[[Path], AbstractContextManager[BufferedIOBase]]] = {
+_STREAMS: Mapping[FileType, Callable[[Path, Any], Any]] = {
     FileType.GZIP: gzip.GzipFile,
     FileType.BZIP2: bz2.BZ2File,
     FileType.XZ: lzma.LZMAFile,
@@ -46,18 +45,9 @@ KINDS = frozenset({FileType.ZIP, FileType.TAR, *_STREAMS})
 
 @dataclass(frozen=True)
 class Member:
-    """A file in an archive.
+    """A file in an archive: its name there, and where it is unpacked until the next one is asked for.
 
-    Parameters
-    ----------
-    name : str
-        As the archive says.
-    path : Path or None
-        Where it is unpacked until the next member is asked for; None when it is left out.
-    reason : str
-        Why it is left out.
-    advice : str
-        What a user can do about it.
+    The path is None when it is left out; then there is a reason, and advice if a user can do something.
     """
 
     name: str
@@ -77,49 +67,26 @@ class Allowance:
     bytes_left: int = MOST_BYTES
     members_left: int = MOST_MEMBERS
 
-    def take_bytes(self, count: int) -> None:
-        """Use some up; raises `TooMuch` when there are none left."""
+    def take(self, count: int = 0, members: int = 0) -> None:
+        """Use some bytes or members up; raises `TooMuch` when there are none left."""
         self.bytes_left -= count
+        self.members_left -= members
+        message = f"holds more than {MOST_MEMBERS} files" if self.members_left < 0 else ""
         if self.bytes_left < 0:
             message = f"unpacks into more than {MOST_BYTES / 2**30:.0f} GB"
-            raise TooMuch(message)
-
-    def take_member(self) -> None:
-        """Use one up; raises `TooMuch` when there are none left."""
-        self.members_left -= 1
-        if self.members_left < 0:
-            message = f"holds more than {MOST_MEMBERS} files"
+        if message:
             raise TooMuch(message)
 
 
 def members(path: Path, folder: Path, name: str = "", allowance: Allowance | None = None) -> Iterator[Member]:
-    """Unpack the members of an archive one after the other.
+    """Unpack the members of a zip or tar archive, or a single compressed file, one after the other.
 
-    Parameters
-    ----------
-    path : Path
-        A zip or tar archive, or a single compressed file.
-    folder : Path
-        An empty folder of the caller's own. A member is unpacked there under a name that has nothing to do
-        with its own, and overwritten by the next one.
-    name : str
-        Of the archive, from which a single compressed file gets its own.
-    allowance : Allowance, optional
-        Used up by what is unpacked.
-
-    Yields
-    ------
-    Member
-
-    Raises
-    ------
-    Unreadable
-        When it cannot be opened at all, or there is no room for what is in it.
-    MemoryError
+    A member is unpacked into an empty folder of the caller's own under a name that has nothing to do with its
+    own, and overwritten by the next one. A single compressed file is named after the archive. `Unreadable`
+    when it cannot be opened at all, or there is no room for what is in it.
     """
-    left = allowance or Allowance()
     try:
-        yield from _each(path, folder, name or path.name, left)
+        yield from _each(path, folder / "member", name or path.name, allowance or Allowance())
     except TooMuch as error:
         yield Member("", None, str(error), _UNPACK)
     except (Unreadable, MemoryError):
@@ -129,25 +96,20 @@ def members(path: Path, folder: Path, name: str = "", allowance: Allowance | Non
         raise Unreadable(reason, _BROKEN) from error
 
 
-def _each(path: Path, folder: Path, name: str, left: Allowance) -> Iterator[Member]:
+def _each(path: Path, target: Path, name: str, left: Allowance) -> Iterator[Member]:
     kind = kind_of(path)
-    target = folder / "member"
-    packed = path.stat().st_size
     if kind is FileType.ZIP:
         yield from _of_zip(path, target, left)
-    elif kind is FileType.TAR:
-        with path.open("rb") as stream:
-            yield from _of_tar(_Counted(stream, packed, left), target, left)
-    else:
-        open_packed = _STREAMS[kind]
-        with open_packed(path) as peeked:
-            holds_tar = is_tar(peeked.read(512))
-        with open_packed(path) as opened:
-            counted = _Counted(opened, packed, left)
-            if holds_tar:
-                yield from _of_tar(counted, target, left)
-            else:
-                yield _unpacked(_without_suffix(name), counted, target)
+        return
+    open_packed = _STREAMS.get(kind, Path.open)
+    with open_packed(path, "rb") as peeked:
+        holds_tar = is_tar(peeked.read(512))
+    with open_packed(path, "rb") as opened:
+        counted = _Counted(opened, path.stat().st_size, left)
+        if holds_tar:
+            yield from _of_tar(counted, target, left)
+        else:
+            yield _unpacked(_without_suffix(name), counted, target)
 
 
 class _Counted:
@@ -160,7 +122,7 @@ class _Counted:
         """Read like any stream, in pieces that fit memory."""
         data = self.stream.read(_CHUNK if size < 0 else min(size, _CHUNK))
         self.taken += len(data)
-        self.left.take_bytes(len(data))
+        self.left.take(len(data))
         if self.taken > RATIO_FROM and self.taken > MOST_RATIO * self.packed:
             message = f"unpacks into more than {MOST_RATIO} times its size"
             raise TooMuch(message)
@@ -171,15 +133,11 @@ def _of_zip(path: Path, target: Path, left: Allowance) -> Iterator[Member]:
     with zipfile.ZipFile(path) as archive:
         for entry in archive.infolist():
             name = _zip_name(entry)
-            left.take_member()
+            left.take(members=1)
             if entry.is_dir() or _is_litter(name):
                 continue
-            reason, advice = _refusal(name)
-            kind = stat.S_IFMT(entry.external_attr >> 16)
-            if not reason and kind not in {0, stat.S_IFREG}:
-                reason = "a link or device, not a file"
-            if not reason and entry.flag_bits & 1:
-                reason, advice = "encrypted", "ask its authors for the password and unpack it yourself"
+            is_file = stat.S_IFMT(entry.external_attr >> 16) in {0, stat.S_IFREG}
+            reason, advice = _refusal(name, is_file=is_file, encrypted=bool(entry.flag_bits & 1))
             if reason:
                 yield Member(name, None, reason, advice)
                 continue
@@ -198,17 +156,17 @@ def _of_tar(stream: _Counted, target: Path, left: Allowance) -> Iterator[Member]
     with tarfile.open(fileobj=cast("IO[bytes]", stream), mode="r|") as archive:
         for entry in archive:
             name = _readable(entry.name.encode("utf-8", "surrogateescape"))
-            left.take_member()
+            left.take(members=1)
             if entry.isdir() or _is_litter(name):
                 continue
-            reason, advice = _refusal(name)
-            content = archive.extractfile(entry) if entry.isreg() and not reason else None
+            reason, advice = _refusal(name, is_file=entry.isreg())
+            content = None if reason else archive.extractfile(entry)
             if content is None:
-                yield Member(name, None, reason or "a link or device, not a file", advice)
-            else:
-                # What the stream gave is counted; only a sparse file unpacks into more than that.
-                own = left if entry.issparse() else Allowance(left.bytes_left)
-                yield _unpacked(name, _Counted(content, entry.size, own), target)
+                yield Member(name, None, reason, advice)
+                continue
+            # What the stream gave is counted; only a sparse file unpacks into more than that.
+            own = left if entry.issparse() else Allowance(left.bytes_left)
+            yield _unpacked(name, _Counted(content, entry.size, own), target)
 
 
 def _unpacked(name: str, stream: _Counted, target: Path) -> Member:
@@ -225,12 +183,14 @@ def _unpacked(name: str, stream: _Counted, target: Path) -> Member:
     return Member(name, target)
 
 
-def _refusal(name: str) -> tuple[str, str]:
-    """Why a member is left out by its name, and the way out."""
+def _refusal(name: str, *, is_file: bool, encrypted: bool = False) -> tuple[str, str]:
+    """Why a member is left out, and the way out; empty texts when it is not."""
     parts = name.replace("\\", "/").split("/")
     if ".." in parts or not parts[0] or parts[0].endswith(":") or "\0" in name:
         return "would land outside the folder", "do not unpack it with other programs either"
-    return "", ""
+    if not is_file:
+        return "a link or device, not a file", ""
+    return ("encrypted", "ask its authors for the password and unpack it yourself") if encrypted else ("", "")
 
 
 def _is_litter(name: str) -> bool:

@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.dataset.readers.bounds import is_full, note_rest
 from tendonrepro.dataset.readers.heading import Heading, headings
-from tendonrepro.dataset.readers.signals import Found
+from tendonrepro.dataset.readers.signals import Found, is_full, note_rest
 
 MOST_TABLES = 100
 """Tables of one text or sheet that are read; a log that restarts more often is rare."""

@@ -7,6 +7,7 @@ import tarfile
 import zipfile
 from enum import StrEnum
 from pathlib import Path
+from typing import Self
 
 from tendonrepro.dataset.readers.charset import BYTE_ORDER_MARKS, decoded, unmarked_utf16
 
@@ -19,8 +20,25 @@ _DIRECTORY = 16384
 _TAR_BLOCK = 512
 
 
+_UNPACK = "unpack it and name the folder"
+_PASSWORD = "ask its authors for the password, open it and save it without one"
+_ELSEWHERE = "no numbers to read here; look for the data file beside it"
+_WORKSHEETS = "open it in Origin or the free Origin Viewer and export the worksheets as CSV"
+_RUN = "run the model and save its logged signals with save('x.mat')"
+_PULL = "it only points to the data; run git lfs pull where it came from"
+
+
 class FileType(StrEnum):
-    """True type of a file; its value is what a user is told."""
+    """True type of a file: what a user is told, advice if it is not read, and its first bytes."""
+
+    advice: str
+    signatures: tuple[bytes, ...]
+
+    def __new__(cls, value: str, advice: str = "", *signatures: bytes) -> Self:
+        """Keep what belongs to a type beside its value."""
+        member = str.__new__(cls, value)
+        member._value_, member.advice, member.signatures = value, advice, signatures
+        return member
 
     MATLAB_4 = "MATLAB 4"
     MATLAB_5 = "MATLAB 5"
@@ -30,81 +48,35 @@ class FileType(StrEnum):
     XLSB = "Excel binary workbook (xlsb)"
     XLS = "Excel 97 workbook (xls)"
     ODS = "OpenDocument spreadsheet (ods)"
-    NPY = "NumPy array (npy)"
+    NPY = "NumPy array (npy)", "", b"\x93NUMPY"
     NPZ = "NumPy arrays (npz)"
     TEXT = "text"
     ZIP = "zip archive"
     TAR = "tar archive"
-    GZIP = "gzip file"
-    BZIP2 = "bzip2 file"
-    XZ = "xz file"
-    ENCRYPTED_ZIP = "encrypted zip archive"
-    ENCRYPTED_OFFICE = "encrypted Office file"
-    RAR = "rar archive"
-    SEVEN_ZIP = "7z archive"
-    ZSTD = "zstd file"
-    ORIGIN = "Origin project"
-    TDMS = "LabVIEW TDMS"
-    SIMULINK = "Simulink model"
-    MATLAB_CODE = "MATLAB code"
-    PYTHON_CODE = "Python code"
-    LIVE_SCRIPT = "MATLAB live script"
-    OFFICE = "Office document without a workbook"
-    PDF = "PDF"
-    IMAGE = "image"
-    HTML = "HTML page"
-    XML = "XML"
-    LFS_POINTER = "Git LFS pointer"
-    EMPTY = "empty file"
-    BINARY = "unknown binary"
+    GZIP = "gzip file", "", b"\x1f\x8b"
+    BZIP2 = "bzip2 file", "", b"BZh"
+    XZ = "xz file", "", b"\xfd7zXZ\x00"
+    ENCRYPTED_ZIP = "encrypted zip archive", _PASSWORD
+    ENCRYPTED_OFFICE = "encrypted Office file", _PASSWORD
+    RAR = "rar archive", _UNPACK, b"Rar!\x1a\x07"
+    SEVEN_ZIP = "7z archive", _UNPACK, b"7z\xbc\xaf\x27\x1c"
+    ZSTD = "zstd file", _UNPACK, b"\x28\xb5\x2f\xfd"
+    ORIGIN = "Origin project", _WORKSHEETS, b"CPYA", b"CPYUA"
+    TDMS = "LabVIEW TDMS", "export it as CSV from LabVIEW or DIAdem", b"TDSm"
+    SIMULINK = "Simulink model", _RUN, b"# MathWorks OPC Text Package"
+    MATLAB_CODE = "MATLAB code", _ELSEWHERE
+    PYTHON_CODE = "Python code", _ELSEWHERE
+    LIVE_SCRIPT = "MATLAB live script", _ELSEWHERE
+    OFFICE = "Office document without a workbook", "save its tables as xlsx or CSV"
+    PDF = "PDF", _ELSEWHERE, b"%PDF"
+    IMAGE = "image", _ELSEWHERE, b"\x89PNG\r\n", b"\xff\xd8\xff", b"GIF8", b"II*\x00", b"MM\x00*"
+    HTML = "HTML page", "a web page was saved instead of the file; download the file again"
+    XML = "XML", "open it in the program that wrote it and save as xlsx or CSV"
+    LFS_POINTER = "Git LFS pointer", _PULL, b"version https://git-lfs"
+    EMPTY = "empty file", "download it again"
+    BINARY = "unknown binary", "export it as CSV, MAT or HDF5 from the program that wrote it"
 
 
-_UNPACK = "unpack it and name the folder"
-_PASSWORD = "ask its authors for the password, open it and save it without one"
-_NUMBERS_ELSEWHERE = "no numbers to read here; look for the data file beside it"
-ADVICE = {
-    FileType.ENCRYPTED_ZIP: _PASSWORD,
-    FileType.ENCRYPTED_OFFICE: _PASSWORD,
-    FileType.RAR: _UNPACK,
-    FileType.SEVEN_ZIP: _UNPACK,
-    FileType.ZSTD: _UNPACK,
-    FileType.ORIGIN: "open it in Origin or the free Origin Viewer and export the worksheets as CSV",
-    FileType.TDMS: "export it as CSV from LabVIEW or DIAdem",
-    FileType.SIMULINK: "run the model and save its logged signals with save('x.mat')",
-    FileType.MATLAB_CODE: _NUMBERS_ELSEWHERE,
-    FileType.PYTHON_CODE: _NUMBERS_ELSEWHERE,
-    FileType.LIVE_SCRIPT: _NUMBERS_ELSEWHERE,
-    FileType.OFFICE: "save its tables as xlsx or CSV",
-    FileType.PDF: _NUMBERS_ELSEWHERE,
-    FileType.IMAGE: _NUMBERS_ELSEWHERE,
-    FileType.HTML: "a web page was saved instead of the file; download the file again",
-    FileType.XML: "open it in the program that wrote it and save as xlsx or CSV",
-    FileType.LFS_POINTER: "it only points to the data; run git lfs pull where it came from",
-    FileType.EMPTY: "download it again",
-    FileType.BINARY: "export it as CSV, MAT or HDF5 from the program that wrote it",
-}
-"""Types that are not read, each with what a user can do about it."""
-
-_MAGIC = (
-    (b"\x1f\x8b", FileType.GZIP),
-    (b"BZh", FileType.BZIP2),
-    (b"\xfd7zXZ\x00", FileType.XZ),
-    (b"\x28\xb5\x2f\xfd", FileType.ZSTD),
-    (b"\x93NUMPY", FileType.NPY),
-    (b"CPYA", FileType.ORIGIN),
-    (b"CPYUA", FileType.ORIGIN),
-    (b"TDSm", FileType.TDMS),
-    (b"%PDF", FileType.PDF),
-    (b"\x89PNG\r\n", FileType.IMAGE),
-    (b"\xff\xd8\xff", FileType.IMAGE),
-    (b"GIF8", FileType.IMAGE),
-    (b"II*\x00", FileType.IMAGE),
-    (b"MM\x00*", FileType.IMAGE),
-    (b"Rar!\x1a\x07", FileType.RAR),
-    (b"7z\xbc\xaf\x27\x1c", FileType.SEVEN_ZIP),
-    (b"version https://git-lfs", FileType.LFS_POINTER),
-    (b"# MathWorks OPC Text Package", FileType.SIMULINK),
-)
 _CODE = {".m": FileType.MATLAB_CODE, ".py": FileType.PYTHON_CODE}
 _MEMBERS = (
     ("xl/workbook.xml", FileType.XLSX),
@@ -125,31 +97,16 @@ _CONTROLS = bytes(set(range(32)) - set(b"\t\n\r\f\x1a\x1b"))
 
 
 def kind_of(path: Path) -> FileType:
-    """True type of a file by its content; a name alone never decides.
-
-    Parameters
-    ----------
-    path : Path
-        An existing file.
-
-    Returns
-    -------
-    FileType
-
-    Raises
-    ------
-    OSError
-        When it cannot be opened.
-    """
+    """True type of a file by its content; a name alone never decides. OSError when it cannot be opened."""
     with path.open("rb") as stream:
         head = stream.read(_HEAD)
     if not head:
         return FileType.EMPTY
-    for magic, kind in _MAGIC:
-        if head.startswith(magic):
+    for kind in FileType:
+        if kind.signatures and head.startswith(kind.signatures):
             return kind
     if head.startswith((b"PK\x03\x04", b"PK\x05\x06", b"PK\x07\x08")):
-        return _zip_kind(path)
+        return _zip_kind(path, head)
     if head.startswith(b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"):
         return _ole2_kind(path, head)
     return _matlab_or_hdf5(head) or _plain_kind(path, head)
@@ -174,16 +131,15 @@ def _is_level_4(head: bytes) -> bool:
         return False
     for order, machine in (("<", 0), (">", 1)):
         number, rows, columns, imaginary, length = struct.unpack(f"{order}5i", head[:20])
-        thousands, rest = divmod(number, 1000)
-        precision, matrix = divmod(rest, 10)
-        plausible = thousands == machine and precision % 10 <= 5 and precision < 10 and matrix <= 2
-        if plausible and number >= 0 and rows >= 0 and columns >= 0 and imaginary in {0, 1}:
+        # Its digits: machine, zero, type of the numbers, kind of matrix.
+        known = number // 1000 == machine and number % 1000 < 60 and number % 10 <= 2
+        if known and min(rows, columns) >= 0 and imaginary in {0, 1}:
             name = head[20 : 20 + length] if 2 <= length <= 256 else b""
             return name.endswith(b"\0") and name[:-1].replace(b"_", b"a").isalnum()
     return False
 
 
-def _zip_kind(path: Path) -> FileType:
+def _zip_kind(path: Path, head: bytes) -> FileType:
     try:
         with zipfile.ZipFile(path) as archive:
             entries = [entry for entry in archive.infolist() if not entry.is_dir()]
@@ -197,20 +153,12 @@ def _zip_kind(path: Path) -> FileType:
             return kind
     # OpenDocument names its type in a first member that is never compressed.
     if {"mimetype", "content.xml"} <= names:
-        return FileType.ODS if _mentions(path, b"opendocument.spreadsheet") else FileType.OFFICE
+        return FileType.ODS if b"opendocument.spreadsheet" in head else FileType.OFFICE
     return FileType.NPZ if names and all(name.endswith(".npy") for name in names) else FileType.ZIP
 
 
-def _mentions(path: Path, word: bytes) -> bool:
-    with path.open("rb") as stream:
-        return word in stream.read(_HEAD)
-
-
 def _ole2_kind(path: Path, head: bytes) -> FileType:
-    if len(head) < 52:
-        return FileType.BINARY
-    (shift,) = struct.unpack("<H", head[30:32])
-    (first,) = struct.unpack("<I", head[48:52])
+    shift, first = struct.unpack_from("<H16xI", head.ljust(52, b"\0"), 30)
     if shift not in {9, 12}:
         return FileType.BINARY
     with path.open("rb") as stream:

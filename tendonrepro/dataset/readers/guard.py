@@ -31,17 +31,10 @@ _ADVICE = "save it again in another format, such as CSV, or split it"
 
 @dataclass(frozen=True)
 class Limits:
-    """What one file may cost.
+    """What one file may cost: time, more of it for a large one, and memory where the system can limit it.
 
-    Parameters
-    ----------
-    seconds : float
-        Time for any file.
-    seconds_per_megabyte : float
-        More time for a large one.
-    memory : int
-        Bytes above what the process needs to start, where the system can limit it. The signals of a file
-        may take two gigabytes, as much again while they are read, and again while they are handed over.
+    The memory, in bytes, is above what the process needs to start. The signals of a file may take two
+    gigabytes, as much again while they are read, and again while they are handed over.
     """
 
     seconds: float = 120.0
@@ -50,11 +43,9 @@ class Limits:
 
     def of(self, path: Path) -> float:
         """Seconds that a file may take."""
-        try:
-            megabytes = path.stat().st_size / 1e6
-        except OSError:
-            megabytes = 0.0
-        return self.seconds + self.seconds_per_megabyte * megabytes
+        with suppress(OSError):
+            return self.seconds + self.seconds_per_megabyte * path.stat().st_size / 1e6
+        return self.seconds
 
 
 def read_guarded(

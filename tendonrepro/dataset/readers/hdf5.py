@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.dataset.readers.bounds import BEST_PACKING, HARMLESS, is_full
 from tendonrepro.dataset.readers.numpy_files import add_array
-from tendonrepro.dataset.readers.signals import Found
+from tendonrepro.dataset.readers.signals import BEST_PACKING, HARMLESS, Found, Unreadable, is_full
 from tendonrepro.dataset.readers.units import FACTORS, plain_unit
-from tendonrepro.dataset.readers.unreadable import Unreadable
 
 _DEEPEST = 32
 _MOST_OBJECTS = 50_000
@@ -28,27 +27,14 @@ _ELSEWHERE = "copy that file's data into this one with h5repack or h5copy"
 def read_hdf5(path: Path) -> Found:
     """Read every dataset of numbers in an HDF5 file; nothing outside the file is ever opened.
 
-    Parameters
-    ----------
-    path : Path
-
-    Returns
-    -------
-    Found
-        One signal a dataset, or one a field of a compound one. The group is the HDF5 group; times come from
-        a dimension scale in a unit of time.
-
-    Raises
-    ------
-    Unreadable
-        When it cannot be opened.
+    One signal a dataset, or one a field of a compound one. The group is the HDF5 group; times come from a
+    dimension scale in a unit of time. `Unreadable` when it cannot be opened.
     """
     found = Found("HDF5")
     try:
         with h5py.File(path, "r") as file:
             if "_NCProperties" in file.attrs:
                 found.kind = "netCDF-4"
-            _texts(found, file, "")
             for name, dataset in _datasets(found, file):
                 if is_full(found):
                     found.skip("", "more datasets left out", "split the file")
@@ -64,29 +50,29 @@ def read_hdf5(path: Path) -> Found:
 
 
 def _datasets(found: Found, root: h5py.Group) -> Iterator[tuple[str, h5py.Dataset]]:
-    """Every dataset once, however many links lead to it."""
+    """Every dataset once, however many links lead to it; short texts of groups are noted on the way."""
     seen = {_key(root)}
     waiting: list[tuple[str, h5py.Group, int]] = [("", root, 0)]
     links = 0
     while waiting:
         prefix, group, depth = waiting.pop(0)
+        _note_attributes(found, group, prefix)
         for name in _names(found, prefix, group):
             links += 1
             if links > _MOST_OBJECTS:
                 found.skip("", f"only the first {_MOST_OBJECTS} objects were looked at")
                 return
-            path = f"{prefix}/{name}" if prefix else name
+            path = f"{prefix}/{name}".lstrip("/")
             item = _item(found, group, name, path, seen)
             if isinstance(item, h5py.Dataset):
                 yield path, item
             elif isinstance(item, h5py.Group) and depth < _DEEPEST:
-                _texts(found, item, path)
                 waiting.append((path, item, depth + 1))
 
 
 def _names(found: Found, prefix: str, group: h5py.Group) -> list[str]:
     try:
-        return [name for name, _ in zip(group, range(_MOST_OBJECTS), strict=False)]
+        return list(islice(group, _MOST_OBJECTS))
     except Exception as error:
         found.skip(prefix, f"a broken group ({error})", _BROKEN)
         return []
@@ -98,8 +84,7 @@ def _item(found: Found, group: h5py.Group, name: str, path: str, seen: set[Any])
         link = group.get(name, getlink=True)
         if isinstance(link, h5py.ExternalLink):
             found.skip(path, f"a link to another file, {link.filename[:100]}", _ELSEWHERE)
-            return None
-        item = None if isinstance(link, h5py.SoftLink) else group[name]
+        item = group[name] if isinstance(link, h5py.HardLink) else None
         if item is None or _key(item) in seen:
             return None
         seen.add(_key(item))
@@ -113,24 +98,26 @@ def _key(item: Any) -> Any:
     return h5py.h5o.get_info(item.id).addr
 
 
-def _texts(found: Found, item: Any, path: str) -> None:
-    """Note short texts among the attributes of a group."""
+def _note_attributes(found: Found, group: h5py.Group, path: str) -> None:
     try:
-        attributes = list(item.attrs)[:50]
+        names = list(group.attrs)[:50]
     except Exception:  # attributes are extras: without them the numbers still count
         return
-    for name in attributes:
-        found.text(f"{path}/@{name}" if path else f"@{name}", _attribute(item, name))
+    for name in names:
+        found.text(f"{path}/@{name}".lstrip("/"), _text_attribute(group, name))
 
 
-def _attribute(item: Any, name: str) -> str:
-    """Attribute as text; empty for one that is missing, no text or broken."""
+def _attribute(item: Any, name: str) -> Any:
+    """Value of an attribute, of a single one itself; None for one that is missing or broken."""
     try:
-        value = item.attrs.get(name, "")
+        value = item.attrs.get(name)
     except Exception:
-        return ""
-    if isinstance(value, np.ndarray) and value.size == 1:
-        value = value.ravel()[0]
+        return None
+    return value.flat[0] if isinstance(value, np.ndarray) and value.size == 1 else value
+
+
+def _text_attribute(item: Any, name: str) -> str:
+    value = _attribute(item, name)
     if isinstance(value, bytes):
         value = value.decode("utf-8", "replace")
     return value if isinstance(value, str) else ""
@@ -142,38 +129,33 @@ def _read_one(found: Found, path: str, dataset: h5py.Dataset) -> None:
         if reason:
             found.skip(path, reason, advice)
         elif dataset.dtype.kind in "OSU":
-            _note_text(found, path, dataset)
+            found.skip(path, "text or objects")
+            if h5py.check_string_dtype(dataset.dtype) and dataset.size <= _SHORT_SCALE:
+                found.text(path, _listed(np.atleast_1d(dataset.asstr(errors="replace")[()]).ravel()))
         elif _is_label_scale(dataset):
-            found.text(path, ", ".join(str(value) for value in dataset[()]))
+            found.text(path, _listed(dataset[()]))
         else:
             _add(found, path, dataset)
     except Exception as error:
         found.skip(path, f"broken ({error})", _BROKEN)
 
 
+def _listed(values: Iterable[Any]) -> str:
+    return ", ".join(map(str, values))
+
+
 def _why_not(found: Found, dataset: h5py.Dataset) -> tuple[str, str]:
     """Why a dataset is not read, and the way out; empty texts when it is."""
-    if _leads_elsewhere(dataset):
+    sources = dataset.virtual_sources() if dataset.is_virtual else ()
+    if dataset.external or any(source.file_name != "." for source in sources):
         return "its numbers lie in another file", _ELSEWHERE
-    if dataset.shape is None or _attribute(dataset, "NAME").startswith("This is a netCDF dimension but"):
+    gap = "This is a netCDF dimension but"
+    if dataset.shape is None or _text_attribute(dataset, "NAME").startswith(gap):
         return "no numbers in it", ""
-    size, stored = dataset.size * dataset.dtype.itemsize, dataset.id.get_storage_size()
+    size, stored = dataset.nbytes, dataset.id.get_storage_size()
     if not dataset.is_virtual and size > BEST_PACKING * stored and (size > HARMLESS or not stored):
         return f"announces {size} bytes but holds {stored}, so most were never written", ""
     return found.refusal(max(dataset.size, size // 8))
-
-
-def _leads_elsewhere(dataset: h5py.Dataset) -> bool:
-    if dataset.is_virtual:
-        return any(source.file_name != "." for source in dataset.virtual_sources())
-    return bool(dataset.external)
-
-
-def _note_text(found: Found, path: str, dataset: h5py.Dataset) -> None:
-    found.skip(path, "text or objects")
-    if h5py.check_string_dtype(dataset.dtype) and dataset.size <= _SHORT_SCALE:
-        values = np.atleast_1d(dataset.asstr(errors="replace")[()]).ravel()
-        found.text(path, ", ".join(map(str, values)))
 
 
 def _is_label_scale(dataset: h5py.Dataset) -> bool:
@@ -187,71 +169,56 @@ def _add(found: Found, path: str, dataset: h5py.Dataset) -> None:
     if values.dtype.names:
         add_array(found, path, values)
         return
-    numbers, note = _unpacked(dataset, np.asarray(values))
-    time = None if dataset.is_scale else _time(found, dataset)
+    numbers, notes = _unpacked(dataset, np.asarray(values))
+    columns = _scale(dataset, 1) if dataset.ndim == 2 else None
+    if columns is not None and _is_label_scale(columns) and columns.shape == dataset.shape[1:]:
+        notes.append(f"columns are {columns.name.rpartition('/')[2]} {_listed(columns[()])}")
+    group, _, name = path.rpartition("/")
     found.add(
         path,
         numbers,
-        label=_attribute(dataset, "long_name") or path.rpartition("/")[2],
-        unit=_attribute(dataset, "units") or None,
-        group=path.rpartition("/")[0],
-        time=time,
-        note="; ".join(text for text in (note, _columns(dataset)) if text),
+        label=_text_attribute(dataset, "long_name") or name,
+        unit=_text_attribute(dataset, "units") or None,
+        group=group,
+        time=_time(found, dataset),
+        note="; ".join(notes),
     )
 
 
-def _unpacked(dataset: h5py.Dataset, values: NDArray[Any]) -> tuple[NDArray[Any], str]:
+def _unpacked(dataset: h5py.Dataset, values: NDArray[Any]) -> tuple[NDArray[Any], list[str]]:
     """Undo what netCDF does to numbers: a number for gaps, a scale and an offset."""
+    notes: list[str] = []
     if values.dtype.kind not in "iuf":
-        return values, ""
-    gap, scale, offset = (_number(dataset, name) for name in ("_FillValue", "scale_factor", "add_offset"))
-    notes = []
+        return values, notes
+    own = (_attribute(dataset, name) for name in ("_FillValue", "scale_factor", "add_offset"))
+    gap, scale, offset = (float(one) if isinstance(one, np.number) else None for one in own)
     if gap is not None and (values == gap).any():
         values = np.where(values == gap, np.nan, values)
         notes.append("fill values became NaN")
     if scale is not None or offset is not None:
         values = values * (1.0 if scale is None else scale) + (offset or 0.0)
         notes.append("scale_factor and add_offset applied")
-    return values, "; ".join(notes)
-
-
-def _number(dataset: h5py.Dataset, name: str) -> float | None:
-    try:
-        value = np.asarray(dataset.attrs[name])
-    except Exception:
-        return None
-    return float(value.ravel()[0]) if value.size == 1 and value.dtype.kind in "iuf" else None
+    return values, notes
 
 
 def _scale(dataset: h5py.Dataset, axis: int) -> h5py.Dataset | None:
     """Scale of an axis, if it has one."""
     try:
-        scales = dataset.dims[axis]
-        return scales[0] if len(scales) else None
-    except Exception:  # a broken reference: the numbers are still there
+        return dataset.dims[axis][0]
+    except Exception:  # none, or a broken reference: the numbers are still there
         return None
 
 
 def _time(found: Found, dataset: h5py.Dataset) -> Array | None:
     """Sampling times in s where the first axis has a scale in a unit of time."""
-    scale = _scale(dataset, 0) if dataset.ndim else None
+    scale = None if dataset.is_scale or not dataset.ndim else _scale(dataset, 0)
     factor = None if scale is None else _time_factor(scale)
-    if scale is None or factor is None or scale.shape != dataset.shape[:1]:
-        return None
-    if any(_why_not(found, scale)):
+    if scale is None or factor is None or scale.shape != dataset.shape[:1] or any(_why_not(found, scale)):
         return None
     return np.asarray(scale[()], np.float64) * factor
 
 
 def _time_factor(scale: h5py.Dataset) -> float | None:
     """Seconds in the unit of a scale, ``s`` or ``seconds since ...``; None for no time."""
-    unit = plain_unit(_attribute(scale, "units").partition(" since ")[0])
+    unit = plain_unit(_text_attribute(scale, "units").partition(" since ")[0])
     return None if unit is None else FACTORS["time"].get(unit)
-
-
-def _columns(dataset: h5py.Dataset) -> str:
-    """What the columns are, where a short scale says so."""
-    scale = _scale(dataset, 1) if dataset.ndim == 2 else None
-    if scale is None or not _is_label_scale(scale) or scale.shape != dataset.shape[1:]:
-        return ""
-    return f"columns are {scale.name.rpartition('/')[2]} {', '.join(str(value) for value in scale[()])}"

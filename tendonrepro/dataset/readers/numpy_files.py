@@ -9,9 +9,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonrepro.dataset.readers.bounds import MOST_SIGNALS, is_full, note_rest
-from tendonrepro.dataset.readers.signals import Found, seconds
-from tendonrepro.dataset.readers.unreadable import Unreadable
+from tendonrepro.dataset.readers.signals import MOST_SIGNALS, Found, Unreadable, is_full, note_rest, seconds
 
 _BROKEN = "copy or download it again, or save it anew with numpy.save or numpy.savez"
 _PICKLED = "objects run code when they are loaded; save the plain arrays one by one with numpy.savez"

@@ -6,16 +6,15 @@ import hashlib
 import os
 import tempfile
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
 from tendonrepro.dataset.readers.archive import DEEPEST, KINDS, Allowance, members
-from tendonrepro.dataset.readers.filetype import ADVICE, FileType, kind_of
-from tendonrepro.dataset.readers.signals import Found, Skipped, Source
-from tendonrepro.dataset.readers.unreadable import Unreadable
+from tendonrepro.dataset.readers.filetype import FileType, kind_of
+from tendonrepro.dataset.readers.signals import Found, Skipped, Source, Unreadable
 from tendonrepro.dataset.repository.lock import lock_path, read_lock
 from tendonrepro.dataset.repository.names import Numbered, is_ours, printable
 from tendonrepro.errors import DataMissingError, TendonreproError
@@ -24,19 +23,20 @@ _NO_MEMORY = ("needs too much memory", "split it into smaller files")
 
 
 def files_below(paths: Sequence[Path]) -> list[tuple[Path, str]]:
-    """Files that a user means.
+    """Files that a user means by files and folders, each with its name.
+
+    Links that lead out of a folder are left out, and so are hidden files and what `fetch` leaves there for
+    itself, unless its data lock names them as data.
 
     Parameters
     ----------
     paths : sequence of Path
-        Files, and folders to be searched through. Links that lead out of the folder are left out, and so are
-        hidden files and what `fetch` leaves there for itself, unless its data lock names them as data.
 
     Returns
     -------
     list of (Path, str)
-        Each file and its name: below its folder, which comes first where several paths were given. A mark
-        stands for what is no text in a name, and a number follows where two become the same by that.
+        The name is below its folder, which comes first where several paths were given. A mark stands for
+        what is no text in it, and a number follows where two become the same by that.
 
     Raises
     ------
@@ -56,14 +56,9 @@ def files_below(paths: Sequence[Path]) -> list[tuple[Path, str]]:
     if not found:
         message = f"no files in {', '.join(map(str, paths))}"
         raise DataMissingError(message, hint="tendonrepro fetch downloads the paper's data")
-    names = _as_text(name for _, name in found)
-    return [(path, names[name]) for path, name in found]
-
-
-def _as_text(names: Iterable[str]) -> dict[str, str]:
-    """Names as text by the names on disk; those that become the same by it differ by a number."""
     used = Numbered()
-    return {name: used.take(printable(name)) for name in dict.fromkeys(names)}
+    names = {name: used.take(printable(name)) for name in dict.fromkeys(name for _, name in found)}
+    return [(path, names[name]) for path, name in found]
 
 
 def _inside(folder: Path) -> Iterator[Path]:
@@ -75,19 +70,14 @@ def _inside(folder: Path) -> Iterator[Path]:
         of_folders = {name: _locked(here / name) for name in folders}
         locks = {lock_path(here / name) for name, paths in of_folders.items() if paths}
         locked.update(*of_folders.values())
-        folders[:] = sorted(
-            name for name in folders if not name.startswith(".") or _holds(here / name, locked)
-        )
+        named = {parent for file in locked for parent in file.parents}
+        folders[:] = sorted(name for name in folders if not name.startswith(".") or here / name in named)
         hidden = any(part.startswith(".") for part in here.relative_to(folder).parts)
         for name in sorted(files):
             path = here / name
             left_out = hidden or name.startswith(".") or is_ours(name) or path in locks
             if (path in locked or not left_out) and path.is_file() and path.resolve().is_relative_to(root):
                 yield path
-
-
-def _holds(folder: Path, files: set[Path]) -> bool:
-    return any(file.is_relative_to(folder) for file in files)
 
 
 def _locked(folder: Path) -> set[Path]:
@@ -100,19 +90,9 @@ def _locked(folder: Path) -> set[Path]:
 
 
 def read_file(path: Path, name: str) -> list[Source]:
-    """Read whatever a file holds.
+    """Read whatever a file that the user knows by a name holds; nothing is raised.
 
-    Parameters
-    ----------
-    path : Path
-    name : str
-        What the user knows it by.
-
-    Returns
-    -------
-    list of Source
-        One for the file and, for an archive, one for each file in it. What cannot be read is noted in
-        `skipped`, nothing is raised.
+    One source for the file and, for an archive, one for each file in it.
     """
     with (
         warnings.catch_warnings(),
@@ -136,7 +116,7 @@ def _read(path: Path, name: str, folder: Path, left: Allowance, depth: int) -> l
 
 def _read_one(path: Path, name: str, kind: FileType) -> Source:
     try:
-        found = _reader(kind)(path)
+        found = _found(path, kind)
     except Unreadable as error:
         return unread(path, name, error.reason, error.advice, str(kind))
     except MemoryError:
@@ -144,35 +124,36 @@ def _read_one(path: Path, name: str, kind: FileType) -> Source:
     except Exception as error:  # a file no reader foresaw must not stop the others
         reason = f"its reader failed: {type(error).__name__}: {str(error)[:200]}"
         return unread(path, name, reason, "save it again, as CSV or HDF5 for instance", str(kind))
-    size, md5 = _digest(path)
     if not found.signals and not found.skipped:
         found.skip("", "no numbers in it")
-    return Source(name, found.kind, size, md5, tuple(found.signals), tuple(found.skipped), found.texts)
+    return Source(name, found.kind, *_digest(path), tuple(found.signals), tuple(found.skipped), found.texts)
 
 
-def _reader(kind: FileType) -> Callable[[Path], Found]:
-    """Reader for a type of file; its libraries are loaded only now."""
-    if kind in {FileType.MATLAB_4, FileType.MATLAB_5, FileType.MATLAB_73}:
-        from tendonrepro.dataset.readers.matlab.file import read_matlab
+def _found(path: Path, kind: FileType) -> Found:
+    """Read a file of a type; the libraries for it are loaded only now."""
+    match kind:
+        case FileType.MATLAB_4 | FileType.MATLAB_5 | FileType.MATLAB_73:
+            from tendonrepro.dataset.readers.matlab.file import read_matlab
 
-        return read_matlab
-    if kind is FileType.HDF5:
-        from tendonrepro.dataset.readers.hdf5 import read_hdf5
+            return read_matlab(path)
+        case FileType.HDF5:
+            from tendonrepro.dataset.readers.hdf5 import read_hdf5
 
-        return read_hdf5
-    if kind in {FileType.NPY, FileType.NPZ}:
-        from tendonrepro.dataset.readers.numpy_files import read_npy, read_npz
+            return read_hdf5(path)
+        case FileType.NPY | FileType.NPZ:
+            from tendonrepro.dataset.readers.numpy_files import read_npy, read_npz
 
-        return read_npy if kind is FileType.NPY else read_npz
-    if kind in {FileType.XLSX, FileType.XLSB, FileType.XLS, FileType.ODS}:
-        from tendonrepro.dataset.readers.workbook import read_workbook
+            return read_npy(path) if kind is FileType.NPY else read_npz(path)
+        case FileType.XLSX | FileType.XLSB | FileType.XLS | FileType.ODS:
+            from tendonrepro.dataset.readers.workbook import read_workbook
 
-        return lambda path: read_workbook(path, str(kind))
-    if kind is FileType.TEXT:
-        from tendonrepro.dataset.readers.text import read_text_table
+            return read_workbook(path, str(kind))
+        case FileType.TEXT:
+            from tendonrepro.dataset.readers.text import read_text_table
 
-        return read_text_table
-    raise Unreadable(_NOT_READ.get(kind, f"{kind}: not a format with signals that is read"), ADVICE[kind])
+            return read_text_table(path)
+    reason = f"{kind}: not a format with signals that is read"
+    raise Unreadable(_NOT_READ.get(kind, reason), kind.advice)
 
 
 _NOT_READ = {
@@ -208,28 +189,11 @@ def _read_archive(
         skipped.append(Skipped("", *_NO_MEMORY))
     if not inside and not skipped:
         skipped.append(Skipped("", "no files in it"))
-    size, md5 = _digest(path)
-    return [Source(name, str(kind), size, md5, (), tuple(skipped)), *inside]
+    return [Source(name, str(kind), *_digest(path), (), tuple(skipped)), *inside]
 
 
 def unread(path: Path, name: str, reason: str, advice: str = "", kind: str = "unknown") -> Source:
-    """What is known of a file that could not be read.
-
-    Parameters
-    ----------
-    path : Path
-    name : str
-        What the user knows it by.
-    reason, advice : str
-        Why, and what can be done about it.
-    kind : str
-        True type as far as it is known.
-
-    Returns
-    -------
-    Source
-        Without signals; its size and digest are zero and empty when the file cannot even be opened.
-    """
+    """What is known of a file that could not be read; size 0 and no digest if it cannot even be opened."""
     try:
         size, md5 = _digest(path)
     except OSError:
@@ -238,6 +202,7 @@ def unread(path: Path, name: str, reason: str, advice: str = "", kind: str = "un
 
 
 def _digest(path: Path) -> tuple[int, str]:
+    """Bytes of a file and their md5."""
     with path.open("rb") as stream:
         digest = hashlib.file_digest(stream, lambda: hashlib.md5(usedforsecurity=False)).hexdigest()
         return stream.tell(), digest

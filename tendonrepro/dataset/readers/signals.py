@@ -17,7 +17,21 @@ ROWS_AS_SIGNALS = 16
 _LONGER = 4
 MOST_BYTES = 2**31
 """Bytes of one file's signals, once they are numbers in memory."""
+MOST_SIGNALS = 5000
+"""A record of every state of the arm has some hundred signals; more is a file of another kind."""
+BEST_PACKING = 1032
+"""Bytes that one compressed byte can stand for at most; deflate packs no better."""
+HARMLESS = 2**24
+"""Bytes that a file may announce whatever it holds."""
 _LONGEST_TEXT = 1000
+
+
+class Unreadable(Exception):
+    """A file that cannot be read as a whole: why, in a few words, and what a user can do about it."""
+
+    def __init__(self, reason: str, advice: str = "") -> None:
+        super().__init__(reason)
+        self.reason, self.advice = reason, advice
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,14 +81,7 @@ class Signal:
 class Skipped:
     """Something in a file that is no signal, or cannot be read.
 
-    Parameters
-    ----------
-    path : str
-        Where in the file; empty for the file as a whole.
-    reason : str
-        Why.
-    advice : str
-        What a user can do about it; empty when it is no loss, such as a text.
+    Its path is empty for the file as a whole, and its advice when it is no loss, such as a text.
     """
 
     path: str
@@ -114,10 +121,7 @@ class Source:
 
 @dataclass
 class Found:
-    """What a reader has found so far.
-
-    One unreadable part never stops the rest: it is noted in `skipped`.
-    """
+    """What a reader has found so far; one unreadable part never stops the rest."""
 
     kind: str
     signals: list[Signal] = field(default_factory=list)
@@ -137,27 +141,20 @@ class Found:
         time: Array | None = None,
         note: str = "",
     ) -> None:
-        """Note an array of numbers as a signal, or why it is none or is left out.
+        """Note an array of numbers of any shape as a signal, or why it is none or is left out.
 
-        Parameters
-        ----------
-        path : str
-            Made unique if it is taken.
-        values : ndarray
-            Any type and rank.
-        label, unit, group, time, note
-            As in `Signal`. A time that does not fit the samples is noted as skipped, the signal is kept.
+        The path is made unique. A time that does not fit the samples is skipped, the signal is kept.
         """
         path = self._names.unused(path)
         reason, advice = _no_signal(values), ""
         if not reason:
             reason, advice = self.refusal(values.size)
         if reason:
-            self.skipped.append(Skipped(path, reason, advice))
+            self.skip(path, reason, advice)
             return
         numbers, turned = samples_first(np.asarray(values), None if time is None else len(time))
         if time is not None and len(time) != len(numbers):
-            self.skipped.append(Skipped(f"{path}/time", f"{len(time)} times for {len(numbers)} samples"))
+            self.skip(f"{path}/time", f"{len(time)} times for {len(numbers)} samples")
             time = None
         notes = "; ".join(text for text in (note, turned) if text)
         self._bytes += numbers.nbytes
@@ -187,35 +184,33 @@ class Found:
             self.texts[path] = text.strip()[:_LONGEST_TEXT]
 
 
+def is_full(found: Found) -> bool:
+    """Whether no more signals shall be added."""
+    return len(found.signals) >= MOST_SIGNALS
+
+
+def note_rest(found: Found, count: int, what: str) -> None:
+    """Note how many things were left out because there are too many."""
+    if count > 0:
+        found.skip("", f"{count} more {what} left out after {MOST_SIGNALS} signals", "split the file")
+
+
 def _no_signal(values: NDArray[Any]) -> str:
     """Why an array is no signal; empty when it is one."""
     if values.dtype.kind not in "biuf":
         return f"{values.dtype} is not real numbers"
-    shape = "x".join(map(str, values.shape))
     if values.size < 2:
         return "a single number" if values.size else "empty"
     if sum(size > 1 for size in values.shape) > 2:
-        return f"an array of {shape} has too many dimensions"
+        return f"an array of {'x'.join(map(str, values.shape))} has too many dimensions"
     return ""
 
 
 def samples_first(values: NDArray[Any], samples: int | None = None) -> tuple[Array, str]:
-    """Bring an array into the form of a signal.
+    """Bring numbers into shape (N,) or (N, m), and a note when rows became columns.
 
-    Parameters
-    ----------
-    values : ndarray
-        Numbers with at most two dimensions longer than one.
-    samples : int or None
-        Number of samples where it is known.
-
-    Returns
-    -------
-    values : Array
-        Shape (N,), or (N, m) with the samples along the first axis: the axis of `samples` where it is known,
-        else the longer one if the other is short enough to be a list of signals.
-    note : str
-        Says so when rows became columns.
+    Samples are along the axis of length `samples` where that is known, else along the longer one if the
+    other is short enough to be a list of signals. At most two dimensions may be longer than one.
     """
     numbers = np.asarray(values, np.float64)
     flat = numbers.reshape([size for size in numbers.shape if size > 1] or [1])
@@ -231,19 +226,7 @@ def samples_first(values: NDArray[Any], samples: int | None = None) -> tuple[Arr
 
 
 def seconds(values: NDArray[Any]) -> tuple[Array, str]:
-    """Dates as seconds from the first, durations as seconds.
-
-    Parameters
-    ----------
-    values : ndarray of datetime64 or timedelta64
-
-    Returns
-    -------
-    values : Array
-        Same shape, s; NaN where there is none.
-    note : str
-        Says so.
-    """
+    """Dates (datetime64) as s from the first, durations (timedelta64) as s, NaN for none, and a note."""
     missing = np.isnat(values)
     # Counts of nanoseconds overflow within 292 years; microseconds reach any date, and the rest is added.
     coarse = values.astype(f"{values.dtype.kind}8[us]")

@@ -40,15 +40,7 @@ class _Node:
 
 
 def read_figure(tree: Any, found: Found) -> None:
-    """Note the curves of a figure.
-
-    Parameters
-    ----------
-    tree : ndarray
-        Value of one of `TREES`.
-    found : Found
-        Is added to.
-    """
+    """Note the curves of a figure in the value of one of `TREES`."""
     nodes = list(_nodes(tree, 0))
     axes = [node for node in nodes if node.kind == "axes" and not _is_legend(node)]
     found.text("title", " ".join(text_of(node.properties.get("Name")) for node in nodes[:1]))
@@ -70,16 +62,19 @@ def _nodes(tree: Any, depth: int) -> Iterator[_Node]:
         own = members(record)
         inner = own.get("children")
         plain = isinstance(inner, np.ndarray) and inner.dtype.names is not None
-        special = own.get("special")
-        numeric = isinstance(special, np.ndarray) and special.dtype.kind in "iuf"
-        node = _Node(
+        yield _Node(
             text_of(own.get("type")),
             members(own.get("properties")),
             tuple(inner.ravel()) if plain else (),  # type: ignore[union-attr]
-            tuple(int(index) for index in special.ravel()) if numeric else (),  # type: ignore[union-attr]
+            tuple(map(int, _numbers(own.get("special")))),
         )
-        yield node
         yield from _nodes(inner, depth + 1)
+
+
+def _numbers(value: Any) -> NDArray[Any]:
+    """Real numbers in a row; none where it is something else."""
+    numeric = isinstance(value, np.ndarray) and value.dtype.kind in "iuf"
+    return np.ravel(value) if numeric else np.empty(0)
 
 
 def _is_legend(node: _Node) -> bool:
@@ -100,9 +95,8 @@ def _covers(node: _Node, other: _Node) -> bool:
 
 def _position(node: _Node) -> tuple[float, ...]:
     """Left, bottom, width and height; NaN where they are not stored."""
-    value = node.properties.get("Position")
-    known = isinstance(value, np.ndarray) and value.dtype.kind in "iuf" and value.size == 4
-    return tuple(map(float, value.ravel())) if known else (np.nan,) * 4  # type: ignore[union-attr]
+    place = tuple(map(float, _numbers(node.properties.get("Position"))))
+    return place if len(place) == 4 else (np.nan,) * 4
 
 
 def _lines(value: Any) -> list[str]:
@@ -121,7 +115,7 @@ def _axes(path: str, node: _Node, found: Found) -> None:
     shared = len(curves) > 1 and all(np.array_equal(x, curves[0][1]) for _, x, _ in curves)
     for number, (label, x, y) in enumerate(curves, start=1):
         where = f'{path}/curve {number} "{label}"' if label else f"{path}/curve {number}"
-        _curve(where, path if shared else where, (label, x, y), words, found)
+        _add(where, path if shared else where, (label, x, y), words, found)
 
 
 def _words(node: _Node) -> dict[str, str]:
@@ -139,36 +133,32 @@ def _words(node: _Node) -> dict[str, str]:
 def _curves(node: _Node) -> Iterator[tuple[str, NDArray[Any], NDArray[Any]]]:
     for child in node.children:
         own = members(members(child).get("properties"))
-        y = own.get("YData")
-        if not isinstance(y, np.ndarray) or y.dtype.kind not in "iuf" or y.size < 2 or y.size > max(y.shape):
+        y, x = _numbers(own.get("YData")), _numbers(own.get("XData"))
+        if y.size < 2 or y.size > max(own["YData"].shape):
             continue
-        x = own.get("XData")
         # A curve drawn against its sample numbers may leave them out.
-        numbers = np.arange(1.0, y.size + 1.0)
-        given = isinstance(x, np.ndarray) and x.dtype.kind in "iuf" and x.size == y.size
-        yield text_of(own.get("DisplayName")), np.ravel(x) if given else numbers, np.ravel(y)  # type: ignore[arg-type]
+        yield text_of(own.get("DisplayName")), x if x.size == y.size else np.arange(1.0, y.size + 1.0), y
 
 
-def _curve(
+def _add(
     path: str,
     group: str,
     curve: tuple[str, NDArray[Any], NDArray[Any]],
     words: Mapping[str, str],
     found: Found,
 ) -> None:
+    """Note a curve: y at the times x where x is time, else x and y."""
     label, x, y = curve
     x_unit, y_unit = _unit(words.get("xlabel", "")), _unit(words.get("ylabel", ""))
     x = np.asarray(x, np.float64)
     # Without a unit it is taken for seconds.
     factor = FACTORS["time"].get(plain_unit(x_unit or "s") or "")
-    if factor is not None and bool((np.diff(x) > 0.0).all()):
-        time = x * factor
-        found.add(
-            f"{path}/y", y, label=label, unit=y_unit, group=group, time=time, note="against x of the figure"
-        )
+    if factor is None or not (np.diff(x) > 0.0).all():
+        found.add(f"{path}/x", x, label=label, unit=x_unit, group=path)
+        found.add(f"{path}/y", y, label=label, unit=y_unit, group=path)
         return
-    found.add(f"{path}/x", x, label=label, unit=x_unit, group=path)
-    found.add(f"{path}/y", y, label=label, unit=y_unit, group=path)
+    note = "against x of the figure"
+    found.add(f"{path}/y", y, label=label, unit=y_unit, group=group, time=x * factor, note=note)
 
 
 def _unit(label: str) -> str | None:

@@ -13,8 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.dataset.readers.matlab.plain import is_hdf, load_plain
-from tendonrepro.dataset.readers.matlab.values import EXPORT, Lost, Plain, Series, Table, members, text_of
+from tendonrepro.dataset.readers.matlab.hdf import load_plain
+from tendonrepro.dataset.readers.matlab.values import (
+    EXPORT,
+    Lost,
+    Plain,
+    Series,
+    Table,
+    brief,
+    members,
+    text_of,
+)
 from tendonrepro.dataset.readers.signals import seconds
 
 _SECONDS = {
@@ -38,68 +47,39 @@ def quiet() -> Iterator[None]:
 
 
 def load_objects(path: Path, names: Sequence[str]) -> dict[str, Any]:
-    """Read variables that are objects or may hold some.
-
-    Parameters
-    ----------
-    path : Path
-        MATLAB 5, 7 or 7.3 file.
-    names : sequence of str
-
-    Returns
-    -------
-    dict
-        Name -> value for `translate`, or `Lost` where it cannot be read.
-    """
+    """Read variables that are objects or may hold some, by name; `Lost` where one cannot be read."""
+    if not names:
+        return {}
     try:
         return _load(path, names)
     except ImportError:
         # There are machines without a build of mat-io.
-        if is_hdf(path):
+        import h5py
+
+        if h5py.is_hdf5(path):
             return load_plain(path, names)
         missing = Lost("reading it needs the package mat-io", f"pip install mat-io, or {EXPORT}")
         return dict.fromkeys(names, missing)
-    except Exception:
-        # One variable may have spoiled the rest.
-        return {name: _load_alone(path, name) for name in names}
-
-
-def _load_alone(path: Path, name: str) -> Any:
-    try:
-        return _load(path, [name])[name]
     except Exception as error:
-        return Lost(f"cannot be read ({type(error).__name__}: {' '.join(str(error).split())[:120]})", EXPORT)
+        if len(names) == 1:
+            return {names[0]: Lost(f"cannot be read ({brief(error)})", EXPORT)}
+        # One variable may have spoiled the rest.
+        return {name: load_objects(path, [name])[name] for name in names}
 
 
 def _load(path: Path, names: Sequence[str]) -> dict[str, Any]:
-    with quiet():
-        import matio
+    import matio
 
-        found = matio.load_from_mat(
-            str(path), variable_names=list(names), add_table_attrs=True, spmatrix=False
-        )
+    found = matio.load_from_mat(str(path), variable_names=list(names), add_table_attrs=True, spmatrix=False)
     return {name: found[name] for name in names}
 
 
 def translate(value: Any) -> Plain:
-    """An object as a plain value.
-
-    Parameters
-    ----------
-    value : object
-        What a library made of it.
-
-    Returns
-    -------
-    Plain
-        `Lost` for what holds no numbers.
-    """
-    with quiet():
-        try:
-            return _translated(value)
-        except Exception as error:
-            kind, detail = type(value).__name__, str(error)[:120]
-            return Lost(f"{kind} is not as expected ({type(error).__name__}: {detail})", EXPORT)
+    """An object of a library as a plain value; `Lost` for what holds no numbers."""
+    try:
+        return _translated(value)
+    except Exception as error:
+        return Lost(f"{type(value).__name__} is not as expected ({brief(error)})", EXPORT)
 
 
 def _translated(value: Any) -> Plain:
@@ -108,9 +88,8 @@ def _translated(value: Any) -> Plain:
         return _READERS[kind](value)
     if isinstance(value, Mapping):
         return {str(key): item for key, item in value.items()}
-    if isinstance(value, (np.generic, int, float)):
-        return np.atleast_1d(value)
-    return Lost(f"{kind} holds no numbers")
+    numeric = isinstance(value, (np.generic, int, float))
+    return np.atleast_1d(value) if numeric else Lost(f"{kind} holds no numbers")
 
 
 def _object(value: Any) -> Plain:
@@ -140,14 +119,8 @@ def _simulation(properties: Mapping[str, Any]) -> dict[str, Any]:
     return members(properties.get("Data")) or others
 
 
-def timeseries(properties: Mapping[str, Any]) -> Series | Lost:
-    """Samples and times of a MATLAB ``timeseries``.
-
-    Parameters
-    ----------
-    properties : mapping
-        As stored: ``Data_``, ``TimeInfo``, ``IsTimeFirst_``, ``Storage_``, ``DataInfo``, ``Name``.
-    """
+def _timeseries(properties: Mapping[str, Any]) -> Series | Lost:
+    """Samples and times of a MATLAB ``timeseries`` from its properties as stored."""
     data = _stored(properties, "Data_", "Data")
     first = bool(_number(properties.get("IsTimeFirst_"), 1.0))
     if data is None:
@@ -163,7 +136,7 @@ def timeseries(properties: Mapping[str, Any]) -> Series | Lost:
     values = data if first else np.moveaxis(data, -1, 0)
     time = _times(info, stored, len(values))
     about = _properties(properties.get("DataInfo"))
-    label = _text(properties.get("Name")) or _text(about.get("Name"))
+    label = text_of(properties.get("Name")) or text_of(about.get("Name"))
     return Series(values, time, label, _unit(about.get("Units")))
 
 
@@ -173,7 +146,7 @@ def _times(info: Mapping[str, Any], stored: NDArray[Any] | None, samples: int) -
         time = np.asarray(start + step * np.arange(samples), np.float64)
     else:
         time = np.array(stored.ravel(), np.float64)
-    time *= _SECONDS.get(_text(info.get("Units")), 1.0)
+    time *= _SECONDS.get(text_of(info.get("Units")), 1.0)
     return time if np.isfinite(time).all() else None
 
 
@@ -202,12 +175,12 @@ def _elements(properties: Mapping[str, Any], depth: int) -> list[Any]:
 
 
 def _name(properties: Mapping[str, Any]) -> str:
-    given = _text(properties.get("Name")) or _text(properties.get("PropagatedName"))
+    given = text_of(properties.get("Name")) or text_of(properties.get("PropagatedName"))
     return given or _block(properties).rpartition("/")[2]
 
 
 def _block(properties: Mapping[str, Any]) -> str:
-    return _text(_properties(properties.get("BlockPath")).get("Path"))
+    return text_of(_properties(properties.get("BlockPath")).get("Path"))
 
 
 def _element(properties: Mapping[str, Any]) -> Plain:
@@ -243,7 +216,7 @@ def _enumeration(value: NDArray[Any]) -> Plain:
 
 
 _CLASSES: Mapping[str, Callable[[Mapping[str, Any]], Plain]] = {
-    "timeseries": timeseries,
+    "timeseries": _timeseries,
     "Simulink.SimulationData.Dataset": _dataset,
     "Simulink.SimulationOutput": _simulation,
     "Simulink.SimulationMetadata": lambda _: Lost("a description of a simulation run"),
@@ -290,15 +263,9 @@ def _stored(properties: Mapping[str, Any], *names: str) -> NDArray[Any] | None:
 
 
 def _number(value: Any, otherwise: float) -> float:
-    value = _only(value)
-    numeric = isinstance(value, (np.ndarray, np.generic, bool, int, float))
-    array = np.asarray(value) if numeric else np.empty(0)
+    array = np.asarray(_only(value))
     return float(array.flat[0]) if array.size and array.dtype.kind in "biuf" else otherwise
 
 
-def _text(value: Any) -> str:
-    return text_of(_only(value))
-
-
 def _unit(value: Any) -> str | None:
-    return _text(value) or _text(_properties(value).get("Name")) or None
+    return text_of(value) or text_of(_properties(value).get("Name")) or None

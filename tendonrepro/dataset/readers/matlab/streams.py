@@ -22,10 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.dataset.readers.bounds import MOST_SIGNALS
 from tendonrepro.dataset.readers.matlab.hdf import STREAMS
-from tendonrepro.dataset.readers.matlab.values import EXPORT, flat_samples
-from tendonrepro.dataset.readers.signals import Found
+from tendonrepro.dataset.readers.matlab.values import EXPORT, brief, flat_samples
+from tendonrepro.dataset.readers.signals import MOST_SIGNALS, Found
 
 _TYPES = {4: "<f4", 2: "<i2", 1: "u1"}
 _NO_NAME = "a streamed log without its name"
@@ -41,15 +40,7 @@ class _Named:
 
 
 def read_streams(path: Path, found: Found) -> None:
-    """Note the streamed samples of a file.
-
-    Parameters
-    ----------
-    path : Path
-        MATLAB 7.3 file.
-    found : Found
-        Is added to; records that cannot be read are noted there as skipped.
-    """
+    """Note the streamed samples of a MATLAB 7.3 file, and as skipped the records that cannot be read."""
     import h5py
 
     try:
@@ -57,7 +48,7 @@ def read_streams(path: Path, found: Found) -> None:
             records = dict(_records(file[STREAMS], found))
             named = list(_named(file.get("#refs#", {})))
     except Exception as error:
-        found.skip(STREAMS, f"streamed logs cannot be read ({str(error)[:120]})", EXPORT)
+        found.skip(STREAMS, f"streamed logs cannot be read ({brief(error)})", EXPORT)
         return
     used = set()
     for own in named:
@@ -75,7 +66,7 @@ def _records(group: Any, found: Found) -> Iterator[tuple[int, NDArray[Any]]]:
         try:
             yield number, _samples(group[str(number)])
         except Exception as error:
-            found.skip(f"{STREAMS}/{number}", f"cannot be read ({str(error)[:120]})", EXPORT)
+            found.skip(f"{STREAMS}/{number}", f"cannot be read ({brief(error)})", EXPORT)
     if len(numbers) > MOST_SIGNALS:
         found.skip(STREAMS, f"{len(numbers) - MOST_SIGNALS} more records are left out")
 
@@ -87,13 +78,12 @@ def _samples(record: Any) -> NDArray[Any]:
     if size <= 0 or length < 0 or size * length > raw.size:
         message = f"{length} samples of {size} bytes announced, {raw.size} bytes stored"
         raise ValueError(message)
-    kind = _TYPES.get(size, "<f8")
-    columns = size // np.dtype(kind).itemsize
-    if columns * np.dtype(kind).itemsize != size:
+    kind = np.dtype(_TYPES.get(size, "<f8"))
+    if size % kind.itemsize:
         message = f"samples of {size} bytes are of no known type"
         raise ValueError(message)
     numbers = raw[: size * length].view(kind)
-    return numbers.reshape(length, columns) if columns > 1 else numbers
+    return numbers.reshape(length, -1) if size > kind.itemsize else numbers
 
 
 def _named(refs: Any) -> Iterator[_Named]:

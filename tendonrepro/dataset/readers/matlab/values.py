@@ -20,10 +20,7 @@ EXPORT = (
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Samples with what their container says about them.
-
-    Members are those of a `Signal`, samples along any axis, and the path of the block that was logged.
-    """
+    """Samples along any axis with what their container says, as in a `Signal`, and the block logged."""
 
     values: NDArray[Any]
     time: Array | None = None
@@ -35,18 +32,7 @@ class Series:
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Columns that share their rows.
-
-    Parameters
-    ----------
-    columns : mapping
-        Name -> array (N,).
-    units : mapping
-        Name -> unit, as far as they are stored.
-    time : Array or None
-        Times of the rows in s, shape (N,).
-    note : str
-    """
+    """Columns by name, each (N,), their units as far as they are stored, and the times of the rows in s."""
 
     columns: Mapping[str, NDArray[Any]]
     units: Mapping[str, str] = field(default_factory=dict)
@@ -66,14 +52,14 @@ Plain: TypeAlias = Any
 """`Series`, `Table`, `Lost`, a mapping of members, a str, or an ndarray of numbers, records or cells."""
 
 
-def members(record: Any) -> dict[str, Any]:
-    """Fields of one struct.
+def brief(error: Exception) -> str:
+    """An error of a library in one line; its type as well where the text is a word or none."""
+    words = str(error).split()
+    return " ".join(words if len(words) > 1 else [f"{type(error).__name__}:", *words])[:120]
 
-    Parameters
-    ----------
-    record : numpy.void or ndarray
-        Element of an array of records, or such an array of one element.
-    """
+
+def members(record: Any) -> dict[str, Any]:
+    """Fields of one struct: an element of an array of records, or such an array of one element."""
     if isinstance(record, np.ndarray):
         record = record.flat[0] if record.size == 1 else None
     names = getattr(getattr(record, "dtype", None), "names", None) or ()
@@ -88,21 +74,9 @@ def text_of(value: Any) -> str:
 
 
 def flat_samples(values: NDArray[Any], samples: int | None) -> tuple[NDArray[Any], str]:
-    """Bring an array of matrices, one per sample, into rows.
+    """Bring an array of one matrix per sample, (N, ...) or (..., N), into rows (N, m), and a note.
 
-    Parameters
-    ----------
-    values : ndarray
-        Shape (N, ...) or (..., N).
-    samples : int or None
-        N where it is known.
-
-    Returns
-    -------
-    values : ndarray
-        Shape (N, m) if there were more than two dimensions and one of them fits `samples`, else as it was.
-    note : str
-        Says what was done.
+    An array without more than two dimensions, or without one of N = `samples`, stays as it was.
     """
     wide = sum(size > 1 for size in values.shape) > 2
     if values.ndim < 3 or samples is None or samples not in (values.shape[0], values.shape[-1]):

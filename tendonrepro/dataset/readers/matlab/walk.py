@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonrepro.dataset.readers.bounds import is_full
 from tendonrepro.dataset.readers.matlab.values import (
     EXPORT,
     Lost,
@@ -19,7 +18,7 @@ from tendonrepro.dataset.readers.matlab.values import (
     members,
     text_of,
 )
-from tendonrepro.dataset.readers.signals import Found, seconds
+from tendonrepro.dataset.readers.signals import Found, is_full, seconds
 
 _DEEPEST = 24
 _MOST_NODES = 100_000
@@ -33,14 +32,7 @@ _STREAMED = "DataR2"
 
 
 class Walk:
-    """A walk that fills a `Found`; one for each file, so that its bounds hold for the file.
-
-    Parameters
-    ----------
-    found : Found
-    translate : callable
-        Object of a library -> `Plain`.
-    """
+    """A walk that fills a `Found`; one for each file, so that its bounds hold for the file."""
 
     def __init__(self, found: Found, translate: Callable[[Any], Plain]) -> None:
         self._found = found
@@ -50,18 +42,7 @@ class Walk:
         self._left_out = 0
 
     def visit(self, path: str, value: Any, group: str = "", depth: int = 0) -> None:
-        """Note every signal in a value.
-
-        Parameters
-        ----------
-        path : str
-            Path of the value.
-        value : object
-        group : str
-            Path of what it was recorded in.
-        depth : int
-            How many values it lies in.
-        """
+        """Note every signal in a value at a path; `group` is the path of what it was recorded in."""
         self._nodes += 1
         if self._nodes > _MOST_NODES or depth > _DEEPEST:
             self._left_out += 1
@@ -142,7 +123,7 @@ class Walk:
 
     def _records(self, path: str, array: NDArray[Any], depth: int) -> None:
         if array.size == 1 and array.dtype.hasobject:
-            self._members(path, members(array.flat[0]), depth)
+            self._members(path, members(array), depth)
             return
         if not array.dtype.hasobject:
             self._found.skip(path, "calendar durations" if array.dtype.names else "empty")
@@ -177,45 +158,37 @@ class Walk:
         if _STREAMED in values:
             self._found.skip(path, "its samples are listed below #sigstream#")
             return
-        logged = list(_structure_with_time(values))
-        for name, series in logged:
-            self._series(f"{path}/{name}", series, path)
-        for name, text in _logged_texts(values) if logged else ():
-            self._found.text(f"{path}/{name}", text)
+        logged = list(_logged(values))
+        for where, series in logged:
+            self._series(f"{path}/{where}/values", series, path)
+        for where, record in _signals(values) if logged else ():
+            for name, value in record.items():
+                self._found.text(f"{path}/{where}/{name}", text_of(value))
         for name, value in values.items():
-            if logged and name == "signals":
-                continue
-            self.visit(f"{path}/{name}", value, path, depth + 1)
+            if not (logged and name == "signals"):
+                self.visit(f"{path}/{name}", value, path, depth + 1)
 
 
-def _structure_with_time(values: Mapping[str, Any]) -> Iterator[tuple[str, Series]]:
-    """Signals of a struct that Simulink has logged."""
+def _signals(values: Mapping[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Places and members of the signals in a struct that Simulink has logged."""
     signals = values.get("signals")
-    if "time" not in values or not isinstance(signals, np.ndarray):
+    if (
+        "time" not in values
+        or not isinstance(signals, np.ndarray)
+        or "values" not in (signals.dtype.names or ())
+    ):
         return
-    if signals.dtype.names is None or "values" not in signals.dtype.names:
-        return
-    time = np.ravel(values["time"])
+    for number, record in enumerate(signals.ravel(order="F"), start=1):
+        yield "signals" if signals.size == 1 else f"signals[{number}]", members(record)
+
+
+def _logged(values: Mapping[str, Any]) -> Iterator[tuple[str, Series]]:
+    time = np.ravel(values.get("time", ()))
     clock = np.asarray(time, np.float64) if time.size and time.dtype.kind in "iuf" else None
-    for number, record in enumerate(signals.ravel(order="F"), start=1):
-        own = members(record)
+    for where, own in _signals(values):
         if isinstance(own["values"], np.ndarray) and own["values"].dtype.kind in "biufc":
-            place = _place(signals, number)
             label = text_of(own.get("label")) or text_of(own.get("blockName"))
-            yield f"{place}/values", Series(own["values"], clock, label)
-
-
-def _place(signals: NDArray[Any], number: int) -> str:
-    return "signals" if signals.size == 1 else f"signals[{number}]"
-
-
-def _logged_texts(values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """What a struct that Simulink has logged tells about each of its signals, such as ``blockName``."""
-    signals = values["signals"]
-    for number, record in enumerate(signals.ravel(order="F"), start=1):
-        for name, value in members(record).items():
-            if text_of(value):
-                yield f"{_place(signals, number)}/{name}", text_of(value)
+            yield where, Series(own["values"], clock, label)
 
 
 def _numbers(items: Iterable[Any]) -> NDArray[Any] | None:
