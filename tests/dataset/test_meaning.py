@@ -18,7 +18,7 @@ from tendonrepro.dataset.mapping.suggestion import suggest
 from tendonrepro.dataset.meaning import columns as columns_module
 from tendonrepro.dataset.meaning.assignment import variable_of
 from tendonrepro.dataset.meaning.columns import Column, columns_of
-from tendonrepro.dataset.meaning.evidence import counted_in, differences_of, is_label, sampling_step
+from tendonrepro.dataset.meaning.evidence import counted_in, is_label, sampling_step
 from tendonrepro.dataset.meaning.understand import understand
 from tendonrepro.dataset.meaning.words import Hints, hints, printable
 from tendonrepro.dataset.readers.heading import headings

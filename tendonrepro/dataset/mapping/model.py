@@ -185,16 +185,7 @@ class Mapping(Model):
 
 @dataclass(frozen=True)
 class LoadedMapping:
-    """A mapping and where it comes from.
-
-    Attributes
-    ----------
-    mapping : Mapping
-    text : str
-        The file as it is.
-    sha256 : str
-        Digest of its content, whatever its layout and comments.
-    """
+    """A mapping, its text as it is, and the digest of its content whatever its layout and comments."""
 
     mapping: Mapping
     text: str
@@ -202,21 +193,7 @@ class LoadedMapping:
 
 
 def load_mapping(path: Path) -> LoadedMapping:
-    """Read and check a mapping file.
-
-    Parameters
-    ----------
-    path : Path
-
-    Returns
-    -------
-    LoadedMapping
-
-    Raises
-    ------
-    ConfigError
-        With every mistake on a line of its own, as ``file:line: key: what``.
-    """
+    """Read and check a mapping file; every mistake is on a line of its own, as ``file:line: key: what``."""
     text = read_text(path, hint=HINT)
     document = load(text, str(path))
     if not isinstance(document.tree, dict):
