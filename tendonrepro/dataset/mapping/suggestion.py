@@ -160,12 +160,10 @@ def _asked(
 def _not_guessed(left: Sequence[Column]) -> Iterator[tuple[str, str]]:
     """Doubts of columns in no run, and files with columns that nothing tells."""
     for column in left:
-        if column.quantity in {None, "other"}:
+        if column.joint is None or column.quantity is None:
             yield from ((column.source.name, doubt) for doubt in column.doubts)
-        elif column.joint is not None:
-            continue
-        if column.quantity != "other" and len(column.values) >= SHORTEST:
-            yield column.source.name, _NOT_GUESSED
+            if column.quantity != "other" and len(column.values) >= SHORTEST:
+                yield column.source.name, _NOT_GUESSED
 
 
 def _times(columns: Sequence[Column], clocks: Mapping[Address, Column]) -> list[Array]:
