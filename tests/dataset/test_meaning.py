@@ -500,12 +500,21 @@ def test_joints_counted_from_zero_are_moved_everywhere() -> None:
 
 
 @pytest.mark.parametrize(
-    ("written", "joints"),
-    [((1, 2), (2, 3)), ((2,), (2,)), ((2, 3), (2, 3)), ((0, 2), (None, 2)), ((0, 1, 2, 3), (None, 1, 2, 3))],
+    ("file", "written", "joints"),
+    [
+        ("c1", (1, 2), (2, 3)),
+        ("decoupling", (1, 2), (1, 2)),
+        ("c1", (2,), (2,)),
+        ("c1", (2, 3), (2, 3)),
+        ("c1", (0, 2), (None, 2)),
+        ("c1", (0, 1, 2, 3), (None, 1, 2, 3)),
+    ],
 )
-def test_joints_counted_from_one_are_moved(written: tuple[int, ...], joints: tuple[int | None, ...]) -> None:
+def test_joints_counted_from_one_are_moved(
+    file: str, written: tuple[int, ...], joints: tuple[int | None, ...]
+) -> None:
     """A nought alone, or beside joint 3, may stand for a start."""
-    found = guessed(source("c1.csv", {"t": TIME} | {f"q{k}": followed(k or 1) for k in written}, "g"))
+    found = guessed(source(f"{file}.csv", {"t": TIME} | {f"q{k}": followed(k or 1) for k in written}, "g"))
     assert tuple(found[f"q{k}"].joint for k in written) == joints
 
 

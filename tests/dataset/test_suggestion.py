@@ -173,7 +173,7 @@ ASKED: dict[str, tuple[list[Source], str]] = {
             source("c2.csv", {"Time": TIME, "q1": LATE, "q2": COURSE}),
             source("decoupling.csv", {"Time": TIME} | ANGLES, "deg"),
         ],
-        "controller_2: only joints 1 and 2 appear here, beside a joint 3 elsewhere: are they the",
+        "controller_2: only joints 1 and 2 appear, but not everywhere: are they the paper's 2 and 3? `joint`",
     ),
     "errors in Figure 16": (
         [source("fig16a.csv", {"X": TIME, "curve 1": 0.1 * LATE, "curve 2": 0.2 * LATE}, None)],

@@ -33,9 +33,6 @@ _PLAIN = {"variable", "unit"}
 _UNWRITABLE = re.compile("[\0\ud800-\udfff]")
 """What no mapping can hold: NUL, and halves of a pair that stand for bytes of no known encoding."""
 
-_EXAMPLE: dict[str, Node] = {
-    "variable": "q_encoder", "joint": 2, "file": "FILE", "signal": "SIGNAL", "unit": "deg",
-}  # fmt: skip
 _NO_TIME: Node = {"step_s": SAMPLING, "because": "the files hold no times; the paper samples every 1 ms"}
 
 _NOT_GUESSED = (
@@ -91,9 +88,10 @@ def suggest(columns: Sequence[Column], title: str) -> Suggestion:
     for name, chosen in runs.items():
         body += [f"  {name}:", *_yaml_lines(_described_run(name, chosen, axes), 4)]
     if not runs:
-        example: Node = [{**_EXAMPLE, **(_place(left[0]) if left else {})}]
-        time: Node = {"file": "FILE", "signal": "SIGNAL", "column": 1, "unit": "s"}
-        run: Node = {"payload_mass_kg": 0.0, "time": time, "signals": example}
+        nowhere: dict[str, Node] = {"file": "FILE", "signal": "SIGNAL", "column": 1}
+        where = _place(left[0]) if left else nowhere
+        example: Node = {"variable": "q_encoder", "joint": 2, **where, "unit": "deg"}
+        run: Node = {"payload_mass_kg": 0.0, "time": {**nowhere, "unit": "s"}, "signals": [example]}
         skeleton = "No run was found. Take this one, name files and signals as below, and delete the #:"
         body += [f"# {line}" for line in (skeleton, *_yaml_lines({"controller_1": run}, 1))]
     text = "\n".join([*(f"# {line}" for line in head), "", *body, *_rest(left, axes), ""])

@@ -21,7 +21,7 @@ _OFF = 0.01  # least difference that matters where a motor starts, as a share of
 _NO_JOINTS = (None, "time", "index", "other")
 _FROM_ZERO = "joints are counted from 0 here, so 1 is added"
 _FROM_ONE = "only joints 1 and 2 appear, so they are taken for 2 and 3, as in section 5.4"
-_MIXED = "only joints 1 and 2 appear here, beside a joint 3 elsewhere: are they the paper's 2 and 3? `joint`"
+_MIXED = "only joints 1 and 2 appear, but not everywhere: are they the paper's 2 and 3? `joint`"
 _UNTIED = "a motor angle is not S_inv times the joint angles: look at its `unit`, `scale` and `offset`"
 _STARTS = "a motor does not start where S_inv puts it: `offset` takes off what it starts at"
 
@@ -54,18 +54,21 @@ def count_as_paper(groups: Iterable[Sequence[Column]]) -> None:
     ]
     counted = {column.joint for group in numbered for column in group}
     from_zero = {0, 1} <= counted and 3 not in counted
-    from_one = counted == {1, 2} and not any(
-        is_decoupling(g) or any(c.decoupling for c in g) for g in numbered
-    )
+    from_one = counted == {1, 2} and not any(map(_is_apart, numbered))
     for group in numbered:
         for column in group:
             if from_zero or from_one:
                 column.joint = (column.joint or 0) + 1
                 column.because.append(_FROM_ZERO if from_zero else _FROM_ONE)
                 column.doubts += [_FROM_ZERO] if from_zero else []
-            elif {c.joint for c in group} == {1, 2} and not is_decoupling(group):
+            elif {c.joint for c in group} == {1, 2} and not _is_apart(group):
                 column.doubts.append(_MIXED)
             column.joint = column.joint or None
+
+
+def _is_apart(group: Sequence[Column]) -> bool:
+    """Whether joint 1 may appear: in the decoupling experiment, by its name or by what it is."""
+    return is_decoupling(group) or any(column.decoupling for column in group)
 
 
 def is_decoupling(group: Sequence[Column]) -> bool:
