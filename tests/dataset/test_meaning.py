@@ -150,6 +150,7 @@ def test_the_encoder_tells_degrees_from_radians(offset: float) -> None:
     assert counted_in(np.deg2rad(followed(2)) + offset) == "rad"
     assert counted_in(course(2)) is None
     assert counted_in(np.round(course(2))) is None
+    assert counted_in(2.0 * COUNT * np.round(course(2) / COUNT)) is None
 
 
 @pytest.mark.parametrize("lag", [1.0, np.nan, np.inf])
@@ -477,9 +478,12 @@ def test_a_count_as_it_is_and_as_it_is_printed(count: float, unit: str) -> None:
     assert counted_in(steps if unit == "deg" else np.deg2rad(steps)) == unit
 
 
-def test_two_smooth_angles_are_no_pair() -> None:
-    signals = {"t": TIME, "aa": course(2), "bb": course(2) + 0.3 * np.sin(TIME)}
-    found = guessed(source("x.csv", signals, "g"))
+@pytest.mark.parametrize(
+    ("aa", "bb"),
+    [(course(2), course(2) + 0.3 * np.sin(TIME)), (followed(2, 0.1), followed(2, 0.15))],
+)
+def test_two_smooth_angles_or_two_encoders_are_no_pair(aa: Array, bb: Array) -> None:
+    found = guessed(source("x.csv", {"t": TIME, "aa": aa, "bb": bb}, "g"))
     assert {found[name].quantity for name in ("aa", "bb")} == {None}
 
 
@@ -539,6 +543,11 @@ def test_of_two_curves_the_one_with_steps_is_measured() -> None:
         ("calculated", 2),
         ("measured", 2),
     ]
+
+
+def test_smooth_curves_of_figure_14_are_not_all_desired() -> None:
+    found = guessed(source("fig14a.csv", {"X": TIME, "curve 1": course(2), "curve 2": course(3)}, "g"))
+    assert [found[f"curve {k}"].quantity for k in (1, 2)] == ["measured", "measured"]
 
 
 def test_curves_without_names_are_in_the_order_of_the_paper() -> None:

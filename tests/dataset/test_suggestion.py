@@ -226,6 +226,13 @@ def test_what_is_settled_is_not_asked() -> None:
     assert {entry.file for entry in run.signals} == {"a/c1.csv"}
 
 
+def test_a_motor_before_the_reducer_is_written_with_sign_and_scale() -> None:
+    signals = {"Time": TIME, "motor2": -100.0 * WINCHES[1]} | ANGLES
+    _, mapping = suggested(source("x.csv", signals, "deg"))
+    (entry,) = [entry for entry in mapping.runs["decouple"].signals if entry.variable == "q_motor_encoder"]
+    assert (entry.joint, entry.sign, entry.scale) == (2, -1, 0.01)
+
+
 def test_files_that_complete_each_other_are_one_recording() -> None:
     """A run never mixes recordings: a table that contradicts the first is left out as a whole."""
     parts = [
