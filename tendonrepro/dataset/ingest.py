@@ -36,21 +36,9 @@ _PRINTED = "printed: Table 1, signs of section 3.3"
 def run_ingest(
     paths: Sequence[Path], mapping: Path, out: Path, *, force: bool, dry_run: bool, talk: Talk
 ) -> dict[str, Any]:
-    """Convert measured data to the layout of simulated traces.
+    """Convert measured files, folders and archives to the trace file `out`.
 
-    Parameters
-    ----------
-    paths : sequence of Path
-        Files, folders and archives.
-    mapping : Path
-        Mapping file.
-    out : Path
-        The trace file to write.
-    force : bool
-        Overwrite a file made by another mapping or from other data.
-    dry_run : bool
-        Read and check everything, write nothing.
-    talk : Talk
+    `force` overwrites one made by another mapping or from other data; `dry_run` writes nothing.
 
     Returns
     -------
@@ -67,7 +55,10 @@ def run_ingest(
         When a path is missing.
     """
     loaded = load_mapping(mapping)
-    sources = _read(paths, loaded, talk)
+    # Of an archive the mapping may name a member: then it is read whole.
+    wanted = loaded.mapping.files()
+    files = [(path, name) for path, name in files_below(paths) if any(_may_hold(name, w) for w in wanted)]
+    sources = read_guarded(files, talk)
     S, S_inv = coupling_of(table_1(published()))
     assembly = Assembly(sources, loaded.mapping, str(mapping), S, _judge)
     runs = assembly.runs()
@@ -75,12 +66,8 @@ def run_ingest(
     doubts += assembly.doubts
     for doubt in doubts:
         talk.note(f"check {doubt}")
-    guesses = list(loaded.mapping.guesses())
-    manifest = _manifest(mapping, loaded, assembly.used()) | {
-        "guesses": guesses,
-        "notes": assembly.notes,
-        "doubts": doubts,
-    }
+    told = {"guesses": list(loaded.mapping.guesses()), "notes": assembly.notes, "doubts": doubts}
+    manifest = _manifest(mapping, loaded, assembly.used()) | told
     file = TraceFile(
         experiment=_experiment(runs),
         source="measured",
@@ -99,15 +86,7 @@ def run_ingest(
         write_traces(out, file)
     head = {"schema_version": SCHEMA_VERSION, "out": str(out), "dry_run": dry_run, "title": file.title}
     described = {name: _described(trace) for name, trace in runs.items()}
-    kept = {key: manifest[key] for key in ("guesses", "notes", "doubts", "inputs")}
-    return head | {"runs": described} | kept
-
-
-def _read(paths: Sequence[Path], loaded: LoadedMapping, talk: Talk) -> list[Source]:
-    """Read the files that the mapping names; an archive is read whole when it names one of its members."""
-    wanted = loaded.mapping.files()
-    files = [(path, name) for path, name in files_below(paths) if any(_may_hold(name, w) for w in wanted)]
-    return read_guarded(files, talk)
+    return head | {"runs": described} | told | {"inputs": manifest["inputs"]}
 
 
 def _may_hold(name: str, wanted: str) -> bool:
@@ -126,17 +105,16 @@ def _judge(time: Array, e: Array) -> tuple[str, float]:
 
 
 def _experiment(runs: Mapping[str, Trace]) -> Literal["compare", "decouple", "both"]:
-    of_decoupling = [name in DECOUPLING_RUNS for name in runs]
-    if not any(of_decoupling):
-        return "compare"
-    return "decouple" if all(of_decoupling) else "both"
+    of_decoupling = {name in DECOUPLING_RUNS for name in runs}
+    return "both" if len(of_decoupling) > 1 else "decouple" if True in of_decoupling else "compare"
 
 
 def _coupling_record(S: Array, S_inv: Array) -> PlantRecord:
     """What the paper prints of the plant: the coupling, and nothing else."""
-    meanings = {"S": (S, "coupling matrix, q = S q_motor"), "S_inv": (S_inv, "inverse coupling matrix")}
-    values = {name: PlantValue(value, "1", _PRINTED, text) for name, (value, text) in meanings.items()}
-    return PlantRecord(values, {})
+    coupling = PlantValue(S, "1", _PRINTED, "coupling matrix, q = S q_motor")
+    return PlantRecord(
+        {"S": coupling, "S_inv": PlantValue(S_inv, "1", _PRINTED, "inverse coupling matrix")}, {}
+    )
 
 
 def _manifest(path: Path, loaded: LoadedMapping, sources: Sequence[Source]) -> dict[str, Any]:
@@ -191,32 +169,21 @@ def _described(trace: Trace) -> dict[str, Any]:
 
 
 def ingest_text(found: Mapping[str, Any]) -> str:
-    """What a terminal shows of an ingestion.
-
-    Parameters
-    ----------
-    found : mapping
-        Of `run_ingest`.
-
-    Returns
-    -------
-    str
-    """
-    lines = [f"{found['title']}"]
+    """What a terminal shows of an ingestion, `found` by `run_ingest`."""
+    lines = [found["title"]]
     for name, run in found["runs"].items():
         joints = ", ".join(map(str, run["joints"]))
         step = "one sample" if run["step_s"] is None else f"every {run['step_s'] * 1e3:g} ms"
         lines.append(f"  {name}: joints {joints}, {run['samples']} samples {step}, {run['status']}")
         lines.append(f"    {', '.join(run['variables'])}")
         if "mae_deg" in run:
-            sizes = (f"{key.upper()} {_numbers(run[f'{key}_deg'])}" for key in ("mae", "rmse"))
+            sizes = (
+                f"{key.upper()} {' / '.join(f'{value:.3f}' for value in run[f'{key}_deg'])}"
+                for key in ("mae", "rmse")
+            )
             lines.append(f"    error in deg: {', '.join(sizes)}")
     lines += [f"  note: {note}" for note in found["notes"]]
     if found["guesses"]:
         lines.append(f"  {len(found['guesses'])} columns are guessed and not confirmed; see the mapping")
     lines.append(f"would write {found['out']}" if found["dry_run"] else f"wrote {found['out']}")
     return "\n".join(map(printable, lines))
-
-
-def _numbers(values: Sequence[float]) -> str:
-    return " / ".join(f"{value:.3f}" for value in values)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -26,26 +27,14 @@ from tendonrepro.errors import UsageError
 from tendonrepro.files import write_atomically
 
 SCHEMA_VERSION = 1
-MOST_NAMED = 5
-"""Things skipped for the same reason that are named on a terminal; ``--json`` names all."""
-
-
-MOST_TEXTS = 40
-"""Texts of a file that are shown on a terminal."""
+_MOST_NAMED = 5  # things skipped for the same reason that a terminal shows; ``--json`` names all
+_MOST_TEXTS = 40  # texts of a file that a terminal shows
 
 
 def run_inspect(paths: Sequence[Path], suggest_to: Path | None, *, force: bool, talk: Talk) -> dict[str, Any]:
-    """Read files and say what is in them.
+    """Read files, folders and archives and say what is in them.
 
-    Parameters
-    ----------
-    paths : sequence of Path
-        Files, folders, archives.
-    suggest_to : Path or None
-        Where to write a mapping to begin with; None writes none.
-    force : bool
-        Overwrite an existing mapping.
-    talk : Talk
+    `suggest_to` is where to write a mapping to begin with, over one that exists only with `force`.
 
     Returns
     -------
@@ -89,9 +78,7 @@ def _files(sources: Iterable[Source], columns: Sequence[Column]) -> list[dict[st
             "size": source.size,
             "md5": source.md5,
             "signals": [_signal(signal, of[id(signal)]) for signal in source.signals],
-            "skipped": [
-                {"path": skip.path, "reason": skip.reason, "advice": skip.advice} for skip in source.skipped
-            ],
+            "skipped": [asdict(skip) for skip in source.skipped],
             "texts": dict(source.texts),
         }
         for source in sources
@@ -128,27 +115,15 @@ def _column(column: Column, runs: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def _number(count: int, noun: str) -> str:
-    return f"{count} {noun}" + "s" * (count != 1)
-
-
 def inspect_text(found: Mapping[str, Any]) -> str:
-    """What a terminal shows of an inspection.
-
-    Parameters
-    ----------
-    found : mapping
-        Of `run_inspect`.
-
-    Returns
-    -------
-    str
-    """
-    lines = [line for file in found["files"] for line in _file_lines(file)]
-    read = sum(len(file["signals"]) for file in found["files"])
-    skipped = sum(len(file["skipped"]) for file in found["files"])
-    files = _number(len(found["files"]), "file")
-    lines += ["", f"{files}: {_number(read, 'signal')} read, {skipped} left out"]
+    """What a terminal shows of an inspection, `found` by `run_inspect`."""
+    files = found["files"]
+    lines = [line for file in files for line in _file_lines(file)]
+    read, skipped = (sum(len(file[key]) for file in files) for key in ("signals", "skipped"))
+    counts = [
+        f"{count} {noun}{'s' * (count != 1)}" for count, noun in ((len(files), "file"), (read, "signal"))
+    ]
+    lines += ["", f"{counts[0]}: {counts[1]} read, {skipped} left out"]
     if "mapping" in found:
         lines += [f"decide: {remark}" for remark in found["decide"]]
         runs = ", ".join(f"{name} ({count} columns)" for name, count in found["runs"].items())
@@ -163,34 +138,26 @@ def _file_lines(file: Mapping[str, Any]) -> list[str]:
     lines = ["", f"{file['name']}: {file['kind']}, {file['size']:,} bytes"]
     for signal in file["signals"]:
         shape = " x ".join(map(str, signal["shape"]))
-        notes = [text for text in (_pace(signal), signal["note"]) if text]
-        lines.append(f"  {signal['path']}  {shape} {signal['dtype']}{''.join(f', {note}' for note in notes)}")
+        notes = [f", {text}" for text in (_pace(signal), signal["note"]) if text]
+        lines.append(f"  {signal['path']}  {shape} {signal['dtype']}{''.join(notes)}")
         lines += [f"    {_column_line(column, signal)}" for column in signal["columns"]]
-    return lines + _text_lines(file["texts"]) + _skipped_lines(file["skipped"])
-
-
-def _text_lines(texts: Mapping[str, str]) -> list[str]:
-    """Texts in a file: titles, labels, the beginning of a README."""
-    lines = []
-    for path, text in list(texts.items())[:MOST_TEXTS]:
+    for path, text in list(file["texts"].items())[:_MOST_TEXTS]:
         first, *rest = text.splitlines() or [""]
         lines += [f"  text {path}: {first}", *(f"    {line}" for line in rest)]
-    more = len(texts) - MOST_TEXTS
-    return lines + ([f"  and {more} more texts"] if more > 0 else [])
+    more = len(file["texts"]) - _MOST_TEXTS
+    return [*lines, *[f"  and {more} more texts"] * (more > 0), *_skipped_lines(file["skipped"])]
 
 
-def _skipped_lines(skipped: Sequence[Mapping[str, str]]) -> list[str]:
+def _skipped_lines(skipped: Sequence[Mapping[str, str]]) -> Iterator[str]:
     """What was left out; much of the same on one line."""
     alike: dict[tuple[str, str], list[str]] = defaultdict(list)
     for skip in skipped:
         alike[skip["reason"], skip["advice"]].append(skip["path"])
-    lines = []
     for (reason, advice), paths in alike.items():
-        named = [path for path in paths[:MOST_NAMED] if path]
-        more = f" and {len(paths) - len(named)} more" if len(paths) > MOST_NAMED else ""
+        named = [path for path in paths[:_MOST_NAMED] if path]
+        more = f" and {len(paths) - len(named)} more" if len(paths) > _MOST_NAMED else ""
         place = f"{', '.join(named)}{more}: " if named else ""
-        lines.append(f"  skipped {place}{reason}{'. ' + advice if advice else ''}")
-    return lines
+        yield f"  skipped {place}{reason}{'. ' + advice if advice else ''}"
 
 
 def _pace(signal: Mapping[str, Any]) -> str:
@@ -203,33 +170,19 @@ def _pace(signal: Mapping[str, Any]) -> str:
     return f"times from {in_seconds(first)} to {in_seconds(last)} s, {last - first:.6g} s long"
 
 
-def _extent(column: Mapping[str, Any]) -> str:
-    first, last = column["range"]
-    if column["meaning"] == "time":
-        return f"{in_seconds(first)} to {in_seconds(last)}"
-    return f"{first:.4g} to {last:.4g}"
-
-
-def _length(column: Mapping[str, Any]) -> str:
-    """How long times last that do not count from their own beginning."""
-    if column["meaning"] != "time" or column["range"] is None or column["unit"] not in FACTORS["time"]:
-        return ""
-    first, last = column["range"]
-    lasts = (last - first) * factor(column["unit"], "time")
-    return f", {lasts:.6g} s long" if abs(first) > last - first else ""
-
-
 def _column_line(column: Mapping[str, Any], signal: Mapping[str, Any]) -> str:
-    extent = "no numbers" if column["range"] is None else _extent(column)
-    if signal["unit"]:
-        extent += f" {signal['unit']}"
-    if column["missing"]:
-        extent += f", {column['missing']} missing"
-    extent += _length(column)
-    head = f"{column['column']}: {extent}" if len(signal["columns"]) > 1 else extent
+    is_time = column["meaning"] == "time"
+    first, last = column["range"] or (0.0, 0.0)
+    extent = f"{in_seconds(first)} to {in_seconds(last)}" if is_time else f"{first:.4g} to {last:.4g}"
+    line = extent if column["range"] else "no numbers"
+    line = f"{column['column']}: {line}" if len(signal["columns"]) > 1 else line
+    line += f" {signal['unit']}" if signal["unit"] else ""
+    line += f", {column['missing']} missing" if column["missing"] else ""
+    # Times that do not count from their own beginning.
+    if is_time and column["unit"] in FACTORS["time"] and abs(first) > last - first:
+        line += f", {(last - first) * factor(column['unit'], 'time'):.6g} s long"
     if column["meaning"] is None:
-        return f"{head} -> ?"
-    joint = f" {column['joint']}" if column["joint"] and column["meaning"] != "time" else ""
+        return f"{line} -> ?"
+    joint = f" {column['joint']}" if column["joint"] and not is_time else ""
     run = f" of {', '.join(column['runs'])}" if column["runs"] else ""
-    reasons = "; ".join(column["because"])
-    return f"{head} -> {column['meaning']}{joint}{run} ({reasons})"
+    return f"{line} -> {column['meaning']}{joint}{run} ({'; '.join(column['because'])})"

@@ -13,7 +13,7 @@ from tendonrepro.results.traces import read_traces
 MEASURED = Path("data") / "measured.h5"
 """Where it is unless a command says otherwise."""
 
-THE_WAY = (
+_THE_WAY = (
     "tendonrepro fetch gets the paper's data, tendonrepro inspect --suggest writes a mapping to check, and "
     "tendonrepro ingest makes this file"
 )
@@ -22,14 +22,6 @@ THE_WAY = (
 def read_measured(path: Path) -> TraceFile:
     """Read a measured trace file.
 
-    Parameters
-    ----------
-    path : Path
-
-    Returns
-    -------
-    TraceFile
-
     Raises
     ------
     DataMissingError
@@ -37,26 +29,28 @@ def read_measured(path: Path) -> TraceFile:
     UsageError
         If it is simulated.
     """
-    if not path.exists():
-        message = "there is no measured trace file"
-        raise DataMissingError(message, where=str(path), hint=THE_WAY)
     try:
         file = read_traces(path)
     except DataMissingError as error:
-        raise DataMissingError(error.message, where=error.where, hint=THE_WAY) from error
+        message = error.message if path.exists() else "there is no measured trace file"
+        raise DataMissingError(message, where=error.where, hint=_THE_WAY) from error
     if file.source != "measured":
         message = "holds simulated traces, and only a measurement can be validated against the paper"
-        raise UsageError(message, where=str(path), hint=THE_WAY)
+        raise UsageError(message, where=str(path), hint=_THE_WAY)
     return file
 
 
 def origin(file: TraceFile) -> dict[str, Any]:
-    """Inputs of a measured file with their digests, what was guessed about them, and what looks wrong."""
+    """Inputs of a measured file with their digests, what was guessed about them, and what looks wrong.
+
+    Returns
+    -------
+    dict
+        ``inputs``, ``guesses`` and ``doubts``, each a list; empty where the manifest is not of ingest.
+    """
     try:
-        manifest = json.loads(file.manifest_json)
-    except ValueError:
-        manifest = {}
-    if not isinstance(manifest, dict):
+        manifest = dict(json.loads(file.manifest_json))
+    except (ValueError, TypeError):
         manifest = {}
     texts = {key: list(map(str, manifest.get(key) or [])) for key in ("guesses", "doubts")}
     return {"inputs": manifest.get("inputs") or [], **texts}

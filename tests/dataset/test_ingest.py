@@ -169,13 +169,17 @@ def test_an_error_of_the_other_sign_is_asked_about(simulated: TraceFile, tmp_pat
     path, mapping = tmp_path / "SYNTHETIC_controller_1.csv", tmp_path / "mapping.yaml"
     rows = np.stack(list(columns.values()), axis=1)
     np.savetxt(path, rows, delimiter=",", header=",".join(columns), comments="", fmt="%.6f")
-    run_inspect([path], mapping, force=False, talk=QUIET)
+    asked = inspect_text(run_inspect([path], mapping, force=False, talk=QUIET))
+    assert "decide: controller_1: an error is taken for desired less measured; if it is" in asked
     found = run_ingest([path], mapping, tmp_path / "m.h5", force=False, dry_run=False, talk=QUIET)
-    (doubt,) = found["doubts"]
-    assert doubt == (
-        "controller_1: e of joint 2, 3: q_encoder - e is smoother than q_encoder + e: `sign: -1`?"
-    )
-    assert json.loads(read_traces(tmp_path / "m.h5").manifest_json)["doubts"] == [doubt]
+    (note,) = found["notes"]
+    assert note.endswith("q_d is q_encoder + e; if e was recorded as measured less desired, `sign: -1`")
+    assert json.loads(read_traces(tmp_path / "m.h5").manifest_json)["notes"] == [note]
+    text = mapping.read_text(encoding="utf-8")
+    mapping.write_text(text.replace("variable: e\n", "variable: e\n      sign: -1\n"), encoding="utf-8")
+    run_ingest([path], mapping, tmp_path / "m.h5", force=True, dry_run=False, talk=QUIET)
+    back = read_traces(tmp_path / "m.h5").runs["controller_1"]
+    np.testing.assert_allclose(back["q_d"], run["q_d"], rtol=0.0, atol=1e-7)
 
 
 def test_a_folder_without_a_name_is_called_by_its_own(

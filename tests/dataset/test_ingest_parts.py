@@ -17,7 +17,6 @@ from tendonrepro.config.published import coupling_of, published, table_1
 from tendonrepro.dataset.mapping.assembly import Assembly, doubts_about
 from tendonrepro.dataset.mapping.model import Mapping, load_mapping
 from tendonrepro.dataset.mapping.timebase import RESAMPLED, Timed, TimeProblem, checked, even, shared, within
-from tendonrepro.dataset.meaning.evidence import COUNTS_DEG
 from tendonrepro.dataset.readers.signals import Found, Skipped, Source, samples_first
 from tendonrepro.errors import ConfigError
 from tendonrepro.results.records import Trace
@@ -157,121 +156,38 @@ LAG = 0.3 * np.cos(TIME[:, np.newaxis]) + np.array([0.02, 0.05])
 """Errors that are small beside the motion, deg."""
 
 
-def given_pair(name: str, angle: Array, e: Array) -> Assembly:
-    """A run with one angle and the error, in the making, its variables in two joints."""
-    entries = [
-        entry(variable, joint, signal, column=joint - 1)
-        for variable, signal in ((name, "a"), ("e", "e"))
-        for joint in (2, 3)
-    ]
-    assembly = assemble(make_mapping(*entries), make_source(t=TIME, a=angle, e=e))
-    assembly.runs()
-    return assembly
-
-
-@pytest.mark.parametrize("count", COUNTS_DEG)
-def test_an_error_of_the_other_sign_is_told_by_the_motion_it_makes(count: float) -> None:
-    """No desired angle moves by an encoder's counts, and every measured one does."""
-    q_d, q = ANGLE, count * np.round((ANGLE - LAG) / count)
-    e = q_d - q
-    assert given_pair("q_encoder", q, e).doubts == []
-    assert given_pair("q_encoder", q, -e).doubts == [
-        "controller_1: e of joint 2, 3: q_encoder - e is smoother than q_encoder + e: `sign: -1`?"
-    ]
-    assert given_pair("q_d", q_d, e).doubts == []
-    assert given_pair("q_d", q_d, -e).doubts == [
-        "controller_1: e of joint 2, 3: q_d + e lies on the encoder's counts, q_d - e does not: `sign: -1`?"
-    ]
-
-
-def test_an_error_of_the_other_sign_is_told_by_other_runs() -> None:
-    """All controllers are asked for the same motion."""
-    sizes = {"controller_1": 1.0, "controller_2": 1.4, "controller_3": 0.7}
-    found = {}
-    for sign in (1.0, -1.0):
-        at = {"unit": "deg", "joint": 2}
-        runs, sources = {}, []
-        for name, size in sizes.items():
-            file, e = f"SYNTHETIC_{name}.mat", size * LAG[:, 0]
-            sources.append(make_source(file, t=TIME, q=ANGLE[:, 0] - e, e=sign * e))
-            columns = [
-                {"variable": v, "signal": s, "file": file} | at for v, s in (("q_encoder", "q"), ("e", "e"))
-            ]
-            runs[name] = {"time": {"file": file, "signal": "t"}, "signals": columns}
-        mapping = Mapping.model_validate({"schema_version": 1, "title": "SYNTHETIC", "runs": runs})
-        assembly = assemble(mapping, *sources)
-        assembly.runs()
-        found[sign] = assembly.doubts
-    assert found[1.0] == []
-    (doubt,) = found[-1.0]
-    assert doubt.startswith("controller_1, controller_2, controller_3: e of joint 2: q_encoder - e agrees")
-
-
-def with_error(e: Array, q: Array | None = None) -> tuple[Assembly, Trace]:
-    columns = {"q_d": ANGLE[:, 0], "q_encoder": ANGLE[:, 0] - LAG[:, 0] if q is None else q, "e": e}
+@pytest.mark.parametrize("factor", [-1.0, 180.0 / np.pi, np.pi / 180.0, 3.0])
+def test_an_error_that_contradicts_the_difference_is_asked_about_and_fills_nothing(factor: float) -> None:
+    gap = slice(50, 60)
+    q = ANGLE[:, 0] - LAG[:, 0]
+    q[gap] = np.nan
+    columns = {"q_d": ANGLE[:, 0], "q_encoder": q, "e": factor * LAG[:, 0]}
     assembly = assemble(
         make_mapping(*(entry(name, signal=name) for name in columns)), make_source(t=TIME, **columns)
     )
     (run,) = assembly.runs().values()
-    return assembly, run
-
-
-TURN = 180.0 / np.pi
-
-
-@pytest.mark.parametrize(
-    ("factor", "says"),
-    [
-        (-1.0, "is q_encoder - q_d: `sign: -1`?"),
-        (1.0 / TURN, "57.3 times smaller than q_d - q_encoder: `unit: rad`?"),
-        (TURN, "57.3 times larger than q_d - q_encoder: `unit: deg`?"),
-        (-1.0 / TURN, "57.3 times smaller than q_encoder - q_d: `unit: rad` and `sign: -1`?"),
-        (-TURN, "57.3 times larger than q_encoder - q_d: `unit: deg` and `sign: -1`?"),
-        (3.0, "up to 0.64 deg off q_d - q_encoder"),
-    ],
-)
-def test_an_error_that_contradicts_the_difference_is_explained_and_fills_nothing(
-    factor: float, says: str
-) -> None:
-    q = ANGLE[:, 0] - LAG[:, 0]
-    q[50:60] = np.nan
-    assembly, run = with_error(factor * LAG[:, 0], q)
-    (doubt,) = assembly.doubts
-    assert doubt.startswith("controller_1: e of joint 2: it is ")
-    assert says in doubt
+    most = abs(factor - 1.0) * np.abs(np.delete(LAG[:, 0], gap)).max()
+    look = "look at column, `unit`, `sign` and run of all three"
+    assert assembly.doubts == [
+        f"controller_1: e of joint 2 is up to {most:.3g} deg off q_d - q_encoder: {look}"
+    ]
     assert not any("recorded error" in note for note in assembly.notes)
     for name in ("e", "q_encoder"):
-        assert np.isnan(run[name][50:60]).all()
-    np.testing.assert_allclose(
-        np.rad2deg(np.delete(run["e"][:, 0], slice(50, 60))), np.delete(LAG[:, 0], slice(50, 60))
-    )
+        assert np.isnan(run[name][gap]).all()
+    e = np.rad2deg(run["e"][:, 0])
+    np.testing.assert_allclose(np.delete(e, gap), np.delete(LAG[:, 0], gap))
 
 
-def test_a_motion_in_steps_is_no_rounding() -> None:
-    """What would be half a step of such a record is no tolerance."""
-    q_d = 10.0 * np.round(TIME)
-    columns = {"q_d": q_d, "q_encoder": q_d - LAG[:, 0], "e": -LAG[:, 0]}
-    entries = [entry(name, signal=name) for name in columns]
-    assembly = assemble(make_mapping(*entries), make_source(t=TIME, **columns))
-    assembly.runs()
-    assert assembly.doubts == ["controller_1: e of joint 2: it is q_encoder - q_d: `sign: -1`?"]
-
-
-@pytest.mark.parametrize("decimals", [16, 5, 3, 2])
-def test_rounding_is_no_contradiction(decimals: int) -> None:
-    assembly, _ = with_error(np.round(LAG[:, 0], decimals), np.round(ANGLE[:, 0] - LAG[:, 0], decimals))
-    assert assembly.doubts == []
-    assert assembly.notes == []
-
-
-def test_a_recorded_error_gives_way_to_the_difference_and_is_compared() -> None:
-    columns = {"q_d": ANGLE[:, 0], "q_encoder": ANGLE[:, 0] - 0.2, "e": np.full(len(TIME), 0.25)}
+@pytest.mark.parametrize(("apart", "notes"), [(0.05, ["controller_1: e is q_d - q_encoder; "]), (0.0, [])])
+def test_a_recorded_error_gives_way_to_the_difference_and_is_compared(apart: float, notes: list[str]) -> None:
+    columns = {"q_d": ANGLE[:, 0], "q_encoder": ANGLE[:, 0] - 0.2, "e": np.full(len(TIME), 0.2 + apart)}
     assembly = assemble(
         make_mapping(*(entry(name, signal=name) for name in columns)), make_source(t=TIME, **columns)
     )
     (run,) = assembly.runs().values()
     np.testing.assert_allclose(np.rad2deg(run["e"]), 0.2, rtol=1e-12)
-    assert any("0.05 deg off" in note for note in assembly.notes)
+    assert assembly.notes == [f"{note}the recorded error is up to 0.05 deg off" for note in notes]
+    assert assembly.doubts == []
 
 
 def test_two_give_the_third_joint_by_joint() -> None:
@@ -283,7 +199,10 @@ def test_two_give_the_third_joint_by_joint() -> None:
     (run,) = assembly.runs().values()
     np.testing.assert_allclose(np.rad2deg(run["q_encoder"]), q_d - e, atol=1e-13)
     np.testing.assert_allclose(np.rad2deg(run["e"]), e, atol=1e-13)
-    assert assembly.notes == ["controller_1: q_encoder of joint 3 is q_d - e"]
+    assert assembly.notes == [
+        "controller_1: q_encoder of joint 3 is q_d - e; "
+        "if e was recorded as measured less desired, `sign: -1`"
+    ]
 
 
 @pytest.mark.parametrize("gap", ["q_d", "q_encoder", "e"])

@@ -18,36 +18,28 @@ from tendonrepro.dataset.mapping.model import Mapping, load_mapping
 from tendonrepro.dataset.mapping.suggestion import Suggestion, suggest
 from tendonrepro.dataset.meaning.understand import understand
 from tendonrepro.dataset.readers.signals import Found, Source
-from tendonrepro.errors import ConfigError, TendonreproError
+from tendonrepro.errors import TendonreproError
 
 Array = NDArray[np.float64]
 S, S_INV = coupling_of(table_1(published()))
 TIME = 0.01 * np.arange(500.0)
 COURSE = np.sin(TIME)
-MOTORS = ("motor1", "motor2", "motor3")
 LATE = COURSE - 1e-3 * np.cos(7.0 * TIME)
 
 # Names as YAML could hold them: it has no way to write half of a pair, and the strict reader refuses NUL.
 names = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), min_size=1, max_size=30)
 
 
-def source(name: str, signals: AnyMapping[str, Array], **times: Array) -> Source:
+def source(name: str, signals: AnyMapping[str, Array], unit: str | None = "rad", **times: Array) -> Source:
     found = Found("SYNTHETIC")
     for path, values in signals.items():
-        found.add(path, values, label=path.rpartition("/")[2], unit="rad", group="log", time=times.get(path))
+        found.add(path, values, label=path.rpartition("/")[2], unit=unit, group="log", time=times.get(path))
     return Source(name, "SYNTHETIC", 0, "0" * 32, tuple(found.signals))
 
 
 def suggested(*sources: Source) -> tuple[Suggestion, Mapping]:
     suggestion = suggest(understand(sources, S_INV), "SYNTHETIC")
     return suggestion, Mapping.model_validate(load(suggestion.text, "mapping.yaml").tree)
-
-
-def duration(*sources: Source) -> float:
-    _, mapping = suggested(*sources)
-    assembly = Assembly(sources, mapping, "mapping.yaml", S, lambda time, _: ("ok", float(time[-1])))
-    (run,) = assembly.runs().values()
-    return float(run.time[-1])
 
 
 @given(file=names, signal=names, title=names)
@@ -96,145 +88,162 @@ def test_a_name_that_no_mapping_holds_does_not_stop_the_others(name: str) -> Non
     suggestion.text.encode()
 
 
-class TestTimes:
-    """A plain vector beside a timeseries in one run."""
+COUNT = 360.0 / 16384.0
+DEGREES = 10.0 * np.stack([COURSE, np.sin(0.7 * TIME), np.sin(1.3 * TIME)])
+STEPS = COUNT * np.round((DEGREES - 0.3 * np.cos(TIME)) / COUNT)
+ANGLES = {f"q{k + 1}": STEPS[k] for k in range(3)}
+WINCHES = S_INV @ STEPS
+LONG = {
+    "Time": np.tile(TIME, 4),
+    "controller": np.repeat([1.0, 1.0, 3.0, 3.0], len(TIME)),
+    "joint": np.repeat([2.0, 3.0, 2.0, 3.0], len(TIME)),
+    "measured": np.tile(LATE, 4),
+}
+NOISE = {f"x{k + 100}": row for k, row in enumerate(np.random.default_rng(4).normal(size=(24, len(TIME))))}
+ALONE = "is not guessed; their lines stand at the end, take them under `signals` of a run"
+# What is no longer told from numbers: files, and what is asked with the key of the mapping that settles it.
+ASKED: dict[str, tuple[list[Source], str]] = {
+    "a table in long form": (
+        [source("tidy.csv", LONG, None)],
+        "this is a table in long form, take the rows of a run with `where` on 'controller', 'joint'",
+    ),
+    "a table in long form, by time": (
+        [source("tidy.csv", {name: column[np.argsort(LONG["Time"])] for name, column in LONG.items()}, None)],
+        "`where` on 'controller', 'joint'",
+    ),
+    "repetitions": (
+        [source(f"c1_{k}.csv", {"Time": TIME, "q2_d": COURSE, "q2": LATE**k, "tau2": LATE}) for k in (1, 2)],
+        "controller_1: several columns claim the same place, the first are taken, not c1_2.csv: q2_d, "
+        "c1_2.csv: q2, c1_2.csv: tau2; to keep another recording, give it a run",
+    ),
+    "two columns for one place": (
+        [source("c1.csv", {"Time": TIME, "q2": LATE, "angle 2": LATE**2})],
+        "controller_1: several columns claim the same place, the first are taken, not c1.csv: angle 2;",
+    ),
+    "encoder and calculated angle of one name": (
+        [source("c1.csv", {"Time": TIME, "Q2": STEPS[1], "q2": DEGREES[1]}, "deg")],
+        "controller_1: several columns claim the same place, the first are taken, not c1.csv: q2;",
+    ),
+    "joint and motor angles of one name": (
+        [source("c1.csv", {"Time": TIME, "Q2": STEPS[1], "q2": WINCHES[1]}, "deg")],
+        "not c1.csv: q2;",
+    ),
+    "the unit of s": (
+        [source("c1.csv", {"Time": TIME, "q2": STEPS[1], "s2": LATE}, None)],
+        "controller_1: no unit of s is given, deg/s is taken: `unit` of its entries",
+    ),
+    "an error beside one angle": (
+        [source("c1.csv", {"Time": TIME, "q2": STEPS[1], "e2": STEPS[1] - DEGREES[1]}, "deg")],
+        "controller_1: an error is taken for desired less measured; if it is the other way, `sign: -1`",
+    ),
+    "an error among angles": (
+        [
+            source(
+                "c1.csv", {"Time": TIME, "xx": DEGREES[1], "yy": STEPS[1], "zz": DEGREES[1] - STEPS[1]}, None
+            )
+        ],
+        f"c1.csv: what some columns are {ALONE}",
+    ),
+    "encoders alone": (
+        [source("c1.csv", {"Time": TIME, "xx": STEPS[1], "yy": STEPS[2]}, None)],
+        f"c1.csv: what some columns are {ALONE}",
+    ),
+    "too many columns to compare": (
+        [source("c1.csv", {"Time": TIME} | NOISE | {"xx": DEGREES[1], "yy": STEPS[1]}, None)],
+        f"c1.csv: what some columns are {ALONE}",
+    ),
+    "columns that follow each other": (
+        [source("x.csv", {"Time": TIME, "xx": DEGREES[1], "yy": STEPS[1]}, None)],
+        "so they are taken for desired and measured angle: `variable`",
+    ),
+    "where motors start": (
+        [source("x.csv", {"Time": TIME, "motor2": WINCHES[1] + 3.0} | ANGLES, "deg")],
+        "decouple: a motor does not start where S_inv puts it: `offset`",
+    ),
+    "another gear": (
+        [source("x.csv", {"Time": TIME, "motor2": 50.0 * WINCHES[1]} | ANGLES, "deg")],
+        "a motor angle is not S_inv times the joint angles: look at its `unit`, `scale` and `offset`",
+    ),
+    "a motor that rests": (
+        [source("x.csv", {"Time": TIME, "motor2": 0.0 * TIME + 12.5} | ANGLES, "deg")],
+        "`unit`, `scale` and `offset`",
+    ),
+    "joints that are counted in two ways": (
+        [
+            source("c2.csv", {"Time": TIME, "q1": LATE, "q2": COURSE}),
+            source("decoupling.csv", {"Time": TIME} | ANGLES, "deg"),
+        ],
+        "controller_2: only joints 1 and 2 appear, but not everywhere: are they the paper's 2 and 3? `joint`",
+    ),
+    "errors in Figure 16": (
+        [source("fig16a.csv", {"X": TIME, "curve 1": 0.1 * LATE, "curve 2": 0.2 * LATE}, None)],
+        "the curves of Figure 16 are taken for angles; if they are errors, `variable: e`",
+    ),
+    "a vector beside a timeseries": (
+        [source("c1.mat", {"log/q2_d": COURSE, "log/q2": LATE}, **{"log/q2_d": TIME})],
+        "controller_1: columns without a time: every 0.001 s is the paper's, `step_s` is the record's",
+    ),
+    "columns with times of their own": (
+        [source("c1.csv", {"X1": TIME, "q2_d": COURSE, "X2": 1.1 * TIME, "q2": LATE}, None)],
+        "controller_1: columns have times of their own: `resample: {step_s: ...}` at the top joins them",
+    ),
+    "two clocks": (
+        [
+            source("decoupling_a.csv", {"Time": TIME} | ANGLES, None),
+            source("decoupling_b.csv", {"Time": 1e9 + TIME, "motor1": WINCHES[0]}, None),
+        ],
+        "`offset` of a `time` moves a clock",
+    ),
+    "slow samples since 1970": (
+        [source("c1.csv", {"Time": 1.7e9 + 5.0 * np.arange(500.0), "q2": LATE}, None)],
+        "no unit of the times is stated, ms is taken, which makes their step 5 ms",
+    ),
+}
 
-    def test_the_vector_gets_the_step_of_the_timeseries(self) -> None:
-        beside = source("controller1.mat", {"log/q2_d": COURSE, "log/q2": LATE}, **{"log/q2_d": TIME})
-        suggestion, mapping = suggested(beside)
-        assert duration(beside) == pytest.approx(4.99)
-        assert not suggestion.remarks
-        (run,) = mapping.runs.values()
-        assert run.time is not None
-        assert run.time.step_s == 0.01
-        assert "log/q2_d" in (run.time.because or "")
 
-    def test_a_gap_in_the_times_is_to_be_decided(self) -> None:
-        time = np.append(TIME[:-1], np.inf)
-        beside = source("controller1.mat", {"log/q2_d": COURSE, "log/q2": LATE}, **{"log/q2_d": time})
-        assert any("log/q2 has no times" in remark for remark in suggested(beside)[0].remarks)
-
-    @pytest.mark.parametrize("time", [TIME + 5.0, TIME**2])
-    def test_times_that_are_no_even_steps_are_to_be_decided(self, time: Array) -> None:
-        beside = source("controller1.mat", {"log/q2_d": COURSE, "log/q2": LATE}, **{"log/q2_d": time})
-        suggestion, _ = suggested(beside)
-        (remark,) = suggestion.remarks
-        assert "log/q2 has no times" in remark
-        assert "log/q2_d" in remark
-        with pytest.raises(ConfigError, match="differ by up to"):
-            duration(beside)
-
-    def test_two_steps_beside_it_are_to_be_decided(self) -> None:
-        signals = {"log/q2_d": COURSE, "log/q3_d": COURSE, "log/q2": LATE}
-        beside = source("controller1.mat", signals, **{"log/q2_d": TIME, "log/q3_d": 2.0 * TIME})
-        assert any("log/q2 has no times" in remark for remark in suggested(beside)[0].remarks)
-
-    def test_another_length_is_no_witness(self) -> None:
-        beside = source(
-            "controller1.mat", {"log/q2_d": COURSE[:400], "log/q2": LATE}, **{"log/q2_d": TIME[:400]}
-        )
-        suggestion, mapping = suggested(beside)
-        (run,) = mapping.runs.values()
-        assert run.time is not None
-        assert run.time.step_s == 0.001
-        assert any("0.001 s is the paper's" in remark for remark in suggestion.remarks)
-
-    def test_a_column_of_times_serves_what_has_none(self) -> None:
-        signals = {"log/Time": TIME, "log/q2_d": COURSE, "log/q2": LATE}
-        suggestion, mapping = suggested(source("controller1.mat", signals, **{"log/q2_d": TIME}))
-        (run,) = mapping.runs.values()
-        assert run.time is not None
-        assert run.time.signal == "log/Time"
-        assert not any("has no times" in remark for remark in suggestion.remarks)
+@pytest.mark.parametrize("case", ASKED)
+def test_what_is_not_guessed_is_asked(case: str) -> None:
+    """At the head of the mapping, which loads as it is or with the lines at its end."""
+    sources, question = ASKED[case]
+    suggestion = suggest(understand(sources, S_INV), "SYNTHETIC")
+    assert any(question in remark for remark in suggestion.remarks), suggestion.remarks
+    assert question in " ".join(line for line in suggestion.text.split("\n") if line.startswith("# DECIDE: "))
+    assert suggestion.text.count("\n    - variable: ") == sum(suggestion.runs.values())
+    assert suggestion.text.count("\n#    - variable: ") == len(suggestion.left) + (not suggestion.runs)
+    if suggestion.runs:
+        tree = load(suggestion.text, "mapping.yaml").tree
+        assert Mapping.model_validate(tree).runs.keys() == suggestion.runs.keys()
 
 
-class TestOwnTimes:
-    """Columns of one run with different times."""
-
-    def test_they_are_resampled_where_they_meet(self) -> None:
-        """What is taken where both have samples is not changed by it."""
-        signals = {"X1": TIME, "q2_d Y": COURSE, "X2": np.append(TIME[:400], np.full(100, np.nan))}
-        signals["q2 Y"] = np.append(LATE[:400], np.full(100, np.nan))
-        found = Found("SYNTHETIC")
-        for path, values in signals.items():
-            found.add(path, values, group="table")
-        sources = [Source("c1.csv", "SYNTHETIC", 0, "0" * 32, tuple(found.signals))]
-        suggestion, mapping = suggested(*sources)
-        assert mapping.resample is not None
-        assert mapping.resample.step_s == 0.01
-        assert any("times of their own" in remark for remark in suggestion.remarks)
-        (run,) = (
-            Assembly(sources, mapping, "m.yaml", S, lambda time, _: ("ok", float(time[-1]))).runs().values()
-        )
-        np.testing.assert_allclose(
-            run["q_d"][:, 0] / run["q_encoder"][:, 0], (COURSE / LATE)[:400], rtol=1e-9
-        )
-
-    @pytest.mark.parametrize("step", [0.01, 0.004])
-    def test_clocks_that_do_not_meet_start_together(self, step: float) -> None:
-        apart = [
-            source("decoupling_a.csv", {"Time": TIME} | {f"q{k}": COURSE for k in (1, 2, 3)}),
-            source("decoupling_b.csv", {"Time": 1e9 + step * np.arange(500.0)} | dict.fromkeys(MOTORS, LATE)),
-        ]
-        suggestion, mapping = suggested(*apart)
-        assert (mapping.resample is None) == (step == 0.01)
-        assert any("do not meet" in remark for remark in suggestion.remarks)
-        assert duration(*apart) == pytest.approx(499.0 * step, abs=2e-6)
+def test_what_is_settled_is_not_asked() -> None:
+    """Columns with names, units and a common time leave nothing to decide; a curve may stand in two files."""
+    signals = {"Time": TIME, "q2_d": COURSE, "q2": LATE, "e2": COURSE - LATE}
+    found = [source(f"{folder}/c1.csv", signals) for folder in "ab"]
+    suggestion, mapping = suggested(*found)
+    assert suggestion.runs == {"controller_1": 3}
+    assert not [remark for remark in suggestion.remarks if "unit of the times" not in remark]
+    (run,) = mapping.runs.values()
+    assert {entry.file for entry in run.signals} == {"a/c1.csv"}
 
 
-def test_a_table_in_long_form_is_assembled_as_it_was() -> None:
-    found = Found("SYNTHETIC")
-    signals = {
-        "Time (s)": np.tile(TIME, 4),
-        "controller": np.repeat([1.0, 1.0, 3.0, 3.0], len(TIME)),
-        "joint": np.repeat([2.0, 3.0, 2.0, 3.0], len(TIME)),
-        "measured (rad)": np.concatenate([k * LATE for k in (1.0, 0.9, 0.8, 0.7)]),
-    }
-    for name, values in signals.items():
-        found.add(name, values, group="table")
-    tidy = [Source("tidy.csv", "SYNTHETIC", 0, "0" * 32, tuple(found.signals))]
-    _, mapping = suggested(*tidy)
-    runs = Assembly(tidy, mapping, "mapping.yaml", S, lambda time, _: ("ok", float(time[-1]))).runs()
-    assert list(runs) == ["controller_1", "controller_3"]
-    np.testing.assert_array_equal(runs["controller_1"]["q_encoder"], np.stack([LATE, 0.9 * LATE], axis=1))
-    np.testing.assert_array_equal(
-        runs["controller_3"]["q_encoder"], np.stack([0.8 * LATE, 0.7 * LATE], axis=1)
-    )
+def test_a_motor_before_the_reducer_is_written_with_sign_and_scale() -> None:
+    signals = {"Time": TIME, "motor2": -100.0 * WINCHES[1]} | ANGLES
+    _, mapping = suggested(source("x.csv", signals, "deg"))
+    (entry,) = [entry for entry in mapping.runs["decouple"].signals if entry.variable == "q_motor_encoder"]
+    assert (entry.joint, entry.sign, entry.scale) == (2, -1, 0.01)
 
 
-class TestRecordings:
-    """Several recordings of one run."""
-
-    def test_columns_of_one_run_are_of_one_recording(self) -> None:
-        first = {"Time": TIME, "q2_d": COURSE, "q2": LATE}
-        second = {"Time": TIME, "q2_d": COURSE, "q2": LATE**2, "s2": LATE, "tau2": LATE}
-        _, mapping = suggested(source("c1_trial1.csv", first), source("c1_trial2.csv", second))
-        files = {name: {entry.file for entry in run.signals} for name, run in mapping.runs.items()}
-        assert files == {"controller_1": {"c1_trial2.csv"}, "controller_1_repeat_2": {"c1_trial1.csv"}}
-
-    def test_files_that_complete_each_other_are_one_recording(self) -> None:
-        parts = [
-            source(f"c1_{part}{trial}.csv", {"Time": TIME, f"{part}2": LATE**trial})
-            for part in ("q", "tau")
-            for trial in (1, 2)
-        ]
-        _, mapping = suggested(*parts)
-        files = [[entry.file for entry in run.signals] for run in mapping.runs.values()]
-        assert files == [["c1_q1.csv", "c1_tau1.csv"], ["c1_q2.csv", "c1_tau2.csv"]]
-
-    def test_a_repeated_run_with_a_load_keeps_it(self) -> None:
-        trials = [source(f"c1_0.3kg_{k}.csv", {"Time": TIME, "q2": LATE**k}) for k in (1, 2)]
-        _, mapping = suggested(*trials)
-        assert list(mapping.runs) == ["controller_1_payload", "controller_1_payload_repeat_2"]
-        assert {run.payload_mass_kg for run in mapping.runs.values()} == {0.3}
-
-    def test_one_line_for_all_that_is_repeated(self) -> None:
-        signals = ("q2_d", "q2", "q3_d", "q3", "tau2", "tau3")
-        trials = [
-            source(f"c1_trial{k}.csv", {"Time": TIME} | dict.fromkeys(signals, COURSE**k)) for k in (1, 2, 3)
-        ]
-        suggestion, _ = suggested(*trials)
-        assert len([remark for remark in suggestion.remarks if "c1_trial1.csv" in remark]) == 1
+def test_files_that_complete_each_other_are_one_recording() -> None:
+    """A run never mixes recordings: a table that contradicts the first is left out as a whole."""
+    parts = [
+        source(f"c1_0.3kg_{part}{trial}.csv", {"Time": TIME, f"{part}2": LATE**trial})
+        for part in ("q", "tau")
+        for trial in (1, 2)
+    ]
+    _, mapping = suggested(*parts)
+    (run,) = mapping.runs.values()
+    assert [entry.file for entry in run.signals] == ["c1_0.3kg_q1.csv", "c1_0.3kg_tau1.csv"]
+    assert run.payload_mass_kg == 0.3
 
 
 def test_without_a_run_there_is_one_to_fill_in() -> None:

@@ -22,8 +22,6 @@ from tendonrepro.config.trajectory_file import read_samples
 from tendonrepro.console import Talk
 from tendonrepro.dataset.mapping.assembly import Assembly, doubts_about
 from tendonrepro.dataset.mapping.model import Mapping
-from tendonrepro.dataset.meaning.columns import Column
-from tendonrepro.dataset.meaning.understand import understand
 from tendonrepro.dataset.motion.knots import thinned
 from tendonrepro.dataset.motion.period import refined_shift, repeat_after
 from tendonrepro.dataset.motion.record import Recorded, recorded
@@ -382,40 +380,6 @@ class TestRecorded:
         q = np.sin(2.0 * np.pi * np.arange(400.0) / lag)[:, np.newaxis]
         record = Recorded(0.01 * np.arange(400.0), q, (2,), np.zeros(1), 0.0, np.ones(400, bool))
         assert repeat_after(record) == pytest.approx(0.01 * lag, abs=1e-4)
-
-
-def test_a_calculated_joint_angle_is_not_taken_for_the_encoder() -> None:
-    time = 0.001 * np.arange(4000.0)
-    count = 360.0 / 16384.0
-    smooth = [10.0 * (1.0 - np.cos(2.0 * np.pi * time / (1.5 + 0.5 * joint))) for joint in (2, 3)]
-    steps = [count * np.round(column / count) for column in smooth]
-    for first, second in ((steps, smooth), (smooth, steps)):
-        columns = _understood(time, **_named("Q", first), **_named("q", second))
-        encoder, calculated = ("Q", "q") if first is steps else ("q", "Q")
-        for joint in (2, 3):
-            assert columns[f"{encoder}{joint}"].quantity == "measured"
-            assert columns[f"{calculated}{joint}"].quantity == "calculated"
-
-
-def test_what_does_not_follow_the_encoder_is_not_calculated_from_the_motors() -> None:
-    time = 0.001 * np.arange(4000.0)
-    count = 360.0 / 16384.0
-    smooth = [10.0 * (1.0 - np.cos(2.0 * np.pi * time / (1.5 + 0.5 * joint))) for joint in (2, 3)]
-    steps = [count * np.round(column / count) for column in smooth]
-    columns = _understood(time, **_named("Q", steps), **_named("q", smooth[::-1]))
-    assert "calculated" not in {column.quantity for column in columns.values()}
-
-
-def _named(letter: str, columns: Sequence[Array]) -> dict[str, Array]:
-    return {f"{letter}{joint}": column for joint, column in zip((2, 3), columns, strict=True)}
-
-
-def _understood(time: Array, **signals: Array) -> dict[str, Column]:
-    found = Found("SYNTHETIC")
-    for path, values in {"t": time, **signals}.items():
-        found.add(path, values, group="g")
-    source = Source("SYNTHETIC.csv", "SYNTHETIC", 0, "0" * 32, tuple(found.signals))
-    return {column.signal.path: column for column in understand([source], np.linalg.inv(S))}
 
 
 def test_a_gap_in_the_difference_is_filled_from_the_recorded_error() -> None:

@@ -7,21 +7,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.dataset.mapping.model import Entry, Mapping, Resample, Run, TimeAxis
-from tendonrepro.dataset.mapping.recorded_error import complete, listed, opposed
-from tendonrepro.dataset.mapping.timebase import (
-    RESAMPLED,
-    Timed,
-    TimeProblem,
-    checked,
-    even,
-    in_seconds,
-    shared,
-    within,
-)
+from tendonrepro.dataset.mapping import timebase
+from tendonrepro.dataset.mapping.model import Entry, Mapping, Run, TimeAxis
+from tendonrepro.dataset.mapping.timebase import Timed, TimeProblem, in_seconds
 from tendonrepro.dataset.meaning.evidence import distance
 from tendonrepro.dataset.meaning.words import printable
 from tendonrepro.dataset.readers.signals import Signal, Source
@@ -30,13 +21,14 @@ from tendonrepro.errors import ConfigError
 from tendonrepro.results.records import Trace
 from tendonrepro.results.summary import MEASURED
 
-MOST_TURN_DEG = 190.0
-FAR_APART = 0.2
-"""Difference of calculated and measured joint angle that no tendon stretches by, as a share of the range."""
-SAME_VALUE = 1e-6
-"""Relative difference within which a number is the one of a `where`; single precision makes 1e-7 of it."""
-LONGEST_STEP = 0.1
-"""Sampling step, s, beyond which the unit of the times is in doubt; the paper's is 1 ms."""
+_MOST_TURN_DEG = 190.0
+_FAR_APART = 0.2  # of calculated and measured joint angle, over the range: no tendon stretches by so much
+_SAME_VALUE = 1e-6  # relative difference from the number of a `where`; single precision makes 1e-7 of it
+_LONGEST_STEP = 0.1  # s, beyond which the unit of the times is in doubt; the paper's is 1 ms
+# RMS of recorded error less difference, over that of the difference, from which on the error is not believed;
+# fewer samples prove nothing.
+_CONTRADICTS, _FEWEST = 0.5, 8
+_OF_THE_OTHERS = {"q_d": "q_encoder + e", "q_encoder": "q_d - e", "e": "q_d - q_encoder"}
 
 StatusOf = Callable[[Array, Array], tuple[str, float]]
 """Time and error without gaps to status and its time."""
@@ -44,24 +36,9 @@ StatusOf = Callable[[Array, Array], tuple[str, float]]
 
 @dataclass
 class Assembly:
-    """Runs in the making.
+    """Runs in the making: what was read, the mapping and its name, the coupling (3, 3), how a run is judged.
 
-    Parameters
-    ----------
-    sources : sequence of Source
-    mapping : Mapping
-    where : str
-        The mapping file, for messages.
-    S : Array
-        Coupling of all joints, (3, 3).
-    status_of : callable
-
-    Attributes
-    ----------
-    notes : list of str
-        What was done to the numbers on the way.
-    doubts : list of str
-        What makes a recorded error implausible.
+    Its notes say what was done to the numbers on the way, its doubts what makes a recorded error implausible.
     """
 
     sources: Sequence[Source]
@@ -72,7 +49,6 @@ class Assembly:
     notes: list[str] = field(default_factory=list)
     doubts: list[str] = field(default_factory=list)
     _taken: set[Source] = field(default_factory=set, init=False, repr=False)
-    _pairs: dict[str, dict[int, tuple[Array, Array]]] = field(default_factory=dict, init=False, repr=False)
 
     def used(self) -> list[Source]:
         """Sources that `runs` has taken anything from, in their order."""
@@ -81,16 +57,8 @@ class Assembly:
     # Numbers near the largest there are mean nothing, but a file may hold them.
     @np.errstate(over="ignore", invalid="ignore")
     def runs(self) -> dict[str, Trace]:
-        """All runs of the mapping, in its order.
-
-        Raises
-        ------
-        ConfigError
-            When a file, signal or column is missing, times do not fit, or a run holds no number.
-        """
-        found = {name: self._run(name, run) for name, run in self.mapping.runs.items()}
-        self.doubts += opposed(self._pairs)
-        return found
+        """All runs of the mapping, in its order."""
+        return {name: self._run(name, run) for name, run in self.mapping.runs.items()}
 
     def _run(self, name: str, run: Run) -> Trace:
         try:
@@ -122,30 +90,25 @@ class Assembly:
         without: dict[int, list[str]] = defaultdict(list)
         for entry in run.signals:
             label = f"{entry.variable} of joint {entry.joint}"
-            signal, lost = checked(self._timed(entry, run, label))
+            signal, lost = timebase.checked(self._timed(entry, run, label))
             without[lost].append(label)
-            timed[entry] = within(signal, run.from_s, run.to_s)
+            timed[entry] = timebase.within(signal, run.from_s, run.to_s)
         for lost, labels in without.items():
             of = labels[0] if len(labels) == 1 else f"each of {len(labels)} columns"
             self.notes += [f"{name}: {lost} samples without a time left out of {of}"] if lost else []
-        time = self._time(name, list(timed.values()))
+        signals, resample = list(timed.values()), self.mapping.resample
+        if resample is None:
+            time = timebase.shared(signals)
+        else:
+            time = timebase.even(signals, resample.step_s)
+            self.notes.append(f"{name}: resampled every {resample.step_s:g} s, {resample.method}")
         joints = tuple(sorted({entry.joint for entry in run.signals}))
         variables: dict[str, Array] = {}
         for entry, signal in timed.items():
             block = variables.setdefault(entry.variable, np.full((len(time), len(joints)), np.nan))
-            block[:, joints.index(entry.joint)] = self._values(signal, time)
+            values = timebase.RESAMPLED[resample.method](time, signal) if resample else signal.values
+            block[:, joints.index(entry.joint)] = values
         return time, variables, joints
-
-    def _time(self, name: str, signals: Sequence[Timed]) -> Array:
-        resample = self.mapping.resample
-        if resample is None:
-            return shared(signals)
-        self.notes.append(f"{name}: resampled every {resample.step_s:g} s, {resample.method}")
-        return even(signals, resample.step_s)
-
-    def _values(self, signal: Timed, time: Array) -> Array:
-        resample: Resample | None = self.mapping.resample
-        return signal.values if resample is None else RESAMPLED[resample.method](time, signal)
 
     def _timed(self, entry: Entry, run: Run, label: str) -> Timed:
         signal = self._signal(entry.file, entry.signal, entry.column)
@@ -168,7 +131,7 @@ class Assembly:
             if len(values) != samples:
                 message = f"{label} has {samples} rows, {where.signal!r} of its `where` has {len(values)}"
                 raise ConfigError(message, where=self.where)
-            before, rows = rows, rows & np.isclose(values, where.equals, rtol=SAME_VALUE, atol=0.0)
+            before, rows = rows, rows & np.isclose(values, where.equals, rtol=_SAME_VALUE, atol=0.0)
             if not rows.any():
                 message = f"{label} has no row left where {where.signal!r} is {where.equals:g}"
                 hint = f"There {where.signal!r} holds {_few([f'{x:g}' for x in np.unique(values[before])])}"
@@ -208,17 +171,55 @@ class Assembly:
             if len(found) == 1:
                 self._taken.add(found[0])
                 return found[0]
-        message = (
-            f"no file {file!r} among what was given" if not below else f"{file!r} could be several files"
-        )
+        message = f"{file!r} could be several files" if below else f"no file {file!r} among what was given"
         hint = f"Given were {_few([source.name for source in self.sources])}"
         raise ConfigError(message, where=self.where, hint=hint)
 
     def _complete(self, name: str, variables: dict[str, Array], joints: tuple[int, ...]) -> None:
-        found = complete(variables, joints)
-        self.notes += [f"{name}: {note}" for note in found.notes]
-        self.doubts += [f"{name}: {doubt}" for doubt in found.doubts]
-        self._pairs[name] = found.pairs
+        """Fill desired angle, measured angle and error from the other two, sample by sample.
+
+        The difference has the last word. An error that contradicts it fills no gaps.
+        """
+        given = {key: variables[key] for key in _OF_THE_OTHERS if key in variables}
+        if len(given) < 2:
+            return
+        absent = np.full_like(next(iter(given.values())), np.nan)
+        q_d, q, e = (given.get(key, absent) for key in _OF_THE_OTHERS)
+        difference = q_d - q
+        e = self._believed(name, joints, difference, e)
+        variables["q_d"] = np.where(np.isnan(q_d), q + e, q_d)
+        variables["q_encoder"] = np.where(np.isnan(q), q_d - e, q)
+        variables["e"] = np.where(np.isnan(difference), e, difference)
+        for key, before in (("q_d", q_d), ("q_encoder", q)):
+            filled = (np.isnan(before) & ~np.isnan(variables[key])).any(axis=0)
+            whole = filled & np.isnan(before).all(axis=0)
+            formula = f"is {_OF_THE_OTHERS[key]}"
+            if whole.any():
+                of = "" if whole.all() else f" of joint {_listed(joints, whole)}"
+                turned = "if e was recorded as measured less desired, `sign: -1`"
+                self.notes.append(f"{name}: {key}{of} {formula}; {turned}")
+            if (filled & ~whole).any():
+                gaps = _listed(joints, filled & ~whole)
+                self.notes.append(f"{name}: {key} of joint {gaps} {formula} where it has gaps")
+
+    def _believed(self, name: str, joints: tuple[int, ...], difference: Array, e: Array) -> Array:
+        """Leave out errors that contradict the difference, and say how far off the others are."""
+        kept, off = e.copy(), 0.0
+        for k, joint in enumerate(joints):
+            known = np.isfinite(difference[:, k] - e[:, k])
+            d, apart = difference[known, k], (e - difference)[known, k]
+            most = float(np.abs(apart).max(initial=0.0))
+            if len(d) >= _FEWEST and np.linalg.norm(apart) > _CONTRADICTS * np.linalg.norm(d):
+                kept[:, k] = np.nan
+                look = "look at column, `unit`, `sign` and run of all three"
+                far = f"up to {np.rad2deg(most):.3g} deg off q_d - q_encoder"
+                self.doubts.append(f"{name}: e of joint {joint} is {far}: {look}")
+            else:
+                off = max(off, most)
+        if off > 1e-9:
+            degrees = f"{np.rad2deg(off):.3g} deg off"
+            self.notes.append(f"{name}: e is q_d - q_encoder; the recorded error is up to {degrees}")
+        return kept
 
     def _calculate(self, name: str, variables: dict[str, Array], joints: tuple[int, ...]) -> None:
         """Joint angles from motors."""
@@ -240,7 +241,7 @@ class Assembly:
                 del variables[variable]
                 self.notes.append(f"{name}: {variable} holds no number and is left out")
             elif absent.any():
-                self.notes.append(f"{name}: no {variable} of joint {listed(joints, absent)}")
+                self.notes.append(f"{name}: no {variable} of joint {_listed(joints, absent)}")
         if not variables:
             message = "no signal of the run holds a number"
             hint = "`tendonrepro inspect` shows the range of every signal"
@@ -260,11 +261,11 @@ def doubts_about(trace: Trace) -> list[str]:
     """What makes a run implausible: a wrong unit, a motor taken for a joint, a wrong sign or gear."""
     doubts = []
     step = float(np.median(np.diff(trace.time)))
-    if step > LONGEST_STEP:
+    if step > _LONGEST_STEP:
         doubts.append(f"it has a sample every {step:.4g} s: check the unit of the time")
     for name in ("q_encoder", "q_d", "q_calculated"):
         turn = np.rad2deg(np.nanmax(np.abs(trace[name]), initial=0.0)) if name in trace else 0.0
-        if turn > MOST_TURN_DEG:
+        if turn > _MOST_TURN_DEG:
             doubts.append(f"{name} reaches {turn:.4g} deg, and no joint turns by more than half a turn")
     if {"q_calculated", "q_encoder"} <= trace.variables.keys():
         for k, joint in enumerate(trace.joint):
@@ -274,7 +275,7 @@ def doubts_about(trace: Trace) -> list[str]:
                 continue
             first = int(np.argmax(known))
             apart = distance(encoder - encoder[first], calculated - calculated[first])
-            if FAR_APART < apart < np.inf:
+            if _FAR_APART < apart < np.inf:
                 doubts.append(
                     f"S q_motor of joint {joint} is {apart:.0%} of its range from the encoder: "
                     "unit, sign, scale or number of a motor"
@@ -285,6 +286,10 @@ def doubts_about(trace: Trace) -> list[str]:
 def _bridged(time: Array, values: Array) -> Array | None:
     known = np.isfinite(values)
     return np.interp(time, time[known], values[known]) if known.any() else None
+
+
+def _listed(joints: Sequence[int], chosen: ArrayLike) -> str:
+    return ", ".join(str(joints[place]) for place in np.flatnonzero(chosen).tolist())
 
 
 def _few(names: Sequence[str]) -> str:

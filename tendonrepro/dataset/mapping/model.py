@@ -23,6 +23,8 @@ HINT = "`tendonrepro inspect PATH --suggest` writes one to begin with."
 Number: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Text: TypeAlias = Annotated[str, Field(min_length=1, strict=True)]
 Positive: TypeAlias = Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=False)]
+ColumnNumber: TypeAlias = Annotated[StrictInt, Field(ge=1, description="column of the signal, from 1")]
+Because: TypeAlias = Annotated[Text | None, Field(description="reasons of a guess; delete it once checked")]
 
 
 def _known_variable(name: str) -> str:
@@ -35,10 +37,6 @@ def _known_variable(name: str) -> str:
     return name
 
 
-def _in_a_list(written: object) -> object:
-    return [written] if isinstance(written, dict) else written
-
-
 Unit: TypeAlias = Annotated[Text, AfterValidator(lambda written: plain_unit(written) or written)]
 """A unit in the spelling of `units.FACTORS`, however it is written; one that is not known as it is."""
 
@@ -47,13 +45,13 @@ class Where(Model):
     """Which rows to take: those where a column of the same file has a value."""
 
     signal: Annotated[Text, Field(description="signal in the file of the column that is cut")]
-    column: Annotated[StrictInt, Field(ge=1, description="column of the signal, from 1")] = 1
+    column: ColumnNumber = 1
     equals: Annotated[Number, Field(description="the value, as the file has it")]
 
 
 Rows: TypeAlias = Annotated[
     tuple[Where, ...],
-    BeforeValidator(_in_a_list),
+    BeforeValidator(lambda written: [written] if isinstance(written, dict) else written),
     Field(description="rows to take; of several conditions all have to hold"),
 ]
 
@@ -63,11 +61,11 @@ class TimeAxis(Model):
 
     file: Annotated[Text | None, Field(description="file, as inspect names it")] = None
     signal: Annotated[Text | None, Field(description="signal in the file")] = None
-    column: Annotated[StrictInt, Field(ge=1, description="column of the signal, from 1")] = 1
+    column: ColumnNumber = 1
     unit: Annotated[Unit, Field(description="unit of the times")] = "s"
     offset: Annotated[Number, Field(description="taken off, in the file's unit")] = 0.0
     step_s: Annotated[Positive | None, Field(description="s between samples, instead of a column")] = None
-    because: Annotated[Text | None, Field(description="reasons of a guess")] = None
+    because: Because = None
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -89,16 +87,14 @@ class Entry(Model):
     joint: Annotated[StrictInt, Field(ge=1, le=3, description="the paper's number of the joint or motor")]
     file: Annotated[Text, Field(description="file, as inspect names it")]
     signal: Annotated[Text, Field(description="signal in the file, as inspect names it")]
-    column: Annotated[StrictInt, Field(ge=1, description="column of the signal, from 1")] = 1
+    column: ColumnNumber = 1
     unit: Annotated[Unit, Field(description="unit of the numbers in the file")]
     scale: Annotated[Number, Field(description="factor, such as 0.01 before a 1:100 reducer")] = 1.0
     offset: Annotated[Number, Field(description="taken off first, in the file's unit")] = 0.0
     sign: Annotated[Literal[1, -1], Field(description="-1 where the file counts the other way")] = 1
     where: Rows = ()
     time: Annotated[TimeAxis | None, Field(description="times of this column, where they are its own")] = None
-    because: Annotated[
-        Text | None, Field(description="reasons of a guess; delete the line once you have checked it")
-    ] = None
+    because: Because = None
 
     @property
     def kind(self) -> str | None:
@@ -115,9 +111,8 @@ class Entry(Model):
         problems = Problems()
         known = FACTORS.get(self.kind or "", {})
         if known and self.unit not in known:
-            problems.add(
-                ("unit",), f"of {self.variable} must be one of {', '.join(known)}, found {self.unit!r}"
-            )
+            message = f"of {self.variable} must be one of {', '.join(known)}, found {self.unit!r}"
+            problems.add(("unit",), message)
         if self.scale == 0.0:
             problems.add(("scale",), "must not be 0")
         problems.raise_if_any()
@@ -167,14 +162,11 @@ class Mapping(Model):
     def guesses(self) -> Iterator[str]:
         """Every choice that was guessed and not confirmed, with its reasons."""
         for name, run in self.runs.items():
-            if run.time is not None and run.time.because:
-                yield f"{name}: time: {run.time.because}"
+            named: list[tuple[str, Entry | TimeAxis | None]] = [(f"{name}: time", run.time)]
             for entry in run.signals:
                 place = f"{name}: {entry.variable} of joint {entry.joint}"
-                if entry.because:
-                    yield f"{place}: {entry.because}"
-                if entry.time is not None and entry.time.because:
-                    yield f"{place}: time: {entry.time.because}"
+                named += [(place, entry), (f"{place}: time", entry.time)]
+            yield from (f"{place}: {item.because}" for place, item in named if item and item.because)
 
     def files(self) -> set[str]:
         """Names of all files it needs."""
@@ -185,16 +177,7 @@ class Mapping(Model):
 
 @dataclass(frozen=True)
 class LoadedMapping:
-    """A mapping and where it comes from.
-
-    Attributes
-    ----------
-    mapping : Mapping
-    text : str
-        The file as it is.
-    sha256 : str
-        Digest of its content, whatever its layout and comments.
-    """
+    """A mapping, its text as it is, and the digest of its content whatever its layout and comments."""
 
     mapping: Mapping
     text: str
@@ -202,21 +185,7 @@ class LoadedMapping:
 
 
 def load_mapping(path: Path) -> LoadedMapping:
-    """Read and check a mapping file.
-
-    Parameters
-    ----------
-    path : Path
-
-    Returns
-    -------
-    LoadedMapping
-
-    Raises
-    ------
-    ConfigError
-        With every mistake on a line of its own, as ``file:line: key: what``.
-    """
+    """Read and check a mapping file; every mistake is on a line of its own, as ``file:line: key: what``."""
     text = read_text(path, hint=HINT)
     document = load(text, str(path))
     if not isinstance(document.tree, dict):

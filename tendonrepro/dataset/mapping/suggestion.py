@@ -1,8 +1,14 @@
-"""From guesses to a mapping file that a user can read, confirm and mend."""
+"""From guesses to a mapping file that a user can read, confirm and mend.
+
+What was not guessed is told at the head of the file, each with the line that settles it.
+"""
 
 from __future__ import annotations
 
+import json
 import math
+import re
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -10,28 +16,29 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.config.fields.strict_yaml import Node
-from tendonrepro.dataset.mapping.mapping_text import head_lines, quoted, skeleton_lines, yaml_lines
-from tendonrepro.dataset.mapping.remarks import common_step, doubts_of, listed, remarks_on
 from tendonrepro.dataset.mapping.timebase import SAME_TIME
-from tendonrepro.dataset.meaning.assignment import REPEAT, places, runs_among, variable_of
-from tendonrepro.dataset.meaning.columns import Address, Column
+from tendonrepro.dataset.meaning.assignment import RUNS, places, runs_among, variable_of
+from tendonrepro.dataset.meaning.columns import SHORTEST, Address, Column
+from tendonrepro.dataset.meaning.evidence import same_curve
 from tendonrepro.dataset.meaning.times import SAMPLING
+from tendonrepro.dataset.meaning.words import printable
 from tendonrepro.dataset.readers.units import FACTORS, kind_of_variable
 from tendonrepro.results.records import VARIABLES
 
 PAYLOAD = 0.2
 """The paper's payload, kg, where a name says that there is one but not how heavy."""
-MOST_LISTED = 100
-"""Columns in no run that are written out; more would bury the rest."""
+_MOST_WRITTEN = 100  # columns in no run that are written out; more would bury the rest
+_MOST_LISTED = 6
+_PLAIN = {"variable", "unit"}
+_UNWRITABLE = re.compile("[\0\ud800-\udfff]")
+"""What no mapping can hold: NUL, and halves of a pair that stand for bytes of no known encoding."""
 
-_EXAMPLE: dict[str, Node] = {
-    "variable": "q_encoder",
-    "joint": 2,
-    "file": "FILE",
-    "signal": "SIGNAL",
-    "unit": "deg",
-}
 _NO_TIME: Node = {"step_s": SAMPLING, "because": "the files hold no times; the paper samples every 1 ms"}
+
+_NOT_GUESSED = (
+    "what some columns are is not guessed; their lines stand at the end, take them under `signals` of a run "
+    "with `variable` and `joint`"
+)
 
 
 @dataclass(frozen=True)
@@ -47,7 +54,7 @@ class Suggestion:
     left : tuple of Column
         Columns that are in no run.
     remarks : tuple of str
-        What a user has to decide: two columns for one place, runs without a name, missing times.
+        What a user has to decide, in one line for all that is in the same doubt.
     """
 
     text: str
@@ -57,123 +64,146 @@ class Suggestion:
 
 
 def suggest(columns: Sequence[Column], title: str) -> Suggestion:
-    """Write a mapping from guesses.
-
-    Parameters
-    ----------
-    columns : sequence of Column
-        As `meaning.understand` leaves them.
-    title : str
-        For the mapping.
-
-    Returns
-    -------
-    Suggestion
-        Without runs when no column could be understood; its text is then a list to begin with.
-    """
-    runs = runs_among(columns)
-    chosen = {name: _chosen(members) for name, members in runs.items()}
+    """Write a mapping from what `understand` has found; one without runs is a list to begin with."""
+    picked = {name: _picked(members) for name, members in runs_among(columns).items()}
+    runs = {name: chosen for name, (chosen, _) in picked.items()}
     clocks = {column.address: column for column in columns if column.quantity == "time"}
-    axes = {address: _axis(clock) for address, clock in clocks.items()}
-    taken = {column for picked in chosen.values() for column in picked}
+    axes: dict[Address, Node] = {
+        at: {**_place(clock), "unit": clock.unit or "s"} for at, clock in clocks.items()
+    }
+    taken = {column for chosen in runs.values() for column in chosen}
     left = tuple(c for c in columns if c not in taken and c.quantity not in {"time", "index"})
-    step, apart, of_times = common_step(chosen, clocks)
-    from_start = {address: _axis(clock, from_start=True) for address, clock in clocks.items()}
-    remarks = (
-        *remarks_on(runs, chosen),
-        *_untimed(chosen, axes),
-        *of_times,
-        *doubts_of(chosen, left, clocks),
-    )
-    body = ["schema_version: 1", f"title: {quoted(title)}"]
-    if step is not None:
-        body += yaml_lines({"resample": {"step_s": step, "method": "linear"}}, 0)
-    body.append("runs:")
-    for name, picked in chosen.items():
-        run = _described_run(name, runs[name], picked, from_start if name in apart else axes)
-        body += [f"  {name}:", *yaml_lines(run, 4)]
+    asked: dict[str, dict[str, None]] = defaultdict(dict)
+    for name, remark in (*_claimed(picked), *_asked(runs, clocks), *_not_guessed(left)):
+        asked[remark][name] = None
+    remarks = tuple(f"{_listed(list(names))}: {remark}" for remark, names in asked.items())
+    head = [
+        "Which column is which variable of which run. Guessed by `tendonrepro inspect --suggest`.",
+        "Check every entry: variable, joint, unit. Delete its line `because` when you have;",
+        "what is left is listed in the result as guessed.",
+        f"Runs are {', '.join(RUNS[:-1])} and {RUNS[-1]}.",
+        *(f"DECIDE: {printable(remark)}" for remark in remarks),
+    ]
+    body = ["schema_version: 1", f"title: {_quoted(title)}", "runs:"]
+    for name, chosen in runs.items():
+        body += [f"  {name}:", *_yaml_lines(_described_run(name, chosen, axes), 4)]
     if not runs:
-        body += skeleton_lines({**_EXAMPLE, **(left[0].address.node() if left else {})})
-    text = "\n".join([*head_lines(remarks), *body, *_rest(left, axes), ""])
-    return Suggestion(text, {name: len(picked) for name, picked in chosen.items()}, left, remarks)
+        nowhere: dict[str, Node] = {"file": "FILE", "signal": "SIGNAL", "column": 1}
+        where = _place(left[0]) if left else nowhere
+        example: Node = {"variable": "q_encoder", "joint": 2, **where, "unit": "deg"}
+        run: Node = {"payload_mass_kg": 0.0, "time": {**nowhere, "unit": "s"}, "signals": [example]}
+        skeleton = "No run was found. Take this one, name files and signals as below, and delete the #:"
+        body += [f"# {line}" for line in (skeleton, *_yaml_lines({"controller_1": run}, 1))]
+    text = "\n".join([*(f"# {line}" for line in head), "", *body, *_rest(left, axes), ""])
+    return Suggestion(text, {name: len(chosen) for name, chosen in runs.items()}, left, remarks)
 
 
-def _chosen(members: Sequence[Column]) -> list[Column]:
-    """One column for each variable and joint: the first."""
-    found = places(members)
-    return [found[place][0] for place in sorted(found)]
+def _picked(members: Sequence[Column]) -> tuple[list[Column], list[Column]]:
+    """One column for each variable and joint, the first; and its rivals.
+
+    Tables that contradict each other are of different recordings, and a run is of one.
+    """
+    tables: dict[tuple[str, str], list[Column]] = defaultdict(list)
+    for column in members:
+        tables[column.group[:2]].append(column)
+    taken: dict[tuple[str, int], Column] = {}
+    rivals: list[Column] = []
+    for table in tables.values():
+        found = places(table)
+        if any(
+            not same_curve(taken[place].values, found[place][0].values)
+            for place in taken.keys() & found.keys()
+        ):
+            rivals += table
+            continue
+        for place, several in found.items():
+            first = taken.setdefault(place, several[0])
+            rivals += [column for column in several if not same_curve(first.values, column.values)]
+    return [taken[place] for place in sorted(taken)], rivals
 
 
-def _untimed(chosen: Mapping[str, Sequence[Column]], axes: Mapping[Address, Node]) -> Iterator[str]:
-    """Runs with columns that have no times, and what is to be done."""
-    without = []
-    for name, columns in chosen.items():
-        untimed = [column for column in columns if _time_of(column, columns, axes) is _NO_TIME]
-        beside = {column: _timed_beside(column, columns) for column in untimed}
-        without += [] if all(beside.values()) else [name]
-        for column, others in beside.items():
-            if others:
-                where = f"{column.address} has no times, and those of {others[0].address} beside it"
-                way_out = f"save them as a signal and name it as `time` of {column.address}"
-                yield f"{name}: {where} are not one even step from 0: {way_out}"
-    if without:
-        yield f"{listed(without)}: columns without a time: every {SAMPLING:g} s is the paper's, check it"
+def _claimed(picked: Mapping[str, tuple[Sequence[Column], Sequence[Column]]]) -> Iterator[tuple[str, str]]:
+    """Runs whose name nobody knows, and columns that claim the same place."""
+    for name, (_, rivals) in picked.items():
+        if name not in RUNS:
+            yield repr(name), "no name says which controller that is: rename it"
+        if rivals:
+            others = _listed([f"{column.source.name}: {column.address}" for column in rivals])
+            way = "to keep another recording, give it a run with a name of your own"
+            yield name, f"several columns claim the same place, the first are taken, not {others}; {way}"
 
 
-def _axis(clock: Column, *, from_start: bool = False) -> Node:
-    node: dict[str, Node] = {**clock.address.node(), "unit": clock.unit or "s"}
-    known = clock.values[np.isfinite(clock.values)]
-    if from_start and known.size and known[0]:
-        node["offset"] = float(known[0])
-    return node
+def _asked(
+    runs: Mapping[str, Sequence[Column]], clocks: Mapping[Address, Column]
+) -> Iterator[tuple[str, str]]:
+    """What the columns of runs leave open: doubts, times, and the sign of an error."""
+    for name, columns in runs.items():
+        if any(column.time is None and column.signal.time is None for column in columns):
+            yield (
+                name,
+                f"columns without a time: every {SAMPLING:g} s is the paper's, `step_s` is the record's",
+            )
+        times = _times(columns, clocks)
+        if any(not _same(times[0], other) for other in times[1:]):
+            way = "`resample: {step_s: ...}` at the top joins them, `offset` of a `time` moves a clock"
+            yield name, f"columns have times of their own: {way}"
+        variables = {variable_of(column) for column in columns}
+        if "e" in variables and not {"q_d", "q_encoder"} <= variables:
+            yield name, "an error is taken for desired less measured; if it is the other way, `sign: -1`"
+        for column in columns:
+            for doubt in (*column.doubts, *(clocks[column.time].doubts if column.time else ())):
+                yield name, doubt
 
 
-def _time_of(column: Column, beside: Sequence[Column], axes: Mapping[Address, Node]) -> Node:
+def _not_guessed(left: Sequence[Column]) -> Iterator[tuple[str, str]]:
+    """Doubts of columns in no run, and files with columns that nothing tells."""
+    for column in left:
+        if column.joint is None or column.quantity is None:
+            yield from ((column.source.name, doubt) for doubt in column.doubts)
+            if column.quantity != "other" and len(column.values) >= SHORTEST:
+                yield column.source.name, _NOT_GUESSED
+
+
+def _times(columns: Sequence[Column], clocks: Mapping[Address, Column]) -> list[Array]:
+    """Different times of columns, s, as far as they are numbers."""
+    found: dict[object, Array] = {}
+    for column in columns:
+        if column.signal.time is not None:
+            found[id(column.signal.time)] = column.signal.time
+        elif column.time is not None and column.time not in found:
+            clock = clocks[column.time]
+            found[column.time] = clock.values * FACTORS["time"][clock.unit or "s"]
+    finite = (times[np.isfinite(times)] for times in found.values())
+    return [times for times in finite if len(times) > 1]
+
+
+def _same(a: Array, b: Array) -> bool:
+    return len(a) == len(b) and bool(np.abs(a - b).max() <= SAME_TIME * np.median(np.diff(a)))
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Names in one line, the first few of many."""
+    more = len(names) - _MOST_LISTED
+    return ", ".join(names[:_MOST_LISTED]) + (f" and {more} more" if more > 0 else "")
+
+
+def _place(column: Column) -> dict[str, Node]:
+    file, signal, number = column.address
+    return {"file": file, "signal": signal, "column": number}
+
+
+def _time_of(column: Column, axes: Mapping[Address, Node]) -> Node:
     """Times of a column as the mapping names them; None where its signal brings them along."""
     if column.signal.time is not None:
         return None
-    return _step_beside(column, beside) if column.time is None else axes[column.time]
+    return _NO_TIME if column.time is None else axes[column.time]
 
 
-def _step_beside(column: Column, beside: Sequence[Column]) -> Node:
-    """Step of what stands beside a column and brings its times along; the paper's where there is none."""
-    others = _timed_beside(column, beside)
-    steps = {_even_step(other.signal.time) for other in others if other.signal.time is not None}
-    step = steps.pop() if len(steps) == 1 else None
-    if step is None:
-        return _NO_TIME
-    return {"step_s": step, "because": f"{others[0].address} beside it, of the same length, has this step"}
-
-
-def _timed_beside(column: Column, beside: Sequence[Column]) -> list[Column]:
-    """Columns of the same length with times of their own."""
-    size = len(column.values)
-    return [other for other in beside if other.signal.time is not None and len(other.values) == size]
-
-
-def _even_step(time: Array) -> float | None:
-    """Step of times that count from 0, s; None where they do not, for a mapping could not say so."""
-    if not np.isfinite(time).all():
-        return None
-    step = float(f"{(time[-1] - time[0]) / (len(time) - 1):.9g}")
-    even = step > 0.0 and np.allclose(time, step * np.arange(len(time)), rtol=0.0, atol=SAME_TIME * step)
-    return step if even else None
-
-
-def _described_run(
-    name: str,
-    members: Sequence[Column],
-    chosen: Sequence[Column],
-    axes: Mapping[Address, Node],
-) -> dict[str, Node]:
-    masses = [column.payload_mass for column in members if column.payload_mass is not None]
-    mass = (
-        next((mass for mass in masses if mass), 0.0)
-        if name.partition(REPEAT)[0].endswith("_payload")
-        else 0.0
-    )
+def _described_run(name: str, chosen: Sequence[Column], axes: Mapping[Address, Node]) -> dict[str, Node]:
+    masses = (column.payload_mass for column in chosen if name.endswith("_payload"))
+    mass = next((mass for mass in masses if mass), 0.0)
     run: dict[str, Node] = {"payload_mass_kg": PAYLOAD if math.isnan(mass) else mass}
-    times = [_time_of(column, chosen, axes) for column in chosen]
+    times = [_time_of(column, axes) for column in chosen]
     different = [time for place, time in enumerate(times) if time and time not in times[:place]]
     # One time serves all; where there are several, each column has its own.
     if len(different) == 1:
@@ -188,32 +218,52 @@ def _described(column: Column, time: Node) -> dict[str, Node]:
     known = FACTORS.get(kind_of_variable(VARIABLES[variable][0]) or "", {}) if variable in VARIABLES else {}
     unit = column.unit if column.unit in known or not known else next(iter(known))
     entry: dict[str, Node] = {"variable": variable, "joint": column.joint or 0}
-    entry |= {**column.address.node(), "unit": unit or "rad"}
+    entry |= {**_place(column), "unit": unit or "rad"}
     if column.scale < 0.0:
         entry["sign"] = -1
     if abs(column.scale) != 1.0:
         entry["scale"] = abs(column.scale)
-    if column.offset != 0.0:
-        entry["offset"] = column.offset
-    if column.address.rows:
-        entry["where"] = [_condition(*label) for label in column.address.rows]
     if time is not None:
         entry["time"] = time
     return entry | {"because": "; ".join(column.because) or "nothing is known of it"}
 
 
-def _condition(signal: str, number: int, value: float) -> Node:
-    return {"signal": signal, "column": number, "equals": value}
-
-
 def _rest(left: Sequence[Column], axes: Mapping[Address, Node]) -> list[str]:
     """Columns in no run as entries that need only be uncommented."""
-    if not left:
-        return []
     lines = ["", "# In no run. To use one, copy its lines under `signals` of a run, without the #."]
-    for column in left[:MOST_LISTED]:
-        first, *rest = yaml_lines(_described(column, _time_of(column, (), axes)), 6)
+    for column in left[:_MOST_WRITTEN]:
+        first, *rest = _yaml_lines(_described(column, _time_of(column, axes)), 6)
         lines += [f"#    - {first.strip()}", *(f"#{line}" for line in rest)]
-    if len(left) > MOST_LISTED:
-        lines.append(f"# and {len(left) - MOST_LISTED} more; inspect lists them all")
-    return lines
+    if len(left) > _MOST_WRITTEN:
+        lines.append(f"# and {len(left) - _MOST_WRITTEN} more; inspect lists them all")
+    return lines if left else []
+
+
+def _yaml_lines(tree: Mapping[str, Node], depth: int) -> Iterator[str]:
+    """Plain values, mappings and lists of mappings, one key a line, so that a line can be deleted."""
+    indent = " " * depth
+    for key, value in tree.items():
+        if isinstance(value, dict):
+            yield f"{indent}{key}:"
+            yield from _yaml_lines(value, depth + 2)
+        elif isinstance(value, list):
+            yield f"{indent}{key}:"
+            for item in value:
+                assert isinstance(item, dict)
+                first, *rest = _yaml_lines(item, depth + 2)
+                yield f"{indent}- {first.strip()}"
+                yield from rest
+        else:
+            plain = not isinstance(value, str) or (key in _PLAIN and value.isascii())
+            yield f"{indent}{key}: {value if plain else _quoted(str(value))}"
+
+
+def _quoted(text: str) -> str:
+    """Write a text so that YAML gives it back, as far as it can hold it."""
+    # A text in JSON is one in YAML too, as far as YAML takes its characters as they are.
+    written = json.dumps(_UNWRITABLE.sub("\ufffd", text), ensure_ascii=False)
+    return "".join(letter if letter.isprintable() else _escaped(ord(letter)) for letter in written)
+
+
+def _escaped(code: int) -> str:
+    return f"\\u{code:04x}" if code <= 0xFFFF else f"\\U{code:08x}"

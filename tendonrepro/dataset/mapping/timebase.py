@@ -16,15 +16,7 @@ MOST_SAMPLES = 2**27
 
 
 class TimeProblem(Exception):
-    """Times that cannot be used as they are.
-
-    Parameters
-    ----------
-    message : str
-        Which and why.
-    hint : str
-        What to change in the mapping.
-    """
+    """Times that cannot be used as they are: which and why, and what to change in the mapping."""
 
     def __init__(self, message: str, hint: str) -> None:
         super().__init__(message)
@@ -44,19 +36,22 @@ _CLOCKS = (
 
 @dataclass(frozen=True, eq=False)
 class Timed:
-    """A signal with its sampling times.
-
-    Parameters
-    ----------
-    name : str
-        For messages.
-    time, values : Array
-        Shape (N,), s and SI.
-    """
+    """A signal by its name in messages, its sampling times (N,) in s, and its values (N,) in SI."""
 
     name: str
     time: Array
     values: Array
+
+    @property
+    def step(self) -> float:
+        """Median step, s."""
+        return float(np.median(np.diff(self.time)))
+
+    @property
+    def extent(self) -> str:
+        """From when to when it lasts."""
+        first, last = float(self.time[0]), float(self.time[-1])
+        return f"lasts from {in_seconds(first)} to {in_seconds(last)} s ({last - first:.6g} s)"
 
 
 def in_seconds(time: float) -> str:
@@ -71,19 +66,7 @@ def in_seconds(time: float) -> str:
 
 
 def checked(signal: Timed) -> tuple[Timed, int]:
-    """Leave out samples without a time, and make sure that time increases.
-
-    Returns
-    -------
-    signal : Timed
-    lost : int
-        How many were left out.
-
-    Raises
-    ------
-    TimeProblem
-        When lengths differ, fewer than two samples are left, or time stands still or goes back.
-    """
+    """Leave out samples without a time, and count them; refuse times that do not fit or do not increase."""
     if len(signal.time) != len(signal.values):
         message = f"{signal.name} has {len(signal.values)} samples, its time has {len(signal.time)}"
         raise TimeProblem(message, "Give it the time it was recorded with, as `time` beside its `signal`.")
@@ -102,44 +85,19 @@ def checked(signal: Timed) -> tuple[Timed, int]:
 
 
 def within(signal: Timed, first: float | None, last: float | None) -> Timed:
-    """Samples from `first` to `last`, s, both ends included; None leaves an end as it is.
-
-    Raises
-    ------
-    TimeProblem
-        When fewer than two samples lie there.
-    """
-    kept = np.ones(len(signal.time), bool)
-    if first is not None:
-        kept &= signal.time >= first
-    if last is not None:
-        kept &= signal.time <= last
+    """Samples from `first` to `last`, s, both ends included; None leaves an end as it is."""
+    start, end = -np.inf if first is None else first, np.inf if last is None else last
+    kept = (signal.time >= start) & (signal.time <= end)
     if kept.sum() < 2:
-        message = f"{signal.name} has {kept.sum()} samples between from_s and to_s; it {_extent(signal)}"
+        message = f"{signal.name} has {kept.sum()} samples between from_s and to_s; it {signal.extent}"
         raise TimeProblem(message, "Change from_s or to_s of the run.")
     return Timed(signal.name, signal.time[kept], signal.values[kept])
 
 
 def shared(signals: Sequence[Timed]) -> Array:
-    """Time base that all signals have in common.
-
-    Parameters
-    ----------
-    signals : sequence of Timed
-        At least one.
-
-    Returns
-    -------
-    Array
-        Times of the first signal, s, shape (N,).
-
-    Raises
-    ------
-    TimeProblem
-        When their times differ by more than a thousandth of a step.
-    """
+    """Times of the first signal (N,), s, when those of all others are the same to a thousandth of a step."""
     first = signals[0]
-    step = _step(first)
+    same = SAME_TIME * first.step
     for other in signals[1:]:
         if len(other.time) != len(first.time):
             _refuse_apart((first, other))
@@ -147,11 +105,11 @@ def shared(signals: Sequence[Timed]) -> Array:
             raise TimeProblem(message, _resample(signals))
         late = other.time - first.time
         apart = float(np.abs(late).max())
-        if apart > SAME_TIME * step:
+        if apart > same:
             message = f"the times of {first.name} and {other.name} differ by up to {in_seconds(apart)} s"
             if not _overlap(first, other):
                 raise TimeProblem(message, _CLOCKS)
-            clocks = f"{_CLOCKS} " if np.ptp(late) <= SAME_TIME * step else ""
+            clocks = f"{_CLOCKS} " if np.ptp(late) <= same else ""
             raise TimeProblem(message, clocks + _resample(signals))
     return first.time
 
@@ -161,7 +119,7 @@ def _refuse_apart(signals: Sequence[Timed]) -> None:
     late = max(signals, key=lambda signal: signal.time[0])
     early = min(signals, key=lambda signal: signal.time[-1])
     if not _overlap(early, late):
-        both = f"{early.name} {_extent(early)}, {late.name} {_extent(late)}"
+        both = f"{early.name} {early.extent}, {late.name} {late.extent}"
         message = f"signals have only 0 s in common: {both}"
         raise TimeProblem(message, _CLOCKS)
 
@@ -172,39 +130,12 @@ def _overlap(one: Timed, other: Timed) -> bool:
 
 def _resample(signals: Sequence[Timed]) -> str:
     """The way to common times, at a step that invents no samples."""
-    step = max(_step(signal) for signal in signals)
+    step = max(signal.step for signal in signals)
     return f"`resample: {{step_s: {step:.3g}}}` at the top of the mapping puts all signals on common times."
 
 
-def _step(signal: Timed) -> float:
-    return float(np.median(np.diff(signal.time)))
-
-
-def _extent(signal: Timed) -> str:
-    first, last = float(signal.time[0]), float(signal.time[-1])
-    return f"lasts from {in_seconds(first)} to {in_seconds(last)} s ({last - first:.6g} s)"
-
-
 def even(signals: Sequence[Timed], step: float) -> Array:
-    """Even times that every signal covers.
-
-    Parameters
-    ----------
-    signals : sequence of Timed
-        At least one.
-    step : float
-        s.
-
-    Returns
-    -------
-    Array
-        From the latest start to the earliest end, s.
-
-    Raises
-    ------
-    TimeProblem
-        When they have less than one step in common, or more steps than memory is for.
-    """
+    """Even times by `step`, s, from the latest start to the earliest end, as far as memory is for them."""
     _refuse_apart(signals)
     start = max(float(signal.time[0]) for signal in signals)
     end = min(float(signal.time[-1]) for signal in signals)
@@ -216,9 +147,8 @@ def even(signals: Sequence[Timed], step: float) -> Array:
     count = int(np.floor(steps + 1e-6)) + 1
     if count < 2:
         message = f"signals have only {end - start:.3g} s in common, less than a step of {step:g} s"
-        raise TimeProblem(
-            message, "Take another step_s, or leave out a signal that starts late or ends early."
-        )
+        hint = "Take another step_s, or leave out a signal that starts late or ends early."
+        raise TimeProblem(message, hint)
     return np.asarray(start + step * np.arange(count))
 
 
@@ -228,8 +158,7 @@ def _linear(time: Array, signal: Timed) -> Array:
 
 def _previous(time: Array, signal: Timed) -> Array:
     # A sample that is late by rounding alone is still the one at that time.
-    margin = 1e-6 * _step(signal)
-    place = np.searchsorted(signal.time, time + margin, side="right") - 1
+    place = np.searchsorted(signal.time, time + 1e-6 * signal.step, side="right") - 1
     return signal.values[np.maximum(place, 0)]
 
 

@@ -4,71 +4,40 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import PurePosixPath
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from tendonrepro.arrays import Array
 from tendonrepro.dataset.meaning.evidence import sampling_step
-from tendonrepro.dataset.meaning.words import Hints, Quantity, hints, text_names, tokens
+from tendonrepro.dataset.meaning.words import Hints, Quantity, hints, tokens
 from tendonrepro.dataset.readers.signals import Signal, Source
 from tendonrepro.dataset.readers.units import plain_unit
 
 SHORTEST = 8
 """Fewest samples of a record; what is shorter is a table of settings."""
-MOST_JOINTS = 3
-"""Columns of a matrix that can be one quantity of all joints; a wider one is a table."""
+_MOST_JOINTS = 3  # columns of a matrix that can be one quantity of all joints; a wider one is a table
+_LONGEST_NAME = 80  # letters of a line of text that can be a name
+# Words that say where a column is from, not what it is.
+_WHERE = frozenset({"joint", "link", "关节", "deg", "rad"})
 
 
 class Address(NamedTuple):
-    """Where a column is: file, signal in it, number of the column from 1; and which rows are meant.
-
-    Each of `rows` is signal and column of a label in the same file, and its value there.
-    """
+    """Where a column is: file, signal in it, number of the column from 1."""
 
     file: str
     signal: str
     column: int
-    rows: tuple[tuple[str, int, float], ...] = ()
 
     def __str__(self) -> str:
         """The signal, with the number of the column where it matters."""
         return self.signal if self.column == 1 else f"{self.signal} column {self.column}"
 
-    def node(self) -> dict[str, str | int]:
-        """As the mapping names it, without the rows."""
-        return {"file": self.file, "signal": self.signal, "column": self.column}
-
-
-_WHERE = frozenset({"joint", "link", "关节", "deg", "rad"})
-"""Words that say where a column is from, not what it is."""
 
 Group = tuple[str, str, int]
 """File, part of the file, number of samples: columns of one group are compared with each other."""
-
-
-@dataclass(frozen=True, eq=False)
-class Rows:
-    """Rows of a table in long form.
-
-    Attributes
-    ----------
-    chosen : ndarray of bool
-        Shape (samples of the table,).
-    labels : tuple
-        Columns that tell the rows apart, each with its value in these rows.
-    part : str
-        Name of the run they are of; the same for all its joints.
-    """
-
-    chosen: NDArray[np.bool_]
-    labels: tuple[tuple[Column, float], ...]
-    part: str
 
 
 @dataclass(eq=False)
@@ -89,18 +58,12 @@ class Column:
         How many of these are inside the file.
     tabular : bool
         Whether its signal is a table of its own: a matrix with a time axis, or with more columns than joints.
-    rows : Rows or None
-        Which rows of the signal it is; None where it is all of them.
     quantity : Quantity or None
     joint : int or None
     unit : str or None
         A unit of `units.FACTORS`.
-    stated : bool
-        Whether the file states the unit.
     scale : float
         Factor beside the unit, such as 0.01 for a motor angle before the reducer.
-    offset : float
-        What the numbers start at and should not, in their unit.
     assumed : Hints
         Controller and payload where no name speaks of them.
     time : Address or None
@@ -118,13 +81,10 @@ class Column:
     around: tuple[Hints, ...]
     inside: int
     tabular: bool = False
-    rows: Rows | None = None
     quantity: Quantity | None = None
     joint: int | None = None
     unit: str | None = None
-    stated: bool = False
     scale: float = 1.0
-    offset: float = 0.0
     assumed: Hints = field(default_factory=Hints)
     time: Address | None = None
     because: list[str] = field(default_factory=list)
@@ -133,24 +93,18 @@ class Column:
     @property
     def values(self) -> Array:
         """Shape (N,), as stored."""
-        values = self.signal.column(self.number)
-        return values if self.rows is None else values[self.rows.chosen]
+        return self.signal.column(self.number)
 
     @property
     def address(self) -> Address:
         """Where it is."""
-        labels = () if self.rows is None else self.rows.labels
-        rows = tuple((label.signal.path, label.number, value) for label, value in labels)
-        return Address(self.source.name, self.signal.path, self.number, rows)
+        return Address(self.source.name, self.signal.path, self.number)
 
     @property
     def group(self) -> Group:
         """What it is compared with."""
         parent = self.signal.path if self.tabular else self.signal.path.rpartition("/")[0]
-        part = self.signal.group or parent
-        if self.rows is not None:
-            return self.source.name, f"{part} {self.rows.part}", int(np.count_nonzero(self.rows.chosen))
-        return self.source.name, part, len(self.signal.values)
+        return self.source.name, self.signal.group or parent, len(self.signal.values)
 
     @property
     def label(self) -> str:
@@ -158,11 +112,9 @@ class Column:
         return self.signal.label or self.signal.path.rpartition("/")[2]
 
     @property
-    def names(self) -> Iterator[Hints]:
+    def names(self) -> tuple[Hints, ...]:
         """All that its names say, nearest first."""
-        yield self.own
-        yield from self.around
-        yield self.assumed
+        return self.own, *self.around, self.assumed
 
     @property
     def controller(self) -> int | None:
@@ -201,9 +153,8 @@ class Column:
         if self.own.quantity:
             self.call(self.own.quantity, f"the name {self.label!r} says {self.own.quantity}")
             inside = {hint.quantity for hint in self.around[: self.inside]}
-            if "calculated" in inside and _WHERE.issuperset(
-                word for word in tokens(self.label) if word.isalpha()
-            ):
+            words = {word for word in tokens(self.label) if word.isalpha()}
+            if "calculated" in inside and words <= _WHERE:
                 self.call("calculated", "a name around it says calculated")
             return
         # A single letter is a name for a column or, with a number, over an axis; in a file's name it could be
@@ -211,9 +162,9 @@ class Column:
         near = [
             hint.quantity
             for place, hint in enumerate(self.around[: self.inside + 1])
-            if hint.quantity and (not hint.letter or (hint.joint and place < self.inside))
+            if hint.quantity not in {None, "time", "index"}
+            and (not hint.letter or (hint.joint and place < self.inside))
         ]
-        near = [quantity for quantity in near if quantity not in {"time", "index"}]
         # "Joint 2" over an axis labelled "error" is where, not what.
         found = next((quantity for quantity in near if quantity != "measured"), next(iter(near), None))
         if found:
@@ -221,17 +172,7 @@ class Column:
 
 
 def columns_of(sources: Iterable[Source]) -> list[Column]:
-    """Take every signal apart into columns, and read their names.
-
-    Parameters
-    ----------
-    sources : iterable of Source
-
-    Returns
-    -------
-    list of Column
-        With what names and stored units say.
-    """
+    """Take every signal apart into columns, with what their names and stored units say."""
     return [column for source in sources for column in _columns(source)]
 
 
@@ -240,56 +181,36 @@ def _columns(source: Source) -> Iterator[Column]:
     read = cache(hints)
     titles: dict[str, list[Hints]] = defaultdict(list)
     for path, text in source.texts.items():
-        titles[path.rpartition("/")[0]] += [read(line) for line in text_names(text)]
-    outside = [*map(read, _path_names(source.name)), *titles[""]]
+        lines = (line.strip() for line in text.splitlines())
+        titles[path.rpartition("/")[0]] += [read(line) for line in lines if 0 < len(line) <= _LONGEST_NAME]
+    *folders, file = source.name.split("/")
+    # A dot in a folder's name, as in 0.2kg, begins no suffix.
+    above = [PurePosixPath(file).stem, *(folder.removesuffix(".zip") for folder in reversed(folders))]
+    outside = [*map(read, above), *titles[""]]
     for signal in source.signals:
         *parents, last = signal.path.split("/")
         inside = [read(last)] if signal.label and signal.label != last else []
-        inside += [title for scope in _scopes(signal.path) for title in titles.get(scope, ())]
+        # A text describes all that lies beside or below it.
+        scopes = ["/".join([*parents, last][:depth]) for depth in range(len(parents) + 1, 0, -1)]
+        inside += [title for scope in scopes for title in titles.get(scope, ())]
         inside += map(read, reversed(parents))
-        around = (*inside, *outside)
-        tabular = _is_table(signal)
-        for number in range(1, signal.columns + 1):
-            yield _column(source, signal, number, around, len(inside), tabular=tabular)
+        numbers = range(1, signal.columns + 1)
+        timed = len(numbers) > 1 and any(sampling_step(signal.column(number)) for number in numbers)
+        tabular = timed or len(numbers) > _MOST_JOINTS
+        own = read(signal.label or last)
+        for number in numbers:
+            column = Column(source, signal, number, own, (*inside, *outside), len(inside), tabular)
+            _read_names(column)
+            yield column
 
 
-def _is_table(signal: Signal) -> bool:
-    """Whether the columns of a matrix were recorded together, not each beside other matrices."""
-    numbers = range(1, signal.columns + 1)
-    wide = signal.columns > MOST_JOINTS
-    return wide or (signal.columns > 1 and any(sampling_step(signal.column(number)) for number in numbers))
-
-
-def _scopes(path: str) -> Iterator[str]:
-    """A path and all above it, nearest first: a text describes all that lies beside or below it."""
-    while path:
-        yield path
-        path = path.rpartition("/")[0]
-
-
-def _column(
-    source: Source, signal: Signal, number: int, around: tuple[Hints, ...], inside: int, *, tabular: bool
-) -> Column:
-    name = signal.label or signal.path.rpartition("/")[2]
-    column = Column(source, signal, number, hints(name), around, inside, tabular)
-    if len(signal.values) < SHORTEST:
+def _read_names(column: Column) -> None:
+    """Take what names and a stored unit say; short words of a name could be anything else than a unit."""
+    if len(column.values) < SHORTEST:
         column.because.append("too short for a record")
-        return column
+        return
     column.name_from()
-    column.unit = plain_unit(signal.unit) or _unit_in(tokens(name))
+    words = (plain_unit(word) for word in tokens(column.label) if len(word) > 2)
+    column.unit = plain_unit(column.signal.unit) or next(filter(None, words), None)
     if column.unit:
-        column.stated = True
-        column.because.append(f"its unit is given as {signal.unit or column.unit}")
-    return column
-
-
-def _path_names(name: str) -> list[str]:
-    """Names of a file and of the folders and archives above it, nearest first, without suffixes."""
-    parts = name.split("/")
-    # A dot in a folder's name, as in 0.2kg, begins no suffix.
-    return [PurePosixPath(parts[-1]).stem, *(part.removesuffix(".zip") for part in reversed(parts[:-1]))]
-
-
-def _unit_in(words: Sequence[str]) -> str | None:
-    """A unit among the words of a name; short ones could be anything else."""
-    return next((unit for word in words if len(word) > 2 and (unit := plain_unit(word))), None)
+        column.because.append(f"its unit is given as {column.signal.unit or column.unit}")

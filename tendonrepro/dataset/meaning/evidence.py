@@ -1,22 +1,27 @@
-"""What numbers themselves say about what they are."""
+"""What numbers themselves say about what they are.
+
+Beside names and stored units, five plain signs are taken for evidence, and no other:
+
+1. Numbers that increase evenly are times; their unit is the one that makes the step that of a control loop.
+2. Two columns alike in shape are desired and measured angle of one joint; the one with an encoder's steps, or
+   the rougher one, is measured.
+3. What is the printed coupling ratio of the joint angles, or a hundred times that, is a motor's angle.
+4. Constants and a few whole numbers are no motion: they tell rows apart.
+5. The range of angles, or the size of an encoder's steps in them, tells degrees from radians.
+
+What these leave open is asked: the suggestion names the line of the mapping that settles it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from itertools import permutations, product
+from itertools import product
 
 import numpy as np
 
 from tendonrepro.arrays import Array
 
-COUNT_DEG = 360.0 / 16384.0
-"""One count of the paper's joint encoder, deg: 4096 pulses, four counts each."""
-COUNTS_DEG = (COUNT_DEG, 0.022)
-"""The same, and as the paper prints it, for some multiply counts by that."""
-SAME_COURSE = 0.1
-"""Largest RMS difference of two signals that follow each other, as a share of the range."""
-COUPLED = 0.05
-"""Largest RMS of what a coupling leaves of a motor angle, as a share of its range."""
+COUNTS_DEG = (360.0 / 16384.0, 0.022)
+"""One count of the paper's joint encoder, deg: 4096 pulses, four counts each; and as the paper prints it."""
 _UNEVEN = 0.5
 _REGULAR = 0.95  # share of steps that are even; a logger drops a cycle now and then
 _FEWEST = 8
@@ -26,18 +31,9 @@ _ENOUGH = 2000  # samples that comparisons look at
 
 
 def sampling_step(values: Array) -> float | None:
-    """Median step of a signal that can be a time axis, in its own unit.
+    """Median step of at least 8 numbers (N,) that increase, nearly all evenly; None where they do not.
 
-    Parameters
-    ----------
-    values : Array
-        Shape (N,); cells without a number at the end, where a longer column stands beside it, do not count.
-
-    Returns
-    -------
-    float or None
-        None unless there are at least 8 numbers that increase strictly, nearly all by steps that differ from
-        their median by less than half of it.
+    Cells without a number at the end, where a longer column stands beside it, do not count.
     """
     values = without_tail(values)
     if len(values) < _FEWEST or not np.isfinite(values).all():
@@ -63,13 +59,7 @@ def without_tail(values: Array) -> Array:
 
 
 def is_label(values: Array) -> bool:
-    """Whether numbers tell rows apart, as that of a joint or a trial does: few, whole, close together.
-
-    Parameters
-    ----------
-    values : Array
-        Shape (N,).
-    """
+    """Whether numbers (N,) tell rows apart, as those of joints or trials do: few, whole, close together."""
     if not np.isfinite(values).all() or (values != np.round(values)).any():
         return False
     kinds = np.unique(values)
@@ -77,18 +67,7 @@ def is_label(values: Array) -> bool:
 
 
 def counted_in(values: Array) -> str | None:
-    """Tell degrees from radians by the encoder's count.
-
-    Parameters
-    ----------
-    values : Array
-        Shape (N,).
-
-    Returns
-    -------
-    str or None
-        ``deg`` or ``rad`` when all numbers lie on the grid of the paper's encoder in that unit.
-    """
+    """``deg`` or ``rad`` when all numbers (N,) lie on the grid of the paper's encoder in that unit."""
     finite = values[np.isfinite(values)]
     if len(finite) < _FEWEST:
         return None
@@ -103,14 +82,10 @@ def counted_in(values: Array) -> str | None:
     return None
 
 
-def looked_at(values: Array) -> Array:
-    """Evenly chosen samples, few enough for quick comparisons."""
-    return values[:: max(1, len(values) // _ENOUGH)]
-
-
 def distance(a: Array, b: Array) -> float:
     """RMS of the difference of two signals over the range of the first; infinite when that is constant."""
-    x, y = looked_at(a), looked_at(b)
+    thin = max(1, len(a) // _ENOUGH)
+    x, y = a[::thin], b[::thin]
     known = np.isfinite(x) & np.isfinite(y)
     if not known.any():
         return np.inf
@@ -126,32 +101,6 @@ def roughness(values: Array) -> float:
     return float(np.mean(np.abs(np.diff(finite, 3))) / np.ptp(finite))
 
 
-def differences_of(values: Array, others: Mapping[int, Array]) -> list[tuple[int, int]]:
-    """Find all pairs of signals whose difference another one is.
-
-    Parameters
-    ----------
-    values : Array
-        Shape (N,).
-    others : mapping
-        Candidates of the same length, by their places in the table.
-
-    Returns
-    -------
-    list of tuple of int
-        Places of minuend and subtrahend, those next to each other first. Two signals count when their
-        difference is the given one to 1 % of its own size, at 8 samples or more that all three have.
-    """
-    x = looked_at(values)
-    size = float(np.abs(x[np.isfinite(x)]).max(initial=0.0))
-    if size == 0.0:
-        return []
-    thinned = {place: looked_at(other) for place, other in others.items()}
-
-    def fits(minuend: int, subtrahend: int) -> bool:
-        a, b = thinned[minuend], thinned[subtrahend]
-        known = np.isfinite(x) & np.isfinite(a) & np.isfinite(b)
-        return bool(known.sum() >= _FEWEST and np.abs(a[known] - b[known] - x[known]).max() <= 0.01 * size)
-
-    found = [pair for pair in permutations(thinned, 2) if fits(*pair)]
-    return sorted(found, key=lambda pair: abs(pair[0] - pair[1]))
+def largest(values: Array) -> float:
+    """Largest magnitude of the numbers among values; 0 without any."""
+    return float(np.abs(values[np.isfinite(values)]).max(initial=0.0))

@@ -1,27 +1,36 @@
-"""The paper's numbers of joints: by place where names have none, moved where a lab counts otherwise."""
+"""The paper's numbers of joints and motors: by names, by place, by the coupling between them."""
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
+from itertools import product
 
-from tendonrepro.dataset.meaning.columns import Column, Group
+import numpy as np
 
+from tendonrepro.arrays import Array
+from tendonrepro.dataset.meaning.angle_units import in_radians
+from tendonrepro.dataset.meaning.columns import Column
+from tendonrepro.dataset.meaning.evidence import distance
+
+REDUCER = 100.0
+"""Turns of a motor for one of its winch."""
+COUPLED = 0.05
+"""Largest RMS of what the coupling leaves of a motor angle, as a share of its range."""
+_OFF = 0.01  # least difference that matters where a motor starts, as a share of its range
+_NO_JOINTS = (None, "time", "index", "other")
 _FROM_ZERO = "joints are counted from 0 here, so 1 is added"
 _FROM_ONE = "only joints 1 and 2 appear, so they are taken for 2 and 3, as in section 5.4"
+_MIXED = "only joints 1 and 2 appear, but not everywhere: are they the paper's 2 and 3? `joint`"
+_UNTIED = "a motor angle is not S_inv times the joint angles: look at its `unit`, `scale` and `offset`"
+_STARTS = "a motor does not start where S_inv puts it: `offset` takes off what it starts at"
 
 
 def place_joints(group: Sequence[Column]) -> None:
-    """Number columns without a joint in their name by their order: two are joints 2 and 3, three are all.
-
-    Parameters
-    ----------
-    group : sequence of Column
-        Recorded together.
-    """
+    """Number columns without a joint in their name by their order: two are joints 2 and 3, three are all."""
     kinds: dict[tuple[object, ...], list[Column]] = defaultdict(list)
     for column in group:
-        if column.quantity not in {None, "time", "index", "other"}:
+        if column.quantity not in _NO_JOINTS:
             of = (column.quantity, column.own.of_motor, column.own.desired)
             kinds[*of, column.controller, str(column.payload_mass)].append(column)
     for alike in kinds.values():
@@ -35,46 +44,31 @@ def place_joints(group: Sequence[Column]) -> None:
             column.because.append(f"joint {joint} by its place among {len(alike)} like it")
 
 
-def count_as_paper(files: Mapping[str, Sequence[Column]]) -> None:
-    """Move the numbers of joints in files that count from 0, or that call joints 2 and 3 by 1 and 2.
+def count_as_paper(groups: Iterable[Sequence[Column]]) -> None:
+    """Add 1 to the numbers of a record that counts joints from 0, or calls joints 2 and 3 by 1 and 2.
 
-    Parameters
-    ----------
-    files : mapping
-        Columns by file, all files of a record.
+    Where its parts count differently nothing is moved, and the user is asked.
     """
-    joints = {name: _joints(columns) for name, columns in files.items()}
-    everywhere = set().union(*joints.values())
-    of_record = _from_zero(everywhere)
-    for name, columns in files.items():
-        if of_record or _from_zero(joints[name]):
-            _move(columns, _FROM_ZERO, doubtful=True)
-        for column in columns:
+    numbered = [
+        [c for c in group if c.joint is not None and c.quantity not in _NO_JOINTS] for group in groups
+    ]
+    counted = {column.joint for group in numbered for column in group}
+    from_zero = {0, 1} <= counted and 3 not in counted
+    from_one = counted == {1, 2} and not any(map(_is_apart, numbered))
+    for group in numbered:
+        for column in group:
+            if from_zero or from_one:
+                column.joint = (column.joint or 0) + 1
+                column.because.append(_FROM_ZERO if from_zero else _FROM_ONE)
+                column.doubts += [_FROM_ZERO] if from_zero else []
+            elif {c.joint for c in group} == {1, 2} and not _is_apart(group):
+                column.doubts.append(_MIXED)
             column.joint = column.joint or None
-    if not of_record:
-        _move_from_one(files)
 
 
-def _from_zero(joints: set[int]) -> bool:
-    """Whether numbers are counts from 0; a nought alone may stand for what a joint starts at."""
-    return {0, 1} <= joints and 3 not in joints
-
-
-def _move_from_one(files: Mapping[str, Sequence[Column]]) -> None:
-    """Move joints 1 and 2 to 2 and 3, where 1 is not the first joint of the decoupling experiment."""
-    groups: dict[Group, list[Column]] = defaultdict(list)
-    for column in (column for columns in files.values() for column in columns):
-        groups[column.group].append(column)
-    apart = {name for name, group in groups.items() if is_decoupling(group)}
-    compared = {
-        name: [c for c in columns if c.controller or not (c.decoupling or c.group in apart)]
-        for name, columns in files.items()
-    }
-    counted = {name: _joints(columns) for name, columns in compared.items()}
-    everywhere = set().union(*counted.values())
-    for name, columns in compared.items():
-        if everywhere in ({1}, {1, 2}) or counted[name] == {1, 2}:
-            _move(columns, _FROM_ONE, doubtful=False)
+def _is_apart(group: Sequence[Column]) -> bool:
+    """Whether joint 1 may appear: in the decoupling experiment, by its name or by what it is."""
+    return is_decoupling(group) or any(column.decoupling for column in group)
 
 
 def is_decoupling(group: Sequence[Column]) -> bool:
@@ -83,19 +77,52 @@ def is_decoupling(group: Sequence[Column]) -> bool:
     Motors or calculated angles alone do not tell, Figure 13 has some too; joint 1 does, where joint 3 is
     there to show that joints are not counted from 2.
     """
-    joints = _joints(group)
+    joints = {column.joint for column in group if column.quantity not in _NO_JOINTS}
     return 1 in joints and (3 in joints or any(c.quantity in {"motor", "calculated"} for c in group))
 
 
-def _joints(columns: Iterable[Column]) -> set[int]:
-    known = {None, "time", "index", "other"}
-    return {c.joint for c in columns if c.joint is not None and c.quantity not in known}
+def find_motors(group: Sequence[Column], S_inv: Array) -> None:
+    """Tell motor angles, at the winch or before the reducer, by `S_inv` (3, 3) times the joint angles."""
+    runs: dict[tuple[int | None, str], list[Column]] = defaultdict(list)
+    for column in group:
+        runs[column.controller, str(column.payload_mass)].append(column)
+    for run in runs.values():
+        measured = (c for c in reversed(run) if c.quantity == "measured" and not c.own.of_motor)
+        joints = {column.joint: column for column in measured if column.joint}
+        # Motor 3 turns as joint 3 does while the others rest, so one joint alone proves no unnamed motor.
+        told = {"motor", None} if len(joints) > 1 else {"motor"}
+        for column in (c for c in run if joints and c.quantity in told):
+            column.unit = column.unit or next(iter(joints.values())).unit
+            # A joint that is not there is held.
+            q = np.zeros((len(column.values), len(S_inv)))
+            for joint, angle in joints.items():
+                q[:, joint - 1] = in_radians(angle)
+            if not _match(column, q @ S_inv.T) and column.quantity and np.nan_to_num(column.values).any():
+                column.doubts.append(_UNTIED)
 
 
-def _move(columns: Sequence[Column], reason: str, *, doubtful: bool) -> None:
-    """Add one to the number of every joint, as far as that is a joint."""
-    for column in columns:
-        if column.joint is not None and column.joint < 3 and column.quantity not in {"time", "index"}:
-            column.joint += 1
-            column.because.append(reason)
-            column.doubts += [reason] if doubtful else []
+def _match(column: Column, expected: Array) -> bool:
+    """Name a column after the motor whose angles, `expected` (N, 3), rad, it follows, if it does."""
+    motors = [column.joint - 1] if column.quantity == "motor" and column.joint else range(3)
+    tries = [
+        (*_apart(expected[:, motor], sign * in_radians(column) / ratio), motor, sign, ratio)
+        for motor, sign, ratio in product(motors, (1.0, -1.0), (1.0, REDUCER))
+    ]
+    rest, surplus, motor, sign, ratio = min(tries, key=lambda each: each[0])
+    if rest > COUPLED:
+        return False
+    where = "before the reducer" if ratio == REDUCER else "at the winch"
+    column.joint, column.scale = motor + 1, sign / ratio
+    column.call("motor", f"it is motor {motor + 1} {where}: S_inv times the joint angles, to {rest:.1%}")
+    column.doubts += [_STARTS] if surplus > _OFF else []
+    return True
+
+
+def _apart(expected: Array, angle: Array) -> tuple[float, float]:
+    """`distance` of two angles from where they start, and how far apart that is over the range."""
+    known = np.isfinite(expected) & np.isfinite(angle)
+    extent = float(np.ptp(expected[known])) if known.any() else 0.0
+    if extent == 0.0:
+        return np.inf, 0.0
+    surplus = float((angle - expected)[np.argmax(known)])
+    return distance(expected, angle - surplus), abs(surplus) / extent

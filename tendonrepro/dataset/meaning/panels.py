@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 
-import numpy as np
-
 from tendonrepro.dataset.meaning.columns import Column
 from tendonrepro.dataset.meaning.evidence import counted_in
 from tendonrepro.dataset.meaning.words import Hints, Quantity
@@ -30,69 +28,43 @@ ORDER: Mapping[int, Sequence[Hints]] = {
     16: [Hints(controller=1, payload_mass=0.0), Hints(controller=1, payload_mass=float("nan"))],
 }
 """Runs whose curves a figure shows, as its legend names them."""
-_ERROR = 3.0
-"""No tracking error is larger, in either unit."""
-_ERROR_RAD = 0.1
-"""No motion of the paper is smaller, rad."""
-_BOTH_SIDES = 0.1
+_ANGLES_OR_ERRORS = "the curves of Figure 16 are taken for angles; if they are errors, `variable: e`"
 
 
 def find_panels(columns: Iterable[Column]) -> None:
-    """Fill in what the paper's figures show where files name figure and panel.
-
-    Parameters
-    ----------
-    columns : iterable of Column
-        Times among them are known.
-    """
+    """Fill in what the paper's figures show where files name figure and panel; times are known."""
     panels: dict[tuple[object, ...], list[Column]] = defaultdict(list)
     for column in columns:
         if column.figure is not None and column.quantity not in {"time", "index"}:
             panels[column.figure, *column.group[:2]].append(column)
     for curves in panels.values():
         figure, panel = curves[0].figure or (0, None)
-        _name(curves, figure, panel)
-        _place(curves, figure, panel)
+        quantity, joint = PANELS.get(figure, {}).get(panel, (None, None))
+        _name(curves, figure, f"Figure {figure}{panel or ''} shows it", quantity, joint)
+        for column in curves:
+            if column.joint is None and joint is not None:
+                column.joint = joint
+                column.because.append(f"Figure {figure}{panel or ''} is of joint {joint}")
         _order(curves, figure)
 
 
-def _name(curves: Sequence[Column], figure: int, panel: str | None) -> None:
+def _name(
+    curves: Sequence[Column], figure: int, shown: str, quantity: Quantity | None, joint: int | None
+) -> None:
     """Quantities of the curves of one panel."""
-    quantity, joint = PANELS.get(figure, {}).get(panel, (None, None))
-    shown = f"Figure {figure}{panel or ''} shows it"
     unnamed = [column for column in curves if column.quantity is None]
     stepped = [column for column in unnamed if counted_in(column.values)]
     if quantity is None and joint and len(unnamed) == 2 and len(stepped) == 1:
         for column in unnamed:
             told: Quantity = "measured" if column in stepped else "calculated"
             column.call(told, f"{shown}, and of two curves the measured one has an encoder's steps")
-    elif figure == 16 and quantity and unnamed and all(_is_small(column) for column in curves):
-        for column in unnamed:
-            column.call("error", f"{shown}, and all its curves are small")
-            column.doubts.append("the curves of Figure 16 are small, so they are taken for errors")
     elif quantity is not None:
         for column in unnamed:
-            desired = (
-                quantity == "measured" and column not in stepped and len(stepped) == len(unnamed) - 1 > 0
-            )
-            why = f"{shown}, and it alone has no encoder's steps" if desired else shown
-            column.call("desired" if desired else quantity, why)
-
-
-def _place(curves: Sequence[Column], figure: int, panel: str | None) -> None:
-    """Joint of the curves of one panel."""
-    _, joint = PANELS.get(figure, {}).get(panel, (None, None))
-    for column in curves:
-        if column.joint is None and joint is not None:
-            column.joint = joint
-            column.because.append(f"Figure {figure}{panel or ''} is of joint {joint}")
-
-
-def _is_small(column: Column) -> bool:
-    """Whether a curve of either unit can be an error: smaller than any motion, or to both sides of zero."""
-    finite = column.values[np.isfinite(column.values)]
-    sides = sorted((float(-finite.min(initial=0.0)), float(finite.max(initial=0.0))))
-    return sides[1] <= _ERROR_RAD or (sides[1] <= _ERROR and sides[0] > _BOTH_SIDES * sides[1])
+            if quantity == "measured" and column not in stepped and len(stepped) == len(unnamed) - 1 > 0:
+                column.call("desired", f"{shown}, and it alone has no encoder's steps")
+            else:
+                column.call(quantity, shown)
+            column.doubts += [_ANGLES_OR_ERRORS] if figure == 16 else []
 
 
 def _order(curves: Sequence[Column], figure: int) -> None:

@@ -15,20 +15,12 @@ from tendonrepro.dataset.readers.units import FACTORS
 
 SAMPLING = 0.001
 """The paper's sampling period, s, where the files hold no times."""
-_EPOCH = (9e8, 4e9)
-"""Seconds from 1970 to 1998 and to 2096, between which a date of a measurement lies."""
-_SLOWEST = 0.1
-"""Longest step of a control loop, s."""
+# Longest step of a control loop, s; a hundred milliseconds to the last bit are still that.
+_SLOWEST = 0.1 * (1.0 + 1e-6)
 
 
 def find_times(group: Sequence[Column]) -> None:
-    """Name the time axes of columns recorded together, and hand each to the columns it is of.
-
-    Parameters
-    ----------
-    group : sequence of Column
-        In their order. Where they are pairs, as ``X1, Y1, X2, Y2``, every other one is an axis.
-    """
+    """Name the time axes of columns recorded together, and hand each to the columns it is of."""
     for column in group:
         if column.quantity == "index" or (column.own.quantity is None and _counts(column.values)):
             column.call("index", "it counts samples")
@@ -50,29 +42,22 @@ def find_times(group: Sequence[Column]) -> None:
 
 
 def _axes(group: Sequence[Column], steps: dict[Column, float | None]) -> list[Column]:
-    """Time axes of a group: one, unless each stands before columns of its own."""
+    """Time axes of a group: one, unless each stands before columns of its own, as in ``X1, Y1, X2, Y2``."""
     even = [column for column in group if steps[column]]
-    paired = [column for column in even if column.quantity == "time" or _is_abscissa(column)]
-    if len(paired) < 2 and _alternate(group, even):
-        paired = list(group[::2])
+    nameless = all(column.quantity in {None, "time"} for column in group[::2])
+    alternate = len(group) > 3 and nameless and list(group[::2]) == even
+    paired = even if alternate else [c for c in even if c.quantity == "time" or _is_abscissa(c)]
     places = [group.index(column) for column in paired]
     if len(paired) > 1 and places[0] == 0 and np.diff(places).min() > 1:
         return paired
     named = [column for column in group if column.quantity == "time"]
     unnamed = [column for column in even if column.quantity is None]
-    return next(([column] for column in (*(c for c in named if steps[c]), *paired, *named, *unnamed)), [])
+    return [*(c for c in named if steps[c]), *paired, *named, *unnamed][:1]
 
 
 def _is_abscissa(column: Column) -> bool:
     """Whether the last word of its name is an x, as in ``X1`` or ``Desired X``."""
-    letters = [word for word in tokens(column.label) if word.isalpha()]
-    return letters[-1:] == ["x"]
-
-
-def _alternate(group: Sequence[Column], even: Sequence[Column]) -> bool:
-    """Whether every other column, from the first, and none between them, increases evenly."""
-    nameless = all(column.quantity in {None, "time"} for column in group[::2])
-    return len(group) > 3 and len(group) % 2 == 0 and nameless and list(group[::2]) == list(even)
+    return [word for word in tokens(column.label) if word.isalpha()][-1:] == ["x"]
 
 
 def _counts(values: Array) -> bool:
@@ -81,32 +66,18 @@ def _counts(values: Array) -> bool:
 
 
 def _settle_unit(axis: Column) -> None:
+    """Take the unit that makes the step that of a control loop, and ask."""
     times = axis.values[np.isfinite(axis.values)]
-    axis.unit, reason = _unit_by_size(times) if len(times) > 1 else ("s", "and nothing says so")
+    step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+    units = [(unit, FACTORS["time"][unit]) for unit in ("s", "ms", "us", "ns")]
+    axis.unit, factor = next((each for each in units if step * each[1] <= _SLOWEST), units[-1])
+    reason = f"which makes their step {step * factor * 1e3:.3g} ms"
     axis.because.append(f"taken to be in {axis.unit}, {reason}")
     axis.doubts.append(f"no unit of the times is stated, {axis.unit} is taken, {reason}")
 
 
-def _unit_by_size(times: Array) -> tuple[str, str]:
-    """Unit that makes the numbers dates of our time, else the one that makes the step that of a loop."""
-    units = [(unit, FACTORS["time"][unit]) for unit in ("s", "ms", "us", "ns")]
-    step = float(np.median(np.diff(times)))
-    for unit, factor in units:
-        if _EPOCH[0] <= times[0] * factor < _EPOCH[1] and step * factor <= 100.0 * _SLOWEST:
-            return unit, "for they count from 1970"
-    # A hundred milliseconds to the last bit are still that.
-    slowest = _SLOWEST * (1.0 + 1e-6)
-    unit, factor = next(((unit, factor) for unit, factor in units if step * factor <= slowest), units[-1])
-    return unit, f"which makes their step {step * factor * 1e3:.3g} ms"
-
-
 def share_times(file: Sequence[Column]) -> None:
-    """Give columns without a time the only time axis of the file that has as many samples.
-
-    Parameters
-    ----------
-    file : sequence of Column
-    """
+    """Give columns without a time the only time axis of their file that has as many samples."""
     axes: dict[int, list[Column]] = defaultdict(list)
     for column in file:
         if column.quantity == "time":

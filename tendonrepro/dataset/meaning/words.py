@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal, TypeAlias
@@ -17,14 +17,8 @@ Quantity: TypeAlias = Literal[
 ]  # fmt: skip
 
 _GREEK = {
-    "α": " alpha ",
-    "θ": " theta ",
-    "τ": " tau ",
-    "ω": " omega ",
-    "σ": " sigma ",
-    "ĥ": " hhat ",
-    "°": " ",
-}
+    "α": " alpha ", "θ": " theta ", "τ": " tau ", "ω": " omega ", "σ": " sigma ", "ĥ": " hhat ", "°": " ",
+}  # fmt: skip
 _TOKEN = re.compile(r"[a-z]+|\d+(?:\.\d+)?|[\u4e00-\u9fff]+")
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 _RANGE = re.compile(r"![A-Z]{1,3}\d*(:[A-Z]{1,3}\d*)?$")
@@ -59,10 +53,8 @@ _WORDS: Mapping[Quantity, tuple[frozenset[str], Sequence[str]]] = {
         ("期望", "参考", "目标"),
     ),
     "measured": (
-        _these(
-            "act actual meas measured real enc encoder feedback pos position angle angles joint link q th "
-            "theta response output"
-        ),
+        _these("act actual meas measured real enc encoder feedback pos position angle angles joint link q th")
+        | _these("theta response output"),
         ("实际", "测量", "编码器", "关节", "角度", "转角"),
     ),
 }
@@ -81,8 +73,7 @@ _LOAD = _these("load loaded payload weight loading")
 _NO_LOAD = ("noload", "unload", "nopayload", "withoutload", "withoutpayload", "空载", "无负载", "无载")
 _CHINESE_LOAD = ("负载", "带载", "有载", "加载")
 _DECOUPLING = _these("decouple decoupled decoupling coupling kinematics")
-CONTROLLER = _these("controller ctrl control con contr c cont")
-"""Words before the number of a controller."""
+_CONTROLLER = _these("controller ctrl control con contr c cont")
 _NTSM = _these("ntsm tdentsm ntsmc")
 _TSM = _these("tsm tdetsm tsmc tdc tdepd pd")
 
@@ -131,16 +122,7 @@ def tokens(name: str) -> list[str]:
 
 
 def hints(name: str) -> Hints:
-    """Read one name: of a file without its suffix, a sheet, a variable, a column, a title.
-
-    Parameters
-    ----------
-    name : str
-
-    Returns
-    -------
-    Hints
-    """
+    """Read one name: of a file without its suffix, a sheet, a variable, a column, a title."""
     name = _RANGE.sub("", name)
     words, text = tokens(name), _plain(name)
     figure = _FIGURE.search(text)
@@ -201,7 +183,7 @@ def _desired(words: Sequence[str]) -> bool:
 
 def _joint(words: Sequence[str]) -> int | None:
     """A number from 0 to 3 behind a word that can name a joint, the last one if there are several."""
-    counted = _NOT_JOINTS | CONTROLLER | _LOAD
+    counted = _NOT_JOINTS | _CONTROLLER | _LOAD
     found = [
         int(number)
         for before, number, after in zip(words, words[1:], [*words[2:], ""], strict=False)
@@ -214,7 +196,7 @@ def _joint(words: Sequence[str]) -> int | None:
 
 def _controller(words: Sequence[str], name: str) -> int | None:
     for before, number in pairwise(words):
-        if number in {"1", "2", "3"} and (before in CONTROLLER or "控制器" in before):
+        if number in {"1", "2", "3"} and (before in _CONTROLLER or "控制器" in before):
             return int(number)
     if _ALPHA.search(name):
         return 1
@@ -236,24 +218,8 @@ def _payload(words: Sequence[str], text: str) -> float | None:
     return float("nan") if loaded else None
 
 
-def text_names(text: str) -> Iterator[str]:
-    """Lines of a text that are short enough to be names."""
-    yield from (line.strip() for line in text.splitlines() if 0 < len(line.strip()) <= 80)
-
-
 def printable(text: str) -> str:
-    """One line that steers no terminal and ends no comment.
-
-    Parameters
-    ----------
-    text : str
-        Such as a name out of a file.
-
-    Returns
-    -------
-    str
-        With a space for every other white space, line breaks too, and U+FFFD for what cannot be shown.
-    """
+    """One line that steers no terminal and ends no comment: odd white space is a space, the rest U+FFFD."""
     return "".join(
         letter if letter.isprintable() else " " if letter.isspace() else "\ufffd" for letter in text
     )
