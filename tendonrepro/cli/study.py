@@ -22,7 +22,7 @@ def sweep(
         list[str], typer.Option("--over", metavar="KEY=A,B,C", help="A key and its values; once or twice.")
     ],
 ) -> int:
-    """The comparison over values of one or two keys: table and figures."""
+    """The comparison over values of one or two keys: table and figure."""
     from tendonrepro.experiments.sweep.command import run_sweep
     from tendonrepro.experiments.sweep.report import sweep_text
 

@@ -22,8 +22,8 @@ COLUMNS: Columns = {
     "window": ("Window", ""),
     "run": ("Run", ""),
     "load": ("Load", ""),
-    "joint": ("Joint", ""),
     "metric": ("Metric", ""),
+    "joint": ("Joint", ""),
     # "z" keeps a rounded zero from having a sign; as many digits as the paper.
     "mae_deg": ("MAE (deg)", "z.3f"),
     "mae_printed_deg": ("printed", "z.3f"),
@@ -169,7 +169,7 @@ def _coupling_row(quantity: str, identifier: str, ours: float) -> Row:
     return {
         "quantity": quantity,
         "printed_as": entry.as_printed,
-        "printed": entry.value,
+        "printed": float(entry.value),
         "ours": ours,
         "difference": abs(ours) - entry.value,
     }
