@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.config.load import CompareConfig
+from tendonrepro.config.load import CompareConfig, LoadedConfig
 from tendonrepro.config.models.experiment import MOST_SAMPLES
 from tendonrepro.config.models.reference import (
     InTurns,
@@ -21,7 +21,7 @@ from tendonrepro.config.models.reference import (
 )
 from tendonrepro.config.models.reference import Reference as ReferenceConfig
 from tendonrepro.config.trajectory_file import read_samples
-from tendonrepro.errors import ConfigError
+from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.experiments.rig import (
     Experiment,
     build_actuator,
@@ -30,6 +30,7 @@ from tendonrepro.experiments.rig import (
     coupling,
     start_angles,
 )
+from tendonrepro.experiments.user_law import UserLaw, add_user_law
 from tendonrepro.physics.control import DEGREES_PER_RADIAN, Law, Surface, estimator_weights
 from tendonrepro.physics.servo import Servo
 from tendonrepro.physics.trajectory import (
@@ -44,6 +45,7 @@ from tendonrepro.physics.trajectory import (
     trapezoid_times,
     trapezoidal,
 )
+from tendonrepro.results.records import RESERVED
 from tendonrepro.simulation.controllers import Controller, PositionController, TimeDelayController
 from tendonrepro.simulation.stepper import Loop, Reference, Solver
 
@@ -261,6 +263,17 @@ def build_loops(
         mapped = S if choice.drives == "motors" else None
         reference = build_reference(choice.reference, config, folder, mapped)
         yield name, _loop(config, choice.payload.si, PositionController(servo, S_inv), reference, cold=False)
+
+
+def all_loops(loaded: LoadedConfig, law: UserLaw | None) -> dict[str, Loop]:
+    """Closed loops of all runs by name; a user's law runs on plant and reference of the first."""
+    loops = dict(build_loops(loaded.config, loaded.folder))
+    if law is None:
+        return loops
+    if law.name in (*loops, RESERVED):
+        message = f"there is something else of the name {law.name!r} among the results"
+        raise UsageError(message, where="--law", hint="give the function another name")
+    return loops | {law.name: add_user_law(law, next(iter(loops.values())))}
 
 
 def _loop(

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from tendonrepro.config.load import LoadedConfig
+from tendonrepro.config.load import CompareConfig, LoadedConfig
 from tendonrepro.config.overrides import parse_override
 from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
-from tendonrepro.experiments.loops import build_loops
+from tendonrepro.experiments.loops import build_law, build_loops
 from tendonrepro.experiments.sweep.points import (
     Axis,
     Point,
@@ -31,9 +31,7 @@ from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, error_ratio
 from tendonrepro.results.folder import claimed, refuse_others
 from tendonrepro.results.manifest import make_manifest
 from tendonrepro.simulation.batch import simulate_batch
-from tendonrepro.simulation.controllers import TimeDelayController
 from tendonrepro.simulation.resolution import COMPILED_STEPPER
-from tendonrepro.simulation.stepper import Loop
 
 SCHEMA_VERSION = 1
 DATA = "sweep.json"
@@ -120,7 +118,15 @@ def load_sweep(request: Request, over: Sequence[str]) -> Sweep:
 def simulate_sweep(sweep: Sweep, talk: Talk) -> dict[str, Any]:
     """Simulate every run of every point; what does not exist is NaN, which JSON writes as null."""
     loops = [dict(build_loops(point.config, sweep.base.folder)) for point in sweep.points]
-    results: list[dict[str, dict[str, Any]]] = [{run: {} for run in built} for built in loops]
+    points: list[dict[str, Any]] = [
+        {
+            "label": sweep.label(point),
+            "values": {axis.key: axis.values[k] for axis, k in zip(sweep.axes, point.places, strict=True)},
+            "places": list(point.places),
+            "runs": dict.fromkeys(point.config.runs),
+        }
+        for point in sweep.points
+    ]
     # A batch has one set of limits of statuses, which may be swept over.
     alike: dict[str, list[tuple[int, str]]] = {}
     for i, point in enumerate(sweep.points):
@@ -133,7 +139,7 @@ def simulate_sweep(sweep: Sweep, talk: Talk) -> dict[str, Any]:
             chosen = [loops[i][run] for i, run in members]
             batch = simulate_batch(chosen, limits, progress=progress, threads=os.cpu_count() or 1)
             for k, (i, run) in enumerate(members):
-                results[i][run] = {
+                points[i]["runs"][run] = {
                     "status": STATUSES[batch.status[k]],
                     "status_time_s": float(batch.status_time[k]),
                     "steps_per_sample": int(batch.steps[k]),
@@ -141,32 +147,13 @@ def simulate_sweep(sweep: Sweep, talk: Talk) -> dict[str, Any]:
                     name: (factor * batch.statistics[statistic][k]).tolist()
                     for name, (statistic, _, factor) in COLUMNS.items()
                 }
-    return _head(sweep) | _outcome(sweep, loops, results, talk)
-
-
-def _outcome(
-    sweep: Sweep,
-    loops: Sequence[Mapping[str, Loop]],
-    results: Sequence[Mapping[str, Mapping[str, Any]]],
-    talk: Talk,
-) -> dict[str, Any]:
-    """Points with the results of their runs, and how these ended."""
-    points: list[dict[str, Any]] = [
-        {
-            "label": sweep.label(point),
-            "values": {axis.key: axis.values[k] for axis, k in zip(sweep.axes, point.places, strict=True)},
-            "places": list(point.places),
-            "runs": found,
-            "ratio": _ratios(found),
-            "predicted_ratio": _predicted(built),
-        }
-        for point, built, found in zip(sweep.points, loops, results, strict=True)
-    ]
+    for point, found in zip(sweep.points, points, strict=True):
+        found |= {"ratio": _ratios(found["runs"]), "predicted_ratio": _predicted(point.config)}
     status = {f"{p['label']} {run}": found["status"] for p in points for run, found in p["runs"].items()}
     for name, ended in status.items():
         talk.detail(f"{name}: {ended}")
     diverged = [name for name, ended in status.items() if ended == "diverged"]
-    return {"points": points, "status": status, "diverged": diverged}
+    return _head(sweep) | {"points": points, "status": status, "diverged": diverged}
 
 
 def _ratios(found: Mapping[str, Mapping[str, Any]]) -> dict[str, list[float]]:
@@ -181,14 +168,10 @@ def _ratios(found: Mapping[str, Mapping[str, Any]]) -> dict[str, list[float]]:
     return ratios
 
 
-def _predicted(loops: Mapping[str, Loop]) -> dict[str, list[float]]:
+def _predicted(config: CompareConfig) -> dict[str, list[float]]:
     """Ratios of errors under a slowly changing load, which no plant enters."""
-    e, delay = float(np.deg2rad(TYPICAL_ERROR_DEG)), max(loop.actuator.delay for loop in loops.values())
-    laws = {
-        run: loop.controller.law
-        for run, loop in loops.items()
-        if isinstance(loop.controller, TimeDelayController)
-    }
+    e, delay = float(np.deg2rad(TYPICAL_ERROR_DEG)), int(config.manipulator.actuator.output_delay.si)
+    laws = {name: build_law(config, run.law) for name, run in config.runs.items()}
     return {
         pair: error_ratio(laws[first], laws[second], e, delay).tolist()
         for pair, (first, second) in PAIRS.items()
