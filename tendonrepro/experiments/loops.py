@@ -54,13 +54,7 @@ RESOLVED_ANGLE = 1e-9
 
 
 def reference_period(reference: ReferenceConfig) -> float:
-    """Duration after which a reference repeats, s; 0 if it does not, or if joints differ.
-
-    Parameters
-    ----------
-    reference : Reference
-        Of a configuration.
-    """
+    """Duration after which a reference repeats, s; 0 if it does not, or if joints differ."""
     if isinstance(reference, Sampled):
         return 0.0
     singles = reference.references if isinstance(reference, PerJoint) else (reference,)
@@ -110,22 +104,20 @@ def _motions(reference: ReferenceConfig, joints: Sequence[int], folder: Path) ->
     if isinstance(reference, Sampled):
         return _sampled_motions(folder / reference.file, joints)
     if isinstance(reference, PerJoint):
-        return [
-            _single_motions(single, (joint,))[0]
-            for single, joint in zip(reference.references, joints, strict=True)
-        ]
+        parts = zip(reference.references, joints, strict=True)
+        return [_single_motions(single, (joint,))[0] for single, joint in parts]
     return _single_motions(reference, joints)
 
 
 def _single_motions(reference: Single, joints: Sequence[int]) -> list[Motion]:
     shapes = [_shape(reference, i) for i in range(len(joints))]
-    if isinstance(reference, InTurns):
-        turns = (reference.turns or (tuple(joints),)) * int(reference.periods.si)
-        return [
-            Motion(tuple(shape if joint in turn else at_rest for turn in turns), reference.cycle)
-            for shape, joint in zip(shapes, joints, strict=True)
-        ]
-    return [Motion((shape,), reference.duration) for shape in shapes]
+    if not isinstance(reference, InTurns):
+        return [Motion((shape,), reference.duration) for shape in shapes]
+    turns = (reference.turns or (tuple(joints),)) * int(reference.periods.si)
+    return [
+        Motion(tuple(shape if joint in turn else at_rest for turn in turns), reference.cycle)
+        for shape, joint in zip(shapes, joints, strict=True)
+    ]
 
 
 def _shape(reference: Single, i: int) -> Shape:
@@ -164,11 +156,8 @@ def _check_workspace(reference: Reference, config: Experiment) -> None:
         k, i = np.argwhere(outside)[0]
         reached = f"{angles[k, i]:.1f} deg from hanging at t = {reference.time[k]:.3f} s"
         message = f"link {config.joints[i]} would reach {reached}"
-        raise ConfigError(
-            message,
-            where="reference",
-            hint="links must stay between 0 and 180 deg: change posture or the reference's amplitude",
-        )
+        hint = "links must stay between 0 and 180 deg: change posture or the reference's amplitude"
+        raise ConfigError(message, where="reference", hint=hint)
 
 
 def build_law(config: CompareConfig, name: str) -> Law:
@@ -186,7 +175,6 @@ def build_law(config: CompareConfig, name: str) -> Law:
     """
     gains, readings, choice = config.control.gains, config.control.readings, config.control.laws[name]
     n, L = len(config.joints), config.sampling_period.si
-    surface = Surface[choice.surface.upper()]
     alpha = gains.alpha.si if choice.estimator == "alpha_tde" else np.zeros(n)
     is_controller_2 = choice.surface == "ntsm" and choice.estimator == "tde"
     dropped = is_controller_2 and readings.eta_in_controller_2 == "dropped"
@@ -196,7 +184,7 @@ def build_law(config: CompareConfig, name: str) -> Law:
     to_joint = torque_map(config)
     resolved = max(config.manipulator.encoders.joint.resolution.si, RESOLVED_ANGLE)
     return Law(
-        surface=int(surface),
+        surface=int(Surface[choice.surface.upper()]),
         L=L,
         M_bar=gains.M_bar.si * mass_scale,
         lam=gains.lam.si,
@@ -223,11 +211,10 @@ def build_law(config: CompareConfig, name: str) -> Law:
 def torque_map(config: CompareConfig) -> Array:
     """Map from the law's torque coordinates to joint coordinates, (n, n); by virtual work ``S_invᵀ``."""
     coordinates = config.control.readings.torque_coordinates
-    _, S_inv = coupling(config)
     if coordinates == "joint":
         return np.eye(len(config.joints))
     ratio = config.manipulator.winches.reduction.si if coordinates == "motor_shaft" else 1.0
-    return np.ascontiguousarray(ratio * S_inv.T)
+    return np.ascontiguousarray(ratio * coupling(config)[1].T)
 
 
 def build_loops(

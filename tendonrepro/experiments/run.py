@@ -11,7 +11,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.config.load import CompareConfig, LoadedConfig
 from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
-from tendonrepro.experiments.loops import all_loops, reference_period
+from tendonrepro.experiments.loops import all_loops
 from tendonrepro.experiments.plant_record import plant_record
 from tendonrepro.experiments.user_law import UserLaw
 from tendonrepro.files import to_json
@@ -95,29 +95,22 @@ def _trace(loaded: LoadedConfig, name: str, loop: Loop, variables: dict[str, Arr
 
 def _attributes(loaded: LoadedConfig, name: str, loop: Loop) -> dict[str, Any]:
     """Law, gains, readings, payload and reference of a run, as a trace stores them."""
-    config = loaded.config
+    config, period = loaded.config, {"reference_period": loop.reference.period}
     if not isinstance(config, CompareConfig):
         run = config.runs[name]
-        return {
-            "law": "motor_position_loop",
-            "gains": _vectors(config.position_loop),
-            "readings": {},
-            "drives": run.drives,
-            "payload_mass": run.payload.si,
-            "reference_period": reference_period(run.reference),
-        }
+        gains = {"law": "motor_position_loop", "gains": _vectors(config.position_loop), "readings": {}}
+        return gains | {"drives": run.drives, "payload_mass": run.payload.si} | period
     chosen = config.runs.get(name) or next(iter(config.runs.values()))
     attributes = {
         "law": chosen.law if name in config.runs else f"user law {name}",
         "gains": _vectors(config.control.gains),
         "readings": config.control.readings.model_dump(),
         "payload_mass": chosen.payload.si,
-        "reference_period": reference_period(config.reference),
     }
     if isinstance(loop.controller, TimeDelayController):
         newer, older = loop.controller.law.weights
         attributes |= {"estimator_weight_newer": newer.tolist(), "estimator_weight_older": older.tolist()}
-    return attributes
+    return attributes | period
 
 
 def _vectors(section: Any) -> dict[str, list[float]]:
