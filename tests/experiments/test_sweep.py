@@ -320,6 +320,15 @@ class TestFigures:
         labels = [text.get_text() for text in panels[2].get_xticklabels()]
         assert labels == (["0.5", "1", "2"] if numbers is None else [f"{value:g}" for value in x])
 
+    def test_ringing_run_has_an_open_marker(self):
+        data = json.loads(json.dumps(swept(PERIOD)))
+        data["points"][1]["runs"]["controller_1"]["status"] = data["status"]["x"] = "ringing"
+        figure = draw_lines(data)
+        drawn = (line for line in figure.axes[0].lines if len(line.get_xdata()))
+        (dots,) = (line for line in drawn if line.get_markerfacecolor() == "white")
+        assert dots.get_xdata().tolist() == [1.0]
+        assert figure.legends[0].get_texts()[-1].get_text() == "ringing"
+
     def test_map_of_one_controller_has_its_errors_and_says_what_diverged(self):
         data = swept(UNSTABLE, "control.gains.alpha=[0.1,0.2],[0.1,0.3]", controllers=(1,))
         panels = draw_map(data).axes

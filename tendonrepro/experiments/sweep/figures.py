@@ -226,9 +226,11 @@ def _caption(data: Mapping[str, Any]) -> str:
     keys = " and ".join(axis["key"] for axis in data["keys"])
     parts = [f"Mean absolute tracking error over the whole run under values of {keys}."]
     if data["points"][0]["ratio"]:
-        parts.append("Ratios where both runs lasted; slow load: what the laws alone give for a slow load.")
+        parts.append("Ratios where both runs lasted.")
+    if len(data["keys"]) > 1:
+        parts.append("Grey: a run did not last; tilde: it rings.")
+    elif data["points"][0]["ratio"]:
+        parts.append("Slow load: what the laws alone give for a load that changes slowly.")
     if data["diverged"]:
         parts.append(f"Diverged: {', '.join(data['diverged'])}.")
-    if len(data["keys"]) > 1 and "ringing" in data["status"].values():
-        parts.append("A tilde marks a run that rings.")
     return " ".join([*parts, f"Configuration {data['config']}, sweep {data['config_sha256'][:12]}."])
