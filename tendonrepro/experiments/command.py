@@ -11,15 +11,17 @@ from typing import Any, Literal
 
 from tendonrepro.config.ensemble import LoadedEnsemble
 from tendonrepro.config.kinds import checked
-from tendonrepro.config.load import LoadedConfig
+from tendonrepro.config.load import ExperimentName, LoadedConfig
 from tendonrepro.config.published import published
 from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.experiments.run import PRECISE, all_loops, simulate_all, simulate_together, trace_file
+from tendonrepro.experiments.loops import all_loops
+from tendonrepro.experiments.run import PRECISE, simulate_all, trace_file
 from tendonrepro.experiments.user_law import UserLaw, find_user_law
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.parallel import each
+from tendonrepro.results.comparison import write_tables
 from tendonrepro.results.folder import MANIFEST, TRACES, claimed, read_manifest, refuse_others
 from tendonrepro.results.manifest import make_manifest, with_outputs
 from tendonrepro.results.records import TraceFile
@@ -28,8 +30,6 @@ from tendonrepro.results.traces import read_traces, write_traces
 from tendonrepro.simulation.resolution import COMPILED_STEPPER
 
 SCHEMA_VERSION = 1
-ExperimentName = Literal["compare", "decouple"]
-EXPERIMENTS: tuple[ExperimentName, ...] = ("decouple", "compare")
 
 
 @dataclass(frozen=True)
@@ -77,17 +77,17 @@ def run_experiment(order: Order, talk: Talk) -> dict[str, Any]:
     """
     loaded, law = _load(order)
     with claimed(order.folder, loaded.sha256, force=order.request.force) as held:
-        run = simulate_together if order.solver == "compiled" else simulate_all
-        traces = run(loaded, law, talk)
+        traces = simulate_all(loaded, law, talk, order.solver)
         manifest = make_manifest(loaded, held.seconds)
         if order.solver == "compiled":
             manifest["solver"] = {"name": COMPILED_STEPPER, "tolerance": PRECISE}
         file = trace_file(loaded, traces, manifest)
         held.clear()
         write_traces(held.path / TRACES, file)
-        held.files += [held.path / TRACES, *draw_figures(file, held.path), *make_tables(file, held.path)]
+        held.files += [held.path / TRACES, *_draw_figures(file, held.path)]
+        held.files += write_tables(file, held.path / "tables")
         held.finish(manifest, talk)
-    return results(file, order.folder)
+    return _results(file, order.folder)
 
 
 def diverged(found: dict[str, Any]) -> bool:
@@ -105,17 +105,10 @@ def both_orders(configs: Path | None, request: Request) -> list[Order]:
     request : Request
         For both; its results folder is the one above theirs.
     """
-    return [
-        Order(
-            name,
-            replace(
-                request,
-                config=None if configs is None else str(configs / f"{name}.yaml"),
-                out=(request.out or Path("reports")) / name,
-            ),
-        )
-        for name in EXPERIMENTS
-    ]
+    names: tuple[ExperimentName, ...] = ("decouple", "compare")
+    above = request.out or Path("reports")
+    files = {name: None if configs is None else str(configs / f"{name}.yaml") for name in names}
+    return [Order(name, replace(request, config=files[name], out=above / name)) for name in names]
 
 
 def plan(order: Order) -> dict[str, Any]:
@@ -174,27 +167,6 @@ def check(config: str, overrides: Sequence[str]) -> dict[str, Any]:
     return found | {"kind": held.config.experiment, "config_sha256": held.sha256, "runs": runs}
 
 
-def results(file: TraceFile, folder: Path) -> dict[str, Any]:
-    """Results of an experiment as plain numbers, with the keys of ``--json``.
-
-    Parameters
-    ----------
-    file : TraceFile
-    folder : Path
-        Where they are stored.
-
-    Returns
-    -------
-    dict
-    """
-    data = table_data_compare(file) if file.experiment == "compare" else table_data_decouple(file)
-    joints = list(next(iter(file.runs.values())).joint)
-    head = {"schema_version": SCHEMA_VERSION, "experiment": file.experiment, "joints": joints}
-    if file.experiment == "compare":
-        data["printed"] = _printed_tables(file)
-    return head | data | {"out": str(folder), "manifest": str(folder / MANIFEST)}
-
-
 def redraw(out: Path, numbers: Sequence[int] | None) -> list[Path]:
     """Draw figures from stored traces again.
 
@@ -221,7 +193,7 @@ def redraw(out: Path, numbers: Sequence[int] | None) -> list[Path]:
     if unknown:
         message = f"the paper's results have no Figure {unknown[0]}"
         raise UsageError(message, hint=f"figures: {', '.join(map(str, FIGURES))}")
-    files = {folder: read_traces(folder / TRACES) for folder in result_folders(out)}
+    files = _stored(out)
     drawable = {folder: available(file) for folder, file in files.items()}
     for number in numbers or ():
         if not any(number in found for found in drawable.values()):
@@ -231,7 +203,7 @@ def redraw(out: Path, numbers: Sequence[int] | None) -> list[Path]:
     written: list[Path] = []
     for folder, file in files.items():
         chosen = [k for k in drawable[folder] if numbers is None or k in numbers]
-        written += _rewrite(folder, file, partial(draw_figures, file, folder, chosen))
+        written += _rewrite(folder, file, partial(_draw_figures, file, folder, chosen))
     return written
 
 
@@ -249,10 +221,21 @@ def rewrite_tables(out: Path) -> list[Path]:
         The files written.
     """
     written: list[Path] = []
-    for folder in result_folders(out):
-        file = read_traces(folder / TRACES)
-        written += _rewrite(folder, file, partial(make_tables, file, folder))
+    for folder, file in _stored(out).items():
+        written += _rewrite(folder, file, partial(write_tables, file, folder / "tables"))
     return written
+
+
+def _stored(out: Path) -> dict[Path, TraceFile]:
+    """Traces in the given folder, or in those directly below it."""
+    folders = [out] if (out / TRACES).exists() else sorted(path.parent for path in out.glob(f"*/{TRACES}"))
+    if not folders:
+        message, hint = (
+            f"holds no {TRACES}, nor does a folder in it",
+            "run tendonrepro reproduce, or name another --out",
+        )
+        raise DataMissingError(message, where=str(out), hint=hint)
+    return {folder: read_traces(folder / TRACES) for folder in folders}
 
 
 def _rewrite(folder: Path, file: TraceFile, write: Callable[[], list[Path]]) -> list[Path]:
@@ -267,43 +250,8 @@ def _rewrite(folder: Path, file: TraceFile, write: Callable[[], list[Path]]) -> 
     return paths
 
 
-def result_folders(out: Path) -> list[Path]:
-    """Folders with stored traces: the given one, or those directly below it.
-
-    Parameters
-    ----------
-    out : Path
-
-    Raises
-    ------
-    DataMissingError
-        If there is none.
-    """
-    if (out / TRACES).exists():
-        return [out]
-    folders = sorted(path.parent for path in out.glob(f"*/{TRACES}"))
-    if not folders:
-        message = f"holds no {TRACES}, nor does a folder in it"
-        raise DataMissingError(
-            message, where=str(out), hint="run tendonrepro reproduce, or name another --out"
-        )
-    return folders
-
-
-def draw_figures(file: TraceFile, folder: Path, numbers: Sequence[int] | None = None) -> list[Path]:
-    """Draw and save figures under ``folder/figures``.
-
-    Parameters
-    ----------
-    file : TraceFile
-    folder : Path
-    numbers : sequence of int, optional
-        The paper's figure numbers; all that the traces allow if not given.
-
-    Returns
-    -------
-    list of Path
-    """
+def _draw_figures(file: TraceFile, folder: Path, numbers: Sequence[int] | None = None) -> list[Path]:
+    """Draw figures by the paper's numbers, all that the traces allow if not given."""
     from tendonrepro.results.figures.catalogue import available, redrawn
 
     chosen = available(file) if numbers is None else numbers
@@ -311,24 +259,8 @@ def draw_figures(file: TraceFile, folder: Path, numbers: Sequence[int] | None = 
     return [path for paths in drawn for path in paths]
 
 
-def make_tables(file: TraceFile, folder: Path) -> list[Path]:
-    """Write all tables under ``folder/tables``.
-
-    Parameters
-    ----------
-    file : TraceFile
-    folder : Path
-
-    Returns
-    -------
-    list of Path
-    """
-    from tendonrepro.results.comparison import write_tables
-
-    return write_tables(file, folder / "tables")
-
-
 def _load(order: Order) -> tuple[LoadedConfig, UserLaw | None]:
+    """Configuration and law; stepper and law are part of the digest."""
     loaded = order.request.load(order.experiment)
     if order.solver == "compiled":
         digest = hashlib.sha256(f"{loaded.sha256} compiled".encode()).hexdigest()
@@ -343,6 +275,16 @@ def _load(order: Order) -> tuple[LoadedConfig, UserLaw | None]:
         inputs=(*loaded.inputs, law.path),
     )
     return changed, law
+
+
+def _results(file: TraceFile, folder: Path) -> dict[str, Any]:
+    """Results stored in a folder as plain numbers, with the keys of ``--json``."""
+    data = table_data_compare(file) if file.experiment == "compare" else table_data_decouple(file)
+    joints = list(next(iter(file.runs.values())).joint)
+    head = {"schema_version": SCHEMA_VERSION, "experiment": file.experiment, "joints": joints}
+    if file.experiment == "compare":
+        data["printed"] = _printed_tables(file)
+    return head | data | {"out": str(folder), "manifest": str(folder / MANIFEST)}
 
 
 def _printed_tables(file: TraceFile) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.config.load import CompareConfig
+from tendonrepro.config.load import CompareConfig, LoadedConfig
 from tendonrepro.config.models.experiment import MOST_SAMPLES
 from tendonrepro.config.models.reference import (
     InTurns,
@@ -21,7 +21,7 @@ from tendonrepro.config.models.reference import (
 )
 from tendonrepro.config.models.reference import Reference as ReferenceConfig
 from tendonrepro.config.trajectory_file import read_samples
-from tendonrepro.errors import ConfigError
+from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.experiments.rig import (
     Experiment,
     build_actuator,
@@ -30,6 +30,7 @@ from tendonrepro.experiments.rig import (
     coupling,
     start_angles,
 )
+from tendonrepro.experiments.user_law import UserLaw, add_user_law
 from tendonrepro.physics.control import DEGREES_PER_RADIAN, Law, Surface, estimator_weights
 from tendonrepro.physics.servo import Servo
 from tendonrepro.physics.trajectory import (
@@ -44,6 +45,7 @@ from tendonrepro.physics.trajectory import (
     trapezoid_times,
     trapezoidal,
 )
+from tendonrepro.results.records import RESERVED
 from tendonrepro.simulation.controllers import Controller, PositionController, TimeDelayController
 from tendonrepro.simulation.stepper import Loop, Reference, Solver
 
@@ -52,13 +54,7 @@ RESOLVED_ANGLE = 1e-9
 
 
 def reference_period(reference: ReferenceConfig) -> float:
-    """Duration after which a reference repeats, s; 0 if it does not, or if joints differ.
-
-    Parameters
-    ----------
-    reference : Reference
-        Of a configuration.
-    """
+    """Duration after which a reference repeats, s; 0 if it does not, or if joints differ."""
     if isinstance(reference, Sampled):
         return 0.0
     singles = reference.references if isinstance(reference, PerJoint) else (reference,)
@@ -108,22 +104,20 @@ def _motions(reference: ReferenceConfig, joints: Sequence[int], folder: Path) ->
     if isinstance(reference, Sampled):
         return _sampled_motions(folder / reference.file, joints)
     if isinstance(reference, PerJoint):
-        return [
-            _single_motions(single, (joint,))[0]
-            for single, joint in zip(reference.references, joints, strict=True)
-        ]
+        parts = zip(reference.references, joints, strict=True)
+        return [_single_motions(single, (joint,))[0] for single, joint in parts]
     return _single_motions(reference, joints)
 
 
 def _single_motions(reference: Single, joints: Sequence[int]) -> list[Motion]:
     shapes = [_shape(reference, i) for i in range(len(joints))]
-    if isinstance(reference, InTurns):
-        turns = (reference.turns or (tuple(joints),)) * int(reference.periods.si)
-        return [
-            Motion(tuple(shape if joint in turn else at_rest for turn in turns), reference.cycle)
-            for shape, joint in zip(shapes, joints, strict=True)
-        ]
-    return [Motion((shape,), reference.duration) for shape in shapes]
+    if not isinstance(reference, InTurns):
+        return [Motion((shape,), reference.duration) for shape in shapes]
+    turns = (reference.turns or (tuple(joints),)) * int(reference.periods.si)
+    return [
+        Motion(tuple(shape if joint in turn else at_rest for turn in turns), reference.cycle)
+        for shape, joint in zip(shapes, joints, strict=True)
+    ]
 
 
 def _shape(reference: Single, i: int) -> Shape:
@@ -162,11 +156,8 @@ def _check_workspace(reference: Reference, config: Experiment) -> None:
         k, i = np.argwhere(outside)[0]
         reached = f"{angles[k, i]:.1f} deg from hanging at t = {reference.time[k]:.3f} s"
         message = f"link {config.joints[i]} would reach {reached}"
-        raise ConfigError(
-            message,
-            where="reference",
-            hint="links must stay between 0 and 180 deg: change posture or the reference's amplitude",
-        )
+        hint = "links must stay between 0 and 180 deg: change posture or the reference's amplitude"
+        raise ConfigError(message, where="reference", hint=hint)
 
 
 def build_law(config: CompareConfig, name: str) -> Law:
@@ -184,7 +175,6 @@ def build_law(config: CompareConfig, name: str) -> Law:
     """
     gains, readings, choice = config.control.gains, config.control.readings, config.control.laws[name]
     n, L = len(config.joints), config.sampling_period.si
-    surface = Surface[choice.surface.upper()]
     alpha = gains.alpha.si if choice.estimator == "alpha_tde" else np.zeros(n)
     is_controller_2 = choice.surface == "ntsm" and choice.estimator == "tde"
     dropped = is_controller_2 and readings.eta_in_controller_2 == "dropped"
@@ -194,7 +184,7 @@ def build_law(config: CompareConfig, name: str) -> Law:
     to_joint = torque_map(config)
     resolved = max(config.manipulator.encoders.joint.resolution.si, RESOLVED_ANGLE)
     return Law(
-        surface=int(surface),
+        surface=int(Surface[choice.surface.upper()]),
         L=L,
         M_bar=gains.M_bar.si * mass_scale,
         lam=gains.lam.si,
@@ -221,11 +211,10 @@ def build_law(config: CompareConfig, name: str) -> Law:
 def torque_map(config: CompareConfig) -> Array:
     """Map from the law's torque coordinates to joint coordinates, (n, n); by virtual work ``S_invᵀ``."""
     coordinates = config.control.readings.torque_coordinates
-    _, S_inv = coupling(config)
     if coordinates == "joint":
         return np.eye(len(config.joints))
     ratio = config.manipulator.winches.reduction.si if coordinates == "motor_shaft" else 1.0
-    return np.ascontiguousarray(ratio * S_inv.T)
+    return np.ascontiguousarray(ratio * coupling(config)[1].T)
 
 
 def build_loops(
@@ -261,6 +250,17 @@ def build_loops(
         mapped = S if choice.drives == "motors" else None
         reference = build_reference(choice.reference, config, folder, mapped)
         yield name, _loop(config, choice.payload.si, PositionController(servo, S_inv), reference, cold=False)
+
+
+def all_loops(loaded: LoadedConfig, law: UserLaw | None) -> dict[str, Loop]:
+    """Closed loops of all runs by name; a user's law runs on plant and reference of the first."""
+    loops = dict(build_loops(loaded.config, loaded.folder))
+    if law is None:
+        return loops
+    if law.name in (*loops, RESERVED):
+        message = f"there is something else of the name {law.name!r} among the results"
+        raise UsageError(message, where="--law", hint="give the function another name")
+    return loops | {law.name: add_user_law(law, next(iter(loops.values())))}
 
 
 def _loop(

@@ -55,21 +55,9 @@ _RENAMED = {
 
 
 def plant_record(config: Experiment) -> PlantRecord:
-    """Collect every value of the plant with its unit and source.
-
-    Parameters
-    ----------
-    config : CompareConfig or DecoupleConfig
-
-    Returns
-    -------
-    PlantRecord
-        Matrices of the moving joints; everything the manipulator states, for all joints.
-    """
-    values = _derived_matrices(config)
-    values["posture"] = _plant_value(
-        config.posture, "start posture; joints before the moving ones are held there"
-    )
+    """Every value of the plant with its unit and source: matrices of the moving joints, the rest for all."""
+    posture = "start posture; joints before the moving ones are held there"
+    values = _derived_matrices(config) | {"posture": _plant_value(config.posture, posture)}
     values |= dict(_stated(config.manipulator, ""))
     held = [joint for joint in range(1, config.manipulator.joints + 1) if joint not in config.joints]
     attributes = {

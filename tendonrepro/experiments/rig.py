@@ -38,32 +38,14 @@ DISTURBANCE_STREAM = 3
 
 
 def full_coupling(manipulator: Manipulator) -> tuple[Array, Array]:
-    """``S`` and ``S_inv`` of all joints, Eq. (2).
-
-    Parameters
-    ----------
-    manipulator : Manipulator
-
-    Returns
-    -------
-    S, S_inv : array (N, N)
-    """
+    """``S`` and ``S_inv`` of all joints, (N, N), Eq. (2)."""
     routing = manipulator.routing
     S_inv = coupling_inverse(routing.winch_diameter.si, routing.pulley_diameter.si, routing.sign.si)
     return coupling_matrix(S_inv), S_inv
 
 
 def coupling(config: Experiment) -> tuple[Array, Array]:
-    """``S`` and ``S_inv`` of the moving joints, the others held.
-
-    Parameters
-    ----------
-    config : CompareConfig or DecoupleConfig
-
-    Returns
-    -------
-    S, S_inv : array (n, n)
-    """
+    """``S`` and ``S_inv`` of the moving joints, (n, n), the others held."""
     n = len(config.joints)
     _, S_inv = full_coupling(config.manipulator)
     S_inv = np.ascontiguousarray(S_inv[-n:, -n:])
@@ -76,14 +58,7 @@ def start_angles(config: Experiment) -> Array:
 
 
 def build_arm(config: Experiment, payload_mass: float) -> Arm:
-    """Chain of the moving links.
-
-    Parameters
-    ----------
-    config : CompareConfig or DecoupleConfig
-    payload_mass : float
-        kg at the tip.
-    """
+    """Chain of the moving links, with a payload in kg at the tip."""
     links, n = config.manipulator.links, len(config.joints)
     return make_arm(
         *(values.si[-n:] for values in (links.length, links.mass, links.com, links.inertia)),
@@ -94,12 +69,7 @@ def build_arm(config: Experiment, payload_mass: float) -> Arm:
 
 
 def build_drive(config: Experiment) -> Drive:
-    """Winches and tendons of the moving joints.
-
-    Parameters
-    ----------
-    config : CompareConfig or DecoupleConfig
-    """
+    """Winches and tendons of the moving joints."""
     manipulator, n = config.manipulator, len(config.joints)
     winches, tendons, friction = manipulator.winches, manipulator.tendons, manipulator.friction
     S, S_inv = coupling(config)
@@ -131,10 +101,6 @@ def build_preload(config: Experiment) -> Array:
     """Joint torque of tendon 4, N m, positive clockwise, (n,).
 
     It turns the last joint counter-clockwise; on which side it passes the others is a reading.
-
-    Parameters
-    ----------
-    config : CompareConfig or DecoupleConfig
     """
     tensioner, n = config.manipulator.tensioner, len(config.joints)
     sides = TENSIONER_SIDES[tensioner.side] ** np.arange(config.manipulator.joints - 1, -1, -1.0)
@@ -142,12 +108,7 @@ def build_preload(config: Experiment) -> Array:
 
 
 def build_disturbance(config: Experiment) -> Disturbance:
-    """Disturbance torque of Eq. (4), the same for every run.
-
-    Parameters
-    ----------
-    config : CompareConfig or DecoupleConfig
-    """
+    """Disturbance torque of Eq. (4), the same for every run."""
     choice = config.disturbance
     if isinstance(choice, NoDisturbance):
         return no_disturbance(len(config.joints))
@@ -167,6 +128,11 @@ def build_plant(config: Experiment, payload_mass: float) -> Plant:
     config : CompareConfig or DecoupleConfig
     payload_mass : float
         kg at the tip.
+
+    Returns
+    -------
+    Plant
+        Of the n moving joints.
     """
     link, n = config.manipulator.friction.link, len(config.joints)
     return Plant(

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, Literal
 
 from tendonrepro import __version__
 from tendonrepro.arrays import Array
 from tendonrepro.config.load import CompareConfig, LoadedConfig
 from tendonrepro.console import Talk
-from tendonrepro.errors import TendonreproError, UsageError
-from tendonrepro.experiments.loops import build_loops, reference_period
+from tendonrepro.errors import TendonreproError
+from tendonrepro.experiments.loops import all_loops
 from tendonrepro.experiments.plant_record import plant_record
-from tendonrepro.experiments.user_law import UserLaw, add_user_law
+from tendonrepro.experiments.user_law import UserLaw
 from tendonrepro.files import to_json
 from tendonrepro.parallel import advance, each
 from tendonrepro.physics.metrics import status_of
-from tendonrepro.results.records import RESERVED, Trace, TraceFile
+from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.simulation.controllers import TimeDelayController
 from tendonrepro.simulation.stepper import Loop, simulate
 
@@ -25,48 +25,18 @@ PRECISE = 1e-6
 """Tolerance of the compiled stepper where a single comparison is asked for."""
 
 
-def all_loops(loaded: LoadedConfig, law: UserLaw | None) -> dict[str, Loop]:
-    """Closed loops of all runs, by name.
-
-    Parameters
-    ----------
-    loaded : LoadedConfig
-    law : UserLaw or None
-        Runs beside the others, on the plant and reference of the first run.
-
-    Raises
-    ------
-    UsageError
-        If the law's name is taken.
-    """
-    loops = dict(build_loops(loaded.config, loaded.folder))
-    if law is None:
-        return loops
-    if law.name in (*loops, RESERVED):
-        message = f"there is something else of the name {law.name!r} among the results"
-        raise UsageError(message, where="--law", hint="give the function another name")
-    return loops | {law.name: add_user_law(law, next(iter(loops.values())))}
-
-
-def simulate_all(loaded: LoadedConfig, law: UserLaw | None, talk: Talk) -> list[Trace]:
-    """Simulate every run, each on its own.
-
-    Parameters
-    ----------
-    loaded : LoadedConfig
-    law : UserLaw or None
-    talk : Talk
-
-    Returns
-    -------
-    list of Trace
-        Each with its status; one that diverged ends early and the others go on.
-    """
+def simulate_all(
+    loaded: LoadedConfig, law: UserLaw | None, talk: Talk, solver: Literal["scipy", "compiled"] = "scipy"
+) -> list[Trace]:
+    """Simulate every run, each with its status; one that diverged ends early and the others go on."""
     from tendonrepro.simulation.codegen.compiled import cache_is_empty
 
     if cache_is_empty():
-        talk.note("compiling once for this machine, about ten seconds")
+        wait = "about ten" if solver == "scipy" else "some twenty"
+        talk.note(f"compiling once for this machine, {wait} seconds")
     loops = all_loops(loaded, law)
+    if solver == "compiled":
+        return _simulate_together(loaded, loops, talk)
     total = sum(loop.reference.time.size for loop in loops.values())
     with talk.bar(f"simulating {len(loops)} runs", total) as progress:
         traces = each(partial(simulate_run, loaded, law), list(loops), progress)
@@ -93,30 +63,10 @@ def simulate_run(loaded: LoadedConfig, law: UserLaw | None, name: str) -> Trace:
     return _trace(loaded, name, loop, simulate(loop, advance))
 
 
-def simulate_together(loaded: LoadedConfig, law: UserLaw | None, talk: Talk) -> list[Trace]:
-    """Simulate every run by the compiled batch stepper.
-
-    Parameters
-    ----------
-    loaded : LoadedConfig
-    law : UserLaw or None
-    talk : Talk
-
-    Returns
-    -------
-    list of Trace
-
-    Raises
-    ------
-    TendonreproError
-        If a plant is too fast for it, or a law is not the package's own.
-    """
+def _simulate_together(loaded: LoadedConfig, loops: Mapping[str, Loop], talk: Talk) -> list[Trace]:
+    """Simulate by the compiled batch stepper; a plant too fast for it, or a foreign law, is refused."""
     from tendonrepro.simulation.batch import simulate_batch
-    from tendonrepro.simulation.codegen.compiled import cache_is_empty
 
-    loops = all_loops(loaded, law)
-    if cache_is_empty():
-        talk.note("compiling once for this machine, some twenty seconds")
     with talk.bar(f"simulating {len(loops)} runs", len(loops)) as progress:
         batch = simulate_batch(
             [*loops.values()], loaded.config.status, progress=progress, record=True, tolerance=PRECISE
@@ -145,29 +95,22 @@ def _trace(loaded: LoadedConfig, name: str, loop: Loop, variables: dict[str, Arr
 
 def _attributes(loaded: LoadedConfig, name: str, loop: Loop) -> dict[str, Any]:
     """Law, gains, readings, payload and reference of a run, as a trace stores them."""
-    config = loaded.config
+    config, period = loaded.config, {"reference_period": loop.reference.period}
     if not isinstance(config, CompareConfig):
         run = config.runs[name]
-        return {
-            "law": "motor_position_loop",
-            "gains": _vectors(config.position_loop),
-            "readings": {},
-            "drives": run.drives,
-            "payload_mass": run.payload.si,
-            "reference_period": reference_period(run.reference),
-        }
+        gains = {"law": "motor_position_loop", "gains": _vectors(config.position_loop), "readings": {}}
+        return gains | {"drives": run.drives, "payload_mass": run.payload.si} | period
     chosen = config.runs.get(name) or next(iter(config.runs.values()))
     attributes = {
         "law": chosen.law if name in config.runs else f"user law {name}",
         "gains": _vectors(config.control.gains),
         "readings": config.control.readings.model_dump(),
         "payload_mass": chosen.payload.si,
-        "reference_period": reference_period(config.reference),
     }
     if isinstance(loop.controller, TimeDelayController):
         newer, older = loop.controller.law.weights
         attributes |= {"estimator_weight_newer": newer.tolist(), "estimator_weight_older": older.tolist()}
-    return attributes
+    return attributes | period
 
 
 def _vectors(section: Any) -> dict[str, list[float]]:

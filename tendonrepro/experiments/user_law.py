@@ -21,14 +21,9 @@ from tendonrepro.simulation.stepper import Loop
 
 @dataclass(frozen=True)
 class UserLaw:
-    """A function with the signature of :func:`tendonrepro.physics.control.command`, named by its place.
+    """A function with the signature of :func:`tendonrepro.physics.control.command` in a Python file.
 
-    Attributes
-    ----------
-    path : Path
-        Python file it stands in.
-    name : str
-        Its name, which becomes that of the run.
+    Its name becomes that of the run.
     """
 
     path: Path
@@ -39,13 +34,7 @@ class UserLaw:
         return hashlib.sha256(f"{config_sha256} {sha256_of(self.path)} {self.name}".encode()).hexdigest()
 
     def load(self) -> Callable[..., Any]:
-        """Run the file and return the function.
-
-        Raises
-        ------
-        UsageError
-            If the file cannot be run or has no such function.
-        """
+        """Run the file and return the function."""
         found = importlib.util.spec_from_file_location(self.path.stem, self.path)
         if found is None or found.loader is None:
             message = f"{self.path} is not a Python file"
@@ -64,51 +53,20 @@ class UserLaw:
 
 
 def find_user_law(spec: str) -> UserLaw:
-    """Law named on the command line.
-
-    Parameters
-    ----------
-    spec : str
-        ``FILE:NAME``: a Python file and a function in it.
-
-    Returns
-    -------
-    UserLaw
-
-    Raises
-    ------
-    UsageError
-        If there is no such file.
-    """
+    """Law named as ``FILE:NAME`` on the command line."""
     file, _, name = spec.rpartition(":")
     path = Path(file)
-    if file and name.isidentifier() and not path.is_file():
-        message = f"no such file: {path}"
-        raise UsageError(message, where="--law")
     if not file or not name.isidentifier():
         message = f"must be FILE:NAME, a Python file and a function in it, found {spec!r}"
+        raise UsageError(message, where="--law")
+    if not path.is_file():
+        message = f"no such file: {path}"
         raise UsageError(message, where="--law")
     return UserLaw(path, name)
 
 
 def add_user_law(law: UserLaw, loop: Loop) -> Loop:
-    """Put a law into a loop in place of its own.
-
-    Parameters
-    ----------
-    law : UserLaw
-    loop : Loop
-        A run of the comparison, whose gains the law receives.
-
-    Returns
-    -------
-    Loop
-
-    Raises
-    ------
-    UsageError
-        If the loop has no time-delay controller.
-    """
+    """Put a law into a run of the comparison in place of its own, whose gains it receives."""
     if not isinstance(loop.controller, TimeDelayController):
         message = "only the experiment compare takes a law"
         raise UsageError(message, where="--law")

@@ -30,8 +30,7 @@ from tendonrepro.config.published import published
 from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.command import Order, plan, run_experiment
-from tendonrepro.experiments.loops import build_loops
-from tendonrepro.experiments.run import all_loops
+from tendonrepro.experiments.loops import all_loops, build_loops
 from tendonrepro.experiments.user_law import find_user_law
 from tendonrepro.explain.linear_loop import decay_rate
 from tendonrepro.physics.metrics import mae, status_of

@@ -166,14 +166,11 @@ class TestLaw:
         np.testing.assert_array_equal(law.to_joint, T)
         np.testing.assert_allclose(law.from_joint @ T, np.eye(2), atol=1e-14)
 
-    def test_cold_start(self):
-        assert not loops(SHORT)["controller_1"].cold
-        assert loops(SHORT, "control.readings.start=cold")["controller_1"].cold
-
 
 class TestPlants:
-    def test_payload_of_each_run(self):
-        built = loops(SHORT)
+    def test_payload_and_start_of_each_run(self):
+        built, cold = loops(SHORT), loops(SHORT, "control.readings.start=cold")
+        assert [{loop.cold for loop in found.values()} for found in (built, cold)] == [{False}, {True}]
         light, heavy = built["controller_1"].plant.arm, built["controller_1_payload"].plant.arm
         # 0.2 kg at 0.20 m of the last link: m l² and m g l.
         assert heavy.a[1, 1] - light.a[1, 1] == pytest.approx(0.2 * 0.2**2, rel=1e-12)
@@ -298,10 +295,8 @@ class TestReference:
         assert "between 0 and 180 deg" in caught.value.hint
         reached = float(str(caught.value).split("reach ")[1].split(" deg")[0])
         assert reached == pytest.approx(angle, abs=0.5)
-
-    def test_just_inside_the_half_plane(self):
-        text = motion("minimum_jerk", [134.9, 0], rise=(1, "s"), hold=(0, "s"))
-        assert np.rad2deg(reference(f"reference={text}").q_d.max()) == pytest.approx(134.9)
+        inside = motion("minimum_jerk", [134.9, 0], rise=(1, "s"), hold=(0, "s"))
+        assert np.rad2deg(reference(f"reference={inside}").q_d.max()) == pytest.approx(134.9)
 
 
 class TestSampledReference:
@@ -324,17 +319,22 @@ class TestSampledReference:
             np.testing.assert_allclose(ours, exact[:, np.newaxis] * [2.0, 1.0], atol=1e-10)
         assert reference_period(loaded(override).config.reference) == 0.0
 
-    def test_missing_joint(self, tmp_path):
-        with pytest.raises(ConfigError, match="has no column for joint 3") as caught:
-            reference(self.config(tmp_path, ["q2_deg"]))
-        assert "q3_deg" in caught.value.hint
-
-    def test_starts_at_the_start_posture(self, tmp_path):
-        override = self.config(tmp_path, ["q2_deg", "q3_deg"])
+    @pytest.mark.parametrize(
+        ("columns", "last", "message", "where", "hint"),
+        [
+            (["q2_deg"], None, "has no column for joint 3", "", "q3_deg"),
+            (["q2_deg", "q3_deg"], "0.5", "joint 3 starts at 0.5 deg", ":2", "first angle"),
+        ],
+        ids=["missing joint", "not at the start posture"],
+    )
+    def test_file_that_cannot_be_followed(self, tmp_path, columns, last, message, where, hint):
+        override = self.config(tmp_path, columns)
         path = tmp_path / "motion.csv"
         lines = path.read_text().splitlines()
-        lines[1] = lines[1].rpartition(",")[0] + ",0.5"
+        if last is not None:
+            lines[1] = f"{lines[1].rpartition(',')[0]},{last}"
         path.write_text("\n".join(lines))
-        with pytest.raises(ConfigError, match=r"joint 3 starts at 0.5 deg") as caught:
+        with pytest.raises(ConfigError, match=message) as caught:
             reference(override)
-        assert caught.value.where == f"{path}:2"
+        assert caught.value.where == f"{path}{where}"
+        assert hint in caught.value.hint

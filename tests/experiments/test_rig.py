@@ -92,25 +92,23 @@ class TestDrive:
         I = np.array([[77.0**2 + 35.0**2, -35.0 * 37.0], [-35.0 * 37.0, 37.0**2]]) / 37.0**2 * 0.10003
         assert to_joint_matrix(drive.inertia, drive.S_inv) == pytest.approx(I, rel=1e-12)
 
-    def test_clearance_is_half_of_it_over_the_winch_radius(self) -> None:
-        drive = build_drive(config_of("compare", "manipulator.tendons.clearance=[0.1, 0.37, 0.74]"))
-        assert drive.slack == pytest.approx([0.01, 0.02], rel=1e-12)
-
-    @pytest.mark.parametrize(("experiment", "pulleys"), [("decouple", [0, 1, 2]), ("compare", [1, 2])])
-    def test_a_tendon_passes_one_guide_pulley_per_joint_before_its_own(
-        self, experiment: str, pulleys: list[int]
-    ) -> None:
-        drive = build_drive(config_of(experiment, "manipulator.friction.per_pulley=0.03"))
-        assert drive.pulley_loss == pytest.approx(0.03 * np.array(pulleys), rel=1e-15)
-
-    def test_what_the_reducer_does_not_pass_on_is_lost(self) -> None:
-        drive = build_drive(config_of("compare", "manipulator.friction.reducer_efficiency=0.7"))
-        assert drive.reducer_loss == pytest.approx([0.3, 0.3], rel=1e-15)
-
-    def test_transmission_error(self) -> None:
-        drive = build_drive(config_of("compare", "manipulator.transmission_error.peak_to_peak=4.4e-4"))
-        assert drive.wobble == pytest.approx([2.2e-4, 2.2e-4], rel=1e-15)
-        assert drive.wobble_rate.tolist() == [200.0, 200.0]
+    @pytest.mark.parametrize(
+        ("experiment", "override", "field", "value"),
+        [
+            # Half of it over the winch radius.
+            ("compare", "tendons.clearance=[0.1, 0.37, 0.74]", "slack", [0.01, 0.02]),
+            # A tendon passes one guide pulley per joint before its own.
+            ("decouple", "friction.per_pulley=0.03", "pulley_loss", [0.0, 0.03, 0.06]),
+            ("compare", "friction.per_pulley=0.03", "pulley_loss", [0.03, 0.06]),
+            # What the reducer does not pass on is lost.
+            ("compare", "friction.reducer_efficiency=0.7", "reducer_loss", [0.3, 0.3]),
+            ("compare", "transmission_error.peak_to_peak=4.4e-4", "wobble", [2.2e-4, 2.2e-4]),
+            ("compare", "transmission_error.peak_to_peak=4.4e-4", "wobble_rate", [200.0, 200.0]),
+        ],
+    )
+    def test_losses_and_play(self, experiment: str, override: str, field: str, value: list[float]) -> None:
+        drive = build_drive(config_of(experiment, f"manipulator.{override}"))
+        assert getattr(drive, field) == pytest.approx(value, rel=1e-12)
 
 
 class TestTensioner:
@@ -178,14 +176,12 @@ class TestDisturbance:
 
 
 class TestInstruments:
-    def test_joint_encoder_has_the_printed_count(self) -> None:
-        encoder = build_encoder(COMPARE.manipulator.encoders.joint)
-        assert np.rad2deg(encoder.resolution) == pytest.approx(0.022, rel=1e-15)
-        assert encoder.noise == 0.0
-
-    def test_motor_encoder_has_819200_counts_a_turn(self) -> None:
-        encoder = build_encoder(DECOUPLE.manipulator.encoders.motor)
-        assert 2.0 * np.pi / encoder.resolution == pytest.approx(819200.0, rel=1e-12)
+    def test_encoders_have_the_printed_counts(self) -> None:
+        joint = build_encoder(COMPARE.manipulator.encoders.joint)
+        assert np.rad2deg(joint.resolution) == pytest.approx(0.022, rel=1e-15)
+        assert joint.noise == 0.0
+        motor = build_encoder(DECOUPLE.manipulator.encoders.motor)
+        assert 2.0 * np.pi / motor.resolution == pytest.approx(819200.0, rel=1e-12)
 
     def test_actuator_takes_the_limits_of_the_moving_joints(self) -> None:
         config = config_of(

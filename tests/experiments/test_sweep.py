@@ -16,11 +16,9 @@ from tendonrepro.console import Talk
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.experiments.sweep.command import load_sweep, run_sweep, simulate_sweep
-from tendonrepro.experiments.sweep.figure_map import draw_maps
-from tendonrepro.experiments.sweep.figures import draw_curves
+from tendonrepro.experiments.sweep.figures import draw_lines, draw_map
 from tendonrepro.experiments.sweep.points import parse_over, split_values, unit_of
-from tendonrepro.experiments.sweep.report import findings, sweep_text
-from tendonrepro.experiments.sweep.table import COLUMNS, rows
+from tendonrepro.experiments.sweep.report import COLUMNS, sweep_text, table_rows
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.folder import read_manifest
 from tendonrepro.simulation.batch import simulate_batch
@@ -106,13 +104,13 @@ class TestRun:
         assert 0.0 < ended["status_time_s"] < 9.0
         assert np.isfinite(ended["mae_deg"]).all()
         assert "C1 payload diverged" in sweep_text(data | {"out": "here"})
-        assert {row["status"] for row in rows(data)} == {"ok", "diverged"}
-        panel = draw_curves(data).axes["mae", 2]
-        crosses = [line for line in panel.lines if line.get_marker() == "x"]
-        assert [float(line.get_xdata()[0]) for line in crosses] == [1.0]
-        assert crosses[0].get_ydata()[0] > 0.9
-        shown = [y for line in panel.lines if line.get_marker() == "^" for y in line.get_ydata()]
-        assert shown == [data["points"][1]["runs"]["controller_1_payload"]["mae_deg"][0]]
+        assert {row["status"] for row in table_rows(data)} == {"ok", "diverged"}
+        panel = draw_lines(data).axes[0]
+        (cross,) = (line for line in panel.lines if line.get_marker() == "x" and len(line.get_xdata()))
+        assert cross.get_xdata().tolist() == [1.0]
+        (line,) = (line for line in panel.lines if line.get_label() == "Controller 1 payload")
+        lasted = data["points"][1]["runs"]["controller_1_payload"]["mae_deg"][0]
+        np.testing.assert_array_equal(line.get_ydata(), [np.nan, lasted])
 
     def test_two_keys_make_every_pair(self):
         data = swept(ALPHA, PERIOD)
@@ -122,10 +120,11 @@ class TestRun:
         alone = swept(ALPHA)
         for i in range(3):
             assert data["points"][3 * i + 1]["runs"] == alone["points"][i]["runs"]
-        sizes, ratio = draw_maps(data)
-        assert set(ratio.axes) == {("c1_c2", 2), ("c1_c2", 3)}
-        assert {run for run, _ in sizes.axes} == {"controller_1", "controller_2", "controller_1_payload"}
-        written = [text.get_text() for text in ratio.axes["c1_c2", 3].texts]
+        panels = draw_map(data).axes
+        assert [panel.get_title() for panel in panels] == [
+            "(a) Ratio of MAE C1/C2, joint 2", "(b) Ratio of MAE C1/C2, joint 3",
+        ]  # fmt: skip
+        written = [text.get_text() for text in panels[1].texts]
         assert written == [f"{point['ratio']['c1_c2'][1]:.2f}" for point in data["points"]]
 
 
@@ -223,7 +222,7 @@ class TestValues:
     def test_value_that_is_no_yaml_is_named(self):
         with pytest.raises(ConfigError) as caught:
             parse_over(["sampling_period=1,[2"])
-        assert caught.value.where == "--over sampling_period=[2"
+        assert caught.value.where.startswith("--over sampling_period=[2:")
 
     def test_every_wrong_value_is_named_once(self):
         over = ["control.gains.alpha=[0,2],[0.1,0.2],[0,0,0]", "sampling_period=0.7,1"]
@@ -233,10 +232,10 @@ class TestValues:
             "3 mistakes in the values",
             "--over control.gains.alpha=[0,2]: control.gains.alpha.value.1: "
             "must be at least 0 and at most 1, found 2",
-            "--over control.gains.alpha=[0,0,0]: control.gains.alpha.value: "
-            "must have 2 entries, one per moving joint, found 3",
             "--over sampling_period=0.7: reference: lasts 18 s, which must be a whole multiple of the "
             "sampling period, 0.7 ms",
+            "--over control.gains.alpha=[0,0,0]: control.gains.alpha.value: "
+            "must have 2 entries, one per moving joint, found 3",
         ]
 
     def test_step_that_follows_the_period_is_not_blamed(self):
@@ -287,96 +286,61 @@ def swept_keys(over):
     return found["keys"]
 
 
-class TestWords:
-    @staticmethod
-    def data(key, numbers, runs):
-        points = [
-            {
-                "places": [i],
-                "runs": {
-                    run: {name: values[i] for name, values in found.items()} for run, found in runs.items()
-                },
-                "predicted_ratio": {"c1_c2": [1.0 + numbers[i][0]]},
-            }
-            for i in range(len(numbers))
-        ]
-        return {"joints": [2], "keys": [{"key": key, "numbers": numbers}], "points": points}
-
-    def test_slope_of_a_power_law(self):
-        x = [[0.5], [1.0], [2.0]]
-        run = {"status": ["ok"] * 3, "mae_deg": [[0.5], [1.0], [2.0]], "epsilon_rms": [[8.0], [2.0], [0.5]]}
-        (sentence,) = findings(self.data("sampling_period", x, {"controller_2": run}))
-        assert "slope of log MAE against log L 1.00 (a slowly changing load: 1)" in sentence
-        assert "RMS of epsilon -2.00; a smaller delay does not improve the estimate" in sentence
-
-    def test_runs_that_are_not_ok_do_not_count(self):
-        x = [[0.5], [1.0], [2.0]]
-        run = {"status": ["diverged", "ok", "ok"], "mae_deg": [[9.0], [1.0], [2.0]]}
-        run["torque_step_rms"] = [[9.0], [1.0], [4.0]]
-        (sentence,) = findings(self.data("control.gains.M_bar.value", x, {"controller_2": run}))
-        assert "against log M_bar 1.00" in sentence
-        assert "torque step 2.00; with a smaller M_bar the torque is smoother" in sentence
-        run["status"][1] = "ringing"
-        (sentence,) = findings(self.data("control.gains.M_bar", x, {"controller_2": run}))
-        assert "nothing can be said" in sentence
-
-    def test_alpha_compares_controller_1_with_2(self):
-        def run(size):
-            return {"status": ["ok"] * 2} | {
-                name: [[1.0], [size]] for name in ("mae_deg", "epsilon_rms", "overshoot_deg")
-            }
-
-        runs = {"controller_1": run(1.2), "controller_2": run(1.0)}
-        (sentence,) = findings(self.data("control.gains.alpha", [[0.0], [0.3]], runs))
-        assert "MAE from 1.00 to 1.20 (a slowly changing load: from 1.00 to 1.30)" in sentence
-        assert sentence.endswith("alpha does not lower the error of the estimate.")
-
-    def test_other_key_is_held_where_most_runs_are_ok(self):
-        data = self.data("sampling_period", [[1.0], [2.0]], {})
-        data["keys"].append({"key": "other", "numbers": None, "texts": ["bad", "good"]})
-        data["points"] = [
-            {
-                "places": [i, j],
-                "runs": {
-                    "controller_2": {
-                        "status": ("diverged", "ok")[j],
-                        "mae_deg": [1.0 + i],
-                        "epsilon_rms": [1.0 + i],
-                    }
-                },
-            }
-            for i in range(2)
-            for j in range(2)
-        ]
-        (sentence,) = findings(data)
-        assert "delay L (at other=good), controller_2: slope of log MAE against log L 1.00" in sentence
-
-    def test_other_keys_say_nothing_of_claims(self):
-        assert findings(self.data("seed", [[1.0], [2.0]], {})) == []
-
-
 class TestFigures:
-    def test_curves_show_the_numbers(self):
+    def test_lines_show_the_numbers(self):
         data = swept(PERIOD)
-        drawn = draw_curves(data)
-        panel = drawn.axes["mae", 3]
-        (dots,) = (line for line in panel.lines if line.get_marker() == "s" and len(line.get_xdata()))
-        np.testing.assert_array_equal(dots.get_ydata(), mae(data, "controller_2")[:, 1])
-        np.testing.assert_array_equal(dots.get_xdata(), [0.5, 1.0, 2.0])
-        lower = drawn.axes["c1_c2", 3]
-        assert lower.get_xlabel() == "sampling_period (ms)"
-        assert any(np.array_equal(line.get_ydata(), ratios(data)[:, 1]) for line in lower.lines)
+        panels = draw_lines(data).axes
+        (line,) = (line for line in panels[1].lines if line.get_label() == "Controller 2")
+        np.testing.assert_array_equal(line.get_ydata(), mae(data, "controller_2")[:, 1])
+        np.testing.assert_array_equal(line.get_xdata(), [0.5, 1.0, 2.0])
+        assert panels[3].get_xlabel() == "sampling_period (ms)"
+        shown = {line.get_label(): line.get_ydata() for line in panels[3].lines}
+        np.testing.assert_array_equal(shown["C1/C2"], ratios(data)[:, 1])
+        predicted = [point["predicted_ratio"]["c1_c2"][1] for point in data["points"]]
+        np.testing.assert_array_equal(shown["C1/C2, slow load"], predicted)
 
-    def test_decades_make_the_axis_logarithmic(self):
+    @pytest.mark.parametrize(
+        ("numbers", "scale", "x"),
+        [
+            (None, "linear", [0.0, 1.0, 2.0]),
+            ([[1.0, 1.0], [3.0, 3.0], [2.0, 2.0]], "linear", [1.0, 2.0, 3.0]),
+            ([[0.1, 0.1], [1.0, 1.0], [10.0, 10.0]], "log", [0.1, 1.0, 10.0]),
+        ],
+        ids=["words", "numbers", "decades"],
+    )
+    def test_axis_of_the_values(self, numbers, scale, x):
+        """Decades ask for a logarithmic axis, numbers stand in their order, and no line joins words."""
         data = json.loads(json.dumps(swept(PERIOD)))
-        assert draw_curves(data).axes["mae", 2].get_xscale() == "linear"
-        data["keys"][0]["numbers"] = [[0.1, 0.1], [1.0, 1.0], [10.0, 10.0]]
-        assert draw_curves(data).axes["mae", 2].get_xscale() == "log"
+        data["keys"][0]["numbers"] = numbers
+        panels = draw_lines(data).axes
+        assert panels[0].get_xscale() == scale
+        (line,) = (line for line in panels[0].lines if line.get_label() == "Controller 1")
+        assert line.get_xdata().tolist() == x
+        assert (line.get_linestyle() == "None") == (numbers is None)
+        labels = [text.get_text() for text in panels[2].get_xticklabels()]
+        assert labels == (["0.5", "1", "2"] if numbers is None else [f"{value:g}" for value in x])
 
-    def test_words_become_groups_of_dots(self):
+    def test_ringing_run_has_an_open_marker(self):
         data = json.loads(json.dumps(swept(PERIOD)))
-        data["keys"][0]["numbers"] = None
-        drawn = draw_curves(data)
-        assert [text.get_text() for text in drawn.axes["c1_c2", 2].get_xticklabels()] == ["0.5", "1", "2"]
-        joined = [line for line in drawn.axes["mae", 2].lines if line.get_linestyle() not in ("None", "none")]
-        assert not joined
+        data["points"][1]["runs"]["controller_1"]["status"] = data["status"]["x"] = "ringing"
+        figure = draw_lines(data)
+        drawn = (line for line in figure.axes[0].lines if len(line.get_xdata()))
+        (dots,) = (line for line in drawn if line.get_markerfacecolor() == "white")
+        assert dots.get_xdata().tolist() == [1.0]
+        assert figure.legends[0].get_texts()[-1].get_text() == "ringing"
+
+    def test_map_of_one_controller_has_its_errors_and_says_what_diverged(self):
+        data = swept(UNSTABLE, "control.gains.alpha=[0.1,0.2],[0.1,0.3]", controllers=(1,))
+        panels = draw_map(data).axes
+        assert [panel.get_title().partition(",")[0] for panel in panels] == [
+            "(a) Controller 1", "(b) Controller 1", "(c) Controller 1 payload", "(d) Controller 1 payload",
+        ]  # fmt: skip
+        for k, panel in enumerate(panels):
+            run = ("controller_1", "controller_1_payload")[k // 2]
+            found = [point["runs"][run] for point in data["points"]]
+            assert [text.get_text() for text in panel.texts] == [
+                "×" if one["status"] == "diverged"
+                else f"{one['mae_deg'][k % 2]:#.3g}" + "~" * (one["status"] == "ringing")
+                for one in found
+            ]  # fmt: skip
+        assert data["diverged"]

@@ -5,17 +5,17 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from tendonrepro.config.load import LoadedConfig
+from tendonrepro.config.load import CompareConfig, LoadedConfig
 from tendonrepro.config.overrides import parse_override
 from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
-from tendonrepro.experiments.loops import build_loops
+from tendonrepro.experiments.loops import build_law, build_loops
 from tendonrepro.experiments.sweep.points import (
     Axis,
     Point,
@@ -24,36 +24,22 @@ from tendonrepro.experiments.sweep.points import (
     sweep_points,
     unit_of,
 )
-from tendonrepro.experiments.sweep.report import findings
-from tendonrepro.experiments.sweep.table import COLUMNS, write_sweep_table
+from tendonrepro.experiments.sweep.report import COLUMNS, PAIRS, write_sweep_table
 from tendonrepro.files import sha256_of, to_json
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, error_ratio
 from tendonrepro.results.folder import claimed, refuse_others
 from tendonrepro.results.manifest import make_manifest
-from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.simulation.batch import simulate_batch
-from tendonrepro.simulation.controllers import TimeDelayController
 from tendonrepro.simulation.resolution import COMPILED_STEPPER
-from tendonrepro.simulation.stepper import Loop
 
 SCHEMA_VERSION = 1
 DATA = "sweep.json"
 
-_PAIRS = {"c1_c2": CONTROLLERS[:2], "c2_c3": CONTROLLERS[1:]}
-
 
 @dataclass(frozen=True)
 class Sweep:
-    """A sweep that is ready to run.
-
-    Attributes
-    ----------
-    base : LoadedConfig
-        The unchanged configuration; its digest and inputs are those of the whole sweep.
-    axes : tuple of Axis
-    points : list of Point
-    """
+    """A sweep that is ready to run; `base` is unchanged but for the digest and inputs of the whole."""
 
     base: LoadedConfig
     axes: tuple[Axis, ...]
@@ -65,7 +51,7 @@ class Sweep:
 
 
 def run_sweep(request: Request, over: Sequence[str], talk: Talk) -> dict[str, Any]:
-    """Run the comparison over values of one or two keys, and write table, figures and manifest.
+    """Run the comparison over values of one or two keys, and write table, figure and manifest.
 
     Parameters
     ----------
@@ -85,33 +71,34 @@ def run_sweep(request: Request, over: Sequence[str], talk: Talk) -> dict[str, An
     TendonreproError
         When a value cannot be used or results cannot be written.
     """
-    from tendonrepro.experiments.sweep.figures import draw_sweep_figures
+    from tendonrepro.experiments.sweep.figures import draw_sweep
 
     sweep, folder = load_sweep(request, over), request.folder("sweep")
     if request.dry_run:
         refuse_others(folder, sweep.base.sha256, force=request.force)
-        return _head(sweep) | _plan(sweep) | {"out": str(folder)}
+        loops = (next(iter(build_loops(point.config, sweep.base.folder)))[1] for point in sweep.points)
+        samples = [int(loop.reference.time.size) for loop in loops]
+        plan = dict(zip(map(sweep.label, sweep.points), samples, strict=True))
+        return _head(sweep) | {"dry_run": True, "samples": plan, "out": str(folder)}
     with claimed(folder, sweep.base.sha256, force=request.force) as held:
         data = simulate_sweep(sweep, talk)
-        manifest = _manifest(sweep, data, over, held.seconds)
+        steps = [run["steps_per_sample"] for point in data["points"] for run in point["runs"].values()]
+        manifest = make_manifest(sweep.base, held.seconds) | {
+            "command": "sweep",
+            "solver": {"name": COMPILED_STEPPER, "steps_per_sample": [min(steps), max(steps)]},
+            "over": list(over),
+            "points": len(sweep.points),
+        }
         held.clear()
         held.write(DATA, to_json(data))
         held.files += write_sweep_table(data, folder / "tables")
-        held.files += draw_sweep_figures(data, folder / "figures")
+        held.files += draw_sweep(data, folder / "figures")
         path = held.finish(manifest, talk)
     return data | {"out": str(folder), "manifest": path}
 
 
 def load_sweep(request: Request, over: Sequence[str]) -> Sweep:
-    """Read a configuration and make those of all points.
-
-    Raises
-    ------
-    ConfigError
-        With every value that is wrong.
-    UsageError
-        When `over` is not of the right form.
-    """
+    """Read a configuration and make those of all points."""
     taken = [parse_override(text).key for text in request.overrides]
     taken += ["seed"] * (request.seed is not None)
     axes = parse_over(over, taken)
@@ -129,29 +116,30 @@ def load_sweep(request: Request, over: Sequence[str]) -> Sweep:
 
 
 def simulate_sweep(sweep: Sweep, talk: Talk) -> dict[str, Any]:
-    """Simulate every run of every point.
-
-    Parameters
-    ----------
-    sweep : Sweep
-    talk : Talk
-
-    Returns
-    -------
-    dict
-        Plain numbers with the keys of ``--json``; what does not exist is NaN, which JSON writes as null.
-    """
+    """Simulate every run of every point; what does not exist is NaN, which JSON writes as null."""
     loops = [dict(build_loops(point.config, sweep.base.folder)) for point in sweep.points]
-    every = [(i, run) for i, found in enumerate(loops) for run in found]
-    results: list[dict[str, dict[str, Any]]] = [{run: {} for run in found} for found in loops]
-    talk.detail(f"{len(every)} runs; code for laws and options not met before is compiled once")
-    with talk.bar(f"simulating {len(every)} runs", len(every)) as progress:
-        for members in _alike(sweep, every):
+    points: list[dict[str, Any]] = [
+        {
+            "label": sweep.label(point),
+            "values": {axis.key: axis.values[k] for axis, k in zip(sweep.axes, point.places, strict=True)},
+            "places": list(point.places),
+            "runs": dict.fromkeys(point.config.runs),
+        }
+        for point in sweep.points
+    ]
+    # A batch has one set of limits of statuses, which may be swept over.
+    alike: dict[str, list[tuple[int, str]]] = {}
+    for i, point in enumerate(sweep.points):
+        alike.setdefault(str(point.config.status), []).extend((i, run) for run in loops[i])
+    total = sum(map(len, loops))
+    talk.detail(f"{total} runs; code for laws and options not met before is compiled once")
+    with talk.bar(f"simulating {total} runs", total) as progress:
+        for members in alike.values():
             limits = sweep.points[members[0][0]].config.status
             chosen = [loops[i][run] for i, run in members]
             batch = simulate_batch(chosen, limits, progress=progress, threads=os.cpu_count() or 1)
             for k, (i, run) in enumerate(members):
-                results[i][run] = {
+                points[i]["runs"][run] = {
                     "status": STATUSES[batch.status[k]],
                     "status_time_s": float(batch.status_time[k]),
                     "steps_per_sample": int(batch.steps[k]),
@@ -159,46 +147,19 @@ def simulate_sweep(sweep: Sweep, talk: Talk) -> dict[str, Any]:
                     name: (factor * batch.statistics[statistic][k]).tolist()
                     for name, (statistic, _, factor) in COLUMNS.items()
                 }
-    return _data(sweep, loops, results, talk)
-
-
-def _alike(sweep: Sweep, every: Sequence[tuple[int, str]]) -> Iterator[list[tuple[int, str]]]:
-    """Runs with the same limits of statuses, which a batch has one of: all, unless they are swept over."""
-    groups: dict[str, list[tuple[int, str]]] = {}
-    for i, run in every:
-        groups.setdefault(str(sweep.points[i].config.status), []).append((i, run))
-    yield from groups.values()
-
-
-def _data(
-    sweep: Sweep,
-    loops: Sequence[Mapping[str, Loop]],
-    results: Sequence[Mapping[str, Mapping[str, Any]]],
-    talk: Talk,
-) -> dict[str, Any]:
-    points: list[dict[str, Any]] = [
-        {
-            "label": sweep.label(point),
-            "values": {axis.key: axis.values[k] for axis, k in zip(sweep.axes, point.places, strict=True)},
-            "places": list(point.places),
-            "runs": found,
-            "ratio": _ratios(found),
-            "predicted_ratio": _predicted(built),
-        }
-        for point, built, found in zip(sweep.points, loops, results, strict=True)
-    ]
+    for point, found in zip(sweep.points, points, strict=True):
+        found |= {"ratio": _ratios(found["runs"]), "predicted_ratio": _predicted(point.config)}
     status = {f"{p['label']} {run}": found["status"] for p in points for run, found in p["runs"].items()}
     for name, ended in status.items():
         talk.detail(f"{name}: {ended}")
-    data = _head(sweep) | {"points": points, "status": status}
-    data["diverged"] = [name for name, ended in status.items() if ended == "diverged"]
-    return data | {"findings": findings(data)}
+    diverged = [name for name, ended in status.items() if ended == "diverged"]
+    return _head(sweep) | {"points": points, "status": status, "diverged": diverged}
 
 
 def _ratios(found: Mapping[str, Mapping[str, Any]]) -> dict[str, list[float]]:
     """Ratios of MAE where both runs lasted, per joint."""
     ratios = {}
-    for pair, (first, second) in _PAIRS.items():
+    for pair, (first, second) in PAIRS.items():
         if first in found and second in found:
             a, b = (np.asarray(found[run]["mae_deg"]) for run in (first, second))
             lasted = all(found[run]["status"] in {"ok", "ringing"} for run in (first, second))
@@ -207,29 +168,26 @@ def _ratios(found: Mapping[str, Mapping[str, Any]]) -> dict[str, list[float]]:
     return ratios
 
 
-def _predicted(loops: Mapping[str, Loop]) -> dict[str, list[float]]:
+def _predicted(config: CompareConfig) -> dict[str, list[float]]:
     """Ratios of errors under a slowly changing load, which no plant enters."""
-    e, laws = np.deg2rad(TYPICAL_ERROR_DEG), {}
-    for run, loop in loops.items():
-        if isinstance(loop.controller, TimeDelayController):
-            laws[run] = loop.controller.law
-    delay = max((loop.actuator.delay for loop in loops.values()), default=0)
+    e, delay = float(np.deg2rad(TYPICAL_ERROR_DEG)), int(config.manipulator.actuator.output_delay.si)
+    laws = {name: build_law(config, run.law) for name, run in config.runs.items()}
     return {
-        pair: error_ratio(laws[first], laws[second], float(e), delay).tolist()
-        for pair, (first, second) in _PAIRS.items()
+        pair: error_ratio(laws[first], laws[second], e, delay).tolist()
+        for pair, (first, second) in PAIRS.items()
         if first in laws and second in laws
     }
 
 
 def _head(sweep: Sweep) -> dict[str, Any]:
+    """What a sweep is over, of which configuration, with which runs."""
     config = sweep.points[0].config
-    joints, total = config.joints, len(config.manipulator.routing.winch_diameter.si)
     return {
         "schema_version": SCHEMA_VERSION,
         "experiment": "sweep",
         "config": sweep.base.origin,
         "config_sha256": sweep.base.sha256,
-        "joints": list(joints),
+        "joints": list(config.joints),
         "runs": list(config.runs),
         "keys": [
             {
@@ -237,24 +195,8 @@ def _head(sweep: Sweep) -> dict[str, Any]:
                 "unit": unit_of(axis.key, sweep.base.tree),
                 "values": axis.values,
                 "texts": list(axis.texts),
-                "numbers": numbers_per_joint(axis, joints, total),
+                "numbers": numbers_per_joint(axis, config.joints, config.manipulator.joints),
             }
             for axis in sweep.axes
         ],
     }
-
-
-def _plan(sweep: Sweep) -> dict[str, Any]:
-    samples = {
-        sweep.label(point): int(loop.reference.time.size)
-        for point in sweep.points
-        for _, loop in list(build_loops(point.config, sweep.base.folder))[:1]
-    }
-    return {"dry_run": True, "samples": samples}
-
-
-def _manifest(sweep: Sweep, data: Mapping[str, Any], over: Sequence[str], seconds: float) -> dict[str, Any]:
-    steps = [run["steps_per_sample"] for point in data["points"] for run in point["runs"].values()]
-    solver = {"name": COMPILED_STEPPER, "steps_per_sample": [min(steps), max(steps)]}
-    manifest = make_manifest(sweep.base, seconds) | {"command": "sweep", "solver": solver}
-    return manifest | {"over": list(over), "points": len(sweep.points)}

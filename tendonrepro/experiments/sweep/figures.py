@@ -1,338 +1,236 @@
-"""Figures of a sweep: errors of every run and their ratios over the values of a key."""
+"""The figure of a sweep: lines over the values of one key, a map over the values of two."""
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from string import ascii_lowercase
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import CenteredNorm, LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
-from numpy.typing import NDArray
+from matplotlib.ticker import LogLocator
 
 from tendonrepro.arrays import Array
-from tendonrepro.experiments.sweep.figure_map import (
-    GONE,
-    PAIRS,
-    SweepFigure,
-    caption_of,
-    draw_maps,
-    grid_of,
-    name_of,
-    title_of,
-)
-from tendonrepro.results.figures.files import save_drawn
-from tendonrepro.results.figures.style import SERIES, Stroke, journal_style, stroke_of
+from tendonrepro.experiments.sweep.report import PAIRS, pair_name
+from tendonrepro.results.figures.files import save_figure, sheet
+from tendonrepro.results.figures.style import PAGE_MM, journal_style, stroke_of
 from tendonrepro.results.summary import CONTROLLERS, LOADS
 
-_PANEL_MM = 48.0
+GONE = ("diverged", "unresolved")
+"""Statuses of runs whose errors cannot be compared."""
+
+_PANEL_MM, _CELL_MM, _FRAME_MM = 48.0, 7.5, 12.0
 # From this ratio of the largest to the smallest value on, an axis is logarithmic.
 _SPREAD = 7.5
-_MOST_TICKS = 8
-# Between two labels, as a share of the panel.
+# Each value gets a tick where all are at least this share of the axis apart.
 _LEAST_GAP = 0.09
-# Values are written side by side while they fit a panel, else aslant.
+# Words are written side by side while they fit a panel, else aslant.
 _LETTERS_ACROSS = 34
+# Height of a cross at the top of a panel, as a share of it.
+_CROSS, _MOST_CROSSES = 0.08, 6
+_MOST_IN_LINE = 6
+_RATIO_COLOURS = LinearSegmentedColormap.from_list("ratio", ["#4477AA", "#F6F6F6", "#CC6677"])
+_SIZE_COLOURS = LinearSegmentedColormap.from_list("size", ["#F6F6F6", "#6699CC"])
+_NO_VALUE = "#E4E4E4"
+_EXPONENTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-@dataclass(frozen=True)
-class _Look:
-    """Stroke and marker of a series; the first series lies on top and is the smallest, so that all show."""
-
-    stroke: Stroke
-    place: int
-
-    @property
-    def marker(self) -> str:
-        return "osD^v"[self.place % 5]
-
-    @property
-    def size(self) -> float:
-        return 2.8 + 0.5 * min(self.place, 4)
-
-    @property
-    def zorder(self) -> float:
-        return 3.0 - 0.1 * self.place
-
-
-def draw_sweep_figures(data: Mapping[str, Any], folder: Path) -> list[Path]:
-    """Draw and save the figures of a sweep.
-
-    Parameters
-    ----------
-    data : mapping
-        From `tendonrepro.experiments.sweep.command.simulate_sweep`.
-    folder : Path
-        Made when missing.
-
-    Returns
-    -------
-    list of Path
-        ``sweep``, and of two keys ``sweep_ratio`` too where ratios are, each as pdf, svg and png.
-    """
-    drawn = [draw_curves(data)] if len(data["keys"]) == 1 else draw_maps(data)
-    return [path for one in drawn for path in save_drawn(one, folder)]
-
-
-def draw_curves(data: Mapping[str, Any]) -> SweepFigure:
-    """MAE of every run and ratios of the controllers over one key, a column of panels per joint.
-
-    Parameters
-    ----------
-    data : mapping
-        Of a sweep over one key.
-    """
-    axis, joints = data["keys"][0], data["joints"]
-    pairs = [pair for pair in PAIRS if pair in data["points"][0]["ratio"]]
-    log = any(_spread(_lasting(data, k)) for k in range(len(joints)))
+def draw_sweep(data: Mapping[str, Any], folder: Path) -> list[Path]:
+    """Draw the figure of a sweep and save it as pdf, svg and png."""
     with journal_style():
-        height = _PANEL_MM * (2 if pairs else 1) + 12.0
-        figure, grid = grid_of(1 + bool(pairs), len(joints), height)
-        for k, joint in enumerate(joints):
-            x, ticks = _places(axis, k)
-            _draw_errors(grid[0][k], data, x, k, log=log)
-            if pairs:
-                _draw_ratios(grid[1][k], data, pairs, x, k)
-            for row, title in enumerate(("MAE", "Ratio of MAE")[: 1 + bool(pairs)]):
-                panel = grid[row][k]
-                panel.set_title(f"({ascii_lowercase[row * len(joints) + k]}) Joint {joint}")
-                panel.set_ylabel(f"{title} (deg)" if row == 0 else title)
-                _set_x(panel, axis, x, ticks, labelled=row == bool(pairs))
-        figure.align_ylabels()
-        _draw_legend(figure, data, pairs)
-        axes = {("mae", joint): grid[0][k] for k, joint in enumerate(joints)}
-        axes |= {(pair, joint): grid[1][k] for pair in pairs for k, joint in enumerate(joints)}
-        return SweepFigure("sweep", figure, axes, caption_of(data, pairs))
+        figure = draw_lines(data) if len(data["keys"]) == 1 else draw_map(data)
+    return save_figure(figure, folder, "sweep", "sweep", _caption(data))
 
 
-def _places(axis: Mapping[str, Any], k: int) -> tuple[Array, list[str] | None]:
-    """Where the values stand for a joint, and how they are written where they are no numbers."""
-    if axis["numbers"] is None:
-        return np.arange(float(len(axis["texts"]))), list(axis["texts"])
-    return np.array([row[k] for row in axis["numbers"]], dtype=np.float64), None
+def draw_lines(data: Mapping[str, Any]) -> Figure:
+    """MAE of every run above, ratios of the controllers below where they ran, a column per joint."""
+    axis, joints = data["keys"][0], data["joints"]
+    rows = ("MAE (deg)", "Ratio of MAE")[: 1 + bool(data["points"][0]["ratio"])]
+    figure = sheet(PAGE_MM, len(rows) * _PANEL_MM + _FRAME_MM)
+    grid = figure.subplots(len(rows), len(joints), sharex="col", squeeze=False)
+    log = any(_is_wide(_lasting(data, k)) for k in range(len(joints)))
+    for k, joint in enumerate(joints):
+        numbers = axis["numbers"] or [[i] * len(joints) for i in range(len(axis["texts"]))]
+        x = np.array([row[k] for row in numbers], dtype=np.float64)
+        order = np.argsort(x)
+        points, x = [data["points"][i] for i in order], x[order]
+        _draw_errors(grid[0, k], points, x, k, log=log)
+        for panel in grid[1:, k]:
+            _draw_ratios(panel, points, x, k)
+        for row, panel in enumerate(grid[:, k]):
+            panel.set(title=f"({ascii_lowercase[row * len(joints) + k]}) Joint {joint}", ylabel=rows[row])
+        _set_values(list(grid[:, k]), axis, x)
+    figure.align_ylabels()
+    handles = [line for panel in grid[:, 0] for line in panel.get_legend_handles_labels()[0]]
+    statuses = set(data["status"].values())
+    black: dict[str, Any] = {"color": "black", "linestyle": "none", "markersize": 4.0}
+    if "ringing" in statuses:
+        handles.append(Line2D([], [], marker="o", markerfacecolor="white", label="ringing", **black))
+    if statuses & {*GONE}:
+        handles.append(Line2D([], [], marker="x", label="did not last", **black))
+    lines = 1 + (len(handles) > _MOST_IN_LINE)
+    figure.legend(handles=handles, loc="outside upper center", ncols=-(-len(handles) // lines))
+    return figure
 
 
 def _lasting(data: Mapping[str, Any], k: int) -> Array:
     """Errors of a joint in all runs that can be compared."""
-    every = (found for point in data["points"] for found in point["runs"].values())
-    return np.array([found["mae_deg"][k] for found in every if found["status"] not in GONE])
+    every = (run for point in data["points"] for run in point["runs"].values())
+    return np.array([run["mae_deg"][k] for run in every if run["status"] not in GONE])
 
 
-def _spread(values: Array) -> bool:
+def _is_wide(values: Array) -> bool:
     """Whether values ask for a logarithmic axis."""
     return bool(values.size and values.min() > 0.0 and values.max() / values.min() > _SPREAD)
 
 
-def _draw_errors(panel: Axes, data: Mapping[str, Any], x: Array, k: int, *, log: bool) -> None:
-    scattered = data["keys"][0]["numbers"] is None
-    ends: list[tuple[float, str, str]] = []
-    for place, run in enumerate(data["runs"]):
-        look = _look(run, place)
-        found = [point["runs"][run] for point in data["points"]]
-        gone = np.array([f["status"] in GONE for f in found])
-        y = np.where(gone, np.nan, [f["mae_deg"][k] for f in found])
-        at = x + (0.16 * (place - (len(data["runs"]) - 1) / 2.0) if scattered else 0.0)
-        ringing = np.array([f["status"] == "ringing" for f in found])
-        _draw_series(panel, at, y, ringing, look, joined=not scattered)
-        ends += [(float(a), f["status"], look.stroke.colour) for a, f in zip(at, found, strict=True)]
-    shown = _lasting(data, k)
-    if log and shown.size and shown.min() > 0.0:
-        panel.set_yscale("log")
-        panel.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        panel.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        panel.yaxis.set_minor_formatter(NullFormatter())
-    elif shown.size:
-        panel.set_ylim(0.0, 1.12 * float(shown.max()))
-    _make_room(panel, max(Counter(at for at, status, _ in ends if status in GONE).values(), default=0))
-    _mark_ends(panel, ends)
+def _draw_errors(panel: Axes, points: Sequence[Mapping[str, Any]], x: Array, k: int, *, log: bool) -> None:
+    """Lines of the runs: open markers where they ring, crosses above where they did not last."""
+    runs, room = list(points[0]["runs"]), 0.0
+    # The paper's runs always look the same; the first lies on top and is smallest, so that all show.
+    numbers = {run: i for i, run in enumerate(dict.fromkeys((*CONTROLLERS, LOADS["with_load"], *runs)))}
+    for place, run in enumerate(runs):
+        status = np.array([point["runs"][run]["status"] for point in points])
+        gone, ringing = np.isin(status, GONE), status == "ringing"
+        y = np.where(gone, np.nan, [point["runs"][run]["mae_deg"][k] for point in points])
+        stroke, size = stroke_of(numbers[run] + 1), 2.8 + 0.5 * min(numbers[run], 4)
+        look: dict[str, Any] = {
+            "color": stroke.colour,
+            "marker": "osD^v"[numbers[run] % 5],
+            "markersize": size,
+        }
+        look["zorder"] = 3.0 - 0.1 * numbers[run]
+        line = {"linestyle": stroke.linestyle, "linewidth": stroke.width, "label": _title(run)}
+        panel.plot(x, y, **look | line)
+        panel.plot(x[ringing], y[ringing], linestyle="none", markerfacecolor="white", **look)
+        level = min(place, _MOST_CROSSES - 1)
+        height = np.full(gone.sum(), 1.0 - _CROSS * (level + 0.5))
+        across = panel.get_xaxis_transform()
+        panel.plot(x[gone], height, "x", color=stroke.colour, markersize=4.5, transform=across)
+        room = max(room, _CROSS * (level + 1) * gone.any())
+    panel.margins(y=0.08)
+    if log:
+        _set_logarithmic(panel, "y")
+    low, high = panel.get_ylim() if log else (0.0, 1.05 * panel.get_ylim()[1])
+    top = high * (high / low) ** (room / (1.0 - room)) if log else high / (1.0 - room)
+    panel.set_ylim(low, top)
 
 
-def _make_room(panel: Axes, levels: int) -> None:
-    """Lift the top of the y axis, so that marks there stay clear of the data."""
-    low, high = panel.get_ylim()
-    share = 0.07 * levels
-    if panel.get_yscale() == "log":
-        panel.set_ylim(low, high * (high / low) ** (share / (1.0 - share)))
-    else:
-        panel.set_ylim(low, high + (high - low) * share / (1.0 - share))
+def _draw_ratios(panel: Axes, points: Sequence[Mapping[str, Any]], x: Array, k: int) -> None:
+    """Lines of the ratios, and paler those of a slowly changing load."""
+    for place, pair in enumerate(points[0]["ratio"]):
+        stroke = stroke_of(5 + place)
+        ratio, slow = ([point[name][pair][k] for point in points] for name in ("ratio", "predicted_ratio"))
+        look: dict[str, Any] = {"color": stroke.colour, "linestyle": stroke.linestyle, "zorder": 2.5}
+        panel.plot(x, ratio, marker="os"[place], markersize=3.3, label=pair_name(pair), **look)
+        label = f"{pair_name(pair)}, slow load"
+        panel.plot(x, slow, ":", markersize=9.0, color=stroke.colour, alpha=0.5, label=label)
+    panel.margins(y=0.1)
 
 
-def _draw_series(
-    panel: Axes, x: Array, y: Array, ringing: NDArray[np.bool_], look: _Look, *, joined: bool
-) -> None:
-    order, stroke = np.argsort(x), look.stroke
-    style = stroke.linestyle if joined else "none"
-    panel.plot(
-        *(x[order], y[order]),
-        color=stroke.colour,
-        linestyle=style,
-        linewidth=stroke.width,
-        zorder=look.zorder,
+def _set_values(panels: Sequence[Axes], axis: Mapping[str, Any], x: Array) -> None:
+    """Put the values below a column: numbers where there is room for them, words apart and not joined."""
+    panels[-1].set_xlabel(_axis_label(axis))
+    words = axis["numbers"] is None
+    along = np.log(x) if _is_wide(x) and not words else x
+    if along is not x:
+        _set_logarithmic(panels[-1], "x")
+    if words:
+        panels[-1].set_xticks(x, axis["texts"], **_turned(axis["texts"]))
+    elif np.diff(along).min() > _LEAST_GAP * np.ptp(along):
+        panels[-1].set_xticks(x, [f"{value:g}" for value in x])
+    for panel in panels:
+        panel.margins(x=0.2 if words else 0.04)
+        for line in panel.lines if words else ():
+            line.set(marker="_" if line.get_linestyle() == ":" else line.get_marker(), linestyle="none")
+    for panel in panels[1:]:
+        panel.axhline(1.0, color="#999999", linewidth=0.4, zorder=0.5)
+
+
+def _set_logarithmic(panel: Axes, which: str) -> None:
+    panel.set(**{f"{which}scale": "log"})
+    axis = panel.xaxis if which == "x" else panel.yaxis
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter("{x:g}")
+    axis.minorticks_off()
+
+
+def _turned(texts: Sequence[str]) -> dict[str, Any]:
+    """How labels are written below a panel."""
+    return {"rotation": 25.0, "ha": "right"} if sum(map(len, texts)) > _LETTERS_ACROSS else {}
+
+
+def draw_map(data: Mapping[str, Any]) -> Figure:
+    """Ratios of the controllers, or MAE of every run where there are none; a column of panels per joint."""
+    upright, across = data["keys"]
+    shape, joints, pairs = (
+        (len(upright["texts"]), len(across["texts"])),
+        data["joints"],
+        data["points"][0]["ratio"],
     )
-    for is_open in (False, True):
-        chosen = (ringing == is_open) & np.isfinite(y)
-        (dots,) = panel.plot(
-            *(x[chosen], y[chosen]),
-            linestyle="none",
-            marker=look.marker,
-            markersize=look.size,
-            color=stroke.colour,
-            markerfacecolor="white" if is_open else stroke.colour,
-            markeredgewidth=0.7,
-            clip_on=False,
-            zorder=look.zorder,
+    shown: dict[str, Sequence[str]] = {pair: PAIRS[pair] for pair in pairs} or {x: [x] for x in data["runs"]}
+    figure = sheet(PAGE_MM, len(shown) * (shape[0] * _CELL_MM + 9.0) + _FRAME_MM)
+    grid = figure.subplots(len(shown), len(joints), sharex=True, sharey=True, squeeze=False)
+    for place, (name, k) in enumerate(product(shown, range(len(joints)))):
+        panel, values = grid.flat[place], np.full(shape, np.nan)
+        for point in data["points"]:
+            i, j = point["places"]
+            values[i, j], text = _cell(point, name, shown[name], k)
+            panel.text(j, i, text, ha="center", va="center", fontsize=min(7.0, 45.0 / shape[1]))
+        seen = np.ma.masked_invalid(np.log(values) if pairs else values)
+        # Colours of ratios end at a factor of two everywhere, so that figures can be compared.
+        norm = (
+            CenteredNorm(0.0, np.log(2.0)) if pairs else Normalize(0.0, seen.max() if seen.count() else 1.0)
         )
-        # Markers on an axis may leave the panel, but must not move it.
-        dots.set_in_layout(False)
+        colours = (_RATIO_COLOURS if pairs else _SIZE_COLOURS).with_extremes(bad=_NO_VALUE)
+        columns, rows = np.arange(shape[1]), np.arange(shape[0])
+        panel.pcolormesh(columns, rows, seen, cmap=colours, norm=norm, edgecolors="white", linewidth=0.8)
+        what = f"Ratio of MAE {pair_name(name)}" if pairs else f"{_title(name)}, MAE (deg)"
+        panel.set_title(f"({ascii_lowercase[place % 26]}) {what}, joint {joints[k]}")
+        panel.set_xticks(columns, across["texts"], **_turned(across["texts"]))
+        panel.set_yticks(rows, upright["texts"])
+        panel.tick_params(length=0.0)
+        panel.spines[:].set_visible(False)
+    figure.supxlabel(_axis_label(across), fontsize=8)
+    figure.supylabel(_axis_label(upright), fontsize=8)
+    return figure
 
 
-def _mark_ends(panel: Axes, ends: Sequence[tuple[float, str, str]]) -> None:
-    """Mark runs that did not last at the top of the panel, one below the other."""
-    stacked: dict[float, int] = {}
-    for at, status, colour in ends:
-        if status not in GONE:
-            continue
-        level = stacked[at] = stacked.get(at, -1) + 1
-        (cross,) = panel.plot(
-            *([at], [0.985 - 0.07 * level]),
-            marker="x" if status == "diverged" else "+",
-            markersize=4.5,
-            markeredgewidth=1.1,
-            color=colour,
-            transform=panel.get_xaxis_transform(),
-            clip_on=False,
-        )
-        cross.set_in_layout(False)
+def _cell(point: Mapping[str, Any], name: str, runs: Sequence[str], k: int) -> tuple[float, str]:
+    """Value of a cell, NaN where a run did not last, and what is written there."""
+    statuses = {point["runs"][run]["status"] for run in runs}
+    if statuses & {*GONE}:
+        return np.nan, "×"
+    ratio = len(runs) > 1
+    value = point["ratio"][name][k] if ratio else point["runs"][name]["mae_deg"][k]
+    return value, format(value, ".2f" if ratio else "#.3g") + "~" * ("ringing" in statuses)
 
 
-def _draw_ratios(panel: Axes, data: Mapping[str, Any], pairs: Sequence[str], x: Array, k: int) -> None:
-    joined = data["keys"][0]["numbers"] is not None
-    panel.axhline(1.0, color="#999999", linewidth=0.4, zorder=0.5)
-    order = np.argsort(x)
-    for place, pair in enumerate(pairs):
-        shift = 0.0 if joined else 0.16 * (place - (len(pairs) - 1) / 2.0)
-        look = _pair_look(pair)
-        predicted = np.array([point["predicted_ratio"][pair][k] for point in data["points"]])
-        style: dict[str, Any] = {"color": look.stroke.colour, "alpha": 0.45, "zorder": 0.8}
-        if joined:
-            panel.plot(x[order], predicted[order], linestyle=(0.0, (1.0, 1.0)), linewidth=1.0, **style)
-        else:
-            panel.plot(x + shift, predicted, linestyle="none", marker="_", markersize=9.0, **style)
-        y = np.array([point["ratio"][pair][k] for point in data["points"]])
-        _draw_series(panel, x + shift, y, np.zeros(len(x), np.bool_), look, joined=joined)
-    low, high = panel.get_ylim()
-    room = max(0.04, 0.06 * (high - low))
-    panel.set_ylim(min(low, 1.0) - room, max(high, 1.0) + room)
-    panel.yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
+def _title(run: str) -> str:
+    return run.replace("_", " ").capitalize()
 
 
-def _set_x(
-    panel: Axes, axis: Mapping[str, Any], x: Array, ticks: list[str] | None, *, labelled: bool
-) -> None:
-    if ticks is not None:
-        panel.set_xlim(-0.5, len(x) - 0.5)
-        crowded = sum(map(len, ticks)) > _LETTERS_ACROSS
-        panel.set_xticks(x, ticks if labelled else [""] * len(x))
-        if labelled and crowded:
-            panel.tick_params(axis="x", rotation=25.0)
-            for text in panel.get_xticklabels():
-                text.set_horizontalalignment("right")
-    else:
-        _set_numbers(panel, x)
-        if not labelled:
-            panel.tick_params(axis="x", labelbottom=False)
-    if labelled:
-        panel.set_xlabel(name_of(axis))
+def _axis_label(axis: Mapping[str, Any]) -> str:
+    """Key and unit."""
+    unit = "" if axis["unit"] in (None, "1") else f" ({axis['unit'].translate(_EXPONENTS)})"
+    return f"{axis['key']}{unit}"
 
 
-def _set_numbers(panel: Axes, x: Array) -> None:
-    if _spread(x):
-        panel.set_xscale("log")
-        room = (x.max() / x.min()) ** 0.04
-        panel.set_xlim(x.min() / room, x.max() * room)
-    else:
-        room = 0.04 * (x.max() - x.min())
-        panel.set_xlim(x.min() - room, x.max() + room)
-    if len(x) <= _MOST_TICKS:
-        panel.xaxis.set_major_locator(FixedLocator(_apart(panel, np.sort(x))))
-        panel.xaxis.set_minor_locator(NullLocator())
-    panel.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    panel.xaxis.set_minor_formatter(NullFormatter())
-
-
-def _apart(panel: Axes, x: Array) -> list[float]:
-    """Values whose labels do not touch, from the smallest on."""
-    log = panel.get_xscale() == "log"
-    low, high = np.log(panel.get_xlim()) if log else panel.get_xlim()
-    kept: list[float] = []
-    last = -np.inf
-    for value, at in zip(x.tolist(), ((np.log(x) if log else x) - low) / (high - low), strict=True):
-        if at - last >= _LEAST_GAP:
-            kept.append(value)
-            last = at
-    return kept
-
-
-def _draw_legend(figure: Figure, data: Mapping[str, Any], pairs: Sequence[str]) -> None:
-    joined = data["keys"][0]["numbers"] is not None
-    handles = [
-        _handle(_look(run, place), title_of(run), joined=joined) for place, run in enumerate(data["runs"])
-    ]
-    handles += [_handle(_pair_look(pair), PAIRS[pair], joined=joined) for pair in pairs]
-    if pairs:
-        look: dict[str, Any] = (
-            {"linestyle": (0.0, (1.0, 1.0))} if joined else {"linestyle": "none", "marker": "_"}
-        )
-        handles.append(Line2D([], [], color="#888888", label="slow load", **look))
-    statuses = {found["status"] for point in data["points"] for found in point["runs"].values()}
-    for status, marker, face in (
-        ("ringing", "o", "white"),
-        ("diverged", "x", "black"),
-        ("unresolved", "+", "black"),
-    ):
-        if status in statuses:
-            handles.append(
-                Line2D(
-                    *([], []),
-                    color="black",
-                    linestyle="none",
-                    marker=marker,
-                    markersize=4.0,
-                    markerfacecolor=face,
-                    label=status,
-                )
-            )
-    figure.legend(
-        handles=handles, loc="outside upper center", ncols=-(-len(handles) // (1 + (len(handles) > 6)))
-    )
-
-
-def _handle(look: _Look, label: str, *, joined: bool) -> Line2D:
-    stroke = look.stroke
-    return Line2D(
-        *([], []),
-        color=stroke.colour,
-        linestyle=stroke.linestyle if joined else "none",
-        linewidth=stroke.width,
-        marker=look.marker,
-        markersize=look.size,
-        label=label,
-    )
-
-
-def _look(run: str, place: int) -> _Look:
-    """Look of a run, the same in every sweep for the paper's."""
-    known = (*CONTROLLERS, LOADS["with_load"])
-    number = known.index(run) if run in known else len(known) + place
-    return _Look(stroke_of(number + 1), number)
-
-
-def _pair_look(pair: str) -> _Look:
-    place = list(PAIRS).index(pair)
-    return _Look(SERIES[4 + place], place)
+def _caption(data: Mapping[str, Any]) -> str:
+    """What the figure shows, and which runs did not last."""
+    keys = " and ".join(axis["key"] for axis in data["keys"])
+    parts = [f"Mean absolute tracking error over the whole run under values of {keys}."]
+    if data["points"][0]["ratio"]:
+        parts.append("Ratios where both runs lasted.")
+    if len(data["keys"]) > 1:
+        parts.append("Grey: a run did not last; tilde: it rings.")
+    elif data["points"][0]["ratio"]:
+        parts.append("Slow load: what the laws alone give for a load that changes slowly.")
+    if data["diverged"]:
+        parts.append(f"Diverged: {', '.join(data['diverged'])}.")
+    return " ".join([*parts, f"Configuration {data['config']}, sweep {data['config_sha256'][:12]}."])

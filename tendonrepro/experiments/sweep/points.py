@@ -3,40 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 
 from tendonrepro.config.draft import Draft, Source
-from tendonrepro.config.fields.strict_yaml import Node
+from tendonrepro.config.fields.strict_yaml import Node, load
 from tendonrepro.config.load import CompareConfig, LoadedConfig
 from tendonrepro.config.models.reference import Sampled
-from tendonrepro.config.overrides import Override, parse_override
+from tendonrepro.config.overrides import Override
 from tendonrepro.errors import ConfigError, UsageError
 
 MOST_KEYS = 2
 OPTION = "--over"
 
+_EXAMPLE = f"For example {OPTION} sampling_period=0.5,1,2"
 _PERIOD = "sampling_period"
 _STEP = "solver.max_step"
 _FOLLOWING = f"{OPTION} {_STEP} follows"
 _DRAFTED = "configuration"
-_BRACKETS = {"[": "]", "{": "}"}
 
 
 @dataclass(frozen=True)
 class Axis:
-    """A key and the values it takes.
-
-    Attributes
-    ----------
-    key : str
-        Dotted.
-    texts : tuple of str
-        The values as written.
-    overrides : tuple of Override
-        One per value.
-    """
+    """A dotted key, its values as written, and an override for each."""
 
     key: str
     texts: tuple[str, ...]
@@ -54,16 +44,7 @@ class Axis:
 
 @dataclass(frozen=True)
 class Point:
-    """One configuration of a sweep.
-
-    Attributes
-    ----------
-    places : tuple of int
-        Index of each key's value.
-    config : CompareConfig
-    inputs : tuple of Path
-        Files it names besides those of the unchanged configuration.
-    """
+    """One configuration: index of each key's value, and files it names besides those of the unchanged one."""
 
     places: tuple[int, ...]
     config: CompareConfig
@@ -71,29 +52,10 @@ class Point:
 
 
 def parse_over(over: Sequence[str], taken: Sequence[str] = ()) -> tuple[Axis, ...]:
-    """Read ``key=a,b,c``, once or twice.
-
-    Parameters
-    ----------
-    over : sequence of str
-        A comma inside brackets or quotes does not part two values.
-    taken : sequence of str
-        Keys that another option sets already.
-
-    Returns
-    -------
-    tuple of Axis
-
-    Raises
-    ------
-    UsageError
-        When the form is wrong, or a key or value is given twice.
-    ConfigError
-        When a value is not YAML.
-    """
+    """Read ``key=a,b,c``, once or twice; keys that another option sets are `taken`."""
     if not 1 <= len(over) <= MOST_KEYS:
         message = f"a sweep is over one or two keys, not {len(over)}"
-        raise UsageError(message, where=OPTION, hint="For example --over sampling_period=0.5,1,2")
+        raise UsageError(message, where=OPTION, hint=_EXAMPLE)
     axes = tuple(_axis(text) for text in over)
     if len({axis.key for axis in axes}) < len(axes):
         message = f"{axes[0].key} is given twice"
@@ -107,139 +69,69 @@ def parse_over(over: Sequence[str], taken: Sequence[str] = ()) -> tuple[Axis, ..
 
 def _axis(text: str) -> Axis:
     key, equals, listed = text.partition("=")
-    key = key.strip()
-    texts = split_values(listed)
+    key, texts = key.strip(), split_values(listed)
     if not equals or not all(key.split(".")) or not all(texts):
         message = f"{text!r} is not of the form key=a,b,c"
-        raise UsageError(message, where=OPTION, hint="For example --over sampling_period=0.5,1,2")
-    twice = next((value for value in texts if texts.count(value) > 1), None)
-    if twice is not None or len(texts) == 1:
-        message = "needs at least two values" if twice is None else f"the value {twice} is given twice"
-        hint = f"For one value use --set {text}" if twice is None else None
-        raise UsageError(message, where=f"{OPTION} {key}", hint=hint)
-    return Axis(key, tuple(texts), tuple(_override(key, value) for value in texts))
-
-
-def _override(key: str, value: str) -> Override:
-    text = f"{key}={value}"
-    try:
-        return parse_override(text)
-    except ConfigError as error:
-        raise ConfigError(error.message, where=f"{OPTION} {text}", hint=error.hint) from error
+        raise UsageError(message, where=OPTION, hint=_EXAMPLE)
+    if len(texts) == 1:
+        message = "needs at least two values"
+        raise UsageError(message, where=f"{OPTION} {key}", hint=f"For one value use --set {text}")
+    options = [f"{OPTION} {key}={value}" for value in texts]
+    if len(set(options)) < len(options):
+        twice = next(value for value in texts if texts.count(value) > 1)
+        message = f"the value {twice} is given twice"
+        raise UsageError(message, where=f"{OPTION} {key}")
+    overrides = (
+        Override(key, load(x, option).tree, option) for x, option in zip(texts, options, strict=True)
+    )
+    return Axis(key, tuple(texts), tuple(overrides))
 
 
 def split_values(text: str) -> list[str]:
-    """Split at the commas outside brackets and quotes.
-
-    Parameters
-    ----------
-    text : str
-
-    Returns
-    -------
-    list of str
-        Without the space around them.
-    """
-    values, open_brackets, quote = [""], [], ""
-    for letter in text:
-        if quote:
-            quote = "" if letter == quote else quote
-        elif letter in "'\"":
-            quote = letter
-        elif letter in _BRACKETS:
-            open_brackets.append(_BRACKETS[letter])
-        elif open_brackets and letter == open_brackets[-1]:
-            open_brackets.pop()
-        elif letter == "," and not open_brackets:
-            values.append("")
-            continue
-        values[-1] += letter
+    """Split at the commas that part two YAML values; one inside brackets or quotes does not."""
+    values: list[str] = []
+    for piece in text.split(","):
+        if values and values[-1].strip() and not _is_yaml(values[-1]):
+            values[-1] += f",{piece}"
+        else:
+            values.append(piece)
     return [value.strip() for value in values]
 
 
-@dataclass
-class _Mistakes:
-    """Mistakes of all points, each with the values it belongs to."""
-
-    axes: Sequence[Axis]
-    at_value: dict[tuple[str, str], None] = field(default_factory=dict)
-    elsewhere: dict[str, list[tuple[int, ...]]] = field(default_factory=dict)
-
-    def note(self, places: tuple[int, ...], error: ConfigError) -> None:
-        """Take a point's mistakes apart, line by line."""
-        lines = error.message.splitlines()
-        for line in lines[1:] if len(lines) > 1 else [f"{error.where}: {error.message}"]:
-            where, _, words = line.partition(": ")
-            guilty = [
-                axis.option(place)
-                for axis, place in zip(self.axes, places, strict=True)
-                if axis.overrides[place].option == where
-            ]
-            if guilty:
-                self.at_value[guilty[0], words] = None
-            elif where != _FOLLOWING:
-                self.elsewhere.setdefault(words if _DRAFTED in where else line, []).append(places)
-
-    def raise_if_any(self) -> None:
-        """Raise all of them together."""
-        lines = [f"{OPTION} {option}: {words}" for option, words in self.at_value]
-        lines += [f"{OPTION} {self._common(found)}: {words}" for words, found in self.elsewhere.items()]
-        if lines:
-            count = "1 mistake" if len(lines) == 1 else f"{len(lines)} mistakes"
-            raise ConfigError("\n".join([f"{count} in the values", *lines]))
-
-    def _common(self, found: Sequence[tuple[int, ...]]) -> str:
-        """The value that all points with a mistake share, or else the first of these points."""
-        shared = [
-            axis.option(places[0])
-            for axis, places in zip(self.axes, zip(*found, strict=True), strict=True)
-            if len(set(places)) == 1
-        ]
-        first = (axis.option(place) for axis, place in zip(self.axes, found[0], strict=True))
-        return " ".join(shared or first)
+def _is_yaml(text: str) -> bool:
+    try:
+        load(text, "")
+    except ConfigError:
+        return False
+    return True
 
 
 def sweep_points(base: LoadedConfig, axes: Sequence[Axis]) -> list[Point]:
-    """Make and validate the configurations of a sweep.
+    """Make and validate the configurations of a sweep; the last key's values change fastest.
 
-    Parameters
-    ----------
-    base : LoadedConfig
-        What every point starts from.
-    axes : sequence of Axis
-
-    Returns
-    -------
-    list of Point
-        The last key's values change fastest.
-
-    Raises
-    ------
-    ConfigError
-        With the mistakes of every value that is wrong.
-    UsageError
-        When points differ in joints or in the names of their runs.
+    Every wrong value is named by one error; points that differ in joints or runs are refused.
     """
     source = Source(base.yaml_text, _DRAFTED, _DRAFTED, base.folder, ())
-    mistakes, points = _Mistakes(axes), []
+    points: list[Point] = []
+    mistakes: dict[str, list[tuple[int, ...]]] = {}
     for places in product(*(range(len(axis.texts)) for axis in axes)):
         try:
             points.append(_point(source, base, axes, places))
         except ConfigError as error:
-            mistakes.note(places, error)
-    mistakes.raise_if_any()
+            # A validated configuration has a line for each mistake, below one that counts them.
+            for line in error.message.splitlines()[1:] or [f"{error.where}: {error.message}"]:
+                mistakes.setdefault(line, []).append(places)
+    if mistakes:
+        lines = [_blamed(axes, line, at) for line, at in mistakes.items() if not line.startswith(_FOLLOWING)]
+        count = "1 mistake" if len(lines) == 1 else f"{len(lines)} mistakes"
+        raise ConfigError("\n".join([f"{count} in the values", *lines]))
     if len({(tuple(point.config.joints), tuple(point.config.runs)) for point in points}) > 1:
         message = "all points of a sweep must move the same joints and have the same runs"
         raise UsageError(message, where=OPTION)
     return points
 
 
-def _point(
-    source: Source,
-    base: LoadedConfig,
-    axes: Sequence[Axis],
-    places: tuple[int, ...],
-) -> Point:
+def _point(source: Source, base: LoadedConfig, axes: Sequence[Axis], places: tuple[int, ...]) -> Point:
     draft = Draft(source, "compare")
     changes = [axis.overrides[place] for axis, place in zip(axes, places, strict=True)]
     draft.apply([*_following_step(changes, base), *changes])
@@ -261,45 +153,39 @@ def _following_step(changes: Sequence[Override], base: LoadedConfig) -> list[Ove
     return [Override(_STEP, period, _FOLLOWING)] if isinstance(period, dict) else []
 
 
-def unit_of(key: str, tree: Mapping[str, Node]) -> str | None:
-    """Unit of the quantity that a key names or stands in; None where there is none.
+def _blamed(axes: Sequence[Axis], line: str, found: Sequence[tuple[int, ...]]) -> str:
+    """A mistake with its value: one that all points with it share, else the first point's."""
+    if line.startswith(OPTION):
+        return line
+    shared = [
+        axis.option(places[0])
+        for axis, places in zip(axes, zip(*found, strict=True), strict=True)
+        if len(set(places)) == 1
+    ]
+    first = [axis.option(place) for axis, place in zip(axes, found[0], strict=True)]
+    where, _, words = line.partition(": ")
+    return f"{OPTION} {' '.join(shared or first)}: {words if where.startswith(_DRAFTED) else line}"
 
-    Parameters
-    ----------
-    key : str
-    tree : mapping
-        Of a configuration.
-    """
+
+def unit_of(key: str, tree: Mapping[str, Node]) -> str | None:
+    """Unit of the quantity that a key names or stands in; None where there is none."""
     node: Node = dict(tree)
     unit: Node = None
-    for part in (*key.split("."), None):
-        if isinstance(node, dict) and "unit" in node and "value" in node:
-            unit = node["unit"]
-        if isinstance(node, dict) and part in node:
-            node = node[str(part)]
-        elif isinstance(node, list) and part is not None and part.isdecimal() and int(part) < len(node):
-            node = node[int(part)]
-        else:
+    for part in (*key.split("."), ""):
+        if isinstance(node, list):
+            node = dict(zip(map(str, range(len(node))), node, strict=True))
+        if not isinstance(node, dict):
             break
+        unit = node["unit"] if "value" in node and "unit" in node else unit
+        node = node.get(part)
     return unit if isinstance(unit, str) else None
 
 
 def numbers_per_joint(axis: Axis, joints: Sequence[int], total: int) -> list[list[float]] | None:
-    """Place of every value on an axis of numbers, for each moving joint.
+    """Place of every value on an axis of numbers, for each of the moving joints of `total`.
 
-    Parameters
-    ----------
-    axis : Axis
-    joints : sequence of int
-        The joints that move.
-    total : int
-        Joints of the manipulator.
-
-    Returns
-    -------
-    list of list of float, or None
-        Per value, per joint; None where a value is no number and no list with an entry for each joint, or
-        where two values are the same for a joint.
+    None where a value is no number and no list with an entry for each joint, or where two values are the
+    same for a joint.
     """
     rows = [_per_joint(value, joints, total) for value in axis.values]
     found = [row for row in rows if row is not None]
@@ -308,15 +194,8 @@ def numbers_per_joint(axis: Axis, joints: Sequence[int], total: int) -> list[lis
 
 
 def _per_joint(value: Node, joints: Sequence[int], total: int) -> list[float] | None:
-    if _is_number(value):
-        return [float(value)] * len(joints)  # type: ignore[arg-type]
-    if not isinstance(value, list) or not all(map(_is_number, value)):
+    entries = value if isinstance(value, list) else [value] * len(joints)
+    numbers = [float(x) for x in entries if isinstance(x, float | int) and not isinstance(x, bool)]
+    if len(numbers) < len(entries) or len(numbers) not in (len(joints), total):
         return None
-    numbers = [float(entry) for entry in value]  # type: ignore[arg-type]
-    if len(numbers) == len(joints):
-        return numbers
-    return [numbers[joint - 1] for joint in joints] if len(numbers) == total else None
-
-
-def _is_number(value: Node) -> bool:
-    return isinstance(value, float | int) and not isinstance(value, bool)
+    return numbers if len(numbers) == len(joints) else [numbers[joint - 1] for joint in joints]
