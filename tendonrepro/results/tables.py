@@ -153,7 +153,7 @@ def _plain(value: Any) -> Any:
     """Value as csv shows it."""
     if isinstance(value, list | tuple):
         return "; ".join(map(str, value))
-    return "" if value is None or (isinstance(value, float) and not math.isfinite(value)) else value
+    return "" if value is None or (isinstance(value, float) and math.isnan(value)) else value
 
 
 def _tex(text: str) -> str:
