@@ -12,9 +12,18 @@ from support import ROOT
 from support.measured_synthetic import LOADED, measured_trace, printed_file
 from support.synthetic import PERIOD, make_compare_file, make_decouple_file
 
-from tendonrepro.claims.angles import AGREES, LEAST_RANGE, TINY, decoupling, motor_angles
 from tendonrepro.claims.command import run_claims
-from tendonrepro.claims.from_measurement import Measured, OneArm, judge_measured, measured_of
+from tendonrepro.claims.from_measurement import (
+    AGREES,
+    LEAST_RANGE,
+    TINY,
+    Measured,
+    OneArm,
+    decoupling,
+    judge_measured,
+    measured_of,
+    motor_angles,
+)
 from tendonrepro.claims.from_print import Judged
 from tendonrepro.claims.judge import Sources, judge_all
 from tendonrepro.claims.report import table_text

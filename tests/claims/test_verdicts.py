@@ -16,7 +16,6 @@ from tendonrepro.claims.verdicts import (
     FAILURES,
     NAMES,
     Decision,
-    inside,
     of_arithmetic,
     of_model,
     of_number,
@@ -25,7 +24,7 @@ from tendonrepro.claims.verdicts import (
     with_values,
 )
 from tendonrepro.config.published import published
-from tendonrepro.ensemble.shares import LEAST_SCRAMBLINGS, QUANTILES, Range, Share, range_of, share_of
+from tendonrepro.ensemble.shares import LEAST_SCRAMBLINGS, QUANTILES, Share, Spread, share_of, spread_of
 
 PAGE = ROOT / "docs" / "verdicts.md"
 EIGHT = np.repeat(np.arange(8), 50)
@@ -35,9 +34,9 @@ def share(value: float, reach: float | None = None) -> Share:
     return Share(value, None if reach is None else (value - reach, value + reach), 1000)
 
 
-def found(low: float, high: float, reach: float | None = None) -> Range:
+def found(low: float, high: float, reach: float | None = None) -> Spread:
     ends = [None if reach is None else (end - reach, end + reach) for end in (low, high)]
-    return Range(0.5 * (low + high), low, high, ends[0], ends[1], 1000)
+    return Spread(0.5 * (low + high), low, high, ends[0], ends[1], 1000)
 
 
 class TestShares:
@@ -71,7 +70,7 @@ class TestShares:
         kept = np.isin(EIGHT, range(count))
         one = share_of((np.arange(400) % 2 == 0)[kept], EIGHT[kept])
         assert (one.value, one.interval) == (0.5, None)
-        assert range_of(np.linspace(0.0, 1.0, 400)[kept], EIGHT[kept]).low_interval is None
+        assert spread_of(np.linspace(0.0, 1.0, 400)[kept], EIGHT[kept]).low_interval is None
 
     @given(st.lists(st.booleans(), min_size=80, max_size=200), st.integers(0, 2**32 - 1))
     def test_intervals_stay_between_0_and_1_around_the_share(self, flags: list[bool], seed: int) -> None:
@@ -86,12 +85,12 @@ class TestShares:
 class TestRanges:
     def test_ends_are_plants(self) -> None:
         values = np.random.default_rng(5).permutation(np.arange(1.0, 401.0))
-        box = range_of(values, EIGHT)
+        box = spread_of(values, EIGHT)
         assert (box.low, box.median, box.high) == (20.0, 200.0, 380.0)
 
     def test_intervals_of_the_ends(self) -> None:
         values = np.random.default_rng(5).normal(size=400)
-        box = range_of(values, EIGHT)
+        box = spread_of(values, EIGHT)
         each = np.array([np.quantile(part, 0.05, method="inverted_cdf") for part in values.reshape(8, 50)])
         half = stats.t.ppf(0.975, 7) * stats.sem(each)
         assert box.low_interval == pytest.approx((box.low - half, box.low + half))
@@ -110,7 +109,7 @@ class TestRanges:
         ],
     )
     def test_inside_includes_the_ends(self, printed: tuple[float, float], expected: bool) -> None:
-        assert inside(printed, found(1.0, 2.0)) is expected
+        assert (of_number(printed, found(1.0, 2.0), None).verdict == "compatible") is expected
 
 
 class TestNumbers:

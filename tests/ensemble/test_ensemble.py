@@ -20,8 +20,7 @@ from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.ensemble.block import compute_block, loops_of, spot_check
 from tendonrepro.ensemble.command import load_study, run_ensemble, run_study
-from tendonrepro.ensemble.data import read_ensemble
-from tendonrepro.ensemble.folder import missing_blocks
+from tendonrepro.ensemble.data import missing_blocks, read_ensemble
 from tendonrepro.ensemble.plan import Study
 from tendonrepro.ensemble.shards import FOLDER, read_shard, shard_files
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError

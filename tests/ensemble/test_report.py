@@ -19,7 +19,7 @@ from tendonrepro.ensemble.report import (
     ensemble_text,
     flat_rows,
     population_summary,
-    readings_rows,
+    reader_row,
     status_rows,
     write_ensemble_tables,
 )
@@ -309,7 +309,7 @@ def test_files_hold_every_number(mixed: EnsembleData, tmp_path: Path) -> None:
 def test_a_table_without_plants_has_dashes() -> None:
     data = ensemble(random_errors, lambda *_: np.full(PLANTS, DIVERGED, np.int8))
     summary = whole(data)
-    assert list(readings_rows(summary)[0].values())[3] == "--"
+    assert list(reader_row(summary["readings"][0], JOINTS).values())[3] == "--"
     assert "no plant on which all three laws are ok" in " ".join(summary["conclusions"])
     assert "no plant" in ensemble_text(summary)
 
