@@ -34,15 +34,14 @@ from tendonrepro.identify.judge import (
 )
 from tendonrepro.identify.misfit import (
     Bench,
-    Measured,
+    Outcome,
     acting_units,
     log_misfit,
     printed_numbers,
     rounding_misfit,
 )
 from tendonrepro.identify.report import identify_text
-from tendonrepro.identify.search import Effort, Found, search
-from tendonrepro.identify.state import load_state
+from tendonrepro.identify.search import Effort, Evaluated, load_state, search
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.batch import Batch
 from tendonrepro.simulation.streaming import STATISTICS
@@ -59,7 +58,7 @@ def two_numbers(units):
     residuals = np.stack(
         [units[:, 0] - OPTIMUM[0], units[:, 1] + 0.5 * units[:, 2] ** 2 - OPTIMUM[1]], axis=1
     )
-    return Found(np.sqrt((residuals**2).mean(axis=1)), residuals)
+    return Evaluated(np.sqrt((residuals**2).mean(axis=1)), residuals)
 
 
 def initial(effort=EFFORT, rows=ROWS):
@@ -87,7 +86,7 @@ class TestSearch:
         def wells(units):
             away = units[:, :2] - np.array([0.81, 0.23])
             misfits = np.sqrt((away**2 + 0.02 * (1.0 - np.cos(8.0 * np.pi * away))).mean(axis=1))
-            return Found(misfits, np.zeros((len(units), 2)))
+            return Evaluated(misfits, np.zeros((len(units), 2)))
 
         unit, misfit = searched(tmp_path / "s.npz", wells, replace(EFFORT, generations=80)).best()
         assert misfit < 0.01
@@ -96,7 +95,7 @@ class TestSearch:
     def test_optimum_beyond_a_bound_ends_at_it(self, tmp_path):
         def beyond(units):
             residuals = units[:, :1] - np.array([1.2])
-            return Found(np.abs(residuals[:, 0]), residuals)
+            return Evaluated(np.abs(residuals[:, 0]), residuals)
 
         unit, misfit = searched(tmp_path / "s.npz", beyond).best()
         assert 0.2 <= misfit < 0.205
@@ -183,7 +182,7 @@ def measured(sizes, status=OK, lasted=1.0):
     """Plants with all four runs; `sizes` (N, 4, 2, 2)."""
     sizes = np.asarray(sizes, dtype=float)
     shape = sizes.shape[:2]
-    return Measured(sizes, np.broadcast_to(np.int8(status), shape), np.broadcast_to(lasted, shape))
+    return Outcome(sizes, np.broadcast_to(np.int8(status), shape), np.broadcast_to(lasted, shape))
 
 
 def paper(**changed):
@@ -234,7 +233,7 @@ class TestMisfit:
 
     def test_one_run_out_of_four_counts_by_its_end(self):
         status = np.array([[OK, OK, DIVERGED, OK]], dtype=np.int8)
-        mixed = Measured(PRINTED.values[np.newaxis], status, np.full((1, 4), 0.5))
+        mixed = Outcome(PRINTED.values[np.newaxis], status, np.full((1, 4), 0.5))
         assert log_misfit(mixed, PRINTED.values)[0] == pytest.approx(25.0 / 2.0)
 
 
@@ -269,7 +268,7 @@ class TestJudge:
         near = plants()
         status = np.zeros((200, 4), dtype=np.int8)
         status[:190, 0] = RINGING
-        rows = number_rows(near, Measured(near.sizes, status, near.lasted), PRINTED, ("controller_2",))
+        rows = number_rows(near, Outcome(near.sizes, status, near.lasted), PRINTED, ("controller_2",))
         assert {row["verdict"] for row in rows if row["run"] == "controller_1"} == {"too_few_plants"}
 
     def test_order_agrees_is_contradicted_or_depends(self):
@@ -295,7 +294,7 @@ class TestJudge:
         near = plants(spread=0.01)
         status = np.zeros((200, 4), dtype=np.int8)
         status[:50, 0] = DIVERGED
-        rows = order_rows(Measured(near.sizes, status, near.lasted), PRINTED)
+        rows = order_rows(Outcome(near.sizes, status, near.lasted), PRINTED)
         pair = next(row for row in rows if row["runs"] == ["controller_1", "controller_2"])
         assert pair["share"] == pytest.approx(0.75)
 
@@ -348,9 +347,9 @@ class TestParameters:
         assert rows["motion"]["best"] in box.words[choice]
 
 
-def made_up(loops, limits, *, threads):
+def made_up(loops, limits):
     """A stepper of a few unknowns: size by motor damping and link length, order by the law's weights."""
-    del limits, threads
+    del limits
     sizes = np.array([_size(loop) for loop in loops])
     zeros = np.zeros((len(loops), 2))
     values = dict.fromkeys(STATISTICS, zeros) | {
@@ -384,7 +383,7 @@ def cheap(bench, units, held, runs):
     base *= 2.0 if bench.window == "late" else 1.0
     both = np.stack([base, 1.25 * base], axis=1)
     sizes = np.stack([both * (0.9 if run.startswith("controller_1") else 1.0) for run in runs], axis=1)
-    return Measured(sizes, np.zeros(sizes.shape[:2], np.int8), np.ones(sizes.shape[:2]))
+    return Outcome(sizes, np.zeros(sizes.shape[:2], np.int8), np.ones(sizes.shape[:2]))
 
 
 def made_up_paper(**changed):
@@ -581,7 +580,7 @@ def made_up_sizes(data):
     """Errors over the whole run of the written configuration."""
     config = load_config(data["config"], "compare").config
     loops = dict(build_loops(config, Path()))
-    batch = made_up([loops[name] for name in RUNS], None, threads=1)
+    batch = made_up([loops[name] for name in RUNS], None)
     return np.rad2deg(np.stack([batch.statistics[name] for name in ("mae", "rmse")], axis=1)).ravel()
 
 
@@ -604,13 +603,13 @@ class TestBench:
     def test_large_batches_are_cut_and_stubs_left_out(self, monkeypatch):
         sizes = []
 
-        def counting(loops, limits, *, threads):
+        def counting(loops, limits):
             sizes.append(len(loops))
-            return made_up(loops, limits, threads=threads)
+            return made_up(loops, limits)
 
         monkeypatch.setattr("tendonrepro.identify.misfit._PLANTS_AT_ONCE", 16)
         box = make_box(loaded().config)
-        bench = Bench(loaded().base, box, "whole", counting, 1)
+        bench = Bench(loaded().base, box, "whole", counting)
         found = bench.measure(
             scrambled_sobol(box, 1, 0, 0, 20), reading({}), ("controller_2", "controller_3")
         )

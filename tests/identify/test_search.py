@@ -41,7 +41,7 @@ def truth():
     """Numbers, (4, 2, 2), of the first plant of the box all of whose runs are ok."""
     loaded = load_ensemble(None, overrides=OVERRIDES)
     box = make_box(loaded.config)
-    bench = Bench(loaded.base, box, "whole", simulate_batch, 2)
+    bench = Bench(loaded.base, box, "whole", simulate_batch)
     units = scrambled_sobol(box, 77, 0, 0, 32)
     found = bench.measure(units, parse_reading(READING), RUNS)
     well = found.ok.all(axis=1) & (found.sizes.max(axis=(1, 2, 3)) < 2.0)
