@@ -400,19 +400,13 @@ class TestAngles:
         shares = [row["share_of_range"] for row in found.evidence["statements"]]
         assert shares[0] / shares[1] == pytest.approx(77.0 / 35.0)
 
-    def test_k5_needs_samples_of_both_angles(self) -> None:
+    @pytest.mark.parametrize(("desired", "measured"), [(1.0, np.nan), (0.0, 0.0)], ids=["lost", "still"])
+    def test_k5_needs_samples_of_motors_that_move(self, desired: float, measured: float) -> None:
         file = make_compare_file(step=0.02, source="measured", runs=("controller_2",))
         trace = file.runs["controller_2"]
-        lost = measured_trace(trace, q_encoder=np.full_like(trace["q_d"], np.nan))
+        run = measured_trace(trace, q_d=desired * trace["q_d"], q_encoder=measured * trace["q_d"])
         with pytest.raises(DataMissingError, match="motors move"):
-            motor_angles(replace(file, runs={"controller_2": lost}))
-
-    def test_k5_needs_motors_that_move(self) -> None:
-        file = make_compare_file(step=0.02, source="measured", runs=("controller_2",))
-        trace = file.runs["controller_2"]
-        still = measured_trace(trace, q_d=0.0 * trace["q_d"], q_encoder=0.0 * trace["q_d"])
-        with pytest.raises(DataMissingError, match="motors move"):
-            motor_angles(replace(file, runs={"controller_2": still}))
+            motor_angles(replace(file, runs={"controller_2": run}))
 
     def on_ranges(self, sizes_deg: tuple[float, ...], ranges_deg: tuple[float, ...]) -> TraceFile:
         """SYNTHETIC decoupling run with an MAE and a range of a size a joint, at angles far from zero."""

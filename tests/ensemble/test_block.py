@@ -20,6 +20,7 @@ from tendonrepro.experiments.loops import build_loops
 from tendonrepro.physics.metrics import mae, rmse
 from tendonrepro.simulation.batch import Batch
 from tendonrepro.simulation.stepper import Loop
+from tendonrepro.simulation.streaming import STATISTICS
 
 
 def test_a_study_can_be_sent_to_other_processes() -> None:
@@ -46,6 +47,21 @@ def test_shared_loops_equal_loops_built_anew() -> None:
 
 def block_values(study: Study) -> np.ndarray:
     return compute_block(replace(study, readings=study.readings[:1]), study.blocks(512)[0], fake_batch).draws
+
+
+def test_results_stand_in_the_place_of_their_draw_and_case() -> None:
+    """Simulating each experiment alone gives what the block holds."""
+    study = small_study()
+    block = study.blocks(DRAWS)[3]
+    shard = compute_block(study, block, fake_batch)
+    for k, row in enumerate(shard.draws):
+        for c, loop in enumerate(loops_of(study, block, row)):
+            alone = fake_batch([loop], None)
+            assert shard.status[c, k] == alone.status[0]
+            for name in STATISTICS:
+                np.testing.assert_array_equal(
+                    shard.statistics[name][c, k], alone.statistics[name][0].astype(np.float32)
+                )
 
 
 def test_a_draw_that_cannot_be_run_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,13 +15,12 @@ from support.fake_batch import DRAWS, digests, fake_batch, run_ensemble_of, smal
 from tendonrepro import files
 from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
-from tendonrepro.ensemble.block import compute_block, loops_of
+from tendonrepro.ensemble.block import compute_block
 from tendonrepro.ensemble.command import load_study, run_ensemble
-from tendonrepro.ensemble.data import missing_blocks, read_ensemble
+from tendonrepro.ensemble.data import read_ensemble
 from tendonrepro.ensemble.shards import FOLDER, shard_files
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.simulation.batch import Batch
-from tendonrepro.simulation.streaming import STATISTICS
 
 QUIET = Talk(quiet=True)
 
@@ -29,21 +28,6 @@ QUIET = Talk(quiet=True)
 def results(folder: Path) -> dict[str, bytes]:
     """Tables, byte for byte."""
     return {path.name: path.read_bytes() for path in sorted((folder / "tables").iterdir())}
-
-
-def test_results_stand_in_the_place_of_their_draw_and_case() -> None:
-    """Simulating each experiment alone gives what the block holds."""
-    study = small_study()
-    block = study.blocks(DRAWS)[3]
-    shard = compute_block(study, block, fake_batch)
-    for k, row in enumerate(shard.draws):
-        for c, loop in enumerate(loops_of(study, block, row)):
-            alone = fake_batch([loop], None)
-            assert shard.status[c, k] == alone.status[0]
-            for name in STATISTICS:
-                np.testing.assert_array_equal(
-                    shard.statistics[name][c, k], alone.statistics[name][0].astype(np.float32)
-                )
 
 
 def test_jobs_do_not_matter(unbroken: Path, tmp_path: Path) -> None:
@@ -247,9 +231,3 @@ def test_a_seed_changes_the_draws() -> None:
     small = [replace(study, readings=study.readings[:1], variations=()) for study in (first, second)]
     values = [compute_block(study, study.blocks(256)[0], fake_batch).draws for study in small]
     assert not np.array_equal(*values)
-
-
-def test_missing_blocks_are_those_not_on_disk(tmp_path: Path) -> None:
-    study = small_study()
-    blocks = study.blocks(DRAWS)
-    assert missing_blocks(tmp_path, study, blocks, QUIET) == blocks

@@ -41,21 +41,12 @@ def cheap(bench, units, held, runs):
     return Outcome(sizes, np.zeros(sizes.shape[:2], np.int8), np.ones(sizes.shape[:2]))
 
 
-def identified(
-    out, *, measure=cheap, held=None, fit="controller_2", readings="printed", window="whole", **more
-):
-    given = FULL | {"dry_run": False, "force": False, "overrides": (), "seed": None} | more
+def identified(out, *, measure=cheap, paper=None, dry_run=False, force=False, **asked):
     with pytest.MonkeyPatch.context() as patch:
         if measure:
             patch.setattr(Bench, "measure", measure)
-        request = Request(
-            None, out, given["overrides"], given["seed"], None, given["dry_run"], given["force"]
-        )
-        effort = {key: given[key] for key in ("generations", "population", "seeds")}
-        asked = {"fit": fit, "readings": readings, "window": window}
-        return run_identify(
-            request, QUIET, **asked, **effort, simulate=made_up, paper=held or made_up_paper()
-        )
+        request = Request(out=out, dry_run=dry_run, force=force)
+        return run_identify(request, QUIET, **FULL | asked, simulate=made_up, paper=paper or made_up_paper())
 
 
 @pytest.fixture(scope="module")
@@ -141,7 +132,7 @@ class TestRun:
 
     def test_falsified_number_shows(self, tmp_path):
         held = made_up_paper(**{"table2.controller_1.mae.joint_2": 0.126})
-        data = identified(tmp_path / "out", held=held)
+        data = identified(tmp_path / "out", paper=held)
         rows = data["readings"][0]["numbers"]
         wrong = {(r["run"], r["metric"], r["joint"]) for r in rows if r["verdict"] == "not_reached"}
         assert wrong == {("controller_1", "mae", 2)}
@@ -154,7 +145,7 @@ class TestRun:
             for metric, more in (("mae", 1.0), ("rmse", 1.25))
             for joint in (2, 3)
         }
-        data = identified(tmp_path / "out", held=made_up_paper(**changed))
+        data = identified(tmp_path / "out", paper=made_up_paper(**changed))
         order = data["readings"][0]["order"]
         row = next(r for r in order if r["runs"] == ["controller_1", "controller_2"] and r["joint"] == "both")
         assert row["verdict"] == "contradicted"
@@ -180,7 +171,7 @@ class TestRun:
             for metric in ("mae", "rmse")
             for joint in (2, 3)
         }
-        data = identified(tmp_path / "out", held=made_up_paper(**far))
+        data = identified(tmp_path / "out", paper=made_up_paper(**far))
         assert data["conclusions"][0].startswith("No plausible plant found")
         assert not data["readings"][0]["fits"]
         assert data["readings"][0]["near_limit"] == pytest.approx(2.0 * data["readings"][0]["misfit_log"])

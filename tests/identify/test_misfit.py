@@ -7,7 +7,6 @@ import pytest
 from support.made_plants import DIVERGED, OK, PRINTED, RINGING, UNRESOLVED, loaded, made_up, measured
 
 from tendonrepro.config.models.readings import RUNS, reading
-from tendonrepro.config.published import PrintedNumber, published
 from tendonrepro.ensemble.box import make_box, scrambled_sobol
 from tendonrepro.identify.misfit import (
     Bench,
@@ -91,7 +90,3 @@ class TestBench:
         assert found.status.shape == (20, 2)
         stubs = 2 * len(acting_units(box))
         assert sizes == [16 * 2 + stubs, 4 * 2 + stubs]
-
-
-def test_ids_of_the_paper_are_numbers():
-    assert isinstance(published().quantity("table2.controller_2.mae.joint_2"), PrintedNumber)
