@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import json
 import sys
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -137,11 +139,16 @@ def _median(ratio: dict[str, Any]) -> str:
     return " / ".join("–" if value is None else f"{value:.2f}" for value in values)
 
 
+def _table(heads: str, rows: Iterable[Sequence[str]]) -> str:
+    """Pipe table; heads with ``|`` between."""
+    names = heads.split("|")
+    lines = [f"| {' | '.join(cells)} |" for cells in (names, *rows)]
+    return "\n".join([lines[0], "|---" * len(names) + "|", *lines[1:]])
+
+
 def _readings(summary: dict[str, Any]) -> str:
-    heads = "reading|ok C1 / C2 / C3|all ok|1 < 2 < 3|diverged last|C1 best|C1/C2|C2/C3|ratios inside"
-    rows = [f"| {' | '.join(heads.split('|'))} |", "|---" * 9 + "|"]
-    for reading in summary["populations"]["box"]["readings"]:
-        cells = [
+    rows = (
+        (
             f"`{reading['name']}`",
             " / ".join(_percent(reading["ok"][f"controller_{k}"]) for k in (1, 2, 3)),
             str(reading["in_order"]["plants"]),
@@ -151,63 +158,55 @@ def _readings(summary: dict[str, Any]) -> str:
             _median(reading["c1_c2"]),
             _median(reading["c2_c3"]),
             f"{reading['inside']} of 8",
-        ]
-        rows.append(f"| {' | '.join(cells)} |")
+        )
+        for reading in summary["populations"]["box"]["readings"]
+    )
+    heads = "reading|ok C1 / C2 / C3|all ok|1 < 2 < 3|diverged last|C1 best|C1/C2|C2/C3|ratios inside"
     about = (
         "All ok: plants on which all three laws are. Orders are in MAE and RMSE on both joints, over those plants, and once "
         "over all plants with a diverged law ranked last. Ratios are medians of the MAE, joint 2 / joint 3, over the plants "
         "that are all ok. Ratios inside: printed ratios within the central 90 %."
     )
-    return "\n".join(rows) + f"\n\n{about}"
+    return f"{_table(heads, rows)}\n\n{about}"
 
 
 def _claims(ledger: dict[str, Any]) -> str:
     entries = {entry["id"]: entry for entry in ledger["claims"]}
-    rows = ["| claim | printed | verdict | holds on | readings that change it |", "|---|---|---|---|---|"]
+    rows = []
     for name in CLAIMS:
         entry = entries[name]
-        share = entry["evidence"].get("share")
+        share, others = entry["evidence"].get("share"), entry["readings_that_change_it"]
         held = _percent(share) if isinstance(share, float | int) else "–"
-        others = entry["readings_that_change_it"]
-        shown = ", ".join(f"`{other}`" for other in others[:4]) + (
-            f" and {len(others) - 4} more" if others[4:] else ""
-        )
+        more = f" and {len(others) - 4} more" if others[4:] else ""
+        shown = ", ".join(f"`{other}`" for other in others[:4]) + more
         mark = " (borderline)" if entry["borderline"] else ""
-        rows.append(f"| {name} | {entry['printed']} | `{entry['verdict']}`{mark} | {held} | {shown or '–'} |")
+        rows.append((name, entry["printed"], f"`{entry['verdict']}`{mark}", held, shown or "–"))
     remark = (
         "`contradicted` is about the equations and not about the measurement: the paper measured hardware."
     )
-    return "\n".join(rows) + f"\n\n{remark}"
+    return f"{_table('claim|printed|verdict|holds on|readings that change it', rows)}\n\n{remark}"
 
 
 def _numbers(ledger: dict[str, Any]) -> str:
-    counts: dict[str, dict[str, int]] = {}
+    counts: dict[str, Counter[str]] = {}
     for entry in ledger["claims"]:
-        if entry["id"] in CLAIMS:
-            continue
-        table = ".".join(entry["id"].split(".")[:1])
-        row = counts.setdefault(table, {})
-        row[entry["verdict"]] = row.get(entry["verdict"], 0) + 1
-    rows = ["| numbers | verdicts |", "|---|---|"]
-    for table, row in counts.items():
-        rows.append(f"| {table} | {', '.join(f'{count} `{name}`' for name, count in row.items())} |")
-    return "\n".join(rows)
+        if entry["id"] not in CLAIMS:
+            counts.setdefault(entry["id"].partition(".")[0], Counter())[entry["verdict"]] += 1
+    words = {
+        table: ", ".join(f"{count} `{name}`" for name, count in row.items()) for table, row in counts.items()
+    }
+    return _table("numbers|verdicts", words.items())
 
 
 def _decides(rankings: dict[str, Any]) -> str:
-    rows = [
-        "| of | share of the variance that an unknown explains alone | no single one explains |",
-        "|---|---|---|",
-    ]
+    rows = []
     for name, held in rankings.items():
         floor = held["noise_floor"]
-        above = [
-            row for row in held["rows"] if row["index"] - row["half_width"] > 0.0 and row["index"] > floor
-        ][:3]
+        above = [row for row in held["rows"] if row["index"] > max(row["half_width"], floor)][:3]
         shown = ", ".join(f"`{row['name']}` {_percent(row['index'])}" for row in above)
         what = f"C1/C2, {name.removeprefix('ratio_').replace('_', ' ')}" if name.startswith("ratio") else name
-        rows.append(f"| {what} | {shown or 'none above chance'} | {_percent(held['unexplained'])} |")
-    return "\n".join(rows)
+        rows.append((what, shown or "none above chance", _percent(held["unexplained"])))
+    return _table("of|share of the variance that an unknown explains alone|no single one explains", rows)
 
 
 if __name__ == "__main__":

@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
+from typing import TypeAlias
 
 import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.config.published import SIGN, Interval, PrintedNumber, Published, exact, rounding
 from tendonrepro.physics.kinematics import coupling_inverse
+
+Bounds: TypeAlias = tuple[Fraction | float, Fraction | float]
 
 COURSES: Mapping[str, tuple[float, float, float]] = {
     "negative": (1.0, 1.0, 1.0),
@@ -24,8 +27,8 @@ _COURSE_MM = (35.0, 35.0, 37.0)
 _ZERO = 1e-9
 
 
-def meets(first: Interval, second: Interval) -> bool:
-    """Whether two intervals share a number."""
+def meets(first: Bounds, second: Bounds) -> bool:
+    """Whether two intervals share a number, ends included."""
     return first[0] <= second[1] and second[0] <= first[1]
 
 
@@ -37,12 +40,7 @@ def quotient(numerator: Interval, denominator: Interval) -> Interval:
 def percentage(part: PrintedNumber, whole: PrintedNumber, *, change: bool) -> tuple[Fraction, Interval]:
     """Percentage that one printed number is of another, or by which it is larger (`change`).
 
-    Returns
-    -------
-    value : Fraction
-        From the printed digits.
-    interval : tuple
-        What their rounding allows.
+    From the printed digits, and the interval that their rounding allows.
     """
     less = 100 if change else 0
     low, high = quotient(rounding(part), rounding(whole))
@@ -50,13 +48,7 @@ def percentage(part: PrintedNumber, whole: PrintedNumber, *, change: bool) -> tu
 
 
 def cut(value: Fraction, printed: PrintedNumber) -> str:
-    """How a value becomes the printed number.
-
-    Returns
-    -------
-    str
-        ``rounded``, ``cut off``, ``rounded or cut off``, or ``neither``.
-    """
+    """How a value became the printed number: ``rounded``, ``cut off``, either way, or ``neither``."""
     scale = 10**printed.decimals
     goal = exact(printed) * scale
     ways = {"rounded": math.floor(value * scale + Fraction(1, 2)), "cut off": math.trunc(value * scale)}
@@ -95,17 +87,9 @@ def inverse(lower: Sequence[Sequence[Fraction]]) -> list[list[Fraction]]:
 
 
 def slopes_of_coupling(ratio: Array) -> tuple[Array, Array]:
-    """Change of the magnitudes below the diagonal of ``S_inv`` when a diameter grows by 1 %.
+    """Change of the magnitudes below the diagonal of ``S_inv``, 21, 31, 32, when a diameter grows by 1 %.
 
-    Parameters
-    ----------
-    ratio : array (3, 3)
-        Of `table_1`.
-
-    Returns
-    -------
-    winch, pulley : array (3,)
-        For a larger winch ``D[n]``, and for larger guide pulleys ``D[i, n]``; entries 21, 31, 32.
+    For a larger winch ``D[n]``, and for larger guide pulleys ``D[i, n]``; `ratio` is that of `table_1`.
     """
     below = np.tril_indices(3, -1)
     sizes = [
@@ -120,21 +104,8 @@ def least_tensions(S: Array, course: str) -> tuple[Array, Array]:
 
     With all links in the working half-plane gravity is a sum, with weights that are not negative, of the
     joint torques (1, 0, 0), (1, 1, 0), (1, 1, 1). Virtual work turns joint torques into winch torques by the
-    transpose of ``S``.
-
-    Parameters
-    ----------
-    S : array (3, 3)
-        Coupling matrix.
-    course : str
-        Key of `COURSES`.
-
-    Returns
-    -------
-    gravity : array (3, 3)
-        Winch torques of tendons 1 to 3, one row per vector.
-    preload : array (3,)
-        What tendon 4 adds per N of its tension and mm of radius, times its pulley's diameter over two.
+    transpose of ``S``. Returned are the winch torques of these vectors, one a row, and what tendon 4 adds per
+    N of its tension and mm of radius, times its pulley's diameter over two.
     """
     vectors = np.tril(np.ones((3, 3)))
     pull = np.array(COURSES[course]) * np.array(_COURSE_MM) / 2.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +27,6 @@ from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.folder import TRACES
-from tendonrepro.results.records import TraceFile
 from tendonrepro.results.traces import read_traces
 
 FOLDER = "claims"
@@ -40,17 +39,9 @@ TORNADOES = ("C1", "C2", "C3", "C5", "C6", "E1")
 
 @dataclass(frozen=True)
 class Ledger:
-    """Verdicts and what they mean for a check.
+    """Verdicts and what they mean for a check, as text for a terminal and as data for ``--json``.
 
-    Attributes
-    ----------
-    verdicts : tuple of Verdict
-    failed : tuple of str
-        Claims whose verdict fails a check: all that fail, or with a baseline those that changed.
-    text : str
-        For a terminal.
-    data : dict
-        For ``--json``.
+    `failed` are the claims whose verdict fails a check: all that fail, or with a baseline those that changed.
     """
 
     verdicts: tuple[Verdict, ...]
@@ -89,7 +80,8 @@ def run_claims(
     """
     before = None if baseline is None else _baseline(baseline, ids)
     sources = _sources(out, measured, talk)
-    talk.detail(f"found {', '.join(_present(sources)) or 'no results'} under {out}")
+    present = [one.name for one in fields(sources) if getattr(sources, one.name) is not None]
+    talk.detail(f"found {', '.join(present) or 'no results'} under {out}")
     readings = 0 if sources.ensemble is None else len(sources.ensemble.readings)
     with talk.bar("judging", readings) as progress:
         verdicts = judge_all(sources, only=ids, decided_by=bool(ids), progress=progress)
@@ -103,35 +95,27 @@ def run_claims(
         write_atomically(out / FOLDER / DECIDES, to_json(rankings))
         files += [out / FOLDER / DECIDES, *_draw(sources.ensemble, rankings, out / FOLDER / "figures")]
     if sources.compare is not None:
-        files += _draw_laws(sources.compare, out / FOLDER / "figures")
+        from tendonrepro.claims.figures import draw_laws
+        from tendonrepro.results.figures.files import save_figure
+
+        caption = (
+            "Torque and estimation error over frequency, distribution of the error, error at a reversal."
+        )
+        files += save_figure(draw_laws(sources.compare), out / FOLDER / "figures", "laws", "laws", caption)
     data["files"] = [str(path) for path in files]
     text = f"{table_text(verdicts)}\n\nThe ledger is in {out / FOLDER}"
     return Ledger(tuple(verdicts), failed, text, data)
 
 
 def _sources(out: Path, measured: Path | None, talk: Talk) -> Sources:
+    traces = {name: out / name / TRACES for name in ("decouple", "compare")}
+    runs = {name: read_traces(path) for name, path in traces.items() if path.exists()}
+    # The measured file asked for, else the usual one where there is one.
+    usual = MEASURED if MEASURED.exists() else None
+    file = measured or usual
     return Sources(
-        decouple=_traces(out / "decouple" / TRACES),
-        compare=_traces(out / "compare" / TRACES),
-        ensemble=_ensemble(out / "ensemble", talk),
-        measured=_measured(measured),
+        **runs, ensemble=_ensemble(out / "ensemble", talk), measured=read_measured(file) if file else None
     )
-
-
-def _present(sources: Sources) -> list[str]:
-    names = ("decouple", "compare", "ensemble", "measured")
-    return [name for name in names if getattr(sources, name) is not None]
-
-
-def _traces(path: Path) -> TraceFile | None:
-    return read_traces(path) if path.exists() else None
-
-
-def _measured(path: Path | None) -> TraceFile | None:
-    """The measured file asked for, else the usual one where there is one."""
-    if path is None and not MEASURED.exists():
-        return None
-    return read_measured(path or MEASURED)
 
 
 def _ensemble(folder: Path, talk: Talk) -> EnsembleData | None:
@@ -154,12 +138,6 @@ def _baseline(path: Path, ids: Sequence[str]) -> dict[str, Any]:
         message = f"cannot be read as the JSON of tendonrepro claims: {error}"
         raise DataMissingError(message, where=str(path)) from error
     return found
-
-
-def _wide(draws: Array) -> list[bool]:
-    """Which unknowns span more than a decade."""
-    low, high = draws.min(axis=0), draws.max(axis=0)
-    return [bool(wide) for wide in (low > 0.0) & (high > 10.0 * low)]
 
 
 def _rankings(data: Ensemble) -> dict[str, Ranking]:
@@ -203,16 +181,11 @@ def _draw(data: Ensemble, rankings: Mapping[str, Ranking], folder: Path) -> list
             continue
         places = [data.names.index(row["name"]) for row in rankings[name]["rows"][:SHOWN]]
         names, chosen = [data.names[place] for place in places], data.draws[ok][:, places]
+        low, high = chosen.min(axis=0), chosen.max(axis=0)
+        # An unknown that spans more than a decade stands on a logarithmic axis.
+        wide = ((low > 0.0) & (high > 10.0 * low)).tolist()
         label, line = f"MAE of Controller 1 / 2, joint {joint}", 1.0 + data.alpha[i]
-        figure = draw_ratio_against_unknowns(names, chosen, ratio[ok, i], line, label, log=_wide(chosen))
+        figure = draw_ratio_against_unknowns(names, chosen, ratio[ok, i], line, label, log=wide)
         caption = f"{label}, against the unknowns that explain most of it; dashed: 1 + alpha."
         written += save_figure(figure, folder, name, name, caption)
     return written
-
-
-def _draw_laws(file: TraceFile, folder: Path) -> list[Path]:
-    from tendonrepro.claims.figure_laws import draw_laws
-    from tendonrepro.results.figures.files import save_figure
-
-    caption = "Torque and estimation error over frequency, distribution of the error, error at a reversal."
-    return save_figure(draw_laws(file), folder, "laws", "laws", caption)

@@ -1,8 +1,8 @@
-"""Which unknowns decide a verdict, and the ratio of two laws' errors against each unknown."""
+"""What decides a verdict, a ratio of errors against each unknown, and what tells the laws apart from near."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,8 +11,18 @@ from matplotlib.ticker import NullFormatter
 
 from tendonrepro.arrays import Array
 from tendonrepro.claims.sensitivity import Ranking
+from tendonrepro.physics.metrics import periodogram
 from tendonrepro.results.figures.files import sheet
 from tendonrepro.results.figures.style import COLUMN_MM, PAGE_MM, SERIES, journal_style
+from tendonrepro.results.records import Trace, TraceFile
+from tendonrepro.results.summary import CONTROLLERS
+
+Curve = Callable[[Trace, int], tuple[Array, Array]]
+
+NEAR = 0.6
+"""Time shown around a reversal, s to both sides."""
+BANDS = 120
+"""Points of a spectrum, evenly spaced on a logarithmic axis."""
 
 _BARS = 12
 _COLUMNS = 4
@@ -23,15 +33,7 @@ _SHOWN = (0.005, 0.995)
 
 
 def draw_tornado(title: str, found: Ranking) -> Figure:
-    """Bars of the unknowns that decide a verdict, the strongest on top, with the floor of chance.
-
-    Parameters
-    ----------
-    title : str
-        What is decided.
-    found : Ranking
-        From `sensitivity.ranked`.
-    """
+    """Bars of the unknowns that decide a verdict, the strongest on top, with the floor of chance."""
     rows = found["rows"][:_BARS]
     index = np.array([row["index"] for row in rows])
     with journal_style():
@@ -57,22 +59,10 @@ def draw_tornado(title: str, found: Ranking) -> Figure:
 def draw_ratio_against_unknowns(
     names: Sequence[str], draws: Array, ratio: Array, line: float, label: str, *, log: Sequence[bool] = ()
 ) -> Figure:
-    """Ratio of two laws' errors against every unknown, plant by plant, with its running median.
+    """Ratio of two laws' errors (N,) against every unknown (N, P), plant by plant, with its running median.
 
-    Parameters
-    ----------
-    names : sequence of str
-        Of the P unknowns.
-    draws : array (N, P)
-        Plants on which all laws are ok.
-    ratio : array (N,)
-        Positive; the outermost 1 % are left out of the panels.
-    line : float
-        What slowly changing errors would give, 1 + alpha.
-    label : str
-        Of the ratio.
-    log : sequence of bool
-        Which unknowns stand on a logarithmic axis; none when empty.
+    The outermost 1 % are left out of the panels. `line` is what slowly changing errors would give, 1 + alpha;
+    `log` says which unknowns stand on a logarithmic axis, none when empty.
     """
     rows = -(-len(names) // _COLUMNS)
     kept = ratio > 0.0
@@ -106,21 +96,78 @@ def _draw_cloud(axes: Axes, x: Array, ratio: Array, line: float) -> None:
 
 
 def running_median(x: Array, y: Array) -> tuple[Array, Array]:
-    """Medians of groups of equal size along x.
-
-    Parameters
-    ----------
-    x, y : array (N,)
-        Points.
-
-    Returns
-    -------
-    middle, median : array (G,)
-        Median of x and of y in each of at most 20 groups of at least 10 points; empty with fewer points.
-    """
+    """Medians of x and y in at most 20 groups of at least 10 points, along x; empty with fewer points."""
     count = min(_GROUPS, len(x) // _LEAST_IN_GROUP)
     if count == 0:
         return np.empty(0), np.empty(0)
     groups = np.array_split(np.argsort(x, kind="stable"), count)
     medians = np.array([[np.median(x[group]), np.median(y[group])] for group in groups])
     return medians[:, 0], medians[:, 1]
+
+
+def draw_laws(file: TraceFile) -> Figure:
+    """Torque and estimation error over frequency, the error's distribution, and the error at a reversal.
+
+    A row for each of the four, a column for each joint; at least one of Controllers 1 to 3 was run.
+    """
+    runs = {name: file.runs[name] for name in CONTROLLERS if name in file.runs}
+    joints = next(iter(runs.values())).joint
+    with journal_style():
+        figure = sheet(PAGE_MM, 185.0)
+        grid = figure.subplots(4, len(joints), squeeze=False)
+        for i, joint in enumerate(joints):
+            _draw(grid[0, i], runs, i, _spectrum_of("tau_m"))
+            _label(grid[0, i], "frequency (Hz)", "torque (N m)", "log")
+            grid[0, i].set_title(f"Joint {joint}")
+            _draw(grid[1, i], runs, i, _spectrum_of("epsilon"))
+            _label(grid[1, i], "frequency (Hz)", "ε (rad s⁻²)", "log")
+            _draw(grid[2, i], runs, i, _distribution)
+            _label(grid[2, i], "|error| (deg)", "share of samples below", "linear")
+            _draw(grid[3, i], runs, i, _reversal)
+            _label(grid[3, i], "time from the reversal (s)", "error (deg)", "linear")
+        handles, labels = grid[0, 0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
+    return figure
+
+
+def _draw(axes: Axes, runs: Mapping[str, Trace], joint: int, curve: Curve) -> None:
+    for (name, trace), series in zip(runs.items(), SERIES, strict=False):
+        label = name.replace("_", " ").capitalize()
+        axes.plot(*curve(trace, joint), color=series.colour, linestyle=series.linestyle, label=label)
+
+
+def _label(axes: Axes, x: str, y: str, scale: str) -> None:
+    axes.set_xlabel(x)
+    axes.set_ylabel(y)
+    axes.set_xscale(scale)
+    axes.set_yscale(scale)
+
+
+def _spectrum_of(variable: str) -> Curve:
+    """Root mean square in bands of equal ratio, the constant part left out."""
+
+    def curve(trace: Trace, joint: int) -> tuple[Array, Array]:
+        signal = trace[variable][:, [joint]]
+        # An unfinished last sample of ε has no successor to be compared with.
+        frequency, power = periodogram(
+            signal[np.isfinite(signal[:, 0])], float(trace.time[1] - trace.time[0])
+        )
+        edges = np.geomspace(frequency[1], frequency[-1], BANDS + 1)
+        sums = np.histogram(frequency[1:], edges, weights=power[1:, 0])[0]
+        held = sums > 0.0
+        return np.sqrt(edges[:-1] * edges[1:])[held], np.sqrt(sums[held])
+
+    return curve
+
+
+def _distribution(trace: Trace, joint: int) -> tuple[Array, Array]:
+    size = np.sort(np.abs(np.rad2deg(trace["e"][:, joint])))
+    return size, np.arange(1, size.size + 1) / size.size
+
+
+def _reversal(trace: Trace, joint: int) -> tuple[Array, Array]:
+    """Error around the last reversal of the first period: the arm begins to move down."""
+    down = np.flatnonzero((trace["dq_d"][1:, joint] < 0.0) & (trace["dq_d"][:-1, joint] >= 0.0))
+    at = trace.time[down[0]] if down.size else trace.time[0]
+    near = np.abs(trace.time - at) <= NEAR
+    return trace.time[near] - at, np.rad2deg(trace["e"][near, joint])

@@ -23,7 +23,7 @@ from tendonrepro.claims.verdicts import (
     with_values,
 )
 from tendonrepro.config.published import Published, rounding
-from tendonrepro.ensemble.shares import range_of, share_of
+from tendonrepro.ensemble.shares import share_of, spread_of
 from tendonrepro.errors import DataMissingError
 from tendonrepro.results.summary import CONTROLLERS
 
@@ -38,19 +38,11 @@ NUMBERS = ("value", "ratio", "increase")
 
 
 @dataclass(frozen=True)
-class Numbers:
-    """A printed number over all plants.
+class PlantNumbers:
+    """A printed number over all plants: its values (N,) in the printed unit, meaningful where `judged`.
 
-    Parameters
-    ----------
-    values : array (N,)
-        In the printed unit; meaningful where judged.
-    judged : array of bool (N,)
-        Plants judged.
-    resolved : array of bool (N,)
-        Plants of the ranking with a diverged law last.
-    direction : Statement or None
-        What the number claims besides its size.
+    `resolved` are the plants of the ranking with a diverged law last; `direction` is what the number claims
+    besides its size.
     """
 
     values: Array
@@ -59,14 +51,8 @@ class Numbers:
     direction: Statement | None
 
 
-def numbers_of(plants: Plants, identifier: str) -> Numbers:
-    """Look up a printed number of Tables 2 and 3, section 5.3 or section 5.4 on every plant.
-
-    Raises
-    ------
-    DataMissingError
-        When the ensemble does not hold a run it needs.
-    """
+def numbers_of(plants: Plants, identifier: str) -> PlantNumbers:
+    """Look up a printed number of Tables 2 and 3, section 5.3 or section 5.4 on every plant."""
     family, what, metric, place = identifier.split(".")
     joint = plants.joints.index(int(place.removeprefix("joint_")))
     if family == "increase":
@@ -75,7 +61,7 @@ def numbers_of(plants: Plants, identifier: str) -> Numbers:
         rival = f"controller_{what.removeprefix('controller_1_of_')}"
         return _quotient(plants, (rival, FIRST), metric, joint, change=False)
     run = LOADED if family == "table3" else what
-    return Numbers(np.rad2deg(plants[run, metric][:, joint]), *_counted(plants, run), None)
+    return PlantNumbers(np.rad2deg(plants[run, metric][:, joint]), *_counted(plants, run), None)
 
 
 def _counted(plants: Plants, *runs: str) -> tuple[Mask, Mask]:
@@ -83,7 +69,9 @@ def _counted(plants: Plants, *runs: str) -> tuple[Mask, Mask]:
     return plants.ok(*every), plants.none(UNRESOLVED, *every)
 
 
-def _quotient(plants: Plants, runs: tuple[str, str], metric: str, joint: int, *, change: bool) -> Numbers:
+def _quotient(
+    plants: Plants, runs: tuple[str, str], metric: str, joint: int, *, change: bool
+) -> PlantNumbers:
     """Percentage that the second run's error is of the first's, or by which it is larger."""
     whole, part = (plants[run, metric][:, joint] for run in runs)
     ok, resolved = _counted(plants, *runs)
@@ -92,23 +80,11 @@ def _quotient(plants: Plants, runs: tuple[str, str], metric: str, joint: int, *,
     ratio = 100.0 * np.divide(part, whole, out=np.full_like(part, np.nan), where=judged)
     first, second = runs if change else runs[::-1]
     direction = list(smaller(plants, metric, first, second, metric.upper()))[joint]
-    return Numbers(ratio - 100.0 if change else ratio, judged, resolved, direction)
+    return PlantNumbers(ratio - 100.0 if change else ratio, judged, resolved, direction)
 
 
 def judge(plants: Plants, paper: Published, rule: str, identifier: str) -> Judged:
-    """Judge a number or a claim under one reading.
-
-    Parameters
-    ----------
-    plants : Plants
-        The ensemble under that reading.
-    paper : Published
-        The print.
-    rule : str
-        One of `NUMBERS`, or of `claim_statements.CLAIMS`.
-    identifier : str
-        Id of the entry.
-    """
+    """Judge a number or a claim by its rule under one reading."""
     work = partial(_number, identifier=identifier) if rule in NUMBERS else partial(_claim, rule=rule)
     try:
         return work(plants, paper)
@@ -130,7 +106,7 @@ def _number(plants: Plants, paper: Published, identifier: str) -> Judged:
     if few:
         return few
     replicate = plants.data.replicate[found.judged]
-    box = range_of(found.values[found.judged], replicate)
+    box = spread_of(found.values[found.judged], replicate)
     low, high = map(float, rounding(paper.quantity(identifier)))
     evidence: Evidence = {"box": box.as_dict(), "share_judged": float(found.judged.mean())}
     share = None
@@ -195,19 +171,9 @@ def _remarks(decision: Decision, *more: str) -> Evidence:
 
 
 def outcome(plants: Plants, paper: Published, rule: str, identifier: str) -> tuple[Array, Mask]:
-    """What the verdict hangs on, plant by plant: 1 or 0 for a claim, the value of a number.
+    """What the verdict hangs on, plant by plant, and the plants to look at.
 
-    Returns
-    -------
-    values : array (N,)
-        Ratios and values of numbers are logarithms where all are positive.
-    judged : array of bool (N,)
-        Plants to look at.
-
-    Raises
-    ------
-    DataMissingError
-        When the ensemble does not hold a run it needs.
+    1 or 0 for a claim, the value of a number; values are logarithms where all are positive.
     """
     if rule not in NUMBERS:
         found = CLAIMS[rule](plants, paper)

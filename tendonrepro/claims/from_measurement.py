@@ -12,24 +12,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.claims.angles import decoupling, motor_angles
 from tendonrepro.claims.arithmetic import cut, printed_percentages
 from tendonrepro.claims.from_print import Evidence, Judged, missing
 from tendonrepro.claims.plants import Plants
 from tendonrepro.claims.run_statistics import RATE_WINDOW, statistics_of
-from tendonrepro.claims.statements import CLAIMS, FIRST, LOADED, Findings, smaller
+from tendonrepro.claims.statements import CLAIMS, FIRST, LOADED, Findings, larger_with_load
 from tendonrepro.claims.verdicts import of_model
 from tendonrepro.config.models.readings import PRINTED
 from tendonrepro.config.published import COMPARED, PrintedNumber, Published
 from tendonrepro.dataset.motion.recover import Reference, derivatives, recover, timing_of
 from tendonrepro.dataset.motion.windows import PrintedTables, prints_as, try_windows
 from tendonrepro.errors import DataMissingError
-from tendonrepro.physics.metrics import STATUSES
+from tendonrepro.physics.metrics import STATUSES, mae, start_level
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import CONTROLLERS
 
 JUDGED = ("K3", "K5", "C1", "C2", "C3", "C4", "C5", "C6", "P1")
 """Claims that a measurement is asked about."""
+
+TINY, AGREES = 0.01, 0.05
+"""Largest errors of K3 and K5 as shares of a joint's or motor's range."""
+LEAST_RANGE = float(np.deg2rad(1.0))
+"""Range below which a joint or motor counts as at rest, rad."""
 
 _FAMILIES = ("table2.", "table3.", "share.", "increase.")
 
@@ -151,7 +155,10 @@ def _claim(measured: Measured, paper: Published, identifier: str, numbers: Mappi
     arm = OneArm(measured)
     plants = Plants(arm, PRINTED)
     rule = paper.judgements[identifier].rule
-    found = _payload(plants) if rule == "payload" else CLAIMS[rule](plants, paper)
+    if rule == "payload":
+        found = Findings(larger_with_load(plants), plants.ok(FIRST, LOADED), None)
+    else:
+        found = CLAIMS[rule](plants, paper)
     _all_judged(measured.compare, identifier, found)
     holds = [bool(statement.holds[0]) for statement in found.statements]
     evidence: Evidence = {
@@ -181,16 +188,6 @@ def _need_errors(file: TraceFile) -> None:
                 raise DataMissingError(message)
 
 
-def _payload(plants: Plants) -> Findings:
-    """P1 without the other controllers, which an ensemble asks for to judge all claims on the same plants."""
-    statements = [
-        statement
-        for metric in ("mae", "rmse")
-        for statement in smaller(plants, metric, FIRST, LOADED, metric.upper())
-    ]
-    return Findings(statements, plants.ok(FIRST, LOADED), None)
-
-
 def _all_judged(file: TraceFile, identifier: str, found: Findings) -> None:
     """Refuse to compare laws that were not ``ok``; claim C1 is about just that."""
     if identifier != "C1" and not found.judged[0]:
@@ -212,14 +209,94 @@ def _remarks(measured: Measured, identifier: str) -> list[str]:
     ]
 
 
-class OneArm:
-    """A measured comparison with the interface of an ensemble of one plant.
+def decoupling(file: TraceFile) -> Judged:
+    """K3: joint angles calculated from the motors against the encoders."""
+    trace = file.part("decouple").runs.get("decouple")
+    if trace is None:
+        message = "a measured run decouple"
+        raise DataMissingError(message)
+    places = [trace.joint.index(joint) for joint in (1, 2, 3) if joint in trace.joint]
+    if len(places) < 3:
+        message = "all of joints 1 to 3 in the run decouple"
+        raise DataMissingError(message)
+    encoder = _needed(trace, "q_encoder")[:, places]
+    apart = calculated_angles(file, trace)[:, places] - encoder
+    known = np.isfinite(apart).all(axis=1)
+    time, apart = trace.time[known], apart[known]
+    reach = np.nanmax(encoder, axis=0) - np.nanmin(encoder, axis=0)
+    if not len(apart) or (reach < LEAST_RANGE).any():
+        message = "a run decouple in which joints 1 to 3 all move"
+        raise DataMissingError(message)
+    ways = {"start_offset_removed": apart - start_level(time, apart), "as_recorded": apart}
+    rows = {name: _agreement(mae(difference), reach) for name, difference in ways.items()}
+    decided, other = (all(row["holds"] for row in rows[name]["statements"]) for name in ways)
+    remarks = [] if decided == other else ["with the start offset left in, the verdict is the other one"]
+    return Judged(of_model(decided), None, rows | {"remarks": remarks})
 
-    Attributes
-    ----------
-    asked : dict
-        Statistics that were asked for, by run and name, SI, a number a joint.
-    """
+
+def _agreement(size: Array, reach: Array) -> dict[str, Any]:
+    statements = {
+        "joint 3's error is the largest": size[2] > size[:2].max(),
+        "joint 1's error is the smallest": size[0] < size[1:].min(),
+        f"joint 1's error is below {100 * TINY:g} % of its range": size[0] < TINY * reach[0],
+        f"every error is below {100 * AGREES:g} % of the joint's range": (size < AGREES * reach).all(),
+    }
+    return {
+        "mae_deg": np.rad2deg(size).tolist(),
+        "share_of_range": (size / reach).tolist(),
+        "statements": [{"statement": text, "holds": bool(held)} for text, held in statements.items()],
+    }
+
+
+def calculated_angles(file: TraceFile, trace: Trace) -> Array:
+    """Joint angles calculated from the motors, (T, n): recorded, else ``S q_motor_encoder``."""
+    if "q_calculated" in trace:
+        return trace["q_calculated"]
+    return np.asarray(_needed(trace, "q_motor_encoder") @ file.plant.matrix("S", trace.joint).T)
+
+
+def motor_angles(file: TraceFile) -> Judged:
+    """K5: motor angles from measured against those from desired joint angles."""
+    rows = []
+    for name in CONTROLLERS:
+        trace = file.part("compare").runs.get(name)
+        if trace is None or not {"q_d", "q_encoder"} <= trace.variables.keys():
+            continue
+        trace = trace.of_joints(_known_joints(trace))
+        if not {*COMPARED} <= {*trace.joint}:
+            continue
+        S_inv = file.plant.matrix("S_inv", trace.joint)
+        desired, angles = (trace[variable] @ S_inv.T for variable in ("q_d", "q_encoder"))
+        known = np.isfinite(desired + angles).all(axis=1)
+        # Motor 3 hardly turns where joints 2 and 3 move alike, so its own range is no measure.
+        reach = np.ptp(desired[known], axis=0).max() if known.any() else 0.0
+        if reach < LEAST_RANGE:
+            continue
+        for motor, apart in zip(trace.joint, mae(angles[known] - desired[known]), strict=True):
+            text = f"{name}, motor {motor}: MAE is below {100 * AGREES:g} % of the largest range of a motor"
+            sizes = {"mae_deg": float(np.rad2deg(apart)), "share_of_range": float(apart / reach)}
+            rows.append({"statement": text, "holds": bool(apart < AGREES * reach)} | sizes)
+    if not rows:
+        message = "q_encoder and q_d of joints 2 and 3 of a controller whose motors move"
+        raise DataMissingError(message)
+    return Judged(of_model(all(row["holds"] for row in rows)), None, {"statements": rows})
+
+
+def _known_joints(trace: Trace) -> list[int]:
+    """Joints with both angles: an encoder at rest may have been recorded without a desired angle."""
+    known = np.asarray(np.isfinite(trace["q_d"] + trace["q_encoder"]).any(axis=0))
+    return [joint for joint, there in zip(trace.joint, known, strict=True) if there]
+
+
+def _needed(trace: Trace, variable: str) -> Array:
+    if variable not in trace:
+        message = f"{variable} of the run {trace.name}"
+        raise DataMissingError(message)
+    return trace[variable]
+
+
+class OneArm:
+    """A measured comparison with the interface of an ensemble of one plant."""
 
     joints = COMPARED
     alpha = (0.0, 0.0)
@@ -244,13 +321,7 @@ class OneArm:
         return np.array([STATUSES.index(self._trace(run).status)], dtype=np.int8)
 
     def statistic(self, run: str, reading: str, name: str) -> Array:
-        """One statistic, SI, (1, 2).
-
-        Raises
-        ------
-        DataMissingError
-            When the run, one of its joints or a signal behind the statistic is missing.
-        """
+        """One statistic, SI, (1, 2)."""
         del reading
         found = self._statistic(run, name)
         self.asked.setdefault(run, {})[name] = found[0].tolist()

@@ -20,7 +20,7 @@ from tendonrepro.claims.arithmetic import (
     slopes_of_coupling,
     stays_tense,
 )
-from tendonrepro.claims.verdicts import Decision, Name, of_arithmetic, of_model
+from tendonrepro.claims.verdicts import Decision, VerdictName, of_arithmetic, of_model
 from tendonrepro.config.published import (
     COMPARED,
     Interval,
@@ -49,7 +49,7 @@ class Judged:
     decision: Decision
     ours: float | None = None
     evidence: Evidence = field(default_factory=dict)
-    other_readings: Mapping[str, Name] = field(default_factory=dict)
+    other_readings: Mapping[str, VerdictName] = field(default_factory=dict)
 
 
 def missing(what: str, command: str | None = None, **evidence: Any) -> Judged:

@@ -11,7 +11,7 @@ from tendonrepro.claims.from_measurement import judge_measured, measured_of
 from tendonrepro.claims.from_print import FROM_THE_PRINT, Judged, missing
 from tendonrepro.claims.plants import Ensemble, Plants
 from tendonrepro.claims.sensitivity import Ranking, ranked
-from tendonrepro.claims.verdicts import FAILURES, NAMES, Name
+from tendonrepro.claims.verdicts import FAILURES, NAMES, VerdictName
 from tendonrepro.config.models.readings import PRINTED
 from tendonrepro.config.published import Entry, Judgement, PrintedText, Published, published
 from tendonrepro.errors import DataMissingError, UsageError
@@ -26,17 +26,7 @@ _DATA = "the measured motor and joint angles of the paper's data set"
 
 @dataclass(frozen=True)
 class Sources:
-    """What has been run; None where nothing has.
-
-    Parameters
-    ----------
-    decouple, compare : TraceFile or None
-        Traces of the two experiments.
-    ensemble : Ensemble or None
-        Results over the box, such as `ensemble_data.EnsembleData`.
-    measured : TraceFile or None
-        A measurement.
-    """
+    """What has been run; None where nothing has."""
 
     decouple: TraceFile | None = None
     compare: TraceFile | None = None
@@ -59,7 +49,7 @@ class Verdict:
     ours: float | None
     unit: str | None
     rule: str
-    verdict: Name
+    verdict: VerdictName
     borderline: bool
     evidence: Mapping[str, Any]
     depends_on: tuple[str, ...]
@@ -74,29 +64,10 @@ def judge_all(
     decided_by: bool = False,
     progress: Callable[[int], None] | None = None,
 ) -> list[Verdict]:
-    """Judge every printed result and claim.
+    """Judge every printed result and claim, or `only` those with some ids, in the order of the print.
 
-    Parameters
-    ----------
-    sources : Sources
-    paper : Published, optional
-        The print; the shipped one by default.
-    only : sequence of str
-        Ids to judge; all of them when empty.
-    decided_by : bool
-        Rank the unknowns that decide verdicts from the ensemble, which takes about a second each.
-    progress : callable, optional
-        Called with 1 after each reading of the ensemble.
-
-    Returns
-    -------
-    list of Verdict
-        In the order of ``data/published.yaml``, inputs left out.
-
-    Raises
-    ------
-    UsageError
-        For an id that is not printed, or is an input.
+    `decided_by` ranks the unknowns that decide verdicts, which takes about a second each; `progress` is
+    called with 1 after each reading of the ensemble. An id that is not printed, or is an input, is refused.
     """
     paper = paper or published()
     judged = [name for name, rule in paper.judgements.items() if rule.kind != "input"]
@@ -146,7 +117,7 @@ def _under_every_reading(
     if decided_by:
         for name, rule in rules.items():
             found[name].evidence["decided_by"] = _decided_by(printed, paper, rule, name)
-    others: dict[str, dict[str, Name]] = {name: {} for name in rules}
+    others: dict[str, dict[str, VerdictName]] = {name: {} for name in rules}
     for reading in data.readings if rules else ():
         report(1)
         if reading == PRINTED:
@@ -179,8 +150,8 @@ def _verdict(paper: Published, identifier: str, found: Judged, shipped: float | 
     verdict, evidence = found.decision.verdict, dict(found.evidence)
     if shipped is not None:
         evidence["shipped_run"] = shipped
-    change = [name for name, other in found.other_readings.items() if other not in {verdict, "not_testable"}]
-    unknown = [name for name, other in found.other_readings.items() if other == "not_testable"]
+    others = found.other_readings
+    unknown = [name for name, other in others.items() if other == "not_testable"]
     if unknown and verdict != "not_testable":
         evidence["not_testable_under"] = unknown
     printed, unit = _as_printed(entry, rule)
@@ -196,7 +167,9 @@ def _verdict(paper: Published, identifier: str, found: Judged, shipped: float | 
         borderline=found.decision.borderline,
         evidence=evidence,
         depends_on=rule.depends_on,
-        readings_that_change_it=tuple(change),
+        readings_that_change_it=tuple(
+            name for name, other in others.items() if other not in {verdict, "not_testable"}
+        ),
     )
 
 
@@ -225,15 +198,11 @@ def _shipped_numbers(compare: TraceFile | None) -> dict[str, float]:
 
 def _needs_data(rule: str, decouple: TraceFile | None) -> Judged:
     """K3, K5: only measured angles can tell; the errors of the one simulated plant are shown."""
-    if rule == "measured_only":
-        return missing(_DATA, FETCH)
-    if decouple is None or "decouple" not in decouple.runs:
+    if rule == "measured_only" or decouple is None or "decouple" not in decouple.runs:
         return missing(_DATA, FETCH)
     trace = decouple.runs["decouple"]
-    errors = {
-        f"joint_{joint}": float(size)
-        for joint, size in zip(trace.joint, decoupling_errors(trace)["mae"], strict=True)
-    }
+    sizes = zip(trace.joint, decoupling_errors(trace)["mae"], strict=True)
+    errors = {f"joint_{joint}": float(size) for joint, size in sizes}
     remark = (
         "one simulated plant; the order of its joints hangs on gravity and stiffness, which are unpublished"
     )
@@ -260,25 +229,7 @@ def failing(verdicts: Iterable[Verdict]) -> list[str]:
 
 
 def changed(baseline: Mapping[str, Any], now: Iterable[Verdict]) -> dict[str, tuple[str | None, str | None]]:
-    """Compare with an earlier ledger.
-
-    Parameters
-    ----------
-    baseline : mapping
-        As read from an earlier ``claims.json``.
-    now : iterable of Verdict
-        All verdicts of today.
-
-    Returns
-    -------
-    dict
-        Id -> verdict then, verdict now; None where it was not, or is no longer, judged.
-
-    Raises
-    ------
-    UsageError
-        When the baseline is no ledger.
-    """
+    """Id -> verdict in an earlier ``claims.json`` and now; None where it was not, or is no longer, judged."""
     entries = baseline.get("claims") if isinstance(baseline, Mapping) else None
     if not isinstance(entries, list) or not all(
         isinstance(entry, Mapping) and {"id", "verdict"} <= entry.keys() for entry in entries

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -61,22 +60,12 @@ class Plants:
     def __init__(self, data: Ensemble, reading: str) -> None:
         self.data = data
         self.reading = reading
+        self.joints = data.joints
         self._kept: dict[tuple[str, str], Array] = {}
         self._codes: dict[str, NDArray[np.int8]] = {}
 
-    @cached_property
-    def joints(self) -> tuple[int, ...]:
-        """The paper's joint numbers."""
-        return self.data.joints
-
     def status(self, run: str) -> NDArray[np.int8]:
-        """Status codes of a run, (N,).
-
-        Raises
-        ------
-        DataMissingError
-            When the ensemble does not hold it.
-        """
+        """Status codes of a run, (N,)."""
         if run not in self._codes:
             self._codes[run] = self.data.status(*self._address(run))
         return self._codes[run]

@@ -14,7 +14,6 @@ from tendonrepro.results.tables import NOTHING, csv_text, markdown
 CAPTION = "What the printed numbers and claims are worth; rules in docs/verdicts.md."
 
 _CSV = ("id", "where", "kind", "printed", "ours", "low", "high", "unit", "rule", "verdict", "borderline")
-_INDENT = 2
 
 
 def as_data(verdicts: Sequence[Verdict]) -> dict[str, Any]:
@@ -27,24 +26,7 @@ def as_data(verdicts: Sequence[Verdict]) -> dict[str, Any]:
 
 
 def write_claims(verdicts: Sequence[Verdict], folder: Path) -> list[Path]:
-    """Write ``claims.json``, ``claims.csv`` and ``claims.md``.
-
-    Parameters
-    ----------
-    verdicts : sequence of Verdict
-        The ledger.
-    folder : Path
-        Made when missing.
-
-    Returns
-    -------
-    list of Path
-
-    Raises
-    ------
-    TendonreproError
-        When a file cannot be written.
-    """
+    """Write ``claims.json``, ``claims.csv`` and ``claims.md``."""
     texts = {
         "json": to_json(as_data(verdicts)),
         "csv": csv_text(_csv_rows(verdicts)),
@@ -97,20 +79,17 @@ def details_text(verdict: Verdict) -> str:
 
 def _tree(value: Any, depth: int) -> list[str]:
     """Nested data as indented lines; what is flat stands on one line."""
-    space = " " * (_INDENT * depth)
+    space = "  " * depth
     if isinstance(value, Mapping):
         lines = []
         for key, item in value.items():
-            if isinstance(item, Mapping) or (isinstance(item, list) and not _flat(item)):
+            flat = isinstance(item, list) and all(isinstance(one, int | float) for one in item)
+            if isinstance(item, Mapping) or (isinstance(item, list) and not flat):
                 lines += [f"{space}{key}:", *_tree(item, depth + 1)]
             elif item is not None:
                 lines.append(f"{space}{key}: {_plain(item)}")
         return lines
     return [f"{space}- {_plain(item)}" for item in value]
-
-
-def _flat(items: Sequence[Any]) -> bool:
-    return all(isinstance(item, int | float) for item in items)
 
 
 def _plain(value: Any) -> str:

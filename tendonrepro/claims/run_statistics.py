@@ -16,21 +16,11 @@ RATE_WINDOW = 0.05
 
 
 def statistics_of(trace: Trace, rates: tuple[Array, Array] | None) -> dict[str, Array]:
-    """Statistics that rest on e, s, H_hat, tau_m and the phases of the reference.
+    """Statistics that rest on e, s, H_hat, tau_m and the phases of the desired motion, (n,) each, SI.
 
-    Samples that are missing are left out one by one.
-
-    Parameters
-    ----------
-    trace : Trace
-    rates : tuple of array (T, n) or None
-        Desired velocity and acceleration; without them there are no phases.
-
-    Returns
-    -------
-    dict of array (n,)
-        By the names of `streaming.STATISTICS`, SI, those that the recorded signals allow; NaN where a phase
-        has no sample.
+    By the names of `streaming.STATISTICS`, those that the recorded signals allow; NaN where a phase has no
+    sample. Samples that are missing are left out one by one. Without `rates`, the desired velocity and
+    acceleration (T, n), there are no phases.
     """
     found: dict[str, Array] = {}
     s = sliding_variable(trace)

@@ -38,27 +38,12 @@ class Ranking(TypedDict):
 
 
 def ranked(names: Sequence[str], draws: Array, outcome: Array, seed: int = SEED) -> Ranking | None:
-    """Rank unknowns by how much of an outcome's variance each explains alone.
+    """Rank unknowns by how much of an outcome's variance (N,) each alone explains, from draws (N, P).
 
-    First-order indices by RBD-FAST (SALib), which needs the draws in no special order. The noise floor is the
-    95 % quantile, over shuffles of the outcome, of the largest index of all rows.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Of the P unknowns.
-    draws : array (N, P)
-        Any increasing scale: only the order of the values counts.
-    outcome : array (N,)
-        0 or 1, or any number; what is not finite is left out.
-    seed : int
-        Of the bootstrap and the shuffles.
-
-    Returns
-    -------
-    Ranking or None
-        None with fewer than 100 draws, or when fewer than 20 of them differ from the commonest outcome: a
-        bootstrap of so rare an outcome may well not hold it at all.
+    First-order indices by RBD-FAST (SALib), which needs the draws in no special order and of their values
+    only the order. The noise floor is the 95 % quantile, over shuffles of the outcome, of the largest index
+    of all rows. None with fewer than 100 finite outcomes, or when fewer than 20 of them differ from the
+    commonest: a bootstrap of so rare an outcome may well not hold it at all.
     """
     finite = np.isfinite(outcome)
     draws, outcome = draws[finite], outcome[finite].astype(np.float64)

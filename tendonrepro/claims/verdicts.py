@@ -9,9 +9,10 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonrepro.ensemble.shares import FEW, MOST, Ends, Range, Share
+from tendonrepro.claims.arithmetic import meets
+from tendonrepro.ensemble.shares import FEW, MOST, Ends, Share, Spread
 
-Name: TypeAlias = Literal[
+VerdictName: TypeAlias = Literal[
     "exact",
     "reproduced",
     "compatible",
@@ -22,7 +23,7 @@ Name: TypeAlias = Literal[
     "not_reproduced",
     "not_testable",
 ]
-NAMES: tuple[Name, ...] = get_args(Name)
+NAMES: tuple[VerdictName, ...] = get_args(VerdictName)
 FAILURES = frozenset({"not_reproduced", "contradicted", "outside_model"})
 """Verdicts for which ``claims --check`` ends with exit code 3."""
 
@@ -38,41 +39,26 @@ Mask: TypeAlias = NDArray[np.bool_]
 class Decision:
     """A verdict, and whether a threshold behind it lies inside an interval."""
 
-    verdict: Name
+    verdict: VerdictName
     borderline: bool = False
 
 
-def inside(printed: Ends, found: Range) -> bool:
-    """Whether a printed number's rounding interval meets the central 90 %, ends included."""
-    return printed[0] <= found.high and printed[1] >= found.low
-
-
-def of_number(printed: Ends, found: Range, direction: Share | None) -> Decision:
-    """Judge a printed number.
-
-    Parameters
-    ----------
-    printed : tuple of float
-        Its rounding interval.
-    found : Range
-        The same number over the plants.
-    direction : Share or None
-        Where its direction holds; None when it claims none.
-    """
+def of_number(printed: Ends, found: Spread, direction: Share | None) -> Decision:
+    """Judge a printed number's rounding interval by its spread over the plants, else by its direction."""
     edges = [found.low_interval, found.high_interval]
     near = any(edge is not None and meets(printed, edge) for edge in edges)
-    if inside(printed, found):
+    if meets(printed, (found.low, found.high)):
         return Decision("compatible", near)
     if direction is None:
         return Decision("outside_model", near)
     by_direction = of_share(direction)
-    verdict: Name = "direction_only" if by_direction.verdict == "compatible" else by_direction.verdict
+    verdict: VerdictName = "direction_only" if by_direction.verdict == "compatible" else by_direction.verdict
     return Decision(verdict, near or by_direction.borderline)
 
 
 def of_share(share: Share) -> Decision:
     """Judge a claim, or one statement of it, without a value by its share."""
-    near = any(_within(limit, share.interval) for limit in (MOST, FEW))
+    near = any(share.interval is not None and meets(share.interval, (limit, limit)) for limit in (MOST, FEW))
     if share.value >= MOST:
         return Decision("compatible", near)
     return Decision("contradicted" if share.value <= FEW else "depends_on_plant", near)
@@ -80,9 +66,11 @@ def of_share(share: Share) -> Decision:
 
 def with_values(claim: Decision, values: Sequence[Decision]) -> Decision:
     """Judge a claim that also prints values, from its statements and from the verdicts on the values."""
-    if claim.verdict != "compatible" or all(value.verdict == "compatible" for value in values):
-        return Decision(claim.verdict, claim.borderline or _any_near(claim, values))
-    return Decision("direction_only", claim.borderline or _any_near(claim, values))
+    if claim.verdict != "compatible":
+        return claim
+    near = claim.borderline or any(value.borderline for value in values)
+    fits = all(value.verdict == "compatible" for value in values)
+    return Decision("compatible" if fits else "direction_only", near)
 
 
 def of_values(values: Sequence[Decision], claim: Decision) -> Decision:
@@ -90,7 +78,7 @@ def of_values(values: Sequence[Decision], claim: Decision) -> Decision:
     near = any(value.borderline for value in values)
     if all(value.verdict == "compatible" for value in values):
         return Decision("compatible", near)
-    verdict: Name = "direction_only" if claim.verdict == "compatible" else claim.verdict
+    verdict: VerdictName = "direction_only" if claim.verdict == "compatible" else claim.verdict
     return Decision(verdict, near or claim.borderline)
 
 
@@ -102,16 +90,3 @@ def of_arithmetic(consistent: bool) -> Decision:
 def of_model(holds: bool) -> Decision:
     """Judge what follows from the printed equations without any unknown."""
     return Decision("reproduced" if holds else "not_reproduced")
-
-
-def meets(first: Ends, second: Ends) -> bool:
-    """Whether two intervals share a number."""
-    return first[0] <= second[1] and second[0] <= first[1]
-
-
-def _within(limit: float, interval: Ends | None) -> bool:
-    return interval is not None and interval[0] <= limit <= interval[1]
-
-
-def _any_near(claim: Decision, values: Sequence[Decision]) -> bool:
-    return claim.verdict == "compatible" and any(value.borderline for value in values)

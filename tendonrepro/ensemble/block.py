@@ -7,7 +7,7 @@ import json
 import platform
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib import metadata
 from typing import Any, TypeAlias
 
@@ -44,60 +44,13 @@ _MOTION = {"joints", "posture", "reference", "sampling_period"}
 IDEAL = Encoder(resolution=0.0, noise=0.0)
 
 
-@dataclass(frozen=True, eq=False)
-class Made:
-    """A finished block on its way to the disk.
-
-    Attributes
-    ----------
-    block : Block
-    image : bytes
-        Of its shard.
-    experiments : int
-    """
-
-    block: Block
-    image: bytes
-    experiments: int
-
-
-def make_block(study: Study, block: Block, simulate: Simulate = simulate_batch) -> Made:
-    """Compute a block and put it into the form in which it is stored.
-
-    Parameters
-    ----------
-    study : Study
-    block : Block
-    simulate : callable
-        The batch stepper.
-
-    Returns
-    -------
-    Made
-    """
-    shard = compute_block(study, block, simulate)
-    return Made(block, shard_image(shard), shard.status.size)
+def make_block(study: Study, block: Block, simulate: Simulate = simulate_batch) -> tuple[Block, bytes]:
+    """Compute a block and put it into the form in which it is stored."""
+    return block, shard_image(compute_block(study, block, simulate))
 
 
 def compute_block(study: Study, block: Block, simulate: Simulate = simulate_batch) -> Shard:
-    """Simulate every case of every draw of a block.
-
-    Parameters
-    ----------
-    study : Study
-    block : Block
-    simulate : callable
-        The batch stepper.
-
-    Returns
-    -------
-    Shard
-
-    Raises
-    ------
-    TendonreproError
-        When a draw cannot be turned into a configuration; the box is then to be mended.
-    """
+    """Simulate every case of every draw of a block; a box whose draws cannot be run is to be mended."""
     started = time.perf_counter()
     box = study.boxes[block.population]
     values = box.values(scrambled_sobol(box, study.seed, block.replicate, block.first, block.count))
@@ -136,19 +89,7 @@ def compute_block(study: Study, block: Block, simulate: Simulate = simulate_batc
 
 
 def loops_of(study: Study, block: Block, row: Array) -> Iterator[Loop]:
-    """Closed loops of one draw, in the order of the cases; what readings do not change is shared.
-
-    Parameters
-    ----------
-    study : Study
-    block : Block
-    row : array (P,)
-        Values drawn.
-
-    Yields
-    ------
-    Loop
-    """
+    """Yield the loops of one draw (P,), in the order of the cases; what readings do not change is shared."""
     box, folder = study.boxes[block.population], study.base.folder
     draw = box.named(row)
     try:
@@ -205,23 +146,10 @@ def spot_check(
 ) -> dict[str, float | int | str]:
     """Rerun one experiment of one block in `Study.check_every` with the reference stepper.
 
-    Which block, draw and case is settled by a hash, so it does not depend on how the work is done.
-
-    Parameters
-    ----------
-    study : Study
-    block : Block
-    values : array (B, P)
-        The block's draws.
-    simulate_together : callable
-        The batch stepper.
-
-    Returns
-    -------
-    dict
-        Empty where the block is not chosen. ``run``, ``reading``, ``draw``; ``ideal`` and ``quantised``: the
-        largest relative difference of MAE and RMSE with an ideal and with the drawn encoder, 0 for a run
-        that diverged or was not resolved in both; ``disagreements``: statuses that differ.
+    Which block, draw and case is settled by a hash, so it does not depend on how the work is done; for other
+    blocks the answer is empty. ``ideal`` and ``quantised`` are the largest relative difference of MAE and of
+    RMSE with an ideal and with the drawn encoder, 0 for a run that diverged or was not resolved in both;
+    ``disagreements`` counts statuses that differ.
     """
     digest = hashlib.sha256(f"{study.identity} {block.file_name}".encode()).digest()
     chosen, place, at = (int.from_bytes(digest[k : k + 8], "big") for k in (0, 8, 16))

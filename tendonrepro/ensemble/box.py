@@ -5,7 +5,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Collection
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,17 +56,7 @@ class Box:
     shortest_run: float
 
     def values(self, unit: Array) -> Array:
-        """Map the unit cube to values; choices take equal slices.
-
-        Parameters
-        ----------
-        unit : array (N, P)
-            From 0 to 1.
-
-        Returns
-        -------
-        array (N, P)
-        """
+        """Map points of the unit cube, (N, P), to values, (N, P); choices take equal slices."""
         columns = [self._column(i, unit[:, i]) for i in range(len(self.names))]
         return np.stack(columns, axis=1)
 
@@ -83,23 +72,12 @@ class Box:
         return np.asarray(np.clip(value, low, high), dtype=np.float64)
 
     def only(self, confidences: Collection[str]) -> Box:
-        """Box in which only rows of these confidences vary; the others keep their nominal value.
-
-        Parameters
-        ----------
-        confidences : collection of str
-            Of ``high``, ``medium`` and ``low``.
-        """
+        """Box in which only rows of these confidences vary; the others keep their nominal value."""
         kept = np.array([confidence in confidences for confidence in self.confidence])
         return replace(self, free=self.free & kept)
 
     def named(self, values: Array) -> dict[str, float]:
-        """One draw by row name.
-
-        Parameters
-        ----------
-        values : array (P,)
-        """
+        """One draw (P,) by row name."""
         return dict(zip(self.names, values.tolist(), strict=True))
 
 
@@ -112,56 +90,36 @@ def make_box(config: EnsembleConfig) -> Box:
     """
     items = dict(config.box.items())
     rules = [rule_of(name) for name in items]
-    sizes = [_numbers(name, row) for name, row in items.items()]
+    numbers = [_si_numbers(name, row) for name, row in items.items()]
+    low, nominal, high, choices = zip(*numbers, strict=True)
     return Box(
         names=tuple(items),
         units=tuple("1" if isinstance(rule, Among) else rule.unit for rule in rules),
-        low=np.array([size.low for size in sizes]),
-        nominal=np.array([size.nominal for size in sizes]),
-        high=np.array([size.high for size in sizes]),
+        low=np.array(low),
+        nominal=np.array(nominal),
+        high=np.array(high),
         scale=tuple(row.scale if isinstance(row, Range) else _CHOICE for row in items.values()),
         confidence=tuple(row.confidence for row in items.values()),
         source=tuple(row.source for row in items.values()),
-        choices=tuple(size.choices for size in sizes),
+        choices=choices,
         words=tuple(rule.words if isinstance(rule, Among) else () for rule in rules),
         free=np.ones(len(items), dtype=np.bool_),
         shortest_run=config.shortest_run.si,
     )
 
 
-def population(config: EnsembleConfig, name: str) -> Box:
-    """Box of one population.
-
-    Parameters
-    ----------
-    config : EnsembleConfig
-    name : str
-        A key of its `populations`.
-    """
-    return make_box(config).only(config.populations[name].confidences)
-
-
-class _Numbers(NamedTuple):
-    low: float
-    nominal: float
-    high: float
-    choices: Array
-
-
-def _numbers(name: str, row: Row) -> _Numbers:
-    """Numbers of a row in SI; a word counts as its place among the known ones."""
+def _si_numbers(name: str, row: Row) -> tuple[float, float, float, Array]:
+    """Low, nominal, high and choices of a row in SI; a word counts as its place among the known ones."""
     if isinstance(row, Range):
         low, nominal, high = (to_si(value, row.unit) for value in (row.low, row.nominal, row.high))
-        return _Numbers(low, nominal, high, np.zeros(0))
+        return low, nominal, high, np.zeros(0)
     if isinstance(row, Words):
         rule = rule_of(name)
         assert isinstance(rule, Among)
-        choices = np.array([float(rule.words.index(word)) for word in row.choices])
-        nominal = float(rule.words.index(row.nominal))
+        nominal, *choices = (float(rule.words.index(word)) for word in (row.nominal, *row.choices))
     else:
-        choices = np.array([to_si(value, row.unit) for value in row.choices])
-        nominal = to_si(row.nominal, row.unit)
-    return _Numbers(float(choices.min()), nominal, float(choices.max()), choices)
+        nominal, *choices = (to_si(value, row.unit) for value in (row.nominal, *row.choices))
+    return min(choices), nominal, max(choices), np.array(choices)
 
 
 def scrambled_sobol(box: Box, seed: int, replicate: int, first: int, count: int) -> Array:

@@ -15,14 +15,13 @@ from tendonrepro.config.models.readings import default_readings, full_cross, par
 from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.ensemble.block import Simulate, make_block
-from tendonrepro.ensemble.box import population
+from tendonrepro.ensemble.box import make_box
 from tendonrepro.ensemble.conclusions import conclusions
-from tendonrepro.ensemble.data import PLAN, read_ensemble
+from tendonrepro.ensemble.data import PLAN, missing_blocks, prepare, read_ensemble, refuse_shards
 from tendonrepro.ensemble.figures import draw_ensemble_figures
-from tendonrepro.ensemble.folder import missing_blocks, prepare, refuse_shards
 from tendonrepro.ensemble.plan import Study
 from tendonrepro.ensemble.report import cost_text, population_summary, spot_checks, write_ensemble_tables
-from tendonrepro.ensemble.shards import FOLDER, SCHEMA_VERSION, Block
+from tendonrepro.ensemble.shards import FOLDER, SCHEMA_VERSION
 from tendonrepro.ensemble.workers import here, on_cluster
 from tendonrepro.errors import UsageError
 from tendonrepro.files import to_json, write_atomically
@@ -79,11 +78,8 @@ def run_ensemble(
     outline = {"schema_version": SCHEMA_VERSION, "experiment": "ensemble", "draws": draws, "out": str(folder)}
     outline |= {"readings_count": len(study.readings), "cases": len(study.cases), "cost": cost}
     if request.dry_run:
-        return (
-            outline
-            | {"dry_run": True, "config_sha256": study.sha256}
-            | _ahead(study, draws, folder, force=request.force)
-        )
+        outline |= {"dry_run": True, "config_sha256": study.sha256}
+        return outline | _ahead(study, draws, folder, force=request.force)
     if readings == "all" and not yes:
         message = f"all {len(study.readings)} readings mean {cost_text(cost)}"
         raise UsageError(message, where="--readings all", hint="say --yes if that is what you want")
@@ -103,30 +99,13 @@ def _ahead(study: Study, draws: int, folder: Path, *, force: bool) -> dict[str, 
 def load_study(
     source: str | None, overrides: Sequence[str], seed: int | None, readings: Literal["default", "all"]
 ) -> Study:
-    """Read a configuration of an ensemble.
-
-    Parameters
-    ----------
-    source : str or None
-    overrides : sequence of str
-    seed : int or None
-    readings : {'default', 'all'}
-
-    Returns
-    -------
-    Study
-
-    Raises
-    ------
-    ConfigError
-        When it is not valid.
-    """
+    """Read a configuration of an ensemble."""
     loaded = load_ensemble(source, overrides=overrides, seed=seed)
-    config = loaded.config
+    config, box = loaded.config, make_box(loaded.config)
     return Study(
         base=loaded.base,
-        boxes={name: population(config, name) for name in config.populations},
-        shares={name: entry.share.si for name, entry in config.populations.items()},
+        boxes={name: box.only(held.confidences) for name, held in config.populations.items()},
+        shares={name: held.share.si for name, held in config.populations.items()},
         readings=full_cross() if readings == "all" else default_readings(config),
         variations=tuple(parse_reading(name) for name in config.variations),
         sha256=loaded.sha256,
@@ -147,25 +126,7 @@ def run_study(
     dask: str | None = None,
     simulate: Simulate = simulate_batch,
 ) -> dict[str, Any]:
-    """Compute the blocks that are not on disk yet, then tables and figures of all.
-
-    Parameters
-    ----------
-    study : Study
-    draws : int
-    folder : Path
-    jobs : int
-    talk : Talk
-    force : bool
-    dask : str or None
-    simulate : callable
-        The batch stepper.
-
-    Returns
-    -------
-    dict
-        What ``--json`` prints.
-    """
+    """Compute the blocks that are not on disk yet, then tables and figures of all."""
     blocks = study.blocks(draws)
     with claimed(folder, study.identity, force=force) as held:
         prepare(held, study, force=force)
@@ -175,7 +136,14 @@ def run_study(
         if resumed:
             talk.note(f"{resumed} of {len(blocks)} blocks are on disk already")
         started = time.perf_counter()
-        experiments = _compute(study, missing, folder, jobs, dask, simulate, talk)
+        make = partial(make_block, study, simulate=simulate)
+        stream = on_cluster(make, missing, dask) if dask else here(make, missing, jobs)
+        experiments = sum(block.count for block in missing) * len(study.cases)
+        with talk.bar("simulating", experiments) as progress, closing(stream):
+            # This process is the only writer.
+            for block, image in stream:
+                write_atomically(folder / FOLDER / block.file_name, image)
+                progress(block.count * len(study.cases))
         seconds = time.perf_counter() - started
         speed = {
             "experiments_per_second": experiments / seconds if experiments else None,
@@ -183,30 +151,6 @@ def run_study(
             "blocks": len(blocks),
         }
         return _finish(study, draws, held, speed, seconds, talk)
-
-
-def _compute(
-    study: Study,
-    missing: Sequence[Block],
-    folder: Path,
-    jobs: int,
-    dask: str | None,
-    simulate: Simulate,
-    talk: Talk,
-) -> int:
-    """Compute blocks and store each as it comes; this process is the only writer."""
-    experiments = 0
-    total = sum(block.count for block in missing) * len(study.cases)
-    work = partial(make_block, study, simulate=simulate)
-    with (
-        talk.bar("simulating", total) as progress,
-        closing(on_cluster(work, missing, dask) if dask else here(work, missing, jobs)) as stream,
-    ):
-        for made in stream:
-            write_atomically(folder / FOLDER / made.block.file_name, made.image)
-            experiments += made.experiments
-            progress(made.experiments)
-    return experiments
 
 
 def _finish(

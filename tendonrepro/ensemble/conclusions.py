@@ -5,25 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tendonrepro.ensemble.report import EXCLUDED, IMPLIED, percent, printed_reading, quantile_text
-from tendonrepro.ensemble.shares import FEWEST_PLANTS, RATIO_NAMES, RATIOS
+from tendonrepro.ensemble.report import percent, printed_reading, quantile_text
+from tendonrepro.ensemble.shares import FEW, FEWEST_PLANTS, MOST, RATIO_NAMES, RATIOS
 from tendonrepro.results.summary import CONTROLLERS
-
-_SHORT = {run: f"Controller {place}" for place, run in enumerate(CONTROLLERS, start=1)}
 
 
 def conclusions(populations: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Sentences on the ranking, the ratios, the readings and the statuses.
-
-    Parameters
-    ----------
-    populations : mapping
-        Population -> `tendonrepro.ensemble.report.population_summary`; the first is judged.
-
-    Returns
-    -------
-    list of str
-    """
+    """Sentences on the ranking, the ratios, the readings and the statuses; the first population is judged."""
     summary = next(iter(populations.values()))
     lines = [_statuses(summary), *(_ranking(which, held) for which, held in populations.items())]
     lines += [_verdict(summary), *_ratios(summary), *_readings(summary)]
@@ -38,9 +26,9 @@ def _share(share: Mapping[str, Any]) -> str:
 def _statuses(summary: Mapping[str, Any]) -> str:
     status = printed_reading(summary)["status"]
     parts = [
-        f"{name} is ok on {percent(status[run]['ok']['share'])}, rings on "
+        f"Controller {place} is ok on {percent(status[run]['ok']['share'])}, rings on "
         f"{percent(status[run]['ringing']['share'])}, diverges on {percent(status[run]['diverged']['share'])}"
-        for run, name in _SHORT.items()
+        for place, run in enumerate(CONTROLLERS, start=1)
     ]
     unresolved = status[CONTROLLERS[0]]["unresolved"]["share"]
     return f"As printed, of the box: {'; '.join(parts)}. {percent(unresolved)} is too fast to be resolved."
@@ -64,9 +52,9 @@ def _verdict(summary: Mapping[str, Any]) -> str:
     share = printed_reading(summary)["share_c1_lt_c2_lt_c3"]["all_ok"]["mae_and_rmse"]["both"]["share"]
     if share is None:
         return ""
-    if share >= IMPLIED:
+    if share >= MOST:
         return "So the printed ranking follows from the printed equations on nearly every plant of the box."
-    if share <= EXCLUDED:
+    if share <= FEW:
         return (
             "So the printed equations imply another ranking on nearly every plant of the box; the paper "
             "measured hardware, which may hold what the equations do not."

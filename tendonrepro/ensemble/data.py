@@ -1,7 +1,7 @@
-"""What an ensemble left on disk, read piece by piece: memory holds only what is asked for.
+"""What an ensemble left on disk: which blocks are whole and whose they are, and what they hold.
 
-Opening shards takes longer than reading them, so of a small ensemble a whole dataset is kept once one of its
-cases was asked for.
+Data are read piece by piece: memory holds only what is asked for. Opening shards takes longer than reading
+them, so of a small ensemble a whole dataset is kept once one of its cases was asked for.
 """
 
 from __future__ import annotations
@@ -17,8 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.ensemble.shards import FOLDER, Block, Case, opened
-from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.console import Talk
+from tendonrepro.ensemble.plan import Study
+from tendonrepro.ensemble.shards import FOLDER, Block, Case, identity_of, opened, read_shard, shard_files
+from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
+from tendonrepro.results.folder import HeldFolder
 from tendonrepro.simulation.streaming import STATISTICS
 
 KEPT_BYTES = 64e6
@@ -26,6 +29,18 @@ KEPT_BYTES = 64e6
 
 PLAN = "plan.json"
 """File that says which blocks make up the ensemble in a folder."""
+
+_IN_PLAN = {
+    "populations",
+    "replicates",
+    "joints",
+    "alpha",
+    "runs",
+    "readings",
+    "variations",
+    "lookup",
+    "blocks",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,26 +198,15 @@ def read_ensemble(folder: Path, population: str = "box", *, stride: int = 1) -> 
 
 def _read_plan(folder: Path) -> dict[str, Any]:
     hint = "run tendonrepro ensemble first"
+    plan = None
     try:
-        plan: dict[str, Any] = json.loads((folder / PLAN).read_text(encoding="utf-8"))
+        plan = json.loads((folder / PLAN).read_text(encoding="utf-8"))
     except OSError as error:
         message = "holds no ensemble"
         raise DataMissingError(message, where=str(folder), hint=hint) from error
-    except ValueError as error:
-        message = "is not the plan of an ensemble"
-        raise DataMissingError(message, where=str(folder / PLAN), hint=hint) from error
-    keys = {
-        "populations",
-        "replicates",
-        "joints",
-        "alpha",
-        "runs",
-        "readings",
-        "variations",
-        "lookup",
-        "blocks",
-    }
-    if not isinstance(plan, dict) or not keys <= plan.keys():
+    except ValueError:
+        pass  # as what is valid JSON but no plan
+    if not isinstance(plan, dict) or not plan.keys() >= _IN_PLAN:
         message = "is not the plan of an ensemble"
         raise DataMissingError(message, where=str(folder / PLAN), hint=hint)
     return plan
@@ -211,16 +215,76 @@ def _read_plan(folder: Path) -> dict[str, Any]:
 def _files(
     folder: Path, plan: Mapping[str, Any], population: str, wanted: int
 ) -> tuple[tuple[Path, Block, int], ...]:
-    blocks: Sequence[Block] = [Block(*entry) for entry in plan["blocks"]]
     files = tuple(
         (folder / FOLDER / block.file_name, block, min(block.count, wanted - block.first))
-        for block in sorted(blocks)
+        for block in sorted(Block(*entry) for entry in plan["blocks"])
         if block.population == population and block.first < wanted
     )
     missing = sum(not path.exists() for path, _, _ in files)
     if missing:
         message = f"{missing} of {len(files)} blocks are missing; the ensemble was interrupted"
-        raise DataMissingError(
-            message, where=str(folder), hint="run the same tendonrepro ensemble again to finish it"
-        )
+        hint = "run the same tendonrepro ensemble again to finish it"
+        raise DataMissingError(message, where=str(folder), hint=hint)
     return files
+
+
+def prepare(held: HeldFolder, study: Study, *, force: bool) -> None:
+    """Make the folder of shards ready: no half-written files, and none of another ensemble.
+
+    Those are removed with `force`, and else refused.
+    """
+    folder = held.path
+    shards = folder / FOLDER
+    try:
+        for leftover in shards.glob(".*.h5"):
+            leftover.unlink(missing_ok=True)
+        others = _of_others(folder, study)
+        if not force:
+            refuse_shards(folder, study)
+        for path in others:
+            path.unlink()
+        if others:
+            # Tables of shards that are gone would make an interrupted run look like another one's results.
+            held.clear()
+    except OSError as error:
+        message = f"cannot clear the folder of shards: {error.strerror or error}"
+        raise TendonreproError(message, where=str(shards)) from error
+
+
+def refuse_shards(folder: Path, study: Study) -> None:
+    """Refuse a folder that holds shards of another ensemble."""
+    others = _of_others(folder, study)
+    if others:
+        message = f"holds {len(others)} blocks of another configuration, version or set of readings"
+        hint = "choose another --out, or say --force to remove them"
+        raise UsageError(message, where=str(folder / FOLDER), hint=hint)
+
+
+def _of_others(folder: Path, study: Study) -> list[Path]:
+    return [path for path in shard_files(folder / FOLDER) if identity_of(path) not in {study.identity, None}]
+
+
+def missing_blocks(folder: Path, study: Study, blocks: Sequence[Block], talk: Talk) -> list[Block]:
+    """Blocks that are not whole on disk, in their order; every shard is read and checked."""
+    missing = []
+    for block in blocks:
+        path = folder / FOLDER / block.file_name
+        reason = _fault(path, block, study) if path.exists() else ""
+        if reason is None:
+            continue
+        missing.append(block)
+        if reason:
+            talk.note(f"{path}: {reason}; it will be computed again")
+    return missing
+
+
+def _fault(path: Path, block: Block, study: Study) -> str | None:
+    """What is wrong with a shard; None when nothing is."""
+    try:
+        shard = read_shard(path)
+    except DataMissingError as error:
+        return error.message
+    cases = tuple((run, case.name) for run, case in study.cases)
+    if shard.block != block or shard.cases != cases or shard.identity != study.identity:
+        return "is not what its name says"
+    return None

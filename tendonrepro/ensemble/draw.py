@@ -30,14 +30,8 @@ UNEQUAL = 2.0 / 3.0
 def drawn_tree(base: Mapping[str, Any], draw: Mapping[str, float], shortest_run: float) -> dict[str, Any]:
     """Plain values of a comparison's configuration, to be validated.
 
-    Parameters
-    ----------
-    base : mapping
-        Plain values of the comparison that gives what is not drawn.
-    draw : mapping of str to float
-        Value of every row of the box, SI; a word counts as its place among the known ones.
-    shortest_run : float
-        Periods are repeated, at least twice, until the run lasts this long, s.
+    A draw has a value of every row of the box, SI; a word counts as its place among the known ones. `base`
+    has the rest. Periods of the motion are repeated, at least twice, until it lasts `shortest_run`, s.
     """
     tree: dict[str, Any] = _copied(base)
     arm = tree["manipulator"]

@@ -9,15 +9,13 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from tendonrepro.ensemble.shares import RATIO_NAMES, RATIOS
-from tendonrepro.results.figures.files import save_drawn
+from tendonrepro.results.figures.files import save_drawn, sheet
 from tendonrepro.results.figures.style import PAGE_MM, SERIES, journal_style
 from tendonrepro.results.summary import CONTROLLERS
 
-_MM_PER_INCH = 25.4
 _ROW_MM = 4.2
 _FRAME_MM = 26.0
 
@@ -28,18 +26,8 @@ _SETS = {"all_ok": "all three laws ok", "diverged_last": "diverged ranked last"}
 
 
 @dataclass(frozen=True)
-class EnsembleFigure:
-    """A finished figure.
-
-    Attributes
-    ----------
-    stem : str
-        Name of its files.
-    figure : Figure
-    axes : tuple of Axes
-        Panels from left to right.
-    caption : str
-    """
+class RowsFigure:
+    """A finished figure with panels side by side and a line of them for each row."""
 
     stem: str
     figure: Figure
@@ -48,20 +36,7 @@ class EnsembleFigure:
 
 
 def draw_ensemble_figures(summary: Mapping[str, Any], folder: Path) -> list[Path]:
-    """Draw and save the figures of every population.
-
-    Parameters
-    ----------
-    summary : mapping
-        Of the whole ensemble; see `tendonrepro.ensemble.command.finish`.
-    folder : Path
-        Made when missing.
-
-    Returns
-    -------
-    list of Path
-        ``ratios_<population>``, ``shares_<population>``, ``statuses_<population>``, each as pdf, svg and png.
-    """
+    """Draw and save ratios, shares and statuses of every population, each as pdf, svg and png."""
     paths = []
     for name, held in summary["populations"].items():
         for draw in (draw_ratios, draw_shares, draw_statuses):
@@ -69,15 +44,8 @@ def draw_ensemble_figures(summary: Mapping[str, Any], folder: Path) -> list[Path
     return paths
 
 
-def draw_ratios(population: str, summary: Mapping[str, Any]) -> EnsembleFigure:
-    """Ratios of MAE under each reading, against the printed ratio and that of slowly changing errors.
-
-    Parameters
-    ----------
-    population : str
-    summary : mapping
-        From `tendonrepro.ensemble.report.population_summary`.
-    """
+def draw_ratios(population: str, summary: Mapping[str, Any]) -> RowsFigure:
+    """Ratios of MAE under each reading, against the printed ratio and that of slowly changing errors."""
     panels = [(key, joint) for key in RATIOS for joint in summary["joints"]]
     titles = [f"{RATIO_NAMES[key]}, joint {joint}" for key, joint in panels]
 
@@ -91,7 +59,11 @@ def draw_ratios(population: str, summary: Mapping[str, Any]) -> EnsembleFigure:
         "are ok, under each reading: median, central 50 % (thick) and 90 % (thin). Dashed: as printed. "
         "Cross: what errors that change slowly would give."
     )
-    return _figure(f"ratios_{population}", titles, summary["readings"], draw, caption)
+    return rows_figure(f"ratios_{population}", titles, _names(summary), draw, caption)
+
+
+def _names(summary: Mapping[str, Any]) -> list[str]:
+    return [reading["name"] for reading in summary["readings"]]
 
 
 def _draw_ratio(panel: Axes, readings: Sequence[Mapping[str, Any]], key: str, joint: str) -> None:
@@ -130,15 +102,8 @@ def _plain_log_ticks(panel: Axes) -> None:
     panel.set_xticks([], minor=True)
 
 
-def draw_shares(population: str, summary: Mapping[str, Any]) -> EnsembleFigure:
-    """Shares of the box on which the printed ranking holds, under each reading, with intervals.
-
-    Parameters
-    ----------
-    population : str
-    summary : mapping
-        From `tendonrepro.ensemble.report.population_summary`.
-    """
+def draw_shares(population: str, summary: Mapping[str, Any]) -> RowsFigure:
+    """Shares of the box on which the printed ranking holds, under each reading, with intervals."""
 
     def draw(axes: Sequence[Axes]) -> None:
         for panel, key in zip(axes, _SHARES, strict=True):
@@ -154,16 +119,18 @@ def draw_shares(population: str, summary: Mapping[str, Any]) -> EnsembleFigure:
         "reading, with 95 % intervals from the scramblings: over plants on which all three laws are ok, and "
         "over all plants with a diverged law ranked last."
     )
-    return _figure(f"shares_{population}", list(_SHARES.values()), summary["readings"], draw, caption)
+    return rows_figure(f"shares_{population}", list(_SHARES.values()), _names(summary), draw, caption)
 
 
 def _draw_intervals(panel: Axes, shares: Sequence[Mapping[str, Any]], place: int) -> None:
-    rows = np.array([row for row, share in enumerate(shares) if share["share"] is not None])
+    known = [(row, share) for row, share in enumerate(shares) if share["share"] is not None]
+    rows = np.array([row for row, _ in known])
     # A share without an interval stands there without a bar.
-    values, low, high = (
-        100.0
-        * np.array([_known(share[key], share["share"]) for share in shares if share["share"] is not None])
-        for key in ("share", "low", "high")
+    values, low, high = 100.0 * np.array(
+        [
+            [share["share"] if share[key] is None else share[key] for _, share in known]
+            for key in ("share", "low", "high")
+        ]
     )
     panel.errorbar(
         values,
@@ -178,19 +145,8 @@ def _draw_intervals(panel: Axes, shares: Sequence[Mapping[str, Any]], place: int
     )
 
 
-def _known(value: float | None, instead: float) -> float:
-    return instead if value is None else value
-
-
-def draw_statuses(population: str, summary: Mapping[str, Any]) -> EnsembleFigure:
-    """How the three laws end on the plants of the box, under each reading.
-
-    Parameters
-    ----------
-    population : str
-    summary : mapping
-        From `tendonrepro.ensemble.report.population_summary`.
-    """
+def draw_statuses(population: str, summary: Mapping[str, Any]) -> RowsFigure:
+    """How the three laws end on the plants of the box, under each reading."""
 
     def draw(axes: Sequence[Axes]) -> None:
         for panel, run in zip(axes, CONTROLLERS, strict=True):
@@ -207,21 +163,19 @@ def draw_statuses(population: str, summary: Mapping[str, Any]) -> EnsembleFigure
     caption = (
         f"Share of the population {population} on which each law ends in each status, under each reading."
     )
-    return _figure(f"statuses_{population}", titles, summary["readings"], draw, caption)
+    return rows_figure(f"statuses_{population}", titles, _names(summary), draw, caption)
 
 
-def _figure(
+def rows_figure(
     stem: str,
     titles: Sequence[str],
-    readings: Sequence[Mapping[str, Any]],
+    rows: Sequence[str],
     draw: Callable[[Sequence[Axes]], None],
     caption: str,
-) -> EnsembleFigure:
-    """Panels side by side, one row per reading, the first reading on top."""
+) -> RowsFigure:
+    """Draw panels with these titles side by side over rows with these names, the first on top."""
     with journal_style():
-        height = _FRAME_MM + _ROW_MM * len(readings)
-        figure = Figure(figsize=(PAGE_MM / _MM_PER_INCH, height / _MM_PER_INCH), layout="constrained")
-        FigureCanvasAgg(figure)
+        figure = sheet(PAGE_MM, _FRAME_MM + _ROW_MM * len(rows))
         axes = figure.subplots(1, len(titles), sharey=True, squeeze=False)[0]
         for panel, title in zip(axes, titles, strict=True):
             panel.set_title(title)
@@ -229,6 +183,6 @@ def _figure(
             panel.grid(axis="y", color="#EEEEEE", linewidth=0.4)
             panel.set_axisbelow(True)
         draw(axes)
-        axes[0].set_ylim(len(readings) - 0.4, -0.6)
-        axes[0].set_yticks(range(len(readings)), [reading["name"] for reading in readings], fontsize=6)
-        return EnsembleFigure(stem, figure, tuple(axes), caption)
+        axes[0].set_ylim(len(rows) - 0.4, -0.6)
+        axes[0].set_yticks(range(len(rows)), rows, fontsize=6)
+        return RowsFigure(stem, figure, tuple(axes), caption)

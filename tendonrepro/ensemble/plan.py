@@ -112,42 +112,20 @@ class Study:
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
     def blocks(self, draws: int) -> list[Block]:
-        """Cut the draws of every population into blocks, which depend on nothing else.
+        """Cut the draws of every population, so many of each at a share of 1, into blocks.
 
-        Parameters
-        ----------
-        draws : int
-            Of each population.
-
-        Raises
-        ------
-        UsageError
-            When there are too few draws or not a power of two of them.
+        Blocks depend on nothing else. Too few draws, or not a power of two of them, are refused.
         """
         return [
-            Block(population, replicate, first, count)
+            Block(population, replicate, first, min(each, self.block_draws))
             for population in self.boxes
+            for each in [self.draws_of(population, draws) // self.replicates]
             for replicate in range(self.replicates)
-            for first, count in self._cuts(self.draws_of(population, draws) // self.replicates)
+            for first in range(0, each, self.block_draws)
         ]
 
-    def _cuts(self, each: int) -> list[tuple[int, int]]:
-        count = min(each, self.block_draws)
-        return [(first, count) for first in range(0, each, count)]
-
     def draws_of(self, population: str, draws: int) -> int:
-        """Draws of one population when so many are asked for.
-
-        Parameters
-        ----------
-        population : str
-        draws : int
-
-        Raises
-        ------
-        UsageError
-            As `blocks`.
-        """
+        """Draws of one population when so many are asked for."""
         share = min(self.shares.values())
         fewest = FEWEST_PER_SCRAMBLING * self.replicates / share
         if draws < fewest or draws & (draws - 1) or (draws * share) % self.replicates:
@@ -157,13 +135,7 @@ class Study:
         return int(draws * self.shares[population])
 
     def plan(self, draws: int) -> dict[str, Any]:
-        """Describe the ensemble as plain values, from which its results can be read without a configuration.
-
-        Parameters
-        ----------
-        draws : int
-            Of each population.
-        """
+        """Describe the ensemble as plain values that are all one needs to read its results."""
         return {
             "schema_version": SCHEMA_VERSION,
             "identity": self.identity,
@@ -183,20 +155,7 @@ class Study:
         }
 
     def cost(self, draws: int, seconds: float = SECONDS_PER_EXPERIMENT) -> dict[str, float]:
-        """Estimate experiments, processor hours and disk space of an ensemble.
-
-        Parameters
-        ----------
-        draws : int
-            Of each population.
-        seconds : float
-            Of processor time per experiment.
-
-        Returns
-        -------
-        dict
-            ``experiments``, ``processor_hours``, ``gigabytes``.
-        """
+        """Estimate experiments, processor hours and disk space of an ensemble."""
         experiments = sum(self.draws_of(name, draws) for name in self.boxes) * len(self.cases)
         numbers = len(STATISTICS) * len(self.config.joints) * 4 + 7
         return {

@@ -15,33 +15,20 @@ from tendonrepro.files import write_atomically
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.results.tables import NOTHING, csv_text, markdown
 
-IMPLIED, EXCLUDED = 0.95, 0.05
-"""Shares of the box from which on a ranking follows from the model, and up to which it is denied by it."""
-
 _RANKINGS = {"share_c1_lt_c2_lt_c3": "C1 < C2 < C3", "share_c1_best": "C1 best"}
 
 
 def population_summary(data: EnsembleData) -> dict[str, Any]:
     """Everything the table says about one population.
 
-    Parameters
-    ----------
-    data : EnsembleData
-
-    Returns
-    -------
-    dict
-        ``plants``, the number of draws; ``joints``; ``laws``, run -> status -> count under the printed
-        reading; ``readings``, a list of `tendonrepro.ensemble.shares.reading_summary`, each with ``theory``,
-        the ratio C1/C2 of slowly changing errors per joint.
+    ``laws`` counts statuses under the printed reading; a reading's ``theory`` is the ratio C1/C2 of slowly
+    changing errors per joint, beside what `shares.reading_summary` finds.
     """
     found = []
     for name in data.readings:
         sign = -1.0 if "weights=extrapolating" in name.split("+") else 1.0
-        theory = {
-            f"joint_{joint}": 1.0 + sign * weight
-            for joint, weight in zip(data.joints, data.alpha, strict=True)
-        }
+        weights = zip(data.joints, data.alpha, strict=True)
+        theory = {f"joint_{joint}": 1.0 + sign * weight for joint, weight in weights}
         found.append(reading_summary(data, name) | {"theory": theory})
     laws = {
         run: {status: share["count"] for status, share in shares.items()}
@@ -51,23 +38,12 @@ def population_summary(data: EnsembleData) -> dict[str, Any]:
 
 
 def spot_checks(folder: Path, blocks: Sequence[Block]) -> dict[str, Any]:
-    """Largest differences from the reference stepper among the blocks that were checked.
+    """Largest differences from the reference stepper among the blocks that were checked, and where they were.
 
-    Parameters
-    ----------
-    folder : Path
-        Results folder.
-    blocks : sequence of Block
-
-    Returns
-    -------
-    dict
-        ``experiments`` checked; ``compared``, those of them that ran to their end in both steppers, so that
-        sizes could be compared; ``ideal`` and ``quantised``, the largest relative difference of MAE and RMSE
-        and where it was; ``disagreements``, the number of statuses that differ.
+    ``compared`` are those that ran to their end in both steppers, so that sizes could be compared.
     """
-    checks = [(block, read_check(folder / FOLDER / block.file_name)) for block in blocks]
-    checks = [(block, check) for block, check in checks if check]
+    found = [(block, read_check(folder / FOLDER / block.file_name)) for block in blocks]
+    checks = [(block, check) for block, check in found if check]
     result: dict[str, Any] = {
         "experiments": len(checks),
         # Two steppers never agree to the last bit; a difference of nothing stands for a run without an end.
@@ -76,38 +52,26 @@ def spot_checks(folder: Path, blocks: Sequence[Block]) -> dict[str, Any]:
     }
     for kind in ("ideal", "quantised"):
         worst = max(checks, key=lambda entry: float(entry[1][kind]), default=None)
-        where = None
+        result[kind] = {"largest": None, "where": None}
         if worst is not None:
             block, check = worst
             where = f"{check['run']}, {check['reading']}, {block.file_name}, draw {check['draw']}"
-        result[kind] = {"largest": float(worst[1][kind]) if worst else None, "where": where}
+            result[kind] = {"largest": float(check[kind]), "where": where}
     return result
 
 
 def flat_rows(population: str, summary: Mapping[str, Any]) -> Iterator[dict[str, object]]:
-    """Yield a row per reading, set of plants, metric and joint (or both), with every number of the table.
-
-    Parameters
-    ----------
-    population : str
-    summary : mapping
-        From `population_summary`.
-    """
+    """Yield a row per reading, set of plants, metric and joint (or both), with every number of the table."""
     for reading in summary["readings"]:
         for plants in PLANTS:
             for metric in (*METRICS, "mae_and_rmse"):
                 for joint in reading["share_c1_best"][plants][metric]:
-                    row: dict[str, object] = {
-                        "population": population,
-                        "reading": reading["name"],
-                        "plants": plants,
-                        "metric": metric,
-                        "joint": joint,
-                    }
-                    yield row | _numbers_of(reading, plants, metric, joint)
+                    start = {"population": population, "reading": reading["name"], "plants": plants}
+                    row = {"metric": metric, "joint": joint} | _row_numbers(reading, plants, metric, joint)
+                    yield start | row
 
 
-def _numbers_of(reading: Mapping[str, Any], plants: str, metric: str, joint: str) -> dict[str, object]:
+def _row_numbers(reading: Mapping[str, Any], plants: str, metric: str, joint: str) -> dict[str, object]:
     row: dict[str, object] = {}
     for key in _RANKINGS:
         share = reading[key][plants][metric][joint]
@@ -117,21 +81,14 @@ def _numbers_of(reading: Mapping[str, Any], plants: str, metric: str, joint: str
         ratio = reading[key][plants].get(metric, {}).get(joint)
         for name in QUANTILES:
             value = ratio[name] if ratio else {"value": None, "low": None, "high": None}
-            row |= {f"{key}_{name}": value["value"]}
-            row |= {f"{key}_{name}_{end}": value[end] for end in ("low", "high")}
+            ends = {f"{key}_{name}_{end}": value[end] for end in ("low", "high")}
+            row |= {f"{key}_{name}": value["value"]} | ends
         row[f"{key}_printed"] = ratio["printed"] if ratio else None
     return row
 
 
 def status_rows(population: str, summary: Mapping[str, Any]) -> Iterator[dict[str, object]]:
-    """Yield a row per reading, run and status: count and share with its interval.
-
-    Parameters
-    ----------
-    population : str
-    summary : mapping
-        From `population_summary`.
-    """
+    """Yield a row per reading, run and status: count and share with its interval."""
     for reading in summary["readings"]:
         for run, shares in reading["status"].items():
             for status, share in shares.items():
@@ -139,36 +96,29 @@ def status_rows(population: str, summary: Mapping[str, Any]) -> Iterator[dict[st
                 yield start | {key: share[key] for key in ("count", "share", "low", "high")}
 
 
-def readings_rows(summary: Mapping[str, Any]) -> list[dict[str, str]]:
-    """Table of one population for a reader: a row per reading."""
-    return [_reader_row(reading, summary["joints"]) for reading in summary["readings"]]
-
-
-def _reader_row(reading: Mapping[str, Any], joints: Sequence[int]) -> dict[str, str]:
-    ordered, best = reading["share_c1_lt_c2_lt_c3"], reading["share_c1_best"]
-    held = reading["agreement"]
-    total = len(held["inside"]) + len(held["outside"])
-    ok = " / ".join(percent(reading["status"][run]["ok"]["share"], "") for run in CONTROLLERS)
-    each = {
-        f"joint {joint}": percent(ordered["all_ok"]["mae"][f"joint_{joint}"]["share"], "") for joint in joints
-    }
-    ratios = {
-        f"{ratio} joint {joint}": quantile_text(reading[key]["all_ok"]["mae"][f"joint_{joint}"])
-        for key, ratio in RATIO_NAMES.items()
-        for joint in joints
-    }
+def reader_row(reading: Mapping[str, Any], joints: Sequence[int]) -> dict[str, str]:
+    """One reading in the table for a reader."""
+    ordered, ratios = reading["share_c1_lt_c2_lt_c3"], {key: reading[key]["all_ok"]["mae"] for key in RATIOS}
+    inside, outside = (len(reading["agreement"][key]) for key in ("inside", "outside"))
+    alone = ordered["all_ok"]["mae"]
     return {
         "Reading": reading["name"],
-        "ok C1 / C2 / C3 (%)": ok,
-        "plants all ok": str(ordered["all_ok"]["mae"]["both"]["plants"]),
-        "C1 < C2 < C3 MAE (%)": share_text(ordered["all_ok"]["mae"]["both"]),
-        **each,
+        "ok C1 / C2 / C3 (%)": " / ".join(
+            percent(reading["status"][run]["ok"]["share"], "") for run in CONTROLLERS
+        ),
+        "plants all ok": str(alone["both"]["plants"]),
+        "C1 < C2 < C3 MAE (%)": share_text(alone["both"]),
+        **{f"joint {joint}": percent(alone[f"joint_{joint}"]["share"], "") for joint in joints},
         "RMSE (%)": share_text(ordered["all_ok"]["rmse"]["both"]),
         "diverged last, MAE (%)": share_text(ordered["diverged_last"]["mae"]["both"]),
-        "C1 best, MAE (%)": share_text(best["all_ok"]["mae"]["both"]),
-        **ratios,
-        "printed ratios inside": f"{len(held['inside'])} of {total}",
-        "verdict": held["verdict"],
+        "C1 best, MAE (%)": share_text(reading["share_c1_best"]["all_ok"]["mae"]["both"]),
+        **{
+            f"{RATIO_NAMES[key]} joint {joint}": quantile_text(ratio[f"joint_{joint}"])
+            for key, ratio in ratios.items()
+            for joint in joints
+        },
+        "printed ratios inside": f"{inside} of {inside + outside}",
+        "verdict": reading["agreement"]["verdict"],
     }
 
 
@@ -195,27 +145,8 @@ def quantile_text(ratio: Mapping[str, Any]) -> str:
 
 
 def write_ensemble_tables(summary: Mapping[str, Any], folder: Path) -> list[Path]:
-    """Write the tables of all populations.
-
-    Parameters
-    ----------
-    summary : mapping
-        Of the whole ensemble; see `tendonrepro.ensemble.command.finish`.
-    folder : Path
-        Made when missing.
-
-    Returns
-    -------
-    list of Path
-        ``readings.csv`` and ``statuses.csv`` with all digits, and ``readings.md`` for a reader.
-
-    Raises
-    ------
-    TendonreproError
-        When a file cannot be written.
-    """
-    populations = summary["populations"]
-    held = populations.items()
+    """Write ``readings.csv`` and ``statuses.csv`` with all digits, and ``readings.md`` for a reader."""
+    held = summary["populations"].items()
     texts = {
         "readings.csv": csv_text([row for name, one in held for row in flat_rows(name, one)]),
         "statuses.csv": csv_text([row for name, one in held for row in status_rows(name, one)]),
@@ -234,7 +165,8 @@ def _markdown(summary: Mapping[str, Any]) -> str:
             f"from {summary['scramblings']} scramblings; ratios are medians of the ratio of MAE over plants "
             f"on which all three laws are ok, with their central 90 %."
         )
-        parts.append(markdown(readings_rows(held), caption))
+        rows = [reader_row(reading, held["joints"]) for reading in held["readings"]]
+        parts.append(markdown(rows, caption))
     return "\n".join(parts)
 
 
@@ -255,13 +187,7 @@ def cost_text(cost: Mapping[str, float]) -> str:
 
 
 def ensemble_text(summary: Mapping[str, Any]) -> str:
-    """Text of an ensemble for the terminal.
-
-    Parameters
-    ----------
-    summary : mapping
-        What ``--json`` prints.
-    """
+    """Text of an ensemble for the terminal."""
     if summary.get("dry_run"):
         return (
             f"ensemble: {summary['draws']} draws, {summary['readings_count']} readings: "
@@ -269,8 +195,8 @@ def ensemble_text(summary: Mapping[str, Any]) -> str:
             f"{summary['out']} already"
         )
     rows = [("reading", "ok C1/C2/C3 %", "C1<C2<C3 MAE %", "C1 best %", "C1/C2", "C2/C3", "verdict")]
+    joint = f"joint_{summary['joints'][0]}"
     for reading in summary["readings"]:
-        joint = f"joint_{summary['joints'][0]}"
         rows.append(
             (
                 reading["name"],
@@ -281,9 +207,7 @@ def ensemble_text(summary: Mapping[str, Any]) -> str:
                 reading["agreement"]["verdict"],
             )
         )
-    head = (
-        f"{summary['draws']} draws; shares of the box; ratios of MAE, joint {summary['joints'][0]}, medians"
-    )
+    head = f"{summary['draws']} draws; shares of the box; ratios of MAE, {joint.replace('_', ' ')}, medians"
     rate = summary["experiments_per_second"]
     tail = f"{rate:.0f} experiments a second; " if rate else ""
     return "\n\n".join(

@@ -111,18 +111,7 @@ class Shard:
 
 
 def shard_image(shard: Shard) -> bytes:
-    """Bytes of a shard's file.
-
-    The file is built in memory, because the HDF5 library does not survive a disk that fills up under it.
-
-    Parameters
-    ----------
-    shard : Shard
-
-    Returns
-    -------
-    bytes
-    """
+    """Bytes of a shard's file, made in memory: the HDF5 library does not survive a disk that fills up."""
     with h5py.File(
         "shard.h5", "w", driver="core", backing_store=False, block_size=2**20, libver=("earliest", "v110")
     ) as root:
@@ -145,38 +134,14 @@ def shard_image(shard: Shard) -> bytes:
 
 def _put(root: h5py.File, name: str, values: NDArray[Any]) -> None:
     """Store an array; a chunk holds whole cases, since those are what a reader asks for."""
-    if values.size == 0:
-        root.create_dataset(name, data=values)
-        return
     rows = max(_CHUNK_BYTES // values[0].nbytes, 1)
     chunks = (min(rows, len(values)), *values.shape[1:])
-    root.create_dataset(
-        name,
-        data=values,
-        chunks=chunks,
-        compression="gzip",
-        compression_opts=4,
-        shuffle=True,
-        fletcher32=True,
-    )
+    packed = {"compression": "gzip", "compression_opts": 4, "shuffle": True, "fletcher32": True}
+    root.create_dataset(name, data=values, chunks=chunks, **packed)
 
 
 def read_shard(path: Path) -> Shard:
-    """Read a whole shard and check it against its digest.
-
-    Parameters
-    ----------
-    path : Path
-
-    Returns
-    -------
-    Shard
-
-    Raises
-    ------
-    DataMissingError
-        When it is missing, truncated, damaged, of another layout, or not a shard.
-    """
+    """Read a whole shard and check it against its digest; refuse what is not whole, or of another layout."""
     with opened(path) as root:
         attributes = dict(root.attrs)
         if attributes.get("schema_version") != SCHEMA_VERSION:
@@ -202,21 +167,7 @@ def read_shard(path: Path) -> Shard:
 
 @contextmanager
 def opened(path: Path) -> Iterator[h5py.File]:
-    """Open a shard to read parts of it.
-
-    Parameters
-    ----------
-    path : Path
-
-    Yields
-    ------
-    h5py.File
-
-    Raises
-    ------
-    DataMissingError
-        When it, or what is read while it is open, is missing or damaged.
-    """
+    """Open a shard to read parts of it; what turns out missing or damaged is told as missing data."""
     try:
         with h5py.File(path, "r") as root:
             yield root
@@ -233,27 +184,12 @@ _HINT = "run tendonrepro ensemble again: it makes what is missing and keeps the 
 
 
 def shard_files(folder: Path) -> list[Path]:
-    """Files that bear the name of a shard, in canonical order.
-
-    Parameters
-    ----------
-    folder : Path
-        Of shards; may be missing.
-
-    Returns
-    -------
-    list of Path
-    """
+    """Files that bear the name of a shard, in canonical order; none when there is no such folder."""
     return sorted(path for path in folder.glob("*.h5") if _FILE_NAME.match(path.name))
 
 
 def identity_of(path: Path) -> str | None:
-    """Identity that a shard claims; None when it cannot be read.
-
-    Parameters
-    ----------
-    path : Path
-    """
+    """Identity that a shard claims; None when it cannot be read."""
     try:
         with opened(path) as root:
             return str(root.attrs["identity"])
@@ -262,17 +198,7 @@ def identity_of(path: Path) -> str | None:
 
 
 def read_check(path: Path) -> dict[str, float | int | str]:
-    """What the spot check of a shard found; empty where there was none.
-
-    Parameters
-    ----------
-    path : Path
-
-    Raises
-    ------
-    DataMissingError
-        When the shard cannot be read.
-    """
+    """What the spot check of a shard found; empty where there was none."""
     with opened(path) as root:
         check: dict[str, float | int | str] = json.loads(root.attrs["check"])
     return check

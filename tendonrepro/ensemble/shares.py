@@ -43,7 +43,6 @@ MOST, FEW = 0.95, 0.05
 _CONFIDENCE = 0.95
 
 Flags: TypeAlias = NDArray[np.bool_]
-Numbers: TypeAlias = dict[str, Any]
 Ends: TypeAlias = tuple[float, float]
 
 
@@ -65,11 +64,11 @@ class Share:
     interval: Ends | None
     plants: int
 
-    def as_dict(self) -> Numbers:
+    def as_dict(self) -> dict[str, Any]:
         """Plain data."""
         return {"share": self.value, "interval": self.interval, "plants": self.plants}
 
-    def as_row(self) -> Numbers:
+    def as_row(self) -> dict[str, Any]:
         """Plain data with the interval's ends apart."""
         low, high = self.interval or (None, None)
         share = self.value if self.plants else None
@@ -77,7 +76,7 @@ class Share:
 
 
 @dataclass(frozen=True)
-class Range:
+class Spread:
     """Median and central 90 % of a number, with intervals of both ends over the scramblings."""
 
     median: float
@@ -87,7 +86,7 @@ class Range:
     high_interval: Ends | None
     plants: int
 
-    def as_dict(self) -> Numbers:
+    def as_dict(self) -> dict[str, Any]:
         """Plain data."""
         return asdict(self)
 
@@ -130,23 +129,11 @@ def _half_width(values: Array) -> float:
     return t * float(np.std(values, ddof=1)) / float(np.sqrt(count))
 
 
-def quantiles_of(values: Array, replicate: NDArray[np.int64]) -> Numbers:
-    """Quantiles over plants, each with the t interval of the scramblings' own quantiles around it.
+def quantiles_of(values: Array, replicate: NDArray[np.int64]) -> dict[str, Any]:
+    """Quantiles over plants (M,), each with the t interval of the scramblings' own quantiles around it.
 
     A quantile is always the value of one of the plants (inverted distribution function), so infinite values
-    do no harm.
-
-    Parameters
-    ----------
-    values : array (M,)
-        Not NaN.
-    replicate : int array (M,)
-
-    Returns
-    -------
-    dict
-        A key of `QUANTILES` -> ``value``, ``low``, ``high``, None where undefined; ``lowest``, ``highest``,
-        ``plants``.
+    do no harm; NaN would. What is undefined is None.
     """
     if len(values) == 0:
         nothing = {"value": None, "low": None, "high": None}
@@ -155,7 +142,7 @@ def quantiles_of(values: Array, replicate: NDArray[np.int64]) -> Numbers:
     pooled = np.quantile(values, levels, method="inverted_cdf")
     parts = [values[replicate == number] for number in np.unique(replicate)]
     each = np.array([np.quantile(part, levels, method="inverted_cdf") for part in parts])
-    result: Numbers = {}
+    result: dict[str, Any] = {}
     for place, name in enumerate(QUANTILES):
         value, column = float(pooled[place]), each[:, place]
         enough = len(column) >= LEAST_SCRAMBLINGS and bool(np.isfinite(column).all())
@@ -166,7 +153,7 @@ def quantiles_of(values: Array, replicate: NDArray[np.int64]) -> Numbers:
     return result | extremes | {"plants": len(values)}
 
 
-def range_of(values: Array, replicate: NDArray[np.int64]) -> Range:
+def spread_of(values: Array, replicate: NDArray[np.int64]) -> Spread:
     """Median and central 90 % of a number over plants.
 
     Parameters
@@ -178,31 +165,17 @@ def range_of(values: Array, replicate: NDArray[np.int64]) -> Range:
     """
     found = quantiles_of(values, replicate)
     low, high = found["q05"], found["q95"]
-    return Range(found["median"]["value"], low["value"], high["value"], _ends(low), _ends(high), len(values))
+    around = [None if end["low"] is None else (end["low"], end["high"]) for end in (low, high)]
+    return Spread(found["median"]["value"], low["value"], high["value"], around[0], around[1], len(values))
 
 
-def _ends(found: Numbers) -> Ends | None:
-    return None if found["low"] is None else (found["low"], found["high"])
-
-
-def reading_summary(data: EnsembleData, reading: str) -> Numbers:
+def reading_summary(data: EnsembleData, reading: str) -> dict[str, Any]:
     """What one reading makes of the claims: shares, ratios, statuses, agreement with the printed ratios.
 
-    Parameters
-    ----------
-    data : EnsembleData
-    reading : str
-
-    Returns
-    -------
-    dict
-        ``name``; ``status`` run -> status -> share; ``share_c1_lt_c2_lt_c3`` and ``share_c1_best``, each
-        one of `PLANTS` -> metric or ``mae_and_rmse`` -> ``both`` or ``joint_<number>`` -> share;
-        ``ratio_c1_c2`` and ``ratio_c2_c3``, each one of `PLANTS` -> metric -> ``joint_<number>`` ->
-        quantiles and ``printed``; ``agreement``.
+    Rankings and ratios are given over each of `PLANTS`, then by metric, then for ``both`` joints or each.
     """
     status = np.array([data.status(run, reading) for run in CONTROLLERS])
-    result: Numbers = {"name": reading, "status": status_shares(data, reading)}
+    result: dict[str, Any] = {"name": reading, "status": status_shares(data, reading)}
     result |= {key: {plants: {} for plants in PLANTS} for key in (*_RANKINGS, *RATIOS)}
     counted = _plants(status)
     held: dict[str, dict[str, list[Flags]]] = {key: {} for key in _RANKINGS}
@@ -242,7 +215,7 @@ def _first_is_best(errors: Array) -> Flags:
 _RANKINGS = {"share_c1_lt_c2_lt_c3": _in_order, "share_c1_best": _first_is_best}
 
 
-def _shares(data: EnsembleData, flags: Flags, kept: Flags) -> Numbers:
+def _shares(data: EnsembleData, flags: Flags, kept: Flags) -> dict[str, Any]:
     """Shares over both joints together and over each, from flags (N, n)."""
     joints: dict[str, Flags] = {f"joint_{joint}": flags[:, i] for i, joint in enumerate(data.joints)}
     both: Flags = np.asarray(flags.all(axis=1))
@@ -252,10 +225,10 @@ def _shares(data: EnsembleData, flags: Flags, kept: Flags) -> Numbers:
 
 def _ratio_quantiles(
     data: EnsembleData, errors: Array, pair: tuple[int, int], kept: Flags, printed: Sequence[float]
-) -> Numbers:
+) -> dict[str, Any]:
     """Quantiles of a ratio for each joint; where both laws diverged there is none."""
     above, below = errors[pair[0]], errors[pair[1]]
-    result: Numbers = {}
+    result: dict[str, Any] = {}
     for i, joint in enumerate(data.joints):
         defined = kept & (np.isfinite(above[:, i]) | np.isfinite(below[:, i])) & (below[:, i] > 0.0)
         ratio = above[defined, i] / below[defined, i]
@@ -264,65 +237,28 @@ def _ratio_quantiles(
 
 
 def printed_ratios(pair: tuple[int, int], metric: str, joints: Sequence[int]) -> list[float]:
-    """Ratio of two controllers' printed errors, Table 2, for each joint; NaN where none is printed.
-
-    Parameters
-    ----------
-    pair : tuple of int
-        Places in `CONTROLLERS`.
-    metric : str
-        ``mae`` or ``rmse``.
-    joints : sequence of int
-    """
+    """Ratio of two controllers' printed errors, Table 2, for each joint; NaN where none is printed."""
     above, below = (published().per_joint(f"table2.{CONTROLLERS[place]}.{metric}", joints) for place in pair)
     return [a / b for a, b in zip(above, below, strict=True)]
 
 
-def status_shares(data: EnsembleData, reading: str) -> Numbers:
-    """Share of all plants on which each run ended in each status.
-
-    Parameters
-    ----------
-    data : EnsembleData
-    reading : str
-
-    Returns
-    -------
-    dict
-        Run -> status -> share, with ``count``.
-    """
-    result: Numbers = {}
+def status_shares(data: EnsembleData, reading: str) -> dict[str, Any]:
+    """Share of all plants on which each run ended in each status, with its ``count``."""
+    result: dict[str, Any] = {}
     for run in data.runs:
         codes = data.status(run, reading)
-        hits = {name: codes == code for code, name in enumerate(STATUSES)}
         result[run] = {
-            name: share_of(flags, data.replicate).as_row() | {"count": int(flags.sum())}
-            for name, flags in hits.items()
+            name: share_of(codes == code, data.replicate).as_row() | {"count": int((codes == code).sum())}
+            for code, name in enumerate(STATUSES)
         }
     return result
 
 
-def _fewest(found: Numbers) -> int:
-    """Plants on which all three laws are ok."""
-    return int(found["share_c1_lt_c2_lt_c3"]["all_ok"]["mae"]["both"]["plants"])
-
-
-def agreement(found: Numbers, joints: Sequence[int]) -> Numbers:
+def agreement(found: dict[str, Any], joints: Sequence[int]) -> dict[str, Any]:
     """Compare the printed ratios with what a reading gives over plants on which all laws are ``ok``.
 
-    Parameters
-    ----------
-    found : dict
-        With the keys of `RATIOS`; see `reading_summary`.
-    joints : sequence of int
-
-    Returns
-    -------
-    dict
-        ``inside``, ``outside``, ``beyond``: names of printed ratios inside the central 90 %, outside it, and
-        beyond every plant. ``verdict``: ``agrees`` when all are inside; ``cannot`` when one is beyond every
-        plant; ``no plant`` when there is none to compare with, ``too few`` below `FEWEST_PLANTS`; else
-        ``in part``.
+    ``agrees`` when all are inside the central 90 %; ``cannot`` when one is beyond every plant; ``no plant``
+    when there is none to compare with, ``too few`` below `FEWEST_PLANTS`; else ``in part``.
     """
     inside: list[str] = []
     outside: list[str] = []
@@ -331,8 +267,8 @@ def agreement(found: Numbers, joints: Sequence[int]) -> Numbers:
         for metric in METRICS:
             for joint in joints:
                 numbers = found[key]["all_ok"][metric][f"joint_{joint}"]
-                printed, plants = numbers["printed"], numbers["plants"]
-                if plants == 0 or not np.isfinite(printed):
+                printed = numbers["printed"]
+                if numbers["plants"] == 0 or not np.isfinite(printed):
                     continue
                 name = f"{key} {metric} joint {joint}"
                 fits = numbers["q05"]["value"] <= printed <= numbers["q95"]["value"]
@@ -340,6 +276,7 @@ def agreement(found: Numbers, joints: Sequence[int]) -> Numbers:
                 if not numbers["lowest"] <= printed <= numbers["highest"]:
                     beyond.append(name)
     verdict = "cannot" if beyond else "in part" if outside else "agrees" if inside else "no plant"
-    if verdict != "no plant" and _fewest(found) < FEWEST_PLANTS:
+    plants = found["share_c1_lt_c2_lt_c3"]["all_ok"]["mae"]["both"]["plants"]
+    if verdict != "no plant" and plants < FEWEST_PLANTS:
         verdict = "too few"
     return {"verdict": verdict, "inside": inside, "outside": outside, "beyond": beyond}

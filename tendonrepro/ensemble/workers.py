@@ -9,24 +9,24 @@ from collections.abc import Callable, Generator, Sequence
 from contextlib import suppress
 from typing import TypeAlias
 
-from tendonrepro.ensemble.block import Made
 from tendonrepro.ensemble.shards import Block
 from tendonrepro.errors import TendonreproError, UsageError
 
 LOOK_SECONDS = 1.0
 """How often a worker process looks whether the process that started it is still there."""
 
-Work: TypeAlias = Callable[[Block], Made]
+MakeBlock: TypeAlias = Callable[[Block], tuple[Block, bytes]]
+"""Makes the bytes of a block's shard; can be pickled."""
 
 
-def _for_parent(parent: int, work: Work, block: Block) -> Made:
+def _for_parent(parent: int, make: MakeBlock, block: Block) -> tuple[Block, bytes]:
     """Make a block in a process that ends with the one that wants it, even where that was killed."""
     if not any(thread.name == _for_parent.__name__ for thread in threading.enumerate()):
         watch = threading.Thread(
             target=_outlive_nobody, args=(parent,), name=_for_parent.__name__, daemon=True
         )
         watch.start()
-    return work(block)
+    return make(block)
 
 
 def _outlive_nobody(parent: int) -> None:
@@ -35,41 +35,18 @@ def _outlive_nobody(parent: int) -> None:
     os._exit(1)
 
 
-def here(work: Work, blocks: Sequence[Block], jobs: int) -> Generator[Made, None, None]:
-    """Compute blocks in processes of this machine.
-
-    Parameters
-    ----------
-    work : callable
-        Makes a block; can be pickled.
-    blocks : sequence of Block
-    jobs : int
-        Processes; 1 is this one.
-
-    Yields
-    ------
-    Made
-
-    Raises
-    ------
-    TendonreproError
-        When a process dies.
-    """
+def here(make: MakeBlock, blocks: Sequence[Block], jobs: int) -> Generator[tuple[Block, bytes], None, None]:
+    """Compute blocks in processes of this machine, 1 being this one."""
     if jobs == 1 or len(blocks) < 2:
-        yield from map(work, blocks)
+        yield from map(make, blocks)
         return
     from joblib import Parallel, delayed
     from joblib.externals.loky import get_reusable_executor
     from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-    pool = Parallel(
-        n_jobs=jobs,
-        backend="loky",
-        return_as="generator_unordered",
-        batch_size=1,
-    )
+    pool = Parallel(n_jobs=jobs, backend="loky", return_as="generator_unordered", batch_size=1)
     try:
-        yield from pool(delayed(_for_parent)(os.getpid(), work, block) for block in blocks)
+        yield from pool(delayed(_for_parent)(os.getpid(), make, block) for block in blocks)
     except TerminatedWorkerError as error:
         message = "a worker process died, perhaps for want of memory; finished blocks are kept"
         raise TendonreproError(message, hint="run it again with fewer --jobs") from error
@@ -78,28 +55,10 @@ def here(work: Work, blocks: Sequence[Block], jobs: int) -> Generator[Made, None
         get_reusable_executor(reuse=True).shutdown(wait=True, kill_workers=True)
 
 
-def on_cluster(work: Work, blocks: Sequence[Block], address: str) -> Generator[Made, None, None]:
-    """Compute blocks on a dask.distributed cluster; what a dying worker had is given to another.
-
-    Parameters
-    ----------
-    work : callable
-        Makes a block; can be pickled.
-    blocks : sequence of Block
-    address : str
-        Of the scheduler.
-
-    Yields
-    ------
-    Made
-
-    Raises
-    ------
-    UsageError
-        When dask.distributed is not installed.
-    TendonreproError
-        When no scheduler answers, or workers die again and again.
-    """
+def on_cluster(
+    make: MakeBlock, blocks: Sequence[Block], address: str
+) -> Generator[tuple[Block, bytes], None, None]:
+    """Compute blocks on a dask.distributed cluster; what a dying worker had is given to another."""
     try:
         from distributed import Client, as_completed
         from distributed.scheduler import KilledWorker
@@ -113,7 +72,7 @@ def on_cluster(work: Work, blocks: Sequence[Block], address: str) -> Generator[M
         raise TendonreproError(message, where="--dask") from error
     try:
         waiting = as_completed(  # type: ignore[no-untyped-call]
-            client.map(work, blocks, pure=False, retries=2)
+            client.map(make, blocks, pure=False, retries=2)
         )
         for future in waiting:
             yield future.result()

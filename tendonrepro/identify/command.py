@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
@@ -14,20 +15,17 @@ from tendonrepro.config.models.readings import AXES, RUNS, Reading, default_read
 from tendonrepro.config.published import Published, published
 from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
+from tendonrepro.ensemble.block import Simulate
 from tendonrepro.ensemble.box import make_box, scrambled_sobol
 from tendonrepro.errors import UsageError
 from tendonrepro.files import to_json
-from tendonrepro.identify.judge import (
-    number_rows,
-    order_rows,
-    parameter_rows,
-    pareto_rows,
-    ratio_rows,
-    status_counts,
-)
+from tendonrepro.identify import judge
 from tendonrepro.identify.misfit import (
+    NEAR,
+    SCHEMA_VERSION,
     Bench,
-    Simulate,
+    Fit,
+    Task,
     Window,
     log_misfit,
     log_residuals,
@@ -35,9 +33,7 @@ from tendonrepro.identify.misfit import (
     rounding_misfit,
 )
 from tendonrepro.identify.report import CONFIG, conclusions, write_config, write_identify_tables
-from tendonrepro.identify.search import Effort, Found, search
-from tendonrepro.identify.state import State
-from tendonrepro.identify.task import NEAR, SCHEMA_VERSION, Fit, Task
+from tendonrepro.identify.search import Effort, Evaluated, State, search
 from tendonrepro.results.folder import HeldFolder, claimed, refuse_others
 from tendonrepro.results.manifest import make_manifest
 from tendonrepro.simulation.batch import simulate_batch
@@ -46,6 +42,8 @@ DATA = "identify.json"
 STATES = "search"
 
 FEWEST_MEMBERS = 5
+
+_SIMULATE = partial(simulate_batch, threads=os.cpu_count() or 1)
 
 GENERATIONS, POPULATION, SEEDS = 120, 48, 3
 """Effort of each search unless told otherwise; some five minutes of two processors."""
@@ -61,7 +59,7 @@ def run_identify(
     generations: int = GENERATIONS,
     population: int = POPULATION,
     seeds: int = SEEDS,
-    simulate: Simulate = simulate_batch,
+    simulate: Simulate = _SIMULATE,
     paper: Published | None = None,
 ) -> dict[str, Any]:
     """Search, judge, and write numbers, tables, figures and the best plant's configuration.
@@ -108,7 +106,7 @@ def run_identify(
         effort=Effort(generations, population, seeds, NEAR, smooth),
         seed=int(loaded.config.seed.si),
         printed=printed_numbers(paper or published(), joints),
-        bench=Bench(loaded.base, box, window, simulate, os.cpu_count() or 1),
+        bench=Bench(loaded.base, box, window, simulate),
     )
     identity = task.identity([held.name for held in task.readings])
     if request.dry_run:
@@ -119,15 +117,11 @@ def run_identify(
 
 
 def _check(fit: str, window: str, generations: int, population: int, seeds: int) -> None:
-    least = {
-        "--generations": (generations, 1),
-        "--population": (population, FEWEST_MEMBERS),
-        "--seeds": (seeds, 1),
-    }
-    for option, (value, fewest) in least.items():
+    efforts = ("generations", generations, 1), ("population", population, FEWEST_MEMBERS), ("seeds", seeds, 1)
+    for option, value, fewest in efforts:
         if value < fewest:
             message = f"must be at least {fewest}, found {value}"
-            raise UsageError(message, where=option)
+            raise UsageError(message, where=f"--{option}")
     for option, word, known in (("--fit", fit, get_args(Fit)), ("--window", window, get_args(Window))):
         if word not in known:
             message = f"must be {' or '.join(known)}, found {word!r}"
@@ -196,19 +190,15 @@ def _searched(task: Task, case: Reading, folder: Path, talk: Talk) -> State:
     places = [RUNS.index(run) for run in task.fitted]
     goal = task.printed.values[places]
 
-    def misfit(units: Array) -> Found:
+    def misfit(units: Array) -> Evaluated:
         measured = task.bench.measure(units, case, task.fitted)
         residuals = log_residuals(measured, goal).reshape(len(units), -1)
-        return Found(log_misfit(measured, goal), residuals)
+        return Evaluated(log_misfit(measured, goal), residuals)
 
     identity = task.identity([case.name])
     talk.detail(f"search under {case.name}")
-    initial = np.stack(
-        [
-            scrambled_sobol(task.bench.box, task.seed, place, 0, task.effort.population)
-            for place in range(task.effort.seeds)
-        ]
-    )
+    members, seeds = task.effort.population, range(task.effort.seeds)
+    initial = np.stack([scrambled_sobol(task.bench.box, task.seed, place, 0, members) for place in seeds])
     path = folder / STATES / f"{identity[:16]}.npz"
     return search(initial, misfit, task.effort, task.seed, path, identity, talk)
 
@@ -232,11 +222,11 @@ def _reading_data(task: Task, held: Reading, state: State) -> dict[str, Any]:
         "near_count": len(near_units),
         "misfit_by_seed": state.misfits.min(axis=1).tolist(),
         "history": state.history.tolist(),
-        "best_status": {run: status_counts(best)[run] for run in RUNS},
-        "near_status": status_counts(near),
-        "numbers": number_rows(best, near, printed, task.fitted),
-        "order": order_rows(near, printed),
-        "ratios": ratio_rows(near, printed),
-        "parameters": parameter_rows(task.bench.box, unit, near_units),
-        "pareto": pareto_rows(measured, printed, task.fitted),
+        "best_status": judge.status_counts(best),
+        "near_status": judge.status_counts(near),
+        "numbers": judge.number_rows(best, near, printed, task.fitted),
+        "order": judge.order_rows(near, printed),
+        "ratios": judge.ratio_rows(near, printed),
+        "parameters": judge.parameter_rows(task.bench.box, unit, near_units),
+        "pareto": judge.pareto_rows(measured, printed, task.fitted),
     }

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
+from tendonrepro.ensemble.figures import RowsFigure, rows_figure
 from tendonrepro.results.figures.files import save_drawn
-from tendonrepro.results.figures.style import PAGE_MM, SERIES, journal_style
+from tendonrepro.results.figures.style import SERIES
 
-_MM_PER_INCH = 25.4
-_ROW_MM = 4.2
-_FRAME_MM = 26.0
 _RUNS = {
     "controller_1": "Controller 1",
     "controller_2": "Controller 2",
@@ -27,56 +22,19 @@ _RUNS = {
 _BOUNDS = {"low": "lower bound", "high": "upper bound"}
 
 
-@dataclass(frozen=True)
-class IdentifyFigure:
-    """A finished figure.
-
-    Attributes
-    ----------
-    stem : str
-        Name of its files.
-    figure : Figure
-    panel : Axes
-    caption : str
-    """
-
-    stem: str
-    figure: Figure
-    panel: Axes
-    caption: str
-
-
 def draw_identify_figures(data: Mapping[str, Any], folder: Path) -> list[Path]:
-    """Draw and save all figures; the last two are of the reading that fits best.
-
-    Parameters
-    ----------
-    data : mapping
-        Of `tendonrepro.identify.command.run_identify`.
-    folder : Path
-        Made when missing.
-
-    Returns
-    -------
-    list of Path
-        ``identify_readings``, ``identify_numbers``, ``identify_parameters``, each as pdf, svg and png.
-    """
+    """Draw and save all figures as pdf, svg and png; the last two are of the reading that fits best."""
     best = min(data["readings"], key=lambda held: held["misfit_log"])
     drawn = [draw_readings(data), draw_numbers(best), draw_parameters(best)]
     return [path for held in drawn for path in save_drawn(held, folder)]
 
 
-def draw_readings(data: Mapping[str, Any]) -> IdentifyFigure:
-    """Best misfit under each reading, of each seed and of all.
-
-    Parameters
-    ----------
-    data : mapping
-        With `readings` and `near_tolerance`.
-    """
+def draw_readings(data: Mapping[str, Any]) -> RowsFigure:
+    """Best misfit under each reading, of each seed and of all."""
     readings = data["readings"]
 
-    def draw(panel: Axes) -> None:
+    def draw(axes: Sequence[Axes]) -> None:
+        (panel,) = axes
         for row, held in enumerate(readings):
             seeds = held["misfit_by_seed"]
             panel.plot(seeds, [row] * len(seeds), "|", color=SERIES[0].colour, markersize=6.0)
@@ -92,25 +50,20 @@ def draw_readings(data: Mapping[str, Any]) -> IdentifyFigure:
         f"Best misfit to the numbers of {', '.join(_fitted(data))} under each reading (dot) and that of each "
         f"seed (strokes). Left of the line, {data['near_tolerance']:g}, a plant counts as fitting."
     )
-    return _figure("identify_readings", [held["name"] for held in readings], draw, caption)
+    return rows_figure("identify_readings", [""], [held["name"] for held in readings], draw, caption)
 
 
 def _fitted(data: Mapping[str, Any]) -> list[str]:
     return ["Controller 2"] if data["fit"] == "controller_2" else list(_RUNS.values())
 
 
-def draw_numbers(held: Mapping[str, Any]) -> IdentifyFigure:
-    """Every number over the printed one, of the best plant and of the near-optimal plants.
-
-    Parameters
-    ----------
-    held : mapping
-        One reading.
-    """
+def draw_numbers(held: Mapping[str, Any]) -> RowsFigure:
+    """Every number over the printed one, of the best plant and of the near-optimal plants of one reading."""
     numbers = held["numbers"]
     names = [f"{_RUNS[row['run']]}, {row['metric'].upper()} {row['joint']}" for row in numbers]
 
-    def draw(panel: Axes) -> None:
+    def draw(axes: Sequence[Axes]) -> None:
+        (panel,) = axes
         for place, row in enumerate(numbers):
             stroke = SERIES[0] if row["verdict"] == "fitted" else SERIES[1]
             ends = np.array([row["near_low_deg"], row["near_high_deg"]]) / row["printed_deg"]
@@ -128,21 +81,16 @@ def draw_numbers(held: Mapping[str, Any]) -> IdentifyFigure:
         f"Errors over the printed ones under the reading {held['name']}: best plant (circle) and the central "
         f"90 % of {held['near_count']} plants that miss what was fitted by at most {held['near_limit']:.3g}."
     )
-    return _figure("identify_numbers", names, draw, caption)
+    return rows_figure("identify_numbers", [""], names, draw, caption)
 
 
-def draw_parameters(held: Mapping[str, Any]) -> IdentifyFigure:
-    """Where the near-optimal plants lie between the bounds of each row of the box.
-
-    Parameters
-    ----------
-    held : mapping
-        One reading.
-    """
+def draw_parameters(held: Mapping[str, Any]) -> RowsFigure:
+    """Where the near-optimal plants lie between the bounds of each row of the box, under one reading."""
     rows = [row for row in held["parameters"] if not row["choice"]]
     rows = sorted(rows, key=lambda row: np.nan_to_num(row["width"], nan=1.0))
 
-    def draw(panel: Axes) -> None:
+    def draw(axes: Sequence[Axes]) -> None:
+        (panel,) = axes
         for place, row in enumerate(rows):
             low, median, high = row["near_unit"]
             panel.plot(
@@ -162,20 +110,4 @@ def draw_parameters(held: Mapping[str, Any]) -> IdentifyFigure:
         f"its own scale, under the reading {held['name']}; dot: the best plant, diamond: at a bound. A "
         "bar of nine tenths of the width means that the fit says nothing. Choices are in the table."
     )
-    return _figure("identify_parameters", [row["name"] for row in rows], draw, caption)
-
-
-def _figure(stem: str, names: Sequence[str], draw: Callable[[Axes], None], caption: str) -> IdentifyFigure:
-    """One row per name, the first on top."""
-    with journal_style():
-        height = _FRAME_MM + _ROW_MM * len(names)
-        figure = Figure(figsize=(PAGE_MM / _MM_PER_INCH, height / _MM_PER_INCH), layout="constrained")
-        FigureCanvasAgg(figure)
-        panel = figure.subplots()
-        panel.tick_params(axis="y", length=0.0)
-        panel.grid(axis="y", color="#EEEEEE", linewidth=0.4)
-        panel.set_axisbelow(True)
-        draw(panel)
-        panel.set_ylim(len(names) - 0.4, -0.6)
-        panel.set_yticks(range(len(names)), names, fontsize=6)
-        return IdentifyFigure(stem, figure, panel, caption)
+    return rows_figure("identify_parameters", [""], [row["name"] for row in rows], draw, caption)

@@ -13,7 +13,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.config.models.readings import RUNS
 from tendonrepro.ensemble.box import Box
 from tendonrepro.ensemble.shares import FEW, MOST
-from tendonrepro.identify.misfit import METRICS, Measured, Printed, log_misfit
+from tendonrepro.identify.misfit import METRICS, Outcome, Printed, log_misfit
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.summary import CONTROLLERS
 
@@ -30,35 +30,17 @@ _UNDIVERGED = [STATUSES.index(name) for name in ("ok", "ringing")]
 
 
 def number_rows(
-    best: Measured, near: Measured, printed: Printed, fitted: tuple[str, ...]
+    best: Outcome, near: Outcome, printed: Printed, fitted: tuple[str, ...]
 ) -> list[dict[str, Any]]:
     """Every printed number beside that of the best plant and the range of the near-optimal ones.
 
-    Parameters
-    ----------
-    best : Measured
-        Of one plant, all runs.
-    near : Measured
-        Of the near-optimal plants, all runs.
-    printed : Printed
-    fitted : tuple of str
-        Runs whose numbers were fitted; the others are judged when there are any.
-
-    Returns
-    -------
-    list of dict
-        ``verdict`` is ``fitted``; ``reached`` when the printed number lies in the central 90 % of the
-        near-optimal plants, ``rare`` when only among all of them, ``not_reached`` when none goes so far; or
-        ``too_few_plants``.
+    One that was not fitted is ``reached`` when it lies in the central 90 % of the near-optimal plants,
+    ``rare`` when only among all of them, ``not_reached`` when none goes so far; or ``too_few_plants``.
     """
     rows = []
     for place in np.ndindex(printed.values.shape):
         r, m, i = place
-        ours, goal, half = (
-            float(best.sizes[0][place]),
-            float(printed.values[place]),
-            float(printed.half[place]),
-        )
+        ours, goal, half = (float(held[place]) for held in (best.sizes[0], printed.values, printed.half))
         sizes = near.sizes[near.ok[:, r], r, m, i]
         low, median, high = _percentiles(sizes)
         rows.append(
@@ -96,20 +78,11 @@ def _reached(sizes: Array, printed: float, half: float) -> str:
     return "rare" if sizes.min() - half <= printed <= sizes.max() + half else "not_reached"
 
 
-def order_rows(near: Measured, printed: Printed) -> list[dict[str, Any]]:
+def order_rows(near: Outcome, printed: Printed) -> list[dict[str, Any]]:
     """Share of the near-optimal plants on which the printed order of the controllers holds.
 
-    A run that diverged or was not resolved comes last. The verdict has the thresholds of the claims.
-
-    Parameters
-    ----------
-    near : Measured
-    printed : Printed
-
-    Returns
-    -------
-    list of dict
-        Of all three controllers and of each two, per metric and joint and for both joints.
+    Of all three controllers and of each two, per metric, joint and for both joints. A run that diverged or
+    was not resolved comes last. The verdict has the thresholds of the claims.
     """
     sizes = np.where(np.isin(near.status, _UNDIVERGED)[..., np.newaxis, np.newaxis], near.sizes, np.inf)
     groups = [CONTROLLERS, *combinations(CONTROLLERS, 2), (CONTROLLERS[0], "controller_1_payload")]
@@ -146,14 +119,8 @@ def order_verdict(share: float) -> str:
     return "agrees" if share >= MOST else "contradicted" if share <= FEW else "depends_on_plant"
 
 
-def ratio_rows(near: Measured, printed: Printed) -> list[dict[str, Any]]:
-    """Ratios of two controllers' errors, and of the payload's to none, printed and on near-optimal plants.
-
-    Parameters
-    ----------
-    near : Measured
-    printed : Printed
-    """
+def ratio_rows(near: Outcome, printed: Printed) -> list[dict[str, Any]]:
+    """Ratios of two controllers' errors, and of the payload's to none, printed and on near-optimal plants."""
     pairs = [*pairwise(CONTROLLERS), ("controller_1_payload", CONTROLLERS[0])]
     rows = []
     for over, under in pairs:
@@ -175,7 +142,7 @@ def ratio_rows(near: Measured, printed: Printed) -> list[dict[str, Any]]:
     return rows
 
 
-def status_counts(near: Measured) -> dict[str, dict[str, int]]:
+def status_counts(near: Outcome) -> dict[str, dict[str, int]]:
     """How the runs of the near-optimal plants ended."""
     return {
         run: {name: int((near.status[:, r] == code).sum()) for code, name in enumerate(STATUSES)}
@@ -184,21 +151,10 @@ def status_counts(near: Measured) -> dict[str, dict[str, int]]:
 
 
 def parameter_rows(box: Box, best: Array, near: Array) -> list[dict[str, Any]]:
-    """What the fit says about each row of the box.
+    """What the fit says about each row of the box, from the best point (P,) and the near ones (N, P).
 
-    Parameters
-    ----------
-    box : Box
-    best : array (P,)
-        In the unit cube.
-    near : array (N, P)
-        Near-optimal plants.
-
-    Returns
-    -------
-    list of dict
-        ``width`` is that of the central 90 % of the near-optimal plants over 90 % of the row's range on its
-        own scale: about 1 where nothing is said, 0 where the number is known. A choice has ``shares``.
+    ``width`` is that of the central 90 % of the near-optimal plants over 90 % of the row's range on its own
+    scale: about 1 where nothing is said, 0 where the number is known. A choice has ``shares``.
     """
     enough = len(near) >= FEWEST
     ends = np.percentile(near, CENTRAL, axis=0) if enough else np.full((3, best.size), np.nan)
@@ -242,23 +198,11 @@ def _shares(box: Box, row: int, chosen: Array) -> dict[str, float]:
 
 
 def pareto_rows(
-    measured: Measured, printed: Printed, fitted: tuple[str, ...]
+    measured: Outcome, printed: Printed, fitted: tuple[str, ...]
 ) -> dict[str, list[dict[str, Any]]]:
     """Plants that no other plant beats in both of two misfits, among those on which all runs are ok.
 
-    Parameters
-    ----------
-    measured : Measured
-        All runs of the plants looked at.
-    printed : Printed
-    fitted : tuple of str
-        Runs that were fitted.
-
-    Returns
-    -------
-    dict
-        ``controller_2_against_others`` and ``joint_2_against_joint_3`` (by the joints' numbers), lists of
-        points with the plant's place among those looked at, the best first.
+    Controller 2, or what was fitted, against the others, and joint against joint; the first misfit rises.
     """
     two = [RUNS.index("controller_2")] if len(fitted) == len(RUNS) else [RUNS.index(run) for run in fitted]
     rest = [r for r in range(len(RUNS)) if r not in two]
@@ -273,8 +217,8 @@ def pareto_rows(
     }
 
 
-def _part(measured: Measured, printed: Printed, runs: list[int], joints: slice) -> Array:
-    part = Measured(measured.sizes[:, runs][..., joints], measured.status[:, runs], measured.lasted[:, runs])
+def _part(measured: Outcome, printed: Printed, runs: list[int], joints: slice) -> Array:
+    part = Outcome(measured.sizes[:, runs][..., joints], measured.status[:, runs], measured.lasted[:, runs])
     return log_misfit(part, printed.values[runs][..., joints])
 
 

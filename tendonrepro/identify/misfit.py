@@ -1,23 +1,37 @@
-"""How far the simulated numbers of a plant are from the printed ones."""
+"""What is fitted to what, and how far the simulated numbers of a plant are from the printed ones."""
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, Protocol, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tendonrepro import __version__
 from tendonrepro.arrays import Array
+from tendonrepro.config.ensemble import LoadedEnsemble
 from tendonrepro.config.load import CompareConfig, LoadedConfig
-from tendonrepro.config.models.readings import RUNS, Reading, under
+from tendonrepro.config.models.readings import RUNS, Reading, case_of, reading, under
 from tendonrepro.config.published import PrintedNumber, Published
+from tendonrepro.ensemble.block import Simulate
 from tendonrepro.ensemble.box import Box, configured
 from tendonrepro.experiments.loops import build_loops
+from tendonrepro.identify.search import Effort
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.simulation.batch import Batch
 from tendonrepro.simulation.stepper import Loop, Reference
+
+SCHEMA_VERSION = 1
+
+Fit: TypeAlias = Literal["controller_2", "all"]
+FITTED: Mapping[Fit, tuple[str, ...]] = {"controller_2": ("controller_2",), "all": RUNS}
+"""Runs whose numbers are fitted."""
+
+NEAR = 0.02
+"""Misfit in log ratio, about 2 %, up to which a plant is near-optimal; twice the best where that is more."""
 
 Window: TypeAlias = Literal["whole", "late"]
 """What the printed numbers average: the whole run, or all after its first period."""
@@ -31,13 +45,6 @@ _RINGING, _DIVERGED, _UNRESOLVED, _WORST_FIT = 10.0, 20.0, 40.0, 5.0
 _STUB = 64
 # A plant's reference takes about a megabyte.
 _PLANTS_AT_ONCE = 256
-
-
-class Simulate(Protocol):
-    """Signature of `tendonrepro.simulation.batch.simulate_batch`."""
-
-    def __call__(self, loops: Sequence[Loop], limits: Any, *, threads: int) -> Batch:
-        """Run many closed loops."""
 
 
 @dataclass(frozen=True)
@@ -58,13 +65,7 @@ class Printed:
 
 
 def printed_numbers(paper: Published, joints: Sequence[int]) -> Printed:
-    """Tables 2 and 3.
-
-    Parameters
-    ----------
-    paper : Published
-    joints : sequence of int
-    """
+    """Tables 2 and 3."""
 
     def entry(run: str, metric: str, joint: int) -> PrintedNumber:
         number = paper.quantity(f"{_TABLE[run]}.{metric}.joint_{joint}")
@@ -78,7 +79,7 @@ def printed_numbers(paper: Published, joints: Sequence[int]) -> Printed:
 
 
 @dataclass(frozen=True)
-class Measured:
+class Outcome:
     """What N plants give on R runs.
 
     Attributes
@@ -101,9 +102,9 @@ class Measured:
         ended_well: NDArray[np.bool_] = self.status == STATUSES.index("ok")
         return ended_well
 
-    def part(self, plants: slice) -> Measured:
+    def part(self, plants: slice) -> Outcome:
         """Some of the plants."""
-        return Measured(self.sizes[plants], self.status[plants], self.lasted[plants])
+        return Outcome(self.sizes[plants], self.status[plants], self.lasted[plants])
 
 
 @dataclass(frozen=True)
@@ -117,48 +118,36 @@ class Bench:
     box : Box
     window : str
     simulate : Simulate
-    threads : int
     """
 
     base: LoadedConfig
     box: Box
     window: Window
     simulate: Simulate
-    threads: int
 
     def config(self, unit: Array, reading: Reading) -> CompareConfig:
         """Configuration of one point (P,) under a reading."""
         values = self.box.values(unit[np.newaxis])[0]
         return under(reading, configured(self.base, self.box, values), self.box.named(values))
 
-    def measure(self, units: Array, reading: Reading, runs: Sequence[str]) -> Measured:
-        """Simulate runs of many points as one batch.
-
-        Parameters
-        ----------
-        units : array (N, P)
-        reading : Reading
-        runs : sequence of str
-
-        Returns
-        -------
-        Measured
-            Runs in the order given.
-        """
+    def measure(self, units: Array, reading: Reading, runs: Sequence[str]) -> Outcome:
+        """Simulate runs of many points (N, P), in batches."""
         pieces = np.split(units, range(_PLANTS_AT_ONCE, len(units), _PLANTS_AT_ONCE))
         found = [self._measure(piece, reading, runs) for piece in pieces]
-        return Measured(*(np.concatenate(parts) for parts in zip(*map(_fields, found), strict=True)))
+        return Outcome(
+            *(np.concatenate([getattr(one, name) for one in found]) for name in ("sizes", "status", "lasted"))
+        )
 
-    def _measure(self, units: Array, reading: Reading, runs: Sequence[str]) -> Measured:
+    def _measure(self, units: Array, reading: Reading, runs: Sequence[str]) -> Outcome:
         loops = [loop for unit in units for loop in self._loops(unit, reading, runs)]
         limits = self.base.config.status
-        batch = self.simulate([*loops, *self._stubs(reading, runs)], limits, threads=self.threads)
+        batch = self.simulate([*loops, *self._stubs(reading, runs)], limits)
         count, shape = len(loops), (len(units), len(runs))
         suffix = _SUFFIX[self.window]
         found = [batch.statistics[metric + suffix][:count] for metric in METRICS]
         sizes = np.rad2deg(np.stack(found, axis=1))
         duration = np.array([loop.reference.time[-1] for loop in loops])
-        return Measured(
+        return Outcome(
             sizes.reshape(*shape, *sizes.shape[1:]),
             batch.status[:count].reshape(shape),
             (batch.status_time[:count] / duration).reshape(shape),
@@ -177,11 +166,12 @@ class Bench:
         to agree on some row does not need new code.
         """
         loops = [loop for unit in acting_units(self.box) for loop in self._loops(unit, reading, runs)]
-        return [replace(loop, reference=_cut(loop.reference)) for loop in loops]
+        return [replace(loop, reference=_start_of(loop.reference)) for loop in loops]
 
 
-def _fields(measured: Measured) -> tuple[Array, NDArray[np.int8], Array]:
-    return measured.sizes, measured.status, measured.lasted
+def _start_of(reference: Reference) -> Reference:
+    names = ("time", "q_d", "dq_d", "ddq_d")
+    return replace(reference, **{name: getattr(reference, name)[:_STUB] for name in names})
 
 
 def acting_units(box: Box) -> Array:
@@ -203,31 +193,11 @@ def acting_units(box: Box) -> Array:
     return np.array(points)
 
 
-def _cut(reference: Reference) -> Reference:
-    start = slice(_STUB)
-    return Reference(
-        reference.time[start],
-        reference.q_d[start],
-        reference.dq_d[start],
-        reference.ddq_d[start],
-        reference.period,
-    )
+def log_misfit(measured: Outcome, printed: Array) -> Array:
+    """Root mean square over runs and numbers of log(ours / printed), (N,).
 
-
-def log_misfit(measured: Measured, printed: Array) -> Array:
-    """Root mean square over runs and numbers of log(ours / printed); a run that is not ok counts by its end.
-
-    Parameters
-    ----------
-    measured : Measured
-        Of N plants and R runs.
-    printed : array (R, 2, n)
-        deg.
-
-    Returns
-    -------
-    array (N,)
-        Finite, below `_RINGING` over the root of R only where all runs are ok.
+    Printed numbers are (R, 2, n), deg. A run that is not ok counts by its end: the result is finite, and
+    below `_RINGING` over the root of R only where all runs are ok.
     """
     fit = np.sqrt(np.mean(log_residuals(measured, printed) ** 2, axis=(2, 3)))
     per_run = np.choose(
@@ -238,7 +208,7 @@ def log_misfit(measured: Measured, printed: Array) -> Array:
     return result
 
 
-def log_residuals(measured: Measured, printed: Array) -> Array:
+def log_residuals(measured: Outcome, printed: Array) -> Array:
     """log(ours / printed) of every number, (N, R, 2, n), bounded; the bound where there is no number."""
     with np.errstate(invalid="ignore", divide="ignore"):
         logs = np.log(measured.sizes / printed)
@@ -246,17 +216,45 @@ def log_residuals(measured: Measured, printed: Array) -> Array:
 
 
 def rounding_misfit(sizes: Array, printed: Array, half: Array) -> Array:
-    """Root mean square over the last axes of |ours - printed| in half units of the last digit.
-
-    Parameters
-    ----------
-    sizes : array (N, R, 2, n)
-        deg.
-    printed, half : array (R, 2, n)
-
-    Returns
-    -------
-    array (N,)
-    """
+    """Root mean square of |ours - printed|, (N, R, 2, n), in half units of the last digit, (N,)."""
     result: Array = np.sqrt(np.mean(((sizes - printed) / half) ** 2, axis=(1, 2, 3)))
     return result
+
+
+@dataclass(frozen=True)
+class Task:
+    """All that an identification depends on."""
+
+    loaded: LoadedEnsemble
+    fit: Fit
+    readings: tuple[Reading, ...]
+    effort: Effort
+    seed: int
+    printed: Printed
+    bench: Bench
+
+    @property
+    def fitted(self) -> tuple[str, ...]:
+        """Runs whose numbers are fitted."""
+        return FITTED[self.fit]
+
+    def case(self, reading_: Reading) -> Reading:
+        """What of a reading changes the fitted runs; readings with one case share a search."""
+        changing = {axis for run in self.fitted for axis, _ in case_of(reading_, run).settings}
+        return reading({axis: value for axis, value in reading_.settings if axis in changing})
+
+    def identity(self, names: Sequence[str]) -> str:
+        """SHA-256 of all that the numbers of some readings depend on."""
+        effort = self.effort
+        content = {
+            "schema": SCHEMA_VERSION,
+            "version": __version__,
+            "config": self.loaded.sha256,
+            "fit": self.fit,
+            "window": self.bench.window,
+            "readings": list(names),
+            "effort": [effort.generations, effort.population, effort.seeds, effort.tolerance],
+            "seed": self.seed,
+            "printed": [self.printed.values.tolist(), self.printed.half.tolist()],
+        }
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

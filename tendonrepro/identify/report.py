@@ -6,13 +6,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from tendonrepro.config.fields.strict_yaml import Node, dump
 from tendonrepro.config.load import CompareConfig, load_config
 from tendonrepro.console import columns
 from tendonrepro.files import write_atomically
-from tendonrepro.results.tables import NOTHING, write_table
+from tendonrepro.results.tables import rounded, write_table
 
 CONFIG = "identified.yaml"
 
@@ -29,17 +27,7 @@ _CAPTIONS = {
 
 
 def write_config(path: Path, config: CompareConfig, misfit: float, reading: str) -> None:
-    """Write the best plant as a configuration of `compare`, and read it back as a check.
-
-    Parameters
-    ----------
-    path : Path
-    config : CompareConfig
-        As drawn, under its reading.
-    misfit : float
-        In log ratio.
-    reading : str
-    """
+    """Write the best plant as a configuration of `compare`, and read it back as a check."""
     source = f"identified: tendonrepro identify, misfit {misfit:.2g}, "
     tree = _sourced(config.model_dump(mode="json", exclude_none=True), source)
     assert isinstance(tree, dict)
@@ -59,17 +47,7 @@ def _sourced(node: Any, source: str) -> Node:
 
 
 def conclusions(data: Mapping[str, Any]) -> list[str]:
-    """Sentences that follow from the numbers.
-
-    Parameters
-    ----------
-    data : mapping
-        Of :func:`tendonrepro.identify.command.run_identify`, with `readings`.
-
-    Returns
-    -------
-    list of str
-    """
+    """Sentences that follow from the numbers."""
     first, best = data["readings"][0], min(data["readings"], key=lambda held: held["misfit_log"])
     target = "Controller 2's four numbers" if data["fit"] == "controller_2" else "all sixteen numbers"
     found = [_fit_sentence(first, target, data["near_tolerance"])]
@@ -117,17 +95,7 @@ def _name(row: Mapping[str, Any]) -> str:
 
 
 def identify_text(data: Mapping[str, Any]) -> str:
-    """Text for a terminal.
-
-    Parameters
-    ----------
-    data : mapping
-        What :func:`tendonrepro.identify.command.run_identify` returns.
-
-    Returns
-    -------
-    str
-    """
+    """Text for a terminal."""
     if data.get("dry_run"):
         names = ", ".join(data["searches"])
         return (
@@ -137,7 +105,7 @@ def identify_text(data: Mapping[str, Any]) -> str:
     parts = ["\n".join(data["conclusions"])]
     rows = [("reading", "misfit", "half units", "near plants")]
     rows += [
-        (held["name"], f"{held['misfit_log']:.4f}", _text(held["misfit_rounding"]), str(held["near_count"]))
+        (held["name"], f"{held['misfit_log']:.4f}", rounded(held["misfit_rounding"]), str(held["near_count"]))
         for held in data["readings"]
     ]
     parts.append(columns(rows))
@@ -152,37 +120,15 @@ def identify_text(data: Mapping[str, Any]) -> str:
 def _numbers_text(held: Mapping[str, Any]) -> str:
     rows: list[Sequence[str]] = [("", "ours", "printed", "ratio", "near-optimal plants", "")]
     for row in held["numbers"]:
-        ends = f"{_text(row['near_low_deg'])} to {_text(row['near_high_deg'])}"
+        ends = f"{rounded(row['near_low_deg'])} to {rounded(row['near_high_deg'])}"
         word = row["verdict"].replace("_", " ")
         values = (f"{row['ours_deg']:.3f}", f"{row['printed_deg']:.3f}", f"{row['ratio']:.3f}")
         rows.append((_name(row), *values, ends, word))
     return columns(rows)
 
 
-def _text(value: Any) -> str:
-    if isinstance(value, float):
-        return f"{value:.4g}" if np.isfinite(value) else NOTHING
-    if isinstance(value, dict):
-        return ", ".join(f"{key} {100.0 * share:.0f} %" for key, share in value.items())
-    if isinstance(value, list):
-        return " < ".join(map(str, value))
-    return NOTHING if value is None else str(value)
-
-
 def write_identify_tables(data: Mapping[str, Any], folder: Path) -> list[Path]:
-    """Write all tables as csv (full digits) and Markdown (rounded).
-
-    Parameters
-    ----------
-    data : mapping
-        With `readings`.
-    folder : Path
-        Made when missing.
-
-    Returns
-    -------
-    list of Path
-    """
+    """Write all tables as csv (full digits) and Markdown (rounded)."""
     readings = data["readings"]
     held = ("name", "search", "misfit_log", "misfit_rounding", "fits", "near_limit", "near_count")
     tables = {

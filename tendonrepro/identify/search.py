@@ -11,20 +11,22 @@ no other trials, so the generations are made here.
 
 from __future__ import annotations
 
+import io
 import json
+import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.console import Talk
-from tendonrepro.identify.state import State, load_state, save_state
+from tendonrepro.files import write_atomically
 
 
-class Found(NamedTuple):
+class Evaluated(NamedTuple):
     """What N points give.
 
     Attributes
@@ -38,7 +40,7 @@ class Found(NamedTuple):
     residuals: Array
 
 
-Misfit: TypeAlias = Callable[[Array], Found]
+Misfit: TypeAlias = Callable[[Array], Evaluated]
 """Misfit of many points of the unit cube at once, (N, P); finite."""
 
 REFINING = 0.25
@@ -86,33 +88,52 @@ class Effort:
         return (self.generations + 1) * self.population * self.seeds
 
 
+@dataclass(frozen=True)
+class State:
+    """Where a search stands.
+
+    Attributes
+    ----------
+    generation : int
+        Generations done.
+    units : array (S, M, P)
+        Members of each seed's population in the unit cube.
+    misfits : array (S, M)
+    residuals : array (S, M, K)
+    spread_units, spread_misfits : array
+        The same at the end of the first phase, or so far.
+    history : array (generation + 1, S)
+        Best misfit.
+    random : tuple of str
+        State of each seed's generator, as JSON.
+    """
+
+    generation: int
+    units: Array
+    misfits: Array
+    residuals: Array
+    spread_units: Array
+    spread_misfits: Array
+    history: Array
+    random: tuple[str, ...]
+
+    def best(self) -> tuple[Array, float]:
+        """Best point (P,) and its misfit."""
+        seed, member = np.unravel_index(int(np.argmin(self.misfits)), self.misfits.shape)
+        return self.units[seed, member], float(self.misfits[seed, member])
+
+    def near(self, limit: float) -> Array:
+        """Members of the first phase's last population with a misfit up to a limit, (N, P)."""
+        return self.spread_units[self.spread_misfits <= limit]
+
+
 def search(
     initial: Array, misfit: Misfit, effort: Effort, seed: int, path: Path, identity: str, talk: Talk
 ) -> State:
-    """Search to the end, from where an interrupted search stopped.
+    """Search to the end, from first members (S, M, P) or from where an interrupted search stopped.
 
-    Parameters
-    ----------
-    initial : array (S, M, P)
-        First members, in the unit cube.
-    misfit : callable
-    effort : Effort
-    seed : int
-    path : Path
-        File of the state, written after every generation.
-    identity : str
-        Digest of all that the search depends on; a file with another one is not taken up.
-    talk : Talk
-
-    Returns
-    -------
-    State
-        The same to the last bit, however often the search was interrupted.
-
-    Raises
-    ------
-    TendonreproError
-        When the state cannot be written.
+    The state is written to `path` after every generation, and taken up only where `identity`, a digest of
+    all that the search depends on, is the same. However often interrupted, it ends the same to the last bit.
     """
     state = load_state(path, identity, talk)
     with talk.bar("searching", effort.evaluations) as progress:
@@ -138,18 +159,7 @@ def _first(initial: Array, misfit: Misfit, seed: int) -> State:
 
 
 def step(state: State, misfit: Misfit, effort: Effort) -> State:
-    """One generation of every population, looked at together.
-
-    Parameters
-    ----------
-    state : State
-    misfit : callable
-    effort : Effort
-
-    Returns
-    -------
-    State
-    """
+    """One generation of every population, looked at together."""
     refine = state.generation >= effort.spreading
     tolerance = 0.0 if refine else effort.tolerance
     generators = _generators(state.random)
@@ -229,3 +239,31 @@ def _generators(states: tuple[str, ...]) -> list[np.random.Generator]:
     for generator, state in zip(generators, states, strict=True):
         generator.bit_generator.state = json.loads(state)
     return generators
+
+
+_ARRAYS = ("units", "misfits", "residuals", "spread_units", "spread_misfits", "history")
+
+
+def save_state(path: Path, state: State, identity: str) -> None:
+    """Store a state, whole or not at all."""
+    stream = io.BytesIO()
+    content: dict[str, Any] = {name: getattr(state, name) for name in (*_ARRAYS, "generation", "random")}
+    np.savez(stream, allow_pickle=False, identity=identity, **content)
+    write_atomically(path, stream.getvalue())
+
+
+def load_state(path: Path, identity: str, talk: Talk) -> State | None:
+    """Read the state of this search; None when there is none to go on from, and why is told."""
+    if not path.exists():
+        return None
+    try:
+        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as stored:
+            if str(stored["identity"]) == identity:
+                arrays = {name: stored[name] for name in _ARRAYS}
+                random = tuple(map(str, stored["random"]))
+                return State(generation=int(stored["generation"]), random=random, **arrays)
+        reason = "is of another search"
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        reason = "is damaged"
+    talk.note(f"{path} {reason}; the search starts anew")
+    return None

@@ -16,7 +16,7 @@ from tendonrepro.config.load import CompareConfig
 from tendonrepro.config.models.box import DISTURBANCES, MOTIONS, Range
 from tendonrepro.config.models.readings import RUNS, VARIATIONS, default_readings, under
 from tendonrepro.config.models.reference import MinimumJerk
-from tendonrepro.ensemble.box import Box, configured, make_box, population, scrambled_sobol
+from tendonrepro.ensemble.box import Box, configured, make_box, scrambled_sobol
 from tendonrepro.experiments.loops import build_law, build_loops
 from tendonrepro.experiments.rig import build_actuator, build_drive, build_encoder, build_plant, build_preload
 
@@ -110,7 +110,7 @@ def test_replicates_and_seeds_are_scrambled_on_their_own() -> None:
 
 
 def test_firm_population_holds_rows_of_low_confidence() -> None:
-    firm = population(ensemble().config, "firm")
+    firm = box().only(ensemble().config.populations["firm"].confidences)
     values = firm.values(scrambled_sobol(firm, 1, 0, 0, 64))
     for i, confidence in enumerate(firm.confidence):
         if confidence == "low":

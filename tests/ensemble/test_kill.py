@@ -17,7 +17,7 @@ import pytest
 from support.fake_batch import DRAWS, fake_batch, run_small, slow_batch, small_study
 
 from tendonrepro.console import Talk
-from tendonrepro.ensemble.block import Made, make_block
+from tendonrepro.ensemble.block import make_block
 from tendonrepro.ensemble.command import run_study
 from tendonrepro.ensemble.plan import Study
 from tendonrepro.ensemble.shards import FOLDER, Block, read_shard, shard_files
@@ -124,7 +124,7 @@ def test_a_cluster_that_loses_a_worker_gives_the_same(
     assert results(folder) == results(tmp_path / "unbroken")
 
 
-def deadly(study: Study, block: Block) -> Made:
+def deadly(study: Study, block: Block) -> tuple[Block, bytes]:
     if block.replicate == 3:
         os._exit(9)
     return make_block(study, block, fake_batch)

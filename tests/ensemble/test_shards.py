@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -111,24 +112,26 @@ def test_a_flipped_bit_is_refused(path: Path) -> None:
         read_shard(path)
 
 
-def test_changed_values_are_refused(path: Path) -> None:
+def _other_status(root: h5py.File) -> None:
+    root["status"][0, 0] = 3 - root["status"][0, 0]
+
+
+def _no_steps(root: h5py.File) -> None:
+    del root["steps"]
+
+
+def _other_layout(root: h5py.File) -> None:
+    root.attrs["schema_version"] = 99
+
+
+@pytest.mark.parametrize(
+    ("change", "match"),
+    [(_other_status, "its own digest"), (_no_steps, "damaged"), (_other_layout, "layout")],
+)
+def test_changed_contents_are_refused(path: Path, change: Callable[[h5py.File], None], match: str) -> None:
     with h5py.File(path, "r+") as root:
-        root["status"][0, 0] = 3 - root["status"][0, 0]
-    with pytest.raises(DataMissingError, match="its own digest"):
-        read_shard(path)
-
-
-def test_a_lost_array_is_refused(path: Path) -> None:
-    with h5py.File(path, "r+") as root:
-        del root["steps"]
-    with pytest.raises(DataMissingError, match="damaged"):
-        read_shard(path)
-
-
-def test_another_layout_is_refused(path: Path) -> None:
-    with h5py.File(path, "r+") as root:
-        root.attrs["schema_version"] = 99
-    with pytest.raises(DataMissingError, match="layout"):
+        change(root)
+    with pytest.raises(DataMissingError, match=match):
         read_shard(path)
 
 

@@ -1,108 +1,143 @@
-"""A made-up paper from a known plant of the box: identified back, and its falsified numbers found out."""
+"""The search against known optima and brute force, killed and resumed."""
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
-from types import MappingProxyType
 
 import numpy as np
 import pytest
+from support.made_plants import QUIET, Killed
 
-from tendonrepro.config.ensemble import load_ensemble
-from tendonrepro.config.models.readings import RUNS, parse_reading
-from tendonrepro.config.published import published
-from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
-from tendonrepro.ensemble.box import make_box, scrambled_sobol
-from tendonrepro.identify.command import run_identify
-from tendonrepro.identify.misfit import Bench
-from tendonrepro.simulation.batch import simulate_batch
+from tendonrepro.identify import search as identify_search
+from tendonrepro.identify.search import Effort, Evaluated, load_state, search
 
-pytestmark = pytest.mark.slow
-
-# The known plant is quiet and of one kind of motion and friction; the rest of the box stays free.
-FIXED = {
-    "disturbance": ["none"],
-    "friction_sides": ["both"],
-    "motion": ["raised_cosine"],
-    "torque_noise_acts": ["off"],
-    "torque_resolution_acts": ["off"],
-}
-OVERRIDES = [f"box.{row}.{key}={choice}" for row, choices in FIXED.items() for key, choice in (
-    ("choices", choices), ("nominal", choices[0])
-)]  # fmt: skip
-READING = "weights=extrapolating"
-TOLERANCE = 0.1
-"""Largest log ratio of a predicted number; the plants that fit differ in what was not fitted."""
+EFFORT = Effort(generations=40, population=24, seeds=3, tolerance=0.05, smooth=(True,) * 6)
 
 
-@pytest.fixture(scope="module")
-def truth():
-    """Numbers, (4, 2, 2), of the first plant of the box all of whose runs are ok."""
-    loaded = load_ensemble(None, overrides=OVERRIDES)
-    box = make_box(loaded.config)
-    bench = Bench(loaded.base, box, "whole", simulate_batch, 2)
-    units = scrambled_sobol(box, 77, 0, 0, 32)
-    found = bench.measure(units, parse_reading(READING), RUNS)
-    well = found.ok.all(axis=1) & (found.sizes.max(axis=(1, 2, 3)) < 2.0)
-    return found.sizes[np.flatnonzero(well)[0]]
+ROWS = 6
 
 
-def paper(values):
-    """The paper with these errors in Tables 2 and 3, to six digits."""
-    held = published()
-    entries = dict(held.entries)
-    for r, run in enumerate(RUNS):
-        table = "table3.with_load" if run == "controller_1_payload" else f"table2.{run}"
-        for m, metric in enumerate(("mae", "rmse")):
-            for i, joint in enumerate((2, 3)):
-                name = f"{table}.{metric}.joint_{joint}"
-                entries[name] = replace(entries[name], value=round(float(values[r, m, i]), 6), decimals=6)
-    return replace(held, entries=MappingProxyType(entries))
+OPTIMUM = np.array([0.3, 0.62])
 
 
-@pytest.fixture(scope="module")
-def identified(tmp_path_factory):
-    out = tmp_path_factory.mktemp("identify")
-
-    def run(name, values):
-        return run_identify(
-            Request(out=out / name, overrides=OVERRIDES), Talk(quiet=True), readings=READING,
-            generations=60, population=32, seeds=3, paper=paper(values),
-        )["readings"][0]  # fmt: skip
-
-    return run
-
-
-@pytest.fixture(scope="module")
-def honest(identified, truth):
-    return identified("honest", truth)
-
-
-def test_fitted_numbers_come_back(honest):
-    assert honest["misfit_log"] < 0.01
-    assert honest["near_count"] >= 20
-
-
-def test_others_are_predicted(honest):
-    others = [row for row in honest["numbers"] if row["verdict"] != "fitted"]
-    assert len(others) == 12
-    for row in others:
-        assert row["verdict"] in {"reached", "rare"}, row
-        assert abs(np.log(row["near_median_deg"] / row["printed_deg"])) < TOLERANCE, row
-
-
-def test_falsified_number_and_reversed_ranking_are_found_out(identified, truth):
-    """Controller 1's MAE of joint 2 lowered by 30 %; in RMSE of joint 3 best and worst swapped."""
-    values = truth.copy()
-    values[0, 0, 0] *= 0.7
-    order = np.argsort(truth[:3, 1, 1])
-    first, last = order[0], order[-1]
-    values[[first, last], 1, 1] = truth[[last, first], 1, 1]
-    found = identified("false", values)
-    numbers = {(row["run"], row["metric"], row["joint"]): row["verdict"] for row in found["numbers"]}
-    assert numbers["controller_1", "mae", 2] == "not_reached"
-    row = next(
-        r for r in found["order"] if len(r["runs"]) == 3 and (r["metric"], r["joint"]) == ("rmse", "joint_3")
+def two_numbers(units):
+    """Two numbers that depend on the first three of six unknowns."""
+    residuals = np.stack(
+        [units[:, 0] - OPTIMUM[0], units[:, 1] + 0.5 * units[:, 2] ** 2 - OPTIMUM[1]], axis=1
     )
-    assert row["verdict"] == "contradicted"
+    return Evaluated(np.sqrt((residuals**2).mean(axis=1)), residuals)
+
+
+def initial(effort=EFFORT, rows=ROWS):
+    return np.random.default_rng(5).random((effort.seeds, effort.population, rows))
+
+
+def searched(path, misfit=two_numbers, effort=EFFORT, identity="a"):
+    return search(initial(effort), misfit, effort, 1, path, identity, QUIET)
+
+
+class TestSearch:
+    def test_finds_a_known_optimum(self, tmp_path):
+        unit, misfit = searched(tmp_path / "s.npz").best()
+        assert misfit < 1e-4
+        assert two_numbers(unit[np.newaxis]).misfits[0] == misfit
+        assert unit[0] == pytest.approx(OPTIMUM[0], abs=2e-4)
+
+    def test_finds_one_that_no_regression_shows(self, tmp_path):
+        """Wells of equal depth around the deepest, and residuals that say nothing."""
+
+        def wells(units):
+            away = units[:, :2] - np.array([0.81, 0.23])
+            misfits = np.sqrt((away**2 + 0.02 * (1.0 - np.cos(8.0 * np.pi * away))).mean(axis=1))
+            return Evaluated(misfits, np.zeros((len(units), 2)))
+
+        unit, misfit = searched(tmp_path / "s.npz", wells, replace(EFFORT, generations=80)).best()
+        assert misfit < 0.01
+        np.testing.assert_allclose(unit[:2], [0.81, 0.23], atol=0.01)
+
+    def test_optimum_beyond_a_bound_ends_at_it(self, tmp_path):
+        def beyond(units):
+            residuals = units[:, :1] - np.array([1.2])
+            return Evaluated(np.abs(residuals[:, 0]), residuals)
+
+        unit, misfit = searched(tmp_path / "s.npz", beyond).best()
+        assert 0.2 <= misfit < 0.205
+        assert unit[0] > 0.99
+
+    def test_members_stay_in_the_cube_and_never_get_worse(self, tmp_path):
+        state = searched(tmp_path / "s.npz", effort=replace(EFFORT, tolerance=0.0))
+        assert state.units.min() >= 0.0
+        assert state.units.max() <= 1.0
+        assert (np.diff(state.history, axis=0) <= 0.0).all()
+        assert state.history.shape == (EFFORT.generations + 1, EFFORT.seeds)
+
+    def test_near_optimal_members_cover_what_brute_force_finds(self, tmp_path):
+        effort = replace(EFFORT, generations=80, population=64, seeds=4, tolerance=0.1)
+        state = searched(tmp_path / "s.npz", effort=effort)
+        near = state.near(0.1)
+        assert len(near) > 0.9 * effort.population * effort.seeds
+        every = np.random.default_rng(0).random((400_000, ROWS))
+        allowed = every[two_numbers(every).misfits <= 0.1]
+        ends = [np.percentile(units, [5, 50, 95], axis=0) for units in (near, allowed)]
+        np.testing.assert_allclose(*ends, atol=0.12)
+        width = ends[0][2] - ends[0][0]
+        assert width[0] == pytest.approx((ends[1][2] - ends[1][0])[0], rel=0.2)
+        assert width[3:].min() > 0.75  # three unknowns that nothing depends on
+
+    def test_only_the_last_quarter_leaves_the_tolerance(self, tmp_path):
+        state = searched(tmp_path / "s.npz", effort=replace(EFFORT, tolerance=0.3))
+        assert np.median(state.spread_misfits) > 0.05
+        assert np.median(state.misfits) < 0.01
+
+    @pytest.mark.parametrize("deaths", [[1], [2, 9, 10, 31], [41]])
+    def test_killed_and_resumed_ends_the_same(self, tmp_path, deaths):
+        whole = searched(tmp_path / "whole.npz")
+        calls = Counter()
+
+        def mortal(units):
+            calls["all"] += 1
+            if calls["all"] in deaths:
+                raise Killed
+            return two_numbers(units)
+
+        path = tmp_path / "cut.npz"
+        for _ in deaths:
+            with pytest.raises(Killed):
+                searched(path, mortal)
+        resumed = searched(path, mortal)
+        for name in ("units", "misfits", "residuals", "spread_units", "spread_misfits", "history"):
+            np.testing.assert_array_equal(getattr(resumed, name), getattr(whole, name))
+        assert resumed.random == whole.random
+        assert calls["all"] == EFFORT.generations + 1 + len(deaths)
+
+    def test_finished_search_is_not_run_again(self, tmp_path):
+        path = tmp_path / "s.npz"
+        first = searched(path)
+
+        def never(_):
+            raise AssertionError
+
+        np.testing.assert_array_equal(searched(path, never).units, first.units)
+
+    @pytest.mark.parametrize("damage", [b"", b"PK\x03\x04 not a zip", None])
+    def test_damaged_or_foreign_state_is_not_taken_up(self, tmp_path, capsys, damage):
+        path = tmp_path / "s.npz"
+        first = searched(path)
+        content = path.read_bytes()
+        path.write_bytes(content[: len(content) // 2] if damage is None else damage)
+        assert load_state(path, "a", Talk()) is None
+        assert "is damaged" in capsys.readouterr().err
+        path.write_bytes(content)
+        assert load_state(path, "b", Talk()) is None
+        assert "another search" in capsys.readouterr().err
+        assert load_state(path, "a", Talk()).random == first.random
+
+    def test_seeds_know_nothing_of_each_other(self, tmp_path):
+        alone = search(initial()[:1], two_numbers, replace(EFFORT, seeds=1), 1, tmp_path / "1", "a", QUIET)
+        np.testing.assert_array_equal(alone.units[0], searched(tmp_path / "3").units[0])
+
+    def test_steps_fold_at_the_bounds(self):
+        folded = identify_search._reflected(np.array([-0.2, 0.4, 1.3, 2.7, -1.5]))
+        np.testing.assert_allclose(folded, [0.2, 0.4, 0.7, 0.0, 0.5])

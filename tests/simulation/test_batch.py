@@ -11,7 +11,7 @@ import pytest
 from tendonrepro.arrays import Array
 from tendonrepro.config.ensemble import load_ensemble
 from tendonrepro.config.load import CompareConfig, load_config
-from tendonrepro.ensemble.box import configured, population, scrambled_sobol
+from tendonrepro.ensemble.box import configured, make_box, scrambled_sobol
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.explain.linear_loop import decay_rate, plant_matrices
@@ -133,7 +133,7 @@ def test_three_joints_run_as_in_the_reference_stepper() -> None:
 def damped_plants(count: int, duration: float) -> tuple[CompareConfig, list[Loop]]:
     """Controller 1 on the box's first plants whose linear loop decays at 0.5 s⁻¹ or faster."""
     ensemble = load_ensemble(None)
-    box = population(ensemble.config, "box")
+    box = make_box(ensemble.config)
     loops: list[Loop] = []
     for values in box.values(scrambled_sobol(box, 1, 0, 0, 512)):
         config = configured(ensemble.base, box, values)

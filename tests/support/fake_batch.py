@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from tendonrepro.console import Talk
-from tendonrepro.ensemble.command import load_study
+from tendonrepro.ensemble.command import load_study, run_study
 from tendonrepro.ensemble.plan import Study
+from tendonrepro.ensemble.shards import FOLDER, read_shard, shard_files
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.batch import Batch
 from tendonrepro.simulation.stepper import Loop
@@ -93,3 +94,16 @@ def run_small(folder: Path, jobs: int) -> None:
 
     ensemble.draw_ensemble_figures = lambda *_: []
     ensemble.run_study(small_study(), DRAWS, folder, jobs=jobs, talk=Talk(quiet=True), simulate=fake_batch)
+
+
+def run_ensemble_of(
+    folder: Path, study: Study | None = None, draws: int = DRAWS, **options: Any
+) -> dict[str, Any]:
+    """Run a study, the small one if none is given, in this process and with the stand-in."""
+    arguments = {"jobs": 1, "talk": Talk(quiet=True), "simulate": fake_batch} | options
+    return run_study(study or small_study(), draws, folder, **arguments)
+
+
+def digests(folder: Path) -> dict[str, str]:
+    """Digest of every shard in a folder of results, by name."""
+    return {path.name: read_shard(path).digest() for path in shard_files(folder / FOLDER)}

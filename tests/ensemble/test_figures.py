@@ -1,0 +1,75 @@
+"""Figures show the numbers of the summary at their places."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from support.made_ensemble import (
+    DIVERGED,
+    JOINTS,
+    PLANTS,
+    READINGS,
+    ensemble,
+    random_errors,
+    whole,
+)
+
+from tendonrepro.ensemble.data import EnsembleData
+from tendonrepro.ensemble.figures import draw_ensemble_figures, draw_ratios, draw_shares, draw_statuses
+from tendonrepro.ensemble.report import population_summary
+from tendonrepro.ensemble.shares import printed_ratios
+
+
+def test_ratios_show_median_print_and_theory(mixed: EnsembleData) -> None:
+    summary = population_summary(mixed)
+    drawn = draw_ratios("box", summary)
+    assert [panel.get_title(loc="left") for panel in drawn.axes] == [
+        f"{ratio}, joint {joint}" for ratio in ("C1/C2", "C2/C3") for joint in JOINTS
+    ]
+    for i, panel in enumerate(drawn.axes[:2]):
+        held = {
+            (float(x), float(y))
+            for line in panel.lines
+            for x, y in zip(np.atleast_1d(line.get_xdata()), np.atleast_1d(line.get_ydata()), strict=True)
+        }
+        for row, reading in enumerate(summary["readings"]):
+            joint = f"joint_{JOINTS[i]}"
+            assert (reading["ratio_c1_c2"]["all_ok"]["mae"][joint]["median"]["value"], row) in held
+            assert (reading["theory"][joint], row) in held
+        assert printed_ratios((0, 1), "mae", JOINTS)[i] in {x for x, _ in held}
+    # The first reading is on top.
+    low, high = drawn.axes[0].get_ylim()
+    assert low > high
+
+
+def test_statuses_fill_the_bar(mixed: EnsembleData) -> None:
+    drawn = draw_statuses("box", population_summary(mixed))
+    for panel in drawn.axes:
+        total = np.zeros(len(READINGS))
+        for bars in panel.containers:
+            total += [bar.get_width() for bar in bars]
+        np.testing.assert_allclose(total, 100.0)
+
+
+def test_shares_stand_at_their_values(mixed: EnsembleData) -> None:
+    summary = population_summary(mixed)
+    panel = draw_shares("box", summary).axes[0]
+    marks = np.concatenate([container.lines[0].get_xdata() for container in panel.containers])
+    wanted = [
+        100.0 * reading["share_c1_lt_c2_lt_c3"][plants]["mae"]["both"]["share"]
+        for plants in ("all_ok", "diverged_last")
+        for reading in summary["readings"]
+    ]
+    np.testing.assert_allclose(marks, wanted)
+
+
+def test_figures_are_drawn_without_plants_too(tmp_path: Path) -> None:
+    data = ensemble(random_errors, lambda *_: np.full(PLANTS, DIVERGED, np.int8))
+    paths = draw_ensemble_figures(whole(data), tmp_path)
+    assert {path.name for path in paths} == {
+        f"{stem}_box.{suffix}"
+        for stem in ("ratios", "shares", "statuses")
+        for suffix in ("pdf", "svg", "png")
+    }
+    assert all(path.stat().st_size > 1000 for path in paths)

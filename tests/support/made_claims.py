@@ -1,0 +1,149 @@
+"""An ensemble made from formulas on which every claim holds, and the paper of one of its plants."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonrepro.claims.judge import Sources, Verdict, judge_all
+from tendonrepro.claims.sensitivity import Ranking, ranked
+from tendonrepro.claims.statements import HALVED, IDEAL, LONGER, SHORTER
+from tendonrepro.config.models.readings import PRINTED
+from tendonrepro.config.published import PrintedNumber, Published, published
+from tendonrepro.results.summary import CONTROLLERS
+
+Array = NDArray[np.float64]
+
+
+RUNS = (*CONTROLLERS, "controller_1_payload")
+
+
+KNOWN = 3
+
+
+ERRORS_DEG = {
+    "controller_1": (0.26, 0.22),
+    "controller_2": (0.29, 0.24),
+    "controller_3": (0.31, 0.27),
+    "controller_1_payload": (0.27, 0.23),
+}
+
+
+ORDER = {"controller_1": 0, "controller_1_payload": 0, "controller_2": 1, "controller_3": 2}
+
+
+OK_NAMES = {"exact", "reproduced", "compatible"}
+
+
+class MadeEnsemble:
+    """An ensemble made from formulas, on which every claim holds."""
+
+    joints = (2, 3)
+    names = ("size", "nothing")
+
+    def __init__(self, per_replicate: int = 50, replicates: int = 8, readings: tuple[str, ...] = (PRINTED,)):
+        self.readings = readings
+        count = per_replicate * replicates
+        self.rng = np.random.default_rng(1)
+        self.replicate = np.repeat(np.arange(replicates), per_replicate)
+        self.draws = self.rng.random((count, 2))
+        self.draws[KNOWN] = 0.5
+        self.codes: dict[tuple[str, str], NDArray[np.int8]] = {}
+        self.values: dict[tuple[str, str, str], Array] = {}
+        for reading in (*readings, IDEAL):
+            for run in RUNS:
+                self._make(run, reading)
+        for variation, factor in ((SHORTER, 0.5), (LONGER, 2.0), (HALVED, 0.5)):
+            self._make("controller_2", variation)
+            for name in ("epsilon_rms", "torque_step_rms"):
+                self.values["controller_2", variation, name] *= factor
+
+    def _make(self, run: str, reading: str) -> None:
+        count, place = len(self.draws), ORDER[run]
+        self.codes[run, reading] = np.zeros(count, dtype=np.int8)
+        size = 0.5 + self.draws[:, :1]
+        wobble = 1.0 + 0.01 * (self.rng.random((count, 2)) - 0.5)
+        wobble[KNOWN] = 1.0
+        error = np.deg2rad(ERRORS_DEG[run]) * size * wobble
+        rise = 1.0 + 0.1 * place
+        made: dict[str, Array] = {
+            "mae": error,
+            "rmse": 1.2 * error,
+            "mae_rapid": error * (1.0 + 0.2 * place),
+            "mae_calm": error,
+            "s_rms": 0.03 * size * wobble,
+            "H_hat_up": 4.0 * size * rise,
+            "H_hat_down": -1.0 * size * wobble,
+            "torque_up": 4.0 * size * rise,
+            "torque_rms": 3.0 * size * rise,
+            "torque_step_rms": size * rise,
+            "epsilon_rms": 10.0 * size * rise,
+            "overshoot": 0.001 * size * rise,
+            "epsilon_max": 0.8 * size * np.ones(2),
+            "s_max": 0.05 * size * np.ones(2),
+            "max_error": 0.01 * size * np.ones(2),
+            "rate_max": 0.05 * size * np.ones(2),
+        }
+        made["torque_down"] = -made["torque_up"] / 4.0
+        for name, value in made.items():
+            self.values[run, reading, name] = np.broadcast_to(value, (count, 2)).copy()
+
+    def has(self, run: str, reading: str) -> bool:
+        return (run, reading) in self.codes
+
+    def status(self, run: str, reading: str) -> NDArray[np.int8]:
+        return self.codes[run, reading]
+
+    def statistic(self, run: str, reading: str, name: str) -> Array:
+        return self.values[run, reading, name]
+
+
+def with_numbers(paper: Published, values: Mapping[str, float]) -> Published:
+    """The print with other digits."""
+    entries = dict(paper.entries)
+    for name, value in values.items():
+        entry = entries[name]
+        assert isinstance(entry, PrintedNumber)
+        entries[name] = replace(entry, value=round(float(value), entry.decimals))
+    return replace(paper, entries=MappingProxyType(entries))
+
+
+def paper_of(data: MadeEnsemble, plant: int = KNOWN) -> Published:
+    """What someone would have printed who measured one plant of the ensemble."""
+    values: dict[str, float] = {}
+    for metric in ("mae", "rmse"):
+        found = {run: np.rad2deg(data.statistic(run, PRINTED, metric)[plant]) for run in RUNS}
+        for i, joint in enumerate(data.joints):
+            place = f"{metric}.joint_{joint}"
+            for run in CONTROLLERS:
+                values[f"table2.{run}.{place}"] = found[run][i]
+            values[f"table3.no_load.{place}"] = found["controller_1"][i]
+            values[f"table3.with_load.{place}"] = found["controller_1_payload"][i]
+            for k in (2, 3):
+                share = 100.0 * found["controller_1"][i] / found[f"controller_{k}"][i]
+                values[f"share.controller_1_of_{k}.{place}"] = share
+            increase = 100.0 * (found["controller_1_payload"][i] / found["controller_1"][i] - 1.0)
+            values[f"increase.with_load.{place}"] = increase
+    return with_numbers(published(), values)
+
+
+def verdicts(data: MadeEnsemble | None, paper: Published, *only: str) -> dict[str, Verdict]:
+    return {verdict.id: verdict for verdict in judge_all(Sources(ensemble=data), paper, only)}
+
+
+def one(data: MadeEnsemble | None, paper: Published, name: str) -> Verdict:
+    return verdicts(data, paper, name)[name]
+
+
+NAMES = ("a", "b", "c", "d")
+
+
+def ranking_of(draws: np.ndarray, outcome: np.ndarray) -> Ranking:
+    """Rank the four unknowns of some draws."""
+    ranking = ranked(NAMES, draws, outcome)
+    assert ranking is not None
+    return ranking

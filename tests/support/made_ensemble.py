@@ -1,0 +1,90 @@
+"""An ensemble in memory, of three readings and 256 plants, from functions that give errors and statuses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+
+from tendonrepro.ensemble.conclusions import conclusions
+from tendonrepro.ensemble.data import EnsembleData
+from tendonrepro.ensemble.report import population_summary
+from tendonrepro.ensemble.shares import printed_ratios
+
+RUNS = ("controller_1", "controller_2", "controller_3", "controller_1_payload")
+READINGS = ("printed", "weights=extrapolating", "start=cold")
+JOINTS = (2, 3)
+OK, RINGING, DIVERGED, UNRESOLVED = range(4)
+SCRAMBLINGS, EACH = 8, 32
+PLANTS = SCRAMBLINGS * EACH
+
+Errors = Callable[[str, str, str], np.ndarray]
+
+
+def ensemble(errors: Errors, statuses: Callable[[str, str], np.ndarray]) -> EnsembleData:
+    """An ensemble in memory."""
+
+    class Held(SimpleNamespace):
+        def __len__(self) -> int:
+            return PLANTS
+
+    return cast(
+        EnsembleData,
+        Held(
+            population="box",
+            joints=JOINTS,
+            alpha=(0.1, 0.2),
+            runs=RUNS,
+            readings=READINGS,
+            replicate=np.repeat(np.arange(SCRAMBLINGS), EACH),
+            status=statuses,
+            statistic=errors,
+        ),
+    )
+
+
+def seeded(*words: str) -> np.random.Generator:
+    return np.random.default_rng([ord(letter) for word in words for letter in word])
+
+
+def random_errors(run: str, reading: str, metric: str) -> np.ndarray:
+    """Ranked as printed more often than not; missing where the plant could not be resolved."""
+    sizes = seeded(run, reading, metric).uniform(0.5, 1.5, (PLANTS, 2)) + 0.3 * RUNS[:3].index(run)
+    sizes[random_statuses(run, reading) == UNRESOLVED] = np.nan
+    return sizes
+
+
+def random_statuses(run: str, reading: str) -> np.ndarray:
+    return seeded(run, reading).choice(4, PLANTS, p=[0.7, 0.1, 0.1, 0.1]).astype(np.int8)
+
+
+def always_ok(run: str, reading: str) -> np.ndarray:
+    del run, reading
+    return np.zeros(PLANTS, np.int8)
+
+
+def printed_like(factor: float) -> EnsembleData:
+    """Plants whose ratios scatter by 5 % around the printed ones times a factor for Controller 1."""
+
+    def errors(run: str, reading: str, metric: str) -> np.ndarray:
+        first = np.array(printed_ratios((0, 1), metric, JOINTS))
+        third = 1.0 / np.array(printed_ratios((1, 2), metric, JOINTS))
+        size = {"controller_1": factor * first, "controller_3": third}.get(run, np.ones(2))
+        return size * np.exp(0.05 * seeded(run, reading, metric).standard_normal((PLANTS, 2)))
+
+    return ensemble(errors, always_ok)
+
+
+def whole(data: EnsembleData) -> dict[str, Any]:
+    populations = {"box": population_summary(data)}
+    return {
+        **populations["box"],
+        "draws": PLANTS,
+        "scramblings": SCRAMBLINGS,
+        "experiments_per_second": 321.0,
+        "out": "reports/ensemble",
+        "populations": populations,
+        "conclusions": conclusions(populations),
+    }

@@ -1,0 +1,93 @@
+"""A stepper of a few unknowns, plants around the printed numbers, and papers with other numbers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from types import MappingProxyType
+
+import numpy as np
+
+from tendonrepro.config.ensemble import load_ensemble
+from tendonrepro.config.models.readings import RUNS
+from tendonrepro.config.published import published
+from tendonrepro.console import Talk
+from tendonrepro.identify.misfit import (
+    Outcome,
+    printed_numbers,
+)
+from tendonrepro.physics.metrics import STATUSES
+from tendonrepro.simulation.batch import Batch
+from tendonrepro.simulation.streaming import STATISTICS
+
+QUIET = Talk(quiet=True)
+OK, RINGING, DIVERGED, UNRESOLVED = range(len(STATUSES))
+
+
+class Killed(BaseException):
+    """What no handler catches."""
+
+
+@cache
+def loaded():
+    return load_ensemble(None)
+
+
+def measured(sizes, status=OK, lasted=1.0):
+    """Plants with all four runs; `sizes` (N, 4, 2, 2)."""
+    sizes = np.asarray(sizes, dtype=float)
+    shape = sizes.shape[:2]
+    return Outcome(sizes, np.broadcast_to(np.int8(status), shape), np.broadcast_to(lasted, shape))
+
+
+def paper(**changed):
+    """The paper with some numbers changed, by ids with ``__`` for a point."""
+    held = published()
+    entries = dict(held.entries)
+    for name, value in changed.items():
+        entries[name.replace("__", ".")] = replace(entries[name.replace("__", ".")], value=value)
+    return replace(held, entries=MappingProxyType(entries))
+
+
+PRINTED = printed_numbers(published(), (2, 3))
+
+
+def plants(*, factor=1.0, spread=0.05, count=200):
+    """Plants around the printed numbers, `spread` in log, every number by itself."""
+    noise = np.random.default_rng(3).uniform(-spread, spread, (count, 4, 2, 2))
+    return measured(factor * PRINTED.values * np.exp(noise))
+
+
+def made_up(loops, limits):
+    """A stepper of a few unknowns: size by motor damping and link length, order by the law's weights."""
+    del limits
+    sizes = np.array([_size(loop) for loop in loops])
+    zeros = np.zeros((len(loops), 2))
+    values = dict.fromkeys(STATISTICS, zeros) | {
+        "mae": np.deg2rad(sizes[:, 0]), "rmse": np.deg2rad(sizes[:, 1])
+    }  # fmt: skip
+    values |= {"mae_late": 2.0 * values["mae"], "rmse_late": 2.0 * values["rmse"]}
+    ends = np.array([loop.reference.time[-1] for loop in loops])
+    return Batch(values, np.zeros(len(loops), np.int8), ends, np.full(len(loops), 2))
+
+
+def _size(loop):
+    """MAE and RMSE in degrees, (2, 2); Controller 1's is smaller by a share that no plant changes."""
+    law, plant = loop.controller.law, loop.plant
+    stroke = float(np.ptp(loop.reference.q_d[:, 1]))
+    base = 0.4 * float(plant.drive.friction.viscous[0]) * np.array([stroke, 2.0 * stroke**2])
+    two_weights = law.weights[1] != 0.0
+    factor = 0.9 if two_weights.any() else 1.0
+    return np.array([base, 1.25 * base]) * factor
+
+
+def made_up_paper(**changed):
+    """Printed numbers that the made-up stepper gives for a plant in the middle of the box."""
+    base = 0.2 * np.array([1.0, 1.0])
+    values = {}
+    for run, factor in zip(RUNS, (0.9, 1.0, 1.0, 0.9), strict=True):
+        table = "table3.with_load" if run == "controller_1_payload" else f"table2.{run}"
+        for metric, more in (("mae", 1.0), ("rmse", 1.25)):
+            for joint, size in zip((2, 3), base, strict=True):
+                values[f"{table}.{metric}.joint_{joint}"] = round(float(factor * more * size), 3)
+    return paper(**{name.replace(".", "__"): value for name, value in (values | changed).items()})
