@@ -30,8 +30,7 @@ from tendonrepro.experiments.rig import (
     coupling,
     start_angles,
 )
-from tendonrepro.physics.control import DEGREES_PER_RADIAN, Law, Surface, estimator_weights
-from tendonrepro.physics.servo import Servo
+from tendonrepro.physics.control import DEGREES_PER_RADIAN, Law, Servo, Surface, estimator_weights
 from tendonrepro.physics.trajectory import (
     Motion,
     Shape,

@@ -23,9 +23,8 @@ from tendonrepro.physics.disturbance import (
 )
 from tendonrepro.physics.drive import Drive
 from tendonrepro.physics.dynamics import Plant
-from tendonrepro.physics.encoder import Encoder
 from tendonrepro.physics.friction import Friction
-from tendonrepro.physics.instruments import Actuator
+from tendonrepro.physics.instruments import Actuator, Encoder
 from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix
 
 Experiment = CompareConfig | DecoupleConfig

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tendonrepro.arrays import Array
 from tendonrepro.physics.control import Law, start_memory
 from tendonrepro.physics.dynamics import holding_torque, rest_state
-from tendonrepro.physics.encoder import quantise
+from tendonrepro.physics.instruments import quantise
 from tendonrepro.simulation import streaming
 from tendonrepro.simulation.codegen import compiled
 from tendonrepro.simulation.codegen.lanes import LANES, Rows, stacked

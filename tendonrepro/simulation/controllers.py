@@ -13,9 +13,8 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.physics.control import Law, Memory, remember, start_memory
+from tendonrepro.physics.control import Law, Memory, Servo, remember, servo_torque, start_memory
 from tendonrepro.physics.dynamics import Plant
-from tendonrepro.physics.servo import Servo, servo_torque
 
 CommandFunction = Callable[[Memory, Array, Array, Array, Array, Law], tuple[Array, Array, Array, Array]]
 """Signature of :func:`tendonrepro.physics.control.command`."""

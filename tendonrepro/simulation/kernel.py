@@ -14,8 +14,7 @@ from tendonrepro.arrays import Array, choose
 from tendonrepro.physics import control
 from tendonrepro.physics.control import Law, Memory
 from tendonrepro.physics.dynamics import Plant, state_derivative
-from tendonrepro.physics.encoder import Encoder, quantise
-from tendonrepro.physics.instruments import Actuator, applied_torque
+from tendonrepro.physics.instruments import Actuator, Encoder, applied_torque, quantise
 from tendonrepro.simulation import streaming
 from tendonrepro.simulation.codegen.lanes import LaneTape, Rows, lane_code, remembered
 from tendonrepro.simulation.controllers import Measurement, TimeDelayController

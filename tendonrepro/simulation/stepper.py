@@ -19,8 +19,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.errors import TendonreproError
 from tendonrepro.physics.drive import tendon_torque, to_joint_torque
 from tendonrepro.physics.dynamics import Plant, holding_torque, link_acceleration, rest_state
-from tendonrepro.physics.encoder import Encoder, noise_sequence, quantise
-from tendonrepro.physics.instruments import Actuator, applied_torque
+from tendonrepro.physics.instruments import Actuator, Encoder, applied_torque, noise_sequence, quantise
 from tendonrepro.simulation.controllers import Controller, Measurement
 
 STEPS_PER_SAMPLE = 5000

@@ -29,9 +29,8 @@ from tendonrepro.physics.control import Law, Surface, estimator_weights, phi, su
 from tendonrepro.physics.disturbance import no_disturbance
 from tendonrepro.physics.drive import Drive
 from tendonrepro.physics.dynamics import Plant, frictionless, holding_torque, rest_state, state_derivative
-from tendonrepro.physics.encoder import Encoder
 from tendonrepro.physics.friction import Friction
-from tendonrepro.physics.instruments import Actuator
+from tendonrepro.physics.instruments import Actuator, Encoder
 from tendonrepro.simulation.controllers import TimeDelayController
 from tendonrepro.simulation.stepper import Loop, Reference, Solver, simulate
 
