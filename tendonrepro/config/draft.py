@@ -23,7 +23,7 @@ _M = TypeVar("_M", bound=Model)
 
 
 @dataclass(frozen=True)
-class Source:
+class ConfigSource:
     """The text of a configuration and where it stands.
 
     Attributes
@@ -47,7 +47,7 @@ class Source:
     files: tuple[Path, ...]
 
 
-def find_source(source: Source | Path | str | None, experiment: str | None) -> Source:
+def find_source(source: ConfigSource | Path | str | None, experiment: str | None) -> ConfigSource:
     """Read standard input, a file, or a shipped configuration, in this order; what is read stays as it is.
 
     Raises
@@ -55,19 +55,19 @@ def find_source(source: Source | Path | str | None, experiment: str | None) -> S
     ConfigError
         When there is nothing to read or it is not text.
     """
-    if isinstance(source, Source):
+    if isinstance(source, ConfigSource):
         return source
     if source is not None and str(source) == "-":
         name = "<stdin>"
         raw = b"" if sys.stdin is None else sys.stdin.buffer.read(MAX_BYTES + 1)
         text = decode(raw, name)
-        return Source(text, name, name, Path.cwd(), ())
+        return ConfigSource(text, name, name, Path.cwd(), ())
     origin = str(experiment if source is None else source)
     path = Path(origin)
     if source is None or (origin in shipped_names() and not _is_file(path)):
         path = shipped_file(origin)
     text = read_text(path, hint=f"Shipped configurations, by name: {', '.join(shipped_names())}")
-    return Source(text, str(path), origin, path.parent, (path,))
+    return ConfigSource(text, str(path), origin, path.parent, (path,))
 
 
 class Draft:
@@ -75,7 +75,7 @@ class Draft:
 
     Parameters
     ----------
-    source : Source
+    source : ConfigSource
     experiment : str or None
         What the configuration must be for; None takes it from the configuration.
 
@@ -89,7 +89,7 @@ class Draft:
         What the configuration is for; ``manipulator`` if it is only that.
     """
 
-    def __init__(self, source: Source, experiment: str | None) -> None:
+    def __init__(self, source: ConfigSource, experiment: str | None) -> None:
         self._document = load(source.text, source.name)
         self._manipulator: Document | None = None
         self._overrides: Sequence[Override] = ()

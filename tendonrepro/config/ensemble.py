@@ -15,13 +15,13 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import AfterValidator, Field, model_validator
 
-from tendonrepro.config.draft import Draft, Source, find_source
-from tendonrepro.config.fields.model import Model, Name, Problems, RootModel, SchemaVersion
+from tendonrepro.config.draft import ConfigSource, Draft, find_source
+from tendonrepro.config.fields.model import Identifier, Model, Problems, RootModel, SchemaVersion
 from tendonrepro.config.fields.physical import physical
 from tendonrepro.config.fields.quantity import Scalar
 from tendonrepro.config.fields.strict_yaml import dump
 from tendonrepro.config.load import LoadedConfig, load_config
-from tendonrepro.config.models.box import Confidence, Rows, to_si
+from tendonrepro.config.models.box import Box, Confidence, to_si
 from tendonrepro.config.models.experiment import CompareConfig
 from tendonrepro.config.models.readings import AXES, RUNS, VARIATIONS, parse_reading
 from tendonrepro.config.overrides import parse_override
@@ -102,7 +102,7 @@ class EnsembleConfig(RootModel):
         Scalar, physical("s", "periods are repeated until a run lasts this long", above=0.0)
     ]
     longest_run: Annotated[Scalar, physical("s", "no run of the box may last longer", above=0.0)]
-    populations: Annotated[dict[Name, Population], Field(min_length=1)]
+    populations: Annotated[dict[Identifier, Population], Field(min_length=1)]
     pairs: Annotated[
         tuple[
             Annotated[tuple[Annotated[str, AfterValidator(_check_reading)], ...], Field(min_length=1)], ...
@@ -110,7 +110,7 @@ class EnsembleConfig(RootModel):
         Field(description="settings axis=value that are run together"),
     ]
     variations: tuple[Annotated[str, AfterValidator(_check_variation)], ...]
-    box: Rows
+    box: Box
 
     @model_validator(mode="after")
     def _check_durations(self) -> EnsembleConfig:
@@ -163,7 +163,7 @@ class LoadedEnsemble:
 
 
 def load_ensemble(
-    source: Source | Path | str | None, *, overrides: Sequence[str] = (), seed: int | None = None
+    source: ConfigSource | Path | str | None, *, overrides: Sequence[str] = (), seed: int | None = None
 ) -> LoadedEnsemble:
     """Read, complete and validate an ensemble's configuration.
 
@@ -202,7 +202,7 @@ def load_ensemble(
     )
 
 
-def _load_base(name: str, overrides: Sequence[str], draft: Draft, found: Source) -> LoadedConfig:
+def _load_base(name: str, overrides: Sequence[str], draft: Draft, found: ConfigSource) -> LoadedConfig:
     places = [found.folder / name, shipped_folder() / name]
     path = next((place for place in places if place.is_file()), None)
     where = draft.locate((BASE,)).text
@@ -228,7 +228,7 @@ def _digest(config: EnsembleConfig, base: LoadedConfig) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _longest_cycles(box: Rows) -> Iterator[tuple[str, float]]:
+def _longest_cycles(box: Box) -> Iterator[tuple[str, float]]:
     """Longest period of each kind of motion, s; strokes last longest at low speed and large amplitude."""
     period = to_si(box.period.high, box.period.unit)
     hold = to_si(box.hold.high, box.hold.unit)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-from tendonrepro.config.draft import Draft, Source, find_source
+from tendonrepro.config.draft import ConfigSource, Draft, find_source
 from tendonrepro.config.fields.strict_yaml import Key, Node, dump
 from tendonrepro.config.models.experiment import CompareConfig, DecoupleConfig
 from tendonrepro.config.models.manipulator import Manipulator
@@ -80,7 +80,7 @@ class LoadedConfig:
 
 
 def load_config(
-    source: Source | Path | str | None,
+    source: ConfigSource | Path | str | None,
     experiment: ExperimentName | None,
     *,
     overrides: Sequence[str] = (),
@@ -114,7 +114,7 @@ def load_config(
 
 
 def _loaded(
-    found: Source,
+    found: ConfigSource,
     experiment: ExperimentName | None,
     overrides: Sequence[str],
     seed: int | None = None,

@@ -105,10 +105,10 @@ class Judgement:
 
 KINDS_OF_JUDGEMENT = ("arithmetic", "model", "ensemble", "measured", "input")
 
-Entry: TypeAlias = PrintedNumber | PrintedRatio | PrintedText
+PrintedEntry: TypeAlias = PrintedNumber | PrintedRatio | PrintedText
 
 # A kind added here, with its class, is all that a new sort of entry needs.
-_KINDS: Mapping[str, type[Entry]] = {
+_KINDS: Mapping[str, type[PrintedEntry]] = {
     "number": PrintedNumber,
     "ratio": PrintedRatio,
     "text": PrintedText,
@@ -121,7 +121,7 @@ _ACCEPTED: Mapping[str, tuple[type, ...]] = {"str": (str,), "float": (int, float
 class Published:
     """Everything printed, and how it is judged, by id."""
 
-    entries: Mapping[str, Entry]
+    entries: Mapping[str, PrintedEntry]
     judgements: Mapping[str, Judgement]
 
     def number(self, identifier: str) -> float:
@@ -177,7 +177,7 @@ def parse_published(document: Document) -> Published:
         than it says, or an entry that not exactly one judgement covers.
     """
     listed = _lists(document)
-    entries: dict[str, Entry] = {}
+    entries: dict[str, PrintedEntry] = {}
     for index, item in enumerate(listed["entries"]):
         where = document.where(("entries", index))
         entry = _entry(item, where)
@@ -230,7 +230,7 @@ def _the_one(rules: list[Judgement], name: str, where: str) -> Judgement:
     return fitting[0]
 
 
-def _entry(item: Node, where: str) -> Entry:
+def _entry(item: Node, where: str) -> PrintedEntry:
     kind = item.get("kind") if isinstance(item, dict) else None
     if not isinstance(item, dict) or not isinstance(kind, str) or kind not in _KINDS:
         message = f"expected an entry of kind {', '.join(_KINDS)}"

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tendonrepro.arrays import Array
 from tendonrepro.config.ensemble import EnsembleConfig
 from tendonrepro.config.load import CompareConfig, LoadedConfig
-from tendonrepro.config.models.box import Among, Range, Row, Words, rule_of, to_si
+from tendonrepro.config.models.box import Among, BoxRange, BoxRow, Words, rule_of, to_si
 from tendonrepro.config.models.readings import as_printed
 from tendonrepro.ensemble.draw import drawn_tree
 
@@ -119,7 +119,7 @@ def make_box(config: EnsembleConfig) -> Box:
         low=np.array([size.low for size in sizes]),
         nominal=np.array([size.nominal for size in sizes]),
         high=np.array([size.high for size in sizes]),
-        scale=tuple(row.scale if isinstance(row, Range) else _CHOICE for row in items.values()),
+        scale=tuple(row.scale if isinstance(row, BoxRange) else _CHOICE for row in items.values()),
         confidence=tuple(row.confidence for row in items.values()),
         source=tuple(row.source for row in items.values()),
         choices=tuple(size.choices for size in sizes),
@@ -148,9 +148,9 @@ class _Numbers(NamedTuple):
     choices: Array
 
 
-def _numbers(name: str, row: Row) -> _Numbers:
+def _numbers(name: str, row: BoxRow) -> _Numbers:
     """Numbers of a row in SI; a word counts as its place among the known ones."""
-    if isinstance(row, Range):
+    if isinstance(row, BoxRange):
         low, nominal, high = (to_si(value, row.unit) for value in (row.low, row.nominal, row.high))
         return _Numbers(low, nominal, high, np.zeros(0))
     if isinstance(row, Words):

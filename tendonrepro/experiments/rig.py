@@ -11,8 +11,7 @@ import numpy as np
 from tendonrepro.arrays import Array
 from tendonrepro.config.load import CompareConfig, DecoupleConfig
 from tendonrepro.config.models.experiment import NoDisturbance, SineDisturbance, StepDisturbance
-from tendonrepro.config.models.manipulator import Encoder as EncoderConfig
-from tendonrepro.config.models.manipulator import Manipulator
+from tendonrepro.config.models.manipulator import EncoderConfig, Manipulator
 from tendonrepro.physics.arm import Arm, make_arm
 from tendonrepro.physics.disturbance import (
     Disturbance,

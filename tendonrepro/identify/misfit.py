@@ -17,7 +17,7 @@ from tendonrepro.ensemble.box import Box, configured
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.batch import Batch
-from tendonrepro.simulation.stepper import Loop, Reference
+from tendonrepro.simulation.stepper import DesiredMotion, Loop
 
 Window: TypeAlias = Literal["whole", "late"]
 """What the printed numbers average: the whole run, or all after its first period."""
@@ -203,9 +203,9 @@ def acting_units(box: Box) -> Array:
     return np.array(points)
 
 
-def _cut(reference: Reference) -> Reference:
+def _cut(reference: DesiredMotion) -> DesiredMotion:
     start = slice(_STUB)
-    return Reference(
+    return DesiredMotion(
         reference.time[start],
         reference.q_d[start],
         reference.dq_d[start],

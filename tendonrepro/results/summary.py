@@ -21,7 +21,6 @@ MEASURED = "measured"
 """Law of a run that was measured."""
 
 Sizes: TypeAlias = dict[str, Array]
-Numbers: TypeAlias = list[float | None]
 
 
 def sizes_deg(e: Array, *, gaps: bool = False) -> Sizes:
@@ -176,7 +175,7 @@ def table_data_decouple(file: TraceFile) -> dict[str, Any]:
     return data | {"status": _statuses(file)}
 
 
-def _numbers(sizes: Sizes) -> dict[str, Numbers]:
+def _numbers(sizes: Sizes) -> dict[str, list[float | None]]:
     return {
         f"{name}_deg": [float(x) if np.isfinite(x) else None for x in values]
         for name, values in sizes.items()

@@ -14,20 +14,20 @@ from tendonrepro.physics.dynamics import holding_torque, rest_state
 from tendonrepro.physics.instruments import quantise
 from tendonrepro.simulation import streaming
 from tendonrepro.simulation.codegen import compiled
-from tendonrepro.simulation.codegen.lanes import LANES, Rows, stacked
-from tendonrepro.simulation.kernel import RECORDED, Numbers, sample_code, step_code
+from tendonrepro.simulation.codegen.lanes import LANES, LaneRows, stacked
+from tendonrepro.simulation.kernel import RECORDED, LoopNumbers, sample_code, step_code
 from tendonrepro.simulation.resolution import plant_modes, steps_needed
 from tendonrepro.simulation.stepper import JOINT_NOISE, TORQUE_NOISE, Loop, random_stream
 
 
 @dataclass(frozen=True)
-class Part:
+class CompiledPart:
     """Compiled code that some loops share, and the numbers of each.
 
     Attributes
     ----------
     code : LaneCode
-    rows : Rows
+    rows : LaneRows
     start : dict of str to array (rows, N)
         Values of the rows at the first sample.
     column : dict of int to int
@@ -35,7 +35,7 @@ class Part:
     """
 
     code: compiled.LaneCode
-    rows: Rows
+    rows: LaneRows
     start: dict[str, Array]
     column: dict[int, int]
 
@@ -67,7 +67,7 @@ class Ended:
     blocks : array (B, n, M)
         Errors summed up over blocks of samples.
     trace : array (T, 9 n, M)
-        Rows of `RECORDED`; without entries unless asked for.
+        LaneRows of `RECORDED`; without entries unless asked for.
     """
 
     count: NDArray[np.int64]
@@ -86,7 +86,9 @@ class Ended:
         return signals
 
 
-def plant_part(loops: Mapping[int, Loop], tolerance: float) -> tuple[Part, dict[int, int], dict[int, Array]]:
+def plant_part(
+    loops: Mapping[int, Loop], tolerance: float
+) -> tuple[CompiledPart, dict[int, int], dict[int, Array]]:
     """Compile the plants of some loops.
 
     Parameters
@@ -98,7 +100,7 @@ def plant_part(loops: Mapping[int, Loop], tolerance: float) -> tuple[Part, dict[
 
     Returns
     -------
-    part : Part
+    part : CompiledPart
     steps : dict of int to int
         Integration steps per sample by place; 0 where none are enough.
     torque : dict of int to array (n,)
@@ -114,7 +116,7 @@ def plant_part(loops: Mapping[int, Loop], tolerance: float) -> tuple[Part, dict[
     torque, (source, rows) = holding_torque(still, plant), step_code(plant)
     code = compiled.compiled_lanes(source, "step", 2)
     places = {place: column[name] for place, name in key.items()}
-    part = Part(code, rows, {"state": rest_state(still, plant)}, places)
+    part = CompiledPart(code, rows, {"state": rest_state(still, plant)}, places)
     steps = {L: steps_needed(modes, L, tolerance) for L in {loop.L for loop in loops.values()}}
     return (
         part,
@@ -123,7 +125,9 @@ def plant_part(loops: Mapping[int, Loop], tolerance: float) -> tuple[Part, dict[
     )
 
 
-def sample_part(loops: Mapping[int, Loop], laws: Mapping[int, Law], torque: Mapping[int, Array]) -> Part:
+def sample_part(
+    loops: Mapping[int, Loop], laws: Mapping[int, Law], torque: Mapping[int, Array]
+) -> CompiledPart:
     """Compile encoders, law, motors and statistics of some loops.
 
     Parameters
@@ -136,26 +140,26 @@ def sample_part(loops: Mapping[int, Loop], laws: Mapping[int, Law], torque: Mapp
 
     Returns
     -------
-    Part
+    CompiledPart
     """
     numbers = _numbers([*loops.values()], [laws[place] for place in loops])
     tau = np.stack([np.zeros_like(torque[k]) if loop.cold else torque[k] for k, loop in loops.items()], -1)
     source, rows = sample_code(numbers)
     code = compiled.compiled_lanes(source, "sample", 1)
     start = _start(tau, numbers.actuator.delay, [*loops.values()])
-    return Part(code, rows, start, {place: k for k, place in enumerate(loops)})
+    return CompiledPart(code, rows, start, {place: k for k, place in enumerate(loops)})
 
 
-def _numbers(loops: Sequence[Loop], laws: Sequence[Law]) -> Numbers:
+def _numbers(loops: Sequence[Loop], laws: Sequence[Law]) -> LoopNumbers:
     phases: dict[int, streaming.Thresholds] = {}
     for loop in loops:
         if id(loop.reference) not in phases:
             reference = loop.reference
             period = round(reference.period / loop.L)
             phases[id(reference)] = streaming.thresholds(reference.dq_d, reference.ddq_d, period)
-    numbers: Numbers = stacked(
+    numbers: LoopNumbers = stacked(
         [
-            Numbers(
+            LoopNumbers(
                 law=law,
                 encoder=loop.joint_encoder,
                 actuator=loop.actuator,
@@ -198,7 +202,13 @@ def unit_noise(loop: Loop, samples: int) -> Array:
 
 
 def run_bundle(
-    loops: Mapping[int, Loop], sample: Part, plant: Part, steps: int, block: int, *, record: bool
+    loops: Mapping[int, Loop],
+    sample: CompiledPart,
+    plant: CompiledPart,
+    steps: int,
+    block: int,
+    *,
+    record: bool,
 ) -> Ended:
     """Run the experiments of one bundle.
 
@@ -206,7 +216,7 @@ def run_bundle(
     ----------
     loops : mapping of int to Loop
         By place in the batch, at most as many as there are lanes; all with the same sampling period.
-    sample, plant : Part
+    sample, plant : CompiledPart
     steps : int
         Integration steps per sample.
     block : int
@@ -254,7 +264,7 @@ def _noise(loops: Sequence[Loop], samples: int) -> Array:
     return np.stack([unit_noise(loop, samples) for loop in loops], axis=-1).reshape(samples, -1)
 
 
-def _ended(values: Array, rows: Rows, slow: Array, trace: Array) -> Ended:
+def _ended(values: Array, rows: LaneRows, slow: Array, trace: Array) -> Ended:
     """Read what is left in the rows (R, M) after a run."""
     members, fields = values.shape[1], len(streaming.Sums._fields)
     n = slow.shape[1] // LANES

@@ -35,7 +35,7 @@ class Measurement(NamedTuple):
     q_motor: Array
 
 
-class Decision(NamedTuple):
+class ControlDecision(NamedTuple):
     """What a controller makes of one sample.
 
     Attributes
@@ -63,10 +63,12 @@ class Controller(Protocol):
     def init(self, measured: Measurement, tau_before: Array) -> Any:
         """Memory at the first sample, given the torque that acted until then."""
 
-    def decide(self, memory: Any, measured: Measurement, q_d: Array, dq_d: Array, ddq_d: Array) -> Decision:
+    def decide(
+        self, memory: Any, measured: Measurement, q_d: Array, dq_d: Array, ddq_d: Array
+    ) -> ControlDecision:
         """Torque for this sample."""
 
-    def remember(self, memory: Any, measured: Measurement, decision: Decision, tau_m: Array) -> Any:
+    def remember(self, memory: Any, measured: Measurement, decision: ControlDecision, tau_m: Array) -> Any:
         """Memory for the next sample, given the torque that was really applied."""
 
     def derived(self, variables: Mapping[str, Array], plant: Plant) -> dict[str, Array]:
@@ -104,12 +106,14 @@ class TimeDelayController:
 
     def decide(
         self, memory: Memory, measured: Measurement, q_d: Array, dq_d: Array, ddq_d: Array
-    ) -> Decision:
+    ) -> ControlDecision:
         """Torque by Eq. (17)."""
         tau, H_hat, s, de = self.command(memory, measured.q, q_d, dq_d, ddq_d, self.law)
-        return Decision(tau, (H_hat, s), de)
+        return ControlDecision(tau, (H_hat, s), de)
 
-    def remember(self, memory: Memory, measured: Measurement, decision: Decision, tau_m: Array) -> Memory:
+    def remember(
+        self, memory: Memory, measured: Measurement, decision: ControlDecision, tau_m: Array
+    ) -> Memory:
         """Shift the delay lines."""
         return remember(memory, measured.q, decision.carry, tau_m)
 
@@ -147,15 +151,15 @@ class PositionController:
 
     def decide(
         self, memory: tuple[Array, Array], measured: Measurement, q_d: Array, dq_d: Array, ddq_d: Array
-    ) -> Decision:
+    ) -> ControlDecision:
         """Torque of the position loops."""
         del ddq_d
         before, offset = memory
         torque = servo_torque(measured.q_motor, before, self.S_inv @ q_d, self.S_inv @ dq_d, self.servo)
-        return Decision(offset + self.S_inv.T @ torque, (), None)
+        return ControlDecision(offset + self.S_inv.T @ torque, (), None)
 
     def remember(
-        self, memory: tuple[Array, Array], measured: Measurement, decision: Decision, tau_m: Array
+        self, memory: tuple[Array, Array], measured: Measurement, decision: ControlDecision, tau_m: Array
     ) -> tuple[Array, Array]:
         """Keep this sample's motor angles."""
         del decision, tau_m

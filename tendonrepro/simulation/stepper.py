@@ -56,7 +56,7 @@ class Solver:
 
 
 @dataclass(frozen=True)
-class Reference:
+class DesiredMotion:
     """Desired motion at every sample.
 
     Attributes
@@ -86,7 +86,7 @@ class Loop:
     joint_encoder, motor_encoder : Encoder
     actuator : Actuator
     controller : Controller
-    reference : Reference
+    reference : DesiredMotion
     L : float
         Sampling period, s.
     solver : Solver
@@ -104,7 +104,7 @@ class Loop:
     motor_encoder: Encoder
     actuator: Actuator
     controller: Controller
-    reference: Reference
+    reference: DesiredMotion
     L: float
     solver: Solver
     divergence_limit: float

@@ -13,7 +13,7 @@ from support import ROOT
 from tendonrepro.arrays import Array
 from tendonrepro.config.ensemble import LoadedEnsemble, load_ensemble
 from tendonrepro.config.load import CompareConfig
-from tendonrepro.config.models.box import DISTURBANCES, MOTIONS, Choice, Range, Words
+from tendonrepro.config.models.box import DISTURBANCES, MOTIONS, BoxRange, Choice, Words
 from tendonrepro.config.models.readings import AXES, RUNS, VARIATIONS, default_readings, under
 from tendonrepro.config.models.reference import MinimumJerk
 from tendonrepro.ensemble.box import Box, configured, make_box, population, scrambled_sobol
@@ -91,7 +91,7 @@ def test_choices_are_equally_frequent() -> None:
 
 def test_wide_rows_are_on_a_log_scale() -> None:
     for name, row in ensemble().config.box.items():
-        if isinstance(row, Range) and row.low > 0.0 and row.high >= 5.0 * row.low and name != "posture":
+        if isinstance(row, BoxRange) and row.low > 0.0 and row.high >= 5.0 * row.low and name != "posture":
             assert row.scale == "log", name
 
 
@@ -269,8 +269,8 @@ def table(heading: str, page: str) -> dict[str, list[str]]:
     return {line[0].strip("` "): line[1:] for line in lines}
 
 
-def shown(row: Range | Choice | Words) -> list[str]:
-    if isinstance(row, Range):
+def shown(row: BoxRange | Choice | Words) -> list[str]:
+    if isinstance(row, BoxRange):
         extent = f"{row.low:g} to {row.high:g}"
         return [extent, f"{row.nominal:g}", row.unit, row.scale, row.confidence, row.source]
     if isinstance(row, Choice):
@@ -281,7 +281,7 @@ def shown(row: Range | Choice | Words) -> list[str]:
 
 def test_page_shows_the_rows_of_the_box() -> None:
     expected = {name: shown(row) for name, row in ensemble().config.box.items()}
-    assert table("## Rows", PAGE.read_text(encoding="utf-8")) == expected
+    assert table("## Box", PAGE.read_text(encoding="utf-8")) == expected
 
 
 def test_page_shows_axes_motions_pairs_and_variations() -> None:

@@ -109,7 +109,7 @@ def _check_version(version: object) -> object:
     return version
 
 
-Name: TypeAlias = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+Identifier: TypeAlias = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
 
 
 def _not_reserved(name: str) -> str:
@@ -120,7 +120,7 @@ def _not_reserved(name: str) -> str:
     return name
 
 
-RunName: TypeAlias = Annotated[Name, AfterValidator(_not_reserved)]
+RunName: TypeAlias = Annotated[Identifier, AfterValidator(_not_reserved)]
 SchemaVersion: TypeAlias = Annotated[
     Literal[1], BeforeValidator(_check_version), Field(description="version of this file format")
 ]

@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from tendonrepro.config.fields.model import Model, Name, Problems
+from tendonrepro.config.fields.model import Identifier, Model, Problems
 from tendonrepro.config.fields.physical import physical
 from tendonrepro.config.fields.quantity import Scalar, Vector
 
@@ -61,7 +61,9 @@ class Control(Model):
     """Gains, laws and readings of the compared controllers."""
 
     gains: Gains
-    laws: Annotated[dict[Name, LawChoice], Field(min_length=1, description="the laws that runs may name")]
+    laws: Annotated[
+        dict[Identifier, LawChoice], Field(min_length=1, description="the laws that runs may name")
+    ]
     readings: Readings
     error_rate_cutoff: (
         Annotated[Scalar, physical("Hz", "cutoff of the low-pass error rate", above=0.0)] | None

@@ -28,7 +28,7 @@ from tendonrepro.config.fields.quantity import Scalar, Vector
 from tendonrepro.config.fields.strict_yaml import Key
 from tendonrepro.config.models.control import Control
 from tendonrepro.config.models.manipulator import Manipulator
-from tendonrepro.config.models.reference import Reference
+from tendonrepro.config.models.reference import ReferenceConfig
 
 _T = TypeVar("_T")
 
@@ -77,12 +77,12 @@ class NoiseDisturbance(Model):
         return band
 
 
-Disturbance: TypeAlias = Annotated[
+DisturbanceConfig: TypeAlias = Annotated[
     NoDisturbance | StepDisturbance | SineDisturbance | NoiseDisturbance, Field(discriminator="kind")
 ]
 
 
-class Solver(Model):
+class SolverConfig(Model):
     """Integrator of the plant between two samples."""
 
     method: Literal["dopri5", "dop853", "lsoda"]
@@ -125,8 +125,8 @@ class Experiment(RootModel):
     seed: Annotated[
         Scalar, physical("1", "seed of all random numbers", at_least=0.0, at_most=2.0**32 - 1.0, whole=True)
     ]
-    disturbance: Disturbance
-    solver: Solver
+    disturbance: DisturbanceConfig
+    solver: SolverConfig
     status: StatusLimits
 
     @field_validator("joints")
@@ -157,7 +157,7 @@ class Experiment(RootModel):
 
     @field_validator("solver")
     @classmethod
-    def _check_step(cls, solver: Solver, info: ValidationInfo) -> Solver:
+    def _check_step(cls, solver: SolverConfig, info: ValidationInfo) -> SolverConfig:
         period: Scalar | None = info.data.get("sampling_period")
         problems = Problems()
         if period is not None and not is_multiple(period.si, solver.max_step.si):
@@ -188,13 +188,13 @@ class CompareConfig(Experiment):
     """Controllers on the same reference, sections 5.3 and 5.4."""
 
     experiment: Literal["compare"]
-    reference: Reference
+    reference: ReferenceConfig
     control: Control
     runs: Annotated[dict[RunName, CompareRun], Field(min_length=1, description="runs by name")]
 
     @field_validator("reference")
     @classmethod
-    def _check_reference(cls, reference: Reference, info: ValidationInfo) -> Reference:
+    def _check_reference(cls, reference: ReferenceConfig, info: ValidationInfo) -> ReferenceConfig:
         problems = Problems()
         _check_duration(reference, (), info, problems)
         problems.raise_if_any()
@@ -215,7 +215,7 @@ class DecoupleRun(Model):
         Literal["joints", "motors"],
         Field(description="whether the reference is of joints, mapped by S_inv, or of the motors themselves"),
     ]
-    reference: Reference
+    reference: ReferenceConfig
     payload: Annotated[Scalar, physical("kg", "point mass at the tool", at_least=0.0)]
 
 
@@ -236,7 +236,7 @@ class DecoupleConfig(Experiment):
         return runs
 
 
-def _check_duration(reference: Reference, at: Key, info: ValidationInfo, problems: Problems) -> None:
+def _check_duration(reference: ReferenceConfig, at: Key, info: ValidationInfo, problems: Problems) -> None:
     """Note a duration that is not a whole number of samples."""
     period, duration = info.data.get("sampling_period"), reference.duration
     if period is None or duration is None:

@@ -28,7 +28,7 @@ _SOURCE = "assumed: the reading that is being run"
 
 
 @dataclass(frozen=True)
-class Axis:
+class ReadingAxis:
     """One place that can be read in more than one way.
 
     Attributes
@@ -65,7 +65,7 @@ class Reading:
     name : str
         ``printed``, or its settings as ``axis=value`` joined by ``+``.
     settings : tuple of (str, str)
-        Axis and value in the order of `AXES`; printed values are left out.
+        ReadingAxis and value in the order of `AXES`; printed values are left out.
     """
 
     name: str
@@ -80,8 +80,8 @@ class HasReadings(Protocol):
         """Settings ``axis=value`` that are run together."""
 
 
-def _axis(name: str, printed: str, others: str, runs: tuple[str, ...], place: str, about: str) -> Axis:
-    return Axis(name, printed, dict.fromkeys(others.split(), runs), place, about)
+def _axis(name: str, printed: str, others: str, runs: tuple[str, ...], place: str, about: str) -> ReadingAxis:
+    return ReadingAxis(name, printed, dict.fromkeys(others.split(), runs), place, about)
 
 
 _AXES = (
@@ -93,7 +93,7 @@ _AXES = (
           "Whether the two delayed estimates weigh (1−α, α) or (1+α, −α)."),
     _axis("differencing", "lagging", "centred", RUNS, "Eq. (16)",
           "Whether the second difference lags its label by one period or is centred on it."),
-    Axis("gain_unit", "radian", {"phi_in_degrees": _TERMINAL, "law_in_degrees": RUNS}, "Section 5.3",
+    ReadingAxis("gain_unit", "radian", {"phi_in_degrees": _TERMINAL, "law_in_degrees": RUNS}, "Section 5.3",
          "Whether gains mean radians, or degrees inside φ, or degrees in the whole law."),
     _axis("eta_in_controller_2", "kept", "dropped", ("controller_2",), "Section 5.3",
           "Whether Controller 2 keeps the η that its printed law lacks."),
@@ -112,7 +112,7 @@ _AXES = (
     _axis("tensioner", "negative", "distal_only alternating absent", RUNS, "Section 2.2",
           "On which side tendon 4 passes the joints; absent as in Eqs. (3) to (5)."),
 )  # fmt: skip
-AXES: Mapping[str, Axis] = {axis.name: axis for axis in _AXES}
+AXES: Mapping[str, ReadingAxis] = {axis.name: axis for axis in _AXES}
 """The axes of readings, by name."""
 
 _WHAT_IFS = (
@@ -121,8 +121,8 @@ _WHAT_IFS = (
     _axis("M_bar", "printed", "halved", ("controller_2",), "Section 4.2",
           "Constant inertia of the law."),
 )  # fmt: skip
-_WHAT_IF_AXES: Mapping[str, Axis] = {axis.name: axis for axis in _WHAT_IFS}
-_EVERY_AXIS: Mapping[str, Axis] = {**AXES, **_WHAT_IF_AXES}
+_WHAT_IF_AXES: Mapping[str, ReadingAxis] = {axis.name: axis for axis in _WHAT_IFS}
+_EVERY_AXIS: Mapping[str, ReadingAxis] = {**AXES, **_WHAT_IF_AXES}
 _ORDER = {name: place for place, name in enumerate(_EVERY_AXIS)}
 _DRAWN_BY_HARDWARE = ("error_rate", "output_delay", "encoder")
 
@@ -208,7 +208,7 @@ def full_cross() -> tuple[Reading, ...]:
     return (*_crossed(others, {}), *_crossed(kept, {"hardware": "drawn"}))
 
 
-def _crossed(axes: Sequence[Axis], fixed: Mapping[str, str]) -> list[Reading]:
+def _crossed(axes: Sequence[ReadingAxis], fixed: Mapping[str, str]) -> list[Reading]:
     names = [axis.name for axis in axes]
     choices = product(*((axis.printed, *axis.alternatives) for axis in axes))
     return [reading({**dict(zip(names, values, strict=True)), **fixed}) for values in choices]

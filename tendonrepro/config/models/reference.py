@@ -26,7 +26,7 @@ from tendonrepro.physics.trajectory import trapezoid_times
 Amplitude: TypeAlias = Annotated[Vector, physical("rad", "largest angle of each joint", size="moving")]
 Duration: TypeAlias = Annotated[Scalar, physical("s", "duration", above=0.0)]
 Hold: TypeAlias = Annotated[Scalar, physical("s", "pause after each stroke", at_least=0.0)]
-Turns: TypeAlias = Annotated[
+TurnOrder: TypeAlias = Annotated[
     tuple[Annotated[tuple[StrictInt, ...], Field(min_length=1)], ...] | None,
     Field(min_length=1, description="joints that move in each turn; absent: all at once"),
 ]
@@ -52,7 +52,7 @@ class Periodic(Model):
 class InTurns(Periodic):
     """A periodic motion in which the joints may take turns; a period is then all turns once."""
 
-    turns: Turns = None
+    turns: TurnOrder = None
 
     @property
     def duration(self) -> float:
@@ -61,7 +61,7 @@ class InTurns(Periodic):
 
     @field_validator("turns")
     @classmethod
-    def _check_turns(cls, turns: Turns, info: ValidationInfo) -> Turns:
+    def _check_turns(cls, turns: TurnOrder, info: ValidationInfo) -> TurnOrder:
         moving = Outline.known(info).moving
         problems = Problems()
         if turns is not None and moving == _ITS_OWN:
@@ -194,6 +194,6 @@ class PerJoint(Model):
         return self.references[0].duration
 
 
-Reference: TypeAlias = Annotated[
+ReferenceConfig: TypeAlias = Annotated[
     RaisedCosine | MinimumJerk | Trapezoidal | Sine | Sampled | PerJoint, Field(discriminator="kind")
 ]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
 
-from tendonrepro.config.draft import Draft, Source
+from tendonrepro.config.draft import ConfigSource, Draft
 from tendonrepro.config.fields.strict_yaml import Node
 from tendonrepro.config.load import CompareConfig, LoadedConfig
 from tendonrepro.config.models.reference import Sampled
@@ -220,7 +220,7 @@ def sweep_points(base: LoadedConfig, axes: Sequence[Axis]) -> list[Point]:
     UsageError
         When points differ in joints or in the names of their runs.
     """
-    source = Source(base.yaml_text, _DRAFTED, _DRAFTED, base.folder, ())
+    source = ConfigSource(base.yaml_text, _DRAFTED, _DRAFTED, base.folder, ())
     mistakes, points = _Mistakes(axes), []
     for places in product(*(range(len(axis.texts)) for axis in axes)):
         try:
@@ -235,7 +235,7 @@ def sweep_points(base: LoadedConfig, axes: Sequence[Axis]) -> list[Point]:
 
 
 def _point(
-    source: Source,
+    source: ConfigSource,
     base: LoadedConfig,
     axes: Sequence[Axis],
     places: tuple[int, ...],

@@ -9,8 +9,8 @@ from tendonrepro.arrays import Array
 LOOK_AGAIN = 64
 """Samples between two looks whether any experiment of a bundle still goes on."""
 
-Sample = Callable[[Array, float], None]
-Step = Callable[[Array, float, float], None]
+SampleCode = Callable[[Array, float], None]
+StepCode = Callable[[Array, float, float], None]
 
 
 def follow(  # noqa: PLR0912 (compiled: rows are copied one number at a time)
@@ -25,8 +25,8 @@ def follow(  # noqa: PLR0912 (compiled: rows are copied one number at a time)
     block: int,
     slow: Array,
     trace: Array,
-    sample: Sample,
-    step: Step,
+    sample: SampleCode,
+    step: StepCode,
 ) -> None:
     """Run a bundle to the end of its longest reference, or until every experiment has ended.
 

@@ -81,7 +81,7 @@ def _is_one(operand: Any) -> bool:
 
 
 @dataclass
-class Rows:
+class LaneRows:
     """Rows of the flat array, handed out one after the other.
 
     Attributes
@@ -154,7 +154,7 @@ class Rows:
             cells[index] = tape.row(row, parameter=True)
         return cells if cells.shape else cells[()]
 
-    def holding(self, record: Any) -> Rows:
+    def holding(self, record: Any) -> LaneRows:
         """Return the same rows for another record of the same :func:`signature`."""
         return replace(self, constants=dict(zip(self.constants, _varying(record), strict=True)))
 
@@ -191,15 +191,15 @@ def signature(record: Any) -> tuple[Any, ...]:
     )
 
 
-Writer: TypeAlias = Callable[[Any], tuple[str, Rows]]
+Writer: TypeAlias = Callable[[Any], tuple[str, LaneRows]]
 
 
 def remembered(write: Writer) -> Writer:
     """Write code once for all records of one :func:`signature`."""
-    known: dict[tuple[Any, ...], tuple[str, Rows]] = {}
+    known: dict[tuple[Any, ...], tuple[str, LaneRows]] = {}
 
     @wraps(write)
-    def code(record: Any) -> tuple[str, Rows]:
+    def code(record: Any) -> tuple[str, LaneRows]:
         key = signature(record)
         if key not in known:
             known[key] = write(record)
@@ -230,7 +230,7 @@ def stacked(records: list[Any]) -> Any:
     return np.stack([np.asarray(record, dtype=np.float64) for record in records], axis=-1)
 
 
-def lane_code(name: str, arguments: str, tape: LaneTape, results: Mapping[int, Any], rows: Rows) -> str:
+def lane_code(name: str, arguments: str, tape: LaneTape, results: Mapping[int, Any], rows: LaneRows) -> str:
     """Source of two functions: ``<name>(w, ...)``, a loop over the lanes, and what it needs prepared.
 
     Parameters
@@ -241,7 +241,7 @@ def lane_code(name: str, arguments: str, tape: LaneTape, results: Mapping[int, A
     tape : LaneTape
     results : mapping of int to Symbol or float
         What each row becomes.
-    rows : Rows
+    rows : LaneRows
         Gains a row for each value that depends on parameters alone.
 
     Returns
