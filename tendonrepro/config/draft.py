@@ -48,13 +48,7 @@ class ConfigSource:
 
 
 def find_source(source: ConfigSource | Path | str | None, experiment: str | None) -> ConfigSource:
-    """Read standard input, a file, or a shipped configuration, in this order; what is read stays as it is.
-
-    Raises
-    ------
-    ConfigError
-        When there is nothing to read or it is not text.
-    """
+    """Read standard input, a file, or a shipped configuration, in this order; a source stays as it is."""
     if isinstance(source, ConfigSource):
         return source
     if source is not None and str(source) == "-":

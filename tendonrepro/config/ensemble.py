@@ -21,7 +21,7 @@ from tendonrepro.config.fields.physical import physical
 from tendonrepro.config.fields.quantity import Scalar
 from tendonrepro.config.fields.strict_yaml import dump
 from tendonrepro.config.load import LoadedConfig, load_config
-from tendonrepro.config.models.box import Box, Confidence, to_si
+from tendonrepro.config.models.box import BoxConfig, Confidence, to_si
 from tendonrepro.config.models.experiment import CompareConfig
 from tendonrepro.config.models.readings import AXES, RUNS, VARIATIONS, parse_reading
 from tendonrepro.config.overrides import parse_override
@@ -110,7 +110,7 @@ class EnsembleConfig(RootModel):
         Field(description="settings axis=value that are run together"),
     ]
     variations: tuple[Annotated[str, AfterValidator(_check_variation)], ...]
-    box: Box
+    box: BoxConfig
 
     @model_validator(mode="after")
     def _check_durations(self) -> EnsembleConfig:
@@ -228,7 +228,7 @@ def _digest(config: EnsembleConfig, base: LoadedConfig) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _longest_cycles(box: Box) -> Iterator[tuple[str, float]]:
+def _longest_cycles(box: BoxConfig) -> Iterator[tuple[str, float]]:
     """Longest period of each kind of motion, s; strokes last longest at low speed and large amplitude."""
     period = to_si(box.period.high, box.period.unit)
     hold = to_si(box.hold.high, box.hold.unit)

@@ -60,10 +60,7 @@ def parse_override(text: str) -> Override:
 def apply_overrides(tree: dict[str, Node], overrides: Iterable[Override]) -> None:
     """Set the values in place; a quantity whose value or unit is set says so in its source.
 
-    Raises
-    ------
-    ConfigError
-        When a key leads nowhere; the last part of a key may be new, so that optional keys can be given.
+    Only the last part of a key may be new, so that optional keys can be given.
     """
     # A source given by hand must outlive the value it belongs to, whatever their order.
     for override in sorted(overrides, key=lambda override: override.path[-1] == "source"):

@@ -168,14 +168,7 @@ def published() -> Published:
 
 
 def parse_published(document: Document) -> Published:
-    """Check a document entry by entry and freeze it.
-
-    Raises
-    ------
-    ConfigError
-        For an unknown kind, a missing, unknown or ill-typed key, an id used twice, a value with more decimals
-        than it says, or an entry that not exactly one judgement covers.
-    """
+    """Check a document entry by entry, each covered by exactly one judgement, and freeze it."""
     listed = _lists(document)
     entries: dict[str, PrintedEntry] = {}
     for index, item in enumerate(listed["entries"]):

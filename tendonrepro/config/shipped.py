@@ -23,13 +23,7 @@ def shipped_names() -> list[str]:
 
 
 def shipped_file(name: str) -> Path:
-    """Path of a shipped configuration.
-
-    Raises
-    ------
-    UsageError
-        When there is none of that name.
-    """
+    """Path of a shipped configuration; a UsageError names what there is."""
     names = shipped_names()
     if name not in names:
         meant = nearest(name, names)

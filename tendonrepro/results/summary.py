@@ -92,21 +92,10 @@ def compared_runs(file: TraceFile) -> dict[str, Trace]:
 
 
 def ranking(file: TraceFile) -> dict[str, dict[str, dict[str, Any]]]:
-    """Order of the controllers by size of error, against the printed order 1 < 2 < 3.
+    """Order of the controllers by size of error, best first, and whether the printed order 1 < 2 < 3 holds.
 
     A diverged run comes last whatever its error up to there. Controllers that were not run are left out of
     both orders.
-
-    Parameters
-    ----------
-    file : TraceFile
-        Experiment ``compare``.
-
-    Returns
-    -------
-    dict
-        ``joint_<number>`` -> ``mae``, ``rmse`` -> ``order``, best first, and ``agrees``, whether the printed
-        order holds strictly. Empty when fewer than two of the controllers ran.
     """
     runs = [file.runs[name] for name in CONTROLLERS if name in file.runs]
     result: dict[str, dict[str, dict[str, Any]]] = {}

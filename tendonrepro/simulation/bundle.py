@@ -89,22 +89,10 @@ class Ended:
 def plant_part(
     loops: Mapping[int, Loop], tolerance: float
 ) -> tuple[CompiledPart, dict[int, int], dict[int, Array]]:
-    """Compile the plants of some loops.
+    """Compile the plants of loops with as many joints and components of the disturbance.
 
-    Parameters
-    ----------
-    loops : mapping of int to Loop
-        By their place in the batch; as many joints and components of the disturbance in each.
-    tolerance : float
-        Of the integration, see :func:`tendonrepro.simulation.resolution.steps_needed`.
-
-    Returns
-    -------
-    part : CompiledPart
-    steps : dict of int to int
-        Integration steps per sample by place; 0 where none are enough.
-    torque : dict of int to array (n,)
-        Motor torque at rest by place, N m.
+    Besides the code, by place in the batch: integration steps per sample, 0 where none are enough, and
+    motor torque at rest, N m.
     """
     # Runs under other readings share their plant and motion: these are worked out once.
     key = {place: (id(loop.plant), id(loop.reference)) for place, loop in loops.items()}
@@ -128,20 +116,7 @@ def plant_part(
 def sample_part(
     loops: Mapping[int, Loop], laws: Mapping[int, Law], torque: Mapping[int, Array]
 ) -> CompiledPart:
-    """Compile encoders, law, motors and statistics of some loops.
-
-    Parameters
-    ----------
-    loops : mapping of int to Loop
-        By their place in the batch, alike in every branch of their law.
-    laws : mapping of int to Law
-    torque : mapping of int to array (n,)
-        Motor torque at rest, N m.
-
-    Returns
-    -------
-    CompiledPart
-    """
+    """Compile encoders, law, motors and statistics of loops alike in every branch; torque at rest in N m."""
     numbers = _numbers([*loops.values()], [laws[place] for place in loops])
     tau = np.stack([np.zeros_like(torque[k]) if loop.cold else torque[k] for k, loop in loops.items()], -1)
     source, rows = sample_code(numbers)
@@ -210,23 +185,9 @@ def run_bundle(
     *,
     record: bool,
 ) -> Ended:
-    """Run the experiments of one bundle.
+    """Run the experiments of one bundle, by place in the batch; all have the same sampling period.
 
-    Parameters
-    ----------
-    loops : mapping of int to Loop
-        By place in the batch, at most as many as there are lanes; all with the same sampling period.
-    sample, plant : CompiledPart
-    steps : int
-        Integration steps per sample.
-    block : int
-        Samples of a block, see `Ended`.
-    record : bool
-        Keep traces.
-
-    Returns
-    -------
-    Ended
+    ``block`` is the number of samples of a block, see `Ended`; with ``record`` traces are kept.
     """
     # Empty lanes repeat the last experiment.
     places = list(loops)

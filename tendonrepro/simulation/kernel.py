@@ -80,16 +80,6 @@ def step_code(plant: Plant) -> tuple[str, LaneRows]:
     """Source of ``step(w, t, h)``: one Runge-Kutta step of the plants, torque held.
 
     Row ``ddq`` receives the joint acceleration at the start of the step.
-
-    Parameters
-    ----------
-    plant : Plant
-        Stacked over experiments.
-
-    Returns
-    -------
-    source : str
-    rows : LaneRows
     """
     tape, n = LaneTape(), plant.preload.shape[0]
     rows = _step_rows(n)
@@ -108,24 +98,7 @@ def step_code(plant: Plant) -> tuple[str, LaneRows]:
 def runge_kutta(
     derivative: Callable[[Any, Array], Array], t: Any, state: Array, h: Any
 ) -> tuple[Array, Array]:
-    """Classical Runge-Kutta step of order four.
-
-    Parameters
-    ----------
-    derivative : callable
-        ``(t, state)`` to the time derivative, (m, ...).
-    t : float
-    state : array (m, ...)
-    h : float
-        Step.
-
-    Returns
-    -------
-    after : array (m, ...)
-        State at ``t + h``.
-    slope : array (m, ...)
-        Derivative at ``t``.
-    """
+    """Classical Runge-Kutta step of order four: state at ``t + h``, and slope at ``t``, each (m, ...)."""
     half = 0.5 * h
     k1 = derivative(t, state)
     k2 = derivative(t + half, state + half * k1)
@@ -136,17 +109,7 @@ def runge_kutta(
 
 @remembered
 def sample_code(numbers: LoopNumbers) -> tuple[str, LaneRows]:
-    """Source of ``sample(w, k)``: encoders, law, motors, memory and statistics at sample k.
-
-    Parameters
-    ----------
-    numbers : LoopNumbers
-
-    Returns
-    -------
-    source : str
-    rows : LaneRows
-    """
+    """Source of ``sample(w, k)``: encoders, law, motors, memory and statistics at sample k."""
     tape, n = LaneTape(), numbers.S.shape[0]
     rows = _sample_rows(n)
     results: dict[int, Any] = {}

@@ -208,19 +208,7 @@ def _instruments(loop: Loop) -> Callable[[int, Array], Measurement]:
 
 
 def motor_angles(theta: Array, loop: Loop) -> Array:
-    """What the motor encoders read along a whole run.
-
-    Parameters
-    ----------
-    theta : array (T, n)
-        Motor angles in joint coordinates, rad.
-    loop : Loop
-
-    Returns
-    -------
-    array (T, n)
-        rad at the winch.
-    """
+    """What the motor encoders read along a run, rad at the winch, (T, n), from theta in joint coordinates."""
     shape = loop.reference.q_d.shape
     noise = noise_sequence(loop.motor_encoder.noise, shape, random_stream(loop, MOTOR_NOISE))
     q_motor = (theta - theta[0]) @ loop.plant.drive.S_inv.T
@@ -262,19 +250,7 @@ def _integrator(loop: Loop) -> Callable[[float, float, Array, Array], Array]:
 
 
 def trace_variables(recorded: dict[str, Array], loop: Loop) -> dict[str, Array]:
-    """Everything a trace holds, from what was recorded and the plant's own equations.
-
-    Parameters
-    ----------
-    recorded : dict of array
-        ``state`` (T, 4 n) and, each (T, n), ``q_encoder``, ``q_motor_encoder``, ``tau_cmd``,
-        ``tau_m`` and the controller's signals.
-    loop : Loop
-
-    Returns
-    -------
-    dict of array (T, n)
-    """
+    """All variables of a trace, each (T, n), from the recorded states (T, 4 n) and signals."""
     plant, reference, done = loop.plant, loop.reference, recorded["tau_m"].shape[0]
     state = recorded.pop("state")
     q, dq, theta, dtheta = (part.T for part in np.split(state, 4, axis=1))

@@ -149,18 +149,8 @@ def physical(
 ) -> Physical:
     """Declare what a `Quantity` field means and allows, as metadata in ``Annotated``.
 
-    Parameters
-    ----------
-    unit : str
-        The SI unit; every unit that converts to it is allowed in the file.
-    about : str
-        What the quantity is, for the JSON schema and editors.
-    above, at_least, below, at_most : float, optional
-        Range of every entry, in `unit`; `above` and `below` exclude the bound itself.
-    size : {'one', 'pair', 'joints', 'moving'}
-        Entries of a vector, rows and columns of a matrix: the number of joints, or of those that move.
-    whole : bool
-        Whether only whole numbers are allowed.
+    ``unit`` is the SI unit, of the bounds too; the file may use every unit that converts to it. ``above`` and
+    ``below`` exclude the bound itself. ``size`` is that of a vector, or of the rows and columns of a matrix.
     """
     units = tuple(name for name, candidate in UNITS.items() if candidate.si == unit)
     limits = tuple(_limits(above, at_least, below, at_most))

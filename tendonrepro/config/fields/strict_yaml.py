@@ -136,7 +136,7 @@ def load(text: str, name: str) -> Document:
         keys, anchors, aliases, tags, merge keys, several documents, numbers that are not finite, more than
         32 levels.
     """
-    reader = _Reader(name)
+    reader = _TreeBuilder(name)
     try:
         return reader.read(yaml.parse(text, Loader=_Parser))
     except yaml.MarkedYAMLError as error:
@@ -155,7 +155,7 @@ def dump(tree: Node) -> str:
     return text
 
 
-class _Reader:
+class _TreeBuilder:
     """Builds the tree from parser events, noting where every entry begins."""
 
     def __init__(self, name: str) -> None:

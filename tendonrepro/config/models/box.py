@@ -1,7 +1,7 @@
 """The rows of the box: what is unknown about the plant and its motion, each between bounds with a source.
 
-A configuration gives the bounds; the fields of `Box` say what each unknown is, in which unit, and what its
-bounds may be at most.
+A configuration gives the bounds; the fields of `BoxConfig` say what each unknown is, in which unit, and what
+its bounds may be at most.
 """
 
 from __future__ import annotations
@@ -198,7 +198,7 @@ _EPS = 1e-9  # stands for "above zero"
 _DEGREE = math.pi / 180.0
 
 
-class Box(Model):
+class BoxConfig(Model):
     """The box, one field per unknown; joint 1 is held in `compare`, so nothing of it is here."""
 
     link_length_2: Annotated[BoxRange, In("length of link 2", "m", _EPS)]
@@ -276,5 +276,5 @@ class Box(Model):
 
 def rule_of(name: str) -> In | Among:
     """What a row's field asks: unit and bounds, or its words."""
-    (rule,) = (item for item in Box.model_fields[name].metadata if isinstance(item, In | Among))
+    (rule,) = (item for item in BoxConfig.model_fields[name].metadata if isinstance(item, In | Among))
     return rule

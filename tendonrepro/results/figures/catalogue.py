@@ -84,27 +84,7 @@ def available(file: TraceFile) -> list[int]:
 
 
 def draw(number: int, file: TraceFile) -> FigureArtists:
-    """Draw one figure.
-
-    Parameters
-    ----------
-    number : int
-        The paper's number, a key of `FIGURES`.
-    file : TraceFile
-        Simulated or measured.
-
-    Returns
-    -------
-    FigureArtists
-        The figure, with its panels and curves.
-
-    Raises
-    ------
-    UsageError
-        When there is no such figure.
-    DataMissingError
-        When the file does not hold what the figure shows.
-    """
+    """Draw one figure by the paper's number."""
     if number not in FIGURES:
         message = f"there is no Figure {number} to draw"
         raise UsageError(message, hint=f"Figures: {', '.join(map(str, FIGURES))}.")

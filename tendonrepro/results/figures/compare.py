@@ -20,37 +20,13 @@ _PAYLOAD = "_payload"
 
 
 def controllers(file: TraceFile) -> list[Trace]:
-    """List the runs to compare with each other: all but those with a payload.
-
-    Parameters
-    ----------
-    file : TraceFile
-        Holds the comparison.
-
-    Returns
-    -------
-    list of Trace
-        In the file's order.
-    """
+    """List the runs to compare with each other: all but those with a payload."""
     runs = file.part("compare").runs
     return [trace for trace in runs.values() if not trace.name.endswith(_PAYLOAD)]
 
 
 def draw_motors(file: TraceFile, traces: list[Trace]) -> Sheet:
-    """Figure 13: motor angles from measured and from desired joint angles.
-
-    Parameters
-    ----------
-    file : TraceFile
-        Gives the inverse coupling matrix.
-    traces : list of Trace
-        The one run.
-
-    Returns
-    -------
-    Sheet
-        Panel (a) both angles of every motor, (b) measured minus desired.
-    """
+    """Figure 13: motor angles from measured and from desired joint angles, and their difference."""
     (trace,) = traces
     labels = [[("Motors", "Motor angle (deg)")], [("From encoders − from desired", "Difference (deg)")]]
     sheet = Sheet(COLUMN_MM, 92.0, labels)
@@ -69,55 +45,22 @@ def draw_motors(file: TraceFile, traces: list[Trace]) -> Sheet:
 
 
 def draw_tracking(_file: TraceFile, traces: list[Trace]) -> Sheet:
-    """Figure 14: trajectories and tracking errors of the controllers.
-
-    Parameters
-    ----------
-    traces : list of Trace
-        The runs.
-
-    Returns
-    -------
-    Sheet
-        A column a joint: trajectories above, errors below.
-    """
+    """Figure 14, a column a joint: trajectories above, tracking errors below."""
     return _tracking(_controller_runs(traces))
 
 
 def draw_payload(_file: TraceFile, traces: list[Trace]) -> Sheet:
-    """Figure 16: Controller 1 without and with a payload.
-
-    Parameters
-    ----------
-    traces : list of Trace
-        One or both runs.
-
-    Returns
-    -------
-    Sheet
-        A column a joint: trajectories above, errors below.
-    """
+    """Figure 16: as Figure 14, of Controller 1 without and with a payload."""
     runs = []
     for trace in traces:
         mass = float(trace.attributes["payload_mass"])
         load = f"{mass:g} kg payload" if mass else "no payload"
-        runs.append(_Run(trace, f"Controller 1, {load}", stroke_of(2 if mass else 1)))
+        runs.append(_DrawnRun(trace, f"Controller 1, {load}", stroke_of(2 if mass else 1)))
     return _tracking(runs)
 
 
 def draw_law(_file: TraceFile, traces: list[Trace]) -> Sheet:
-    """Figure 15: sliding variable, estimate and torque of the controllers.
-
-    Parameters
-    ----------
-    traces : list of Trace
-        The runs.
-
-    Returns
-    -------
-    Sheet
-        A column a joint; from above s, H_hat, tau_m, each as the band its samples fill and as their mean.
-    """
+    """Figure 15, a column a joint: s, H_hat, tau_m, each as the band its samples fill and as their mean."""
     rows = {
         "s": r"Sliding variable $s$ (rad/s)",
         "H_hat": r"Estimate $\hat{H}$ (N m)",
@@ -135,7 +78,7 @@ def draw_law(_file: TraceFile, traces: list[Trace]) -> Sheet:
 
 
 @dataclass(frozen=True)
-class _Run:
+class _DrawnRun:
     """A run with the name and look it has in a figure."""
 
     trace: Trace
@@ -160,12 +103,12 @@ class _Run:
         return np.rad2deg(found) if VARIABLES[variable][0] == "rad" else found
 
 
-def _controller_runs(traces: list[Trace]) -> list[_Run]:
+def _controller_runs(traces: list[Trace]) -> list[_DrawnRun]:
     """Name and dress the runs: Controllers 1 to 3 keep their strokes, further laws take the rest in turn."""
     known = {f"controller_{number}": number for number in (1, 2, 3)}
     others = count(4)
     return [
-        _Run(
+        _DrawnRun(
             trace, trace.name.replace("_", " ").capitalize(), stroke_of(known.get(trace.name) or next(others))
         )
         for trace in traces
@@ -176,7 +119,7 @@ def _joints(traces: list[Trace]) -> list[int]:
     return sorted({joint for trace in traces for joint in trace.joint})
 
 
-def _tracking(runs: list[_Run]) -> Sheet:
+def _tracking(runs: list[_DrawnRun]) -> Sheet:
     joints = _joints([run.trace for run in runs])
     rows = {"q_encoder": "Joint angle (deg)", "e": "Tracking error (deg)"}
     labels = [[(f"Joint {joint}", label) for joint in joints] for label in rows.values()]
@@ -190,7 +133,7 @@ def _tracking(runs: list[_Run]) -> Sheet:
     return sheet
 
 
-def _desired(sheet: Sheet, letter: str, runs: list[_Run], joint: int) -> None:
+def _desired(sheet: Sheet, letter: str, runs: list[_DrawnRun], joint: int) -> None:
     """Draw the reference of the run that lasts longest."""
     holding = [run for run in runs if run.holds("q_d", joint)]
     if holding:
@@ -199,7 +142,7 @@ def _desired(sheet: Sheet, letter: str, runs: list[_Run], joint: int) -> None:
 
 
 def _curves(
-    sheet: Sheet, letter: str, runs: list[_Run], variable: str, joint: int, *, averaged: bool = False
+    sheet: Sheet, letter: str, runs: list[_DrawnRun], variable: str, joint: int, *, averaged: bool = False
 ) -> None:
     """Draw a variable of every run that holds it, as it is or as a mean over the pale band of its samples."""
     holding = [run for run in runs if run.holds(variable, joint)]

@@ -12,20 +12,7 @@ from tendonrepro.results.traces import Trace, TraceFile
 
 
 def draw_pull(file: TraceFile, traces: list[Trace]) -> Sheet:
-    """Figure 6: motor 1 alone turns.
-
-    Parameters
-    ----------
-    file : TraceFile
-        Gives the coupling matrix.
-    traces : list of Trace
-        The one run.
-
-    Returns
-    -------
-    Sheet
-        Panel (a) motor angles, (b) joint angles with the slope of joint 2 over joint 1.
-    """
+    """Figure 6: motor 1 alone turns; the slope of joint 2 over joint 1 beside the coupling's."""
     (trace,) = traces
     sheet = Sheet(COLUMN_MM, 92.0, [[("Motors", "Motor angle (deg)")], [("Joints", "Joint angle (deg)")]])
     for joint in trace.joint:
@@ -46,18 +33,7 @@ def draw_pull(file: TraceFile, traces: list[Trace]) -> Sheet:
 
 
 def draw_motor_angles(_file: TraceFile, traces: list[Trace]) -> Sheet:
-    """Figure 9: angles of all motors.
-
-    Parameters
-    ----------
-    traces : list of Trace
-        The one run.
-
-    Returns
-    -------
-    Sheet
-        A single panel.
-    """
+    """Figure 9: angles of all motors."""
     (trace,) = traces
     sheet = Sheet(COLUMN_MM, 58.0, [[("", "Motor angle (deg)")]])
     for joint in trace.joint:
@@ -67,22 +43,7 @@ def draw_motor_angles(_file: TraceFile, traces: list[Trace]) -> Sheet:
 
 
 def draw_joint(file: TraceFile, traces: list[Trace], *, joint: int) -> Sheet:
-    """Figures 10 to 12: a joint's angle by the motors and by its encoder.
-
-    Parameters
-    ----------
-    file : TraceFile
-        Says whether the encoder is a real one.
-    traces : list of Trace
-        The one run.
-    joint : int
-        The paper's number of the joint.
-
-    Returns
-    -------
-    Sheet
-        Panel (a) both angles, (b) calculated minus encoder.
-    """
+    """Figures 10 to 12: a joint's angle by the motors and by its encoder, and their difference."""
     (trace,) = traces
     labels = [[(f"Joint {joint}", "Joint angle (deg)")], [("Calculated − encoder", "Difference (deg)")]]
     sheet = Sheet(COLUMN_MM, 88.0, labels)

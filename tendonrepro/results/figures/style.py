@@ -84,18 +84,6 @@ def thin(time: Array, values: Array) -> tuple[Array, Array]:
 
     Samples are taken in as many equal groups as a panel has columns; of each group the smallest and the
     largest stay, at their own times, and of the whole curve both ends. Non-finite samples are dropped first.
-
-    Parameters
-    ----------
-    time : Array
-        Shape (T,).
-    values : Array
-        Shape (T,).
-
-    Returns
-    -------
-    time, values : Array
-        At most 1202 of the samples, in order; all of them when there are few.
     """
     finite = np.isfinite(values)
     time, values = time[finite], values[finite]
@@ -113,17 +101,7 @@ def thin(time: Array, values: Array) -> tuple[Array, Array]:
 def envelope(time: Array, values: Array) -> tuple[Array, Array, Array]:
     """Smallest and largest sample of each of at most 180 equal groups; non-finite samples are dropped first.
 
-    Parameters
-    ----------
-    time : Array
-        Shape (T,).
-    values : Array
-        Shape (T,).
-
-    Returns
-    -------
-    time, low, high : Array
-        Shape (groups,). Times are the middles of the groups, except for both ends of the curve.
+    Times are the middles of the groups, except for both ends of the curve.
     """
     finite = np.isfinite(values)
     time, values = time[finite], values[finite]

@@ -123,14 +123,6 @@ class LaneRows:
         Numbers that are exactly zero, or exactly one, in every experiment stay numbers, and so do whole
         numbers and booleans, which choose between branches and are the same for all. A named tuple may hold
         others.
-
-        Parameters
-        ----------
-        tape : LaneTape
-        name : str
-            Start of the rows' names.
-        record : named tuple
-            Leaves are float arrays (..., N).
         """
         if isinstance(record, tuple):
             parts = [
@@ -214,13 +206,7 @@ def _keys(record: tuple[Any, ...]) -> Iterable[str]:
 
 
 def stacked(records: list[Any]) -> Any:
-    """Records of one structure as one record, experiments as its leaves' last axis.
-
-    Parameters
-    ----------
-    records : list of named tuple
-        Leaves are floats and float arrays; whole numbers and booleans must agree.
-    """
+    """Records of one structure as one, experiments as its leaves' last axis; whole numbers must agree."""
     first = records[0]
     if isinstance(first, tuple):
         parts = [stacked([record[k] for record in records]) for k in range(len(first))]
@@ -231,23 +217,9 @@ def stacked(records: list[Any]) -> Any:
 
 
 def lane_code(name: str, arguments: str, tape: LaneTape, results: Mapping[int, Any], rows: LaneRows) -> str:
-    """Source of two functions: ``<name>(w, ...)``, a loop over the lanes, and what it needs prepared.
+    """Source of ``<name>(w, ...)``, a loop over the lanes, and of ``prepare_<name>(w)``, to be run first.
 
-    Parameters
-    ----------
-    name : str
-    arguments : str
-        Further arguments, such as ``t, h``.
-    tape : LaneTape
-    results : mapping of int to Symbol or float
-        What each row becomes.
-    rows : LaneRows
-        Gains a row for each value that depends on parameters alone.
-
-    Returns
-    -------
-    str
-        ``prepare_<name>(w)`` fills those rows and must run first.
+    Results say what each row becomes; rows gain one for each value that depends on parameters alone.
     """
     ends = {row: _text(value) for row, value in results.items()}
     body, fixed = _split(tape, list(ends.values()))
