@@ -189,7 +189,7 @@ def _ratio(data: Ensemble) -> tuple[NDArray[np.bool_], Array]:
 def _draw(data: Ensemble, rankings: Mapping[str, Ranking], folder: Path) -> list[Path]:
     """Draw which unknowns decide, and the ratio against the unknowns that explain most of it."""
     from tendonrepro.claims.figures import draw_ratio_against_unknowns, draw_tornado
-    from tendonrepro.results.figures.files import save_figure
+    from tendonrepro.results.figures.style import save_figure
 
     written: list[Path] = []
     for claim in [name for name in rankings if name in TORNADOES]:
@@ -212,7 +212,7 @@ def _draw(data: Ensemble, rankings: Mapping[str, Ranking], folder: Path) -> list
 
 def _draw_laws(file: TraceFile, folder: Path) -> list[Path]:
     from tendonrepro.claims.figure_laws import draw_laws
-    from tendonrepro.results.figures.files import save_figure
+    from tendonrepro.results.figures.style import save_figure
 
     caption = "Torque and estimation error over frequency, distribution of the error, error at a reversal."
     return save_figure(draw_laws(file), folder, "laws", "laws", caption)

@@ -10,8 +10,7 @@ from matplotlib.figure import Figure
 
 from tendonrepro.arrays import Array
 from tendonrepro.physics.metrics import periodogram
-from tendonrepro.results.figures.files import sheet
-from tendonrepro.results.figures.style import PAGE_MM, SERIES, journal_style
+from tendonrepro.results.figures.style import PAGE_MM, SERIES, journal_style, open_figure
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import CONTROLLERS
 
@@ -39,7 +38,7 @@ def draw_laws(file: TraceFile) -> Figure:
     runs = {name: file.runs[name] for name in CONTROLLERS if name in file.runs}
     joints = next(iter(runs.values())).joint
     with journal_style():
-        figure = sheet(PAGE_MM, 185.0)
+        figure = open_figure(PAGE_MM, 185.0)
         grid = figure.subplots(4, len(joints), squeeze=False)
         for i, joint in enumerate(joints):
             _draw(grid[0, i], runs, i, _spectrum_of("tau_m"))

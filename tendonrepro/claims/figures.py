@@ -11,8 +11,7 @@ from matplotlib.ticker import NullFormatter
 
 from tendonrepro.arrays import Array
 from tendonrepro.claims.sensitivity import Ranking
-from tendonrepro.results.figures.files import sheet
-from tendonrepro.results.figures.style import COLUMN_MM, PAGE_MM, SERIES, journal_style
+from tendonrepro.results.figures.style import COLUMN_MM, PAGE_MM, SERIES, journal_style, open_figure
 
 _BARS = 12
 _COLUMNS = 4
@@ -35,7 +34,7 @@ def draw_tornado(title: str, found: Ranking) -> Figure:
     rows = found["rows"][:_BARS]
     index = np.array([row["index"] for row in rows])
     with journal_style():
-        figure = sheet(COLUMN_MM, 18.0 + 5.0 * len(rows))
+        figure = open_figure(COLUMN_MM, 18.0 + 5.0 * len(rows))
         axes = figure.subplots()
         above = index > found["noise_floor"]
         colours = [SERIES[0].colour if strong else "#BEBEBE" for strong in above]
@@ -77,7 +76,7 @@ def draw_ratio_against_unknowns(
     rows = -(-len(names) // _COLUMNS)
     kept = ratio > 0.0
     with journal_style():
-        figure = sheet(PAGE_MM, 14.0 + 30.0 * rows)
+        figure = open_figure(PAGE_MM, 14.0 + 30.0 * rows)
         grid = figure.subplots(rows, _COLUMNS, sharey=True, squeeze=False)
         for place, axes in enumerate(grid.flat):
             if place >= len(names):

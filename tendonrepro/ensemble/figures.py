@@ -13,8 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from tendonrepro.ensemble.shares import RATIO_NAMES, RATIOS
-from tendonrepro.results.figures.files import save_drawn
-from tendonrepro.results.figures.style import PAGE_MM, SERIES, journal_style
+from tendonrepro.results.figures.style import PAGE_MM, SERIES, journal_style, save_drawing
 from tendonrepro.results.summary import CONTROLLERS
 
 _MM_PER_INCH = 25.4
@@ -65,7 +64,7 @@ def draw_ensemble_figures(summary: Mapping[str, Any], folder: Path) -> list[Path
     paths = []
     for name, held in summary["populations"].items():
         for draw in (draw_ratios, draw_shares, draw_statuses):
-            paths += save_drawn(draw(name, held), folder)
+            paths += save_drawing(draw(name, held), folder)
     return paths
 
 

@@ -12,8 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from tendonrepro.results.figures.files import save_drawn
-from tendonrepro.results.figures.style import PAGE_MM, SERIES, journal_style
+from tendonrepro.results.figures.style import PAGE_MM, SERIES, journal_style, save_drawing
 
 _MM_PER_INCH = 25.4
 _ROW_MM = 4.2
@@ -63,7 +62,7 @@ def draw_identify_figures(data: Mapping[str, Any], folder: Path) -> list[Path]:
     """
     best = min(data["readings"], key=lambda held: held["misfit_log"])
     drawn = [draw_readings(data), draw_numbers(best), draw_parameters(best)]
-    return [path for held in drawn for path in save_drawn(held, folder)]
+    return [path for held in drawn for path in save_drawing(held, folder)]
 
 
 def draw_readings(data: Mapping[str, Any]) -> IdentifyFigure:

@@ -13,7 +13,7 @@ from matplotlib.colors import to_hex, to_rgb
 from tendonrepro.arrays import Array
 from tendonrepro.results.figures.catalogue import FIGURES, save
 from tendonrepro.results.figures.compare import MEAN_WINDOW, mean_curve
-from tendonrepro.results.figures.panels import FigureArtists, Sheet
+from tendonrepro.results.figures.panels import Canvas, FigureArtists
 from tendonrepro.results.figures.style import COLUMN_MM, PAGE_MM, REFERENCE, Stroke, journal_style, stroke_of
 from tendonrepro.results.records import VARIABLES, Trace, TraceFile
 from tendonrepro.results.summary import CONTROLLERS, LOADS
@@ -130,7 +130,7 @@ def _dressed(pairs: list[Pair]) -> list[_Run]:
     return found
 
 
-def _curves(sheet: Sheet, letter: str, run: _Run, values: Values, *, averaged: bool = False) -> None:
+def _curves(sheet: Canvas, letter: str, run: _Run, values: Values, *, averaged: bool = False) -> None:
     """Draw the simulation, then the measurement over it; nothing where it was not measured."""
     ours = values(run.pair.measured)
     if ours is None:
@@ -181,17 +181,17 @@ def _through(S_inv: Array, name: str, motor: int) -> Values:
     return values
 
 
-def _motors(pair: Pair) -> Sheet:
-    sheet = Sheet(COLUMN_MM, 66.0, [[("", "Motor angle (deg)")]])
+def _motors(pair: Pair) -> Canvas:
+    sheet = Canvas(COLUMN_MM, 66.0, [[("", "Motor angle (deg)")]])
     for joint in pair.measured.joint:
         run = _Run(pair, f"Motor {joint}", stroke_of(joint))
         _curves(sheet, "a", run, _variable("q_motor_encoder", joint))
     return sheet
 
 
-def _joint(pair: Pair, joint: int) -> Sheet:
+def _joint(pair: Pair, joint: int) -> Canvas:
     labels = [[(f"Joint {joint}", "Joint angle (deg)")], [("Calculated − encoder", "Difference (deg)")]]
-    sheet = Sheet(COLUMN_MM, 96.0, labels)
+    sheet = Canvas(COLUMN_MM, 96.0, labels)
     calculated, encoder = (_variable(name, joint) for name in ("q_calculated", "q_encoder"))
     _curves(sheet, "a", _Run(pair, "Encoder", _DARK), encoder)
     _curves(sheet, "a", _Run(pair, "Calculated", stroke_of(1)), calculated)
@@ -200,9 +200,9 @@ def _joint(pair: Pair, joint: int) -> Sheet:
     return sheet
 
 
-def _motor_differences(pair: Pair, measured: TraceFile) -> Sheet:
+def _motor_differences(pair: Pair, measured: TraceFile) -> Canvas:
     labels = [[("Motors", "Motor angle (deg)")], [("From encoders − from desired", "Difference (deg)")]]
-    sheet = Sheet(COLUMN_MM, 100.0, labels)
+    sheet = Canvas(COLUMN_MM, 100.0, labels)
     S_inv = measured.plant.matrix("S_inv", pair.measured.joint)
     sheet.zero_line("b")
     for motor in pair.measured.joint:
@@ -217,11 +217,11 @@ def _motor_differences(pair: Pair, measured: TraceFile) -> Sheet:
     return sheet
 
 
-def _tracking(runs: list[_Run]) -> Sheet:
+def _tracking(runs: list[_Run]) -> Canvas:
     joints = sorted({joint for run in runs for joint in run.pair.measured.joint})
     rows = {"q_encoder": "Joint angle (deg)", "e": "Tracking error (deg)"}
     labels = [[(f"Joint {joint}", label) for joint in joints] for label in rows.values()]
-    sheet = Sheet(PAGE_MM, 112.0, labels)
+    sheet = Canvas(PAGE_MM, 112.0, labels)
     for letter, (variable, joint) in zip(sheet.letters, product(rows, joints), strict=True):
         if variable == "e":
             sheet.zero_line(letter)
@@ -231,7 +231,7 @@ def _tracking(runs: list[_Run]) -> Sheet:
     return sheet
 
 
-def _desired(sheet: Sheet, letter: str, runs: list[_Run], joint: int) -> None:
+def _desired(sheet: Canvas, letter: str, runs: list[_Run], joint: int) -> None:
     """Draw the reference of the first run that recorded it."""
     for run in runs:
         angles = _variable("q_d", joint)(run.pair.measured)
@@ -242,7 +242,7 @@ def _desired(sheet: Sheet, letter: str, runs: list[_Run], joint: int) -> None:
             return
 
 
-def _law(runs: list[_Run]) -> Sheet:
+def _law(runs: list[_Run]) -> Canvas:
     joints = sorted({joint for run in runs for joint in run.pair.measured.joint})
     rows = {
         "s": r"Sliding variable $s$ (rad/s)",
@@ -250,14 +250,14 @@ def _law(runs: list[_Run]) -> Sheet:
         "tau_m": r"Torque $\tau_m$ (N m)",
     }
     labels = [[(f"Joint {joint}", label) for joint in joints] for label in rows.values()]
-    sheet = Sheet(PAGE_MM, 156.0, labels)
+    sheet = Canvas(PAGE_MM, 156.0, labels)
     for letter, (variable, joint) in zip(sheet.letters, product(rows, joints), strict=True):
         sheet.zero_line(letter)
         _panel(sheet, letter, runs, _variable(variable, joint), averaged=True)
     return sheet
 
 
-def _panel(sheet: Sheet, letter: str, runs: list[_Run], values: Values, *, averaged: bool = False) -> None:
+def _panel(sheet: Canvas, letter: str, runs: list[_Run], values: Values, *, averaged: bool = False) -> None:
     if all(values(run.pair.measured) is None for run in runs):
         sheet.not_recorded(letter)
     for run in runs:

@@ -8,7 +8,7 @@ from scipy.stats import qmc
 
 from tendonrepro.claims.figures import draw_ratio_against_unknowns, draw_tornado, running_median
 from tendonrepro.claims.sensitivity import Ranking, ranked
-from tendonrepro.results.figures.files import save_figure
+from tendonrepro.results.figures.style import save_figure
 
 NAMES = ("a", "b", "c", "d")
 

@@ -281,7 +281,7 @@ def shown(row: BoxRange | Choice | Words) -> list[str]:
 
 def test_page_shows_the_rows_of_the_box() -> None:
     expected = {name: shown(row) for name, row in ensemble().config.box.items()}
-    assert table("## Box", PAGE.read_text(encoding="utf-8")) == expected
+    assert table("## Rows", PAGE.read_text(encoding="utf-8")) == expected
 
 
 def test_page_shows_axes_motions_pairs_and_variations() -> None:

@@ -27,8 +27,7 @@ from tendonrepro.experiments.sweep.figure_map import (
     name_of,
     title_of,
 )
-from tendonrepro.results.figures.files import save_drawn
-from tendonrepro.results.figures.style import SERIES, Stroke, journal_style, stroke_of
+from tendonrepro.results.figures.style import SERIES, Stroke, journal_style, save_drawing, stroke_of
 from tendonrepro.results.summary import CONTROLLERS, LOADS
 
 _PANEL_MM = 48.0
@@ -77,7 +76,7 @@ def draw_sweep_figures(data: Mapping[str, Any], folder: Path) -> list[Path]:
         ``sweep``, and of two keys ``sweep_ratio`` too where ratios are, each as pdf, svg and png.
     """
     drawn = [draw_curves(data)] if len(data["keys"]) == 1 else draw_maps(data)
-    return [path for one in drawn for path in save_drawn(one, folder)]
+    return [path for one in drawn for path in save_drawing(one, folder)]
 
 
 def draw_curves(data: Mapping[str, Any]) -> SweepFigure:

@@ -17,9 +17,8 @@ from tendonrepro.results.figures.compare import (
     draw_tracking,
 )
 from tendonrepro.results.figures.decouple import draw_joint, draw_motor_angles, draw_pull
-from tendonrepro.results.figures.files import save_figure
-from tendonrepro.results.figures.panels import FigureArtists, Sheet
-from tendonrepro.results.figures.style import journal_style
+from tendonrepro.results.figures.panels import Canvas, FigureArtists
+from tendonrepro.results.figures.style import journal_style, save_figure
 from tendonrepro.results.traces import Trace, TraceFile
 
 
@@ -51,7 +50,7 @@ class FigureSpec:
     experiment: str
     runs: Callable[[TraceFile], list[Trace]]
     needs: tuple[str, ...]
-    draw: Callable[[TraceFile, list[Trace]], Sheet]
+    draw: Callable[[TraceFile, list[Trace]], Canvas]
     enough: Callable[[Iterable[bool]], bool] = all
     plant: tuple[str, ...] = ()
     joints: tuple[int, ...] = ()
@@ -118,9 +117,7 @@ def save(artists: FigureArtists, folder: Path) -> list[Path]:
     TendonreproError
         When a file cannot be written.
     """
-    title = f"Figure {artists.number}"
-    stem = f"fig{artists.number:02d}"
-    return save_figure(artists.figure, folder, stem, title, artists.caption)
+    return save_figure(artists.figure, folder, artists.stem, f"Figure {artists.number}", artists.caption)
 
 
 def redrawn(file: TraceFile, folder: Path, number: int) -> list[Path]:
