@@ -16,7 +16,7 @@ from typing import Annotated, Literal, TypeAlias
 from pydantic import AfterValidator, Field, model_validator
 
 from tendonrepro.config.draft import ConfigSource, Draft, find_source
-from tendonrepro.config.fields.model import Identifier, Model, Problems, RootModel, SchemaVersion
+from tendonrepro.config.fields.model import Identifier, Model, RootModel, SchemaVersion, refuse
 from tendonrepro.config.fields.physical import physical
 from tendonrepro.config.fields.quantity import Scalar
 from tendonrepro.config.fields.strict_yaml import dump
@@ -37,32 +37,25 @@ BASE = "base"
 
 
 def _check_reading(text: str) -> str:
-    problems = Problems()
     try:
         settings = parse_reading(text).settings
     except UsageError as error:
-        problems.add((), error.message)
-        settings = ()
+        refuse(error.message)
     if any(name not in AXES for name, _ in settings):
-        problems.add((), f"is a variation, not a reading: {text!r}")
-    problems.raise_if_any()
+        refuse(f"is a variation, not a reading: {text!r}")
     return text
 
 
 def _check_variation(text: str) -> str:
     known = [variation.name for variation in VARIATIONS]
-    problems = Problems()
     if text not in known:
-        problems.add((), f"must be one of {', '.join(known)}, found {text!r}")
-    problems.raise_if_any()
+        refuse(f"must be one of {', '.join(known)}, found {text!r}")
     return text
 
 
 def _check_power_of_two(quantity: Scalar) -> Scalar:
-    problems = Problems()
     if math.frexp(quantity.value)[0] != 0.5:
-        problems.add(("value",), f"must be a power of two, found {quantity}")
-    problems.raise_if_any()
+        refuse(f"must be a power of two, found {quantity}", "value")
     return quantity
 
 
@@ -114,15 +107,13 @@ class EnsembleConfig(RootModel):
 
     @model_validator(mode="after")
     def _check_durations(self) -> EnsembleConfig:
-        problems = Problems()
         cycle, kind = max(
             (cycle, kind) for kind, cycle in _longest_cycles(self.box) if kind in self.box.motion.choices
         )
         longest = max(2.0 * cycle, self.shortest_run.si + cycle)
         if longest > self.longest_run.si:
             covered = f"must cover every motion; {kind} lasts up to {longest:.6g} s"
-            problems.add(("longest_run", "value"), f"{covered}, found {self.longest_run}")
-        problems.raise_if_any()
+            refuse(f"{covered}, found {self.longest_run}", "longest_run", "value")
         return self
 
 

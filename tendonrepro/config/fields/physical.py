@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import GetCoreSchemaHandler, ValidationInfo, WithJsonSchema, WrapValidator
 from pydantic_core import CoreSchema
 
-from tendonrepro.config.fields.model import Outline, Problems, describe
+from tendonrepro.config.fields.model import Outline, Problems, describe, refuse
 from tendonrepro.config.fields.quantity import UNITS, Quantity
 
 Size: TypeAlias = Literal["one", "pair", "joints", "moving"]
@@ -66,15 +66,13 @@ class Physical:
         return handler.generate_schema(described)
 
     def _validate(self, raw: object, handler: Callable[[object], Quantity], info: ValidationInfo) -> Quantity:
-        problems = Problems()
         if not isinstance(raw, dict | Quantity):
             example = f"{{value: ..., unit: {self.units[0]}, source: 'assumed: ...'}}"
-            problems.add((), f"must carry unit and source, as in {example}, found {describe(raw)}")
-            problems.raise_if_any()
+            refuse(f"must carry unit and source, as in {example}, found {describe(raw)}")
         quantity = handler(raw)
-        self._check_size(quantity, Outline.known(info), problems)
-        self._check_range(quantity, problems)
-        problems.raise_if_any()
+        with Problems() as problems:
+            self._check_size(quantity, Outline.known(info), problems)
+            self._check_range(quantity, problems)
         return quantity
 
     def _check_size(self, quantity: Quantity, outline: Outline, problems: Problems) -> None:

@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal, Self, TypeAlias
 from pydantic import AfterValidator, Field, GetCoreSchemaHandler, model_validator
 from pydantic_core import CoreSchema
 
-from tendonrepro.config.fields.model import Model, Problems, describe
+from tendonrepro.config.fields.model import Model, Problems, describe, refuse
 from tendonrepro.config.fields.quantity import SOURCE_PATTERN, UNITS
 from tendonrepro.config.fields.strict_yaml import Key
 from tendonrepro.config.models.readings import ERROR_RATES
@@ -31,10 +31,8 @@ Number: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 
 
 def _check_source(text: str) -> str:
-    problems = Problems()
     if not re.match(SOURCE_PATTERN, text):
-        problems.add((), f"must begin with its origin, as in 'assumed: ...', found {describe(text)}")
-    problems.raise_if_any()
+        refuse(f"must begin with its origin, as in 'assumed: ...', found {describe(text)}")
     return text
 
 
@@ -60,14 +58,15 @@ class BoxRange(_Known):
 
     @model_validator(mode="after")
     def _check_order(self) -> Self:
-        problems = Problems()
-        if self.low >= self.high:
-            problems.add(("low",), f"must be below high, {self.high:g}, found {self.low:g}")
-        elif not self.low <= self.nominal <= self.high:
-            problems.add(("nominal",), f"must be from {self.low:g} to {self.high:g}, found {self.nominal:g}")
-        if self.scale == "log" and self.low <= 0.0:
-            problems.add(("low",), f"must be above 0 on a log scale, found {self.low:g}")
-        problems.raise_if_any()
+        with Problems() as problems:
+            if self.low >= self.high:
+                problems.add(("low",), f"must be below high, {self.high:g}, found {self.low:g}")
+            elif not self.low <= self.nominal <= self.high:
+                problems.add(
+                    ("nominal",), f"must be from {self.low:g} to {self.high:g}, found {self.nominal:g}"
+                )
+            if self.scale == "log" and self.low <= 0.0:
+                problems.add(("low",), f"must be above 0 on a log scale, found {self.low:g}")
         return self
 
 
@@ -101,13 +100,12 @@ class Words(_Known):
 
 
 def _raise_if_not_among(choices: tuple[object, ...], nominal: object) -> None:
-    problems = Problems()
-    if nominal not in choices:
-        known = ", ".join(map(str, choices))
-        problems.add(("nominal",), f"must be one of the choices, {known}, found {nominal}")
-    if len(set(choices)) < len(choices):
-        problems.add(("choices",), "must not name a choice twice")
-    problems.raise_if_any()
+    with Problems() as problems:
+        if nominal not in choices:
+            known = ", ".join(map(str, choices))
+            problems.add(("nominal",), f"must be one of the choices, {known}, found {nominal}")
+        if len(set(choices)) < len(choices):
+            problems.add(("choices",), "must not name a choice twice")
 
 
 BoxRow: TypeAlias = BoxRange | Choice | Words
@@ -125,9 +123,8 @@ class _Checked(ABC):
         )
 
     def _check(self, row: BoxRow) -> BoxRow:
-        problems = Problems()
-        self._note(row, problems)
-        problems.raise_if_any()
+        with Problems() as problems:
+            self._note(row, problems)
         return row
 
     @abstractmethod
@@ -259,13 +256,11 @@ class BoxConfig(Model):
         reached = to_si(self.posture.high, self.posture.unit) + 2.0 * to_si(
             self.amplitude.high, self.amplitude.unit
         )
-        problems = Problems()
         if reached >= math.pi:
             message = (
                 f"must keep link 3 below 180 deg from hanging, it would reach {reached / _DEGREE:.6g} deg"
             )
-            problems.add(("amplitude", "high"), message)
-        problems.raise_if_any()
+            refuse(message, "amplitude", "high")
         return self
 
     def items(self) -> Iterator[tuple[str, BoxRow]]:

@@ -71,12 +71,13 @@ class Control(Model):
 
     @model_validator(mode="after")
     def _check_needs(self) -> Self:
-        problems = Problems()
-        plain = [name for name, law in self.laws.items() if law.surface == "pd"]
-        for gain in ("K_d", "K_p"):
-            if plain and getattr(self.gains, gain) is None:
-                problems.add(("gains",), f"missing key {gain!r}, which the law {plain[0]!r} needs")
-        if self.readings.error_rate == "low_pass" and self.error_rate_cutoff is None:
-            problems.add((), "missing key 'error_rate_cutoff', which the reading error_rate: low_pass needs")
-        problems.raise_if_any()
+        with Problems() as problems:
+            plain = [name for name, law in self.laws.items() if law.surface == "pd"]
+            for gain in ("K_d", "K_p"):
+                if plain and getattr(self.gains, gain) is None:
+                    problems.add(("gains",), f"missing key {gain!r}, which the law {plain[0]!r} needs")
+            if self.readings.error_rate == "low_pass" and self.error_rate_cutoff is None:
+                problems.add(
+                    (), "missing key 'error_rate_cutoff', which the reading error_rate: low_pass needs"
+                )
         return self

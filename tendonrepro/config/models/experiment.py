@@ -22,6 +22,7 @@ from tendonrepro.config.fields.model import (
     RunName,
     SchemaVersion,
     is_multiple,
+    refuse,
 )
 from tendonrepro.config.fields.physical import physical
 from tendonrepro.config.fields.quantity import Scalar, Vector
@@ -69,11 +70,9 @@ class NoiseDisturbance(Model):
     @field_validator("band")
     @classmethod
     def _check_band(cls, band: Vector) -> Vector:
-        problems = Problems()
         low, high = band.value
         if low >= high:
-            problems.add(("value",), f"must rise from low to high, found {low:g} to {high:g} Hz")
-        problems.raise_if_any()
+            refuse(f"must rise from low to high, found {low:g} to {high:g} Hz", "value")
         return band
 
 
@@ -133,37 +132,31 @@ class Experiment(RootModel):
     @classmethod
     def _check_joints(cls, joints: tuple[int, ...], info: ValidationInfo) -> tuple[int, ...]:
         last = Outline.known(info).joints
-        problems = Problems()
         if last is not None and joints != tuple(range(last - len(joints) + 1, last + 1)):
             message = (
                 f"must be the last joints in order, up to {last} of the manipulator, found {list(joints)}"
             )
-            problems.add((), message)
-        problems.raise_if_any()
+            refuse(message)
         return joints
 
     @field_validator("disturbance")
     @classmethod
     def _check_start(cls, disturbance: _T, info: ValidationInfo) -> _T:
         period: Scalar | None = info.data.get("sampling_period")
-        problems = Problems()
         if period is not None and isinstance(disturbance, StepDisturbance):
             start = disturbance.start
             if start.si > 0.0 and not is_multiple(start.si, period.si):
                 message = f"must be a whole multiple of the sampling period, {period}, found {start}"
-                problems.add(("start", "value"), message)
-        problems.raise_if_any()
+                refuse(message, "start", "value")
         return disturbance
 
     @field_validator("solver")
     @classmethod
     def _check_step(cls, solver: SolverConfig, info: ValidationInfo) -> SolverConfig:
         period: Scalar | None = info.data.get("sampling_period")
-        problems = Problems()
         if period is not None and not is_multiple(period.si, solver.max_step.si):
             message = f"must divide the sampling period, {period}, found {solver.max_step}"
-            problems.add(("max_step", "value"), message)
-        problems.raise_if_any()
+            refuse(message, "max_step", "value")
         return solver
 
 
@@ -177,10 +170,8 @@ class CompareRun(Model):
     @classmethod
     def _check_law(cls, law: str, info: ValidationInfo) -> str:
         laws = Outline.known(info).laws
-        problems = Problems()
         if laws is not None and law not in laws:
-            problems.add((), f"must be one of control.laws, {', '.join(map(str, laws))}, found {law!r}")
-        problems.raise_if_any()
+            refuse(f"must be one of control.laws, {', '.join(map(str, laws))}, found {law!r}")
         return law
 
 
@@ -195,9 +186,8 @@ class CompareConfig(Experiment):
     @field_validator("reference")
     @classmethod
     def _check_reference(cls, reference: ReferenceConfig, info: ValidationInfo) -> ReferenceConfig:
-        problems = Problems()
-        _check_duration(reference, (), info, problems)
-        problems.raise_if_any()
+        with Problems() as problems:
+            _check_duration(reference, (), info, problems)
         return reference
 
 
@@ -229,10 +219,9 @@ class DecoupleConfig(Experiment):
     @field_validator("runs")
     @classmethod
     def _check_references(cls, runs: dict[str, DecoupleRun], info: ValidationInfo) -> dict[str, DecoupleRun]:
-        problems = Problems()
-        for name, run in runs.items():
-            _check_duration(run.reference, (name, "reference"), info, problems)
-        problems.raise_if_any()
+        with Problems() as problems:
+            for name, run in runs.items():
+                _check_duration(run.reference, (name, "reference"), info, problems)
         return runs
 
 

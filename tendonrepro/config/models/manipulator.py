@@ -34,17 +34,16 @@ class Routing(Model):
     @field_validator("pulley_diameter", "sign")
     @classmethod
     def _check_triangle(cls, matrix: Matrix, info: ValidationInfo) -> Matrix:
-        problems = Problems()
-        for (row, column), entry in matrix.entries():
-            place = f"joint {row + 1} and tendon {column + 1}"
-            if row > column and entry != 0.0:
-                message = f"must be 0 for {place}, which does not pass that joint, found {entry:g}"
-                problems.add(("value", row, column), message)
-            elif row <= column and entry == 0.0:
-                nonzero = "1 or -1" if info.field_name == "sign" else "above 0"
-                message = f"must be {nonzero} for {place}, else the coupling matrix is singular; found 0"
-                problems.add(("value", row, column), message)
-        problems.raise_if_any()
+        with Problems() as problems:
+            for (row, column), entry in matrix.entries():
+                place = f"joint {row + 1} and tendon {column + 1}"
+                if row > column and entry != 0.0:
+                    message = f"must be 0 for {place}, which does not pass that joint, found {entry:g}"
+                    problems.add(("value", row, column), message)
+                elif row <= column and entry == 0.0:
+                    nonzero = "1 or -1" if info.field_name == "sign" else "above 0"
+                    message = f"must be {nonzero} for {place}, else the coupling matrix is singular; found 0"
+                    problems.add(("value", row, column), message)
         return matrix
 
 

@@ -8,8 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Any, Protocol
+from typing import Protocol, TypeVar
 
+from tendonrepro.config.fields.model import Model
 from tendonrepro.config.fields.quantity import Scalar
 from tendonrepro.config.models.experiment import CompareConfig
 from tendonrepro.errors import UsageError
@@ -25,6 +26,7 @@ ERROR_RATES = ("backward_difference", "low_pass")
 """Error rates in the order that a draw numbers them."""
 
 _SOURCE = "assumed: the reading that is being run"
+_M = TypeVar("_M", bound=Model)
 
 
 @dataclass(frozen=True)
@@ -260,23 +262,22 @@ def under(reading_: Reading, config: CompareConfig, draw: Mapping[str, float]) -
 def as_printed(config: CompareConfig) -> CompareConfig:
     """Set the axes that the configuration's readings and instruments hold to their printed values."""
     values = {name: AXES[name].printed for name in type(config.control.readings).model_fields}
-    readings = config.control.readings.model_copy(update=values)
-    config = _replaced(config, ("control",), readings=readings)
+    config = _replaced(config, "control.readings", **values)
     config = _with_delay(config, AXES["output_delay"].printed, {})
     return _with_encoder(config, AXES["encoder"].printed, {})
 
 
-def _replaced(model: Any, path: Sequence[str], **values: object) -> Any:
-    """Copy a model with fields of the part at `path` changed."""
-    if not path:
-        return model.model_copy(update=values)
-    part = _replaced(getattr(model, path[0]), path[1:], **values)
-    return model.model_copy(update={path[0]: part})
+def _replaced(model: _M, path: str, **values: object) -> _M:
+    """Copy a model with fields of the part at a dotted path changed."""
+    first, _, rest = path.partition(".")
+    part = getattr(model, first)
+    return model.model_copy(
+        update={first: _replaced(part, rest, **values) if rest else part.model_copy(update=values)}
+    )
 
 
 def _with_reading(config: CompareConfig, name: str, value: str) -> CompareConfig:
-    changed: CompareConfig = _replaced(config, ("control", "readings"), **{name: value})
-    return changed
+    return _replaced(config, "control.readings", **{name: value})
 
 
 def _scalar(value: float, unit: str) -> Scalar:
@@ -290,10 +291,7 @@ def _with_hardware(config: CompareConfig, _: str, draw: Mapping[str, float]) -> 
 
 
 def _with_delay(config: CompareConfig, value: str, _: Mapping[str, float]) -> CompareConfig:
-    changed: CompareConfig = _replaced(
-        config, ("manipulator", "actuator"), output_delay=_scalar(float(value), "1")
-    )
-    return changed
+    return _replaced(config, "manipulator.actuator", output_delay=_scalar(float(value), "1"))
 
 
 def _with_encoder(config: CompareConfig, value: str, _: Mapping[str, float]) -> CompareConfig:
@@ -301,27 +299,23 @@ def _with_encoder(config: CompareConfig, value: str, _: Mapping[str, float]) -> 
 
 
 def _with_count(config: CompareConfig, count: Scalar) -> CompareConfig:
-    changed: CompareConfig = _replaced(config, ("manipulator", "encoders", "joint"), resolution=count)
-    return changed
+    return _replaced(config, "manipulator.encoders.joint", resolution=count)
 
 
 def _with_tensioner(config: CompareConfig, value: str, _: Mapping[str, float]) -> CompareConfig:
     change = {"force": _scalar(0.0, "N")} if value == "absent" else {"side": value}
-    changed: CompareConfig = _replaced(config, ("manipulator", "tensioner"), **change)
-    return changed
+    return _replaced(config, "manipulator.tensioner", **change)
 
 
 def _with_period(config: CompareConfig, value: str, _: Mapping[str, float]) -> CompareConfig:
     period = _scalar(float(value.removesuffix("ms")), "ms")
-    changed: CompareConfig = _replaced(config, ("solver",), max_step=period)
-    return changed.model_copy(update={"sampling_period": period})
+    return _replaced(config, "solver", max_step=period).model_copy(update={"sampling_period": period})
 
 
 def _with_inertia(config: CompareConfig, _: str, __: Mapping[str, float]) -> CompareConfig:
     M_bar = config.control.gains.M_bar
     half = M_bar.model_copy(update={"value": tuple(entry / 2.0 for entry in M_bar.value), "source": _SOURCE})
-    changed: CompareConfig = _replaced(config, ("control", "gains"), M_bar=half)
-    return changed
+    return _replaced(config, "control.gains", M_bar=half)
 
 
 _Change = Callable[[CompareConfig, str, Mapping[str, float]], CompareConfig]

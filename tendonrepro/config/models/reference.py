@@ -18,7 +18,7 @@ from pydantic import (
     model_validator,
 )
 
-from tendonrepro.config.fields.model import Model, Outline, Problems
+from tendonrepro.config.fields.model import Model, Outline, Problems, refuse
 from tendonrepro.config.fields.physical import physical
 from tendonrepro.config.fields.quantity import Scalar, Vector
 from tendonrepro.physics.trajectory import trapezoid_times
@@ -63,16 +63,14 @@ class InTurns(Periodic):
     @classmethod
     def _check_turns(cls, turns: TurnOrder, info: ValidationInfo) -> TurnOrder:
         moving = Outline.known(info).moving
-        problems = Problems()
         if turns is not None and moving == _ITS_OWN:
-            problems.add((), "one joint cannot take turns; leave this out")
-            problems.raise_if_any()
-        for i, turn in enumerate(turns or ()):
-            if len(set(turn)) < len(turn):
-                problems.add((i,), f"names a joint twice, {list(turn)}")
-            elif moving is not None and not all(joint in moving for joint in turn):
-                problems.add((i,), f"must name joints that move, {list(moving)}, found {list(turn)}")
-        problems.raise_if_any()
+            refuse("one joint cannot take turns; leave this out")
+        with Problems() as problems:
+            for i, turn in enumerate(turns or ()):
+                if len(set(turn)) < len(turn):
+                    problems.add((i,), f"names a joint twice, {list(turn)}")
+                elif moving is not None and not all(joint in moving for joint in turn):
+                    problems.add((i,), f"must name joints that move, {list(moving)}, found {list(turn)}")
         return turns
 
 
@@ -136,10 +134,8 @@ class Sine(Periodic):
 
     @model_validator(mode="after")
     def _check_blend(self) -> Self:
-        problems = Problems()
         if self.blend.si > self.duration:
-            problems.add(("blend", "value"), f"must end within the motion, which lasts {self.duration:g} s")
-        problems.raise_if_any()
+            refuse(f"must end within the motion, which lasts {self.duration:g} s", "blend", "value")
         return self
 
 
@@ -174,18 +170,17 @@ class PerJoint(Model):
 
     @model_validator(mode="after")
     def _check_joints(self, info: ValidationInfo) -> Self:
-        problems = Problems()
-        moving = Outline.known(info).moving
-        if moving is not None and len(moving) != len(self.references):
-            message = f"must have one motion per moving joint, {len(moving)}, found {len(self.references)}"
-            problems.add(("references",), message)
-        for i, reference in enumerate(self.references):
-            if not math.isclose(reference.duration, self.duration):
+        with Problems() as problems:
+            moving = Outline.known(info).moving
+            if moving is not None and len(moving) != len(self.references):
                 message = (
-                    f"lasts {reference.duration:g} s, the first one {self.duration:g} s; make them equal"
+                    f"must have one motion per moving joint, {len(moving)}, found {len(self.references)}"
                 )
-                problems.add(("references", i), message)
-        problems.raise_if_any()
+                problems.add(("references",), message)
+            for i, reference in enumerate(self.references):
+                if not math.isclose(reference.duration, self.duration):
+                    first = f"the first one {self.duration:g} s; make them equal"
+                    problems.add(("references", i), f"lasts {reference.duration:g} s, {first}")
         return self
 
     @property
