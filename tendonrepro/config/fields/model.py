@@ -124,6 +124,7 @@ def _check_version(version: object) -> object:
     return version
 
 
+Number: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Identifier: TypeAlias = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
 
 

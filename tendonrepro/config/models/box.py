@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal, Self, TypeAlias
 from pydantic import AfterValidator, Field, GetCoreSchemaHandler, model_validator
 from pydantic_core import CoreSchema
 
-from tendonrepro.config.fields.model import Model, Problems, describe, refuse
+from tendonrepro.config.fields.model import Model, Number, Problems, describe, refuse
 from tendonrepro.config.fields.quantity import SOURCE_PATTERN, UNITS
 from tendonrepro.config.fields.strict_yaml import Key
 from tendonrepro.config.models.readings import ERROR_RATES
@@ -27,7 +27,6 @@ DISTURBANCES = ("none", "sine", "noise")
 MOTIONS = ("minimum_jerk", "raised_cosine", "trapezoidal", "sine", "unequal", "fast_sine")
 
 Confidence: TypeAlias = Literal["high", "medium", "low"]
-Number: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 
 
 def _check_source(text: str) -> str:
