@@ -26,18 +26,8 @@ _M = TypeVar("_M", bound=Model)
 class ConfigSource:
     """The text of a configuration and where it stands.
 
-    Attributes
-    ----------
-    text : str
-        YAML.
-    name : str
-        What messages call it.
-    origin : str
-        Path, ``<stdin>`` or the name of a shipped configuration.
-    folder : Path
-        Folder from which relative paths start.
-    files : tuple of Path
-        The file read; none for standard input.
+    `name` is what messages call it; `origin` a path, ``<stdin>`` or a shipped name. Relative paths start from
+    `folder`; `files` is what was read, nothing for standard input.
     """
 
     text: str
@@ -67,20 +57,8 @@ def find_source(source: ConfigSource | Path | str | None, experiment: str | None
 class Draft:
     """Plain values of an experiment that can still change, and the place each came from.
 
-    Parameters
-    ----------
-    source : ConfigSource
-    experiment : str or None
-        What the configuration must be for; None takes it from the configuration.
-
-    Attributes
-    ----------
-    tree : dict
-        The values.
-    files : list of Path
-        Files read so far.
-    experiment : str
-        What the configuration is for; ``manipulator`` if it is only that.
+    `experiment` is what the configuration must be for, or None to take it from the configuration itself,
+    where ``manipulator`` is one that is only that. `files` are those read so far.
     """
 
     def __init__(self, source: ConfigSource, experiment: str | None) -> None:
@@ -125,15 +103,26 @@ class Draft:
         name = self.tree.get(MANIPULATOR)
         if not isinstance(name, str):
             return
-        places = [self._folder / name, shipped_folder() / name]
-        path = next((place for place in places if _is_file(place)), None)
-        if path is None:
-            message = f"{MANIPULATOR}: no file {name!r}"
-            hint = f"Looked for {' and '.join(dict.fromkeys(map(str, places)))}."
-            raise ConfigError(message, where=self.locate((MANIPULATOR,)).text, hint=hint)
+        path = self.named_file(name, MANIPULATOR)
         self._manipulator = load(read_text(path), str(path))
         self.tree[MANIPULATOR] = self._manipulator.tree
         self.files.append(path)
+
+    def named_file(self, name: str, key: str) -> Path:
+        """Find the file that a key names, beside the configuration or among the shipped ones.
+
+        Raises
+        ------
+        ConfigError
+            When there is none.
+        """
+        places = [self._folder / name, shipped_folder() / name]
+        path = next((place for place in places if _is_file(place)), None)
+        if path is None:
+            message = f"{key}: no file {name!r}"
+            hint = f"Looked for {' and '.join(dict.fromkeys(map(str, places)))}."
+            raise ConfigError(message, where=self.locate((key,)).text, hint=hint)
+        return path
 
     def keep_controllers(self, numbers: Sequence[int]) -> None:
         """Drop the runs of other laws than ``controller_<number>``.
@@ -141,8 +130,11 @@ class Draft:
         Raises
         ------
         UsageError
-            When a number has no run.
+            When a number has no run, or the experiment has no controllers.
         """
+        if self.experiment != "compare":
+            message = f"the experiment {self.experiment!r} has no controllers to choose from"
+            raise UsageError(message, where="--controllers")
         runs = self.tree.get("runs")
         if not isinstance(runs, dict):
             return

@@ -26,7 +26,6 @@ from tendonrepro.config.models.experiment import CompareConfig
 from tendonrepro.config.models.readings import AXES, RUNS, VARIATIONS, parse_reading
 from tendonrepro.config.overrides import parse_override
 from tendonrepro.config.published import COMPARED
-from tendonrepro.config.shipped import shipped_folder
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.physics.trajectory import trapezoid_times
 
@@ -181,7 +180,7 @@ def load_ensemble(
     draft = Draft(found, "ensemble")
     draft.apply(changes)
     config = draft.validate(EnsembleConfig)
-    base = _load_base(config.base, [text.strip().removeprefix(f"{BASE}.") for text in of_base], draft, found)
+    base = _load_base(config.base, [text.strip().removeprefix(f"{BASE}.") for text in of_base], draft)
     return LoadedEnsemble(
         config=config,
         base=base,
@@ -193,15 +192,9 @@ def load_ensemble(
     )
 
 
-def _load_base(name: str, overrides: Sequence[str], draft: Draft, found: ConfigSource) -> LoadedConfig:
-    places = [found.folder / name, shipped_folder() / name]
-    path = next((place for place in places if place.is_file()), None)
+def _load_base(name: str, overrides: Sequence[str], draft: Draft) -> LoadedConfig:
+    base = load_config(draft.named_file(name, BASE), "compare", overrides=overrides)
     where = draft.locate((BASE,)).text
-    if path is None:
-        message = f"{BASE}: no file {name!r}"
-        hint = f"Looked for {' and '.join(dict.fromkeys(map(str, places)))}."
-        raise ConfigError(message, where=where, hint=hint)
-    base = load_config(path, "compare", overrides=overrides)
     assert isinstance(base.config, CompareConfig)
     missing = [run for run in RUNS if run not in base.config.runs]
     if base.config.joints != COMPARED:

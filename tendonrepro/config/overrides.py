@@ -16,16 +16,9 @@ _QUANTITY = {"value", "unit", "source"}
 
 @dataclass(frozen=True)
 class Override:
-    """One value given on the command line.
+    """One value given on the command line, read as YAML, with the option's spelling for messages.
 
-    Attributes
-    ----------
-    key : str
-        Dotted path of what is set; a number is an index of a list, from 0.
-    value : Node
-        The value, read as YAML.
-    option : str
-        How the command line spelt it, for messages.
+    The key is a dotted path; a number in it is an index of a list, from 0.
     """
 
     key: str

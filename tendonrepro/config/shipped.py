@@ -39,13 +39,6 @@ def init_config(name: str, folder: Path) -> list[Path]:
     A companion file that is already there with the same content is left alone, so that both experiments
     can share a folder.
 
-    Parameters
-    ----------
-    name : str
-        One of `shipped_names`.
-    folder : Path
-        Where to; made when missing.
-
     Returns
     -------
     list of Path

@@ -46,19 +46,7 @@ COLUMNS: TableColumns = {
 
 
 def write_tables(file: TraceFile, folder: Path) -> list[Path]:
-    """Write every table the runs allow, as csv, Markdown and LaTeX.
-
-    Parameters
-    ----------
-    file : TraceFile
-        Either experiment.
-    folder : Path
-        Where to; made when missing.
-
-    Returns
-    -------
-    list of Path
-        The files written; tables without rows are left out.
+    """Write every table the runs allow, as csv, Markdown and LaTeX; tables without rows are left out.
 
     Raises
     ------

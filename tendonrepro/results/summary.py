@@ -51,17 +51,9 @@ def sizes_deg(e: Array, *, gaps: bool = False) -> Sizes:
 
 
 def tracking_errors(trace: Trace) -> dict[str, Sizes]:
-    """Sizes of the tracking error `e` over every window of `metrics.windows` that the run reaches.
+    """Sizes of the tracking error `e`, as `sizes_deg`, by every window of `metrics.windows` that is reached.
 
-    Parameters
-    ----------
-    trace : Trace
-        A run with `e` and the attribute ``reference_period``.
-
-    Returns
-    -------
-    dict
-        Window -> `sizes_deg`; ``whole`` is always there.
+    ``whole`` is always there.
     """
     e = trace["e"]
     spans = windows(trace.time, trace.attributes["reference_period"])
@@ -70,18 +62,7 @@ def tracking_errors(trace: Trace) -> dict[str, Sizes]:
 
 
 def decoupling_errors(trace: Trace) -> Sizes:
-    """Sizes of ``q_calculated - q_encoder``, the difference shown in Figs 10 to 12.
-
-    Parameters
-    ----------
-    trace : Trace
-        A run with both variables.
-
-    Returns
-    -------
-    dict
-        As `sizes_deg`.
-    """
+    """Sizes of ``q_calculated - q_encoder``, as `sizes_deg`: the difference shown in Figs 10 to 12."""
     gaps = trace.attributes["law"] == MEASURED
     return sizes_deg(trace["q_calculated"] - trace["q_encoder"], gaps=gaps)
 
@@ -112,17 +93,13 @@ def ranking(file: TraceFile) -> dict[str, dict[str, dict[str, Any]]]:
 def table_data_compare(file: TraceFile) -> dict[str, Any]:
     """Collect the data of ``compare --json``: Tables 2 and 3, other windows, status and ranking.
 
-    Parameters
-    ----------
-    file : TraceFile
-        Experiment ``compare``; runs that are missing leave their keys out.
-
     Returns
     -------
     dict
         ``table2`` run -> ``mae_deg``, ``rmse_deg``, ``max_deg``, lists in the order of the run's joints, over
         the whole run; ``table3`` ``no_load``, ``with_load`` likewise; ``windows`` window -> run -> likewise,
-        payload run included; ``status`` per run; ``ranking``. Numbers that are not finite are None.
+        payload run included; ``status`` per run; ``ranking``. Numbers that are not finite are None; runs that
+        are missing leave their keys out.
     """
     errors = {name: tracking_errors(trace) for name, trace in file.runs.items()}
     others = dict.fromkeys(window for found in errors.values() for window in found if window != "whole")
@@ -140,11 +117,6 @@ def table_data_compare(file: TraceFile) -> dict[str, Any]:
 
 def table_data_decouple(file: TraceFile) -> dict[str, Any]:
     """Collect the data of ``decouple --json``: coupling matrices, errors of the calculated joint angles.
-
-    Parameters
-    ----------
-    file : TraceFile
-        Experiment ``decouple``.
 
     Returns
     -------

@@ -38,27 +38,10 @@ def write_table(
     columns: TableColumns | None = None,
     suffixes: Sequence[str] = ("csv", "md"),
 ) -> list[Path]:
-    """Write a table as files.
+    """Write a table as ``<stem>.<suffix>`` into a folder; the stem is its LaTeX label too.
 
-    Parameters
-    ----------
-    rows : sequence of mapping
-        Numbers, texts, booleans, None, and lists of these.
-    folder : Path
-        Where to; made when missing.
-    stem : str
-        File name without suffix, and the LaTeX label.
-    caption : str
-        Plain text.
-    columns : mapping, optional
-        The columns in their order; if not given, every key of any row under its own name.
-    suffixes : sequence of str
-        Of ``csv``, ``md`` and ``tex``.
-
-    Returns
-    -------
-    list of Path
-        The files.
+    Rows hold numbers, texts, booleans, None, and lists of these. Columns stand in the order given; if none
+    are, every key of any row stands under its own name. Suffixes are of ``csv``, ``md`` and ``tex``.
 
     Raises
     ------

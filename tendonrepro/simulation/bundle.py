@@ -22,16 +22,10 @@ from tendonrepro.simulation.stepper import JOINT_NOISE, TORQUE_NOISE, Loop, rand
 
 @dataclass(frozen=True)
 class CompiledPart:
-    """Compiled code that some loops share, and the numbers of each.
+    """Compiled code that some loops share, with the numbers of each.
 
-    Attributes
-    ----------
-    code : LaneCode
-    rows : LaneRows
-    start : dict of str to array (rows, N)
-        Values of the rows at the first sample.
-    column : dict of int to int
-        Place of a loop in the batch to its column in `rows` and `start`.
+    ``start`` holds values of rows at the first sample, (rows, N), by name; ``column`` says which column of
+    them belongs to a loop, by its place in the batch.
     """
 
     code: compiled.LaneCode
@@ -55,19 +49,10 @@ class CompiledPart:
 
 @dataclass(frozen=True)
 class Ended:
-    """What the M experiments of a bundle left behind.
+    """What the M experiments of a bundle left behind: samples done, whether they diverged, sums, each (n, M).
 
-    Attributes
-    ----------
-    count : array (M,)
-        Samples done.
-    diverged : array (M,)
-    sums : Sums
-        Each (n, M).
-    blocks : array (B, n, M)
-        Errors summed up over blocks of samples.
-    trace : array (T, 9 n, M)
-        LaneRows of `RECORDED`; without entries unless asked for.
+    ``blocks`` (B, n, M) are errors summed up over blocks of samples, ``trace`` (T, 9 n, M) the rows of
+    `RECORDED`, without entries unless asked for.
     """
 
     count: NDArray[np.int64]

@@ -21,31 +21,16 @@ CommandFunction = Callable[[Memory, Array, Array, Array, Array, Law], tuple[Arra
 
 
 class Measurement(NamedTuple):
-    """Encoder values of one sample, both zero at the start posture.
-
-    Attributes
-    ----------
-    q : array (n,)
-        Joint encoders, rad.
-    q_motor : array (n,)
-        Motor encoders, rad at the winch.
-    """
+    """Angles (n,) read by joint encoders, rad, and motor encoders, rad at the winch; zero at the start."""
 
     q: Array
     q_motor: Array
 
 
 class ControlDecision(NamedTuple):
-    """What a controller makes of one sample.
+    """What a controller makes of one sample: torque in joint coordinates, N m, (n,), and its signals.
 
-    Attributes
-    ----------
-    tau : array (n,)
-        Commanded torque in joint coordinates, N m.
-    signals : tuple of array (n,)
-        Values of the controller's own ``signals``, in their order.
-    carry : object
-        Whatever ``remember`` needs of this sample besides the measurement and the applied torque.
+    `carry` is whatever ``remember`` needs besides the measurement and the applied torque.
     """
 
     tau: Array

@@ -29,19 +29,10 @@ RECORDED = ("state", "q_encoder", "tau_cmd", "tau_m", "H_hat", "s")
 
 
 class LoopNumbers(NamedTuple):
-    """All numbers of a loop, stacked over experiments: the leaves' last axis.
+    """All numbers of a loop, stacked over experiments: the leaves' last axis (N,).
 
-    Attributes
-    ----------
-    law : Law
-    encoder : Encoder
-    actuator : Actuator
-    S, S_inv : array (n, n, N)
-    phases : Thresholds
-    limit : array (N,)
-        Error beyond which a run has diverged, rad.
-    samples : array (N,)
-        Samples of the reference.
+    ``S`` and ``S_inv`` are (n, n, N), ``limit`` (N,) the error beyond which a run has diverged, rad,
+    ``samples`` (N,) the samples of the reference.
     """
 
     law: Law

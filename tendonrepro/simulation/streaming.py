@@ -19,16 +19,10 @@ RAPID = 0.5
 
 
 class Thresholds(NamedTuple):
-    """What tells the phases of a reference apart, each (n,) but the last.
+    """What tells the phases of a reference apart.
 
-    Attributes
-    ----------
-    speed : array (n,)
-        Speed from which a joint moves up or down, rad s⁻¹.
-    acceleration : array (n,)
-        Acceleration from which it moves rapidly, rad s⁻².
-    period : float
-        Samples of the first period.
+    Speed from which a joint moves up or down, (n,), rad s⁻¹, acceleration from which it moves rapidly, (n,),
+    rad s⁻², and samples of the first period.
     """
 
     speed: Array

@@ -17,8 +17,9 @@ from hypothesis import strategies as st
 from pydantic import BaseModel, ValidationError
 
 from tendonrepro.config.fields.strict_yaml import Key, Node, dump, read_text
-from tendonrepro.config.load import CompareConfig, DecoupleConfig, load_config, shipped_folder
+from tendonrepro.config.load import CompareConfig, DecoupleConfig, load_config
 from tendonrepro.config.messages import Place, explain
+from tendonrepro.config.shipped import shipped_folder
 from tendonrepro.errors import ConfigError
 
 TEXTS = {

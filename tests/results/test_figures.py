@@ -25,7 +25,7 @@ from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.results.figures.catalogue import FIGURES, available, draw, save
 from tendonrepro.results.figures.panels import FigureArtists, envelope, thin
 from tendonrepro.results.figures.style import REFERENCE, SERIES, journal_style
-from tendonrepro.results.traces import Trace, TraceFile
+from tendonrepro.results.records import Trace, TraceFile
 
 compare_file = cache(make_compare_file)
 decouple_file = cache(make_decouple_file)

@@ -23,8 +23,8 @@ from tendonrepro.results.comparison import (
     window_rows,
     write_tables,
 )
+from tendonrepro.results.records import PlantRecord, TraceFile
 from tendonrepro.results.tables import csv_text, latex, markdown, write_table
-from tendonrepro.results.traces import PlantRecord, TraceFile
 
 
 def frame_of(rows: Iterator[TableRow]) -> pd.DataFrame:

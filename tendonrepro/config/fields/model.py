@@ -69,19 +69,10 @@ def _mistake(at: Key, message: str) -> InitErrorDetails:
 
 @dataclass(frozen=True)
 class Outline:
-    """What one part of a configuration must know about others; None where the text is too broken to tell.
+    """What parts of a configuration know of others: joints of the arm, those that move, names of laws.
 
-    It is read before validation and handed down as its context, so that a vector of the wrong length is
-    reported beside every other mistake instead of after they are mended.
-
-    Attributes
-    ----------
-    joints : int or None
-        Number of joints of the manipulator.
-    moving : tuple or None
-        The joints that move in the experiment.
-    laws : tuple or None
-        Names of the control laws.
+    None where the text is too broken to tell. It is read before validation and handed down as its context, so
+    that a vector of the wrong length is reported beside every other mistake instead of after they are mended.
     """
 
     joints: int | None = None

@@ -25,19 +25,7 @@ _PER_ENTRY: Mapping[Size, str] = {
 
 @dataclass(frozen=True)
 class Limit:
-    """One end of a range, in the SI unit of the field.
-
-    Attributes
-    ----------
-    words : str
-        How a message names it.
-    keyword : str
-        The JSON schema keyword that says the same.
-    bound : float
-        The limit itself, SI.
-    admits : callable
-        Whether a value (SI) is on the right side of the bound.
-    """
+    """One end of a range: its names in a message and the JSON schema, its bound in SI, what it admits."""
 
     words: str
     keyword: str

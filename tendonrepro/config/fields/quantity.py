@@ -50,16 +50,9 @@ def _check_source(text: str) -> str:
 
 
 class Quantity(Model):
-    """A value with its unit and source; use `Scalar`, `Vector` or `Matrix`.
+    """A value as written, with unit (UDUNITS spelling) and source; use `Scalar`, `Vector` or `Matrix`.
 
-    Attributes
-    ----------
-    value : float or nested tuple of float
-        The number as written, in `unit`.
-    unit : str
-        One of `UNITS`, in UDUNITS spelling.
-    source : str
-        ``origin: words`` with origin printed, derived, datasheet, assumed or identified.
+    The source is ``origin: words`` with origin printed, derived, datasheet, assumed or identified.
     """
 
     value: Any

@@ -133,14 +133,7 @@ class _Checked(ABC):
 
 @dataclass(frozen=True)
 class In(_Checked):
-    """SI unit of a row, and the bounds of what may be drawn, in that unit and included.
-
-    Attributes
-    ----------
-    about : str
-    unit : str
-    bottom, top : float
-    """
+    """SI unit of a row, and the bounds of what may be drawn, in that unit and included."""
 
     unit: str
     bottom: float = 0.0
@@ -166,14 +159,7 @@ class In(_Checked):
 
 @dataclass(frozen=True)
 class Among(_Checked):
-    """The words that a row may choose from.
-
-    Attributes
-    ----------
-    about : str
-    words : tuple of str
-        A draw holds the place of a word here, from 0.
-    """
+    """The words that a row may choose from; a draw holds the place of a word here, from 0."""
 
     words: tuple[str, ...]
 

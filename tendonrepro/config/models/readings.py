@@ -33,17 +33,8 @@ _M = TypeVar("_M", bound=Model)
 class ReadingAxis:
     """One place that can be read in more than one way.
 
-    Attributes
-    ----------
-    name : str
-    printed : str
-        The value that stands in the paper, or is assumed where it is silent.
-    affects : mapping of str to tuple of str
-        Runs that an alternative changes, by alternative, in the order of their presentation.
-    place : str
-        Where in the paper.
-    about : str
-        One sentence.
+    `printed` is the value that stands in the paper, or is assumed where it is silent; `affects` holds the
+    runs that an alternative changes, by alternative; `place` is where in the paper, `about` one sentence.
     """
 
     name: str
@@ -60,14 +51,9 @@ class ReadingAxis:
 
 @dataclass(frozen=True)
 class Reading:
-    """A choice on every axis.
+    """A choice on every axis: axis and value in the order of `AXES`, printed values left out.
 
-    Attributes
-    ----------
-    name : str
-        ``printed``, or its settings as ``axis=value`` joined by ``+``.
-    settings : tuple of (str, str)
-        ReadingAxis and value in the order of `AXES`; printed values are left out.
+    The name is ``printed``, or the settings as ``axis=value`` joined by ``+``.
     """
 
     name: str
@@ -130,12 +116,7 @@ _DRAWN_BY_HARDWARE = ("error_rate", "output_delay", "encoder")
 
 
 def reading(settings: Mapping[str, str]) -> Reading:
-    """Make a reading of some settings; values as printed are left out.
-
-    Parameters
-    ----------
-    settings : mapping of str to str
-        Value by axis.
+    """Make a reading of values by axis; values as printed are left out.
 
     Raises
     ------
@@ -153,12 +134,7 @@ def reading(settings: Mapping[str, str]) -> Reading:
 
 
 def parse_reading(text: str) -> Reading:
-    """Read the name of a reading, as ``weights=extrapolating`` or ``printed``.
-
-    Parameters
-    ----------
-    text : str
-        Settings in any order, joined by ``+``.
+    """Read the name of a reading: ``printed``, or settings like ``weights=extrapolating`` joined by ``+``.
 
     Raises
     ------
@@ -191,13 +167,7 @@ def _check_setting(name: str, value: str) -> None:
 
 
 def default_readings(config: HasReadings) -> tuple[Reading, ...]:
-    """As printed, each alternative alone, and the pairs that the configuration names.
-
-    Parameters
-    ----------
-    config : EnsembleConfig
-        Or anything with `pairs`.
-    """
+    """As printed, each alternative alone, and the pairs that the configuration names."""
     single = [reading({axis.name: value}) for axis in _AXES for value in axis.alternatives]
     pairs = [parse_reading("+".join(pair)) for pair in config.pairs]
     return tuple(dict.fromkeys([reading({}), *single, *pairs]))
@@ -223,15 +193,7 @@ VARIATIONS: tuple[Reading, ...] = tuple(
 
 
 def case_of(reading_: Reading, run: str) -> Reading:
-    """Reduce a reading to what changes one run; runs whose cases are equal are one simulation.
-
-    Parameters
-    ----------
-    reading_ : Reading
-        Or a variation.
-    run : str
-        Name of the run.
-    """
+    """Reduce a reading to what changes one run; runs whose cases are equal are one simulation."""
     return reading(
         {name: value for name, value in reading_.settings if run in _EVERY_AXIS[name].affects[value]}
     )
@@ -240,18 +202,8 @@ def case_of(reading_: Reading, run: str) -> Reading:
 def under(reading_: Reading, config: CompareConfig, draw: Mapping[str, float]) -> CompareConfig:
     """Apply a reading or a variation to a configuration that stands as printed, without validating it.
 
-    Parameters
-    ----------
-    reading_ : Reading
-    config : CompareConfig
-        From `box.configured`.
-    draw : mapping of str to float
-        Value of every row of the box, SI; read for ``hardware=drawn``.
-
-    Returns
-    -------
-    CompareConfig
-        Shares all that does not change.
+    What does not change is shared. `draw` holds the value of every row of the box, SI, for
+    ``hardware=drawn``.
     """
     for name, value in reading_.settings:
         change = _CHANGES.get(name)

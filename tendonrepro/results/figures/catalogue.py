@@ -19,31 +19,15 @@ from tendonrepro.results.figures.compare import (
 from tendonrepro.results.figures.decouple import draw_joint, draw_motor_angles, draw_pull
 from tendonrepro.results.figures.panels import Canvas, FigureArtists
 from tendonrepro.results.figures.style import journal_style, save_figure
-from tendonrepro.results.traces import Trace, TraceFile
+from tendonrepro.results.records import Trace, TraceFile
 
 
 @dataclass(frozen=True)
 class FigureSpec:
     """What a figure shows and needs.
 
-    Parameters
-    ----------
-    caption : str
-        One sentence.
-    experiment : str
-        ``compare`` or ``decouple``.
-    runs : callable
-        Picks its runs out of a trace file.
-    needs : tuple of str
-        Variables a run must hold to be in it.
-    draw : callable
-        Draws the picked runs.
-    enough : callable
-        ``all`` of the variables, or ``any``.
-    plant : tuple of str
-        Values the plant record must hold.
-    joints : tuple of int
-        Joints that must be among those of the run.
+    `runs` picks its runs out of a trace file, of which those are drawn that hold all `joints` and ``all`` of
+    the variables it `needs`, or ``any``, as `enough` says; the plant record must hold the values of `plant`.
     """
 
     caption: str
@@ -67,18 +51,7 @@ class FigureSpec:
 
 
 def available(file: TraceFile) -> list[int]:
-    """Numbers of the figures that can be drawn from a trace file.
-
-    Parameters
-    ----------
-    file : TraceFile
-        Simulated or measured.
-
-    Returns
-    -------
-    list of int
-        The paper's numbers, ascending.
-    """
+    """Numbers of the paper's figures that can be drawn from a trace file, ascending."""
     return [number for number, spec in FIGURES.items() if spec.traces(file)]
 
 
@@ -98,19 +71,7 @@ def draw(number: int, file: TraceFile) -> FigureArtists:
 
 
 def save(artists: FigureArtists, folder: Path) -> list[Path]:
-    """Write a figure as PDF, SVG and PNG; the same figure gives the same bytes.
-
-    Parameters
-    ----------
-    artists : FigureArtists
-        A drawn figure.
-    folder : Path
-        Where to; made when missing.
-
-    Returns
-    -------
-    list of Path
-        ``figNN.pdf``, ``figNN.svg`` and ``figNN.png``.
+    """Write a figure as ``figNN.pdf``, ``figNN.svg`` and ``figNN.png``; the same figure gives the same bytes.
 
     Raises
     ------

@@ -11,7 +11,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.physics.metrics import window_mean
 from tendonrepro.results.figures.panels import Canvas
 from tendonrepro.results.figures.style import COLUMN_MM, PAGE_MM, REFERENCE, Stroke, stroke_of
-from tendonrepro.results.traces import VARIABLES, Trace, TraceFile
+from tendonrepro.results.records import VARIABLES, Trace, TraceFile
 
 MEAN_WINDOW = 0.05
 """Width of the centred moving mean, s."""
@@ -158,18 +158,9 @@ def _curves(
 
 
 def mean_curve(time: Array, values: Array) -> tuple[Array, Array]:
-    """Mean over `MEAN_WINDOW` of the samples that are there, once a window and at the end.
+    """Mean over `MEAN_WINDOW` of the samples (T,) that are there, once a window and at the end.
 
     More often would draw the beat of encoder counts.
-
-    Parameters
-    ----------
-    time, values : array (T,)
-        Any unit of the values.
-
-    Returns
-    -------
-    time, values : array (M,)
     """
     known = np.isfinite(values)
     time, values = time[known], values[known]

@@ -8,7 +8,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.physics.metrics import mae
 from tendonrepro.results.figures.panels import Canvas
 from tendonrepro.results.figures.style import COLUMN_MM, REFERENCE, stroke_of
-from tendonrepro.results.traces import Trace, TraceFile
+from tendonrepro.results.records import Trace, TraceFile
 
 
 def draw_pull(file: TraceFile, traces: list[Trace]) -> Canvas:

@@ -58,14 +58,10 @@ class _Panel:
 
 
 class Canvas:
-    """A figure under construction.
+    """A figure under construction, width and height in mm printed.
 
-    Parameters
-    ----------
-    width_mm, height_mm : float
-        Printed size.
-    labels : sequence of rows of (title, y label)
-        The grid of panels, which share the time axis. Each title gets its letter; a single panel needs none.
+    Labels are (title, y label) in rows, the grid of panels, which share the time axis. Each title gets its
+    letter; a single panel needs none.
     """
 
     def __init__(
@@ -99,22 +95,10 @@ class Canvas:
         label: str | None = None,
         diverged: bool = False,
     ) -> None:
-        """Draw a curve.
+        """Draw a curve (T,), in the panel's units, under the key `name`.
 
-        Parameters
-        ----------
-        letter : str
-            Panel.
-        name : str
-            Key of the line.
-        time, values : Array
-            Shape (T,), in the panel's units.
-        stroke : Stroke
-            Its look.
-        label : str, optional
-            Text in the legend, where equal texts are listed once; `name` unless given, nothing when empty.
-        diverged : bool
-            Mark the last sample, and leave the range of the y axis to the other curves.
+        The legend lists equal labels once; the label is `name` unless given, nothing when empty. Of a
+        diverged run the last sample is marked, and the range of the y axis is left to the other curves.
         """
         panel = self._panels[letter]
         x, y = thin(time, values)
@@ -133,22 +117,11 @@ class Canvas:
     def band(
         self, letter: str, name: str, time: Array, values: Array, stroke: Stroke, *, diverged: bool = False
     ) -> None:
-        """Draw the range of the samples as a pale band with thin edges, below all curves and earlier bands.
+        """Draw the range of a curve's samples as a pale band, below all curves and earlier bands.
 
-        Strokes of single pulses would cover each other into one block and hide which curve swings less.
-
-        Parameters
-        ----------
-        letter : str
-            Panel.
-        name : str
-            Name of the curve whose samples they are.
-        time, values : Array
-            Shape (T,), in the panel's units.
-        stroke : Stroke
-            Look of that curve; its colour is used.
-        diverged : bool
-            Leave the range of the y axis to the other curves; where the band leaves it, the panel says so.
+        Strokes of single pulses would cover each other into one block and hide which curve swings less. Time
+        and values (T,), in the panel's units. A diverged run leaves the range of the y axis to the others;
+        where its band leaves it, the panel says so.
         """
         panel = self._panels[letter]
         x, low, high = envelope(time, values)
@@ -184,20 +157,7 @@ class Canvas:
         self._legend[label] = sample
 
     def finish(self, number: int, caption: str) -> FigureArtists:
-        """Set ranges and legend, and lay the figure out once for all formats.
-
-        Parameters
-        ----------
-        number : int
-            The paper's number.
-        caption : str
-            Kept with the figure.
-
-        Returns
-        -------
-        FigureArtists
-            Ready to save.
-        """
+        """Set ranges and legend, and lay out the figure of the paper's number once for all formats."""
         self._frame_time()
         for letter, panel in self._panels.items():
             low, high = _frame_values(panel)

@@ -41,17 +41,7 @@ _MM_PER_INCH = 25.4
 
 @dataclass(frozen=True)
 class Stroke:
-    """How a curve looks.
-
-    Parameters
-    ----------
-    colour : str
-        Hexadecimal RGB.
-    dashes : tuple of float
-        Lengths of dash and gap in line widths; empty for a solid line.
-    width : float
-        Line width, pt.
-    """
+    """How a curve looks: colour in hexadecimal RGB, dash and gap in line widths, width in pt."""
 
     colour: str
     dashes: tuple[float, ...] = ()
@@ -102,7 +92,7 @@ def open_figure(width_mm: float, height_mm: float) -> Figure:
 
 
 def settle(figure: Figure) -> None:
-    """Lay a figure out once; without its engine no format computes it again."""
+    """Lay a figure out once, under the journal style; without its engine no format computes it again."""
     engine = figure.get_layout_engine()
     if engine is not None:
         engine.execute(figure)
@@ -165,21 +155,7 @@ def save_drawing(drawn: Drawn, folder: Path) -> list[Path]:
 
 
 def save_figure(figure: Figure, folder: Path, stem: str, title: str, caption: str) -> list[Path]:
-    """Write a figure as PDF, SVG and PNG.
-
-    Parameters
-    ----------
-    figure : Figure
-    folder : Path
-        Made when missing.
-    stem : str
-        File name without suffix.
-    title, caption : str
-        Kept in the files.
-
-    Returns
-    -------
-    list of Path
+    """Write a figure as PDF, SVG and PNG with title and caption kept in the files.
 
     Raises
     ------
@@ -193,7 +169,6 @@ def save_figure(figure: Figure, folder: Path, stem: str, title: str, caption: st
     }
     paths = [folder / f"{stem}.{suffix}" for suffix in metadata]
     with journal_style():
-        settle(figure)
         for path, (suffix, entries) in zip(paths, metadata.items(), strict=True):
             with atomic_path(path) as temporary:
                 figure.savefig(temporary, format=suffix, metadata=entries)

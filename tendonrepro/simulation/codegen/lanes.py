@@ -84,14 +84,8 @@ def _is_one(operand: Any) -> bool:
 class LaneRows:
     """Rows of the flat array, handed out one after the other.
 
-    Attributes
-    ----------
-    count : int
-        Rows handed out.
-    named : dict of str to int
-        First row of what was asked for by name.
-    constants : dict of int to array (N,)
-        Values of the rows that hold parameters, one of each experiment.
+    ``named`` holds the first row of what was asked for by name, ``constants`` the values (N,) of the rows
+    that hold parameters, one of each experiment.
     """
 
     count: int = 0
