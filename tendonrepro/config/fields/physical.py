@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Any, Literal, TypeAlias
@@ -139,7 +139,15 @@ def physical(
     ``below`` exclude the bound itself. ``size`` is that of a vector, or of the rows and columns of a matrix.
     """
     units = tuple(name for name, candidate in UNITS.items() if candidate.si == unit)
-    limits = tuple(_limits(above, at_least, below, at_most))
+    bounds = (
+        ("above", "exclusiveMinimum", above, float.__gt__),
+        ("at least", "minimum", at_least, float.__ge__),
+        ("below", "exclusiveMaximum", below, float.__lt__),
+        ("at most", "maximum", at_most, float.__le__),
+    )
+    limits = tuple(
+        Limit(words, keyword, bound, admits) for words, keyword, bound, admits in bounds if bound is not None
+    )
     return Physical(units, about, limits, size, whole)
 
 
@@ -150,19 +158,6 @@ def _plain_schema(quantity: type[Quantity]) -> dict[str, Any]:
         name: {key: item for key, item in schema.items() if key != "title"}
         for name, schema in properties.items()
     }
-
-
-def _limits(
-    above: float | None, at_least: float | None, below: float | None, at_most: float | None
-) -> Iterator[Limit]:
-    if above is not None:
-        yield Limit("above", "exclusiveMinimum", above, float.__gt__)
-    if at_least is not None:
-        yield Limit("at least", "minimum", at_least, float.__ge__)
-    if below is not None:
-        yield Limit("below", "exclusiveMaximum", below, float.__lt__)
-    if at_most is not None:
-        yield Limit("at most", "maximum", at_most, float.__le__)
 
 
 def _with_unit(value: float, unit: str) -> str:

@@ -63,7 +63,7 @@ class Quantity(Model):
 
     def entries(self) -> Iterator[tuple[tuple[int, ...], float]]:
         """Every single number with its index below `value`."""
-        return _flatten(self.value)
+        yield from ((index, float(number)) for index, number in np.ndenumerate(np.asarray(self.value)))
 
     @property
     def si_unit(self) -> str:
@@ -73,15 +73,6 @@ class Quantity(Model):
     def _to_si(self) -> Array:
         unit = UNITS[self.unit]
         return np.asarray(self.value, dtype=np.float64) * unit.factor / unit.divisor
-
-
-def _flatten(value: Any) -> Iterator[tuple[tuple[int, ...], float]]:
-    if isinstance(value, tuple):
-        for index, item in enumerate(value):
-            for below, number in _flatten(item):
-                yield (index, *below), number
-    else:
-        yield (), value
 
 
 def _number(raw: object, at: Key, problems: Problems) -> float:
