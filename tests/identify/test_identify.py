@@ -191,7 +191,9 @@ def paper(**changed):
     held = published()
     entries = dict(held.entries)
     for name, value in changed.items():
-        entries[name.replace("__", ".")] = replace(entries[name.replace("__", ".")], value=value)
+        entries[name.replace("__", ".")] = entries[name.replace("__", ".")].model_copy(
+            update={"value": value}
+        )
     return replace(held, entries=MappingProxyType(entries))
 
 
