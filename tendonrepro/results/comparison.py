@@ -22,8 +22,8 @@ COLUMNS: TableColumns = {
     "window": ("Window", ""),
     "run": ("Run", ""),
     "load": ("Load", ""),
-    "joint": ("Joint", ""),
     "metric": ("Metric", ""),
+    "joint": ("Joint", ""),
     # "z" keeps a rounded zero from having a sign; as many digits as the paper.
     "mae_deg": ("MAE (deg)", "z.3f"),
     "mae_printed_deg": ("printed", "z.3f"),

@@ -102,10 +102,10 @@ def settle(figure: Figure) -> None:
 def letter_panels(panels: Iterable[Axes], titles: Iterable[str]) -> dict[str, Axes]:
     """Entitle panels with "(a) ...", "(b) ..." in their order, and return them by letter.
 
-    A panel that is alone needs no title. Letters begin again after the 26th panel.
+    A panel that is alone needs no title. After (z) comes (aa), then (bb).
     """
     named = list(zip(panels, titles, strict=True))
-    letters = [ascii_lowercase[place % len(ascii_lowercase)] for place in range(len(named))]
+    letters = [ascii_lowercase[place % 26] * (place // 26 + 1) for place in range(len(named))]
     if len(named) > 1:
         for letter, (axes, title) in zip(letters, named, strict=True):
             axes.set_title(f"({letter}) {title}")
