@@ -21,14 +21,14 @@ def stated_case(duration, overrides=IDEAL_ENCODER):
 
     from tendonrepro.config.load import load_config
     from tendonrepro.experiments.loops import build_loops
-    from tendonrepro.simulation.stepper import Reference
+    from tendonrepro.simulation.stepper import DesiredMotion
 
     loaded = load_config(None, "compare", overrides=overrides)
     loop = dict(build_loops(loaded.config, loaded.folder))["controller_1"]
     samples = round(duration / loop.L) + 1
     names = ("time", "q_d", "dq_d", "ddq_d")
     reference = {name: getattr(loop.reference, name)[:samples] for name in names}
-    shortened = replace(loop, reference=Reference(**reference))
+    shortened = replace(loop, reference=DesiredMotion(**reference))
     return shortened, plain_parameters(loaded.config), reference
 
 

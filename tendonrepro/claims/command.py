@@ -96,7 +96,7 @@ def run_claims(
         files += [out / FOLDER / DECIDES, *_draw(sources.ensemble, rankings, out / FOLDER / "figures")]
     if sources.compare is not None:
         from tendonrepro.claims.figures import draw_laws
-        from tendonrepro.results.figures.files import save_figure
+        from tendonrepro.results.figures.style import save_figure
 
         caption = (
             "Torque and estimation error over frequency, distribution of the error, error at a reversal."
@@ -167,7 +167,7 @@ def _ratio(data: Ensemble) -> tuple[NDArray[np.bool_], Array]:
 def _draw(data: Ensemble, rankings: Mapping[str, Ranking], folder: Path) -> list[Path]:
     """Draw which unknowns decide, and the ratio against the unknowns that explain most of it."""
     from tendonrepro.claims.figures import draw_ratio_against_unknowns, draw_tornado
-    from tendonrepro.results.figures.files import save_figure
+    from tendonrepro.results.figures.style import save_figure
 
     written: list[Path] = []
     for claim in [name for name in rankings if name in TORNADOES]:

@@ -12,8 +12,7 @@ from matplotlib.ticker import NullFormatter
 from tendonrepro.arrays import Array
 from tendonrepro.claims.sensitivity import Ranking
 from tendonrepro.physics.metrics import periodogram
-from tendonrepro.results.figures.files import sheet
-from tendonrepro.results.figures.style import COLUMN_MM, PAGE_MM, SERIES, journal_style
+from tendonrepro.results.figures.style import COLUMN_MM, PAGE_MM, SERIES, journal_style, open_figure
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import CONTROLLERS
 
@@ -37,7 +36,7 @@ def draw_tornado(title: str, found: Ranking) -> Figure:
     rows = found["rows"][:_BARS]
     index = np.array([row["index"] for row in rows])
     with journal_style():
-        figure = sheet(COLUMN_MM, 18.0 + 5.0 * len(rows))
+        figure = open_figure(COLUMN_MM, 18.0 + 5.0 * len(rows))
         axes = figure.subplots()
         above = index > found["noise_floor"]
         colours = [SERIES[0].colour if strong else "#BEBEBE" for strong in above]
@@ -67,7 +66,7 @@ def draw_ratio_against_unknowns(
     rows = -(-len(names) // _COLUMNS)
     kept = ratio > 0.0
     with journal_style():
-        figure = sheet(PAGE_MM, 14.0 + 30.0 * rows)
+        figure = open_figure(PAGE_MM, 14.0 + 30.0 * rows)
         grid = figure.subplots(rows, _COLUMNS, sharey=True, squeeze=False)
         for place, axes in enumerate(grid.flat):
             if place >= len(names):
@@ -113,7 +112,7 @@ def draw_laws(file: TraceFile) -> Figure:
     runs = {name: file.runs[name] for name in CONTROLLERS if name in file.runs}
     joints = next(iter(runs.values())).joint
     with journal_style():
-        figure = sheet(PAGE_MM, 185.0)
+        figure = open_figure(PAGE_MM, 185.0)
         grid = figure.subplots(4, len(joints), squeeze=False)
         for i, joint in enumerate(joints):
             _draw(grid[0, i], runs, i, _spectrum_of("tau_m"))

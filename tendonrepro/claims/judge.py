@@ -13,7 +13,7 @@ from tendonrepro.claims.plants import Ensemble, Plants
 from tendonrepro.claims.sensitivity import Ranking, ranked
 from tendonrepro.claims.verdicts import FAILURES, NAMES, VerdictName
 from tendonrepro.config.models.readings import PRINTED
-from tendonrepro.config.published import Entry, Judgement, PrintedText, Published, published
+from tendonrepro.config.published import Judgement, PrintedEntry, PrintedText, Published, published
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.summary import LOADS, decoupling_errors, tracking_errors
@@ -209,7 +209,7 @@ def _needs_data(rule: str, decouple: TraceFile | None) -> Judged:
     return missing(_DATA, FETCH, mae_deg=errors, remarks=[remark])
 
 
-def _as_printed(entry: Entry, rule: Judgement) -> tuple[str, str | None]:
+def _as_printed(entry: PrintedEntry, rule: Judgement) -> tuple[str, str | None]:
     if isinstance(entry, PrintedText):
         return entry.text, SHARE if rule.kind == "ensemble" else None
     return entry.as_printed, entry.unit

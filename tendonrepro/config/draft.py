@@ -23,21 +23,11 @@ _M = TypeVar("_M", bound=Model)
 
 
 @dataclass(frozen=True)
-class Source:
+class ConfigSource:
     """The text of a configuration and where it stands.
 
-    Attributes
-    ----------
-    text : str
-        YAML.
-    name : str
-        What messages call it.
-    origin : str
-        Path, ``<stdin>`` or the name of a shipped configuration.
-    folder : Path
-        Folder from which relative paths start.
-    files : tuple of Path
-        The file read; none for standard input.
+    `name` is what messages call it; `origin` a path, ``<stdin>`` or a shipped name. Relative paths start from
+    `folder`; `files` is what was read, nothing for standard input.
     """
 
     text: str
@@ -47,49 +37,31 @@ class Source:
     files: tuple[Path, ...]
 
 
-def find_source(source: Source | Path | str | None, experiment: str | None) -> Source:
-    """Read standard input, a file, or a shipped configuration, in this order; what is read stays as it is.
-
-    Raises
-    ------
-    ConfigError
-        When there is nothing to read or it is not text.
-    """
-    if isinstance(source, Source):
+def find_source(source: ConfigSource | Path | str | None, experiment: str | None) -> ConfigSource:
+    """Read standard input, a file, or a shipped configuration, in this order; a source stays as it is."""
+    if isinstance(source, ConfigSource):
         return source
     if source is not None and str(source) == "-":
         name = "<stdin>"
         raw = b"" if sys.stdin is None else sys.stdin.buffer.read(MAX_BYTES + 1)
         text = decode(raw, name)
-        return Source(text, name, name, Path.cwd(), ())
+        return ConfigSource(text, name, name, Path.cwd(), ())
     origin = str(experiment if source is None else source)
     path = Path(origin)
     if source is None or (origin in shipped_names() and not _is_file(path)):
         path = shipped_file(origin)
     text = read_text(path, hint=f"Shipped configurations, by name: {', '.join(shipped_names())}")
-    return Source(text, str(path), origin, path.parent, (path,))
+    return ConfigSource(text, str(path), origin, path.parent, (path,))
 
 
 class Draft:
     """Plain values of an experiment that can still change, and the place each came from.
 
-    Parameters
-    ----------
-    source : Source
-    experiment : str or None
-        What the configuration must be for; None takes it from the configuration.
-
-    Attributes
-    ----------
-    tree : dict
-        The values.
-    files : list of Path
-        Files read so far.
-    experiment : str
-        What the configuration is for; ``manipulator`` if it is only that.
+    `experiment` is what the configuration must be for, or None to take it from the configuration itself,
+    where ``manipulator`` is one that is only that. `files` are those read so far.
     """
 
-    def __init__(self, source: Source, experiment: str | None) -> None:
+    def __init__(self, source: ConfigSource, experiment: str | None) -> None:
         self._document = load(source.text, source.name)
         self._manipulator: Document | None = None
         self._overrides: Sequence[Override] = ()
@@ -131,15 +103,26 @@ class Draft:
         name = self.tree.get(MANIPULATOR)
         if not isinstance(name, str):
             return
-        places = [self._folder / name, shipped_folder() / name]
-        path = next((place for place in places if _is_file(place)), None)
-        if path is None:
-            message = f"{MANIPULATOR}: no file {name!r}"
-            hint = f"Looked for {' and '.join(dict.fromkeys(map(str, places)))}."
-            raise ConfigError(message, where=self.locate((MANIPULATOR,)).text, hint=hint)
+        path = self.named_file(name, MANIPULATOR)
         self._manipulator = load(read_text(path), str(path))
         self.tree[MANIPULATOR] = self._manipulator.tree
         self.files.append(path)
+
+    def named_file(self, name: str, key: str) -> Path:
+        """Find the file that a key names, beside the configuration or among the shipped ones.
+
+        Raises
+        ------
+        ConfigError
+            When there is none.
+        """
+        places = [self._folder / name, shipped_folder() / name]
+        path = next((place for place in places if _is_file(place)), None)
+        if path is None:
+            message = f"{key}: no file {name!r}"
+            hint = f"Looked for {' and '.join(dict.fromkeys(map(str, places)))}."
+            raise ConfigError(message, where=self.locate((key,)).text, hint=hint)
+        return path
 
     def keep_controllers(self, numbers: Sequence[int]) -> None:
         """Drop the runs of other laws than ``controller_<number>``.
@@ -147,8 +130,11 @@ class Draft:
         Raises
         ------
         UsageError
-            When a number has no run.
+            When a number has no run, or the experiment has no controllers.
         """
+        if self.experiment != "compare":
+            message = f"the experiment {self.experiment!r} has no controllers to choose from"
+            raise UsageError(message, where="--controllers")
         runs = self.tree.get("runs")
         if not isinstance(runs, dict):
             return

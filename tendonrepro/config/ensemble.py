@@ -15,18 +15,17 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import AfterValidator, Field, model_validator
 
-from tendonrepro.config.draft import Draft, Source, find_source
-from tendonrepro.config.fields.model import Model, Name, Problems, RootModel, SchemaVersion
+from tendonrepro.config.draft import ConfigSource, Draft, find_source
+from tendonrepro.config.fields.model import Identifier, Model, RootModel, SchemaVersion, refuse
 from tendonrepro.config.fields.physical import physical
 from tendonrepro.config.fields.quantity import Scalar
 from tendonrepro.config.fields.strict_yaml import dump
 from tendonrepro.config.load import LoadedConfig, load_config
-from tendonrepro.config.models.box import Confidence, Rows, to_si
+from tendonrepro.config.models.box import BoxConfig, Confidence, to_si
 from tendonrepro.config.models.experiment import CompareConfig
 from tendonrepro.config.models.readings import AXES, RUNS, VARIATIONS, parse_reading
 from tendonrepro.config.overrides import parse_override
 from tendonrepro.config.published import COMPARED
-from tendonrepro.config.shipped import shipped_folder
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.physics.trajectory import trapezoid_times
 
@@ -37,32 +36,25 @@ BASE = "base"
 
 
 def _check_reading(text: str) -> str:
-    problems = Problems()
     try:
         settings = parse_reading(text).settings
     except UsageError as error:
-        problems.add((), error.message)
-        settings = ()
+        refuse(error.message)
     if any(name not in AXES for name, _ in settings):
-        problems.add((), f"is a variation, not a reading: {text!r}")
-    problems.raise_if_any()
+        refuse(f"is a variation, not a reading: {text!r}")
     return text
 
 
 def _check_variation(text: str) -> str:
     known = [variation.name for variation in VARIATIONS]
-    problems = Problems()
     if text not in known:
-        problems.add((), f"must be one of {', '.join(known)}, found {text!r}")
-    problems.raise_if_any()
+        refuse(f"must be one of {', '.join(known)}, found {text!r}")
     return text
 
 
 def _check_power_of_two(quantity: Scalar) -> Scalar:
-    problems = Problems()
     if math.frexp(quantity.value)[0] != 0.5:
-        problems.add(("value",), f"must be a power of two, found {quantity}")
-    problems.raise_if_any()
+        refuse(f"must be a power of two, found {quantity}", "value")
     return quantity
 
 
@@ -102,7 +94,7 @@ class EnsembleConfig(RootModel):
         Scalar, physical("s", "periods are repeated until a run lasts this long", above=0.0)
     ]
     longest_run: Annotated[Scalar, physical("s", "no run of the box may last longer", above=0.0)]
-    populations: Annotated[dict[Name, Population], Field(min_length=1)]
+    populations: Annotated[dict[Identifier, Population], Field(min_length=1)]
     pairs: Annotated[
         tuple[
             Annotated[tuple[Annotated[str, AfterValidator(_check_reading)], ...], Field(min_length=1)], ...
@@ -110,19 +102,17 @@ class EnsembleConfig(RootModel):
         Field(description="settings axis=value that are run together"),
     ]
     variations: tuple[Annotated[str, AfterValidator(_check_variation)], ...]
-    box: Rows
+    box: BoxConfig
 
     @model_validator(mode="after")
     def _check_durations(self) -> EnsembleConfig:
-        problems = Problems()
         cycle, kind = max(
             (cycle, kind) for kind, cycle in _longest_cycles(self.box) if kind in self.box.motion.choices
         )
         longest = max(2.0 * cycle, self.shortest_run.si + cycle)
         if longest > self.longest_run.si:
             covered = f"must cover every motion; {kind} lasts up to {longest:.6g} s"
-            problems.add(("longest_run", "value"), f"{covered}, found {self.longest_run}")
-        problems.raise_if_any()
+            refuse(f"{covered}, found {self.longest_run}", "longest_run", "value")
         return self
 
 
@@ -163,7 +153,7 @@ class LoadedEnsemble:
 
 
 def load_ensemble(
-    source: Source | Path | str | None, *, overrides: Sequence[str] = (), seed: int | None = None
+    source: ConfigSource | Path | str | None, *, overrides: Sequence[str] = (), seed: int | None = None
 ) -> LoadedEnsemble:
     """Read, complete and validate an ensemble's configuration.
 
@@ -190,7 +180,7 @@ def load_ensemble(
     draft = Draft(found, "ensemble")
     draft.apply(changes)
     config = draft.validate(EnsembleConfig)
-    base = _load_base(config.base, [text.strip().removeprefix(f"{BASE}.") for text in of_base], draft, found)
+    base = _load_base(config.base, [text.strip().removeprefix(f"{BASE}.") for text in of_base], draft)
     return LoadedEnsemble(
         config=config,
         base=base,
@@ -202,15 +192,9 @@ def load_ensemble(
     )
 
 
-def _load_base(name: str, overrides: Sequence[str], draft: Draft, found: Source) -> LoadedConfig:
-    places = [found.folder / name, shipped_folder() / name]
-    path = next((place for place in places if place.is_file()), None)
+def _load_base(name: str, overrides: Sequence[str], draft: Draft) -> LoadedConfig:
+    base = load_config(draft.named_file(name, BASE), "compare", overrides=overrides)
     where = draft.locate((BASE,)).text
-    if path is None:
-        message = f"{BASE}: no file {name!r}"
-        hint = f"Looked for {' and '.join(dict.fromkeys(map(str, places)))}."
-        raise ConfigError(message, where=where, hint=hint)
-    base = load_config(path, "compare", overrides=overrides)
     assert isinstance(base.config, CompareConfig)
     missing = [run for run in RUNS if run not in base.config.runs]
     if base.config.joints != COMPARED:
@@ -228,7 +212,7 @@ def _digest(config: EnsembleConfig, base: LoadedConfig) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _longest_cycles(box: Rows) -> Iterator[tuple[str, float]]:
+def _longest_cycles(box: BoxConfig) -> Iterator[tuple[str, float]]:
     """Longest period of each kind of motion, s; strokes last longest at low speed and large amplitude."""
     period = to_si(box.period.high, box.period.unit)
     hold = to_si(box.hold.high, box.hold.unit)

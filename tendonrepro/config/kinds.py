@@ -26,14 +26,7 @@ _KINDS: dict[str, Any] = {
 
 
 def checked(source: str, overrides: Sequence[str]) -> Held:
-    """Read and validate whatever a file holds.
-
-    Parameters
-    ----------
-    source : str
-        A file, ``-`` for standard input, or the name of a shipped configuration.
-    overrides : sequence of str
-        ``dotted.key=VALUE``.
+    """Read and validate whatever a file, standard input (``-``) or a shipped configuration holds.
 
     Raises
     ------
@@ -64,12 +57,7 @@ def shown(source: str, overrides: Sequence[str]) -> tuple[dict[str, Any], str]:
 
 
 def json_schema(kind: str | None = None) -> dict[str, Any]:
-    """JSON schema of a configuration file.
-
-    Parameters
-    ----------
-    kind : {'compare', 'decouple', 'ensemble', 'manipulator'}, optional
-        What the file holds; any of them when None.
+    """JSON schema of a configuration file of a kind, of any kind when None.
 
     Raises
     ------

@@ -13,28 +13,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-from tendonrepro.config.draft import Draft, Source, find_source
+from tendonrepro.config.draft import ConfigSource, Draft, find_source
 from tendonrepro.config.fields.strict_yaml import Key, Node, dump
 from tendonrepro.config.models.experiment import CompareConfig, DecoupleConfig
-from tendonrepro.config.models.manipulator import Manipulator
 from tendonrepro.config.models.reference import Sampled
 from tendonrepro.config.overrides import Override, parse_override
-from tendonrepro.config.shipped import init_config, shipped_folder, shipped_names
-from tendonrepro.errors import UsageError
 from tendonrepro.files import sha256_of
 
-__all__ = [
-    "CompareConfig",
-    "Config",
-    "DecoupleConfig",
-    "ExperimentName",
-    "LoadedConfig",
-    "Manipulator",
-    "init_config",
-    "load_config",
-    "shipped_folder",
-    "shipped_names",
-]
+__all__ = ["CompareConfig", "Config", "DecoupleConfig", "ExperimentName", "LoadedConfig", "load_config"]
 
 Config: TypeAlias = CompareConfig | DecoupleConfig
 ExperimentName: TypeAlias = Literal["compare", "decouple"]
@@ -80,7 +66,7 @@ class LoadedConfig:
 
 
 def load_config(
-    source: Source | Path | str | None,
+    source: ConfigSource | Path | str | None,
     experiment: ExperimentName | None,
     *,
     overrides: Sequence[str] = (),
@@ -110,16 +96,7 @@ def load_config(
     UsageError
         When the command line asks for something impossible.
     """
-    return _loaded(find_source(source, experiment), experiment, overrides, seed, controllers)
-
-
-def _loaded(
-    found: Source,
-    experiment: ExperimentName | None,
-    overrides: Sequence[str],
-    seed: int | None = None,
-    controllers: Sequence[int] | None = None,
-) -> LoadedConfig:
+    found = find_source(source, experiment)
     draft = Draft(found, experiment)
     changes = [parse_override(text) for text in overrides]
     recorded = list(overrides)
@@ -128,7 +105,7 @@ def _loaded(
         recorded.append(f"seed={seed}")
     draft.apply(changes)
     if controllers is not None:
-        _keep_controllers(draft, controllers)
+        draft.keep_controllers(controllers)
         recorded.append(f"controllers={','.join(map(str, controllers))}")
     config = draft.validate(_MODELS[draft.experiment])
     trajectories = [draft.existing_file(file, path) for path, file in _trajectories(config)]
@@ -142,13 +119,6 @@ def _loaded(
         inputs=(*draft.files, *trajectories),
         folder=found.folder,
     )
-
-
-def _keep_controllers(draft: Draft, controllers: Sequence[int]) -> None:
-    if draft.experiment != "compare":
-        message = f"the experiment {draft.experiment!r} has no controllers to choose from"
-        raise UsageError(message, where="--controllers")
-    draft.keep_controllers(controllers)
 
 
 def _trajectories(config: Config) -> Iterator[tuple[Key, str]]:

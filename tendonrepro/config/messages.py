@@ -16,16 +16,9 @@ from tendonrepro.errors import ConfigError
 
 
 class Place(NamedTuple):
-    """Where an entry stands; places sort in reading order.
+    """Where an entry stands: order of its file, the command line being first, line in it, and words for it.
 
-    Attributes
-    ----------
-    rank : int
-        Order of the file, the command line being first.
-    line : int
-        Line in the file.
-    text : str
-        How a message names the place.
+    Places sort in reading order.
     """
 
     rank: int
@@ -47,17 +40,7 @@ _KEY = "[key]"  # pydantic's place for a mistake in the name of a key
 
 
 def explain(error: ValidationError, model: type[BaseModel], tree: object, locate: Locate) -> ConfigError:
-    """Turn a validation error into one message that lists every mistake.
-
-    Parameters
-    ----------
-    error : ValidationError
-    model : type of BaseModel
-        What `tree` was validated as.
-    tree : object
-        The values before validation.
-    locate : callable
-        Finds the place of a path.
+    """Turn a validation error of `tree` into one message that lists every mistake.
 
     Returns
     -------

@@ -16,16 +16,9 @@ _QUANTITY = {"value", "unit", "source"}
 
 @dataclass(frozen=True)
 class Override:
-    """One value given on the command line.
+    """One value given on the command line, read as YAML, with the option's spelling for messages.
 
-    Attributes
-    ----------
-    key : str
-        Dotted path of what is set; a number is an index of a list, from 0.
-    value : Node
-        The value, read as YAML.
-    option : str
-        How the command line spelt it, for messages.
+    The key is a dotted path; a number in it is an index of a list, from 0.
     """
 
     key: str
@@ -60,10 +53,7 @@ def parse_override(text: str) -> Override:
 def apply_overrides(tree: dict[str, Node], overrides: Iterable[Override]) -> None:
     """Set the values in place; a quantity whose value or unit is set says so in its source.
 
-    Raises
-    ------
-    ConfigError
-        When a key leads nowhere; the last part of a key may be new, so that optional keys can be given.
+    Only the last part of a key may be new, so that optional keys can be given.
     """
     # A source given by hand must outlive the value it belongs to, whatever their order.
     for override in sorted(overrides, key=lambda override: override.path[-1] == "source"):

@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from fractions import Fraction
 from functools import cache
 from types import MappingProxyType
-from typing import TypeAlias
+from typing import Annotated, Literal, Self, TypeAlias
 
 import numpy as np
+from pydantic import Field, StrictInt, ValidationError, model_validator
 
 from tendonrepro.arrays import Array
-from tendonrepro.config.fields.strict_yaml import Document, Node, load, read_text
+from tendonrepro.config.fields.model import Model, Number, refuse
+from tendonrepro.config.fields.strict_yaml import Document, Key, load, read_text
+from tendonrepro.config.messages import Place, explain
 from tendonrepro.errors import ConfigError
 from tendonrepro.files import shipped
 from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix
-
-SCHEMA_VERSION = 2
 
 Interval: TypeAlias = tuple[Fraction, Fraction]
 """Lower and upper end, both included."""
@@ -30,30 +31,36 @@ COMPARED = (2, 3)
 """Joints of the comparison; the paper prints gains and errors of these."""
 
 
-@dataclass(frozen=True)
-class PrintedNumber:
+class PrintedNumber(Model):
     """A number as printed; `decimals` counts the digits behind the point."""
 
     id: str
+    kind: Literal["number"]
     where: str
-    value: float
+    value: Number
     unit: str
-    decimals: int
+    decimals: StrictInt
 
     @property
     def as_printed(self) -> str:
         """The number with its printed digits."""
         return f"{self.value:.{self.decimals}f}"
 
+    @model_validator(mode="after")
+    def _check_digits(self) -> Self:
+        if round(self.value, self.decimals) != self.value:
+            refuse(f"has more than {self.decimals} decimals, found {self.value}", "value")
+        return self
 
-@dataclass(frozen=True)
-class PrintedRatio:
+
+class PrintedRatio(Model):
     """A number printed as a fraction of two lengths in `unit`."""
 
     id: str
+    kind: Literal["ratio"]
     where: str
-    numerator: float
-    denominator: float
+    numerator: Number
+    denominator: Number
     unit: str
 
     @property
@@ -67,61 +74,41 @@ class PrintedRatio:
         return f"{self.numerator:g}/{self.denominator:g}"
 
 
-@dataclass(frozen=True)
-class PrintedText:
-    """A name as printed."""
+class PrintedText(Model):
+    """A name as printed, or a claim: a statement of the paper in our words."""
 
     id: str
+    kind: Literal["text", "claim"]
     where: str
     text: str
 
 
-@dataclass(frozen=True)
-class PrintedClaim(PrintedText):
-    """A statement of the paper, in our words."""
+PrintedEntry: TypeAlias = PrintedNumber | PrintedRatio | PrintedText
 
 
-@dataclass(frozen=True)
-class Judgement:
-    """How entries are judged.
+class Judgement(Model):
+    """By which rule of docs/verdicts.md entries are judged, and what their verdict hangs on.
 
-    Parameters
-    ----------
-    ids : str
-        Id of an entry, or a pattern with ``*`` for several.
-    rule : str
-        Name of a rule of docs/verdicts.md; ``input`` is none.
-    kind : str
-        One of `KINDS_OF_JUDGEMENT`.
-    depends_on : tuple of str
-        What the verdict hangs on.
+    `ids` is the id of an entry, or a pattern with ``*`` for several; the rule ``input`` is none.
     """
 
     ids: str
     rule: str
-    kind: str
+    kind: Literal["arithmetic", "model", "ensemble", "measured", "input"]
     depends_on: tuple[str, ...]
 
 
-KINDS_OF_JUDGEMENT = ("arithmetic", "model", "ensemble", "measured", "input")
-
-Entry: TypeAlias = PrintedNumber | PrintedRatio | PrintedText
-
-# A kind added here, with its class, is all that a new sort of entry needs.
-_KINDS: Mapping[str, type[Entry]] = {
-    "number": PrintedNumber,
-    "ratio": PrintedRatio,
-    "text": PrintedText,
-    "claim": PrintedClaim,
-}
-_ACCEPTED: Mapping[str, tuple[type, ...]] = {"str": (str,), "float": (int, float), "int": (int,)}
+class _File(Model):
+    schema_version: Literal[2]
+    entries: tuple[Annotated[PrintedEntry, Field(discriminator="kind")], ...]
+    judged: tuple[Judgement, ...]
 
 
 @dataclass(frozen=True)
 class Published:
     """Everything printed, and how it is judged, by id."""
 
-    entries: Mapping[str, Entry]
+    entries: Mapping[str, PrintedEntry]
     judgements: Mapping[str, Judgement]
 
     def number(self, identifier: str) -> float:
@@ -168,89 +155,28 @@ def published() -> Published:
 
 
 def parse_published(document: Document) -> Published:
-    """Check a document entry by entry and freeze it.
+    """Check and freeze a document; every id is used once and covered by exactly one judgement."""
 
-    Raises
-    ------
-    ConfigError
-        For an unknown kind, a missing, unknown or ill-typed key, an id used twice, a value with more decimals
-        than it says, or an entry that not exactly one judgement covers.
-    """
-    listed = _lists(document)
-    entries: dict[str, Entry] = {}
-    for index, item in enumerate(listed["entries"]):
+    def locate(path: Key) -> Place:
+        return Place(0, document.line(path), document.where(path))
+
+    try:
+        file = _File.model_validate(document.tree)
+    except ValidationError as error:
+        raise explain(error, _File, document.tree, locate) from None
+    entries: dict[str, PrintedEntry] = {}
+    judgements: dict[str, Judgement] = {}
+    for index, entry in enumerate(file.entries):
+        fitting = [judgement for judgement in file.judged if fnmatchcase(entry.id, judgement.ids)]
         where = document.where(("entries", index))
-        entry = _entry(item, where)
         if entry.id in entries:
             message = f"id {entry.id!r} is used twice"
             raise ConfigError(message, where=where)
-        entries[entry.id] = entry
-    rules = [_judgement(item, document.where(("judged", k))) for k, item in enumerate(listed["judged"])]
-    found = {name: _the_one(rules, name, document.name) for name in entries}
-    return Published(MappingProxyType(entries), MappingProxyType(found))
-
-
-def _lists(document: Document) -> dict[str, list[Node]]:
-    tree = document.tree
-    names = ("entries", "judged")
-    listed = {name: tree.get(name) for name in names} if isinstance(tree, dict) else {}
-    lists = {name: items for name, items in listed.items() if isinstance(items, list)}
-    if not isinstance(tree, dict) or len(lists) != 2 or len(tree) != 3:
-        message = "expected the keys schema_version, entries and judged, both lists"
-        raise ConfigError(message, where=document.name)
-    if tree.get("schema_version") != SCHEMA_VERSION:
-        message = f"schema_version is not {SCHEMA_VERSION}"
-        raise ConfigError(message, where=document.name)
-    return lists
-
-
-def _judgement(item: Node, where: str) -> Judgement:
-    given = item if isinstance(item, dict) else {}
-    texts, depends_on = [given.get(key) for key in ("ids", "rule", "kind")], given.get("depends_on")
-    if (
-        len(given) != 4
-        or not all(isinstance(text, str) for text in texts)
-        or not isinstance(depends_on, list)
-        or not all(isinstance(text, str) for text in depends_on)
-    ):
-        message = "expected the keys ids, rule, kind, texts, and depends_on, a list of texts"
-        raise ConfigError(message, where=where)
-    ids, rule, kind = map(str, texts)
-    if kind not in KINDS_OF_JUDGEMENT:
-        message = f"kind {kind!r} is none of {', '.join(KINDS_OF_JUDGEMENT)}"
-        raise ConfigError(message, where=where)
-    return Judgement(ids, rule, kind, tuple(map(str, depends_on)))
-
-
-def _the_one(rules: list[Judgement], name: str, where: str) -> Judgement:
-    fitting = [rule for rule in rules if fnmatchcase(name, rule.ids)]
-    if len(fitting) != 1:
-        message = f"{name!r} is covered by {len(fitting)} judgements instead of one"
-        raise ConfigError(message, where=where)
-    return fitting[0]
-
-
-def _entry(item: Node, where: str) -> Entry:
-    kind = item.get("kind") if isinstance(item, dict) else None
-    if not isinstance(item, dict) or not isinstance(kind, str) or kind not in _KINDS:
-        message = f"expected an entry of kind {', '.join(_KINDS)}"
-        raise ConfigError(message, where=where)
-    wanted = {part.name: _ACCEPTED[str(part.type)] for part in fields(_KINDS[kind])}
-    given = {key: value for key, value in item.items() if key != "kind"}
-    wrong = sorted(wanted.keys() ^ given.keys())
-    wrong += [key for key in wanted.keys() & given.keys() if not _is_a(given[key], wanted[key])]
-    if wrong:
-        message = f"missing, unknown or ill-typed keys: {', '.join(wrong)}"
-        raise ConfigError(message, where=where)
-    entry = _KINDS[kind](**given)  # type: ignore[arg-type]
-    if isinstance(entry, PrintedNumber) and round(entry.value, entry.decimals) != entry.value:
-        message = f"{entry.value} has more than {entry.decimals} decimals"
-        raise ConfigError(message, where=where)
-    return entry
-
-
-def _is_a(value: Node, accepted: tuple[type, ...]) -> bool:
-    return isinstance(value, accepted) and not isinstance(value, bool)
+        if len(fitting) != 1:
+            message = f"{entry.id!r} is covered by {len(fitting)} judgements instead of one"
+            raise ConfigError(message, where=where)
+        entries[entry.id], judgements[entry.id] = entry, fitting[0]
+    return Published(MappingProxyType(entries), MappingProxyType(judgements))
 
 
 def exact(entry: PrintedNumber | PrintedRatio) -> Fraction:

@@ -30,10 +30,8 @@ class Request:
         Replaces the configuration's.
     controllers : sequence of int or None
         Numbers of the controllers to run; None is all.
-    dry_run : bool
-        Check everything, run nothing.
-    force : bool
-        Overwrite results of another configuration or version.
+    dry_run, force : bool
+        Check everything but run nothing; overwrite results of another configuration or version.
     """
 
     config: str | None = None

@@ -23,13 +23,7 @@ def shipped_names() -> list[str]:
 
 
 def shipped_file(name: str) -> Path:
-    """Path of a shipped configuration.
-
-    Raises
-    ------
-    UsageError
-        When there is none of that name.
-    """
+    """Path of a shipped configuration; a UsageError names what there is."""
     names = shipped_names()
     if name not in names:
         meant = nearest(name, names)
@@ -44,13 +38,6 @@ def init_config(name: str, folder: Path) -> list[Path]:
 
     A companion file that is already there with the same content is left alone, so that both experiments
     can share a folder.
-
-    Parameters
-    ----------
-    name : str
-        One of `shipped_names`.
-    folder : Path
-        Where to; made when missing.
 
     Returns
     -------

@@ -17,10 +17,6 @@ FEWEST = 6
 def read_samples(path: Path) -> tuple[Array, dict[int, Array]]:
     """Read a trajectory file: CSV with the columns ``time_s`` and ``q<joint>_deg``.
 
-    Parameters
-    ----------
-    path : Path
-
     Returns
     -------
     time : array (N,)

@@ -25,7 +25,7 @@ from tendonrepro.ensemble.shards import Block, Shard, shard_image
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import build_law, build_loops
 from tendonrepro.experiments.rig import build_actuator, build_encoder
-from tendonrepro.physics.encoder import Encoder
+from tendonrepro.physics.instruments import Encoder
 from tendonrepro.physics.metrics import STATUSES, mae, rmse, status_of
 from tendonrepro.results.manifest import cpu_name
 from tendonrepro.simulation.batch import Batch, simulate_batch

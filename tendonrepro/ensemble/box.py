@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tendonrepro.arrays import Array
 from tendonrepro.config.ensemble import EnsembleConfig
 from tendonrepro.config.load import CompareConfig, LoadedConfig
-from tendonrepro.config.models.box import Among, Range, Row, Words, rule_of, to_si
+from tendonrepro.config.models.box import Among, BoxRange, BoxRow, Words, rule_of, to_si
 from tendonrepro.config.models.readings import as_printed
 from tendonrepro.ensemble.draw import drawn_tree
 
@@ -98,7 +98,7 @@ def make_box(config: EnsembleConfig) -> Box:
         low=np.array(low),
         nominal=np.array(nominal),
         high=np.array(high),
-        scale=tuple(row.scale if isinstance(row, Range) else _CHOICE for row in items.values()),
+        scale=tuple(row.scale if isinstance(row, BoxRange) else _CHOICE for row in items.values()),
         confidence=tuple(row.confidence for row in items.values()),
         source=tuple(row.source for row in items.values()),
         choices=choices,
@@ -108,9 +108,9 @@ def make_box(config: EnsembleConfig) -> Box:
     )
 
 
-def _si_numbers(name: str, row: Row) -> tuple[float, float, float, Array]:
+def _si_numbers(name: str, row: BoxRow) -> tuple[float, float, float, Array]:
     """Low, nominal, high and choices of a row in SI; a word counts as its place among the known ones."""
-    if isinstance(row, Range):
+    if isinstance(row, BoxRange):
         low, nominal, high = (to_si(value, row.unit) for value in (row.low, row.nominal, row.high))
         return low, nominal, high, np.zeros(0)
     if isinstance(row, Words):

@@ -12,8 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tendonrepro.ensemble.shares import RATIO_NAMES, RATIOS
-from tendonrepro.results.figures.files import save_drawn, sheet
-from tendonrepro.results.figures.style import PAGE_MM, SERIES, journal_style
+from tendonrepro.results.figures.style import PAGE_MM, SERIES, journal_style, open_figure, save_drawing
 from tendonrepro.results.summary import CONTROLLERS
 
 _ROW_MM = 4.2
@@ -40,7 +39,7 @@ def draw_ensemble_figures(summary: Mapping[str, Any], folder: Path) -> list[Path
     paths = []
     for name, held in summary["populations"].items():
         for draw in (draw_ratios, draw_shares, draw_statuses):
-            paths += save_drawn(draw(name, held), folder)
+            paths += save_drawing(draw(name, held), folder)
     return paths
 
 
@@ -175,7 +174,7 @@ def rows_figure(
 ) -> RowsFigure:
     """Draw panels with these titles side by side over rows with these names, the first on top."""
     with journal_style():
-        figure = sheet(PAGE_MM, _FRAME_MM + _ROW_MM * len(rows))
+        figure = open_figure(PAGE_MM, _FRAME_MM + _ROW_MM * len(rows))
         axes = figure.subplots(1, len(titles), sharey=True, squeeze=False)[0]
         for panel, title in zip(axes, titles, strict=True):
             panel.set_title(title)

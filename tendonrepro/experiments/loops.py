@@ -15,11 +15,11 @@ from tendonrepro.config.models.reference import (
     MinimumJerk,
     PerJoint,
     RaisedCosine,
+    ReferenceConfig,
     Sampled,
     Sine,
     Single,
 )
-from tendonrepro.config.models.reference import Reference as ReferenceConfig
 from tendonrepro.config.trajectory_file import read_samples
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.experiments.rig import (
@@ -31,8 +31,7 @@ from tendonrepro.experiments.rig import (
     start_angles,
 )
 from tendonrepro.experiments.user_law import UserLaw, add_user_law
-from tendonrepro.physics.control import DEGREES_PER_RADIAN, Law, Surface, estimator_weights
-from tendonrepro.physics.servo import Servo
+from tendonrepro.physics.control import DEGREES_PER_RADIAN, Law, Servo, Surface, estimator_weights
 from tendonrepro.physics.trajectory import (
     Motion,
     Shape,
@@ -47,7 +46,7 @@ from tendonrepro.physics.trajectory import (
 )
 from tendonrepro.results.records import RESERVED
 from tendonrepro.simulation.controllers import Controller, PositionController, TimeDelayController
-from tendonrepro.simulation.stepper import Loop, Reference, Solver
+from tendonrepro.simulation.stepper import DesiredMotion, Loop, Solver
 
 RESOLVED_ANGLE = 1e-9
 """Error that counts as resolved with an ideal encoder, rad; see ``Law.power_floor``."""
@@ -64,12 +63,12 @@ def reference_period(reference: ReferenceConfig) -> float:
 
 def build_reference(
     reference: ReferenceConfig, config: Experiment, folder: Path, S: Array | None = None
-) -> Reference:
+) -> DesiredMotion:
     """Desired motion at every sample.
 
     Parameters
     ----------
-    reference : Reference
+    reference : DesiredMotion
         Of a configuration.
     config : CompareConfig or DecoupleConfig
     folder : Path
@@ -79,7 +78,7 @@ def build_reference(
 
     Returns
     -------
-    Reference
+    DesiredMotion
 
     Raises
     ------
@@ -95,7 +94,7 @@ def build_reference(
     q_d, dq_d, ddq_d = motion(time, motions)
     if S is not None:
         q_d, dq_d, ddq_d = q_d @ S.T, dq_d @ S.T, ddq_d @ S.T
-    built = Reference(time, q_d, dq_d, ddq_d, reference_period(reference))
+    built = DesiredMotion(time, q_d, dq_d, ddq_d, reference_period(reference))
     _check_workspace(built, config)
     return built
 
@@ -148,7 +147,7 @@ def _sampled_motions(path: Path, joints: Sequence[int]) -> list[Motion]:
     return [Motion((sampled(time, angles[joint]),), float(time[-1] - time[0])) for joint in joints]
 
 
-def _check_workspace(reference: Reference, config: Experiment) -> None:
+def _check_workspace(reference: DesiredMotion, config: Experiment) -> None:
     """Links work between hanging and upright on one side; elsewhere gravity would slacken the tendons."""
     angles = np.rad2deg(start_angles(config) + np.cumsum(reference.q_d, axis=1))
     outside = (angles <= 0.0) | (angles >= 180.0)
@@ -218,7 +217,7 @@ def torque_map(config: CompareConfig) -> Array:
 
 
 def build_loops(
-    config: Experiment, folder: Path, reference: Reference | None = None
+    config: Experiment, folder: Path, reference: DesiredMotion | None = None
 ) -> Iterator[tuple[str, Loop]]:
     """One closed loop per run of a configuration.
 
@@ -227,7 +226,7 @@ def build_loops(
     config : CompareConfig or DecoupleConfig
     folder : Path
         Where the path of a trajectory file starts.
-    reference : Reference, optional
+    reference : DesiredMotion, optional
         Desired motion of a comparison where it has been built before; it takes most of the time.
 
     Yields
@@ -264,7 +263,7 @@ def all_loops(loaded: LoadedConfig, law: UserLaw | None) -> dict[str, Loop]:
 
 
 def _loop(
-    config: Experiment, payload_mass: float, controller: Controller, reference: Reference, *, cold: bool
+    config: Experiment, payload_mass: float, controller: Controller, reference: DesiredMotion, *, cold: bool
 ) -> Loop:
     solver = config.solver
     return Loop(

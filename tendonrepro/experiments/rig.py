@@ -11,8 +11,7 @@ import numpy as np
 from tendonrepro.arrays import Array
 from tendonrepro.config.load import CompareConfig, DecoupleConfig
 from tendonrepro.config.models.experiment import NoDisturbance, SineDisturbance, StepDisturbance
-from tendonrepro.config.models.manipulator import Encoder as EncoderConfig
-from tendonrepro.config.models.manipulator import Manipulator
+from tendonrepro.config.models.manipulator import EncoderConfig, Manipulator
 from tendonrepro.physics.arm import Arm, make_arm
 from tendonrepro.physics.disturbance import (
     Disturbance,
@@ -23,9 +22,8 @@ from tendonrepro.physics.disturbance import (
 )
 from tendonrepro.physics.drive import Drive
 from tendonrepro.physics.dynamics import Plant
-from tendonrepro.physics.encoder import Encoder
 from tendonrepro.physics.friction import Friction
-from tendonrepro.physics.instruments import Actuator
+from tendonrepro.physics.instruments import Actuator, Encoder
 from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix
 
 Experiment = CompareConfig | DecoupleConfig

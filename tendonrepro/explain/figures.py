@@ -19,8 +19,7 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter, NullLo
 from tendonrepro import __version__
 from tendonrepro.arrays import Array
 from tendonrepro.explain.explanation import Explanation, Map
-from tendonrepro.results.figures.files import save_figure
-from tendonrepro.results.figures.style import PAGE_MM, Stroke, journal_style, stroke_of
+from tendonrepro.results.figures.style import PAGE_MM, Stroke, journal_style, save_figure, stroke_of
 
 SYMBOLS: Mapping[str, str] = {
     "M_bar": r"$\bar M$",

@@ -10,8 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from tendonrepro.ensemble.figures import RowsFigure, rows_figure
-from tendonrepro.results.figures.files import save_drawn
-from tendonrepro.results.figures.style import SERIES
+from tendonrepro.results.figures.style import SERIES, save_drawing
 
 _RUNS = {
     "controller_1": "Controller 1",
@@ -26,7 +25,7 @@ def draw_identify_figures(data: Mapping[str, Any], folder: Path) -> list[Path]:
     """Draw and save all figures as pdf, svg and png; the last two are of the reading that fits best."""
     best = min(data["readings"], key=lambda held: held["misfit_log"])
     drawn = [draw_readings(data), draw_numbers(best), draw_parameters(best)]
-    return [path for held in drawn for path in save_drawn(held, folder)]
+    return [path for held in drawn for path in save_drawing(held, folder)]
 
 
 def draw_readings(data: Mapping[str, Any]) -> RowsFigure:

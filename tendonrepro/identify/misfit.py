@@ -22,7 +22,7 @@ from tendonrepro.ensemble.box import Box, configured
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.identify.search import Effort
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.simulation.stepper import Loop, Reference
+from tendonrepro.simulation.stepper import DesiredMotion, Loop
 
 SCHEMA_VERSION = 1
 
@@ -169,7 +169,7 @@ class Bench:
         return [replace(loop, reference=_start_of(loop.reference)) for loop in loops]
 
 
-def _start_of(reference: Reference) -> Reference:
+def _start_of(reference: DesiredMotion) -> DesiredMotion:
     names = ("time", "q_d", "dq_d", "ddq_d")
     return replace(reference, **{name: getattr(reference, name)[:_STUB] for name in names})
 

@@ -129,7 +129,7 @@ def start_memory(q: Array, tau: Array) -> Memory:
     -------
     Memory
     """
-    return Memory(q=_repeat(q, SAMPLES_BACK), tau=_repeat(tau, 2), de=np.zeros_like(q))
+    return Memory(q=np.stack([q] * SAMPLES_BACK), tau=np.stack([tau] * 2), de=np.zeros_like(q))
 
 
 def remember(memory: Memory, q: Array, de: Array, tau_m: Array) -> Memory:
@@ -350,5 +350,44 @@ def estimator_weights(alpha: Array, *, extrapolating: bool) -> Array:
     return np.stack([1.0 - shift, shift])
 
 
-def _repeat(x: Array, count: int) -> Array:
-    return np.repeat(x[np.newaxis, :], count, axis=0)
+class Servo(NamedTuple):
+    """Gains of one position loop per winch, as the decoupling experiment needs it.
+
+    The paper says nothing of how its motors were positioned there. A stiff loop on each motor's own encoder
+    is what servo drives do; it is an assumption, and claim K3 does not depend on its gains, because
+    calculated joint angles start from the motor angles that were really reached.
+
+    Attributes
+    ----------
+    stiffness : array (n,)
+        Torque per winch angle, N m rad⁻¹.
+    damping : array (n,)
+        Torque per winch velocity, N m s rad⁻¹.
+    L : float
+        Sampling period, s.
+    """
+
+    stiffness: Array
+    damping: Array
+    L: float
+
+
+def servo_torque(
+    q_motor: Array, q_motor_before: Array, q_motor_d: Array, dq_motor_d: Array, servo: Servo
+) -> Array:
+    """Winch torque beyond the one that held the arm at the start, N m.
+
+    Parameters
+    ----------
+    q_motor, q_motor_before : array (n,)
+        Motor encoder values now and one sample ago, rad at the winch.
+    q_motor_d, dq_motor_d : array (n,)
+        Commanded winch angle, rad, and velocity, rad s⁻¹.
+    servo : Servo
+
+    Returns
+    -------
+    array (n,)
+    """
+    rate = (q_motor - q_motor_before) / servo.L
+    return servo.stiffness * (q_motor_d - q_motor) + servo.damping * (dq_motor_d - rate)

@@ -13,12 +13,12 @@ from tendonrepro.arrays import Array
 from tendonrepro.config.published import PrintedText, published
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import LOADS, compared_runs, decoupling_errors, tracking_errors
-from tendonrepro.results.tables import Columns, write_table
+from tendonrepro.results.tables import TableColumns, write_table
 
-Row: TypeAlias = dict[str, object]
+TableRow: TypeAlias = dict[str, object]
 """A table row by column name; a column without a value may be left out."""
 
-COLUMNS: Columns = {
+COLUMNS: TableColumns = {
     "window": ("Window", ""),
     "run": ("Run", ""),
     "load": ("Load", ""),
@@ -46,19 +46,7 @@ COLUMNS: Columns = {
 
 
 def write_tables(file: TraceFile, folder: Path) -> list[Path]:
-    """Write every table the runs allow, as csv, Markdown and LaTeX.
-
-    Parameters
-    ----------
-    file : TraceFile
-        Either experiment.
-    folder : Path
-        Where to; made when missing.
-
-    Returns
-    -------
-    list of Path
-        The files written; tables without rows are left out.
+    """Write every table the runs allow, as csv, Markdown and LaTeX; tables without rows are left out.
 
     Raises
     ------
@@ -77,7 +65,7 @@ def write_tables(file: TraceFile, folder: Path) -> list[Path]:
     return paths
 
 
-def coupling_rows(file: TraceFile) -> Iterator[Row]:
+def coupling_rows(file: TraceFile) -> Iterator[TableRow]:
     """Yield ``quantity``, ``printed_as``, ``printed``, ``ours``, ``difference`` of Table 1, `S_inv` and `S`.
 
     The print gives magnitudes, so the difference is one of magnitudes. There are no rows unless the plant
@@ -100,10 +88,10 @@ def coupling_rows(file: TraceFile) -> Iterator[Row]:
             yield _coupling_row(f"{matrix}_{place}", f"{matrix}.{place}", value[i, j])
 
 
-def controller_rows(file: TraceFile, window: str = "whole") -> Iterator[Row]:
+def controller_rows(file: TraceFile, window: str = "whole") -> Iterator[TableRow]:
     """Yield a row of Table 2 per run and joint, the payload run left out.
 
-    Columns: ``run``, ``joint``, ``status``, and for ``mae`` and ``rmse`` ``<metric>_deg``,
+    TableColumns: ``run``, ``joint``, ``status``, and for ``mae`` and ``rmse`` ``<metric>_deg``,
     ``<metric>_printed_deg`` and ``<metric>_ratio``, ours over printed. A diverged run has its errors up to
     the end, and its status says when that was; one that ended before the window has no row.
     """
@@ -112,7 +100,7 @@ def controller_rows(file: TraceFile, window: str = "whole") -> Iterator[Row]:
             yield {"run": name} | row
 
 
-def window_rows(file: TraceFile) -> Iterator[Row]:
+def window_rows(file: TraceFile) -> Iterator[TableRow]:
     """Yield Table 2 over every window of `metrics.windows`: the paper does not say what it averages over."""
     names = dict.fromkeys(chain.from_iterable(map(tracking_errors, compared_runs(file).values())))
     for name in names:
@@ -120,7 +108,7 @@ def window_rows(file: TraceFile) -> Iterator[Row]:
             yield {"window": name} | row
 
 
-def load_rows(file: TraceFile) -> Iterator[Row]:
+def load_rows(file: TraceFile) -> Iterator[TableRow]:
     """Yield a row of Table 3 per load and joint: as `controller_rows`, with ``load`` in place of ``run``."""
     for load, run in LOADS.items():
         if run in file.runs:
@@ -128,7 +116,7 @@ def load_rows(file: TraceFile) -> Iterator[Row]:
                 yield {"load": load} | row
 
 
-def change_rows(file: TraceFile) -> Iterator[Row]:
+def change_rows(file: TraceFile) -> Iterator[TableRow]:
     """Yield the change of each error by the payload, in percent, ours and printed (section 5.4).
 
     Columns: ``metric``, ``joint``, ``change_percent``, ``change_printed_percent``, ``statuses`` without and
@@ -151,7 +139,7 @@ def change_rows(file: TraceFile) -> Iterator[Row]:
             }
 
 
-def decoupling_rows(file: TraceFile) -> Iterator[Row]:
+def decoupling_rows(file: TraceFile) -> Iterator[TableRow]:
     """Yield ``joint``, ``mae_deg``, ``rmse_deg``, ``max_deg``, ``status`` of the run ``decouple``."""
     trace = file.runs.get("decouple")
     if trace is None or "q_calculated" not in trace or "q_encoder" not in trace:
@@ -162,7 +150,7 @@ def decoupling_rows(file: TraceFile) -> Iterator[Row]:
         yield {"joint": joint, "status": _status(trace)} | errors
 
 
-def _coupling_row(quantity: str, identifier: str, ours: float) -> Row:
+def _coupling_row(quantity: str, identifier: str, ours: float) -> TableRow:
     entry = published().entries.get(identifier)
     if entry is None or isinstance(entry, PrintedText):
         return {"quantity": quantity, "printed_as": None, "printed": None, "ours": ours, "difference": None}
@@ -175,7 +163,7 @@ def _coupling_row(quantity: str, identifier: str, ours: float) -> Row:
     }
 
 
-def _error_rows(trace: Trace, window: str, identifier: str) -> Iterator[Row]:
+def _error_rows(trace: Trace, window: str, identifier: str) -> Iterator[TableRow]:
     sizes = tracking_errors(trace).get(window)
     if sizes is None:
         return
@@ -196,7 +184,7 @@ def _status(trace: Trace) -> str:
     return trace.status
 
 
-_TABLES: Mapping[str, Mapping[str, tuple[Callable[[TraceFile], Iterator[Row]], str]]] = {
+_TABLES: Mapping[str, Mapping[str, tuple[Callable[[TraceFile], Iterator[TableRow]], str]]] = {
     "decouple": {
         "table1": (coupling_rows, "Table 1 and the coupling matrices of section 5.2"),
         "decoupling_errors": (decoupling_rows, "Calculated minus measured joint angles, Figs 10 to 12"),

@@ -77,20 +77,9 @@ class HeldFolder:
 
 @contextmanager
 def claimed(folder: Path, config_sha256: str, *, force: bool) -> Iterator[HeldFolder]:
-    """Hold a results folder while writing into it.
+    """Hold a results folder, made if it is missing, while writing results of one configuration into it.
 
-    Parameters
-    ----------
-    folder : Path
-        Made if it is missing.
-    config_sha256 : str
-        Digest of the configuration whose results are to be written.
-    force : bool
-        Overwrite results of another configuration or version.
-
-    Yields
-    ------
-    HeldFolder
+    With `force` results of another configuration or version are overwritten.
 
     Raises
     ------
@@ -106,12 +95,7 @@ def claimed(folder: Path, config_sha256: str, *, force: bool) -> Iterator[HeldFo
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Be the only process that writes into a folder.
-
-    Parameters
-    ----------
-    folder : Path
-        Made if it is missing.
+    """Be the only process that writes into a folder, which is made if it is missing.
 
     Raises
     ------
@@ -137,21 +121,12 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def refuse_others(folder: Path, config_sha256: str, *, force: bool = False) -> None:
-    """Refuse a folder that holds results of another configuration or version.
-
-    Parameters
-    ----------
-    folder : Path
-        May be missing.
-    config_sha256 : str
-        Digest of the configuration whose results are to be written.
-    force : bool
-        They may be overwritten: refuse nothing.
+    """Refuse a folder, which may be missing, that holds results of another configuration or version.
 
     Raises
     ------
     UsageError
-        If it does.
+        If it does, unless `force`.
     DataMissingError
         If its manifest cannot be read.
     """
@@ -169,24 +144,12 @@ def refuse_others(folder: Path, config_sha256: str, *, force: bool = False) -> N
         ("configuration", "version"), (config_sha256, __version__), found, strict=True
     ):
         if mine != theirs:
-            message = f"holds results of another {what}: {_short(theirs)}, not {_short(mine)}"
+            message = f"holds results of another {what}: {str(theirs)[:12]}, not {mine[:12]}"
             raise UsageError(message, where=str(folder), hint=hint)
-
-
-def _short(identity: object) -> str:
-    return str(identity)[:12]
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
     """Read the manifest of a results folder.
-
-    Parameters
-    ----------
-    folder : Path
-
-    Returns
-    -------
-    dict
 
     Raises
     ------
@@ -199,11 +162,8 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     except OSError as error:
         message = f"cannot read the manifest: {error.strerror}"
         raise DataMissingError(message, where=str(path), hint="run the experiment first") from error
-    except ValueError as error:
-        message = "is not a manifest of tendonrepro"
-        raise DataMissingError(
-            message, where=str(path), hint="run the experiment again with --force"
-        ) from error
+    except ValueError:
+        manifest = None
     sections = ("config", "outputs")
     if not isinstance(manifest, dict) or any(not isinstance(manifest.get(key, {}), dict) for key in sections):
         message = "is not a manifest of tendonrepro"

@@ -21,18 +21,9 @@ LIBRARIES = ("numpy", "scipy", "numba", "h5py", "matplotlib", "pandas", "pydanti
 
 
 def make_manifest(loaded: LoadedConfig, seconds: float) -> dict[str, Any]:
-    """Describe how a result came about; what cannot be found out is None.
+    """Describe how a result came about, ready for JSON; what cannot be found out is None.
 
-    Parameters
-    ----------
-    loaded : LoadedConfig
-    seconds : float
-        Wall time of the simulation.
-
-    Returns
-    -------
-    dict
-        Ready for JSON; outputs are added by :func:`with_outputs` once they exist.
+    `seconds` is the wall time of the simulation; outputs are added by :func:`with_outputs` once they exist.
     """
     config = loaded.config
     return {
@@ -56,15 +47,7 @@ def make_manifest(loaded: LoadedConfig, seconds: float) -> dict[str, Any]:
 
 
 def with_outputs(manifest: dict[str, Any], folder: Path, outputs: Sequence[Path]) -> dict[str, Any]:
-    """Add the digests of the files a result consists of.
-
-    Parameters
-    ----------
-    manifest : dict
-    folder : Path
-        The result's folder; names are relative to it.
-    outputs : sequence of Path
-    """
+    """Add the digests of the files a result consists of, named relative to its folder."""
     digests = {path.relative_to(folder).as_posix(): sha256_of(path) for path in sorted(outputs)}
     return manifest | {"outputs": digests}
 

@@ -147,19 +147,9 @@ class PlantRecord:
     attributes: Mapping[str, str]
 
     def matrix(self, name: str, joint: tuple[int, ...]) -> Array:
-        """Block of a square matrix that belongs to some joints.
+        """Block (n, n) of a square matrix, such as ``S_inv``, that belongs to n joints.
 
-        Parameters
-        ----------
-        name : str
-            ``S``, ``S_inv``, ``K_s``, ...; stored for all joints or only for the moving ones.
-        joint : tuple of int
-            The joints wanted, n of them. A stored matrix of n rows is taken to be theirs.
-
-        Returns
-        -------
-        Array
-            Shape (n, n).
+        It is stored for all joints or only for the moving ones: a matrix of n rows is taken to be theirs.
 
         Raises
         ------
@@ -217,18 +207,7 @@ class TraceFile:
     schema_version: int = SCHEMA_VERSION
 
     def part(self, experiment: str) -> TraceFile:
-        """Return the file with the runs of one experiment alone.
-
-        Parameters
-        ----------
-        experiment : str
-            ``compare`` or ``decouple``.
-
-        Returns
-        -------
-        TraceFile
-            Of that experiment; without runs when there are none.
-        """
+        """Return the file with the runs of ``compare`` or ``decouple`` alone; there may be none."""
         if self.experiment == experiment:
             return self
         kept = {

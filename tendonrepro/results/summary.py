@@ -21,7 +21,6 @@ MEASURED = "measured"
 """Law of a run that was measured."""
 
 Sizes: TypeAlias = dict[str, Array]
-Numbers: TypeAlias = list[float | None]
 
 
 def sizes_deg(e: Array, *, gaps: bool = False) -> Sizes:
@@ -52,17 +51,9 @@ def sizes_deg(e: Array, *, gaps: bool = False) -> Sizes:
 
 
 def tracking_errors(trace: Trace) -> dict[str, Sizes]:
-    """Sizes of the tracking error `e` over every window of `metrics.windows` that the run reaches.
+    """Sizes of the tracking error `e`, as `sizes_deg`, by every window of `metrics.windows` that is reached.
 
-    Parameters
-    ----------
-    trace : Trace
-        A run with `e` and the attribute ``reference_period``.
-
-    Returns
-    -------
-    dict
-        Window -> `sizes_deg`; ``whole`` is always there.
+    ``whole`` is always there.
     """
     e = trace["e"]
     spans = windows(trace.time, trace.attributes["reference_period"])
@@ -71,18 +62,7 @@ def tracking_errors(trace: Trace) -> dict[str, Sizes]:
 
 
 def decoupling_errors(trace: Trace) -> Sizes:
-    """Sizes of ``q_calculated - q_encoder``, the difference shown in Figs 10 to 12.
-
-    Parameters
-    ----------
-    trace : Trace
-        A run with both variables.
-
-    Returns
-    -------
-    dict
-        As `sizes_deg`.
-    """
+    """Sizes of ``q_calculated - q_encoder``, as `sizes_deg`: the difference shown in Figs 10 to 12."""
     gaps = trace.attributes["law"] == MEASURED
     return sizes_deg(trace["q_calculated"] - trace["q_encoder"], gaps=gaps)
 
@@ -93,21 +73,10 @@ def compared_runs(file: TraceFile) -> dict[str, Trace]:
 
 
 def ranking(file: TraceFile) -> dict[str, dict[str, dict[str, Any]]]:
-    """Order of the controllers by size of error, against the printed order 1 < 2 < 3.
+    """Order of the controllers by size of error, best first, and whether the printed order 1 < 2 < 3 holds.
 
     A diverged run comes last whatever its error up to there. Controllers that were not run are left out of
     both orders.
-
-    Parameters
-    ----------
-    file : TraceFile
-        Experiment ``compare``.
-
-    Returns
-    -------
-    dict
-        ``joint_<number>`` -> ``mae``, ``rmse`` -> ``order``, best first, and ``agrees``, whether the printed
-        order holds strictly. Empty when fewer than two of the controllers ran.
     """
     runs = [file.runs[name] for name in CONTROLLERS if name in file.runs]
     result: dict[str, dict[str, dict[str, Any]]] = {}
@@ -124,17 +93,13 @@ def ranking(file: TraceFile) -> dict[str, dict[str, dict[str, Any]]]:
 def table_data_compare(file: TraceFile) -> dict[str, Any]:
     """Collect the data of ``compare --json``: Tables 2 and 3, other windows, status and ranking.
 
-    Parameters
-    ----------
-    file : TraceFile
-        Experiment ``compare``; runs that are missing leave their keys out.
-
     Returns
     -------
     dict
         ``table2`` run -> ``mae_deg``, ``rmse_deg``, ``max_deg``, lists in the order of the run's joints, over
         the whole run; ``table3`` ``no_load``, ``with_load`` likewise; ``windows`` window -> run -> likewise,
-        payload run included; ``status`` per run; ``ranking``. Numbers that are not finite are None.
+        payload run included; ``status`` per run; ``ranking``. Numbers that are not finite are None; runs that
+        are missing leave their keys out.
     """
     errors = {name: tracking_errors(trace) for name, trace in file.runs.items()}
     others = dict.fromkeys(window for found in errors.values() for window in found if window != "whole")
@@ -152,11 +117,6 @@ def table_data_compare(file: TraceFile) -> dict[str, Any]:
 
 def table_data_decouple(file: TraceFile) -> dict[str, Any]:
     """Collect the data of ``decouple --json``: coupling matrices, errors of the calculated joint angles.
-
-    Parameters
-    ----------
-    file : TraceFile
-        Experiment ``decouple``.
 
     Returns
     -------
@@ -176,7 +136,7 @@ def table_data_decouple(file: TraceFile) -> dict[str, Any]:
     return data | {"status": _statuses(file)}
 
 
-def _numbers(sizes: Sizes) -> dict[str, Numbers]:
+def _numbers(sizes: Sizes) -> dict[str, list[float | None]]:
     return {
         f"{name}_deg": [float(x) if np.isfinite(x) else None for x in values]
         for name, values in sizes.items()

@@ -11,10 +11,10 @@ from typing import Any, TypeAlias
 
 from tendonrepro.files import write_atomically
 
-Rows: TypeAlias = Sequence[Mapping[str, Any]]
+TableRows: TypeAlias = Sequence[Mapping[str, Any]]
 """Rows of a table by column name; a column without a value may be left out of a row, or be None."""
 
-Columns: TypeAlias = Mapping[str, tuple[str, str]]
+TableColumns: TypeAlias = Mapping[str, tuple[str, str]]
 """Name -> heading for a reader, and format of its floats."""
 
 NOTHING = "--"
@@ -31,34 +31,17 @@ _TEX = {character: f"\\{character}" for character in "&%$#_{}"} | {
 
 
 def write_table(
-    rows: Rows,
+    rows: TableRows,
     folder: Path,
     stem: str,
     caption: str,
-    columns: Columns | None = None,
+    columns: TableColumns | None = None,
     suffixes: Sequence[str] = ("csv", "md"),
 ) -> list[Path]:
-    """Write a table as files.
+    """Write a table as ``<stem>.<suffix>`` into a folder; the stem is its LaTeX label too.
 
-    Parameters
-    ----------
-    rows : sequence of mapping
-        Numbers, texts, booleans, None, and lists of these.
-    folder : Path
-        Where to; made when missing.
-    stem : str
-        File name without suffix, and the LaTeX label.
-    caption : str
-        Plain text.
-    columns : mapping, optional
-        The columns in their order; if not given, every key of any row under its own name.
-    suffixes : sequence of str
-        Of ``csv``, ``md`` and ``tex``.
-
-    Returns
-    -------
-    list of Path
-        The files.
+    Rows hold numbers, texts, booleans, None, and lists of these. Columns stand in the order given; if none
+    are, every key of any row stands under its own name. Suffixes are of ``csv``, ``md`` and ``tex``.
 
     Raises
     ------
@@ -76,7 +59,7 @@ def write_table(
     return paths
 
 
-def csv_text(rows: Rows, columns: Columns | None = None) -> str:
+def csv_text(rows: TableRows, columns: TableColumns | None = None) -> str:
     """Column names and all digits; nothing where there is no value."""
     names = list(_columns(rows, columns))
     text = io.StringIO()
@@ -86,7 +69,7 @@ def csv_text(rows: Rows, columns: Columns | None = None) -> str:
     return text.getvalue()
 
 
-def markdown(rows: Rows, caption: str, columns: Columns | None = None) -> str:
+def markdown(rows: TableRows, caption: str, columns: TableColumns | None = None) -> str:
     """Caption and a pipe table, numbers to the right."""
     held = _columns(rows, columns)
     rule = ["---:" if _is_numeric(rows, name) else ":---" for name in held]
@@ -96,7 +79,7 @@ def markdown(rows: Rows, caption: str, columns: Columns | None = None) -> str:
     return "\n".join([caption, "", *lines, ""])
 
 
-def latex(rows: Rows, caption: str, label: str, columns: Columns | None = None) -> str:
+def latex(rows: TableRows, caption: str, label: str, columns: TableColumns | None = None) -> str:
     """Write a ``table`` float that needs the package booktabs; its label is ``tab:<label>``."""
     held = _columns(rows, columns)
     numeric = [_is_numeric(rows, name) for name in held]
@@ -122,19 +105,19 @@ def latex(rows: Rows, caption: str, label: str, columns: Columns | None = None) 
     return "\n".join([*lines, ""])
 
 
-def _columns(rows: Rows, columns: Columns | None) -> Columns:
+def _columns(rows: TableRows, columns: TableColumns | None) -> TableColumns:
     if columns is not None:
         return columns
     return {name: (name.replace("_", " "), _ROUNDED) for row in rows for name in row}
 
 
-def _is_numeric(rows: Rows, name: str) -> bool:
+def _is_numeric(rows: TableRows, name: str) -> bool:
     """Whether a column holds numbers and nothing else."""
     held = [row[name] for row in rows if row.get(name) is not None]
     return bool(held) and all(isinstance(x, int | float) and not isinstance(x, bool) for x in held)
 
 
-def _cells(rows: Rows, columns: Columns) -> list[list[str]]:
+def _cells(rows: TableRows, columns: TableColumns) -> list[list[str]]:
     return [[rounded(row.get(name), form) for name, (_, form) in columns.items()] for row in rows]
 
 

@@ -24,17 +24,6 @@ from tendonrepro.results.records import (
     TraceFile,
 )
 
-__all__ = [
-    "SCHEMA_VERSION",
-    "VARIABLES",
-    "PlantRecord",
-    "PlantValue",
-    "Trace",
-    "TraceFile",
-    "read_traces",
-    "write_traces",
-]
-
 # Mappings among a run's attributes are stored flat, since HDF5 attributes do not nest.
 _NESTED = {"gains": "gain_", "readings": "reading_"}
 
@@ -57,16 +46,7 @@ _ROOT_TEXTS = (
 
 
 def write_traces(path: Path, file: TraceFile) -> None:
-    """Write a trace file, whole or not at all.
-
-    Equal contents give equal bytes.
-
-    Parameters
-    ----------
-    path : Path
-        Where to.
-    file : TraceFile
-        What to write.
+    """Write a trace file, whole or not at all; equal contents give equal bytes.
 
     Raises
     ------
@@ -170,17 +150,7 @@ def _write_values(group: h5py.Group, name: str, value: Array, scales: list[h5py.
 
 
 def read_traces(path: Path) -> TraceFile:
-    """Read a trace file.
-
-    Parameters
-    ----------
-    path : Path
-        A file written by `write_traces`.
-
-    Returns
-    -------
-    TraceFile
-        Bit for bit what was written.
+    """Read a trace file, bit for bit what `write_traces` wrote.
 
     Raises
     ------

@@ -20,7 +20,7 @@ from tendonrepro.errors import TendonreproError
 from tendonrepro.physics.control import Law, Surface
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation import streaming
-from tendonrepro.simulation.bundle import Ended, Part, plant_part, run_bundle, sample_part
+from tendonrepro.simulation.bundle import CompiledPart, Ended, plant_part, run_bundle, sample_part
 from tendonrepro.simulation.codegen import compiled
 from tendonrepro.simulation.codegen.lanes import LANES
 from tendonrepro.simulation.controllers import TimeDelayController
@@ -31,7 +31,7 @@ LINES_PER_RINGING = 32
 """The error is summed up over blocks this many times shorter than a period of the ringing frequency."""
 
 
-class Limits(Protocol):
+class RingingLimits(Protocol):
     """What makes a run ringing: the configuration's status section, or anything like it."""
 
     @property
@@ -71,7 +71,7 @@ class Batch:
 
 def simulate_batch(
     loops: Sequence[Loop],
-    limits: Limits,
+    limits: RingingLimits,
     *,
     progress: Callable[[int], None] | None = None,
     threads: int = 1,
@@ -84,7 +84,7 @@ def simulate_batch(
     ----------
     loops : sequence of Loop
         All with the same number of joints and a :class:`TimeDelayController`.
-    limits : Limits
+    limits : RingingLimits
     progress : callable, optional
         Called with the number of runs done since its last call.
     threads : int
@@ -131,15 +131,15 @@ def _refuse_others(loops: Sequence[Loop]) -> None:
         controller = loop.controller
         if not isinstance(controller, TimeDelayController) or controller.command is not compiled.command:
             message = "only the paper's own control laws run on lanes"
-            raise TendonreproError(message, hint="use the reference stepper, --solver scipy")
+            raise TendonreproError(message, hint="use the SciPy stepper, --solver scipy")
 
 
 def _parts(
     loops: Sequence[Loop], tolerance: float
-) -> tuple[dict[int, Part], dict[int, Part], NDArray[np.int64]]:
+) -> tuple[dict[int, CompiledPart], dict[int, CompiledPart], NDArray[np.int64]]:
     """Compiled law and plant of every loop, by its place, and its integration steps per sample."""
-    samples: dict[int, Part] = {}
-    plants: dict[int, Part] = {}
+    samples: dict[int, CompiledPart] = {}
+    plants: dict[int, CompiledPart] = {}
     steps: dict[int, int] = {}
     torque: dict[int, Array] = {}
     for alike in _alike(loops, lambda loop: (loop.plant.preload.size, loop.plant.disturbance.omega.size)):
@@ -174,7 +174,10 @@ def _branches(loop: Loop) -> Hashable:
 
 
 def _bundles(
-    loops: Sequence[Loop], samples: Mapping[int, Part], plants: Mapping[int, Part], steps: NDArray[np.int64]
+    loops: Sequence[Loop],
+    samples: Mapping[int, CompiledPart],
+    plants: Mapping[int, CompiledPart],
+    steps: NDArray[np.int64],
 ) -> Iterator[list[int]]:
     """Places of each bundle: same code and steps, and lengths as equal as can be."""
     order = np.argsort([loop.reference.time.size for loop in loops], kind="stable")
@@ -190,7 +193,7 @@ def _bundles(
 class _Results:
     """Results being filled in, each by its place in the batch."""
 
-    def __init__(self, loops: Sequence[Loop], limits: Limits, *, record: bool) -> None:
+    def __init__(self, loops: Sequence[Loop], limits: RingingLimits, *, record: bool) -> None:
         count, n = len(loops), loops[0].plant.preload.size
         self.limits = limits
         self.statistics = {name: np.full((count, n), np.nan) for name in streaming.STATISTICS}

@@ -11,31 +11,25 @@ from numpy.typing import NDArray
 from tendonrepro.arrays import Array
 from tendonrepro.physics.control import Law, start_memory
 from tendonrepro.physics.dynamics import holding_torque, rest_state
-from tendonrepro.physics.encoder import quantise
+from tendonrepro.physics.instruments import quantise
 from tendonrepro.simulation import streaming
 from tendonrepro.simulation.codegen import compiled
-from tendonrepro.simulation.codegen.lanes import LANES, Rows, stacked
-from tendonrepro.simulation.kernel import RECORDED, Numbers, sample_code, step_code
+from tendonrepro.simulation.codegen.lanes import LANES, LaneRows, stacked
+from tendonrepro.simulation.kernel import RECORDED, LoopNumbers, sample_code, step_code
 from tendonrepro.simulation.resolution import plant_modes, steps_needed
 from tendonrepro.simulation.stepper import JOINT_NOISE, TORQUE_NOISE, Loop, random_stream
 
 
 @dataclass(frozen=True)
-class Part:
-    """Compiled code that some loops share, and the numbers of each.
+class CompiledPart:
+    """Compiled code that some loops share, with the numbers of each.
 
-    Attributes
-    ----------
-    code : LaneCode
-    rows : Rows
-    start : dict of str to array (rows, N)
-        Values of the rows at the first sample.
-    column : dict of int to int
-        Place of a loop in the batch to its column in `rows` and `start`.
+    ``start`` holds values of rows at the first sample, (rows, N), by name; ``column`` says which column of
+    them belongs to a loop, by its place in the batch.
     """
 
     code: compiled.LaneCode
-    rows: Rows
+    rows: LaneRows
     start: dict[str, Array]
     column: dict[int, int]
 
@@ -55,19 +49,10 @@ class Part:
 
 @dataclass(frozen=True)
 class Ended:
-    """What the M experiments of a bundle left behind.
+    """What the M experiments of a bundle left behind: samples done, whether they diverged, sums, each (n, M).
 
-    Attributes
-    ----------
-    count : array (M,)
-        Samples done.
-    diverged : array (M,)
-    sums : Sums
-        Each (n, M).
-    blocks : array (B, n, M)
-        Errors summed up over blocks of samples.
-    trace : array (T, 9 n, M)
-        Rows of `RECORDED`; without entries unless asked for.
+    ``blocks`` (B, n, M) are errors summed up over blocks of samples, ``trace`` (T, 9 n, M) the rows of
+    `RECORDED`, without entries unless asked for.
     """
 
     count: NDArray[np.int64]
@@ -86,23 +71,13 @@ class Ended:
         return signals
 
 
-def plant_part(loops: Mapping[int, Loop], tolerance: float) -> tuple[Part, dict[int, int], dict[int, Array]]:
-    """Compile the plants of some loops.
+def plant_part(
+    loops: Mapping[int, Loop], tolerance: float
+) -> tuple[CompiledPart, dict[int, int], dict[int, Array]]:
+    """Compile the plants of loops with as many joints and components of the disturbance.
 
-    Parameters
-    ----------
-    loops : mapping of int to Loop
-        By their place in the batch; as many joints and components of the disturbance in each.
-    tolerance : float
-        Of the integration, see :func:`tendonrepro.simulation.resolution.steps_needed`.
-
-    Returns
-    -------
-    part : Part
-    steps : dict of int to int
-        Integration steps per sample by place; 0 where none are enough.
-    torque : dict of int to array (n,)
-        Motor torque at rest by place, N m.
+    Besides the code, by place in the batch: integration steps per sample, 0 where none are enough, and
+    motor torque at rest, N m.
     """
     # Runs under other readings share their plant and motion: these are worked out once.
     key = {place: (id(loop.plant), id(loop.reference)) for place, loop in loops.items()}
@@ -114,7 +89,7 @@ def plant_part(loops: Mapping[int, Loop], tolerance: float) -> tuple[Part, dict[
     torque, (source, rows) = holding_torque(still, plant), step_code(plant)
     code = compiled.compiled_lanes(source, "step", 2)
     places = {place: column[name] for place, name in key.items()}
-    part = Part(code, rows, {"state": rest_state(still, plant)}, places)
+    part = CompiledPart(code, rows, {"state": rest_state(still, plant)}, places)
     steps = {L: steps_needed(modes, L, tolerance) for L in {loop.L for loop in loops.values()}}
     return (
         part,
@@ -123,39 +98,28 @@ def plant_part(loops: Mapping[int, Loop], tolerance: float) -> tuple[Part, dict[
     )
 
 
-def sample_part(loops: Mapping[int, Loop], laws: Mapping[int, Law], torque: Mapping[int, Array]) -> Part:
-    """Compile encoders, law, motors and statistics of some loops.
-
-    Parameters
-    ----------
-    loops : mapping of int to Loop
-        By their place in the batch, alike in every branch of their law.
-    laws : mapping of int to Law
-    torque : mapping of int to array (n,)
-        Motor torque at rest, N m.
-
-    Returns
-    -------
-    Part
-    """
+def sample_part(
+    loops: Mapping[int, Loop], laws: Mapping[int, Law], torque: Mapping[int, Array]
+) -> CompiledPart:
+    """Compile encoders, law, motors and statistics of loops alike in every branch; torque at rest in N m."""
     numbers = _numbers([*loops.values()], [laws[place] for place in loops])
     tau = np.stack([np.zeros_like(torque[k]) if loop.cold else torque[k] for k, loop in loops.items()], -1)
     source, rows = sample_code(numbers)
     code = compiled.compiled_lanes(source, "sample", 1)
     start = _start(tau, numbers.actuator.delay, [*loops.values()])
-    return Part(code, rows, start, {place: k for k, place in enumerate(loops)})
+    return CompiledPart(code, rows, start, {place: k for k, place in enumerate(loops)})
 
 
-def _numbers(loops: Sequence[Loop], laws: Sequence[Law]) -> Numbers:
+def _numbers(loops: Sequence[Loop], laws: Sequence[Law]) -> LoopNumbers:
     phases: dict[int, streaming.Thresholds] = {}
     for loop in loops:
         if id(loop.reference) not in phases:
             reference = loop.reference
             period = round(reference.period / loop.L)
             phases[id(reference)] = streaming.thresholds(reference.dq_d, reference.ddq_d, period)
-    numbers: Numbers = stacked(
+    numbers: LoopNumbers = stacked(
         [
-            Numbers(
+            LoopNumbers(
                 law=law,
                 encoder=loop.joint_encoder,
                 actuator=loop.actuator,
@@ -198,25 +162,17 @@ def unit_noise(loop: Loop, samples: int) -> Array:
 
 
 def run_bundle(
-    loops: Mapping[int, Loop], sample: Part, plant: Part, steps: int, block: int, *, record: bool
+    loops: Mapping[int, Loop],
+    sample: CompiledPart,
+    plant: CompiledPart,
+    steps: int,
+    block: int,
+    *,
+    record: bool,
 ) -> Ended:
-    """Run the experiments of one bundle.
+    """Run the experiments of one bundle, by place in the batch; all have the same sampling period.
 
-    Parameters
-    ----------
-    loops : mapping of int to Loop
-        By place in the batch, at most as many as there are lanes; all with the same sampling period.
-    sample, plant : Part
-    steps : int
-        Integration steps per sample.
-    block : int
-        Samples of a block, see `Ended`.
-    record : bool
-        Keep traces.
-
-    Returns
-    -------
-    Ended
+    ``block`` is the number of samples of a block, see `Ended`; with ``record`` traces are kept.
     """
     # Empty lanes repeat the last experiment.
     places = list(loops)
@@ -254,7 +210,7 @@ def _noise(loops: Sequence[Loop], samples: int) -> Array:
     return np.stack([unit_noise(loop, samples) for loop in loops], axis=-1).reshape(samples, -1)
 
 
-def _ended(values: Array, rows: Rows, slow: Array, trace: Array) -> Ended:
+def _ended(values: Array, rows: LaneRows, slow: Array, trace: Array) -> Ended:
     """Read what is left in the rows (R, M) after a run."""
     members, fields = values.shape[1], len(streaming.Sums._fields)
     n = slow.shape[1] // LANES

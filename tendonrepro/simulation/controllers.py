@@ -13,40 +13,24 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.physics.control import Law, Memory, remember, start_memory
+from tendonrepro.physics.control import Law, Memory, Servo, remember, servo_torque, start_memory
 from tendonrepro.physics.dynamics import Plant
-from tendonrepro.physics.servo import Servo, servo_torque
 
 CommandFunction = Callable[[Memory, Array, Array, Array, Array, Law], tuple[Array, Array, Array, Array]]
 """Signature of :func:`tendonrepro.physics.control.command`."""
 
 
 class Measurement(NamedTuple):
-    """Encoder values of one sample, both zero at the start posture.
-
-    Attributes
-    ----------
-    q : array (n,)
-        Joint encoders, rad.
-    q_motor : array (n,)
-        Motor encoders, rad at the winch.
-    """
+    """Angles (n,) read by joint encoders, rad, and motor encoders, rad at the winch; zero at the start."""
 
     q: Array
     q_motor: Array
 
 
-class Decision(NamedTuple):
-    """What a controller makes of one sample.
+class ControlDecision(NamedTuple):
+    """What a controller makes of one sample: torque in joint coordinates, N m, (n,), and its signals.
 
-    Attributes
-    ----------
-    tau : array (n,)
-        Commanded torque in joint coordinates, N m.
-    signals : tuple of array (n,)
-        Values of the controller's own ``signals``, in their order.
-    carry : object
-        Whatever ``remember`` needs of this sample besides the measurement and the applied torque.
+    `carry` is whatever ``remember`` needs besides the measurement and the applied torque.
     """
 
     tau: Array
@@ -64,10 +48,12 @@ class Controller(Protocol):
     def init(self, measured: Measurement, tau_before: Array) -> Any:
         """Memory at the first sample, given the torque that acted until then."""
 
-    def decide(self, memory: Any, measured: Measurement, q_d: Array, dq_d: Array, ddq_d: Array) -> Decision:
+    def decide(
+        self, memory: Any, measured: Measurement, q_d: Array, dq_d: Array, ddq_d: Array
+    ) -> ControlDecision:
         """Torque for this sample."""
 
-    def remember(self, memory: Any, measured: Measurement, decision: Decision, tau_m: Array) -> Any:
+    def remember(self, memory: Any, measured: Measurement, decision: ControlDecision, tau_m: Array) -> Any:
         """Memory for the next sample, given the torque that was really applied."""
 
     def derived(self, variables: Mapping[str, Array], plant: Plant) -> dict[str, Array]:
@@ -105,12 +91,14 @@ class TimeDelayController:
 
     def decide(
         self, memory: Memory, measured: Measurement, q_d: Array, dq_d: Array, ddq_d: Array
-    ) -> Decision:
+    ) -> ControlDecision:
         """Torque by Eq. (17)."""
         tau, H_hat, s, de = self.command(memory, measured.q, q_d, dq_d, ddq_d, self.law)
-        return Decision(tau, (H_hat, s), de)
+        return ControlDecision(tau, (H_hat, s), de)
 
-    def remember(self, memory: Memory, measured: Measurement, decision: Decision, tau_m: Array) -> Memory:
+    def remember(
+        self, memory: Memory, measured: Measurement, decision: ControlDecision, tau_m: Array
+    ) -> Memory:
         """Shift the delay lines."""
         return remember(memory, measured.q, decision.carry, tau_m)
 
@@ -148,15 +136,15 @@ class PositionController:
 
     def decide(
         self, memory: tuple[Array, Array], measured: Measurement, q_d: Array, dq_d: Array, ddq_d: Array
-    ) -> Decision:
+    ) -> ControlDecision:
         """Torque of the position loops."""
         del ddq_d
         before, offset = memory
         torque = servo_torque(measured.q_motor, before, self.S_inv @ q_d, self.S_inv @ dq_d, self.servo)
-        return Decision(offset + self.S_inv.T @ torque, (), None)
+        return ControlDecision(offset + self.S_inv.T @ torque, (), None)
 
     def remember(
-        self, memory: tuple[Array, Array], measured: Measurement, decision: Decision, tau_m: Array
+        self, memory: tuple[Array, Array], measured: Measurement, decision: ControlDecision, tau_m: Array
     ) -> tuple[Array, Array]:
         """Keep this sample's motor angles."""
         del decision, tau_m

@@ -1,6 +1,6 @@
 """The closed loop as code on lanes: one sample of encoders, law and motors, and one step of the plant.
 
-Both come from the functions the reference stepper calls, run on symbols for the rows of one flat array.
+Both come from the functions the SciPy stepper calls, run on symbols for the rows of one flat array.
 """
 
 from __future__ import annotations
@@ -14,10 +14,9 @@ from tendonrepro.arrays import Array, choose
 from tendonrepro.physics import control
 from tendonrepro.physics.control import Law, Memory
 from tendonrepro.physics.dynamics import Plant, state_derivative
-from tendonrepro.physics.encoder import Encoder, quantise
-from tendonrepro.physics.instruments import Actuator, applied_torque
+from tendonrepro.physics.instruments import Actuator, Encoder, applied_torque, quantise
 from tendonrepro.simulation import streaming
-from tendonrepro.simulation.codegen.lanes import LaneTape, Rows, lane_code, remembered
+from tendonrepro.simulation.codegen.lanes import LaneRows, LaneTape, lane_code, remembered
 from tendonrepro.simulation.controllers import Measurement, TimeDelayController
 from tendonrepro.simulation.stepper import LARGEST_TORQUE
 
@@ -29,20 +28,11 @@ RECORDED = ("state", "q_encoder", "tau_cmd", "tau_m", "H_hat", "s")
 """Rows of a sample that a trace is made from, in the order they stand at the start of its array."""
 
 
-class Numbers(NamedTuple):
-    """All numbers of a loop, stacked over experiments: the leaves' last axis.
+class LoopNumbers(NamedTuple):
+    """All numbers of a loop, stacked over experiments: the leaves' last axis (N,).
 
-    Attributes
-    ----------
-    law : Law
-    encoder : Encoder
-    actuator : Actuator
-    S, S_inv : array (n, n, N)
-    phases : Thresholds
-    limit : array (N,)
-        Error beyond which a run has diverged, rad.
-    samples : array (N,)
-        Samples of the reference.
+    ``S`` and ``S_inv`` are (n, n, N), ``limit`` (N,) the error beyond which a run has diverged, rad,
+    ``samples`` (N,) the samples of the reference.
     """
 
     law: Law
@@ -55,17 +45,17 @@ class Numbers(NamedTuple):
     samples: Array
 
 
-def _step_rows(n: int) -> Rows:
+def _step_rows(n: int) -> LaneRows:
     """Rows that the loop shares with the plant's code, for n joints."""
-    rows = Rows()
+    rows = LaneRows()
     for name, size in (("state", 4 * n), ("tau_applied", n), ("ddq", n)):
         rows.take(name, size)
     return rows
 
 
-def _sample_rows(n: int) -> Rows:
+def _sample_rows(n: int) -> LaneRows:
     """Rows that the loop shares with the sample's code, for n joints."""
-    rows = Rows()
+    rows = LaneRows()
     for name in RECORDED:
         rows.take(name, 4 * n if name == "state" else n)
     shared = ("q_d", "dq_d", "ddq_d", "noise_q", "noise_tau", "ddq_sample", "tau_applied", "block")
@@ -77,20 +67,10 @@ def _sample_rows(n: int) -> Rows:
 
 
 @remembered
-def step_code(plant: Plant) -> tuple[str, Rows]:
+def step_code(plant: Plant) -> tuple[str, LaneRows]:
     """Source of ``step(w, t, h)``: one Runge-Kutta step of the plants, torque held.
 
     Row ``ddq`` receives the joint acceleration at the start of the step.
-
-    Parameters
-    ----------
-    plant : Plant
-        Stacked over experiments.
-
-    Returns
-    -------
-    source : str
-    rows : Rows
     """
     tape, n = LaneTape(), plant.preload.shape[0]
     rows = _step_rows(n)
@@ -109,24 +89,7 @@ def step_code(plant: Plant) -> tuple[str, Rows]:
 def runge_kutta(
     derivative: Callable[[Any, Array], Array], t: Any, state: Array, h: Any
 ) -> tuple[Array, Array]:
-    """Classical Runge-Kutta step of order four.
-
-    Parameters
-    ----------
-    derivative : callable
-        ``(t, state)`` to the time derivative, (m, ...).
-    t : float
-    state : array (m, ...)
-    h : float
-        Step.
-
-    Returns
-    -------
-    after : array (m, ...)
-        State at ``t + h``.
-    slope : array (m, ...)
-        Derivative at ``t``.
-    """
+    """Classical Runge-Kutta step of order four: state at ``t + h``, and slope at ``t``, each (m, ...)."""
     half = 0.5 * h
     k1 = derivative(t, state)
     k2 = derivative(t + half, state + half * k1)
@@ -136,18 +99,8 @@ def runge_kutta(
 
 
 @remembered
-def sample_code(numbers: Numbers) -> tuple[str, Rows]:
-    """Source of ``sample(w, k)``: encoders, law, motors, memory and statistics at sample k.
-
-    Parameters
-    ----------
-    numbers : Numbers
-
-    Returns
-    -------
-    source : str
-    rows : Rows
-    """
+def sample_code(numbers: LoopNumbers) -> tuple[str, LaneRows]:
+    """Source of ``sample(w, k)``: encoders, law, motors, memory and statistics at sample k."""
     tape, n = LaneTape(), numbers.S.shape[0]
     rows = _sample_rows(n)
     results: dict[int, Any] = {}

@@ -27,20 +27,9 @@ POSTURES = 5
 
 
 def plant_modes(plant: Plant, stroke: Array) -> NDArray[np.complex128]:
-    """Eigenvalues of the plants near rest, friction included, at several postures, s⁻¹.
+    """Eigenvalues of stacked plants near rest, friction included, s⁻¹, (N, POSTURES, 4 n).
 
-    At standstill friction is steepest, so that is where a plant is fastest.
-
-    Parameters
-    ----------
-    plant : Plant
-        Stacked over experiments.
-    stroke : array (n, N)
-        Largest joint angles of the reference, rad.
-
-    Returns
-    -------
-    array (N, POSTURES, 4 n)
+    Postures lie along the stroke, rad, (n, N). At standstill friction is steepest, so a plant is fastest.
     """
     along = np.linspace(0.0, 1.0, POSTURES)
     q = np.concatenate([share * stroke for share in along], axis=-1)
@@ -68,24 +57,11 @@ def _modes_at(q: Array, plant: Plant) -> NDArray[np.complex128]:
 
 
 def steps_needed(modes: NDArray[np.complex128], L: float, tolerance: float = TOLERANCE) -> NDArray[np.int64]:
-    """Integration steps per sample, 0 for a plant that the largest number cannot resolve.
+    """Integration steps per sample from `STEPS`, (N,); 0 for a plant that the largest number cannot resolve.
 
     Over a sample a mode λ goes on by ``exp(λ L)``, in m Runge-Kutta steps by ``R(λ L/m)^m``. The difference
     is held below the tolerance. What a torque jump moves through a mode faster than the sample is smaller by
     ``(λ L)²``, and so is its error.
-
-    Parameters
-    ----------
-    modes : array (N, ...)
-        Eigenvalues, s⁻¹.
-    L : float
-        Sampling period, s.
-    tolerance : float
-
-    Returns
-    -------
-    array (N,)
-        From `STEPS`.
     """
     z = modes.reshape(modes.shape[0], -1) * L
     weight = 1.0 / np.maximum(1.0, np.abs(z)) ** 2

@@ -19,8 +19,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.errors import TendonreproError
 from tendonrepro.physics.drive import tendon_torque, to_joint_torque
 from tendonrepro.physics.dynamics import Plant, holding_torque, link_acceleration, rest_state
-from tendonrepro.physics.encoder import Encoder, noise_sequence, quantise
-from tendonrepro.physics.instruments import Actuator, applied_torque
+from tendonrepro.physics.instruments import Actuator, Encoder, applied_torque, noise_sequence, quantise
 from tendonrepro.simulation.controllers import Controller, Measurement
 
 STEPS_PER_SAMPLE = 5000
@@ -57,7 +56,7 @@ class Solver:
 
 
 @dataclass(frozen=True)
-class Reference:
+class DesiredMotion:
     """Desired motion at every sample.
 
     Attributes
@@ -87,7 +86,7 @@ class Loop:
     joint_encoder, motor_encoder : Encoder
     actuator : Actuator
     controller : Controller
-    reference : Reference
+    reference : DesiredMotion
     L : float
         Sampling period, s.
     solver : Solver
@@ -105,7 +104,7 @@ class Loop:
     motor_encoder: Encoder
     actuator: Actuator
     controller: Controller
-    reference: Reference
+    reference: DesiredMotion
     L: float
     solver: Solver
     divergence_limit: float
@@ -209,19 +208,7 @@ def _instruments(loop: Loop) -> Callable[[int, Array], Measurement]:
 
 
 def motor_angles(theta: Array, loop: Loop) -> Array:
-    """What the motor encoders read along a whole run.
-
-    Parameters
-    ----------
-    theta : array (T, n)
-        Motor angles in joint coordinates, rad.
-    loop : Loop
-
-    Returns
-    -------
-    array (T, n)
-        rad at the winch.
-    """
+    """What the motor encoders read along a run, rad at the winch, (T, n), from theta in joint coordinates."""
     shape = loop.reference.q_d.shape
     noise = noise_sequence(loop.motor_encoder.noise, shape, random_stream(loop, MOTOR_NOISE))
     q_motor = (theta - theta[0]) @ loop.plant.drive.S_inv.T
@@ -263,19 +250,7 @@ def _integrator(loop: Loop) -> Callable[[float, float, Array, Array], Array]:
 
 
 def trace_variables(recorded: dict[str, Array], loop: Loop) -> dict[str, Array]:
-    """Everything a trace holds, from what was recorded and the plant's own equations.
-
-    Parameters
-    ----------
-    recorded : dict of array
-        ``state`` (T, 4 n) and, each (T, n), ``q_encoder``, ``q_motor_encoder``, ``tau_cmd``,
-        ``tau_m`` and the controller's signals.
-    loop : Loop
-
-    Returns
-    -------
-    dict of array (T, n)
-    """
+    """All variables of a trace, each (T, n), from the recorded states (T, 4 n) and signals."""
     plant, reference, done = loop.plant, loop.reference, recorded["tau_m"].shape[0]
     state = recorded.pop("state")
     q, dq, theta, dtheta = (part.T for part in np.split(state, 4, axis=1))

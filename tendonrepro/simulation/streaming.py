@@ -19,16 +19,10 @@ RAPID = 0.5
 
 
 class Thresholds(NamedTuple):
-    """What tells the phases of a reference apart, each (n,) but the last.
+    """What tells the phases of a reference apart.
 
-    Attributes
-    ----------
-    speed : array (n,)
-        Speed from which a joint moves up or down, rad s⁻¹.
-    acceleration : array (n,)
-        Acceleration from which it moves rapidly, rad s⁻².
-    period : float
-        Samples of the first period.
+    Speed from which a joint moves up or down, (n,), rad s⁻¹, acceleration from which it moves rapidly, (n,),
+    rad s⁻², and samples of the first period.
     """
 
     speed: Array
@@ -140,22 +134,7 @@ def thresholds(dq_d: Array, ddq_d: Array, period: float) -> Thresholds:
 
 
 def add_sample(sums: Sums, sample: Sample, live: Any, k: Any, phases: Thresholds) -> Sums:
-    """Sums after one more sample.
-
-    Parameters
-    ----------
-    sums : Sums
-    sample : Sample
-    live : float
-        1 while the run goes on, else 0: the sums stay as they are, whatever the sample holds.
-    k : float
-        Number of the sample, from 0.
-    phases : Thresholds
-
-    Returns
-    -------
-    Sums
-    """
+    """Sums after sample ``k``, from 0; unless ``live`` is 1 they stay, whatever the sample holds."""
     columns = [
         _add_joint(*(Sums(*(f[i] for f in sums)), Sample(*(f[i] for f in sample))), live, k, phases, i)
         for i in range(sample.e.shape[0])
@@ -217,23 +196,7 @@ def _add_joint(sums: Any, x: Any, live: Any, k: Any, phases: Thresholds, i: int)
 
 
 def finished(sums: Sums, count: Any, period: Any, fast_share: Array) -> dict[str, Array]:
-    """Statistics from sums.
-
-    Parameters
-    ----------
-    sums : Sums
-        Each (n, ...).
-    count : int or array (...)
-        Samples summed up.
-    period : float or array (...)
-        Samples of the first period.
-    fast_share : array (n, ...)
-
-    Returns
-    -------
-    dict of array (n, ...)
-        By the names of `STATISTICS`; NaN where a phase has no sample.
-    """
+    """Statistics by name, (n, ...), from sums over ``count`` samples; NaN where a phase has no sample."""
     count = np.asarray(count, dtype=np.float64)
     late = np.maximum(count - period, 0.0)
     calm = count - sums.rapid

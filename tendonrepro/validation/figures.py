@@ -12,7 +12,7 @@ from matplotlib.colors import to_hex, to_rgb
 
 from tendonrepro.results.figures.catalogue import FIGURES, available, save
 from tendonrepro.results.figures.compare import MEAN_WINDOW, draw_law
-from tendonrepro.results.figures.panels import FigureArtists, Sheet
+from tendonrepro.results.figures.panels import Canvas, FigureArtists
 from tendonrepro.results.figures.style import REFERENCE, Stroke, journal_style
 from tendonrepro.results.records import Trace, TraceFile
 
@@ -63,7 +63,7 @@ def draw_overlay(number: int, measured: TraceFile, models: Mapping[str, Trace]) 
         return sheet.finish(number, _caption(number, measured, drawn))
 
 
-def _lay_under(sheet: Sheet, under: Sheet, model: Trace) -> None:
+def _lay_under(sheet: Canvas, under: Canvas, model: Trace) -> None:
     """Add the curves of a simulated run to those measured; it follows the measured motion, drawn already."""
     measured = sheet.lines
     for (letter, name), line in under.lines.items():

@@ -24,7 +24,14 @@ from tendonrepro.config.published import PrintedNumber, coupling_of, exact, publ
 
 
 def printed(digits: str) -> PrintedNumber:
-    return PrintedNumber("x", "here", float(digits), "1", len(digits.partition(".")[2]))
+    return PrintedNumber(
+        id="x",
+        kind="number",
+        where="here",
+        value=float(digits),
+        unit="1",
+        decimals=len(digits.partition(".")[2]),
+    )
 
 
 class TestIntervals:

@@ -9,7 +9,7 @@ import pytest
 from support.made_claims import NAMES, ranking_of
 
 from tendonrepro.claims.figures import draw_ratio_against_unknowns, draw_tornado, running_median
-from tendonrepro.results.figures.files import save_figure
+from tendonrepro.results.figures.style import save_figure
 
 
 class TestFigures:

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from tendonrepro.config.ensemble import load_ensemble
-from tendonrepro.config.load import CompareConfig, init_config, shipped_folder
+from tendonrepro.config.load import CompareConfig
+from tendonrepro.config.shipped import init_config, shipped_folder
 from tendonrepro.errors import ConfigError, UsageError
 
 TEXT = (shipped_folder() / "ensemble.yaml").read_text(encoding="utf-8")

@@ -19,14 +19,8 @@ from hypothesis import strategies as st
 from tendonrepro.config.fields.quantity import Quantity
 from tendonrepro.config.fields.strict_yaml import Node, load, read_text
 from tendonrepro.config.kinds import json_schema
-from tendonrepro.config.load import (
-    CompareConfig,
-    DecoupleConfig,
-    init_config,
-    load_config,
-    shipped_folder,
-    shipped_names,
-)
+from tendonrepro.config.load import CompareConfig, DecoupleConfig, load_config
+from tendonrepro.config.shipped import init_config, shipped_folder, shipped_names
 from tendonrepro.errors import ConfigError, UsageError
 
 EXPERIMENTS = ("compare", "decouple")

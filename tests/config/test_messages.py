@@ -17,8 +17,9 @@ from hypothesis import strategies as st
 from pydantic import BaseModel, ValidationError
 
 from tendonrepro.config.fields.strict_yaml import Key, Node, dump, read_text
-from tendonrepro.config.load import CompareConfig, DecoupleConfig, load_config, shipped_folder
+from tendonrepro.config.load import CompareConfig, DecoupleConfig, load_config
 from tendonrepro.config.messages import Place, explain
+from tendonrepro.config.shipped import shipped_folder
 from tendonrepro.errors import ConfigError
 
 TEXTS = {
@@ -109,15 +110,8 @@ CHANGED_LINE = [
     ("compare", "joints: [2, 3]", "joints: [2, true]", "joints.1: must be a whole number, found true"),
     ("compare", "manipulator: lumi", "manipulator: 3 #", "manipulator: must be a mapping of keys, found 3"),
     ("compare", "    law: controller_3", "    law: []", "runs.controller_3.law: must be text, found a list"),
-    ("lumidouce_ii", "value:  9.81", "value: '9'",
-     "manipulator.gravity.value: must be a number, found the text '9'"),
     ("lumidouce_ii", "value:  9.81", "value: on",
      "manipulator.gravity.value: must be a number, found the text 'on'"),
-    ("lumidouce_ii", "value:  9.81", "value: true",
-     "manipulator.gravity.value: must be a number, found true"),
-    ("lumidouce_ii", "value:  9.81", "value:", "manipulator.gravity.value: must be a number, found nothing"),
-    ("lumidouce_ii", "[0.70, 0.45, 0.25]", "[0.7, x, 0.2]",
-     "manipulator.links.mass.value.1: must be a number"),
     # choices
     ("compare", "schema_version: 1", "schema_version: 2", "schema_version: must be 1, found 2"),
     ("compare", "schema_version: 1", "schema_version: true", "schema_version: must be 1, found true"),
@@ -145,8 +139,6 @@ CHANGED_LINE = [
      "sampling_period.source: must begin with printed:, derived:"),
     ("compare", "value:  [0.9, 0.9]", "value: [0.9, 1]",
      "control.gains.b.value.1: must be above 0 and below 1, found 1"),
-    ("compare", "value:  [0.1, 0.2]", "value: [0.1, 2]",
-     "control.gains.alpha.value.1: must be at least 0 and at most 1, found 2"),
     ("compare", "value:  [8, 8]", "value: [8, 8, 8]",
      "control.gains.lam.value: must have 2 entries, one per moving joint, found 3"),
     ("lumidouce_ii", "[0.70, 0.45, 0.25]", "[0.7, -0.45, 0.2]",
@@ -170,7 +162,6 @@ CHANGED_LINE = [
     ("compare", "joints: [2, 3]", "joints: [1, 2]",
      "joints: must be the last joints in order, up to 3 of the manipulator, found [1, 2]"),
     ("compare", "joints: [2, 3]", "joints: [3, 2]", "joints: must be the last joints in order"),
-    ("compare", "joints: [2, 3]", "joints: [3, 4]", "joints: must be the last joints in order"),
     ("decouple", "turns: [[1], [2]", "turns: [[1], [4]",
      "runs.decouple.reference.turns.1: must name joints that move, [1, 2, 3], found [4]"),
     ("decouple", "turns: [[1],", "turns: [[1, 1],",

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tendonrepro.config.ensemble import load_ensemble
-from tendonrepro.config.load import CompareConfig, shipped_folder
+from tendonrepro.config.load import CompareConfig
 from tendonrepro.config.models.readings import (
     AXES,
     RUNS,
@@ -24,6 +24,7 @@ from tendonrepro.config.models.readings import (
     reading,
     under,
 )
+from tendonrepro.config.shipped import shipped_folder
 from tendonrepro.ensemble.box import configured, make_box, scrambled_sobol
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import build_loops

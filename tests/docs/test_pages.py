@@ -24,7 +24,8 @@ from tendonrepro.cli.app import app
 from tendonrepro.config.ensemble import load_ensemble
 from tendonrepro.config.fields.quantity import UNITS
 from tendonrepro.config.kinds import json_schema
-from tendonrepro.config.load import ExperimentName, LoadedConfig, load_config, shipped_folder
+from tendonrepro.config.load import ExperimentName, LoadedConfig, load_config
+from tendonrepro.config.shipped import shipped_folder
 from tendonrepro.config.models.control import Readings
 from tendonrepro.config.published import published
 from tendonrepro.console import Talk

@@ -13,7 +13,7 @@ from support import ROOT
 from tendonrepro.arrays import Array
 from tendonrepro.config.ensemble import LoadedEnsemble, load_ensemble
 from tendonrepro.config.load import CompareConfig
-from tendonrepro.config.models.box import DISTURBANCES, MOTIONS, Range
+from tendonrepro.config.models.box import DISTURBANCES, MOTIONS, BoxRange
 from tendonrepro.config.models.readings import RUNS, VARIATIONS, default_readings, under
 from tendonrepro.config.models.reference import MinimumJerk
 from tendonrepro.ensemble.box import Box, configured, make_box, scrambled_sobol
@@ -91,7 +91,7 @@ def test_choices_are_equally_frequent() -> None:
 
 def test_wide_rows_are_on_a_log_scale() -> None:
     for name, row in ensemble().config.box.items():
-        if isinstance(row, Range) and row.low > 0.0 and row.high >= 5.0 * row.low and name != "posture":
+        if isinstance(row, BoxRange) and row.low > 0.0 and row.high >= 5.0 * row.low and name != "posture":
             assert row.scale == "log", name
 
 

@@ -29,11 +29,10 @@ from tendonrepro.physics.control import Law, Surface, estimator_weights, phi, su
 from tendonrepro.physics.disturbance import no_disturbance
 from tendonrepro.physics.drive import Drive
 from tendonrepro.physics.dynamics import Plant, frictionless, holding_torque, rest_state, state_derivative
-from tendonrepro.physics.encoder import Encoder
 from tendonrepro.physics.friction import Friction
-from tendonrepro.physics.instruments import Actuator
+from tendonrepro.physics.instruments import Actuator, Encoder
 from tendonrepro.simulation.controllers import TimeDelayController
-from tendonrepro.simulation.stepper import Loop, Reference, Solver, simulate
+from tendonrepro.simulation.stepper import DesiredMotion, Loop, Solver, simulate
 
 L = 1e-3
 POSTURES = [np.zeros(2), np.deg2rad([15.0, 15.0]), np.deg2rad([30.0, 30.0])]
@@ -111,7 +110,7 @@ def small_step(plant, law, size, samples, delay=0):
         motor_encoder=Encoder(0.0, 0.0),
         actuator=Actuator(np.full(n, 1e6), 0.0, 0.0, delay),
         controller=TimeDelayController(law),
-        reference=Reference(L * np.arange(samples), target, 0.0 * target, 0.0 * target),
+        reference=DesiredMotion(L * np.arange(samples), target, 0.0 * target, 0.0 * target),
         L=L,
         solver=Solver("dop853", 1e-13, 1e-17, L),
         divergence_limit=np.inf,

@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from support.oracles import TABLE_1, coupling_by_columns
 
-from tendonrepro.physics.encoder import noise_sequence, quantise
-from tendonrepro.physics.instruments import Actuator, applied_torque
-from tendonrepro.physics.servo import Servo, servo_torque
+from tendonrepro.physics.control import Servo, servo_torque
+from tendonrepro.physics.instruments import Actuator, applied_torque, noise_sequence, quantise
 
 Array = NDArray[np.float64]
 

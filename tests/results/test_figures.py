@@ -23,9 +23,9 @@ from support.synthetic import S, make_compare_file, make_decouple_file
 
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.results.figures.catalogue import FIGURES, available, draw, save
-from tendonrepro.results.figures.panels import FigureArtists
-from tendonrepro.results.figures.style import REFERENCE, SERIES, envelope, journal_style, thin
-from tendonrepro.results.traces import Trace, TraceFile
+from tendonrepro.results.figures.panels import FigureArtists, envelope, thin
+from tendonrepro.results.figures.style import REFERENCE, SERIES, journal_style
+from tendonrepro.results.records import Trace, TraceFile
 
 compare_file = cache(make_compare_file)
 decouple_file = cache(make_decouple_file)

@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from support.synthetic import S_INV, S, make_compare_file, make_decouple_file
 
+from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import (
     decoupling_errors,
     ranking,
@@ -17,7 +18,6 @@ from tendonrepro.results.summary import (
     table_data_decouple,
     tracking_errors,
 )
-from tendonrepro.results.traces import Trace, TraceFile
 
 Array = NDArray[np.float64]
 

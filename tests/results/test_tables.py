@@ -14,7 +14,7 @@ from support.synthetic import S_INV, S, make_compare_file, make_decouple_file
 from tendonrepro.errors import TendonreproError
 from tendonrepro.results.comparison import (
     COLUMNS,
-    Row,
+    TableRow,
     change_rows,
     controller_rows,
     coupling_rows,
@@ -23,11 +23,11 @@ from tendonrepro.results.comparison import (
     window_rows,
     write_tables,
 )
+from tendonrepro.results.records import PlantRecord, TraceFile
 from tendonrepro.results.tables import csv_text, latex, markdown, write_table
-from tendonrepro.results.traces import PlantRecord, TraceFile
 
 
-def frame_of(rows: Iterator[Row]) -> pd.DataFrame:
+def frame_of(rows: Iterator[TableRow]) -> pd.DataFrame:
     return pd.DataFrame(list(rows))
 
 
@@ -39,7 +39,7 @@ def table2(file: TraceFile) -> pd.DataFrame:
     return frame_of(controller_rows(file))
 
 
-def written(rows: Iterator[Row], folder: Path) -> list[Path]:
+def written(rows: Iterator[TableRow], folder: Path) -> list[Path]:
     held = list(rows)
     columns = {name: COLUMNS[name] for name in COLUMNS if name in held[0]}
     return write_table(held, folder, "table2", "Table 2", columns, ("csv", "md", "tex"))

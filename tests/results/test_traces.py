@@ -20,14 +20,9 @@ from support.synthetic import S_INV, S, make_compare_file, make_decouple_file
 
 from tendonrepro.errors import DataMissingError, TendonreproError
 from tendonrepro.files import sha256_of
+from tendonrepro.results.records import SCHEMA_VERSION, VARIABLES, PlantRecord, PlantValue, Trace, TraceFile
 from tendonrepro.results.traces import (
     NEEDED,
-    SCHEMA_VERSION,
-    VARIABLES,
-    PlantRecord,
-    PlantValue,
-    Trace,
-    TraceFile,
     read_traces,
     write_traces,
 )

@@ -1,4 +1,4 @@
-"""The compiled batch stepper against the reference stepper, and against brute force on its own traces."""
+"""The compiled batch stepper against the SciPy stepper, and against brute force on its own traces."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from tendonrepro.simulation.batch import Batch, simulate_batch
 from tendonrepro.simulation.codegen.lanes import stacked
 from tendonrepro.simulation.controllers import TimeDelayController
 from tendonrepro.simulation.resolution import STEPS, plant_modes, steps_needed
-from tendonrepro.simulation.stepper import Loop, Reference, simulate
+from tendonrepro.simulation.stepper import DesiredMotion, Loop, simulate
 from tendonrepro.simulation.streaming import STATISTICS
 
 IDEAL = "manipulator.encoders.joint.resolution=0"
 EXACT = 1e-9
-"""Allowed difference of q from the reference stepper, rad."""
+"""Allowed difference of q from the SciPy stepper, rad."""
 NEAR = 3.8e-5
 """The same while torque pulses of encoder counts hit the steep part of friction: a tenth of a count."""
 
@@ -42,7 +42,7 @@ def loaded(*overrides: str) -> tuple[CompareConfig, dict[str, Loop]]:
 def cut(loop: Loop, duration: float) -> Loop:
     samples, reference = round(duration / loop.L) + 1, loop.reference
     parts = {name: getattr(reference, name)[:samples] for name in ("time", "q_d", "dq_d", "ddq_d")}
-    return replace(loop, reference=Reference(**parts, period=reference.period))
+    return replace(loop, reference=DesiredMotion(**parts, period=reference.period))
 
 
 def traced(config: CompareConfig, loops: list[Loop]) -> tuple[Batch, list[dict[str, Array]]]:

@@ -9,11 +9,11 @@ from support.oracles import FEATURES, random_plant, random_state
 from tendonrepro.arrays import Array, choose
 from tendonrepro.physics.dynamics import state_derivative
 from tendonrepro.simulation.codegen import compiled
-from tendonrepro.simulation.codegen.lanes import LANES, LaneTape, Rows, lane_code, signature, stacked
+from tendonrepro.simulation.codegen.lanes import LANES, LaneRows, LaneTape, lane_code, signature, stacked
 from tendonrepro.simulation.kernel import runge_kutta, step_code
 
 
-def filled(rows: Rows) -> Array:
+def filled(rows: LaneRows) -> Array:
     w = np.zeros((rows.count, LANES))
     for row, values in rows.constants.items():
         w[row] = values
@@ -60,7 +60,7 @@ def test_runge_kutta_is_of_order_four() -> None:
 
 
 def test_numbers_that_are_zero_or_one_everywhere_stay_numbers() -> None:
-    tape, rows = LaneTape(), Rows()
+    tape, rows = LaneTape(), LaneRows()
     record = (np.array([[0.0, 0.0], [1.0, 1.0], [0.0, 2.0]]), 3, True)
     symbols, whole, flag = rows.parameters(tape, "p", record)
     assert (symbols[0], symbols[1], whole, flag) == (0.0, 1.0, 3, True)
@@ -68,7 +68,7 @@ def test_numbers_that_are_zero_or_one_everywhere_stay_numbers() -> None:
 
 
 def test_what_parameters_determine_is_prepared_once() -> None:
-    tape, rows = LaneTape(), Rows()
+    tape, rows = LaneTape(), LaneRows()
     (p,) = rows.parameters(tape, "p", (np.array([2.0, 3.0]),))
     x = rows.variables(tape, "x", 1)[0]
     source = lane_code("f", "t", tape, {rows.known("y", 1)[0]: x * (p * p + 1.0) / p}, rows)
@@ -79,7 +79,7 @@ def test_what_parameters_determine_is_prepared_once() -> None:
 
 
 def test_choices_and_comparisons_on_lanes() -> None:
-    tape, rows = LaneTape(), Rows()
+    tape, rows = LaneTape(), LaneRows()
     x, y = rows.variables(tape, "x", 2)
     results = [choose(x > y, x, 2.0 * y), np.minimum(x, y), np.maximum(x, y), 1.0 * (x <= y), abs(x) ** 0.5]
     source = lane_code("choices", "t", tape, dict(zip(rows.known("out", 5), results, strict=True)), rows)

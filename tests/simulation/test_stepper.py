@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from tendonrepro.config.load import load_config
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import build_loops
-from tendonrepro.simulation.stepper import Reference, simulate
+from tendonrepro.simulation.stepper import DesiredMotion, simulate
 
 L = 1e-3
 IDEAL = "manipulator.encoders.joint.resolution=0"
@@ -28,7 +28,7 @@ def raised_cosine(amplitude_deg, period, samples):
     """Reference of both joints, written down once more."""
     t = L * np.arange(samples)[:, np.newaxis] * np.ones(2)
     A, w = np.deg2rad(amplitude_deg) / 2.0, 2.0 * np.pi / period
-    return Reference(t[:, 0], A * (1 - np.cos(w * t)), A * w * np.sin(w * t), A * w**2 * np.cos(w * t))
+    return DesiredMotion(t[:, 0], A * (1 - np.cos(w * t)), A * w * np.sin(w * t), A * w**2 * np.cos(w * t))
 
 
 @cache
@@ -404,7 +404,7 @@ def decoupling():
     loaded = load_config(None, "decouple")
     loop = dict(build_loops(loaded.config, loaded.folder))["decouple"]
     full = loop.reference
-    cut = Reference(full.time[:400], full.q_d[:400], full.dq_d[:400], full.ddq_d[:400])
+    cut = DesiredMotion(full.time[:400], full.q_d[:400], full.dq_d[:400], full.ddq_d[:400])
     return loop, simulate(replace(loop, reference=cut))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Literal, Self, TypeAlias
+from typing import Annotated, Literal, NoReturn, Self, TypeAlias
 
 from pydantic import (
     AfterValidator,
@@ -22,6 +22,8 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from tendonrepro.config.fields.strict_yaml import Key
 
+_TITLE = "configuration"
+
 
 class Model(BaseModel):
     """Base of every configuration model: immutable, and an unknown key is an error."""
@@ -31,40 +33,46 @@ class Model(BaseModel):
 
 @dataclass
 class Problems:
-    """Mistakes found by one check, all of them reported together.
+    """Mistakes found by one check, raised together at the end of a ``with`` block.
 
-    Raised from inside a validator, each keeps its own place below the value being validated.
+    Inside a validator each keeps its own place below the value being validated.
     """
 
     details: list[InitErrorDetails] = field(default_factory=list)
 
     def add(self, at: Key, message: str) -> None:
         """Note a mistake at a path relative to the value being validated."""
-        error = PydanticCustomError("problem", "{text}", {"text": message})
-        self.details.append(InitErrorDetails(type=error, loc=at, input=None))
+        self.details.append(_mistake(at, message))
 
     def raise_if_any(self) -> None:
         """Raise pydantic's error with all mistakes noted so far."""
         if self.details:
-            title = "configuration"
-            raise ValidationError.from_exception_data(title, self.details)
+            raise ValidationError.from_exception_data(_TITLE, self.details)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if kind is None:
+            self.raise_if_any()
+
+
+def refuse(message: str, *at: str | int) -> NoReturn:
+    """Raise a single mistake at a path relative to the value being validated."""
+    raise ValidationError.from_exception_data(_TITLE, [_mistake(at, message)])
+
+
+def _mistake(at: Key, message: str) -> InitErrorDetails:
+    error = PydanticCustomError("problem", "{text}", {"text": message})
+    return InitErrorDetails(type=error, loc=at, input=None)
 
 
 @dataclass(frozen=True)
 class Outline:
-    """What one part of a configuration must know about others; None where the text is too broken to tell.
+    """What parts of a configuration know of others: joints of the arm, those that move, names of laws.
 
-    It is read before validation and handed down as its context, so that a vector of the wrong length is
-    reported beside every other mistake instead of after they are mended.
-
-    Attributes
-    ----------
-    joints : int or None
-        Number of joints of the manipulator.
-    moving : tuple or None
-        The joints that move in the experiment.
-    laws : tuple or None
-        Names of the control laws.
+    None where the text is too broken to tell. It is read before validation and handed down as its context, so
+    that a vector of the wrong length is reported beside every other mistake instead of after they are mended.
     """
 
     joints: int | None = None
@@ -102,25 +110,22 @@ class RootModel(Model):
 
 
 def _check_version(version: object) -> object:
-    problems = Problems()
     if type(version) is not int:  # Literal[1] alone takes True and 1.0 for 1
-        problems.add((), f"must be 1, found {describe(version)}")
-    problems.raise_if_any()
+        refuse(f"must be 1, found {describe(version)}")
     return version
 
 
-Name: TypeAlias = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+Number: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Identifier: TypeAlias = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
 
 
 def _not_reserved(name: str) -> str:
-    problems = Problems()
     if name == "plant":
-        problems.add((), "is the name of something else among the results; choose another")
-    problems.raise_if_any()
+        refuse("is the name of something else among the results; choose another")
     return name
 
 
-RunName: TypeAlias = Annotated[Name, AfterValidator(_not_reserved)]
+RunName: TypeAlias = Annotated[Identifier, AfterValidator(_not_reserved)]
 SchemaVersion: TypeAlias = Annotated[
     Literal[1], BeforeValidator(_check_version), Field(description="version of this file format")
 ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Any, Literal, TypeAlias
@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import GetCoreSchemaHandler, ValidationInfo, WithJsonSchema, WrapValidator
 from pydantic_core import CoreSchema
 
-from tendonrepro.config.fields.model import Outline, Problems, describe
+from tendonrepro.config.fields.model import Outline, Problems, describe, refuse
 from tendonrepro.config.fields.quantity import UNITS, Quantity
 
 Size: TypeAlias = Literal["one", "pair", "joints", "moving"]
@@ -25,19 +25,7 @@ _PER_ENTRY: Mapping[Size, str] = {
 
 @dataclass(frozen=True)
 class Limit:
-    """One end of a range, in the SI unit of the field.
-
-    Attributes
-    ----------
-    words : str
-        How a message names it.
-    keyword : str
-        The JSON schema keyword that says the same.
-    bound : float
-        The limit itself, SI.
-    admits : callable
-        Whether a value (SI) is on the right side of the bound.
-    """
+    """One end of a range: its names in a message and the JSON schema, its bound in SI, what it admits."""
 
     words: str
     keyword: str
@@ -66,15 +54,13 @@ class Physical:
         return handler.generate_schema(described)
 
     def _validate(self, raw: object, handler: Callable[[object], Quantity], info: ValidationInfo) -> Quantity:
-        problems = Problems()
         if not isinstance(raw, dict | Quantity):
             example = f"{{value: ..., unit: {self.units[0]}, source: 'assumed: ...'}}"
-            problems.add((), f"must carry unit and source, as in {example}, found {describe(raw)}")
-            problems.raise_if_any()
+            refuse(f"must carry unit and source, as in {example}, found {describe(raw)}")
         quantity = handler(raw)
-        self._check_size(quantity, Outline.known(info), problems)
-        self._check_range(quantity, problems)
-        problems.raise_if_any()
+        with Problems() as problems:
+            self._check_size(quantity, Outline.known(info), problems)
+            self._check_range(quantity, problems)
         return quantity
 
     def _check_size(self, quantity: Quantity, outline: Outline, problems: Problems) -> None:
@@ -149,21 +135,19 @@ def physical(
 ) -> Physical:
     """Declare what a `Quantity` field means and allows, as metadata in ``Annotated``.
 
-    Parameters
-    ----------
-    unit : str
-        The SI unit; every unit that converts to it is allowed in the file.
-    about : str
-        What the quantity is, for the JSON schema and editors.
-    above, at_least, below, at_most : float, optional
-        Range of every entry, in `unit`; `above` and `below` exclude the bound itself.
-    size : {'one', 'pair', 'joints', 'moving'}
-        Entries of a vector, rows and columns of a matrix: the number of joints, or of those that move.
-    whole : bool
-        Whether only whole numbers are allowed.
+    ``unit`` is the SI unit, of the bounds too; the file may use every unit that converts to it. ``above`` and
+    ``below`` exclude the bound itself. ``size`` is that of a vector, or of the rows and columns of a matrix.
     """
     units = tuple(name for name, candidate in UNITS.items() if candidate.si == unit)
-    limits = tuple(_limits(above, at_least, below, at_most))
+    bounds = (
+        ("above", "exclusiveMinimum", above, float.__gt__),
+        ("at least", "minimum", at_least, float.__ge__),
+        ("below", "exclusiveMaximum", below, float.__lt__),
+        ("at most", "maximum", at_most, float.__le__),
+    )
+    limits = tuple(
+        Limit(words, keyword, bound, admits) for words, keyword, bound, admits in bounds if bound is not None
+    )
     return Physical(units, about, limits, size, whole)
 
 
@@ -174,19 +158,6 @@ def _plain_schema(quantity: type[Quantity]) -> dict[str, Any]:
         name: {key: item for key, item in schema.items() if key != "title"}
         for name, schema in properties.items()
     }
-
-
-def _limits(
-    above: float | None, at_least: float | None, below: float | None, at_most: float | None
-) -> Iterator[Limit]:
-    if above is not None:
-        yield Limit("above", "exclusiveMinimum", above, float.__gt__)
-    if at_least is not None:
-        yield Limit("at least", "minimum", at_least, float.__ge__)
-    if below is not None:
-        yield Limit("below", "exclusiveMaximum", below, float.__lt__)
-    if at_most is not None:
-        yield Limit("at most", "maximum", at_most, float.__le__)
 
 
 def _with_unit(value: float, unit: str) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, WithJsonSchema
 
 from tendonrepro.arrays import Array
-from tendonrepro.config.fields.model import Model, Problems, describe
+from tendonrepro.config.fields.model import Model, Problems, describe, refuse
 from tendonrepro.config.fields.strict_yaml import Key
 
 SOURCE_PATTERN = r"^(printed|derived|datasheet|assumed|identified): \S"
@@ -43,25 +43,16 @@ UNITS = {unit: _Unit(unit) for unit in _SI_UNITS} | {
 
 
 def _check_source(text: str) -> str:
-    problems = Problems()
     if not re.match(SOURCE_PATTERN, text):
         origins = "printed:, derived:, datasheet:, assumed: or identified:"
-        problems.add((), f"must begin with {origins} and then say where from, found {describe(text)}")
-    problems.raise_if_any()
+        refuse(f"must begin with {origins} and then say where from, found {describe(text)}")
     return text
 
 
 class Quantity(Model):
-    """A value with its unit and source; use `Scalar`, `Vector` or `Matrix`.
+    """A value as written, with unit (UDUNITS spelling) and source; use `Scalar`, `Vector` or `Matrix`.
 
-    Attributes
-    ----------
-    value : float or nested tuple of float
-        The number as written, in `unit`.
-    unit : str
-        One of `UNITS`, in UDUNITS spelling.
-    source : str
-        ``origin: words`` with origin printed, derived, datasheet, assumed or identified.
+    The source is ``origin: words`` with origin printed, derived, datasheet, assumed or identified.
     """
 
     value: Any
@@ -72,7 +63,7 @@ class Quantity(Model):
 
     def entries(self) -> Iterator[tuple[tuple[int, ...], float]]:
         """Every single number with its index below `value`."""
-        return _flatten(self.value)
+        yield from ((index, float(number)) for index, number in np.ndenumerate(np.asarray(self.value)))
 
     @property
     def si_unit(self) -> str:
@@ -82,15 +73,6 @@ class Quantity(Model):
     def _to_si(self) -> Array:
         unit = UNITS[self.unit]
         return np.asarray(self.value, dtype=np.float64) * unit.factor / unit.divisor
-
-
-def _flatten(value: Any) -> Iterator[tuple[tuple[int, ...], float]]:
-    if isinstance(value, tuple):
-        for index, item in enumerate(value):
-            for below, number in _flatten(item):
-                yield (index, *below), number
-    else:
-        yield (), value
 
 
 def _number(raw: object, at: Key, problems: Problems) -> float:
@@ -115,34 +97,28 @@ def _list(raw: object, what: str, at: Key, problems: Problems) -> list[object]:
 
 
 def _read_scalar(raw: object) -> float:
-    problems = Problems()
-    value = _number(raw, (), problems)
-    problems.raise_if_any()
-    return value
+    with Problems() as problems:
+        return _number(raw, (), problems)
 
 
 def _read_vector(raw: object) -> tuple[float, ...]:
-    problems = Problems()
-    items = _list(raw, "numbers", (), problems)
-    value = tuple(_number(item, (i,), problems) for i, item in enumerate(items))
-    problems.raise_if_any()
-    return value
+    with Problems() as problems:
+        items = _list(raw, "numbers", (), problems)
+        return tuple(_number(item, (i,), problems) for i, item in enumerate(items))
 
 
 def _read_matrix(raw: object) -> tuple[tuple[float, ...], ...]:
-    problems = Problems()
-    rows = [
-        _list(row, "numbers", (i,), problems)
-        for i, row in enumerate(_list(raw, "rows of numbers", (), problems))
-    ]
-    for i, row in enumerate(rows):
-        if row and len(row) != len(rows[0]):
-            problems.add((i,), f"has {len(row)} entries where the first row has {len(rows[0])}")
-    value = tuple(
-        tuple(_number(item, (i, j), problems) for j, item in enumerate(row)) for i, row in enumerate(rows)
-    )
-    problems.raise_if_any()
-    return value
+    with Problems() as problems:
+        rows = [
+            _list(row, "numbers", (i,), problems)
+            for i, row in enumerate(_list(raw, "rows of numbers", (), problems))
+        ]
+        for i, row in enumerate(rows):
+            if row and len(row) != len(rows[0]):
+                problems.add((i,), f"has {len(row)} entries where the first row has {len(rows[0])}")
+        return tuple(
+            tuple(_number(item, (i, j), problems) for j, item in enumerate(row)) for i, row in enumerate(rows)
+        )
 
 
 class Scalar(Quantity):

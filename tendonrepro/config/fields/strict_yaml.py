@@ -43,16 +43,9 @@ _Parser = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 @dataclass(frozen=True)
 class Document:
-    """One YAML text as plain Python values, with the place of every entry.
+    """One YAML text as plain Python values, with the line and column (from 1) of every key and list item.
 
-    Attributes
-    ----------
-    tree : Node
-        Dictionaries, lists, strings, numbers, booleans and None.
-    name : str
-        What to call the text in messages, usually the file's path.
-    positions : mapping
-        Line and column (from 1) of every key and list item, by its path from the root.
+    `name` is what messages call the text, usually the file's path.
     """
 
     tree: Node
@@ -71,14 +64,7 @@ class Document:
 
 
 def read_text(path: Path, hint: str | None = None) -> str:
-    """Read a YAML file of at most 1 MiB as UTF-8 text.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    hint : str, optional
-        What to say besides when there is no such file.
+    """Read a YAML file of at most 1 MiB as UTF-8 text; the hint is said besides when there is no such file.
 
     Raises
     ------
@@ -120,14 +106,7 @@ def decode(raw: bytes, name: str) -> str:
 
 
 def load(text: str, name: str) -> Document:
-    """Read one YAML document.
-
-    Parameters
-    ----------
-    text : str
-        The YAML text.
-    name : str
-        What to call it in messages.
+    """Read one YAML document; messages call it `name`.
 
     Raises
     ------
@@ -136,7 +115,7 @@ def load(text: str, name: str) -> Document:
         keys, anchors, aliases, tags, merge keys, several documents, numbers that are not finite, more than
         32 levels.
     """
-    reader = _Reader(name)
+    reader = _TreeBuilder(name)
     try:
         return reader.read(yaml.parse(text, Loader=_Parser))
     except yaml.MarkedYAMLError as error:
@@ -155,7 +134,7 @@ def dump(tree: Node) -> str:
     return text
 
 
-class _Reader:
+class _TreeBuilder:
     """Builds the tree from parser events, noting where every entry begins."""
 
     def __init__(self, name: str) -> None:

@@ -1,7 +1,7 @@
 """The rows of the box: what is unknown about the plant and its motion, each between bounds with a source.
 
-A configuration gives the bounds; the fields of `Rows` say what each unknown is, in which unit, and what its
-bounds may be at most.
+A configuration gives the bounds; the fields of `BoxConfig` say what each unknown is, in which unit, and what
+its bounds may be at most.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal, Self, TypeAlias
 from pydantic import AfterValidator, Field, GetCoreSchemaHandler, model_validator
 from pydantic_core import CoreSchema
 
-from tendonrepro.config.fields.model import Model, Problems, describe
+from tendonrepro.config.fields.model import Model, Number, Problems, describe, refuse
 from tendonrepro.config.fields.quantity import SOURCE_PATTERN, UNITS
 from tendonrepro.config.fields.strict_yaml import Key
 from tendonrepro.config.models.readings import ERROR_RATES
@@ -27,14 +27,11 @@ DISTURBANCES = ("none", "sine", "noise")
 MOTIONS = ("minimum_jerk", "raised_cosine", "trapezoidal", "sine", "unequal", "fast_sine")
 
 Confidence: TypeAlias = Literal["high", "medium", "low"]
-Number: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 
 
 def _check_source(text: str) -> str:
-    problems = Problems()
     if not re.match(SOURCE_PATTERN, text):
-        problems.add((), f"must begin with its origin, as in 'assumed: ...', found {describe(text)}")
-    problems.raise_if_any()
+        refuse(f"must begin with its origin, as in 'assumed: ...', found {describe(text)}")
     return text
 
 
@@ -45,7 +42,7 @@ class _Known(Model):
     source: Annotated[str, AfterValidator(_check_source)]
 
 
-class Range(_Known):
+class BoxRange(_Known):
     """An unknown number between two bounds."""
 
     low: Number
@@ -60,14 +57,15 @@ class Range(_Known):
 
     @model_validator(mode="after")
     def _check_order(self) -> Self:
-        problems = Problems()
-        if self.low >= self.high:
-            problems.add(("low",), f"must be below high, {self.high:g}, found {self.low:g}")
-        elif not self.low <= self.nominal <= self.high:
-            problems.add(("nominal",), f"must be from {self.low:g} to {self.high:g}, found {self.nominal:g}")
-        if self.scale == "log" and self.low <= 0.0:
-            problems.add(("low",), f"must be above 0 on a log scale, found {self.low:g}")
-        problems.raise_if_any()
+        with Problems() as problems:
+            if self.low >= self.high:
+                problems.add(("low",), f"must be below high, {self.high:g}, found {self.low:g}")
+            elif not self.low <= self.nominal <= self.high:
+                problems.add(
+                    ("nominal",), f"must be from {self.low:g} to {self.high:g}, found {self.nominal:g}"
+                )
+            if self.scale == "log" and self.low <= 0.0:
+                problems.add(("low",), f"must be above 0 on a log scale, found {self.low:g}")
         return self
 
 
@@ -101,16 +99,15 @@ class Words(_Known):
 
 
 def _raise_if_not_among(choices: tuple[object, ...], nominal: object) -> None:
-    problems = Problems()
-    if nominal not in choices:
-        known = ", ".join(map(str, choices))
-        problems.add(("nominal",), f"must be one of the choices, {known}, found {nominal}")
-    if len(set(choices)) < len(choices):
-        problems.add(("choices",), "must not name a choice twice")
-    problems.raise_if_any()
+    with Problems() as problems:
+        if nominal not in choices:
+            known = ", ".join(map(str, choices))
+            problems.add(("nominal",), f"must be one of the choices, {known}, found {nominal}")
+        if len(set(choices)) < len(choices):
+            problems.add(("choices",), "must not name a choice twice")
 
 
-Row: TypeAlias = Range | Choice | Words
+BoxRow: TypeAlias = BoxRange | Choice | Words
 
 
 @dataclass(frozen=True)
@@ -124,33 +121,25 @@ class _Checked(ABC):
             Annotated[source, AfterValidator(self._check), Field(description=self.about)]
         )
 
-    def _check(self, row: Row) -> Row:
-        problems = Problems()
-        self._note(row, problems)
-        problems.raise_if_any()
+    def _check(self, row: BoxRow) -> BoxRow:
+        with Problems() as problems:
+            self._note(row, problems)
         return row
 
     @abstractmethod
-    def _note(self, row: Row, problems: Problems) -> None:
+    def _note(self, row: BoxRow, problems: Problems) -> None:
         """Note the row's mistakes."""
 
 
 @dataclass(frozen=True)
 class In(_Checked):
-    """SI unit of a row, and the bounds of what may be drawn, in that unit and included.
-
-    Attributes
-    ----------
-    about : str
-    unit : str
-    bottom, top : float
-    """
+    """SI unit of a row, and the bounds of what may be drawn, in that unit and included."""
 
     unit: str
     bottom: float = 0.0
     top: float = math.inf
 
-    def _note(self, row: Row, problems: Problems) -> None:
+    def _note(self, row: BoxRow, problems: Problems) -> None:
         assert not isinstance(row, Words)
         units = [name for name, unit in UNITS.items() if unit.si == self.unit]
         if row.unit not in units:
@@ -170,18 +159,11 @@ class In(_Checked):
 
 @dataclass(frozen=True)
 class Among(_Checked):
-    """The words that a row may choose from.
-
-    Attributes
-    ----------
-    about : str
-    words : tuple of str
-        A draw holds the place of a word here, from 0.
-    """
+    """The words that a row may choose from; a draw holds the place of a word here, from 0."""
 
     words: tuple[str, ...]
 
-    def _note(self, row: Row, problems: Problems) -> None:
+    def _note(self, row: BoxRow, problems: Problems) -> None:
         assert isinstance(row, Words)
         for i, word in enumerate(row.choices):
             if word not in self.words:
@@ -198,60 +180,60 @@ _EPS = 1e-9  # stands for "above zero"
 _DEGREE = math.pi / 180.0
 
 
-class Rows(Model):
+class BoxConfig(Model):
     """The box, one field per unknown; joint 1 is held in `compare`, so nothing of it is here."""
 
-    link_length_2: Annotated[Range, In("length of link 2", "m", _EPS)]
-    link_length_3: Annotated[Range, In("length of link 3, to the tool", "m", _EPS)]
-    link_mass_2: Annotated[Range, In("mass of link 2", "kg", _EPS)]
-    link_mass_3: Annotated[Range, In("mass of link 3", "kg", _EPS)]
-    link_com_2: Annotated[Range, In("centre of mass of link 2 over its length", "1", 0.0, 1.0)]
-    link_com_3: Annotated[Range, In("centre of mass of link 3 over its length", "1", 0.0, 1.0)]
-    link_inertia_2: Annotated[Range, In("central inertia of link 2 over m l²", "1", _EPS, 1.0)]
-    link_inertia_3: Annotated[Range, In("central inertia of link 3 over m l²", "1", _EPS, 1.0)]
-    rotor_inertia: Annotated[Range, In("inertia of a rotor", "kg m2", 0.0)]
-    reducer_inertia: Annotated[Range, In("inertia of wave generator and coupling", "kg m2", 0.0)]
-    drum_inertia: Annotated[Range, In("inertia of a drum", "kg m2", 0.0)]
-    winch_viscous: Annotated[Range, In("viscous damping D_m at a winch", "N m s rad-1")]
-    tendon_stiffness_2: Annotated[Range, In("stiffness of tendon 2 at joint 2", "N m rad-1", _EPS)]
-    tendon_stiffness_3: Annotated[Range, In("stiffness of tendon 3 at joint 3", "N m rad-1", _EPS)]
-    tendon_damping_2: Annotated[Range, In("damping of tendon 2 at joint 2", "N m s rad-1")]
-    tendon_damping_3: Annotated[Range, In("damping of tendon 3 at joint 3", "N m s rad-1")]
+    link_length_2: Annotated[BoxRange, In("length of link 2", "m", _EPS)]
+    link_length_3: Annotated[BoxRange, In("length of link 3, to the tool", "m", _EPS)]
+    link_mass_2: Annotated[BoxRange, In("mass of link 2", "kg", _EPS)]
+    link_mass_3: Annotated[BoxRange, In("mass of link 3", "kg", _EPS)]
+    link_com_2: Annotated[BoxRange, In("centre of mass of link 2 over its length", "1", 0.0, 1.0)]
+    link_com_3: Annotated[BoxRange, In("centre of mass of link 3 over its length", "1", 0.0, 1.0)]
+    link_inertia_2: Annotated[BoxRange, In("central inertia of link 2 over m l²", "1", _EPS, 1.0)]
+    link_inertia_3: Annotated[BoxRange, In("central inertia of link 3 over m l²", "1", _EPS, 1.0)]
+    rotor_inertia: Annotated[BoxRange, In("inertia of a rotor", "kg m2", 0.0)]
+    reducer_inertia: Annotated[BoxRange, In("inertia of wave generator and coupling", "kg m2", 0.0)]
+    drum_inertia: Annotated[BoxRange, In("inertia of a drum", "kg m2", 0.0)]
+    winch_viscous: Annotated[BoxRange, In("viscous damping D_m at a winch", "N m s rad-1")]
+    tendon_stiffness_2: Annotated[BoxRange, In("stiffness of tendon 2 at joint 2", "N m rad-1", _EPS)]
+    tendon_stiffness_3: Annotated[BoxRange, In("stiffness of tendon 3 at joint 3", "N m rad-1", _EPS)]
+    tendon_damping_2: Annotated[BoxRange, In("damping of tendon 2 at joint 2", "N m s rad-1")]
+    tendon_damping_3: Annotated[BoxRange, In("damping of tendon 3 at joint 3", "N m s rad-1")]
     friction_sides: Annotated[Words, Among("sides on which dry friction acts", FRICTION_SIDES)]
-    link_coulomb: Annotated[Range, In("Coulomb friction of a joint", "N m")]
-    link_viscous: Annotated[Range, In("viscous friction of a joint", "N m s rad-1")]
-    link_static_ratio: Annotated[Range, In("static over Coulomb friction, joint", "1", 1.0)]
-    link_stribeck_velocity: Annotated[Range, In("Stribeck velocity, joint", "rad s-1", _EPS)]
-    winch_coulomb: Annotated[Range, In("Coulomb friction at a winch", "N m")]
-    winch_static_ratio: Annotated[Range, In("static over Coulomb friction, winch", "1", 1.0)]
-    winch_stribeck_velocity: Annotated[Range, In("Stribeck velocity, winch", "rad s-1", _EPS)]
+    link_coulomb: Annotated[BoxRange, In("Coulomb friction of a joint", "N m")]
+    link_viscous: Annotated[BoxRange, In("viscous friction of a joint", "N m s rad-1")]
+    link_static_ratio: Annotated[BoxRange, In("static over Coulomb friction, joint", "1", 1.0)]
+    link_stribeck_velocity: Annotated[BoxRange, In("Stribeck velocity, joint", "rad s-1", _EPS)]
+    winch_coulomb: Annotated[BoxRange, In("Coulomb friction at a winch", "N m")]
+    winch_static_ratio: Annotated[BoxRange, In("static over Coulomb friction, winch", "1", 1.0)]
+    winch_stribeck_velocity: Annotated[BoxRange, In("Stribeck velocity, winch", "rad s-1", _EPS)]
     pulley_loss_acts: Annotated[Words, Among("whether guide pulleys lose tension", SWITCH)]
-    pulley_loss: Annotated[Range, In("share of the tension lost at a guide pulley", "1", 0.0, 0.999)]
+    pulley_loss: Annotated[BoxRange, In("share of the tension lost at a guide pulley", "1", 0.0, 0.999)]
     reducer_loss_acts: Annotated[Words, Among("whether the reducer loses torque", SWITCH)]
-    reducer_efficiency: Annotated[Range, In("efficiency of the reducer", "1", _EPS, 1.0)]
-    tensioner_force: Annotated[Range, In("force of tendon 4", "N")]
+    reducer_efficiency: Annotated[BoxRange, In("efficiency of the reducer", "1", _EPS, 1.0)]
+    tensioner_force: Annotated[BoxRange, In("force of tendon 4", "N")]
     transmission_error_acts: Annotated[Words, Among("whether the reducer has angle errors", SWITCH)]
-    transmission_error: Annotated[Range, In("peak-to-peak angle error at the winch", "rad")]
-    torque_limit: Annotated[Range, In("saturation at the winch", "N m", _EPS)]
+    transmission_error: Annotated[BoxRange, In("peak-to-peak angle error at the winch", "rad")]
+    torque_limit: Annotated[BoxRange, In("saturation at the winch", "N m", _EPS)]
     torque_resolution_acts: Annotated[Words, Among("whether torque comes in steps", SWITCH)]
-    torque_resolution: Annotated[Range, In("step of the torque at the winch", "N m")]
+    torque_resolution: Annotated[BoxRange, In("step of the torque at the winch", "N m")]
     torque_noise_acts: Annotated[Words, Among("whether torque is noisy", SWITCH)]
-    torque_noise: Annotated[Range, In("RMS noise of the torque at the winch", "N m")]
+    torque_noise: Annotated[BoxRange, In("RMS noise of the torque at the winch", "N m")]
     encoder_count: Annotated[Choice, In("angle of one count of the joint encoders", "rad")]
     output_delay: Annotated[Choice, In("delay of the command in samples", "1", 0.0, 1000.0)]
     error_rate: Annotated[Words, Among("how the error's rate is obtained", ERROR_RATES)]
-    error_rate_cutoff: Annotated[Range, In("cutoff of the low-pass error rate", "Hz", _EPS)]
+    error_rate_cutoff: Annotated[BoxRange, In("cutoff of the low-pass error rate", "Hz", _EPS)]
     disturbance: Annotated[Words, Among("kind of the disturbance", DISTURBANCES)]
-    disturbance_torque: Annotated[Range, In("amplitude of the sine, RMS of the noise", "N m")]
-    disturbance_frequency: Annotated[Range, In("frequency of the sine", "Hz", _EPS)]
-    posture: Annotated[Range, In("joint 1 from hanging", "rad", 1.0 * _DEGREE, 179.0 * _DEGREE)]
+    disturbance_torque: Annotated[BoxRange, In("amplitude of the sine, RMS of the noise", "N m")]
+    disturbance_frequency: Annotated[BoxRange, In("frequency of the sine", "Hz", _EPS)]
+    posture: Annotated[BoxRange, In("joint 1 from hanging", "rad", 1.0 * _DEGREE, 179.0 * _DEGREE)]
     motion: Annotated[Words, Among("kind of the reference motion", MOTIONS)]
-    amplitude: Annotated[Range, In("largest angle of the reference, a joint", "rad", _EPS, 89.0 * _DEGREE)]
-    period: Annotated[Range, In("period of raised cosine and sine", "s", 0.02)]
-    rise: Annotated[Range, In("duration of a minimum-jerk stroke", "s", 0.02)]
-    hold: Annotated[Range, In("pause after a stroke", "s", 0.0)]
-    velocity: Annotated[Range, In("largest velocity, trapezoidal", "rad s-1", _EPS)]
-    acceleration: Annotated[Range, In("acceleration of the ramps, trapezoidal", "rad s-2", _EPS)]
+    amplitude: Annotated[BoxRange, In("largest angle of the reference, a joint", "rad", _EPS, 89.0 * _DEGREE)]
+    period: Annotated[BoxRange, In("period of raised cosine and sine", "s", 0.02)]
+    rise: Annotated[BoxRange, In("duration of a minimum-jerk stroke", "s", 0.02)]
+    hold: Annotated[BoxRange, In("pause after a stroke", "s", 0.0)]
+    velocity: Annotated[BoxRange, In("largest velocity, trapezoidal", "rad s-1", _EPS)]
+    acceleration: Annotated[BoxRange, In("acceleration of the ramps, trapezoidal", "rad s-2", _EPS)]
 
     @model_validator(mode="after")
     def _check_workspace(self) -> Self:
@@ -259,16 +241,14 @@ class Rows(Model):
         reached = to_si(self.posture.high, self.posture.unit) + 2.0 * to_si(
             self.amplitude.high, self.amplitude.unit
         )
-        problems = Problems()
         if reached >= math.pi:
             message = (
                 f"must keep link 3 below 180 deg from hanging, it would reach {reached / _DEGREE:.6g} deg"
             )
-            problems.add(("amplitude", "high"), message)
-        problems.raise_if_any()
+            refuse(message, "amplitude", "high")
         return self
 
-    def items(self) -> Iterator[tuple[str, Row]]:
+    def items(self) -> Iterator[tuple[str, BoxRow]]:
         """Every row by its name, in order."""
         for name in type(self).model_fields:
             yield name, getattr(self, name)
@@ -276,5 +256,5 @@ class Rows(Model):
 
 def rule_of(name: str) -> In | Among:
     """What a row's field asks: unit and bounds, or its words."""
-    (rule,) = (item for item in Rows.model_fields[name].metadata if isinstance(item, In | Among))
+    (rule,) = (item for item in BoxConfig.model_fields[name].metadata if isinstance(item, In | Among))
     return rule

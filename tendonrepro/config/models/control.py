@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from tendonrepro.config.fields.model import Model, Name, Problems
+from tendonrepro.config.fields.model import Identifier, Model, Problems
 from tendonrepro.config.fields.physical import physical
 from tendonrepro.config.fields.quantity import Scalar, Vector
 
@@ -61,7 +61,9 @@ class Control(Model):
     """Gains, laws and readings of the compared controllers."""
 
     gains: Gains
-    laws: Annotated[dict[Name, LawChoice], Field(min_length=1, description="the laws that runs may name")]
+    laws: Annotated[
+        dict[Identifier, LawChoice], Field(min_length=1, description="the laws that runs may name")
+    ]
     readings: Readings
     error_rate_cutoff: (
         Annotated[Scalar, physical("Hz", "cutoff of the low-pass error rate", above=0.0)] | None
@@ -69,12 +71,13 @@ class Control(Model):
 
     @model_validator(mode="after")
     def _check_needs(self) -> Self:
-        problems = Problems()
-        plain = [name for name, law in self.laws.items() if law.surface == "pd"]
-        for gain in ("K_d", "K_p"):
-            if plain and getattr(self.gains, gain) is None:
-                problems.add(("gains",), f"missing key {gain!r}, which the law {plain[0]!r} needs")
-        if self.readings.error_rate == "low_pass" and self.error_rate_cutoff is None:
-            problems.add((), "missing key 'error_rate_cutoff', which the reading error_rate: low_pass needs")
-        problems.raise_if_any()
+        with Problems() as problems:
+            plain = [name for name, law in self.laws.items() if law.surface == "pd"]
+            for gain in ("K_d", "K_p"):
+                if plain and getattr(self.gains, gain) is None:
+                    problems.add(("gains",), f"missing key {gain!r}, which the law {plain[0]!r} needs")
+            if self.readings.error_rate == "low_pass" and self.error_rate_cutoff is None:
+                problems.add(
+                    (), "missing key 'error_rate_cutoff', which the reading error_rate: low_pass needs"
+                )
         return self

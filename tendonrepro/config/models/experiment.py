@@ -22,13 +22,14 @@ from tendonrepro.config.fields.model import (
     RunName,
     SchemaVersion,
     is_multiple,
+    refuse,
 )
 from tendonrepro.config.fields.physical import physical
 from tendonrepro.config.fields.quantity import Scalar, Vector
 from tendonrepro.config.fields.strict_yaml import Key
 from tendonrepro.config.models.control import Control
 from tendonrepro.config.models.manipulator import Manipulator
-from tendonrepro.config.models.reference import Reference
+from tendonrepro.config.models.reference import ReferenceConfig
 
 _T = TypeVar("_T")
 
@@ -69,20 +70,18 @@ class NoiseDisturbance(Model):
     @field_validator("band")
     @classmethod
     def _check_band(cls, band: Vector) -> Vector:
-        problems = Problems()
         low, high = band.value
         if low >= high:
-            problems.add(("value",), f"must rise from low to high, found {low:g} to {high:g} Hz")
-        problems.raise_if_any()
+            refuse(f"must rise from low to high, found {low:g} to {high:g} Hz", "value")
         return band
 
 
-Disturbance: TypeAlias = Annotated[
+DisturbanceConfig: TypeAlias = Annotated[
     NoDisturbance | StepDisturbance | SineDisturbance | NoiseDisturbance, Field(discriminator="kind")
 ]
 
 
-class Solver(Model):
+class SolverConfig(Model):
     """Integrator of the plant between two samples."""
 
     method: Literal["dopri5", "dop853", "lsoda"]
@@ -125,45 +124,39 @@ class Experiment(RootModel):
     seed: Annotated[
         Scalar, physical("1", "seed of all random numbers", at_least=0.0, at_most=2.0**32 - 1.0, whole=True)
     ]
-    disturbance: Disturbance
-    solver: Solver
+    disturbance: DisturbanceConfig
+    solver: SolverConfig
     status: StatusLimits
 
     @field_validator("joints")
     @classmethod
     def _check_joints(cls, joints: tuple[int, ...], info: ValidationInfo) -> tuple[int, ...]:
         last = Outline.known(info).joints
-        problems = Problems()
         if last is not None and joints != tuple(range(last - len(joints) + 1, last + 1)):
             message = (
                 f"must be the last joints in order, up to {last} of the manipulator, found {list(joints)}"
             )
-            problems.add((), message)
-        problems.raise_if_any()
+            refuse(message)
         return joints
 
     @field_validator("disturbance")
     @classmethod
     def _check_start(cls, disturbance: _T, info: ValidationInfo) -> _T:
         period: Scalar | None = info.data.get("sampling_period")
-        problems = Problems()
         if period is not None and isinstance(disturbance, StepDisturbance):
             start = disturbance.start
             if start.si > 0.0 and not is_multiple(start.si, period.si):
                 message = f"must be a whole multiple of the sampling period, {period}, found {start}"
-                problems.add(("start", "value"), message)
-        problems.raise_if_any()
+                refuse(message, "start", "value")
         return disturbance
 
     @field_validator("solver")
     @classmethod
-    def _check_step(cls, solver: Solver, info: ValidationInfo) -> Solver:
+    def _check_step(cls, solver: SolverConfig, info: ValidationInfo) -> SolverConfig:
         period: Scalar | None = info.data.get("sampling_period")
-        problems = Problems()
         if period is not None and not is_multiple(period.si, solver.max_step.si):
             message = f"must divide the sampling period, {period}, found {solver.max_step}"
-            problems.add(("max_step", "value"), message)
-        problems.raise_if_any()
+            refuse(message, "max_step", "value")
         return solver
 
 
@@ -177,10 +170,8 @@ class CompareRun(Model):
     @classmethod
     def _check_law(cls, law: str, info: ValidationInfo) -> str:
         laws = Outline.known(info).laws
-        problems = Problems()
         if laws is not None and law not in laws:
-            problems.add((), f"must be one of control.laws, {', '.join(map(str, laws))}, found {law!r}")
-        problems.raise_if_any()
+            refuse(f"must be one of control.laws, {', '.join(map(str, laws))}, found {law!r}")
         return law
 
 
@@ -188,16 +179,15 @@ class CompareConfig(Experiment):
     """Controllers on the same reference, sections 5.3 and 5.4."""
 
     experiment: Literal["compare"]
-    reference: Reference
+    reference: ReferenceConfig
     control: Control
     runs: Annotated[dict[RunName, CompareRun], Field(min_length=1, description="runs by name")]
 
     @field_validator("reference")
     @classmethod
-    def _check_reference(cls, reference: Reference, info: ValidationInfo) -> Reference:
-        problems = Problems()
-        _check_duration(reference, (), info, problems)
-        problems.raise_if_any()
+    def _check_reference(cls, reference: ReferenceConfig, info: ValidationInfo) -> ReferenceConfig:
+        with Problems() as problems:
+            _check_duration(reference, (), info, problems)
         return reference
 
 
@@ -215,7 +205,7 @@ class DecoupleRun(Model):
         Literal["joints", "motors"],
         Field(description="whether the reference is of joints, mapped by S_inv, or of the motors themselves"),
     ]
-    reference: Reference
+    reference: ReferenceConfig
     payload: Annotated[Scalar, physical("kg", "point mass at the tool", at_least=0.0)]
 
 
@@ -229,14 +219,13 @@ class DecoupleConfig(Experiment):
     @field_validator("runs")
     @classmethod
     def _check_references(cls, runs: dict[str, DecoupleRun], info: ValidationInfo) -> dict[str, DecoupleRun]:
-        problems = Problems()
-        for name, run in runs.items():
-            _check_duration(run.reference, (name, "reference"), info, problems)
-        problems.raise_if_any()
+        with Problems() as problems:
+            for name, run in runs.items():
+                _check_duration(run.reference, (name, "reference"), info, problems)
         return runs
 
 
-def _check_duration(reference: Reference, at: Key, info: ValidationInfo, problems: Problems) -> None:
+def _check_duration(reference: ReferenceConfig, at: Key, info: ValidationInfo, problems: Problems) -> None:
     """Note a duration that is not a whole number of samples."""
     period, duration = info.data.get("sampling_period"), reference.duration
     if period is None or duration is None:

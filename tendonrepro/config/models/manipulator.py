@@ -34,17 +34,16 @@ class Routing(Model):
     @field_validator("pulley_diameter", "sign")
     @classmethod
     def _check_triangle(cls, matrix: Matrix, info: ValidationInfo) -> Matrix:
-        problems = Problems()
-        for (row, column), entry in matrix.entries():
-            place = f"joint {row + 1} and tendon {column + 1}"
-            if row > column and entry != 0.0:
-                message = f"must be 0 for {place}, which does not pass that joint, found {entry:g}"
-                problems.add(("value", row, column), message)
-            elif row <= column and entry == 0.0:
-                nonzero = "1 or -1" if info.field_name == "sign" else "above 0"
-                message = f"must be {nonzero} for {place}, else the coupling matrix is singular; found 0"
-                problems.add(("value", row, column), message)
-        problems.raise_if_any()
+        with Problems() as problems:
+            for (row, column), entry in matrix.entries():
+                place = f"joint {row + 1} and tendon {column + 1}"
+                if row > column and entry != 0.0:
+                    message = f"must be 0 for {place}, which does not pass that joint, found {entry:g}"
+                    problems.add(("value", row, column), message)
+                elif row <= column and entry == 0.0:
+                    nonzero = "1 or -1" if info.field_name == "sign" else "above 0"
+                    message = f"must be {nonzero} for {place}, else the coupling matrix is singular; found 0"
+                    problems.add(("value", row, column), message)
         return matrix
 
 
@@ -119,7 +118,7 @@ class WinchFriction(Model):
     ]
 
 
-class Friction(Model):
+class FrictionConfig(Model):
     """All friction of the mechanism."""
 
     link: LinkFriction
@@ -153,7 +152,7 @@ class TransmissionError(Model):
     cycles_per_turn: Annotated[Scalar, physical("1", "cycles per turn of the winch", above=0.0)]
 
 
-class Encoder(Model):
+class EncoderConfig(Model):
     """An incremental encoder that reads zero at the start posture."""
 
     resolution: Annotated[Scalar, physical("rad", "angle of one count; 0 is ideal", at_least=0.0)]
@@ -163,11 +162,11 @@ class Encoder(Model):
 class Encoders(Model):
     """The two kinds of encoder."""
 
-    joint: Annotated[Encoder, Field(description="encoders on the joints")]
-    motor: Annotated[Encoder, Field(description="encoders of the motors, as angles of the winch")]
+    joint: Annotated[EncoderConfig, Field(description="encoders on the joints")]
+    motor: Annotated[EncoderConfig, Field(description="encoders of the motors, as angles of the winch")]
 
 
-class Actuator(Model):
+class ActuatorConfig(Model):
     """From commanded to applied torque, at the winch."""
 
     torque_limit: Annotated[Vector, physical("N m", "saturation at the winch", above=0.0, size="joints")]
@@ -190,11 +189,11 @@ class Manipulator(RootModel):
     links: Links
     winches: Winches
     tendons: Tendons
-    friction: Friction
+    friction: FrictionConfig
     tensioner: Tensioner
     transmission_error: TransmissionError
     encoders: Encoders
-    actuator: Actuator
+    actuator: ActuatorConfig
 
     @property
     def joints(self) -> int:

@@ -8,8 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Any, Protocol
+from typing import Protocol, TypeVar
 
+from tendonrepro.config.fields.model import Model
 from tendonrepro.config.fields.quantity import Scalar
 from tendonrepro.config.models.experiment import CompareConfig
 from tendonrepro.errors import UsageError
@@ -25,23 +26,15 @@ ERROR_RATES = ("backward_difference", "low_pass")
 """Error rates in the order that a draw numbers them."""
 
 _SOURCE = "assumed: the reading that is being run"
+_M = TypeVar("_M", bound=Model)
 
 
 @dataclass(frozen=True)
-class Axis:
+class ReadingAxis:
     """One place that can be read in more than one way.
 
-    Attributes
-    ----------
-    name : str
-    printed : str
-        The value that stands in the paper, or is assumed where it is silent.
-    affects : mapping of str to tuple of str
-        Runs that an alternative changes, by alternative, in the order of their presentation.
-    place : str
-        Where in the paper.
-    about : str
-        One sentence.
+    `printed` is the value that stands in the paper, or is assumed where it is silent; `affects` holds the
+    runs that an alternative changes, by alternative; `place` is where in the paper, `about` one sentence.
     """
 
     name: str
@@ -58,14 +51,9 @@ class Axis:
 
 @dataclass(frozen=True)
 class Reading:
-    """A choice on every axis.
+    """A choice on every axis: axis and value in the order of `AXES`, printed values left out.
 
-    Attributes
-    ----------
-    name : str
-        ``printed``, or its settings as ``axis=value`` joined by ``+``.
-    settings : tuple of (str, str)
-        Axis and value in the order of `AXES`; printed values are left out.
+    The name is ``printed``, or the settings as ``axis=value`` joined by ``+``.
     """
 
     name: str
@@ -80,8 +68,8 @@ class HasReadings(Protocol):
         """Settings ``axis=value`` that are run together."""
 
 
-def _axis(name: str, printed: str, others: str, runs: tuple[str, ...], place: str, about: str) -> Axis:
-    return Axis(name, printed, dict.fromkeys(others.split(), runs), place, about)
+def _axis(name: str, printed: str, others: str, runs: tuple[str, ...], place: str, about: str) -> ReadingAxis:
+    return ReadingAxis(name, printed, dict.fromkeys(others.split(), runs), place, about)
 
 
 _AXES = (
@@ -93,7 +81,7 @@ _AXES = (
           "Whether the two delayed estimates weigh (1−α, α) or (1+α, −α)."),
     _axis("differencing", "lagging", "centred", RUNS, "Eq. (16)",
           "Whether the second difference lags its label by one period or is centred on it."),
-    Axis("gain_unit", "radian", {"phi_in_degrees": _TERMINAL, "law_in_degrees": RUNS}, "Section 5.3",
+    ReadingAxis("gain_unit", "radian", {"phi_in_degrees": _TERMINAL, "law_in_degrees": RUNS}, "Section 5.3",
          "Whether gains mean radians, or degrees inside φ, or degrees in the whole law."),
     _axis("eta_in_controller_2", "kept", "dropped", ("controller_2",), "Section 5.3",
           "Whether Controller 2 keeps the η that its printed law lacks."),
@@ -112,7 +100,7 @@ _AXES = (
     _axis("tensioner", "negative", "distal_only alternating absent", RUNS, "Section 2.2",
           "On which side tendon 4 passes the joints; absent as in Eqs. (3) to (5)."),
 )  # fmt: skip
-AXES: Mapping[str, Axis] = {axis.name: axis for axis in _AXES}
+AXES: Mapping[str, ReadingAxis] = {axis.name: axis for axis in _AXES}
 """The axes of readings, by name."""
 
 _WHAT_IFS = (
@@ -121,19 +109,14 @@ _WHAT_IFS = (
     _axis("M_bar", "printed", "halved", ("controller_2",), "Section 4.2",
           "Constant inertia of the law."),
 )  # fmt: skip
-_WHAT_IF_AXES: Mapping[str, Axis] = {axis.name: axis for axis in _WHAT_IFS}
-_EVERY_AXIS: Mapping[str, Axis] = {**AXES, **_WHAT_IF_AXES}
+_WHAT_IF_AXES: Mapping[str, ReadingAxis] = {axis.name: axis for axis in _WHAT_IFS}
+_EVERY_AXIS: Mapping[str, ReadingAxis] = {**AXES, **_WHAT_IF_AXES}
 _ORDER = {name: place for place, name in enumerate(_EVERY_AXIS)}
 _DRAWN_BY_HARDWARE = ("error_rate", "output_delay", "encoder")
 
 
 def reading(settings: Mapping[str, str]) -> Reading:
-    """Make a reading of some settings; values as printed are left out.
-
-    Parameters
-    ----------
-    settings : mapping of str to str
-        Value by axis.
+    """Make a reading of values by axis; values as printed are left out.
 
     Raises
     ------
@@ -151,12 +134,7 @@ def reading(settings: Mapping[str, str]) -> Reading:
 
 
 def parse_reading(text: str) -> Reading:
-    """Read the name of a reading, as ``weights=extrapolating`` or ``printed``.
-
-    Parameters
-    ----------
-    text : str
-        Settings in any order, joined by ``+``.
+    """Read the name of a reading: ``printed``, or settings like ``weights=extrapolating`` joined by ``+``.
 
     Raises
     ------
@@ -189,13 +167,7 @@ def _check_setting(name: str, value: str) -> None:
 
 
 def default_readings(config: HasReadings) -> tuple[Reading, ...]:
-    """As printed, each alternative alone, and the pairs that the configuration names.
-
-    Parameters
-    ----------
-    config : EnsembleConfig
-        Or anything with `pairs`.
-    """
+    """As printed, each alternative alone, and the pairs that the configuration names."""
     single = [reading({axis.name: value}) for axis in _AXES for value in axis.alternatives]
     pairs = [parse_reading("+".join(pair)) for pair in config.pairs]
     return tuple(dict.fromkeys([reading({}), *single, *pairs]))
@@ -208,7 +180,7 @@ def full_cross() -> tuple[Reading, ...]:
     return (*_crossed(others, {}), *_crossed(kept, {"hardware": "drawn"}))
 
 
-def _crossed(axes: Sequence[Axis], fixed: Mapping[str, str]) -> list[Reading]:
+def _crossed(axes: Sequence[ReadingAxis], fixed: Mapping[str, str]) -> list[Reading]:
     names = [axis.name for axis in axes]
     choices = product(*((axis.printed, *axis.alternatives) for axis in axes))
     return [reading({**dict(zip(names, values, strict=True)), **fixed}) for values in choices]
@@ -221,15 +193,7 @@ VARIATIONS: tuple[Reading, ...] = tuple(
 
 
 def case_of(reading_: Reading, run: str) -> Reading:
-    """Reduce a reading to what changes one run; runs whose cases are equal are one simulation.
-
-    Parameters
-    ----------
-    reading_ : Reading
-        Or a variation.
-    run : str
-        Name of the run.
-    """
+    """Reduce a reading to what changes one run; runs whose cases are equal are one simulation."""
     return reading(
         {name: value for name, value in reading_.settings if run in _EVERY_AXIS[name].affects[value]}
     )
@@ -238,18 +202,8 @@ def case_of(reading_: Reading, run: str) -> Reading:
 def under(reading_: Reading, config: CompareConfig, draw: Mapping[str, float]) -> CompareConfig:
     """Apply a reading or a variation to a configuration that stands as printed, without validating it.
 
-    Parameters
-    ----------
-    reading_ : Reading
-    config : CompareConfig
-        From `box.configured`.
-    draw : mapping of str to float
-        Value of every row of the box, SI; read for ``hardware=drawn``.
-
-    Returns
-    -------
-    CompareConfig
-        Shares all that does not change.
+    What does not change is shared. `draw` holds the value of every row of the box, SI, for
+    ``hardware=drawn``.
     """
     for name, value in reading_.settings:
         change = _CHANGES.get(name)
@@ -260,23 +214,22 @@ def under(reading_: Reading, config: CompareConfig, draw: Mapping[str, float]) -
 def as_printed(config: CompareConfig) -> CompareConfig:
     """Set the axes that the configuration's readings and instruments hold to their printed values."""
     values = {name: AXES[name].printed for name in type(config.control.readings).model_fields}
-    readings = config.control.readings.model_copy(update=values)
-    config = _replaced(config, ("control",), readings=readings)
+    config = _replaced(config, "control.readings", **values)
     config = _with_delay(config, AXES["output_delay"].printed, {})
     return _with_encoder(config, AXES["encoder"].printed, {})
 
 
-def _replaced(model: Any, path: Sequence[str], **values: object) -> Any:
-    """Copy a model with fields of the part at `path` changed."""
-    if not path:
-        return model.model_copy(update=values)
-    part = _replaced(getattr(model, path[0]), path[1:], **values)
-    return model.model_copy(update={path[0]: part})
+def _replaced(model: _M, path: str, **values: object) -> _M:
+    """Copy a model with fields of the part at a dotted path changed."""
+    first, _, rest = path.partition(".")
+    part = getattr(model, first)
+    return model.model_copy(
+        update={first: _replaced(part, rest, **values) if rest else part.model_copy(update=values)}
+    )
 
 
 def _with_reading(config: CompareConfig, name: str, value: str) -> CompareConfig:
-    changed: CompareConfig = _replaced(config, ("control", "readings"), **{name: value})
-    return changed
+    return _replaced(config, "control.readings", **{name: value})
 
 
 def _scalar(value: float, unit: str) -> Scalar:
@@ -290,10 +243,7 @@ def _with_hardware(config: CompareConfig, _: str, draw: Mapping[str, float]) -> 
 
 
 def _with_delay(config: CompareConfig, value: str, _: Mapping[str, float]) -> CompareConfig:
-    changed: CompareConfig = _replaced(
-        config, ("manipulator", "actuator"), output_delay=_scalar(float(value), "1")
-    )
-    return changed
+    return _replaced(config, "manipulator.actuator", output_delay=_scalar(float(value), "1"))
 
 
 def _with_encoder(config: CompareConfig, value: str, _: Mapping[str, float]) -> CompareConfig:
@@ -301,27 +251,23 @@ def _with_encoder(config: CompareConfig, value: str, _: Mapping[str, float]) -> 
 
 
 def _with_count(config: CompareConfig, count: Scalar) -> CompareConfig:
-    changed: CompareConfig = _replaced(config, ("manipulator", "encoders", "joint"), resolution=count)
-    return changed
+    return _replaced(config, "manipulator.encoders.joint", resolution=count)
 
 
 def _with_tensioner(config: CompareConfig, value: str, _: Mapping[str, float]) -> CompareConfig:
     change = {"force": _scalar(0.0, "N")} if value == "absent" else {"side": value}
-    changed: CompareConfig = _replaced(config, ("manipulator", "tensioner"), **change)
-    return changed
+    return _replaced(config, "manipulator.tensioner", **change)
 
 
 def _with_period(config: CompareConfig, value: str, _: Mapping[str, float]) -> CompareConfig:
     period = _scalar(float(value.removesuffix("ms")), "ms")
-    changed: CompareConfig = _replaced(config, ("solver",), max_step=period)
-    return changed.model_copy(update={"sampling_period": period})
+    return _replaced(config, "solver", max_step=period).model_copy(update={"sampling_period": period})
 
 
 def _with_inertia(config: CompareConfig, _: str, __: Mapping[str, float]) -> CompareConfig:
     M_bar = config.control.gains.M_bar
     half = M_bar.model_copy(update={"value": tuple(entry / 2.0 for entry in M_bar.value), "source": _SOURCE})
-    changed: CompareConfig = _replaced(config, ("control", "gains"), M_bar=half)
-    return changed
+    return _replaced(config, "control.gains", M_bar=half)
 
 
 _Change = Callable[[CompareConfig, str, Mapping[str, float]], CompareConfig]

@@ -18,7 +18,7 @@ from pydantic import (
     model_validator,
 )
 
-from tendonrepro.config.fields.model import Model, Outline, Problems
+from tendonrepro.config.fields.model import Model, Outline, Problems, refuse
 from tendonrepro.config.fields.physical import physical
 from tendonrepro.config.fields.quantity import Scalar, Vector
 from tendonrepro.physics.trajectory import trapezoid_times
@@ -26,7 +26,7 @@ from tendonrepro.physics.trajectory import trapezoid_times
 Amplitude: TypeAlias = Annotated[Vector, physical("rad", "largest angle of each joint", size="moving")]
 Duration: TypeAlias = Annotated[Scalar, physical("s", "duration", above=0.0)]
 Hold: TypeAlias = Annotated[Scalar, physical("s", "pause after each stroke", at_least=0.0)]
-Turns: TypeAlias = Annotated[
+TurnOrder: TypeAlias = Annotated[
     tuple[Annotated[tuple[StrictInt, ...], Field(min_length=1)], ...] | None,
     Field(min_length=1, description="joints that move in each turn; absent: all at once"),
 ]
@@ -52,7 +52,7 @@ class Periodic(Model):
 class InTurns(Periodic):
     """A periodic motion in which the joints may take turns; a period is then all turns once."""
 
-    turns: Turns = None
+    turns: TurnOrder = None
 
     @property
     def duration(self) -> float:
@@ -61,18 +61,16 @@ class InTurns(Periodic):
 
     @field_validator("turns")
     @classmethod
-    def _check_turns(cls, turns: Turns, info: ValidationInfo) -> Turns:
+    def _check_turns(cls, turns: TurnOrder, info: ValidationInfo) -> TurnOrder:
         moving = Outline.known(info).moving
-        problems = Problems()
         if turns is not None and moving == _ITS_OWN:
-            problems.add((), "one joint cannot take turns; leave this out")
-            problems.raise_if_any()
-        for i, turn in enumerate(turns or ()):
-            if len(set(turn)) < len(turn):
-                problems.add((i,), f"names a joint twice, {list(turn)}")
-            elif moving is not None and not all(joint in moving for joint in turn):
-                problems.add((i,), f"must name joints that move, {list(moving)}, found {list(turn)}")
-        problems.raise_if_any()
+            refuse("one joint cannot take turns; leave this out")
+        with Problems() as problems:
+            for i, turn in enumerate(turns or ()):
+                if len(set(turn)) < len(turn):
+                    problems.add((i,), f"names a joint twice, {list(turn)}")
+                elif moving is not None and not all(joint in moving for joint in turn):
+                    problems.add((i,), f"must name joints that move, {list(moving)}, found {list(turn)}")
         return turns
 
 
@@ -136,10 +134,8 @@ class Sine(Periodic):
 
     @model_validator(mode="after")
     def _check_blend(self) -> Self:
-        problems = Problems()
         if self.blend.si > self.duration:
-            problems.add(("blend", "value"), f"must end within the motion, which lasts {self.duration:g} s")
-        problems.raise_if_any()
+            refuse(f"must end within the motion, which lasts {self.duration:g} s", "blend", "value")
         return self
 
 
@@ -174,18 +170,17 @@ class PerJoint(Model):
 
     @model_validator(mode="after")
     def _check_joints(self, info: ValidationInfo) -> Self:
-        problems = Problems()
-        moving = Outline.known(info).moving
-        if moving is not None and len(moving) != len(self.references):
-            message = f"must have one motion per moving joint, {len(moving)}, found {len(self.references)}"
-            problems.add(("references",), message)
-        for i, reference in enumerate(self.references):
-            if not math.isclose(reference.duration, self.duration):
+        with Problems() as problems:
+            moving = Outline.known(info).moving
+            if moving is not None and len(moving) != len(self.references):
                 message = (
-                    f"lasts {reference.duration:g} s, the first one {self.duration:g} s; make them equal"
+                    f"must have one motion per moving joint, {len(moving)}, found {len(self.references)}"
                 )
-                problems.add(("references", i), message)
-        problems.raise_if_any()
+                problems.add(("references",), message)
+            for i, reference in enumerate(self.references):
+                if not math.isclose(reference.duration, self.duration):
+                    first = f"the first one {self.duration:g} s; make them equal"
+                    problems.add(("references", i), f"lasts {reference.duration:g} s, {first}")
         return self
 
     @property
@@ -194,6 +189,6 @@ class PerJoint(Model):
         return self.references[0].duration
 
 
-Reference: TypeAlias = Annotated[
+ReferenceConfig: TypeAlias = Annotated[
     RaisedCosine | MinimumJerk | Trapezoidal | Sine | Sampled | PerJoint, Field(discriminator="kind")
 ]

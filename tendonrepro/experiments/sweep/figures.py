@@ -17,8 +17,7 @@ from matplotlib.ticker import LogLocator
 
 from tendonrepro.arrays import Array
 from tendonrepro.experiments.sweep.report import PAIRS, pair_name
-from tendonrepro.results.figures.files import save_figure, sheet
-from tendonrepro.results.figures.style import PAGE_MM, journal_style, stroke_of
+from tendonrepro.results.figures.style import PAGE_MM, journal_style, open_figure, save_figure, stroke_of
 from tendonrepro.results.summary import CONTROLLERS, LOADS
 
 GONE = ("diverged", "unresolved")
@@ -51,7 +50,7 @@ def draw_lines(data: Mapping[str, Any]) -> Figure:
     """MAE of every run above, ratios of the controllers below where they ran, a column per joint."""
     axis, joints = data["keys"][0], data["joints"]
     rows = ("MAE (deg)", "Ratio of MAE")[: 1 + bool(data["points"][0]["ratio"])]
-    figure = sheet(PAGE_MM, len(rows) * _PANEL_MM + _FRAME_MM)
+    figure = open_figure(PAGE_MM, len(rows) * _PANEL_MM + _FRAME_MM)
     grid = figure.subplots(len(rows), len(joints), sharex="col", squeeze=False)
     log = any(_is_wide(_lasting(data, k)) for k in range(len(joints)))
     for k, joint in enumerate(joints):
@@ -174,7 +173,7 @@ def draw_map(data: Mapping[str, Any]) -> Figure:
         data["points"][0]["ratio"],
     )
     shown: dict[str, Sequence[str]] = {pair: PAIRS[pair] for pair in pairs} or {x: [x] for x in data["runs"]}
-    figure = sheet(PAGE_MM, len(shown) * (shape[0] * _CELL_MM + 9.0) + _FRAME_MM)
+    figure = open_figure(PAGE_MM, len(shown) * (shape[0] * _CELL_MM + 9.0) + _FRAME_MM)
     grid = figure.subplots(len(shown), len(joints), sharex=True, sharey=True, squeeze=False)
     for place, (name, k) in enumerate(product(shown, range(len(joints)))):
         panel, values = grid.flat[place], np.full(shape, np.nan)

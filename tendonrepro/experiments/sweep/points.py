@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 
-from tendonrepro.config.draft import Draft, Source
+from tendonrepro.config.draft import ConfigSource, Draft
 from tendonrepro.config.fields.strict_yaml import Node, load
 from tendonrepro.config.load import CompareConfig, LoadedConfig
 from tendonrepro.config.models.reference import Sampled
@@ -111,7 +111,7 @@ def sweep_points(base: LoadedConfig, axes: Sequence[Axis]) -> list[Point]:
 
     Every wrong value is named by one error; points that differ in joints or runs are refused.
     """
-    source = Source(base.yaml_text, _DRAFTED, _DRAFTED, base.folder, ())
+    source = ConfigSource(base.yaml_text, _DRAFTED, _DRAFTED, base.folder, ())
     points: list[Point] = []
     mistakes: dict[str, list[tuple[int, ...]]] = {}
     for places in product(*(range(len(axis.texts)) for axis in axes)):
@@ -131,7 +131,7 @@ def sweep_points(base: LoadedConfig, axes: Sequence[Axis]) -> list[Point]:
     return points
 
 
-def _point(source: Source, base: LoadedConfig, axes: Sequence[Axis], places: tuple[int, ...]) -> Point:
+def _point(source: ConfigSource, base: LoadedConfig, axes: Sequence[Axis], places: tuple[int, ...]) -> Point:
     draft = Draft(source, "compare")
     changes = [axis.overrides[place] for axis, place in zip(axes, places, strict=True)]
     draft.apply([*_following_step(changes, base), *changes])

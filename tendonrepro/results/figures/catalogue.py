@@ -17,41 +17,24 @@ from tendonrepro.results.figures.compare import (
     draw_tracking,
 )
 from tendonrepro.results.figures.decouple import draw_joint, draw_motor_angles, draw_pull
-from tendonrepro.results.figures.files import save_figure
-from tendonrepro.results.figures.panels import FigureArtists, Sheet
-from tendonrepro.results.figures.style import journal_style
-from tendonrepro.results.traces import Trace, TraceFile
+from tendonrepro.results.figures.panels import Canvas, FigureArtists
+from tendonrepro.results.figures.style import journal_style, save_figure
+from tendonrepro.results.records import Trace, TraceFile
 
 
 @dataclass(frozen=True)
 class FigureSpec:
     """What a figure shows and needs.
 
-    Parameters
-    ----------
-    caption : str
-        One sentence.
-    experiment : str
-        ``compare`` or ``decouple``.
-    runs : callable
-        Picks its runs out of a trace file.
-    needs : tuple of str
-        Variables a run must hold to be in it.
-    draw : callable
-        Draws the picked runs.
-    enough : callable
-        ``all`` of the variables, or ``any``.
-    plant : tuple of str
-        Values the plant record must hold.
-    joints : tuple of int
-        Joints that must be among those of the run.
+    `runs` picks its runs out of a trace file, of which those are drawn that hold all `joints` and ``all`` of
+    the variables it `needs`, or ``any``, as `enough` says; the plant record must hold the values of `plant`.
     """
 
     caption: str
     experiment: str
     runs: Callable[[TraceFile], list[Trace]]
     needs: tuple[str, ...]
-    draw: Callable[[TraceFile, list[Trace]], Sheet]
+    draw: Callable[[TraceFile, list[Trace]], Canvas]
     enough: Callable[[Iterable[bool]], bool] = all
     plant: tuple[str, ...] = ()
     joints: tuple[int, ...] = ()
@@ -68,43 +51,12 @@ class FigureSpec:
 
 
 def available(file: TraceFile) -> list[int]:
-    """Numbers of the figures that can be drawn from a trace file.
-
-    Parameters
-    ----------
-    file : TraceFile
-        Simulated or measured.
-
-    Returns
-    -------
-    list of int
-        The paper's numbers, ascending.
-    """
+    """Numbers of the paper's figures that can be drawn from a trace file, ascending."""
     return [number for number, spec in FIGURES.items() if spec.traces(file)]
 
 
 def draw(number: int, file: TraceFile) -> FigureArtists:
-    """Draw one figure.
-
-    Parameters
-    ----------
-    number : int
-        The paper's number, a key of `FIGURES`.
-    file : TraceFile
-        Simulated or measured.
-
-    Returns
-    -------
-    FigureArtists
-        The figure, with its panels and curves.
-
-    Raises
-    ------
-    UsageError
-        When there is no such figure.
-    DataMissingError
-        When the file does not hold what the figure shows.
-    """
+    """Draw one figure by the paper's number."""
     if number not in FIGURES:
         message = f"there is no Figure {number} to draw"
         raise UsageError(message, hint=f"Figures: {', '.join(map(str, FIGURES))}.")
@@ -119,28 +71,14 @@ def draw(number: int, file: TraceFile) -> FigureArtists:
 
 
 def save(artists: FigureArtists, folder: Path) -> list[Path]:
-    """Write a figure as PDF, SVG and PNG; the same figure gives the same bytes.
-
-    Parameters
-    ----------
-    artists : FigureArtists
-        A drawn figure.
-    folder : Path
-        Where to; made when missing.
-
-    Returns
-    -------
-    list of Path
-        ``figNN.pdf``, ``figNN.svg`` and ``figNN.png``.
+    """Write a figure as ``figNN.pdf``, ``figNN.svg`` and ``figNN.png``; the same figure gives the same bytes.
 
     Raises
     ------
     TendonreproError
         When a file cannot be written.
     """
-    title = f"Figure {artists.number}"
-    stem = f"fig{artists.number:02d}"
-    return save_figure(artists.figure, folder, stem, title, artists.caption)
+    return save_figure(artists.figure, folder, artists.stem, f"Figure {artists.number}", artists.caption)
 
 
 def redrawn(file: TraceFile, folder: Path, number: int) -> list[Path]:

@@ -9,9 +9,9 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.physics.metrics import window_mean
-from tendonrepro.results.figures.panels import Sheet
+from tendonrepro.results.figures.panels import Canvas
 from tendonrepro.results.figures.style import COLUMN_MM, PAGE_MM, REFERENCE, Stroke, stroke_of
-from tendonrepro.results.traces import VARIABLES, Trace, TraceFile
+from tendonrepro.results.records import VARIABLES, Trace, TraceFile
 
 MEAN_WINDOW = 0.05
 """Width of the centred moving mean, s."""
@@ -20,105 +20,49 @@ _PAYLOAD = "_payload"
 
 
 def controllers(file: TraceFile) -> list[Trace]:
-    """List the runs to compare with each other: all but those with a payload.
-
-    Parameters
-    ----------
-    file : TraceFile
-        Holds the comparison.
-
-    Returns
-    -------
-    list of Trace
-        In the file's order.
-    """
+    """List the runs to compare with each other: all but those with a payload."""
     runs = file.part("compare").runs
     return [trace for trace in runs.values() if not trace.name.endswith(_PAYLOAD)]
 
 
-def draw_motors(file: TraceFile, traces: list[Trace]) -> Sheet:
-    """Figure 13: motor angles from measured and from desired joint angles.
-
-    Parameters
-    ----------
-    file : TraceFile
-        Gives the inverse coupling matrix.
-    traces : list of Trace
-        The one run.
-
-    Returns
-    -------
-    Sheet
-        Panel (a) both angles of every motor, (b) measured minus desired.
-    """
+def draw_motors(file: TraceFile, traces: list[Trace]) -> Canvas:
+    """Figure 13: motor angles from measured and from desired joint angles, and their difference."""
     (trace,) = traces
     labels = [[("Motors", "Motor angle (deg)")], [("From encoders − from desired", "Difference (deg)")]]
-    sheet = Sheet(COLUMN_MM, 92.0, labels)
+    canvas = Canvas(COLUMN_MM, 92.0, labels)
     S_inv = file.plant.matrix("S_inv", trace.joint)
     desired, measured = (np.rad2deg(trace[name] @ S_inv.T) for name in ("q_d", "q_encoder"))
-    sheet.note("a", _controller_runs(traces)[0].label)
-    sheet.zero_line("b")
+    canvas.note("a", _controller_runs(traces)[0].label)
+    canvas.zero_line("b")
     for column, motor in enumerate(trace.joint):
         name, stroke = f"Motor {motor}", stroke_of(motor)
-        sheet.curve(
+        canvas.curve(
             "a", f"{name} desired", trace.time, desired[:, column], REFERENCE, label="From desired angles"
         )
-        sheet.curve("a", name, trace.time, measured[:, column], stroke, label=f"{name}, from encoders")
-        sheet.curve("b", name, trace.time, measured[:, column] - desired[:, column], stroke, label="")
-    return sheet
+        canvas.curve("a", name, trace.time, measured[:, column], stroke, label=f"{name}, from encoders")
+        canvas.curve("b", name, trace.time, measured[:, column] - desired[:, column], stroke, label="")
+    return canvas
 
 
-def draw_tracking(_file: TraceFile, traces: list[Trace]) -> Sheet:
-    """Figure 14: trajectories and tracking errors of the controllers.
-
-    Parameters
-    ----------
-    traces : list of Trace
-        The runs.
-
-    Returns
-    -------
-    Sheet
-        A column a joint: trajectories above, errors below.
-    """
+def draw_tracking(_file: TraceFile, traces: list[Trace]) -> Canvas:
+    """Figure 14, a column a joint: trajectories above, tracking errors below."""
     return _tracking(_controller_runs(traces))
 
 
-def draw_payload(_file: TraceFile, traces: list[Trace]) -> Sheet:
-    """Figure 16: Controller 1 without and with a payload.
-
-    Parameters
-    ----------
-    traces : list of Trace
-        One or both runs.
-
-    Returns
-    -------
-    Sheet
-        A column a joint: trajectories above, errors below.
-    """
+def draw_payload(_file: TraceFile, traces: list[Trace]) -> Canvas:
+    """Figure 16: as Figure 14, of Controller 1 without and with a payload."""
     runs = []
     for trace in traces:
         mass = float(trace.attributes["payload_mass"])
         load = f"{mass:g} kg payload" if mass else "no payload"
-        runs.append(_Run(trace, f"Controller 1, {load}", stroke_of(2 if mass else 1)))
+        runs.append(_DrawnRun(trace, f"Controller 1, {load}", stroke_of(2 if mass else 1)))
     return _tracking(runs)
 
 
-def draw_law(_file: TraceFile, traces: list[Trace], *, bands: bool = True) -> Sheet:
-    """Figure 15: sliding variable, estimate and torque of the controllers.
+def draw_law(_file: TraceFile, traces: list[Trace], *, bands: bool = True) -> Canvas:
+    """Figure 15, a column a joint: s, H_hat, tau_m, each as the band its samples fill and as their mean.
 
-    Parameters
-    ----------
-    traces : list of Trace
-        The runs.
-    bands : bool
-        Without them the means stand alone.
-
-    Returns
-    -------
-    Sheet
-        A column a joint; from above s, H_hat, tau_m, each as the band its samples fill and as their mean.
+    Without `bands` the means stand alone.
     """
     rows = {
         "s": r"Sliding variable $s$ (rad/s)",
@@ -127,18 +71,18 @@ def draw_law(_file: TraceFile, traces: list[Trace], *, bands: bool = True) -> Sh
     }
     joints = _joints(traces)
     labels = [[(f"Joint {joint}", label) for joint in joints] for label in rows.values()]
-    sheet = Sheet(PAGE_MM, 150.0, labels)
+    canvas = Canvas(PAGE_MM, 150.0, labels)
     runs = _controller_runs(traces)
-    for letter, (variable, joint) in zip(sheet.letters, product(rows, joints), strict=True):
-        sheet.zero_line(letter)
-        _curves(sheet, letter, runs, variable, joint, averaged=True, bands=bands)
+    for letter, (variable, joint) in zip(canvas.letters, product(rows, joints), strict=True):
+        canvas.zero_line(letter)
+        _curves(canvas, letter, runs, variable, joint, averaged=True, bands=bands)
     if bands:
-        sheet.explain_bands(f"Pale: range of raw samples, dark: {MEAN_WINDOW * 1e3:g} ms mean")
-    return sheet
+        canvas.explain_bands(f"Pale: range of raw samples, dark: {MEAN_WINDOW * 1e3:g} ms mean")
+    return canvas
 
 
 @dataclass(frozen=True)
-class _Run:
+class _DrawnRun:
     """A run with the name and look it has in a figure."""
 
     trace: Trace
@@ -163,12 +107,12 @@ class _Run:
         return np.rad2deg(found) if VARIABLES[variable][0] == "rad" else found
 
 
-def _controller_runs(traces: list[Trace]) -> list[_Run]:
+def _controller_runs(traces: list[Trace]) -> list[_DrawnRun]:
     """Name and dress the runs: Controllers 1 to 3 keep their strokes, further laws take the rest in turn."""
     known = {f"controller_{number}": number for number in (1, 2, 3)}
     others = count(4)
     return [
-        _Run(
+        _DrawnRun(
             trace, trace.name.replace("_", " ").capitalize(), stroke_of(known.get(trace.name) or next(others))
         )
         for trace in traces
@@ -179,32 +123,32 @@ def _joints(traces: list[Trace]) -> list[int]:
     return sorted({joint for trace in traces for joint in trace.joint})
 
 
-def _tracking(runs: list[_Run]) -> Sheet:
+def _tracking(runs: list[_DrawnRun]) -> Canvas:
     joints = _joints([run.trace for run in runs])
     rows = {"q_encoder": "Joint angle (deg)", "e": "Tracking error (deg)"}
     labels = [[(f"Joint {joint}", label) for joint in joints] for label in rows.values()]
-    sheet = Sheet(PAGE_MM, 108.0, labels)
-    for letter, (variable, joint) in zip(sheet.letters, product(rows, joints), strict=True):
+    canvas = Canvas(PAGE_MM, 108.0, labels)
+    for letter, (variable, joint) in zip(canvas.letters, product(rows, joints), strict=True):
         if variable == "e":
-            sheet.zero_line(letter)
+            canvas.zero_line(letter)
         else:
-            _desired(sheet, letter, runs, joint)
-        _curves(sheet, letter, runs, variable, joint)
-    return sheet
+            _desired(canvas, letter, runs, joint)
+        _curves(canvas, letter, runs, variable, joint)
+    return canvas
 
 
-def _desired(sheet: Sheet, letter: str, runs: list[_Run], joint: int) -> None:
+def _desired(canvas: Canvas, letter: str, runs: list[_DrawnRun], joint: int) -> None:
     """Draw the reference of the run that lasts longest."""
     holding = [run for run in runs if run.holds("q_d", joint)]
     if holding:
         longest = max(holding, key=lambda run: run.trace.time[-1])
-        sheet.curve(letter, "Desired", longest.trace.time, longest.values("q_d", joint), REFERENCE)
+        canvas.curve(letter, "Desired", longest.trace.time, longest.values("q_d", joint), REFERENCE)
 
 
 def _curves(
-    sheet: Sheet,
+    canvas: Canvas,
     letter: str,
-    runs: list[_Run],
+    runs: list[_DrawnRun],
     variable: str,
     joint: int,
     *,
@@ -214,30 +158,21 @@ def _curves(
     """Draw a variable of every run that holds it, as it is or as a mean over the pale band of its samples."""
     holding = [run for run in runs if run.holds(variable, joint)]
     if not holding:
-        sheet.not_recorded(letter)
+        canvas.not_recorded(letter)
     for run in holding:
         time, values = run.trace.time, run.values(variable, joint)
         diverged = run.trace.status == "diverged"
         if averaged and bands:
-            sheet.band(letter, run.name, time, values, run.stroke, diverged=diverged)
+            canvas.band(letter, run.name, time, values, run.stroke, diverged=diverged)
         if averaged:
             time, values = mean_curve(time, values)
-        sheet.curve(letter, run.name, time, values, run.stroke, label=run.label, diverged=diverged)
+        canvas.curve(letter, run.name, time, values, run.stroke, label=run.label, diverged=diverged)
 
 
 def mean_curve(time: Array, values: Array) -> tuple[Array, Array]:
-    """Mean over `MEAN_WINDOW` of the samples that are there, once a window and at the end.
+    """Mean over `MEAN_WINDOW` of the samples (T,) that are there, once a window and at the end.
 
     More often would draw the beat of encoder counts.
-
-    Parameters
-    ----------
-    time, values : array (T,)
-        Any unit of the values.
-
-    Returns
-    -------
-    time, values : array (M,)
     """
     known = np.isfinite(values)
     time, values = time[known], values[known]

@@ -6,34 +6,21 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.physics.metrics import mae
-from tendonrepro.results.figures.panels import Sheet
+from tendonrepro.results.figures.panels import Canvas
 from tendonrepro.results.figures.style import COLUMN_MM, REFERENCE, stroke_of
-from tendonrepro.results.traces import Trace, TraceFile
+from tendonrepro.results.records import Trace, TraceFile
 
 
-def draw_pull(file: TraceFile, traces: list[Trace]) -> Sheet:
-    """Figure 6: motor 1 alone turns.
-
-    Parameters
-    ----------
-    file : TraceFile
-        Gives the coupling matrix.
-    traces : list of Trace
-        The one run.
-
-    Returns
-    -------
-    Sheet
-        Panel (a) motor angles, (b) joint angles with the slope of joint 2 over joint 1.
-    """
+def draw_pull(file: TraceFile, traces: list[Trace]) -> Canvas:
+    """Figure 6: motor 1 alone turns; the slope of joint 2 over joint 1 beside the coupling's."""
     (trace,) = traces
-    sheet = Sheet(COLUMN_MM, 92.0, [[("Motors", "Motor angle (deg)")], [("Joints", "Joint angle (deg)")]])
+    canvas = Canvas(COLUMN_MM, 92.0, [[("Motors", "Motor angle (deg)")], [("Joints", "Joint angle (deg)")]])
     for joint in trace.joint:
         label, stroke = f"Motor/joint {joint}", stroke_of(joint)
-        sheet.curve(
+        canvas.curve(
             "a", f"Motor {joint}", trace.time, _degrees(trace, "q_motor_encoder", joint), stroke, label=label
         )
-        sheet.curve(
+        canvas.curve(
             "b", f"Joint {joint}", trace.time, _degrees(trace, "q_encoder", joint), stroke, label=label
         )
     S = file.plant.matrix("S", (1, 2))
@@ -41,62 +28,36 @@ def draw_pull(file: TraceFile, traces: list[Trace]) -> Sheet:
     first, second = first - first[0], second - second[0]
     if first.any():
         slope, coupling = first @ second / (first @ first), S[1, 0] / S[0, 0]
-        sheet.note("b", f"$\\Delta q_2/\\Delta q_1$ = {slope:.4f},  $S_{{21}}/S_{{11}}$ = {coupling:.4f}")
-    return sheet
+        canvas.note("b", f"$\\Delta q_2/\\Delta q_1$ = {slope:.4f},  $S_{{21}}/S_{{11}}$ = {coupling:.4f}")
+    return canvas
 
 
-def draw_motor_angles(_file: TraceFile, traces: list[Trace]) -> Sheet:
-    """Figure 9: angles of all motors.
-
-    Parameters
-    ----------
-    traces : list of Trace
-        The one run.
-
-    Returns
-    -------
-    Sheet
-        A single panel.
-    """
+def draw_motor_angles(_file: TraceFile, traces: list[Trace]) -> Canvas:
+    """Figure 9: angles of all motors."""
     (trace,) = traces
-    sheet = Sheet(COLUMN_MM, 58.0, [[("", "Motor angle (deg)")]])
+    canvas = Canvas(COLUMN_MM, 58.0, [[("", "Motor angle (deg)")]])
     for joint in trace.joint:
         values = _degrees(trace, "q_motor_encoder", joint)
-        sheet.curve("a", f"Motor {joint}", trace.time, values, stroke_of(joint))
-    return sheet
+        canvas.curve("a", f"Motor {joint}", trace.time, values, stroke_of(joint))
+    return canvas
 
 
-def draw_joint(file: TraceFile, traces: list[Trace], *, joint: int) -> Sheet:
-    """Figures 10 to 12: a joint's angle by the motors and by its encoder.
-
-    Parameters
-    ----------
-    file : TraceFile
-        Says whether the encoder is a real one.
-    traces : list of Trace
-        The one run.
-    joint : int
-        The paper's number of the joint.
-
-    Returns
-    -------
-    Sheet
-        Panel (a) both angles, (b) calculated minus encoder.
-    """
+def draw_joint(file: TraceFile, traces: list[Trace], *, joint: int) -> Canvas:
+    """Figures 10 to 12: a joint's angle by the motors and by its encoder, and their difference."""
     (trace,) = traces
     labels = [[(f"Joint {joint}", "Joint angle (deg)")], [("Calculated − encoder", "Difference (deg)")]]
-    sheet = Sheet(COLUMN_MM, 88.0, labels)
+    canvas = Canvas(COLUMN_MM, 88.0, labels)
     calculated, encoder = (_degrees(trace, name, joint) for name in ("q_calculated", "q_encoder"))
-    sheet.curve("a", "Encoder", trace.time, encoder, REFERENCE, label=f"Encoder ({file.source})")
+    canvas.curve("a", "Encoder", trace.time, encoder, REFERENCE, label=f"Encoder ({file.source})")
     label = r"Calculated, $S\,q_\mathrm{motor}$"
-    sheet.curve("a", "Calculated", trace.time, calculated, stroke_of(1), label=label)
-    sheet.zero_line("b")
+    canvas.curve("a", "Calculated", trace.time, calculated, stroke_of(1), label=label)
+    canvas.zero_line("b")
     difference = calculated - encoder
-    sheet.curve("b", "Difference", trace.time, difference, stroke_of(1), label="")
+    canvas.curve("b", "Difference", trace.time, difference, stroke_of(1), label="")
     known = difference[np.isfinite(difference)]
     if len(known):
-        sheet.note("b", f"MAE {mae(known):.4f}°")
-    return sheet
+        canvas.note("b", f"MAE {mae(known):.4f}°")
+    return canvas
 
 
 def _degrees(trace: Trace, name: str, joint: int) -> Array:

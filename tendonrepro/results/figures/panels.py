@@ -5,22 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from string import ascii_lowercase
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
-from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon
 
 from tendonrepro.arrays import Array
-from tendonrepro.results.figures.style import Stroke, envelope, thin
+from tendonrepro.results.figures.style import Drawing, Stroke, letter_panels, open_figure, settle
 
-_MM_PER_INCH = 25.4
+# No panel is wider than 75 mm, so a column is at most half as wide as the line drawn through it.
+_ENVELOPE_COLUMNS = 600
+# A step of a band is at most 0.4 mm wide, so that lone pulses stand apart from dense ones.
+_BAND_STEPS = 180
 # Free space above and below the curves, as a share of their range.
 _MARGIN = 0.06
 # Of the bands: those below shine through the inside; edges are opaque, so that crossing ones stay pale.
@@ -29,31 +28,22 @@ _EDGE_SHARE = 0.55
 
 
 @dataclass(frozen=True)
-class FigureArtists:
-    """A finished figure and what is in it.
+class FigureArtists(Drawing):
+    """One of the paper's figures, its panels by letter.
 
-    Parameters
+    Attributes
     ----------
     number : int
         The paper's number.
-    figure : Figure
-        Laid out for the journal style, which `catalogue.save` puts in force again.
-    axes : dict
-        Panels by letter.
     lines : dict
         Curves by panel letter and name, such as ``("c", "Controller 1")``.
     bands : dict
         Ranges of the raw samples below the curves that are means, by the same keys.
-    caption : str
-        What is shown, which runs went wrong, and where it all comes from.
     """
 
     number: int
-    figure: Figure
-    axes: dict[str, Axes]
     lines: dict[tuple[str, str], Line2D]
     bands: dict[tuple[str, str], Polygon]
-    caption: str
 
 
 @dataclass
@@ -67,34 +57,25 @@ class _Panel:
     ends: list[tuple[float, float, str]] = field(default_factory=list)
 
 
-class Sheet:
-    """A figure under construction.
+class Canvas:
+    """A figure under construction, width and height in mm printed.
 
-    Parameters
-    ----------
-    width_mm, height_mm : float
-        Printed size.
-    labels : sequence of rows of (title, y label)
-        The grid of panels, which share the time axis. Each title gets its letter; a single panel needs none.
+    Labels are (title, y label) in rows, the grid of panels, which share the time axis. Each title gets its
+    letter; a single panel needs none.
     """
 
     def __init__(
         self, width_mm: float, height_mm: float, labels: Sequence[Sequence[tuple[str, str]]]
     ) -> None:
-        size = (width_mm / _MM_PER_INCH, height_mm / _MM_PER_INCH)
-        self._layout = ConstrainedLayoutEngine()
-        self.figure = Figure(figsize=size, layout=self._layout)
-        FigureCanvasAgg(self.figure)
+        self.figure = open_figure(width_mm, height_mm)
         grid = self.figure.subplots(len(labels), len(labels[0]), sharex=True, squeeze=False)
-        self._panels: dict[str, _Panel] = {}
         self._lines: dict[tuple[str, str], Line2D] = {}
         self._bands: dict[tuple[str, str], Polygon] = {}
         self._legend: dict[str, Artist] = {}
-        texts = [text for row in labels for text in row]
-        for letter, axes, (title, y_label) in zip(ascii_lowercase, grid.flat, texts, strict=False):
-            axes.set_title(f"({letter}) {title}" if len(texts) > 1 else "")
+        titles, y_labels = zip(*(text for row in labels for text in row), strict=True)
+        self._panels = {letter: _Panel(axes) for letter, axes in letter_panels(grid.flat, titles).items()}
+        for axes, y_label in zip(grid.flat, y_labels, strict=True):
             axes.set_ylabel(y_label)
-            self._panels[letter] = _Panel(axes)
         for axes in grid[-1]:
             axes.set_xlabel("Time (s)")
 
@@ -119,22 +100,10 @@ class Sheet:
         label: str | None = None,
         diverged: bool = False,
     ) -> None:
-        """Draw a curve.
+        """Draw a curve (T,), in the panel's units, under the key `name`.
 
-        Parameters
-        ----------
-        letter : str
-            Panel.
-        name : str
-            Key of the line.
-        time, values : Array
-            Shape (T,), in the panel's units.
-        stroke : Stroke
-            Its look.
-        label : str, optional
-            Text in the legend, where equal texts are listed once; `name` unless given, nothing when empty.
-        diverged : bool
-            Mark the last sample, and leave the range of the y axis to the other curves.
+        The legend lists equal labels once; the label is `name` unless given, nothing when empty. Of a
+        diverged run the last sample is marked, and the range of the y axis is left to the other curves.
         """
         panel = self._panels[letter]
         x, y = thin(time, values)
@@ -153,22 +122,11 @@ class Sheet:
     def band(
         self, letter: str, name: str, time: Array, values: Array, stroke: Stroke, *, diverged: bool = False
     ) -> None:
-        """Draw the range of the samples as a pale band with thin edges, below all curves and earlier bands.
+        """Draw the range of a curve's samples as a pale band, below all curves and earlier bands.
 
-        Strokes of single pulses would cover each other into one block and hide which curve swings less.
-
-        Parameters
-        ----------
-        letter : str
-            Panel.
-        name : str
-            Name of the curve whose samples they are.
-        time, values : Array
-            Shape (T,), in the panel's units.
-        stroke : Stroke
-            Look of that curve; its colour is used.
-        diverged : bool
-            Leave the range of the y axis to the other curves; where the band leaves it, the panel says so.
+        Strokes of single pulses would cover each other into one block and hide which curve swings less. Time
+        and values (T,), in the panel's units. A diverged run leaves the range of the y axis to the others;
+        where its band leaves it, the panel says so.
         """
         panel = self._panels[letter]
         x, low, high = envelope(time, values)
@@ -204,20 +162,7 @@ class Sheet:
         self._legend[label] = sample
 
     def finish(self, number: int, caption: str) -> FigureArtists:
-        """Set ranges and legend, and lay the figure out once for all formats.
-
-        Parameters
-        ----------
-        number : int
-            The paper's number.
-        caption : str
-            Kept with the figure.
-
-        Returns
-        -------
-        FigureArtists
-            Ready to save.
-        """
+        """Set ranges and legend, and lay out the figure of the paper's number once for all formats."""
         self._frame_time()
         for letter, panel in self._panels.items():
             low, high = _frame_values(panel)
@@ -227,11 +172,10 @@ class Sheet:
         if len(self._legend) > 1:
             self._draw_legend()
         self.figure.align_ylabels()
-        self._layout.execute(self.figure)
-        # The layout is settled; without its engine no format computes it again.
-        self.figure.set_layout_engine(None)
+        settle(self.figure)
         axes = {letter: panel.axes for letter, panel in self._panels.items()}
-        return FigureArtists(number, self.figure, axes, self._lines, self._bands, caption)
+        stem = f"fig{number:02d}"
+        return FigureArtists(stem, self.figure, axes, caption, number, self._lines, self._bands)
 
     def _frame_time(self) -> None:
         times = [np.asarray(line.get_xdata(), float) for line in self._lines.values()]
@@ -294,3 +238,44 @@ def _widened(low: float, high: float) -> tuple[float, float]:
         return low, high
     half = 0.05 * abs(low) or 0.05
     return low - half, high + half
+
+
+def thin(time: Array, values: Array) -> tuple[Array, Array]:
+    """Reduce a curve to what can be seen, keeping every spike.
+
+    Samples are taken in as many equal groups as a panel has columns; of each group the smallest and the
+    largest stay, at their own times, and of the whole curve both ends. Non-finite samples are dropped first.
+    """
+    finite = np.isfinite(values)
+    time, values = time[finite], values[finite]
+    count = len(values)
+    size = -(-count // _ENVELOPE_COLUMNS)
+    if size <= 2:
+        return time, values
+    groups = _groups(values, size)
+    start = np.arange(len(groups)) * size
+    picked = np.concatenate([[0], start + groups.argmin(axis=1), start + groups.argmax(axis=1), [count - 1]])
+    keep = np.unique(np.minimum(picked, count - 1))
+    return time[keep], values[keep]
+
+
+def envelope(time: Array, values: Array) -> tuple[Array, Array, Array]:
+    """Smallest and largest sample of each of at most 180 equal groups; non-finite samples are dropped first.
+
+    Times are the middles of the groups, except for both ends of the curve.
+    """
+    finite = np.isfinite(values)
+    time, values = time[finite], values[finite]
+    size = max(-(-len(values) // _BAND_STEPS), 1)
+    groups = _groups(values, size)
+    middles = time[np.minimum(np.arange(len(groups)) * size + size // 2, len(values) - 1)]
+    if len(middles):
+        middles[[0, -1]] = time[[0, -1]]
+    return middles, groups.min(axis=1), groups.max(axis=1)
+
+
+def _groups(values: Array, size: int) -> Array:
+    """Cut a curve into equal groups, filling the last with its last sample, which adds no extreme to it."""
+    if not len(values):
+        return values.reshape(0, size)
+    return np.pad(values, (0, -len(values) % size), mode="edge").reshape(-1, size)

@@ -1,17 +1,34 @@
-"""Journal style: sizes, strokes that survive grey print, and the thinning of long curves."""
+"""The canvas of every figure: journal style, sizes, strokes that survive grey print, letters, and files.
+
+A room draws in three steps, all of them under `journal_style`, which also decorates a function::
+
+    @journal_style()
+    def draw_something(data) -> Drawing:
+        figure = open_figure(PAGE_MM, 100.0)
+        panels = figure.subplots(2, 3, squeeze=False)
+        letter_panels(panels.flat, titles)
+        ...
+        return Drawing("stem", figure, panels, "What is shown.")
+
+and its command ends with ``save_drawing(draw_something(data), folder)``. The same figure gives the same
+bytes.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from string import ascii_lowercase
+from typing import Any, Literal, Protocol
 
-import numpy as np
 from matplotlib import style
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
-from tendonrepro.arrays import Array
+from tendonrepro.files import atomic_path
 
 COLUMN_MM = 85.0
 """Width of one journal column."""
@@ -19,25 +36,12 @@ COLUMN_MM = 85.0
 PAGE_MM = 175.0
 """Width of two journal columns."""
 
-# No panel is wider than 75 mm, so a column is at most half as wide as the line drawn through it.
-_ENVELOPE_COLUMNS = 600
-# A step of a band is at most 0.4 mm wide, so that lone pulses stand apart from dense ones.
-_BAND_STEPS = 180
+_MM_PER_INCH = 25.4
 
 
 @dataclass(frozen=True)
 class Stroke:
-    """How a curve looks.
-
-    Parameters
-    ----------
-    colour : str
-        Hexadecimal RGB.
-    dashes : tuple of float
-        Lengths of dash and gap in line widths; empty for a solid line.
-    width : float
-        Line width, pt.
-    """
+    """How a curve looks: colour in hexadecimal RGB, dash and gap in line widths, width in pt."""
 
     colour: str
     dashes: tuple[float, ...] = ()
@@ -79,64 +83,93 @@ def journal_style() -> Iterator[None]:
         yield
 
 
-def thin(time: Array, values: Array) -> tuple[Array, Array]:
-    """Reduce a curve to what can be seen, keeping every spike.
+def open_figure(width_mm: float, height_mm: float) -> Figure:
+    """Empty figure of a printed size, mm; its layout keeps texts apart."""
+    size = (width_mm / _MM_PER_INCH, height_mm / _MM_PER_INCH)
+    figure = Figure(figsize=size, layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
 
-    Samples are taken in as many equal groups as a panel has columns; of each group the smallest and the
-    largest stay, at their own times, and of the whole curve both ends. Non-finite samples are dropped first.
 
-    Parameters
-    ----------
-    time : Array
-        Shape (T,).
-    values : Array
-        Shape (T,).
+def settle(figure: Figure) -> None:
+    """Lay a figure out once, under the journal style; without its engine no format computes it again."""
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+        figure.set_layout_engine(None)
 
-    Returns
-    -------
-    time, values : Array
-        At most 1202 of the samples, in order; all of them when there are few.
+
+def letter_panels(panels: Iterable[Axes], titles: Iterable[str]) -> dict[str, Axes]:
+    """Entitle panels with "(a) ...", "(b) ..." in their order, and return them by letter.
+
+    A panel that is alone needs no title. After (z) comes (aa), then (bb).
     """
-    finite = np.isfinite(values)
-    time, values = time[finite], values[finite]
-    count = len(values)
-    size = -(-count // _ENVELOPE_COLUMNS)
-    if size <= 2:
-        return time, values
-    groups = _groups(values, size)
-    start = np.arange(len(groups)) * size
-    picked = np.concatenate([[0], start + groups.argmin(axis=1), start + groups.argmax(axis=1), [count - 1]])
-    keep = np.unique(np.minimum(picked, count - 1))
-    return time[keep], values[keep]
+    named = list(zip(panels, titles, strict=True))
+    letters = [ascii_lowercase[place % 26] * (place // 26 + 1) for place in range(len(named))]
+    if len(named) > 1:
+        for letter, (axes, title) in zip(letters, named, strict=True):
+            axes.set_title(f"({letter}) {title}")
+    return dict(zip(letters, (axes for axes, _ in named), strict=True))
 
 
-def envelope(time: Array, values: Array) -> tuple[Array, Array, Array]:
-    """Smallest and largest sample of each of at most 180 equal groups; non-finite samples are dropped first.
+@dataclass(frozen=True)
+class Drawing:
+    """A finished figure.
 
-    Parameters
+    Attributes
     ----------
-    time : Array
-        Shape (T,).
-    values : Array
-        Shape (T,).
-
-    Returns
-    -------
-    time, low, high : Array
-        Shape (groups,). Times are the middles of the groups, except for both ends of the curve.
+    stem : str
+        Name of its files, and the title kept in them.
+    figure : Figure
+    axes : mapping or sequence of Axes
+        Its panels, for whoever looks into them.
+    caption : str
+        What is shown and where it comes from; kept in the files.
     """
-    finite = np.isfinite(values)
-    time, values = time[finite], values[finite]
-    size = max(-(-len(values) // _BAND_STEPS), 1)
-    groups = _groups(values, size)
-    middles = time[np.minimum(np.arange(len(groups)) * size + size // 2, len(values) - 1)]
-    if len(middles):
-        middles[[0, -1]] = time[[0, -1]]
-    return middles, groups.min(axis=1), groups.max(axis=1)
+
+    stem: str
+    figure: Figure
+    axes: Any
+    caption: str
 
 
-def _groups(values: Array, size: int) -> Array:
-    """Cut a curve into equal groups, filling the last with its last sample, which adds no extreme to it."""
-    if not len(values):
-        return values.reshape(0, size)
-    return np.pad(values, (0, -len(values) % size), mode="edge").reshape(-1, size)
+class Drawn(Protocol):
+    """What can be saved: a `Drawing`, or anything with its figure, stem and caption."""
+
+    @property
+    def figure(self) -> Figure:
+        """The figure."""
+
+    @property
+    def stem(self) -> str:
+        """File name without suffix."""
+
+    @property
+    def caption(self) -> str:
+        """Caption."""
+
+
+def save_drawing(drawn: Drawn, folder: Path) -> list[Path]:
+    """Write a figure that brings its name and caption, as :func:`save_figure` does."""
+    return save_figure(drawn.figure, folder, drawn.stem, drawn.stem, drawn.caption)
+
+
+def save_figure(figure: Figure, folder: Path, stem: str, title: str, caption: str) -> list[Path]:
+    """Write a figure as PDF, SVG and PNG with title and caption kept in the files.
+
+    Raises
+    ------
+    TendonreproError
+        When a file cannot be written.
+    """
+    metadata: dict[str, dict[str, Any]] = {
+        "pdf": {"Title": title, "Subject": caption, "CreationDate": None},
+        "svg": {"Title": title, "Description": caption, "Date": None},
+        "png": {"Title": title, "Description": caption},
+    }
+    paths = [folder / f"{stem}.{suffix}" for suffix in metadata]
+    with journal_style():
+        for path, (suffix, entries) in zip(paths, metadata.items(), strict=True):
+            with atomic_path(path) as temporary:
+                figure.savefig(temporary, format=suffix, metadata=entries)
+    return paths

@@ -91,18 +91,8 @@ def _is_writable(folder: Path) -> bool:
 def compiled_plant(plant: Plant) -> tuple[Derivative, Array]:
     """Compile :func:`tendonrepro.physics.dynamics.state_derivative` for a plant.
 
-    Plants of one size with the same features switched off share one piece of code.
-
-    Parameters
-    ----------
-    plant : Plant
-
-    Returns
-    -------
-    derivative : callable
-        ``(t, state, tau_m, p)`` to an array (4 n,).
-    p : array (P,)
-        The plant's numbers as that code reads them.
+    The array (P,) holds the plant's numbers as that code reads them. Plants of one size with the same
+    features switched off share one piece of code.
     """
     source, p = unrolled(state_derivative, plant, plant.preload.size)
     if source not in _plants:
@@ -118,20 +108,7 @@ class LaneCode(NamedTuple):
 
 
 def compiled_lanes(source: str, name: str, arguments: int) -> LaneCode:
-    """Compile what :func:`tendonrepro.simulation.codegen.lanes.lane_code` wrote.
-
-    Parameters
-    ----------
-    source : str
-    name : str
-        Given there.
-    arguments : int
-        Number of arguments besides the flat array.
-
-    Returns
-    -------
-    LaneCode
-    """
+    """Compile what `lanes.lane_code` wrote; ``arguments`` counts those besides the flat array."""
     if source not in _lanes:
         prepare, run = _load(source, (f"prepare_{name}", name))
         numbers = (types.float64,) * arguments

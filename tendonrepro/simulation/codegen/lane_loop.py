@@ -9,8 +9,8 @@ from tendonrepro.arrays import Array
 LOOK_AGAIN = 64
 """Samples between two looks whether any experiment of a bundle still goes on."""
 
-Sample = Callable[[Array, float], None]
-Step = Callable[[Array, float, float], None]
+SampleCode = Callable[[Array, float], None]
+StepCode = Callable[[Array, float, float], None]
 
 
 def follow(  # noqa: PLR0912 (compiled: rows are copied one number at a time)
@@ -25,34 +25,16 @@ def follow(  # noqa: PLR0912 (compiled: rows are copied one number at a time)
     block: int,
     slow: Array,
     trace: Array,
-    sample: Sample,
-    step: Step,
+    sample: SampleCode,
+    step: StepCode,
 ) -> None:
     """Run a bundle to the end of its longest reference, or until every experiment has ended.
 
-    Parameters
-    ----------
-    v, w : array
-        Flat arrays of the sample's and the plant's code, laid out by ``kernel.sample_rows`` and
-        ``kernel.step_rows``, parameters prepared.
-    n, width : int
-        Joints, and experiments in the bundle.
-    desired : array (T, 3 n width)
-        Reference: ``q_d``, ``dq_d``, ``ddq_d`` of every experiment.
-    noise : array (T, 2 n width)
-        Unit noise of encoders and torque; without rows where there is none.
-    L : float
-        Sampling period, s.
-    steps : int
-        Integration steps per sample.
-    block : int
-        Samples whose errors are summed up into one row of `slow`.
-    slow : array (B, n width)
-        Receives the sums of the error.
-    trace : array (T, 9 n width)
-        Receives the recorded rows; without rows where no trace is wanted.
-    sample, step : callable
-        Compiled code.
+    ``v`` and ``w`` are the flat arrays of the sample's and the plant's code, parameters prepared; ``width``
+    is the number of experiments. ``desired`` (T, 3 n width) holds q_d, dq_d and ddq_d, ``noise``
+    (T, 2 n width) the unit noise of encoders and torque, without rows where there is none. ``slow``
+    (B, n width) receives the errors summed up over blocks, ``trace`` (T, 9 n width) the recorded rows, if it
+    has any.
     """
     state, one = 4 * n * width, n * width
     q_d, noise_q = 9 * one, 12 * one

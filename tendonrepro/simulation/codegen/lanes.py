@@ -81,17 +81,11 @@ def _is_one(operand: Any) -> bool:
 
 
 @dataclass
-class Rows:
+class LaneRows:
     """Rows of the flat array, handed out one after the other.
 
-    Attributes
-    ----------
-    count : int
-        Rows handed out.
-    named : dict of str to int
-        First row of what was asked for by name.
-    constants : dict of int to array (N,)
-        Values of the rows that hold parameters, one of each experiment.
+    ``named`` holds the first row of what was asked for by name, ``constants`` the values (N,) of the rows
+    that hold parameters, one of each experiment.
     """
 
     count: int = 0
@@ -123,14 +117,6 @@ class Rows:
         Numbers that are exactly zero, or exactly one, in every experiment stay numbers, and so do whole
         numbers and booleans, which choose between branches and are the same for all. A named tuple may hold
         others.
-
-        Parameters
-        ----------
-        tape : LaneTape
-        name : str
-            Start of the rows' names.
-        record : named tuple
-            Leaves are float arrays (..., N).
         """
         if isinstance(record, tuple):
             parts = [
@@ -154,7 +140,7 @@ class Rows:
             cells[index] = tape.row(row, parameter=True)
         return cells if cells.shape else cells[()]
 
-    def holding(self, record: Any) -> Rows:
+    def holding(self, record: Any) -> LaneRows:
         """Return the same rows for another record of the same :func:`signature`."""
         return replace(self, constants=dict(zip(self.constants, _varying(record), strict=True)))
 
@@ -191,15 +177,15 @@ def signature(record: Any) -> tuple[Any, ...]:
     )
 
 
-Writer: TypeAlias = Callable[[Any], tuple[str, Rows]]
+Writer: TypeAlias = Callable[[Any], tuple[str, LaneRows]]
 
 
 def remembered(write: Writer) -> Writer:
     """Write code once for all records of one :func:`signature`."""
-    known: dict[tuple[Any, ...], tuple[str, Rows]] = {}
+    known: dict[tuple[Any, ...], tuple[str, LaneRows]] = {}
 
     @wraps(write)
-    def code(record: Any) -> tuple[str, Rows]:
+    def code(record: Any) -> tuple[str, LaneRows]:
         key = signature(record)
         if key not in known:
             known[key] = write(record)
@@ -214,13 +200,7 @@ def _keys(record: tuple[Any, ...]) -> Iterable[str]:
 
 
 def stacked(records: list[Any]) -> Any:
-    """Records of one structure as one record, experiments as its leaves' last axis.
-
-    Parameters
-    ----------
-    records : list of named tuple
-        Leaves are floats and float arrays; whole numbers and booleans must agree.
-    """
+    """Records of one structure as one, experiments as its leaves' last axis; whole numbers must agree."""
     first = records[0]
     if isinstance(first, tuple):
         parts = [stacked([record[k] for record in records]) for k in range(len(first))]
@@ -230,24 +210,10 @@ def stacked(records: list[Any]) -> Any:
     return np.stack([np.asarray(record, dtype=np.float64) for record in records], axis=-1)
 
 
-def lane_code(name: str, arguments: str, tape: LaneTape, results: Mapping[int, Any], rows: Rows) -> str:
-    """Source of two functions: ``<name>(w, ...)``, a loop over the lanes, and what it needs prepared.
+def lane_code(name: str, arguments: str, tape: LaneTape, results: Mapping[int, Any], rows: LaneRows) -> str:
+    """Source of ``<name>(w, ...)``, a loop over the lanes, and of ``prepare_<name>(w)``, to be run first.
 
-    Parameters
-    ----------
-    name : str
-    arguments : str
-        Further arguments, such as ``t, h``.
-    tape : LaneTape
-    results : mapping of int to Symbol or float
-        What each row becomes.
-    rows : Rows
-        Gains a row for each value that depends on parameters alone.
-
-    Returns
-    -------
-    str
-        ``prepare_<name>(w)`` fills those rows and must run first.
+    Results say what each row becomes; rows gain one for each value that depends on parameters alone.
     """
     ends = {row: _text(value) for row, value in results.items()}
     body, fixed = _split(tape, list(ends.values()))

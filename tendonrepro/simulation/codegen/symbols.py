@@ -206,19 +206,7 @@ def _is(operand: Any, number: float) -> bool:
 
 
 def symbols(tape: Tape, vector: str, count: int) -> Array:
-    """Symbols for the entries of a vector argument.
-
-    Parameters
-    ----------
-    tape : Tape
-    vector : str
-        The argument's name in the generated code.
-    count : int
-
-    Returns
-    -------
-    array (count,) of Symbol
-    """
+    """Symbols for the entries of a vector argument."""
     cells = np.empty(count, dtype=object)
     for k in range(count):
         cells[k] = tape.write(f"{vector}[{k}]", ())
@@ -226,24 +214,9 @@ def symbols(tape: Tape, vector: str, count: int) -> Array:
 
 
 def symbolic(tape: Tape, vector: str, record: Any, at: int = 0) -> tuple[Any, list[float]]:
-    """Replace the numbers of a nested named tuple by symbols for the entries of a vector argument.
+    """Replace the numbers of a nested named tuple by symbols for a vector argument's entries from ``at`` on.
 
-    Parameters
-    ----------
-    tape : Tape
-    vector : str
-        The argument's name in the generated code.
-    record : named tuple
-        Leaves are floats and float arrays.
-    at : int
-        Index of the first entry to use.
-
-    Returns
-    -------
-    record : named tuple
-        The same, of symbols; exact zeros and ones stay numbers.
-    values : list of float
-        What the vector must hold from ``at`` on.
+    Exact zeros and ones stay numbers; the list is what the vector must hold.
     """
     fields: list[Any] = []
     values: list[float] = []
@@ -270,23 +243,9 @@ def _symbolic_leaf(tape: Tape, vector: str, leaf: Array, at: int) -> tuple[Any, 
 
 
 def unrolled(function: Callable[..., Any], record: Any, n: int) -> tuple[str, Array]:
-    """Straight-line source of ``function(t, state, tau_m, record)`` for n joints.
+    """Straight-line source of ``function(t, state, tau_m, record)`` for n joints, and the numbers it reads.
 
-    Parameters
-    ----------
-    function : callable
-        Pure function of the plant that returns an array.
-    record : named tuple
-        Its last argument.
-    n : int
-        Joints.
-
-    Returns
-    -------
-    source : str
-        A module with one function ``compiled(t, state, tau_m, p)``.
-    p : array (P,)
-        The record's numbers, in the order the source reads them.
+    The module has one function ``compiled(t, state, tau_m, p)``; ``p`` (P,) holds the record's numbers.
     """
     tape = Tape()
     plant, values = symbolic(tape, "p", record)
