@@ -112,7 +112,7 @@ def _head(summary: dict[str, Any]) -> str:
     return (
         f"{box} plants of the box and {firm} of its firm rows, {len(summary['populations']['box']['readings'])} "
         f"readings, {summary['scramblings']} scramblings, {summary['cost']['experiments']:,} runs. "
-        f"{check['experiments']} runs were repeated with the reference stepper; on the {check['compared']} that "
+        f"{check['experiments']} runs were repeated with the SciPy stepper; on the {check['compared']} that "
         f"ran to their end MAE and RMSE differ by at most "
         f"{_percent(check['ideal']['largest'])} with ideal encoders and {_percent(check['quantised']['largest'])} "
         f"with counts; {check['disagreements']} statuses differ. Brackets are 95 % intervals from the scramblings."

@@ -91,7 +91,7 @@ def compare(
     ] = None,
     solver: Annotated[
         Literal["scipy", "compiled"],
-        typer.Option("--solver", help="Reference, or that of ensembles."),
+        typer.Option("--solver", help="SciPy, or the one of ensembles."),
     ] = "scipy",
 ) -> int:
     """Controllers 1 to 3 and the payload case: traces, Figures 13 to 16, Tables 2 and 3."""

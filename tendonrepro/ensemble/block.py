@@ -144,7 +144,7 @@ def _provenance(study: Study) -> dict[str, str | int]:
 def spot_check(
     study: Study, block: Block, values: Array, simulate_together: Simulate = simulate_batch
 ) -> dict[str, float | int | str]:
-    """Rerun one experiment of one block in `Study.check_every` with the reference stepper.
+    """Rerun one experiment of one block in `Study.check_every` with the SciPy stepper.
 
     Which block, draw and case is settled by a hash, so it does not depend on how the work is done; for other
     blocks the answer is empty. ``ideal`` and ``quantised`` are the largest relative difference of MAE and of

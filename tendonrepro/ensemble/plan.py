@@ -20,7 +20,7 @@ from tendonrepro.errors import UsageError
 from tendonrepro.simulation.streaming import STATISTICS
 
 CHECK_EVERY = 8
-"""One block in so many reruns one of its experiments with the reference stepper, which takes seconds."""
+"""One block in so many reruns one of its experiments with the SciPy stepper, which takes seconds."""
 
 FEWEST_PER_SCRAMBLING = 8
 

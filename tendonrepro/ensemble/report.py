@@ -38,7 +38,7 @@ def population_summary(data: EnsembleData) -> dict[str, Any]:
 
 
 def spot_checks(folder: Path, blocks: Sequence[Block]) -> dict[str, Any]:
-    """Largest differences from the reference stepper among the blocks that were checked, and where they were.
+    """Largest differences from the SciPy stepper among the blocks that were checked, and where they were.
 
     ``compared`` are those that ran to their end in both steppers, so that sizes could be compared.
     """

@@ -77,7 +77,7 @@ def test_a_draw_that_cannot_be_run_is_named(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def reference_with(e: np.ndarray) -> Any:
-    """A reference stepper whose runs all have this error."""
+    """A SciPy stepper whose runs all have this error."""
 
     def simulate(loop: Loop) -> dict[str, np.ndarray]:
         # Slow enough not to ring.

@@ -57,7 +57,8 @@ def paper(values):
         for m, metric in enumerate(("mae", "rmse")):
             for i, joint in enumerate((2, 3)):
                 name = f"{table}.{metric}.joint_{joint}"
-                entries[name] = replace(entries[name], value=round(float(values[r, m, i]), 6), decimals=6)
+                changed = {"value": round(float(values[r, m, i]), 6), "decimals": 6}
+                entries[name] = entries[name].model_copy(update=changed)
     return replace(held, entries=MappingProxyType(entries))
 
 

@@ -108,7 +108,7 @@ def with_numbers(paper: Published, values: Mapping[str, float]) -> Published:
     for name, value in values.items():
         entry = entries[name]
         assert isinstance(entry, PrintedNumber)
-        entries[name] = replace(entry, value=round(float(value), entry.decimals))
+        entries[name] = entry.model_copy(update={"value": round(float(value), entry.decimals)})
     return replace(paper, entries=MappingProxyType(entries))
 
 
