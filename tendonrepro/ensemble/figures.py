@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from tendonrepro.ensemble.shares import RATIO_NAMES, RATIOS
-from tendonrepro.results.figures.style import PAGE_MM, SERIES, journal_style, open_figure, save_drawing
+from tendonrepro.results.figures.style import (
+    PAGE_MM,
+    SERIES,
+    Drawing,
+    journal_style,
+    open_figure,
+    save_drawing,
+)
 from tendonrepro.results.summary import CONTROLLERS
 
 _ROW_MM = 4.2
@@ -24,16 +29,6 @@ _SHARES = {"share_c1_lt_c2_lt_c3": "C1 < C2 < C3", "share_c1_best": "C1 best"}
 _SETS = {"all_ok": "all three laws ok", "diverged_last": "diverged ranked last"}
 
 
-@dataclass(frozen=True)
-class RowsFigure:
-    """A finished figure with panels side by side and a line of them for each row."""
-
-    stem: str
-    figure: Figure
-    axes: tuple[Axes, ...]
-    caption: str
-
-
 def draw_ensemble_figures(summary: Mapping[str, Any], folder: Path) -> list[Path]:
     """Draw and save ratios, shares and statuses of every population, each as pdf, svg and png."""
     paths = []
@@ -43,7 +38,7 @@ def draw_ensemble_figures(summary: Mapping[str, Any], folder: Path) -> list[Path
     return paths
 
 
-def draw_ratios(population: str, summary: Mapping[str, Any]) -> RowsFigure:
+def draw_ratios(population: str, summary: Mapping[str, Any]) -> Drawing:
     """Ratios of MAE under each reading, against the printed ratio and that of slowly changing errors."""
     panels = [(key, joint) for key in RATIOS for joint in summary["joints"]]
     titles = [f"{RATIO_NAMES[key]}, joint {joint}" for key, joint in panels]
@@ -101,7 +96,7 @@ def _plain_log_ticks(panel: Axes) -> None:
     panel.set_xticks([], minor=True)
 
 
-def draw_shares(population: str, summary: Mapping[str, Any]) -> RowsFigure:
+def draw_shares(population: str, summary: Mapping[str, Any]) -> Drawing:
     """Shares of the box on which the printed ranking holds, under each reading, with intervals."""
 
     def draw(axes: Sequence[Axes]) -> None:
@@ -144,7 +139,7 @@ def _draw_intervals(panel: Axes, shares: Sequence[Mapping[str, Any]], place: int
     )
 
 
-def draw_statuses(population: str, summary: Mapping[str, Any]) -> RowsFigure:
+def draw_statuses(population: str, summary: Mapping[str, Any]) -> Drawing:
     """How the three laws end on the plants of the box, under each reading."""
 
     def draw(axes: Sequence[Axes]) -> None:
@@ -171,7 +166,7 @@ def rows_figure(
     rows: Sequence[str],
     draw: Callable[[Sequence[Axes]], None],
     caption: str,
-) -> RowsFigure:
+) -> Drawing:
     """Draw panels with these titles side by side over rows with these names, the first on top."""
     with journal_style():
         figure = open_figure(PAGE_MM, _FRAME_MM + _ROW_MM * len(rows))
@@ -184,4 +179,4 @@ def rows_figure(
         draw(axes)
         axes[0].set_ylim(len(rows) - 0.4, -0.6)
         axes[0].set_yticks(range(len(rows)), rows, fontsize=6)
-        return RowsFigure(stem, figure, tuple(axes), caption)
+        return Drawing(stem, figure, tuple(axes), caption)

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -19,7 +18,15 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter, NullLo
 from tendonrepro import __version__
 from tendonrepro.arrays import Array
 from tendonrepro.explain.explanation import Explanation, Map
-from tendonrepro.results.figures.style import PAGE_MM, Stroke, journal_style, save_figure, stroke_of
+from tendonrepro.results.figures.style import (
+    PAGE_MM,
+    Stroke,
+    journal_style,
+    open_figure,
+    save_figure,
+    settle,
+    stroke_of,
+)
 
 SYMBOLS: Mapping[str, str] = {
     "M_bar": r"$\bar M$",
@@ -29,7 +36,6 @@ SYMBOLS: Mapping[str, str] = {
 }
 """Parameters as axes name them."""
 
-_MM_PER_INCH = 25.4
 _SLOWEST_DRAWN = -20.0
 _FASTEST_GROWTH = 10.0
 _PALE = "#E4EAF1"
@@ -46,10 +52,7 @@ def draw_explanation(found: Explanation, folder: Path) -> list[Path]:
     with journal_style():
         for stem, (draw, caption) in drawn.items():
             figure = draw(found)
-            if engine := figure.get_layout_engine():
-                # Laid out once; without its engine no format computes it again.
-                engine.execute(figure)
-                figure.set_layout_engine(None)
+            settle(figure)
             text = f"{caption}; tendonrepro {__version__}, {found.origin}."
             paths += save_figure(figure, folder, stem, stem, text)
     return paths
@@ -172,8 +175,7 @@ def _borders(axes: Axes, drawn: Map) -> None:
 
 
 def _sheet(rows: int, cols: int, height_mm: float, **shared: Any) -> tuple[Figure, Any]:
-    figure = Figure(figsize=(PAGE_MM / _MM_PER_INCH, height_mm / _MM_PER_INCH), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = open_figure(PAGE_MM, height_mm)
     return figure, figure.subplots(rows, cols, squeeze=False, **shared)
 
 

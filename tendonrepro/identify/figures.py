@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from tendonrepro.ensemble.figures import RowsFigure, rows_figure
-from tendonrepro.results.figures.style import SERIES, save_drawing
+from tendonrepro.ensemble.figures import rows_figure
+from tendonrepro.results.figures.style import SERIES, Drawing, save_drawing
 
 _RUNS = {
     "controller_1": "Controller 1",
@@ -28,7 +28,7 @@ def draw_identify_figures(data: Mapping[str, Any], folder: Path) -> list[Path]:
     return [path for held in drawn for path in save_drawing(held, folder)]
 
 
-def draw_readings(data: Mapping[str, Any]) -> RowsFigure:
+def draw_readings(data: Mapping[str, Any]) -> Drawing:
     """Best misfit under each reading, of each seed and of all."""
     readings = data["readings"]
 
@@ -56,7 +56,7 @@ def _fitted(data: Mapping[str, Any]) -> list[str]:
     return ["Controller 2"] if data["fit"] == "controller_2" else list(_RUNS.values())
 
 
-def draw_numbers(held: Mapping[str, Any]) -> RowsFigure:
+def draw_numbers(held: Mapping[str, Any]) -> Drawing:
     """Every number over the printed one, of the best plant and of the near-optimal plants of one reading."""
     numbers = held["numbers"]
     names = [f"{_RUNS[row['run']]}, {row['metric'].upper()} {row['joint']}" for row in numbers]
@@ -83,7 +83,7 @@ def draw_numbers(held: Mapping[str, Any]) -> RowsFigure:
     return rows_figure("identify_numbers", [""], names, draw, caption)
 
 
-def draw_parameters(held: Mapping[str, Any]) -> RowsFigure:
+def draw_parameters(held: Mapping[str, Any]) -> Drawing:
     """Where the near-optimal plants lie between the bounds of each row of the box, under one reading."""
     rows = [row for row in held["parameters"] if not row["choice"]]
     rows = sorted(rows, key=lambda row: np.nan_to_num(row["width"], nan=1.0))

@@ -45,7 +45,8 @@ def paper(**changed):
     held = published()
     entries = dict(held.entries)
     for name, value in changed.items():
-        entries[name.replace("__", ".")] = replace(entries[name.replace("__", ".")], value=value)
+        key = name.replace("__", ".")
+        entries[key] = entries[key].model_copy(update={"value": value})
     return replace(held, entries=MappingProxyType(entries))
 
 

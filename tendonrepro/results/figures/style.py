@@ -21,7 +21,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from string import ascii_lowercase
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 from matplotlib import style
 from matplotlib.axes import Axes
@@ -133,23 +133,7 @@ class Drawing:
     caption: str
 
 
-class Drawn(Protocol):
-    """What can be saved: a `Drawing`, or anything with its figure, stem and caption."""
-
-    @property
-    def figure(self) -> Figure:
-        """The figure."""
-
-    @property
-    def stem(self) -> str:
-        """File name without suffix."""
-
-    @property
-    def caption(self) -> str:
-        """Caption."""
-
-
-def save_drawing(drawn: Drawn, folder: Path) -> list[Path]:
+def save_drawing(drawn: Drawing, folder: Path) -> list[Path]:
     """Write a figure that brings its name and caption, as :func:`save_figure` does."""
     return save_figure(drawn.figure, folder, drawn.stem, drawn.stem, drawn.caption)
 
