@@ -6,10 +6,12 @@ import multiprocessing
 import os
 import signal
 import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_EXCEPTION, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from multiprocessing import connection
 from multiprocessing.sharedctypes import Synchronized
 from typing import Any, TypeVar
 
@@ -20,6 +22,9 @@ Result = TypeVar("Result")
 
 MOST_WORKERS = 4
 """Each worker needs some 150 MB; the paper's experiments have four runs."""
+
+LOOK_SECONDS = 1.0
+"""How often a process that :mod:`multiprocessing` did not start looks whether its starter is still there."""
 
 _POLL_SECONDS = 0.1
 _report: Callable[[int], None] | None = None
@@ -123,7 +128,30 @@ def _listen(report: Callable[[int], None] | None) -> None:
     _report = report
 
 
+def end_with_parent(pid: int | None = None) -> None:
+    """End this process as soon as the one that started it is gone, even where that was killed.
+
+    Parameters
+    ----------
+    pid : int, optional
+        Number of that process, where :mod:`multiprocessing` did not start this one.
+    """
+    if not any(thread.name == _outlive_nobody.__name__ for thread in threading.enumerate()):
+        name = _outlive_nobody.__name__
+        threading.Thread(target=_outlive_nobody, args=(pid,), name=name, daemon=True).start()
+
+
+def _outlive_nobody(pid: int | None) -> None:
+    parent = multiprocessing.parent_process()
+    if pid is None and parent is not None:
+        connection.wait([parent.sentinel])
+    while pid is not None and os.getppid() == pid:
+        time.sleep(LOOK_SECONDS)
+    os._exit(1)
+
+
 def _start(done: Synchronized[int]) -> None:
+    end_with_parent()
     # On Windows a process does not inherit that interrupts are ignored.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 

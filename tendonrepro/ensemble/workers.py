@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import os
-import threading
-import time
 from collections.abc import Callable, Generator, Sequence
 from contextlib import suppress
 from typing import TypeAlias
 
 from tendonrepro.ensemble.shards import Block
 from tendonrepro.errors import TendonreproError, UsageError
-
-LOOK_SECONDS = 1.0
-"""How often a worker process looks whether the process that started it is still there."""
+from tendonrepro.parallel import end_with_parent
 
 MakeBlock: TypeAlias = Callable[[Block], tuple[Block, bytes]]
 """Makes the bytes of a block's shard; can be pickled."""
@@ -21,18 +17,8 @@ MakeBlock: TypeAlias = Callable[[Block], tuple[Block, bytes]]
 
 def _for_parent(parent: int, make: MakeBlock, block: Block) -> tuple[Block, bytes]:
     """Make a block in a process that ends with the one that wants it, even where that was killed."""
-    if not any(thread.name == _for_parent.__name__ for thread in threading.enumerate()):
-        watch = threading.Thread(
-            target=_outlive_nobody, args=(parent,), name=_for_parent.__name__, daemon=True
-        )
-        watch.start()
+    end_with_parent(parent)
     return make(block)
-
-
-def _outlive_nobody(parent: int) -> None:
-    while os.getppid() == parent:
-        time.sleep(LOOK_SECONDS)
-    os._exit(1)
 
 
 def here(make: MakeBlock, blocks: Sequence[Block], jobs: int) -> Generator[tuple[Block, bytes], None, None]:

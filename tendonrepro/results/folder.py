@@ -6,7 +6,7 @@ import json
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
 from filelock import FileLock, Timeout
@@ -19,6 +19,9 @@ from tendonrepro.results.manifest import with_outputs
 
 MANIFEST = "manifest.json"
 TRACES = "traces.h5"
+
+MOST_LETTERS = 100
+"""Of a name in a manifest, and of its folders: far more than ours have."""
 
 
 class HeldFolder:
@@ -59,7 +62,9 @@ class HeldFolder:
             raise TendonreproError(message, where=str(self.path / MANIFEST)) from error
         for name, digest in outputs.items():
             path = self.path / name
-            if path.is_file() and sha256_of(path) == digest:
+            # A link may lead out of the folder.
+            within = path.resolve().is_relative_to(self.path.resolve()) and not path.is_symlink()
+            if within and path.is_file() and sha256_of(path) == digest:
                 path.unlink()
 
     def write(self, name: str, content: bytes | str) -> None:
@@ -162,10 +167,18 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     except OSError as error:
         message = f"cannot read the manifest: {error.strerror}"
         raise DataMissingError(message, where=str(path), hint="run the experiment first") from error
-    except ValueError:
+    except (ValueError, RecursionError):
         manifest = None
     sections = ("config", "outputs")
-    if not isinstance(manifest, dict) or any(not isinstance(manifest.get(key, {}), dict) for key in sections):
+    known = isinstance(manifest, dict) and all(isinstance(manifest.get(key, {}), dict) for key in sections)
+    if not known or not all(map(_is_plain, manifest.get("outputs", {}))):
         message = "is not a manifest of tendonrepro"
         raise DataMissingError(message, where=str(path), hint="run the experiment again with --force")
-    return manifest
+    return manifest  # type: ignore[no-any-return]
+
+
+def _is_plain(name: str) -> bool:
+    """Whether a name read from a file is that of a file below the folder, such as ``figures/fig14.svg``."""
+    parts = PurePath(name).parts
+    plain = "\0" not in name and not PurePath(name).is_absolute() and ".." not in parts
+    return bool(parts) and plain and max(map(len, parts)) <= MOST_LETTERS >= len(parts)

@@ -6,11 +6,10 @@ import multiprocessing
 import os
 import signal
 import tempfile
-import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from multiprocessing.connection import Connection, wait
+from multiprocessing.connection import Connection
 from pathlib import Path
 from types import TracebackType
 from typing import TypeAlias
@@ -20,7 +19,7 @@ from tendonrepro.dataset.readers.filetype import kind_of
 from tendonrepro.dataset.readers.read import read_file, unread
 from tendonrepro.dataset.readers.signals import Source
 from tendonrepro.errors import TendonreproError
-from tendonrepro.parallel import interrupts_held
+from tendonrepro.parallel import end_with_parent, interrupts_held
 
 Read: TypeAlias = Callable[[Path, str], list[Source]]
 
@@ -159,7 +158,7 @@ def _serve(connection: Connection, read: Read, memory: int, folder: str) -> None
     """Read what is asked for until the pipe closes; the body of the process."""
     # Only the first process acts on an interrupt; this one ends with it.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_outlive_nobody, daemon=True).start()
+    end_with_parent()
     _hush()
     _bound(memory)
     # Members of archives are unpacked where the first process cleans up, whatever happens here.
@@ -172,13 +171,6 @@ def _serve(connection: Connection, read: Read, memory: int, folder: str) -> None
                 connection.send(read(path, name))
             except MemoryError:
                 connection.send("reading it needed too much memory")
-
-
-def _outlive_nobody() -> None:
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        wait([parent.sentinel])
-    os._exit(1)
 
 
 def _hush() -> None:

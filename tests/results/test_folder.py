@@ -1,0 +1,77 @@
+"""What a manifest on disk may make a command do: it is data, and may come from anywhere."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+
+import pytest
+
+from tendonrepro import __version__
+from tendonrepro.errors import DataMissingError
+from tendonrepro.results.folder import MANIFEST, claimed, read_manifest, refuse_others
+
+CONTENT = b"somebody else's"
+DIGEST = hashlib.sha256(CONTENT).hexdigest()
+
+
+def result(folder: Path, *names: str) -> Path:
+    """A results folder whose manifest lists these names."""
+    folder.mkdir()
+    config = {"config": {"sha256": "a"}, "tendonrepro_version": __version__}
+    (folder / MANIFEST).write_text(json.dumps(config | {"outputs": dict.fromkeys(names, DIGEST)}))
+    return folder
+
+
+def cleared(folder: Path, *, force: bool = False) -> None:
+    with claimed(folder, "a", force=force) as held:
+        held.clear()
+
+
+def test_files_of_the_earlier_result_are_removed(tmp_path: Path) -> None:
+    folder = result(tmp_path / "out", "figures/fig14.svg", "changed.csv", "gone.csv")
+    (folder / "figures").mkdir()
+    (folder / "figures/fig14.svg").write_bytes(CONTENT)
+    (folder / "changed.csv").write_bytes(b"edited")
+    cleared(folder)
+    assert {path.name for path in folder.rglob("*") if path.is_file()} == {"changed.csv", ".lock"}
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["../victim.txt", "figures/../../victim.txt", "{victim}", "n" * 5000, "d/" * 500 + "n", "", ".", "a\0b"],
+    ids=["above", "through", "absolute", "long", "deep", "empty", "dot", "zero"],
+)
+def test_a_manifest_with_names_that_are_not_its_own_is_none(tmp_path: Path, name: str) -> None:
+    victim = tmp_path / "victim.txt"
+    victim.write_bytes(CONTENT)
+    folder = result(tmp_path / "out", name.format(victim=victim))
+    for look in (read_manifest, lambda folder: refuse_others(folder, "a"), cleared):
+        with pytest.raises(DataMissingError, match="is not a manifest") as caught:
+            look(folder)
+        assert "--force" in str(caught.value.hint)
+    cleared(folder, force=True)
+    assert victim.read_bytes() == CONTENT
+    assert not (folder / MANIFEST).exists()
+
+
+@pytest.mark.parametrize("through", ["file", "folder"])
+def test_links_lead_nowhere(tmp_path: Path, through: str) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    victim = tmp_path / "elsewhere" / "victim.txt"
+    victim.write_bytes(CONTENT)
+    folder = result(tmp_path / "out", "link/victim.txt", "link.txt")
+    if through == "file":
+        (folder / "link.txt").symlink_to(victim)
+    else:
+        (folder / "link").symlink_to(victim.parent, target_is_directory=True)
+    cleared(folder)
+    assert victim.read_bytes() == CONTENT
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, "[]", "{", '{"outputs": []}', '{"config": 3}', "\xff"])
+def test_a_damaged_manifest_is_one_sentence(tmp_path: Path, text: str) -> None:
+    (tmp_path / MANIFEST).write_text(text, encoding="latin-1")
+    with pytest.raises(DataMissingError, match="is not a manifest"):
+        read_manifest(tmp_path)
