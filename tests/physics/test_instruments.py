@@ -58,6 +58,14 @@ class TestQuantise:
     def test_no_step_means_no_change(self, value: float) -> None:
         assert counts(value, 0.0) == value
 
+    @given(st.lists(st.tuples(angles, st.sampled_from([0.0, 0.25, 1.0])), min_size=1, max_size=8))
+    def test_lanes_have_each_their_own_step(self, lanes: list[tuple[float, float]]) -> None:
+        values, each = np.array(lanes).T
+        # What an experiment without counts would divide by is never looked at.
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            found = quantise(values, each)
+        assert found.tolist() == [counts(value, step) for value, step in lanes]
+
 
 class TestNoise:
     def test_root_mean_square_and_shape(self) -> None:

@@ -9,7 +9,16 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from tendonrepro.physics.metrics import mae, max_abs, periodogram, rmse, status_of, window_mean, windows
+from tendonrepro.physics.metrics import (
+    mae,
+    max_abs,
+    periodogram,
+    rmse,
+    start_level,
+    status_of,
+    window_mean,
+    windows,
+)
 
 Array = NDArray[np.float64]
 STEP = 1e-3
@@ -24,6 +33,13 @@ ERRORS = arrays(
 
 def column(*values: float) -> Array:
     return np.array(values)[:, None]
+
+
+def test_the_start_level_is_that_of_the_first_tenth_of_a_second() -> None:
+    time = 5.0 + 0.01 * np.arange(100)
+    x = np.stack([np.where(time <= 5.105, 3.0, 9.0), np.full(100, -1.0)], axis=1)
+    x[0] = 1e9
+    assert start_level(time, x).tolist() == [3.0, -1.0]
 
 
 class TestSizes:
