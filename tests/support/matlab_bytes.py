@@ -89,7 +89,7 @@ EMPTY = np.empty((0, 0))
 
 
 def timeseries(
-    data: Any,
+    data: Any = None,
     time: Any = None,
     *,
     name: str = "",
@@ -159,7 +159,7 @@ def axes(*curves: Mapping[str, Any], title: Any = "", xlabel: str = "", ylabel: 
     """Axes with curves; the labels are the last three children."""
     words = [graphic("text", String=text) for text in (title, xlabel, ylabel)]
     special = [len(curves) + number for number in (1, 2, 3)]
-    return graphic("axes", records(*curves, *words), [*special, 0], **own)
+    return graphic("axes", records(*curves, *words), [*special, 0], **{"Tag": "", **own})
 
 
 def line(x: Any, y: Any, label: str = "") -> dict[str, Any]:
