@@ -10,11 +10,12 @@ import stat
 import sys
 import tarfile
 import zipfile
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from support.seed_files import tar_entry, tarred, zipped
+from support.seed_files import encrypted_zip, tar_entry, tarred, zipped
 
 from tendonrepro.dataset.readers import archive
 from tendonrepro.dataset.readers.archive import Allowance, Member, members
@@ -77,17 +78,11 @@ def test_nothing_lands_outside(name: str, pack: Callable[..., bytes], tmp_path: 
     assert sorted(file.name for file in tmp_path.rglob("*") if file.is_file()) == ["SYNTHETIC.pack", "member"]
 
 
-def zipped_link() -> bytes:
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w") as packed:
-        link = zipfile.ZipInfo("a.csv")
-        link.external_attr = (stat.S_IFLNK | 0o777) << 16
-        packed.writestr(link, "/etc/passwd")
-    return stream.getvalue()
-
-
+ZIP_LINK = zipfile.ZipInfo("a.csv")
+ZIP_LINK.external_attr = (stat.S_IFLNK | 0o777) << 16
 TAR_KINDS = [tarfile.SYMTYPE, tarfile.LNKTYPE, tarfile.CHRTYPE, tarfile.FIFOTYPE]
-LINKS = [zipped_link(), *(tarred({}, "w", tar_entry("a.csv", kind, "/etc/passwd")) for kind in TAR_KINDS)]
+LINKS = [zipped({ZIP_LINK: b"/etc/passwd"})]
+LINKS += [tarred({}, "w", tar_entry("a.csv", kind, "/etc/passwd")) for kind in TAR_KINDS]
 
 
 @pytest.mark.parametrize("content", LINKS, ids=["zip", "symbolic", "hard", "device", "pipe"])
@@ -97,24 +92,15 @@ def test_links_and_devices_are_left_out(content: bytes, path: Path) -> None:
     assert not list(path.with_name("own").iterdir())
 
 
-def encrypted() -> bytes:
-    raw = bytearray(zipped({"a": TABLE, "b": TABLE}))
-    for signature, offset in ((b"PK\x03\x04", 6), (b"PK\x01\x02", 8)):
-        raw[raw.index(signature) + offset] |= 1
-    return bytes(raw)
-
-
-def broken() -> bytes:
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w") as packed:
-        packed.writestr("a", b"AAAA" * 20)
-        packed.writestr("b", TABLE)
-    return stream.getvalue().replace(b"AAAA", b"BBBB", 1)
+BROKEN = zipped({"a.csv": b"A", "b.csv": TABLE}).replace(zlib.crc32(b"A").to_bytes(4, "little"), bytes(4))
 
 
 @pytest.mark.parametrize(
     ("content", "reason", "advice"),
-    [(encrypted(), "encrypted", "password"), (broken(), "broken (Bad CRC-32", "download it again")],
+    [
+        (encrypted_zip({"a": TABLE, "b": TABLE}), "encrypted", "password"),
+        (BROKEN, "broken (Bad CRC-32", "download it again"),
+    ],
 )
 def test_a_bad_member_does_not_stop_the_rest(content: bytes, reason: str, advice: str, path: Path) -> None:
     (first, _), (second, data) = unpacked(path, content)

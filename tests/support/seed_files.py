@@ -45,6 +45,7 @@ def saved(write: Callable[[Path], Any], suffix: str) -> bytes:
 
 def workbook() -> bytes:
     book = openpyxl.Workbook()
+    book.active.title = "Data"
     for row in [NAMES, *ROWS]:
         book.active.append(row)
     return saved(book.save, "xlsx")
@@ -88,7 +89,8 @@ def hdf5(path: Path) -> None:
         file["away"] = h5py.ExternalLink("SYNTHETIC_secret.h5", "q")
 
 
-def zipped(content: Mapping[str, bytes]) -> bytes:
+def zipped(content: Mapping[Any, bytes]) -> bytes:
+    """A zip archive; a name is a text or a `ZipInfo`."""
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as packed:
         for name, data in content.items():
@@ -113,6 +115,14 @@ def tar_entry(name: str, kind: bytes, target: str) -> tarfile.TarInfo:
     entry = tarfile.TarInfo(name)
     entry.type, entry.linkname = kind, target
     return entry
+
+
+def encrypted_zip(content: Mapping[str, bytes]) -> bytes:
+    """The first member is marked as encrypted."""
+    raw = bytearray(zipped(content))
+    for signature, offset in ((b"PK\x03\x04", 6), (b"PK\x01\x02", 8)):
+        raw[raw.index(signature) + offset] |= 1
+    return bytes(raw)
 
 
 def ole2(name: str) -> bytes:
