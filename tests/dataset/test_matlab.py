@@ -161,8 +161,6 @@ def test_files_of_big_endian_machines(tmp_path: Path) -> None:
         assert_array_equal(signals(found)["t"].values, TIMES)
 
 
-# --- objects --------------------------------------------------------------------------------------
-
 SQUARE = np.arange(9.0).reshape(3, 3)
 MATRICES = np.moveaxis(WAVES.reshape(10, 2, 1) * np.ones(3), 0, -1)
 
@@ -284,9 +282,6 @@ def test_one_broken_object_does_not_stop_the_rest(tmp_path: Path, monkeypatch: p
     assert "broken" in skipped(found)["a"]
 
 
-# --- streamed logs --------------------------------------------------------------------------------
-
-
 def test_streams_with_their_times_and_no_names(tmp_path: Path) -> None:
     path = made.hdf(tmp_path / "SYNTHETIC.mat", {"x": TIMES}, [TIMES, WAVES, TIMES, np.arange(10.0)])
     got = signals(read_matlab(path))
@@ -319,12 +314,10 @@ def test_a_broken_stream_is_skipped_alone(tmp_path: Path) -> None:
     assert "stored" in skipped(found)["#sigstream#/0"]
 
 
-# --- figures --------------------------------------------------------------------------------------
+TREES = [("hgS_070000", "v7"), ("hgS_050000", "v7"), ("hgS_070000", "v7.3")]
 
 
-@pytest.mark.parametrize(
-    ("tree", "version"), [("hgS_070000", "v7"), ("hgS_050000", "v7"), ("hgS_070000", "v7.3")]
-)
+@pytest.mark.parametrize(("tree", "version"), TREES)
 def test_figure(tmp_path: Path, tree: str, version: str) -> None:
     words = {"title": "Joint 2", "xlabel": "Time (s)", "ylabel": "q (deg)"}
     first = made.axes(made.line(TIMES, WAVES[:, 0], "Controller 1"), made.line(TIMES, WAVES[:, 1]), **words)

@@ -274,20 +274,16 @@ def test_many_tables_are_left_out_and_noted(tmp_path: Path) -> None:
     assert [left.reason for left in found.skipped] == ["50 more tables, lines 402 to 600, left out"]
 
 
-@pytest.mark.parametrize(
-    "lines",
-    [
-        ["1. SYNTHETIC data of controller 1", "2. data of controller 2", "3. the same with 0.2 kg"],
-        ["SYNTHETIC", "Payload: 0.2 kg"],
-        ["rate,1000", "SYNTHETIC"],
-        ["SYNTHETIC notes", "all angles in degrees"],
-    ],
-)
-def test_a_text_for_people_is_no_table(lines: list[str], tmp_path: Path) -> None:
-    found = of_text("\n".join(lines), tmp_path)
+NUMBERED = "1. SYNTHETIC data of controller 1\n2. data of controller 2\n3. the same with 0.2 kg"
+PROSE = [NUMBERED, "SYNTHETIC\nPayload: 0.2 kg", "rate,1000\nSYNTHETIC", "SYNTHETIC notes\nangles in degrees"]
+
+
+@pytest.mark.parametrize("text", PROSE)
+def test_a_text_for_people_is_no_table(text: str, tmp_path: Path) -> None:
+    found = of_text(text, tmp_path)
     assert not found.signals
     assert [left.reason for left in found.skipped] == ["a text without a table of numbers"]
-    assert found.texts == {"text": "\n".join(lines)}
+    assert found.texts == {"text": text}
 
 
 def test_a_long_text_is_cut(tmp_path: Path) -> None:
@@ -306,15 +302,13 @@ encodings = st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "gbk"])
 
 @settings(max_examples=60)
 @given(rows=tables, form=forms, encoding=encodings, units=st.booleans())
-def test_what_is_written_as_text_is_read(
-    rows: list[list[float]], form: str, encoding: str, units: bool
-) -> None:
+def test_what_is_written_is_read(rows: list[list[float]], form: str, encoding: str, units: bool) -> None:
     separator, decimal = form
     names = [f"角{number}" for number in range(len(rows[0]))]
-    lines = [separator.join(names)] + ([separator.join(["deg"] * len(names))] if units else [])
-    lines += [separator.join(repr(value).replace(".", decimal) for value in row) for row in rows]
+    lines = [names, *([["deg"] * len(names)] if units else [])]
+    lines += [[repr(value).replace(".", decimal) for value in row] for row in rows]
     with tempfile.TemporaryDirectory() as folder:
-        found = of_text("\n".join(lines).encode(encoding), Path(folder))
+        found = of_text("\n".join(map(separator.join, lines)).encode(encoding), Path(folder))
     assert [signal.label for signal in found.signals] == names
     assert {signal.unit for signal in found.signals} == {"deg" if units else None}
     assert_array_equal(np.column_stack([signal.values for signal in found.signals]), rows)
@@ -326,9 +320,9 @@ def of_book(book: openpyxl.Workbook, folder: Path) -> Found:
     return read_workbook(path, "xlsx")
 
 
-def book_of(rows: Sequence[Sequence[object]], title: str = "Data") -> openpyxl.Workbook:
+def book_of(rows: Sequence[Sequence[object]]) -> openpyxl.Workbook:
     book = openpyxl.Workbook()
-    book.active.title = title
+    book.active.title = "Data"
     for row in rows:
         book.active.append(row)
     return book
