@@ -68,13 +68,15 @@ def sample(name: str) -> Found:
     return read_matlab(path)
 
 
-@pytest.mark.parametrize("version", ["4", "5", "7", "7.3"])
+@pytest.mark.parametrize("version", ["4", "5", "7", "7.3", "7.3 alone"])
 def test_plain_arrays_of_every_version(tmp_path: Path, version: str) -> None:
-    found = written(tmp_path, version, t=TIMES[:, None], q=WAVES, row=TIMES[None, :])
-    assert found.kind == f"MATLAB {version}"
+    grid = np.arange(12.0).reshape(3, 4)
+    found = written(tmp_path, version, t=TIMES[:, None], q=WAVES, row=TIMES[None, :], grid=grid)
+    assert found.kind == f"MATLAB {version.removesuffix(' alone')}"
     got = signals(found)
-    assert list(got) == ["t", "q", "row"] if version != "7.3" else sorted(got) == ["q", "row", "t"]
-    for name, values in {"t": TIMES, "q": WAVES, "row": TIMES}.items():
+    names = ["t", "q", "row", "grid"]
+    assert list(got) == names if "7.3" not in version else sorted(got) == sorted(names)
+    for name, values in {"t": TIMES, "q": WAVES, "row": TIMES, "grid": grid}.items():
         assert_array_equal(got[name].values, values)
     assert (got["q"].time, got["q"].group) == (None, "")
     assert not found.skipped
@@ -132,6 +134,7 @@ def test_structures_with_and_without_time(tmp_path: Path) -> None:
         assert_array_equal(signal.values, WAVES)
         assert found.texts[f"{place}/blockName"] == logged["blockName"]
     assert found.texts["one/blockName"] == "m/To Workspace"
+    assert not any("times for" in reason for reason in skipped(found).values())
 
 
 def element(kind: int, body: bytes, order: str = "<") -> bytes:
