@@ -6,13 +6,16 @@ import bz2
 import gzip
 import io
 import lzma
+import stat
 import sys
 import tarfile
 import zipfile
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from support.seed_files import encrypted_zip, tar_entry, tarred, zipped
 
 from tendonrepro.dataset.readers import archive
 from tendonrepro.dataset.readers.archive import Allowance, Member, members
@@ -20,168 +23,133 @@ from tendonrepro.dataset.readers.read import read_file
 from tendonrepro.dataset.readers.signals import Unreadable
 
 TABLE = b"t,q\n0,1\n1,2\n2,4\n"
+INSIDE = {"run/a.csv": TABLE}
+PACKERS = {"gz": gzip.compress, "bz2": bz2.compress, "xz": lzma.compress}
+ARCHIVES = {"zip": zipped(INSIDE), "tar": tarred(INSIDE)} | {
+    f"tar.{kind}": tarred(INSIDE, f"w:{kind}") for kind in PACKERS
+}
+SINGLE = {f"csv.{kind}": pack(TABLE) for kind, pack in PACKERS.items()}
+EVERY_ARCHIVE = pytest.mark.parametrize("content", ARCHIVES.values(), ids=ARCHIVES)
 
 
-def zip_of(path: Path, content: dict[str, bytes]) -> Path:
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as packed:
-        for name, data in content.items():
-            packed.writestr(name, data)
-    return path
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "SYNTHETIC.pack"
 
 
-def tar_of(path: Path, content: dict[str, bytes], mode: str = "w") -> Path:
-    with tarfile.open(path, mode) as packed:  # type: ignore[call-overload]
-        for name, data in content.items():
-            entry = tarfile.TarInfo(name)
-            entry.size = len(data)
-            packed.addfile(entry, io.BytesIO(data))
-    return path
-
-
-def unpacked(path: Path, folder: Path, allowance: Allowance | None = None) -> list[tuple[Member, bytes]]:
-    folder.mkdir(exist_ok=True)
+def unpacked(
+    path: Path, content: bytes | bytearray, allowance: Allowance | None = None
+) -> list[tuple[Member, bytes]]:
+    """Members of an archive with such a content, unpacked into a folder beside it."""
+    path.write_bytes(content)
+    own = path.with_name("own")
+    own.mkdir(exist_ok=True)
     return [
         (member, member.path.read_bytes() if member.path else b"")
-        for member in members(path, folder, allowance=allowance)
+        for member in members(path, own, allowance=allowance)
     ]
 
 
-PACKERS: dict[str, Callable[[Path], Path]] = {
-    "zip": lambda path: zip_of(path, {"run/a.csv": TABLE}),
-    "tar": lambda path: tar_of(path, {"run/a.csv": TABLE}),
-    "tar.gz": lambda path: tar_of(path, {"run/a.csv": TABLE}, "w:gz"),
-    "tar.bz2": lambda path: tar_of(path, {"run/a.csv": TABLE}, "w:bz2"),
-    "tar.xz": lambda path: tar_of(path, {"run/a.csv": TABLE}, "w:xz"),
-}
+def bytes_unpacked(path: Path) -> int:
+    return sum(file.stat().st_size for file in path.with_name("own").iterdir())
 
 
-@pytest.mark.parametrize("suffix", PACKERS)
+@pytest.mark.parametrize("suffix", ARCHIVES | SINGLE)
 def test_members_are_read_whatever_the_packing(suffix: str, tmp_path: Path) -> None:
-    path = PACKERS[suffix](tmp_path / f"SYNTHETIC.{suffix}")
+    path = tmp_path / f"SYNTHETIC.{suffix}"
+    path.write_bytes((ARCHIVES | SINGLE)[suffix])
     whole, inside = read_file(path, path.name)
     assert (whole.skipped, whole.signals) == ((), ())
-    assert inside.name == f"SYNTHETIC.{suffix}/run/a.csv"
+    assert inside.name == f"{path.name}/{'run/a.csv' if suffix in ARCHIVES else 'SYNTHETIC.csv'}"
     assert [signal.values.tolist() for signal in inside.signals] == [[0, 1, 2], [1, 2, 4]]
-
-
-@pytest.mark.parametrize(
-    ("suffix", "pack"), [("gz", gzip.compress), ("bz2", bz2.compress), ("xz", lzma.compress)]
-)
-def test_a_single_packed_file(suffix: str, pack: Callable[[bytes], bytes], tmp_path: Path) -> None:
-    path = tmp_path / f"SYNTHETIC.csv.{suffix}"
-    path.write_bytes(pack(TABLE))
-    _, inside = read_file(path, path.name)
-    assert inside.name == f"SYNTHETIC.csv.{suffix}/SYNTHETIC.csv"
-    assert len(inside.signals) == 2
 
 
 OUTSIDE = ["../a.csv", "run/../../a.csv", "/a.csv", "C:/a.csv", "C:\\a.csv", "..\\a.csv", "\\\\host\\a.csv"]
 
 
 @pytest.mark.parametrize("name", OUTSIDE)
-@pytest.mark.parametrize("pack", [zip_of, tar_of])
-def test_nothing_lands_outside(name: str, pack: Callable[..., Path], tmp_path: Path) -> None:
+@pytest.mark.parametrize("pack", [zipped, tarred])
+def test_nothing_lands_outside(name: str, pack: Callable[..., bytes], tmp_path: Path) -> None:
     inner = tmp_path / "a" / "b"
     inner.mkdir(parents=True)
-    path = pack(tmp_path / "SYNTHETIC.pack", {name: TABLE, "good.csv": TABLE})
-    found = unpacked(path, inner)
+    found = unpacked(inner / "SYNTHETIC.pack", pack({name: TABLE, "good.csv": TABLE}))
     assert [member.reason for member, _ in found] == ["would land outside the folder", ""]
     assert found[1][1] == TABLE
     assert sorted(file.name for file in tmp_path.rglob("*") if file.is_file()) == ["SYNTHETIC.pack", "member"]
 
 
-@pytest.mark.parametrize(
-    "kind", [tarfile.SYMTYPE, tarfile.LNKTYPE, tarfile.CHRTYPE, tarfile.FIFOTYPE, b"zip"]
-)
-def test_links_and_devices_are_left_out(kind: bytes, tmp_path: Path) -> None:
-    path = tmp_path / "SYNTHETIC"
-    if kind == b"zip":
-        with zipfile.ZipFile(path, "w") as zipped:
-            link = zipfile.ZipInfo("a.csv")
-            link.external_attr = 0o120777 << 16
-            zipped.writestr(link, "/etc/passwd")
-    else:
-        with tarfile.open(path, "w") as packed:
-            entry = tarfile.TarInfo("a.csv")
-            entry.type, entry.linkname = kind, "/etc/passwd"
-            packed.addfile(entry)
-    ((member, _),) = unpacked(path, tmp_path / "own")
+ZIP_LINK = zipfile.ZipInfo("a.csv")
+ZIP_LINK.external_attr = (stat.S_IFLNK | 0o777) << 16
+TAR_KINDS = [tarfile.SYMTYPE, tarfile.LNKTYPE, tarfile.CHRTYPE, tarfile.FIFOTYPE]
+LINKS = [zipped({ZIP_LINK: b"/etc/passwd"})]
+LINKS += [tarred({}, "w", tar_entry("a.csv", kind, "/etc/passwd")) for kind in TAR_KINDS]
+
+
+@pytest.mark.parametrize("content", LINKS, ids=["zip", "symbolic", "hard", "device", "pipe"])
+def test_links_and_devices_are_left_out(content: bytes, path: Path) -> None:
+    ((member, _),) = unpacked(path, content)
     assert (member.name, member.reason) == ("a.csv", "a link or device, not a file")
-    assert not list((tmp_path / "own").iterdir())
+    assert not list(path.with_name("own").iterdir())
 
 
-def test_an_encrypted_member_does_not_stop_the_rest(tmp_path: Path) -> None:
-    path = zip_of(tmp_path / "SYNTHETIC.zip", {"a": TABLE, "b": TABLE})
-    raw = bytearray(path.read_bytes())
-    for signature, offset in ((b"PK\x03\x04", 6), (b"PK\x01\x02", 8)):
-        raw[raw.index(signature) + offset] |= 1
-    path.write_bytes(raw)
-    first, second = unpacked(path, tmp_path / "own")
-    assert first[0].reason == "encrypted"
-    assert "password" in first[0].advice
-    assert second[1] == TABLE
+BROKEN = zipped({"a.csv": b"A", "b.csv": TABLE}).replace(zlib.crc32(b"A").to_bytes(4, "little"), bytes(4))
+ENCRYPTED = encrypted_zip({"a.csv": b"A", "b.csv": TABLE})
+BAD = [(ENCRYPTED, "encrypted", "password"), (BROKEN, "broken (Bad CRC-32", "download it again")]
 
 
-def test_a_broken_member_does_not_stop_the_rest(tmp_path: Path) -> None:
-    path = tmp_path / "SYNTHETIC.zip"
-    with zipfile.ZipFile(path, "w") as packed:
-        packed.writestr("a", b"AAAA" * 20)
-        packed.writestr("b", TABLE)
-    path.write_bytes(path.read_bytes().replace(b"AAAA", b"BBBB", 1))
-    first, second = unpacked(path, tmp_path / "own")
-    assert first[0].reason.startswith("broken (Bad CRC-32")
-    assert second[1] == TABLE
+@pytest.mark.parametrize(("content", "reason", "advice"), BAD)
+def test_a_bad_member_does_not_stop_the_rest(content: bytes, reason: str, advice: str, path: Path) -> None:
+    (first, _), (second, data) = unpacked(path, content)
+    assert first.reason.startswith(reason)
+    assert advice in first.advice
+    assert (second.reason, data) == ("", TABLE)
 
 
-@pytest.mark.parametrize("suffix", ["zip", "tar.gz", "gz", "bz2", "xz"])
-def test_a_bomb_stops_by_its_ratio(suffix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+ZEROS = bytes(2**23)
+BOMBS = {"zip": zipped({"bomb": ZEROS}), "tar.gz": tarred({"bomb": ZEROS}, "w:gz")} | {
+    suffix: pack(ZEROS) for suffix, pack in PACKERS.items()
+}
+
+
+@pytest.mark.parametrize("content", BOMBS.values(), ids=BOMBS)
+def test_a_bomb_stops_by_its_ratio(content: bytes, path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(archive, "RATIO_FROM", 2**20)
-    zeros = bytes(2**23)
-    path = tmp_path / f"SYNTHETIC.{suffix}"
-    if suffix == "zip":
-        zip_of(path, {"bomb": zeros})
-    elif suffix == "tar.gz":
-        tar_of(path, {"bomb": zeros}, "w:gz")
-    else:
-        path.write_bytes({"gz": gzip, "bz2": bz2, "xz": lzma}[suffix].compress(zeros))
-    found = unpacked(path, tmp_path / "own")
+    found = unpacked(path, content)
     assert [member.reason for member, _ in found] == ["unpacks into more than 300 times its size"]
-    assert sum(file.stat().st_size for file in (tmp_path / "own").iterdir()) <= 2**22
+    assert bytes_unpacked(path) <= 2**22
 
 
-def test_a_bomb_of_many_members_stops_by_bytes_and_by_number(tmp_path: Path) -> None:
-    path = zip_of(tmp_path / "SYNTHETIC.zip", {f"{number}.csv": TABLE for number in range(20)})
-    by_bytes = unpacked(path, tmp_path / "own", Allowance(bytes_left=10 * len(TABLE)))
-    assert len(by_bytes) == 11
-    assert "more than 4 GB" in by_bytes[-1][0].reason
-    by_number = unpacked(path, tmp_path / "own", Allowance(members_left=5))
-    assert len(by_number) == 6
-    assert "more than 10000 files" in by_number[-1][0].reason
+def test_a_bomb_of_many_members_stops_by_bytes_and_by_number(path: Path) -> None:
+    content = zipped({f"{number}.csv": TABLE for number in range(20)})
+    for allowance, most, reason in (
+        (Allowance(bytes_left=10 * len(TABLE)), 10, "more than 4 GB"),
+        (Allowance(members_left=5), 5, "more than 10000 files"),
+    ):
+        found = unpacked(path, content, allowance)
+        assert len(found) == most + 1
+        assert reason in found[-1][0].reason
 
 
-def test_a_sparse_file_counts_what_it_unpacks_to(tmp_path: Path) -> None:
-    path = tmp_path / "SYNTHETIC.tar"
+def test_a_sparse_file_counts_what_it_unpacks_to(path: Path) -> None:
     entry = tarfile.TarInfo("bomb")
-    entry.pax_headers = {
-        "GNU.sparse.major": "0",
-        "GNU.sparse.minor": "1",
-        "GNU.sparse.name": "bomb",
-        "GNU.sparse.size": str(2**40),
-        "GNU.sparse.numblocks": "1",
-        "GNU.sparse.map": "0,4",
-    }
+    sparse = {"major": "0", "minor": "1", "name": "bomb", "size": str(2**40), "numblocks": "1", "map": "0,4"}
+    entry.pax_headers = {f"GNU.sparse.{name}": value for name, value in sparse.items()}
     entry.size = 4
-    with tarfile.open(path, "w", format=tarfile.PAX_FORMAT) as packed:
+    stream = io.BytesIO()
+    with tarfile.open(fileobj=stream, mode="w", format=tarfile.PAX_FORMAT) as packed:
         packed.addfile(entry, io.BytesIO(b"abcd"))
-    found = unpacked(path, tmp_path / "own", Allowance(bytes_left=2**21))
+    allowance = Allowance(bytes_left=2**21)
+    found = unpacked(path, stream.getvalue(), allowance)
+    assert allowance.bytes_left < 0
     assert "more than 4 GB" in found[-1][0].reason
-    assert sum(file.stat().st_size for file in (tmp_path / "own").iterdir()) <= 2**21
+    assert bytes_unpacked(path) <= 2**21
 
 
-def test_archives_inside_each_other_end_at_a_depth(tmp_path: Path) -> None:
-    path = zip_of(tmp_path / "SYNTHETIC.zip", {"a.csv": TABLE})
+def test_archives_inside_each_other_end_at_a_depth(path: Path) -> None:
+    content = zipped({"a.csv": TABLE})
     for _ in range(4):
-        zip_of(path, {"inner.zip": path.read_bytes(), "a.csv": TABLE})
+        content = zipped({"inner.zip": content, "a.csv": TABLE})
+    path.write_bytes(content)
     sources = read_file(path, "x.zip")
     assert sum(bool(source.signals) for source in sources) == 3
     assert sources[-1].name == "x.zip/a.csv"
@@ -189,61 +157,52 @@ def test_archives_inside_each_other_end_at_a_depth(tmp_path: Path) -> None:
     assert deep.skipped[0].reason == "more than 3 archives inside each other"
 
 
-def test_names_of_members(tmp_path: Path) -> None:
-    path = tmp_path / "SYNTHETIC.zip"
-    zip_of(path, {"__MACOSX/a.csv": TABLE, ".DS_Store": TABLE, "run/": b"", "XXXX.csv": TABLE})
-    path.write_bytes(path.read_bytes().replace(b"XXXX", "数据".encode("gbk")))
-    assert [member.name for member, _ in unpacked(path, tmp_path / "own")] == ["数据.csv"]
-    zip_of(path, {"a.csv": TABLE, "b.csv": TABLE})
-    path.write_bytes(path.read_bytes().replace(b"b.csv", b"a.csv"))
+def test_names_of_members(path: Path) -> None:
+    content = zipped({"__MACOSX/a.csv": TABLE, ".DS_Store": TABLE, "run/": b"", "XXXX.csv": TABLE})
+    found = unpacked(path, content.replace(b"XXXX", "数据".encode("gbk")))
+    assert [member.name for member, _ in found] == ["数据.csv"]
+    path.write_bytes(zipped({"a.csv": TABLE, "b.csv": TABLE}).replace(b"b.csv", b"a.csv"))
     assert [source.name for source in read_file(path, "x")] == ["x", "x/a.csv", "x/a.csv (2)"]
 
 
-@pytest.mark.parametrize("suffix", PACKERS)
-def test_a_truncated_archive_is_named(suffix: str, tmp_path: Path) -> None:
-    path = PACKERS[suffix](tmp_path / f"SYNTHETIC.{suffix}")
-    content = path.read_bytes()[:520] if suffix == "tar" else path.read_bytes()[:-30]
-    path.write_bytes(content[: len(content) // 2] if suffix != "tar" else content)
+@pytest.mark.parametrize("suffix", ARCHIVES)
+def test_a_truncated_archive_is_named(suffix: str, path: Path) -> None:
+    content = ARCHIVES[suffix]
+    path.write_bytes(content[: 520 if suffix == "tar" else len(content) // 2])
     sources = read_file(path, "x")
     assert sources[0].skipped[0].reason
     assert all(source.signals or source.skipped for source in sources)
 
 
-@pytest.mark.parametrize("suffix", PACKERS)
+@EVERY_ARCHIVE
 def test_want_of_memory_is_no_fault_of_the_archive(
-    suffix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    content: bytes, path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def greedy(*_: object) -> Member:
         raise MemoryError
 
-    path = PACKERS[suffix](tmp_path / f"SYNTHETIC.{suffix}")
     monkeypatch.setattr(archive, "_unpacked", greedy)
     with pytest.raises(MemoryError):
-        unpacked(path, tmp_path / "own")
+        unpacked(path, content)
     (source,) = read_file(path, "x")
     assert [left.reason for left in source.skipped] == ["needs too much memory"]
     assert source.md5
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="has no disk that is always full")
-@pytest.mark.parametrize("suffix", PACKERS)
-def test_a_full_disk_is_no_fault_of_the_archive(suffix: str, tmp_path: Path) -> None:
-    path = PACKERS[suffix](tmp_path / f"SYNTHETIC.{suffix}")
-    (tmp_path / "own").mkdir()
-    (tmp_path / "own" / "member").symlink_to("/dev/full")
+@EVERY_ARCHIVE
+def test_a_full_disk_is_no_fault_of_the_archive(content: bytes, path: Path) -> None:
+    path.with_name("own").mkdir()
+    path.with_name("own").joinpath("member").symlink_to("/dev/full")
     with pytest.raises(Unreadable) as caught:
-        unpacked(path, tmp_path / "own")
+        unpacked(path, content)
     assert caught.value.reason == "no room to unpack it"
     assert "TMPDIR" in caught.value.advice
 
 
-def test_an_empty_archive_says_so(tmp_path: Path) -> None:
-    (source,) = read_file(zip_of(tmp_path / "SYNTHETIC.zip", {}), "x")
+def test_an_archive_without_files_and_what_is_none(path: Path) -> None:
+    path.write_bytes(zipped({}))
+    (source,) = read_file(path, "x")
     assert source.skipped[0].reason == "no files in it"
-
-
-def test_what_is_no_archive_cannot_be_opened(tmp_path: Path) -> None:
-    path = tmp_path / "SYNTHETIC.zip"
-    path.write_bytes(b"PK\x03\x04 and nothing more")
     with pytest.raises(Unreadable, match="broken archive"):
-        unpacked(path, tmp_path / "own")
+        unpacked(path, b"PK\x03\x04 and nothing more")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import random
 import tempfile
-from collections.abc import Iterator
+from collections import Counter
 from pathlib import Path
 
 import psutil
@@ -17,11 +17,7 @@ from tendonrepro.dataset.readers.guard import Limits, read_guarded
 from tendonrepro.dataset.readers.read import read_file
 from tendonrepro.dataset.readers.signals import Source
 
-SEEDS = seed_files.readable()
-QUICK = 16
-"""Broken files of each format in the quick suite; 300 together."""
-SLOW = 560
-"""Of each format in the slow suite; more than ten thousand together."""
+SEEDS = {name: content for name, (_, content) in seed_files.readable().items()}
 BATCH = 500
 LIMITS = Limits(seconds=5.0, memory=2**31)
 INTERESTING = [0, 1, 0x7F, 0x80, 0xFF]
@@ -65,33 +61,16 @@ def misworded(data: bytearray, dice: random.Random) -> bytearray:
     return data
 
 
-MUTATIONS = [flipped, truncated, spliced, renumbered, misworded]
-
-
-def broken_files(folder: Path, each: int) -> Iterator[list[tuple[Path, str]]]:
-    """Batches of broken files; a batch is removed when the next is asked for.
-
-    The damage is the same every time, but for the few seeds that hold the time they were made at.
-    """
-    files: list[tuple[Path, str]] = []
-    for number in range(each):
-        for seed, content in SEEDS.items():
-            # Each file has dice of its own, so that a seed of another length does not stir the rest.
-            dice = random.Random(f"{seed} {number}")
-            data = bytearray(content)
-            for _ in range(dice.choice([1, 1, 1, 2, 3])):
-                if data:
-                    data = dice.choice(MUTATIONS)(data, dice)
-            path = folder / f"{number}_{seed}"
-            path.write_bytes(data)
-            files.append((path, path.name))
-            if len(files) == BATCH:
-                yield files
-                for done, _ in files:
-                    done.unlink()
-                files = []
-    if files:
-        yield files
+def broken(name: str) -> bytes:
+    """The damage is the same every time, but for the few seeds that hold the time they were made at."""
+    number, _, seed = name.partition("_")
+    # Each file has dice of its own, so that a seed of another length does not stir the rest.
+    dice = random.Random(f"{seed} {number}")
+    data = bytearray(SEEDS[seed])
+    for _ in range(dice.choice([1, 1, 1, 2, 3])):
+        if data:
+            data = dice.choice([flipped, truncated, spliced, renumbered, misworded])(data, dice)
+    return bytes(data)
 
 
 def measured(path: Path, name: str) -> list[Source]:
@@ -105,24 +84,25 @@ def measured(path: Path, name: str) -> list[Source]:
     ]
 
 
-@pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Around all that is read and all that is unpacked, so that whatever lands outside is seen."""
-    temporary = tmp_path / "temporary"
+@pytest.mark.parametrize(("each", "least"), [(16, 300), pytest.param(560, 10_000, marks=pytest.mark.slow)])
+def test_broken_files(each: int, least: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """So many of each format, and together at least so many."""
+    own, temporary = tmp_path / "own", tmp_path / "temporary"
+    own.mkdir()
+    # What is unpacked lies within what is looked through, so that whatever lands outside is seen.
     temporary.mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(temporary))
-    return tmp_path
-
-
-def fuzz(folder: Path, each: int) -> dict[str, int]:
-    """Read broken files; counts how they ended."""
-    own = folder / "own"
-    own.mkdir()
-    outside = folder / "SYNTHETIC_secret.h5"
+    outside = tmp_path / "SYNTHETIC_secret.h5"
     outside.write_bytes(SEEDS["SYNTHETIC.h5"])
-    counts = {"files": 0, "read": 0, "given up": 0}
-    for files in broken_files(own, each):
-        before = {path: hashlib.sha256(path.read_bytes()).digest() for path, _ in files}
+    names = [f"{number}_{seed}" for number in range(each) for seed in SEEDS]
+    assert len(names) >= least
+    counts = Counter[str]()
+    for start in range(0, len(names), BATCH):
+        files = [(own / name, name) for name in names[start : start + BATCH]]
+        before = {}
+        for path, name in files:
+            path.write_bytes(broken(name))
+            before[path] = hashlib.sha256(path.read_bytes()).digest()
         sources = read_guarded(files, Talk(quiet=True), LIMITS, measured)
         for _, name in files:
             own_sources = [one for one in sources if one.name == name or one.name.startswith(f"{name}/")]
@@ -133,28 +113,12 @@ def fuzz(folder: Path, each: int) -> dict[str, int]:
             given_up = "memory" not in source.texts
             counts["given up"] += given_up
             counts["read"] += not given_up and source.kind != "0 signals"
-        assert {path: hashlib.sha256(path.read_bytes()).digest() for path, _ in files} == before
-        assert {path for path in folder.rglob("*") if not path.is_dir()} == {*before, outside}
+        assert {path: hashlib.sha256(path.read_bytes()).digest() for path in before} == before
+        assert {path for path in tmp_path.rglob("*") if not path.is_dir()} == {*before, outside}
         assert not Path(seed_files.OUTSIDE).exists()
-        counts["files"] += len(files)
+        for path in before:
+            path.unlink()
     assert outside.read_bytes() == SEEDS["SYNTHETIC.h5"]
-    return counts
-
-
-def check_shares(counts: dict[str, int]) -> None:
-    """Much of what is broken can still be read, and few files bring their reader down."""
-    assert counts["read"] > 0.3 * counts["files"]
-    assert counts["given up"] < 0.02 * counts["files"]
-
-
-def test_some_broken_files(folder: Path) -> None:
-    counts = fuzz(folder, QUICK)
-    assert counts["files"] >= 300
-    check_shares(counts)
-
-
-@pytest.mark.slow
-def test_ten_thousand_broken_files(folder: Path) -> None:
-    counts = fuzz(folder, SLOW)
-    assert counts["files"] >= 10_000
-    check_shares(counts)
+    # Much of what is broken can still be read, and few files bring their reader down.
+    assert counts["read"] > 0.3 * len(names)
+    assert counts["given up"] < 0.02 * len(names)

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import datetime
-import io
-import itertools
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import h5py
 import numpy as np
 import openpyxl
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 from support import seed_files
@@ -43,14 +41,9 @@ def names_and_units(found: Found) -> list[tuple[str, str | None]]:
 
 TABLE = {"t": [0.0, 1.0, 2.0], "q": [1.5, 2.5, 3.5]}
 SPELLINGS = {
-    "comma": "t,q\n0,1.5\n1,2.5\n2,3.5\n",
-    "semicolon": "t;q\n0;1.5\n1;2.5\n2;3.5\n",
-    "tab": "t\tq\n0\t1.5\n1\t2.5\n2\t3.5\n",
     "pipe": "t | q\n0 | 1.5\n1 | 2.5\n2 | 3.5\n",
     "blanks": "  t   q\n  0   1.5\n  1   2.5\n 2   3.5\n",
     "comma and blank": "t, q\n0, 1.5\n1, 2.5\n2, 3.5\n",
-    "decimal comma, semicolon": "t;q\n0;1,5\n1;2,5\n2;3,5\n",
-    "decimal comma, tab": "t\tq\n0\t1,5\n1\t2,5\n2\t3,5\n",
     "decimal comma, blanks": "t q\n0,0 1,5\n1,0 2,5\n2,0 3,5\n",
     "line ends of Windows": "t,q\r\n0,1.5\r\n1,2.5\r\n2,3.5\r\n",
     "line ends of old Macs": "t,q\r0,1.5\r1,2.5\r2,3.5",
@@ -79,15 +72,14 @@ def test_a_table_is_the_same_however_it_is_spelt(spelling: str, tmp_path: Path) 
     assert {signal.group for signal in found.signals} == {"table"}
 
 
-CHINESE = (
-    "时间(s),期望角度（deg）,角度(°)\n0,1,2\n1,2,3\n2,3,4\n",
-    [("时间", "s"), ("期望角度", "deg"), ("角度", "°")],
-)
-GERMAN = (
-    "Zeit / s;Größe des Winkels (deg);M [N·m]\n0,0;1,5;2,25\n0,1;1,6;2,35\n0,2;1,7;2,45\n",
-    [("Zeit", "s"), ("Größe des Winkels", "deg"), ("M", "N·m")],
-)
-DEGREE = "t;q (°)\n0;1\n1;2\n2;3\n", [("t", None), ("q", "°")]
+CHINESE = "时间(s),期望角度（deg）,角度(°)\n" + "0,1,2\n" * 3
+GERMAN = "Zeit / s;Größe des Winkels (deg);M [N·m]\n" + "0,0;1,5;2,25\n" * 3
+DEGREE = "t;q (°)\n" + "0;1\n" * 3
+NAMES = {
+    CHINESE: [("时间", "s"), ("期望角度", "deg"), ("角度", "°")],
+    GERMAN: [("Zeit", "s"), ("Größe des Winkels", "deg"), ("M", "N·m")],
+    DEGREE: [("t", None), ("q", "°")],
+}
 ENCODINGS = ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "gbk", "gb18030", "utf-32"]
 
 
@@ -99,33 +91,20 @@ ENCODINGS = ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "gbk", "g
         *((table, encoding, "") for table in (GERMAN, DEGREE) for encoding in ("utf-8", "cp1252")),
     ],
 )
-def test_names_come_through_in_every_encoding(
-    table: tuple[str, list[tuple[str, str]]], encoding: str, mark: str, tmp_path: Path
-) -> None:
-    text, expected = table
-    found = of_text((mark + text).encode(encoding), tmp_path)
-    assert names_and_units(found) == expected
+def test_names_come_through_in_every_encoding(table: str, encoding: str, mark: str, tmp_path: Path) -> None:
+    found = of_text((mark + table).encode(encoding), tmp_path)
+    assert names_and_units(found) == NAMES[table]
     assert {len(signal.values) for signal in found.signals} == {3}
     assert kind_of(tmp_path / "SYNTHETIC.txt") is FileType.TEXT
 
 
-@pytest.mark.parametrize(
-    ("header", "label", "unit"),
-    [
-        ("q2 (deg)", "q2", "deg"),
-        ("q2 [deg]", "q2", "deg"),
-        ("q2_deg", "q2", "deg"),
-        ("vel_rad_s", "vel", "rad/s"),
-        ("Time_s", "Time", "s"),
-        ("angle / rad", "angle", "rad"),
-        ("q_m", "q_m", None),
-        ("q2 (desired)", "q2 (desired)", None),
-        ("q[2]", "q[2]", None),
-        ("x/y", "x/y", None),
-    ],
-)
-def test_a_unit_in_a_name(header: str, label: str, unit: str | None, tmp_path: Path) -> None:
-    assert names_and_units(of_text(f"{header}\n1\n2\n3\n", tmp_path)) == [(label, unit)]
+UNITS = {"q2_deg": ("q2", "deg"), "vel_rad_s": ("vel", "rad/s"), "Time_s": ("Time", "s")}
+NO_UNITS = {name: (name, None) for name in ("q_m", "q2 (desired)", "q[2]", "x/y")}
+
+
+@pytest.mark.parametrize(("header", "expected"), (UNITS | NO_UNITS).items())
+def test_a_unit_in_a_name(header: str, expected: tuple[str, str | None], tmp_path: Path) -> None:
+    assert names_and_units(of_text(f"{header}\n1\n2\n3\n", tmp_path)) == [expected]
 
 
 @pytest.mark.parametrize(
@@ -138,7 +117,6 @@ def test_a_unit_in_a_name(header: str, label: str, unit: str | None, tmp_path: P
         ("Run 1\nOperator,Yan\nt,q2,q3", ["t", "q2", "q3"], {"title": "Run 1", "line 2": "Operator, Yan"}),
         ("Controller 1,,\nt,q2,q3", ["t", "q2", "q3"], {"title": "Controller 1"}),
         (",,Controller 1\nt,q2,q3", ["t", "q2", "q3"], {"title": "Controller 1"}),
-        ("Controller 1\nt,q2,q3", ["t", "q2", "q3"], {"title": "Controller 1"}),
     ],
 )
 def test_rows_above_the_numbers(head: str, paths: list[str], texts: dict[str, str], tmp_path: Path) -> None:
@@ -153,10 +131,7 @@ def test_rows_above_the_numbers(head: str, paths: list[str], texts: dict[str, st
     [
         ("t,q2,q3,q3\ns,deg,,rad", [("t", "s"), ("q2", "deg"), ("q3", None), ("q3", "rad")]),
         ("s,deg,deg,rad\nt,q2,q3,q4", [("t", "s"), ("q2", "deg"), ("q3", "deg"), ("q4", "rad")]),
-        (
-            "时间,电机,,关节\ns,θ1,θ2,θ1",
-            [("时间", "s"), ("电机 θ1", None), ("电机 θ2", None), ("关节 θ1", None)],
-        ),
+        ("时间,电机,,关节\ns,x,y,x", [("时间", "s"), ("电机 x", None), ("电机 y", None), ("关节 x", None)]),
     ],
 )
 def test_a_row_of_units(head: str, expected: list[tuple[str, str | None]], tmp_path: Path) -> None:
@@ -165,19 +140,13 @@ def test_a_row_of_units(head: str, expected: list[tuple[str, str | None]], tmp_p
 
 @pytest.mark.parametrize("separator", [",", ";", "\t"])
 @pytest.mark.parametrize("lead", ["", "t"])
-def test_group_names_are_spread_over_the_empty_cells_behind_them(
-    separator: str, lead: str, tmp_path: Path
-) -> None:
-    rows = [["", "关节2", "", "关节3", ""], [lead, "期望", "实际", "期望", "实际"]]
-    rows += [[str(n), "1", "2", "3", "4"] for n in range(3)]
-    text = "SYNTHETIC\n" + "\n".join(separator.join(row) for row in rows)
-    found = of_text(text, tmp_path)
+def test_names_of_groups_span_the_empty_cells_behind_them(separator: str, lead: str, tmp_path: Path) -> None:
+    text = f"SYNTHETIC\n,关节2,,关节3,\n{lead},期望,实际,期望,实际\n" + "0,1,2,3,4\n" * 3
+    found = of_text(text.replace(",", separator), tmp_path)
     groups = [f"{joint} {name}" for joint in ("关节2", "关节3") for name in ("期望", "实际")]
     assert [signal.label for signal in found.signals] == [lead, *groups]
-    assert [signal.path for signal in found.signals] == [
-        lead or "column 1",
-        *(name.replace(" ", "/") for name in groups),
-    ]
+    paths = [lead or "column 1", *(name.replace(" ", "/") for name in groups)]
+    assert [signal.path for signal in found.signals] == paths
     assert found.texts == {"title": "SYNTHETIC"}
 
 
@@ -226,27 +195,27 @@ def test_a_column_called_name_is_no_row_of_names() -> None:
     assert [heading.name for heading in found] == ["Name", "q2", "q3"]
 
 
-def test_names_with_blanks_stand_further_apart(tmp_path: Path) -> None:
-    found = of_text("time (s)  joint 2\n0 1\n1 2\n2 3\n", tmp_path)
-    assert names_and_units(found) == [("time", "s"), ("joint 2", None)]
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        # Names with blanks stand further apart.
+        ("time (s)  joint 2\n0 1\n1 2\n2 3\n", {"time (s)": [0, 1, 2], "joint 2": [1, 2, 3]}),
+        # An empty first cell keeps its place.
+        ("\tq2\n0\t5\n1\t6\n2\t7\n", {"column 1": [0, 1, 2], "q2": [5, 6, 7]}),
+        ("# \tq2\n0\t5\n1\t6\n2\t7\n", {"column 1": [0, 1, 2], "q2": [5, 6, 7]}),
+        ("\tt\tq\n0\t1.5\n1\t2.5\n2\t3.5\n", TABLE),
+        # Decimal commas alone in a column.
+        ("q2\n1,5\n2,5\n3,5\n", {"q2": [1.5, 2.5, 3.5]}),
+        ("1,05\n2,50\n3,25\n", {"column 1": [1.05, 2.5, 3.25]}),
+        ("t;q\n0;1.234,5\n1;2.234,5\n2;3.234,5\n", {"t": [0, 1, 2], "q": [1234.5, 2234.5, 3234.5]}),
+        ('t,q\n0,"1,234.5"\n1,"2,234.5"\n2,"3"\n', {"t": [0, 1, 2], "q": [1234.5, 2234.5, 3.0]}),
+    ],
+)
+def test_what_could_be_read_otherwise(text: str, expected: dict[str, list[float]], tmp_path: Path) -> None:
+    assert columns(of_text(text, tmp_path)) == expected
 
 
-def test_an_empty_first_cell_keeps_its_place(tmp_path: Path) -> None:
-    found = of_text("\tq2\n0\t5\n1\t6\n2\t7\n", tmp_path)
-    assert columns(found) == {"column 1": [0.0, 1.0, 2.0], "q2": [5.0, 6.0, 7.0]}
-    assert columns(of_text("# \tq2\n0\t5\n1\t6\n2\t7\n", tmp_path)) == columns(found)
-    assert columns(of_text("\tt\tq\n0\t1.5\n1\t2.5\n2\t3.5\n", tmp_path)) == TABLE
-
-
-def test_decimal_commas_alone_in_a_column(tmp_path: Path) -> None:
-    assert columns(of_text("q2\n1,5\n2,5\n3,5\n", tmp_path)) == {"q2": [1.5, 2.5, 3.5]}
-    assert columns(of_text("1,05\n2,50\n3,25\n", tmp_path)) == {"column 1": [1.05, 2.5, 3.25]}
-
-
-def test_marks_between_thousands(tmp_path: Path) -> None:
-    expected = [1234.5, 2234.5, 3234.5]
-    assert columns(of_text("t;q\n0;1.234,5\n1;2.234,5\n2;3.234,5\n", tmp_path))["q"] == expected
-    assert columns(of_text('t,q\n0,"1,234.5"\n1,"2,234.5"\n2,"3,234.5"\n', tmp_path))["q"] == expected
+def test_a_comma_that_could_stand_between_thousands_is_noted(tmp_path: Path) -> None:
     doubtful = of_text("t;q\n0;1,234\n1;2,234\n2;3,234\n", tmp_path).signals[1]
     assert doubtful.values.tolist() == [1.234, 2.234, 3.234]
     assert "thousands" in doubtful.note
@@ -267,8 +236,8 @@ def test_marks_between_thousands(tmp_path: Path) -> None:
 )
 @pytest.mark.parametrize("separator", [";", "\t"])
 def test_clock_times_become_seconds(stamps: Sequence[str], separator: str, tmp_path: Path) -> None:
-    rows = "".join(f"{stamp}{separator}{number}\n" for number, stamp in enumerate(stamps))
-    found = of_text(f"when{separator}q\n{rows}", tmp_path)
+    rows = [("when", "q"), *zip(stamps, "012", strict=True)]
+    found = of_text("\n".join(map(separator.join, rows)), tmp_path)
     assert columns(found) == {"when": [0.0, 0.5, 1.0], "q": [0.0, 1.0, 2.0]}
     assert found.signals[0].unit == "s"
     assert "clock times" in found.signals[0].note
@@ -278,9 +247,8 @@ def test_gaps_and_words_among_numbers(tmp_path: Path) -> None:
     found = of_text("t,q,state\n0,1,idle\n1,,run\n2,ERR,run\n3,4,run\n", tmp_path)
     assert_array_equal(found.signals[1].values, [1.0, np.nan, np.nan, 4.0])
     assert "'ERR'" in found.signals[1].note
-    assert [(left.path, left.reason) for left in found.skipped] == [
-        ("state", "4 cells of words, 2 different")
-    ]
+    (left,) = found.skipped
+    assert (left.path, left.reason) == ("state", "4 cells of words, 2 different")
     assert found.texts["state"] == "idle, run"
 
 
@@ -291,22 +259,13 @@ def test_rows_of_other_lengths_are_noted(tmp_path: Path) -> None:
 
 
 def test_several_tables(tmp_path: Path) -> None:
-    text = "Run 1\nt,q\n0,1\n1,2\n2,3\n\nRun 2\nt,q\n0,5\n1,6\n2,7\n\n0,8\n1,8\n2,9\n"
+    numbers = "0,1\n1,2\n2,3\n"
+    text = f"t,q\n{numbers}\nController 2\nPayload,0.2\n\nt,q\n{numbers}\n{numbers}the end\n"
     found = of_text(text, tmp_path)
-    blocks = [f"block {number}/{name}" for number, name in itertools.product((1, 2, 3), "tq")]
-    assert list(columns(found)) == blocks
+    assert list(columns(found)) == [f"block {number}/{name}" for number in (1, 2, 3) for name in "tq"]
     assert found.signals[-1].note == "headings of the table before"
-    assert found.texts == {"block 1/title": "Run 1", "block 2/title": "Run 2"}
-
-
-def test_settings_between_tables_belong_to_the_next(tmp_path: Path) -> None:
-    table = "t,q\n0,1\n1,2\n2,3\n"
-    found = of_text(f"{table}\nController 2\nPayload,0.2\n\n{table}the end\n", tmp_path)
-    assert found.texts == {
-        "block 2/title": "Controller 2",
-        "block 2/line 7": "Payload, 0.2",
-        "line 13": "the end",
-    }
+    words = {"block 2/title": "Controller 2", "block 2/line 7": "Payload, 0.2"}
+    assert found.texts == words | {"line 17": "the end"}
 
 
 def test_many_tables_are_left_out_and_noted(tmp_path: Path) -> None:
@@ -315,20 +274,16 @@ def test_many_tables_are_left_out_and_noted(tmp_path: Path) -> None:
     assert [left.reason for left in found.skipped] == ["50 more tables, lines 402 to 600, left out"]
 
 
-@pytest.mark.parametrize(
-    "lines",
-    [
-        ["1. SYNTHETIC data of controller 1", "2. data of controller 2", "3. the same with 0.2 kg"],
-        ["SYNTHETIC", "Payload: 0.2 kg"],
-        ["rate,1000", "SYNTHETIC"],
-        ["SYNTHETIC notes", "all angles in degrees"],
-    ],
-)
-def test_a_text_for_people_is_no_table(lines: list[str], tmp_path: Path) -> None:
-    found = of_text("\n".join(lines), tmp_path)
+NUMBERED = "1. SYNTHETIC data of controller 1\n2. data of controller 2\n3. the same with 0.2 kg"
+PROSE = [NUMBERED, "SYNTHETIC\nPayload: 0.2 kg", "rate,1000\nSYNTHETIC", "SYNTHETIC notes\nangles in degrees"]
+
+
+@pytest.mark.parametrize("text", PROSE)
+def test_a_text_for_people_is_no_table(text: str, tmp_path: Path) -> None:
+    found = of_text(text, tmp_path)
     assert not found.signals
     assert [left.reason for left in found.skipped] == ["a text without a table of numbers"]
-    assert found.texts == {"text": "\n".join(lines)}
+    assert found.texts == {"text": text}
 
 
 def test_a_long_text_is_cut(tmp_path: Path) -> None:
@@ -341,26 +296,19 @@ numbers = st.floats(allow_nan=False, allow_infinity=False, width=64)
 tables = st.integers(2, 5).flatmap(
     lambda width: st.lists(st.lists(numbers, min_size=width, max_size=width), min_size=4, max_size=12)
 )
+forms = st.sampled_from([",.", ";.", ";,", "\t.", "\t,", "|.", " ."])
+encodings = st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "gbk"])
 
 
 @settings(max_examples=60)
-@given(
-    rows=tables,
-    form=st.sampled_from(
-        [(",", "."), (";", "."), (";", ","), ("\t", "."), ("\t", ","), ("|", "."), (" ", ".")]
-    ),
-    encoding=st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "gbk"]),
-    units=st.booleans(),
-)
-def test_what_is_written_as_text_is_read(
-    rows: list[list[float]], form: str, encoding: str, units: bool
-) -> None:
+@given(rows=tables, form=forms, encoding=encodings, units=st.booleans())
+def test_what_is_written_is_read(rows: list[list[float]], form: str, encoding: str, units: bool) -> None:
     separator, decimal = form
     names = [f"角{number}" for number in range(len(rows[0]))]
-    lines = [separator.join(names)] + ([separator.join(["deg"] * len(names))] if units else [])
-    lines += [separator.join(repr(value).replace(".", decimal) for value in row) for row in rows]
+    lines = [names, *([["deg"] * len(names)] if units else [])]
+    lines += [[repr(value).replace(".", decimal) for value in row] for row in rows]
     with tempfile.TemporaryDirectory() as folder:
-        found = of_text("\n".join(lines).encode(encoding), Path(folder))
+        found = of_text("\n".join(map(separator.join, lines)).encode(encoding), Path(folder))
     assert [signal.label for signal in found.signals] == names
     assert {signal.unit for signal in found.signals} == {"deg" if units else None}
     assert_array_equal(np.column_stack([signal.values for signal in found.signals]), rows)
@@ -372,28 +320,12 @@ def of_book(book: openpyxl.Workbook, folder: Path) -> Found:
     return read_workbook(path, "xlsx")
 
 
-def book_of(rows: Sequence[Sequence[object]], title: str = "Data") -> openpyxl.Workbook:
+def book_of(rows: Sequence[Sequence[object]]) -> openpyxl.Workbook:
     book = openpyxl.Workbook()
-    book.active.title = title
+    book.active.title = "Data"
     for row in rows:
         book.active.append(row)
     return book
-
-
-@settings(max_examples=20)
-@given(rows=tables, units=st.booleans())
-def test_what_is_written_as_workbook_is_read(rows: list[list[float]], units: bool) -> None:
-    # A spreadsheet rounds to 16 digits, which takes the largest number past infinity.
-    assume(np.abs(rows).max() < 1e308)
-    names = [f"q{number}" for number in range(len(rows[0]))]
-    head = [names, ["deg"] * len(names)] if units else [names]
-    with tempfile.TemporaryDirectory() as folder:
-        found = of_book(book_of([*head, *rows]), Path(folder))
-    assert [signal.path for signal in found.signals] == [f"Data/{name}" for name in names]
-    assert {signal.unit for signal in found.signals} == {"deg" if units else None}
-    np.testing.assert_allclose(
-        np.column_stack([signal.values for signal in found.signals]), rows, rtol=1e-14, atol=1e-300
-    )
 
 
 def test_tables_side_by_side_and_below_each_other(tmp_path: Path) -> None:
@@ -427,9 +359,7 @@ def test_titles_belong_to_the_table_below_them(tmp_path: Path) -> None:
         "Data!D6:E8/row 3": "Payload, 0.2",
         "Data!A6:B8/row 9": "measured in May",
     }
-    assert all(
-        any(s.path.startswith(path.rpartition("/")[0] + "/") for s in found.signals) for path in found.texts
-    )
+    assert {signal.group for signal in found.signals} == {"Data!A6:B8", "Data!D6:E8"}
 
 
 def test_a_merged_name_ends_where_the_merged_cells_end(tmp_path: Path) -> None:
@@ -444,7 +374,7 @@ def test_a_merged_name_ends_where_the_merged_cells_end(tmp_path: Path) -> None:
 
 
 def test_hidden_sheets_charts_and_empty_ones(tmp_path: Path) -> None:
-    book = book_of([["t", "q2"], *([n, 1] for n in range(3))])
+    book = book_of([["t", "q2"], ["s", "deg"], *([n, 1] for n in range(3))])
     hidden = book.create_sheet("Old")
     hidden.sheet_state = "hidden"
     for number in range(3):
@@ -452,16 +382,16 @@ def test_hidden_sheets_charts_and_empty_ones(tmp_path: Path) -> None:
     book.create_sheet("Empty")
     book.create_chartsheet("Chart")
     found = of_book(book, tmp_path)
-    notes = {signal.path: signal.note for signal in found.signals}
-    assert notes == {"Data/t": "", "Data/q2": "", "Old/column 1": "on a hidden sheet"}
+    told = [(signal.path, signal.unit, signal.note) for signal in found.signals]
+    hidden_column = ("Old/column 1", None, "on a hidden sheet")
+    assert told == [("Data/t", "s", ""), ("Data/q2", "deg", ""), hidden_column]
     assert {left.path for left in found.skipped} == {"Empty", "Chart"}
 
 
 def test_formulas_without_results_and_dates(tmp_path: Path) -> None:
     start = datetime.datetime(2026, 1, 1, 12)
-    rows = [
-        [start + datetime.timedelta(seconds=n), n, f"=B{n + 2}*2", "#DIV/0!" if n else 1] for n in range(4)
-    ]
+    times = [start + datetime.timedelta(seconds=n) for n in range(4)]
+    rows = [[times[n], n, f"=B{n + 2}*2", "#DIV/0!" if n else 1] for n in range(4)]
     found = of_book(book_of([["when", "q", "twice", "bad"], *rows]), tmp_path)
     assert columns(found)["Data/when"] == [0.0, 1.0, 2.0, 3.0]
     assert found.signals[0].unit == "s"
@@ -469,13 +399,11 @@ def test_formulas_without_results_and_dates(tmp_path: Path) -> None:
     assert_array_equal(found.signals[2].values, [1.0, np.nan, np.nan, np.nan])
 
 
-@pytest.mark.parametrize(
-    ("suffix", "content"), [("xls", seed_files.old_workbook()), ("ods", seed_files.open_workbook())]
-)
-def test_old_and_open_workbooks(suffix: str, content: bytes, tmp_path: Path) -> None:
-    path = tmp_path / f"SYNTHETIC.{suffix}"
-    path.write_bytes(content)
-    found = read_workbook(path, suffix)
+@pytest.mark.parametrize("save", [seed_files.workbook, seed_files.old_workbook, seed_files.open_workbook])
+def test_workbooks_of_every_kind(save: Callable[[], bytes], tmp_path: Path) -> None:
+    path = tmp_path / "SYNTHETIC"
+    path.write_bytes(save())
+    found = read_workbook(path, "x")
     assert names_and_units(found) == [("SYNTHETIC time", "s"), ("q2", "deg"), ("q3", "deg")]
     assert {signal.group for signal in found.signals} == {"Data"}
     assert_array_equal(np.column_stack([signal.values for signal in found.signals]), seed_files.ROWS)
@@ -511,11 +439,13 @@ def test_what_is_written_as_arrays_is_read(kind: str, length: int, width: int, s
 
 def test_structured_arrays_dates_and_texts(tmp_path: Path) -> None:
     stamps = np.array(["2026-01-01T00:00:00.0", "2026-01-01T00:00:00.5", "NaT"], "datetime64[ms]")
-    table = np.array([(0.0, (1, 2)), (1.0, (3, 4))], [("t", "f8"), ("q", [("a", "i4"), ("b", "i4")])])
+    kind = np.dtype([("t", "<f8"), ("q", [("a", "i2"), ("b", "<f4", (2,))])], align=True)
+    table = np.array([(0.0, (1, (2, 3))), (1.0, (3, (4, 5)))], kind)
     np.savez(tmp_path / "SYNTHETIC.npz", when=stamps, table=table, words=np.array(["a", "b"]))
     found = read_npz(tmp_path / "SYNTHETIC.npz")
     assert list(columns(found)) == ["when", "table/t", "table/q/a", "table/q/b"]
     assert_array_equal(found.signals[0].values, [0.0, 0.5, np.nan])
+    assert columns(found)["table/q/b"] == [[2.0, 3.0], [4.0, 5.0]]
     assert {signal.group for signal in found.signals[1:]} == {"table"}
     assert found.texts == {"words": "a, b"}
 
@@ -531,14 +461,10 @@ def test_objects_are_refused_and_do_not_stop_the_rest(tmp_path: Path) -> None:
         read_npy(tmp_path / "SYNTHETIC.npy")
 
 
-@pytest.mark.parametrize("version", [(1, 0), (2, 0), (3, 0)])
-def test_a_header_that_announces_more_than_there_is(version: tuple[int, int], tmp_path: Path) -> None:
-    stream = io.BytesIO()
-    np.lib.format.write_array(stream, np.arange(100.0), version=version)
+def test_a_header_that_announces_more_than_there_is(tmp_path: Path) -> None:
     path = tmp_path / "SYNTHETIC.npy"
-    path.write_bytes(stream.getvalue())
-    assert columns(read_npy(path)) == {"array": list(range(100))}
-    path.write_bytes(stream.getvalue().replace(b"(100,)", b"(999,)"))
+    np.save(path, np.arange(100.0))
+    path.write_bytes(path.read_bytes().replace(b"(100,)", b"(999,)"))
     with pytest.raises(Unreadable, match="broken or cut short"):
         read_npy(path)
 
@@ -586,9 +512,9 @@ def test_links_loops_and_promises_of_hdf5(hdf5: Path, tmp_path: Path) -> None:
         file.create_dataset("never", (100,), "f8")
     found = read_hdf5(hdf5)
     assert sorted(columns(found)) == ["controller_1/q", "controller_1/time"]
-    assert sorted(left.path for left in found.skipped) == [
-        "away", "huge", "never", "outside", "partly", "virtual",
-    ]  # fmt: skip
+    left_out = {"away", "huge", "never", "outside", "partly", "virtual"}
+    assert {left.path for left in found.skipped} == left_out
+    assert len(found.skipped) == len(left_out)
 
 
 def test_fields_packed_numbers_and_netcdf(tmp_path: Path) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,74 +19,53 @@ NOTE = b"SYNTHETIC, made by the tests"
 def classic(path: Path, variables: Mapping[str, Any], *, packed: bool = False, version: str = "5") -> Path:
     """MATLAB 5, 7 (packed) or 4, as SciPy writes it."""
     savemat(path, dict(variables), format=version, do_compression=packed)
-    if version == "5":
-        with path.open("r+b") as file:
-            file.write((b"MATLAB 5.0 MAT-file, " + NOTE).ljust(116))
+    return _headed(path, b"MATLAB 5.0 MAT-file, ") if version == "5" else path
+
+
+def _headed(path: Path, kind: bytes, after: bytes = b"") -> Path:
+    with path.open("r+b") as file:
+        file.write((kind + NOTE).ljust(116) + after)
     return path
 
 
-def hdf(path: Path, variables: Mapping[str, Any], streams: list[Any] | None = None) -> Path:
+def hdf(path: Path, variables: Mapping[str, Any], streams: Sequence[Any] = ()) -> Path:
     """MATLAB 7.3, member by member: arrays transposed, cells as references, a header before the HDF5 data."""
     with h5py.File(path, "w", userblock_size=512) as file:
         file.create_group("#refs#")
         for name, value in variables.items():
             put(file, file, name, value)
-        if streams is not None:
-            for number, values in enumerate(streams):
-                _stream(file.require_group("#sigstream#"), number, values)
-    header = (b"MATLAB 7.3 MAT-file, " + NOTE).ljust(116) + bytes(8) + b"\x00\x02IM"
-    with path.open("r+b") as file:
-        file.write(header)
-    return path
+        for number, values in enumerate(map(np.ascontiguousarray, streams)):
+            node = file.create_group(f"#sigstream#/{number}")
+            node["#data#"] = np.frombuffer(values.tobytes(), np.uint8)
+            counts = {"#length#": len(values), "#sampleSize#": values.nbytes // len(values), "#version#": 1}
+            for name, count in counts.items():
+                node[name] = np.array([count], np.uint64)
+    return _headed(path, b"MATLAB 7.3 MAT-file, ", bytes(8) + b"\x00\x02IM")
 
 
 def put(file: h5py.File, group: h5py.Group, name: str, value: Any) -> Any:
     if isinstance(value, Mapping):
-        node = group.create_group(name)
+        kind, node = "struct", group.create_group(name)
         for key, item in value.items():
             put(file, node, key, item)
-        node.attrs["MATLAB_class"] = np.bytes_("struct")
         fields = np.empty(len(value), dtype=h5py.vlen_dtype(np.dtype("S1")))
         for number, key in enumerate(value):
-            fields[number] = np.array([letter.encode() for letter in key], "S1")
+            fields[number] = np.array(list(key.encode()), np.uint8).view("S1")
         node.attrs.create("MATLAB_fields", fields)
     elif isinstance(value, list):
         refs = file["#refs#"]
         cells = [put(file, refs, f"r{len(refs)}", item).ref for item in value]
-        node = group.create_dataset(name, data=np.array([cells], h5py.ref_dtype).T, dtype=h5py.ref_dtype)
-        node.attrs["MATLAB_class"] = np.bytes_("cell")
+        kind, node = "cell", group.create_dataset(name, data=np.array([cells], h5py.ref_dtype).T)
     elif isinstance(value, str):
         codes = np.frombuffer(value.encode("utf-16-le"), np.uint16)[:, None]
-        node = group.create_dataset(name, data=codes)
-        node.attrs["MATLAB_class"] = np.bytes_("char")
+        kind, node = "char", group.create_dataset(name, data=codes)
         node.attrs["MATLAB_int_decode"] = np.int32(2)
     else:
         array = np.atleast_2d(value)
+        kind = {"float64": "double", "float32": "single"}.get(array.dtype.name, array.dtype.name)
         node = group.create_dataset(name, data=array.T)
-        kind = {"float64": "double", "float32": "single", "bool": "logical"}.get(
-            array.dtype.name, array.dtype.name
-        )
-        node.attrs["MATLAB_class"] = np.bytes_(kind)
+    node.attrs["MATLAB_class"] = np.bytes_(kind)
     return node
-
-
-def _stream(group: h5py.Group, number: int, values: Any) -> None:
-    array = np.ascontiguousarray(values)
-    node = group.create_group(str(number))
-    node["#data#"] = np.frombuffer(array.tobytes(), np.uint8)
-    node["#length#"] = np.array([len(array)], np.uint64)
-    node["#sampleSize#"] = np.array([array.nbytes // len(array)], np.uint64)
-    node["#version#"] = np.array([1], np.uint64)
-
-
-def streamed_signal(
-    name: str, record: int, clock: tuple[float, float, float] | None = None
-) -> dict[str, Any]:
-    """What stands below ``#refs#`` for a signal whose samples are streamed."""
-    values: dict[str, Any] = {"DataR2": np.array([[float(record)]])}
-    if clock:
-        values["CompressedTime"] = np.array([clock])
-    return {"Name": name, "Values": values}
 
 
 def thing(kind: str, **properties: Any) -> Any:
@@ -103,16 +82,14 @@ def objects(path: Path, variables: Mapping[str, Any], version: str) -> Path:
     matio = pytest.importorskip("matio")
     with quiet():
         matio.save_to_mat(str(path), dict(variables), version=version)
-    with path.open("r+b") as file:
-        file.write((b"MATLAB MAT-file, " + NOTE).ljust(116))
-    return path
+    return _headed(path, b"MATLAB MAT-file, ")
 
 
 EMPTY = np.empty((0, 0))
 
 
 def timeseries(
-    data: Any,
+    data: Any = None,
     time: Any = None,
     *,
     name: str = "",
@@ -123,23 +100,16 @@ def timeseries(
     time_unit: str = "seconds",
 ) -> Any:
     """A MATLAB timeseries; times as stored, or as start, step and count."""
-    start, step, count = uniform or (0.0, np.nan, 0)
-    info = thing(
-        "tsdata.timemetadata",
-        Time_=EMPTY if time is None else np.reshape(time, (-1, 1)),
-        Start_=np.array([[start]]),
-        Increment_=np.array([[step]]),
-        Length=np.array([[float(count)]]),
-        Units=time_unit,
-    )
+    stored = EMPTY if time is None else np.reshape(time, (-1, 1))
+    start, step, count = (np.array([[float(number)]]) for number in uniform or (0.0, np.nan, 0))
+    clock = {"Start_": start, "Increment_": step, "Length": count}
+    streamed = {} if storage is None else {"Data": storage, "Length": np.zeros((1, 1))}
     return thing(
         "timeseries",
         Data_=EMPTY if data is None else np.asarray(data),
-        TimeInfo=info,
+        TimeInfo=thing("tsdata.timemetadata", Time_=stored, Units=time_unit, **clock),
         IsTimeFirst_=np.array([[time_first]]),
-        Storage_=EMPTY
-        if storage is None
-        else thing("tsdata.StreamingStorage", Data=storage, Length=np.zeros((1, 1))),
+        Storage_=thing("tsdata.StreamingStorage", **streamed) if streamed else EMPTY,
         DataInfo=thing("tsdata.datametadata", Units=unit),
         Name=name,
     )
@@ -147,10 +117,7 @@ def timeseries(
 
 def record(**fields: Any) -> Any:
     """A struct of one element."""
-    array = np.empty((1, 1), dtype=[(name, object) for name in fields])
-    for name, value in fields.items():
-        array[name][0, 0] = value
-    return array
+    return records(fields)
 
 
 def records(*elements: Mapping[str, Any]) -> Any:
@@ -183,19 +150,16 @@ def graphic(kind: str, children: Any = EMPTY, special: Any = EMPTY, **properties
 
 def figure(path: Path, *axes: Mapping[str, Any], tree: str = "hgS_070000", version: str = "v7") -> Path:
     """A figure with some axes, and beside it the object that newer releases add."""
-    root = records(graphic("figure", records(*axes), Visible="on"))
-    return objects(
-        path, {tree: root, "hgM_070000": record(GraphicsObjects=thing("lab.Figure", x=EMPTY))}, version
-    )
+    root = record(**graphic("figure", records(*axes), Visible="on"))
+    beside = record(GraphicsObjects=thing("lab.Figure", x=EMPTY))
+    return objects(path, {tree: root, "hgM_070000": beside}, version)
 
 
-def axes(
-    *curves: Mapping[str, Any], title: str = "", xlabel: str = "", ylabel: str = "", tag: str = ""
-) -> Any:
+def axes(*curves: Mapping[str, Any], title: Any = "", xlabel: str = "", ylabel: str = "", **own: Any) -> Any:
     """Axes with curves; the labels are the last three children."""
     words = [graphic("text", String=text) for text in (title, xlabel, ylabel)]
-    count = len(curves)
-    return graphic("axes", records(*curves, *words), [count + 1, count + 2, count + 3, 0], Tag=tag)
+    special = [len(curves) + number for number in (1, 2, 3)]
+    return graphic("axes", records(*curves, *words), [*special, 0], **{"Tag": "", **own})
 
 
 def line(x: Any, y: Any, label: str = "") -> dict[str, Any]:

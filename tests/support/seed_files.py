@@ -17,13 +17,14 @@ from typing import Any
 import h5py
 import numpy as np
 import openpyxl
-import scipy.io
 import xlwt
 from odf.opendocument import OpenDocumentSpreadsheet
 from odf.table import Table, TableCell, TableRow
 from odf.text import P
+from scipy.io import savemat
 
-from support import matlab_bytes
+from support.matlab_bytes import hdf
+from tendonrepro.dataset.readers.filetype import FileType
 
 ROWS = [[number * 0.01, number * 1.5, -number] for number in range(30)]
 NAMES = ["SYNTHETIC time (s)", "q2 (deg)", "q3 (deg)"]
@@ -44,6 +45,7 @@ def saved(write: Callable[[Path], Any], suffix: str) -> bytes:
 
 def workbook() -> bytes:
     book = openpyxl.Workbook()
+    book.active.title = "Data"
     for row in [NAMES, *ROWS]:
         book.active.append(row)
     return saved(book.save, "xlsx")
@@ -87,19 +89,8 @@ def hdf5(path: Path) -> None:
         file["away"] = h5py.ExternalLink("SYNTHETIC_secret.h5", "q")
 
 
-def array() -> bytes:
-    stream = io.BytesIO()
-    np.save(stream, np.array(ROWS))
-    return stream.getvalue()
-
-
-def arrays() -> bytes:
-    stream = io.BytesIO()
-    np.savez_compressed(stream, q=np.array(ROWS), table=np.zeros(9, [("a", "i4"), ("b", "f8")]))
-    return stream.getvalue()
-
-
-def zipped(content: Mapping[str, bytes]) -> bytes:
+def zipped(content: Mapping[Any, bytes]) -> bytes:
+    """A zip archive; a name is a text or a `ZipInfo`."""
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as packed:
         for name, data in content.items():
@@ -107,17 +98,31 @@ def zipped(content: Mapping[str, bytes]) -> bytes:
     return stream.getvalue()
 
 
-def tarred(content: Mapping[str, bytes], mode: str = "w") -> bytes:
+def tarred(content: Mapping[str, bytes], mode: str = "w", *others: tarfile.TarInfo) -> bytes:
+    """A tar archive of files, and of entries without content, such as links."""
     stream = io.BytesIO()
     with tarfile.open(fileobj=stream, mode=mode) as packed:  # type: ignore[call-overload]
         for name, data in content.items():
             entry = tarfile.TarInfo(name)
             entry.size = len(data)
             packed.addfile(entry, io.BytesIO(data))
-        link = tarfile.TarInfo("link")
-        link.type, link.linkname = tarfile.SYMTYPE, "../../SYNTHETIC_link"
-        packed.addfile(link)
+        for entry in others:
+            packed.addfile(entry)
     return stream.getvalue()
+
+
+def tar_entry(name: str, kind: bytes, target: str) -> tarfile.TarInfo:
+    entry = tarfile.TarInfo(name)
+    entry.type, entry.linkname = kind, target
+    return entry
+
+
+def encrypted_zip(content: Mapping[str, bytes]) -> bytes:
+    """The first member is marked as encrypted."""
+    raw = bytearray(zipped(content))
+    for signature, offset in ((b"PK\x03\x04", 6), (b"PK\x01\x02", 8)):
+        raw[raw.index(signature) + offset] |= 1
+    return bytes(raw)
 
 
 def ole2(name: str) -> bytes:
@@ -128,45 +133,43 @@ def ole2(name: str) -> bytes:
     return bytes(head) + (name + "\0").encode("utf-16-le").ljust(512, b"\0")
 
 
-def level_4() -> bytes:
-    return saved(lambda path: scipy.io.savemat(path, {"q": np.array(ROWS)}, format="4"), "mat")
-
-
-def level_5(*, packed: bool) -> bytes:
-    tree = {"out": {"time": np.arange(30.0), "q": np.array(ROWS), "name": "SYNTHETIC", "more": [{"a": 1.0}]}}
-    return saved(lambda path: scipy.io.savemat(path, tree, do_compression=packed), "mat")
-
-
-def level_73() -> bytes:
-    tree = {"out": {"q": np.array(ROWS)}, "t": np.arange(30.0)}
-    return saved(lambda path: matlab_bytes.hdf(path, tree), "mat")
-
-
 OUTSIDE = "/SYNTHETIC_root.csv"
 # From where members are unpacked, four folders up is the one around all temporary folders.
 HOSTILE = {"../../../../SYNTHETIC_out.csv": text(), OUTSIDE: text(), "good.csv": text()}
 
 
-def readable() -> dict[str, bytes]:
-    """Files that are read, by name."""
+def readable() -> dict[str, tuple[FileType, bytes]]:
+    """Types and contents of files that are read, by name."""
+    rows, times = np.array(ROWS), np.arange(30.0)
+    array = saved(lambda path: np.save(path, rows), "npy")
+    table = np.zeros(9, [("a", "i4"), ("b", "f8")])
+    arrays = saved(lambda path: np.savez_compressed(path, q=rows, table=table), "npz")
+    newest = saved(lambda path: hdf(path, {"out": {"q": rows}, "t": times}), "mat")
+    out = {"time": times, "q": rows, "name": "SYNTHETIC", "more": [{"a": 1.0}]}
+
+    def level(number: str, tree: Mapping[str, Any], *, packed: bool = False) -> bytes:
+        return saved(lambda path: savemat(path, tree, format=number, do_compression=packed), "mat")
+
+    link = tar_entry("link", tarfile.SYMTYPE, "../../SYNTHETIC_link")
+    inner = tarred({"a.npy": array}, "w", link)
     return {
-        "SYNTHETIC_comma.csv": text(),
-        "SYNTHETIC_semicolon.csv": text(";", ","),
-        "SYNTHETIC_utf16.txt": text("\t", ".", "utf-16"),
-        "SYNTHETIC.xlsx": workbook(),
-        "SYNTHETIC.xls": old_workbook(),
-        "SYNTHETIC.ods": open_workbook(),
-        "SYNTHETIC.npy": array(),
-        "SYNTHETIC.npz": arrays(),
-        "SYNTHETIC.h5": saved(hdf5, "h5"),
-        "SYNTHETIC_4.mat": level_4(),
-        "SYNTHETIC_5.mat": level_5(packed=False),
-        "SYNTHETIC_7.mat": level_5(packed=True),
-        "SYNTHETIC_73.mat": level_73(),
-        "SYNTHETIC.zip": zipped(HOSTILE | {"inner.tar": tarred({"a.npy": array()})}),
-        "SYNTHETIC.tar": tarred(HOSTILE),
-        "SYNTHETIC.tar.gz": tarred(HOSTILE, "w:gz"),
-        "SYNTHETIC.csv.gz": gzip.compress(text()),
-        "SYNTHETIC.csv.bz2": bz2.compress(text()),
-        "SYNTHETIC.csv.xz": lzma.compress(text()),
+        "SYNTHETIC_comma.csv": (FileType.TEXT, text()),
+        "SYNTHETIC_semicolon.csv": (FileType.TEXT, text(";", ",")),
+        "SYNTHETIC_utf16.txt": (FileType.TEXT, text("\t", ".", "utf-16")),
+        "SYNTHETIC.xlsx": (FileType.XLSX, workbook()),
+        "SYNTHETIC.xls": (FileType.XLS, old_workbook()),
+        "SYNTHETIC.ods": (FileType.ODS, open_workbook()),
+        "SYNTHETIC.npy": (FileType.NPY, array),
+        "SYNTHETIC.npz": (FileType.NPZ, arrays),
+        "SYNTHETIC.h5": (FileType.HDF5, saved(hdf5, "h5")),
+        "SYNTHETIC_4.mat": (FileType.MATLAB_4, level("4", {"q": rows})),
+        "SYNTHETIC_5.mat": (FileType.MATLAB_5, level("5", {"out": out})),
+        "SYNTHETIC_7.mat": (FileType.MATLAB_5, level("5", {"out": out}, packed=True)),
+        "SYNTHETIC_73.mat": (FileType.MATLAB_73, newest),
+        "SYNTHETIC.zip": (FileType.ZIP, zipped(HOSTILE | {"inner.tar": inner})),
+        "SYNTHETIC.tar": (FileType.TAR, tarred(HOSTILE, "w", link)),
+        "SYNTHETIC.tar.gz": (FileType.GZIP, tarred(HOSTILE, "w:gz", link)),
+        "SYNTHETIC.csv.gz": (FileType.GZIP, gzip.compress(text())),
+        "SYNTHETIC.csv.bz2": (FileType.BZIP2, bz2.compress(text())),
+        "SYNTHETIC.csv.xz": (FileType.XZ, lzma.compress(text())),
     }
