@@ -37,7 +37,7 @@ OWNERS = {
     "pydantic": ["config/*", "dataset/mapping/model.py", "dataset/repository/lock.py"],
     "yaml": ["config/fields/strict_yaml.py"],
     "h5py": ["results/traces.py", "ensemble/shards.py", "dataset/readers/*"],
-    "pandas": ["results/tables.py", "dataset/readers/*"],
+    "pandas": ["dataset/readers/*"],
     "matio": ["dataset/readers/matlab/*"],
     "python_calamine": ["dataset/readers/*"],
     "charset_normalizer": ["dataset/readers/*"],
