@@ -72,7 +72,7 @@ def write_csv(folder: Path, file: TraceFile) -> None:
 
 def write_xlsx(folder: Path, file: TraceFile) -> None:
     for name, run in file.runs.items():
-        content = synthetic_record.workbook(table_of(run), "Sheet1")
+        content = synthetic_record.workbook(table_of(run))
         (folder / f"SYNTHETIC_{name}.xlsx").write_bytes(content)
 
 

@@ -283,7 +283,6 @@ def test_runs_of_both_experiments_come_into_one_file() -> None:
     assert together([]) is None
     assert together([MOVES]) is MOVES
     found = together([MOVES, other])
-    assert found is not None
     assert found.experiment == "both"
     assert [*found.runs] == [*MOVES.runs, *other.runs]
     assert found.title == f"{MOVES.title}; other"
