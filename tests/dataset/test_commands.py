@@ -52,47 +52,31 @@ def call(command: str, folder: Path, repository: Repository, *words: str) -> Any
 pytestmark = pytest.mark.slow
 
 
-def test_the_record_is_fetched_and_locked(workplace: tuple[Path, dict[str, Any]]) -> None:
+def test_the_record_is_fetched_and_understood_without_being_told(
+    workplace: tuple[Path, dict[str, Any]],
+) -> None:
+    """Its own tables come back: they are not the paper's, so nothing printed can have slipped in."""
     folder, said = workplace
     assert {file["action"] for file in said["fetch"]["files"]} == {"downloaded"}
     lock = json.loads((folder / "data/zenodo.lock.json").read_text())
     assert {file["key"] for file in lock["files"]} == {file["path"] for file in said["fetch"]["files"]}
     assert (folder / "data/zenodo/SYNTHETIC controller1.mat").is_file()
-
-
-def test_everything_is_understood_without_being_told(workplace: tuple[Path, dict[str, Any]]) -> None:
-    _, said = workplace
-    assert said["inspect"]["runs"] == {
-        "controller_1": 4,
-        "controller_1_payload": 4,
-        "controller_2": 4,
-        "controller_3": 4,
-        "decouple": 6,
-    }
+    assert said["inspect"]["runs"] == dict.fromkeys(synthetic_record.SIZES, 4) | {"decouple": 6}
     assert said["inspect"]["left"] == 0
-
-
-def test_the_records_own_tables_come_back(workplace: tuple[Path, dict[str, Any]]) -> None:
-    """They are not the paper's, so nothing printed can have slipped in."""
-    _, said = workplace
     for run, sizes in synthetic_record.expected_sizes().items():
         for name, values in sizes.items():
             np.testing.assert_allclose(said["ingest"]["runs"][run][f"{name}_deg"], values, rtol=1e-9)
 
 
-def test_files_of_the_comparison_are_there(workplace: tuple[Path, dict[str, Any]]) -> None:
+def test_files_of_the_comparison_are_there_and_run(
+    workplace: tuple[Path, dict[str, Any]], repository: Repository, command: str
+) -> None:
     folder, said = workplace
     out = folder / "reports/validate"
     written = {path.relative_to(out).as_posix() for path in out.rglob("*") if path.is_file()}
     assert {"manifest.json", "validation.json", "reference.csv", "compare.yaml", "simulated.h5"} <= written
     assert {f"figures/fig{number:02d}.png" for number in (9, 10, 11, 12, 13, 14, 16)} <= written
     assert said["validate"]["schema_version"] == 1
-
-
-def test_the_recovered_motion_runs_in_the_simulator(
-    workplace: tuple[Path, dict[str, Any]], repository: Repository, command: str
-) -> None:
-    folder, _ = workplace
     config = "reports/validate/compare.yaml"
     assert "valid compare" in call(command, folder, repository, "config", "check", config)
 
@@ -102,11 +86,9 @@ def test_claims_and_figures_take_the_measurement(
 ) -> None:
     folder, _ = workplace
     ledger = call(command, folder, repository, "claims", "K3", "K5", "C2", "--json")
-    verdicts = {claim["id"]: claim for claim in ledger["claims"]}
-    assert verdicts["K3"]["verdict"] == "reproduced"
-    assert verdicts["K5"]["verdict"] == "reproduced"
-    assert verdicts["C2"]["evidence"]["measured"]["verdict"] == "not_reproduced"
+    claims = {claim["id"]: claim for claim in ledger["claims"]}
+    assert [claims[name]["verdict"] for name in ("K3", "K5")] == ["reproduced"] * 2
+    assert claims["C2"]["evidence"]["measured"]["verdict"] == "not_reproduced"
     (folder / "measured").mkdir()
     (folder / "measured/traces.h5").write_bytes((folder / "data/measured.h5").read_bytes())
-    drawn = call(command, folder, repository, "figures", "14", "--out", "measured")
-    assert "fig14.png" in drawn
+    assert "fig14.png" in call(command, folder, repository, "figures", "14", "--out", "measured")

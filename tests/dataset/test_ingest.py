@@ -40,11 +40,10 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> TraceFile:
 
 def table_of(trace: Trace) -> dict[str, Array]:
     """A run as a lab would export it, in degrees."""
-    names = {"q_d": "desired", "q_encoder": "actual"}
     columns = {"time (s)": trace.time}
-    for variable, word in names.items():
-        for k, joint in enumerate(trace.joint):
-            columns[f"joint {joint} {word} (deg)"] = np.rad2deg(trace[variable][:, k])
+    for variable, word in (("q_d", "desired"), ("q_encoder", "actual")):
+        for joint, angle in zip(trace.joint, np.rad2deg(trace[variable]).T, strict=True):
+            columns[f"joint {joint} {word} (deg)"] = angle
     return columns
 
 
@@ -61,27 +60,30 @@ def write_hdf(folder: Path, file: TraceFile) -> None:
     hdf(folder / "SYNTHETIC.mat", {name: as_struct(run) for name, run in file.runs.items()})
 
 
+def save_table(path: Path, table: Mapping[str, Array], digits: str) -> None:
+    rows, header = np.stack(list(table.values()), axis=1), ",".join(table)
+    np.savetxt(path, rows, delimiter=",", header=header, comments="", fmt=digits)
+
+
 def write_csv(folder: Path, file: TraceFile) -> None:
     for name, run in file.runs.items():
-        table = table_of(run)
-        rows = np.stack(list(table.values()), axis=1)
-        header = ",".join(table)
-        np.savetxt(
-            folder / f"SYNTHETIC_{name}.csv", rows, delimiter=",", header=header, comments="", fmt="%.17g"
-        )
+        save_table(folder / f"SYNTHETIC_{name}.csv", table_of(run), "%.17g")
 
 
 def write_xlsx(folder: Path, file: TraceFile) -> None:
     for name, run in file.runs.items():
-        content = synthetic_record.workbook(table_of(run), "Sheet1")
+        content = synthetic_record.workbook(table_of(run))
         (folder / f"SYNTHETIC_{name}.xlsx").write_bytes(content)
 
 
-def ingested(folder: Path, tmp_path: Path) -> TraceFile:
-    mapping, out = tmp_path / "mapping.yaml", tmp_path / "measured.h5"
-    run_inspect([folder], mapping, force=False, talk=QUIET)
-    run_ingest([folder], mapping, out, force=False, dry_run=False, talk=QUIET)
-    return read_traces(out)
+def ingest(files: Path, mapping: Path, *, force: bool = False, dry_run: bool = False) -> dict[str, Any]:
+    """Into measured.h5 beside the mapping."""
+    out = mapping.with_name("measured.h5")
+    return run_ingest([files], mapping, out, force=force, dry_run=dry_run, talk=QUIET)
+
+
+def inspect(files: Path, mapping: Path | None, *, force: bool = False) -> dict[str, Any]:
+    return run_inspect([files], mapping, force=force, talk=QUIET)
 
 
 @pytest.mark.parametrize("write", [write_mat, write_hdf, write_csv, write_xlsx])
@@ -89,10 +91,12 @@ def test_simulated_runs_come_back_from_every_format(
     simulated: TraceFile, tmp_path: Path, write: Callable[[Path, TraceFile], None]
 ) -> None:
     """Times, angles and errors to the last digits, Tables 2 and 3 as they were."""
-    folder = tmp_path / "files"
+    folder, mapping = tmp_path / "files", tmp_path / "mapping.yaml"
     folder.mkdir()
     write(folder, simulated)
-    back = ingested(folder, tmp_path)
+    inspect(folder, mapping)
+    ingest(folder, mapping)
+    back = read_traces(tmp_path / "measured.h5")
     assert back.source == "measured"
     assert set(back.runs) == set(simulated.runs)
     for name, run in simulated.runs.items():
@@ -103,61 +107,11 @@ def test_simulated_runs_come_back_from_every_format(
         assert back.runs[name].status == run.status
     before, after = table_data_compare(simulated), table_data_compare(back)
     for table in ("table2", "table3"):
-        _assert_same_tables(before[table], after[table])
+        assert set(before[table]) == set(after[table])
+        for run_name, sizes in before[table].items():
+            for size, values in sizes.items():
+                assert after[table][run_name][size] == pytest.approx(values, rel=1e-10), (run_name, size)
     assert back.runs["controller_1_payload"].attributes["payload_mass"] == pytest.approx(0.2)
-
-
-def _assert_same_tables(
-    before: Mapping[str, Mapping[str, list[float]]], after: Mapping[str, Mapping[str, list[float]]]
-) -> None:
-    assert set(before) == set(after)
-    for run, sizes in before.items():
-        for name, values in sizes.items():
-            assert after[run][name] == pytest.approx(values, rel=1e-10), (run, name)
-
-
-LONG = """    {name}:
-      payload_mass_kg: {mass}
-      time: {{file: SYNTHETIC_long.csv, signal: time_s}}
-      where:
-      - {{signal: controller, equals: {controller}}}
-      - {{signal: payload_kg, equals: {mass}}}
-      signals:
-"""
-LONG_COLUMN = (
-    "      - {{variable: {variable}, joint: {joint}, file: SYNTHETIC_long.csv, signal: {signal}, unit: deg, "
-    "where: {{signal: joint, equals: {joint}}}}}\n"
-)
-
-
-def write_long(folder: Path, file: TraceFile) -> str:
-    """All runs and joints below each other in one table; returns the mapping that takes them apart."""
-    blocks, mapping = [], "schema_version: 1\ntitle: SYNTHETIC\nruns:\n"
-    for name, run in file.runs.items():
-        controller, mass = int(name.split("_")[1]), 0.2 if "payload" in name else 0.0
-        mapping += LONG.format(name=name, controller=controller, mass=mass)
-        for k, joint in enumerate(run.joint):
-            angles = (np.rad2deg(run[variable][:, k]) for variable in ("q_d", "q_encoder"))
-            kind = (np.full(len(run.time), value) for value in (controller, mass, joint))
-            blocks.append(np.stack([run.time, *kind, *angles], axis=1))
-            for variable, signal in (("q_d", "desired"), ("q_encoder", "measured")):
-                mapping += LONG_COLUMN.format(variable=variable, joint=joint, signal=signal)
-    header = "time_s,controller,payload_kg,joint,desired,measured"
-    rows = np.concatenate(blocks)
-    np.savetxt(folder / "SYNTHETIC_long.csv", rows, delimiter=",", header=header, comments="", fmt="%.17g")
-    return mapping
-
-
-def test_a_table_in_long_form_gives_its_own_tables(simulated: TraceFile, tmp_path: Path) -> None:
-    mapping, out = tmp_path / "mapping.yaml", tmp_path / "measured.h5"
-    mapping.write_text(write_long(tmp_path, simulated), encoding="utf-8")
-    path = tmp_path / "SYNTHETIC_long.csv"
-    run_ingest([path], mapping, out, force=False, dry_run=False, talk=QUIET)
-    back = read_traces(out)
-    assert set(back.runs) == set(simulated.runs)
-    before, after = table_data_compare(simulated), table_data_compare(back)
-    for table in ("table2", "table3"):
-        _assert_same_tables(before[table], after[table])
 
 
 def test_an_error_of_the_other_sign_is_asked_about(simulated: TraceFile, tmp_path: Path) -> None:
@@ -167,18 +121,16 @@ def test_an_error_of_the_other_sign_is_asked_about(simulated: TraceFile, tmp_pat
         columns[f"joint {joint} actual (deg)"] = np.rad2deg(run["q_encoder"][:, k])
         columns[f"joint {joint} error (deg)"] = np.rad2deg(run["q_encoder"] - run["q_d"])[:, k]
     path, mapping = tmp_path / "SYNTHETIC_controller_1.csv", tmp_path / "mapping.yaml"
-    rows = np.stack(list(columns.values()), axis=1)
-    np.savetxt(path, rows, delimiter=",", header=",".join(columns), comments="", fmt="%.6f")
-    asked = inspect_text(run_inspect([path], mapping, force=False, talk=QUIET))
+    save_table(path, columns, "%.6f")
+    asked = inspect_text(inspect(path, mapping))
     assert "decide: controller_1: an error is taken for desired less measured; if it is" in asked
-    found = run_ingest([path], mapping, tmp_path / "m.h5", force=False, dry_run=False, talk=QUIET)
-    (note,) = found["notes"]
+    (note,) = ingest(path, mapping)["notes"]
     assert note.endswith("q_d is q_encoder + e; if e was recorded as measured less desired, `sign: -1`")
-    assert json.loads(read_traces(tmp_path / "m.h5").manifest_json)["notes"] == [note]
+    assert json.loads(read_traces(tmp_path / "measured.h5").manifest_json)["notes"] == [note]
     text = mapping.read_text(encoding="utf-8")
     mapping.write_text(text.replace("variable: e\n", "variable: e\n      sign: -1\n"), encoding="utf-8")
-    run_ingest([path], mapping, tmp_path / "m.h5", force=True, dry_run=False, talk=QUIET)
-    back = read_traces(tmp_path / "m.h5").runs["controller_1"]
+    ingest(path, mapping, force=True)
+    back = read_traces(tmp_path / "measured.h5").runs["controller_1"]
     np.testing.assert_allclose(back["q_d"], run["q_d"], rtol=0.0, atol=1e-7)
 
 
@@ -190,7 +142,7 @@ def test_a_folder_without_a_name_is_called_by_its_own(
     rows = "\n".join(f"{1773300045123456 + 2000 * k},{k % 7}" for k in range(50))
     (folder / "SYNTHETIC.csv").write_text(f"time_us,q2\n{rows}")
     monkeypatch.chdir(folder)
-    found = run_inspect([Path()], tmp_path / "mapping.yaml", force=False, talk=QUIET)
+    found = inspect(Path(), tmp_path / "mapping.yaml")
     assert 'title: "Measured data from SYNTHETIC_files"' in (tmp_path / "mapping.yaml").read_text()
     assert "1773300045123456 to 1773300045221456 us, 0.098 s long -> time" in inspect_text(found)
 
@@ -205,11 +157,9 @@ def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def from_record(record: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], TraceFile]:
     """What ingest says of the record, and what it has written."""
-    folder = tmp_path_factory.mktemp("ingested")
-    mapping, out = folder / "mapping.yaml", folder / "measured.h5"
-    run_inspect([record], mapping, force=False, talk=QUIET)
-    found = run_ingest([record], mapping, out, force=False, dry_run=False, talk=QUIET)
-    return found, read_traces(out)
+    mapping = tmp_path_factory.mktemp("ingested") / "mapping.yaml"
+    inspect(record, mapping)
+    return ingest(record, mapping), read_traces(mapping.with_name("measured.h5"))
 
 
 def test_a_made_up_record_gives_its_own_tables(from_record: tuple[dict[str, Any], TraceFile]) -> None:
@@ -248,54 +198,50 @@ def test_what_ingest_says_can_be_read(from_record: tuple[dict[str, Any], TraceFi
     assert "22 columns are guessed" in text
 
 
-def test_a_confirmed_choice_is_no_guess(record: Path, tmp_path: Path) -> None:
+def test_a_confirmed_choice_is_no_guess(
+    from_record: tuple[dict[str, Any], TraceFile], record: Path, tmp_path: Path
+) -> None:
     mapping = tmp_path / "mapping.yaml"
-    run_inspect([record], mapping, force=False, talk=QUIET)
-    lines = [line for line in mapping.read_text(encoding="utf-8").splitlines() if "because:" not in line]
+    lines = [line for line in from_record[1].config_yaml.splitlines() if "because:" not in line]
     mapping.write_text("\n".join(lines), encoding="utf-8")
-    found = run_ingest([record], mapping, tmp_path / "m.h5", force=False, dry_run=True, talk=QUIET)
-    assert found["guesses"] == []
-    assert not (tmp_path / "m.h5").exists()
+    assert ingest(record, mapping, dry_run=True)["guesses"] == []
+    assert not (tmp_path / "measured.h5").exists()
 
 
 def test_what_inspect_says_can_be_read(record: Path) -> None:
-    found = run_inspect([record], None, force=False, talk=QUIET)
+    found = inspect(record, None)
     text = inspect_text(found)
     json.dumps(found)
-    assert "every 2 ms" in text
-    assert "desired 2 of controller_2" in text
-    assert "motor 3 of decouple" in text
-    assert "README.txt" in text
+    for words in ("every 2 ms", "desired 2 of controller_2", "motor 3 of decouple", "README.txt"):
+        assert words in text
     assert "-> ?" not in text
 
 
-def test_a_mapping_of_the_user_is_not_overwritten(record: Path, tmp_path: Path) -> None:
+def test_a_mapping_of_the_user_is_not_overwritten(tmp_path: Path) -> None:
     mapping = tmp_path / "mapping.yaml"
     mapping.write_text("# mine")
+    (tmp_path / "SYNTHETIC_controller1.csv").write_text(TABLE)
     with pytest.raises(UsageError, match="may hold work of yours"):
-        run_inspect([record], mapping, force=False, talk=QUIET)
+        inspect(tmp_path / "SYNTHETIC_controller1.csv", mapping)
     assert mapping.read_text() == "# mine"
-    run_inspect([record], mapping, force=True, talk=QUIET)
+    inspect(tmp_path / "SYNTHETIC_controller1.csv", mapping, force=True)
     assert "controller_1" in mapping.read_text(encoding="utf-8")
 
 
-def test_results_of_other_data_are_not_overwritten(record: Path, tmp_path: Path) -> None:
-    mapping, out = tmp_path / "mapping.yaml", tmp_path / "measured.h5"
-
-    def ingest(*, force: bool = False) -> None:
-        run_ingest([record], mapping, out, force=force, dry_run=False, talk=QUIET)
-
-    run_inspect([record], mapping, force=False, talk=QUIET)
-    ingest()
-    ingest()
-    text = mapping.read_text(encoding="utf-8").replace("payload_mass_kg: 0.2", "payload_mass_kg: 0.3")
-    mapping.write_text(text, encoding="utf-8")
+def test_results_of_other_data_are_not_overwritten(tmp_path: Path) -> None:
+    path, mapping, out = (tmp_path / name for name in ("SYNTHETIC.csv", "mapping.yaml", "measured.h5"))
+    path.write_text(TABLE)
+    inspect(path, mapping)
+    ingest(path, mapping)
+    ingest(path, mapping)
+    text = mapping.read_text(encoding="utf-8")
+    mapping.write_text(text.replace("joint: 2", "joint: 3"), encoding="utf-8")
     with pytest.raises(UsageError, match="made by another mapping"):
-        ingest()
-    ingest(force=True)
+        ingest(path, mapping)
+    ingest(path, mapping, force=True)
     out.write_bytes(b"SYNTHETIC work of a user")
     with pytest.raises(UsageError, match="something else"):
-        ingest()
+        ingest(path, mapping)
     assert out.read_bytes() == b"SYNTHETIC work of a user"
 
 
@@ -303,62 +249,56 @@ def test_results_of_other_data_are_not_overwritten(record: Path, tmp_path: Path)
 def test_a_result_without_a_manifest_is_not_overwritten(
     from_record: tuple[dict[str, Any], TraceFile], record: Path, tmp_path: Path, manifest: str
 ) -> None:
-    mapping, out = tmp_path / "mapping.yaml", tmp_path / "measured.h5"
+    mapping = tmp_path / "mapping.yaml"
     mapping.write_text(from_record[1].config_yaml, encoding="utf-8")
-    write_traces(out, replace(from_record[1], manifest_json=manifest))
+    write_traces(tmp_path / "measured.h5", replace(from_record[1], manifest_json=manifest))
     with pytest.raises(UsageError, match="made from other data"):
-        run_ingest([record], mapping, out, force=False, dry_run=True, talk=QUIET)
+        ingest(record, mapping, dry_run=True)
+
+
+TABLE = "t,q2\n" + "\n".join(f"{0.01 * k:.2f},{k % 7}" for k in range(50))
 
 
 def test_a_file_that_was_not_taken_is_no_input(tmp_path: Path) -> None:
-    folder, mapping, out = tmp_path / "files", tmp_path / "mapping.yaml", tmp_path / "measured.h5"
+    folder, mapping = tmp_path / "files", tmp_path / "mapping.yaml"
     (folder / "old").mkdir(parents=True)
-    table = "t,q2\n" + "\n".join(f"{0.01 * k:.2f},{k % 7}" for k in range(50))
-    (folder / "SYNTHETIC.csv").write_text(table)
-    run_inspect([folder], mapping, force=False, talk=QUIET)
-    for unrelated in (table, table + "\n0.5,1"):
+    (folder / "SYNTHETIC.csv").write_text(TABLE)
+    inspect(folder, mapping)
+    for unrelated in (TABLE, f"{TABLE}\n0.5,1"):
         (folder / "old" / "SYNTHETIC.csv").write_text(unrelated)
-        found = run_ingest([folder], mapping, out, force=False, dry_run=False, talk=QUIET)
-        assert [entry["name"] for entry in found["inputs"]] == ["SYNTHETIC.csv"]
+        assert [entry["name"] for entry in ingest(folder, mapping)["inputs"]] == ["SYNTHETIC.csv"]
 
 
 def test_no_file_steers_the_terminal(tmp_path: Path) -> None:
-    mapping = tmp_path / "mapping.yaml"
-    rows = "\n".join(f"{0.01 * k:.2f},{k % 7}" for k in range(50))
-    (tmp_path / "SYNTHETIC.csv").write_text(f"\x1b[2J SYNTHETIC\x9b31m\nt,\x1bq2\n{rows}")
-    found = run_inspect([tmp_path / "SYNTHETIC.csv"], mapping, force=False, talk=QUIET)
+    path, mapping = tmp_path / "SYNTHETIC.csv", tmp_path / "mapping.yaml"
+    path.write_text(f"\x1b[2J SYNTHETIC\x9b31m\n{TABLE.replace('q2', chr(27) + 'q2')}")
+    found = inspect(path, mapping)
     assert "\x1b" in json.loads(json.dumps(found))["files"][0]["signals"][1]["path"]
     text = mapping.read_text(encoding="utf-8").replace('title: "', 'title: "\\e[2J')
     mapping.write_text(text, encoding="utf-8")
-    ingested = run_ingest(
-        [tmp_path / "SYNTHETIC.csv"], mapping, tmp_path / "m.h5", force=False, dry_run=True, talk=QUIET
-    )
-    assert ingested["title"].startswith("\x1b")
-    for shown in (inspect_text(found), ingest_text(ingested)):
+    taken = ingest(path, mapping, dry_run=True)
+    assert taken["title"].startswith("\x1b")
+    for shown in (inspect_text(found), ingest_text(taken)):
         assert "\ufffd[2J" in shown
         assert all(line.isprintable() for line in shown.split("\n"))
     mapping.write_text(text.replace("q2", "q3"), encoding="utf-8")
     with pytest.raises(ConfigError) as caught:
-        run_ingest(
-            [tmp_path / "SYNTHETIC.csv"], mapping, tmp_path / "m.h5", force=True, dry_run=True, talk=QUIET
-        )
+        ingest(path, mapping, force=True, dry_run=True)
     assert "\x1b" not in str(caught.value)
 
 
 def test_what_is_missing_is_named(record: Path, tmp_path: Path) -> None:
     with pytest.raises(DataMissingError, match="nowhere"):
-        run_inspect([tmp_path / "nowhere"], None, force=False, talk=QUIET)
+        inspect(tmp_path / "nowhere", None)
     with pytest.raises(ConfigError) as caught:
-        run_ingest(
-            [record], tmp_path / "none.yaml", tmp_path / "m.h5", force=False, dry_run=False, talk=QUIET
-        )
+        ingest(record, tmp_path / "none.yaml")
     assert "inspect" in (caught.value.hint or "")
 
 
 def test_where_nothing_is_understood_the_columns_are_listed(tmp_path: Path) -> None:
     noise = np.random.default_rng(3).normal(size=(50, 2))
     np.savetxt(tmp_path / "SYNTHETIC.csv", noise, delimiter=",", header="aa,bb", comments="")
-    found = run_inspect([tmp_path / "SYNTHETIC.csv"], tmp_path / "m.yaml", force=False, talk=QUIET)
+    found = inspect(tmp_path / "SYNTHETIC.csv", tmp_path / "m.yaml")
     assert found["left"] == 2
     assert "no column could be assigned" in inspect_text(found)
     assert (tmp_path / "m.yaml").read_text().count("#    - variable: CHOOSE") == 2

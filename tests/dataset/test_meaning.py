@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from itertools import product
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +11,6 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from tendonrepro.config.published import coupling_of, published, table_1
-from tendonrepro.dataset.mapping.model import load_mapping
 from tendonrepro.dataset.mapping.suggestion import suggest
 from tendonrepro.dataset.meaning import columns as columns_module
 from tendonrepro.dataset.meaning.assignment import variable_of
@@ -42,18 +39,21 @@ def followed(joint: int, size: float = 0.3) -> Array:
     return COUNT * np.round(late / COUNT)
 
 
-def source(name: str, signals: Mapping[str, Array], group: str = "", **unit: str) -> Source:
+def stored(name: str, found: Found) -> Source:
+    return Source(name, "SYNTHETIC", 0, "0" * 32, tuple(found.signals), tuple(found.skipped), found.texts)
+
+
+def source(name: str, signals: Mapping[str, Array], group: str = "g", **unit: str) -> Source:
     found = Found("SYNTHETIC")
     for path, values in signals.items():
         found.add(path, values, group=group, unit=unit.get(path))
-    return Source(name, "SYNTHETIC", 0, "0" * 32, tuple(found.signals), tuple(found.skipped))
+    return stored(name, found)
 
 
 def guessed(*sources: Source) -> dict[str, Column]:
-    columns = understand(sources, S_INV)
     return {
         f"{column.signal.path}{f'[{column.number}]' if column.signal.columns > 1 else ''}": column
-        for column in columns
+        for column in understand(sources, S_INV)
     }
 
 
@@ -104,15 +104,7 @@ def test_any_name_can_be_read(name: str) -> None:
 
 
 def test_units_as_people_write_them() -> None:
-    written = {
-        "°": "deg",
-        "Degrees": "deg",
-        "(rad)": "rad",
-        "N·m": "N m",
-        "Nm": "N m",
-        "ms": "ms",
-        "sec": "s",
-    }
+    written = {"°": "deg", "Degrees": "deg", "(rad)": "rad", "N·m": "N m", "Nm": "N m", "sec": "s"}
     assert {text: plain_unit(text) for text in written} == written
     assert plain_unit("furlong") is None
     assert all(plain_unit(unit) == unit for units in FACTORS.values() for unit in units)
@@ -137,19 +129,29 @@ def test_an_amount_is_the_same_in_every_unit(kind: str) -> None:
 
 
 def test_steps_of_a_time_axis() -> None:
-    assert sampling_step(TIME) == pytest.approx(0.001)
-    assert sampling_step(TIME[::-1]) is None
-    assert sampling_step(course(2)) is None
-    assert sampling_step(TIME**2) is None
+    kept = np.arange(len(TIME)) % 500 != 7
+    for even in (TIME, TIME[kept], np.append(TIME, [np.nan, np.nan])):
+        assert sampling_step(even) == pytest.approx(0.001)
+    for odd in (TIME[::-1], course(2), TIME**2, np.where(kept, TIME, np.nan)):
+        assert sampling_step(odd) is None
 
 
-@pytest.mark.parametrize("offset", [0.0, 0.011, 7.3])
-def test_the_encoder_tells_degrees_from_radians(offset: float) -> None:
-    assert counted_in(followed(2) + offset) == "deg"
-    assert counted_in(np.deg2rad(followed(2)) + offset) == "rad"
-    assert counted_in(course(2)) is None
-    assert counted_in(np.round(course(2))) is None
-    assert counted_in(2.0 * COUNT * np.round(course(2) / COUNT)) is None
+# Most numbers of a decoupling record are of joints that stand still.
+RESTING = np.where(TIME < 1.0, course(2), course(2)[0])
+COUNTED = [COUNT * np.round(RESTING / COUNT), 0.022 * np.round(course(2) / 0.022), followed(2)]
+
+
+@pytest.mark.parametrize("angle", [*COUNTED, followed(2) + 0.011, followed(2) + 7.3])
+def test_the_encoder_tells_degrees_from_radians(angle: Array) -> None:
+    assert counted_in(angle) == "deg"
+    assert counted_in(np.deg2rad(angle)) == "rad"
+
+
+@pytest.mark.parametrize(
+    "angle", [course(2), np.round(course(2)), 2.0 * COUNT * np.round(course(2) / COUNT), RESTING]
+)
+def test_what_is_on_no_grid(angle: Array) -> None:
+    assert counted_in(angle) is None
 
 
 @pytest.mark.parametrize("lag", [1.0, np.nan, np.inf])
@@ -165,22 +167,16 @@ def test_numbers_alone_tell_time_desired_and_measured(lag: float) -> None:
 
 @pytest.mark.parametrize("name", ["e2", "q2", "motor 2"])
 def test_a_column_without_numbers_settles_no_unit(name: str) -> None:
-    column = guessed(source("x.csv", {"t": TIME, name: np.full(len(TIME), np.nan)}, "g"))[name]
+    column = guessed(source("x.csv", {"t": TIME, name: np.full(len(TIME), np.nan)}))[name]
     assert column.because[-1] == "rad: nothing says otherwise; look at it"
 
 
 def test_a_named_table_is_understood() -> None:
     signals = {"t": TIME, "qd2": course(2), "q2": followed(2), "qd3": course(3), "q3": followed(3)}
-    found = guessed(source("controller1.csv", signals, group="table"))
-    assert {path: (column.quantity, column.joint) for path, column in found.items()} == {
-        "t": ("time", None),
-        "qd2": ("desired", 2),
-        "q2": ("measured", 2),
-        "qd3": ("desired", 3),
-        "q3": ("measured", 3),
-    }
-    assert {column.unit for path, column in found.items() if path != "t"} == {"deg"}
-    assert found["t"].unit == "s"
+    found = guessed(source("controller1.csv", signals))
+    told = [(column.quantity, column.joint) for column in found.values()]
+    assert told == [("time", None), ("desired", 2), ("measured", 2), ("desired", 3), ("measured", 3)]
+    assert [column.unit for column in found.values()] == ["s", "deg", "deg", "deg", "deg"]
     assert found["q2"].time == found["t"].address
 
 
@@ -189,20 +185,19 @@ def test_a_named_table_is_understood() -> None:
 def test_degrees_and_radians(unit: str, quantised: bool) -> None:
     factor = 1.0 if unit == "deg" else np.pi / 180.0
     q = followed(2) if quantised else followed(2) + 1e-3 * np.sin(9.0 * TIME)
-    found = guessed(source("x.csv", {"t": TIME, "qd2": factor * course(2), "q2": factor * q}, group="g"))
+    found = guessed(source("x.csv", {"t": TIME, "qd2": factor * course(2), "q2": factor * q}))
     assert found["qd2"].unit == found["q2"].unit == unit
 
 
 def test_a_stored_unit_wins() -> None:
-    found = guessed(source("x.csv", {"t": TIME, "q2": course(2)}, group="g", q2="rad"))
+    found = guessed(source("x.csv", {"t": TIME, "q2": course(2)}, q2="rad"))
     assert found["q2"].unit == "rad"
 
 
 def test_columns_without_numbers_are_joints_in_order() -> None:
     both = np.stack([course(2), course(3)], axis=1)
-    found = guessed(source("controller3.mat", {"t": TIME, "q_des": both, "q": 0.99 * both}, group="g"))
-    assert [found[f"q_des[{k}]"].joint for k in (1, 2)] == [2, 3]
-    assert [found[f"q[{k}]"].joint for k in (1, 2)] == [2, 3]
+    found = guessed(source("controller3.mat", {"t": TIME, "q_des": both, "q": 0.99 * both}))
+    assert [found[f"{name}[{k}]"].joint for name in ("q_des", "q") for k in (1, 2)] == [2, 3, 2, 3]
 
 
 JOINTS = np.stack([course(1), course(2), course(3)], axis=1)
@@ -221,7 +216,7 @@ def test_motor_angles_are_found_through_the_coupling(
     drives = {name.format(joint): motors[:, joint - 1] for joint in joints}
     angles = {f"q{joint}": q[:, joint - 1] for joint in joints}
     stated = dict.fromkeys(angles, "deg") | dict.fromkeys(drives, unit)
-    found = guessed(source("decoupling.csv", {"t": TIME} | angles | drives, "g", **stated))
+    found = guessed(source("decoupling.csv", {"t": TIME} | angles | drives, **stated))
     where = "before the reducer" if ratio == 100.0 else "at the winch"
     for joint, column in zip(joints, (found[drive] for drive in drives), strict=True):
         assert (column.quantity, column.joint, column.scale) == ("motor", joint, sign / ratio)
@@ -240,7 +235,7 @@ def test_gaps_stop_nobody(hole: float) -> None:
         for rows in (slice(0, 3), slice(2000, 2500), slice(-3, None), slice(None)):
             signals = {other: values.copy() for other, values in named.items()}
             signals[name][rows] = hole
-            columns = understand([source("decoupling.csv", signals, "g")], S_INV)
+            columns = understand([source("decoupling.csv", signals)], S_INV)
             told = {column.label: column.quantity for column in columns}
             assert [told[f"motor{k}"] for k in (1, 2, 3)] == ["motor"] * 3
             assert all(np.isfinite(column.scale) for column in columns)
@@ -249,154 +244,107 @@ def test_gaps_stop_nobody(hole: float) -> None:
 def test_one_joint_alone_tells_no_motor() -> None:
     """Motor 3 turns as joint 3 does while the others rest."""
     again = 0.999 * course(3)
-    found = guessed(source("x.csv", {"t": TIME, "Q3": course(3), "q3": again, "x": 100.0 * again}, group="g"))
+    found = guessed(source("x.csv", {"t": TIME, "Q3": course(3), "q3": again, "x": 100.0 * again}))
     assert "motor" not in {column.quantity for column in found.values()}
-
-
-def test_times_in_milliseconds() -> None:
-    found = guessed(source("x.csv", {"t": 1e3 * TIME, "q2": course(2)}, group="g"))
-    assert found["t"].unit == "ms"
-
-
-def _record() -> list[Source]:
-    """Three controllers and a payload run, a file each, named as people name files."""
-    sources = []
-    for number, load in [(1, ""), (2, ""), (3, ""), (1, "_0.2kg")]:
-        signals = {"t": TIME}
-        for joint, (name, angle) in product((2, 3), (("qd", course), ("q", followed))):
-            signals[f"{name}{joint}"] = angle(joint)
-        sources.append(source(f"record.zip/SYNTHETIC_ctrl{number}{load}.csv", signals, group="table"))
-    return sources
-
-
-def test_a_suggested_mapping_is_a_valid_one(tmp_path: Path) -> None:
-    suggestion = suggest(understand(_record(), S_INV), "SYNTHETIC")
-    path = tmp_path / "mapping.yaml"
-    path.write_text(suggestion.text, encoding="utf-8")
-    mapping = load_mapping(path).mapping
-    assert list(mapping.runs) == ["controller_1", "controller_1_payload", "controller_2", "controller_3"]
-    assert mapping.runs["controller_1_payload"].payload_mass_kg == 0.2
-    for name, run in mapping.runs.items():
-        assert {(entry.variable, entry.joint) for entry in run.signals} == set(
-            product(("q_d", "q_encoder"), (2, 3))
-        )
-        assert all(entry.unit == "deg" and entry.because for entry in run.signals), name
-        assert run.time is not None
-        assert run.time.signal == "t"
-    assert len(list(mapping.guesses())) == 16
 
 
 def test_one_sheet_with_all_controllers_shares_what_belongs_to_none() -> None:
     signals = {"t": TIME, "qd2": course(2)} | {f"q2 C{n}": followed(2, 0.1 * n) for n in (1, 2, 3)}
-    runs = suggest(understand([source("fig14.xlsx", signals, group="Sheet1")], S_INV), "SYNTHETIC").runs
+    runs = suggest(understand([source("fig14.xlsx", signals)], S_INV), "SYNTHETIC").runs
     assert runs == {"controller_1": 2, "controller_2": 2, "controller_3": 2}
 
 
 def test_the_decoupling_experiment_is_told_from_the_comparison() -> None:
-    signals = (
-        {"t": TIME}
-        | {f"motor{k}": course(k) for k in (1, 2, 3)}
-        | {f"joint{k}": course(k) for k in (1, 2, 3)}
-    )
-    columns = understand([source("experiment.csv", signals, group="g")], S_INV)
+    angles = {f"{name}{k}": course(k) for name in ("motor", "joint") for k in (1, 2, 3)}
+    columns = understand([source("experiment.csv", {"t": TIME} | angles)], S_INV)
     assert suggest(columns, "SYNTHETIC").runs == {"decouple": 6}
 
 
 def test_motor_angles_from_desired_joint_angles_are_no_measurement() -> None:
-    column = guessed(source("x.csv", {"t": TIME, "motor 2 desired": course(2)}, group="g"))["motor 2 desired"]
+    column = guessed(source("x.csv", {"t": TIME, "motor 2 desired": course(2)}))["motor 2 desired"]
     assert variable_of(column) is None
-
-
-# ---- Layouts that once were taken wrongly ----------------------------------------------------------------
 
 
 def test_a_time_apart_serves_columns_of_its_length() -> None:
     found = Found("SYNTHETIC")
     found.add("tout", TIME)
     found.add("scope/q2", followed(2), group="scope")
-    columns = understand([Source("c1.mat", "SYNTHETIC", 0, "0" * 32, tuple(found.signals))], S_INV)
+    columns = understand([stored("c1.mat", found)], S_INV)
     assert columns[1].time == columns[0].address
 
 
 def test_the_same_joint_under_several_controllers_is_no_motor() -> None:
     names = {"t": TIME} | {f"控制器{n}(°)": followed(3, 0.1 * n) for n in (1, 2, 3)}
-    found = guessed(source("图14b.csv", names, group="g"))
+    found = guessed(source("图14b.csv", names))
     kinds = {(column.quantity, column.joint) for path, column in found.items() if path != "t"}
     assert kinds == {("measured", 3)}
 
 
 def test_what_turns_too_far_is_no_joint_angle() -> None:
-    column = guessed(source("x.csv", {"t": TIME, "angle 2": 50.0 * course(2)}, group="g"))["angle 2"]
+    column = guessed(source("x.csv", {"t": TIME, "angle 2": 50.0 * course(2)}))["angle 2"]
     assert column.quantity is None
     assert "no joint turns" in column.because[-1]
 
 
 def test_a_sample_index_is_no_time() -> None:
-    columns = understand(
-        [source("c1.csv", {"Sample": np.arange(4000.0), "e2": 0.3 * np.cos(TIME)}, "g")], S_INV
-    )
-    suggestion = suggest(columns, "SYNTHETIC")
+    signals = {"Sample": np.arange(4000.0), "e2": 0.3 * np.cos(TIME)}
+    suggestion = suggest(understand([source("c1.csv", signals)], S_INV), "SYNTHETIC")
     assert "step_s: 0.001" in suggestion.text
     assert any("without a time" in remark for remark in suggestion.remarks)
 
 
 def test_figures_say_what_their_panels_show() -> None:
     sources = [
-        source("fig14c.csv", {"t": TIME, "C1": course(2), "C2": course(3)}, "g"),
-        source("fig15e.csv", {"t": TIME, "C1": course(2)}, "g"),
+        source("fig14c.csv", {"t": TIME, "C1": course(2), "C2": course(3)}),
+        source("fig15e.csv", {"t": TIME, "C1": course(2)}),
     ]
     columns = [column for column in understand(sources, S_INV) if column.quantity != "time"]
-    assert [(c.quantity, c.joint, c.controller) for c in columns] == [
-        ("error", 2, 1),
-        ("error", 2, 2),
-        ("torque", 2, 1),
-    ]
+    told = [(column.quantity, column.joint, column.controller) for column in columns]
+    assert told == [("error", 2, 1), ("error", 2, 2), ("torque", 2, 1)]
 
 
 def test_titles_name_what_stands_below_them() -> None:
     found = Found("SYNTHETIC")
-    found.add("Sheet1!A3:B9/t", TIME, group="Sheet1!A3:B9")
-    found.add("Sheet1!A3:B9/q2", followed(2), group="Sheet1!A3:B9")
-    found.add("Sheet1!D3:E9/t", TIME, group="Sheet1!D3:E9")
-    found.add("Sheet1!D3:E9/q2", followed(2), group="Sheet1!D3:E9")
-    found.text("Sheet1!A3:B9/title", "Controller 2")
-    found.text("Sheet1!D3:E9/title", "Controller 1, 0.2 kg payload")
-    book = Source("x.xlsx", "SYNTHETIC", 0, "0" * 32, tuple(found.signals), texts=found.texts)
-    assert suggest(understand([book], S_INV), "x").runs == {"controller_1_payload": 1, "controller_2": 1}
+    for table, title in (("A3:B9", "Controller 2"), ("D3:E9", "Controller 1, 0.2 kg payload")):
+        found.add(f"{table}/t", TIME, group=table)
+        found.add(f"{table}/q2", followed(2), group=table)
+        found.text(f"{table}/title", title)
+    runs = suggest(understand([stored("x.xlsx", found)], S_INV), "x").runs
+    assert runs == {"controller_1_payload": 1, "controller_2": 1}
 
 
-def test_texts_speak_nearest_first() -> None:
+@pytest.fixture(name="said")
+def _said(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Every text that is read; what it says is its place in this list."""
+    said: list[str] = []
+
+    def noted(name: str) -> Hints:
+        said.append(name)
+        return Hints(figure=len(said) - 1)
+
+    monkeypatch.setattr(columns_module, "hints", noted)
+    return said
+
+
+def test_texts_speak_nearest_first(said: list[str]) -> None:
     found = Found("SYNTHETIC")
     found.add("a/b/q", TIME, label="x")
     places = {"a/title": "of a", "a/b/q/note": "of q", "other/b/title": "of others", "title": "of all"}
     for path, text in (places | {"a/b/title": "of b", "a/b/second": "more of b"}).items():
         found.text(path, text)
     near = ["q", "of q", "of b", "more of b", "of a", "b", "a", "file", "folder", "of all"]
-    said: list[str] = []
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(columns_module, "hints", lambda name: Hints(figure=_noted(said, name)))
-        (column,) = columns_of(
-            [Source("folder/file.mat", "SYNTHETIC", 0, "0" * 32, tuple(found.signals), texts=found.texts)]
-        )
+    (column,) = columns_of([stored("folder/file.mat", found)])
     assert [said[hint.figure] for hint in column.around if hint.figure is not None] == near
     assert column.inside == 7
 
 
-def _noted(said: list[str], name: str) -> int:
-    said.append(name)
-    return len(said) - 1
-
-
-def test_texts_and_names_are_read_once_a_file() -> None:
+def test_texts_and_names_are_read_once_a_file(said: list[str]) -> None:
     found = Found("SYNTHETIC")
     for number in range(50):
         found.add(f"log/s{number}", TIME[:20], label=f"S{number}")
         found.text(f"remark {number}", f"of the file {number}")
         found.text(f"log/title {number}", f"of the log {number}")
-    said: list[str] = []
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(columns_module, "hints", lambda name: Hints(figure=_noted(said, name)))
-        columns_of([Source("file.mat", "SYNTHETIC", 0, "0" * 32, tuple(found.signals), texts=found.texts)])
+    columns_of([stored("file.mat", found)])
     # Labels, names, remarks and titles; the log and the file.
     assert len(said) == 50 + 50 + 50 + 50 + 2
 
@@ -409,36 +357,26 @@ def test_what_is_shown_is_one_printable_line(text: str) -> None:
     assert all(after == before for before, after in zip(text, shown, strict=True) if before.isprintable())
 
 
-# ---- Clocks ----------------------------------------------------------------------------------------------
-
-
 @given(step=st.floats(1.001e-4, 0.0999), unit=st.sampled_from(["s", "ms", "us", "ns"]))
 def test_the_step_of_a_loop_tells_its_unit(step: float, unit: str) -> None:
     times = step * np.arange(400.0) / FACTORS["time"][unit]
-    clock = guessed(source("x.csv", {"t": times, "q2": course(2)[:400]}, "g"))["t"]
+    clock = guessed(source("x.csv", {"t": times, "q2": course(2)[:400]}))["t"]
     assert clock.unit == unit
     assert clock.doubts
 
 
 def test_a_stated_unit_of_time_is_no_doubt() -> None:
     for unit in ("us", "微秒", "10^-6 s", "microsecond", "µsec"):
-        clock = guessed(source("x.csv", {"t": TIME, "q2": course(2)}, "g", t=unit))["t"]
+        clock = guessed(source("x.csv", {"t": TIME, "q2": course(2)}, t=unit))["t"]
         assert clock.unit == "us"
         assert not clock.doubts
-
-
-def test_a_dropped_cycle_is_no_end_of_time() -> None:
-    kept = np.arange(len(TIME)) % 500 != 7
-    assert sampling_step(TIME[kept]) == pytest.approx(0.001)
-    assert sampling_step(np.append(TIME, [np.nan, np.nan])) == pytest.approx(0.001)
-    assert sampling_step(np.where(kept, TIME, np.nan)) is None
 
 
 @pytest.mark.parametrize("names", [["X1", "Y1", "X2", "Y2"], ["X", "Y", "X (2)", "Y (2)"], list("abcd")])
 def test_each_curve_has_the_times_before_it(names: list[str]) -> None:
     shorter = np.where(TIME < 3.0, TIME, np.nan)
     curves = [TIME, followed(2), shorter, np.where(TIME < 3.0, followed(3), np.nan)]
-    found = guessed(source("Fig14a.csv", dict(zip(names, curves, strict=True)), "g"))
+    found = guessed(source("Fig14a.csv", dict(zip(names, curves, strict=True))))
     a, b, c, d = (found[name] for name in names)
     assert [column.quantity for column in (a, b, c, d)] == ["time", "measured", "time", "measured"]
     assert (b.time, d.time) == (a.address, c.address)
@@ -446,11 +384,8 @@ def test_each_curve_has_the_times_before_it(names: list[str]) -> None:
 
 def test_a_second_clock_beside_the_first_is_of_nothing() -> None:
     signals = {"Time": TIME, "timestamp": 1e9 + TIME, "q2": followed(2), "q3": followed(3)}
-    found = guessed(source("c1.csv", signals, "g"))
+    found = guessed(source("c1.csv", signals))
     assert found["q2"].time == found["q3"].time == found["Time"].address
-
-
-# ---- Tables ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -460,42 +395,21 @@ def test_what_is_no_label(values: Array) -> None:
     assert not is_label(values)
 
 
-# ---- Angles ----------------------------------------------------------------------------------------------
-
-
-def test_a_joint_that_rests_is_on_no_grid() -> None:
-    """Most numbers of a decoupling record are of joints that stand still."""
-    moved = np.where(TIME < 1.0, course(2), course(2)[0])
-    assert counted_in(moved) is None
-    assert counted_in(COUNT * np.round(moved / COUNT)) == "deg"
-
-
-@pytest.mark.parametrize("count", [360.0 / 16384.0, 0.022])
-@pytest.mark.parametrize("unit", ["deg", "rad"])
-def test_a_count_as_it_is_and_as_it_is_printed(count: float, unit: str) -> None:
-    steps = count * np.round(course(2) / count)
-    assert counted_in(steps if unit == "deg" else np.deg2rad(steps)) == unit
-
-
 @pytest.mark.parametrize(
-    ("aa", "bb"),
-    [(course(2), course(2) + 0.3 * np.sin(TIME)), (followed(2, 0.1), followed(2, 0.15))],
+    "angles", [(course(2), course(2) + 0.3 * np.sin(TIME)), (followed(2), followed(2, 0.15))]
 )
-def test_two_smooth_angles_or_two_encoders_are_no_pair(aa: Array, bb: Array) -> None:
-    found = guessed(source("x.csv", {"t": TIME, "aa": aa, "bb": bb}, "g"))
+def test_two_smooth_angles_or_two_encoders_are_no_pair(angles: tuple[Array, Array]) -> None:
+    found = guessed(source("x.csv", {"t": TIME} | dict(zip(["aa", "bb"], angles, strict=True))))
     assert {found[name].quantity for name in ("aa", "bb")} == {None}
 
 
-# ---- Joints and motors -----------------------------------------------------------------------------------
-
-
 def test_joints_counted_from_zero_are_moved_everywhere() -> None:
-    with_zero = {"t": TIME} | {f"q{k}": followed(k + 1) for k in (0, 1, 2)}
-    without = {"t": TIME} | {f"q{k}": followed(k + 1) for k in (1, 2)}
-    sources = [source("decoupling.csv", with_zero, "g"), source("c1.csv", without, "g")]
+    sources = [
+        source(f"{name}.csv", {"t": TIME} | {f"q{k}": followed(k + 1) for k in joints})
+        for name, joints in (("decoupling", (0, 1, 2)), ("c1", (1, 2)))
+    ]
     columns = understand(sources, S_INV)
-    joints = [column.joint for column in columns if column.quantity == "measured"]
-    assert joints == [1, 2, 3, 2, 3]
+    assert [column.joint for column in columns if column.quantity == "measured"] == [1, 2, 3, 2, 3]
     suggestion = suggest(columns, "SYNTHETIC")
     assert suggestion.runs == {"controller_1": 2, "decouple": 3}
     (remark,) = [remark for remark in suggestion.remarks if "counted from 0" in remark]
@@ -517,7 +431,7 @@ def test_joints_counted_from_one_are_moved(
     file: str, written: tuple[int, ...], joints: tuple[int | None, ...]
 ) -> None:
     """A nought alone, or beside joint 3, may stand for a start."""
-    found = guessed(source(f"{file}.csv", {"t": TIME} | {f"q{k}": followed(k or 1) for k in written}, "g"))
+    found = guessed(source(f"{file}.csv", {"t": TIME} | {f"q{k}": followed(k or 1) for k in written}))
     assert tuple(found[f"q{k}"].joint for k in written) == joints
 
 
@@ -527,35 +441,28 @@ def test_a_joint_below_the_title_calculated_is_calculated() -> None:
         for joint in (1, 2, 3):
             found.add(f"{title[0]}/Joint {joint}", angle(joint), label=f"Joint {joint}", group=title[0])
         found.text(f"{title[0]}/title", title)
-    columns = understand(
-        [Source("x.xlsx", "SYNTHETIC", 0, "0" * 32, tuple(found.signals), texts=found.texts)], S_INV
-    )
+    columns = understand([stored("x.xlsx", found)], S_INV)
     assert [column.quantity for column in columns] == ["measured"] * 3 + ["calculated"] * 3
 
 
-# ---- Figures ---------------------------------------------------------------------------------------------
-
-
-def test_of_two_curves_the_one_with_steps_is_measured() -> None:
-    found = guessed(source("Fig11.csv", {"X": TIME, "curve 1": course(2), "curve 2": followed(2)}, "g"))
-    assert [(found[f"curve {k}"].quantity, found[f"curve {k}"].joint) for k in (1, 2)] == [
-        ("calculated", 2),
-        ("measured", 2),
-    ]
-
-
-def test_smooth_curves_of_figure_14_are_not_all_desired() -> None:
-    found = guessed(source("fig14a.csv", {"X": TIME, "curve 1": course(2), "curve 2": course(3)}, "g"))
-    assert [found[f"curve {k}"].quantity for k in (1, 2)] == ["measured", "measured"]
+@pytest.mark.parametrize(
+    ("file", "second", "told"),
+    [
+        ("Fig11", followed(2), [("calculated", 2), ("measured", 2)]),
+        # Smooth curves of Figure 14 are not all desired.
+        ("fig14a", course(3), [("measured", 2), ("measured", 2)]),
+    ],
+)
+def test_of_two_curves_the_one_with_steps_is_measured(
+    file: str, second: Array, told: list[tuple[str, int]]
+) -> None:
+    found = guessed(source(f"{file}.csv", {"X": TIME, "curve 1": course(2), "curve 2": second}))
+    assert [(column.quantity, column.joint) for column in found.values()][1:] == told
 
 
 def test_curves_without_names_are_in_the_order_of_the_paper() -> None:
     curves = {"Y1": course(3)} | {f"Y{k + 1}": followed(3, 0.1 * k) for k in (1, 2, 3)}
-    columns = understand([source("fig14b.csv", {"X": TIME} | curves, "g")], S_INV)
-    assert [(column.quantity, column.controller) for column in columns[1:]] == [
-        ("desired", None),
-        ("measured", 1),
-        ("measured", 2),
-        ("measured", 3),
-    ]
+    columns = understand([source("fig14b.csv", {"X": TIME} | curves)], S_INV)
+    told = [(column.quantity, column.controller) for column in columns[1:]]
+    assert told == [("desired", None), *(("measured", k) for k in (1, 2, 3))]
     assert suggest(columns, "x").runs == {f"controller_{k}": 2 for k in (1, 2, 3)}

@@ -59,23 +59,21 @@ def joints_and_motors() -> tuple[Array, Array]:
 
 
 def columns(run: str) -> dict[str, Array]:
-    return {
-        "Time (s)": TIME,
-        "Joint 2 desired (deg)": desired(2),
-        "Joint 2 actual (deg)": measured(run, 2),
-        "Joint 3 desired (deg)": desired(3),
-        "Joint 3 actual (deg)": measured(run, 3),
-    }
+    table = {"Time (s)": TIME}
+    for joint in (2, 3):
+        table[f"Joint {joint} desired (deg)"] = desired(joint)
+        table[f"Joint {joint} actual (deg)"] = measured(run, joint)
+    return table
 
 
-def workbook(table: Mapping[str, Array], title: str) -> bytes:
+def workbook(table: Mapping[str, Array]) -> bytes:
     import openpyxl
 
     book = openpyxl.Workbook()
     book.properties.title = "SYNTHETIC"
     sheet = book.active
     assert sheet is not None
-    sheet.title = title
+    sheet.title = "Sheet1"
     sheet.append(list(table))
     for row in np.stack(list(table.values()), axis=1).tolist():
         sheet.append(row)
@@ -95,15 +93,10 @@ def separated(table: Mapping[str, Array]) -> bytes:
 
 
 def make_record(folder: Path) -> dict[str, bytes]:
-    """Write the files of the record.
+    """Write the files of the record, key -> content.
 
     Controller 1 is a MATLAB file of timeseries, Controller 2 a struct with time, Controller 3 and the payload
     run are workbooks in an archive, the decoupling experiment is a text with decimal commas.
-
-    Returns
-    -------
-    dict
-        Key -> content.
     """
     folder.mkdir(parents=True, exist_ok=True)
     one = {
@@ -112,23 +105,16 @@ def make_record(folder: Path) -> dict[str, bytes]:
         for name, angle in (("", measured("controller_1", joint)), ("_des", desired(joint)))
     }
     objects(folder / "SYNTHETIC controller1.mat", one, "v7")
-    log = record(
-        time=TIME[:, np.newaxis],
-        signals=records(
-            {"values": np.stack([desired(2), desired(3)], axis=1), "dimensions": 2.0, "label": "qd"},
-            {
-                "values": np.stack([measured("controller_2", joint) for joint in (2, 3)], axis=1),
-                "dimensions": 2.0,
-                "label": "q",
-            },
-        ),
-        blockName="SYNTHETIC/Scope",
+    qd = np.stack([desired(2), desired(3)], axis=1)
+    signals = records(
+        {"values": qd, "dimensions": 2.0, "label": "qd"},
+        {"values": qd - errors("controller_2"), "dimensions": 2.0, "label": "q"},
     )
+    log = record(time=TIME[:, np.newaxis], signals=signals, blockName="SYNTHETIC/Scope")
     classic(folder / "SYNTHETIC_controller2.mat", {"logs": log}, packed=True)
     with zipfile.ZipFile(folder / "SYNTHETIC_comparison.zip", "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("xlsx/SYNTHETIC_controller3.xlsx", workbook(columns("controller_3"), "Sheet1"))
-        loaded = workbook(columns("controller_1_payload"), "Sheet1")
-        archive.writestr("xlsx/SYNTHETIC_controller1_0.2kg.xlsx", loaded)
+        for run, name in (("controller_3", "controller3"), ("controller_1_payload", "controller1_0.2kg")):
+            archive.writestr(f"xlsx/SYNTHETIC_{name}.xlsx", workbook(columns(run)))
     q, motors = joints_and_motors()
     table = {"t": TIME} | {f"joint {k + 1} (deg)": q[:, k] for k in range(3)}
     table |= {f"motor {k + 1} (deg)": motors[:, k] for k in range(3)}

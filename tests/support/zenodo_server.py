@@ -80,20 +80,13 @@ class Repository:
     def entries(self) -> list[dict[str, Any]]:
         """Files as both the listing and the InvenioRDM record give them."""
         return [
-            {
-                "key": key,
-                "size": len(content),
-                "checksum": self.checksum(content),
-                "links": {
-                    "self": f"{self.url}/api/records/{RECORD}/files/{quote(key)}",
-                    "content": self._content(key),
-                },
-            }
+            {"key": key, "size": len(content), "checksum": self.checksum(content), "links": self._links(key)}
             for key, content in self.files.items()
         ]
 
-    def _content(self, key: str) -> str:
-        return f"{self.url}/api/records/{RECORD}/files/{quote(key)}/content"
+    def _links(self, key: str) -> dict[str, str]:
+        place = f"{self.url}/api/records/{RECORD}/files/{quote(key)}"
+        return {"self": place, "content": f"{place}/content"}
 
     def _zenodo(self) -> dict[str, Any]:
         shown = [] if self.modes & {"restricted", "embargoed", "closed_files", "listed"} else self.entries()
@@ -218,14 +211,10 @@ class Handler(BaseHTTPRequestHandler):
             headers["Content-Range"] = f"bytes {first}-{len(content) - 1}/{len(content)}"
             content = content[first:]
         status = 206 if start else 200
-        if repository.fails("cut"):
-            self.send(status, content, "application/octet-stream", headers, stop=repository.cut_at)
-        elif repository.fails("stuck"):
-            self.send(status, content, "application/octet-stream", headers, stop=repository.cut_at, wait=True)
-        elif "chunked" in modes:
-            self.send(status, content, "application/octet-stream", headers, length=False)
-        else:
-            self.send(status, content, "application/octet-stream", headers)
+        cut, stuck = repository.fails("cut"), repository.fails("stuck")
+        stop = repository.cut_at if cut or stuck else None
+        length = cut or stuck or "chunked" not in modes
+        self.send(status, content, "application/octet-stream", headers, stop=stop, wait=stuck, length=length)
 
     def trickle(self, head: bytes) -> None:
         """Go on until nobody listens any more."""

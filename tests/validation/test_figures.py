@@ -19,7 +19,8 @@ from tendonrepro.validation.figures import available_overlays, draw_overlay, sav
 NUMBERS = (9, 10, 11, 12, 13, 14, 15, 16)
 
 
-def measured() -> TraceFile:
+@pytest.fixture(name="file")
+def _file() -> TraceFile:
     compare = make_compare_file(step=0.02, source="measured")
     decouple = make_decouple_file(step=0.02, source="measured")
     runs = {name: measured_trace(trace) for name, trace in {**compare.runs, **decouple.runs}.items()}
@@ -34,8 +35,7 @@ def models(file: TraceFile) -> dict[str, Trace]:
     }
 
 
-def test_every_figure_with_data_is_there() -> None:
-    file = measured()
+def test_every_figure_with_data_is_there(file: TraceFile) -> None:
     assert tuple(available_overlays(file)) == NUMBERS
     assert available_overlays(file.part("decouple")) == [9, 10, 11, 12]
     alone = replace(file, runs={LOADED: file.runs[LOADED]})
@@ -43,8 +43,7 @@ def test_every_figure_with_data_is_there() -> None:
 
 
 @pytest.mark.parametrize("number", NUMBERS)
-def test_panels_are_the_papers_and_measured_curves_lie_on_top(number: int) -> None:
-    file = measured()
+def test_panels_are_the_papers_and_measured_curves_lie_on_top(number: int, file: TraceFile) -> None:
     drawn = draw_overlay(number, file, models(file))
     plain = draw(number, file)
     assert set(drawn.axes) == set(plain.axes)
@@ -66,8 +65,7 @@ def test_panels_are_the_papers_and_measured_curves_lie_on_top(number: int) -> No
     assert "Dashed: simulated" in [text.get_text() for text in drawn.figure.legends[0].get_texts()]
 
 
-def test_curves_are_the_measured_and_the_simulated_values() -> None:
-    file = measured()
+def test_curves_are_the_measured_and_the_simulated_values(file: TraceFile) -> None:
     lines = draw_overlay(14, file, models(file)).lines
     e = np.rad2deg(file.runs["controller_2"]["e"][:, 0])
     for kind, size in (("", 1.0), (" simulated", 1.1)):
@@ -81,15 +79,13 @@ def test_curves_are_the_measured_and_the_simulated_values() -> None:
     assert drawn.max() == pytest.approx(angle.max())
 
 
-def test_without_a_simulation_the_measurement_stands_alone() -> None:
-    file = measured()
+def test_without_a_simulation_the_measurement_stands_alone(file: TraceFile) -> None:
     drawn = draw_overlay(16, file, {})
     assert not any(name.endswith("simulated") for _, name in drawn.lines)
     assert "no simulation" in drawn.caption
 
 
-def test_what_was_not_recorded_is_said_and_its_simulation_left_out() -> None:
-    file = measured()
+def test_what_was_not_recorded_is_said_and_its_simulation_left_out(file: TraceFile) -> None:
     bare = {}
     for name in CONTROLLERS:
         kept = {key: value for key, value in file.runs[name].variables.items() if key != "H_hat"}
@@ -99,9 +95,8 @@ def test_what_was_not_recorded_is_said_and_its_simulation_left_out() -> None:
     assert drawn.axes["c"].texts[0].get_text() == "not recorded"
 
 
-def test_a_simulation_is_laid_on_the_joints_that_were_measured() -> None:
+def test_a_simulation_is_laid_on_the_joints_that_were_measured(file: TraceFile) -> None:
     """Of joint 3 alone, whose panel is then the first."""
-    file = measured()
     only = replace(file, runs={LOADED: file.runs[LOADED].of_joints([3])})
     lines = draw_overlay(16, only, models(file)).lines
     (name,) = (name for letter, name in lines if letter == "b" and name.endswith("simulated"))
@@ -109,8 +104,7 @@ def test_a_simulation_is_laid_on_the_joints_that_were_measured() -> None:
     assert values.max() == pytest.approx(1.1 * np.rad2deg(file.runs[LOADED]["e"][:, 1]).max())
 
 
-def test_a_difference_with_gaps_has_the_mean_of_the_rest() -> None:
-    file = measured()
+def test_a_difference_with_gaps_has_the_mean_of_the_rest(file: TraceFile) -> None:
     trace = file.runs["decouple"]
     q = trace["q_encoder"].copy()
     q[50:60] = np.nan
@@ -121,8 +115,7 @@ def test_a_difference_with_gaps_has_the_mean_of_the_rest() -> None:
     assert notes == [f"MAE {apart[:, 0].mean():.4f}°", ""]
 
 
-def test_gaps_leave_a_mean_of_the_rest() -> None:
-    file = measured()
+def test_gaps_leave_a_mean_of_the_rest(file: TraceFile) -> None:
     trace = file.runs["controller_1"]
     tau = trace["tau_m"].copy()
     tau[50:60] = np.nan
@@ -133,8 +126,7 @@ def test_gaps_leave_a_mean_of_the_rest() -> None:
     assert np.isfinite(values).all()
 
 
-def test_a_diverged_simulation_is_named(tmp_path: Path) -> None:
-    file = measured()
+def test_a_diverged_simulation_is_named(tmp_path: Path, file: TraceFile) -> None:
     gone = make_compare_file(step=0.02, diverged={"controller_1": 5.0}).runs["controller_1"]
     found = {"controller_1": gone}
     only = replace(file, runs={"controller_1": file.runs["controller_1"]})
