@@ -120,8 +120,7 @@ def test_a_baseline_notices_a_changed_verdict(command: str, tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize(
-    ("words", "code"),
-    [(["XX"], 2), (["C2", "--baseline", "x.json"], 2), (["--baseline", "nowhere.json"], 4)],
+    ("words", "code"), [(["XX"], 2), (["C2", "--baseline", "x.json"], 2), (["--baseline", "nowhere.json"], 4)]
 )
 def test_mistakes_with_claims(command: str, tmp_path: Path, words: list[str], code: int) -> None:
     done = run(command, "claims", *words, cwd=tmp_path)

@@ -127,7 +127,7 @@ def test_table_2_over_windows() -> None:
     file = make_compare_file(diverged={"controller_2": 10.0})
     frame = frame_of(window_rows(file)).set_index(["window", "run", "joint"])
     assert list(dict.fromkeys(frame.index.get_level_values("window"))) == [
-        *("whole", "after_first_period", "period_1", "period_2"),
+        *("whole", "after_first_period", "period_1", "period_2")
     ]
     e = np.rad2deg(file.runs["controller_1"]["e"][900:, 0])
     assert frame.loc[("period_2", "controller_1", 2), "mae_deg"] == pytest.approx(np.abs(e).mean())

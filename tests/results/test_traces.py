@@ -21,11 +21,7 @@ from support.synthetic import S_INV, S, make_compare_file, make_decouple_file
 from tendonrepro.errors import DataMissingError, TendonreproError
 from tendonrepro.files import sha256_of
 from tendonrepro.results.records import SCHEMA_VERSION, VARIABLES, PlantRecord, PlantValue, Trace, TraceFile
-from tendonrepro.results.traces import (
-    NEEDED,
-    read_traces,
-    write_traces,
-)
+from tendonrepro.results.traces import NEEDED, read_traces, write_traces
 
 Array = NDArray[np.float64]
 
