@@ -18,7 +18,7 @@ from tendonrepro.errors import ConfigError, TendonreproError
 from tendonrepro.parallel import advance, each, interrupts_held
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Iterator
 
 
 def work(offset: int, item: int) -> tuple[int, int]:
@@ -39,6 +39,7 @@ def test_results_are_in_order_and_progress_adds_up(monkeypatch: pytest.MonkeyPat
     assert [result for result, _ in results] == [103, 101, 102]
     assert ({process for _, process in results} == {os.getpid()}) == (processors == 1)
     assert sum(told) == 6
+    assert each(fail, []) == []
 
 
 @pytest.mark.parametrize("processors", [1, 2])
@@ -71,11 +72,6 @@ def test_a_worker_that_dies_is_an_error_not_a_wait(monkeypatch: pytest.MonkeyPat
         each(os._exit, [1, 1])
 
 
-def test_nothing_to_do() -> None:
-    function: Callable[[int], int] = fail
-    assert each(function, []) == []
-
-
 @pytest.fixture(name="interrupts")
 def _interrupts() -> Iterator[None]:
     """Interrupts as at a terminal, also where the tests run in the background of a shell."""
@@ -86,7 +82,7 @@ def _interrupts() -> Iterator[None]:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no masks there")
 @pytest.mark.usefixtures("interrupts")
-def test_an_interrupt_while_processes_start_is_late_and_not_lost() -> None:
+def test_an_interrupt_while_processes_start_is_late_not_lost_and_ignored_ones_stay_ignored() -> None:
     done = []
 
     def interrupted() -> None:
@@ -101,12 +97,7 @@ def test_an_interrupt_while_processes_start_is_late_and_not_lost() -> None:
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     with interrupts_held():
         done.append("nothing without one")
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="no masks there")
-@pytest.mark.usefixtures("interrupts")
-def test_who_ignores_interrupts_goes_on_doing_so() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # who ignores interrupts goes on doing so
     with interrupts_held():
         os.kill(os.getpid(), signal.SIGINT)
         time.sleep(0.01)

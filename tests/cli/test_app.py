@@ -6,6 +6,7 @@ import json
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -35,15 +36,14 @@ def test_help_imports_nothing_heavy() -> None:
 def test_every_command_has_help_with_an_example(command: str, tmp_path: Path) -> None:
     top = run(command, "--help", cwd=tmp_path)
     assert "Exit codes" in top.stdout
-    single = ["compare", "decouple", "reproduce", "figures", "tables", "doctor"]
-    single += ["sweep", "ensemble", "identify", "explain", "claims"]
-    for words in [[name] for name in single] + [
-        ["config", name] for name in ("list", "show", "init", "check", "schema")
-    ]:
-        assert words[-1] in top.stdout or words[0] == "config"
-        text = run(command, *words, "--help", cwd=tmp_path)
+    commands = ["compare", "decouple", "reproduce", "figures", "tables", "doctor"]
+    commands += ["sweep", "ensemble", "identify", "explain", "claims"]
+    assert all(name in top.stdout for name in commands)
+    commands += [f"config {name}" for name in ("list", "show", "init", "check", "schema")]
+    for words in commands:
+        text = run(command, *words.split(), "--help", cwd=tmp_path)
         assert text.returncode == 0
-        assert f"Example: tendonrepro {' '.join(words)}" in text.stdout
+        assert f"Example: tendonrepro {words}" in text.stdout
 
 
 def test_compare_json_has_the_promised_keys(compared: tuple[Path, Any]) -> None:
@@ -89,11 +89,8 @@ def test_manifest_says_what_made_the_result(compared: tuple[Path, Any]) -> None:
 
 def test_decouple_json_has_the_promised_keys(decoupled: tuple[Path, Any]) -> None:
     folder, data = decoupled
-    assert [[round(abs(x), 4) for x in row] for row in data["S"]] == [
-        [0.4805, 0, 0],
-        [0.2184, 0.4805, 0],
-        [0.2479, 0.4545, 1],
-    ]
+    S = [[0.4805, 0, 0], [0.2184, 0.4805, 0], [0.2479, 0.4545, 1]]
+    assert [[round(abs(x), 4) for x in row] for row in data["S"]] == S
     assert data["S_inv"][2] == pytest.approx([35 / 37, -35 / 37, 1])
     for joint in (1, 2, 3):
         assert set(data["errors"][f"joint_{joint}"]) == {"mae_deg", "rmse_deg", "max_deg"}
@@ -135,12 +132,20 @@ def test_force_overwrites(command: str, tmp_path: Path) -> None:
     assert (tmp_path / "out" / "mine.txt").read_text() == "my notes"
 
 
-def test_traces_without_manifest_are_not_overwritten(command: str, tmp_path: Path) -> None:
+def test_what_stands_in_the_way_of_results_is_explained_and_left_alone(command: str, tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
-    (tmp_path / "out" / "traces.h5").write_text("precious")
-    done = run(command, "compare", *SHORT, "--out", "out", cwd=tmp_path)
-    assert done.returncode == 2
-    assert (tmp_path / "out" / "traces.h5").read_text() == "precious"
+    (tmp_path / "out" / "traces.h5").write_text("without a manifest")
+    (tmp_path / "file").write_text("in the way")
+    assert run(command, "compare", *SHORT, "--out", "out", cwd=tmp_path).returncode == 2
+    assert (tmp_path / "out" / "traces.h5").read_text() == "without a manifest"
+    for words, code, message in (
+        (["compare", *SHORT, "--out", "file/out"], 1, "results folder"),
+        (["figures"], 4, "traces.h5"),
+    ):
+        done = run(command, *words, cwd=tmp_path)
+        assert done.returncode == code
+        assert message in done.stderr
+        assert "Traceback" not in done.stderr
 
 
 @pytest.mark.slow
@@ -150,19 +155,20 @@ def test_a_diverged_run_ends_with_code_5_and_full_results(command: str, tmp_path
     assert "diverged" in data["status"].values()
     assert (tmp_path / "out" / "figures" / "fig14.png").exists()
     assert data["table2"]["controller_1"]["mae_deg"][0] > 0
-
-
-@pytest.mark.slow
-def test_overflow_is_a_diverged_run_too(command: str, tmp_path: Path) -> None:
-    words = [*SHORT, "--set", "control.gains.M_bar=[1e300,1e300]", "--controllers", "1,3", "--out", "out"]
-    data = answer(command, "compare", *words, cwd=tmp_path, code=5)
-    assert set(data["status"].values()) == {"diverged"}
+    words = [
+        *SHORT,
+        "--set",
+        "control.gains.M_bar=[1e300,1e300]",
+        "--controllers",
+        "1,3",
+        "--out",
+        "overflow",
+    ]
+    assert set(answer(command, "compare", *words, cwd=tmp_path, code=5)["status"].values()) == {"diverged"}
 
 
 @pytest.mark.slow
 def test_an_interrupted_second_run_leaves_the_first_result(command: str, compared: tuple[Path, Any]) -> None:
-    import time
-
     if sys.platform == "win32":
         pytest.skip("no SIGINT for a child on Windows")
     out = compared[0] / "out"
@@ -195,24 +201,12 @@ def test_figures_and_tables_are_made_again_from_traces(command: str, compared: t
     assert run(command, "figures", "99", "--out", "out", cwd=folder).returncode == 2
 
 
-def test_missing_traces_are_code_4(command: str, tmp_path: Path) -> None:
-    done = run(command, "figures", cwd=tmp_path)
-    assert done.returncode == 4
-    assert "traces.h5" in done.stderr
-    assert "Traceback" not in done.stderr
-
-
 def test_usage_errors_are_one_message_and_code_2(command: str, tmp_path: Path) -> None:
-    for words in (
-        ["compare", "--bogus"],
-        ["nonsense"],
-        ["compare", "--controllers", "x"],
-        ["compare", "--seed", "a"],
-    ):
-        done = run(command, *words, cwd=tmp_path)
+    for words in ("compare --bogus", "nonsense", "compare --controllers x", "compare --seed a"):
+        done = run(command, *words.split(), cwd=tmp_path)
         assert done.returncode == 2, words
         assert "Traceback" not in done.stderr
-        error = answer(command, *words, cwd=tmp_path, code=2)["error"]
+        error = answer(command, *words.split(), cwd=tmp_path, code=2)["error"]
         assert error["code"] == 2
         assert error["message"]
 
@@ -283,11 +277,8 @@ def test_a_law_of_the_users_own_runs_beside_the_others(command: str, tmp_path: P
     words = ["compare", *SHORT, "--controllers", "1", "--out", "out"]
     data = answer(command, *words, "--law", "mine.py:mine", cwd=tmp_path)
     assert data["table2"]["mine"] == data["table2"]["controller_1"]
-    for spec, message in (
-        ("mine.py:broken", "must return"),
-        ("mine.py:none", "no function"),
-        ("no.py:f", "no such file"),
-    ):
+    messages = {"mine.py:broken": "must return", "mine.py:none": "no function", "no.py:f": "no such file"}
+    for spec, message in messages.items():
         done = run(command, *words[:-1], "other", "--law", spec, cwd=tmp_path)
         assert done.returncode in (1, 2)
         assert message in done.stderr
@@ -295,8 +286,6 @@ def test_a_law_of_the_users_own_runs_beside_the_others(command: str, tmp_path: P
 
 
 def test_interrupted_run_leaves_no_half_result(command: str, tmp_path: Path) -> None:
-    import time
-
     if sys.platform == "win32":
         pytest.skip("no SIGINT for a child on Windows")
     process = subprocess.Popen(
@@ -317,23 +306,11 @@ def test_interrupted_run_leaves_no_half_result(command: str, tmp_path: Path) -> 
     assert [path.name for path in (tmp_path / "out").iterdir() if path.name != ".lock"] == []
 
 
-def test_an_unwritable_folder_is_explained(command: str, tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("in the way")
-    done = run(command, "compare", *SHORT, "--out", "file/out", cwd=tmp_path)
-    assert done.returncode == 1
-    assert "results folder" in done.stderr
-    assert "Traceback" not in done.stderr
-
-
-def test_version_and_citation(command: str, tmp_path: Path) -> None:
+def test_version_citation_and_doctor(command: str, tmp_path: Path) -> None:
     from tendonrepro import __version__
 
     assert run(command, "--version", cwd=tmp_path).stdout.strip() == __version__
     assert "10.3390/act15050271" in run(command, "--cite", cwd=tmp_path).stdout
-
-
-def test_doctor_finds_everything_in_order(command: str, tmp_path: Path) -> None:
     found = answer(command, "doctor", cwd=tmp_path)
-    assert found["checks"]["configurations"] == "ok"
-    assert found["checks"]["published numbers"] == "ok"
+    assert found["checks"]["configurations"] == found["checks"]["published numbers"] == "ok"
     assert found["environment"]["versions"]["h5py"]

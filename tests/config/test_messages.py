@@ -66,14 +66,8 @@ class Files:
 
     def replace_reference(self, new: str) -> None:
         text = TEXTS["compare"]
-        self.replace(
-            "compare", text[text.index("  kind: minimum_jerk") : text.index("\n# ---- Control laws")], new
-        )
-
-    def line(self, name: str, text: str) -> int:
-        lines = self.path(name).read_text(encoding="utf-8").splitlines()
-        (number,) = (i for i, line in enumerate(lines, 1) if text in line)
-        return number
+        start, end = text.index("  kind: minimum_jerk"), text.index("\n# ---- Control laws")
+        self.replace("compare", text[start:end], new)
 
     def mistakes(self, experiment: Any = "compare") -> list[str]:
         """Lines of the message, without the folder; the first one must count the others."""
@@ -94,9 +88,6 @@ def files(tmp_path: Path) -> Files:
 CHANGED_LINE = [
     # keys
     ("compare", "    alpha:", "    alhpa:", "control.gains: unknown key 'alhpa', did you mean 'alpha'?"),
-    ("compare", "    M_bar:", "    m_bar:", "control.gains: unknown key 'm_bar', did you mean 'M_bar'?"),
-    ("compare", "title:", "tittle:", "unknown key 'tittle', did you mean 'title'?"),
-    ("compare", "  rise:", "  rize:", "reference: unknown key 'rize', did you mean 'rise'?"),
     ("compare", "seed:", "extra: 1\nseed:", "unknown key 'extra'"),
     ("compare", "  controller_3:\n    law", "  Controller 3:\n    law",
      "runs.Controller 3: a name must be lower-case"),
@@ -105,13 +96,10 @@ CHANGED_LINE = [
     ("compare", "title: Controllers", "title: 3 #", "title: must be text, found 3"),
     ("compare", "title: Controllers", "title: '' #", "title: must not be empty"),
     ("compare", "joints: [2, 3]", "joints: 3", "joints: must be a list, found 3"),
-    ("compare", "joints: [2, 3]", "joints: []", "joints: must not be empty"),
     ("compare", "joints: [2, 3]", "joints: [2, x]", "joints.1: must be a whole number, found the text 'x'"),
     ("compare", "joints: [2, 3]", "joints: [2, true]", "joints.1: must be a whole number, found true"),
     ("compare", "manipulator: lumi", "manipulator: 3 #", "manipulator: must be a mapping of keys, found 3"),
     ("compare", "    law: controller_3", "    law: []", "runs.controller_3.law: must be text, found a list"),
-    ("lumidouce_ii", "value:  9.81", "value: on",
-     "manipulator.gravity.value: must be a number, found the text 'on'"),
     # choices
     ("compare", "schema_version: 1", "schema_version: 2", "schema_version: must be 1, found 2"),
     ("compare", "schema_version: 1", "schema_version: true", "schema_version: must be 1, found true"),
@@ -122,8 +110,6 @@ CHANGED_LINE = [
     ("compare", "kind: minimum_jerk", "kind: min_jerk",
      "reference.kind: must be one of raised_cosine, minimum_jerk, trapezoidal, sine, sampled, per_joint, "
      "found the text 'min_jerk', did you mean 'minimum_jerk'?"),
-    ("compare", "method: dopri5", "method: rk4",
-     "solver.method: must be one of dopri5, dop853, lsoda, found the text 'rk4'"),
     ("compare", "  controller_1_payload:", "  plant:",
      "runs.plant: is the name of something else among the results"),
     ("compare", "law: controller_3", "law: controller_4",
@@ -132,8 +118,6 @@ CHANGED_LINE = [
     ("decouple", "drives: motors", "drives: tendons",
      "runs.pull_tendon_1.drives: must be joints or motors, found the text 'tendons'"),
     # units, sources, ranges
-    ("compare", "unit:   kg m2", "unit: g m2",
-     "control.gains.M_bar.unit: must be kg m2, found the text 'g m2'"),
     ("compare", "unit:   kg m2", "unit: 1", "control.gains.M_bar.unit: must be text, found 1"),
     ("compare", '"printed: section 5.1"', "measured",
      "sampling_period.source: must begin with printed:, derived:"),
@@ -143,8 +127,6 @@ CHANGED_LINE = [
      "control.gains.lam.value: must have 2 entries, one per moving joint, found 3"),
     ("lumidouce_ii", "[0.70, 0.45, 0.25]", "[0.7, -0.45, 0.2]",
      "manipulator.links.mass.value.1: must be above 0 kg, found -0.45 kg"),
-    ("lumidouce_ii", "[0.70, 0.45, 0.25]", "[0.7, 0.2]",
-     "manipulator.links.mass.value: must have 3 entries, one per joint of the manipulator, found 2"),
     # singular or impossible mechanisms
     ("lumidouce_ii", "value:  [37, 37, 37]", "value: [37, 37, 0]",
      "manipulator.routing.winch_diameter.value.2: must be above 0 mm, found 0 mm"),
@@ -154,14 +136,9 @@ CHANGED_LINE = [
      "manipulator.routing.pulley_diameter.value.1.0: must be 0 for joint 2 and tendon 1"),
     ("lumidouce_ii", "[0, 1,  1]", "[0, 0,  1]",
      "manipulator.routing.sign.value.1.1: must be 1 or -1 for joint 2 and tendon 2"),
-    ("lumidouce_ii", "[0, 1,  1]", "[0, 0.5,  1]",
-     "manipulator.routing.sign.value.1.1: must be a whole number, found 0.5"),
-    ("lumidouce_ii", "[ 0, 77, 35]", "[ 0, 77]",
-     "manipulator.routing.pulley_diameter.value.1: has 2 entries where the first row has 3"),
     # checks across sections
     ("compare", "joints: [2, 3]", "joints: [1, 2]",
      "joints: must be the last joints in order, up to 3 of the manipulator, found [1, 2]"),
-    ("compare", "joints: [2, 3]", "joints: [3, 2]", "joints: must be the last joints in order"),
     ("decouple", "turns: [[1], [2]", "turns: [[1], [4]",
      "runs.decouple.reference.turns.1: must name joints that move, [1, 2, 3], found [4]"),
     ("decouple", "turns: [[1],", "turns: [[1, 1],",
@@ -184,7 +161,6 @@ def test_mistake_on_the_changed_line(files: Files, name: str, old: str, new: str
 OTHER_LINE = [
     ("compare", "seed:\n  value:  1\n", "seed:\n", "seed:", "seed: missing key 'value'"),
     ("compare", "    law: controller_3\n", "", "  controller_3:\n", "runs.controller_3: missing key 'law'"),
-    ("compare", "  kind: none ", "  sort: none ", "disturbance:", "disturbance: missing key 'kind'"),
     ("compare", "  kind: none ", "  kind: step ", "disturbance:", "disturbance: missing key 'torque'"),
     ("compare", "    value:  2.5\n", "    value:  2.5001\n", "reference:",
      "reference: lasts 18.0004 s, which must be a whole multiple of the sampling period, 1 ms"),
@@ -196,8 +172,6 @@ OTHER_LINE = [
      "disturbance.start.value: must be a whole multiple of the sampling period, 1 ms, found 1.0005 s"),
     ("compare", "  kind: none ", NOISE.replace("[1, 9]", "[9, 1]"), "  band:",
      "disturbance.band.value: must rise from low to high, found 9 to 1 Hz"),
-    ("lumidouce_ii", "      - [ 0,  0, 37]\n", "", "    value:\n      - [77, 35, 35]",
-     "manipulator.routing.pulley_diameter.value: must be 3 by 3, one per joint of the manipulator, found 2"),
 ]  # fmt: skip
 
 
@@ -279,6 +253,8 @@ def test_each_joint_may_have_its_own_motion(files: Files) -> None:
      "references.1.kind: must be one of raised_cosine, minimum_jerk,"),
     ("kind: raised_cosine", "kind: raised_cosine\n      turns: [[3]]",
      "references.1.turns: one joint cannot take turns"),
+    (PER_JOINT[PER_JOINT.index("    - kind: raised") :], "",
+     "references: must have one motion per moving joint, 2, found 1"),
 ])  # fmt: skip
 def test_motion_of_one_joint_that_does_not_fit(files: Files, old: str, new: str, message: str) -> None:
     files.replace_reference(PER_JOINT.replace(old, new, 1))
@@ -286,22 +262,11 @@ def test_motion_of_one_joint_that_does_not_fit(files: Files, old: str, new: str,
     assert f": reference.{message}" in mistake
 
 
-def test_one_motion_per_moving_joint(files: Files) -> None:
-    files.replace_reference(PER_JOINT[: PER_JOINT.index("    - kind: raised")])
-    (mistake,) = files.mistakes()
-    assert mistake.endswith("reference.references: must have one motion per moving joint, 2, found 1")
-
-
 @pytest.mark.parametrize(("content", "message"), [
     (b"", "is empty"),
-    (b"# nothing\n", "is empty"),
     (b"[1, 2]", "a configuration is a mapping of keys"),
-    (b"just words", "a configuration is a mapping of keys"),
     (b"\x89HDF\r\n\x1a\n\0\0", "is a binary file"),
-    (b"a: \xff", "is not UTF-8 text"),
-    (b"a: &a [x]\nb: [*a, *a]", "anchors and aliases"),
     (b"a: 1\na: 2", "key 'a' is given twice"),
-    (b"a: .inf", "is not a finite number"),
     (b"[" * 100_000, "nested more than 32 levels"),
     (b"#" * (1 << 21), "is larger than 1 MiB"),
 ])  # fmt: skip
@@ -337,16 +302,13 @@ def test_file_that_is_not_there(files: Files) -> None:
     for folder in (files.folder, ""):
         with pytest.raises(ConfigError, match="is a folder"):
             load_config(folder, "compare")
-
-
-def test_manipulator_that_is_not_there(files: Files) -> None:
     files.replace("compare", "manipulator: lumidouce_ii.yaml", "manipulator: lumidouce.yaml")
     with pytest.raises(ConfigError, match=r"no file 'lumidouce\.yaml'") as raised:
         load_config(files.path("compare"), "compare")
-    line = files.line("compare", "manipulator: lumidouce.yaml")
+    line = TEXTS["compare"][: TEXTS["compare"].index("manipulator: lumi")].count("\n") + 1
     assert raised.value.where == f"{files.path('compare')}:{line}"
-    assert str(files.folder / "lumidouce.yaml") in str(raised.value.hint)
-    assert str(shipped_folder() / "lumidouce.yaml") in str(raised.value.hint)
+    for folder in (files.folder, shipped_folder()):
+        assert str(folder / "lumidouce.yaml") in str(raised.value.hint)
 
 
 # ---- every key and every number of the shipped files -------------------------------------------------------
@@ -391,29 +353,19 @@ def test_unknown_key_at_every_level(experiment: str) -> None:
 
 
 @pytest.mark.parametrize("experiment", MODELS)
-def test_every_quantity_refuses_what_is_not_a_number(experiment: str) -> None:
-    tree = copy.deepcopy(TREES[experiment])
-    for path, quantity in mappings(tree):
-        if "value" in quantity:
-            kept, dotted = quantity["value"], ".".join(map(str, path))
-            for wrong in ("text", True, None, {"value": 1}, float("nan"), [float("inf")]):
-                quantity["value"] = wrong
-                assert f": {dotted}.value" in mistakes_in(tree, experiment)
-            quantity["value"] = kept
-
-
-@pytest.mark.parametrize("experiment", MODELS)
-def test_every_quantity_that_cannot_be_negative(experiment: str) -> None:
+def test_every_quantity_refuses_what_is_not_a_number_or_cannot_be_negative(experiment: str) -> None:
     tree = copy.deepcopy(TREES[experiment])
     signed = {"posture", "amplitude", "sign"}
     checked = 0
     for path, quantity in mappings(tree):
-        if "value" in quantity and path[-1] not in signed:
-            kept = quantity["value"]
-            quantity["value"] = negated(kept)
-            assert f": {'.'.join(map(str, path))}.value" in mistakes_in(tree, experiment)
+        if "value" in quantity:
+            kept, dotted = quantity["value"], ".".join(map(str, path))
+            negative = [] if path[-1] in signed else [negated(kept)]
+            for wrong in ("text", True, None, {"value": 1}, float("nan"), [float("inf")], *negative):
+                quantity["value"] = wrong
+                assert f": {dotted}.value" in mistakes_in(tree, experiment)
             quantity["value"] = kept
-            checked += 1
+            checked += len(negative)
     assert checked > 40
 
 

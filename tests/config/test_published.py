@@ -2,18 +2,13 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
 
 from tendonrepro.config.fields.strict_yaml import load
-from tendonrepro.config.published import (
-    PrintedNumber,
-    PrintedRatio,
-    PrintedText,
-    parse_published,
-    published,
-)
+from tendonrepro.config.published import PrintedNumber, PrintedRatio, PrintedText, parse_published, published
 from tendonrepro.errors import ConfigError
 
 JOINTS = (2, 3)
@@ -80,15 +75,32 @@ class TestThePaperAgreesWithItself:
 
 class TestShippedFile:
     def test_table_2_as_printed(self) -> None:
-        expected = {
-            1: [("0.261", "0.219"), ("0.311", "0.261")],
-            2: [("0.289", "0.240"), ("0.375", "0.292")],
-            3: [("0.305", "0.266"), ("0.436", "0.349")],
-        }
-        for controller, rows in expected.items():
-            for metric, row in zip(("mae", "rmse"), rows, strict=True):
-                names = [f"table2.controller_{controller}.{metric}.joint_{joint}" for joint in JOINTS]
-                assert tuple(self.number(name).as_printed for name in names) == row
+        table = {1: "0.261 0.219 0.311 0.261", 2: "0.289 0.240 0.375 0.292", 3: "0.305 0.266 0.436 0.349"}
+        for controller, printed in table.items():
+            for k, text in enumerate(printed.split()):
+                name = f"table2.controller_{controller}.{('mae', 'rmse')[k // 2]}.joint_{JOINTS[k % 2]}"
+                entry = published().entries[name]
+                assert isinstance(entry, PrintedNumber)
+                assert (entry.as_printed, entry.unit) == (text, "deg")
+
+    def test_ratios_and_texts(self) -> None:
+        ratio, motor = published().entries["S_inv.21"], published().entries["hardware.motor"]
+        assert isinstance(ratio, PrintedRatio)
+        assert (ratio.as_printed, ratio.value) == ("35/37", 35.0 / 37.0)
+        assert isinstance(motor, PrintedText)
+        assert (motor.where, motor.text) == ("section 5.1", "SDGA-01C11BD")
+        for read, name in ((published().number, "hardware.motor"), (published().quantity, "C2")):
+            with pytest.raises(KeyError, match="is a text"):
+                read(name)
+
+    def test_units_and_joints_without_a_printed_value(self) -> None:
+        units = {"table2": "deg", "table3": "deg", "share": "%", "increase": "%", "S": "1", "S_inv": "1"}
+        for name, entry in published().entries.items():
+            if isinstance(entry, PrintedNumber):
+                assert entry.unit == units.get(name.split(".")[0], entry.unit)
+        values = published().per_joint("table2.controller_1.mae", (1, 3))
+        assert math.isnan(values[0])
+        assert values[1] == 0.219
 
     def test_every_entry_has_a_place(self) -> None:
         places = {entry.where for entry in published().entries.values()}
@@ -113,39 +125,6 @@ class TestShippedFile:
         judged = published().judgements["S.21"]
         assert (judged.rule, judged.depends_on) == ("inverse", ("S_inv", "signs of the routing"))
 
-    def test_units(self) -> None:
-        for name, entry in published().entries.items():
-            if isinstance(entry, PrintedNumber):
-                start = name.split(".")[0]
-                known = {
-                    "table2": "deg",
-                    "table3": "deg",
-                    "share": "%",
-                    "increase": "%",
-                    "S": "1",
-                    "S_inv": "1",
-                }
-                assert entry.unit == known.get(start, entry.unit)
-
-    def test_ratios_and_texts(self) -> None:
-        ratio = published().entries["S_inv.21"]
-        assert isinstance(ratio, PrintedRatio)
-        assert (ratio.as_printed, ratio.value) == ("35/37", 35.0 / 37.0)
-        motor = published().entries["hardware.motor"]
-        assert isinstance(motor, PrintedText)
-        assert (motor.where, motor.text) == ("section 5.1", "SDGA-01C11BD")
-
-    def test_a_text_is_no_number(self) -> None:
-        with pytest.raises(KeyError, match="is a text"):
-            published().number("hardware.motor")
-        with pytest.raises(KeyError, match="is a text"):
-            published().quantity("C2")
-
-    def test_joints_without_a_printed_value(self) -> None:
-        values = published().per_joint("table2.controller_1.mae", (1, 3))
-        assert math.isnan(values[0])
-        assert values[1] == 0.219
-
     def test_it_is_read_once_and_cannot_be_changed(self) -> None:
         assert published() is published()
         with pytest.raises(TypeError):
@@ -153,20 +132,14 @@ class TestShippedFile:
         with pytest.raises(TypeError):
             published().judgements["S.11"] = None  # type: ignore[index]
 
-    @staticmethod
-    def number(name: str) -> PrintedNumber:
-        entry = published().entries[name]
-        assert isinstance(entry, PrintedNumber)
-        return entry
-
 
 GOOD = "{id: a, kind: number, where: Table 2, value: 0.24, unit: deg, decimals: 3}"
 JUDGED = "{ids: '*', rule: value, kind: ensemble, depends_on: [plant]}"
 
 
-def text(*entries: str, version: int = 2, judged: tuple[str, ...] = (JUDGED,)) -> str:
+def text(*entries: str, judged: Sequence[str] = (JUDGED,)) -> str:
     lists = {"entries": entries, "judged": judged}
-    return f"schema_version: {version}\n" + "".join(
+    return "schema_version: 2\n" + "".join(
         f"{name}:\n" + "".join(f"  - {item}\n" for item in items) for name, items in lists.items()
     )
 
@@ -185,14 +158,12 @@ class TestParsing:
         ("entry", "words"),
         [
             (GOOD.replace("kind: number", "kind: guess"), r"x.yaml:4: entries.1.kind: must be one of number"),
-            (GOOD.replace("kind: number, ", ""), "x.yaml:4: entries.1: missing key 'kind'"),
             ("just words", "x.yaml:4: entries.1: must be a mapping"),
-            (GOOD.replace(", unit: deg", ""), "x.yaml:4: entries.1: missing key 'unit'"),
             (GOOD.replace("unit:", "units:"), "unknown key 'units', did you mean 'unit'"),
             (GOOD.replace("0.24", "true"), "x.yaml:4: entries.1.value: .*valid number"),
-            (GOOD.replace("0.24", "much"), "entries.1.value: .*valid number"),
             (GOOD.replace("decimals: 3", "decimals: 3.0"), "entries.1.decimals: must be a whole number"),
             (GOOD.replace("decimals: 3", "decimals: 1"), "has more than 1 decimals, found 0.24"),
+            (GOOD.replace("id: a", "id: first"), "'first' is used twice"),
         ],
     )
     def test_bad_entries_are_placed(self, entry: str, words: str) -> None:
@@ -200,37 +171,26 @@ class TestParsing:
             parse_published(load(text(GOOD.replace("id: a", "id: first"), entry), "x.yaml"))
 
     @pytest.mark.parametrize(
-        ("changed", "words"),
+        ("judged", "words"),
         [
-            (("ensemble", "guess"), "judged.0.kind: must be one of arithmetic"),
-            (("[plant]", "plant"), "judged.0.depends_on: must be a list"),
-            (("[plant]", "[1]"), "judged.0.depends_on.0: must be text"),
-            (("rule: value, ", ""), "judged.0: missing key 'rule'"),
-            (("rule:", "more: x, rule:"), "judged.0: unknown key 'more'"),
+            ([JUDGED.replace("ensemble", "guess")], "x.yaml:5: judged.0.kind: must be one of arithmetic"),
+            ([JUDGED.replace("[plant]", "plant")], "x.yaml:5: judged.0.depends_on: must be a list"),
+            ([JUDGED.replace("rule: value, ", "")], "x.yaml:5: judged.0: missing key 'rule'"),
+            ([JUDGED.replace("rule:", "more: x, rule:")], "x.yaml:5: judged.0: unknown key 'more'"),
+            ([JUDGED.replace("*", "b*")], "'a' is covered by 0 judgements"),
+            ([JUDGED, JUDGED.replace("*", "a")], "'a' is covered by 2 judgements"),
         ],
     )
-    def test_bad_judgements_are_placed(self, changed: tuple[str, str], words: str) -> None:
-        with pytest.raises(ConfigError, match=f"x.yaml:5: {words}"):
-            parse_published(load(text(GOOD, judged=(JUDGED.replace(*changed),)), "x.yaml"))
-
-    @pytest.mark.parametrize(
-        ("judged", "count"), [((JUDGED.replace("*", "b*"),), 0), ((JUDGED, JUDGED.replace("*", "a")), 2)]
-    )
-    def test_every_entry_is_judged_in_one_way(self, judged: tuple[str, ...], count: int) -> None:
-        with pytest.raises(ConfigError, match=f"'a' is covered by {count} judgements"):
+    def test_bad_judgements_are_refused(self, judged: list[str], words: str) -> None:
+        with pytest.raises(ConfigError, match=words):
             parse_published(load(text(GOOD, judged=judged), "x.yaml"))
-
-    def test_an_id_used_twice(self) -> None:
-        with pytest.raises(ConfigError, match="'a' is used twice"):
-            parse_published(load(text(GOOD, GOOD), "x.yaml"))
 
     @pytest.mark.parametrize(
         ("frame", "words"),
         [
             ("schema_version: 1\nentries: []\njudged: []\n", "x.yaml:1: schema_version: must be 2"),
-            ("schema_version: 2\nentries: []\n", "missing key 'judged'"),
+            ("schema_version: 2\nentries: {a: 1}\n", "missing key 'judged'"),
             ("schema_version: 2\nentries: {a: 1}\njudged: []\n", "entries: must be a list"),
-            ("schema_version: 2\nentries: []\njudged: []\nmore: 1\n", "x.yaml:4: unknown key 'more'"),
             ("- 1\n", "must be a mapping"),
         ],
     )

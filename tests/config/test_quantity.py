@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from pydantic import BaseModel, ValidationError
 
@@ -38,6 +38,8 @@ def mistakes(field: str, value: Any, unit: str, source: str = SOURCE) -> dict[tu
 
 
 @given(st.floats(-180.0, 180.0))
+@example(180.0)
+@example(-180.0)
 def test_degrees_become_radians_exactly_as_numpy_does(value: float) -> None:
     assert sample("angle", value, "deg").si == np.deg2rad(value)
     assert sample("angle", np.deg2rad(value), "rad").si == np.deg2rad(value)
@@ -101,11 +103,6 @@ def test_refused(field: str, value: Any, unit: str, at: tuple[int | str, ...], m
     assert mistakes(field, value, unit)[at] == message
 
 
-def test_limits_hold_at_their_ends() -> None:
-    assert sample("angle", 180, "deg").si == np.pi
-    assert sample("angle", -180, "deg").si == -np.pi
-
-
 def test_all_wrong_entries_are_named() -> None:
     assert set(mistakes("lengths", [0, 1, -1], "m")) == {("value", 0), ("value", 2)}
     assert set(mistakes("lengths", ["a", 1, None], "m")) == {("value", 0), ("value", 2)}
@@ -113,15 +110,14 @@ def test_all_wrong_entries_are_named() -> None:
 
 @pytest.mark.parametrize("source", ["printed", "printed:", "printed: ", "Printed: x", "guessed: x", ""])
 def test_source_must_say_where_from(source: str) -> None:
+    origins = ("printed", "derived", "datasheet", "assumed", "identified")
     assert (
         "printed:, derived:, datasheet:, assumed: or identified:"
         in mistakes("count", 1, "1", source)["source",]
     )
-
-
-@pytest.mark.parametrize("origin", ["printed", "derived", "datasheet", "assumed", "identified"])
-def test_every_origin_is_allowed(origin: str) -> None:
-    assert sample("count", 1, "1", f"{origin}: x").source == f"{origin}: x"
+    assert [sample("count", 1, "1", f"{origin}: x").source for origin in origins] == [
+        f"{o}: x" for o in origins
+    ]
 
 
 def test_bare_number_is_told_what_is_missing() -> None:

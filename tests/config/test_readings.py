@@ -56,7 +56,7 @@ def printed_loops() -> dict[str, Loop]:
     return loops_under(reading({}))
 
 
-def content(value: Any, skip: tuple[str, ...] = ()) -> Any:
+def content(value: Any) -> Any:
     """What a loop consists of as plain values; what its law does not read is left out."""
     if isinstance(value, np.ndarray):
         return value.shape, (value + 0.0).tobytes()  # -0.0 is 0.0
@@ -64,11 +64,9 @@ def content(value: Any, skip: tuple[str, ...] = ()) -> Any:
         unread = UNREAD_BY_TSM if value.surface == Surface.TSM else ()
         return {name: content(getattr(value, name)) for name in value._fields if name not in unread}
     if hasattr(value, "_fields"):
-        return {name: content(getattr(value, name)) for name in value._fields if name not in skip}
+        return {name: content(getattr(value, name)) for name in value._fields}
     if hasattr(value, "__dataclass_fields__"):
-        return {
-            name: content(getattr(value, name)) for name in value.__dataclass_fields__ if name not in skip
-        }
+        return {name: content(getattr(value, name)) for name in value.__dataclass_fields__}
     return None if callable(value) else value
 
 
@@ -92,39 +90,35 @@ def test_the_case_of_a_run_is_the_same_loop(choice: Reading) -> None:
         assert content(alone[run]) == content(loops[run])
 
 
-def test_the_case_of_a_pair_keeps_what_matters() -> None:
-    pair = parse_reading("phi_branch=power+weights=extrapolating")
-    assert case_of(pair, "controller_1") == pair
-    assert case_of(pair, "controller_2").name == "phi_branch=power"
-    assert case_of(pair, "controller_3").name == "printed"
-    degrees = parse_reading("gain_unit=phi_in_degrees")
-    assert case_of(degrees, "controller_3").name == "printed"
-    assert (
-        case_of(parse_reading("gain_unit=law_in_degrees"), "controller_3").name == "gain_unit=law_in_degrees"
-    )
+@pytest.mark.parametrize(
+    ("pair", "run", "case"),
+    [
+        ("phi_branch=power+weights=extrapolating", "controller_1", "phi_branch=power+weights=extrapolating"),
+        ("phi_branch=power+weights=extrapolating", "controller_2", "phi_branch=power"),
+        ("phi_branch=power+weights=extrapolating", "controller_3", "printed"),
+        ("gain_unit=phi_in_degrees", "controller_3", "printed"),
+        ("gain_unit=law_in_degrees", "controller_3", "gain_unit=law_in_degrees"),
+    ],
+)
+def test_the_case_of_a_pair_keeps_what_matters(pair: str, run: str, case: str) -> None:
+    assert case_of(parse_reading(pair), run) == parse_reading(case)
 
 
-def test_printed_hardware_is_the_papers() -> None:
-    loop = printed_loops()["controller_1"]
-    assert loop.joint_encoder.resolution == pytest.approx(np.deg2rad(0.022))
-    assert loop.actuator.delay == 0
-    assert loop.controller.law.rate_filter == 1.0  # type: ignore[attr-defined]
-
-
-def test_drawn_hardware_is_that_of_the_draw_and_gives_way_to_settings() -> None:
-    loop = loops_under(parse_reading("hardware=drawn"))["controller_1"]
-    assert loop.joint_encoder.resolution == pytest.approx(np.deg2rad(0.088))
-    assert loop.actuator.delay == 2
-    assert 0.0 < loop.controller.law.rate_filter < 1.0  # type: ignore[attr-defined]
-    ideal = loops_under(parse_reading("hardware=drawn+encoder=ideal"))["controller_1"]
-    assert ideal.joint_encoder.resolution == 0.0
-    assert ideal.actuator.delay == 2
+@pytest.mark.parametrize(
+    ("choice", "count_deg", "delay"),
+    [("printed", 0.022, 0), ("hardware=drawn", 0.088, 2), ("hardware=drawn+encoder=ideal", 0.0, 2)],
+)
+def test_hardware_is_the_papers_or_that_of_the_draw(choice: str, count_deg: float, delay: int) -> None:
+    loop = loops_under(parse_reading(choice))["controller_1"]
+    assert loop.joint_encoder.resolution == pytest.approx(np.deg2rad(count_deg))
+    assert loop.actuator.delay == delay
+    rate_filter = loop.controller.law.rate_filter  # type: ignore[attr-defined]
+    assert rate_filter == 1.0 if choice == "printed" else 0.0 < rate_filter < 1.0
 
 
 def test_low_pass_uses_the_drawn_cutoff() -> None:
     loop = loops_under(parse_reading("error_rate=low_pass"))["controller_3"]
-    _, draw = drawing()
-    expected = 1.0 - np.exp(-2.0 * np.pi * draw["error_rate_cutoff"] * 1e-3)
+    expected = 1.0 - np.exp(-2.0 * np.pi * drawing()[1]["error_rate_cutoff"] * 1e-3)
     assert loop.controller.law.rate_filter == pytest.approx(expected)  # type: ignore[attr-defined]
 
 
@@ -145,16 +139,12 @@ def test_variations_change_period_and_inertia() -> None:
     np.testing.assert_allclose(law.M_bar, 0.005)
 
 
-def test_under_shares_what_does_not_change() -> None:
+def test_under_shares_what_does_not_change_and_stays_valid() -> None:
     config, draw = drawing()
     changed = under(parse_reading("weights=extrapolating"), config, draw)
     assert changed.manipulator is config.manipulator
     assert config.control.readings.weights == "interpolating"
     assert under(reading({}), config, draw) is config
-
-
-def test_every_default_reading_is_a_valid_configuration() -> None:
-    config, draw = drawing()
     for choice in default_readings(load_ensemble(None).config) + VARIATIONS:
         changed = under(choice, config, draw)
         assert CompareConfig.model_validate(changed.model_dump()) == changed
@@ -191,9 +181,8 @@ def test_a_name_leads_back_to_its_reading(choice: Reading) -> None:
 
 
 def test_order_and_printed_values_do_not_matter() -> None:
-    assert parse_reading("weights=extrapolating+phi_branch=power+start=filled") == parse_reading(
-        "phi_branch=power+weights=extrapolating"
-    )
+    pair = parse_reading("phi_branch=power+weights=extrapolating")
+    assert parse_reading("weights=extrapolating+phi_branch=power+start=filled") == pair
     assert parse_reading("weights=interpolating") == reading({})
 
 

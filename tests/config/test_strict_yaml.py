@@ -16,16 +16,12 @@ from tendonrepro.config.fields.strict_yaml import MAX_BYTES, MAX_DEPTH, decode, 
 from tendonrepro.errors import ConfigError
 
 
-@pytest.fixture(params=["libyaml", "pure Python"])
-def parser(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+@pytest.fixture(params=["CSafeLoader", "SafeLoader"])
+def parser(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Run a test with both of PyYAML's parsers: which one is installed must not matter."""
-    if request.param == "libyaml":
-        if not hasattr(yaml, "CSafeLoader"):
-            pytest.skip("PyYAML is installed without libyaml")
-        monkeypatch.setattr(strict_yaml, "_Parser", yaml.CSafeLoader)
-    else:
-        monkeypatch.setattr(strict_yaml, "_Parser", yaml.SafeLoader)
-    return str(request.param)
+    if not hasattr(yaml, request.param):
+        pytest.skip("PyYAML is installed without libyaml")
+    monkeypatch.setattr(strict_yaml, "_Parser", getattr(yaml, request.param))
 
 
 @pytest.mark.parametrize(
@@ -48,13 +44,9 @@ def test_scalar_means_what_it_shows(text: str, value: object) -> None:
 
 
 @pytest.mark.usefixtures("parser")
-def test_keys_are_the_text_that_is_written() -> None:
+def test_keys_are_the_text_that_is_written_and_positions_those_of_keys_and_items() -> None:
     tree = load("on: 1\n2: 2\nnull: 3\n'a b': 4\n", "x").tree
     assert tree == {"on": 1, "2": 2, "null": 3, "a b": 4}
-
-
-@pytest.mark.usefixtures("parser")
-def test_positions_are_those_of_keys_and_items() -> None:
     document = load("# comment\na: 1\nb:\n  - x\n  - c: {d: [2, 3]}\n", "file.yaml")
     assert document.positions == {
         (): (2, 1), ("a",): (2, 1), ("b",): (3, 1), ("b", 0): (4, 5), ("b", 1): (5, 5),
@@ -65,13 +57,18 @@ def test_positions_are_those_of_keys_and_items() -> None:
     assert document.where(("b", 0, "not written", 7)) == "file.yaml:4"
 
 
+SLIPS = {
+    "a: b: c": "Text that contains ': ' must be in quotes.",
+    "a:\n\t- 1": "Indent with spaces, not tabs.",
+}
+
+
 @pytest.mark.parametrize(
     ("text", "where", "message"),
     [
         ("a: 1\nb: 2\na: 3", "x:3:1", "key 'a' is given twice, first on line 1"),
         ("a: {b: 1, b: 2}", "x:1:11", "key 'b' is given twice"),
         ("a: &anchor 1", "x:1:4", "anchors and aliases"),
-        ("a: &anchor [1]", "x:1:4", "anchors and aliases"),
         ("a: *anchor", "x:1:4", "anchors and aliases"),
         ("&anchor a: 1", "x:1:1", "anchors and aliases"),
         ("a: !!int 3", "x:1:4", "tags"),
@@ -79,6 +76,8 @@ def test_positions_are_those_of_keys_and_items() -> None:
         ("<<: {a: 1}", "x:1:1", "merge keys"),
         ("[a, b]: 1", "x:1:", "a key must be a word"),
         ('"": 1', "x:1:1", "a key is empty"),
+        ("a: &a [x, x]\nb: &b [*a, *a]\nc: [*b, *b]\n", "x:1:4", "anchors and aliases"),
+        ('a: "b\\0c"', "x:1:4", "NUL"),
         ("a: 1\n---\nb: 2", "x:2:1", "several documents"),
         ("a: 1\nb: .nan", "x:2:4", ".nan is not a finite number"),
         ("a: [0, -.Inf]", "x:1:8", "-.Inf is not a finite number"),
@@ -92,32 +91,17 @@ def test_positions_are_those_of_keys_and_items() -> None:
         ("a: \udcff", "x", "control characters"),
         ("", "x", "is empty"),
         ("# only a comment\n", "x", "is empty"),
-        ("---\n", "x", "is empty"),
     ],
 )
 @pytest.mark.usefixtures("parser")
 def test_refused_with_place(text: str, where: str, message: str) -> None:
     with pytest.raises(ConfigError) as raised:
         load(text, "x")
-    assert raised.value.where is not None
-    assert raised.value.where.startswith(where)
+    assert str(raised.value.where).startswith(where)
     assert message in raised.value.message
     assert "\n" not in raised.value.message
-
-
-@pytest.mark.parametrize(
-    ("text", "hint"),
-    [
-        ("source: assumed: by me", "Text that contains ': ' must be in quotes."),
-        ("a:\n\t- 1", "Indent with spaces, not tabs."),
-        ("a: [1, 2", None),
-    ],
-)
-@pytest.mark.usefixtures("parser")
-def test_common_slips_are_explained(text: str, hint: str | None) -> None:
-    with pytest.raises(ConfigError) as raised:
-        load(text, "x")
-    assert raised.value.hint == hint
+    if message == "not valid YAML":
+        assert raised.value.hint == SLIPS.get(text)
 
 
 @pytest.mark.parametrize("opening", ["[", "{a: "])
@@ -132,37 +116,36 @@ def test_depth_is_bounded(opening: str) -> None:
         load(opening * 50_000, "x")
 
 
-def test_alias_bomb_is_refused_at_its_first_anchor() -> None:
-    bomb = "a: &a [x, x]\nb: &b [*a, *a]\nc: &c [*b, *b]\nd: [*c, *c]\n"
-    with pytest.raises(ConfigError) as raised:
-        load(bomb, "x")
-    assert raised.value.where == "x:1:4"
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"\x89HDF\r\n\x1a\n\0\0\0", "binary"),
+        (b"a: 1\nb: \xff\n", "not UTF-8"),
+        (b"#" * (MAX_BYTES + 1), "larger than 1 MiB"),
+    ],
+)
+def test_file_that_cannot_be_text(tmp_path: Path, content: bytes, words: str) -> None:
+    path = tmp_path / "x.yaml"
+    path.write_bytes(content)
+    with pytest.raises(ConfigError, match=words) as raised:
+        read_text(path)
+    assert str(raised.value.where).startswith(str(path))
+    assert raised.value.exit_code == 2
+    assert decode("a: 1".encode("utf-8-sig"), "x") == "a: 1", "a byte order mark is no part of the text"
 
 
-def test_file_that_cannot_be_text(tmp_path: Path) -> None:
-    contents = {
-        "binary": b"\x89HDF\r\n\x1a\n\0\0\0",
-        "not UTF-8": b"a: 1\nb: \xff\n",
-        "larger than 1 MiB": b"#" * (MAX_BYTES + 1),
-    }
-    for words, content in contents.items():
-        path = tmp_path / "x.yaml"
-        path.write_bytes(content)
-        with pytest.raises(ConfigError, match=words) as raised:
-            read_text(path)
-        assert str(raised.value.where).startswith(str(path))
-        assert raised.value.exit_code == 2
-
-
-def test_file_that_cannot_be_opened(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="no such file"):
-        read_text(tmp_path / "missing.yaml")
-    with pytest.raises(ConfigError, match="is a folder"):
-        read_text(tmp_path)
-    with pytest.raises(ConfigError, match="not a usable path"):
-        read_text(Path("a\0b"))
-    with pytest.raises(ConfigError, match="cannot be read"):
-        read_text(tmp_path / ("x" * 5000))
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("missing.yaml", "no such file"),
+        ("", "is a folder"),
+        ("a\0b", "not a usable path"),
+        ("x" * 5000, "cannot be read"),
+    ],
+)
+def test_file_that_cannot_be_opened(tmp_path: Path, name: str, words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        read_text(tmp_path / name)
 
 
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may read everything")
@@ -172,10 +155,6 @@ def test_file_without_permission(tmp_path: Path) -> None:
     path.chmod(0)
     with pytest.raises(ConfigError, match="cannot be read"):
         read_text(path)
-
-
-def test_byte_order_mark_is_no_part_of_the_text() -> None:
-    assert decode("a: 1".encode("utf-8-sig"), "x") == "a: 1"
 
 
 _text = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=20)
@@ -192,14 +171,9 @@ _trees = st.recursive(
 
 
 @given(_trees)
-def test_what_is_written_is_read_back(tree: strict_yaml.Node) -> None:
+def test_what_is_written_is_read_back_and_every_entry_has_a_position(tree: strict_yaml.Node) -> None:
     document = load(dump({"root": tree}), "x")
     assert repr(document.tree) == repr({"root": tree})
-
-
-@given(_trees)
-def test_every_entry_has_a_position(tree: strict_yaml.Node) -> None:
-    document = load(dump({"root": tree}), "x")
 
     def paths(node: strict_yaml.Node, path: strict_yaml.Key) -> set[strict_yaml.Key]:
         entries = (
@@ -214,9 +188,3 @@ def test_writing_keeps_order_and_repeats_shared_values() -> None:
     shared: strict_yaml.Node = [1.0, 2.0]
     text = dump({"z": shared, "a": shared, "n": 1e-05})
     assert text == "z: [1.0, 2.0]\na: [1.0, 2.0]\nn: 1.0e-05\n"
-
-
-def test_a_nul_in_quotes_is_refused() -> None:
-    with pytest.raises(ConfigError, match="NUL") as caught:
-        load('a: "b\\0c"', "file")
-    assert caught.value.where == "file:1:4"

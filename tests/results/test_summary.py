@@ -11,7 +11,6 @@ from support.synthetic import S_INV, S, make_compare_file, make_decouple_file
 
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import (
-    decoupling_errors,
     ranking,
     sizes_deg,
     table_data_compare,
@@ -48,9 +47,7 @@ class TestSizes:
         e = np.deg2rad([[1.0, 2.0], [3.0, 2.0], [5.0, broken], [500.0, 500.0]])
         assert sizes_deg(e)["mae"] == pytest.approx([2.0, 2.0])
         assert sizes_deg(e)["max"] == pytest.approx([3.0, 2.0])
-
-    def test_no_sample_left(self) -> None:
-        assert np.isnan(sizes_deg(np.full((2, 3), math.nan))["rmse"]).tolist() == [True] * 3
+        assert np.isnan(sizes_deg(np.full((2, 3), broken))["rmse"]).tolist() == [True] * 3
 
     def test_windows_use_the_period_of_the_run(self) -> None:
         trace = make_compare_file().runs["controller_1"]
@@ -63,52 +60,36 @@ class TestSizes:
         # 900 of the 1801 samples lie before.
         assert found["whole"]["mae"] == pytest.approx([2.0 * 901 / 1801] * 2)
 
-    def test_decoupling_errors_are_calculated_minus_measured(self) -> None:
-        trace = make_decouple_file().runs["decouple"]
-        shifted = {**trace.variables, "q_calculated": trace["q_encoder"] - np.deg2rad([0.1, 0.2, 0.3])}
-        sizes = decoupling_errors(dataclasses.replace(trace, variables=shifted))
-        for values in sizes.values():
-            assert values == pytest.approx([0.1, 0.2, 0.3])
+
+C1, C2, C3 = "controller_1", "controller_2", "controller_3"
 
 
 class TestRanking:
-    def test_the_printed_order(self) -> None:
-        file = constant_errors({"controller_1": (1, 1), "controller_2": (2, 2), "controller_3": (3, 3)})
-        for joint in ("joint_2", "joint_3"):
-            for metric in ("mae", "rmse"):
-                order = ["controller_1", "controller_2", "controller_3"]
-                assert ranking(file)[joint][metric] == {"order": order, "agrees": True}
-
-    def test_each_joint_has_its_own_order(self) -> None:
-        file = constant_errors({"controller_1": (1, 2), "controller_2": (2, 1), "controller_3": (3, 3)})
-        found = ranking(file)
-        assert found["joint_2"]["mae"]["agrees"]
-        assert found["joint_3"]["mae"] == {
-            "order": ["controller_2", "controller_1", "controller_3"],
-            "agrees": False,
-        }
-
-    def test_equal_errors_are_not_the_printed_order(self) -> None:
-        file = constant_errors({"controller_1": (1, 1), "controller_2": (1, 2), "controller_3": (3, 3)})
-        assert not ranking(file)["joint_2"]["rmse"]["agrees"]
-        assert ranking(file)["joint_3"]["rmse"]["agrees"]
+    @pytest.mark.parametrize(
+        ("errors", "joint", "order", "agrees"),
+        [
+            ({C1: (1, 1), C2: (2, 2), C3: (3, 3)}, 2, [C1, C2, C3], True),
+            ({C1: (1, 2), C2: (2, 1), C3: (3, 3)}, 2, [C1, C2, C3], True),
+            ({C1: (1, 2), C2: (2, 1), C3: (3, 3)}, 3, [C2, C1, C3], False),
+            ({C1: (1, 1), C2: (1, 2), C3: (3, 3)}, 2, [C1, C2, C3], False),  # equal errors are no order
+            ({C1: (1, 1), C2: (1, 2), C3: (3, 3)}, 3, [C1, C2, C3], True),
+            ({C1: (1, 1), C3: (3, 3)}, 2, [C1, C3], True),
+        ],
+    )
+    def test_each_joint_has_its_own_order(
+        self, errors: dict[str, tuple[float, float]], joint: int, order: list[str], agrees: bool
+    ) -> None:
+        found = ranking(constant_errors(errors))[f"joint_{joint}"]
+        assert found["mae"] == found["rmse"] == {"order": order, "agrees": agrees}
 
     def test_a_diverged_run_is_last_however_small_its_error_was(self) -> None:
-        file = make_compare_file(diverged={"controller_1": 0.02})
-        found = ranking(file)["joint_2"]["mae"]
-        assert found["order"][-1] == "controller_1"
+        found = ranking(make_compare_file(diverged={C1: 0.02}))["joint_2"]["mae"]
+        assert found["order"][-1] == C1
         assert not found["agrees"]
 
-    def test_two_diverged_runs_agree_with_nothing(self) -> None:
-        found = ranking(make_compare_file(diverged={"controller_2": 5.0, "controller_3": 5.0}))
-        assert not found["joint_2"]["mae"]["agrees"]
-
-    def test_a_run_less_is_left_out(self) -> None:
-        file = constant_errors({"controller_1": (1, 1), "controller_3": (3, 3)})
-        assert ranking(file)["joint_2"]["mae"] == {"order": ["controller_1", "controller_3"], "agrees": True}
-
-    def test_one_controller_has_no_rank(self) -> None:
-        assert ranking(make_compare_file(runs=["controller_1", "controller_1_payload"])) == {}
+    def test_two_diverged_runs_agree_with_nothing_and_one_run_has_no_rank(self) -> None:
+        assert not ranking(make_compare_file(diverged={C2: 5.0, C3: 5.0}))["joint_2"]["mae"]["agrees"]
+        assert ranking(make_compare_file(runs=[C1, "controller_1_payload"])) == {}
 
 
 class TestDataOfCompare:
@@ -134,14 +115,10 @@ class TestDataOfCompare:
         loaded = table_data_compare(file)["table3"]["with_load"]
         assert loaded["max_deg"] == pytest.approx(np.abs(payload).max(axis=0))
 
-    def test_missing_runs_leave_their_keys_out(self) -> None:
-        data = table_data_compare(make_compare_file(runs=["controller_1", "controller_3"]))
-        assert set(data["table2"]) == {"controller_1", "controller_3"}
+    def test_missing_runs_leave_their_keys_out_and_a_law_of_the_users_own_is_in_table_2(self) -> None:
+        data = table_data_compare(make_compare_file(runs=[C1, C3, "mine"]))
+        assert set(data["table2"]) == {C1, C3, "mine"}
         assert set(data["table3"]) == {"no_load"}
-
-    def test_a_law_of_the_users_own_is_in_table_2(self) -> None:
-        data = table_data_compare(make_compare_file(runs=["controller_1", "mine"]))
-        assert set(data["table2"]) == {"controller_1", "mine"}
 
     def test_a_diverged_run_shows_what_it_reached(self) -> None:
         data = table_data_compare(make_compare_file(diverged={"controller_2": 7.3}))
@@ -167,16 +144,13 @@ class TestDataOfDecouple:
         assert data["status"] == {"decouple": "ok", "pull_tendon_1": "ok"}
         json.dumps(data, allow_nan=False)
 
-    def test_values_are_those_of_the_difference(self) -> None:
-        trace = make_decouple_file().runs["decouple"]
-        difference = np.rad2deg(trace["q_calculated"] - trace["q_encoder"])
-        rows = table_data_decouple(make_decouple_file())["errors"]
-        for index, joint in enumerate((1, 2, 3)):
-            expected = np.abs(difference[:, index])
-            assert rows[f"joint_{joint}"]["mae_deg"] == pytest.approx(expected.mean())
-            assert rows[f"joint_{joint}"]["max_deg"] == pytest.approx(expected.max())
-
-    def test_without_the_run_there_are_no_errors(self) -> None:
+    def test_values_are_those_of_calculated_minus_measured(self) -> None:
         file = make_decouple_file()
-        file = dataclasses.replace(file, runs={"pull_tendon_1": file.runs["pull_tendon_1"]})
-        assert table_data_decouple(file)["errors"] == {}
+        trace = file.runs["decouple"]
+        shifted = {**trace.variables, "q_calculated": trace["q_encoder"] - np.deg2rad([0.1, 0.2, 0.3])}
+        runs = {**file.runs, "decouple": dataclasses.replace(trace, variables=shifted)}
+        rows = table_data_decouple(dataclasses.replace(file, runs=runs))["errors"]
+        for name, size in (("joint_1", 0.1), ("joint_2", 0.2), ("joint_3", 0.3)):
+            assert rows[name] == pytest.approx(dict.fromkeys(("mae_deg", "rmse_deg", "max_deg"), size))
+        del runs["decouple"]
+        assert table_data_decouple(dataclasses.replace(file, runs=runs))["errors"] == {}

@@ -3,7 +3,7 @@ from __future__ import annotations
 import csv
 import dataclasses
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -27,16 +27,8 @@ from tendonrepro.results.records import PlantRecord, TraceFile
 from tendonrepro.results.tables import csv_text, latex, markdown, write_table
 
 
-def frame_of(rows: Iterator[TableRow]) -> pd.DataFrame:
-    return pd.DataFrame(list(rows))
-
-
-def table1(file: TraceFile) -> pd.DataFrame:
-    return frame_of(coupling_rows(file))
-
-
-def table2(file: TraceFile) -> pd.DataFrame:
-    return frame_of(controller_rows(file))
+def frame_of(rows: Callable[[TraceFile], Iterator[TableRow]], file: TraceFile) -> pd.DataFrame:
+    return pd.DataFrame(list(rows(file)))
 
 
 def written(rows: Iterator[TableRow], folder: Path) -> list[Path]:
@@ -57,7 +49,7 @@ def with_plant(file: TraceFile, **arrays: np.ndarray | None) -> TraceFile:
 
 
 def test_table_1_agrees_with_the_print_to_its_digits() -> None:
-    frame = table1(make_decouple_file()).set_index("quantity")
+    frame = frame_of(coupling_rows, make_decouple_file()).set_index("quantity")
     assert len(frame) == 18
     assert frame["difference"].abs().max() < 0.5e-4
     assert frame.loc["D_23/D_3", "printed_as"] == "35/37"
@@ -67,37 +59,32 @@ def test_table_1_agrees_with_the_print_to_its_digits() -> None:
 
 
 def test_table_1_of_a_record_with_the_moving_joints_alone() -> None:
-    frame = table1(with_plant(make_decouple_file(), S=S[1:, 1:], S_inv=S_INV[1:, 1:])).set_index("quantity")
+    file = make_decouple_file()
+    frame = frame_of(coupling_rows, with_plant(file, S=S[1:, 1:], S_inv=S_INV[1:, 1:])).set_index("quantity")
     assert [name for name in frame.index if name.startswith("S_inv")] == ["S_inv_22", "S_inv_32", "S_inv_33"]
     assert frame["difference"].abs().max() < 0.5e-4
 
 
-def test_table_1_shows_a_mechanism_that_is_not_the_printed_one() -> None:
-    frame = table1(with_plant(make_decouple_file(), S=2.0 * S)).set_index("quantity")
+def test_table_1_shows_another_mechanism_and_needs_four_values_and_no_other() -> None:
+    file = make_decouple_file()
+    frame = frame_of(coupling_rows, with_plant(file, S=2.0 * S)).set_index("quantity")
     assert frame.loc["S_33", "difference"] == pytest.approx(1.0)
+    assert len(frame_of(coupling_rows, with_plant(file, K_s=None, mass=None, gravity=None))) == 18
+    assert frame_of(coupling_rows, with_plant(file, winch_diameter=None)).empty
 
 
 def test_table_1_of_a_longer_arm_has_rows_without_print() -> None:
     four = {"winch_diameter": np.full(4, 0.037), "pulley_diameter": np.full((4, 4), 0.037)}
-    frame = table1(with_plant(make_decouple_file(), **four, S=np.eye(4), S_inv=np.eye(4))).set_index(
-        "quantity"
-    )
+    frame = frame_of(
+        coupling_rows, with_plant(make_decouple_file(), **four, S=np.eye(4), S_inv=np.eye(4))
+    ).set_index("quantity")
     assert math.isnan(frame.loc["S_44", "printed"])
     assert frame.loc["S_44", "ours"] == 1.0
 
 
-def test_table_1_needs_four_values_and_no_other() -> None:
-    others = dict.fromkeys(("K_s", "mass", "gravity"))
-    assert len(table1(with_plant(make_decouple_file(), **others))) == 18
-
-
-def test_table_1_without_the_diameters_is_empty() -> None:
-    assert table1(with_plant(make_decouple_file(), winch_diameter=None)).empty
-
-
 def test_table_2_has_ours_printed_and_their_ratio() -> None:
     file = make_compare_file()
-    frame = table2(file).set_index(["run", "joint"])
+    frame = frame_of(controller_rows, file).set_index(["run", "joint"])
     assert list(frame.index) == [(f"controller_{k}", joint) for k in (1, 2, 3) for joint in (2, 3)]
     e = np.rad2deg(file.runs["controller_3"]["e"][:, 1])
     row = frame.loc[("controller_3", 3)]
@@ -110,24 +97,27 @@ def test_table_2_has_ours_printed_and_their_ratio() -> None:
 
 
 def test_table_2_shows_a_diverged_run_and_says_so() -> None:
-    frame = table2(make_compare_file(diverged={"controller_2": 7.3})).set_index(["run", "joint"])
+    file = make_compare_file(diverged={"controller_2": 7.3})
+    frame = frame_of(controller_rows, file).set_index(["run", "joint"])
     assert frame.loc[("controller_2", 2), "status"] == "diverged at 7.300 s"
     assert frame.loc[("controller_2", 2), "rmse_deg"] > 0.3
     assert frame.loc[("controller_3", 2), "status"] == "ok"
 
 
-def test_table_2_of_some_runs() -> None:
-    frame = table2(make_compare_file(runs=["controller_3", "mine"])).set_index(["run", "joint"])
-    assert list(frame.index) == [(name, joint) for name in ("controller_3", "mine") for joint in (2, 3)]
-    assert math.isnan(frame.loc[("mine", 2), "mae_printed_deg"])
-    assert math.isnan(frame.loc[("mine", 2), "mae_ratio"])
+def test_tables_2_and_3_of_some_runs() -> None:
+    file = make_compare_file(runs=["controller_1", "mine"])
+    frame = frame_of(controller_rows, file).set_index(["run", "joint"])
+    assert list(frame.index) == [(name, joint) for name in ("controller_1", "mine") for joint in (2, 3)]
+    assert frame.loc[("mine", 2), ["mae_printed_deg", "mae_ratio"]].isna().all()
+    assert frame_of(load_rows, file)["load"].unique().tolist() == ["no_load"]
+    assert frame_of(change_rows, file).empty
 
 
 def test_table_2_over_windows() -> None:
     file = make_compare_file(diverged={"controller_2": 10.0})
-    frame = frame_of(window_rows(file)).set_index(["window", "run", "joint"])
+    frame = frame_of(window_rows, file).set_index(["window", "run", "joint"])
     assert list(dict.fromkeys(frame.index.get_level_values("window"))) == [
-        *("whole", "after_first_period", "period_1", "period_2"),
+        *("whole", "after_first_period", "period_1", "period_2")
     ]
     e = np.rad2deg(file.runs["controller_1"]["e"][900:, 0])
     assert frame.loc[("period_2", "controller_1", 2), "mae_deg"] == pytest.approx(np.abs(e).mean())
@@ -135,74 +125,62 @@ def test_table_2_over_windows() -> None:
     assert ("period_2", "controller_2", 2) not in frame.index
     assert ("after_first_period", "controller_2", 2) in frame.index
     whole = frame.loc["whole"].reset_index()
-    pd.testing.assert_frame_equal(whole, table2(file))
+    pd.testing.assert_frame_equal(whole, frame_of(controller_rows, file))
 
 
 def test_table_3_and_the_change_by_the_payload() -> None:
     file = make_compare_file()
-    frame = frame_of(load_rows(file)).set_index(["load", "joint"])
+    frame = frame_of(load_rows, file).set_index(["load", "joint"])
     assert list(frame.index) == [(load, joint) for load in ("no_load", "with_load") for joint in (2, 3)]
     assert frame["rmse_printed_deg"].tolist() == [0.311, 0.261, 0.325, 0.265]
-    change = frame_of(change_rows(file)).set_index(["metric", "joint"])
+    change = frame_of(change_rows, file).set_index(["metric", "joint"])
     before, after = frame.loc[("no_load", 3), "rmse_deg"], frame.loc[("with_load", 3), "rmse_deg"]
     assert change.loc[("RMSE", 3), "change_percent"] == pytest.approx(100.0 * (after / before - 1.0))
     assert change["change_printed_percent"].tolist() == [1.1, 3.7, 4.5, 1.5]
     assert set(change["statuses"]) == {"ok / ok"}
-
-
-def test_table_3_without_a_payload_run() -> None:
-    file = make_compare_file(runs=["controller_1", "controller_2"])
-    assert frame_of(load_rows(file))["load"].unique().tolist() == ["no_load"]
-    assert frame_of(change_rows(file)).empty
-
-
-def test_a_change_from_no_error_at_all_is_no_number() -> None:
-    file = make_compare_file()
     trace = file.runs["controller_1"]
     perfect = dataclasses.replace(trace, variables={"e": np.zeros_like(trace["e"])})
-    frame = frame_of(change_rows(dataclasses.replace(file, runs={**file.runs, "controller_1": perfect})))
-    assert frame["change_percent"].isna().all()
+    changed = frame_of(change_rows, dataclasses.replace(file, runs={**file.runs, "controller_1": perfect}))
+    assert changed["change_percent"].isna().all(), "a change from no error at all is no number"
 
 
 def test_table_of_the_decoupling_experiment() -> None:
     file = make_decouple_file()
-    frame = frame_of(decoupling_rows(file)).set_index("joint")
+    frame = frame_of(decoupling_rows, file).set_index("joint")
     trace = file.runs["decouple"]
     difference = np.rad2deg(trace["q_calculated"] - trace["q_encoder"])
     assert frame["mae_deg"].tolist() == pytest.approx(np.abs(difference).mean(axis=0))
     assert frame["max_deg"].tolist() == pytest.approx(np.abs(difference).max(axis=0))
     assert frame.index.tolist() == [1, 2, 3]
-
-
-def test_table_of_the_decoupling_experiment_without_its_run() -> None:
-    file = make_decouple_file()
-    assert frame_of(decoupling_rows(dataclasses.replace(file, runs={}))).empty
+    assert frame_of(decoupling_rows, dataclasses.replace(file, runs={})).empty
 
 
 class TestFiles:
-    def test_names_of_compare(self, tmp_path: Path) -> None:
-        written = write_tables(make_compare_file(), tmp_path / "tables")
+    def test_names_and_the_same_bytes_twice(self, tmp_path: Path) -> None:
+        paths = write_tables(make_compare_file(), tmp_path / "tables")
         stems = ("table2", "table2_windows", "table3", "table3_change")
         expected = [f"{stem}.{suffix}" for stem in stems for suffix in ("csv", "md", "tex")]
-        assert [path.name for path in written] == expected
+        assert [path.name for path in paths] == expected
         assert sorted(path.name for path in (tmp_path / "tables").iterdir()) == sorted(expected)
+        again = write_tables(make_compare_file(), tmp_path / "b")
+        assert [path.read_bytes() for path in paths] == [path.read_bytes() for path in again]
 
-    def test_names_of_decouple(self, tmp_path: Path) -> None:
-        written = write_tables(make_decouple_file(), tmp_path)
-        assert {path.stem for path in written} == {"table1", "decoupling_errors"}
-
-    def test_tables_without_rows_are_not_written(self, tmp_path: Path) -> None:
-        written = write_tables(make_compare_file(runs=["controller_2"]), tmp_path)
-        assert {path.stem for path in written} == {"table2", "table2_windows"}
-
-    def test_the_same_bytes_twice(self, tmp_path: Path) -> None:
-        first = [path.read_bytes() for path in write_tables(make_compare_file(), tmp_path / "a")]
-        assert first == [path.read_bytes() for path in write_tables(make_compare_file(), tmp_path / "b")]
+    @pytest.mark.parametrize(
+        ("file", "stems"),
+        [
+            (make_decouple_file(), {"table1", "decoupling_errors"}),
+            (make_compare_file(runs=["controller_2"]), {"table2", "table2_windows"}),
+        ],
+    )
+    def test_tables_without_rows_are_not_written(
+        self, tmp_path: Path, file: TraceFile, stems: set[str]
+    ) -> None:
+        assert {path.stem for path in write_tables(file, tmp_path)} == stems
 
     def test_csv_has_every_digit(self, tmp_path: Path) -> None:
         path, _, _ = written(controller_rows(make_compare_file()), tmp_path)
         rows = list(csv.DictReader(path.read_text().splitlines()))
-        frame = table2(make_compare_file())
+        frame = frame_of(controller_rows, make_compare_file())
         assert set(rows[0]) == set(frame.columns)
         assert [float(row["mae_deg"]) for row in rows] == frame["mae_deg"].tolist()
         assert b"\r" not in path.read_bytes()
@@ -230,16 +208,12 @@ class TestFiles:
         assert md.read_text().splitlines()[4].split(" | ")[3:5] == ["--", "--"]
         assert "& -- & -- &" in tex.read_text()
 
-    def test_a_zero_has_no_sign(self) -> None:
-        assert "| x | 0.000000 |" in markdown([{"quantity": "x", "difference": -1e-17}], "x", COLUMNS_OF_TWO)
-
     def test_a_file_in_the_way_of_the_folder(self, tmp_path: Path) -> None:
         (tmp_path / "tables").write_text("I am a file")
         with pytest.raises(TendonreproError, match="cannot write"):
             write_tables(make_compare_file(), tmp_path / "tables")
 
 
-COLUMNS_OF_TWO = {name: COLUMNS[name] for name in ("quantity", "difference")}
 ODD = [{"Name": "a-b|c", "x_1": -1.5}, {"Name": "~^\\", "x_1": None}]
 HEADINGS = {"Name": ("Name", ""), "x_1": ("x_1", ".1f")}
 
@@ -271,6 +245,8 @@ class TestTypesetting:
             r"| a-b\|c | -1.5 |",
             r"| ~^\ | -- |",
         ]
+        difference = {"difference": COLUMNS["difference"]}
+        assert "| 0.000000 |" in markdown([{"difference": -1e-17}], "x", difference), "a zero has no sign"
 
     def test_columns_come_from_the_rows_where_none_are_given(self) -> None:
         rows = [{"a_b": 1.23456789, "fits": True}, {"seeds": [1, 2], "a_b": float("nan")}]

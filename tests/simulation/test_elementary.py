@@ -10,13 +10,10 @@ from tendonrepro.simulation.codegen import elementary
 RNG = np.random.default_rng(5)
 
 
-@pytest.mark.parametrize(("largest", "bound"), [(1.0, 1e-15), (20.0, 1e-15), (700.0, 1e-15)])
-def test_exp(largest: float, bound: float) -> None:
+@pytest.mark.parametrize("largest", [1.0, 20.0, 700.0])
+def test_exp(largest: float) -> None:
     x = RNG.uniform(-largest, largest, 200_000)
-    assert np.abs(elementary.exp(x) / np.exp(x) - 1.0).max() < bound
-
-
-def test_exp_is_held_at_its_ends() -> None:
+    assert np.abs(elementary.exp(x) / np.exp(x) - 1.0).max() < 1e-15
     ends = elementary.exp(np.array([-1e9, 1e9]))
     assert 0.0 < ends[0] < 1e-300
     assert 1e300 < ends[1] < np.inf
@@ -29,14 +26,9 @@ def test_tanh() -> None:
 
 @pytest.mark.parametrize("name", ["sin", "cos"])
 def test_sine_and_cosine(name: str) -> None:
-    x = RNG.uniform(-1000.0, 1000.0, 300_000)
+    near_zeros = np.pi * np.arange(-300, 301) + RNG.uniform(-1e-9, 1e-9, 601)
+    x = np.concatenate([RNG.uniform(-1000.0, 1000.0, 300_000), near_zeros])
     assert np.abs(getattr(elementary, name)(x) - getattr(np, name)(x)).max() < 1e-15
-
-
-def test_sine_near_multiples_of_pi() -> None:
-    x = np.pi * np.arange(-300, 301) + RNG.uniform(-1e-9, 1e-9, 601)
-    assert np.abs(elementary.sin(x) - np.sin(x)).max() < 1e-15
-    assert np.abs(elementary.cos(x) - np.cos(x)).max() < 1e-15
 
 
 def test_log() -> None:
@@ -50,7 +42,4 @@ def test_power() -> None:
     x, b = 10.0 ** RNG.uniform(-12.0, 3.0, 200_000), RNG.uniform(-1.0, 1.0, 200_000)
     error = np.abs(elementary.power(x, b) / x**b - 1.0) / (1.0 + np.abs(b * np.log(x)))
     assert error.max() < 1e-15
-
-
-def test_power_of_zero_is_next_to_nothing() -> None:
     assert 0.0 <= elementary.power(np.array([0.0]), 0.9)[0] < 1e-250

@@ -268,17 +268,11 @@ class TestEquivalence:
 class TestRepeatability:
     noise = "manipulator.encoders.joint.noise=0.01", "manipulator.actuator.torque_noise=0.02"
 
-    def test_second_run_is_identical(self):
-        loop = make_loop(*self.noise)
-        first, second = simulate(loop), simulate(loop)
-        for name, values in first.items():
-            np.testing.assert_array_equal(values, second[name], err_msg=name)
-
     def test_seed(self):
-        first, other = (simulate(make_loop(*self.noise, f"seed={seed}"))["q_encoder"] for seed in (1, 2))
-        again = simulate(make_loop(*self.noise, "seed=1"))["q_encoder"]
-        np.testing.assert_array_equal(first, again)
-        assert np.any(first != other)
+        first, other, again = (simulate(make_loop(*self.noise, f"seed={seed}")) for seed in (1, 2, 1))
+        for name, values in first.items():
+            np.testing.assert_array_equal(values, again[name], err_msg=name)
+        assert np.any(first["q_encoder"] != other["q_encoder"])
 
     def test_all_runs_meet_the_same_noise(self):
         noises = []
@@ -318,18 +312,14 @@ class TestMotors:
         hold = Textbook(shipped().config, 0.0).G(np.zeros(2))
         np.testing.assert_allclose(applied[:delay], np.tile(hold, (delay, 1)), rtol=1e-13)
 
-    def test_saturation_is_at_the_winch(self):
-        limit = 0.8
+    def test_saturation_and_steps_are_at_the_winch(self):
+        limit, step, S = 0.8, 0.016, np.linalg.inv(S_INV)
         trace = simulate(make_loop(f"manipulator.actuator.torque_limit=[1, {limit}, {limit}]"))
-        S = np.linalg.inv(S_INV)
         wanted = np.clip(trace["tau_cmd"] @ S, -limit, limit)
         np.testing.assert_allclose(trace["tau_m"] @ S, wanted, atol=1e-12)
         assert np.abs(trace["tau_cmd"] @ S).max() > limit
-
-    def test_torque_steps(self):
-        step = 0.016
         trace = simulate(make_loop(f"manipulator.actuator.torque_resolution={step}"))
-        steps = trace["tau_m"] @ np.linalg.inv(S_INV) / step
+        steps = trace["tau_m"] @ S / step
         np.testing.assert_allclose(steps, np.rint(steps), atol=1e-9)
 
 
@@ -354,11 +344,6 @@ class TestStart:
         assert q[:, 0].min() < -0.3
         assert np.abs(q[-1]).max() < 1e-3
 
-    def test_cold_history_on_an_unstable_loop_diverges(self):
-        overrides = UNSTABLE, *NO_DRY_FRICTION, "control.readings.start=cold"
-        loop = make_loop(*overrides, reference=self.still)
-        assert len(simulate(loop)["time"]) < 1001
-
 
 class TestDivergence:
     def test_run_ends_with_the_first_sample_beyond_the_limit(self):
@@ -372,30 +357,27 @@ class TestDivergence:
         for name, values in trace.items():
             assert len(values) == done, name
             assert np.isfinite(values).all(), name
+        short = simulate(replace(loop, divergence_limit=loop.divergence_limit / 4.0))["q"]
+        assert len(short) < done
+        np.testing.assert_array_equal(trace["q"][: len(short)], short)
 
-    def test_what_came_before_does_not_depend_on_the_limit(self):
-        loop = make_loop(UNSTABLE, reference=raised_cosine(10.0, 4.0, 4001))
-        long, short = simulate(loop), simulate(replace(loop, divergence_limit=loop.divergence_limit / 4.0))
-        done = len(short["time"])
-        assert done < len(long["time"])
-        np.testing.assert_array_equal(long["q"][:done], short["q"])
+    def test_cold_history_on_an_unstable_loop_diverges(self):
+        overrides = UNSTABLE, *NO_DRY_FRICTION, "control.readings.start=cold"
+        assert len(simulate(make_loop(*overrides, reference=raised_cosine(0.0, 1.0, 1001)))["time"]) < 1001
 
-    def test_plant_beyond_the_integrator_is_an_error(self):
-        """One message for the user, and no warning (which would fail this test by itself)."""
-        loop = make_loop("solver.method=dop853", "manipulator.tendons.axial_stiffness=[1e5, 1e18, 1e18]")
-        with pytest.raises(
-            TendonreproError, match=r"dop853 cannot follow the plant beyond t = 0\.000 s"
-        ) as caught:
-            simulate(loop)
-        assert "solver.method=lsoda" in caught.value.hint
-
-
-class TestProgress:
-    def test_reports_the_samples_done(self):
+    def test_progress_reports_the_samples_done(self):
         reports = []
         simulate(make_loop(reference=raised_cosine(10.0, 4.0, 1200)), reports.append)
         assert sum(reports) == pytest.approx(1200, abs=500)
         assert len(reports) >= 2
+
+    def test_plant_beyond_the_integrator_is_an_error(self):
+        """One message for the user, and no warning (which would fail this test by itself)."""
+        loop = make_loop("solver.method=dop853", "manipulator.tendons.axial_stiffness=[1e5, 1e18, 1e18]")
+        message = r"dop853 cannot follow the plant beyond t = 0\.000 s"
+        with pytest.raises(TendonreproError, match=message) as caught:
+            simulate(loop)
+        assert "solver.method=lsoda" in caught.value.hint
 
 
 @pytest.fixture(scope="module")

@@ -24,10 +24,7 @@ T, N, PERIOD = 400, 2, 150
 def signals() -> dict[str, Array]:
     rng = np.random.default_rng(3)
     t = np.arange(T)[:, np.newaxis] / PERIOD
-    smooth = {
-        "dq_d": np.sin(2.0 * np.pi * t) * np.array([1.0, 2.0]),
-        "ddq_d": np.cos(2.0 * np.pi * t) * np.array([3.0, 1.0]),
-    }
+    smooth = {"dq_d": np.sin(2 * np.pi * t) * [1.0, 2.0], "ddq_d": np.cos(2 * np.pi * t) * [3.0, 1.0]}
     return smooth | {name: rng.normal(size=(T, N)) for name in ("e", "de", "s", "tau", "H_hat", "epsilon")}
 
 
@@ -116,19 +113,12 @@ def test_a_run_that_ended_adds_nothing_even_when_it_is_not_finite(signals: dict[
     assert found["mae"] == pytest.approx(size.mean(axis=0), rel=1e-12)
     assert found["mae_late"] == pytest.approx(size[PERIOD:].mean(axis=0), rel=1e-12)
     assert all(np.isfinite(values).all() for values in found.values())
+    never = gathered(signals, (np.arange(T) < 100).astype(float))["mae_late"]
+    assert np.isnan(never).all(), "a phase that never comes is not a number"
 
 
-def test_a_phase_that_never_comes_is_not_a_number(signals: dict[str, Array]) -> None:
-    found = gathered(signals, (np.arange(T) < 100).astype(float))
-    assert np.isnan(found["mae_late"]).all()
-
-
-def test_no_period_means_one_as_long_as_the_motion() -> None:
-    still = np.zeros((T, N))
-    assert thresholds(still, still, 0.0).period == T
-
-
-def test_shares_are_the_stated_ones() -> None:
+def test_shares_are_the_stated_ones_and_no_period_means_the_whole_motion() -> None:
+    assert thresholds(np.zeros((T, N)), np.zeros((T, N)), 0.0).period == T
     assert (streaming.MOVING, streaming.RAPID) == (0.05, 0.5)
     phases = thresholds(np.array([[-2.0, 1.0]]), np.array([[4.0, -8.0]]), 7.0)
     assert phases == Thresholds(pytest.approx([0.1, 0.05]), pytest.approx([2.0, 4.0]), 7.0)
