@@ -1,10 +1,6 @@
 """Claims on a measurement: the definitions are the ensemble's, and every verdict can go both ways."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,7 +20,6 @@ from tendonrepro.claims.from_measurement import (
     measured_of,
     motor_angles,
 )
-from tendonrepro.claims.from_print import Judged
 from tendonrepro.claims.judge import Sources, judge_all
 from tendonrepro.claims.report import table_text
 from tendonrepro.claims.run_statistics import sliding_variable, statistics_of
@@ -34,13 +29,12 @@ from tendonrepro.console import Talk
 from tendonrepro.dataset.measured_file import read_measured
 from tendonrepro.dataset.motion.windows import SPREAD, PrintedTables, Timing, try_windows
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.traces import write_traces
 
 
-def comparison(sizes: Mapping[str, float] | None = None, **options: object) -> TraceFile:
+def comparison(sizes=None, **options):
     """SYNTHETIC comparison whose errors are one signal times a size a run."""
-    file = make_compare_file(step=0.02, source="measured", **options)  # type: ignore[arg-type]
+    file = make_compare_file(step=0.02, source="measured", **options)
     runs = {}
     for name, trace in file.runs.items():
         e = trace["e"] if sizes is None else sizes[name] * file.runs["controller_1"]["e"]
@@ -48,7 +42,7 @@ def comparison(sizes: Mapping[str, float] | None = None, **options: object) -> T
     return replace(file, runs=runs)
 
 
-def judged(file: TraceFile) -> dict[str, Judged]:
+def judged(file):
     """Without recovering the reference, which the tests of its own module do."""
     timing = {name: Timing(0.0, PERIOD) for name in file.part("compare").runs}
     paper = published()
@@ -56,7 +50,7 @@ def judged(file: TraceFile) -> dict[str, Judged]:
     return judge_measured(Measured(file, tables, None), paper)
 
 
-def with_joint_1(trace: Trace) -> Trace:
+def with_joint_1(trace):
     """The run with the encoder of joint 1 too, and of nothing else."""
     gap, rest = np.full((len(trace.time), 1), np.nan), np.zeros((len(trace.time), 1))
     variables = {
@@ -66,7 +60,7 @@ def with_joint_1(trace: Trace) -> Trace:
     return replace(trace, joint=(1, *trace.joint), variables=variables)
 
 
-def verdict(file: TraceFile, claim: str) -> str:
+def verdict(file, claim):
     return judged(file)[claim].decision.verdict
 
 
@@ -75,35 +69,35 @@ GROWING = {"controller_1": 1.0, "controller_2": 1.2, "controller_3": 1.5, LOADED
 
 
 class TestComparison:
-    def test_the_order_holds_and_fails_when_reversed(self) -> None:
+    def test_the_order_holds_and_fails_when_reversed(self):
         assert verdict(comparison(GROWING), "C2") == "reproduced"
         reverse = GROWING | {"controller_1": 1.5, "controller_3": 1.0}
         found = judged(comparison(reverse))["C2"]
         assert found.decision.verdict == "not_reproduced"
         assert sum(not row["holds"] for row in found.evidence["statements"]) == 8
 
-    def test_stability_is_the_status_of_the_runs(self) -> None:
+    def test_stability_is_the_status_of_the_runs(self):
         assert verdict(comparison(), "C1") == "reproduced"
         assert verdict(comparison(diverged={"controller_3": 7.0}), "C1") == "not_reproduced"
 
-    def test_laws_that_are_not_ok_are_not_compared(self) -> None:
+    def test_laws_that_are_not_ok_are_not_compared(self):
         found = judged(comparison(diverged={"controller_3": 7.0}))["C2"]
         assert found.decision.verdict == "not_testable"
         assert "controller_3" in found.evidence["missing"]
         assert "diverged" in found.evidence["missing"]
 
     @pytest.mark.parametrize(("claim", "variable"), [("C5", "H_hat"), ("C6", "tau_m")])
-    def test_a_signal_that_was_not_recorded_is_named(self, claim: str, variable: str) -> None:
+    def test_a_signal_that_was_not_recorded_is_named(self, claim, variable):
         assert verdict(comparison(), claim) in {"reproduced", "not_reproduced"}
         found = judged(comparison(without=(variable,)))[claim]
         assert found.decision.verdict == "not_testable"
         assert variable in found.evidence["missing"]
 
-    def test_what_no_run_recorded_is_said_of_all(self) -> None:
+    def test_what_no_run_recorded_is_said_of_all(self):
         missing = judged(comparison(without=("H_hat",)))["C5"].evidence["missing"]
         assert missing == "H_hat of the runs controller_1, controller_2, controller_3"
 
-    def test_what_one_run_recorded_too_little_of_is_said_of_it(self) -> None:
+    def test_what_one_run_recorded_too_little_of_is_said_of_it(self):
         file = comparison()
         few = {name: file.runs["controller_2"][name].copy() for name in ("q_d", "dq_d", "ddq_d")}
         for values in few.values():
@@ -112,7 +106,7 @@ class TestComparison:
         missing = judged(replace(file, runs=runs))["C5"].evidence["missing"]
         assert missing == "q_d of the run controller_2"
 
-    def test_what_a_surface_is_computed_from_is_named_where_it_lacks(self) -> None:
+    def test_what_a_surface_is_computed_from_is_named_where_it_lacks(self):
         file = comparison()
         one = file.runs["controller_3"]
         kept = {name: values for name, values in one.variables.items() if name not in ("s", "e")}
@@ -130,19 +124,19 @@ class TestComparison:
         with pytest.raises(DataMissingError, match=r"^s or e of the run controller_3$"):
             arm.statistic(one.name, PRINTED, "s_rms")
 
-    def test_the_numbers_behind_the_statements_are_kept(self) -> None:
+    def test_the_numbers_behind_the_statements_are_kept(self):
         found = judged(comparison(GROWING))["C2"].evidence["statistics"]
         first, second = found["controller_1"]["mae"], found["controller_2"]["mae"]
         assert second == pytest.approx(1.2 * np.array(first))
         assert len(first) == 2
 
     @pytest.mark.parametrize("claim", ["C3", "C5", "C6"])
-    def test_phases_need_the_desired_angles(self, claim: str) -> None:
+    def test_phases_need_the_desired_angles(self, claim):
         found = judged(comparison(without=("q_d", "dq_d", "ddq_d")))
         assert found[claim].evidence["missing"].startswith("q_d of the run")
         assert found["C2"].decision.verdict != "not_testable"
 
-    def test_joint_1_at_rest_without_a_desired_angle_changes_nothing(self) -> None:
+    def test_joint_1_at_rest_without_a_desired_angle_changes_nothing(self):
         file = replace(comparison(GROWING), plant=make_decouple_file().plant)
         runs = {name: with_joint_1(trace) for name, trace in file.runs.items()}
         two, three = judged(file), judged(replace(file, runs=runs))
@@ -152,7 +146,7 @@ class TestComparison:
         }
         assert three["C5"].evidence["statements"] == two["C5"].evidence["statements"]
 
-    def test_the_payload_claim_is_about_its_own_runs(self) -> None:
+    def test_the_payload_claim_is_about_its_own_runs(self):
         found = judged(comparison(diverged={"controller_2": 7.0}))["P1"]
         assert found.decision.verdict != "not_testable"
         found = judged(comparison(diverged={"controller_2": 7.0, LOADED: 7.0}))["P1"]
@@ -160,7 +154,7 @@ class TestComparison:
 
     @pytest.mark.parametrize("joint", [2, 3])
     @pytest.mark.parametrize("claim", ["C1", "C2", "C3", "C4", "C5", "C6", "P1"])
-    def test_a_joint_that_was_not_recorded_is_no_failure(self, claim: str, joint: int) -> None:
+    def test_a_joint_that_was_not_recorded_is_no_failure(self, claim, joint):
         """All compare numbers, and what is missing is smaller than none."""
         variable = {"C4": "s", "C5": "H_hat", "C6": "tau_m"}.get(claim, "e")
         file = comparison(GROWING)
@@ -173,7 +167,7 @@ class TestComparison:
         assert name in found.evidence["missing"]
         assert found.evidence["missing"].startswith((variable, "the measured error", "the tracking error"))
 
-    def test_a_joint_alone_still_has_its_numbers(self) -> None:
+    def test_a_joint_alone_still_has_its_numbers(self):
         file = printed_file(lambda time: time >= 0.0)
         runs = {}
         for name, trace in file.runs.items():
@@ -187,7 +181,7 @@ class TestComparison:
         assert tables.compared == 8
         assert tables.winner is not None
 
-    def test_recorded_and_computed_surfaces_are_not_mixed(self) -> None:
+    def test_recorded_and_computed_surfaces_are_not_mixed(self):
         file = comparison(GROWING)
         trace = file.runs["controller_3"]
         bare = replace(trace, variables={k: v for k, v in trace.variables.items() if k != "s"})
@@ -196,7 +190,7 @@ class TestComparison:
         assert "computed" in found.evidence["missing"]
 
     @pytest.mark.parametrize("step", [0.001, 0.01])
-    def test_a_computed_surface_is_that_of_the_error_and_not_of_the_encoder(self, step: float) -> None:
+    def test_a_computed_surface_is_that_of_the_error_and_not_of_the_encoder(self, step):
         """Errors three and ten times as large are no similar surfaces, whatever the sampling."""
         time = step * np.arange(round(12.0 / step))
         wave = np.deg2rad(0.3) * np.sin(2.0 * np.pi * 0.4 * time)[:, np.newaxis] * np.ones(2)
@@ -211,7 +205,7 @@ class TestComparison:
         assert sizes[2] / sizes[0] == pytest.approx(10.0, rel=0.05)
 
     @pytest.mark.parametrize("step", [0.001, 0.008, 0.01, 0.015, 0.025])
-    def test_its_rate_is_taken_over_the_same_time_whatever_the_sampling(self, step: float) -> None:
+    def test_its_rate_is_taken_over_the_same_time_whatever_the_sampling(self, step):
         time = step * np.arange(round(3.0 / step))
         e = 0.01 * np.sin(7.0 * time)[:, np.newaxis] * np.ones(2)
         run = make_compare_file(runs=("controller_3",)).runs["controller_3"]
@@ -223,13 +217,13 @@ class TestComparison:
         assert np.abs(rate[inside, 0] - expected[inside]).max() < 0.01 * 0.07
         assert np.isnan(found[[0, -1]]).all()
 
-    def test_a_run_that_was_not_recorded_is_named(self) -> None:
+    def test_a_run_that_was_not_recorded_is_named(self):
         found = judged(comparison(runs=("controller_1", "controller_2")))
         assert found["C4"].evidence["missing"] == "a measured run controller_3"
         assert found["P1"].evidence["missing"].endswith(LOADED)
         assert "controller_3" in found["table2.controller_3.mae.joint_2"].evidence["missing"]
 
-    def test_a_smaller_rival_torque_turns_c6(self) -> None:
+    def test_a_smaller_rival_torque_turns_c6(self):
         file = comparison()
         plain = {name: trace["tau_m"] for name, trace in file.runs.items()}
         wave = plain["controller_1"]
@@ -238,7 +232,7 @@ class TestComparison:
         assert verdict(replace(file, runs=larger), "C6") == "reproduced"
         assert verdict(replace(file, runs=smaller), "C6") == "not_reproduced"
 
-    def test_steps_of_the_torque_are_compared_between_equal_samplings_alone(self) -> None:
+    def test_steps_of_the_torque_are_compared_between_equal_samplings_alone(self):
         file = comparison()
         one = file.runs["controller_2"]
         thin = replace(one, time=one.time[::2], variables={k: v[::2] for k, v in one.variables.items()})
@@ -251,21 +245,21 @@ class TestComparison:
             assert ("missing" not in found["C6"].evidence) is alike
             assert "missing" not in found["C5"].evidence
 
-    def test_a_pause_in_a_record_is_no_other_sampling(self) -> None:
+    def test_a_pause_in_a_record_is_no_other_sampling(self):
         file = comparison()
         one = file.runs["controller_2"]
         paused = replace(one, time=one.time + np.where(np.arange(len(one.time)) < 100, 0.0, 0.5))
         found = judged(replace(file, runs={**file.runs, "controller_2": paused}))
         assert "missing" not in found["C6"].evidence
 
-    def test_nothing_is_a_percentage_of_zero(self) -> None:
+    def test_nothing_is_a_percentage_of_zero(self):
         found = judged(comparison(GROWING | {"controller_1": 0.0}))
         for metric in ("mae", "rmse"):
             one = found[f"increase.with_load.{metric}.joint_2"]
             assert one.decision.verdict == "not_testable"
             assert one.evidence["missing"] == "an error of controller_1, joint 2 that is not zero"
 
-    def test_a_run_of_one_joint_or_without_its_error_says_nothing_of_stability(self) -> None:
+    def test_a_run_of_one_joint_or_without_its_error_says_nothing_of_stability(self):
         file = comparison()
         one = file.runs["controller_2"]
         single = replace(one, joint=(2,), variables={name: v[:, :1] for name, v in one.variables.items()})
@@ -274,24 +268,24 @@ class TestComparison:
             found = judged(replace(file, runs={**file.runs, "controller_2": run}))["C1"]
             assert found.evidence["missing"] == f"the measured error of controller_2, joint {joint}"
 
-    def test_the_row_without_load_is_controller_1(self) -> None:
+    def test_the_row_without_load_is_controller_1(self):
         found = judged(comparison(runs=("controller_2",)))
         for name in ("table3.no_load.mae.joint_2", "share.controller_1_of_2.mae.joint_2"):
             assert found[name].evidence["missing"] == "the measured errors of controller_1, joint 2"
 
-    def test_a_gap_in_an_error_says_nothing_against_stability(self) -> None:
+    def test_a_gap_in_an_error_says_nothing_against_stability(self):
         file = comparison()
         e = file.runs["controller_2"]["e"].copy()
         e[40:60] = np.nan
         holed = measured_trace(file.runs["controller_2"], e=e)
         assert verdict(replace(file, runs={**file.runs, "controller_2": holed}), "C1") == "reproduced"
 
-    def test_the_window_is_named_where_the_tables_decide(self) -> None:
+    def test_the_window_is_named_where_the_tables_decide(self):
         found = judged(comparison(GROWING))
         claims = ("C1", "C2", "C3", "C4", "C5", "C6", "P1")
         assert {name for name in claims if "window" in found[name].evidence} == {"C2", "P1"}
 
-    def test_surfaces_computed_from_e_are_said_to_be(self) -> None:
+    def test_surfaces_computed_from_e_are_said_to_be(self):
         same = dict.fromkeys(GROWING, 1.0)
         assert verdict(comparison(same), "C4") in {"reproduced", "not_reproduced"}
         found = judged(comparison(same, without=("s",)))["C4"]
@@ -299,13 +293,13 @@ class TestComparison:
         assert "Eq. (11)" in found.evidence["remarks"][0]
         assert "over 50 ms" in found.evidence["remarks"][0]
 
-    def test_the_payload_is_its_percentages(self) -> None:
+    def test_the_payload_is_its_percentages(self):
         found = judged(comparison(GROWING))["P1"]
         assert found.decision.verdict == "not_reproduced"
         assert all(row["holds"] for row in found.evidence["statements"])
         assert set(found.evidence["percentages"].values()) == {"not_reproduced"}
 
-    def test_the_payload_needs_controller_1_alone(self) -> None:
+    def test_the_payload_needs_controller_1_alone(self):
         whole = printed_file(lambda time: time < np.inf)
         kept = {name: whole.runs[name] for name in ("controller_1", LOADED)}
         assert verdict(replace(whole, runs=kept), "P1") == "reproduced"
@@ -315,7 +309,7 @@ class TestComparison:
         assert "ringing" in found.evidence["missing"]
 
 
-def test_the_printed_numbers_are_reproduced_with_all_percentages() -> None:
+def test_the_printed_numbers_are_reproduced_with_all_percentages():
     found = judged(printed_file(lambda time: time < np.inf))
     families = ("table2.", "table3.", "share.", "increase.")
     numbers = {name: one.decision.verdict for name, one in found.items() if name.startswith(families)}
@@ -326,7 +320,7 @@ def test_the_printed_numbers_are_reproduced_with_all_percentages() -> None:
 
 
 class TestAngles:
-    def file(self, *sizes: float, start: float = 0.0) -> TraceFile:
+    def file(self, *sizes, start=0.0):
         """SYNTHETIC decoupling run with an error of a size a joint, as a share of its range."""
         file = make_decouple_file(source="measured")
         trace = file.runs["decouple"]
@@ -335,19 +329,19 @@ class TestAngles:
         run = measured_trace(trace, q_calculated=calculated)
         return replace(file, runs={"decouple": run})
 
-    def test_k3_holds_and_fails_by_each_statement(self) -> None:
+    def test_k3_holds_and_fails_by_each_statement(self):
         assert decoupling(self.file(0.005, 0.02, 0.04)).decision.verdict == "reproduced"
         for sizes in [(0.005, 0.04, 0.02), (0.03, 0.02, 0.04), (0.05, 0.06, 0.07), (0.005, 0.1, 0.4)]:
             assert decoupling(self.file(*sizes)).decision.verdict == "not_reproduced", sizes
 
-    def test_a_start_offset_is_taken_off_and_said(self) -> None:
+    def test_a_start_offset_is_taken_off_and_said(self):
         found = decoupling(self.file(0.005, 0.02, 0.04, start=0.1))
         assert found.decision.verdict == "reproduced"
         assert found.evidence["remarks"]
         assert found.evidence["as_recorded"]["mae_deg"][0] > np.rad2deg(0.1) * 0.99
         assert not decoupling(self.file(0.005, 0.02, 0.04)).evidence["remarks"]
 
-    def test_one_spoilt_sample_at_the_start_is_no_offset(self) -> None:
+    def test_one_spoilt_sample_at_the_start_is_no_offset(self):
         file = self.file(0.005, 0.02, 0.04)
         trace = file.runs["decouple"]
         spoilt = trace["q_encoder"].copy()
@@ -355,14 +349,14 @@ class TestAngles:
         runs = {"decouple": replace(trace, variables=dict(trace.variables) | {"q_encoder": spoilt})}
         assert decoupling(replace(file, runs=runs)).decision.verdict == "reproduced"
 
-    def test_calculated_angles_follow_from_the_motors(self) -> None:
+    def test_calculated_angles_follow_from_the_motors(self):
         file = make_decouple_file(source="measured")
         trace = file.runs["decouple"]
         kept = {name: value for name, value in trace.variables.items() if name != "q_calculated"}
         bare = replace(file, runs={"decouple": replace(trace, variables=kept)})
         assert decoupling(bare).evidence == decoupling(file).evidence
 
-    def test_k3_names_what_is_missing(self) -> None:
+    def test_k3_names_what_is_missing(self):
         file = make_decouple_file(source="measured")
         trace = file.runs["decouple"]
         still = measured_trace(trace, q_encoder=np.zeros_like(trace["q"]))
@@ -370,7 +364,7 @@ class TestAngles:
             with pytest.raises(DataMissingError, match=word):
                 decoupling(replace(file, runs=runs))
 
-    def test_k5_holds_and_fails(self) -> None:
+    def test_k5_holds_and_fails(self):
         file = make_compare_file(step=0.02, source="measured")
         close, far = (
             replace(
@@ -387,7 +381,7 @@ class TestAngles:
         assert found.decision.verdict == "not_reproduced"
         assert len(found.evidence["statements"]) == 6
 
-    def test_k5_measures_a_motor_that_hardly_turns_by_the_other(self) -> None:
+    def test_k5_measures_a_motor_that_hardly_turns_by_the_other(self):
         """Joint 3 turns by just what keeps motor 3 at rest; its error is then larger than its range."""
         file = make_compare_file(step=0.02, source="measured", runs=("controller_2",))
         trace = file.runs["controller_2"]
@@ -401,14 +395,14 @@ class TestAngles:
         assert shares[0] / shares[1] == pytest.approx(77.0 / 35.0)
 
     @pytest.mark.parametrize(("desired", "measured"), [(1.0, np.nan), (0.0, 0.0)], ids=["lost", "still"])
-    def test_k5_needs_samples_of_motors_that_move(self, desired: float, measured: float) -> None:
+    def test_k5_needs_samples_of_motors_that_move(self, desired, measured):
         file = make_compare_file(step=0.02, source="measured", runs=("controller_2",))
         trace = file.runs["controller_2"]
         run = measured_trace(trace, q_d=desired * trace["q_d"], q_encoder=measured * trace["q_d"])
         with pytest.raises(DataMissingError, match="motors move"):
             motor_angles(replace(file, runs={"controller_2": run}))
 
-    def on_ranges(self, sizes_deg: tuple[float, ...], ranges_deg: tuple[float, ...]) -> TraceFile:
+    def on_ranges(self, sizes_deg, ranges_deg):
         """SYNTHETIC decoupling run with an MAE and a range of a size a joint, at angles far from zero."""
         file = make_decouple_file(source="measured")
         trace = file.runs["decouple"]
@@ -420,7 +414,7 @@ class TestAngles:
         return replace(file, runs={"decouple": run})
 
     @pytest.mark.parametrize("joint", [1, 2, 3])
-    def test_a_degree_is_the_least_motion(self, joint: int) -> None:
+    def test_a_degree_is_the_least_motion(self, joint):
         small, enough = (
             tuple(size if number == joint else 40.0 for number in (1, 2, 3)) for size in (0.9, 1.1)
         )
@@ -429,7 +423,7 @@ class TestAngles:
             decoupling(self.on_ranges((0.1, 0.2, 0.3), small))
 
     @pytest.mark.parametrize("joint", [1, 2, 3])
-    def test_k3_needs_all_joints(self, joint: int) -> None:
+    def test_k3_needs_all_joints(self, joint):
         file = make_decouple_file(source="measured")
         trace = file.runs["decouple"]
         kept = [place for place, number in enumerate(trace.joint) if number != joint]
@@ -439,7 +433,7 @@ class TestAngles:
             decoupling(replace(file, runs={"decouple": fewer}))
 
     @pytest.mark.parametrize("share", [0.049, 0.051])
-    def test_k5_is_the_mae_of_each_motor_over_the_largest_range(self, share: float) -> None:
+    def test_k5_is_the_mae_of_each_motor_over_the_largest_range(self, share):
         file = make_compare_file(step=0.02, source="measured", runs=("controller_2",))
         trace = file.runs["controller_2"]
         S_inv = file.plant.matrix("S_inv", trace.joint)
@@ -469,9 +463,7 @@ class TestAngles:
             ((0.30, 0.5, 3.1), [True, True, True, False]),
         ],
     )
-    def test_k3_is_the_mae_over_the_range_of_each_joint(
-        self, sizes_deg: tuple[float, ...], held: list[bool]
-    ) -> None:
+    def test_k3_is_the_mae_over_the_range_of_each_joint(self, sizes_deg, held):
         ranges_deg = (40.0, 20.0, 60.0)
         found = decoupling(self.on_ranges(sizes_deg, ranges_deg)).evidence["start_offset_removed"]
         assert found["mae_deg"] == pytest.approx(sizes_deg, rel=5e-3)
@@ -480,7 +472,7 @@ class TestAngles:
         assert "below 1 % of its range" in found["statements"][2]["statement"]
         assert "below 5 % of the joint's range" in found["statements"][3]["statement"]
 
-    def test_the_start_offset_is_the_median_of_the_first_tenth_of_a_second(self) -> None:
+    def test_the_start_offset_is_the_median_of_the_first_tenth_of_a_second(self):
         file = make_decouple_file(source="measured")
         trace = file.runs["decouple"]
         apart = np.deg2rad([0.1, 0.2, 0.4]) * (2.0 + np.sin(trace.time))[:, np.newaxis]
@@ -496,7 +488,7 @@ PAGE = ROOT / "docs" / "verdicts.md"
 
 
 @pytest.mark.skipif(not PAGE.is_file(), reason="no docs folder beside the package")
-def test_the_page_says_what_the_code_does() -> None:
+def test_the_page_says_what_the_code_does():
     text = " ".join(PAGE.read_text(encoding="utf-8").partition("## On the measurement")[2].split())
     assert f"on joint 1 below {100 * TINY:g} %" in text
     assert f"on every joint below {100 * AGREES:g} %" in text
@@ -506,11 +498,11 @@ def test_the_page_says_what_the_code_does() -> None:
 
 
 class TestLedger:
-    def both(self) -> TraceFile:
+    def both(self):
         compare, decouple = comparison(GROWING), make_decouple_file(source="measured")
         return replace(compare, experiment="both", runs={**compare.runs, **decouple.runs})
 
-    def test_k3_and_k5_take_the_measured_verdict_and_others_keep_theirs(self) -> None:
+    def test_k3_and_k5_take_the_measured_verdict_and_others_keep_theirs(self):
         only = ["K3", "K5", "C2", "table2.controller_1.mae.joint_2", "K1"]
         without = {one.id: one for one in judge_all(Sources(), only=only)}
         found = {one.id: one for one in judge_all(Sources(measured=self.both()), only=only)}
@@ -524,14 +516,14 @@ class TestLedger:
         assert "on the measurement" in table_text(list(found.values()))
         assert "on the measurement" not in table_text(list(without.values()))
 
-    def test_the_command_reads_the_measured_file(self, tmp_path: Path) -> None:
+    def test_the_command_reads_the_measured_file(self, tmp_path):
         path = tmp_path / "SYNTHETIC.h5"
         write_traces(path, self.both())
         ledger = run_claims(tmp_path, ["C2"], None, Talk(quiet=True), path)
         assert ledger.verdicts[0].evidence["measured"]["verdict"] == "reproduced"
         assert "measured" not in run_claims(tmp_path, ["C2"], None, Talk(quiet=True)).verdicts[0].evidence
 
-    def test_simulated_and_absent_files_are_refused(self, tmp_path: Path) -> None:
+    def test_simulated_and_absent_files_are_refused(self, tmp_path):
         path = tmp_path / "SYNTHETIC.h5"
         with pytest.raises(DataMissingError, match="no measured") as caught:
             read_measured(path)
@@ -541,7 +533,7 @@ class TestLedger:
         with pytest.raises(UsageError, match="simulated"):
             read_measured(path)
 
-    def test_the_reference_is_recovered_once_for_all(self) -> None:
+    def test_the_reference_is_recovered_once_for_all(self):
         found = measured_of(comparison(), published())
         assert found.reference is not None
         assert found.reference.period == pytest.approx(PERIOD, abs=1e-3)

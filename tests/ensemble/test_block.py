@@ -1,11 +1,7 @@
 """One block: what is shared among its loops changes nothing, and the spot check finds what differs."""
 
-from __future__ import annotations
-
 import pickle
-from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,16 +10,13 @@ from support.fake_batch import DRAWS, fake_batch, fingerprint, small_study
 from tendonrepro.config.models.readings import under
 from tendonrepro.ensemble.block import compute_block, loops_of, spot_check
 from tendonrepro.ensemble.command import load_study
-from tendonrepro.ensemble.plan import Study
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.physics.metrics import mae, rmse
-from tendonrepro.simulation.batch import Batch
-from tendonrepro.simulation.stepper import Loop
 from tendonrepro.simulation.streaming import STATISTICS
 
 
-def test_a_study_can_be_sent_to_other_processes() -> None:
+def test_a_study_can_be_sent_to_other_processes():
     study = small_study()
     sent = pickle.loads(pickle.dumps(study))
     assert sent.identity == study.identity
@@ -31,7 +24,7 @@ def test_a_study_can_be_sent_to_other_processes() -> None:
     assert compute_block(sent, block, fake_batch).digest() == compute_block(study, block, fake_batch).digest()
 
 
-def test_shared_loops_equal_loops_built_anew() -> None:
+def test_shared_loops_equal_loops_built_anew():
     study = load_study(None, (), None, "default")
     block = study.blocks(512)[0]
     box = study.boxes["box"]
@@ -45,11 +38,11 @@ def test_shared_loops_equal_loops_built_anew() -> None:
             np.testing.assert_array_equal(loop.reference.q_d, plain.reference.q_d)
 
 
-def block_values(study: Study) -> np.ndarray:
+def block_values(study):
     return compute_block(replace(study, readings=study.readings[:1]), study.blocks(512)[0], fake_batch).draws
 
 
-def test_results_stand_in_the_place_of_their_draw_and_case() -> None:
+def test_results_stand_in_the_place_of_their_draw_and_case():
     """Simulating each experiment alone gives what the block holds."""
     study = small_study()
     block = study.blocks(DRAWS)[3]
@@ -64,8 +57,8 @@ def test_results_stand_in_the_place_of_their_draw_and_case() -> None:
                 )
 
 
-def test_a_draw_that_cannot_be_run_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken(*_: object) -> None:
+def test_a_draw_that_cannot_be_run_is_named(monkeypatch):
+    def broken(*_):
         message = "no such arm"
         raise TendonreproError(message)
 
@@ -76,10 +69,10 @@ def test_a_draw_that_cannot_be_run_is_named(monkeypatch: pytest.MonkeyPatch) -> 
         compute_block(study, block, fake_batch)
 
 
-def reference_with(e: np.ndarray) -> Any:
+def reference_with(e):
     """A SciPy stepper whose runs all have this error."""
 
-    def simulate(loop: Loop) -> dict[str, np.ndarray]:
+    def simulate(loop):
         # Slow enough not to ring.
         time = loop.reference.time
         return {"time": time, "e": np.broadcast_to(e, (time.size, 2))}
@@ -87,10 +80,10 @@ def reference_with(e: np.ndarray) -> Any:
     return simulate
 
 
-def batch_with(e: np.ndarray, status: int, factor: float) -> Any:
+def batch_with(e, status, factor):
     """A batch stepper that finds the same error times a factor."""
 
-    def simulate(loops: Sequence[Loop], limits: Any) -> Batch:
+    def simulate(loops, limits):
         found = fake_batch(loops, limits)
         sizes = {"mae": mae(e[None]), "rmse": factor * rmse(e[None])}
         statistics = {name: np.tile(size, (len(loops), 1)) for name, size in sizes.items()}
@@ -99,7 +92,7 @@ def batch_with(e: np.ndarray, status: int, factor: float) -> Any:
     return simulate
 
 
-def test_the_spot_check_finds_what_differs(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_spot_check_finds_what_differs(monkeypatch):
     e = np.array([0.004, -0.003])
     monkeypatch.setattr("tendonrepro.ensemble.block.simulate", reference_with(e))
     study = replace(small_study(), check_every=1)
@@ -115,7 +108,7 @@ def test_the_spot_check_finds_what_differs(monkeypatch: pytest.MonkeyPatch) -> N
     assert (unresolved["disagreements"], unresolved["quantised"]) == (0, 0.0)
 
 
-def test_about_one_block_in_so_many_is_checked(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_about_one_block_in_so_many_is_checked(monkeypatch):
     e = np.array([0.004, -0.003])
     monkeypatch.setattr("tendonrepro.ensemble.block.simulate", reference_with(e))
     study = replace(small_study(), check_every=8)
@@ -127,11 +120,11 @@ def test_about_one_block_in_so_many_is_checked(monkeypatch: pytest.MonkeyPatch) 
     assert not any(spot_check(replace(study, check_every=0), block, values) for block in study.blocks(DRAWS))
 
 
-def test_the_order_of_blocks_does_not_matter() -> None:
+def test_the_order_of_blocks_does_not_matter():
     study = small_study()
     blocks = study.blocks(DRAWS)[:6]
 
-    def found(order: Sequence[Any]) -> dict[str, str]:
+    def found(order):
         return {block.file_name: compute_block(study, block, fake_batch).digest() for block in order}
 
     shuffled = [blocks[k] for k in np.random.default_rng(1).permutation(len(blocks))]

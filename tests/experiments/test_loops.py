@@ -1,7 +1,5 @@
 """From a configuration to closed loops: independence of runs, readings, references."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

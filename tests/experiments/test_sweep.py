@@ -1,7 +1,5 @@
 """Sweeps: against the theory, single runs, and what the command line was asked for."""
 
-from __future__ import annotations
-
 import csv
 import json
 from functools import cache
@@ -150,11 +148,7 @@ class TestFiles:
         (tmp_path / "manifest.json").write_text('{"config": {"sha256": "0"}, "outputs": {}}')
         for dry_run in (False, True):
             with pytest.raises(UsageError, match="another configuration"):
-                run_sweep(
-                    Request(None, tmp_path, [ONE], controllers=[1], dry_run=dry_run),
-                    [ALPHA],
-                    QUIET,
-                )
+                run_sweep(Request(None, tmp_path, [ONE], controllers=[1], dry_run=dry_run), [ALPHA], QUIET)
         forced = Request(None, tmp_path, [ONE], controllers=[1], dry_run=True, force=True)
         assert run_sweep(forced, [ALPHA], QUIET)["dry_run"]
 

@@ -1,7 +1,5 @@
 """What `explain` says: against reloaded configurations, the theory's numbers, and plain eigenvalues."""
 
-from __future__ import annotations
-
 import csv
 import json
 from functools import cache

@@ -1,7 +1,5 @@
 """The pictures of `explain`, by their artists."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Margins against the loops they speak of: closed with the factor, the loop is on its limit."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

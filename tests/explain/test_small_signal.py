@@ -5,8 +5,6 @@
 with w = 1 + α, 1 or 1 − α, c = 2 as Eq. (16) is printed and 1 centred, k the slope of the surface.
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

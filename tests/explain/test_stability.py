@@ -1,7 +1,5 @@
 """The linearised sampled loop against the real one, and the limits that follow from it."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

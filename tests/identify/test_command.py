@@ -1,7 +1,5 @@
 """Identification against a made-up stepper."""
 
-from __future__ import annotations
-
 import csv
 import json
 from collections import Counter
@@ -17,10 +15,7 @@ from tendonrepro.config.request import Request
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.identify.command import run_identify
-from tendonrepro.identify.misfit import (
-    Bench,
-    Outcome,
-)
+from tendonrepro.identify.misfit import Bench, Outcome
 from tendonrepro.identify.report import identify_text
 
 FULL = {"generations": 40, "population": 16, "seeds": 3}

@@ -1,7 +1,5 @@
 """A made-up paper from a known plant of the box: identified back, and its falsified numbers found out."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import MappingProxyType
 

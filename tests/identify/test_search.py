@@ -1,7 +1,5 @@
 """The search against known optima and brute force, killed and resumed."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import replace
 

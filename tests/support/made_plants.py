@@ -1,7 +1,5 @@
 """A stepper of a few unknowns, plants around the printed numbers, and papers with other numbers."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from types import MappingProxyType
@@ -12,10 +10,7 @@ from tendonrepro.config.ensemble import load_ensemble
 from tendonrepro.config.models.readings import RUNS
 from tendonrepro.config.published import published
 from tendonrepro.console import Talk
-from tendonrepro.identify.misfit import (
-    Outcome,
-    printed_numbers,
-)
+from tendonrepro.identify.misfit import Outcome, printed_numbers
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.batch import Batch
 from tendonrepro.simulation.streaming import STATISTICS
