@@ -18,6 +18,7 @@ from tendonrepro.claims.arithmetic import (
     slopes_of_coupling,
     stays_tense,
 )
+from tendonrepro.config.models.readings import AXES
 from tendonrepro.config.published import PrintedNumber, coupling_of, exact, published, rounding, table_1
 
 
@@ -146,7 +147,5 @@ class TestTension:
         assert tuple(np.sign(np.where(np.abs(preload) < 1e-9, 0.0, preload))) == signs
 
     def test_courses_are_the_readings_of_the_ensemble(self):
-        from tendonrepro.config.models.readings import AXES
-
         axis = AXES["tensioner"]
         assert tuple(COURSES) == (axis.printed, *axis.alternatives)

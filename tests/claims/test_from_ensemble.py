@@ -118,28 +118,19 @@ class TestWhatIsCounted:
             data.codes[run, PRINTED] = rng.choice(4, size=400, p=[0.7, 0.1, 0.15, 0.05]).astype(np.int8)
             for name in ("mae", "rmse"):
                 data.values[run, PRINTED, name] = rng.random((400, 2))
-        kept, held, last_kept, last_held = 0, 0, 0, 0
-        for plant in range(400):
-            codes = [data.codes[run, PRINTED][plant] for run in CONTROLLERS]
-            sizes = [
-                [data.values[run, PRINTED, name][plant, j] for run in CONTROLLERS]
-                for name in ("mae", "rmse")
-                for j in (0, 1)
-            ]
-            if all(code == 0 for code in codes):
-                kept += 1
-                held += all(a < b < c for a, b, c in sizes)
-            if all(code != 3 for code in codes):
-                last_kept += 1
-                ranked = [
-                    [np.inf if code == 2 else x for code, x in zip(codes, row, strict=True)] for row in sizes
-                ]
-                last_held += all(a < b < c for a, b, c in ranked)
+        codes = np.stack([data.codes[run, PRINTED] for run in CONTROLLERS])
+        sizes = np.array(
+            [[data.values[run, PRINTED, name] for name in ("mae", "rmse")] for run in CONTROLLERS]
+        ).swapaxes(1, 2)
+        ranked = np.where((codes == 2)[..., np.newaxis, np.newaxis], np.inf, sizes)
         evidence = one(data, paper, "C2").evidence
-        assert (evidence["share"], evidence["plants"]) == (held / kept, kept)
-        last = evidence["diverged_last"]
-        assert (last["share"], last["plants"]) == (last_held / last_kept, last_kept)
-        assert evidence["share_judged"] == kept / 400
+        for found, kept, row in (
+            (evidence, (codes == 0).all(axis=0), sizes),
+            (evidence["diverged_last"], (codes != 3).all(axis=0), ranked),
+        ):
+            held = (row[:-1] < row[1:]).all(axis=(0, 2, 3))
+            assert (found["share"], found["plants"]) == (held[kept].mean(), kept.sum())
+        assert evidence["share_judged"] == (codes == 0).all(axis=0).mean()
 
     def test_ranges_are_those_of_plain_numpy(self, data, paper):
         data.codes["controller_3", PRINTED][:100] = 2

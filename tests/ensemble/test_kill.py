@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from support.fake_batch import DRAWS, fake_batch, run_small, slow_batch, small_study
+from support.fake_batch import DRAWS, fake_batch, results, run_small, slow_batch, small_study
 
 from tendonrepro.console import Talk
 from tendonrepro.ensemble.block import make_block
@@ -31,12 +31,6 @@ def context():
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["support.fake_batch", "tendonrepro.ensemble.command"])
     return context
-
-
-def results(folder):
-    """Digest of every shard, and the tables."""
-    digests = {path.name: read_shard(path).digest() for path in shard_files(folder / FOLDER)}
-    return digests | {path.name: path.read_text() for path in sorted((folder / "tables").iterdir())}
 
 
 def finished(process, seconds):

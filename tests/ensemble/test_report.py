@@ -48,6 +48,9 @@ def test_files_hold_every_number(mixed, tmp_path):
     assert "shares of the box" in text
     assert "probab" not in text
     assert all(f"| {name} |" in text for name in READINGS)
+    terminal = ensemble_text(summary)
+    assert all(name in terminal for name in READINGS)
+    assert "321 experiments a second" in terminal
 
 
 def test_a_table_without_plants_has_dashes():
@@ -71,9 +74,3 @@ def test_words_follow_the_numbers():
     )
     random = ensemble(random_errors, always_ok)
     assert "probab" not in " ".join(whole(random)["conclusions"])
-
-
-def test_text_names_every_reading(mixed):
-    text = ensemble_text(whole(mixed))
-    assert all(name in text for name in READINGS)
-    assert "321 experiments a second" in text

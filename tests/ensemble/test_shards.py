@@ -35,6 +35,7 @@ def shard(**changes):
         provenance={"cpu": "any", "seed": 3},
         seconds=1.5,
     )
+    made.statistics["rmse"][0] = np.nan
     return replace(made, **changes)
 
 
@@ -65,13 +66,6 @@ def test_what_is_written_comes_back(path):
     assert identity_of(path) == "abc"
 
 
-def test_missing_values_come_back(tmp_path):
-    values = np.full((3, 4, 2), np.nan, np.float32)
-    path = tmp_path / "s.h5"
-    path.write_bytes(shard_image(shard(statistics={"mae_late": values})))
-    assert np.isnan(read_shard(path).statistics["mae_late"]).all()
-
-
 def test_equal_contents_give_equal_bytes():
     assert shard_image(shard()) == shard_image(shard())
 
@@ -92,20 +86,17 @@ def test_the_digest_leaves_out_only_time_and_machine():
 
 
 @pytest.mark.parametrize("kept", [0.0, 0.3, 0.9, 0.999])
-def test_a_truncated_shard_is_refused(path, kept):
-    whole = path.read_bytes()
-    path.write_bytes(whole[: int(kept * len(whole))])
-    with pytest.raises(DataMissingError):
-        read_shard(path)
-
-
-def test_a_flipped_bit_is_refused(path):
+def test_a_truncated_shard_and_a_flipped_bit_are_refused(path, kept):
     whole = path.read_bytes()
     with h5py.File(path) as root:
-        place = root["statistics/mae"].id.get_chunk_info(0).byte_offset
-    path.write_bytes(whole[: place + 5] + bytes([whole[place + 5] ^ 4]) + whole[place + 6 :])
-    with pytest.raises(DataMissingError):
-        read_shard(path)
+        place = 5 + root["statistics/mae"].id.get_chunk_info(0).byte_offset
+    for image in (
+        whole[: int(kept * len(whole))],
+        whole[:place] + bytes([whole[place] ^ 4]) + whole[place + 1 :],
+    ):
+        path.write_bytes(image)
+        with pytest.raises(DataMissingError):
+            read_shard(path)
 
 
 def _other_status(root):

@@ -14,6 +14,7 @@ from support.made_ensemble import (
     READINGS,
     RINGING,
     RUNS,
+    SCRAMBLINGS,
     UNRESOLVED,
     ensemble,
     printed_like,
@@ -31,24 +32,17 @@ from tendonrepro.ensemble.shares import (
 from tendonrepro.physics.metrics import STATUSES
 
 EIGHT = np.repeat(np.arange(8), 50)
+REPLICATE = np.repeat(np.arange(SCRAMBLINGS), EACH)
 
 
 def brute_force(data, reading, metric, joints, last):
-    """Count plants one by one."""
-    hits = plants = 0
-    status = [data.status(run, reading) for run in RUNS[:3]]
-    errors = [data.statistic(run, reading, metric) for run in RUNS[:3]]
-    for k in range(PLANTS):
-        codes = [int(codes[k]) for codes in status]
-        if UNRESOLVED in codes or (not last and codes != [OK, OK, OK]):
-            continue
-        plants += 1
-        sizes = [
-            [np.inf if code == DIVERGED else error[k, j] for j in joints]
-            for code, error in zip(codes, errors, strict=True)
-        ]
-        hits += all(a < b < c for a, b, c in zip(*sizes, strict=True))
-    return hits, plants
+    """Plants on which C1 < C2 < C3 on all these joints, and plants counted."""
+    codes = np.stack([data.status(run, reading) for run in RUNS[:3]])
+    sizes = np.stack([data.statistic(run, reading, metric)[:, joints] for run in RUNS[:3]])
+    sizes[codes == DIVERGED] = np.inf
+    counted = (codes != UNRESOLVED).all(axis=0) if last else (codes == OK).all(axis=0)
+    hits = ((sizes[0] < sizes[1]) & (sizes[1] < sizes[2])).all(axis=1)
+    return (hits & counted).sum(), counted.sum()
 
 
 @pytest.mark.parametrize("reading", READINGS)
@@ -68,11 +62,9 @@ def test_shares_equal_brute_force(mixed, reading, metric):
 def test_both_metrics_together_is_the_intersection(mixed):
     found = reading_summary(mixed, "printed")["share_c1_best"]["all_ok"]
     ok = np.all([mixed.status(run, "printed") == OK for run in RUNS[:3]], axis=0)
-    hits = np.ones(PLANTS, bool)
-    for metric in ("mae", "rmse"):
-        first, *others = (mixed.statistic(run, "printed", metric) for run in RUNS[:3])
-        hits &= np.all([first < other for other in others], axis=(0, 2))
-    assert found["mae_and_rmse"]["both"]["share"] == hits[ok].mean()
+    errors = [[mixed.statistic(run, "printed", metric) for metric in ("mae", "rmse")] for run in RUNS[:3]]
+    best = np.all([np.less(errors[0], other) for other in errors[1:]], axis=(0, 1, 3))
+    assert found["mae_and_rmse"]["both"]["share"] == best[ok].mean()
 
 
 def test_a_diverged_law_comes_last_and_two_of_them_are_not_in_order():
@@ -111,12 +103,11 @@ def test_statuses_add_up(mixed):
 
 def test_equal_scramblings_give_the_t_interval_of_their_means():
     rng = np.random.default_rng(5)
-    replicate = np.repeat(np.arange(8), 50)
     hits = rng.random(400) < np.repeat(rng.uniform(0.3, 0.5, 8), 50)
     means = hits.reshape(8, 50).mean(axis=1)
     # Student's t for 7 degrees of freedom, two-sided 95 %, from a printed table.
     reach = 2.364624 * means.std(ddof=1) / np.sqrt(8)
-    found = share_of(hits, replicate).as_row()
+    found = share_of(hits, EIGHT).as_row()
     assert found["share"] == pytest.approx(means.mean())
     assert (found["low"], found["high"]) == pytest.approx((means.mean() - reach, means.mean() + reach), 1e-6)
 
@@ -135,7 +126,7 @@ def test_an_interval_covers_the_truth_as_often_as_it_says():
 @pytest.mark.parametrize("share", [0.0, 1.0])
 def test_a_share_without_exception_still_has_an_interval(share):
     """The rule of three: nothing seen among 256 leaves up to about 3/256."""
-    found = share_of(np.full(PLANTS, share == 1.0), np.repeat(np.arange(8), EACH)).as_row()
+    found = share_of(np.full(PLANTS, share == 1.0), REPLICATE).as_row()
     assert found["share"] == share
     assert found["high"] - found["low"] == pytest.approx(3.0 / PLANTS, rel=0.02)
     assert 0.0 <= found["low"] <= found["high"] <= 1.0
@@ -143,20 +134,19 @@ def test_a_share_without_exception_still_has_an_interval(share):
 
 def test_few_scramblings_with_plants_give_no_interval():
     """Seven of eight hold plants: scatter of so few says little, and of one nothing."""
-    replicate = np.repeat(np.arange(8), EACH)
     rng = np.random.default_rng(9)
     hits = rng.random(PLANTS) < 0.5
     for held in (7, 1):
-        found = share_of(hits, replicate, replicate < held).as_row()
+        found = share_of(hits, REPLICATE, held > REPLICATE).as_row()
         assert (found["low"], found["high"]) == (None, None)
-        assert found["share"] == pytest.approx(hits[replicate < held].mean())
-        kept = replicate < held
-        assert quantiles_of(rng.random(PLANTS)[kept], replicate[kept])["median"]["low"] is None
+        assert found["share"] == pytest.approx(hits[held > REPLICATE].mean())
+        kept = held > REPLICATE
+        assert quantiles_of(rng.random(PLANTS)[kept], REPLICATE[kept])["median"]["low"] is None
 
 
 def test_no_plants_give_no_share():
     nothing = np.zeros(PLANTS, bool)
-    found = share_of(nothing, np.repeat(np.arange(8), EACH), nothing).as_row()
+    found = share_of(nothing, REPLICATE, nothing).as_row()
     assert found == {"share": None, "low": None, "high": None, "plants": 0}
     assert quantiles_of(np.zeros(0), np.zeros(0, int))["median"]["value"] is None
 
@@ -164,7 +154,7 @@ def test_no_plants_give_no_share():
 def test_quantiles_are_values_of_plants():
     rng = np.random.default_rng(7)
     values = rng.lognormal(size=PLANTS)
-    found = quantiles_of(values, np.repeat(np.arange(8), EACH))
+    found = quantiles_of(values, REPLICATE)
     for name, level in QUANTILES.items():
         value = found[name]["value"]
         assert value in values
@@ -187,13 +177,9 @@ def test_a_reading_that_makes_the_print_agrees_and_another_cannot():
     assert set(cannot["agreement"]["beyond"]) == {
         f"ratio_c1_c2 {metric} joint {joint}" for metric in ("mae", "rmse") for joint in JOINTS
     }
-    part = reading_summary(printed_like(1.17), "printed")["agreement"]
-    assert part["verdict"] == "in part"
-
-
-def test_no_stable_plant_is_no_disagreement():
-    data = ensemble(random_errors, lambda *_: np.full(PLANTS, RINGING, np.int8))
-    assert reading_summary(data, "printed")["agreement"]["verdict"] == "no plant"
+    nowhere_stable = ensemble(random_errors, lambda *_: np.full(PLANTS, RINGING, np.int8))
+    for data, verdict in ((printed_like(1.17), "in part"), (nowhere_stable, "no plant")):
+        assert reading_summary(data, "printed")["agreement"]["verdict"] == verdict
 
 
 def test_a_scrambling_with_few_plants_weighs_little():
@@ -213,13 +199,9 @@ def test_intervals_stay_between_0_and_1_around_the_share(flags, seed):
     assert other.interval == pytest.approx(one.interval)
 
 
-def test_the_ends_of_a_spread_are_plants():
-    values = np.random.default_rng(5).permutation(np.arange(1.0, 401.0))
-    box = spread_of(values, EIGHT)
-    assert (box.low, box.median, box.high) == (20.0, 200.0, 380.0)
-
-
-def test_intervals_of_the_ends_of_a_spread():
+def test_a_spread_ends_at_plants_and_has_intervals():
+    whole = spread_of(np.random.default_rng(5).permutation(np.arange(1.0, 401.0)), EIGHT)
+    assert (whole.low, whole.median, whole.high) == (20.0, 200.0, 380.0)
     values = np.random.default_rng(5).normal(size=400)
     box = spread_of(values, EIGHT)
     each = np.array([np.quantile(part, 0.05, method="inverted_cdf") for part in values.reshape(8, 50)])

@@ -20,21 +20,17 @@ SHARES = {"ok": 0.8, "ringing": 0.08, "diverged": 0.08, "unresolved": 0.04}
 def fake_batch(loops, limits):
     """Pseudo-statistics of each loop alone."""
     del limits
-    found = [_fake(loop) for loop in loops]
+    numbers, codes = [], []
+    for loop in loops:
+        rng = np.random.default_rng(fingerprint(loop))
+        codes.append(rng.choice(len(STATUSES), p=list(SHARES.values())))
+        numbers.append(rng.uniform(1.0, 2.0, (len(STATISTICS), loop.reference.q_d.shape[1])))
     return Batch(
-        statistics={
-            name: np.array([numbers[place] for _, numbers in found]) for place, name in enumerate(STATISTICS)
-        },
-        status=np.array([status for status, _ in found], np.int8),
+        statistics=dict(zip(STATISTICS, np.stack(numbers, axis=1), strict=True)),
+        status=np.array(codes, np.int8),
         status_time=np.array([loop.reference.time[-1] for loop in loops]),
         steps=np.full(len(loops), 2),
     )
-
-
-def _fake(loop):
-    rng = np.random.default_rng(fingerprint(loop))
-    status = int(rng.choice(len(STATUSES), p=list(SHARES.values())))
-    return status, rng.uniform(1.0, 2.0, (len(STATISTICS), loop.reference.q_d.shape[1]))
 
 
 def fingerprint(loop):
@@ -98,3 +94,9 @@ def run_ensemble_of(folder, study=None, draws=DRAWS, **options):
 def digests(folder):
     """Digest of every shard in a folder of results, by name."""
     return {path.name: read_shard(path).digest() for path in shard_files(folder / FOLDER)}
+
+
+def results(folder):
+    """Digest of every shard, and the tables byte for byte."""
+    tables = {path.name: path.read_bytes() for path in sorted((folder / "tables").iterdir())}
+    return digests(folder) | tables

@@ -15,13 +15,8 @@ from tendonrepro.results.summary import CONTROLLERS
 
 Array = NDArray[np.float64]
 
-
 RUNS = (*CONTROLLERS, "controller_1_payload")
-
-
 KNOWN = 3
-
-
 ERRORS_DEG = {
     "controller_1": (0.26, 0.22),
     "controller_2": (0.29, 0.24),
@@ -29,16 +24,12 @@ ERRORS_DEG = {
     "controller_1_payload": (0.27, 0.23),
 }
 
-
 ORDER = {"controller_1": 0, "controller_1_payload": 0, "controller_2": 1, "controller_3": 2}
-
 
 OK_NAMES = {"exact", "reproduced", "compatible"}
 
 
 class MadeEnsemble:
-    """An ensemble made from formulas, on which every claim holds."""
-
     joints = (2, 3)
     names = ("size", "nothing")
 

@@ -1,13 +1,10 @@
 """An ensemble in memory, of three readings and 256 plants, from functions that give errors and statuses."""
 
-from collections.abc import Callable
 from types import SimpleNamespace
-from typing import cast
 
 import numpy as np
 
 from tendonrepro.ensemble.conclusions import conclusions
-from tendonrepro.ensemble.data import EnsembleData
 from tendonrepro.ensemble.report import population_summary
 from tendonrepro.ensemble.shares import printed_ratios
 
@@ -18,28 +15,23 @@ OK, RINGING, DIVERGED, UNRESOLVED = range(4)
 SCRAMBLINGS, EACH = 8, 32
 PLANTS = SCRAMBLINGS * EACH
 
-Errors = Callable[[str, str, str], np.ndarray]
+
+class Held(SimpleNamespace):
+    def __len__(self):
+        return PLANTS
 
 
 def ensemble(errors, statuses):
     """An ensemble in memory."""
-
-    class Held(SimpleNamespace):
-        def __len__(self):
-            return PLANTS
-
-    return cast(
-        EnsembleData,
-        Held(
-            population="box",
-            joints=JOINTS,
-            alpha=(0.1, 0.2),
-            runs=RUNS,
-            readings=READINGS,
-            replicate=np.repeat(np.arange(SCRAMBLINGS), EACH),
-            status=statuses,
-            statistic=errors,
-        ),
+    return Held(
+        population="box",
+        joints=JOINTS,
+        alpha=(0.1, 0.2),
+        runs=RUNS,
+        readings=READINGS,
+        replicate=np.repeat(np.arange(SCRAMBLINGS), EACH),
+        status=statuses,
+        statistic=errors,
     )
 
 
