@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 from fractions import Fraction
 
 import numpy as np
@@ -20,10 +18,11 @@ from tendonrepro.claims.arithmetic import (
     slopes_of_coupling,
     stays_tense,
 )
+from tendonrepro.config.models.readings import AXES
 from tendonrepro.config.published import PrintedNumber, coupling_of, exact, published, rounding, table_1
 
 
-def printed(digits: str) -> PrintedNumber:
+def printed(digits):
     return PrintedNumber(
         id="x",
         kind="number",
@@ -35,22 +34,22 @@ def printed(digits: str) -> PrintedNumber:
 
 
 class TestIntervals:
-    def test_rounding_keeps_trailing_zeros(self) -> None:
+    def test_rounding_keeps_trailing_zeros(self):
         assert rounding(printed("0.240")) == (Fraction("0.2395"), Fraction("0.2405"))
         assert exact(printed("0.1")) == Fraction(1, 10)
 
-    def test_a_fraction_of_lengths_is_exact(self) -> None:
+    def test_a_fraction_of_lengths_is_exact(self):
         entry = published().quantity("S_inv.21")
         assert rounding(entry) == (Fraction(35, 37), Fraction(35, 37))
 
-    def test_touching_intervals_meet(self) -> None:
+    def test_touching_intervals_meet(self):
         one, two, three = Fraction(1), Fraction(2), Fraction(3)
         assert meets((one, two), (two, three))
         assert meets((two, three), (one, two))
         assert not meets((one, two - Fraction(1, 10**9)), (two, three))
 
     @given(*[st.integers(1, 10**6)] * 4)
-    def test_every_quotient_of_two_numbers_lies_in_the_interval(self, a: int, b: int, c: int, d: int) -> None:
+    def test_every_quotient_of_two_numbers_lies_in_the_interval(self, a, b, c, d):
         numerator, denominator = sorted(map(Fraction, (a, b))), sorted(map(Fraction, (c, d)))
         low, high = quotient((numerator[0], numerator[1]), (denominator[0], denominator[1]))
         found = [x / y for x in numerator for y in denominator]
@@ -69,24 +68,24 @@ class TestPercentages:
             ("91.25", "91.3", "rounded"),
         ],
     )
-    def test_how_a_value_was_printed(self, value: str, digits: str, way: str) -> None:
+    def test_how_a_value_was_printed(self, value, digits, way):
         assert cut(Fraction(value), printed(digits)) == way
 
-    def test_which_of_the_paper_are_cut_off(self) -> None:
-        ways: dict[str, list[str]] = {}
+    def test_which_of_the_paper_are_cut_off(self):
+        ways = {}
         for name, (part, whole) in printed_percentages(published()).items():
             entries = [published().quantity(key) for key in (name, part, whole)]
             assert all(isinstance(entry, PrintedNumber) for entry in entries)
-            value, interval = percentage(*entries[1:], change=name.startswith("increase"))  # type: ignore[arg-type]
+            value, interval = percentage(*entries[1:], change=name.startswith("increase"))
             assert meets(interval, rounding(entries[0]))
-            ways.setdefault(cut(value, entries[0]), []).append(entries[0].as_printed)  # type: ignore[arg-type]
+            ways.setdefault(cut(value, entries[0]), []).append(entries[0].as_printed)
         assert ways == {
             "rounded or cut off": ["90.3", "82.9", "82.3", "71.3", "1.1", "4.5", "1.5"],
             "cut off": ["91.2", "89.3", "85.5", "74.7"],
             "rounded": ["3.7"],
         }
 
-    def test_a_change(self) -> None:
+    def test_a_change(self):
         value, (low, high) = percentage(printed("0.264"), printed("0.261"), change=True)
         assert float(value) == pytest.approx(100.0 * (0.264 / 0.261 - 1.0))
         assert float(low) == pytest.approx(100.0 * (0.2635 / 0.2615 - 1.0))
@@ -94,7 +93,7 @@ class TestPercentages:
 
 
 class TestMatrices:
-    def test_exact_inverse_against_numpy(self) -> None:
+    def test_exact_inverse_against_numpy(self):
         lower = printed_inverse(published())
         full = np.zeros((3, 3))
         for n, row in enumerate(lower):
@@ -105,7 +104,7 @@ class TestMatrices:
         assert pytest.approx(full) == S_inv
         assert pytest.approx(np.linalg.inv(full)) == S
 
-    def test_slopes(self) -> None:
+    def test_slopes(self):
         winch, pulley = slopes_of_coupling(table_1(published()))
         assert winch == pytest.approx(np.full(3, 35.0 / 37.0 * (1.0 / 1.01 - 1.0)))
         assert pulley == pytest.approx(np.full(3, 35.0 / 37.0 * 0.01))
@@ -114,7 +113,7 @@ class TestMatrices:
 class TestTension:
     S = coupling_of(table_1(published()))[0]
 
-    def test_virtual_work(self) -> None:
+    def test_virtual_work(self):
         """Joint torque on joint angles does the work of winch torque on winch angles."""
         rng = np.random.default_rng(4)
         turns = rng.normal(size=3)
@@ -123,7 +122,7 @@ class TestTension:
         assert gravity @ turns == pytest.approx(np.cumsum(angles))
         assert preload @ turns == pytest.approx(np.array([35.0, 35.0, 37.0]) / 2.0 @ angles)
 
-    def test_random_arms_in_the_working_half_plane(self) -> None:
+    def test_random_arms_in_the_working_half_plane(self):
         """The sign of three vectors is the sign for every mass and posture."""
         rng = np.random.default_rng(4)
         weights, angles = rng.random((1000, 3)), rng.uniform(0.0, np.pi, (1000, 3))
@@ -142,13 +141,11 @@ class TestTension:
             ("absent", False, (0, 0, 0)),
         ],
     )
-    def test_courses_of_tendon_4(self, course: str, tense: bool, signs: tuple[int, ...]) -> None:
+    def test_courses_of_tendon_4(self, course, tense, signs):
         assert stays_tense(self.S, course) is tense
         preload = least_tensions(self.S, course)[1]
         assert tuple(np.sign(np.where(np.abs(preload) < 1e-9, 0.0, preload))) == signs
 
-    def test_courses_are_the_readings_of_the_ensemble(self) -> None:
-        from tendonrepro.config.models.readings import AXES
-
+    def test_courses_are_the_readings_of_the_ensemble(self):
         axis = AXES["tensioner"]
         assert tuple(COURSES) == (axis.printed, *axis.alternatives)

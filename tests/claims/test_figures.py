@@ -1,9 +1,5 @@
 """Figures of what decides a verdict."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
 from support.made_claims import NAMES, ranking_of
@@ -13,7 +9,7 @@ from tendonrepro.results.figures.style import save_figure
 
 
 class TestFigures:
-    def test_bars_below_the_floor_are_grey(self, draws: np.ndarray) -> None:
+    def test_bars_below_the_floor_are_grey(self, draws):
         ranking = ranking_of(draws, 3.0 * draws[:, 0] + draws[:, 2])
         axes = draw_tornado("C2", ranking).axes[0]
         bars = axes.patches
@@ -24,7 +20,7 @@ class TestFigures:
         assert colours[0] == colours[1] != colours[2] == colours[3]
         assert [label.get_text() for label in axes.get_yticklabels()][:2] == ["a", "c"]
 
-    def test_ratio_and_its_line(self, draws: np.ndarray) -> None:
+    def test_ratio_and_its_line(self, draws):
         ratio = 1.0 + 0.2 * draws[:, 0]
         figure = draw_ratio_against_unknowns(NAMES, draws, ratio, 1.1, "C1/C2", log=(True,) * 4)
         shown = [axes for axes in figure.axes if axes.get_visible()]
@@ -34,7 +30,7 @@ class TestFigures:
             levels = [line.get_ydata()[0] for line in axes.lines if len(line.get_xdata()) == 2]
             assert levels == [1.1, 1.0]
 
-    def test_running_median(self) -> None:
+    def test_running_median(self):
         x = np.random.default_rng(1).permutation(np.arange(400.0))
         middle, median = running_median(x, 2.0 * x)
         assert len(middle) == 20
@@ -43,7 +39,7 @@ class TestFigures:
         assert len(running_median(x[:9], x[:9])[0]) == 0
         assert len(running_median(x[:35], x[:35])[0]) == 3
 
-    def test_files(self, draws: np.ndarray, tmp_path: Path) -> None:
+    def test_files(self, draws, tmp_path):
         figure = draw_tornado("C2", ranking_of(draws, draws[:, 0]))
         paths = save_figure(figure, tmp_path, "claims_C2", "C2", "Unknowns that decide C2")
         assert [path.name for path in paths] == [f"claims_C2.{suffix}" for suffix in ("pdf", "svg", "png")]

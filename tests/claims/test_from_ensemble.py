@@ -1,7 +1,5 @@
 """Claims over the box: a paper measured on a plant of it is confirmed, and every claim can fail."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from support.made_claims import OK_NAMES, RUNS, MadeEnsemble, one, verdicts, with_numbers
@@ -9,15 +7,12 @@ from support.made_claims import OK_NAMES, RUNS, MadeEnsemble, one, verdicts, wit
 from tendonrepro.claims.plants import Plants
 from tendonrepro.claims.statements import HALVED, IDEAL, LONGER, SHORTER
 from tendonrepro.config.models.readings import PRINTED, VARIATIONS, parse_reading
-from tendonrepro.config.published import Published
 from tendonrepro.errors import DataMissingError
 from tendonrepro.results.summary import CONTROLLERS
 
 
 class TestKnownAnswers:
-    def test_a_paper_that_measured_a_plant_of_the_box_is_confirmed(
-        self, data: MadeEnsemble, paper: Published
-    ) -> None:
+    def test_a_paper_that_measured_a_plant_of_the_box_is_confirmed(self, data, paper):
         found = verdicts(data, paper)
         doubtful = {name: v.verdict for name, v in found.items() if v.verdict not in OK_NAMES}
         assert doubtful == {"K3": "not_testable", "K5": "not_testable"}
@@ -36,15 +31,7 @@ class TestKnownAnswers:
             ("hardware.encoder_resolution", 0.088, "not_reproduced", {}),
         ],
     )
-    def test_one_falsified_number_is_caught(
-        self,
-        data: MadeEnsemble,
-        paper: Published,
-        name: str,
-        value: float,
-        verdict: str,
-        others: dict[str, str],
-    ) -> None:
+    def test_one_falsified_number_is_caught(self, data, paper, name, value, verdict, others):
         before, after = (verdicts(data, print_) for print_ in (paper, with_numbers(paper, {name: value})))
         assert before[name].verdict in OK_NAMES
         assert after[name].verdict == verdict
@@ -54,7 +41,7 @@ class TestKnownAnswers:
         touched = {key for key in before if before[key].verdict != after[key].verdict}
         assert {name, *others} <= touched
 
-    def test_a_reversed_ranking_is_contradicted(self, data: MadeEnsemble, paper: Published) -> None:
+    def test_a_reversed_ranking_is_contradicted(self, data, paper):
         for name in ("mae", "rmse"):
             first, third = (data.values[f"controller_{k}", PRINTED, name].copy() for k in (1, 3))
             data.values["controller_1", PRINTED, name] = third
@@ -66,7 +53,7 @@ class TestKnownAnswers:
         assert any("measured hardware" in remark for remark in found.evidence["remarks"])
         assert one(data, paper, "share.controller_1_of_3.mae.joint_2").verdict == "contradicted"
 
-    def test_half_of_the_box_makes_it_depend_on_the_plant(self, data: MadeEnsemble, paper: Published) -> None:
+    def test_half_of_the_box_makes_it_depend_on_the_plant(self, data, paper):
         half = data.draws[:, 0] > 0.5
         data.values["controller_1", PRINTED, "mae"][half] *= 2.0
         found = one(data, paper, "C2")
@@ -74,7 +61,7 @@ class TestKnownAnswers:
         assert found.ours == pytest.approx(np.mean(~half))
 
 
-SPOILS: list[tuple[str, str, str, float]] = [
+SPOILS = [
     ("C3", "controller_1", "mae_rapid", 2.0),
     ("C4", "controller_2", "s_rms", 1.1),
     ("C5", "controller_1", "H_hat_up", 1.1),
@@ -92,21 +79,19 @@ SPOILS: list[tuple[str, str, str, float]] = [
 
 class TestEveryClaimCanFail:
     @pytest.mark.parametrize(("claim", "run", "name", "factor"), SPOILS)
-    def test_the_opposite_is_contradicted(
-        self, data: MadeEnsemble, paper: Published, claim: str, run: str, name: str, factor: float
-    ) -> None:
+    def test_the_opposite_is_contradicted(self, data, paper, claim, run, name, factor):
         assert one(data, paper, claim).verdict == "compatible"
         data.values[run, PRINTED, name] *= factor
         assert one(data, paper, claim).verdict == "contradicted"
 
     @pytest.mark.parametrize("name", ["s_max", "max_error", "rate_max"])
-    def test_bounds(self, data: MadeEnsemble, paper: Published, name: str) -> None:
+    def test_bounds(self, data, paper, name):
         data.values["controller_1", PRINTED, name] *= 1e3
         assert one(data, paper, "L1").verdict == "compatible"
         data.values["controller_1", IDEAL, name] *= 1e3
         assert one(data, paper, "L1").verdict == "contradicted"
 
-    def test_the_bounds_are_those_of_the_paper(self, data: MadeEnsemble, paper: Published) -> None:
+    def test_the_bounds_are_those_of_the_paper(self, data, paper):
         # Omega = .1 gives .0493 by Eq. (30); the error may reach .0529 by the derivation.
         for name, value in {"epsilon_max": 0.8, "s_max": 0.1, "rate_max": 0.19}.items():
             data.values["controller_1", IDEAL, name][:] = value
@@ -117,7 +102,7 @@ class TestEveryClaimCanFail:
             assert one(data, paper, "L1").verdict == verdict
 
     @pytest.mark.parametrize("share", [0.5, 0.97])
-    def test_stability_counts_all_plants(self, data: MadeEnsemble, paper: Published, share: float) -> None:
+    def test_stability_counts_all_plants(self, data, paper, share):
         lost = np.arange(len(data.draws)) >= share * len(data.draws)
         data.codes["controller_3", PRINTED][lost] = 1
         found = one(data, paper, "C1")
@@ -126,37 +111,28 @@ class TestEveryClaimCanFail:
 
 
 class TestWhatIsCounted:
-    def test_shares_are_those_of_plain_numpy(self, paper: Published) -> None:
+    def test_shares_are_those_of_plain_numpy(self, paper):
         data = MadeEnsemble()
         rng = np.random.default_rng(7)
         for run in RUNS:
             data.codes[run, PRINTED] = rng.choice(4, size=400, p=[0.7, 0.1, 0.15, 0.05]).astype(np.int8)
             for name in ("mae", "rmse"):
                 data.values[run, PRINTED, name] = rng.random((400, 2))
-        kept, held, last_kept, last_held = 0, 0, 0, 0
-        for plant in range(400):
-            codes = [data.codes[run, PRINTED][plant] for run in CONTROLLERS]
-            sizes = [
-                [data.values[run, PRINTED, name][plant, j] for run in CONTROLLERS]
-                for name in ("mae", "rmse")
-                for j in (0, 1)
-            ]
-            if all(code == 0 for code in codes):
-                kept += 1
-                held += all(a < b < c for a, b, c in sizes)
-            if all(code != 3 for code in codes):
-                last_kept += 1
-                ranked = [
-                    [np.inf if code == 2 else x for code, x in zip(codes, row, strict=True)] for row in sizes
-                ]
-                last_held += all(a < b < c for a, b, c in ranked)
+        codes = np.stack([data.codes[run, PRINTED] for run in CONTROLLERS])
+        sizes = np.array(
+            [[data.values[run, PRINTED, name] for name in ("mae", "rmse")] for run in CONTROLLERS]
+        ).swapaxes(1, 2)
+        ranked = np.where((codes == 2)[..., np.newaxis, np.newaxis], np.inf, sizes)
         evidence = one(data, paper, "C2").evidence
-        assert (evidence["share"], evidence["plants"]) == (held / kept, kept)
-        last = evidence["diverged_last"]
-        assert (last["share"], last["plants"]) == (last_held / last_kept, last_kept)
-        assert evidence["share_judged"] == kept / 400
+        for found, kept, row in (
+            (evidence, (codes == 0).all(axis=0), sizes),
+            (evidence["diverged_last"], (codes != 3).all(axis=0), ranked),
+        ):
+            held = (row[:-1] < row[1:]).all(axis=(0, 2, 3))
+            assert (found["share"], found["plants"]) == (held[kept].mean(), kept.sum())
+        assert evidence["share_judged"] == (codes == 0).all(axis=0).mean()
 
-    def test_ranges_are_those_of_plain_numpy(self, data: MadeEnsemble, paper: Published) -> None:
+    def test_ranges_are_those_of_plain_numpy(self, data, paper):
         data.codes["controller_3", PRINTED][:100] = 2
         box = one(data, paper, "table2.controller_2.mae.joint_3").evidence["box"]
         values = np.sort(np.rad2deg(data.values["controller_2", PRINTED, "mae"][100:, 1]))
@@ -164,12 +140,12 @@ class TestWhatIsCounted:
             (values[14], values[149], values[284], 300)
         )
 
-    def test_the_payload_numbers_need_the_loaded_run_too(self, data: MadeEnsemble, paper: Published) -> None:
+    def test_the_payload_numbers_need_the_loaded_run_too(self, data, paper):
         data.codes["controller_1_payload", PRINTED][:100] = 1
         for name, plants in (("table3.with_load.mae.joint_2", 300), ("table2.controller_1.mae.joint_2", 400)):
             assert one(data, paper, name).evidence["box"]["plants"] == plants
 
-    def test_a_diverged_law_comes_last(self, data: MadeEnsemble, paper: Published) -> None:
+    def test_a_diverged_law_comes_last(self, data, paper):
         data.codes["controller_1", PRINTED][:200] = 2
         found = one(data, paper, "C2")
         assert found.verdict == "compatible"
@@ -178,13 +154,11 @@ class TestWhatIsCounted:
         number = one(data, paper, "share.controller_1_of_2.mae.joint_2").evidence["direction"]
         assert (number["share"], number["diverged_last"]["share"]) == (1.0, 0.5)
 
-    def test_statements_that_rank_nothing_fail_where_a_law_diverged(
-        self, data: MadeEnsemble, paper: Published
-    ) -> None:
+    def test_statements_that_rank_nothing_fail_where_a_law_diverged(self, data, paper):
         data.codes["controller_2", PRINTED][:200] = 2
         assert one(data, paper, "C4").evidence["diverged_last"]["share"] == 0.5
 
-    def test_too_few_plants(self, data: MadeEnsemble, paper: Published) -> None:
+    def test_too_few_plants(self, data, paper):
         data.codes["controller_2", PRINTED][99:] = 2
         for name in ("C2", "table2.controller_1.mae.joint_2"):
             found = one(data, paper, name)
@@ -194,16 +168,14 @@ class TestWhatIsCounted:
         data.codes["controller_2", PRINTED][99] = 0
         assert one(data, paper, "C2").verdict == "compatible"
 
-    def test_unresolved_plants_hold_up_the_claim_of_stability(
-        self, data: MadeEnsemble, paper: Published
-    ) -> None:
+    def test_unresolved_plants_hold_up_the_claim_of_stability(self, data, paper):
         data.codes["controller_2", PRINTED][:20] = 3
         assert one(data, paper, "C1").verdict == "compatible"
         assert any("20 plants too fast" in text for text in one(data, paper, "C1").evidence["remarks"])
         data.codes["controller_2", PRINTED][20] = 3
         assert one(data, paper, "C1").verdict == "not_testable"
 
-    def test_plants_without_overshoot_are_left_out(self, data: MadeEnsemble, paper: Published) -> None:
+    def test_plants_without_overshoot_are_left_out(self, data, paper):
         for run in CONTROLLERS:
             data.values[run, PRINTED, "overshoot"][:100] = 0.0
             data.values[run, PRINTED, "overshoot"][100:150] = np.nan
@@ -212,20 +184,20 @@ class TestWhatIsCounted:
         assert (found.verdict, found.evidence["plants"]) == ("compatible", 250)
         assert any("150 plants" in remark for remark in found.evidence["remarks"])
 
-    def test_similar_means_at_most_five_percent(self, data: MadeEnsemble, paper: Published) -> None:
+    def test_similar_means_at_most_five_percent(self, data, paper):
         for run in CONTROLLERS:
             data.values[run, PRINTED, "s_rms"][:] = 1.0
         for size, verdict in ((0.95, "compatible"), (0.9499, "contradicted")):
             data.values["controller_1", PRINTED, "s_rms"][:] = size
             assert one(data, paper, "C4").verdict == verdict
 
-    def test_a_phase_mean_near_zero_is_similar_to_another(self, data: MadeEnsemble, paper: Published) -> None:
+    def test_a_phase_mean_near_zero_is_similar_to_another(self, data, paper):
         for k, run in enumerate(CONTROLLERS):
             data.values[run, PRINTED, "H_hat_down"][:] = 0.001 * (k + 1)
         assert one(data, paper, "C5").verdict == "compatible"
 
 
-def test_the_ensemble_is_asked_by_run_and_reading(data: MadeEnsemble) -> None:
+def test_the_ensemble_is_asked_by_run_and_reading(data):
     plants = Plants(data, PRINTED)
     assert (
         plants["controller_2@" + SHORTER, "epsilon_rms"]
@@ -235,6 +207,6 @@ def test_the_ensemble_is_asked_by_run_and_reading(data: MadeEnsemble) -> None:
         plants.status("controller_1@" + SHORTER)
 
 
-def test_names_are_those_the_ensemble_writes() -> None:
+def test_names_are_those_the_ensemble_writes():
     assert {SHORTER, LONGER, HALVED} == {variation.name for variation in VARIATIONS}
     assert parse_reading(IDEAL).name == IDEAL

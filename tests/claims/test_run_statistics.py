@@ -1,7 +1,5 @@
 """The vectorised statistics are the streamed ones."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +15,7 @@ from tendonrepro.simulation.streaming import Sample, Sums, add_sample, finished,
 class TestStatistics:
     """The vectorised statistics are the streamed ones."""
 
-    def test_they_agree_with_the_sums(self) -> None:
+    def test_they_agree_with_the_sums(self):
         trace = make_compare_file(step=0.05, periods=1).runs["controller_2"]
         dq_d, ddq_d = derivatives(trace)
         phases = thresholds(dq_d, ddq_d, 0.0)
@@ -37,7 +35,7 @@ class TestStatistics:
         for name, values in found.items():
             assert values == pytest.approx(expected[name], rel=1e-12), name
 
-    def test_missing_samples_are_left_out_one_by_one(self) -> None:
+    def test_missing_samples_are_left_out_one_by_one(self):
         trace = make_compare_file(step=0.05, periods=1).runs["controller_1"]
         holed = trace["H_hat"].copy()
         holed[10:20] = np.nan
@@ -49,7 +47,7 @@ class TestStatistics:
         assert found["H_hat_up"] == pytest.approx(expected, rel=1e-12)
 
     @pytest.mark.parametrize(("name", "beta"), [("controller_1", None), ("controller_3", 2.0)])
-    def test_s_follows_from_e_by_eq_11(self, name: str, beta: float | None) -> None:
+    def test_s_follows_from_e_by_eq_11(self, name, beta):
         trace = make_compare_file(step=0.05, periods=1, without=("s",)).runs[name]
         e = trace["e"]
         gamma_1, gamma_2 = polynomial(0.9, 0.2)
@@ -60,7 +58,7 @@ class TestStatistics:
         assert np.isnan(found[[0, -1]]).all()
         assert found[1:-1] == pytest.approx(expected, rel=1e-9, abs=1e-12)
 
-    def test_one_sample_is_enough_for_a_mean_and_none_is_none(self) -> None:
+    def test_one_sample_is_enough_for_a_mean_and_none_is_none(self):
         trace = make_compare_file(step=0.05, periods=1).runs["controller_1"]
         tau = np.full_like(trace["tau_m"], np.nan)
         tau[7, 0] = -2.0
@@ -68,7 +66,7 @@ class TestStatistics:
         assert found["torque_rms"].tolist() == pytest.approx([2.0, np.nan], nan_ok=True)
         assert np.isnan(found["torque_step_rms"]).all()
 
-    def test_s_needs_a_law_an_error_and_more_than_one_sample(self) -> None:
+    def test_s_needs_a_law_an_error_and_more_than_one_sample(self):
         trace = make_compare_file(step=0.05, periods=1, without=("s",)).runs["controller_2"]
         assert sliding_variable(replace(trace, name="decouple")) is None
         assert sliding_variable(replace(trace, variables={"q_d": trace["q_d"]})) is None

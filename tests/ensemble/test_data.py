@@ -1,9 +1,5 @@
 """What is read of an ensemble on disk stands in canonical order, and what is not there is named."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
 from support.fake_batch import DRAWS, small_study
@@ -13,7 +9,7 @@ from tendonrepro.ensemble.shards import FOLDER, read_shard, shard_files
 from tendonrepro.errors import DataMissingError, UsageError
 
 
-def test_data_stand_in_canonical_order(unbroken: Path) -> None:
+def test_data_stand_in_canonical_order(unbroken):
     data, study = read_ensemble(unbroken), small_study()
     assert len(data) == DRAWS
     assert (np.diff(data.replicate) >= 0).all()
@@ -29,7 +25,7 @@ def test_data_stand_in_canonical_order(unbroken: Path) -> None:
         )
 
 
-def test_thinning_keeps_the_first_draws_of_every_scrambling(unbroken: Path) -> None:
+def test_thinning_keeps_the_first_draws_of_every_scrambling(unbroken):
     data, thin = read_ensemble(unbroken), read_ensemble(unbroken, stride=4)
     kept = np.concatenate([np.flatnonzero(data.replicate == r)[:2] for r in range(8)])
     np.testing.assert_array_equal(thin.draws, data.draws[kept])
@@ -42,7 +38,7 @@ def test_thinning_keeps_the_first_draws_of_every_scrambling(unbroken: Path) -> N
             read_ensemble(unbroken, stride=stride)
 
 
-def test_what_is_not_there_is_missing(unbroken: Path, tmp_path: Path) -> None:
+def test_what_is_not_there_is_missing(unbroken, tmp_path):
     with pytest.raises(DataMissingError, match="holds no ensemble"):
         read_ensemble(tmp_path)
     with pytest.raises(DataMissingError, match="no population 'firm'"):

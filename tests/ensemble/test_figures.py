@@ -1,27 +1,14 @@
 """Figures show the numbers of the summary at their places."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
-from support.made_ensemble import (
-    DIVERGED,
-    JOINTS,
-    PLANTS,
-    READINGS,
-    ensemble,
-    random_errors,
-    whole,
-)
+from support.made_ensemble import DIVERGED, JOINTS, PLANTS, READINGS, ensemble, random_errors, whole
 
-from tendonrepro.ensemble.data import EnsembleData
 from tendonrepro.ensemble.figures import draw_ensemble_figures, draw_ratios, draw_shares, draw_statuses
 from tendonrepro.ensemble.report import population_summary
 from tendonrepro.ensemble.shares import printed_ratios
 
 
-def test_ratios_show_median_print_and_theory(mixed: EnsembleData) -> None:
+def test_ratios_show_median_print_and_theory(mixed):
     summary = population_summary(mixed)
     drawn = draw_ratios("box", summary)
     assert [panel.get_title(loc="left") for panel in drawn.axes] == [
@@ -43,7 +30,7 @@ def test_ratios_show_median_print_and_theory(mixed: EnsembleData) -> None:
     assert low > high
 
 
-def test_statuses_fill_the_bar(mixed: EnsembleData) -> None:
+def test_statuses_fill_the_bar(mixed):
     drawn = draw_statuses("box", population_summary(mixed))
     for panel in drawn.axes:
         total = np.zeros(len(READINGS))
@@ -52,7 +39,7 @@ def test_statuses_fill_the_bar(mixed: EnsembleData) -> None:
         np.testing.assert_allclose(total, 100.0)
 
 
-def test_shares_stand_at_their_values(mixed: EnsembleData) -> None:
+def test_shares_stand_at_their_values(mixed):
     summary = population_summary(mixed)
     panel = draw_shares("box", summary).axes[0]
     marks = np.concatenate([container.lines[0].get_xdata() for container in panel.containers])
@@ -64,7 +51,7 @@ def test_shares_stand_at_their_values(mixed: EnsembleData) -> None:
     np.testing.assert_allclose(marks, wanted)
 
 
-def test_figures_are_drawn_without_plants_too(tmp_path: Path) -> None:
+def test_figures_are_drawn_without_plants_too(tmp_path):
     data = ensemble(random_errors, lambda *_: np.full(PLANTS, DIVERGED, np.int8))
     paths = draw_ensemble_figures(whole(data), tmp_path)
     assert {path.name for path in paths} == {

@@ -1,7 +1,5 @@
 """Killed at any instant, an ensemble resumes to the identical result; a cluster may lose a worker."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import signal
@@ -9,18 +7,15 @@ import sys
 import threading
 import time
 from functools import partial
-from multiprocessing.context import ForkServerProcess
-from pathlib import Path
 
 import numpy as np
 import pytest
-from support.fake_batch import DRAWS, fake_batch, run_small, slow_batch, small_study
+from support.fake_batch import DRAWS, fake_batch, results, run_small, slow_batch, small_study
 
 from tendonrepro.console import Talk
 from tendonrepro.ensemble.block import make_block
 from tendonrepro.ensemble.command import run_study
-from tendonrepro.ensemble.plan import Study
-from tendonrepro.ensemble.shards import FOLDER, Block, read_shard, shard_files
+from tendonrepro.ensemble.shards import FOLDER, read_shard, shard_files
 from tendonrepro.ensemble.workers import here
 from tendonrepro.errors import TendonreproError
 
@@ -31,22 +26,14 @@ pytestmark = [
 
 
 @pytest.fixture(scope="module")
-def context() -> multiprocessing.context.ForkServerContext:
+def context():
     """Processes that start with everything imported, so that kills hit the work and not the imports."""
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["support.fake_batch", "tendonrepro.ensemble.command"])
     return context
 
 
-def results(folder: Path) -> dict[str, object]:
-    """Digest of every shard, and the tables."""
-    digests: dict[str, object] = {
-        path.name: read_shard(path).digest() for path in shard_files(folder / FOLDER)
-    }
-    return digests | {path.name: path.read_text() for path in sorted((folder / "tables").iterdir())}
-
-
-def finished(process: ForkServerProcess, seconds: float) -> bool:
+def finished(process, seconds):
     """Wait so long, then kill; whether the process had come to its end before."""
     process.start()
     process.join(seconds)
@@ -59,9 +46,7 @@ def finished(process: ForkServerProcess, seconds: float) -> bool:
 
 
 @pytest.mark.parametrize(("jobs", "kills"), [(1, 50), (2, 4)])
-def test_kills_at_random_instants_change_nothing(
-    context: multiprocessing.context.ForkServerContext, tmp_path: Path, jobs: int, kills: int
-) -> None:
+def test_kills_at_random_instants_change_nothing(context, tmp_path, jobs, kills):
     run_small(tmp_path / "unbroken", 1)
     expected = results(tmp_path / "unbroken")
     # The first run starts the fork server as well; the second shows how long one takes.
@@ -88,16 +73,14 @@ def test_kills_at_random_instants_change_nothing(
     assert resumed > kills // 5, "the kills came too early to try anything"
 
 
-def test_a_cluster_that_loses_a_worker_gives_the_same(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_cluster_that_loses_a_worker_gives_the_same(tmp_path, monkeypatch):
     distributed = pytest.importorskip("distributed")
     monkeypatch.setattr("tendonrepro.ensemble.command.draw_ensemble_figures", lambda *_: [])
     run_small(tmp_path / "unbroken", 1)
     folder = tmp_path / "cluster"
     killed = []
 
-    def kill_one() -> None:
+    def kill_one():
         while len(shard_files(folder / FOLDER)) < 2:
             time.sleep(0.02)
         pid = next(iter(cluster.workers.values())).pid
@@ -124,13 +107,13 @@ def test_a_cluster_that_loses_a_worker_gives_the_same(
     assert results(folder) == results(tmp_path / "unbroken")
 
 
-def deadly(study: Study, block: Block) -> tuple[Block, bytes]:
+def deadly(study, block):
     if block.replicate == 3:
         os._exit(9)
     return make_block(study, block, fake_batch)
 
 
-def test_a_dead_worker_is_reported() -> None:
+def test_a_dead_worker_is_reported():
     study = small_study()
     with pytest.raises(TendonreproError, match="a worker process died"):
         list(here(partial(deadly, study), study.blocks(DRAWS), 2))

@@ -1,9 +1,6 @@
 """What an ensemble consists of: every draw once, every case once, and an identity of all that counts."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import Any
 
 import pytest
 from support.fake_batch import small_study
@@ -13,7 +10,7 @@ from tendonrepro.ensemble.command import load_study
 from tendonrepro.errors import UsageError
 
 
-def test_blocks_hold_every_draw_once() -> None:
+def test_blocks_hold_every_draw_once():
     study = load_study(None, (), None, "default")
     blocks = study.blocks(4096)
     for population, share in study.shares.items():
@@ -28,20 +25,20 @@ def test_blocks_hold_every_draw_once() -> None:
     assert len({block.file_name for block in blocks}) == len(blocks)
 
 
-def test_more_draws_keep_the_blocks_of_fewer() -> None:
+def test_more_draws_keep_the_blocks_of_fewer():
     study = replace(small_study(), block_draws=8)
     assert set(study.blocks(64)) < set(study.blocks(256))
 
 
 @pytest.mark.parametrize("draws", [0, -8, 8, 32, 65, 96, 1000])
-def test_impossible_draws_are_refused(draws: int) -> None:
+def test_impossible_draws_are_refused(draws):
     with pytest.raises(UsageError, match="power of two from 64 on") as caught:
         small_study().blocks(draws)
     suggested = int(str(caught.value.hint).split()[0])
     assert small_study().blocks(suggested)
 
 
-def test_every_case_is_simulated_once() -> None:
+def test_every_case_is_simulated_once():
     study = load_study(None, (), None, "default")
     assert len(set(study.cases)) == len(study.cases)
     assert all((name, reading.name) in study.lookup for name in RUNS for reading in study.readings)
@@ -58,7 +55,7 @@ def test_every_case_is_simulated_once() -> None:
     [{"seed": 99}, {"replicates": 16}, {"sha256": "other"}, {"check_every": 3}, {"readings": ()}],
     ids=lambda change: next(iter(change)),
 )
-def test_identity_holds_what_numbers_depend_on(change: dict[str, Any]) -> None:
+def test_identity_holds_what_numbers_depend_on(change):
     study = small_study()
     if "readings" in change:
         change = {"readings": study.readings[:2]}

@@ -1,10 +1,7 @@
 """Tables, text and conclusions say what the numbers are."""
 
-from __future__ import annotations
-
 import csv
 import io
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,7 +18,6 @@ from support.made_ensemble import (
     whole,
 )
 
-from tendonrepro.ensemble.data import EnsembleData
 from tendonrepro.ensemble.report import (
     ensemble_text,
     flat_rows,
@@ -33,13 +29,13 @@ from tendonrepro.ensemble.report import (
 from tendonrepro.physics.metrics import STATUSES
 
 
-def test_theory_follows_the_weights(mixed: EnsembleData) -> None:
+def test_theory_follows_the_weights(mixed):
     readings = {entry["name"]: entry["theory"] for entry in population_summary(mixed)["readings"]}
     assert readings["printed"] == pytest.approx({"joint_2": 1.1, "joint_3": 1.2})
     assert readings["weights=extrapolating"] == pytest.approx({"joint_2": 0.9, "joint_3": 0.8})
 
 
-def test_files_hold_every_number(mixed: EnsembleData, tmp_path: Path) -> None:
+def test_files_hold_every_number(mixed, tmp_path):
     summary = whole(mixed)
     paths = write_ensemble_tables(summary, tmp_path)
     assert {path.name for path in paths} == {"readings.csv", "statuses.csv", "readings.md"}
@@ -52,9 +48,12 @@ def test_files_hold_every_number(mixed: EnsembleData, tmp_path: Path) -> None:
     assert "shares of the box" in text
     assert "probab" not in text
     assert all(f"| {name} |" in text for name in READINGS)
+    terminal = ensemble_text(summary)
+    assert all(name in terminal for name in READINGS)
+    assert "321 experiments a second" in terminal
 
 
-def test_a_table_without_plants_has_dashes() -> None:
+def test_a_table_without_plants_has_dashes():
     data = ensemble(random_errors, lambda *_: np.full(PLANTS, DIVERGED, np.int8))
     summary = whole(data)
     assert list(reader_row(summary["readings"][0], JOINTS).values())[3] == "--"
@@ -62,7 +61,7 @@ def test_a_table_without_plants_has_dashes() -> None:
     assert "no plant" in ensemble_text(summary)
 
 
-def test_words_follow_the_numbers() -> None:
+def test_words_follow_the_numbers():
     agrees = " ".join(whole(printed_like(1.0))["conclusions"])
     assert "All printed ratios lie inside the central 90 % under printed" in agrees
     cannot = " ".join(whole(printed_like(2.0))["conclusions"])
@@ -75,9 +74,3 @@ def test_words_follow_the_numbers() -> None:
     )
     random = ensemble(random_errors, always_ok)
     assert "probab" not in " ".join(whole(random)["conclusions"])
-
-
-def test_text_names_every_reading(mixed: EnsembleData) -> None:
-    text = ensemble_text(whole(mixed))
-    assert all(name in text for name in READINGS)
-    assert "321 experiments a second" in text

@@ -1,10 +1,6 @@
 """Shards: what is written comes back, and whatever is not whole is found out."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import h5py
 import numpy as np
@@ -22,7 +18,7 @@ from tendonrepro.ensemble.shards import (
 from tendonrepro.errors import DataMissingError
 
 
-def shard(**changes: object) -> Shard:
+def shard(**changes):
     rng = np.random.default_rng(1)
     cases, draws, joints = 3, 4, 2
     made = Shard(
@@ -39,18 +35,19 @@ def shard(**changes: object) -> Shard:
         provenance={"cpu": "any", "seed": 3},
         seconds=1.5,
     )
-    return replace(made, **changes)  # type: ignore[arg-type]
+    made.statistics["rmse"][0] = np.nan
+    return replace(made, **changes)
 
 
 @pytest.fixture
-def path(tmp_path: Path) -> Path:
+def path(tmp_path):
     made = shard()
     path = tmp_path / made.block.file_name
     path.write_bytes(shard_image(made))
     return path
 
 
-def test_what_is_written_comes_back(path: Path) -> None:
+def test_what_is_written_comes_back(path):
     made, found = shard(), read_shard(path)
     assert found.block == made.block
     assert (found.names, found.cases, found.identity, found.seconds) == (
@@ -69,18 +66,11 @@ def test_what_is_written_comes_back(path: Path) -> None:
     assert identity_of(path) == "abc"
 
 
-def test_missing_values_come_back(tmp_path: Path) -> None:
-    values = np.full((3, 4, 2), np.nan, np.float32)
-    path = tmp_path / "s.h5"
-    path.write_bytes(shard_image(shard(statistics={"mae_late": values})))
-    assert np.isnan(read_shard(path).statistics["mae_late"]).all()
-
-
-def test_equal_contents_give_equal_bytes() -> None:
+def test_equal_contents_give_equal_bytes():
     assert shard_image(shard()) == shard_image(shard())
 
 
-def test_the_digest_leaves_out_only_time_and_machine() -> None:
+def test_the_digest_leaves_out_only_time_and_machine():
     base = shard().digest()
     assert shard(seconds=9.0, provenance={"cpu": "other"}).digest() == base
     status = shard().status.copy()
@@ -96,31 +86,28 @@ def test_the_digest_leaves_out_only_time_and_machine() -> None:
 
 
 @pytest.mark.parametrize("kept", [0.0, 0.3, 0.9, 0.999])
-def test_a_truncated_shard_is_refused(path: Path, kept: float) -> None:
-    whole = path.read_bytes()
-    path.write_bytes(whole[: int(kept * len(whole))])
-    with pytest.raises(DataMissingError):
-        read_shard(path)
-
-
-def test_a_flipped_bit_is_refused(path: Path) -> None:
+def test_a_truncated_shard_and_a_flipped_bit_are_refused(path, kept):
     whole = path.read_bytes()
     with h5py.File(path) as root:
-        place = root["statistics/mae"].id.get_chunk_info(0).byte_offset
-    path.write_bytes(whole[: place + 5] + bytes([whole[place + 5] ^ 4]) + whole[place + 6 :])
-    with pytest.raises(DataMissingError):
-        read_shard(path)
+        place = 5 + root["statistics/mae"].id.get_chunk_info(0).byte_offset
+    for image in (
+        whole[: int(kept * len(whole))],
+        whole[:place] + bytes([whole[place] ^ 4]) + whole[place + 1 :],
+    ):
+        path.write_bytes(image)
+        with pytest.raises(DataMissingError):
+            read_shard(path)
 
 
-def _other_status(root: h5py.File) -> None:
+def _other_status(root):
     root["status"][0, 0] = 3 - root["status"][0, 0]
 
 
-def _no_steps(root: h5py.File) -> None:
+def _no_steps(root):
     del root["steps"]
 
 
-def _other_layout(root: h5py.File) -> None:
+def _other_layout(root):
     root.attrs["schema_version"] = 99
 
 
@@ -128,14 +115,14 @@ def _other_layout(root: h5py.File) -> None:
     ("change", "match"),
     [(_other_status, "its own digest"), (_no_steps, "damaged"), (_other_layout, "layout")],
 )
-def test_changed_contents_are_refused(path: Path, change: Callable[[h5py.File], None], match: str) -> None:
+def test_changed_contents_are_refused(path, change, match):
     with h5py.File(path, "r+") as root:
         change(root)
     with pytest.raises(DataMissingError, match=match):
         read_shard(path)
 
 
-def test_a_missing_shard_and_a_foreign_file_are_refused(tmp_path: Path) -> None:
+def test_a_missing_shard_and_a_foreign_file_are_refused(tmp_path):
     with pytest.raises(DataMissingError, match="no such shard"):
         read_shard(tmp_path / "none.h5")
     text = tmp_path / "text.h5"
@@ -145,7 +132,7 @@ def test_a_missing_shard_and_a_foreign_file_are_refused(tmp_path: Path) -> None:
     assert identity_of(text) is None
 
 
-def test_files_are_listed_in_canonical_order(tmp_path: Path) -> None:
+def test_files_are_listed_in_canonical_order(tmp_path):
     blocks = [Block("firm", 0, 0, 4), Block("box", 1, 0, 4), Block("box", 0, 4, 4), Block("box", 0, 0, 4)]
     for block in blocks:
         (tmp_path / block.file_name).touch()

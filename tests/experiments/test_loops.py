@@ -1,11 +1,10 @@
 """From a configuration to closed loops: independence of runs, readings, references."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np
 import pytest
+from support.overrides import quantity
 
 from tendonrepro.config.load import load_config
 from tendonrepro.errors import ConfigError
@@ -22,22 +21,28 @@ from tendonrepro.physics.trajectory import minimum_jerk
 from tendonrepro.simulation.controllers import PositionController
 from tendonrepro.simulation.stepper import simulate
 
-SOURCE = "source: 'assumed: test'"
 RUNS = ("controller_1", "controller_2", "controller_3", "controller_1_payload")
 
 
-def quantity(value, unit):
-    return f"{{value: {value}, unit: {unit}, {SOURCE}}}"
+UNITS = {
+    "amplitude": "deg",
+    "offset": "deg",
+    "velocity": "deg s-1",
+    "acceleration": "deg s-2",
+    "periods": "1",
+}
 
 
 def motion(kind, amplitude, **others):
-    """Override that sets the reference; others are (value, unit)."""
-    parts = {"amplitude": (amplitude, "deg"), "periods": (1, "'1'")} | others
-    body = ", ".join(f"{name}: {quantity(*pair)}" for name, pair in parts.items())
+    """Override that sets the reference; times in s, angles in degrees."""
+    parts = {"amplitude": amplitude, "periods": 1} | others
+    body = ", ".join(f"{name}: {quantity(value, UNITS.get(name, 's'))}" for name, value in parts.items())
     return f"{{kind: {kind}, {body}}}"
 
 
-SHORT = "reference=" + motion("raised_cosine", [8, 8], period=(0.4, "s"))
+TRAPEZOID = motion("trapezoidal", [10, 20], velocity=20, acceleration=40, hold=0.5)
+
+SHORT = "reference=" + motion("raised_cosine", [8, 8], period=0.4)
 
 
 @cache
@@ -208,31 +213,10 @@ class TestReference:
     @pytest.mark.parametrize(
         ("text", "duration", "period"),
         [
-            (motion("raised_cosine", [10, 20], period=(2, "s"), periods=(3, "'1'")), 6.0, 2.0),
-            (motion("minimum_jerk", [10, 20], rise=(0.5, "s"), hold=(0.25, "s")), 1.5, 1.5),
-            (
-                motion(
-                    "trapezoidal",
-                    [10, 20],
-                    velocity=(20, "deg s-1"),
-                    acceleration=(40, "deg s-2"),
-                    hold=(0.5, "s"),
-                ),
-                4.0,  # the longer stroke: 0.5 s up, 0.5 s along, 0.5 s down
-                4.0,
-            ),
-            (
-                motion(
-                    "sine",
-                    [5, 10],  # and as much of an offset
-                    offset=([5, 10], "deg"),
-                    period=(1, "s"),
-                    blend=(0.5, "s"),
-                    periods=(3, "'1'"),
-                ),
-                3.0,
-                1.0,
-            ),
+            (motion("raised_cosine", [10, 20], period=2, periods=3), 6.0, 2.0),
+            (motion("minimum_jerk", [10, 20], rise=0.5, hold=0.25), 1.5, 1.5),
+            (TRAPEZOID, 4.0, 4.0),  # the longer stroke: 0.5 s up, 0.5 s along, 0.5 s down
+            (motion("sine", [5, 10], offset=[5, 10], period=1, blend=0.5, periods=3), 3.0, 1.0),
         ],
         ids=["raised cosine", "minimum jerk", "trapezoid", "sine"],
     )
@@ -247,15 +231,12 @@ class TestReference:
         np.testing.assert_allclose((found.q_d[2:] - found.q_d[:-2]) / 2e-3, middle, atol=2e-3)
 
     def test_shorter_trapezoid_waits_for_the_longer(self):
-        text = motion(
-            "trapezoidal", [10, 20], velocity=(20, "deg s-1"), acceleration=(40, "deg s-2"), hold=(0.5, "s")
-        )
-        found = reference(f"reference={text}")
+        found = reference(f"reference={TRAPEZOID}")
         turning = [found.time[np.argmax(found.dq_d[:, i] < -1e-9)] for i in range(2)]
         assert turning == pytest.approx([2.0, 2.0], abs=2e-3)
 
     def test_turns(self):
-        text = motion("minimum_jerk", [10, 20], rise=(0.3, "s"), hold=(0.2, "s"), periods=(2, "'1'"))
+        text = motion("minimum_jerk", [10, 20], rise=0.3, hold=0.2, periods=2)
         found = reference(f"reference={text[:-1]}, turns: [[2], [3], [2, 3]]}}")
         assert found.time[-1] == pytest.approx(6.0)
         moves = np.abs(found.q_d[:-1]).reshape(6, 1000, 2).max(axis=1)
@@ -264,16 +245,16 @@ class TestReference:
 
     def test_per_joint(self):
         parts = (
-            motion("raised_cosine", [10], period=(1, "s"), periods=(2, "'1'")),
-            motion("minimum_jerk", [20], rise=(0.6, "s"), hold=(0.4, "s")),
+            motion("raised_cosine", [10], period=1, periods=2),
+            motion("minimum_jerk", [20], rise=0.6, hold=0.4),
         )
         found = reference(f"reference={{kind: per_joint, references: [{', '.join(parts)}]}}")
         np.testing.assert_allclose(found.q_d[500], np.deg2rad([10.0, 20.0 * 0.964506]), rtol=1e-5)
         np.testing.assert_allclose(found.q_d[1000], [0.0, np.deg2rad(20.0)], atol=1e-12)
 
     def test_joints_of_different_periods_have_no_common_one(self):
-        slow = motion("raised_cosine", [10], period=(2, "s"))
-        fast = motion("raised_cosine", [10], period=(1, "s"), periods=(2, "'1'"))
+        slow = motion("raised_cosine", [10], period=2)
+        fast = motion("raised_cosine", [10], period=1, periods=2)
         for parts, period in ((f"{slow}, {slow}", 2.0), (f"{slow}, {fast}", 0.0), (f"{fast}, {slow}", 0.0)):
             found = loaded(f"reference={{kind: per_joint, references: [{parts}]}}")
             assert reference_period(found.config.reference) == period
@@ -286,7 +267,7 @@ class TestReference:
         ("amplitude", "link", "angle"), [([140, 0], 2, 180.0), ([0, -50], 3, 0.0), ([60, 80], 3, 180.0)]
     )
     def test_links_stay_in_the_working_half_plane(self, amplitude, link, angle):
-        text = motion("minimum_jerk", amplitude, rise=(1, "s"), hold=(0, "s"))
+        text = motion("minimum_jerk", amplitude, rise=1, hold=0)
         with pytest.raises(
             ConfigError, match=rf"link {link} would reach -?[\d.]+ deg from hanging at t = "
         ) as caught:
@@ -295,7 +276,7 @@ class TestReference:
         assert "between 0 and 180 deg" in caught.value.hint
         reached = float(str(caught.value).split("reach ")[1].split(" deg")[0])
         assert reached == pytest.approx(angle, abs=0.5)
-        inside = motion("minimum_jerk", [134.9, 0], rise=(1, "s"), hold=(0, "s"))
+        inside = motion("minimum_jerk", [134.9, 0], rise=1, hold=0)
         assert np.rad2deg(reference(f"reference={inside}").q_d.max()) == pytest.approx(134.9)
 
 

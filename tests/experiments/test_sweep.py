@@ -1,7 +1,5 @@
 """Sweeps: against the theory, single runs, and what the command line was asked for."""
 
-from __future__ import annotations
-
 import csv
 import json
 from functools import cache
@@ -9,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.overrides import SMOOTH, one_stroke, quantity
 
 from tendonrepro.config.load import load_config
 from tendonrepro.config.request import Request
@@ -29,17 +28,7 @@ ONE = "reference.periods=1"
 UNSTABLE = "manipulator.tendons.damping_factor=1,2"
 
 
-def quantity(value, unit):
-    return f"{{value: {value}, unit: '{unit}', source: 'assumed: test'}}"
-
-
-SMOOTH = (
-    "manipulator.encoders.joint.resolution=0",
-    *(f"manipulator.friction.{part}.coulomb=[0, 0, 0]" for part in ("link", "winch")),
-    f"reference={{kind: raised_cosine, amplitude: {quantity([5, 20], 'deg')}, "
-    f"period: {quantity(8, 's')}, periods: {quantity(1, '1')}}}",
-)
-
+SLOW = (*SMOOTH, one_stroke(8))
 QUIET = Talk(quiet=True)
 
 
@@ -60,7 +49,7 @@ class TestTheory:
     """Errors of a slowly changing load: e = w L dH / (M_bar lam k), docs/theory.md."""
 
     def test_alpha_makes_the_error_larger_by_one_plus_alpha(self):
-        data = swept(ALPHA, overrides=SMOOTH)
+        data = swept(ALPHA, overrides=SLOW)
         w = 1.0 + np.array(data["keys"][0]["numbers"])
         # As tests/test_small_signal.py: of first order in 1/T, and 5 % of w - 1 that is common to both.
         np.testing.assert_array_less(np.abs(ratios(data) - w), 0.025 / 8.0 + 0.05 * (w - 1.0) + 1e-12)
@@ -71,7 +60,7 @@ class TestTheory:
         ("over", "power"), [(PERIOD, 1.0), ("control.gains.M_bar=[0.01,0.01],[0.02,0.02]", -1.0)]
     )
     def test_error_goes_with_L_over_M_bar(self, over, power):
-        data = swept(over, overrides=SMOOTH)
+        data = swept(over, overrides=SLOW)
         x, e = np.array(data["keys"][0]["numbers"]), mae(data, "controller_2")
         slopes = np.diff(np.log(e), axis=0) / np.diff(np.log(x), axis=0)
         # The plant's own answer to the error is of the order of 1/T.
@@ -150,11 +139,7 @@ class TestFiles:
         (tmp_path / "manifest.json").write_text('{"config": {"sha256": "0"}, "outputs": {}}')
         for dry_run in (False, True):
             with pytest.raises(UsageError, match="another configuration"):
-                run_sweep(
-                    Request(None, tmp_path, [ONE], controllers=[1], dry_run=dry_run),
-                    [ALPHA],
-                    QUIET,
-                )
+                run_sweep(Request(None, tmp_path, [ONE], controllers=[1], dry_run=dry_run), [ALPHA], QUIET)
         forced = Request(None, tmp_path, [ONE], controllers=[1], dry_run=True, force=True)
         assert run_sweep(forced, [ALPHA], QUIET)["dry_run"]
 
@@ -254,36 +239,30 @@ class TestValues:
         with pytest.raises(ConfigError, match=r"--over nothing.at=1: .*unknown key 'nothing'"):
             load_sweep(Request(), ["nothing.at=1,2"])
 
-    def test_key_set_already_is_refused(self):
+    def test_points_with_other_runs_and_keys_set_already_are_refused(self):
         with pytest.raises(UsageError, match="also set by --set"):
             load_sweep(Request(overrides=["sampling_period=1"]), [PERIOD])
-
-    def test_points_with_other_runs_are_refused(self):
         run = f"{{a: {{law: controller_1, payload: {quantity(0, 'kg')}}}}}"
         other = run.replace("{a:", "{b:")
         with pytest.raises(UsageError, match="the same runs"):
             load_sweep(Request(), [f"runs={run},{other}"])
 
     def test_numbers_are_those_of_each_joint(self):
-        def numbers(over):
-            return swept_keys(over)[0]["numbers"]
-
-        assert numbers("control.gains.alpha=[0,0.5],[0.1,0.6]") == [[0.0, 0.5], [0.1, 0.6]]
-        assert numbers("runs.controller_1.payload=0,0.2") == [[0.0, 0.0], [0.2, 0.2]]
-        assert numbers("manipulator.winches.viscous=[1,2,3],[4,5,6]") == [[2.0, 3.0], [5.0, 6.0]]
-        assert numbers("control.gains.alpha=[0,0],[0.1,0]") is None
-        assert numbers("control.readings.weights=interpolating,extrapolating") is None
+        for over, numbers in (
+            ("control.gains.alpha=[0,0.5],[0.1,0.6]", [[0.0, 0.5], [0.1, 0.6]]),
+            ("runs.controller_1.payload=0,0.2", [[0.0, 0.0], [0.2, 0.2]]),
+            ("manipulator.winches.viscous=[1,2,3],[4,5,6]", [[2.0, 3.0], [5.0, 6.0]]),
+            ("control.gains.alpha=[0,0],[0.1,0]", None),
+            ("control.readings.weights=interpolating,extrapolating", None),
+        ):
+            found = run_sweep(Request(out=Path("no such folder"), dry_run=True), [over], QUIET)
+            assert found["keys"][0]["numbers"] == numbers
 
     def test_units(self):
         tree = load_config(None, "compare").tree
         assert unit_of("sampling_period", tree) == "ms"
         assert unit_of("control.gains.M_bar.value.0", tree) == "kg m2"
         assert unit_of("control.readings.weights", tree) is None
-
-
-def swept_keys(over):
-    found = run_sweep(Request(out=Path("no such folder"), dry_run=True), [over], QUIET)
-    return found["keys"]
 
 
 class TestFigures:

@@ -1,7 +1,5 @@
 """The pictures of `explain`, by their artists."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np
@@ -18,8 +16,8 @@ RUNS = ["Controller 1", "Controller 2", "Controller 1 payload"]
 
 @cache
 def found():
-    overrides = ("manipulator.actuator.output_delay=1",)
-    return explain(load_config(None, "compare", overrides=overrides, controllers=(1, 2)))
+    delayed = ("manipulator.actuator.output_delay=1",)
+    return explain(load_config(None, "compare", overrides=delayed, controllers=(1, 2)))
 
 
 @cache
@@ -62,12 +60,6 @@ class TestMargins:
             )
             assert line.get_color() == stroke_of(2).colour
 
-    def test_labels_and_legend(self):
-        figure = drawn(draw_margins)
-        assert [axes.get_xlabel() for axes in figure.axes[2:]] == ["Frequency (Hz)"] * 2
-        assert figure.axes[2].get_ylabel() == "Loop phase (deg)"
-        assert legend(figure) == [*RUNS, "gain margin"]
-
     def test_pole_at_nyquist_does_not_set_the_scale(self):
         """Controller 2 with a delay has no finite gain at 500 Hz."""
         low, high = drawn(draw_margins).axes[0].get_ylim()
@@ -83,17 +75,10 @@ class TestMargins:
 
 
 class TestLocus:
-    def test_panels(self):
-        figure = drawn(draw_locus)
-        titles = [axes.get_title("left") for axes in figure.axes]
-        assert [title[:3] for title in titles] == ["(a)", "(b)", "(c)", "(d)"]
-        assert "D_s" in titles[3]
-        assert figure.axes[2].get_xlabel() == r"Growth (s$^{-1}$)"
-        assert legend(figure) == [*RUNS[:2], "as configured", "largest factor"]
-
     def test_configured_modes_are_circled(self):
         """Controller 2's alternating mode, at 500 Hz on the border."""
         axes = drawn(draw_locus).axes[2]
+        assert axes.get_xlabel() == r"Growth (s$^{-1}$)"
         circles = [line for line in axes.lines if line.get_marker() == "o"]
         points = np.concatenate([np.column_stack(line.get_data()) for line in circles])
         near = points[(np.abs(points[:, 0] + 0.09) < 0.01) & (np.abs(points[:, 1] - 500.0) < 1e-6)]

@@ -1,11 +1,11 @@
 """Margins against the loops they speak of: closed with the factor, the loop is on its limit."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
+from support.overrides import SMOOTH, one_stroke
 
 from tendonrepro.config.load import load_config
 from tendonrepro.experiments.loops import build_law, build_loops
@@ -57,32 +57,46 @@ def stable_case(case):
     return spectral_radius(A + B @ C) < 1.0
 
 
-class TestGainMargin:
-    @every_case
-    @both_joints
-    def test_loop_is_lost_there_and_not_before(self, case, joint):
+@every_case
+@both_joints
+class TestChannelMargins:
+    def test_loop_is_lost_at_the_gain_margin_and_not_before(self, case, joint):
         single, found = channel(cut(*case), joint), channel_margins(cut(*case), joint, L)
+        A, b, c = single
         if not stable_case(case):
             assert not found.stable
-            assert np.isnan(found.gain_up)
-            assert np.isnan(found.gain_down)
+            assert np.isnan([found.gain_up, found.gain_down]).all()
             return
-        for margin, end in ((found.gain_up, 300.0), (found.gain_down, 1e-5)):
+        for margin, hertz, end in (
+            (found.gain_up, found.gain_up_hz, 300.0),
+            (found.gain_down, found.gain_down_hz, 1e-5),
+        ):
             limit = end if np.isnan(margin) else 1.0 + (margin - 1.0) * (1.0 - 1e-3)
             for factor in np.geomspace(1.0, limit, 60):
                 assert radius(single, factor) < 1.0
             if not np.isnan(margin):
                 assert radius(single, 1.0 + (margin - 1.0) * (1.0 + 1e-3)) > 1.0
-
-    @every_case
-    @both_joints
-    def test_mode_on_the_limit_has_the_frequency(self, case, joint):
-        A, b, c = channel(cut(*case), joint)
-        found = channel_margins(cut(*case), joint, L)
-        for factor, hertz in ((found.gain_up, found.gain_up_hz), (found.gain_down, found.gain_down_hz)):
-            if np.isfinite(factor):
-                z = np.linalg.eigvals(A + factor * b @ c)
+                z = np.linalg.eigvals(A + margin * b @ c)
                 assert np.abs(z - np.exp(2j * np.pi * hertz * L)).min() < 1e-6
+
+    def test_loop_is_lost_at_the_phase_margin_and_not_before(self, case, joint):
+        single, found = channel(cut(*case), joint), channel_margins(cut(*case), joint, L)
+        if not np.isfinite(found.phase):
+            assert np.isnan(found.phase)
+            return
+        G = response(single, 2.0 * np.pi * L * np.array([found.crossover_hz]))
+        assert np.abs(G) == pytest.approx(1.0, rel=1e-8)
+        if not stable_case(case):
+            return
+        for sign in (1.0, -1.0):
+            for phase in np.linspace(0.0, found.phase * (1.0 - 1e-3), 40):
+                assert radius(single, np.exp(sign * 1j * phase)) < 1.0
+        beyond = found.phase * (1.0 + 1e-3)
+        assert max(radius(single, np.exp(sign * 1j * beyond)) for sign in (1.0, -1.0)) > 1.0
+
+
+class TestKnownLoop:
+    """Closed forms: an integrator under proportional feedback, and the law's own pole at z = -1."""
 
     def test_alternating_mode_of_plain_estimation_with_a_delay(self):
         """The law's own pole at z = -1: any torque that is remembered too large makes it grow."""
@@ -91,32 +105,6 @@ class TestGainMargin:
             assert 1.0 < found.gain_up < 1.001
             assert found.gain_up_hz == pytest.approx(500.0)
         assert channel_margins(cut("controller_1", 0.0, 1, True), 0, L).gain_up_hz < 1.0
-
-
-class TestPhaseMargin:
-    @every_case
-    @both_joints
-    def test_loop_is_lost_there_and_not_before(self, case, joint):
-        single, found = channel(cut(*case), joint), channel_margins(cut(*case), joint, L)
-        if not stable_case(case) or np.isnan(found.phase):
-            pytest.skip("no phase margin")
-        for sign in (1.0, -1.0):
-            for phase in np.linspace(0.0, found.phase * (1.0 - 1e-3), 40):
-                assert radius(single, np.exp(sign * 1j * phase)) < 1.0
-        beyond = found.phase * (1.0 + 1e-3)
-        assert max(radius(single, np.exp(sign * 1j * beyond)) for sign in (1.0, -1.0)) > 1.0
-
-    @every_case
-    @both_joints
-    def test_gain_is_one_at_the_crossover(self, case, joint):
-        found = channel_margins(cut(*case), joint, L)
-        if np.isfinite(found.phase):
-            G = response(channel(cut(*case), joint), 2.0 * np.pi * L * np.array([found.crossover_hz]))
-            assert np.abs(G) == pytest.approx(1.0, rel=1e-8)
-
-
-class TestKnownLoop:
-    """An integrator under proportional feedback: everything in closed form."""
 
     @pytest.mark.parametrize("k", [0.1, 0.7, 1.6])
     def test_margins(self, k):
@@ -197,16 +185,12 @@ class TestDiskMargin:
 
 def test_grid_reaches_every_mode():
     A = np.diag([0.999999, 0.5])
-    turn = np.exp(2.0j)
-    matrix = np.block([[A, np.zeros((2, 2))], [np.zeros((2, 2)), 0.9999999 * _rotation(turn)]])
+    turn = np.array([[np.cos(2.0), -np.sin(2.0)], [np.sin(2.0), np.cos(2.0)]])
+    matrix = block_diag(A, 0.9999999 * turn)
     angles = angle_grid(matrix)
     assert np.all(np.diff(angles) > 0.0)
     assert angles[-1] == np.pi
     assert np.sort(np.abs(angles - 2.0))[:5].max() < 1e-7
-
-
-def _rotation(z):
-    return np.array([[z.real, -z.imag], [z.imag, z.real]])
 
 
 class TestSlowError:
@@ -235,18 +219,10 @@ class TestSlowError:
         np.testing.assert_allclose(estimate_age(c1), [1.1, 1.2])
         np.testing.assert_allclose(estimate_age(c1, 1), [2.1, 2.2])
         np.testing.assert_allclose(stiffness(c3, 0.01), 16.0)
-
-    def test_power_branch_is_stiffer_for_small_errors(self):
-        law = build_law(config("control.readings.phi_branch=power"), "controller_2")
-        np.testing.assert_allclose(stiffness(law, 0.005), 8.0 * 1.5 * 0.005**-0.1)
-
-    def test_plain_tdc_is_controller_3(self):
-        tdc, c3 = (build_law(config(), name) for name in ("tdc", "controller_3"))
-        np.testing.assert_allclose(error_ratio(tdc, c3, 0.01), 1.0)
-
-    def test_half_the_inertia_makes_twice_the_error(self):
-        law = build_law(config(), "controller_3")
-        np.testing.assert_allclose(error_ratio(law._replace(M_bar=0.5 * law.M_bar), law, 0.01), 2.0)
+        np.testing.assert_allclose(error_ratio(build_law(config(), "tdc"), c3, 0.01), 1.0)
+        np.testing.assert_allclose(error_ratio(c3._replace(M_bar=0.5 * c3.M_bar), c3, 0.01), 2.0)
+        inside = build_law(config("control.readings.phi_branch=power"), "controller_2")
+        np.testing.assert_allclose(stiffness(inside, 0.005), 8.0 * 1.5 * 0.005**-0.1)
 
     @pytest.mark.parametrize(
         ("changes", "pair", "tolerance"),
@@ -257,16 +233,7 @@ class TestSlowError:
     )
     def test_nonlinear_simulation_agrees(self, changes, pair, tolerance):
         """One slow stroke of the full plant with an ideal encoder and viscous friction."""
-        quantity = "{{value: {}, unit: '{}', source: 'assumed: test'}}"
-        reference = (
-            f"reference={{kind: raised_cosine, amplitude: {quantity.format([5, 20], 'deg')}, "
-            f"period: {quantity.format(8, 's')}, periods: {quantity.format(1, '1')}}}"
-        )
-        smooth = (
-            "manipulator.encoders.joint.resolution=0",
-            *(f"manipulator.friction.{part}.coulomb=[0, 0, 0]" for part in ("link", "winch")),
-        )
-        found = load_config(None, "compare", overrides=(*smooth, *changes, reference), controllers=pair)
+        found = load_config(None, "compare", overrides=(*SMOOTH, *changes, one_stroke(8)), controllers=pair)
         loops = dict(build_loops(found.config, found.folder))
         names = [f"controller_{k}" for k in pair]
         a, b = (simulate(loops[name])["e"][1000:] for name in names)

@@ -5,12 +5,11 @@
 with w = 1 + α, 1 or 1 − α, c = 2 as Eq. (16) is printed and 1 centred, k the slope of the surface.
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np
 import pytest
+from support.overrides import SMOOTH, one_stroke
 
 from tendonrepro.config.load import load_config
 from tendonrepro.experiments.loops import build_loops
@@ -22,11 +21,6 @@ ALPHA = np.array([0.1, 0.2])
 ETA_GAMMA = 1.5 * 1.1 * 0.2**-0.1, -1.5 * 0.1 * 0.2**-1.1  # eta gamma_1, eta gamma_2
 STARTED = slice(1000, None)  # the first second holds the start, at which the acceleration jumps
 
-# Ideal encoder and viscous friction only: no dead band, no jump of H.
-SMOOTH = (
-    "manipulator.encoders.joint.resolution=0",
-    *(f"manipulator.friction.{part}.coulomb=[0, 0, 0]" for part in ("link", "winch")),
-)
 LAWS = {  # run, reading of the weights, weight w of dH, slope of the surface fixed or of phi
     "interpolating": ("controller_1", "interpolating", 1.0 + ALPHA),
     "extrapolating": ("controller_1", "extrapolating", 1.0 - ALPHA),
@@ -35,20 +29,12 @@ LAWS = {  # run, reading of the weights, weight w of dH, slope of the surface fi
 }
 
 
-def quantity(value, unit):
-    return f"{{value: {value}, unit: '{unit}', source: 'assumed: test'}}"
-
-
 @cache
 def trace(law, period, differencing="lagging"):
     """One period of a raised cosine, 5 degrees of joint 2 and 20 degrees of joint 3."""
     run, weights, _ = LAWS[law]
-    reference = (
-        f"reference={{kind: raised_cosine, amplitude: {quantity([5, 20], 'deg')}, "
-        f"period: {quantity(period, 's')}, periods: {quantity(1, '1')}}}"
-    )
     readings = f"control.readings.weights={weights}", f"control.readings.differencing={differencing}"
-    found = load_config(None, "compare", overrides=(*SMOOTH, reference, *readings))
+    found = load_config(None, "compare", overrides=(*SMOOTH, one_stroke(period), *readings))
     values = simulate(dict(build_loops(found.config, found.folder))[run])
     assert len(values["time"]) == round(period / L) + 1
     return values
@@ -103,32 +89,25 @@ class TestErrorEquation:
         assert wrong[1] > 0.015  # on joint 3, whose motor damping is the smaller
 
 
-def check_ratios(period):
-    """Ratios of controllers, with tolerances that shrink as the motion slows down."""
-    e = {law: trace(law, period)["e"][STARTED] for law in LAWS}
-    ddq = trace("tde", period)["ddq"][STARTED]
-    k = slope("tde", 0.0)
-    for law in ("interpolating", "extrapolating"):
-        w = LAWS[law][2]
-        # Common to all laws, so not part of the ratio: L ½ (λ + k) ddq of the velocity's delay.
-        common = (w - 1.0) * L * 0.5 * (LAM + k) * ddq / (LAM * k)
-        # The plant answers the error itself, D_m de and G' e, which is of the order of 1/T.
-        np.testing.assert_allclose(fitted(e[law] - common, e["tde"]), w, atol=0.025 / period)
-        # With that common part the ratio is nearer to 1 by up to 5 % of w - 1.
-        np.testing.assert_allclose(fitted(e[law], e["tde"]), w, atol=0.025 / period + 0.05 * 0.2)
-    # Error sizes of 1 degree bend phi by 1 %; poles at k and lam answer by 1/T.
-    np.testing.assert_allclose(fitted(e["tde"], e["linear"]), BETA / ETA_GAMMA[0], atol=0.06 / period)
-
-
 class TestRatios:
-    @pytest.mark.parametrize("period", [4.0, 8.0])
+    @pytest.mark.parametrize(
+        "period", [4.0, 8.0, *(pytest.param(period, marks=pytest.mark.slow) for period in (16.0, 32.0))]
+    )
     def test_ratios_need_no_plant(self, period):
-        check_ratios(period)
-
-    @pytest.mark.slow
-    @pytest.mark.parametrize("period", [16.0, 32.0])
-    def test_ratios_of_slower_motions(self, period):
-        check_ratios(period)
+        """Ratios of controllers, with tolerances that shrink as the motion slows down."""
+        e = {law: trace(law, period)["e"][STARTED] for law in LAWS}
+        ddq = trace("tde", period)["ddq"][STARTED]
+        k = slope("tde", 0.0)
+        for law in ("interpolating", "extrapolating"):
+            w = LAWS[law][2]
+            # Common to all laws, so not part of the ratio: L ½ (λ + k) ddq of the velocity's delay.
+            common = (w - 1.0) * L * 0.5 * (LAM + k) * ddq / (LAM * k)
+            # The plant answers the error itself, D_m de and G' e, which is of the order of 1/T.
+            np.testing.assert_allclose(fitted(e[law] - common, e["tde"]), w, atol=0.025 / period)
+            # With that common part the ratio is nearer to 1 by up to 5 % of w - 1.
+            np.testing.assert_allclose(fitted(e[law], e["tde"]), w, atol=0.025 / period + 0.05 * 0.2)
+        # Error sizes of 1 degree bend phi by 1 %; poles at k and lam answer by 1/T.
+        np.testing.assert_allclose(fitted(e["tde"], e["linear"]), BETA / ETA_GAMMA[0], atol=0.06 / period)
 
     def test_prediction(self):
         """Worse by alpha than plain estimation; Controller 3 the best by 3 %: opposite to Table 2."""

@@ -1,7 +1,5 @@
 """Identification against a made-up stepper."""
 
-from __future__ import annotations
-
 import csv
 import json
 from collections import Counter
@@ -17,15 +15,10 @@ from tendonrepro.config.request import Request
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.identify.command import run_identify
-from tendonrepro.identify.misfit import (
-    Bench,
-    Outcome,
-)
+from tendonrepro.identify.misfit import Bench, Outcome
 from tendonrepro.identify.report import identify_text
 
 FULL = {"generations": 40, "population": 16, "seeds": 3}
-
-
 TINY = {"generations": 1, "population": 5, "seeds": 1}
 
 
@@ -47,6 +40,12 @@ def identified(out, *, measure=cheap, paper=None, dry_run=False, force=False, **
             patch.setattr(Bench, "measure", measure)
         request = Request(out=out, dry_run=dry_run, force=force)
         return run_identify(request, QUIET, **FULL | asked, simulate=made_up, paper=paper or made_up_paper())
+
+
+def printed_as(law, sizes):
+    return {
+        f"table2.{law}.{metric}.joint_{joint}": size for metric, size in sizes.items() for joint in (2, 3)
+    }
 
 
 @pytest.fixture(scope="module")
@@ -140,11 +139,7 @@ class TestRun:
 
     @pytest.mark.slow
     def test_reversed_ranking_is_contradicted(self, tmp_path):
-        changed = {
-            f"table2.controller_1.{metric}.joint_{joint}": round(1.11 * more * 0.2, 3)
-            for metric, more in (("mae", 1.0), ("rmse", 1.25))
-            for joint in (2, 3)
-        }
+        changed = printed_as("controller_1", {"mae": 0.222, "rmse": 0.278})
         data = identified(tmp_path / "out", paper=made_up_paper(**changed))
         order = data["readings"][0]["order"]
         row = next(r for r in order if r["runs"] == ["controller_1", "controller_2"] and r["joint"] == "both")
@@ -166,11 +161,7 @@ class TestRun:
         np.testing.assert_allclose(late, 2.0 * made_up_sizes(data), rtol=1e-9)
 
     def test_no_plausible_plant_is_an_answer(self, tmp_path):
-        far = {
-            f"table2.controller_2.{metric}.joint_{joint}": 30.0
-            for metric in ("mae", "rmse")
-            for joint in (2, 3)
-        }
+        far = printed_as("controller_2", {"mae": 30.0, "rmse": 30.0})
         data = identified(tmp_path / "out", paper=made_up_paper(**far))
         assert data["conclusions"][0].startswith("No plausible plant found")
         assert not data["readings"][0]["fits"]

@@ -1,7 +1,5 @@
 """What near-optimal plants say, on plants made around the print."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import replace
 
@@ -18,11 +16,7 @@ from tendonrepro.identify.judge import (
     pareto_rows,
     ratio_rows,
 )
-from tendonrepro.identify.misfit import (
-    Outcome,
-    log_misfit,
-    printed_numbers,
-)
+from tendonrepro.identify.misfit import Outcome, log_misfit, printed_numbers
 
 
 class TestJudge:

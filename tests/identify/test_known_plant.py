@@ -1,7 +1,5 @@
 """A made-up paper from a known plant of the box: identified back, and its falsified numbers found out."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import MappingProxyType
 
@@ -22,15 +20,14 @@ pytestmark = pytest.mark.slow
 
 # The known plant is quiet and of one kind of motion and friction; the rest of the box stays free.
 FIXED = {
-    "disturbance": ["none"],
-    "friction_sides": ["both"],
-    "motion": ["raised_cosine"],
-    "torque_noise_acts": ["off"],
-    "torque_resolution_acts": ["off"],
+    "disturbance": "none",
+    "friction_sides": "both",
+    "motion": "raised_cosine",
+    "torque_noise_acts": "off",
+    "torque_resolution_acts": "off",
 }
-OVERRIDES = [f"box.{row}.{key}={choice}" for row, choices in FIXED.items() for key, choice in (
-    ("choices", choices), ("nominal", choices[0])
-)]  # fmt: skip
+OVERRIDES = [f"box.{row}.choices=[{choice}]" for row, choice in FIXED.items()]
+OVERRIDES += [f"box.{row}.nominal={choice}" for row, choice in FIXED.items()]
 READING = "weights=extrapolating"
 TOLERANCE = 0.1
 """Largest log ratio of a predicted number; the plants that fit differ in what was not fitted."""

@@ -1,20 +1,12 @@
 """Misfits by hand, and what a bench simulates."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from support.made_plants import DIVERGED, OK, PRINTED, RINGING, UNRESOLVED, loaded, made_up, measured
 
 from tendonrepro.config.models.readings import RUNS, reading
 from tendonrepro.ensemble.box import make_box, scrambled_sobol
-from tendonrepro.identify.misfit import (
-    Bench,
-    Outcome,
-    acting_units,
-    log_misfit,
-    rounding_misfit,
-)
+from tendonrepro.identify.misfit import Bench, Outcome, acting_units, log_misfit, rounding_misfit
 
 
 class TestMisfit:

@@ -1,7 +1,5 @@
 """The search against known optima and brute force, killed and resumed."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import replace
 
@@ -14,11 +12,7 @@ from tendonrepro.identify import search as identify_search
 from tendonrepro.identify.search import Effort, Evaluated, load_state, search
 
 EFFORT = Effort(generations=40, population=24, seeds=3, tolerance=0.05, smooth=(True,) * 6)
-
-
 ROWS = 6
-
-
 OPTIMUM = np.array([0.3, 0.62])
 
 

@@ -1,59 +1,48 @@
 """A stand-in for the batch stepper: numbers that depend on everything in a loop and cost next to nothing."""
 
-from __future__ import annotations
-
 import time
 import zlib
-from collections.abc import Iterator, Sequence
 from dataclasses import fields, is_dataclass, replace
 from functools import cache
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from tendonrepro.console import Talk
 from tendonrepro.ensemble.command import load_study, run_study
-from tendonrepro.ensemble.plan import Study
 from tendonrepro.ensemble.shards import FOLDER, read_shard, shard_files
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.batch import Batch
-from tendonrepro.simulation.stepper import Loop
 from tendonrepro.simulation.streaming import STATISTICS
 
 SHARES = {"ok": 0.8, "ringing": 0.08, "diverged": 0.08, "unresolved": 0.04}
 
 
-def fake_batch(loops: Sequence[Loop], limits: Any) -> Batch:
+def fake_batch(loops, limits):
     """Pseudo-statistics of each loop alone."""
     del limits
-    found = [_fake(loop) for loop in loops]
+    numbers, codes = [], []
+    for loop in loops:
+        rng = np.random.default_rng(fingerprint(loop))
+        codes.append(rng.choice(len(STATUSES), p=list(SHARES.values())))
+        numbers.append(rng.uniform(1.0, 2.0, (len(STATISTICS), loop.reference.q_d.shape[1])))
     return Batch(
-        statistics={
-            name: np.array([numbers[place] for _, numbers in found]) for place, name in enumerate(STATISTICS)
-        },
-        status=np.array([status for status, _ in found], np.int8),
+        statistics=dict(zip(STATISTICS, np.stack(numbers, axis=1), strict=True)),
+        status=np.array(codes, np.int8),
         status_time=np.array([loop.reference.time[-1] for loop in loops]),
         steps=np.full(len(loops), 2),
     )
 
 
-def _fake(loop: Loop) -> tuple[int, np.ndarray]:
-    rng = np.random.default_rng(fingerprint(loop))
-    status = int(rng.choice(len(STATUSES), p=list(SHARES.values())))
-    return status, rng.uniform(1.0, 2.0, (len(STATISTICS), loop.reference.q_d.shape[1]))
-
-
-def fingerprint(loop: Loop) -> int:
+def fingerprint(loop):
     """Checksum of every number of a loop, the long reference by its corners."""
-    light = replace(loop, reference=loop.reference.q_d[::500], solver=loop.solver.rtol)  # type: ignore[arg-type]
+    light = replace(loop, reference=loop.reference.q_d[::500], solver=loop.solver.rtol)
     digest = 0
     for leaf in _leaves(light):
         digest = zlib.crc32(leaf, digest)
     return digest
 
 
-def _leaves(value: Any) -> Iterator[bytes]:
+def _leaves(value):
     if is_dataclass(value):
         value = [getattr(value, field.name) for field in fields(value)]
     if isinstance(value, (tuple, list)):
@@ -64,7 +53,7 @@ def _leaves(value: Any) -> Iterator[bytes]:
 
 
 @cache
-def small_study() -> Study:
+def small_study():
     """The shipped study with few readings, one population and small blocks."""
     study = load_study(None, (), None, "default")
     return replace(
@@ -82,13 +71,13 @@ DRAWS = 64
 """The fewest that the small study takes: 16 blocks."""
 
 
-def slow_batch(loops: Sequence[Loop], limits: Any) -> Batch:
+def slow_batch(loops, limits):
     """The same, slow enough for something to happen meanwhile."""
     time.sleep(0.3)
     return fake_batch(loops, limits)
 
 
-def run_small(folder: Path, jobs: int) -> None:
+def run_small(folder, jobs):
     """Body of a process that may be killed: figures left out, for they are no part of what is resumed."""
     from tendonrepro.ensemble import command as ensemble
 
@@ -96,14 +85,18 @@ def run_small(folder: Path, jobs: int) -> None:
     ensemble.run_study(small_study(), DRAWS, folder, jobs=jobs, talk=Talk(quiet=True), simulate=fake_batch)
 
 
-def run_ensemble_of(
-    folder: Path, study: Study | None = None, draws: int = DRAWS, **options: Any
-) -> dict[str, Any]:
+def run_ensemble_of(folder, study=None, draws=DRAWS, **options):
     """Run a study, the small one if none is given, in this process and with the stand-in."""
     arguments = {"jobs": 1, "talk": Talk(quiet=True), "simulate": fake_batch} | options
     return run_study(study or small_study(), draws, folder, **arguments)
 
 
-def digests(folder: Path) -> dict[str, str]:
+def digests(folder):
     """Digest of every shard in a folder of results, by name."""
     return {path.name: read_shard(path).digest() for path in shard_files(folder / FOLDER)}
+
+
+def results(folder):
+    """Digest of every shard, and the tables byte for byte."""
+    tables = {path.name: path.read_bytes() for path in sorted((folder / "tables").iterdir())}
+    return digests(folder) | tables

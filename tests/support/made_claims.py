@@ -1,30 +1,22 @@
 """An ensemble made from formulas on which every claim holds, and the paper of one of its plants."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonrepro.claims.judge import Sources, Verdict, judge_all
-from tendonrepro.claims.sensitivity import Ranking, ranked
+from tendonrepro.claims.judge import Sources, judge_all
+from tendonrepro.claims.sensitivity import ranked
 from tendonrepro.claims.statements import HALVED, IDEAL, LONGER, SHORTER
 from tendonrepro.config.models.readings import PRINTED
-from tendonrepro.config.published import PrintedNumber, Published, published
+from tendonrepro.config.published import PrintedNumber, published
 from tendonrepro.results.summary import CONTROLLERS
 
 Array = NDArray[np.float64]
 
-
 RUNS = (*CONTROLLERS, "controller_1_payload")
-
-
 KNOWN = 3
-
-
 ERRORS_DEG = {
     "controller_1": (0.26, 0.22),
     "controller_2": (0.29, 0.24),
@@ -32,28 +24,24 @@ ERRORS_DEG = {
     "controller_1_payload": (0.27, 0.23),
 }
 
-
 ORDER = {"controller_1": 0, "controller_1_payload": 0, "controller_2": 1, "controller_3": 2}
-
 
 OK_NAMES = {"exact", "reproduced", "compatible"}
 
 
 class MadeEnsemble:
-    """An ensemble made from formulas, on which every claim holds."""
-
     joints = (2, 3)
     names = ("size", "nothing")
 
-    def __init__(self, per_replicate: int = 50, replicates: int = 8, readings: tuple[str, ...] = (PRINTED,)):
+    def __init__(self, per_replicate=50, replicates=8, readings=(PRINTED,)):
         self.readings = readings
         count = per_replicate * replicates
         self.rng = np.random.default_rng(1)
         self.replicate = np.repeat(np.arange(replicates), per_replicate)
         self.draws = self.rng.random((count, 2))
         self.draws[KNOWN] = 0.5
-        self.codes: dict[tuple[str, str], NDArray[np.int8]] = {}
-        self.values: dict[tuple[str, str, str], Array] = {}
+        self.codes = {}
+        self.values = {}
         for reading in (*readings, IDEAL):
             for run in RUNS:
                 self._make(run, reading)
@@ -62,7 +50,7 @@ class MadeEnsemble:
             for name in ("epsilon_rms", "torque_step_rms"):
                 self.values["controller_2", variation, name] *= factor
 
-    def _make(self, run: str, reading: str) -> None:
+    def _make(self, run, reading):
         count, place = len(self.draws), ORDER[run]
         self.codes[run, reading] = np.zeros(count, dtype=np.int8)
         size = 0.5 + self.draws[:, :1]
@@ -70,7 +58,7 @@ class MadeEnsemble:
         wobble[KNOWN] = 1.0
         error = np.deg2rad(ERRORS_DEG[run]) * size * wobble
         rise = 1.0 + 0.1 * place
-        made: dict[str, Array] = {
+        made = {
             "mae": error,
             "rmse": 1.2 * error,
             "mae_rapid": error * (1.0 + 0.2 * place),
@@ -92,17 +80,17 @@ class MadeEnsemble:
         for name, value in made.items():
             self.values[run, reading, name] = np.broadcast_to(value, (count, 2)).copy()
 
-    def has(self, run: str, reading: str) -> bool:
+    def has(self, run, reading):
         return (run, reading) in self.codes
 
-    def status(self, run: str, reading: str) -> NDArray[np.int8]:
+    def status(self, run, reading):
         return self.codes[run, reading]
 
-    def statistic(self, run: str, reading: str, name: str) -> Array:
+    def statistic(self, run, reading, name):
         return self.values[run, reading, name]
 
 
-def with_numbers(paper: Published, values: Mapping[str, float]) -> Published:
+def with_numbers(paper, values):
     """The print with other digits."""
     entries = dict(paper.entries)
     for name, value in values.items():
@@ -112,9 +100,9 @@ def with_numbers(paper: Published, values: Mapping[str, float]) -> Published:
     return replace(paper, entries=MappingProxyType(entries))
 
 
-def paper_of(data: MadeEnsemble, plant: int = KNOWN) -> Published:
+def paper_of(data, plant=KNOWN):
     """What someone would have printed who measured one plant of the ensemble."""
-    values: dict[str, float] = {}
+    values = {}
     for metric in ("mae", "rmse"):
         found = {run: np.rad2deg(data.statistic(run, PRINTED, metric)[plant]) for run in RUNS}
         for i, joint in enumerate(data.joints):
@@ -131,18 +119,18 @@ def paper_of(data: MadeEnsemble, plant: int = KNOWN) -> Published:
     return with_numbers(published(), values)
 
 
-def verdicts(data: MadeEnsemble | None, paper: Published, *only: str) -> dict[str, Verdict]:
+def verdicts(data, paper, *only):
     return {verdict.id: verdict for verdict in judge_all(Sources(ensemble=data), paper, only)}
 
 
-def one(data: MadeEnsemble | None, paper: Published, name: str) -> Verdict:
+def one(data, paper, name):
     return verdicts(data, paper, name)[name]
 
 
 NAMES = ("a", "b", "c", "d")
 
 
-def ranking_of(draws: np.ndarray, outcome: np.ndarray) -> Ranking:
+def ranking_of(draws, outcome):
     """Rank the four unknowns of some draws."""
     ranking = ranked(NAMES, draws, outcome)
     assert ranking is not None

@@ -1,15 +1,10 @@
 """An ensemble in memory, of three readings and 256 plants, from functions that give errors and statuses."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any, cast
 
 import numpy as np
 
 from tendonrepro.ensemble.conclusions import conclusions
-from tendonrepro.ensemble.data import EnsembleData
 from tendonrepro.ensemble.report import population_summary
 from tendonrepro.ensemble.shares import printed_ratios
 
@@ -20,55 +15,50 @@ OK, RINGING, DIVERGED, UNRESOLVED = range(4)
 SCRAMBLINGS, EACH = 8, 32
 PLANTS = SCRAMBLINGS * EACH
 
-Errors = Callable[[str, str, str], np.ndarray]
+
+class Held(SimpleNamespace):
+    def __len__(self):
+        return PLANTS
 
 
-def ensemble(errors: Errors, statuses: Callable[[str, str], np.ndarray]) -> EnsembleData:
+def ensemble(errors, statuses):
     """An ensemble in memory."""
-
-    class Held(SimpleNamespace):
-        def __len__(self) -> int:
-            return PLANTS
-
-    return cast(
-        EnsembleData,
-        Held(
-            population="box",
-            joints=JOINTS,
-            alpha=(0.1, 0.2),
-            runs=RUNS,
-            readings=READINGS,
-            replicate=np.repeat(np.arange(SCRAMBLINGS), EACH),
-            status=statuses,
-            statistic=errors,
-        ),
+    return Held(
+        population="box",
+        joints=JOINTS,
+        alpha=(0.1, 0.2),
+        runs=RUNS,
+        readings=READINGS,
+        replicate=np.repeat(np.arange(SCRAMBLINGS), EACH),
+        status=statuses,
+        statistic=errors,
     )
 
 
-def seeded(*words: str) -> np.random.Generator:
+def seeded(*words):
     return np.random.default_rng([ord(letter) for word in words for letter in word])
 
 
-def random_errors(run: str, reading: str, metric: str) -> np.ndarray:
+def random_errors(run, reading, metric):
     """Ranked as printed more often than not; missing where the plant could not be resolved."""
     sizes = seeded(run, reading, metric).uniform(0.5, 1.5, (PLANTS, 2)) + 0.3 * RUNS[:3].index(run)
     sizes[random_statuses(run, reading) == UNRESOLVED] = np.nan
     return sizes
 
 
-def random_statuses(run: str, reading: str) -> np.ndarray:
+def random_statuses(run, reading):
     return seeded(run, reading).choice(4, PLANTS, p=[0.7, 0.1, 0.1, 0.1]).astype(np.int8)
 
 
-def always_ok(run: str, reading: str) -> np.ndarray:
+def always_ok(run, reading):
     del run, reading
     return np.zeros(PLANTS, np.int8)
 
 
-def printed_like(factor: float) -> EnsembleData:
+def printed_like(factor):
     """Plants whose ratios scatter by 5 % around the printed ones times a factor for Controller 1."""
 
-    def errors(run: str, reading: str, metric: str) -> np.ndarray:
+    def errors(run, reading, metric):
         first = np.array(printed_ratios((0, 1), metric, JOINTS))
         third = 1.0 / np.array(printed_ratios((1, 2), metric, JOINTS))
         size = {"controller_1": factor * first, "controller_3": third}.get(run, np.ones(2))
@@ -77,7 +67,7 @@ def printed_like(factor: float) -> EnsembleData:
     return ensemble(errors, always_ok)
 
 
-def whole(data: EnsembleData) -> dict[str, Any]:
+def whole(data):
     populations = {"box": population_summary(data)}
     return {
         **populations["box"],

@@ -1,7 +1,5 @@
 """A stepper of a few unknowns, plants around the printed numbers, and papers with other numbers."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from types import MappingProxyType
@@ -12,10 +10,7 @@ from tendonrepro.config.ensemble import load_ensemble
 from tendonrepro.config.models.readings import RUNS
 from tendonrepro.config.published import published
 from tendonrepro.console import Talk
-from tendonrepro.identify.misfit import (
-    Outcome,
-    printed_numbers,
-)
+from tendonrepro.identify.misfit import Outcome, printed_numbers
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.batch import Batch
 from tendonrepro.simulation.streaming import STATISTICS
@@ -62,12 +57,9 @@ def plants(*, factor=1.0, spread=0.05, count=200):
 def made_up(loops, limits):
     """A stepper of a few unknowns: size by motor damping and link length, order by the law's weights."""
     del limits
-    sizes = np.array([_size(loop) for loop in loops])
-    zeros = np.zeros((len(loops), 2))
-    values = dict.fromkeys(STATISTICS, zeros) | {
-        "mae": np.deg2rad(sizes[:, 0]), "rmse": np.deg2rad(sizes[:, 1])
-    }  # fmt: skip
-    values |= {"mae_late": 2.0 * values["mae"], "rmse_late": 2.0 * values["rmse"]}
+    mae, rmse = np.deg2rad([_size(loop) for loop in loops]).swapaxes(0, 1)
+    values = dict.fromkeys(STATISTICS, np.zeros((len(loops), 2))) | {"mae": mae, "rmse": rmse}
+    values |= {"mae_late": 2.0 * mae, "rmse_late": 2.0 * rmse}
     ends = np.array([loop.reference.time[-1] for loop in loops])
     return Batch(values, np.zeros(len(loops), np.int8), ends, np.full(len(loops), 2))
 
@@ -84,11 +76,10 @@ def _size(loop):
 
 def made_up_paper(**changed):
     """Printed numbers that the made-up stepper gives for a plant in the middle of the box."""
-    base = 0.2 * np.array([1.0, 1.0])
     values = {}
     for run, factor in zip(RUNS, (0.9, 1.0, 1.0, 0.9), strict=True):
         table = "table3.with_load" if run == "controller_1_payload" else f"table2.{run}"
         for metric, more in (("mae", 1.0), ("rmse", 1.25)):
-            for joint, size in zip((2, 3), base, strict=True):
-                values[f"{table}.{metric}.joint_{joint}"] = round(float(factor * more * size), 3)
+            for joint in (2, 3):
+                values[f"{table}.{metric}.joint_{joint}"] = round(0.2 * factor * more, 3)
     return paper(**{name.replace(".", "__"): value for name, value in (values | changed).items()})
