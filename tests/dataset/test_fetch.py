@@ -65,11 +65,10 @@ def fetch(tmp_path: Path, waits: list[float]) -> Fetch:
     return carry_out
 
 
-def refused(fetch: Fetch, repository: Repository, message: str, **options: Any) -> str:
-    """What the error says that must match a message."""
-    with serving(repository), pytest.raises(DataMissingError, match=message) as caught:
+def refused(fetch: Fetch, repository: Repository, message: str, **options: Any) -> None:
+    """Keeps nothing of the error, whose traceback would hold an open socket until some later test."""
+    with serving(repository), pytest.raises(DataMissingError, match=message):
         fetch(repository, **options)
-    return str(caught.value)
 
 
 def test_fetch_then_again_without_a_network(command: str, tmp_path: Path) -> None:
@@ -633,7 +632,7 @@ def test_a_record_that_is_not_there_is_not_taken_by_hand(fetch: Fetch, by_hand: 
 
 @pytest.mark.parametrize("key", ["../SYNTHETIC.mat", "/SYNTHETIC.mat", "SYNTHETIC.part"])
 def test_a_record_cannot_write_elsewhere(fetch: Fetch, tmp_path: Path, key: str) -> None:
-    assert "file name" in refused(fetch, Repository(files={key: b"SYNTHETIC"}), "SYNTHETIC")
+    refused(fetch, Repository(files={key: b"SYNTHETIC"}), r"(?s)(?=.*SYNTHETIC).*file name")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -653,7 +652,7 @@ def test_a_path_that_is_too_long_here(fetch: Fetch, tmp_path: Path) -> None:
     """Names that are fine for themselves may be too long below a deep folder."""
     deep = tmp_path.joinpath(*(["d" * 200] * 18))
     repository = Repository(files={"/".join(["f" * 190] * 5): b"SYNTHETIC"})
-    assert "choose another --out" in refused(fetch, repository, "too long", out=deep)
+    refused(fetch, repository, r"(?s)too long.*choose another --out", out=deep)
     assert list(tmp_path.iterdir()) == []
 
 
