@@ -104,7 +104,7 @@ def test_readme_says_what_was_found(generate: Any, readings: dict[str, Any]) -> 
         f"under {len(readings)} readings",
         f"stable on {readings['printed']['in_order']['plants']} of the plants",
         f"holds on {100.0 * readings['printed']['in_order']['share']:.2g} % of those",
-        f"C1/C2 is {ratios[0]:.2f} and {ratios[1]:.2f}",
+        f"error over Controller 2's is {ratios[0]:.2f} on joint 2 and {ratios[1]:.2f} on joint 3",
         f"on {100.0 * both['share']:.0f} % of the {both['plants']} plants",
         f"{counts['exact']} are exact, {counts['reproduced']} reproduced, {counts['compatible']} compatible",
         f"{counts['depends_on_plant']} claims depend on the plant, {counts['contradicted']}",
