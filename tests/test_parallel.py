@@ -129,5 +129,6 @@ def test_workers_end_with_a_killed_parent(tmp_path: Path) -> None:
     workers = [psutil.Process(int(parent.stdout.readline())) for _ in range(2)]
     parent.kill()
     parent.wait()
+    parent.stdout.close()
     _, alive = psutil.wait_procs(workers, timeout=30)
     assert not alive
