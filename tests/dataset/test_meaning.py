@@ -359,10 +359,20 @@ def test_what_is_shown_is_one_printable_line(text: str) -> None:
 
 @given(step=st.floats(1.001e-4, 0.0999), unit=st.sampled_from(["s", "ms", "us", "ns"]))
 def test_the_step_of_a_loop_tells_its_unit(step: float, unit: str) -> None:
-    times = step * np.arange(400.0) / FACTORS["time"][unit]
-    clock = guessed(source("x.csv", {"t": times, "q2": course(2)[:400]}))["t"]
+    times = step * np.arange(5000.0) / FACTORS["time"][unit]
+    clock = guessed(source("x.csv", {"t": times, "q2": np.resize(course(2), 5000)}))["t"]
     assert clock.unit == unit
     assert clock.doubts
+
+
+@pytest.mark.parametrize(
+    ("name", "end", "uneven"), [("time", 10.0, True), ("time", 120.0, False), ("tout", 5000.0, True)]
+)
+def test_the_steps_of_a_solver_are_in_seconds(name: str, end: float, uneven: bool) -> None:
+    steps = np.geomspace(1.0, 50.0 if uneven else 1.0, 60)
+    times = end * np.append(0.0, np.cumsum(steps)) / steps.sum()
+    clock = guessed(source("out.mat", {name: times, "q2": course(2)[: len(times)]}))[name]
+    assert (clock.quantity, clock.unit, not clock.doubts) == ("time", "s", name == "tout")
 
 
 def test_a_stated_unit_of_time_is_no_doubt() -> None:

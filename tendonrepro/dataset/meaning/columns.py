@@ -10,9 +10,11 @@ from functools import cache
 from pathlib import PurePosixPath
 from typing import NamedTuple
 
+import numpy as np
+
 from tendonrepro.arrays import Array
 from tendonrepro.dataset.meaning.evidence import sampling_step
-from tendonrepro.dataset.meaning.words import Hints, Quantity, hints, tokens
+from tendonrepro.dataset.meaning.words import NOT_JOINTS, Hints, Quantity, hints, tokens
 from tendonrepro.dataset.readers.signals import Signal, Source
 from tendonrepro.dataset.readers.units import plain_unit
 
@@ -21,7 +23,7 @@ SHORTEST = 8
 _MOST_JOINTS = 3  # columns of a matrix that can be one quantity of all joints; a wider one is a table
 _LONGEST_NAME = 80  # letters of a line of text that can be a name
 # Words that say where a column is from, not what it is.
-_WHERE = frozenset({"joint", "link", "关节", "deg", "rad"})
+_WHERE = frozenset({"joint", "j", "link", "关节", "deg", "rad"})
 
 
 class Address(NamedTuple):
@@ -112,6 +114,18 @@ class Column:
         return self.signal.label or self.signal.path.rpartition("/")[2]
 
     @property
+    def still(self) -> bool:
+        """Whether it has numbers, and all are the same."""
+        finite = self.values[np.isfinite(self.values)]
+        return bool(finite.size and (finite == finite[0]).all())
+
+    @property
+    def nameless(self) -> bool:
+        """Whether its own name says at most where or of which run it is, as ``column 2`` and ``NTSM`` do."""
+        words = {word for word in tokens(self.label) if word.isalpha()}
+        return words <= _WHERE | NOT_JOINTS or (self.own.controller, self.own.payload_mass) != (None, None)
+
+    @property
     def names(self) -> tuple[Hints, ...]:
         """All that its names say, nearest first."""
         return self.own, *self.around, self.assumed
@@ -158,10 +172,11 @@ class Column:
                 self.call("calculated", "a name around it says calculated")
             return
         # A single letter is a name for a column or, with a number, over an axis; in a file's name it could be
-        # anything. What a folder is called is about an experiment, not about a quantity.
+        # anything. What a folder is called is about an experiment, not about a quantity, and a file's name is
+        # not about columns that have names of another kind, such as obstacles in "tracking error.csv".
         near = [
             hint.quantity
-            for place, hint in enumerate(self.around[: self.inside + 1])
+            for place, hint in enumerate(self.around[: self.inside + self.nameless])
             if hint.quantity not in {None, "time", "index"}
             and (not hint.letter or (hint.joint and place < self.inside))
         ]
