@@ -359,7 +359,20 @@ def test_different_times_are_refused_unless_resampling_is_asked_for() -> None:
     assert "resample" in refused(make_mapping(*entries), r"301 samples.*has 151", **signals)
     run, assembly = assembled(make_mapping(*entries, resample={"step_s": 0.005}), **signals)
     np.testing.assert_allclose(np.rad2deg(run["q_d"][:, 0]), run.time, atol=1e-12)
-    assert "controller_1: resampled every 0.005 s, linear" in assembly.notes
+    (note,) = (note for note in assembly.notes if "resampled" in note)
+    assert note == "controller_1: resampled every 0.005 s, linear: 601 samples of up to 301"
+
+
+def test_resampling_says_what_it_drops_and_never_drops_most() -> None:
+    late = {"file": "SYNTHETIC_c1.mat", "signal": "t2"}
+    mapping = make_mapping(entry(signal="q"), entry("q_d", signal="q", time=late), resample={"step_s": 0.01})
+    _, assembly = assembled(mapping, q=TIME, t2=TIME + 0.5)
+    (note,) = (note for note in assembly.notes if "resampled" in note)
+    assert "251 samples of up to 301; 50 of q_encoder of joint 2 lie outside and are dropped" in note
+    for fast in (mapping, mapping.model_copy(update={"resample": None})):
+        hint = refused(fast, r"0\.3 s|2\.7 s", q=TIME, t2=0.1 * TIME)
+        assert "`step_s`" in hint
+        assert "resample" not in hint
 
 
 @pytest.mark.parametrize(

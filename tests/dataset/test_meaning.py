@@ -392,6 +392,22 @@ def test_each_curve_has_the_times_before_it(names: list[str]) -> None:
     assert (b.time, d.time) == (a.address, c.address)
 
 
+def test_an_empty_column_parts_no_rows_from_their_times() -> None:
+    """With another clock as long in the file, and a second trial beside the first."""
+    found = Found("SYNTHETIC")
+    for path, values in {
+        "One!A2:B4001/t": TIME, "One!A2:B4001/q2": course(2), "One!D2:D4001/q3": course(3),
+        "Two!A2:B4001/t": 2.0 * TIME, "Two!A2:B4001/q2": course(2),
+        "Two!D2:F4001/t": 3.0 * TIME, "Two!D2:F4001/q2": course(3), "Two!D2:F4001/tau2": course(1),
+    }.items():  # fmt: skip
+        found.add(path, values, group=path.rpartition("/")[0], unit="s" if path.endswith("t") else None)
+    times = {column.signal.path: column.time for column in understand([stored("c1.xlsx", found)], S_INV)}
+    assert times["One!D2:D4001/q3"] == ("c1.xlsx", "One!A2:B4001/t", 1)
+    assert times["Two!D2:F4001/tau2"] == ("c1.xlsx", "Two!D2:F4001/t", 1)
+    text = suggest(understand([stored("c1.xlsx", found)], S_INV), "SYNTHETIC").text
+    assert "variable: tau_m" not in text.partition("# In no run")[0]
+
+
 def test_a_second_clock_beside_the_first_is_of_nothing() -> None:
     signals = {"Time": TIME, "timestamp": 1e9 + TIME, "q2": followed(2), "q3": followed(3)}
     found = guessed(source("c1.csv", signals))

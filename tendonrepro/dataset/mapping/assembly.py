@@ -102,7 +102,8 @@ class Assembly:
             time = timebase.shared(signals)
         else:
             time = timebase.even(signals, resample.step_s)
-            self.notes.append(f"{name}: resampled every {resample.step_s:g} s, {resample.method}")
+            kept = timebase.resampled(signals, time)
+            self.notes.append(f"{name}: resampled every {resample.step_s:g} s, {resample.method}: {kept}")
         joints = tuple(sorted({entry.joint for entry in run.signals}))
         variables: dict[str, Array] = {}
         for entry, signal in timed.items():

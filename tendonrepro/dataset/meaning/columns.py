@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
@@ -22,6 +23,8 @@ SHORTEST = 8
 """Fewest samples of a record; what is shorter is a table of settings."""
 _MOST_JOINTS = 3  # columns of a matrix that can be one quantity of all joints; a wider one is a table
 _LONGEST_NAME = 80  # letters of a line of text that can be a name
+_BESIDE = re.compile(r"![A-Z]{1,3}(\d+):[A-Z]{1,3}(\d+)$")
+"""Cells of a table in a sheet, by their rows."""
 # Words that say where a column is from, not what it is.
 _WHERE = frozenset({"joint", "j", "link", "关节", "deg", "rad"})
 
@@ -103,10 +106,16 @@ class Column:
         return Address(self.source.name, self.signal.path, self.number)
 
     @property
-    def group(self) -> Group:
-        """What it is compared with."""
+    def table(self) -> Group:
+        """Table it is a column of."""
         parent = self.signal.path if self.tabular else self.signal.path.rpartition("/")[0]
         return self.source.name, self.signal.group or parent, len(self.signal.values)
+
+    @property
+    def group(self) -> Group:
+        """What it is compared with: its table, and those in the same rows of its sheet."""
+        file, table, samples = self.table
+        return file, _BESIDE.sub(r"!\1:\2", table), samples
 
     @property
     def label(self) -> str:

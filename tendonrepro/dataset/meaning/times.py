@@ -87,13 +87,14 @@ def _settle_unit(axis: Column) -> None:
 
 
 def share_times(file: Sequence[Column]) -> None:
-    """Give columns without a time the only time axis of their file that has as many samples."""
+    """Give columns without a time that of their rows, else the only one of their file that is as long."""
     axes: dict[int, list[Column]] = defaultdict(list)
     for column in file:
         if column.quantity == "time":
             axes[len(column.values)].append(column)
     for column in file:
         fitting = axes[len(column.values)]
+        beside = [axis for axis in fitting if axis.group == column.group]
         timeless = column.time is None and column.signal.time is None and column not in fitting
-        if timeless and len(fitting) == 1:
-            column.time = fitting[0].address
+        if timeless and len(beside or fitting) == 1:
+            column.time = (beside or fitting)[0].address

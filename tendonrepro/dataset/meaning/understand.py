@@ -40,13 +40,16 @@ def understand(sources: Iterable[Source], S_inv: Array) -> list[Column]:
     """
     columns = columns_of(sources)
     long = [column for column in columns if len(column.values) >= SHORTEST]
+    tables: dict[Group, list[Column]] = defaultdict(list)
     groups: dict[Group, list[Column]] = defaultdict(list)
     files: dict[str, list[Column]] = defaultdict(list)
     for column in long:
+        tables[column.table].append(column)
         groups[column.group].append(column)
         files[column.source.name].append(column)
+    for table in tables.values():
+        find_times(table)
     for group in groups.values():
-        find_times(group)
         _find_labels(group)
     for file in files.values():
         share_times(file)
