@@ -193,11 +193,14 @@ def _all_judged(file: TraceFile, identifier: str, found: Findings) -> None:
     if identifier != "C1" and not found.judged[0]:
         laws = (FIRST, LOADED) if identifier == "P1" else CONTROLLERS
         wrong = next(name for name in laws if file.runs[name].status != "ok")
-        message = f"a run of {wrong} that is ok; the one measured is {file.runs[wrong].status}"
+        message = f"a run of {wrong} that is ok; the one measured is {file.runs[wrong].told_status}"
         raise DataMissingError(message)
 
 
 def _remarks(measured: Measured, identifier: str) -> list[str]:
+    if identifier == "C1":
+        runs = (measured.compare.runs[name] for name in CONTROLLERS)
+        return [f"{trace.name} is {trace.told_status}" for trace in runs if trace.status != "ok"]
     if identifier != "C4":
         return []
     computed = [name for name in CONTROLLERS if "s" not in measured.compare.runs[name]]

@@ -25,7 +25,7 @@ from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import sha256_of, to_json
 from tendonrepro.physics.metrics import status_of
 from tendonrepro.results.manifest import environment
-from tendonrepro.results.records import DECOUPLING_RUNS, PlantRecord, PlantValue, Trace, TraceFile
+from tendonrepro.results.records import DECOUPLING_RUNS, PlantRecord, PlantValue, Trace, TraceFile, of_joints
 from tendonrepro.results.summary import sizes_deg
 from tendonrepro.results.traces import read_traces, write_traces
 
@@ -161,6 +161,7 @@ def _described(trace: Trace) -> dict[str, Any]:
         "duration_s": float(trace.time[-1]),
         "payload_mass_kg": trace.attributes["payload_mass"],
         "status": trace.status,
+        "status_joints": list(trace.attributes.get("status_joints", ())),
         "variables": list(trace.variables),
     }
     if "e" in trace:
@@ -174,7 +175,8 @@ def ingest_text(found: Mapping[str, Any]) -> str:
     for name, run in found["runs"].items():
         joints = ", ".join(map(str, run["joints"]))
         step = "one sample" if run["step_s"] is None else f"every {run['step_s'] * 1e3:g} ms"
-        lines.append(f"  {name}: joints {joints}, {run['samples']} samples {step}, {run['status']}")
+        status = of_joints(run["status"], run["status_joints"])
+        lines.append(f"  {name}: joints {joints}, {run['samples']} samples {step}, {status}")
         lines.append(f"    {', '.join(run['variables'])}")
         if "mae_deg" in run:
             sizes = (

@@ -12,7 +12,6 @@ from typing import Any, Literal
 from tendonrepro.config.ensemble import LoadedEnsemble
 from tendonrepro.config.kinds import checked
 from tendonrepro.config.load import ExperimentName, LoadedConfig
-from tendonrepro.config.published import published
 from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
@@ -25,7 +24,7 @@ from tendonrepro.results.comparison import write_tables
 from tendonrepro.results.folder import MANIFEST, TRACES, claimed, read_manifest, refuse_others
 from tendonrepro.results.manifest import make_manifest, with_outputs
 from tendonrepro.results.records import TraceFile
-from tendonrepro.results.summary import LOADS, compared_runs, table_data_compare, table_data_decouple
+from tendonrepro.results.summary import table_data_compare, table_data_decouple
 from tendonrepro.results.traces import read_traces, write_traces
 from tendonrepro.simulation.resolution import COMPILED_STEPPER
 
@@ -282,22 +281,4 @@ def _results(file: TraceFile, folder: Path) -> dict[str, Any]:
     data = table_data_compare(file) if file.experiment == "compare" else table_data_decouple(file)
     joints = list(next(iter(file.runs.values())).joint)
     head = {"schema_version": SCHEMA_VERSION, "experiment": file.experiment, "joints": joints}
-    if file.experiment == "compare":
-        data["printed"] = _printed_tables(file)
     return head | data | {"out": str(folder), "manifest": str(folder / MANIFEST)}
-
-
-def _printed_tables(file: TraceFile) -> dict[str, Any]:
-    """Tables 2 and 3 as printed, under the keys of ours."""
-    joints = next(iter(file.runs.values())).joint
-
-    def sizes(identifier: str) -> dict[str, list[float]]:
-        return {
-            f"{metric}_deg": published().per_joint(f"{identifier}.{metric}", joints)
-            for metric in ("mae", "rmse")
-        }
-
-    return {
-        "table2": {name: sizes(f"table2.{name}") for name in compared_runs(file)},
-        "table3": {load: sizes(f"table3.{load}") for load, run in LOADS.items() if run in file.runs},
-    }

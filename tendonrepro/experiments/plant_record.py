@@ -61,6 +61,7 @@ def plant_record(config: Experiment) -> PlantRecord:
     values |= dict(_stated(config.manipulator, ""))
     held = [joint for joint in range(1, config.manipulator.joints + 1) if joint not in config.joints]
     attributes = {
+        "arm": config.manipulator.name,
         "angle_convention": ANGLES,
         "friction_law": FRICTION,
         "equations": EQUATIONS,

@@ -37,7 +37,7 @@ def _plan_text(data: Mapping[str, Any]) -> str:
 def _compare_parts(data: Mapping[str, Any]) -> list[str]:
     joints, status, printed = data["joints"], data["status"], data["printed"]
     parts = [
-        "Table 2: tracking error of each joint, deg, as ours | printed | ratio",
+        f"Table 2: tracking error of each joint, deg{_beside(printed['table2'])}",
         _errors(joints, data["table2"], printed["table2"], status),
     ]
     if "with_load" in data["table3"]:
@@ -45,8 +45,19 @@ def _compare_parts(data: Mapping[str, Any]) -> list[str]:
         table = _errors(joints, data["table3"], printed["table3"], statuses)
         parts += ["Table 3: Controller 1 without and with payload", table]
     if data["ranking"]:
-        parts += ["Controllers by error, smallest first (printed: 1, 2, 3)", _ranking(data["ranking"])]
+        judged = any(
+            one["agrees"] is not None for found in data["ranking"].values() for one in found.values()
+        )
+        order = " (printed: 1, 2, 3)" if judged else ""
+        parts += [f"Controllers by error, smallest first{order}", _ranking(data["ranking"])]
     return ["\n".join(pair) for pair in zip(parts[::2], parts[1::2], strict=True)]
+
+
+def _beside(printed: Mapping[str, Any]) -> str:
+    numbers = (number for row in printed.values() for sizes in row.values() for number in sizes)
+    if all(map(math.isnan, numbers)):
+        return "; nothing printed beside it, since arm, joints, gains or payload are not the paper's"
+    return ", as ours | printed | ratio"
 
 
 def _errors(
@@ -72,12 +83,12 @@ def _triple(ours: float | None, printed: float) -> str:
 
 
 def _ranking(ranking: Mapping[str, Any]) -> str:
+    verdicts = {True: ["as printed"], False: ["not as printed"], None: []}
     rows = []
     for joint, metrics in ranking.items():
         for metric, found in metrics.items():
             order = ", ".join(name.removeprefix("controller_") for name in found["order"])
-            verdict = "as printed" if found["agrees"] else "not as printed"
-            rows.append((f"{joint.replace('_', ' ')} {metric.upper()}", order, verdict))
+            rows.append((f"{joint.replace('_', ' ')} {metric.upper()}", order, *verdicts[found["agrees"]]))
     return columns(rows)
 
 

@@ -1,8 +1,8 @@
-"""Tables 1 to 3 and their companions: ours beside the printed values, as rows and as files."""
+"""Tables 1 to 3 and their companions: ours, beside the printed values where it is the paper's experiment."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
 from typing import TypeAlias
@@ -11,9 +11,10 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.config.published import PrintedText, published
+from tendonrepro.results.paper import of_paper, printed_beside
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import LOADS, compared_runs, decoupling_errors, tracking_errors
-from tendonrepro.results.tables import TableColumns, write_table
+from tendonrepro.results.tables import NOTHING, TableColumns, rounded, write_table
 
 TableRow: TypeAlias = dict[str, object]
 """A table row by column name; a column without a value may be left out."""
@@ -43,6 +44,8 @@ COLUMNS: TableColumns = {
     "difference": ("Difference of magnitudes", "z.6f"),
 }
 """Heading and format of every column, in the order in which tables show them."""
+_BESIDE = {name for name in COLUMNS if "printed" in name or name.endswith("_ratio")} | {"difference"}
+"""Columns of the print, and of its comparison with ours."""
 
 
 def write_tables(file: TraceFile, folder: Path) -> list[Path]:
@@ -59,33 +62,41 @@ def write_tables(file: TraceFile, folder: Path) -> list[Path]:
         part = file.part(experiment)
         for stem, (make, caption) in tables.items() if part.runs else ():
             if rows := list(make(part)):
-                columns = {name: COLUMNS[name] for name in COLUMNS if name in rows[0]}
+                columns = {name: COLUMNS[name] for name in COLUMNS if _stands(name, rows)}
                 about = f"{caption} ({origin})."
                 paths += write_table(rows, folder, stem, about, columns, ("csv", "md", "tex"))
     return paths
 
 
+def _stands(name: str, rows: Sequence[TableRow]) -> bool:
+    """Whether a column has a place in a table: one of the print needs a value."""
+    held = [row[name] for row in rows if name in row]
+    return bool(held) and (name not in _BESIDE or any(rounded(value) != NOTHING for value in held))
+
+
 def coupling_rows(file: TraceFile) -> Iterator[TableRow]:
     """Yield ``quantity``, ``printed_as``, ``printed``, ``ours``, ``difference`` of Table 1, `S_inv` and `S`.
 
-    The print gives magnitudes, so the difference is one of magnitudes. There are no rows unless the plant
-    record holds both diameters and both matrices.
+    The print gives magnitudes, so the difference is one of magnitudes; beside another arm there is none.
+    There are no rows unless the plant record holds both diameters and both matrices.
     """
     record = file.plant.values
     if not {"winch_diameter", "pulley_diameter", "S", "S_inv"} <= record.keys():
         return
+    beside = of_paper(file)
     winch, pulley = record["winch_diameter"].value, record["pulley_diameter"].value
     for q in range(len(winch)):
         for p in range(q + 1):
             name = f"D_{p + 1}{q + 1}/D_{q + 1}"
-            yield _coupling_row(name, f"table1.{name.replace('/', '_over_')}", pulley[p, q] / winch[q])
+            identifier = f"table1.{name.replace('/', '_over_')}"
+            yield _coupling_row(name, identifier, pulley[p, q] / winch[q], beside=beside)
     for matrix in ("S_inv", "S"):
         value = record[matrix].value
         # A record of the moving joints alone holds the trailing block.
         first = len(winch) - len(value) + 1
         for i, j in zip(*np.tril_indices(len(value)), strict=True):
             place = f"{first + i}{first + j}"
-            yield _coupling_row(f"{matrix}_{place}", f"{matrix}.{place}", value[i, j])
+            yield _coupling_row(f"{matrix}_{place}", f"{matrix}.{place}", value[i, j], beside=beside)
 
 
 def controller_rows(file: TraceFile, window: str = "whole") -> Iterator[TableRow]:
@@ -96,7 +107,7 @@ def controller_rows(file: TraceFile, window: str = "whole") -> Iterator[TableRow
     the end, and its status says when that was; one that ended before the window has no row.
     """
     for name, trace in compared_runs(file).items():
-        for row in _error_rows(trace, window, f"table2.{name}"):
+        for row in _error_rows(file, trace, window, f"table2.{name}"):
             yield {"run": name} | row
 
 
@@ -112,7 +123,7 @@ def load_rows(file: TraceFile) -> Iterator[TableRow]:
     """Yield a row of Table 3 per load and joint: as `controller_rows`, with ``load`` in place of ``run``."""
     for load, run in LOADS.items():
         if run in file.runs:
-            for row in _error_rows(file.runs[run], "whole", f"table3.{load}"):
+            for row in _error_rows(file, file.runs[run], "whole", f"table3.{load}"):
                 yield {"load": load} | row
 
 
@@ -127,7 +138,7 @@ def change_rows(file: TraceFile) -> Iterator[TableRow]:
     without, loaded = (file.runs[run] for run in LOADS.values())
     before, after = (tracking_errors(trace)["whole"] for trace in (without, loaded))
     for metric in ("mae", "rmse"):
-        printed = published().per_joint(f"increase.with_load.{metric}", loaded.joint)
+        printed = printed_beside(file, loaded, f"increase.with_load.{metric}")
         for index, joint in enumerate(loaded.joint):
             old, new = before[metric][index], after[metric][index]
             yield {
@@ -150,10 +161,12 @@ def decoupling_rows(file: TraceFile) -> Iterator[TableRow]:
         yield {"joint": joint, "status": _status(trace)} | errors
 
 
-def _coupling_row(quantity: str, identifier: str, ours: float) -> TableRow:
-    entry = published().entries.get(identifier)
+def _coupling_row(quantity: str, identifier: str, ours: float, *, beside: bool) -> TableRow:
+    entry = published().entries.get(identifier) if beside else None
     if entry is None or isinstance(entry, PrintedText):
-        return {"quantity": quantity, "printed_as": None, "printed": None, "ours": ours, "difference": None}
+        nothing = float("nan")
+        texts = {"quantity": quantity, "printed_as": None}
+        return texts | {"printed": nothing, "ours": ours, "difference": nothing}
     return {
         "quantity": quantity,
         "printed_as": entry.as_printed,
@@ -163,13 +176,13 @@ def _coupling_row(quantity: str, identifier: str, ours: float) -> TableRow:
     }
 
 
-def _error_rows(trace: Trace, window: str, identifier: str) -> Iterator[TableRow]:
+def _error_rows(file: TraceFile, trace: Trace, window: str, identifier: str) -> Iterator[TableRow]:
     sizes = tracking_errors(trace).get(window)
     if sizes is None:
         return
     columns: dict[str, Array] = {}
     for metric in ("mae", "rmse"):
-        printed = np.array(published().per_joint(f"{identifier}.{metric}", trace.joint))
+        printed = np.array(printed_beside(file, trace, f"{identifier}.{metric}"))
         columns[f"{metric}_deg"] = sizes[metric]
         columns[f"{metric}_printed_deg"] = printed
         columns[f"{metric}_ratio"] = sizes[metric] / printed

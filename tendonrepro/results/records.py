@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -63,8 +63,8 @@ class Trace:
         Arrays of shape (T, n) by the names of `VARIABLES`; a run holds those its experiment defines.
     attributes : Mapping
         Texts, numbers and lists of numbers: ``law``, ``payload_mass`` (kg), ``status``, ``status_time`` (s),
-        ``reference_period`` (s, 0 when there is none); and the mappings ``gains`` (name -> list) and
-        ``readings`` (name -> str), empty when there are none.
+        ``reference_period`` (s, 0 when there is none), ``status_joints`` of a measured run that is not ok;
+        and the mappings ``gains`` (name -> list) and ``readings`` (name -> str), empty when there are none.
 
     Raises
     ------
@@ -119,6 +119,17 @@ class Trace:
     def status(self) -> str:
         """``ok``, ``ringing`` or ``diverged``."""
         return str(self.attributes["status"])
+
+    @property
+    def told_status(self) -> str:
+        """The status with the joints it is of, where a measured run says."""
+        return of_joints(self.status, self.attributes.get("status_joints", ()))
+
+
+def of_joints(status: str, joints: Iterable[int]) -> str:
+    """A status with the joints it is of: ``ringing on joint 2, 3``."""
+    numbers = ", ".join(map(str, joints))
+    return f"{status} on joint {numbers}" if numbers else status
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,6 +10,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.physics.metrics import mae, max_abs, rmse, windows
+from tendonrepro.results.paper import of_paper, printed_beside
 from tendonrepro.results.records import Trace, TraceFile
 
 CONTROLLERS = ("controller_1", "controller_2", "controller_3")
@@ -76,16 +77,17 @@ def ranking(file: TraceFile) -> dict[str, dict[str, dict[str, Any]]]:
     """Order of the controllers by size of error, best first, and whether the printed order 1 < 2 < 3 holds.
 
     A diverged run comes last whatever its error up to there. Controllers that were not run are left out of
-    both orders.
+    both orders. Of another experiment than the paper's ``agrees`` is None.
     """
     runs = [file.runs[name] for name in CONTROLLERS if name in file.runs]
+    papers = all(of_paper(file, trace) for trace in runs)
     result: dict[str, dict[str, dict[str, Any]]] = {}
     for metric in ("mae", "rmse") if len(runs) > 1 else ():
         sizes = np.array([tracking_errors(trace)["whole"][metric] for trace in runs])
         sizes[[trace.status == "diverged" for trace in runs]] = np.inf
         for joint, column in zip(runs[0].joint, sizes.T, strict=True):
             order = [runs[place].name for place in np.argsort(column, kind="stable")]
-            agrees = all(bool(better < worse) for better, worse in pairwise(column))
+            agrees = all(bool(better < worse) for better, worse in pairwise(column)) if papers else None
             result.setdefault(f"joint_{joint}", {})[metric] = {"order": order, "agrees": agrees}
     return result
 
@@ -98,8 +100,8 @@ def table_data_compare(file: TraceFile) -> dict[str, Any]:
     dict
         ``table2`` run -> ``mae_deg``, ``rmse_deg``, ``max_deg``, lists in the order of the run's joints, over
         the whole run; ``table3`` ``no_load``, ``with_load`` likewise; ``windows`` window -> run -> likewise,
-        payload run included; ``status`` per run; ``ranking``. Numbers that are not finite are None; runs that
-        are missing leave their keys out.
+        payload run included; ``status`` per run; ``ranking``; ``printed`` with both tables, NaN where nothing
+        is. Our numbers that are not finite are None; runs that are missing leave their keys out.
     """
     errors = {name: tracking_errors(trace) for name, trace in file.runs.items()}
     others = dict.fromkeys(window for found in errors.values() for window in found if window != "whole")
@@ -112,6 +114,23 @@ def table_data_compare(file: TraceFile) -> dict[str, Any]:
         },
         "status": _statuses(file),
         "ranking": ranking(file),
+        "printed": _printed_tables(file),
+    }
+
+
+def _printed_tables(file: TraceFile) -> dict[str, Any]:
+    """Tables 2 and 3 as printed, under the keys of ours; NaN where the print does not stand beside a run."""
+
+    def sizes(trace: Trace, identifier: str) -> dict[str, list[float]]:
+        return {
+            f"{metric}_deg": printed_beside(file, trace, f"{identifier}.{metric}")
+            for metric in ("mae", "rmse")
+        }
+
+    loads = {load: file.runs[run] for load, run in LOADS.items() if run in file.runs}
+    return {
+        "table2": {name: sizes(trace, f"table2.{name}") for name, trace in compared_runs(file).items()},
+        "table3": {load: sizes(trace, f"table3.{load}") for load, trace in loads.items()},
     }
 
 

@@ -21,10 +21,12 @@ _LAW_CAPTION = (
     "Sliding variable, estimate of the lumped uncertainty and torque of the controllers: "
     f"means over {MEAN_WINDOW * 1e3:g} ms."
 )
-_LABEL = "Dashed: simulated"
-_DASHES = (3.2, 1.6)
-_PALE = 0.5
-"""Share of white in the colour of a simulated curve."""
+_LABEL = "Thin, dashed: simulated"
+_DASHES = (4.0, 1.6)
+_WIDE, _THIN = 1.9, 0.7
+"""Width of a measured curve and of the simulated one on top of it, pt; neither hides the other."""
+_PALE = 0.55
+"""Share of white in the colour of a measured curve."""
 
 
 def available_overlays(measured: TraceFile) -> list[int]:
@@ -38,7 +40,7 @@ def saved_overlay(measured: TraceFile, models: Mapping[str, Trace], folder: Path
 
 
 def draw_overlay(number: int, measured: TraceFile, models: Mapping[str, Trace]) -> FigureArtists:
-    """Draw one of `available_overlays`, measured solid over simulated dashed and pale.
+    """Draw one of `available_overlays`, simulated thin and dashed over measured wide and pale.
 
     `models` are simulations on the measured axes, by run; what was not measured of one is not drawn.
     """
@@ -50,35 +52,38 @@ def draw_overlay(number: int, measured: TraceFile, models: Mapping[str, Trace]) 
     drawn = []
     with journal_style():
         sheet = draw(measured, traces)
-        solid = sheet.lines
-        for line in solid.values():
+        for line in sheet.lines.values():
             line.set_linestyle("-")
-            line.set_zorder(2.0 if line.get_linewidth() < REFERENCE.width else 1.2)
+            line.set_zorder(1.5 if line.get_linewidth() < REFERENCE.width else 1.2)
         for trace in traces:
             model = models[trace.name].of_joints(joints) if trace.name in models else None
             file = replace(measured, runs={trace.name: model} if model else {})
             for model in spec.traces(file):
-                _lay_under(sheet, draw(file, [model]), model)
+                _lay_over(sheet, draw(file, [model]), model)
                 drawn.append(model)
         return sheet.finish(number, _caption(number, measured, drawn))
 
 
-def _lay_under(sheet: Canvas, under: Canvas, model: Trace) -> None:
+def _lay_over(sheet: Canvas, over: Canvas, model: Trace) -> None:
     """Add the curves of a simulated run to those measured; it follows the measured motion, drawn already."""
     measured = sheet.lines
-    for (letter, name), line in under.lines.items():
+    for (letter, name), line in over.lines.items():
         if (letter, name) not in measured or "desired" in name.lower():
             continue
-        colour = measured[letter, name].get_color()
-        pale = Stroke(_pale("#333333" if colour == REFERENCE.colour else str(colour)), _DASHES, 0.8)
+        below = measured[letter, name]
+        colour = "#333333"
+        if below.get_linewidth() < REFERENCE.width:
+            colour = str(below.get_color())
+            below.set(color=_pale(colour), linewidth=_WIDE)
         x, y = (np.asarray(values, float) for values in line.get_data())
         diverged = model.status == "diverged"
-        sheet.curve(letter, f"{name} simulated", x, y, pale, label=_LABEL, diverged=diverged)
-        sheet.lines[letter, f"{name} simulated"].set_zorder(1.5)
+        stroke = Stroke(colour, _DASHES, _THIN)
+        sheet.curve(letter, f"{name} simulated", x, y, stroke, label=_LABEL, diverged=diverged)
+        sheet.lines[letter, f"{name} simulated"].set_zorder(2.0)
 
 
 def _caption(number: int, measured: TraceFile, drawn: list[Trace]) -> str:
-    words = ["Measured solid; simulated on the measured motion pale and dashed."]
+    words = ["Measured wide and pale; simulated on the measured motion thin and dashed."]
     if not drawn:
         words = ["Measured; there is no simulation beside it."]
     words += [

@@ -93,7 +93,9 @@ class TestComparison:
 
     def test_stability_is_the_status_of_the_runs(self):
         assert verdict(comparison(), "C1") == "reproduced"
-        assert verdict(comparison(diverged={"controller_3": 7.0}), "C1") == "not_reproduced"
+        found = judged(comparison(diverged={"controller_3": 7.0}))["C1"]
+        assert found.decision.verdict == "not_reproduced"
+        assert found.evidence["remarks"] == ["controller_3 is diverged"]
 
     @pytest.mark.parametrize(
         ("claim", "sizes", "options", "missing"),
@@ -294,10 +296,10 @@ class TestComparison:
         whole = printed_file(lambda time: time < np.inf)
         kept = {name: whole.runs[name] for name in ("controller_1", LOADED)}
         assert verdict(replace(whole, runs=kept), "P1") == "reproduced"
-        stopped = dict(kept[LOADED].attributes) | {"status": "ringing"}
+        stopped = dict(kept[LOADED].attributes) | {"status": "ringing", "status_joints": [3]}
         kept[LOADED] = replace(kept[LOADED], attributes=stopped)
         found = judged(replace(whole, runs=kept))["P1"]
-        assert "ringing" in found.evidence["missing"]
+        assert "ringing on joint 3" in found.evidence["missing"]
 
 
 def test_the_printed_numbers_are_reproduced_with_all_percentages():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from tendonrepro.dataset.mapping.model import LoadedMapping, Mapping, load_mappi
 from tendonrepro.dataset.mapping.timebase import RESAMPLED, Timed, TimeProblem, checked, even, shared, within
 from tendonrepro.dataset.readers.signals import Found, Skipped, Source, samples_first
 from tendonrepro.errors import ConfigError
+from tendonrepro.physics.metrics import status_of
 from tendonrepro.results.records import Trace
 
 Array = NDArray[np.float64]
@@ -312,6 +314,25 @@ def test_the_error_is_judged_with_its_gaps_bridged() -> None:
     assert assembly.notes == ["controller_1: no e of joint 3"]
 
 
+HELD = np.zeros(len(TIME))
+
+
+@pytest.mark.parametrize(
+    ("desired", "counts", "status", "of"),
+    [(HELD, 1.0, "ok", ""), (HELD, 90.0, "ringing", " on joint 1"), (TIME, 1.0, "ringing", " on joint 1")],
+)
+def test_the_dither_of_a_held_joint_is_no_ringing(
+    desired: Array, counts: float, status: str, of: str
+) -> None:
+    q = desired + np.deg2rad(0.022) * counts * (np.arange(len(TIME)) % 2 - 0.5)
+    entries = [entry("q_d", 1, "d"), entry("q_encoder", 1, "q"), entry("e", 2, "e")]
+    judge = partial(status_of, divergence_limit=1.0, ringing_frequency=3.0, ringing_share=0.5)
+    mapping = make_mapping(*(one | {"unit": "rad"} for one in entries))
+    sources = [make_source(t=TIME, d=desired, q=q, e=0.1 * np.cos(TIME))]
+    (run,) = Assembly(sources, mapping, "mapping.yaml", S, judge).runs().values()
+    assert (run.status, run.told_status) == (status, status + of)
+
+
 @pytest.mark.parametrize("period", [9.0, None])
 def test_a_stated_period_is_kept(period: float | None) -> None:
     run, _ = assembled(make_mapping(entry(), period_s=period), q=ANGLE)
@@ -338,7 +359,20 @@ def test_different_times_are_refused_unless_resampling_is_asked_for() -> None:
     assert "resample" in refused(make_mapping(*entries), r"301 samples.*has 151", **signals)
     run, assembly = assembled(make_mapping(*entries, resample={"step_s": 0.005}), **signals)
     np.testing.assert_allclose(np.rad2deg(run["q_d"][:, 0]), run.time, atol=1e-12)
-    assert "controller_1: resampled every 0.005 s, linear" in assembly.notes
+    (note,) = (note for note in assembly.notes if "resampled" in note)
+    assert note == "controller_1: resampled every 0.005 s, linear: 601 samples of up to 301"
+
+
+def test_resampling_says_what_it_drops_and_never_drops_most() -> None:
+    late = {"file": "SYNTHETIC_c1.mat", "signal": "t2"}
+    mapping = make_mapping(entry(signal="q"), entry("q_d", signal="q", time=late), resample={"step_s": 0.01})
+    _, assembly = assembled(mapping, q=TIME, t2=TIME + 0.5)
+    (note,) = (note for note in assembly.notes if "resampled" in note)
+    assert "251 samples of up to 301; 50 of q_encoder of joint 2 lie outside and are dropped" in note
+    for fast in (mapping, mapping.model_copy(update={"resample": None})):
+        hint = refused(fast, r"0\.3 s|2\.7 s", q=TIME, t2=0.1 * TIME)
+        assert "`step_s`" in hint
+        assert "resample" not in hint
 
 
 @pytest.mark.parametrize(

@@ -359,10 +359,20 @@ def test_what_is_shown_is_one_printable_line(text: str) -> None:
 
 @given(step=st.floats(1.001e-4, 0.0999), unit=st.sampled_from(["s", "ms", "us", "ns"]))
 def test_the_step_of_a_loop_tells_its_unit(step: float, unit: str) -> None:
-    times = step * np.arange(400.0) / FACTORS["time"][unit]
-    clock = guessed(source("x.csv", {"t": times, "q2": course(2)[:400]}))["t"]
+    times = step * np.arange(5000.0) / FACTORS["time"][unit]
+    clock = guessed(source("x.csv", {"t": times, "q2": np.resize(course(2), 5000)}))["t"]
     assert clock.unit == unit
     assert clock.doubts
+
+
+@pytest.mark.parametrize(
+    ("name", "end", "uneven"), [("time", 10.0, True), ("time", 120.0, False), ("tout", 5000.0, True)]
+)
+def test_the_steps_of_a_solver_are_in_seconds(name: str, end: float, uneven: bool) -> None:
+    steps = np.geomspace(1.0, 50.0 if uneven else 1.0, 60)
+    times = end * np.append(0.0, np.cumsum(steps)) / steps.sum()
+    clock = guessed(source("out.mat", {name: times, "q2": course(2)[: len(times)]}))[name]
+    assert (clock.quantity, clock.unit, not clock.doubts) == ("time", "s", name == "tout")
 
 
 def test_a_stated_unit_of_time_is_no_doubt() -> None:
@@ -380,6 +390,22 @@ def test_each_curve_has_the_times_before_it(names: list[str]) -> None:
     a, b, c, d = (found[name] for name in names)
     assert [column.quantity for column in (a, b, c, d)] == ["time", "measured", "time", "measured"]
     assert (b.time, d.time) == (a.address, c.address)
+
+
+def test_an_empty_column_parts_no_rows_from_their_times() -> None:
+    """With another clock as long in the file, and a second trial beside the first."""
+    found = Found("SYNTHETIC")
+    for path, values in {
+        "One!A2:B4001/t": TIME, "One!A2:B4001/q2": course(2), "One!D2:D4001/q3": course(3),
+        "Two!A2:B4001/t": 2.0 * TIME, "Two!A2:B4001/q2": course(2),
+        "Two!D2:F4001/t": 3.0 * TIME, "Two!D2:F4001/q2": course(3), "Two!D2:F4001/tau2": course(1),
+    }.items():  # fmt: skip
+        found.add(path, values, group=path.rpartition("/")[0], unit="s" if path.endswith("t") else None)
+    times = {column.signal.path: column.time for column in understand([stored("c1.xlsx", found)], S_INV)}
+    assert times["One!D2:D4001/q3"] == ("c1.xlsx", "One!A2:B4001/t", 1)
+    assert times["Two!D2:F4001/tau2"] == ("c1.xlsx", "Two!D2:F4001/t", 1)
+    text = suggest(understand([stored("c1.xlsx", found)], S_INV), "SYNTHETIC").text
+    assert "variable: tau_m" not in text.partition("# In no run")[0]
 
 
 def test_a_second_clock_beside_the_first_is_of_nothing() -> None:

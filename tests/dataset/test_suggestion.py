@@ -139,6 +139,18 @@ ASKED: dict[str, tuple[list[Source], str]] = {
         ],
         f"c1.csv: what some columns are {ALONE}",
     ),
+    "constants": (
+        [source("c1.mat", {"time": TIME, "e": np.tile([1.2, 0.4, 0.7], (len(TIME), 1))}, None)],
+        f"c1.mat: what some columns are {ALONE}",
+    ),
+    "points of space in a file of errors": (
+        [source("tracking error.csv", {"time": TIME, "ax": COURSE, "ay": LATE, "az": LATE**2}, None)],
+        f"tracking error.csv: what some columns are {ALONE}",
+    ),
+    "axes of a sensor": (
+        [source("c1.csv", {"time": TIME, "acc": DEGREES.T, "pos_x": STEPS[0], "pos_y": STEPS[1]}, None)],
+        f"c1.csv: what some columns are {ALONE}",
+    ),
     "encoders alone": (
         [source("c1.csv", {"Time": TIME, "xx": STEPS[1], "yy": STEPS[2]}, None)],
         f"c1.csv: what some columns are {ALONE}",

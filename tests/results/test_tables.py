@@ -5,6 +5,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -12,6 +13,7 @@ import pytest
 from support.synthetic import S_INV, S, make_compare_file, make_decouple_file
 
 from tendonrepro.errors import TendonreproError
+from tendonrepro.experiments.report import results_text
 from tendonrepro.results.comparison import (
     COLUMNS,
     TableRow,
@@ -23,7 +25,8 @@ from tendonrepro.results.comparison import (
     window_rows,
     write_tables,
 )
-from tendonrepro.results.records import PlantRecord, TraceFile
+from tendonrepro.results.records import PlantRecord, Trace, TraceFile
+from tendonrepro.results.summary import ranking, table_data_compare
 from tendonrepro.results.tables import csv_text, latex, markdown, write_table
 
 
@@ -71,6 +74,41 @@ def test_table_1_shows_another_mechanism_and_needs_four_values_and_no_other() ->
     assert frame.loc["S_33", "difference"] == pytest.approx(1.0)
     assert len(frame_of(coupling_rows, with_plant(file, K_s=None, mass=None, gravity=None))) == 18
     assert frame_of(coupling_rows, with_plant(file, winch_diameter=None)).empty
+
+
+def another(file: TraceFile, what: str) -> TraceFile:
+    """The file of another arm, of other joints, or with other gains."""
+    if what == "arm":
+        return dataclasses.replace(file, plant=PlantRecord(file.plant.values, {"arm": "SYNTHETIC"}))
+    if what == "coupling":
+        return with_plant(file, S=2.0 * S, S_inv=0.5 * S_INV)
+
+    def change(trace: Trace) -> dict[str, Any]:
+        if what == "joints":
+            return {"joint": (1, 2)}
+        return {"attributes": {**trace.attributes, "gains": {"lam": [8.0, 9.0]}}}
+
+    runs = {name: dataclasses.replace(trace, **change(trace)) for name, trace in file.runs.items()}
+    return dataclasses.replace(file, runs=runs)
+
+
+@pytest.mark.parametrize("what", ["arm", "coupling", "joints", "gains"])
+def test_the_print_stands_beside_the_paper_s_experiment_alone(what: str, tmp_path: Path) -> None:
+    file = another(make_compare_file(step=0.05), what)
+    assert "printed" in write_tables(make_compare_file(step=0.05), tmp_path)[0].read_text()
+    texts = [path.read_text() for path in write_tables(file, tmp_path)]
+    assert not any("printed" in text or "ratio" in text for text in texts)
+    found = [one["agrees"] for metrics in ranking(file).values() for one in metrics.values()]
+    assert found == [None] * 4
+    head = {"experiment": "compare", "out": "out", "joints": next(iter(file.runs.values())).joint}
+    text = results_text(head | table_data_compare(file))
+    assert not any(words in text for words in ("as printed", "|", "(printed"))
+
+
+@pytest.mark.parametrize("what", ["arm", "coupling"])
+def test_table_1_of_another_arm_stands_alone(what: str, tmp_path: Path) -> None:
+    paths = write_tables(another(make_decouple_file(), what), tmp_path)
+    assert not any("rinted" in path.read_text() for path in paths)
 
 
 def test_table_1_of_a_longer_arm_has_rows_without_print() -> None:

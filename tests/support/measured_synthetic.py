@@ -23,6 +23,18 @@ def measured_trace(trace: Trace, **variables: Array) -> Trace:
     return replace(trace, variables={**trace.variables, **variables}, attributes=attributes)
 
 
+def with_runs(file: TraceFile, **runs: Trace) -> TraceFile:
+    """The file with some runs replaced or added."""
+    return replace(file, runs={**file.runs, **runs})
+
+
+def moved(trace: Trace, q_d: Array, by: float = 0.0) -> Trace:
+    """The run on another desired motion, without what else was recorded, by some seconds later."""
+    before = trace.time - by
+    late = np.column_stack([np.interp(before, trace.time, column) for column in q_d.T])
+    return replace(measured_trace(trace), variables={"q_d": late, "e": trace["e"]})
+
+
 def errors_of(mae: float, rmse: float, count: int, *, centred: bool) -> Array:
     """Error that is zero or of one size, of zero mean or mostly positive, with an MAE and an RMSE."""
     share = 2 * round((mae / rmse) ** 2 * count / 2.0)

@@ -1,4 +1,4 @@
-"""Overlays show what was measured, over what was simulated, and nothing else."""
+"""Overlays show what was measured, below what was simulated, and nothing else."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from support.measured_synthetic import CONTROLLERS, LOADED, measured_trace
 from support.synthetic import make_compare_file, make_decouple_file
 
 from tendonrepro.results.figures.catalogue import draw
-from tendonrepro.results.figures.style import REFERENCE
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.validation.figures import available_overlays, draw_overlay, saved_overlay
 
@@ -43,26 +42,24 @@ def test_every_figure_with_data_is_there(file: TraceFile) -> None:
 
 
 @pytest.mark.parametrize("number", NUMBERS)
-def test_panels_are_the_papers_and_measured_curves_lie_on_top(number: int, file: TraceFile) -> None:
+def test_panels_are_the_papers_and_no_curve_hides_the_other(number: int, file: TraceFile) -> None:
     drawn = draw_overlay(number, file, models(file))
     plain = draw(number, file)
     assert set(drawn.axes) == set(plain.axes)
     for letter, axes in drawn.axes.items():
         assert axes.get_title(loc="left") == plain.axes[letter].get_title(loc="left")
         assert axes.get_ylabel() == plain.axes[letter].get_ylabel()
-    under = {key: line for key, line in drawn.lines.items() if key[1].endswith(" simulated")}
+    over = {key: line for key, line in drawn.lines.items() if key[1].endswith(" simulated")}
     wanted = {(letter, f"{name} simulated") for letter, name in plain.lines if "esired" not in name}
-    assert set(under) == wanted
-    for (letter, name), line in under.items():
-        over = drawn.lines[letter, name.removesuffix(" simulated")]
-        assert over.get_linestyle() == "-" != line.get_linestyle()
-        if over.get_linewidth() < REFERENCE.width:
-            assert over.get_zorder() > line.get_zorder()
-            assert sum(to_rgb(line.get_color())) > sum(to_rgb(over.get_color()))
-        else:
-            assert over.get_zorder() < line.get_zorder()
-    assert "Measured solid" in drawn.caption
-    assert "Dashed: simulated" in [text.get_text() for text in drawn.figure.legends[0].get_texts()]
+    assert set(over) == wanted
+    for (letter, name), line in over.items():
+        below = drawn.lines[letter, name.removesuffix(" simulated")]
+        assert below.get_linestyle() == "-" != line.get_linestyle()
+        assert below.get_zorder() < line.get_zorder()
+        assert below.get_linewidth() > 2.0 * line.get_linewidth()
+        assert sum(to_rgb(below.get_color())) > sum(to_rgb(line.get_color()))
+    assert "Measured wide and pale" in drawn.caption
+    assert "Thin, dashed: simulated" in [text.get_text() for text in drawn.figure.legends[0].get_texts()]
 
 
 def test_curves_are_the_measured_and_the_simulated_values(file: TraceFile) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +14,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.dataset.mapping import timebase
 from tendonrepro.dataset.mapping.model import Entry, Mapping, Run, TimeAxis
 from tendonrepro.dataset.mapping.timebase import Timed, TimeProblem, in_seconds
-from tendonrepro.dataset.meaning.evidence import distance
+from tendonrepro.dataset.meaning.evidence import COUNTS_DEG, distance
 from tendonrepro.dataset.meaning.words import printable
 from tendonrepro.dataset.readers.signals import Signal, Source
 from tendonrepro.dataset.readers.units import factor
@@ -28,6 +29,8 @@ _LONGEST_STEP = 0.1  # s, beyond which the unit of the times is in doubt; the pa
 # RMS of recorded error less difference, over that of the difference, from which on the error is not believed;
 # fewer samples prove nothing.
 _CONTRADICTS, _FEWEST = 0.5, 8
+_COUNT = 1.01 * np.deg2rad(COUNTS_DEG[1])  # an encoder's count, rad, which a held joint may dither by
+_SHAKES = np.deg2rad(1.0)  # error of a held joint that is no dither any more
 _OF_THE_OTHERS = {"q_d": "q_encoder + e", "q_encoder": "q_d - e", "e": "q_d - q_encoder"}
 
 StatusOf = Callable[[Array, Array], tuple[str, float]]
@@ -72,15 +75,13 @@ class Assembly:
         self._complete(name, variables, joints)
         self._calculate(name, variables, joints)
         self._leave_out(name, variables, joints)
-        status, status_time = self._status(time, variables)
         attributes = {
             "law": MEASURED,
             "gains": {},
             "readings": {},
             "payload_mass": float(run.payload_mass_kg),
-            "status": status,
-            "status_time": status_time,
             "reference_period": float(run.period_s or 0.0),
+            **self._status(time, variables, joints),
         }
         return Trace(name, time, joints, variables, attributes)
 
@@ -101,7 +102,8 @@ class Assembly:
             time = timebase.shared(signals)
         else:
             time = timebase.even(signals, resample.step_s)
-            self.notes.append(f"{name}: resampled every {resample.step_s:g} s, {resample.method}")
+            kept = timebase.resampled(signals, time)
+            self.notes.append(f"{name}: resampled every {resample.step_s:g} s, {resample.method}: {kept}")
         joints = tuple(sorted({entry.joint for entry in run.signals}))
         variables: dict[str, Array] = {}
         for entry, signal in timed.items():
@@ -247,13 +249,25 @@ class Assembly:
             hint = "`tendonrepro inspect` shows the range of every signal"
             raise ConfigError(message, where=f"{self.where}: runs.{name}", hint=hint)
 
-    def _status(self, time: Array, variables: dict[str, Array]) -> tuple[str, float]:
-        """Status by the error; gaps in it are bridged, they are not divergence."""
-        if "e" not in variables or len(time) < 2:
-            return "ok", float(time[-1])
-        columns = [_bridged(time, column) for column in variables["e"].T]
-        known = [column for column in columns if column is not None]
-        return self.status_of(time, np.stack(known, axis=1)) if known else ("ok", float(time[-1]))
+    def _status(self, time: Array, variables: dict[str, Array], joints: tuple[int, ...]) -> dict[str, Any]:
+        """Status by the error, with the joints it is of; gaps are bridged, they are not divergence.
+
+        A joint that is held is in the dither of its encoder, which is no ringing.
+        """
+        found: dict[str, tuple[float, list[int]]] = {}
+        for k, joint in enumerate(joints if "e" in variables and len(time) > 1 else ()):
+            if (e := _bridged(time, variables["e"][:, k])) is None:
+                continue
+            status, end = self.status_of(time, e[:, np.newaxis])
+            desired = variables["q_d"][:, k] if "q_d" in variables else e
+            if status == "ringing" and _span(desired) <= _COUNT and _span(e) <= _SHAKES:
+                continue
+            first, of = found.get(status, (end, []))
+            found[status] = (min(first, end), [*of, joint])
+        worst = next((status for status in ("diverged", "ringing") if status in found), "ok")
+        end, of = found.get(worst, (float(time[-1]), []))
+        judged = {"status": worst, "status_time": end}
+        return judged if worst == "ok" else judged | {"status_joints": of}
 
 
 @np.errstate(over="ignore", invalid="ignore")
@@ -286,6 +300,12 @@ def doubts_about(trace: Trace) -> list[str]:
 def _bridged(time: Array, values: Array) -> Array | None:
     known = np.isfinite(values)
     return np.interp(time, time[known], values[known]) if known.any() else None
+
+
+def _span(values: Array) -> float:
+    """Range of the numbers among values."""
+    finite = values[np.isfinite(values)]
+    return float(np.ptp(finite)) if len(finite) else 0.0
 
 
 def _listed(joints: Sequence[int], chosen: ArrayLike) -> str:

@@ -105,7 +105,7 @@ def _picked(members: Sequence[Column]) -> tuple[list[Column], list[Column]]:
     """
     tables: dict[tuple[str, str], list[Column]] = defaultdict(list)
     for column in members:
-        tables[column.group[:2]].append(column)
+        tables[column.table[:2]].append(column)
     taken: dict[tuple[str, int], Column] = {}
     rivals: list[Column] = []
     for table in tables.values():

@@ -23,6 +23,12 @@ class TimeProblem(Exception):
         self.hint = hint
 
 
+_KEPT = 0.5
+"""Least part of the longest signal that common times keep."""
+_LOSS = (
+    "Look at their `time`, its `unit`, `offset` and `step_s`: signals of one record last about equally long. "
+    "`from_s` and `to_s` of the run keep a part on purpose."
+)
 _LOOK = (
     "Look at this column with `tendonrepro inspect`. "
     "`where` takes the rows of one run from a table that holds several; "
@@ -128,8 +134,33 @@ def _overlap(one: Timed, other: Timed) -> bool:
     return bool(one.time[0] <= other.time[-1] and other.time[0] <= one.time[-1])
 
 
+def _common(signals: Sequence[Timed]) -> tuple[float, float]:
+    """From the latest start to the earliest end, s."""
+    return max(float(each.time[0]) for each in signals), min(float(each.time[-1]) for each in signals)
+
+
+def _loss(signals: Sequence[Timed]) -> str:
+    """What common times would lose of the signals, in words, where it is most of one; else nothing."""
+    start, end = _common(signals)
+    short, *_, long = sorted((*signals, *signals), key=lambda each: each.time[-1] - each.time[0])
+    if end - start >= _KEPT * (long.time[-1] - long.time[0]):
+        return ""
+    both = f"{short.name} {short.extent}, {long.name} {long.extent}"
+    return f"signals have only {end - start:.6g} s in common: {both}"
+
+
+def resampled(signals: Sequence[Timed], time: Array) -> str:
+    """How many samples a signal had and has on common times, and what lies outside of these, in words."""
+    lost = {each.name: int(((each.time < time[0]) | (each.time > time[-1])).sum()) for each in signals}
+    name, most = max(lost.items(), key=lambda item: item[1])
+    counts = f"{len(time)} samples of up to {max(len(each.time) for each in signals)}"
+    return f"{counts}; {most} of {name} lie outside and are dropped" if most else counts
+
+
 def _resample(signals: Sequence[Timed]) -> str:
     """The way to common times, at a step that invents no samples."""
+    if _loss(signals):
+        return _LOSS
     step = max(signal.step for signal in signals)
     return f"`resample: {{step_s: {step:.3g}}}` at the top of the mapping puts all signals on common times."
 
@@ -137,8 +168,7 @@ def _resample(signals: Sequence[Timed]) -> str:
 def even(signals: Sequence[Timed], step: float) -> Array:
     """Even times by `step`, s, from the latest start to the earliest end, as far as memory is for them."""
     _refuse_apart(signals)
-    start = max(float(signal.time[0]) for signal in signals)
-    end = min(float(signal.time[-1]) for signal in signals)
+    start, end = _common(signals)
     steps = (end - start) / step
     if steps >= MOST_SAMPLES:
         message = f"a step of {step:g} s makes {steps:.3g} samples"
@@ -149,6 +179,8 @@ def even(signals: Sequence[Timed], step: float) -> Array:
         message = f"signals have only {end - start:.3g} s in common, less than a step of {step:g} s"
         hint = "Take another step_s, or leave out a signal that starts late or ends early."
         raise TimeProblem(message, hint)
+    if loss := _loss(signals):
+        raise TimeProblem(loss, _LOSS)
     return np.asarray(start + step * np.arange(count))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
@@ -10,9 +11,11 @@ from functools import cache
 from pathlib import PurePosixPath
 from typing import NamedTuple
 
+import numpy as np
+
 from tendonrepro.arrays import Array
 from tendonrepro.dataset.meaning.evidence import sampling_step
-from tendonrepro.dataset.meaning.words import Hints, Quantity, hints, tokens
+from tendonrepro.dataset.meaning.words import NOT_JOINTS, Hints, Quantity, hints, tokens
 from tendonrepro.dataset.readers.signals import Signal, Source
 from tendonrepro.dataset.readers.units import plain_unit
 
@@ -20,8 +23,10 @@ SHORTEST = 8
 """Fewest samples of a record; what is shorter is a table of settings."""
 _MOST_JOINTS = 3  # columns of a matrix that can be one quantity of all joints; a wider one is a table
 _LONGEST_NAME = 80  # letters of a line of text that can be a name
+_BESIDE = re.compile(r"![A-Z]{1,3}(\d+):[A-Z]{1,3}(\d+)$")
+"""Cells of a table in a sheet, by their rows."""
 # Words that say where a column is from, not what it is.
-_WHERE = frozenset({"joint", "link", "关节", "deg", "rad"})
+_WHERE = frozenset({"joint", "j", "link", "关节", "deg", "rad"})
 
 
 class Address(NamedTuple):
@@ -101,15 +106,33 @@ class Column:
         return Address(self.source.name, self.signal.path, self.number)
 
     @property
-    def group(self) -> Group:
-        """What it is compared with."""
+    def table(self) -> Group:
+        """Table it is a column of."""
         parent = self.signal.path if self.tabular else self.signal.path.rpartition("/")[0]
         return self.source.name, self.signal.group or parent, len(self.signal.values)
+
+    @property
+    def group(self) -> Group:
+        """What it is compared with: its table, and those in the same rows of its sheet."""
+        file, table, samples = self.table
+        return file, _BESIDE.sub(r"!\1:\2", table), samples
 
     @property
     def label(self) -> str:
         """Its own name."""
         return self.signal.label or self.signal.path.rpartition("/")[2]
+
+    @property
+    def still(self) -> bool:
+        """Whether it has numbers, and all are the same."""
+        finite = self.values[np.isfinite(self.values)]
+        return bool(finite.size and (finite == finite[0]).all())
+
+    @property
+    def nameless(self) -> bool:
+        """Whether its own name says at most where or of which run it is, as ``column 2`` and ``NTSM`` do."""
+        words = {word for word in tokens(self.label) if word.isalpha()}
+        return words <= _WHERE | NOT_JOINTS or (self.own.controller, self.own.payload_mass) != (None, None)
 
     @property
     def names(self) -> tuple[Hints, ...]:
@@ -158,10 +181,11 @@ class Column:
                 self.call("calculated", "a name around it says calculated")
             return
         # A single letter is a name for a column or, with a number, over an axis; in a file's name it could be
-        # anything. What a folder is called is about an experiment, not about a quantity.
+        # anything. What a folder is called is about an experiment, not about a quantity, and a file's name is
+        # not about columns that have names of another kind, such as obstacles in "tracking error.csv".
         near = [
             hint.quantity
-            for place, hint in enumerate(self.around[: self.inside + 1])
+            for place, hint in enumerate(self.around[: self.inside + self.nameless])
             if hint.quantity not in {None, "time", "index"}
             and (not hint.letter or (hint.joint and place < self.inside))
         ]

@@ -2,11 +2,12 @@
 
 Beside names and stored units, five plain signs are taken for evidence, and no other:
 
-1. Numbers that increase evenly are times; their unit is the one that makes the step that of a control loop.
+1. Numbers that increase evenly are times; their unit is the one that makes the step that of a control loop,
+   unless no motion could be so short.
 2. Two columns alike in shape are desired and measured angle of one joint; the one with an encoder's steps, or
    the rougher one, is measured.
 3. What is the printed coupling ratio of the joint angles, or a hundred times that, is a motor's angle.
-4. Constants and a few whole numbers are no motion: they tell rows apart.
+4. Constants and a few whole numbers are no motion: the latter tell rows apart.
 5. The range of angles, or the size of an encoder's steps in them, tells degrees from radians.
 
 What these leave open is asked: the suggestion names the line of the mapping that settles it.

@@ -12,6 +12,8 @@ from tendonrepro.arrays import Array
 from tendonrepro.dataset.meaning.angle_units import in_radians
 from tendonrepro.dataset.meaning.columns import Column
 from tendonrepro.dataset.meaning.evidence import distance
+from tendonrepro.dataset.meaning.words import tokens
+from tendonrepro.dataset.readers.units import plain_unit
 
 REDUCER = 100.0
 """Turns of a motor for one of its winch."""
@@ -37,11 +39,18 @@ def place_joints(group: Sequence[Column]) -> None:
         # The columns of one matrix have one name, so a number in it is nobody's joint in particular.
         numbers, paths = {column.number for column in alike}, {column.signal.path for column in alike}
         of_matrix = len(numbers) > len(paths) == 1
-        if len(alike) not in {2, 3} or not (of_matrix or all(column.joint is None for column in alike)):
+        unnumbered = of_matrix or all(column.joint is None for column in alike)
+        if len(alike) not in {2, 3} or not unnumbered or _cartesian(alike):
             continue
         for joint, column in enumerate(alike, start=4 - len(alike)):
             column.joint = joint
             column.because.append(f"joint {joint} by its place among {len(alike)} like it")
+
+
+def _cartesian(alike: Sequence[Column]) -> bool:
+    """Whether columns can be axes of space: called x, y, z, or accelerations without a unit of rotation."""
+    axes = {tokens(column.label)[-1:] == [axis] for column, axis in zip(alike, "xyz", strict=False)}
+    return axes == {True} or (alike[0].quantity == "acceleration" and not plain_unit(alike[0].signal.unit))
 
 
 def count_as_paper(groups: Iterable[Sequence[Column]]) -> None:

@@ -17,6 +17,7 @@ SAMPLING = 0.001
 """The paper's sampling period, s, where the files hold no times."""
 # Longest step of a control loop, s; a hundred milliseconds to the last bit are still that.
 _SLOWEST = 0.1 * (1.0 + 1e-6)
+_SHORTEST = 0.5  # record of a motion, s
 
 
 def find_times(group: Sequence[Column]) -> None:
@@ -66,24 +67,34 @@ def _counts(values: Array) -> bool:
 
 
 def _settle_unit(axis: Column) -> None:
-    """Take the unit that makes the step that of a control loop, and ask."""
+    """Take Simulink's second, else the unit that makes step and length those of a record, and ask."""
+    if "tout" in tokens(axis.label):
+        axis.unit = "s"
+        axis.because.append("Simulink's tout is in s")
+        return
     times = axis.values[np.isfinite(axis.values)]
-    step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+    steps = np.diff(times) if len(times) > 1 else np.zeros(1)
+    step, length = float(np.median(steps)), float(np.abs(steps.sum()))
     units = [(unit, FACTORS["time"][unit]) for unit in ("s", "ms", "us", "ns")]
-    axis.unit, factor = next((each for each in units if step * each[1] <= _SLOWEST), units[-1])
+    place = next((k for k, (_, factor) in enumerate(units) if step * factor <= _SLOWEST), len(units) - 1)
+    # A solver's steps may be longer than a control loop's, but no motion is over at once.
+    if place and length * units[place][1] < _SHORTEST:
+        place -= 1
+    axis.unit, factor = units[place]
     reason = f"which makes their step {step * factor * 1e3:.3g} ms"
     axis.because.append(f"taken to be in {axis.unit}, {reason}")
     axis.doubts.append(f"no unit of the times is stated, {axis.unit} is taken, {reason}")
 
 
 def share_times(file: Sequence[Column]) -> None:
-    """Give columns without a time the only time axis of their file that has as many samples."""
+    """Give columns without a time that of their rows, else the only one of their file that is as long."""
     axes: dict[int, list[Column]] = defaultdict(list)
     for column in file:
         if column.quantity == "time":
             axes[len(column.values)].append(column)
     for column in file:
         fitting = axes[len(column.values)]
+        beside = [axis for axis in fitting if axis.group == column.group]
         timeless = column.time is None and column.signal.time is None and column not in fitting
-        if timeless and len(fitting) == 1:
-            column.time = fitting[0].address
+        if timeless and len(beside or fitting) == 1:
+            column.time = (beside or fitting)[0].address

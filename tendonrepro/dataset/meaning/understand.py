@@ -40,18 +40,22 @@ def understand(sources: Iterable[Source], S_inv: Array) -> list[Column]:
     """
     columns = columns_of(sources)
     long = [column for column in columns if len(column.values) >= SHORTEST]
+    tables: dict[Group, list[Column]] = defaultdict(list)
     groups: dict[Group, list[Column]] = defaultdict(list)
     files: dict[str, list[Column]] = defaultdict(list)
     for column in long:
+        tables[column.table].append(column)
         groups[column.group].append(column)
         files[column.source.name].append(column)
+    for table in tables.values():
+        find_times(table)
     for group in groups.values():
-        find_times(group)
         _find_labels(group)
     for file in files.values():
         share_times(file)
     find_panels(long)
     for group in groups.values():
+        _refuse_still(group)
         _find_pairs(group)
     for file in files.values():
         find_units(file)
@@ -80,6 +84,24 @@ def _find_labels(group: Sequence[Column]) -> None:
         labels[0].doubts.append(
             f"this is a table in long form, take the rows of a run with `where` on {names}"
         )
+
+
+def _refuse_still(group: Sequence[Column]) -> None:
+    """Guess nothing of columns alike that all stand still, unless a unit or a word with a joint tells.
+
+    A held joint stands beside others that move; constants of another kind, such as obstacles, do not.
+    """
+    kinds: dict[str | None, list[Column]] = defaultdict(list)
+    for column in group:
+        kinds[column.quantity].append(column)
+    for quantity, alike in kinds.items():
+        if quantity in {None, "time", "index", "other"} or not all(column.still for column in alike):
+            continue
+        for column in alike:
+            named = column.own.quantity and not column.own.letter and column.own.joint is not None
+            if not (named or column.unit):
+                column.quantity = None
+                column.because.append("but it stands still, and neither a name nor a unit tells what it is")
 
 
 def _find_pairs(group: Sequence[Column]) -> None:

@@ -36,7 +36,10 @@ def _these(words: str) -> frozenset[str]:
 _WORDS: Mapping[Quantity, tuple[frozenset[str], Sequence[str]]] = {
     "time": (_these("time times tout timestamp seconds clock"), ("时间",)),
     "index": (_these("sample samples index idx"), ("序号", "采样点")),
-    "other": (_these("de edot current voltage tension force pressure"), ("电流", "电压", "张力")),
+    "other": (
+        _these("de edot current voltage tension force pressure obstacle obs"),
+        ("电流", "电压", "张力", "障碍"),
+    ),
     "error": (_these("err error errors deviation"), ("误差",)),
     "surface": (_these("sliding surface manifold sigma"), ("滑模",)),
     "estimate": (
@@ -63,11 +66,11 @@ _LETTERS: Mapping[str, Quantity] = {
     "t": "time", "e": "error", "s": "surface", "h": "estimate", "u": "torque", "n": "index", "k": "index",
 }  # fmt: skip
 _ANGLES = _these("q th theta")
-# Words that count something else than joints.
-_NOT_JOINTS = _these(
+NOT_JOINTS = _these(
     "fig figure table tab exp experiment test run trial case sheet column col curve line axes subplot data "
     "file block v version ver no x y var untitled scope port out"
 )
+"""Words that count something else than joints."""
 _EMPTY = _these("no without un non free empty w")
 _LOAD = _these("load loaded payload weight loading")
 _NO_LOAD = ("noload", "unload", "nopayload", "withoutload", "withoutpayload", "空载", "无负载", "无载")
@@ -183,7 +186,7 @@ def _desired(words: Sequence[str]) -> bool:
 
 def _joint(words: Sequence[str]) -> int | None:
     """A number from 0 to 3 behind a word that can name a joint, the last one if there are several."""
-    counted = _NOT_JOINTS | _CONTROLLER | _LOAD
+    counted = NOT_JOINTS | _CONTROLLER | _LOAD
     found = [
         int(number)
         for before, number, after in zip(words, words[1:], [*words[2:], ""], strict=False)
