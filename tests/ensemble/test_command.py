@@ -14,7 +14,7 @@ from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.ensemble.block import compute_block
 from tendonrepro.ensemble.command import load_study, run_ensemble
-from tendonrepro.ensemble.data import read_ensemble
+from tendonrepro.ensemble.data import PLAN, read_ensemble
 from tendonrepro.ensemble.shards import FOLDER, shard_files
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 
@@ -91,6 +91,7 @@ def test_a_corrupt_shard_is_computed_again(unbroken, harm, capsys):
     before = digests(unbroken)
     first, second = shard_files(unbroken / FOLDER)[2:4]
     first.write_bytes(harm(first.read_bytes(), second.read_bytes()))
+    (unbroken / PLAN).write_text("{")
     summary = run_ensemble_of(unbroken, talk=Talk())
     assert summary["resumed_from"] == 15
     assert f"{first.name}: " in capsys.readouterr().err
