@@ -31,8 +31,8 @@ an infinite error, so that it comes last and two that diverged are not in order;
 the error it has. Plants that the integrator could not resolve are in neither, and are counted.
 """
 
-FEWEST_PLANTS = 30
-"""Plants below which a reading is not compared with the printed ratios."""
+LEAST_PLANTS = 100
+"""Plants below which nothing is concluded: no verdict on a claim, a reading or the printed ranking."""
 
 LEAST_SCRAMBLINGS = 8
 """Scramblings with plants below which there is no interval."""
@@ -258,7 +258,7 @@ def agreement(found: dict[str, Any], joints: Sequence[int]) -> dict[str, Any]:
     """Compare the printed ratios with what a reading gives over plants on which all laws are ``ok``.
 
     ``agrees`` when all are inside the central 90 %; ``cannot`` when one is beyond every plant; ``no plant``
-    when there is none to compare with, ``too few`` below `FEWEST_PLANTS`; else ``in part``.
+    when there is none to compare with, ``too few`` below `LEAST_PLANTS`; else ``in part``.
     """
     inside: list[str] = []
     outside: list[str] = []
@@ -277,6 +277,6 @@ def agreement(found: dict[str, Any], joints: Sequence[int]) -> dict[str, Any]:
                     beyond.append(name)
     verdict = "cannot" if beyond else "in part" if outside else "agrees" if inside else "no plant"
     plants = found["share_c1_lt_c2_lt_c3"]["all_ok"]["mae"]["both"]["plants"]
-    if verdict != "no plant" and plants < FEWEST_PLANTS:
+    if verdict != "no plant" and plants < LEAST_PLANTS:
         verdict = "too few"
     return {"verdict": verdict, "inside": inside, "outside": outside, "beyond": beyond}

@@ -136,7 +136,7 @@ def search(
     all that the search depends on, is the same. However often interrupted, it ends the same to the last bit.
     """
     state = load_state(path, identity, talk)
-    with talk.bar("searching", effort.evaluations) as progress:
+    with talk.resumable(), talk.bar("searching", effort.evaluations) as progress:
         if state is None:
             state = _first(initial, misfit, seed)
             save_state(path, state, identity)
