@@ -23,7 +23,7 @@ RATIOS: Mapping[str, tuple[int, int]] = {"ratio_c1_c2": (0, 1), "ratio_c2_c3": (
 
 RATIO_NAMES: Mapping[str, str] = {"ratio_c1_c2": "C1/C2", "ratio_c2_c3": "C2/C3"}
 
-PLANTS = ("all_ok", "diverged_last")
+PLANT_SETS = ("all_ok", "diverged_last")
 """The two sets of plants that every ranking is given over.
 
 ``all_ok``: plants on which the three laws are ``ok``. ``diverged_last``: all plants; a law that diverged has
@@ -172,11 +172,11 @@ def spread_of(values: Array, replicate: NDArray[np.int64]) -> Spread:
 def reading_summary(data: EnsembleData, reading: str) -> dict[str, Any]:
     """What one reading makes of the claims: shares, ratios, statuses, agreement with the printed ratios.
 
-    Rankings and ratios are given over each of `PLANTS`, then by metric, then for ``both`` joints or each.
+    Rankings and ratios are given over each of `PLANT_SETS`, then by metric, then for ``both`` joints or each.
     """
     status = np.array([data.status(run, reading) for run in CONTROLLERS])
     result: dict[str, Any] = {"name": reading, "status": status_shares(data, reading)}
-    result |= {key: {plants: {} for plants in PLANTS} for key in (*_RANKINGS, *RATIOS)}
+    result |= {key: {plants: {} for plants in PLANT_SETS} for key in (*_RANKINGS, *RATIOS)}
     counted = _plants(status)
     held: dict[str, dict[str, list[Flags]]] = {key: {} for key in _RANKINGS}
     for metric in METRICS:
