@@ -81,6 +81,40 @@ def write_atomically(path: Path, content: bytes | str) -> None:
         temporary.write_bytes(data)
 
 
+def sealed(content: bytes) -> bytes:
+    """Content with its SHA-256 behind it, by which `unsealed` tells whether it is as it was written."""
+    return content + hashlib.sha256(content).digest()
+
+
+def unsealed(path: Path) -> bytes:
+    """Read what was written `sealed`, before a library is given it that damage may lead astray.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    bytes
+        The content without its seal.
+
+    Raises
+    ------
+    DataMissingError
+        When the file is missing, cannot be read, or is not as it was written.
+    """
+    try:
+        whole = path.read_bytes()
+    except OSError as error:
+        message = f"cannot be read: {_reason(error)}"
+        raise DataMissingError(message, where=str(path)) from error
+    content = whole[: -hashlib.sha256().digest_size]
+    if sealed(content) != whole:
+        message = "is damaged: it is not as it was written"
+        raise DataMissingError(message, where=str(path))
+    return content
+
+
 def sha256_of(path: Path) -> str:
     """Hexadecimal SHA-256 of a file's bytes.
 

@@ -16,13 +16,14 @@ from tendonrepro.arrays import Array
 from tendonrepro.claims.from_ensemble import outcome
 from tendonrepro.claims.judge import Sources, Verdict, changed, failing, judge_all
 from tendonrepro.claims.plants import Ensemble, Plants
-from tendonrepro.claims.report import as_data, details_text, table_text, write_claims
+from tendonrepro.claims.report import as_data, changes_text, details_text, table_text, write_claims
 from tendonrepro.claims.sensitivity import Ranking, ranked
+from tendonrepro.claims.verdicts import NAMES
 from tendonrepro.config.models.readings import PRINTED
 from tendonrepro.config.published import published
 from tendonrepro.console import Talk
 from tendonrepro.dataset.measured_file import MEASURED, read_measured
-from tendonrepro.ensemble.data import EnsembleData, read_ensemble
+from tendonrepro.ensemble.data import EnsembleData, NotFinishedError, read_ensemble
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.physics.metrics import STATUSES
@@ -85,8 +86,9 @@ def run_claims(
     readings = 0 if sources.ensemble is None else len(sources.ensemble.readings)
     with talk.bar("judging", readings) as progress:
         verdicts = judge_all(sources, only=ids, decided_by=bool(ids), progress=progress)
-    failed = tuple(failing(verdicts)) if before is None else tuple(changed(before, verdicts))
-    data = as_data(verdicts)
+    changes = {} if before is None else changed(before, verdicts)
+    failed = tuple(failing(verdicts) if before is None else changes)
+    data = as_data(verdicts) | ({} if before is None else {"changed": changes})
     if ids:
         return Ledger(tuple(verdicts), failed, "\n\n".join(map(details_text, verdicts)), data)
     files = write_claims(verdicts, out / FOLDER)
@@ -103,8 +105,10 @@ def run_claims(
         )
         files += save_figure(draw_laws(sources.compare), out / FOLDER / "figures", "laws", "laws", caption)
     data["files"] = [str(path) for path in files]
-    text = f"{table_text(verdicts)}\n\nThe ledger is in {out / FOLDER}"
-    return Ledger(tuple(verdicts), failed, text, data)
+    parts = [table_text(verdicts), f"The ledger is in {out / FOLDER}"]
+    if before is not None:
+        parts.insert(1, changes_text(changes))
+    return Ledger(tuple(verdicts), failed, "\n\n".join(parts), data)
 
 
 def _sources(out: Path, measured: Path | None, talk: Talk) -> Sources:
@@ -122,22 +126,29 @@ def _ensemble(folder: Path, talk: Talk) -> EnsembleData | None:
     """Results over the box; an unfinished ensemble counts as none, and is told of."""
     try:
         return read_ensemble(folder)
-    except DataMissingError as error:
+    except NotFinishedError as error:
         if folder.exists():
             talk.note(f"{error.where}: {error.message}; judging without it")
         return None
 
 
-def _baseline(path: Path, ids: Sequence[str]) -> dict[str, Any]:
+def _baseline(path: Path, ids: Sequence[str]) -> dict[str, str]:
+    """Verdicts of an earlier ledger, by id."""
     if ids:
         message = "a baseline is of the whole ledger, not of single claims"
         raise UsageError(message, where="--baseline")
     try:
-        found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        message = f"cannot be read as the JSON of tendonrepro claims: {error}"
+        found = json.loads(path.read_bytes())
+        before = {str(entry["id"]): str(entry["verdict"]) for entry in found["claims"]}
+    except OSError as error:
+        message = f"cannot be read: {error.strerror or error}"
         raise DataMissingError(message, where=str(path)) from error
-    return found
+    except (ValueError, TypeError, LookupError, RecursionError):
+        before = {}
+    if not before or not {*before.values()} <= {*NAMES}:
+        message = "is damaged or not the JSON of tendonrepro claims"
+        raise DataMissingError(message, where=str(path), hint="write one with tendonrepro claims")
+    return before
 
 
 def _rankings(data: Ensemble) -> dict[str, Ranking]:

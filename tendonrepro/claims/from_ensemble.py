@@ -13,7 +13,6 @@ from tendonrepro.claims.from_print import Evidence, Judged, missing
 from tendonrepro.claims.plants import UNRESOLVED, Plants
 from tendonrepro.claims.statements import CLAIMS, FIRST, LOADED, Findings, Statement, smaller
 from tendonrepro.claims.verdicts import (
-    LEAST_PLANTS,
     MOST_UNRESOLVED,
     Decision,
     Mask,
@@ -23,7 +22,7 @@ from tendonrepro.claims.verdicts import (
     with_values,
 )
 from tendonrepro.config.published import Published, rounding
-from tendonrepro.ensemble.shares import share_of, spread_of
+from tendonrepro.ensemble.shares import LEAST_PLANTS, share_of, spread_of
 from tendonrepro.errors import DataMissingError
 from tendonrepro.results.summary import CONTROLLERS
 

@@ -327,7 +327,8 @@ class OneArm:
         """One statistic, SI, (1, 2)."""
         del reading
         found = self._statistic(run, name)
-        self.asked.setdefault(run, {})[name] = found[0].tolist()
+        unit, factor = _UNITS[name.partition("_")[0]]
+        self.asked.setdefault(run, {})[f"{name}_{unit}"] = (factor * found[0]).tolist()
         return found
 
     def _statistic(self, run: str, name: str) -> Array:
@@ -403,6 +404,11 @@ class OneArm:
             message = "s of all controllers: a recorded one cannot be compared with a computed one"
             raise DataMissingError(message)
 
+
+_DEG = float(np.rad2deg(1.0))
+_UNITS = {"mae": ("deg", _DEG), "rmse": ("deg", _DEG), "s": ("deg_per_s", _DEG)}
+_UNITS |= {"torque": ("N_m", 1.0), "H": ("N_m", 1.0)}
+"""Unit of a statistic as evidence, by the first word of its name, and its size per SI unit."""
 
 _SIGNALS = {"s": ("s", "e"), "torque": ("tau_m",), "H": ("H_hat",), "mae": ("e",)}
 """Signals of which a statistic needs one, by the first word of its name."""

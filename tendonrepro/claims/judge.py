@@ -228,15 +228,8 @@ def failing(verdicts: Iterable[Verdict]) -> list[str]:
     return [verdict.id for verdict in verdicts if verdict.verdict in FAILURES]
 
 
-def changed(baseline: Mapping[str, Any], now: Iterable[Verdict]) -> dict[str, tuple[str | None, str | None]]:
-    """Id -> verdict in an earlier ``claims.json`` and now; None where it was not, or is no longer, judged."""
-    entries = baseline.get("claims") if isinstance(baseline, Mapping) else None
-    if not isinstance(entries, list) or not all(
-        isinstance(entry, Mapping) and {"id", "verdict"} <= entry.keys() for entry in entries
-    ):
-        message = "the baseline is not the JSON of tendonrepro claims"
-        raise UsageError(message)
-    before = {str(entry["id"]): str(entry["verdict"]) for entry in entries}
+def changed(before: Mapping[str, str], now: Iterable[Verdict]) -> dict[str, tuple[str | None, str | None]]:
+    """Id -> verdict before and now; None where it was not, or is no longer, judged."""
     after = {verdict.id: verdict.verdict for verdict in now}
     return {
         name: (before.get(name), after.get(name))

@@ -63,6 +63,12 @@ def _notes(verdicts: Sequence[Verdict]) -> list[str]:
     return notes
 
 
+def changes_text(changes: Mapping[str, tuple[str | None, str | None]]) -> str:
+    """Verdicts that changed since an earlier ledger, one a line."""
+    rows = [f"{name}: {old or 'not judged'} -> {new or 'not judged'}" for name, (old, new) in changes.items()]
+    return "\n".join(["Changed since the baseline:", *rows] if rows else ["No verdict changed."])
+
+
 def details_text(verdict: Verdict) -> str:
     """One claim with all its evidence."""
     head = [

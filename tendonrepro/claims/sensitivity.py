@@ -8,12 +8,12 @@ from typing import Any, TypedDict
 import numpy as np
 
 from tendonrepro.arrays import Array
+from tendonrepro.ensemble.shares import LEAST_PLANTS
 
 RESAMPLES = 50
 SHUFFLES = 40
 SEED = 20260515
 FLOOR_QUANTILE = 0.95
-LEAST_DRAWS = 100
 LEAST_OTHERS = 20
 
 # The method's usual ten harmonics fit more of the noise of a few hundred plants.
@@ -42,13 +42,13 @@ def ranked(names: Sequence[str], draws: Array, outcome: Array, seed: int = SEED)
 
     First-order indices by RBD-FAST (SALib), which needs the draws in no special order and of their values
     only the order. The noise floor is the 95 % quantile, over shuffles of the outcome, of the largest index
-    of all rows. None with fewer than 100 finite outcomes, or when fewer than 20 of them differ from the
-    commonest: a bootstrap of so rare an outcome may well not hold it at all.
+    of all rows. None with too few finite outcomes, `LEAST_PLANTS`, or when fewer than 20 of them differ from
+    the commonest: a bootstrap of so rare an outcome may well not hold it at all.
     """
     finite = np.isfinite(outcome)
     draws, outcome = draws[finite], outcome[finite].astype(np.float64)
     commonest = np.unique(outcome, return_counts=True)[1].max(initial=0)
-    if len(outcome) < LEAST_DRAWS or len(outcome) - commonest < LEAST_OTHERS:
+    if len(outcome) < LEAST_PLANTS or len(outcome) - commonest < LEAST_OTHERS:
         return None
     rng = np.random.default_rng(seed)
     # Equal values of an unknown must not keep the order of the sequence they were drawn in.

@@ -29,7 +29,6 @@ FAILURES = frozenset({"not_reproduced", "contradicted", "outside_model"})
 
 SIMILAR = 0.05
 """Largest relative difference of what is called similar."""
-LEAST_PLANTS = 100
 MOST_UNRESOLVED = 0.05
 
 Mask: TypeAlias = NDArray[np.bool_]

@@ -35,7 +35,9 @@ def sweep(
 def ensemble(
     request: Request,
     terminal: Terminal,
-    draws: Annotated[int, typer.Option("--draws", help="Plants drawn, a power of two.")] = 1024,
+    draws: Annotated[
+        int, typer.Option("--draws", help="Plants drawn, a power of two; as shipped 256 at least.")
+    ] = 1024,
     jobs: Annotated[int, typer.Option("--jobs", help="Processes; -1 is one for each processor.")] = -1,
     dask: Annotated[
         str | None, typer.Option("--dask", metavar="ADDRESS", help="Scheduler to send the work to.")

@@ -21,13 +21,14 @@ from tendonrepro.ensemble.data import PLAN, missing_blocks, prepare, read_ensemb
 from tendonrepro.ensemble.figures import draw_ensemble_figures
 from tendonrepro.ensemble.plan import Study
 from tendonrepro.ensemble.report import cost_text, population_summary, spot_checks, write_ensemble_tables
-from tendonrepro.ensemble.shards import FOLDER, SCHEMA_VERSION
+from tendonrepro.ensemble.shards import FOLDER, SCHEMA_VERSION, Block
 from tendonrepro.ensemble.workers import here, on_cluster
 from tendonrepro.errors import UsageError
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.results.folder import HeldFolder, claimed, refuse_others
 from tendonrepro.results.manifest import make_manifest
 from tendonrepro.simulation.batch import simulate_batch
+from tendonrepro.simulation.codegen.compiled import lanes_are_new
 
 SUMMARY = "summary.json"
 
@@ -139,7 +140,9 @@ def run_study(
         make = partial(make_block, study, simulate=simulate)
         stream = on_cluster(make, missing, dask) if dask else here(make, missing, jobs)
         experiments = sum(block.count for block in missing) * len(study.cases)
-        with talk.bar("simulating", experiments) as progress, closing(stream):
+        if missing:
+            _announce(study, draws, missing, talk)
+        with talk.resumable(), talk.bar("simulating", experiments) as progress, closing(stream):
             # This process is the only writer.
             for block, image in stream:
                 write_atomically(folder / FOLDER / block.file_name, image)
@@ -151,6 +154,15 @@ def run_study(
             "blocks": len(blocks),
         }
         return _finish(study, draws, held, speed, seconds, talk)
+
+
+def _announce(study: Study, draws: int, missing: Sequence[Block], talk: Talk) -> None:
+    """Say what is ahead: nothing is counted before the first blocks are done, minutes later."""
+    share = sum(block.count for block in missing) / sum(block.count for block in study.blocks(draws))
+    text = cost_text({key: share * value for key, value in study.cost(draws).items()})
+    if lanes_are_new():
+        talk.note("compiling once for this machine, a minute or two")
+    talk.note(f"{text}, counted in blocks of {missing[0].count * len(study.cases):,}")
 
 
 def _finish(

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tendonrepro.ensemble.report import percent, printed_reading, quantile_text
-from tendonrepro.ensemble.shares import FEW, FEWEST_PLANTS, MOST, RATIO_NAMES, RATIOS
+from tendonrepro.ensemble.shares import FEW, LEAST_PLANTS, MOST, RATIO_NAMES, RATIOS
 from tendonrepro.results.summary import CONTROLLERS
 
 
@@ -49,9 +49,13 @@ def _ranking(name: str, summary: Mapping[str, Any]) -> str:
 
 
 def _verdict(summary: Mapping[str, Any]) -> str:
-    share = printed_reading(summary)["share_c1_lt_c2_lt_c3"]["all_ok"]["mae_and_rmse"]["both"]["share"]
+    found = printed_reading(summary)["share_c1_lt_c2_lt_c3"]["all_ok"]["mae_and_rmse"]["both"]
+    share = found["share"]
     if share is None:
         return ""
+    if found["plants"] < LEAST_PLANTS:
+        few = f"{found['plants']} plants are too few to judge the printed ranking by"
+        return f"{few}; {LEAST_PLANTS} are needed."
     if share >= MOST:
         return "So the printed ranking follows from the printed equations on nearly every plant of the box."
     if share <= FEW:
@@ -85,11 +89,11 @@ def _readings(summary: Mapping[str, Any]) -> list[str]:
     for reading in summary["readings"]:
         by_verdict.setdefault(reading["agreement"]["verdict"], []).append(reading)
     agreeing, refuted = by_verdict.get("agrees", []), by_verdict.get("cannot", [])
-    lines = [
-        f"All printed ratios lie inside the central 90 % under {_names(agreeing)}."
-        if agreeing
-        else "Under no reading do all printed ratios lie inside the central 90 %."
-    ]
+    lines = []
+    if agreeing:
+        lines.append(f"All printed ratios lie inside the central 90 % under {_names(agreeing)}.")
+    elif by_verdict.keys() - {"no plant", "too few"}:
+        lines.append("Under no reading do all printed ratios lie inside the central 90 %.")
     if refuted:
         lines.append(f"A printed ratio lies beyond every plant drawn under {_names(refuted)}.")
     if nothing := by_verdict.get("no plant"):
@@ -102,11 +106,11 @@ def _readings(summary: Mapping[str, Any]) -> list[str]:
 def _best(summary: Mapping[str, Any]) -> str:
     def share(reading: Mapping[str, Any]) -> float:
         found = reading["share_c1_lt_c2_lt_c3"]["all_ok"]["mae_and_rmse"]["both"]
-        return -1.0 if found["plants"] < FEWEST_PLANTS else float(found["share"])
+        return -1.0 if found["plants"] < LEAST_PLANTS else float(found["share"])
 
     best = max(summary["readings"], key=share)
     found = best["share_c1_lt_c2_lt_c3"]["all_ok"]["mae_and_rmse"]["both"]
-    if found["share"] is None:
+    if found["plants"] < LEAST_PLANTS:
         return ""
     return (
         f"The printed order in MAE and RMSE on both joints is most frequent under {best['name']}: "

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.console import Talk
-from tendonrepro.ensemble.plan import Study
-from tendonrepro.ensemble.shards import FOLDER, Block, Case, identity_of, opened, read_shard, shard_files
+from tendonrepro.ensemble.plan import Study, digest_of
+from tendonrepro.ensemble.shards import FOLDER, Block, Case, check_shard, identity_of, opened, shard_files
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.results.folder import HeldFolder
 from tendonrepro.simulation.streaming import STATISTICS
@@ -30,17 +30,9 @@ KEPT_BYTES = 64e6
 PLAN = "plan.json"
 """File that says which blocks make up the ensemble in a folder."""
 
-_IN_PLAN = {
-    "populations",
-    "replicates",
-    "joints",
-    "alpha",
-    "runs",
-    "readings",
-    "variations",
-    "lookup",
-    "blocks",
-}
+
+class NotFinishedError(DataMissingError):
+    """There is no ensemble in a folder, or it was interrupted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,8 +159,10 @@ def read_ensemble(folder: Path, population: str = "box", *, stride: int = 1) -> 
 
     Raises
     ------
+    NotFinishedError
+        When there is none, or it was interrupted.
     DataMissingError
-        When there is none, or it is not complete.
+        When its plan or a shard is damaged.
     UsageError
         When it cannot be thinned so far.
     """
@@ -197,18 +191,21 @@ def read_ensemble(folder: Path, population: str = "box", *, stride: int = 1) -> 
 
 
 def _read_plan(folder: Path) -> dict[str, Any]:
-    hint = "run tendonrepro ensemble first"
-    plan = None
+    path = folder / PLAN
     try:
-        plan = json.loads((folder / PLAN).read_text(encoding="utf-8"))
-    except OSError as error:
+        plan = json.loads(path.read_bytes())
+    except FileNotFoundError as error:
         message = "holds no ensemble"
-        raise DataMissingError(message, where=str(folder), hint=hint) from error
-    except ValueError:
-        pass  # as what is valid JSON but no plan
-    if not isinstance(plan, dict) or not plan.keys() >= _IN_PLAN:
-        message = "is not the plan of an ensemble"
-        raise DataMissingError(message, where=str(folder / PLAN), hint=hint)
+        raise NotFinishedError(message, where=str(folder), hint="run tendonrepro ensemble first") from error
+    except OSError as error:
+        message = f"cannot be read: {error.strerror or error}"
+        raise DataMissingError(message, where=str(path)) from error
+    except (ValueError, RecursionError):
+        plan = None
+    if not isinstance(plan, dict) or plan.pop("sha256", None) != digest_of(plan):
+        message = "is damaged or not the plan of an ensemble"
+        hint = "run the same tendonrepro ensemble again: it writes a new one and keeps what is computed"
+        raise DataMissingError(message, where=str(path), hint=hint)
     return plan
 
 
@@ -224,7 +221,9 @@ def _files(
     if missing:
         message = f"{missing} of {len(files)} blocks are missing; the ensemble was interrupted"
         hint = "run the same tendonrepro ensemble again to finish it"
-        raise DataMissingError(message, where=str(folder), hint=hint)
+        raise NotFinishedError(message, where=str(folder), hint=hint)
+    for path, block, _ in files:
+        check_shard(path, block, plan["identity"])
     return files
 
 
@@ -281,10 +280,7 @@ def missing_blocks(folder: Path, study: Study, blocks: Sequence[Block], talk: Ta
 def _fault(path: Path, block: Block, study: Study) -> str | None:
     """What is wrong with a shard; None when nothing is."""
     try:
-        shard = read_shard(path)
+        check_shard(path, block, study.identity)
     except DataMissingError as error:
         return error.message
-    cases = tuple((run, case.name) for run, case in study.cases)
-    if shard.block != block or shard.cases != cases or shard.identity != study.identity:
-        return "is not what its name says"
     return None

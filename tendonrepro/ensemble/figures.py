@@ -47,6 +47,9 @@ def draw_ratios(population: str, summary: Mapping[str, Any]) -> Drawing:
         for panel, (key, joint) in zip(axes, panels, strict=True):
             _draw_ratio(panel, summary["readings"], key, f"joint_{joint}")
             panel.set_xlabel("ratio of MAE")
+        marks = {line.get_label(): line for panel in axes for line in panel.lines}
+        held = [line for label, line in marks.items() if not str(label).startswith("_")]
+        axes[0].figure.legend(handles=held, loc="outside upper center", ncols=5)
 
     caption = (
         f"Ratio of the mean absolute errors on plants of the population {population} on which all three laws "
@@ -68,13 +71,20 @@ def _draw_ratio(panel: Axes, readings: Sequence[Mapping[str, Any]], key: str, jo
         if ratio["plants"] == 0:
             continue
         q05, q25, median, q75, q95 = (ratio[name]["value"] for name in ("q05", "q25", "median", "q75", "q95"))
-        panel.plot([q05, q95], [row, row], color=stroke.colour, linewidth=0.7)
-        panel.plot([q25, q75], [row, row], color=stroke.colour, linewidth=2.6)
-        panel.plot(median, row, "o", color="white", markeredgecolor=stroke.colour, markersize=3.2)
+        panel.plot([q05, q95], [row, row], color=stroke.colour, linewidth=0.7, label="central 90 %")
+        panel.plot([q25, q75], [row, row], color=stroke.colour, linewidth=2.6, label="central 50 %")
+        panel.plot(
+            median, row, "o", color="white", markeredgecolor=stroke.colour, markersize=3.2, label="median"
+        )
         if key == "ratio_c1_c2":
-            panel.plot(reading["theory"][joint], row, "x", color="black", markersize=3.5, markeredgewidth=0.8)
+            theory = reading["theory"][joint]
+            panel.plot(
+                theory, row, "x", color="black", markersize=3.5, markeredgewidth=0.8, label="slow errors"
+            )
     if np.isfinite(printed):
-        panel.axvline(printed, color=SERIES[1].colour, linestyle=SERIES[1].linestyle, zorder=0.5)
+        panel.axvline(
+            printed, color=SERIES[1].colour, linestyle=SERIES[1].linestyle, zorder=0.5, label="printed"
+        )
     panel.axvline(1.0, color="#999999", linewidth=0.4, zorder=0.4)
     if any(reading[key]["all_ok"]["mae"][joint]["plants"] for reading in readings):
         panel.set_xscale("log")

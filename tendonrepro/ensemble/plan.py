@@ -30,6 +30,11 @@ SECONDS_PER_EXPERIMENT = 8e-3
 _COMPRESSION = 0.9
 
 
+def digest_of(content: Mapping[str, Any]) -> str:
+    """SHA-256 of plain values."""
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
 @dataclass(frozen=True, eq=False)
 class Study:
     """Everything that determines an ensemble's numbers but how many draws there are.
@@ -109,7 +114,7 @@ class Study:
             "cases": [[run, case.name] for run, case in self.cases],
             "statistics": STATISTICS,
         }
-        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+        return digest_of(content)
 
     def blocks(self, draws: int) -> list[Block]:
         """Cut the draws of every population, so many of each at a share of 1, into blocks.
@@ -135,8 +140,8 @@ class Study:
         return int(draws * self.shares[population])
 
     def plan(self, draws: int) -> dict[str, Any]:
-        """Describe the ensemble as plain values that are all one needs to read its results."""
-        return {
+        """Describe the ensemble as the plain values one needs to read its results, with their digest."""
+        content = {
             "schema_version": SCHEMA_VERSION,
             "identity": self.identity,
             "draws": draws,
@@ -153,6 +158,7 @@ class Study:
                 [block.population, block.replicate, block.first, block.count] for block in self.blocks(draws)
             ],
         }
+        return content | {"sha256": digest_of(content)}
 
     def cost(self, draws: int, seconds: float = SECONDS_PER_EXPERIMENT) -> dict[str, float]:
         """Estimate experiments, processor hours and disk space of an ensemble."""

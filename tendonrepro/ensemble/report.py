@@ -10,7 +10,7 @@ from tendonrepro.config.models.readings import PRINTED
 from tendonrepro.console import columns
 from tendonrepro.ensemble.data import EnsembleData
 from tendonrepro.ensemble.shards import FOLDER, Block, read_check
-from tendonrepro.ensemble.shares import METRICS, PLANTS, QUANTILES, RATIO_NAMES, RATIOS, reading_summary
+from tendonrepro.ensemble.shares import METRICS, PLANT_SETS, QUANTILES, RATIO_NAMES, RATIOS, reading_summary
 from tendonrepro.files import write_atomically
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.results.tables import NOTHING, csv_text, markdown
@@ -63,7 +63,7 @@ def spot_checks(folder: Path, blocks: Sequence[Block]) -> dict[str, Any]:
 def flat_rows(population: str, summary: Mapping[str, Any]) -> Iterator[dict[str, object]]:
     """Yield a row per reading, set of plants, metric and joint (or both), with every number of the table."""
     for reading in summary["readings"]:
-        for plants in PLANTS:
+        for plants in PLANT_SETS:
             for metric in (*METRICS, "mae_and_rmse"):
                 for joint in reading["share_c1_best"][plants][metric]:
                     start = {"population": population, "reading": reading["name"], "plants": plants}

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.errors import DataMissingError
+from tendonrepro.files import sealed, unsealed
 
 SCHEMA_VERSION = 1
 
@@ -111,7 +112,7 @@ class Shard:
 
 
 def shard_image(shard: Shard) -> bytes:
-    """Bytes of a shard's file, made in memory: the HDF5 library does not survive a disk that fills up."""
+    """Bytes of a shard's file, sealed; made in memory: the HDF5 library does not survive a full disk."""
     with h5py.File(
         "shard.h5", "w", driver="core", backing_store=False, block_size=2**20, libver=("earliest", "v110")
     ) as root:
@@ -129,7 +130,7 @@ def shard_image(shard: Shard) -> bytes:
         for name, values in shard.statistics.items():
             _put(root, f"statistics/{name}", values)
         root.flush()
-        return bytes(root.id.get_file_image())
+        return sealed(root.id.get_file_image())
 
 
 def _put(root: h5py.File, name: str, values: NDArray[Any]) -> None:
@@ -140,47 +141,38 @@ def _put(root: h5py.File, name: str, values: NDArray[Any]) -> None:
     root.create_dataset(name, data=values, chunks=chunks, **packed)
 
 
-def read_shard(path: Path) -> Shard:
-    """Read a whole shard and check it against its digest; refuse what is not whole, or of another layout."""
-    with opened(path) as root:
-        attributes = dict(root.attrs)
-        if attributes.get("schema_version") != SCHEMA_VERSION:
-            message = f"is not a shard of layout {SCHEMA_VERSION}"
-            raise DataMissingError(message, where=str(path))
-        shard = Shard(
-            block=Block(
-                attributes["population"], *(int(attributes[key]) for key in ("replicate", "first", "count"))
-            ),
-            identity=attributes["identity"],
-            names=tuple(json.loads(attributes["names"])),
-            cases=tuple((run, name) for run, name in json.loads(attributes["cases"])),
-            check=json.loads(attributes["check"]),
-            statistics={name: values[()] for name, values in root["statistics"].items()},
-            seconds=float(attributes["seconds"]),
-            **{name: root[name][()] for name in _ARRAYS},
-        )
-        if shard.digest() != attributes["digest"]:
-            message = "does not match its own digest"
-            raise DataMissingError(message, where=str(path))
-    return shard
+def check_shard(path: Path, block: Block, identity: str) -> None:
+    """Refuse a file that is not, as it was written, the shard of this block of this ensemble."""
+    with _whole(path) as root:
+        found = [root.attrs[key] for key in (*vars(block), "identity")]
+    if found != [*vars(block).values(), identity]:
+        message = "is not what its name says"
+        raise DataMissingError(message, where=str(path), hint=_HINT)
 
 
 @contextmanager
 def opened(path: Path) -> Iterator[h5py.File]:
-    """Open a shard to read parts of it; what turns out missing or damaged is told as missing data."""
+    """Open a shard that was checked, to read parts of it; what went wrong since is told as missing data."""
     try:
         with h5py.File(path, "r") as root:
             yield root
-    except FileNotFoundError as error:
-        message = "there is no such shard"
-        raise DataMissingError(message, where=str(path), hint=_HINT) from error
-    # The HDF5 library reports damage in as many ways as there are places for it.
-    except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:
+    except (OSError, KeyError, ValueError) as error:
         message = "is damaged or not a shard"
         raise DataMissingError(message, where=str(path), hint=_HINT) from error
 
 
-_HINT = "run tendonrepro ensemble again: it makes what is missing and keeps the rest"
+@contextmanager
+def _whole(path: Path) -> Iterator[h5py.File]:
+    """Open a shard that is as it was written; the HDF5 library may hang in what is not."""
+    try:
+        unsealed(path)
+    except DataMissingError as error:
+        raise DataMissingError(error.message, where=error.where, hint=_HINT) from error
+    with opened(path) as root:
+        yield root
+
+
+_HINT = "run the same tendonrepro ensemble again: it makes what is missing and keeps the rest"
 
 
 def shard_files(folder: Path) -> list[Path]:
@@ -189,9 +181,9 @@ def shard_files(folder: Path) -> list[Path]:
 
 
 def identity_of(path: Path) -> str | None:
-    """Identity that a shard claims; None when it cannot be read."""
+    """Identity that a shard claims; None when it is damaged."""
     try:
-        with opened(path) as root:
+        with _whole(path) as root:
             return str(root.attrs["identity"])
     except DataMissingError:
         return None

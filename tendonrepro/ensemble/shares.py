@@ -23,7 +23,7 @@ RATIOS: Mapping[str, tuple[int, int]] = {"ratio_c1_c2": (0, 1), "ratio_c2_c3": (
 
 RATIO_NAMES: Mapping[str, str] = {"ratio_c1_c2": "C1/C2", "ratio_c2_c3": "C2/C3"}
 
-PLANTS = ("all_ok", "diverged_last")
+PLANT_SETS = ("all_ok", "diverged_last")
 """The two sets of plants that every ranking is given over.
 
 ``all_ok``: plants on which the three laws are ``ok``. ``diverged_last``: all plants; a law that diverged has
@@ -31,8 +31,8 @@ an infinite error, so that it comes last and two that diverged are not in order;
 the error it has. Plants that the integrator could not resolve are in neither, and are counted.
 """
 
-FEWEST_PLANTS = 30
-"""Plants below which a reading is not compared with the printed ratios."""
+LEAST_PLANTS = 100
+"""Plants below which nothing is concluded: no verdict on a claim, a reading or the printed ranking."""
 
 LEAST_SCRAMBLINGS = 8
 """Scramblings with plants below which there is no interval."""
@@ -172,11 +172,11 @@ def spread_of(values: Array, replicate: NDArray[np.int64]) -> Spread:
 def reading_summary(data: EnsembleData, reading: str) -> dict[str, Any]:
     """What one reading makes of the claims: shares, ratios, statuses, agreement with the printed ratios.
 
-    Rankings and ratios are given over each of `PLANTS`, then by metric, then for ``both`` joints or each.
+    Rankings and ratios are given over each of `PLANT_SETS`, then by metric, then for ``both`` joints or each.
     """
     status = np.array([data.status(run, reading) for run in CONTROLLERS])
     result: dict[str, Any] = {"name": reading, "status": status_shares(data, reading)}
-    result |= {key: {plants: {} for plants in PLANTS} for key in (*_RANKINGS, *RATIOS)}
+    result |= {key: {plants: {} for plants in PLANT_SETS} for key in (*_RANKINGS, *RATIOS)}
     counted = _plants(status)
     held: dict[str, dict[str, list[Flags]]] = {key: {} for key in _RANKINGS}
     for metric in METRICS:
@@ -258,7 +258,7 @@ def agreement(found: dict[str, Any], joints: Sequence[int]) -> dict[str, Any]:
     """Compare the printed ratios with what a reading gives over plants on which all laws are ``ok``.
 
     ``agrees`` when all are inside the central 90 %; ``cannot`` when one is beyond every plant; ``no plant``
-    when there is none to compare with, ``too few`` below `FEWEST_PLANTS`; else ``in part``.
+    when there is none to compare with, ``too few`` below `LEAST_PLANTS`; else ``in part``.
     """
     inside: list[str] = []
     outside: list[str] = []
@@ -277,6 +277,6 @@ def agreement(found: dict[str, Any], joints: Sequence[int]) -> dict[str, Any]:
                     beyond.append(name)
     verdict = "cannot" if beyond else "in part" if outside else "agrees" if inside else "no plant"
     plants = found["share_c1_lt_c2_lt_c3"]["all_ok"]["mae"]["both"]["plants"]
-    if verdict != "no plant" and plants < FEWEST_PLANTS:
+    if verdict != "no plant" and plants < LEAST_PLANTS:
         verdict = "too few"
     return {"verdict": verdict, "inside": inside, "outside": outside, "beyond": beyond}

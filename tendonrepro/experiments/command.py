@@ -15,6 +15,7 @@ from tendonrepro.config.load import ExperimentName, LoadedConfig
 from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.experiments.linear import growing
 from tendonrepro.experiments.loops import all_loops
 from tendonrepro.experiments.run import PRECISE, simulate_all, trace_file
 from tendonrepro.experiments.user_law import UserLaw, find_user_law
@@ -86,7 +87,8 @@ def run_experiment(order: Order, talk: Talk) -> dict[str, Any]:
         held.files += [held.path / TRACES, *_draw_figures(file, held.path)]
         held.files += write_tables(file, held.path / "tables")
         held.finish(manifest, talk)
-    return _results(file, order.folder)
+    found = _results(file, order.folder)
+    return found | {"growing_hz": growing(loaded)} if order.experiment == "compare" else found
 
 
 def diverged(found: dict[str, Any]) -> bool:

@@ -50,7 +50,15 @@ def _compare_parts(data: Mapping[str, Any]) -> list[str]:
         )
         order = " (printed: 1, 2, 3)" if judged else ""
         parts += [f"Controllers by error, smallest first{order}", _ranking(data["ranking"])]
-    return ["\n".join(pair) for pair in zip(parts[::2], parts[1::2], strict=True)]
+    return ["\n".join(pair) for pair in zip(parts[::2], parts[1::2], strict=True)] + _growing(data)
+
+
+def _growing(data: Mapping[str, Any]) -> list[str]:
+    """A loop may grow so slowly that its run ends before the status tells."""
+    runs = [f"{run} at {hz:.1f} Hz" for run, hz in data["growing_hz"].items() if data["status"][run] == "ok"]
+    if not runs:
+        return []
+    return [f"ok, but linearised without friction the loop grows: {', '.join(runs)}; see tendonrepro explain"]
 
 
 def _beside(printed: Mapping[str, Any]) -> str:

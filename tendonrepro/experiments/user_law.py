@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import importlib.util
+import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -43,13 +44,25 @@ class UserLaw:
         try:
             found.loader.exec_module(module)
         except (Exception, SystemExit) as error:
-            message = f"{self.path} cannot be run: {type(error).__name__}: {error}"
-            raise UsageError(message, where="--law") from error
+            message = f"cannot be run: {type(error).__name__}: {error}"
+            raise UsageError(message, where=self.place_of(error)) from error
         function = getattr(module, self.name, None)
         if not callable(function):
             message = f"{self.path} has no function {self.name!r}"
             raise UsageError(message, where="--law")
         return cast(Callable[..., Any], function)
+
+    def place_of(self, cause: BaseException | Callable[..., Any]) -> str:
+        """``FILE:line`` of a function, or where an error arose; without the line where that is elsewhere."""
+        if isinstance(cause, BaseException):
+            lines = [(call.filename, call.lineno) for call in traceback.extract_tb(cause.__traceback__)]
+            if isinstance(cause, SyntaxError):
+                lines.append((cause.filename or "", cause.lineno))
+        else:
+            code = getattr(cause, "__code__", None)
+            lines = [(code.co_filename, code.co_firstlineno)] if code else []
+        own = [line for name, line in lines if line and Path(name).absolute() == self.path.absolute()]
+        return f"{self.path}:{own[-1]}" if own else str(self.path)
 
 
 def find_user_law(spec: str) -> UserLaw:
@@ -80,15 +93,14 @@ def _checked(law: UserLaw) -> CommandFunction:
     def command(
         memory: Memory, q: Array, q_d: Array, dq_d: Array, ddq_d: Array, gains: Law
     ) -> tuple[Array, Array, Array, Array]:
-        where = f"{law.path}:{law.name}"
         try:
             parts = tuple(np.asarray(part, float) for part in function(memory, q, q_d, dq_d, ddq_d, gains))
         except (Exception, SystemExit) as error:
-            message = f"the law failed: {type(error).__name__}: {error}"
-            raise TendonreproError(message, where=where) from error
+            message = f"the law {law.name} failed: {type(error).__name__}: {error}"
+            raise TendonreproError(message, where=law.place_of(error)) from error
         if len(parts) != 4 or any(part.shape != q.shape for part in parts):
-            message = f"the law must return tau, H_hat, s and de, each of shape {q.shape}"
-            raise TendonreproError(message, where=where)
+            message = f"the law {law.name} must return tau, H_hat, s and de, each of shape {q.shape}"
+            raise TendonreproError(message, where=law.place_of(function))
         return parts
 
     return command

@@ -13,20 +13,19 @@ from tendonrepro.arrays import Array
 from tendonrepro.config.load import CompareConfig, LoadedConfig
 from tendonrepro.config.models.control import Readings
 from tendonrepro.errors import UsageError
-from tendonrepro.experiments.loops import build_law, build_reference
-from tendonrepro.experiments.rig import build_plant
-from tendonrepro.explain.explanation import Curves, Explanation, Map, RunMargins, View, WhatIf
-from tendonrepro.explain.linear_loop import decay_rate, loop_matrix, open_loop
-from tendonrepro.explain.maps import PARAMETERS, border_distance, gain_decay, modes, root_locus, tendon_decay
+from tendonrepro.experiments.linear import View, run_views
+from tendonrepro.experiments.loops import build_reference
+from tendonrepro.explain.explanation import Curves, Explanation, Map, RunMargins, WhatIf
+from tendonrepro.explain.maps import PARAMETERS, border_distance, gain_decay, root_locus, tendon_decay
 from tendonrepro.explain.margins import (
     ChannelMargins,
-    Complex,
     angle_grid,
     channel,
     channel_margins,
     disk_margin,
     response,
 )
+from tendonrepro.physics.linear_loop import decay_rate, loop_matrix, modes, open_loop, slowest, stroke
 from tendonrepro.physics.slow_error import ERROR_SIZES_DEG, TYPICAL_ERROR_DEG, error_ratio
 
 MAP_POINTS = 25
@@ -68,23 +67,6 @@ def explain(loaded: LoadedConfig) -> Explanation:
     )
 
 
-def stroke(q_d: Array) -> Array:
-    """Start of a motion, its farthest sample, and the posture halfway between, rad, (3, n), in order."""
-    far = q_d[np.abs(q_d - q_d[0]).sum(axis=1).argmax()]
-    return np.stack([q_d[0], 0.5 * (q_d[0] + far), far])
-
-
-def run_views(config: CompareConfig) -> dict[str, View]:
-    """Law, plant and delay of every run."""
-    delay = int(config.manipulator.actuator.output_delay.si)
-    return {
-        name: View(
-            run.law, build_law(config, run.law), build_plant(config, run.payload.si), run.payload.si, delay
-        )
-        for name, run in config.runs.items()
-    }
-
-
 def short(law_name: str) -> str:
     """``c1`` for ``controller_1``; other names stay."""
     return law_name.replace("controller_", "c")
@@ -113,7 +95,7 @@ def run_margins(view: View, postures: Array, ringing: float) -> RunMargins:
     """Stability of one run over postures (P, n), rad; from `ringing`, Hz, on a mode counts as ringing."""
     L, joints = view.law.L, range(postures.shape[1])
     found = [modes(loop_matrix(q, view.plant, view.law, view.delay), L) for q in postures]
-    slowest, fast = _slowest(found, 0.0), _slowest(found, ringing)
+    slow, fast = slowest(found, 0.0), slowest(found, ringing)
 
     cuts, recalling = (
         [open_loop(q, view.plant, view.law, view.delay, known=known) for q in postures]
@@ -126,19 +108,8 @@ def run_margins(view: View, postures: Array, ringing: float) -> RunMargins:
     disks = [disk_margin(cut, L) for cut in cuts]
     # NaN, of a posture where the loop grows, is the smallest of all.
     disk = min(disks, key=lambda pair: -1.0 if np.isnan(pair[0]) else pair[0])
-    radius = float(np.exp(slowest[0] * L))
-    return RunMargins(radius, -slowest[0], slowest[1], -fast[0], fast[1], channels, recalled, *disk)
-
-
-def _slowest(found: Sequence[Complex], above: float) -> tuple[float, float]:
-    """Growth, s⁻¹, and frequency, Hz, of the mode that decays the least; NaN if no mode is that fast."""
-    every = np.concatenate(found)
-    hertz = every.imag / (2.0 * np.pi)
-    every, hertz = every[hertz >= above], hertz[hertz >= above]
-    if not every.size:
-        return np.nan, np.nan
-    top = every.real.argmax()
-    return float(every[top].real), float(hertz[top])
+    radius = float(np.exp(slow[0] * L))
+    return RunMargins(radius, -slow[0], slow[1], -fast[0], fast[1], channels, recalled, *disk)
 
 
 def worst(found: Sequence[ChannelMargins]) -> ChannelMargins:

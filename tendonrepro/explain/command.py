@@ -11,8 +11,9 @@ import numpy as np
 from tendonrepro.config.load import LoadedConfig
 from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
+from tendonrepro.experiments.linear import View
 from tendonrepro.explain.analysis import explain
-from tendonrepro.explain.explanation import Explanation, RunMargins, View
+from tendonrepro.explain.explanation import Explanation, RunMargins
 from tendonrepro.explain.margins import LOW_FREQUENCY, ChannelMargins
 from tendonrepro.explain.report import explanation_text
 from tendonrepro.files import to_json

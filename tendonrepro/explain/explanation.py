@@ -4,22 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from tendonrepro.arrays import Array
-from tendonrepro.explain.margins import ChannelMargins, Complex
-from tendonrepro.physics.control import Law
-from tendonrepro.physics.dynamics import Plant
-
-
-class View(NamedTuple):
-    """One run as a linear loop."""
-
-    law_name: str
-    law: Law
-    plant: Plant
-    payload: float
-    delay: int
+from tendonrepro.experiments.linear import View
+from tendonrepro.explain.margins import ChannelMargins
+from tendonrepro.physics.linear_loop import Complex
 
 
 @dataclass(frozen=True)

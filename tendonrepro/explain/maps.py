@@ -8,21 +8,21 @@ from itertools import pairwise
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.explain.linear_loop import (
+from tendonrepro.physics.control import Law
+from tendonrepro.physics.dynamics import Plant
+from tendonrepro.physics.linear_loop import (
+    DEADEST,
+    Complex,
     closed,
     hold_discretised,
     law_matrices,
     plant_matrices,
     spectral_radius,
 )
-from tendonrepro.explain.margins import Complex
-from tendonrepro.physics.control import Law
-from tendonrepro.physics.dynamics import Plant
 
 PARAMETERS = ("M_bar", "alpha", "K_s", "D_s")
 """What can be multiplied: two gains of the law, two properties of the tendons, each on all joints."""
 
-_DEADEST = 1e-12
 _HALVINGS = 10
 
 
@@ -40,16 +40,6 @@ def scaled(plant: Plant, law: Law, parameter: str, factor: float) -> tuple[Plant
     return plant._replace(drive=drive._replace(damping=factor * drive.damping)), law
 
 
-def modes(matrix: Array, L: float) -> Complex:
-    """Eigenvalues as rates, ``log(z) / L``, slowest decay first; modes that die within a sample are left out.
-
-    Real part: growth, s⁻¹. Imaginary part: ``2 pi`` times the frequency, rad s⁻¹, from 0 to Nyquist's.
-    """
-    z = np.linalg.eigvals(matrix).astype(np.complex128)
-    z = z[(np.abs(z) > _DEADEST) & (z.imag >= 0.0)]
-    return np.asarray(np.log(z[np.argsort(-np.abs(z), kind="stable")]) / L)
-
-
 def root_locus(q: Array, plant: Plant, law: Law, delay: int, parameter: str, factors: Array) -> Complex:
     """Modes of the loop for every factor on a parameter, (F, m), each followed from factor to factor.
 
@@ -64,7 +54,7 @@ def root_locus(q: Array, plant: Plant, law: Law, delay: int, parameter: str, fac
     for before, row in pairwise(rows):
         row[:] = _followed(before, row)
     z = np.stack(rows)
-    alive = np.abs(z) > _DEADEST
+    alive = np.abs(z) > DEADEST
     return np.where(alive, np.log(np.where(alive, z, 1.0)) / law.L, np.nan)
 
 

@@ -12,14 +12,12 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.explain.linear_loop import spectral_radius
+from tendonrepro.physics.linear_loop import Complex, spectral_radius
 
-Complex = NDArray[np.complex128]
 Cut = tuple[Array, Array, Array]
-"""``A``, ``B``, ``C`` of :func:`tendonrepro.explain.linear_loop.open_loop`."""
+"""``A``, ``B``, ``C`` of :func:`tendonrepro.physics.linear_loop.open_loop`."""
 
 LOW_FREQUENCY = 0.1
 """Frequency at which the loop gain is given, Hz: about that of the desired motion."""

@@ -24,7 +24,7 @@ from tendonrepro.identify.misfit import (
     NEAR,
     SCHEMA_VERSION,
     Bench,
-    Fit,
+    Target,
     Task,
     Window,
     log_misfit,
@@ -53,7 +53,7 @@ def run_identify(
     request: Request,
     talk: Talk,
     *,
-    fit: Fit = "controller_2",
+    fit: Target = "controller_2",
     readings: str = "printed",
     window: Window = "whole",
     generations: int = GENERATIONS,
@@ -122,7 +122,7 @@ def _check(fit: str, window: str, generations: int, population: int, seeds: int)
         if value < fewest:
             message = f"must be at least {fewest}, found {value}"
             raise UsageError(message, where=f"--{option}")
-    for option, word, known in (("--fit", fit, get_args(Fit)), ("--window", window, get_args(Window))):
+    for option, word, known in (("--fit", fit, get_args(Target)), ("--window", window, get_args(Window))):
         if word not in known:
             message = f"must be {' or '.join(known)}, found {word!r}"
             raise UsageError(message, where=option)

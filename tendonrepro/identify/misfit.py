@@ -26,8 +26,8 @@ from tendonrepro.simulation.stepper import DesiredMotion, Loop
 
 SCHEMA_VERSION = 1
 
-Fit: TypeAlias = Literal["controller_2", "all"]
-FITTED: Mapping[Fit, tuple[str, ...]] = {"controller_2": ("controller_2",), "all": RUNS}
+Target: TypeAlias = Literal["controller_2", "all"]
+FITTED: Mapping[Target, tuple[str, ...]] = {"controller_2": ("controller_2",), "all": RUNS}
 """Runs whose numbers are fitted."""
 
 NEAR = 0.02
@@ -226,7 +226,7 @@ class Task:
     """All that an identification depends on."""
 
     loaded: LoadedEnsemble
-    fit: Fit
+    fit: Target
     readings: tuple[Reading, ...]
     effort: Effort
     seed: int

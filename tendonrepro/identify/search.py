@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import io
 import json
-import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,7 +22,8 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.console import Talk
-from tendonrepro.files import write_atomically
+from tendonrepro.errors import DataMissingError
+from tendonrepro.files import sealed, unsealed, write_atomically
 
 
 class Evaluated(NamedTuple):
@@ -136,7 +136,7 @@ def search(
     all that the search depends on, is the same. However often interrupted, it ends the same to the last bit.
     """
     state = load_state(path, identity, talk)
-    with talk.bar("searching", effort.evaluations) as progress:
+    with talk.resumable(), talk.bar("searching", effort.evaluations) as progress:
         if state is None:
             state = _first(initial, misfit, seed)
             save_state(path, state, identity)
@@ -249,7 +249,7 @@ def save_state(path: Path, state: State, identity: str) -> None:
     stream = io.BytesIO()
     content: dict[str, Any] = {name: getattr(state, name) for name in (*_ARRAYS, "generation", "random")}
     np.savez(stream, allow_pickle=False, identity=identity, **content)
-    write_atomically(path, stream.getvalue())
+    write_atomically(path, sealed(stream.getvalue()))
 
 
 def load_state(path: Path, identity: str, talk: Talk) -> State | None:
@@ -257,13 +257,15 @@ def load_state(path: Path, identity: str, talk: Talk) -> State | None:
     if not path.exists():
         return None
     try:
-        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as stored:
-            if str(stored["identity"]) == identity:
-                arrays = {name: stored[name] for name in _ARRAYS}
-                random = tuple(map(str, stored["random"]))
-                return State(generation=int(stored["generation"]), random=random, **arrays)
-        reason = "is of another search"
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
-        reason = "is damaged"
-    talk.note(f"{path} {reason}; the search starts anew")
+        content = unsealed(path)
+    except DataMissingError as error:
+        talk.note(f"{error}; the search starts anew")
+        return None
+    with np.load(io.BytesIO(content), allow_pickle=False) as stored:
+        if str(stored["identity"]) == identity:
+            arrays = {name: stored[name] for name in _ARRAYS}
+            return State(
+                generation=int(stored["generation"]), random=tuple(map(str, stored["random"])), **arrays
+            )
+    talk.note(f"{path}: is of another search; the search starts anew")
     return None

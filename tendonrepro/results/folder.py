@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -109,7 +109,8 @@ def locked(folder: Path) -> Iterator[None]:
     TendonreproError
         If the folder cannot be made or written.
     """
-    lock = FileLock(folder / ".lock")
+    path = folder / ".lock"
+    lock, made = FileLock(path), [one for one in (folder, *folder.parents) if not one.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)
         lock.acquire(timeout=0)
@@ -123,6 +124,12 @@ def locked(folder: Path) -> Iterator[None]:
         yield
     finally:
         lock.release()
+        # What failed before it wrote anything leaves nothing.
+        with suppress(OSError):
+            if made and all(one == path for one in folder.iterdir()):
+                path.unlink(missing_ok=True)
+                for one in made:
+                    one.rmdir()
 
 
 def refuse_others(folder: Path, config_sha256: str, *, force: bool = False) -> None:

@@ -162,7 +162,7 @@ class TestComparison:
 
     def test_the_numbers_behind_the_statements_are_kept(self):
         found = judged(comparison(GROWING))["C2"].evidence["statistics"]
-        first, second = found["controller_1"]["mae"], found["controller_2"]["mae"]
+        first, second = found["controller_1"]["mae_deg"], found["controller_2"]["mae_deg"]
         assert second == pytest.approx(1.2 * np.array(first))
         assert len(first) == 2
 

@@ -21,7 +21,7 @@ from tendonrepro.claims.verdicts import (
 )
 from tendonrepro.config.published import published
 from tendonrepro.dataset.motion.windows import SPREAD
-from tendonrepro.ensemble.shares import LEAST_SCRAMBLINGS, QUANTILES, Share, Spread
+from tendonrepro.ensemble.shares import LEAST_PLANTS, LEAST_SCRAMBLINGS, QUANTILES, Share, Spread
 
 PAGE = ROOT / "docs" / "verdicts.md"
 EIGHT = np.repeat(np.arange(8), 50)
@@ -163,7 +163,7 @@ class TestPage:
         [
             (r"at least (\d+) %: its direction is confirmed", 100 * verdicts.MOST),
             (r"at most (\d+) %: `contradicted`", 100 * verdicts.FEW),
-            (r"with fewer than (\d+) plants judged", verdicts.LEAST_PLANTS),
+            (r"with fewer than (\d+) plants judged", LEAST_PLANTS),
             (r"more than (\d+) % of the box, claim C1", 100 * verdicts.MOST_UNRESOLVED),
             (r"t intervals at (\d+) %", 95),
             (r"With fewer than (\d+) scramblings", LEAST_SCRAMBLINGS),

@@ -109,6 +109,10 @@ def test_a_baseline_notices_a_changed_verdict(command: str, tmp_path: Path) -> N
     kept.write_text(json.dumps(before))
     other = run(command, "claims", "--check", "--baseline", "before.json", cwd=tmp_path)
     assert other.returncode == 3
+    name, now = before["claims"][0]["id"], json.loads(ledger.read_text())["claims"][0]["verdict"]
+    assert f"\n{name}: not_reproduced -> {now}\n" in other.stdout
+    told = answer(command, "claims", "--baseline", "before.json", cwd=tmp_path)["changed"]
+    assert told == {name: ["not_reproduced", now]}
 
 
 @pytest.mark.parametrize(

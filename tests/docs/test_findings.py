@@ -16,7 +16,7 @@ from tendonrepro.console import Talk
 from tendonrepro.experiments.loops import build_law
 from tendonrepro.experiments.rig import build_plant
 from tendonrepro.experiments.run import simulate_all, trace_file
-from tendonrepro.explain.linear_loop import decay_rate
+from tendonrepro.physics.linear_loop import decay_rate
 from tendonrepro.physics.metrics import mae, rmse, window_mean
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.summary import table_data_compare, table_data_decouple

@@ -33,7 +33,7 @@ from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.command import Order, plan, run_experiment
 from tendonrepro.experiments.loops import all_loops, build_loops
 from tendonrepro.experiments.user_law import find_user_law
-from tendonrepro.explain.linear_loop import decay_rate
+from tendonrepro.physics.linear_loop import decay_rate
 from tendonrepro.physics.metrics import mae, status_of
 from tendonrepro.results.records import VARIABLES
 from tendonrepro.results.traces import read_traces

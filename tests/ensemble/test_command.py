@@ -14,7 +14,7 @@ from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.ensemble.block import compute_block
 from tendonrepro.ensemble.command import load_study, run_ensemble
-from tendonrepro.ensemble.data import read_ensemble
+from tendonrepro.ensemble.data import PLAN, read_ensemble
 from tendonrepro.ensemble.shards import FOLDER, shard_files
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 
@@ -27,7 +27,7 @@ def test_jobs_do_not_matter(unbroken, tmp_path):
     assert summary["resumed_from"] == 0
 
 
-class Stop(BaseException):
+class Stop(KeyboardInterrupt):
     """An interrupt, at a known place."""
 
 
@@ -44,9 +44,15 @@ def stop_after(blocks):
     return simulate
 
 
-def test_an_interrupted_run_resumes_to_the_same_results(unbroken, tmp_path):
+def test_an_interrupted_run_resumes_to_the_same_results(unbroken, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("tendonrepro.ensemble.command.lanes_are_new", lambda: True)
     with pytest.raises(Stop):
-        run_ensemble_of(tmp_path, simulate=stop_after(5))
+        run_ensemble_of(tmp_path, simulate=stop_after(5), talk=Talk())
+    told = capsys.readouterr().err.splitlines()
+    assert told[0] == "compiling once for this machine, a minute or two"
+    assert told[1].startswith("704 experiments, about ")
+    assert told[1].endswith(", counted in blocks of 44")
+    assert told[2:] == ["what is finished is kept: the same command goes on from there"]
     assert len(shard_files(tmp_path / FOLDER)) == 5
     with pytest.raises(DataMissingError, match="11 of 16 blocks are missing"):
         read_ensemble(tmp_path)
@@ -91,6 +97,7 @@ def test_a_corrupt_shard_is_computed_again(unbroken, harm, capsys):
     before = digests(unbroken)
     first, second = shard_files(unbroken / FOLDER)[2:4]
     first.write_bytes(harm(first.read_bytes(), second.read_bytes()))
+    (unbroken / PLAN).write_text("{")
     summary = run_ensemble_of(unbroken, talk=Talk())
     assert summary["resumed_from"] == 15
     assert f"{first.name}: " in capsys.readouterr().err

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from support.fake_batch import DRAWS, small_study
+from support.damage import by_chance, of_another_shape
+from support.fake_batch import DRAWS, read_shard, small_study
 
-from tendonrepro.ensemble.data import read_ensemble
-from tendonrepro.ensemble.shards import FOLDER, read_shard, shard_files
+from tendonrepro.ensemble.data import PLAN, NotFinishedError, read_ensemble
+from tendonrepro.ensemble.shards import FOLDER, shard_files
 from tendonrepro.errors import DataMissingError, UsageError
 
 
@@ -38,15 +39,43 @@ def test_thinning_keeps_the_first_draws_of_every_scrambling(unbroken):
             read_ensemble(unbroken, stride=stride)
 
 
-def test_what_is_not_there_is_missing(unbroken, tmp_path):
-    with pytest.raises(DataMissingError, match="holds no ensemble"):
-        read_ensemble(tmp_path)
+def test_what_is_not_there_is_missing(unbroken):
     with pytest.raises(DataMissingError, match="no population 'firm'"):
         read_ensemble(unbroken, "firm")
     with pytest.raises(DataMissingError, match="no statistic 'mean'"):
         read_ensemble(unbroken).statistic("controller_1", "printed", "mean")
     with pytest.raises(DataMissingError, match="under 'start=cold'"):
         read_ensemble(unbroken).status("controller_1", "start=cold")
-    (tmp_path / "plan.json").write_text("{")
-    with pytest.raises(DataMissingError, match="not the plan"):
+
+
+def test_what_is_not_finished_is_no_damage(tmp_path):
+    with pytest.raises(NotFinishedError, match="holds no ensemble"):
         read_ensemble(tmp_path)
+
+
+def everything(folder):
+    """All that a reader of the small ensemble may ask for; the name of the file that is told as damaged."""
+    try:
+        data = read_ensemble(folder)
+        codes = [data.status(*case) for case in small_study().lookup]
+        sizes = [data.statistic(*case, "rmse") for case in small_study().lookup]
+    except NotFinishedError:
+        return None
+    except DataMissingError as error:
+        return error.where if error.exit_code == 4 and "run the same" in error.hint else None
+    return data.names, data.alpha, data.lookup, *map(np.ndarray.tolist, [data.draws, *codes, *sizes])
+
+
+def test_a_damaged_file_is_named_and_never_read_as_something_else(unbroken):
+    before = everything(unbroken)
+    plan, shard, other = unbroken / PLAN, *shard_files(unbroken / FOLDER)[3:5]
+    images = {path: [by_chance(path.read_bytes(), seed) for seed in range(60)] for path in (plan, shard)}
+    images[plan] += of_another_shape(plan.read_bytes())
+    images[shard] += [b"", b"text", other.read_bytes()]
+    for path, found in images.items():
+        whole = path.read_bytes()
+        for image in found:
+            path.write_bytes(image)
+            # Damage between the words of JSON changes nothing.
+            assert everything(unbroken) in (str(path), before), image
+        path.write_bytes(whole)

@@ -25,6 +25,9 @@ def test_ratios_show_median_print_and_theory(mixed):
             assert (reading["ratio_c1_c2"]["all_ok"]["mae"][joint]["median"]["value"], row) in held
             assert (reading["theory"][joint], row) in held
         assert printed_ratios((0, 1), "mae", JOINTS)[i] in {x for x, _ in held}
+    (legend,) = drawn.axes[0].figure.legends
+    told = {text.get_text() for text in legend.get_texts()}
+    assert told == {"central 90 %", "central 50 %", "median", "slow errors", "printed"}
     # The first reading is on top.
     low, high = drawn.axes[0].get_ylim()
     assert low > high

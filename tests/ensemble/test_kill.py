@@ -10,12 +10,12 @@ from functools import partial
 
 import numpy as np
 import pytest
-from support.fake_batch import DRAWS, fake_batch, results, run_small, slow_batch, small_study
+from support.fake_batch import DRAWS, fake_batch, read_shard, results, run_small, slow_batch, small_study
 
 from tendonrepro.console import Talk
 from tendonrepro.ensemble.block import make_block
 from tendonrepro.ensemble.command import run_study
-from tendonrepro.ensemble.shards import FOLDER, read_shard, shard_files
+from tendonrepro.ensemble.shards import FOLDER, shard_files
 from tendonrepro.ensemble.workers import here
 from tendonrepro.errors import TendonreproError
 

@@ -61,6 +61,18 @@ def test_a_table_without_plants_has_dashes():
     assert "no plant" in ensemble_text(summary)
 
 
+def test_too_few_plants_conclude_nothing():
+    # 32 of 256 are ok: enough to be counted, not enough to say anything.
+    few = np.where(np.arange(PLANTS) % 8 == 0, 0, DIVERGED).astype(np.int8)
+    data = printed_like(2.0)
+    data.status = lambda *_: few
+    text = " ".join(whole(data)["conclusions"])
+    assert "32 plants are too few to judge the printed ranking by; 100 are needed" in text
+    assert "Too few plants keep all three laws ok, to say anything, under printed" in text
+    for word in ("beyond every plant", "nearly every plant", "Under no reading", "most frequent"):
+        assert word not in text
+
+
 def test_words_follow_the_numbers():
     agrees = " ".join(whole(printed_like(1.0))["conclusions"])
     assert "All printed ratios lie inside the central 90 % under printed" in agrees

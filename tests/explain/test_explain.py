@@ -13,11 +13,11 @@ from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.explain.analysis import explain, run_margins, run_views, stroke, worst
 from tendonrepro.explain.command import explanation_data, run_explain
-from tendonrepro.explain.linear_loop import decay_rate, loop_matrix
-from tendonrepro.explain.maps import border_distance, modes, root_locus, scaled
+from tendonrepro.explain.maps import border_distance, root_locus, scaled
 from tendonrepro.explain.margins import ChannelMargins
 from tendonrepro.explain.report import explanation_text
 from tendonrepro.files import to_json
+from tendonrepro.physics.linear_loop import decay_rate, loop_matrix, modes
 from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG
 
 DELAY = "manipulator.actuator.output_delay=1"

@@ -10,7 +10,6 @@ from support.overrides import SMOOTH, one_stroke
 from tendonrepro.config.load import load_config
 from tendonrepro.experiments.loops import build_law, build_loops
 from tendonrepro.experiments.rig import build_plant
-from tendonrepro.explain.linear_loop import open_loop, spectral_radius
 from tendonrepro.explain.margins import (
     angle_grid,
     channel,
@@ -19,6 +18,7 @@ from tendonrepro.explain.margins import (
     response,
     scaled_norm,
 )
+from tendonrepro.physics.linear_loop import open_loop, spectral_radius
 from tendonrepro.physics.slow_error import error_ratio, estimate_age, stiffness
 from tendonrepro.simulation.stepper import simulate
 

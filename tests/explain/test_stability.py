@@ -10,7 +10,14 @@ from scipy.signal import cont2discrete
 from tendonrepro.config.load import load_config
 from tendonrepro.experiments.loops import build_law
 from tendonrepro.experiments.rig import build_plant
-from tendonrepro.explain.linear_loop import (
+from tendonrepro.physics.arm import Arm, gravity_torque
+from tendonrepro.physics.control import Law, Surface, estimator_weights, phi, surface_and_feedback
+from tendonrepro.physics.disturbance import no_disturbance
+from tendonrepro.physics.drive import Drive
+from tendonrepro.physics.dynamics import Plant, frictionless, holding_torque, rest_state, state_derivative
+from tendonrepro.physics.friction import Friction
+from tendonrepro.physics.instruments import Actuator, Encoder
+from tendonrepro.physics.linear_loop import (
     closed,
     decay_rate,
     feedback_gains,
@@ -22,13 +29,6 @@ from tendonrepro.explain.linear_loop import (
     plant_matrices,
     spectral_radius,
 )
-from tendonrepro.physics.arm import Arm, gravity_torque
-from tendonrepro.physics.control import Law, Surface, estimator_weights, phi, surface_and_feedback
-from tendonrepro.physics.disturbance import no_disturbance
-from tendonrepro.physics.drive import Drive
-from tendonrepro.physics.dynamics import Plant, frictionless, holding_torque, rest_state, state_derivative
-from tendonrepro.physics.friction import Friction
-from tendonrepro.physics.instruments import Actuator, Encoder
 from tendonrepro.simulation.controllers import TimeDelayController
 from tendonrepro.simulation.stepper import DesiredMotion, Loop, Solver, simulate
 

@@ -56,6 +56,15 @@ def test_a_manifest_with_names_that_are_not_its_own_is_none(tmp_path: Path, name
     assert not (folder / MANIFEST).exists()
 
 
+def test_a_failed_run_leaves_no_folder_that_it_made(tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    for out, left in ((tmp_path / "new" / "out", tmp_path), (tmp_path / "mine", tmp_path / "mine")):
+        with pytest.raises(ZeroDivisionError), claimed(out, "a", force=False):
+            raise ZeroDivisionError
+        assert left.exists()
+    assert [path.name for path in tmp_path.iterdir()] == ["mine"]
+
+
 @pytest.mark.parametrize("through", ["file", "folder"])
 def test_links_lead_nowhere(tmp_path: Path, through: str) -> None:
     (tmp_path / "elsewhere").mkdir()

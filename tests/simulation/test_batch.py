@@ -14,9 +14,9 @@ from tendonrepro.config.load import CompareConfig, load_config
 from tendonrepro.ensemble.box import configured, make_box, scrambled_sobol
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import build_loops
-from tendonrepro.explain.linear_loop import decay_rate, plant_matrices
 from tendonrepro.physics.disturbance import no_disturbance
 from tendonrepro.physics.dynamics import frictionless
+from tendonrepro.physics.linear_loop import decay_rate, plant_matrices
 from tendonrepro.physics.metrics import STATUSES, periodogram, status_of
 from tendonrepro.simulation.batch import Batch, simulate_batch
 from tendonrepro.simulation.codegen.lanes import stacked

@@ -1,15 +1,19 @@
 """A stand-in for the batch stepper: numbers that depend on everything in a loop and cost next to nothing."""
 
+import io
+import json
 import time
 import zlib
 from dataclasses import fields, is_dataclass, replace
 from functools import cache
 
+import h5py
 import numpy as np
 
 from tendonrepro.console import Talk
 from tendonrepro.ensemble.command import load_study, run_study
-from tendonrepro.ensemble.shards import FOLDER, read_shard, shard_files
+from tendonrepro.ensemble.shards import FOLDER, Block, Shard, shard_files
+from tendonrepro.files import unsealed
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.batch import Batch
 from tendonrepro.simulation.streaming import STATISTICS
@@ -89,6 +93,25 @@ def run_ensemble_of(folder, study=None, draws=DRAWS, **options):
     """Run a study, the small one if none is given, in this process and with the stand-in."""
     arguments = {"jobs": 1, "talk": Talk(quiet=True), "simulate": fake_batch} | options
     return run_study(study or small_study(), draws, folder, **arguments)
+
+
+def read_shard(path):
+    """All of a shard, as it was before it was stored."""
+    with h5py.File(io.BytesIO(unsealed(path))) as root:
+        attributes = dict(root.attrs)
+        place = (int(attributes[key]) for key in ("replicate", "first", "count"))
+        shard = Shard(
+            block=Block(attributes["population"], *place),
+            identity=attributes["identity"],
+            names=tuple(json.loads(attributes["names"])),
+            cases=tuple(map(tuple, json.loads(attributes["cases"]))),
+            check=json.loads(attributes["check"]),
+            statistics={name: values[()] for name, values in root["statistics"].items()},
+            seconds=float(attributes["seconds"]),
+            **{name: root[name][()] for name in ("draws", "status", "status_time", "steps")},
+        )
+    assert attributes["digest"] == shard.digest()
+    return shard
 
 
 def digests(folder):

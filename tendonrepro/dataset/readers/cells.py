@@ -62,7 +62,7 @@ class Mark(Enum):
 
 
 @dataclass
-class Block:
+class Rows:
     """Rows of numbers that belong together, by their positions.
 
     `head` holds the rows right above them, `above` the words further up, down from the block before, and
@@ -164,12 +164,12 @@ def mark_of(cells: Sequence[Any], decimal: str = ".") -> Mark:
     return Mark.WORDS if filled else Mark.BLANK
 
 
-def blocks_of(marks: Iterable[Mark]) -> list[Block]:
+def blocks_of(marks: Iterable[Mark]) -> list[Rows]:
     """Group rows into blocks with enough rows of numbers to be a table.
 
     A blank row or one of words ends a block; comments within it do not.
     """
-    blocks = [Block()]
+    blocks = [Rows()]
     for row, mark in enumerate(marks):
         current = blocks[-1]
         if mark is Mark.NUMBERS:
@@ -178,11 +178,11 @@ def blocks_of(marks: Iterable[Mark]) -> list[Block]:
             if not current.data:
                 current.head.append(row)
         elif current.data:
-            blocks.append(Block([row] if mark is Mark.WORDS else []))
+            blocks.append(Rows([row] if mark is Mark.WORDS else []))
         elif mark is Mark.WORDS:
             current.head.append(row)
     fewest = max(1, min(_FEWEST_ROWS, max(len(block.data) for block in blocks)))
-    tables: list[Block] = []
+    tables: list[Rows] = []
     words: list[int] = []
     for block in blocks:
         if len(block.data) >= fewest:
@@ -195,7 +195,7 @@ def blocks_of(marks: Iterable[Mark]) -> list[Block]:
     return tables
 
 
-def settle_head(block: Block, cells_at: Callable[[int], Sequence[Any]], decimal: str = ".") -> None:
+def settle_head(block: Rows, cells_at: Callable[[int], Sequence[Any]], decimal: str = ".") -> None:
     """Move the first row of numbers to the head if it names the columns, as in ``t, 1, 2, 3``."""
     named = block.head and sum(_is_filled(cell) for cell in cells_at(block.head[-1])) > 1
     if named or len(block.data) < 3:
@@ -221,7 +221,7 @@ def note_words(found: Found, path: str, words: Iterable[str]) -> None:
 
 def add_table(
     found: Found,
-    block: Block,
+    block: Rows,
     head: Sequence[Sequence[str]],
     columns: Sequence[Cells],
     words_at: Callable[[int], tuple[str, list[str]]],

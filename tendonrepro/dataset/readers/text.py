@@ -15,9 +15,9 @@ from typing import Any
 from tendonrepro.dataset.readers.cells import (
     MOST_TABLES,
     MOST_WORDS,
-    Block,
     Cells,
     Mark,
+    Rows,
     add_table,
     blocks_of,
     is_stamp,
@@ -118,7 +118,7 @@ def _lines(text: str) -> list[str]:
     return filled if len(lines) - len(filled) > _MOST_BLANK * len(lines) else lines
 
 
-def _is_prose(lines: Sequence[str], blocks: Sequence[Block], style: Style) -> bool:
+def _is_prose(lines: Sequence[str], blocks: Sequence[Rows], style: Style) -> bool:
     """Whether words outweigh the numbers in lines without a separator, as in a text for people."""
     if style.separator != _BLANKS:
         return False
@@ -127,7 +127,7 @@ def _is_prose(lines: Sequence[str], blocks: Sequence[Block], style: Style) -> bo
     return 2 * sum(mark_of([cell], style.decimal) is Mark.NUMBERS for cell in cells) < len(cells)
 
 
-def _add_blocks(found: Found, lines: Sequence[str], blocks: Sequence[Block], style: Style) -> None:
+def _add_blocks(found: Found, lines: Sequence[str], blocks: Sequence[Rows], style: Style) -> None:
     names: list[Heading] = []
     for position, block in enumerate(blocks):
         if is_full(found) or position == MOST_TABLES:
@@ -141,7 +141,7 @@ def _add_blocks(found: Found, lines: Sequence[str], blocks: Sequence[Block], sty
 
 
 def _add_block(
-    found: Found, lines: Sequence[str], block: Block, style: Style, before: list[Heading], prefix: str
+    found: Found, lines: Sequence[str], block: Rows, style: Style, before: list[Heading], prefix: str
 ) -> list[Heading]:
     """Add one table; returns its headings."""
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from tendonrepro.dataset.readers.cells import (
     MOST_TABLES,
     MOST_WORDS,
-    Block,
+    Rows,
     add_table,
     blocks_of,
     mark_of,
@@ -77,7 +77,7 @@ def _read_sheet(found: Found, book: CalamineWorkbook, name: str, note: str) -> N
         return
     ranges = grid.column_ranges()
     grid.fill(merged[:_MOST_MERGED])
-    tables: list[tuple[slice, Block]] = []
+    tables: list[tuple[slice, Rows]] = []
     for columns in ranges:
         blocks = blocks_of(mark_of(row[columns]) for row in grid.rows)
         tables += [(columns, block) for block in blocks]
@@ -93,7 +93,7 @@ def _read_sheet(found: Found, book: CalamineWorkbook, name: str, note: str) -> N
 
 
 def _add_table(
-    found: Found, grid: _Grid, columns: slice, block: Block, before: list[Heading], note: str, *, alone: bool
+    found: Found, grid: _Grid, columns: slice, block: Rows, before: list[Heading], note: str, *, alone: bool
 ) -> list[Heading]:
     """Add one table; returns its headings."""
     settle_head(block, lambda row: grid.rows[row][columns])
@@ -140,7 +140,7 @@ class _Grid:
         """Where a row stands in the sheet, and its words."""
         return f"row {self.first_row + row + 1}", words_of(map(_text, self.rows[row][columns]))
 
-    def where(self, block: Block, columns: slice) -> str:
+    def where(self, block: Rows, columns: slice) -> str:
         """Columns and rows of a table as a spreadsheet names them."""
         left, right = (_letters(self.first_column + column) for column in (columns.start, columns.stop - 1))
         top, bottom = (self.first_row + row + 1 for row in (block.data[0], block.data[-1]))

@@ -237,3 +237,8 @@ def compiled_lane_loop() -> Callable[..., None]:
 def cache_is_empty() -> bool:
     """Whether there was nothing compiled for this machine and these sources when this process began."""
     return _began_empty
+
+
+def lanes_are_new() -> bool:
+    """Whether no run on lanes has been compiled for this machine and these sources yet."""
+    return not any(_cache.glob("**/sample_*.nbc"))

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from tendonrepro.arrays import Array
@@ -24,6 +25,11 @@ from tendonrepro.physics.control import (
 )
 from tendonrepro.physics.dynamics import Plant
 from tendonrepro.physics.kinematics import to_joint_matrix
+
+Complex = NDArray[np.complex128]
+
+DEADEST = 1e-12
+"""Modulus of an eigenvalue up to which its mode dies within a sample."""
 
 
 def plant_matrices(q: Array, plant: Plant) -> tuple[Array, Array]:
@@ -143,3 +149,30 @@ def decay_rate(postures: Sequence[Array], plant: Plant, law: Law, delay: int = 0
     """Slowest decay of the sampled loop over several postures, s⁻¹; negative where it grows."""
     radii = spectral_radius(np.stack([loop_matrix(q, plant, law, delay) for q in postures]))
     return float(-np.log(radii.max()) / law.L)
+
+
+def modes(matrix: Array, L: float) -> Complex:
+    """Eigenvalues as rates, ``log(z) / L``, slowest decay first; modes that die within a sample are left out.
+
+    Real part: growth, s⁻¹. Imaginary part: ``2 pi`` times the frequency, rad s⁻¹, from 0 to Nyquist's.
+    """
+    z = np.linalg.eigvals(matrix).astype(np.complex128)
+    z = z[(np.abs(z) > DEADEST) & (z.imag >= 0.0)]
+    return np.asarray(np.log(z[np.argsort(-np.abs(z), kind="stable")]) / L)
+
+
+def slowest(found: Sequence[Complex], above: float) -> tuple[float, float]:
+    """Growth, s⁻¹, and frequency, Hz, of the mode that decays the least; NaN if no mode is that fast."""
+    every = np.concatenate(found)
+    hertz = every.imag / (2.0 * np.pi)
+    every, hertz = every[hertz >= above], hertz[hertz >= above]
+    if not every.size:
+        return np.nan, np.nan
+    top = every.real.argmax()
+    return float(every[top].real), float(hertz[top])
+
+
+def stroke(q_d: Array) -> Array:
+    """Start of a motion, its farthest sample, and the posture halfway between, rad, (3, n), in order."""
+    far = q_d[np.abs(q_d - q_d[0]).sum(axis=1).argmax()]
+    return np.stack([q_d[0], 0.5 * (q_d[0] + far), far])

@@ -1,0 +1,37 @@
+"""A mistake in a law of the user's own is told with its place in the user's file."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from tendonrepro.errors import TendonreproError
+from tendonrepro.experiments.user_law import _checked, find_user_law
+
+LAW = """import math
+
+
+def mine(memory, q, q_d, dq_d, ddq_d, law):
+    {body}
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "words"),
+    [
+        (LAW.format(body="return q +"), 5, "cannot be run: SyntaxError"),
+        (LAW.format(body="return q") + "mine.gain = nowhere\n", 6, "cannot be run: NameError"),
+        (LAW.format(body="return undefined"), 5, "the law mine failed: NameError"),
+        (LAW.format(body="return math.sqrt(-1.0)"), 5, "the law mine failed: ValueError"),
+        (LAW.format(body="return np.linalg.inv(q)").replace("math", "numpy as np"), 5, "LinAlgError"),
+        (LAW.format(body="return q"), 4, "the law mine must return tau"),
+        ("mine = abs\n", None, "the law mine failed: TypeError"),
+    ],
+)
+def test_a_mistake_has_its_line(tmp_path, monkeypatch, text, line, words):
+    (tmp_path / "own.py").write_text(text)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(TendonreproError) as caught:
+        _checked(find_user_law("own.py:mine"))(SimpleNamespace(), *np.zeros((4, 2)), SimpleNamespace())
+    assert words in caught.value.message
+    assert caught.value.where == (f"own.py:{line}" if line else "own.py")
