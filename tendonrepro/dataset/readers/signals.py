@@ -177,7 +177,9 @@ class Found:
         """
         # Every number becomes a float64, however few bytes it takes in the file.
         size = 8 * count
-        if size > MOST_NUMBERS or samples > MOST_SAMPLES:
+        if samples > MOST_SAMPLES:
+            return f"{samples} samples are more than {MOST_SAMPLES}", "save the part of interest alone"
+        if size > MOST_NUMBERS:
             return f"{size} bytes are too many", "save the part of interest alone"
         if size > self.left.numbers:
             most = f"one command keeps {MOST_NUMBERS / 2**30:g} GB at most"
