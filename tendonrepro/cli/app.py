@@ -247,6 +247,8 @@ def main() -> None:
         code = app(standalone_mode=False)
     except TendonreproError as error:
         code = _fail(error.exit_code, error.message, error.where, error.hint)
+    except MemoryError:
+        code = _fail(1, "there is not enough memory", None, "name fewer files, or ask for less at once")
     except Exception as error:
         # Typer's own usage errors have no public base class, only this shape.
         if not hasattr(error, "format_message"):

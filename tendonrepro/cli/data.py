@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -52,7 +53,7 @@ def inspect(
     from tendonrepro.dataset.inspection import inspect_text, run_inspect
 
     found = run_inspect(paths, mapping if suggest else None, force=force, talk=terminal.talk)
-    terminal.show(found, inspect_text)
+    terminal.show(found, partial(inspect_text, verbose=terminal.verbose))
 
 
 @command(data_app, "tendonrepro ingest data/zenodo --mapping data/mapping.yaml")
@@ -61,6 +62,9 @@ def ingest(
     paths: Paths,
     mapping: Mapping = Path("data/mapping.yaml"),
     out: Annotated[Path, typer.Option("--out", help="Trace file to write.")] = Path("data/measured.h5"),
+    confirm: Annotated[
+        bool, typer.Option("--confirm", help="The mapping is right: delete every line `because` in it.")
+    ] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Check everything, write nothing.")] = False,
     force: Annotated[
         bool, typer.Option("--force", help="Overwrite a file of another mapping or other data.")
@@ -69,7 +73,7 @@ def ingest(
     """Convert measured data to the layout of simulated traces."""
     from tendonrepro.dataset.ingest import ingest_text, run_ingest
 
-    found = run_ingest(paths, mapping, out, force=force, dry_run=dry_run, talk=terminal.talk)
+    found = run_ingest(paths, mapping, out, force=force, dry_run=dry_run, talk=terminal.talk, confirm=confirm)
     terminal.show(found, ingest_text)
 
 

@@ -15,14 +15,14 @@ from tendonrepro.config.load import load_config
 from tendonrepro.config.published import coupling_of, published, table_1
 from tendonrepro.console import Talk
 from tendonrepro.dataset.mapping.assembly import Assembly, doubts_about
-from tendonrepro.dataset.mapping.model import LoadedMapping, load_mapping
+from tendonrepro.dataset.mapping.model import LoadedMapping, confirmed, load_mapping
 from tendonrepro.dataset.meaning.words import printable
 from tendonrepro.dataset.measured_file import origin
 from tendonrepro.dataset.readers.guard import read_guarded
 from tendonrepro.dataset.readers.read import files_below
 from tendonrepro.dataset.readers.signals import Source
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.files import sha256_of, to_json
+from tendonrepro.files import sha256_of, to_json, write_atomically
 from tendonrepro.physics.metrics import status_of
 from tendonrepro.results.manifest import environment
 from tendonrepro.results.records import DECOUPLING_RUNS, PlantRecord, PlantValue, Trace, TraceFile, of_joints
@@ -34,11 +34,19 @@ _PRINTED = "printed: Table 1, signs of section 3.3"
 
 
 def run_ingest(
-    paths: Sequence[Path], mapping: Path, out: Path, *, force: bool, dry_run: bool, talk: Talk
+    paths: Sequence[Path],
+    mapping: Path,
+    out: Path,
+    *,
+    force: bool,
+    dry_run: bool,
+    talk: Talk,
+    confirm: bool = False,
 ) -> dict[str, Any]:
     """Convert measured files, folders and archives to the trace file `out`.
 
-    `force` overwrites one made by another mapping or from other data; `dry_run` writes nothing.
+    `force` overwrites one made by another mapping or from other data; `dry_run` writes nothing; `confirm`
+    deletes every `because` of the mapping first.
 
     Returns
     -------
@@ -55,6 +63,10 @@ def run_ingest(
         When a path is missing.
     """
     loaded = load_mapping(mapping)
+    if confirm:
+        loaded = confirmed(loaded, mapping)
+        if not dry_run:
+            write_atomically(mapping, loaded.text)
     # Of an archive the mapping may name a member: then it is read whole.
     wanted = loaded.mapping.files()
     files = [(path, name) for path, name in files_below(paths) if any(_may_hold(name, w) for w in wanted)]
@@ -186,6 +198,6 @@ def ingest_text(found: Mapping[str, Any]) -> str:
             lines.append(f"    error in deg: {', '.join(sizes)}")
     lines += [f"  note: {note}" for note in found["notes"]]
     if found["guesses"]:
-        lines.append(f"  {len(found['guesses'])} columns are guessed and not confirmed; see the mapping")
+        lines.append(f"  {len(found['guesses'])} columns are guessed: check the mapping, then say --confirm")
     lines.append(f"would write {found['out']}" if found["dry_run"] else f"wrote {found['out']}")
     return "\n".join(map(printable, lines))

@@ -27,7 +27,7 @@ from tendonrepro.errors import UsageError
 from tendonrepro.files import write_atomically
 
 SCHEMA_VERSION = 1
-_MOST_NAMED = 5  # things skipped for the same reason that a terminal shows; ``--json`` names all
+_MOST_NAMED = 5  # things of a kind that a terminal names; ``--json`` names all
 _MOST_TEXTS = 40  # texts of a file that a terminal shows
 
 
@@ -115,15 +115,13 @@ def _column(column: Column, runs: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def inspect_text(found: Mapping[str, Any]) -> str:
-    """What a terminal shows of an inspection, `found` by `run_inspect`."""
+def inspect_text(found: Mapping[str, Any], *, verbose: bool = False) -> str:
+    """What a terminal shows of an inspection, `found` by `run_inspect`; every column of it if `verbose`."""
     files = found["files"]
-    lines = [line for file in files for line in _file_lines(file)]
+    lines = [line for file in files for line in (_file_lines(file) if verbose else _short_lines(file))]
     read, skipped = (sum(len(file[key]) for file in files) for key in ("signals", "skipped"))
-    counts = [
-        f"{count} {noun}{'s' * (count != 1)}" for count, noun in ((len(files), "file"), (read, "signal"))
-    ]
-    lines += ["", f"{counts[0]}: {counts[1]} read, {skipped} left out"]
+    more = "" if verbose else "; -v shows every column, and why"
+    lines += ["", f"{_count(len(files), 'file')}: {_count(read, 'signal')} read, {skipped} left out{more}"]
     if "mapping" in found:
         lines += [f"decide: {remark}" for remark in found["decide"]]
         runs = ", ".join(f"{name} ({count} columns)" for name, count in found["runs"].items())
@@ -132,6 +130,46 @@ def inspect_text(found: Mapping[str, Any]) -> str:
     else:
         lines.append("--suggest writes a mapping file to edit")
     return "\n".join(map(printable, lines))
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'s' * (number != 1)}"
+
+
+def _short_lines(file: Mapping[str, Any]) -> Iterator[str]:
+    """What a file is taken for, run by run, and what is missing."""
+    signals = file["signals"]
+    yield f"{file['name']}: {file['kind']}, {_count(len(signals), 'signal')}"
+    taken: dict[str, dict[str, set[int]]] = defaultdict(lambda: defaultdict(set))
+    unknown = []
+    for signal in signals:
+        for column in signal["columns"]:
+            if column["meaning"] is None:
+                number = f" {column['column']}" if len(signal["columns"]) > 1 else ""
+                unknown.append(signal["path"] + number)
+            elif column["meaning"] not in {"time", "index"}:
+                for run in column["runs"] or ["in no run"]:
+                    taken[run][column["meaning"]] |= {column["joint"]} - {None}
+    for run, meanings in taken.items():
+        words = (
+            f"{what} {', '.join(map(str, sorted(joints)))}".rstrip() for what, joints in meanings.items()
+        )
+        yield f"  {run}: {'; '.join(words)}"
+    if unknown:
+        yield f"  not guessed: {_named(unknown)}"
+    if signals and not any(_has_time(signal) for signal in signals):
+        yield "  no times"
+    yield from _skipped_lines(file["skipped"])
+
+
+def _has_time(signal: Mapping[str, Any]) -> bool:
+    return signal["times_s"] is not None or any(column["meaning"] == "time" for column in signal["columns"])
+
+
+def _named(names: Sequence[str]) -> str:
+    """Names in one line, the first few of many."""
+    more = len(names) - _MOST_NAMED
+    return ", ".join(names[:_MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
 def _file_lines(file: Mapping[str, Any]) -> list[str]:
@@ -154,9 +192,8 @@ def _skipped_lines(skipped: Sequence[Mapping[str, str]]) -> Iterator[str]:
     for skip in skipped:
         alike[skip["reason"], skip["advice"]].append(skip["path"])
     for (reason, advice), paths in alike.items():
-        named = [path for path in paths[:_MOST_NAMED] if path]
-        more = f" and {len(paths) - len(named)} more" if len(paths) > _MOST_NAMED else ""
-        place = f"{', '.join(named)}{more}: " if named else ""
+        named = _named([path for path in paths if path])
+        place = f"{named}: " if named else ""
         yield f"  skipped {place}{reason}{'. ' + advice if advice else ''}"
 
 

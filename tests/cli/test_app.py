@@ -211,6 +211,18 @@ def test_usage_errors_are_one_message_and_code_2(command: str, tmp_path: Path) -
         assert error["message"]
 
 
+def test_want_of_memory_is_one_sentence(monkeypatch, capsys):
+    from tendonrepro.cli import app
+
+    def greedy(**_):
+        raise MemoryError
+
+    monkeypatch.setattr(app, "app", greedy)
+    with pytest.raises(SystemExit, match="1"):
+        app.main()
+    assert capsys.readouterr().err.startswith("error: there is not enough memory\n")
+
+
 def test_config_errors_name_file_and_line(command: str, tmp_path: Path) -> None:
     run(command, "config", "init", "compare", "--out", "mine", cwd=tmp_path)
     path = tmp_path / "mine" / "compare.yaml"

@@ -8,6 +8,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -15,12 +16,14 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from requests import Response
 from support.command import answer, run
 from support.zenodo_server import CONCEPT, ONE, RECORD, SMALL, Repository, serving
 
 from tendonrepro.console import Talk
 from tendonrepro.dataset.readers.read import files_below
 from tendonrepro.dataset.repository import fetch as fetch_module
+from tendonrepro.dataset.repository import web
 from tendonrepro.dataset.repository.fetch import fetch_text, run_fetch
 from tendonrepro.dataset.repository.web import Patience
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
@@ -354,6 +357,15 @@ def test_a_trickle_does_not_keep_us(fetch: Fetch, tmp_path: Path, mode: str, wor
     refused(fetch, Repository(files=dict(ONE), modes={mode}), words, patience=patience)
     assert time.monotonic() - begin < 20.0
     assert list(tmp_path.iterdir()) == []
+
+
+def test_an_answer_that_comes_too_late_is_closed() -> None:
+    late, go, closed = Response(), threading.Event(), threading.Event()
+    late.close = closed.set
+    with pytest.raises(TimeoutError):
+        web._within(0.01, lambda: go.wait(10.0) and late)
+    go.set()
+    assert closed.wait(10.0)
 
 
 @pytest.fixture

@@ -13,6 +13,7 @@ import pytest
 from support import seed_files
 
 from tendonrepro.console import Talk
+from tendonrepro.dataset.readers.allowance import Allowance
 from tendonrepro.dataset.readers.guard import Limits, read_guarded
 from tendonrepro.dataset.readers.read import read_file
 from tendonrepro.dataset.readers.signals import Source
@@ -73,9 +74,9 @@ def broken(name: str) -> bytes:
     return bytes(data)
 
 
-def measured(path: Path, name: str) -> list[Source]:
+def measured(path: Path, name: str, left: Allowance) -> list[Source]:
     """Read a file and say how much memory the process then holds; runs in the guarded process."""
-    sources = read_file(path, name)
+    sources = read_file(path, name, left)
     texts = {"memory": str(psutil.Process().memory_info().rss)}
     # Signals are compared elsewhere; leaving them behind keeps messages short.
     return [

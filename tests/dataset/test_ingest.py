@@ -76,10 +76,10 @@ def write_xlsx(folder: Path, file: TraceFile) -> None:
         (folder / f"SYNTHETIC_{name}.xlsx").write_bytes(content)
 
 
-def ingest(files: Path, mapping: Path, *, force: bool = False, dry_run: bool = False) -> dict[str, Any]:
+def ingest(files: Path, mapping: Path, **options: bool) -> dict[str, Any]:
     """Into measured.h5 beside the mapping."""
     out = mapping.with_name("measured.h5")
-    return run_ingest([files], mapping, out, force=force, dry_run=dry_run, talk=QUIET)
+    return run_ingest([files], mapping, out, **{"force": False, "dry_run": False} | options, talk=QUIET)
 
 
 def inspect(files: Path, mapping: Path | None, *, force: bool = False) -> dict[str, Any]:
@@ -144,7 +144,9 @@ def test_a_folder_without_a_name_is_called_by_its_own(
     monkeypatch.chdir(folder)
     found = inspect(Path(), tmp_path / "mapping.yaml")
     assert 'title: "Measured data from SYNTHETIC_files"' in (tmp_path / "mapping.yaml").read_text()
-    assert "1773300045123456 to 1773300045221456 us, 0.098 s long -> time" in inspect_text(found)
+    assert "1773300045123456 to 1773300045221456 us, 0.098 s long -> time" in inspect_text(
+        found, verbose=True
+    )
 
 
 @pytest.fixture(scope="module")
@@ -201,20 +203,28 @@ def test_what_ingest_says_can_be_read(from_record: tuple[dict[str, Any], TraceFi
 def test_a_confirmed_choice_is_no_guess(
     from_record: tuple[dict[str, Any], TraceFile], record: Path, tmp_path: Path
 ) -> None:
-    mapping = tmp_path / "mapping.yaml"
-    lines = [line for line in from_record[1].config_yaml.splitlines() if "because:" not in line]
-    mapping.write_text("\n".join(lines), encoding="utf-8")
-    assert ingest(record, mapping, dry_run=True)["guesses"] == []
+    mapping, guessed = tmp_path / "mapping.yaml", from_record[1].config_yaml
+    mapping.write_text(guessed, encoding="utf-8")
+    assert ingest(record, mapping, dry_run=True, confirm=True)["guesses"] == []
+    assert mapping.read_text(encoding="utf-8") == guessed
     assert not (tmp_path / "measured.h5").exists()
+    assert ingest(record, mapping, confirm=True)["guesses"] == []
+    lines = [line for line in guessed.splitlines() if not line.lstrip().startswith("because:")]
+    assert mapping.read_text(encoding="utf-8").splitlines() == lines
 
 
 def test_what_inspect_says_can_be_read(record: Path) -> None:
     found = inspect(record, None)
-    text = inspect_text(found)
+    text = inspect_text(found, verbose=True)
     json.dumps(found)
     for words in ("every 2 ms", "desired 2 of controller_2", "motor 3 of decouple", "README.txt"):
         assert words in text
     assert "-> ?" not in text
+    short = inspect_text(found)
+    assert "  controller_2: desired 2, 3; measured 2, 3\n" in short
+    assert "  decouple: " in short
+    assert "not guessed" not in short
+    assert len(short.splitlines()) <= 3 * len(found["files"]) + 2
 
 
 def test_a_mapping_of_the_user_is_not_overwritten(tmp_path: Path) -> None:
@@ -278,7 +288,7 @@ def test_no_file_steers_the_terminal(tmp_path: Path) -> None:
     mapping.write_text(text, encoding="utf-8")
     taken = ingest(path, mapping, dry_run=True)
     assert taken["title"].startswith("\x1b")
-    for shown in (inspect_text(found), ingest_text(taken)):
+    for shown in (inspect_text(found, verbose=True), ingest_text(taken)):
         assert "\ufffd[2J" in shown
         assert all(line.isprintable() for line in shown.split("\n"))
     mapping.write_text(text.replace("q2", "q3"), encoding="utf-8")
@@ -300,5 +310,7 @@ def test_where_nothing_is_understood_the_columns_are_listed(tmp_path: Path) -> N
     np.savetxt(tmp_path / "SYNTHETIC.csv", noise, delimiter=",", header="aa,bb", comments="")
     found = inspect(tmp_path / "SYNTHETIC.csv", tmp_path / "m.yaml")
     assert found["left"] == 2
-    assert "no column could be assigned" in inspect_text(found)
+    text = inspect_text(found)
+    assert "no column could be assigned" in text
+    assert "  not guessed: aa, bb\n  no times\n" in text
     assert (tmp_path / "m.yaml").read_text().count("#    - variable: CHOOSE") == 2

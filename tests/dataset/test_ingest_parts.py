@@ -157,9 +157,18 @@ def test_rows_that_cannot_be_chosen_are_explained(where: dict[str, object], mess
 def test_of_desired_measured_and_error_two_give_the_third(given: tuple[str, str]) -> None:
     q_d, e = ANGLE[:, 0], 0.3 * np.cos(TIME)
     columns = {"q_d": q_d, "q_encoder": q_d - e, "e": e}
-    run, _ = assembled(three(*given), **columns)
+    run, assembly = assembled(three(*given), **columns)
     for name, expected in columns.items():
         np.testing.assert_allclose(run[name][:, 0], np.deg2rad(expected), atol=1e-15)
+    assert assembly.doubts == []
+
+
+def test_a_desired_angle_alone_is_asked_about() -> None:
+    _, assembly = assembled(three("q_d"), q_d=ANGLE[:, 0], feedback=ANGLE[:, 1])
+    (doubt,) = assembly.doubts
+    assert doubt.startswith("controller_1: joint 2 has a desired angle and no measured one")
+    assert "`- {variable: q_encoder, joint: 2, file: " in doubt
+    assert doubt.endswith("signals there in no line: feedback")
 
 
 @pytest.mark.parametrize("factor", [-1.0, 180.0 / np.pi, np.pi / 180.0, 3.0])

@@ -11,24 +11,26 @@ import struct
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import h5py
 import numpy as np
 import psutil
 import pytest
+import scipy.io
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 from support import ROOT, matlab_bytes, seed_files
 
 from tendonrepro.console import Talk
+from tendonrepro.dataset.readers import guard, signals
 from tendonrepro.dataset.readers import hdf5 as hdf5_file
-from tendonrepro.dataset.readers import signals
+from tendonrepro.dataset.readers.allowance import Allowance
 from tendonrepro.dataset.readers.filetype import FileType, kind_of
 from tendonrepro.dataset.readers.guard import Limits, read_guarded
-from tendonrepro.dataset.readers.read import files_below, read_file
+from tendonrepro.dataset.readers.read import files_below, read_bit_by_bit, read_file
 from tendonrepro.dataset.readers.signals import Found, Source, seconds
 from tendonrepro.dataset.repository.lock import DataLock, LockedFile, lock_path, write_lock
 from tendonrepro.errors import DataMissingError, TendonreproError
@@ -183,26 +185,24 @@ def narrow(folder: Path, suffix: str, arrays: dict[str, np.ndarray]) -> Path:
     return path
 
 
-@pytest.fixture
-def little_room(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(signals, "MOST_BYTES", 2**16)
+NO_ROOM = "no room is left for its numbers"
+LESS = "one command keeps 1 GB at most: name fewer files at once, or split this one"
 
 
-@pytest.mark.usefixtures("little_room")
 @pytest.mark.parametrize("suffix", ["h5", "npz", "mat"])
 def test_signals_together_end_at_a_bound(suffix: str, tmp_path: Path) -> None:
     """They are counted as what they become in memory, and what is small enough still has room."""
     arrays = {f"d{number}": np.arange(3000).astype(np.int8) for number in range(5)}
     arrays |= {"large": np.zeros(10_000, np.int8), "small": np.arange(10, dtype=np.int8)}
-    (source,) = read_file(narrow(tmp_path, suffix, arrays), "x")
+    left = Allowance(numbers=2**16)
+    (source,) = read_file(narrow(tmp_path, suffix, arrays), "x", left)
     assert [signal.path for signal in source.signals] == ["d0", "d1", "small"]
+    assert left.numbers == 2**16 - 8 * 6010
     assert {(left.path, left.reason, left.advice) for left in source.skipped} == {
-        *((f"d{number}", f"left out after {2**16 / 2**30:g} GB", "split the file") for number in (2, 3, 4)),
-        ("large", "80000 bytes are too many", "save the part of interest alone"),
+        (name, NO_ROOM, LESS) for name in ("d2", "d3", "d4", "large")
     }
 
 
-@pytest.mark.usefixtures("little_room")
 def test_no_more_is_read_than_may_be_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     read: list[str] = []
     add = hdf5_file._add
@@ -213,15 +213,46 @@ def test_no_more_is_read_than_may_be_kept(tmp_path: Path, monkeypatch: pytest.Mo
 
     monkeypatch.setattr(hdf5_file, "_add", noted)
     arrays = {f"d{number}": np.arange(6000).astype(np.int8) for number in range(5)}
-    hdf5_file.read_hdf5(narrow(tmp_path, "h5", arrays | {"large": np.zeros(10_000, np.int8)}))
+    path = narrow(tmp_path, "h5", arrays | {"large": np.zeros(10_000, np.int8)})
+    hdf5_file.read_hdf5(path, Allowance(numbers=2**16))
     assert read == ["d0"]
 
 
-@pytest.mark.usefixtures("little_room")
-def test_an_array_that_is_too_large_is_not_read(tmp_path: Path) -> None:
-    np.save(tmp_path / "SYNTHETIC.npy", np.zeros(10_000, np.int8))
-    (source,) = read_file(tmp_path / "SYNTHETIC.npy", "x")
-    assert source.skipped[0].reason == "80000 bytes are too many"
+def test_files_of_one_command_share_their_room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(guard, "MOST_NUMBERS", 2**16)
+    path = narrow(tmp_path, "h5", {"q": np.arange(3000).astype(np.int8)})
+    sources = read_guarded([(path, name) for name in "abcd"], QUIET)
+    assert [len(source.signals) for source in sources] == [1, 1, 0, 0]
+    assert [skip.reason for source in sources for skip in source.skipped] == [NO_ROOM, NO_ROOM]
+
+
+def test_an_array_that_is_too_large_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(signals, "MOST_SAMPLES", 2**10)
+    monkeypatch.setattr(signals, "MOST_NUMBERS", 2**14)
+    long, wide = np.zeros(1025, np.int8), np.zeros((3, 1000), np.int8)
+    for values, reason in (long, "1025 samples are more than 1024"), (wide, "24000 bytes are too many"):
+        np.save(tmp_path / "SYNTHETIC.npy", values)
+        (source,) = read_file(tmp_path / "SYNTHETIC.npy", "x")
+        assert source.skipped[0].reason == reason
+    # However deep in a variable, by what it announces before it is unpacked.
+    monkeypatch.setattr(scipy.io, "loadmat", None)
+    scipy.io.savemat(tmp_path / "SYNTHETIC.mat", {"s": {"q": np.zeros(3000)}}, do_compression=True)
+    (source,) = read_file(tmp_path / "SYNTHETIC.mat", "x")
+    assert "bytes are too many" in source.skipped[0].reason
+
+
+def test_what_was_read_of_an_archive_is_kept(tmp_path: Path) -> None:
+    names = ["first", "second", "hang", "last"]
+    path = tmp_path / "SYNTHETIC.zip"
+    path.write_bytes(seed_files.zipped(dict.fromkeys(names, READABLE["SYNTHETIC_comma.csv"])))
+    whole, *inside = read_guarded([(path, "x.zip")], QUIET, Limits(seconds=3.0), slowly)
+    assert [(source.name, len(source.signals)) for source in inside] == [
+        ("x.zip/first", 3),
+        ("x.zip/second", 3),
+    ]
+    assert [skip.reason for skip in whole.skipped] == [
+        "reading it took longer than 3 s, after 2 of its files; the others were not read"
+    ]
 
 
 def test_thousands_of_one_name_are_quick() -> None:
@@ -278,7 +309,14 @@ def test_gaps_among_dates() -> None:
     assert_array_equal(seconds(np.array([1, "NaT"], "m8[ns]"))[0], [1e-9, np.nan])
 
 
-def misbehave(path: Path, name: str) -> list[Source]:
+def slowly(path: Path, name: str, left: Allowance) -> Iterator[Source]:
+    """Reader that hangs at a member of an archive."""
+    for source in read_bit_by_bit(path, name, left):
+        misbehave(path, source.name.rpartition("/")[2], left)
+        yield source
+
+
+def misbehave(path: Path, name: str, left: Allowance) -> list[Source]:
     """Reader that does what a name says."""
     if name == "crash":
         os.abort()
@@ -291,7 +329,7 @@ def misbehave(path: Path, name: str) -> list[Source]:
         raise RuntimeError(message)
     print("noise")  # noqa: T201
     sys.stderr.write("more noise")
-    return read_file(path, name)
+    return read_file(path, name, left)
 
 
 @pytest.mark.slow

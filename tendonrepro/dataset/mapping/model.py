@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -186,7 +187,15 @@ class LoadedMapping:
 
 def load_mapping(path: Path) -> LoadedMapping:
     """Read and check a mapping file; every mistake is on a line of its own, as ``file:line: key: what``."""
-    text = read_text(path, hint=HINT)
+    return _loaded(read_text(path, hint=HINT), path)
+
+
+def confirmed(loaded: LoadedMapping, path: Path) -> LoadedMapping:
+    """The mapping of a file without its lines `because`, as when a person had deleted them."""
+    return _loaded(re.sub("(?m)^ +because:.*\n?", "", loaded.text), path)
+
+
+def _loaded(text: str, path: Path) -> LoadedMapping:
     document = load(text, str(path))
     if not isinstance(document.tree, dict):
         message = "a mapping file is a mapping of keys, beginning with 'schema_version: 1'"

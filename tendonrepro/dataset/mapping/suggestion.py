@@ -79,8 +79,8 @@ def suggest(columns: Sequence[Column], title: str) -> Suggestion:
     remarks = tuple(f"{_listed(list(names))}: {remark}" for remark, names in asked.items())
     head = [
         "Which column is which variable of which run. Guessed by `tendonrepro inspect --suggest`.",
-        "Check every entry: variable, joint, unit. Delete its line `because` when you have;",
-        "what is left is listed in the result as guessed.",
+        "Check every entry: variable, joint, unit. Delete its line `because` when you have, or let",
+        "`tendonrepro ingest --confirm` delete them all; what is left is listed in the result as guessed.",
         f"Runs are {', '.join(RUNS[:-1])} and {RUNS[-1]}.",
         *(f"DECIDE: {printable(remark)}" for remark in remarks),
     ]

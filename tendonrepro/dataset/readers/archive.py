@@ -15,24 +15,18 @@ from io import BufferedIOBase
 from pathlib import Path
 from typing import IO, Any, cast
 
+from tendonrepro.dataset.readers.allowance import Allowance, TooMuch
 from tendonrepro.dataset.readers.charset import decoded
 from tendonrepro.dataset.readers.filetype import FileType, is_tar, kind_of
 from tendonrepro.dataset.readers.signals import Unreadable
 
-MOST_BYTES = 2**32
-"""Unpacked, of everything inside one file: a record of some gigabytes is not far-fetched, more is."""
-MOST_MEMBERS = 10_000
-"""The paper's data needs some dozens; unpacking ten thousand takes a minute."""
-MOST_RATIO = 300
-"""Unpacked to packed. Logs shrink to a tenth, a constant signal to a three-hundredth."""
-RATIO_FROM = 2**27
-"""Bytes below which no ratio is suspicious."""
 DEEPEST = 3
 """Archives within archives: a zip of tar.gz files is two."""
 _CHUNK = 2**20
 _LONGEST_NAME = 200
 _BROKEN = "download it again"
-_UNPACK = "unpack it yourself and name the folder"
+UNPACK = "unpack it yourself and name the folder"
+"""Advice for what is left of an archive."""
 _NO_ROOM = "make room on the disk for temporary files, or name a folder on another one in TMPDIR"
 _STREAMS: Mapping[FileType, Callable[[Path, Any], Any]] = {
     FileType.GZIP: gzip.GzipFile,
@@ -56,28 +50,6 @@ class Member:
     advice: str = ""
 
 
-class TooMuch(Exception):
-    """An archive unpacks into more than anyone would publish."""
-
-
-@dataclass
-class Allowance:
-    """What may still be unpacked out of one file, archives within archives included."""
-
-    bytes_left: int = MOST_BYTES
-    members_left: int = MOST_MEMBERS
-
-    def take(self, count: int = 0, members: int = 0) -> None:
-        """Use some bytes or members up; raises `TooMuch` when there are none left."""
-        self.bytes_left -= count
-        self.members_left -= members
-        message = f"holds more than {MOST_MEMBERS} files" if self.members_left < 0 else ""
-        if self.bytes_left < 0:
-            message = f"unpacks into more than {MOST_BYTES / 2**30:.0f} GB"
-        if message:
-            raise TooMuch(message)
-
-
 def members(path: Path, folder: Path, name: str = "", allowance: Allowance | None = None) -> Iterator[Member]:
     """Unpack the members of a zip or tar archive, or a single compressed file, one after the other.
 
@@ -88,7 +60,7 @@ def members(path: Path, folder: Path, name: str = "", allowance: Allowance | Non
     try:
         yield from _each(path, folder / "member", name or path.name, allowance or Allowance())
     except TooMuch as error:
-        yield Member("", None, str(error), _UNPACK)
+        yield Member("", None, str(error), UNPACK)
     except (Unreadable, MemoryError):
         raise
     except Exception as error:  # what a broken archive raises depends on the byte that is wrong
@@ -105,7 +77,7 @@ def _each(path: Path, target: Path, name: str, left: Allowance) -> Iterator[Memb
     with open_packed(path, "rb") as peeked:
         holds_tar = is_tar(peeked.read(512))
     with open_packed(path, "rb") as opened:
-        counted = _Counted(opened, path.stat().st_size, left)
+        counted = _Counted(opened, left)
         if holds_tar:
             yield from _of_tar(counted, target, left)
         else:
@@ -115,17 +87,13 @@ def _each(path: Path, target: Path, name: str, left: Allowance) -> Iterator[Memb
 class _Counted:
     """A stream that stops once more comes out of it than is allowed."""
 
-    def __init__(self, stream: IO[bytes] | BufferedIOBase, packed: int, left: Allowance) -> None:
-        self.stream, self.packed, self.left, self.taken = stream, packed, left, 0
+    def __init__(self, stream: IO[bytes] | BufferedIOBase, left: Allowance) -> None:
+        self.stream, self.left = stream, left
 
     def read(self, size: int = -1) -> bytes:
         """Read like any stream, in pieces that fit memory."""
         data = self.stream.read(_CHUNK if size < 0 else min(size, _CHUNK))
-        self.taken += len(data)
-        self.left.take(len(data))
-        if self.taken > RATIO_FROM and self.taken > MOST_RATIO * self.packed:
-            message = f"unpacks into more than {MOST_RATIO} times its size"
-            raise TooMuch(message)
+        self.left.unpack(len(data))
         return data
 
 
@@ -133,7 +101,7 @@ def _of_zip(path: Path, target: Path, left: Allowance) -> Iterator[Member]:
     with zipfile.ZipFile(path) as archive:
         for entry in archive.infolist():
             name = _zip_name(entry)
-            left.take(members=1)
+            left.unpack(members=1)
             if entry.is_dir() or _is_litter(name):
                 continue
             is_file = stat.S_IFMT(entry.external_attr >> 16) in {0, stat.S_IFREG}
@@ -143,7 +111,7 @@ def _of_zip(path: Path, target: Path, left: Allowance) -> Iterator[Member]:
                 continue
             try:
                 with archive.open(entry) as stream:
-                    member = _unpacked(name, _Counted(stream, entry.compress_size, left), target)
+                    member = _unpacked(name, _Counted(stream, left), target)
             except (TooMuch, Unreadable, MemoryError):
                 raise
             except Exception as error:
@@ -156,7 +124,7 @@ def _of_tar(stream: _Counted, target: Path, left: Allowance) -> Iterator[Member]
     with tarfile.open(fileobj=cast("IO[bytes]", stream), mode="r|") as archive:
         for entry in archive:
             name = _readable(entry.name.encode("utf-8", "surrogateescape"))
-            left.take(members=1)
+            left.unpack(members=1)
             if entry.isdir() or _is_litter(name):
                 continue
             reason, advice = _refusal(name, is_file=entry.isreg())
@@ -165,11 +133,10 @@ def _of_tar(stream: _Counted, target: Path, left: Allowance) -> Iterator[Member]
                 yield Member(name, None, reason, advice)
                 continue
             # What the stream gave is counted; only a sparse file unpacks into more than that.
-            own = left if entry.issparse() else Allowance(left.bytes_left)
-            yield _unpacked(name, _Counted(content, entry.size, own), target)
+            yield _unpacked(name, _Counted(content, left) if entry.issparse() else content, target)
 
 
-def _unpacked(name: str, stream: _Counted, target: Path) -> Member:
+def _unpacked(name: str, stream: _Counted | IO[bytes], target: Path) -> Member:
     try:
         with target.open("wb") as file:
             while data := stream.read(_CHUNK):

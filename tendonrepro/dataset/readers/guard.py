@@ -1,44 +1,55 @@
-"""Files read in a process of their own, so that none can take the program down with it."""
+"""Files read in a process of their own, so that none can take the program down with it.
+
+Signals come over one by one as they are read: what was read before a file was given up is a result, and
+this process never holds more than what it keeps.
+"""
 
 from __future__ import annotations
 
 import multiprocessing
 import os
+import pickle
 import signal
 import tempfile
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
 from pathlib import Path
 from types import TracebackType
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from tendonrepro.console import Talk
+from tendonrepro.dataset.readers.allowance import MOST_NUMBERS, Allowance
+from tendonrepro.dataset.readers.archive import UNPACK
 from tendonrepro.dataset.readers.filetype import kind_of
-from tendonrepro.dataset.readers.read import read_file, unread
-from tendonrepro.dataset.readers.signals import Source
+from tendonrepro.dataset.readers.read import read_bit_by_bit, unread
+from tendonrepro.dataset.readers.signals import Skipped, Source
 from tendonrepro.errors import TendonreproError
 from tendonrepro.parallel import end_with_parent, interrupts_held
 
-Read: TypeAlias = Callable[[Path, str], list[Source]]
+Read: TypeAlias = Callable[[Path, str, Allowance], Iterable[Source]]
 
 _START_SECONDS = 120.0
 """A busy machine may need long to start a process, and that is no fault of the file."""
 _ADVICE = "save it again in another format, such as CSV, or split it"
+_NO_MEMORY = "reading it needed too much memory"
+_PIECE = 2**24
+"""Bytes handed over at once."""
 
 
 @dataclass(frozen=True)
 class Limits:
     """What one file may cost: time, more of it for a large one, and memory where the system can limit it.
 
-    The memory, in bytes, is above what the process needs to start. The signals of a file may take two
-    gigabytes, as much again while they are read, and again while they are handed over.
+    The memory, in bytes, is above what the process needs to start. The signals of a file may take one
+    gigabyte, and up to three times as much while they are read.
     """
 
     seconds: float = 120.0
     seconds_per_megabyte: float = 1.0
-    memory: int = 6 * 2**30
+    memory: int = 4 * 2**30
 
     def of(self, path: Path) -> float:
         """Seconds that a file may take."""
@@ -48,7 +59,7 @@ class Limits:
 
 
 def read_guarded(
-    files: Sequence[tuple[Path, str]], talk: Talk, limits: Limits | None = None, read: Read = read_file
+    files: Sequence[tuple[Path, str]], talk: Talk, limits: Limits | None = None, read: Read = read_bit_by_bit
 ) -> list[Source]:
     """Read files one after the other in a process that may crash, hang or run out of memory.
 
@@ -68,7 +79,8 @@ def read_guarded(
     Returns
     -------
     list of Source
-        In the order of the files; those that were given up say so in `skipped`.
+        In the order of the files; those that were given up say so in `skipped`. Together they hold no more
+        than an :class:`Allowance`.
 
     Raises
     ------
@@ -78,8 +90,7 @@ def read_guarded(
     sources: list[Source] = []
     with (
         talk.bar("reading", len(files)) as advance,
-        tempfile.TemporaryDirectory(prefix="tendonrepro-", ignore_cleanup_errors=True) as folder,
-        _Reader(limits or Limits(), read, folder) as reader,
+        _Reader(limits or Limits(), read) as reader,
     ):
         for path, name in files:
             sources += reader.sources(path, name)
@@ -90,8 +101,9 @@ def read_guarded(
 class _Reader:
     """The process that reads; replaced when it has to be ended."""
 
-    def __init__(self, limits: Limits, read: Read, folder: str) -> None:
-        self.limits, self.read, self.folder = limits, read, folder
+    def __init__(self, limits: Limits, read: Read) -> None:
+        self.limits, self.read, self.left = limits, read, Allowance(numbers=_room())
+        self.folder: tempfile.TemporaryDirectory[str] | None = None
         self.process: multiprocessing.process.BaseProcess | None = None
         self.connection: Connection | None = None
 
@@ -107,28 +119,34 @@ class _Reader:
         """What is in a file, or why that cannot be told."""
         connection = self.connection or self._start()
         seconds = self.limits.of(path)
+        end = time.monotonic() + seconds
+        found: dict[str, Source] = {}
         try:
-            connection.send((path.absolute(), name))
-            if connection.poll(seconds):
-                answer: list[Source] | str = connection.recv()
-                if not isinstance(answer, str):
-                    return answer
-                reason = answer
+            connection.send((path.absolute(), name, self.left))
+            while connection.poll(max(0.0, end - time.monotonic())):
+                answer = _received(connection)
+                if answer is None:
+                    return list(found.values())
+                if isinstance(answer, str):
+                    reason = answer
+                    break
+                source, self.left = answer
+                found[source.name] = source
             else:
                 reason = f"reading it took longer than {seconds:.0f} s"
         except (EOFError, OSError):
             reason = "its reader crashed, perhaps for want of memory"
+        except MemoryError:
+            reason = _NO_MEMORY
         self._end()
-        kind = "unknown"
-        with suppress(OSError):
-            kind = str(kind_of(path))
-        return [unread(path, name, reason, _ADVICE, kind)]
+        return _given_up(path, name, reason, list(found.values()))
 
     def _start(self) -> Connection:
         context = multiprocessing.get_context("spawn")
         self.connection, theirs = context.Pipe()
+        self.folder = tempfile.TemporaryDirectory(prefix="tendonrepro-", ignore_cleanup_errors=True)
         self.process = context.Process(
-            target=_serve, args=(theirs, self.read, self.limits.memory, self.folder), daemon=True
+            target=_serve, args=(theirs, self.read, self.limits.memory, self.folder.name), daemon=True
         )
         with interrupts_held():
             self.process.start()
@@ -151,7 +169,53 @@ class _Reader:
             self.process.close()
         if self.connection is not None:
             self.connection.close()
-        self.process = self.connection = None
+        # What was being unpacked when it was ended.
+        if self.folder is not None:
+            self.folder.cleanup()
+        self.process = self.connection = self.folder = None
+
+
+def _given_up(path: Path, name: str, reason: str, found: Sequence[Source]) -> list[Source]:
+    """What was read of a file until its reader was ended, and why it was."""
+    if found:
+        whole, *inside = found
+        reason += f", after {len(inside)} of its files; the others were not read"
+        return [replace(whole, skipped=(*whole.skipped, Skipped("", reason, UNPACK))), *inside]
+    kind = "unknown"
+    with suppress(OSError):
+        kind = str(kind_of(path))
+    return [unread(path, name, reason, _ADVICE, kind)]
+
+
+def _sent(connection: Connection, answer: object) -> None:
+    """Hand something over; arrays go in pieces, so that neither side needs a copy of them."""
+    buffers: list[pickle.PickleBuffer] = []
+    connection.send_bytes(pickle.dumps(answer, 5, buffer_callback=buffers.append))
+    views = [buffer.raw() for buffer in buffers]
+    connection.send([len(view) for view in views])
+    for view in views:
+        for start in range(0, len(view), _PIECE):
+            connection.send_bytes(view[start : start + _PIECE])
+
+
+def _received(connection: Connection) -> Any:
+    head = connection.recv_bytes()
+    buffers = [bytearray(size) for size in connection.recv()]
+    for buffer in buffers:
+        for start in range(0, len(buffer), _PIECE):
+            connection.recv_bytes_into(buffer, start)
+    return pickle.loads(head, buffers=buffers)
+
+
+def _room() -> int:
+    """Bytes of numbers to keep; where this process is limited itself, a quarter of that."""
+    with suppress(ImportError):  # Windows
+        import resource
+
+        limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+        if limit != resource.RLIM_INFINITY:
+            return min(MOST_NUMBERS, limit // 4)
+    return MOST_NUMBERS
 
 
 def _serve(connection: Connection, read: Read, memory: int, folder: str) -> None:
@@ -166,11 +230,13 @@ def _serve(connection: Connection, read: Read, memory: int, folder: str) -> None
     connection.send(True)
     with suppress(EOFError, OSError):
         while True:
-            path, name = connection.recv()
+            path, name, left = connection.recv()
             try:
-                connection.send(read(path, name))
+                for source in read(path, name, left):
+                    _sent(connection, (source, left))
+                _sent(connection, None)
             except MemoryError:
-                connection.send("reading it needed too much memory")
+                _sent(connection, _NO_MEMORY)
 
 
 def _hush() -> None:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
+from tendonrepro.dataset.readers.allowance import Allowance
 from tendonrepro.dataset.readers.numpy_files import add_array
 from tendonrepro.dataset.readers.signals import BEST_PACKING, HARMLESS, Found, Unreadable, is_full
 from tendonrepro.dataset.readers.units import FACTORS, plain_unit
@@ -24,13 +25,13 @@ _BROKEN = "copy or download it again; if it stays broken, export it again"
 _ELSEWHERE = "copy that file's data into this one with h5repack or h5copy"
 
 
-def read_hdf5(path: Path) -> Found:
+def read_hdf5(path: Path, left: Allowance | None = None) -> Found:
     """Read every dataset of numbers in an HDF5 file; nothing outside the file is ever opened.
 
     One signal a dataset, or one a field of a compound one. The group is the HDF5 group; times come from a
     dimension scale in a unit of time. `Unreadable` when it cannot be opened.
     """
-    found = Found("HDF5")
+    found = Found("HDF5", left or Allowance())
     try:
         with h5py.File(path, "r") as file:
             if "_NCProperties" in file.attrs:
@@ -155,7 +156,7 @@ def _why_not(found: Found, dataset: h5py.Dataset) -> tuple[str, str]:
     size, stored = dataset.nbytes, dataset.id.get_storage_size()
     if not dataset.is_virtual and size > BEST_PACKING * stored and (size > HARMLESS or not stored):
         return f"announces {size} bytes but holds {stored}, so most were never written", ""
-    return found.refusal(max(dataset.size, size // 8))
+    return found.refusal(max(dataset.size, size // 8), max(dataset.shape, default=0))
 
 
 def _is_label_scale(dataset: h5py.Dataset) -> bool:

@@ -9,23 +9,24 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tendonrepro.dataset.readers.allowance import Allowance
 from tendonrepro.dataset.readers.signals import MOST_SIGNALS, Found, Unreadable, is_full, note_rest, seconds
 
 _BROKEN = "copy or download it again, or save it anew with numpy.save or numpy.savez"
 _PICKLED = "objects run code when they are loaded; save the plain arrays one by one with numpy.savez"
 
 
-def read_npy(path: Path) -> Found:
+def read_npy(path: Path, left: Allowance | None = None) -> Found:
     """Read the array of an npy file as ``array``."""
-    found = Found("NumPy array (npy)")
+    found = Found("NumPy array (npy)", left or Allowance())
     with path.open("rb") as stream:
         add_array(found, "array", _array(found, stream, path.stat().st_size))
     return found
 
 
-def read_npz(path: Path) -> Found:
+def read_npz(path: Path, left: Allowance | None = None) -> Found:
     """Read the arrays of an npz file under their names; one that is broken does not stop the rest."""
-    found = Found("NumPy arrays (npz)")
+    found = Found("NumPy arrays (npz)", left or Allowance())
     try:
         archive = zipfile.ZipFile(path)
     except Exception as error:  # by what is broken, errors of many kinds

@@ -8,11 +8,13 @@ import tempfile
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from tendonrepro.dataset.readers.archive import DEEPEST, KINDS, Allowance, members
+from tendonrepro.dataset.readers.allowance import Allowance
+from tendonrepro.dataset.readers.archive import DEEPEST, KINDS, UNPACK, members
 from tendonrepro.dataset.readers.filetype import FileType, kind_of
 from tendonrepro.dataset.readers.signals import Found, Skipped, Source, Unreadable
 from tendonrepro.dataset.repository.lock import lock_path, read_lock
@@ -89,11 +91,17 @@ def _locked(folder: Path) -> set[Path]:
     return set()
 
 
-def read_file(path: Path, name: str) -> list[Source]:
-    """Read whatever a file that the user knows by a name holds; nothing is raised.
+def read_file(path: Path, name: str, left: Allowance | None = None) -> list[Source]:
+    """Read whatever a file that the user knows by a name holds, within an allowance; nothing is raised.
 
     One source for the file and, for an archive, one for each file in it.
     """
+    # A later source replaces an earlier one of its name, and keeps its place.
+    return list({source.name: source for source in read_bit_by_bit(path, name, left or Allowance())}.values())
+
+
+def read_bit_by_bit(path: Path, name: str, left: Allowance) -> Iterator[Source]:
+    """Sources of a file as they are read; an archive comes first and, with what was left out, again."""
     with (
         warnings.catch_warnings(),
         np.errstate(all="ignore"),
@@ -101,22 +109,25 @@ def read_file(path: Path, name: str) -> list[Source]:
     ):
         # Libraries warn about odd files; what matters of it is in what they return.
         warnings.simplefilter("ignore")
-        return _read(path, name, Path(folder), Allowance(), depth=1)
+        with suppress(OSError):
+            left.begin(path.stat().st_size)
+        yield from _read(path, name, Path(folder), left, depth=1)
 
 
-def _read(path: Path, name: str, folder: Path, left: Allowance, depth: int) -> list[Source]:
+def _read(path: Path, name: str, folder: Path, left: Allowance, depth: int) -> Iterator[Source]:
     try:
         kind = kind_of(path)
         if kind in KINDS:
-            return _read_archive(path, name, kind, folder, left, depth)
-        return [_read_one(path, name, kind)]
+            yield from _read_archive(path, name, kind, folder, left, depth)
+        else:
+            yield _read_one(path, name, kind, left)
     except OSError as error:
-        return [unread(path, name, f"cannot be opened: {error.strerror or error}")]
+        yield unread(path, name, f"cannot be opened: {error.strerror or error}")
 
 
-def _read_one(path: Path, name: str, kind: FileType) -> Source:
+def _read_one(path: Path, name: str, kind: FileType, left: Allowance) -> Source:
     try:
-        found = _found(path, kind)
+        found = _found(path, kind, left)
     except Unreadable as error:
         return unread(path, name, error.reason, error.advice, str(kind))
     except MemoryError:
@@ -129,29 +140,29 @@ def _read_one(path: Path, name: str, kind: FileType) -> Source:
     return Source(name, found.kind, *_digest(path), tuple(found.signals), tuple(found.skipped), found.texts)
 
 
-def _found(path: Path, kind: FileType) -> Found:
+def _found(path: Path, kind: FileType, left: Allowance) -> Found:
     """Read a file of a type; the libraries for it are loaded only now."""
     match kind:
         case FileType.MATLAB_4 | FileType.MATLAB_5 | FileType.MATLAB_73:
             from tendonrepro.dataset.readers.matlab.file import read_matlab
 
-            return read_matlab(path)
+            return read_matlab(path, left)
         case FileType.HDF5:
             from tendonrepro.dataset.readers.hdf5 import read_hdf5
 
-            return read_hdf5(path)
+            return read_hdf5(path, left)
         case FileType.NPY | FileType.NPZ:
             from tendonrepro.dataset.readers.numpy_files import read_npy, read_npz
 
-            return read_npy(path) if kind is FileType.NPY else read_npz(path)
+            return (read_npy if kind is FileType.NPY else read_npz)(path, left)
         case FileType.XLSX | FileType.XLSB | FileType.XLS | FileType.ODS:
             from tendonrepro.dataset.readers.workbook import read_workbook
 
-            return read_workbook(path, str(kind))
+            return read_workbook(path, str(kind), left)
         case FileType.TEXT:
             from tendonrepro.dataset.readers.text import read_text_table
 
-            return read_text_table(path)
+            return read_text_table(path, left)
     reason = f"{kind}: not a format with signals that is read"
     raise Unreadable(_NOT_READ.get(kind, reason), kind.advice)
 
@@ -166,14 +177,16 @@ _NOT_READ = {
 
 def _read_archive(
     path: Path, name: str, kind: FileType, folder: Path, left: Allowance, depth: int
-) -> list[Source]:
-    """One source for the archive, which says what was left out, and those of its members."""
+) -> Iterator[Source]:
+    """The archive, its members, and the archive with what was left out."""
     if depth > DEEPEST:
         reason = f"more than {DEEPEST} archives inside each other"
-        return [unread(path, name, reason, "unpack it yourself and name the folder", str(kind))]
-    inside: list[Source] = []
+        yield unread(path, name, reason, UNPACK, str(kind))
+        return
+    whole = Source(name, str(kind), *_digest(path))
+    yield whole
     skipped: list[Skipped] = []
-    names = Numbered()
+    names, inside = Numbered(), 0
     own = folder / str(depth)
     own.mkdir(exist_ok=True)
     try:
@@ -182,14 +195,15 @@ def _read_archive(
                 skipped.append(Skipped(member.name, member.reason, member.advice))
                 continue
             inner = names.take(f"{name}/{member.name}")
-            inside += _read(member.path, inner, folder, left, depth + 1)
+            inside += 1
+            yield from _read(member.path, inner, folder, left, depth + 1)
     except Unreadable as error:
         skipped.append(Skipped("", error.reason, error.advice))
     except MemoryError:
         skipped.append(Skipped("", *_NO_MEMORY))
-    if not inside and not skipped:
+    if not (inside or skipped):
         skipped.append(Skipped("", "no files in it"))
-    return [Source(name, str(kind), *_digest(path), (), tuple(skipped)), *inside]
+    yield replace(whole, skipped=tuple(skipped))
 
 
 def unread(path: Path, name: str, reason: str, advice: str = "", kind: str = "unknown") -> Source:

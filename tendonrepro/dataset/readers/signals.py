@@ -10,15 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
+from tendonrepro.dataset.readers.allowance import MOST_NUMBERS, Allowance
 from tendonrepro.dataset.repository.names import Numbered
 
 ROWS_AS_SIGNALS = 16
 """Most rows of an array that can be signals stored one per row."""
 _LONGER = 4
-MOST_BYTES = 2**31
-"""Bytes of one file's signals, once they are numbers in memory."""
 MOST_SIGNALS = 5000
 """A record of every state of the arm has some hundred signals; more is a file of another kind."""
+MOST_SAMPLES = 2**25
+"""Of one signal: nine hours at 1 kHz. What a column means is told with copies of it."""
 BEST_PACKING = 1032
 """Bytes that one compressed byte can stand for at most; deflate packs no better."""
 HARMLESS = 2**24
@@ -121,14 +122,17 @@ class Source:
 
 @dataclass
 class Found:
-    """What a reader has found so far; one unreadable part never stops the rest."""
+    """What a reader has found so far; one unreadable part never stops the rest.
+
+    What it keeps it takes from an allowance, by default that of a command with this file alone.
+    """
 
     kind: str
+    left: Allowance = field(default_factory=Allowance)
     signals: list[Signal] = field(default_factory=list)
     skipped: list[Skipped] = field(default_factory=list)
     texts: dict[str, str] = field(default_factory=dict)
     _names: Numbered = field(default_factory=Numbered, init=False, repr=False)
-    _bytes: int = field(default=0, init=False, repr=False)
 
     def add(
         self,
@@ -147,8 +151,10 @@ class Found:
         """
         path = self._names.unused(path)
         reason, advice = _no_signal(values), ""
+        # Signals of one group often share their times, and then they are counted once.
+        clock = 0 if time is None or any(time is one.time for one in self.signals[-1:]) else time.size
         if not reason:
-            reason, advice = self.refusal(values.size)
+            reason, advice = self.refusal(values.size + clock, max(values.shape))
         if reason:
             self.skip(path, reason, advice)
             return
@@ -157,21 +163,27 @@ class Found:
             self.skip(f"{path}/time", f"{len(time)} times for {len(numbers)} samples")
             time = None
         notes = "; ".join(text for text in (note, turned) if text)
-        self._bytes += numbers.nbytes
+        if not numbers.flags.forc:
+            # A part of a larger array would keep all of it.
+            numbers = numbers.copy()
+        self.left.numbers -= numbers.nbytes + 8 * clock
         self._names.take(path)
         self.signals.append(Signal(path, numbers, str(values.dtype), label, unit, group, time, notes))
 
-    def refusal(self, count: int) -> tuple[str, str]:
-        """Why so many more numbers are not kept, and the way out; empty texts when they are.
+    def refusal(self, count: int, samples: int = 0) -> tuple[str, str]:
+        """Why so many more numbers, or so many of one signal, are not kept, and the way out.
 
-        Readers ask before they take a large array into memory.
+        Empty texts when they are. Readers ask before they take a large array into memory.
         """
         # Every number becomes a float64, however few bytes it takes in the file.
         size = 8 * count
-        if size > MOST_BYTES:
+        if samples > MOST_SAMPLES:
+            return f"{samples} samples are more than {MOST_SAMPLES}", "save the part of interest alone"
+        if size > MOST_NUMBERS:
             return f"{size} bytes are too many", "save the part of interest alone"
-        if self._bytes + size > MOST_BYTES:
-            return f"left out after {MOST_BYTES / 2**30:g} GB", "split the file"
+        if size > self.left.numbers:
+            most = f"one command keeps {MOST_NUMBERS / 2**30:g} GB at most"
+            return "no room is left for its numbers", f"{most}: name fewer files at once, or split this one"
         return "", ""
 
     def skip(self, path: str, reason: str, advice: str = "") -> None:

@@ -12,6 +12,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+from tendonrepro.dataset.readers.allowance import Allowance
 from tendonrepro.dataset.readers.cells import (
     MOST_TABLES,
     MOST_WORDS,
@@ -83,7 +84,7 @@ class Style:
         return mark_of(self.split(bare), self.decimal)
 
 
-def read_text_table(path: Path) -> Found:
+def read_text_table(path: Path, left: Allowance | None = None) -> Found:
     """Read every table of numbers in a text of any separator, decimal mark, encoding and line ends.
 
     One signal a column; the group is ``table``, or ``block 1`` and so on where there are several.
@@ -97,7 +98,7 @@ def read_text_table(path: Path) -> Found:
     style = style_of(lines)
     blocks = blocks_of(style.mark(line) for line in lines)
     comma = ", decimal comma" if style.decimal == "," else ""
-    found = Found(f"text table ({_NAMES[style.separator]}{comma}, {encoding})")
+    found = Found(f"text table ({_NAMES[style.separator]}{comma}, {encoding})", left or Allowance())
     if not _is_prose(lines, blocks, style):
         _add_blocks(found, lines, blocks, style)
     if found.signals:
@@ -205,7 +206,8 @@ def _columns(data: Sequence[str], style: Style, width: int) -> list[Cells]:
     exact: Any = {"float_precision": "round_trip"} if version < [3, 1] else {}
     with suppress(ValueError, OverflowError):
         table = pd.read_csv(
-            io.StringIO("\n".join(data)),
+            # A stream of texts would take four bytes a letter.
+            io.BytesIO("\n".join(data).encode()),
             sep=style.separator,
             header=None,
             names=range(width),

@@ -9,6 +9,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tendonrepro.dataset.readers.allowance import Allowance
 from tendonrepro.dataset.readers.cells import (
     MOST_TABLES,
     MOST_WORDS,
@@ -32,7 +33,7 @@ _MOST_MERGED = 1000
 _BROKEN = "open it in Excel or LibreOffice, which can repair it, and save it again"
 
 
-def read_workbook(path: Path, kind: str) -> Found:
+def read_workbook(path: Path, kind: str, left: Allowance | None = None) -> Found:
     """Read every table of numbers on every sheet of a workbook; `kind` is the file's true type for the user.
 
     One signal a column. The group is the sheet, with cells such as ``Sheet1!D2:F9`` where it has several
@@ -42,7 +43,7 @@ def read_workbook(path: Path, kind: str) -> Found:
     # merged cells.
     from python_calamine import CalamineWorkbook, PasswordError
 
-    found = Found(kind)
+    found = Found(kind, left or Allowance())
     try:
         book = CalamineWorkbook.from_path(path)
     except PasswordError as error:

@@ -189,15 +189,30 @@ def _chunks(response: Response, size: int, seconds: float) -> Iterator[bytes]:
 def _within(seconds: float, call: Callable[[], T]) -> T:
     """Call in a thread, because a time limit on a socket begins anew with every byte."""
     future: Future[T] = Future()
+    Thread(target=_settle, args=(future, call), daemon=True).start()
+    try:
+        return future.result(seconds)
+    except TimeoutError:
+        future.add_done_callback(_give_back)
+        raise
+    finally:
+        # A traceback may keep this frame, and with it a socket.
+        del future
 
-    def work() -> None:
-        try:
-            future.set_result(call())
-        except BaseException as error:
-            future.set_exception(error)
 
-    Thread(target=work, daemon=True).start()
-    return future.result(seconds)
+def _settle(future: Future[T], call: Callable[[], T]) -> None:
+    try:
+        future.set_result(call())
+    except BaseException as error:
+        future.set_exception(error)
+    finally:
+        del future
+
+
+def _give_back(late: Future[T]) -> None:
+    """Close an answer that comes when nobody waits for it any more."""
+    if late.exception() is None and isinstance(answer := late.result(), Response):
+        answer.close()
 
 
 def _kind_of_body(headers: Mapping[str, str]) -> str:

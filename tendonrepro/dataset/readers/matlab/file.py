@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import math
+import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from tendonrepro.dataset.readers.allowance import MOST_NUMBERS, Allowance
 from tendonrepro.dataset.readers.matlab.figure import BESIDE, TREES, read_figure
 from tendonrepro.dataset.readers.matlab.hdf import contents
 from tendonrepro.dataset.readers.matlab.objects import load_objects, quiet, translate
 from tendonrepro.dataset.readers.matlab.streams import read_streams
 from tendonrepro.dataset.readers.matlab.values import EXPORT, Lost, brief
 from tendonrepro.dataset.readers.matlab.walk import Walk
-from tendonrepro.dataset.readers.signals import MOST_BYTES, MOST_SIGNALS, Found, Unreadable
+from tendonrepro.dataset.readers.signals import MOST_SIGNALS, Found, Unreadable
 
 _AGAIN = "copy or download it again"
 _SPLIT = "save what is needed of it into a file of its own"
@@ -33,11 +35,11 @@ class _Variable(NamedTuple):
     part: BytesIO
 
 
-def read_matlab(path: Path) -> Found:
+def read_matlab(path: Path, left: Allowance | None = None) -> Found:
     """Read a MATLAB file of version 4, 5, 7 or 7.3, or a figure; `Unreadable` if that fails as a whole.
 
-    Sizes inside the variables of versions before 7.3 are not checked: the process that reads is limited in
-    memory and time, and may crash.
+    Sizes inside the variables of versions before 7.3 are not checked, only what they unpack into: the process
+    that reads is limited in memory and time, and may crash.
     """
     import h5py
 
@@ -47,12 +49,12 @@ def read_matlab(path: Path) -> Found:
     try:
         with quiet():
             if h5py.is_hdf5(path):
-                return _read_hdf(path)
-            if size > MOST_BYTES:
+                return _read_hdf(path, left or Allowance())
+            if size > MOST_NUMBERS:
                 reason = f"{size / 2**30:.1f} GiB are too large"
                 raise Unreadable(reason, _SPLIT)
             # Version 4 begins with a small number.
-            return _read_4(path) if 0 in head else _read_5(path)
+            return (_read_4 if 0 in head else _read_5)(path, left or Allowance())
     except (Unreadable, MemoryError):
         raise
     except Exception as error:
@@ -60,9 +62,9 @@ def read_matlab(path: Path) -> Found:
         raise Unreadable(reason, _AGAIN) from error
 
 
-def _read_hdf(path: Path) -> Found:
-    found = Found("MATLAB 7.3")
-    names, refused, streams = contents(path)
+def _read_hdf(path: Path, left: Allowance) -> Found:
+    found = Found("MATLAB 7.3", left)
+    names, refused, streams = contents(path, left.numbers)
     for name, reason in refused.items():
         found.skip(name, reason, _SPLIT)
     _visit_all(found, load_objects(path, _wanted(names, found)).items())
@@ -94,28 +96,29 @@ def _visit_all(found: Found, values: Iterable[tuple[str, Any]]) -> None:
     walk.finish()
 
 
-def _read_4(path: Path) -> Found:
+def _read_4(path: Path, left: Allowance) -> Found:
     from scipy.io import loadmat
 
-    found = Found("MATLAB 4")
+    found = Found("MATLAB 4", left)
     loaded = loadmat(path, spmatrix=False)
     _visit_all(found, ((name, value) for name, value in loaded.items() if not name.startswith("__")))
     return found
 
 
-def _read_5(path: Path) -> Found:
+def _read_5(path: Path, left: Allowance) -> Found:
     from scipy.io.matlab import varmats_from_mat
 
     with path.open("rb") as file:
         parts = varmats_from_mat(file)
     packed = any(_COMPRESSED in part.getbuffer()[128:132] for _, part in parts)
-    found = Found("MATLAB 7" if packed else "MATLAB 5")
+    found = Found("MATLAB 7" if packed else "MATLAB 5", left)
     # What has no name are the properties of objects.
     variables = [_variable(name, part) for name, part in parts if name]
     wanted = set(_wanted([variable.name for variable in variables], found))
     variables = [variable for variable in variables if variable.name in wanted]
     objects: Mapping[str, Any] = {}
-    if not all(name for name, _ in parts) and wanted.isdisjoint(TREES):
+    whole = sum(_announced(part) for _, part in parts)
+    if not all(name for name, _ in parts) and wanted.isdisjoint(TREES) and not any(found.refusal(whole // 8)):
         objects = load_objects(path, [variable.name for variable in variables if variable.kind in _NESTED])
     _visit_all(found, _values(variables, objects, found))
     return found
@@ -130,7 +133,17 @@ def _variable(name: str, part: BytesIO) -> _Variable:
         return _Variable(value["s0"][0].decode("latin-1"), _OPAQUE, 0, part)
     # The stubs know paths only.
     _, shape, kind = whosmat(part)[0]  # type: ignore[arg-type]
-    return _Variable(name, kind, 0 if kind == "sparse" else math.prod(shape), part)
+    numbers = 0 if kind == "sparse" else math.prod(shape)
+    return _Variable(name, kind, max(numbers, _announced(part) // 8), part)
+
+
+def _announced(part: BytesIO) -> int:
+    """Bytes of a variable as it says itself, once it is unpacked."""
+    data = part.getbuffer()
+    if _COMPRESSED not in data[128:132]:
+        return len(data)
+    tag = zlib.decompressobj().decompress(data[136:], 8)
+    return int.from_bytes(tag[4:], "little" if bytes(data[126:128]) == b"IM" else "big")
 
 
 def _values(

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.dataset.readers.matlab.values import EXPORT, Lost, brief
-from tendonrepro.dataset.readers.signals import BEST_PACKING, HARMLESS, MOST_BYTES, Unreadable
+from tendonrepro.dataset.readers.signals import BEST_PACKING, HARMLESS, Unreadable
 
 STREAMS = "#sigstream#"
 """Group with the samples of streamed logs."""
@@ -18,14 +18,15 @@ STREAMS = "#sigstream#"
 _DEEPEST = 32
 
 
-def contents(path: Path) -> tuple[list[str], dict[str, str], bool]:
+def contents(path: Path, left: int) -> tuple[list[str], dict[str, str], bool]:
     """Variables that can be read, reasons for the others by name, and whether logs are streamed beside.
 
-    `Unreadable` if what the variables share lies in another file or announces too much.
+    `left` is how many bytes may be read. `Unreadable` if what the variables share lies in another file or
+    announces too much.
     """
     import h5py
 
-    most = min(MOST_BYTES, max(HARMLESS, BEST_PACKING * path.stat().st_size))
+    most = min(left, max(HARMLESS, BEST_PACKING * path.stat().st_size))
     refused: dict[str, str] = {}
     total = 0
     with h5py.File(path, "r") as file:
