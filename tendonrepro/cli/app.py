@@ -243,7 +243,7 @@ def config_init(
     name: Annotated[str, typer.Argument(help="A shipped configuration.")],
     out: Annotated[Path, typer.Option("--out", help="Folder for the copy.")] = Path(),
 ) -> None:
-    """Copy a shipped configuration, with its manipulator and schema, to be edited."""
+    """Copy a shipped configuration and what it names, to be edited."""
     from tendonrepro.config.shipped import init_config
 
     terminal.list_files(init_config(name, out))

@@ -33,7 +33,10 @@ def fetch(
         bool, typer.Option("--force", help="Replace altered files, or another record's.")
     ] = False,
 ) -> None:
-    """Download the paper's data set and verify it."""
+    """Download the paper's data set and verify it.
+
+    A second run needs no network.
+    """
     from tendonrepro.dataset.repository.fetch import fetch_text, run_fetch
 
     found = run_fetch(record, out, base_url, from_dir, force, dry_run, terminal.talk)

@@ -73,7 +73,10 @@ def identify(
     population: Annotated[int, typer.Option("--population", help="Members of each search.")] = 48,
     seeds: Annotated[int, typer.Option("--seeds", help="Independent searches.")] = 3,
 ) -> None:
-    """Plants and readings closest to the printed numbers."""
+    """Plants and readings closest to the printed numbers.
+
+    An interrupted search goes on.
+    """
     from tendonrepro.identify.command import run_identify
     from tendonrepro.identify.report import identify_text
 

@@ -36,13 +36,13 @@ def read_samples(path: Path) -> tuple[Array, dict[int, Array]]:
     try:
         with path.open("rb") as stream:
             raw = stream.read(MOST_BYTES + 1)
+        if len(raw) > MOST_BYTES:
+            message = f"is larger than {MOST_BYTES >> 20} MiB, so it holds more than the longest run"
+            raise ConfigError(message, where=str(path))
         header, *body = raw.decode("utf-8-sig").splitlines() or [""]
     except (OSError, UnicodeDecodeError) as error:
         message = f"cannot read the trajectory: {error}"
         raise ConfigError(message, where=str(path)) from error
-    if len(raw) > MOST_BYTES:
-        message = f"is larger than {MOST_BYTES >> 20} MiB, so it holds more than the longest run"
-        raise ConfigError(message, where=str(path))
     joints = _joints_of(header, f"{path}:1")
     places = [(f"{path}:{line}", text) for line, text in enumerate(body, start=2) if text.strip()]
     if len(places) < FEWEST:
