@@ -86,7 +86,7 @@ def used(path: Path, folder: Path) -> None:
     origin(file)
 
 
-@pytest.mark.parametrize(("count", "drawn"), [(30, 0), pytest.param(1000, 40, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("count", "drawn"), [(30, 0), pytest.param(400, 15, marks=pytest.mark.slow)])
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_damaged_traces_are_one_sentence(tmp_path: Path, count: int, drawn: int) -> None:
     sound = []
