@@ -5,13 +5,18 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 import secrets
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from tendonrepro.errors import DataMissingError, TendonreproError
+
+_TEMPORARY = re.compile(r"\..+\.([1-9][0-9]*)-[0-9a-f]{8}(\.[^.]+)?")
+"""Names that `atomic_path` gives."""
 
 
 def shipped(folder: str) -> Path:
@@ -59,6 +64,35 @@ def atomic_path(path: Path) -> Iterator[Path]:
         # The folder may be the very thing that is broken; the first error is the one worth reporting.
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
+
+
+def sweep_temporary(folder: Path) -> None:
+    """Remove what processes that no longer live left of `atomic_path` in a folder and those directly in it.
+
+    Nobody else may be writing there, since a number says nothing of processes of other machines.
+
+    Parameters
+    ----------
+    folder : Path
+    """
+    for path in (*folder.glob(".*"), *folder.glob("*/.*")):
+        found = _TEMPORARY.fullmatch(path.name)
+        if found and not _lives(int(found[1])):
+            with suppress(OSError):
+                path.unlink()
+
+
+def _lives(pid: int) -> bool:
+    # Windows has no such question, and there a file that someone holds open cannot be removed anyway.
+    if sys.platform == "win32":
+        return False
+    try:
+        os.kill(pid, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        pass
+    return True
 
 
 def write_atomically(path: Path, content: bytes | str) -> None:

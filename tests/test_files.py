@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tendonrepro.errors import DataMissingError, TendonreproError
-from tendonrepro.files import atomic_path, sha256_of, write_atomically
+from tendonrepro.files import atomic_path, sha256_of, sweep_temporary, write_atomically
 
 
 def test_content_is_written_as_it_is_and_the_folder_is_made(tmp_path: Path) -> None:
@@ -43,6 +43,21 @@ def test_nothing_is_seen_at_the_path_before_the_block_ends(tmp_path: Path) -> No
         assert temporary.parent == path.parent
         assert temporary.suffix == ".svg"
     assert path.read_text() == "<svg/>"
+
+
+def test_what_a_dead_process_left_is_swept_and_nothing_else(tmp_path: Path) -> None:
+    dead = subprocess.Popen([sys.executable, "-c", ""])
+    dead.wait()
+    left = [f".fig13.{dead.pid}-0123abcd.pdf", f"figures/.fig13.{dead.pid}-0123abcd.pdf"]
+    kept = [f"fig13.{dead.pid}-0123abcd.pdf", f".fig13.{dead.pid}.pdf", f".{dead.pid}-0123abcd", ".lock"]
+    kept += [f"figures/mine/.fig13.{dead.pid}-0123abcd.pdf"]
+    if sys.platform != "win32":
+        kept += [f"figures/.fig13.{os.getpid()}-0123abcd.pdf"]
+    (tmp_path / "figures" / "mine").mkdir(parents=True)
+    for name in (*left, *kept):
+        (tmp_path / name).touch()
+    sweep_temporary(tmp_path)
+    assert {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*.*")} == set(kept)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no permission bits")

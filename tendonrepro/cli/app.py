@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
+from typer.core import TyperGroup
 
 from tendonrepro import __version__
 from tendonrepro.cli.data import data_app
 from tendonrepro.cli.options import Terminal, command
 from tendonrepro.cli.study import study_app
 from tendonrepro.config.request import Request
-from tendonrepro.errors import TendonreproError
+from tendonrepro.console import printable
+from tendonrepro.errors import TendonreproError, UsageError
 
 if TYPE_CHECKING:
     from tendonrepro.experiments.command import Order
@@ -25,15 +29,41 @@ EPILOG = (
     "(claims --check), 4 data missing or not reachable, 5 a run diverged, 130 interrupted."
 )
 
+HELP = """Reproduce Yan et al., Actuators 2026, 15(5), 271: kinematic decoupling and α-TDE-NTSM control.
+
+Begin with "tendonrepro reproduce", then "tendonrepro claims" for the verdict on what the paper prints."""
+
+
+class ByPanel(TyperGroup):
+    """Lists commands by what they are for."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write a section for each panel."""
+        del ctx
+        widest = formatter.width - 6 - max(map(len, self.commands))
+        panels: dict[str, list[tuple[str, str]]] = {}
+        for name, held in self.commands.items():
+            panel: str = held.rich_help_panel  # type: ignore[attr-defined]
+            panels.setdefault(panel, []).append((name, held.get_short_help_str(widest)))
+        for panel, rows in panels.items():
+            with formatter.section(panel):
+                formatter.write_dl(rows)
+
+
 app = typer.Typer(
-    help="Reproduce Yan et al., Actuators 2026, 15(5), 271: kinematic decoupling and α-TDE-NTSM control.",
+    cls=ByPanel,
+    help=HELP,
     epilog=EPILOG,
+    rich_help_panel="Reproduce the paper",
     invoke_without_command=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
-config_app = typer.Typer(help="Configurations: list, show, copy, check, schema.", invoke_without_command=True)
-app.add_typer(config_app, name="config")
+config_app = typer.Typer(
+    help="Configurations: list, show, copy, check, schema.",
+    invoke_without_command=True,
+)
+app.add_typer(config_app, name="config", rich_help_panel=study_app.rich_help_panel)
 app.add_typer(study_app)
 app.add_typer(data_app)
 
@@ -79,35 +109,6 @@ def _help_if_alone(context: typer.Context) -> None:
         typer.echo(context.get_help())
 
 
-@command(app, "tendonrepro compare --set control.gains.alpha=[0,0] --out reports/no_alpha", without=())
-def compare(
-    request: Request,
-    terminal: Terminal,
-    law: Annotated[
-        str | None,
-        typer.Option(
-            "--law", metavar="FILE:NAME", help="Run a law of your own beside them; FILE is executed."
-        ),
-    ] = None,
-    solver: Annotated[
-        Literal["scipy", "compiled"],
-        typer.Option("--solver", help="SciPy, or the one of ensembles."),
-    ] = "scipy",
-) -> int:
-    """Controllers 1 to 3 and the payload case: traces, Figures 13 to 16, Tables 2 and 3."""
-    from tendonrepro.experiments.command import Order
-
-    return _carry_out([Order("compare", request, law, solver)], terminal)
-
-
-@command(app, "tendonrepro decouple --set manipulator.tendons.damping_factor=3 --out reports/damped")
-def decouple(request: Request, terminal: Terminal) -> int:
-    """Joint angles calculated from motor angles: traces, Figures 6 and 9 to 12, Table 1."""
-    from tendonrepro.experiments.command import Order
-
-    return _carry_out([Order("decouple", request)], terminal)
-
-
 @command(app, "tendonrepro reproduce --out reports", without=("config", "controllers"))
 def reproduce(
     request: Request,
@@ -116,10 +117,44 @@ def reproduce(
         Path | None, typer.Option("--config", help="Folder with decouple.yaml and compare.yaml.")
     ] = None,
 ) -> int:
-    """Both experiments: every figure and table of the paper's section 5."""
+    """Both experiments: every figure and table of section 5."""
     from tendonrepro.experiments.command import both_orders
 
     return _carry_out(both_orders(config, request), terminal)
+
+
+@command(app, 'tendonrepro compare --set "control.gains.alpha=[0, 0]" --out reports/no_alpha', without=())
+def compare(
+    request: Request,
+    terminal: Terminal,
+    law: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--law", metavar="FILE:NAME", help="Run one law of your own beside them; FILE is executed."
+        ),
+    ] = None,
+    solver: Annotated[
+        Literal["scipy", "compiled"],
+        typer.Option("--solver", help="SciPy, or the one of ensembles."),
+    ] = "scipy",
+) -> int:
+    """Controllers 1 to 3, payload: Figures 13 to 16, Tables 2 and 3."""
+    from tendonrepro.experiments.command import Order
+
+    if len(law or ()) > 1:
+        message = "one run takes one law"
+        raise UsageError(
+            message, where="--law", hint="compare them by a run for each, with an --out of its own"
+        )
+    return _carry_out([Order("compare", request, law[0] if law else None, solver)], terminal)
+
+
+@command(app, "tendonrepro decouple --set manipulator.tendons.damping_factor=3 --out reports/damped")
+def decouple(request: Request, terminal: Terminal) -> int:
+    """Joint angles from motor angles: Figures 6 and 9 to 12, Table 1."""
+    from tendonrepro.experiments.command import Order
+
+    return _carry_out([Order("decouple", request)], terminal)
 
 
 def _carry_out(orders: Sequence[Order], terminal: Terminal) -> int:
@@ -128,7 +163,7 @@ def _carry_out(orders: Sequence[Order], terminal: Terminal) -> int:
     from tendonrepro.experiments.report import results_text
 
     # All orders are checked before the first is carried out.
-    found = {order.experiment: plan(order) for order in orders}
+    found = {order.experiment: plan(order, terminal.talk) for order in orders}
     if not orders[0].request.dry_run:
         found = {order.experiment: run_experiment(order, terminal.talk) for order in orders}
     alone = next(iter(found.values()))
@@ -164,7 +199,7 @@ def tables(terminal: Terminal, out: ResultsFolder = Path("reports")) -> None:
 
 @command(app, "tendonrepro doctor --json")
 def doctor(terminal: Terminal) -> int:
-    """Environment, versions, and whether everything needed is there."""
+    """Environment, versions, and whether all that is needed is there."""
     from tendonrepro.cli.doctor import all_well, examine, report_text
 
     found = examine()
@@ -208,7 +243,7 @@ def config_init(
     name: Annotated[str, typer.Argument(help="A shipped configuration.")],
     out: Annotated[Path, typer.Option("--out", help="Folder for the copy.")] = Path(),
 ) -> None:
-    """Copy a shipped configuration, with its manipulator and schema, to be edited."""
+    """Copy a shipped configuration and what it names, to be edited."""
     from tendonrepro.config.shipped import init_config
 
     terminal.list_files(init_config(name, out))
@@ -219,7 +254,7 @@ def config_check(terminal: Terminal, config: ConfigFile, overrides: Changes = No
     """Check a configuration; all its mistakes are listed at once."""
     from tendonrepro.experiments.command import check
 
-    found = check(config, overrides or ())
+    found = check(config, overrides or (), terminal.talk)
     digest = found.get("config_sha256", "of a manipulator is that of its experiment")
     terminal.talk.detail(f"sha256 {digest}")
     terminal.show(found, f"{found['config']}: valid {found['kind']}")
@@ -247,22 +282,42 @@ def main() -> None:
         code = app(standalone_mode=False)
     except TendonreproError as error:
         code = _fail(error.exit_code, error.message, error.where, error.hint)
-    except MemoryError:
-        code = _fail(1, "there is not enough memory", None, "name fewer files, or ask for less at once")
+    except (OSError, MemoryError, ImportError) as error:
+        code = _fail(1, *_refused_by_system(error))
     except Exception as error:
         # Typer's own usage errors have no public base class, only this shape.
         if not hasattr(error, "format_message"):
             raise
         code = _fail(2, error.format_message(), None, "tendonrepro --help lists commands and options")
     # Typer turns an interrupt into this exit code and says nothing.
-    sys.exit(_fail(130, "interrupted", None, None) if code == 130 else code or 0)
+    code = _fail(130, "interrupted", None, None) if code == 130 else code or 0
+    for stream in filter(None, (sys.stdout, sys.stderr)):
+        try:
+            stream.flush()
+        except OSError:
+            # Python would try once more at its end, and leave with an exit code of its own.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    sys.exit(code)
+
+
+def _refused_by_system(error: OSError | MemoryError | ImportError) -> tuple[str, str | None, str]:
+    """Message, place and hint for what the operating system does not give: space, memory, open files."""
+    hint = "look at free disk space and memory, and at the limits that ulimit -a shows"
+    if isinstance(error, OSError) and error.strerror:
+        return f"the system refused: {error.strerror}", error.filename and str(error.filename), hint
+    what = "memory" if isinstance(error, MemoryError) else f"a library ({error})"
+    return f"the system refused: {what}", None, hint
 
 
 def _fail(code: int, message: str, where: str | None, hint: str | None) -> int:
-    if "--json" in sys.argv:
-        error = {"code": code, "message": message, "where": where, "hint": hint}
-        typer.echo(json.dumps({"error": error}, ensure_ascii=False))
-    else:
-        head = f"{where}: {message}" if where else message
-        typer.echo("\n".join(["error: " + head, *([hint] if hint else [])]), err=True)
+    head = f"{where}: {message}" if where else message
+    words = "\n".join(["error: " + head, *([hint] if hint else [])])
+    # Where standard output takes nothing the words still say why, and where nothing does the code remains.
+    with suppress(OSError):
+        if "--json" in sys.argv:
+            error = {"code": code, "message": message, "where": where, "hint": hint}
+            typer.echo(printable(json.dumps({"error": error}, ensure_ascii=False)))
+            return code
+    with suppress(OSError):
+        typer.echo(printable(words), err=True)
     return code

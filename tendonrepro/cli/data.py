@@ -11,7 +11,7 @@ import typer
 from tendonrepro.cli.options import Terminal, command
 from tendonrepro.config.request import Request
 
-data_app = typer.Typer(rich_markup_mode=None)
+data_app = typer.Typer(rich_help_panel="Your data, or the paper's", rich_markup_mode=None)
 
 Paths = Annotated[list[Path], typer.Argument(help="Files, folders or archives.")]
 Mapping = Annotated[Path, typer.Option("--mapping", help="Mapping file: which column is which variable.")]
@@ -34,7 +34,10 @@ def fetch(
         bool, typer.Option("--force", help="Replace altered files, or another record's.")
     ] = False,
 ) -> None:
-    """Download the paper's data set and verify it; a second run needs no network."""
+    """Download the paper's data set and verify it.
+
+    A second run needs no network.
+    """
     from tendonrepro.dataset.repository.fetch import fetch_text, run_fetch
 
     found = run_fetch(record, out, base_url, from_dir, force, dry_run, terminal.talk)
@@ -49,7 +52,7 @@ def inspect(
     mapping: Mapping = Path("data/mapping.yaml"),
     force: Annotated[bool, typer.Option("--force", help="Overwrite the mapping file.")] = False,
 ) -> None:
-    """What is in files, whatever their format, and what it seems to mean."""
+    """What is in files of any format, and what it seems to mean."""
     from tendonrepro.dataset.inspection import inspect_text, run_inspect
 
     found = run_inspect(paths, mapping if suggest else None, force=force, talk=terminal.talk)
@@ -85,7 +88,7 @@ def validate(
         "data/measured.h5"
     ),
 ) -> int:
-    """Compare measured data with what the paper prints and with the model."""
+    """Compare measured data with the print and with the model."""
     from tendonrepro.validation.command import model_diverged, run_validate
     from tendonrepro.validation.report import validate_text
 

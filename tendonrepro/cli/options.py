@@ -11,7 +11,7 @@ from typing import Annotated, Any, get_type_hints
 import typer
 
 from tendonrepro.config.request import Request
-from tendonrepro.console import Talk
+from tendonrepro.console import Talk, printable
 
 _TERMINAL = {
     "as_json": Annotated[bool, typer.Option("--json", help="Print one JSON object.")],
@@ -58,9 +58,9 @@ class Terminal:
         if self.as_json:
             from tendonrepro.files import to_json
 
-            typer.echo(to_json(data), nl=False)
+            typer.echo(printable(to_json(data)), nl=False)
         elif not self.quiet:
-            typer.echo(text if isinstance(text, str) else text(data))
+            typer.echo(printable(text if isinstance(text, str) else text(data)))
 
     def list_files(self, paths: list[Path]) -> None:
         """Print the files a command wrote."""
@@ -101,7 +101,8 @@ def command(
         run.__signature__ = inspect.Signature([*kept.values(), *shared.values()])  # type: ignore[attr-defined]
         run.__annotations__ = {key: parameter.annotation for key, parameter in (kept | shared).items()}
         run.__doc__ = function.__doc__
-        app.command(name or function.__name__, epilog=f"Example: {example}")(run)
+        panel = app.rich_help_panel
+        app.command(name or function.__name__, epilog=f"Example: {example}", rich_help_panel=panel)(run)
         return function
 
     return register

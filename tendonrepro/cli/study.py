@@ -11,7 +11,7 @@ import typer
 from tendonrepro.cli.options import Terminal, command
 from tendonrepro.config.request import Request
 
-study_app = typer.Typer(rich_markup_mode=None)
+study_app = typer.Typer(rich_help_panel="Explore", rich_markup_mode=None)
 
 
 @command(study_app, 'tendonrepro sweep --over "control.gains.alpha=[0,0],[0.1,0.2],[0.3,0.4]"', without=())
@@ -22,7 +22,7 @@ def sweep(
         list[str], typer.Option("--over", metavar="KEY=A,B,C", help="A key and its values; once or twice.")
     ],
 ) -> int:
-    """The comparison over values of one or two keys: table and figure."""
+    """The comparison over values of one or two keys."""
     from tendonrepro.experiments.sweep.command import run_sweep
     from tendonrepro.experiments.sweep.report import sweep_text
 
@@ -47,7 +47,7 @@ def ensemble(
     ] = "default",
     yes: Annotated[bool, typer.Option("--yes", help="The cost of all readings has been seen.")] = False,
 ) -> None:
-    """Many plausible plants under many readings: what the claims are judged over."""
+    """Many plausible plants under many readings of the text."""
     from tendonrepro.ensemble.command import run_ensemble
     from tendonrepro.ensemble.report import ensemble_text
 
@@ -75,7 +75,10 @@ def identify(
     population: Annotated[int, typer.Option("--population", help="Members of each search.")] = 48,
     seeds: Annotated[int, typer.Option("--seeds", help="Independent searches.")] = 3,
 ) -> None:
-    """Plants and readings closest to the printed numbers; an interrupted search goes on."""
+    """Plants and readings closest to the printed numbers.
+
+    An interrupted search goes on.
+    """
     from tendonrepro.identify.command import run_identify
     from tendonrepro.identify.report import identify_text
 
@@ -94,7 +97,7 @@ def identify(
 
 @command(study_app, "tendonrepro explain --set manipulator.actuator.output_delay=1", without=())
 def explain(request: Request, terminal: Terminal) -> None:
-    """Stability margins and predicted error ratios of the sampled loop."""
+    """Stability margins and error ratios of the sampled loop."""
     # Thousands of eigenvalues of small matrices: threads of the library would only wait for each other.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from tendonrepro.explain.command import run_explain

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias
@@ -16,7 +16,7 @@ from typing import Literal, TypeAlias
 from tendonrepro.config.draft import ConfigSource, Draft, find_source
 from tendonrepro.config.fields.strict_yaml import Key, Node, dump
 from tendonrepro.config.models.experiment import CompareConfig, DecoupleConfig
-from tendonrepro.config.models.reference import Sampled
+from tendonrepro.config.models.reference import ReferenceConfig, Sampled
 from tendonrepro.config.overrides import Override, parse_override
 from tendonrepro.files import sha256_of
 
@@ -53,6 +53,8 @@ class LoadedConfig:
         Files read.
     folder : Path
         Folder from which relative paths in the configuration start.
+    places : mapping of str to str
+        Dotted key of each reference to where its size is set, ``file:line`` or the option.
     """
 
     config: Config
@@ -63,6 +65,7 @@ class LoadedConfig:
     overrides: tuple[str, ...]
     inputs: tuple[Path, ...]
     folder: Path
+    places: Mapping[str, str]
 
 
 def load_config(
@@ -108,7 +111,9 @@ def load_config(
         draft.keep_controllers(controllers)
         recorded.append(f"controllers={','.join(map(str, controllers))}")
     config = draft.validate(_MODELS[draft.experiment])
-    trajectories = [draft.existing_file(file, path) for path, file in _trajectories(config)]
+    references = _references(config)
+    sampled = [(path, held.file) for path, held in references.items() if isinstance(held, Sampled)]
+    trajectories = [draft.existing_file(file, (*path, "file")) for path, file in sampled]
     return LoadedConfig(
         config=config,
         tree=draft.tree,
@@ -118,18 +123,17 @@ def load_config(
         overrides=tuple(recorded),
         inputs=(*draft.files, *trajectories),
         folder=found.folder,
+        places={
+            ".".join(map(str, path)): draft.locate((*path, "amplitude", "value")).text for path in references
+        },
     )
 
 
-def _trajectories(config: Config) -> Iterator[tuple[Key, str]]:
-    """Files of sampled trajectories, by the path of the key that names them."""
+def _references(config: Config) -> dict[Key, ReferenceConfig]:
+    """Reference motions by the path of their keys."""
     if isinstance(config, CompareConfig):
-        references: dict[Key, object] = {("reference",): config.reference}
-    else:
-        references = {("runs", name, "reference"): run.reference for name, run in config.runs.items()}
-    for path, reference in references.items():
-        if isinstance(reference, Sampled):
-            yield (*path, "file"), reference.file
+        return {("reference",): config.reference}
+    return {("runs", name, "reference"): run.reference for name, run in config.runs.items()}
 
 
 def _digest(config: Config, trajectories: Sequence[Path]) -> str:

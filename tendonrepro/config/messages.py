@@ -26,6 +26,9 @@ class Place(NamedTuple):
     text: str
 
 
+MOST_NAMED = 20
+"""Mistakes that a message names; the rest is counted."""
+
 Locate: TypeAlias = Callable[[Key], Place]
 
 _EXPECTED: Mapping[str, str] = {
@@ -45,19 +48,23 @@ def explain(error: ValidationError, model: type[BaseModel], tree: object, locate
     Returns
     -------
     ConfigError
-        Each mistake on a line of its own, ``file:line: path: what``, below a line that counts them.
+        The first `MOST_NAMED` mistakes, each on a line of its own, ``file:line: path: what``, below a line
+        that counts all of them.
     """
     details = error.errors(include_url=False)
-    guesses = {detail["loc"]: _guess(detail, model) for detail in details}
+    unknown = [detail for detail in details if detail["type"] == "extra_forbidden"]
+    guesses = {detail["loc"]: _guess(detail, model) for detail in unknown[:MOST_NAMED]}
     found: list[tuple[Place, str]] = []
     for detail in details:
         if not _is_echo(detail, guesses.values()):
-            place, name, words = _mistake(detail, tree, guesses[detail["loc"]])
+            place, name, words = _mistake(detail, tree, guesses.get(detail["loc"]))
             path = ".".join(str(key) for key in name)
             found.append((locate(place), f"{path}: {words}" if path else words))
     found.sort(key=lambda mistake: mistake[0][:2])
     count = "1 mistake" if len(found) == 1 else f"{len(found)} mistakes"
-    lines = [f"{place.text}: {message}" for place, message in found]
+    lines = [f"{place.text}: {message}" for place, message in found[:MOST_NAMED]]
+    if len(found) > MOST_NAMED:
+        lines.append(f"... and {len(found) - MOST_NAMED} more")
     return ConfigError("\n".join([f"{count} in the configuration", *lines]))
 
 
@@ -78,8 +85,6 @@ def _is_echo(detail: ErrorDetails, guesses: Collection[Key | None]) -> bool:
 
 def _guess(detail: ErrorDetails, model: type[BaseModel]) -> Key | None:
     """Path, as pydantic writes it, of the key that an unknown one was probably meant to be."""
-    if detail["type"] != "extra_forbidden":
-        return None
     *parent, key = detail["loc"]
     meant = nearest(str(key), _keys_at(model, parent))
     return None if meant is None else (*parent, meant)
@@ -131,8 +136,10 @@ def _written_path(loc: Key, tree: object) -> Key:
         if is_kind or key == _KEY:
             continue
         path.append(key)
-        entries = tree if isinstance(tree, Mapping) else enumerate(tree if isinstance(tree, list) else ())
-        tree = dict(entries).get(key)
+        if isinstance(tree, Mapping):
+            tree = tree.get(key)
+        else:
+            tree = tree[key] if isinstance(tree, list) and isinstance(key, int) and key < len(tree) else None
     return tuple(path)
 
 

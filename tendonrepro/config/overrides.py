@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import islice
 from typing import TypeGuard
 
 from tendonrepro.config.fields.strict_yaml import Key, Node, load
@@ -11,6 +12,9 @@ from tendonrepro.config.messages import nearest
 from tendonrepro.errors import ConfigError, UsageError
 
 COMMAND_LINE = "assumed: set on the command line"
+MOST_MEANT = 3
+"""Keys that are suggested for one."""
+
 _QUANTITY = {"value", "unit", "source"}
 
 
@@ -45,7 +49,7 @@ def parse_override(text: str) -> Override:
     key = key.strip()
     if not equals or not all(key.split(".")):
         message = f"{text!r} is not of the form key=VALUE"
-        raise UsageError(message, where="--set", hint="For example --set control.gains.lam=[8, 8]")
+        raise UsageError(message, where="--set", hint='For example --set "control.gains.lam=[8, 8]"')
     option = f"--set {key}"
     return Override(key, load(value, option).tree, option)
 
@@ -62,6 +66,9 @@ def apply_overrides(tree: dict[str, Node], overrides: Iterable[Override]) -> Non
 
 def _apply(tree: dict[str, Node], override: Override) -> None:
     *parents, last = override.path
+    if override.path[0] not in tree and (meant := list(islice(_ending(tree, override.path), MOST_MEANT))):
+        message = f"unknown key {override.key!r}, did you mean {' or '.join(map(repr, meant))}?"
+        raise ConfigError(message, where=override.option)
     node: Node = tree
     quantity: dict[str, Node] | None = None
     for part in parents:
@@ -73,6 +80,14 @@ def _apply(tree: dict[str, Node], override: Override) -> None:
     _set(node, last, override)
     if quantity is not None and "source" not in override.path:
         quantity["source"] = COMMAND_LINE
+
+
+def _ending(node: Node, end: Key, path: Key = ()) -> Iterator[str]:
+    """Keys that end like one that begins too far down."""
+    if path[-len(end) :] == end:
+        yield ".".join(map(str, path))
+    for key, below in node.items() if isinstance(node, dict) else ():
+        yield from _ending(below, end, (*path, key))
 
 
 def _child(node: Node, part: str | int, override: Override) -> Node:

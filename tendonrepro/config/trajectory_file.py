@@ -13,6 +13,9 @@ from tendonrepro.errors import ConfigError
 FEWEST = 6
 """Fewest rows: a quintic spline with its ends at rest passes through them."""
 
+MOST_BYTES = 32 << 20
+"""Largest file: a million rows, the longest run, of three columns."""
+
 
 def read_samples(path: Path) -> tuple[Array, dict[int, Array]]:
     """Read a trajectory file: CSV with the columns ``time_s`` and ``q<joint>_deg``.
@@ -27,11 +30,16 @@ def read_samples(path: Path) -> tuple[Array, dict[int, Array]]:
     Raises
     ------
     ConfigError
-        If the file is missing, has other columns, too few rows, cells that are not finite numbers, or a time
-        that does not increase.
+        If the file is missing or too large, has other columns, too few rows, cells that are not finite
+        numbers, or a time that does not increase.
     """
     try:
-        header, *body = path.read_text(encoding="utf-8-sig").splitlines() or [""]
+        with path.open("rb") as stream:
+            raw = stream.read(MOST_BYTES + 1)
+        if len(raw) > MOST_BYTES:
+            message = f"is larger than {MOST_BYTES >> 20} MiB, so it holds more than the longest run"
+            raise ConfigError(message, where=str(path))
+        header, *body = raw.decode("utf-8-sig").splitlines() or [""]
     except (OSError, UnicodeDecodeError) as error:
         message = f"cannot read the trajectory: {error}"
         raise ConfigError(message, where=str(path)) from error

@@ -50,10 +50,10 @@ def origin(file: TraceFile) -> dict[str, Any]:
     """
     try:
         manifest = dict(json.loads(file.manifest_json))
-    except (ValueError, TypeError):
-        manifest = {}
-    texts = {key: list(map(str, manifest.get(key) or [])) for key in ("guesses", "doubts")}
-    return {"inputs": manifest.get("inputs") or [], **texts}
+        texts = {key: list(map(str, manifest.get(key) or [])) for key in ("guesses", "doubts")}
+        return {"inputs": list(manifest.get("inputs") or []), **texts}
+    except (ValueError, TypeError, RecursionError):
+        return {"inputs": [], "guesses": [], "doubts": []}
 
 
 def resting_on(guesses: int) -> str:

@@ -13,6 +13,7 @@ from tendonrepro.config.ensemble import LoadedEnsemble
 from tendonrepro.config.kinds import checked
 from tendonrepro.config.load import ExperimentName, LoadedConfig
 from tendonrepro.config.request import Request
+from tendonrepro.config.shipped import shipped_folder
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.experiments.linear import growing
@@ -22,7 +23,14 @@ from tendonrepro.experiments.user_law import UserLaw, find_user_law
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.parallel import each
 from tendonrepro.results.comparison import write_tables
-from tendonrepro.results.folder import MANIFEST, TRACES, claimed, read_manifest, refuse_others
+from tendonrepro.results.folder import (
+    MANIFEST,
+    TRACES,
+    claimed,
+    foretell_refusal,
+    read_manifest,
+    refuse_others,
+)
 from tendonrepro.results.manifest import make_manifest, with_outputs
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.summary import table_data_compare, table_data_decouple
@@ -112,12 +120,14 @@ def both_orders(configs: Path | None, request: Request) -> list[Order]:
     return [Order(name, replace(request, config=files[name], out=above / name)) for name in names]
 
 
-def plan(order: Order) -> dict[str, Any]:
+def plan(order: Order, talk: Talk) -> dict[str, Any]:
     """Say what :func:`run_experiment` would do, after checking everything it needs.
 
     Parameters
     ----------
     order : Order
+    talk : Talk
+        Told of what would make the run refuse.
 
     Returns
     -------
@@ -125,7 +135,11 @@ def plan(order: Order) -> dict[str, Any]:
         Runs with their number of samples, digest of the configuration, and results folder.
     """
     loaded, law = _load(order)
-    refuse_others(order.folder, loaded.sha256, force=order.request.force)
+    _name_shipped(loaded, talk)
+    if order.request.dry_run:
+        foretell_refusal(order.folder, loaded.sha256, talk, force=order.request.force)
+    else:
+        refuse_others(order.folder, loaded.sha256, force=order.request.force)
     samples = {name: int(loop.reference.time.size) for name, loop in all_loops(loaded, law).items()}
     return {
         "schema_version": SCHEMA_VERSION,
@@ -138,7 +152,7 @@ def plan(order: Order) -> dict[str, Any]:
     }
 
 
-def check(config: str, overrides: Sequence[str]) -> dict[str, Any]:
+def check(config: str, overrides: Sequence[str], talk: Talk) -> dict[str, Any]:
     """Check a configuration as thoroughly as running it would.
 
     Parameters
@@ -147,6 +161,8 @@ def check(config: str, overrides: Sequence[str]) -> dict[str, Any]:
         File, ``-``, or a shipped name.
     overrides : sequence of str
         ``dotted.key=VALUE``.
+    talk : Talk
+        Told of a shipped file that stands in for one beside the configuration.
 
     Returns
     -------
@@ -164,8 +180,16 @@ def check(config: str, overrides: Sequence[str]) -> dict[str, Any]:
         return found | {"kind": "ensemble", "config_sha256": held.sha256}
     if not isinstance(held, LoadedConfig):
         return found | {"kind": "manipulator"}
+    _name_shipped(held, talk)
     runs = list(all_loops(held, None))
     return found | {"kind": held.config.experiment, "config_sha256": held.sha256, "runs": runs}
+
+
+def _name_shipped(loaded: LoadedConfig, talk: Talk) -> None:
+    """Say which shipped file a configuration that is not shipped itself was completed by."""
+    for path in loaded.inputs:
+        if path.parent == shipped_folder() != loaded.folder:
+            talk.note(f"no {path.name} in {loaded.folder}, so the shipped one is taken: {path}")
 
 
 def redraw(out: Path, numbers: Sequence[int] | None) -> list[Path]:
@@ -240,11 +264,11 @@ def _stored(out: Path) -> dict[Path, TraceFile]:
 
 
 def _rewrite(folder: Path, file: TraceFile, write: Callable[[], list[Path]]) -> list[Path]:
-    """Write files of a result again and bring the manifest's digests up to date."""
+    """Write files of a result again and bring the manifest's digests up to date, if there is one."""
     with claimed(folder, file.config_sha256, force=True):
+        manifest = read_manifest(folder) if (folder / MANIFEST).exists() else None
         paths = write()
-        if (folder / MANIFEST).exists():
-            manifest = read_manifest(folder)
+        if manifest is not None:
             fresh = with_outputs(manifest, folder, paths)["outputs"]
             updated = manifest | {"outputs": manifest.get("outputs", {}) | fresh}
             write_atomically(folder / MANIFEST, to_json(updated))

@@ -62,7 +62,11 @@ def reference_period(reference: ReferenceConfig) -> float:
 
 
 def build_reference(
-    reference: ReferenceConfig, config: Experiment, folder: Path, S: Array | None = None
+    reference: ReferenceConfig,
+    config: Experiment,
+    folder: Path,
+    S: Array | None = None,
+    key: str = "reference",
 ) -> DesiredMotion:
     """Desired motion at every sample.
 
@@ -75,6 +79,8 @@ def build_reference(
         Where the path of a trajectory file starts.
     S : array (n, n), optional
         Given where the reference moves the motors: it maps their angles to the joints.
+    key : str
+        Of the reference, for messages.
 
     Returns
     -------
@@ -89,13 +95,13 @@ def build_reference(
     motions = _motions(reference, config.joints, folder)
     if not 1.0 <= motions[0].duration / L <= MOST_SAMPLES:
         message = f"lasts {motions[0].duration:g} s; a run has from 1 to {MOST_SAMPLES:g} periods of {L:g} s"
-        raise ConfigError(message, where="reference")
+        raise ConfigError(message, where=key)
     time: Array = L * np.arange(int(np.floor(motions[0].duration / L + 1e-6)) + 1.0)
     q_d, dq_d, ddq_d = motion(time, motions)
     if S is not None:
         q_d, dq_d, ddq_d = q_d @ S.T, dq_d @ S.T, ddq_d @ S.T
     built = DesiredMotion(time, q_d, dq_d, ddq_d, reference_period(reference))
-    _check_workspace(built, config)
+    _check_workspace(built, config, key)
     return built
 
 
@@ -147,7 +153,7 @@ def _sampled_motions(path: Path, joints: Sequence[int]) -> list[Motion]:
     return [Motion((sampled(time, angles[joint]),), float(time[-1] - time[0])) for joint in joints]
 
 
-def _check_workspace(reference: DesiredMotion, config: Experiment) -> None:
+def _check_workspace(reference: DesiredMotion, config: Experiment, key: str) -> None:
     """Links work between hanging and upright on one side; elsewhere gravity would slacken the tendons."""
     angles = np.rad2deg(start_angles(config) + np.cumsum(reference.q_d, axis=1))
     outside = (angles <= 0.0) | (angles >= 180.0)
@@ -156,7 +162,7 @@ def _check_workspace(reference: DesiredMotion, config: Experiment) -> None:
         reached = f"{angles[k, i]:.1f} deg from hanging at t = {reference.time[k]:.3f} s"
         message = f"link {config.joints[i]} would reach {reached}"
         hint = "links must stay between 0 and 180 deg: change posture or the reference's amplitude"
-        raise ConfigError(message, where="reference", hint=hint)
+        raise ConfigError(message, where=key, hint=hint)
 
 
 def build_law(config: CompareConfig, name: str) -> Law:
@@ -247,13 +253,20 @@ def build_loops(
     servo = Servo(loop.stiffness.si, loop.damping.si, config.sampling_period.si)
     for name, choice in config.runs.items():
         mapped = S if choice.drives == "motors" else None
-        reference = build_reference(choice.reference, config, folder, mapped)
+        reference = build_reference(choice.reference, config, folder, mapped, f"runs.{name}.reference")
         yield name, _loop(config, choice.payload.si, PositionController(servo, S_inv), reference, cold=False)
 
 
 def all_loops(loaded: LoadedConfig, law: UserLaw | None) -> dict[str, Loop]:
     """Closed loops of all runs by name; a user's law runs on plant and reference of the first."""
-    loops = dict(build_loops(loaded.config, loaded.folder))
+    try:
+        loops = dict(build_loops(loaded.config, loaded.folder))
+    except ConfigError as error:
+        key = error.where or ""
+        if key not in loaded.places:
+            raise
+        message = f"{key}: {error.message}"
+        raise ConfigError(message, where=loaded.places[key], hint=error.hint) from None
     if law is None:
         return loops
     if law.name in (*loops, RESERVED):

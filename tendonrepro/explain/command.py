@@ -18,7 +18,7 @@ from tendonrepro.explain.margins import LOW_FREQUENCY, ChannelMargins
 from tendonrepro.explain.report import explanation_text
 from tendonrepro.files import to_json
 from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, estimate_age
-from tendonrepro.results.folder import claimed, refuse_others
+from tendonrepro.results.folder import claimed, foretell_refusal
 from tendonrepro.results.manifest import make_manifest
 from tendonrepro.results.tables import write_table
 
@@ -51,7 +51,8 @@ def run_explain(request: Request, talk: Talk) -> dict[str, Any]:
 
     loaded, folder = request.load("compare"), request.folder("explain")
     if request.dry_run:
-        return _plan(loaded, folder, force=request.force)
+        foretell_refusal(folder, loaded.sha256, talk, force=request.force)
+        return _plan(loaded, folder)
     with claimed(folder, loaded.sha256, force=request.force) as held:
         found = explain(loaded)
         data = explanation_data(found)
@@ -67,8 +68,7 @@ def run_explain(request: Request, talk: Talk) -> dict[str, Any]:
     return data | {"text": explanation_text(found), "out": str(folder), "manifest": path}
 
 
-def _plan(loaded: LoadedConfig, folder: Path, *, force: bool) -> dict[str, Any]:
-    refuse_others(folder, loaded.sha256, force=force)
+def _plan(loaded: LoadedConfig, folder: Path) -> dict[str, Any]:
     plan = {"dry_run": True, "config_sha256": loaded.sha256, "out": str(folder)}
     text = f"{loaded.origin} is valid (sha256 {loaded.sha256[:12]})\nwould write to {folder}"
     return {"schema_version": SCHEMA_VERSION, "command": "explain"} | plan | {"text": text}

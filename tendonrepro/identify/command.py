@@ -34,7 +34,7 @@ from tendonrepro.identify.misfit import (
 )
 from tendonrepro.identify.report import CONFIG, conclusions, write_config, write_identify_tables
 from tendonrepro.identify.search import Effort, Evaluated, State, search
-from tendonrepro.results.folder import HeldFolder, claimed, refuse_others
+from tendonrepro.results.folder import HeldFolder, claimed, foretell_refusal
 from tendonrepro.results.manifest import make_manifest
 from tendonrepro.simulation.batch import simulate_batch
 
@@ -110,7 +110,7 @@ def run_identify(
     )
     identity = task.identity([held.name for held in task.readings])
     if request.dry_run:
-        refuse_others(folder, identity, force=request.force)
+        foretell_refusal(folder, identity, talk, force=request.force)
         return _outline(task, folder) | {"dry_run": True, "config_sha256": loaded.sha256}
     with claimed(folder, identity, force=request.force) as held:
         return _identified(task, held, identity, talk)

@@ -112,7 +112,8 @@ def identify_text(data: Mapping[str, Any]) -> str:
     shown = min(data["readings"], key=lambda held: held["misfit_log"])
     parts.append(f"Best plant, reading {shown['name']}, deg\n{_numbers_text(shown)}")
     parts.append(
-        f"Tables and figures are in {data['out']}; run tendonrepro compare --config {data['config']}"
+        f"Tables and figures are in {data['out']}; run "
+        f"tendonrepro compare --config {data['config']} --out {data['out']}/compare"
     )
     return "\n\n".join(parts)
 

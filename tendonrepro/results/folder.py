@@ -14,11 +14,12 @@ from filelock import FileLock, Timeout
 from tendonrepro import __version__
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
-from tendonrepro.files import sha256_of, to_json, write_atomically
+from tendonrepro.files import sha256_of, sweep_temporary, to_json, write_atomically
 from tendonrepro.results.manifest import with_outputs
 
 MANIFEST = "manifest.json"
 TRACES = "traces.h5"
+LOCK = ".lock"
 
 MOST_LETTERS = 100
 """Of a name in a manifest, and of its folders: far more than ours have."""
@@ -48,7 +49,13 @@ class HeldFolder:
         """Remove an earlier result, manifest first, so that no old figure stands among new ones.
 
         Files that its manifest does not list, or that were changed since, are left alone.
+
+        Raises
+        ------
+        TendonreproError
+            If someone removed the folder itself.
         """
+        self._require()
         if not (self.path / MANIFEST).exists():
             return
         try:
@@ -73,11 +80,25 @@ class HeldFolder:
         self.files.append(self.path / name)
 
     def finish(self, manifest: dict[str, Any], talk: Talk) -> str:
-        """Write the manifest with the digests of all files; return its path."""
+        """Write the manifest with the digests of all files; return its path.
+
+        Raises
+        ------
+        TendonreproError
+            If someone removed the folder or a file of the result.
+        """
+        self._require()
         path = self.path / MANIFEST
         write_atomically(path, to_json(with_outputs(manifest, self.path, self.files)))
         talk.detail(f"{len(self.files)} files in {self.seconds:.1f} s")
         return str(path)
+
+    def _require(self) -> None:
+        """Stop where what is being written is taken away: a new folder would hold half a result."""
+        for path in (self.path / LOCK, *self.files):
+            if not path.exists():
+                message = "was removed while results were written, so they are not complete"
+                raise TendonreproError(message, where=str(path), hint="run it again with --force")
 
 
 @contextmanager
@@ -109,7 +130,7 @@ def locked(folder: Path) -> Iterator[None]:
     TendonreproError
         If the folder cannot be made or written.
     """
-    path = folder / ".lock"
+    path = folder / LOCK
     lock, made = FileLock(path), [one for one in (folder, *folder.parents) if not one.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -121,8 +142,11 @@ def locked(folder: Path) -> Iterator[None]:
         message = f"cannot write into the results folder: {error.strerror or error}"
         raise TendonreproError(message, where=str(folder), hint="choose another --out") from error
     try:
+        sweep_temporary(folder)
         yield
     finally:
+        # Workers that an interrupt ended cannot clean up after themselves.
+        sweep_temporary(folder)
         lock.release()
         # What failed before it wrote anything leaves nothing.
         with suppress(OSError):
@@ -160,6 +184,14 @@ def refuse_others(folder: Path, config_sha256: str, *, force: bool = False) -> N
             raise UsageError(message, where=str(folder), hint=hint)
 
 
+def foretell_refusal(folder: Path, config_sha256: str, talk: Talk, *, force: bool) -> None:
+    """Say what :func:`refuse_others` would refuse; a dry run writes nothing, so it goes on."""
+    try:
+        refuse_others(folder, config_sha256, force=force)
+    except TendonreproError as error:
+        talk.note(f"a run would be refused: {error}")
+
+
 def read_manifest(folder: Path) -> dict[str, Any]:
     """Read the manifest of a results folder.
 
@@ -171,6 +203,8 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     path = folder / MANIFEST
     try:
         manifest = json.loads(path.read_text(encoding="utf-8"))
+        # JSON can name letters that no file can hold, and `figures` and `tables` write it back.
+        to_json(manifest).encode()
     except OSError as error:
         message = f"cannot read the manifest: {error.strerror}"
         raise DataMissingError(message, where=str(path), hint="run the experiment first") from error

@@ -165,13 +165,18 @@ class PlantRecord:
         Raises
         ------
         DataMissingError
-            When the record does not hold the matrix.
+            When the record does not hold the matrix, or not for these joints.
         """
         if name not in self.values:
             message = f"the plant record holds no {name!r}"
             raise DataMissingError(message)
         block = self.values[name].value
         if len(block) != len(joint):
+            if max(joint) > len(block):
+                message = (
+                    f"the plant record holds {name!r} for {len(block)} joints, not for joint {max(joint)}"
+                )
+                raise DataMissingError(message)
             index = np.array(joint) - 1
             block = block[np.ix_(index, index)]
         return block

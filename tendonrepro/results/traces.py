@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from tendonrepro.arrays import Array
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import write_atomically
+from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.records import (
     EVERY_RUN,
     SCHEMA_VERSION,
@@ -32,6 +34,12 @@ UNDEFINED = "not defined in this run; all values are missing (NaN)"
 
 NEEDED = ("law", "payload_mass", "status", "status_time", "reference_period")
 """Attributes that figures and tables need of every run."""
+
+MOST_BYTES = 2**30
+"""Of one array of numbers: far more than any run has, and what a damaged size soon exceeds."""
+
+_KNOWN = {"experiment": ("compare", "decouple", "both"), "source": ("simulated", "measured")}
+_SQUARE = ("S", "S_inv", "pulley_diameter")
 
 _ROOT_TEXTS = (
     "experiment",
@@ -159,8 +167,9 @@ def read_traces(path: Path) -> TraceFile:
     """
     with _opened(path) as root:
         _check_schema(path, root)
-        texts = {name: str(root.attrs[name]) for name in _ROOT_TEXTS}
+        texts = {name: _text(root.attrs[name]) for name in _ROOT_TEXTS}
         runs = {name: _read_run(name, group) for name, group in root.items() if name != "plant"}
+        _require(all(texts[name] in known for name, known in _KNOWN.items()))
         return TraceFile(**texts, runs=runs, plant=_read_plant(root["plant"]))  # type: ignore[arg-type]
 
 
@@ -178,7 +187,10 @@ def _opened(path: Path) -> Iterator[h5py.File]:
     try:
         with h5py.File(path, "r") as root:
             yield root
-    except (OSError, KeyError, ValueError, RuntimeError) as error:
+    except DataMissingError:
+        raise
+    except Exception as error:
+        # What the library says of damage is of any type, so nothing but reading stands in this block.
         message = f"{path} is damaged or incomplete and cannot be read"
         raise DataMissingError(message, hint=hint) from error
 
@@ -193,19 +205,42 @@ def _check_schema(path: Path, root: h5py.File) -> None:
         raise DataMissingError(message, hint="Make the traces again with this version.")
 
 
+def _require(holds: bool) -> None:
+    """Take a file for damaged unless something holds that is true of every file that was written."""
+    if not holds:
+        raise ValueError
+
+
+def _text(stored: object) -> str:
+    _require(isinstance(stored, str))
+    return str(stored)
+
+
+def _numbers(item: Any, dimensions: int | None = None) -> NDArray[Any]:
+    """Numbers of a dataset, as many dimensions as a run's have or any up to two."""
+    _require(isinstance(item, h5py.Dataset) and item.dtype.kind in "iuf" and item.nbytes <= MOST_BYTES)
+    _require(item.ndim <= 2 if dimensions is None else item.ndim == dimensions)
+    return np.asarray(item[()])
+
+
 def _read_run(name: str, group: h5py.Group) -> Trace:
+    time, joint = _numbers(group["time"], 1), _numbers(group["joint"], 1)
+    _require(bool(np.isfinite(time).all() and (np.diff(time) > 0.0).all()))
+    _require(joint.dtype.kind in "iu" and joint.min() > 0 and len(set(joint.tolist())) == len(joint))
     variables = {
-        key: np.asarray(item[()])
+        key: _numbers(item, 2)
         for key, item in group.items()
         if key not in ("time", "joint") and item.attrs.get("comment") != UNDEFINED
     }
-    joint = tuple(int(number) for number in group["joint"][()])
     attributes = _read_attributes(group)
     missing = [key for key in NEEDED if key not in attributes]
     if missing:
         message = f"the run {name!r} in {group.file.filename} lacks the attribute {missing[0]!r}"
         raise DataMissingError(message)
-    return Trace(name, np.asarray(group["time"][()]), joint, variables, attributes)
+    _text(attributes["law"])
+    _require(attributes["status"] in STATUSES)
+    _require(all(math.isfinite(attributes[key]) for key in NEEDED if key not in ("law", "status")))
+    return Trace(name, time, tuple(joint.tolist()), variables, attributes)
 
 
 def _read_attributes(group: h5py.Group) -> dict[str, Any]:
@@ -226,6 +261,10 @@ def _read_plant(group: h5py.Group) -> PlantRecord:
     values = {}
     for name, item in group.items():
         if not item.is_scale:
-            units, source, long_name = (str(item.attrs[key]) for key in ("units", "source", "long_name"))
-            values[name] = PlantValue(np.asarray(item[()]), units, source, long_name)
-    return PlantRecord(values, {key: str(text) for key, text in group.attrs.items()})
+            units, source, long_name = (_text(item.attrs[key]) for key in ("units", "source", "long_name"))
+            values[name] = PlantValue(_numbers(item), units, source, long_name)
+    shapes = {name: values[name].value.shape for name in (*_SQUARE, "winch_diameter") if name in values}
+    sizes = {shape[:1] for name, shape in shapes.items() if name.endswith("_diameter")}
+    _require(all(len(shape) and shape == shape[:1] * 2 for name, shape in shapes.items() if name in _SQUARE))
+    _require(len(sizes) < 2 and () not in sizes)
+    return PlantRecord(values, {key: _text(text) for key, text in group.attrs.items()})

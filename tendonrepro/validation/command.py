@@ -19,7 +19,7 @@ from tendonrepro.dataset.motion.recover import Reference
 from tendonrepro.dataset.motion.written import runnable
 from tendonrepro.files import sha256_of, to_json
 from tendonrepro.parallel import each
-from tendonrepro.results.folder import MANIFEST, claimed, refuse_others
+from tendonrepro.results.folder import MANIFEST, claimed, foretell_refusal
 from tendonrepro.results.manifest import make_manifest
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.summary import CONTROLLERS, LOADS
@@ -70,7 +70,7 @@ def run_validate(measured: Path, request: Request, talk: Talk) -> dict[str, Any]
     base = replace(base, sha256=digest, inputs=(*base.inputs, measured))
     head = {"schema_version": SCHEMA_VERSION, "measured": str(measured), "out": str(folder)}
     if request.dry_run:
-        refuse_others(folder, digest, force=request.force)
+        foretell_refusal(folder, digest, talk, force=request.force)
         return head | {
             "dry_run": True,
             "runs": list(file.runs),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import signal
 import subprocess
 import sys
@@ -12,6 +13,8 @@ from typing import Any
 
 import pytest
 from support.command import SHORT, SHORT_DECOUPLE, answer, hear_interrupts, run
+
+from tendonrepro.config.shipped import shipped_folder
 
 
 @pytest.fixture(scope="module")
@@ -34,8 +37,13 @@ def test_help_imports_nothing_heavy() -> None:
 
 
 def test_every_command_has_help_with_an_example(command: str, tmp_path: Path) -> None:
-    top = run(command, "--help", cwd=tmp_path)
+    top = run(command, "--help", cwd=tmp_path, COLUMNS="80")
     assert "Exit codes" in top.stdout
+    assert top.stdout.count("...") == 1, "a summary is cut"  # the other one is ARGS...
+    assert max(map(len, top.stdout.splitlines())) <= 80
+    panels = [line for line in top.stdout.splitlines() if line.endswith(":") and not line.startswith(" ")]
+    assert panels == ["Options:", "Reproduce the paper:", "Explore:", "Your data, or the paper's:"]
+    assert top.stdout.index("tendonrepro reproduce") < top.stdout.index("Options:")
     commands = ["compare", "decouple", "reproduce", "figures", "tables", "doctor"]
     commands += ["sweep", "ensemble", "identify", "explain", "claims"]
     assert all(name in top.stdout for name in commands)
@@ -202,7 +210,8 @@ def test_figures_and_tables_are_made_again_from_traces(command: str, compared: t
 
 
 def test_usage_errors_are_one_message_and_code_2(command: str, tmp_path: Path) -> None:
-    for words in ("compare --bogus", "nonsense", "compare --controllers x", "compare --seed a"):
+    usage = ["compare --bogus", "nonsense", "compare --controllers x", "compare --seed a"]
+    for words in [*usage, "compare --law a.py:f --law b.py:g"]:
         done = run(command, *words.split(), cwd=tmp_path)
         assert done.returncode == 2, words
         assert "Traceback" not in done.stderr
@@ -248,6 +257,75 @@ def test_an_edited_copy_runs_and_standard_input_works(command: str, tmp_path: Pa
     assert checked["config_sha256"] == own["config_sha256"]
 
 
+def test_a_shipped_arm_that_stands_in_is_named(command: str, tmp_path: Path) -> None:
+    text = (shipped_folder() / "compare.yaml").read_text(encoding="utf-8")
+    done = run(command, "config", "check", "-", cwd=tmp_path, stdin=text)
+    assert done.returncode == 0
+    assert done.stderr.endswith(f"so the shipped one is taken: {shipped_folder() / 'lumidouce_ii.yaml'}\n")
+    assert run(command, "config", "check", "compare", cwd=tmp_path).stderr == ""
+
+
+@pytest.mark.parametrize("words", [(), ("--json",)])
+def test_nothing_in_a_file_steers_the_terminal(command: str, tmp_path: Path, words: tuple[str, ...]) -> None:
+    steering = '"a\\e[31m\\x7F\\x9b\\u202E.yaml"'
+    text = f"schema_version: 1\nexperiment: compare\nmanipulator: {steering}\n"
+    done = run(command, "config", "check", "-", *words, cwd=tmp_path, stdin=text)
+    shown = done.stdout + done.stderr
+    assert done.returncode == 2
+    assert not set(shown) & set("\x1b\x7f\x9b\u202e")
+    assert r"a\u001b[31m\u007f\u009b\u202e.yaml" in shown
+    if words:
+        assert "a\x1b[31m\x7f\x9b\u202e.yaml" in json.loads(done.stdout)["error"]["hint"]
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+@pytest.mark.parametrize(
+    ("words", "full", "code"),
+    [
+        (["config", "list"], "stdout", 1),
+        (["config", "list", "--json"], "stdout", 1),
+        (["nonsense"], "stderr", 2),
+    ],
+)
+def test_a_full_disk_behind_the_output(
+    command: str, tmp_path: Path, words: list[str], full: str, code: int
+) -> None:
+    streams: dict[str, Any] = dict.fromkeys(("stdout", "stderr"), subprocess.PIPE)
+    with Path("/dev/full").open("w") as nowhere:
+        streams[full] = nowhere
+        done = subprocess.run([command, *words], cwd=tmp_path, text=True, check=False, **streams)
+    assert done.returncode == code
+    if full == "stdout":
+        assert done.stderr.startswith("error: the system refused: No space left on device\n")
+        assert done.stderr.count("\n") == 2
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs resource limits")
+@pytest.mark.parametrize(
+    ("limit", "words", "reason"),
+    [
+        ("NOFILE, (9, 9)", ["inspect", "file.csv"], "Too many open files"),
+        pytest.param("NOFILE, (12, 12)", ["compare", *SHORT], "Too many open files", marks=pytest.mark.slow),
+        pytest.param("FSIZE, (10**5, 10**5)", ["compare", *SHORT], "File too large", marks=pytest.mark.slow),
+        pytest.param("AS, (3 * 10**8, 3 * 10**8)", ["compare", *SHORT], "", marks=pytest.mark.slow),
+    ],
+)
+def test_limits_of_the_system_are_one_sentence(
+    command: str, tmp_path: Path, limit: str, words: list[str], reason: str
+) -> None:
+    (tmp_path / "file.csv").write_text("time,q\n0,1\n1,2\n")
+    start = f"import os, resource, sys; resource.setrlimit(resource.RLIMIT_{limit}); "
+    start += "os.execv(sys.argv[1], sys.argv[1:])"
+    done = run(
+        sys.executable, "-c", start, command, *words, cwd=tmp_path, XDG_CACHE_HOME=str(tmp_path / "cache")
+    )
+    assert done.returncode == 1
+    *_, message, hint = done.stderr.splitlines()
+    assert message.startswith(f"error: the system refused: {reason}")
+    assert "ulimit" in hint
+    assert "Traceback" not in done.stderr
+
+
 @pytest.mark.slow
 def test_the_config_inside_the_traces_runs_again(
     command: str, compared: tuple[Path, Any], tmp_path: Path
@@ -262,6 +340,12 @@ def test_the_config_inside_the_traces_runs_again(
 
 
 def test_dry_run_writes_nothing(command: str, tmp_path: Path) -> None:
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "traces.h5").write_text("of another run")
+    done = run(command, "compare", "--dry-run", "--out", "other", cwd=tmp_path)
+    assert done.returncode == 0
+    assert "a run would be refused: other: holds traces.h5" in done.stderr
+    shutil.rmtree(tmp_path / "other")
     plan = answer(command, "reproduce", "--dry-run", cwd=tmp_path)
     assert plan["compare"]["samples"]["controller_1"] == 18001
     assert list(tmp_path.iterdir()) == []

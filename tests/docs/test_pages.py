@@ -444,7 +444,7 @@ def test_law_with_memory_of_its_own(tmp_path: Path) -> None:
     law = tmp_path / "integral.py"
     law.write_text(blocks(page("laws.md"), "python")[1], encoding="utf-8")
     order = Order("compare", Request(out=tmp_path, overrides=SHORT, controllers=[3]), f"{law}:integral")
-    assert list(plan(order)["samples"]) == ["controller_3", "integral"]
+    assert list(plan(order, Talk())["samples"]) == ["controller_3", "integral"]
     loaded = load_config(None, "compare", overrides=SHORT, controllers=[3])
     loops = all_loops(loaded, find_user_law(f"{law}:integral"))
     run = simulate(loops["integral"])

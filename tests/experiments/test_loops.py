@@ -7,8 +7,10 @@ import pytest
 from support.overrides import quantity
 
 from tendonrepro.config.load import load_config
+from tendonrepro.config.shipped import init_config
 from tendonrepro.errors import ConfigError
 from tendonrepro.experiments.loops import (
+    all_loops,
     build_law,
     build_loops,
     build_reference,
@@ -262,6 +264,22 @@ class TestReference:
     def test_a_run_is_not_endless(self):
         with pytest.raises(ConfigError, match="at most"):
             loaded("reference.periods=1000000000")
+
+    @pytest.mark.parametrize(
+        ("experiment", "key"), [("compare", "reference"), ("decouple", "runs.decouple.reference")]
+    )
+    def test_a_motion_that_cannot_be_built_is_placed(self, experiment, key, tmp_path):
+        init_config(experiment, tmp_path)
+        path = tmp_path / f"{experiment}.yaml"
+        text = path.read_text(encoding="utf-8").replace("[30, 30", "[300, 30", 1)
+        path.write_text(text, encoding="utf-8")
+        line = text[: text.index("[300, 30")].count("\n") + 1
+        option = f"{key}.amplitude"
+        changed = f"{option}={[200] * (2 if experiment == 'compare' else 3)}"
+        for overrides, where in (((), f"{path}:{line}"), ((changed,), f"--set {option}")):
+            with pytest.raises(ConfigError, match=rf": {key}: link \d would reach") as caught:
+                all_loops(load_config(path, experiment, overrides=overrides), None)
+            assert caught.value.where == where
 
     @pytest.mark.parametrize(
         ("amplitude", "link", "angle"), [([140, 0], 2, 180.0), ([0, -50], 3, 0.0), ([60, 80], 3, 180.0)]

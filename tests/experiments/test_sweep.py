@@ -137,11 +137,11 @@ class TestFiles:
 
     def test_other_results_are_refused(self, tmp_path):
         (tmp_path / "manifest.json").write_text('{"config": {"sha256": "0"}, "outputs": {}}')
-        for dry_run in (False, True):
-            with pytest.raises(UsageError, match="another configuration"):
-                run_sweep(Request(None, tmp_path, [ONE], controllers=[1], dry_run=dry_run), [ALPHA], QUIET)
-        forced = Request(None, tmp_path, [ONE], controllers=[1], dry_run=True, force=True)
-        assert run_sweep(forced, [ALPHA], QUIET)["dry_run"]
+        with pytest.raises(UsageError, match="another configuration"):
+            run_sweep(Request(None, tmp_path, [ONE], controllers=[1]), [ALPHA], QUIET)
+        for force in (False, True):
+            tried = Request(None, tmp_path, [ONE], controllers=[1], dry_run=True, force=force)
+            assert run_sweep(tried, [ALPHA], QUIET)["dry_run"]
 
     def test_dry_run_writes_nothing(self, tmp_path):
         out = tmp_path / "none"

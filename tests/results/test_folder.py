@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from tendonrepro import __version__
-from tendonrepro.errors import DataMissingError
-from tendonrepro.results.folder import MANIFEST, claimed, read_manifest, refuse_others
+from tendonrepro.console import Talk
+from tendonrepro.errors import DataMissingError, TendonreproError
+from tendonrepro.results.folder import MANIFEST, claimed, foretell_refusal, read_manifest, refuse_others
 
 CONTENT = b"somebody else's"
 DIGEST = hashlib.sha256(CONTENT).hexdigest()
@@ -84,3 +88,41 @@ def test_a_damaged_manifest_is_one_sentence(tmp_path: Path, text: str) -> None:
     (tmp_path / MANIFEST).write_text(text, encoding="latin-1")
     with pytest.raises(DataMissingError, match="is not a manifest"):
         read_manifest(tmp_path)
+
+
+@pytest.mark.parametrize("gone", ["folder", "file"])
+def test_what_is_removed_while_results_are_written_is_not_made_again(tmp_path: Path, gone: str) -> None:
+    out = tmp_path / "out"
+    with claimed(out, "a", force=False) as held:
+        held.write("traces.h5", "x")
+        if gone == "folder":
+            shutil.rmtree(out)
+        else:
+            (out / "traces.h5").unlink()
+        with pytest.raises(TendonreproError, match="was removed") as caught:
+            held.finish({}, Talk())
+    assert caught.value.exit_code == 1
+    assert not (out / MANIFEST).exists()
+    assert out.exists() == (gone == "file")
+
+
+def test_a_dry_run_says_what_would_be_refused_and_goes_on(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = result(tmp_path / "out")
+    for digest, words in (("a", ""), ("b", "a run would be refused")):
+        foretell_refusal(folder, digest, Talk(), force=False)
+        assert words in capsys.readouterr().err
+    foretell_refusal(folder, "b", Talk(), force=True)
+    assert capsys.readouterr().err == ""
+
+
+def test_a_claimed_folder_is_swept_before_and_after(tmp_path: Path) -> None:
+    dead = subprocess.Popen([sys.executable, "-c", ""])
+    dead.wait()
+    left = tmp_path / f".fig13.{dead.pid}-0123abcd.pdf"
+    left.touch()
+    with claimed(tmp_path, "a", force=False):
+        assert not left.exists()
+        left.touch()
+    assert not left.exists()

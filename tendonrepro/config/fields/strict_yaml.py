@@ -95,7 +95,8 @@ def _is_folder(path: Path) -> bool:
 def decode(raw: bytes, name: str) -> str:
     """Turn the bytes of a YAML text into a string; the limits are those of `read_text`."""
     if len(raw) > MAX_BYTES:
-        _fail("is larger than 1 MiB, so it is not a configuration", name)
+        hint = "Samples of a motion stand in a file of their own: reference: {kind: sampled, file: FILE.csv}."
+        _fail("is larger than 1 MiB, so it is not a configuration", name, hint)
     if b"\0" in raw:
         _fail("is a binary file, not YAML text", name)
     try:

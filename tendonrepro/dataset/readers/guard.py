@@ -163,7 +163,8 @@ class _Reader:
         return self.connection
 
     def _end(self) -> None:
-        if self.process is not None:
+        # One that the system refused to start has no number.
+        if self.process is not None and self.process.pid is not None:
             self.process.kill()
             self.process.join()
             self.process.close()

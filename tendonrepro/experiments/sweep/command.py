@@ -28,7 +28,7 @@ from tendonrepro.experiments.sweep.report import COLUMNS, PAIRS, write_sweep_tab
 from tendonrepro.files import sha256_of, to_json
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, error_ratio
-from tendonrepro.results.folder import claimed, refuse_others
+from tendonrepro.results.folder import claimed, foretell_refusal
 from tendonrepro.results.manifest import make_manifest
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.resolution import COMPILED_STEPPER
@@ -75,7 +75,7 @@ def run_sweep(request: Request, over: Sequence[str], talk: Talk) -> dict[str, An
 
     sweep, folder = load_sweep(request, over), request.folder("sweep")
     if request.dry_run:
-        refuse_others(folder, sweep.base.sha256, force=request.force)
+        foretell_refusal(folder, sweep.base.sha256, talk, force=request.force)
         loops = (next(iter(build_loops(point.config, sweep.base.folder)))[1] for point in sweep.points)
         samples = [int(loop.reference.time.size) for loop in loops]
         plan = dict(zip(map(sweep.label, sweep.points), samples, strict=True))
