@@ -31,7 +31,7 @@ FLOOR = {room: level for level, rooms in enumerate(FLOORS) for room in rooms}
 
 OWNERS = {
     "numba": ["simulation/codegen/compiled.py"],
-    "llvmlite": ["simulation/codegen/compiled.py"],
+    "llvmlite": ["simulation/codegen/compiled.py", "simulation/codegen/machine.py"],
     "platformdirs": ["simulation/codegen/compiled.py"],
     "matplotlib": ["results/figures/*", "*/figure*.py"],
     "pydantic": ["config/*", "dataset/mapping/model.py", "dataset/repository/lock.py"],

@@ -28,7 +28,7 @@ from tendonrepro.files import to_json, write_atomically
 from tendonrepro.results.folder import HeldFolder, claimed, refuse_others
 from tendonrepro.results.manifest import make_manifest
 from tendonrepro.simulation.batch import simulate_batch
-from tendonrepro.simulation.codegen.compiled import lanes_are_new
+from tendonrepro.simulation.codegen.compiled import cache_is_empty
 
 SUMMARY = "summary.json"
 
@@ -160,8 +160,8 @@ def _announce(study: Study, draws: int, missing: Sequence[Block], talk: Talk) ->
     """Say what is ahead: nothing is counted before the first blocks are done, minutes later."""
     share = sum(block.count for block in missing) / sum(block.count for block in study.blocks(draws))
     text = cost_text({key: share * value for key, value in study.cost(draws).items()})
-    if lanes_are_new():
-        talk.note("compiling once for this machine, a minute or two")
+    if cache_is_empty():
+        talk.note("compiling once for this machine, some twenty seconds")
     talk.note(f"{text}, counted in blocks of {missing[0].count * len(study.cases):,}")
 
 

@@ -62,6 +62,33 @@ def friction_torque(velocity: Array, friction: Friction) -> Array:
     return torque
 
 
+def dry_slope(velocity: Array, load: Array, friction: Friction) -> Array:
+    """How steeply dry friction turns with the velocity, N m s: the part of its slope that is never negative.
+
+    What is left out, the viscous part and the fall of the Stribeck rise, is gentle.
+
+    Parameters
+    ----------
+    velocity : array (n, ...)
+        Joint or winch velocity, rad s⁻¹.
+    load : array (n, ...)
+        Further dry friction that turns with the same velocity, N m.
+    friction : Friction
+
+    Returns
+    -------
+    array (n, ...)
+    """
+    slope = np.empty_like(velocity)
+    for i in range(velocity.shape[0]):
+        relative = velocity[i] / friction.stribeck_velocity[i]
+        rise = 1.0 + (friction.static_ratio[i] - 1.0) * np.exp(-relative * relative)
+        sense = np.tanh(velocity[i] / friction.smoothing_velocity[i])
+        dry = friction.coulomb[i] * rise + load[i]
+        slope[i] = dry * (1.0 - sense * sense) / friction.smoothing_velocity[i]
+    return slope
+
+
 def without_dry_friction(friction: Friction) -> Friction:
     """Return the same law with its Coulomb part, and so its Stribeck rise, switched off.
 

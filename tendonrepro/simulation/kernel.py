@@ -12,12 +12,17 @@ import numpy as np
 
 from tendonrepro.arrays import Array, choose
 from tendonrepro.physics import control
+from tendonrepro.physics.arm import mass_matrix
 from tendonrepro.physics.control import Law, Memory
+from tendonrepro.physics.drive import tendon_torque, to_winch_angle, to_winch_torque
 from tendonrepro.physics.dynamics import Plant, state_derivative
+from tendonrepro.physics.friction import dry_slope
 from tendonrepro.physics.instruments import Actuator, Encoder, applied_torque, quantise
+from tendonrepro.physics.linalg import solve_positive_definite, times
 from tendonrepro.simulation import streaming
 from tendonrepro.simulation.codegen.lanes import LaneRows, LaneTape, lane_code, remembered
 from tendonrepro.simulation.controllers import Measurement, TimeDelayController
+from tendonrepro.simulation.resolution import demand
 from tendonrepro.simulation.stepper import LARGEST_TORQUE
 
 AT_LIMIT = 1.0 - 1e-12
@@ -48,42 +53,54 @@ class LoopNumbers(NamedTuple):
 def _step_rows(n: int) -> LaneRows:
     """Rows that the loop shares with the plant's code, for n joints."""
     rows = LaneRows()
-    for name, size in (("state", 4 * n), ("tau_applied", n), ("ddq", n)):
+    for name, size in (("state", 4 * n), ("tau_applied", n), ("ddq", n), ("t", 1), ("h", 1), ("demand", 1)):
         rows.take(name, size)
+    rows.take("live", 1)
+    rows.take("ddq_sample", n)
     return rows
 
 
-def _sample_rows(n: int) -> LaneRows:
+def sample_rows(n: int) -> LaneRows:
     """Rows that the loop shares with the sample's code, for n joints."""
     rows = LaneRows()
     for name in RECORDED:
         rows.take(name, 4 * n if name == "state" else n)
-    shared = ("q_d", "dq_d", "ddq_d", "noise_q", "noise_tau", "ddq_sample", "tau_applied", "block")
+    shared = ("q_d", "dq_d", "ddq_d", "noise_q", "noise_tau", "ddq_sample", "tau_applied", "error")
     for name in shared:
         rows.take(name, n)
     for name in ("live", "count", "diverged"):
         rows.take(name, 1)
+    rows.take("sums", len(streaming.Sums._fields) * n)
     return rows
 
 
 @remembered
-def step_code(plant: Plant) -> tuple[str, LaneRows]:
-    """Source of ``step(w, t, h)``: one Runge-Kutta step of the plants, torque held.
+def step_code(plant: Plant, implicit: bool = False) -> tuple[str, LaneRows]:
+    """Source of ``step``: one step of the plants from ``t`` over ``h``, torque held.
 
-    Row ``ddq`` receives the joint acceleration at the start of the step.
+    Row ``ddq`` receives the joint acceleration at the start of the step, ``demand`` the highest so
+    far. Where ``h`` is zero state and demand stay, to the last bit.
     """
     tape, n = LaneTape(), plant.preload.shape[0]
     rows = _step_rows(n)
     state, tau = rows.variables(tape, "state", 4 * n), rows.variables(tape, "tau_applied", n)
+    (t,), (h,), (most,) = (rows.variables(tape, name, 1) for name in ("t", "h", "demand"))
     symbolic = rows.parameters(tape, "plant", plant)
 
     def derivative(t: Any, x: Array) -> Array:
         return state_derivative(t, x, tau, symbolic)
 
-    after, slope = runge_kutta(derivative, tape.write("t", ()), state, tape.write("h", ()))
-    results = dict(zip(rows.known("state", 4 * n), after, strict=True))
-    results |= dict(zip(rows.known("ddq", n), slope[n : 2 * n], strict=True))
-    return lane_code("step", "t, h", tape, results, rows), rows
+    if implicit:
+        after, slope = rosenbrock(derivative, damped(state, tau, symbolic), t, state, h)
+    else:
+        after, slope = runge_kutta(derivative, t, state, h)
+    most = np.maximum(most, demand(state, after, symbolic, implicit=implicit))
+    results: dict[int, Any] = {}
+    for name, values in (("state", after), ("ddq", slope[n : 2 * n]), ("demand", [most])):
+        before = rows.variables(tape, name, len(values))
+        kept = [choose(h > 0.0, *pair) for pair in zip(values, before, strict=True)]
+        results |= dict(zip(rows.known(name, len(values)), kept, strict=True))
+    return lane_code("step", tape, results, rows), rows
 
 
 def runge_kutta(
@@ -98,11 +115,80 @@ def runge_kutta(
     return state + h * (1.0 / 6.0) * (k1 + 2.0 * (k2 + k3) + k4), k1
 
 
+GAMMA = 0.435866521508459
+NODES = np.array(
+    [
+        [0.0, 0.0, 0.0, 0.0],
+        [0.87173304301691801, 0.0, 0.0, 0.0],
+        [0.84457060015369423, -0.11299064236484185, 0.0, 0.0],
+        [0.0, 0.0, 1.0, 0.0],
+    ]
+)
+COUPLING = np.array(
+    [
+        [GAMMA, 0.0, 0.0, 0.0],
+        [-0.87173304301691801, GAMMA, 0.0, 0.0],
+        [-0.90338057013044082, 0.054180672388095326, GAMMA, 0.0],
+        [0.24212380706095346, -1.2232505839045147, 0.54526025533510214, GAMMA],
+    ]
+)
+"""ROS34PW2 of Rang and Angermann, BIT 45 (2005), 761: of order three whatever part is implicit."""
+
+
+def rosenbrock(
+    derivative: Callable[[Any, Array], Array],
+    damped: Callable[[Array, Any], Array],
+    t: Any,
+    state: Array,
+    h: Any,
+) -> tuple[Array, Array]:
+    """Linearly implicit step of order three: state at ``t + h``, and slope at ``t``, each (m, ...).
+
+    ``damped(x, c)`` solves ``(1 - c A) y = x`` for whatever part ``A`` of the derivative's slope is stiff.
+    """
+    inverse = np.linalg.inv(COUPLING)
+    shares, past = NODES @ inverse, np.eye(4) / GAMMA - inverse
+    moves: list[Array] = []
+    slopes: list[Array] = []
+    for i in range(4):
+        reached = sum((shares[i, j] * moves[j] for j in range(i)), state)
+        slopes.append(derivative(t + float(NODES[i].sum()) * h, reached))
+        drawn = sum((past[i, j] * moves[j] for j in range(i)), h * slopes[i])
+        moves.append(damped(GAMMA * drawn, GAMMA * h))
+    weights = (NODES[3] + COUPLING[3]) @ inverse
+    return sum((weights[i] * moves[i] for i in range(4)), state), slopes[0]
+
+
+def damped(state: Array, tau: Array, plant: Plant) -> Callable[[Array, Any], Array]:
+    """Solver for :func:`rosenbrock` with dry friction of links and winches implicit, at a state."""
+    n, drive = plant.preload.shape[0], plant.drive
+    q, dq, theta, dtheta = (state[k * n : (k + 1) * n] for k in range(4))
+    M, none = mass_matrix(q, plant.arm), np.zeros_like(q)
+    links = dry_slope(dq, none, plant.link_friction)
+    tendon, motor = tendon_torque(q, dq, theta, dtheta, drive), to_winch_torque(tau, drive)
+    lost = np.array(
+        [drive.pulley_loss[i] * abs(tendon[i]) + drive.reducer_loss[i] * abs(motor[i]) for i in range(n)]
+    )
+    winches = dry_slope(to_winch_angle(dtheta, drive), lost, drive.friction)
+
+    def solve(x: Array, c: Any) -> Array:
+        W = M.copy()
+        for i in range(n):
+            W[i, i] = M[i, i] + c * links[i]
+        winch = to_winch_angle(x[3 * n :], drive)
+        for i in range(n):
+            winch[i] = winch[i] / (1.0 + c * winches[i] / drive.inertia[i])
+        links_after = solve_positive_definite(W, times(M, x[n : 2 * n]))
+        return np.concatenate([x[:n], links_after, x[2 * n : 3 * n], times(drive.S, winch)])
+
+    return solve
+
+
 @remembered
 def sample_code(numbers: LoopNumbers) -> tuple[str, LaneRows]:
-    """Source of ``sample(w, k)``: encoders, law, motors, memory and statistics at sample k."""
+    """Source of ``sample``: encoders, law, motors, memory and statistics at sample k."""
     tape, n = LaneTape(), numbers.S.shape[0]
-    rows = _sample_rows(n)
+    rows = sample_rows(n)
     results: dict[int, Any] = {}
 
     def read(name: str, size: int) -> Array:
@@ -112,7 +198,7 @@ def sample_code(numbers: LoopNumbers) -> tuple[str, LaneRows]:
         results.update(zip(rows.known(name, len(values)), values, strict=True))
 
     x = rows.parameters(tape, "loop", numbers)
-    k, q_d, dq_d, ddq_d = tape.write("k", ()), read("q_d", n), read("dq_d", n), read("ddq_d", n)
+    k, q_d, dq_d, ddq_d = tape.write("argument", "k"), read("q_d", n), read("dq_d", n), read("ddq_d", n)
     controller = TimeDelayController(x.law, control.command)
     memory = Memory(*(read("memory", 7 * n)[part].reshape(shape) for part, shape in _memory_parts(n)))
     pending = list(read("pending", x.actuator.delay * n).reshape(-1, n))
@@ -140,8 +226,7 @@ def sample_code(numbers: LoopNumbers) -> tuple[str, LaneRows]:
     )
     sums = streaming.Sums(*read("sums", len(streaming.Sums._fields) * n).reshape(-1, n))
     write("sums", np.concatenate(streaming.add_sample(sums, sample, live, k, x.phases)))
-    block = read("block", n)
-    write("block", [block[i] + choose(live > 0.0, sample.e[i], 0.0) for i in range(n)])
+    write("error", [choose(live > 0.0, sample.e[i], 0.0) for i in range(n)])
 
     bounded: Any = 1.0
     for i in range(n):
@@ -157,7 +242,7 @@ def sample_code(numbers: LoopNumbers) -> tuple[str, LaneRows]:
     write("H_hat", H_hat)
     write("s", s)
     write("tau_applied", tau_m + x.S_inv.T @ (x.actuator.noise * read("noise_tau", n)))
-    return lane_code("sample", "k", tape, results, rows), rows
+    return lane_code("sample", tape, results, rows), rows
 
 
 def _memory_parts(n: int) -> tuple[tuple[slice, tuple[int, ...]], ...]:

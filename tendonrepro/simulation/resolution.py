@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonrepro.arrays import Array
+from tendonrepro.arrays import Array, choose
+from tendonrepro.physics.drive import to_winch_angle
 from tendonrepro.physics.dynamics import Plant, holding_torque, rest_state, state_derivative
+from tendonrepro.physics.linalg import times
 
 STEPS = (1, 2, 3, 4, 5, 6, 8, 12, 16, 24, 32, 48, 64)
 """Numbers of steps per sample there are to choose from."""
 
-COMPILED_STEPPER = "compiled Runge-Kutta of order 4"
+COMPILED_STEPPER = "compiled Runge-Kutta of order 4, of order 3 and implicit where dry friction is stiff"
 """What a manifest calls the stepper that these numbers are for."""
 
-TOLERANCE = 4e-4
+TOLERANCE = 1e-2
 """Error of a mode over one sample that is allowed unless asked for less, see :func:`steps_needed`."""
 
 NUDGE = 1e-6
@@ -25,16 +28,83 @@ NUDGE = 1e-6
 POSTURES = 5
 """Postures looked at, from the start to the end of the stroke."""
 
+FLAT, TURNING, STUCK = 4.0, 1.5, 0.2
+"""Velocities, in units of the one over which dry friction turns: it is flat, gentle, all but viscous."""
 
-def plant_modes(plant: Plant, stroke: Array) -> NDArray[np.complex128]:
-    """Eigenvalues of stacked plants near rest, friction included, s⁻¹, (N, POSTURES, 4 n).
+PACES = (FLAT, TURNING, 0.0)
+"""Slowest motion of each level of :func:`demand`, in the same unit, for explicit steps."""
 
-    Postures lie along the stroke, rad, (n, N). At standstill friction is steepest, so a plant is fastest.
+HIGHEST = 2.0
+"""Highest level of :func:`demand`."""
+
+IMPLICIT_FROM = 12
+"""Explicit steps per sample at standstill from which on implicit ones are less work."""
+
+IMPLICIT_STEPS, BENDING_STEPS = 4, 12
+"""Fewest implicit steps per sample, and fewest while friction bends, at the default tolerance.
+
+They leave q within 1e-6 rad of the truth, as a test measures."""
+
+
+def demand(before: Array, after: Array, plant: Plant, *, implicit: bool) -> Any:
+    """Level of resolution that a step asks for, 0, 1 or 2; of several joints and winches the highest.
+
+    Explicit steps are short where friction is steep: 2 is standstill, or a change of direction, 1 slow and 0
+    fast motion. Implicit ones are short where it bends: 2 is between rest and motion, 1 motion and 0 rest.
+    Joints and winches without dry friction do not count. Runs on numbers, lanes and symbols alike.
+
+    Parameters
+    ----------
+    before, after : array (4 n, ...)
+        States at both ends, as in `tendonrepro.physics.dynamics.state_derivative`.
+    plant : Plant
+    implicit : bool
+
+    Returns
+    -------
+    array (...)
     """
-    along = np.linspace(0.0, 1.0, POSTURES)
-    q = np.concatenate([share * stroke for share in along], axis=-1)
-    modes = _modes_at(q, _repeated(plant, POSTURES))
-    return modes.reshape(POSTURES, stroke.shape[-1], -1).swapaxes(0, 1)
+    n, drive, link = plant.preload.shape[0], plant.drive, plant.link_friction
+    winches = [to_winch_angle(state[3 * n :], drive) for state in (before, after)]
+    most: Any = 0.0
+    for i in range(n):
+        lost = drive.friction.coulomb[i] + drive.pulley_loss[i] + drive.reducer_loss[i]
+        for first, last, over, dry in (
+            (before[n + i], after[n + i], link.smoothing_velocity[i], link.coulomb[i]),
+            (winches[0][i], winches[1][i], drive.friction.smoothing_velocity[i], lost),
+        ):
+            sizes = abs(first / over), abs(last / over)
+            nearest = choose(first * last > 0.0, np.minimum(*sizes), 0.0)
+            if implicit:
+                rests = np.maximum(*sizes) < STUCK
+                level = choose(nearest >= FLAT, 1.0, choose(rests, 0.0, 2.0))
+            else:
+                level = choose(nearest >= FLAT, 0.0, choose(nearest >= TURNING, 1.0, 2.0))
+            most = np.maximum(most, choose(dry > 0.0, level, 0.0))
+    return most
+
+
+def plant_modes(plant: Plant, stroke: Array, pace: float = 0.0) -> NDArray[np.complex128]:
+    """Eigenvalues of stacked plants, friction included, s⁻¹, (N, cases, 4 n).
+
+    Postures lie along the stroke, rad, (n, N). At standstill, pace 0, friction is steepest, so a plant is
+    fastest. A pace is in units of the velocity over which friction turns; the speed where the Stribeck effect
+    falls steepest is looked at too, if it is beyond.
+    """
+    q = np.concatenate([share * stroke for share in np.linspace(0.0, 1.0, POSTURES)], axis=-1)
+    plants = _repeated(plant, POSTURES)
+    modes = [_modes_at(q, plants, speed) for speed in _speeds(plants, pace)]
+    return np.stack(modes).reshape(len(modes) * POSTURES, stroke.shape[-1], -1).swapaxes(0, 1)
+
+
+def _speeds(plant: Plant, pace: float) -> list[list[Array]]:
+    """Velocities of joints and winches, each (n, N)."""
+    laws = plant.link_friction, plant.drive.friction
+    edge = [pace * law.smoothing_velocity for law in laws]
+    if pace == 0.0:
+        return [edge]
+    steepest = [law.stribeck_velocity / np.sqrt(2.0) for law in laws]
+    return [edge, [np.maximum(*pair) for pair in zip(edge, steepest, strict=True)]]
 
 
 def _repeated(record: Any, times: int) -> Any:
@@ -45,8 +115,9 @@ def _repeated(record: Any, times: int) -> Any:
     return np.concatenate([record] * times, axis=-1)
 
 
-def _modes_at(q: Array, plant: Plant) -> NDArray[np.complex128]:
-    state, tau = rest_state(q, plant), holding_torque(q, plant)
+def _modes_at(q: Array, plant: Plant, speed: Sequence[Array]) -> NDArray[np.complex128]:
+    state, tau, n = rest_state(q, plant), holding_torque(q, plant), q.shape[0]
+    state[n : 2 * n], state[3 * n :] = speed[0], times(plant.drive.S, speed[1])
     columns = []
     for j in range(state.shape[0]):
         nudge = np.zeros_like(state)
@@ -64,7 +135,9 @@ def steps_needed(modes: NDArray[np.complex128], L: float, tolerance: float = TOL
     ``(λ L)²``, and so is its error.
     """
     z = modes.reshape(modes.shape[0], -1) * L
-    weight = 1.0 / np.maximum(1.0, np.abs(z)) ** 2
+    # The fall of the Stribeck rise may let a mode of a moving plant grow, and then it shall.
+    growth = np.maximum(1.0, np.exp(np.minimum(z.real, 100.0)))
+    weight = 1.0 / (np.maximum(1.0, np.abs(z)) ** 2 * growth)
     needed = np.zeros(z.shape[0], dtype=np.int64)
     # A plant at rest may drift away slowly, upright ones do; what must not grow is the fast end.
     fast = np.abs(z) > 1.0
@@ -73,9 +146,35 @@ def steps_needed(modes: NDArray[np.complex128], L: float, tolerance: float = TOL
         # A step far too long grows beyond all numbers, and then it is not within the tolerance.
         with np.errstate(over="ignore", invalid="ignore"):
             error = weight * np.abs(ratio**steps - np.exp(z))
-        growing = (fast & (np.abs(ratio) > 1.0)).any(axis=1)
+            growing = (fast & (growth == 1.0) & (np.abs(ratio) > 1.0)).any(axis=1)
         needed[(error.max(axis=1) <= tolerance) & ~growing] = steps
     return needed
+
+
+def steps_by_demand(
+    modes: Sequence[NDArray[np.complex128]], L: float, tolerance: float = TOLERANCE
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Integration steps per sample of plants, (levels, N), and whether they are implicit, (N,).
+
+    A column with a 0 in it belongs to a plant that cannot be resolved. Dry friction has no say in implicit
+    steps: what a plant in fast motion needs settles them; of order three they are twice as many.
+
+    Parameters
+    ----------
+    modes : sequence of array
+        :func:`plant_modes` at each of `PACES`.
+    L : float
+        Sampling period, s.
+    tolerance : float
+    """
+    explicit = np.stack([steps_needed(cases, L, tolerance) for cases in modes])
+    finer = np.cbrt(TOLERANCE / tolerance)
+    fast, standstill = explicit[0], explicit[-1]
+    implicit = (explicit.min(axis=0) > 0) & (standstill >= IMPLICIT_FROM * finer)
+    least = [np.ceil(finer * number) for number in (IMPLICIT_STEPS, IMPLICIT_STEPS, BENDING_STEPS)]
+    moving = 2 * fast * np.array([[0], [1], [1]])
+    wanted = np.maximum(moving, np.array(least, dtype=np.int64)[:, np.newaxis])
+    return np.where(implicit, wanted, explicit), implicit
 
 
 def _amplification(z: NDArray[np.complex128]) -> NDArray[np.complex128]:

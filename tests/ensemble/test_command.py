@@ -45,11 +45,11 @@ def stop_after(blocks):
 
 
 def test_an_interrupted_run_resumes_to_the_same_results(unbroken, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("tendonrepro.ensemble.command.lanes_are_new", lambda: True)
+    monkeypatch.setattr("tendonrepro.ensemble.command.cache_is_empty", lambda: True)
     with pytest.raises(Stop):
         run_ensemble_of(tmp_path, simulate=stop_after(5), talk=Talk())
     told = capsys.readouterr().err.splitlines()
-    assert told[0] == "compiling once for this machine, a minute or two"
+    assert told[0] == "compiling once for this machine, some twenty seconds"
     assert told[1].startswith("704 experiments, about ")
     assert told[1].endswith(", counted in blocks of 44")
     assert told[2:] == ["what is finished is kept: the same command goes on from there"]

@@ -7,10 +7,12 @@ import pytest
 from support.oracles import FEATURES, random_plant, random_state
 
 from tendonrepro.arrays import Array, choose
-from tendonrepro.physics.dynamics import state_derivative
-from tendonrepro.simulation.codegen import compiled
-from tendonrepro.simulation.codegen.lanes import LANES, LaneRows, LaneTape, lane_code, signature, stacked
-from tendonrepro.simulation.kernel import runge_kutta, step_code
+from tendonrepro.physics.dynamics import Plant, frictionless, state_derivative
+from tendonrepro.simulation.codegen import compiled, lane_loop
+from tendonrepro.simulation.codegen.lanes import LaneRows, LaneTape, lane_code, signature, stacked
+from tendonrepro.simulation.codegen.machine import LANES
+from tendonrepro.simulation.kernel import damped, rosenbrock, runge_kutta, step_code
+from tendonrepro.simulation.resolution import demand
 
 
 def filled(rows: LaneRows) -> Array:
@@ -20,27 +22,43 @@ def filled(rows: LaneRows) -> Array:
     return w
 
 
+def run(source: str, name: str, w: Array) -> None:
+    code = compiled.compiled_lanes(source, name)
+    lane_loop.call(code.prepare, w, 0.0)
+    lane_loop.call(code.run, w, 0.0)
+
+
 @pytest.mark.parametrize(
     ("n", "features"), [(2, FEATURES), pytest.param(3, FEATURES, marks=pytest.mark.slow), (2, frozenset())]
 )
-def test_a_step_on_lanes_is_that_of_the_plants_one_by_one(n: int, features: frozenset[str]) -> None:
+@pytest.mark.parametrize("implicit", [False, True])
+def test_a_step_on_lanes_is_that_of_the_plants_one_by_one(
+    n: int, features: frozenset[str], implicit: bool
+) -> None:
     plants = [random_plant(n, seed, features).plant for seed in range(LANES)]
     rng = np.random.default_rng(8)
     state, tau = random_state(n, rng, (LANES,)), rng.normal(size=(n, LANES))
-    source, rows = step_code(stacked(plants))
-    code = compiled.compiled_lanes(source, "step", 2)
-    w = filled(rows)
-    w[: 4 * n], w[4 * n : 5 * n] = state, tau
-    flat = w.reshape(-1)
-    code.prepare(flat)
-    code.run(flat, 0.4, 1e-3)
-    after = flat.reshape(w.shape)
+    source, rows = step_code(stacked(plants), implicit)
+    after = filled(rows)
+    after[: 4 * n], after[4 * n : 5 * n] = state, tau
+    h = np.where(np.arange(LANES) == 3, 0.0, 1e-3)
+    after[6 * n : 6 * n + 3] = np.full(LANES, 0.4), h, np.zeros(LANES)
+    run(source, "step", after)
     for lane, plant in enumerate(plants):
 
         def derivative(t: float, x: Array, lane: int = lane, plant: object = plant) -> Array:
             return state_derivative(t, x, tau[:, lane], plant)  # type: ignore[arg-type]
 
-        expected, slope = runge_kutta(derivative, 0.4, state[:, lane], 1e-3)
+        if h[lane] == 0.0:
+            assert after[: 4 * n, lane].tolist() == state[:, lane].tolist()
+            assert after[6 * n + 2, lane] == 0.0
+            continue
+        if implicit:
+            solver = damped(state[:, lane], tau[:, lane], plant)
+            expected, slope = rosenbrock(derivative, solver, 0.4, state[:, lane], 1e-3)
+        else:
+            expected, slope = runge_kutta(derivative, 0.4, state[:, lane], 1e-3)
+        assert after[6 * n + 2, lane] == demand(state[:, lane], expected, plant, implicit=implicit)
         assert after[: 4 * n, lane] == pytest.approx(expected, rel=1e-11, abs=1e-12)
         assert after[5 * n : 6 * n, lane] == pytest.approx(slope[n : 2 * n], rel=1e-10, abs=1e-10)
 
@@ -59,6 +77,64 @@ def test_runge_kutta_is_of_order_four() -> None:
     assert order == pytest.approx(4.0, abs=0.1)
 
 
+@pytest.mark.parametrize(
+    "stiff", [np.zeros((2, 2)), np.diag([0.0, -3.0]), np.array([[-1.0, 2.0], [0.3, -3.0]])]
+)
+def test_implicit_steps_are_of_order_three_whatever_is_implicit(stiff: Array) -> None:
+    def derivative(t: float, x: Array) -> Array:
+        return np.array([x[1], np.cos(t) - np.sin(x[0]) - 0.3 * x[1] ** 3 - 2.0 * x[1]])
+
+    def after(steps: int) -> Array:
+        x, h = np.array([1.0, 0.3]), 1.0 / steps
+        for k in range(steps):
+            x, _ = rosenbrock(derivative, lambda y, c: np.linalg.solve(np.eye(2) - c * stiff, y), k * h, x, h)
+        return x
+
+    error = [np.abs(after(steps) - after(1280)).max() for steps in (40, 80)]
+    assert np.log2(error[0] / error[1]) == pytest.approx(3.0, abs=0.15)
+
+
+def test_dry_friction_alone_is_implicit() -> None:
+    """What dry friction adds to the slope; without the Stribeck effect that is all of it."""
+    plant = random_plant(2, 3, frozenset({"coulomb", "losses"})).plant
+    state, tau = 1e-3 * random_state(2, np.random.default_rng(4)), np.array([0.4, -0.2])
+
+    def slope(one: Plant) -> Array:
+        moved = [state_derivative(0.0, state + 1e-7 * d, tau, one) for d in np.eye(8)]
+        back = [state_derivative(0.0, state - 1e-7 * d, tau, one) for d in np.eye(8)]
+        return (np.transpose(moved) - np.transpose(back)) / 2e-7
+
+    viscous_kept = frictionless(plant)._replace(
+        link_friction=plant.link_friction._replace(coulomb=np.zeros(2))
+    )
+    dry = slope(plant) - slope(viscous_kept)
+    rates = [2, 3, 6, 7]
+    A, c = np.zeros((8, 8)), 1e-3
+    A[np.ix_(rates, rates)] = dry[np.ix_(rates, rates)]
+    x = np.arange(1.0, 9.0)
+    found = damped(state, tau, plant)(x, c)
+    assert found == pytest.approx(np.linalg.solve(np.eye(8) - c * A, x), rel=1e-5)
+    assert np.abs(A).max() > 10.0
+
+
+def test_what_demands_short_steps() -> None:
+    plant = random_plant(2, 1, frozenset({"coulomb"})).plant
+    link, winch = plant.link_friction.smoothing_velocity, plant.drive.friction.smoothing_velocity
+    found = []
+    for paces in ((0.1, 0.1), (1.0, 0.1), (1.0, 2.0), (2.0, 5.0), (-2.0, -3.0), (5.0, 6.0), (5.0, -5.0)):
+        ends = []
+        for pace in paces:
+            ends.append(
+                np.concatenate([np.zeros(2), 50.0 * link, np.zeros(2), plant.drive.S @ (50.0 * winch)])
+            )
+            ends[-1][2] = pace * link[0]
+        found.append([demand(*ends, plant, implicit=implicit) for implicit in (False, True)])
+    assert np.transpose(found).tolist() == [[2, 2, 2, 1, 1, 0, 2], [1, 2, 2, 2, 2, 1, 2]]
+    still = np.zeros(8)
+    assert [demand(still, still, plant, implicit=implicit) for implicit in (False, True)] == [2, 0]
+    assert demand(still, still, random_plant(2, 1, frozenset()).plant, implicit=False) == 0
+
+
 def test_numbers_that_are_zero_or_one_everywhere_stay_numbers() -> None:
     tape, rows = LaneTape(), LaneRows()
     record = (np.array([[0.0, 0.0], [1.0, 1.0], [0.0, 2.0]]), 3, True)
@@ -71,26 +147,22 @@ def test_what_parameters_determine_is_prepared_once() -> None:
     tape, rows = LaneTape(), LaneRows()
     (p,) = rows.parameters(tape, "p", (np.array([2.0, 3.0]),))
     x = rows.variables(tape, "x", 1)[0]
-    source = lane_code("f", "t", tape, {rows.known("y", 1)[0]: x * (p * p + 1.0) / p}, rows)
-    loop, prepared = source.split("def prepare_f")
-    assert "/" in prepared
-    assert "/" not in loop
-    assert loop.count("*") - loop.count(" l]") <= 2 + loop.count("w[")
+    source = lane_code("f", tape, {rows.known("y", 1)[0]: x * (p * p + 1.0) / p}, rows)
+    each_time, once = source.split("@prepare_f")
+    assert [once.count(part) for part in ("fdiv", "fmul", "fadd")] == [1, 1, 1]
+    assert [each_time.count(part) for part in ("fdiv", "fmul", "fadd")] == [0, 2, 0]
 
 
 def test_choices_and_comparisons_on_lanes() -> None:
     tape, rows = LaneTape(), LaneRows()
     x, y = rows.variables(tape, "x", 2)
     results = [choose(x > y, x, 2.0 * y), np.minimum(x, y), np.maximum(x, y), 1.0 * (x <= y), abs(x) ** 0.5]
-    source = lane_code("choices", "t", tape, dict(zip(rows.known("out", 5), results, strict=True)), rows)
-    code = compiled.compiled_lanes(source, "choices", 1)
+    source = lane_code("choices", tape, dict(zip(rows.known("out", 5), results, strict=True)), rows)
     w = filled(rows)
     w[0], w[1] = np.linspace(-1.0, 1.0, LANES), 0.1
     a, b = w[0].copy(), w[1].copy()
-    flat = w.reshape(-1)
-    code.prepare(flat)
-    code.run(flat, 0.0)
-    found = flat.reshape(w.shape)[2:7]
+    run(source, "choices", w)
+    found = w[2:7]
     assert found[0].tolist() == np.where(a > b, a, 2.0 * b).tolist()
     assert found[1].tolist() == np.minimum(a, b).tolist()
     assert found[2].tolist() == np.maximum(a, b).tolist()

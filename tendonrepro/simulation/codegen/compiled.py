@@ -12,13 +12,12 @@ from __future__ import annotations
 
 import hashlib
 import inspect
-import math
 import os
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numba
 import platformdirs
@@ -34,6 +33,7 @@ from tendonrepro.physics import linalg as matrices
 from tendonrepro.physics.control import Law, Memory
 from tendonrepro.physics.dynamics import Plant, state_derivative
 from tendonrepro.simulation.codegen import lane_loop
+from tendonrepro.simulation.codegen.machine import LaneCode, assembled
 from tendonrepro.simulation.codegen.symbols import unrolled
 
 LAW_FUNCTIONS = (
@@ -51,10 +51,6 @@ LAW_FUNCTIONS = (
 
 Derivative = Callable[[float, Array, Array, Array], Array]
 """Compiled ``(t, state, tau_m, p)`` to the state's time derivative (4 n,)."""
-
-FLAT = types.float64[::1]
-ON_LANES: dict[str, Any] = {"nogil": True, "fastmath": {"contract"}}
-"""Code on lanes may fuse a product with a sum; all lanes of all bundles do so alike."""
 
 _plants: dict[str, Derivative] = {}
 _lanes: dict[str, LaneCode] = {}
@@ -96,44 +92,29 @@ def compiled_plant(plant: Plant) -> tuple[Derivative, Array]:
     """
     source, p = unrolled(state_derivative, plant, plant.preload.size)
     if source not in _plants:
-        _plants[source] = _compile(_load(source, ("compiled",))[0])
+        _plants[source] = _compile(_load(source))
     return _plants[source], p
 
 
-class LaneCode(NamedTuple):
-    """Compiled functions of one :func:`tendonrepro.simulation.codegen.lanes.lane_code`."""
-
-    prepare: Callable[[Array], None]
-    run: Callable[..., None]
-
-
-def compiled_lanes(source: str, name: str, arguments: int) -> LaneCode:
-    """Compile what `lanes.lane_code` wrote; ``arguments`` counts those besides the flat array."""
+def compiled_lanes(source: str, name: str) -> LaneCode:
+    """Compile what `lanes.lane_code` wrote."""
     if source not in _lanes:
-        prepare, run = _load(source, (f"prepare_{name}", name))
-        numbers = (types.float64,) * arguments
-        _lanes[source] = LaneCode(
-            _compile(prepare, types.void(FLAT), **ON_LANES),
-            _compile(run, types.void(FLAT, *numbers), **ON_LANES),
-        )
+        _lanes[source] = assembled(source, name, _cache)
     return _lanes[source]
 
 
-def _load(source: str, names: Sequence[str]) -> list[Any]:
-    """Python functions of a generated source, kept in a file because numba caches by file.
+def _load(source: str) -> Any:
+    """Python function of a generated source, kept in a file because numba caches by file.
 
-    Their names get a digest, since numba's own names for machine code must not collide.
+    Its name gets a digest, since numba's own names for machine code must not collide.
     """
-    digest = hashlib.sha256(source.encode()).hexdigest()[:16]
-    text = source
-    for name in names:
-        text = text.replace(f"def {name}(", f"def {name}_{digest}(")
-    path = _cache / f"{names[-1]}_{digest}.py"
+    name = f"compiled_{hashlib.sha256(source.encode()).hexdigest()[:16]}"
+    path = _cache / f"{name}.py"
     if not path.exists():
-        write_atomically(path, text)
-    scope: dict[str, Any] = {"__name__": __name__} | INTRINSICS
-    exec(compile(text, str(path), "exec"), scope)
-    return [scope[f"{name}_{digest}"] for name in names]
+        write_atomically(path, source.replace("def compiled(", f"def {name}("))
+    scope: dict[str, Any] = {"__name__": __name__}
+    exec(compile(path.read_text(encoding="utf-8"), str(path), "exec"), scope)
+    return scope[name]
 
 
 def _compile(function: Any, *signature: Any, **options: Any) -> Any:
@@ -155,59 +136,25 @@ def command(
     return control.command(memory, q, q_d, dq_d, ddq_d, law)
 
 
-def _of_bits(operations: Callable[[Any, Any], Any]) -> Any:
-    """Function of one number given by its operations on LLVM values."""
+@intrinsic
+def _call(context: Any, code: Any, rows: Any, k: Any) -> Any:
+    """Call machine code with the address of its rows and a number."""
+    del context, code, rows, k
 
-    @intrinsic
-    def function(context: Any, x: Any) -> Any:
-        del context, x
-        signature = types.float64(types.float64)
-        return signature, lambda _, builder, __, arguments: operations(builder, arguments[0])
+    def build(_: Any, builder: Any, __: Any, arguments: Any) -> Any:
+        code, rows, k = arguments
+        function = ir.FunctionType(ir.VoidType(), [rows.type, k.type])
+        builder.call(builder.inttoptr(code, function.as_pointer()), [rows, k])
 
-    return function
+    return types.void(types.int64, types.int64, types.float64), build
 
-
-_WORD, _DOUBLE = ir.IntType(64), ir.DoubleType()
-_FRACTION_BITS = ir.Constant(_WORD, 52)
-
-
-def _power_of_two(builder: Any, x: Any) -> Any:
-    """``2^x`` of a whole number: added to 3·2⁵¹ + 1023 its bits end up where a float keeps its exponent."""
-    shifted = builder.fadd(x, ir.Constant(_DOUBLE, 3.0 * 2.0**51 + 1023.0))
-    bits = builder.shl(builder.bitcast(shifted, _WORD), _FRACTION_BITS)
-    return builder.bitcast(bits, _DOUBLE)
-
-
-def _mantissa(builder: Any, x: Any) -> Any:
-    """Mantissa of a positive number as in ``frexp``, in [1/2, 1)."""
-    fraction = builder.and_(builder.bitcast(x, _WORD), ir.Constant(_WORD, 2**52 - 1))
-    return builder.bitcast(builder.or_(fraction, ir.Constant(_WORD, 1022 << 52)), _DOUBLE)
-
-
-def _exponent(builder: Any, x: Any) -> Any:
-    """Exponent of a positive number as in ``frexp``, made a float by putting it behind 2⁵²."""
-    bits = builder.lshr(builder.bitcast(x, _WORD), _FRACTION_BITS)
-    number = builder.bitcast(builder.or_(bits, ir.Constant(_WORD, 1075 << 52)), _DOUBLE)
-    return builder.fsub(number, ir.Constant(_DOUBLE, 2.0**52 + 1022.0))
-
-
-def _floor(builder: Any, x: Any) -> Any:
-    """Round down; Python's own returns a whole number, which does not run on lanes."""
-    return builder.call(builder.module.declare_intrinsic("llvm.floor", [_DOUBLE]), [x])
-
-
-INTRINSICS = {
-    "power_of_two": _of_bits(_power_of_two),
-    "mantissa": _of_bits(_mantissa),
-    "exponent": _of_bits(_exponent),
-    "floor": _of_bits(_floor),
-    "sqrt": math.sqrt,
-}
-"""Names that generated code uses besides Python's own."""
 
 # Machine code for one run computes only the value it chooses. numba compares the signatures: both are bare.
 overload(arrays.choose)(
     lambda condition, then, otherwise: lambda condition, then, otherwise: then if condition else otherwise  # noqa: ARG005
+)
+overload(lane_loop.call)(
+    lambda code, rows, k: lambda code, rows, k: _call(code, rows.ctypes.data, k)  # type: ignore[call-arg]  # noqa: ARG005
 )
 _cache = cache_folder()
 _began_empty = not any(_cache.glob("**/*.nbc"))
@@ -218,17 +165,14 @@ command = _compile(command)
 
 @cache
 def compiled_lane_loop() -> Callable[..., None]:
-    """Compile :func:`tendonrepro.simulation.codegen.lane_loop.follow`; SciPy's stepper does without it."""
-    register_jitable(lane_loop.any_live)
-    table, count, number = types.float64[:, ::1], types.int64, types.float64
-    # Without a signature the loop and all its callees would be compiled again for every pair of functions.
+    """Compile :func:`tendonrepro.simulation.codegen.lane_loop.sweep`; SciPy's stepper does without it."""
+    for function in lane_loop.PARTS:
+        register_jitable(function)
+    rows, whole, number = types.float64[:, :, ::1], types.int64[:, :, ::1], types.float64
+    controllers, plants = (rows, types.int64[::1], whole), (rows, types.int64, whole)
     loop: Callable[..., None] = _compile(
-        lane_loop.follow,
-        types.void(
-            *(FLAT, FLAT, count, count, table, table, number, count, count, table, table),
-            types.FunctionType(types.void(FLAT, number)),
-            types.FunctionType(types.void(FLAT, number, number)),
-        ),
+        lane_loop.sweep,
+        types.void(*controllers, *plants, rows, rows, types.int64, number, types.int64, rows, rows),
         nogil=True,
     )
     return loop
@@ -237,8 +181,3 @@ def compiled_lane_loop() -> Callable[..., None]:
 def cache_is_empty() -> bool:
     """Whether there was nothing compiled for this machine and these sources when this process began."""
     return _began_empty
-
-
-def lanes_are_new() -> bool:
-    """Whether no run on lanes has been compiled for this machine and these sources yet."""
-    return not any(_cache.glob("**/sample_*.nbc"))

@@ -1,9 +1,9 @@
-"""Code for many experiments at once: one flat array, and experiments as its innermost axis.
+"""Code for many experiments at once: one array (rows, lanes), and experiments as its innermost axis.
 
 A row is ``LANES`` neighbouring numbers, one of each experiment of a bundle. The pure functions of the plant
-and of the loop are run on symbols (`symbols`) that stand for rows; what they write down
-becomes the body of one loop over the lanes, which a compiler turns into vector instructions. To that end no
-library is called in it, and what depends on parameters alone is worked out once in a loop of its own.
+and of the loop are run on symbols (`symbols`) that stand for rows; what they write down becomes a function of
+vector instructions (`machine`). To that end no library is called in it, and what depends on parameters alone
+is worked out once in a function of its own.
 """
 
 from __future__ import annotations
@@ -14,13 +14,12 @@ from functools import wraps
 from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.simulation.codegen import elementary
+from tendonrepro.simulation.codegen import elementary, machine
+from tendonrepro.simulation.codegen.machine import LANES
 from tendonrepro.simulation.codegen.symbols import Symbol, Tape
-
-LANES = 8
-"""Experiments in a bundle: one vector of the widest registers there are."""
 
 EXPANDED = {
     np.sin: elementary.sin,
@@ -41,10 +40,11 @@ class LaneTape(Tape):
         super().__init__()
         self.parameters: set[str] = set()
 
-    def write(self, expression: str, operands: tuple[str, ...]) -> Symbol:
-        """Symbol of an expression; one of parameters alone is a parameter itself."""
-        symbol = super().write(expression, operands)
-        if operands and self.parameters.issuperset(operands):
+    def write(self, operation: str, *operands: Any) -> Symbol:
+        """Symbol of an operation; one on parameters alone is a parameter itself."""
+        symbol = super().write(operation, *operands)
+        names = {operand.name for operand in operands if isinstance(operand, Symbol)}
+        if names and self.parameters.issuperset(names):
             self.parameters.add(symbol.name)
         return symbol
 
@@ -53,9 +53,7 @@ class LaneTape(Tape):
         if ufunc in EXPANDED:
             return EXPANDED[ufunc](x)
         if ufunc is np.frexp:
-            return self.write(f"mantissa({x.name})", (x.name,)), self.write(f"exponent({x.name})", (x.name,))
-        if ufunc is np.exp2:
-            return self.write(f"power_of_two({x.name})", (x.name,))
+            return self.write("mantissa", x), self.write("exponent", x)
         return super().function(ufunc, x)
 
     def binary(self, operator: str, left: Any, right: Any) -> Any:
@@ -70,7 +68,7 @@ class LaneTape(Tape):
 
     def row(self, index: int, *, parameter: bool = False) -> Symbol:
         """Symbol of a row."""
-        symbol = self.write(_place(index), ())
+        symbol = self.write("row", float(index))
         if parameter:
             self.parameters.add(symbol.name)
         return symbol
@@ -177,7 +175,7 @@ def signature(record: Any) -> tuple[Any, ...]:
     )
 
 
-Writer: TypeAlias = Callable[[Any], tuple[str, LaneRows]]
+Writer: TypeAlias = Callable[..., tuple[str, LaneRows]]
 
 
 def remembered(write: Writer) -> Writer:
@@ -185,10 +183,10 @@ def remembered(write: Writer) -> Writer:
     known: dict[tuple[Any, ...], tuple[str, LaneRows]] = {}
 
     @wraps(write)
-    def code(record: Any) -> tuple[str, LaneRows]:
-        key = signature(record)
+    def code(record: Any, *options: Any) -> tuple[str, LaneRows]:
+        key = signature(record) + options
         if key not in known:
-            known[key] = write(record)
+            known[key] = write(record, *options)
         source, rows = known[key]
         return source, rows.holding(record)
 
@@ -210,44 +208,44 @@ def stacked(records: list[Any]) -> Any:
     return np.stack([np.asarray(record, dtype=np.float64) for record in records], axis=-1)
 
 
-def lane_code(name: str, arguments: str, tape: LaneTape, results: Mapping[int, Any], rows: LaneRows) -> str:
-    """Source of ``<name>(w, ...)``, a loop over the lanes, and of ``prepare_<name>(w)``, to be run first.
+def bundled(values: NDArray[Any], spare: NDArray[Any] | None = None) -> NDArray[Any]:
+    """Columns (rows, M) as bundles (B, rows, LANES); what is in lanes to spare, or the last column again."""
+    missing = -values.shape[1] % LANES
+    filler = np.repeat(values[:, -1:] if spare is None else spare, missing, axis=1)
+    filled = np.hstack([values, filler])
+    return np.ascontiguousarray(filled.reshape(len(values), -1, LANES).swapaxes(0, 1))
+
+
+def columns(bundles: NDArray[Any]) -> NDArray[Any]:
+    """Bundles (B, rows, LANES) as columns (rows, B LANES)."""
+    return bundles.swapaxes(0, 1).reshape(bundles.shape[1], -1)
+
+
+def lane_code(name: str, tape: LaneTape, results: Mapping[int, Any], rows: LaneRows) -> str:
+    """Source of ``<name>(rows, k)`` and of ``prepare_<name>``, to be run first, see `machine.vector_code`.
 
     Results say what each row becomes; rows gain one for each value that depends on parameters alone.
     """
-    ends = {row: _text(value) for row, value in results.items()}
-    body, fixed = _split(tape, list(ends.values()))
+    fixed = _fixed(tape, results.values())
     kept = {value: rows.take(f"{name}:{value}", 1)[0] for value in fixed}
-    lines = [f"{x} = {_place(kept[x]) if x in kept else tape.lines[x][0]}" for x in body]
-    stores = [f"{_place(row)} = {end}" for row, end in ends.items()]
-    prepared = [*tape.needed(fixed), *(f"{_place(row)} = {value}" for value, row in kept.items())]
-    return _loop(name, f"w, {arguments}", [*lines, *stores]) + _loop(f"prepare_{name}", "w", prepared)
+    read = tape.lines | {value: ("row", (float(row),)) for value, row in kept.items()}
+    prepared = {row: value for value, row in kept.items()}
+    body = {row: value.name if isinstance(value, Symbol) else float(value) for row, value in results.items()}
+    return "\n".join(
+        (machine.vector_code(name, read, body), machine.vector_code(f"prepare_{name}", tape.lines, prepared))
+    )
 
 
-def _text(value: Any) -> str:
-    return value.name if isinstance(value, Symbol) else repr(float(value))
-
-
-def _place(row: int) -> str:
-    return f"w[{row * LANES} + l]"
-
-
-def _split(tape: LaneTape, results: list[str]) -> tuple[list[str], list[str]]:
-    """Names the results need, in order, and those among them that parameters alone determine."""
-    wanted = set(results)
+def _fixed(tape: LaneTape, results: Iterable[Any]) -> list[str]:
+    """Names the results need that parameters alone determine, but for the parameters themselves."""
+    wanted = {value.name for value in results if isinstance(value, Symbol)}
     fixed: list[str] = []
     for name in reversed(tape.lines):
+        operation, operands = tape.lines[name]
         if name not in wanted:
             continue
-        operands = tape.lines[name][1]
-        if operands and name in tape.parameters:
+        if name in tape.parameters and operation != "row":
             fixed.append(name)
         else:
-            wanted.update(operands)
-    order = [name for name in tape.lines if name in wanted]
-    return order, fixed[::-1]
-
-
-def _loop(name: str, arguments: str, lines: list[str]) -> str:
-    body = "".join(f"        {line}\n" for line in lines or ["pass"])
-    return f"def {name}({arguments}):\n    for l in range({LANES}):\n{body}\n\n"
+            wanted.update(operand for operand in operands if isinstance(operand, str))
+    return fixed[::-1]

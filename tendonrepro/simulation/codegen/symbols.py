@@ -10,8 +10,8 @@ them every feature of the plant that is switched off.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -25,6 +25,7 @@ FUNCTIONS = {
     np.sqrt: "sqrt",
     np.absolute: "abs",
     np.floor: "floor",
+    np.exp2: "exp2",
 }
 OPERATORS = {
     np.add: "+",
@@ -38,26 +39,39 @@ OPERATORS = {
     np.less: "<",
 }
 COMPARISONS = (">=", ">", "<=", "<")
+PYTHON = {
+    "argument": "{0}",
+    "negative": "-{0}",
+    "choose": "{1} if {0} != 0.0 else {2}",
+    **{name: f"{name}({{0}})" for name in FUNCTIONS.values()},
+    **{name: f"{{0}} {name} {{1}}" for name in OPERATORS.values()},
+    **{name: f"1.0 if {{0}} {name} {{1}} else 0.0" for name in COMPARISONS},
+}
+"""What an operation is in Python."""
+
+Line: TypeAlias = tuple[str, tuple[str | float, ...]]
+"""An operation and its operands: numbers, and names of earlier lines; of an argument its name."""
 
 
 class Tape:
     """Operations in the order they were first needed; an operation asked for twice is written once."""
 
     def __init__(self) -> None:
-        self.lines: dict[str, tuple[str, tuple[str, ...]]] = {}
-        self._known: dict[str, Symbol] = {}
+        self.lines: dict[str, Line] = {}
+        self._known: dict[Line, Symbol] = {}
 
-    def write(self, expression: str, operands: tuple[str, ...]) -> Symbol:
-        """Symbol of an expression, new or known."""
-        if expression not in self._known:
+    def write(self, operation: str, *operands: Any) -> Symbol:
+        """Symbol of an operation on symbols and numbers, new or known."""
+        line = operation, tuple(_operand(operand) for operand in operands)
+        if line not in self._known:
             name = f"x{len(self.lines)}"
-            self.lines[name] = (expression, operands)
-            self._known[expression] = Symbol(self, name)
-        return self._known[expression]
+            self.lines[name] = line
+            self._known[line] = Symbol(self, name)
+        return self._known[line]
 
     def function(self, ufunc: Any, x: Symbol) -> Any:
         """Elementary function of a symbol."""
-        return self.write(f"{FUNCTIONS[ufunc]}({x.name})", (x.name,))
+        return self.write(FUNCTIONS[ufunc], x)
 
     def binary(self, operator: str, left: Any, right: Any) -> Any:
         """Sum, difference, product, quotient, power or comparison; a comparison is 1 or 0."""
@@ -65,25 +79,20 @@ class Tape:
             return NotImplemented
         if short := _simplified(operator, left, right):
             return short[0]
-        expression = f"{_text(left)} {operator} {_text(right)}"
-        if operator in COMPARISONS:
-            expression = f"1.0 if {expression} else 0.0"
-        return self.write(expression, _names(left, right))
+        return self.write(operator, left, right)
 
     def where(self, condition: Symbol, then: Any, otherwise: Any) -> Any:
         """Choice between two values."""
-        expression = f"{_text(then)} if {condition.name} != 0.0 else {_text(otherwise)}"
-        return self.write(expression, _names(condition, then, otherwise))
+        return self.write("choose", condition, then, otherwise)
 
-    def needed(self, results: list[str]) -> Iterator[str]:
-        """Lines that the results depend on, in order."""
-        wanted = set(results)
-        for name in reversed(self.lines):
-            if name in wanted:
-                wanted.update(self.lines[name][1])
-        for name, (expression, _) in self.lines.items():
-            if name in wanted:
-                yield f"{name} = {expression}"
+
+def needed(lines: Mapping[str, Line], results: Iterable[Any]) -> list[str]:
+    """Names that results, symbols or their names, depend on, their own among them, in order."""
+    wanted = {_operand(result) for result in results}
+    for name in reversed(list(lines)):
+        if name in wanted:
+            wanted.update(lines[name][1])
+    return [name for name in lines if name in wanted]
 
 
 class Symbol:
@@ -116,7 +125,7 @@ class Symbol:
             return NotImplemented
         condition, then, otherwise = args
         if not isinstance(condition, Symbol):
-            return then if condition else otherwise
+            return _as_object(then if condition else otherwise)
         return self.tape.where(condition, then, otherwise)
 
     def __getitem__(self, key: tuple[()]) -> Symbol:
@@ -169,15 +178,13 @@ class Symbol:
         return self.tape.binary(">=", self, other)
 
     def __neg__(self) -> Any:
-        return self.tape.write(f"-{self.name}", (self.name,))
+        return self.tape.write("negative", self)
 
 
-def _text(operand: Any) -> str:
-    return operand.name if isinstance(operand, Symbol) else repr(float(operand))
-
-
-def _names(*operands: Any) -> tuple[str, ...]:
-    return tuple(operand.name for operand in operands if isinstance(operand, Symbol))
+def _operand(value: Any) -> str | float:
+    if isinstance(value, Symbol):
+        return value.name
+    return value if isinstance(value, str) else float(value)
 
 
 def _as_object(operand: Any) -> Any:
@@ -209,7 +216,7 @@ def symbols(tape: Tape, vector: str, count: int) -> Array:
     """Symbols for the entries of a vector argument."""
     cells = np.empty(count, dtype=object)
     for k in range(count):
-        cells[k] = tape.write(f"{vector}[{k}]", ())
+        cells[k] = tape.write("argument", f"{vector}[{k}]")
     return cells
 
 
@@ -237,7 +244,7 @@ def _symbolic_leaf(tape: Tape, vector: str, leaf: Array, at: int) -> tuple[Any, 
         if number in (0.0, 1.0):
             cells[index] = float(number)
         else:
-            cells[index] = tape.write(f"{vector}[{at + len(values)}]", ())
+            cells[index] = tape.write("argument", f"{vector}[{at + len(values)}]")
             values.append(float(number))
     return (cells if leaf.shape else cells[()]), values
 
@@ -249,10 +256,15 @@ def unrolled(function: Callable[..., Any], record: Any, n: int) -> tuple[str, Ar
     """
     tape = Tape()
     plant, values = symbolic(tape, "p", record)
-    result = function(tape.write("t", ()), symbols(tape, "state", 4 * n), symbols(tape, "tau_m", n), plant)
-    names = [value.name if isinstance(value, Symbol) else repr(float(value)) for value in result]
-    body = [*tape.needed(names), f"result = np.empty({len(names)})"]
-    body += [f"result[{k}] = {name}" for k, name in enumerate(names)]
+    time = tape.write("argument", "t")
+    result = function(time, symbols(tape, "state", 4 * n), symbols(tape, "tau_m", n), plant)
+    body = [f"{name} = {_python(*tape.lines[name])}" for name in needed(tape.lines, result)]
+    body += [f"result = np.empty({len(result)})"]
+    body += [f"result[{k}] = {_operand(value)}" for k, value in enumerate(result)]
     lines = ["from math import cos, exp, sin, sqrt, tanh", "", "import numpy as np", "", ""]
     lines += ["def compiled(t, state, tau_m, p):", *(f"    {line}" for line in body), "    return result", ""]
     return "\n".join(lines), np.array(values)
+
+
+def _python(operation: str, operands: tuple[str | float, ...]) -> str:
+    return PYTHON[operation].format(*operands)

@@ -1,0 +1,194 @@
+"""A pack of experiments taken through time in slices, and what is left of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonrepro.arrays import Array
+from tendonrepro.simulation import streaming
+from tendonrepro.simulation.codegen import compiled
+from tendonrepro.simulation.codegen.lanes import bundled, columns
+from tendonrepro.simulation.codegen.machine import LANES
+from tendonrepro.simulation.kernel import RECORDED, sample_rows
+from tendonrepro.simulation.parts import CompiledPart, unit_noise
+from tendonrepro.simulation.stepper import DesiredMotion, Loop
+
+SLICE = 500
+"""Samples after which experiments that ended leave their lane to others."""
+
+
+@dataclass(frozen=True)
+class Ended:
+    """What M experiments left behind: samples done, whether they diverged, sums, each (n, M).
+
+    ``blocks`` (B, n, M) are errors summed up over blocks of samples, ``trace`` (T, 9 n, M) the rows of
+    `RECORDED`, without entries unless asked for.
+    """
+
+    count: NDArray[np.int64]
+    diverged: NDArray[np.bool_]
+    sums: streaming.Sums
+    blocks: Array
+    trace: Array
+
+    def recorded(self, member: int) -> dict[str, Array]:
+        """Recorded signals of one experiment by the names of `RECORDED`, each (T, ...)."""
+        n, at, signals = self.blocks.shape[1], 0, {}
+        for name in RECORDED:
+            size = 4 * n if name == "state" else n
+            signals[name] = self.trace[: self.count[member], at : at + size, member]
+            at += size
+        return signals
+
+
+def run_pack(
+    loops: Mapping[int, Loop],
+    controllers: Mapping[int, CompiledPart],
+    plant: CompiledPart,
+    steps: Mapping[int, NDArray[np.int64]],
+    block: int,
+    *,
+    record: bool,
+) -> Ended:
+    """Run experiments whose plants share code and sampling period, by place in the batch.
+
+    Plants are bundled in the order given, controllers by their code; a lane of the one knows its lane of the
+    other. ``steps`` (levels,) are the integration steps per sample of each, ``block`` is the number of
+    samples of a block, see `Ended`; with ``record`` traces are kept.
+    """
+    n, L = (first := next(iter(loops.values()))).plant.preload.size, first.L
+    samples, signals = max(loop.reference.time.size for loop in loops.values()), _Signals([*loops.values()])
+    blocks = np.zeros((-(-samples // block), n, len(loops)))
+    trace = np.empty((samples if record else 0, 9 * n, len(loops)))
+    pack = _pack(loops, controllers, plant, steps, signals.of)
+    live, left = sample_rows(n).named["live"], np.empty((pack.v.shape[1], len(loops)))
+    for start, (desired, noise) in zip(range(0, samples, SLICE), signals.slices(samples), strict=True):
+        span = desired, noise, start, L, block, blocks, trace
+        compiled.compiled_lane_loop()(
+            pack.v, pack.code, pack.lanes, pack.w, plant.code.run, pack.counts, *span
+        )
+        members, values = pack.lanes[:, 0].reshape(-1), columns(pack.v)
+        left[:, members[members >= 0]] = values[:, members >= 0]
+        going = members[(members >= 0) & (values[live] > 0.0)]
+        if going.size == 0:
+            break
+        pack = pack.without_ended(set(going.tolist()))
+    return _ended(left, n, blocks, trace)
+
+
+@dataclass(frozen=True)
+class _Pack:
+    """Bundles as `lane_loop.sweep` takes them; ``members`` are the experiments of the plants' lanes."""
+
+    v: Array
+    code: NDArray[np.int64]
+    lanes: NDArray[np.int64]
+    w: Array
+    counts: NDArray[np.int64]
+    members: NDArray[np.int64]
+
+    def without_ended(self, going: set[int]) -> _Pack:
+        """Only experiments that still go on, if they need fewer bundles."""
+        if -(-len(going) // LANES) == len(self.w):
+            return self
+        kept = [k for k, member in enumerate(self.members.tolist()) if member in going]
+        parts = []
+        for code in dict.fromkeys(self.code.tolist()):
+            lanes = columns(self.lanes[self.code == code])
+            stay = [k for k, member in enumerate(lanes[0].tolist()) if member in going]
+            parts.append((code, columns(self.v[self.code == code])[:, stay], lanes[:3, stay]))
+        plants = columns(self.w)[:, kept], columns(self.counts)[:, kept], self.members[kept]
+        return _bundle_up(parts, *plants)
+
+
+def _pack(
+    loops: Mapping[int, Loop],
+    controllers: Mapping[int, CompiledPart],
+    plant: CompiledPart,
+    steps: Mapping[int, NDArray[np.int64]],
+    signals: tuple[list[int], list[int]],
+) -> _Pack:
+    """All experiments at their start."""
+    places = np.array([*loops])
+    about = np.array([range(places.size), *signals])
+    parts = []
+    for part in {id(controllers[place]): controllers[place] for place in loops}.values():
+        members = [k for k, place in enumerate(loops) if controllers[place] is part]
+        parts.append((part.code.run, part.filled(places[members].tolist()), about[:, members]))
+    most = max(len(rows) for _, rows, _ in parts)
+    padded = [(code, np.pad(rows, ((0, most - len(rows)), (0, 0))), lanes) for code, rows, lanes in parts]
+    counts = np.stack([steps[place] for place in loops], axis=-1)
+    return _bundle_up(padded, plant.filled(places.tolist()), counts, about[0])
+
+
+def _bundle_up(
+    parts: Sequence[tuple[int, Array, NDArray[np.int64]]],
+    plants: Array,
+    counts: NDArray[np.int64],
+    members: NDArray[np.int64],
+) -> _Pack:
+    """Columns of controllers by code, with their experiment, motion and noise, and of plants, as bundles."""
+    seat = np.empty(members.max() + 1, dtype=np.int64)
+    seat[members] = np.arange(members.size)
+    empty, full = np.array([[-1], [0], [-1], [0], [0]]), [part for part in parts if part[1].shape[1]]
+    return _Pack(
+        v=np.concatenate([bundled(values) for _, values, _ in full]),
+        code=np.repeat([code for code, _, _ in full], [-(-v.shape[1] // LANES) for _, v, _ in full]),
+        lanes=np.concatenate(
+            [bundled(np.vstack([about, *divmod(seat[about[0]], LANES)]), empty) for _, _, about in full]
+        ),
+        w=bundled(plants, np.zeros((len(plants), 1))),
+        counts=bundled(counts),
+        members=members,
+    )
+
+
+class _Signals:
+    """Desired motions and noises of experiments, each distinct one once.
+
+    ``of`` says of every experiment which motion is its own, and which noise, -1 for none.
+    """
+
+    def __init__(self, loops: Sequence[Loop]) -> None:
+        self._n = loops[0].plant.preload.size
+        self._motions = {id(loop.reference): loop.reference for loop in loops}
+        self._noises = {loop.seed: loop for loop in loops if _is_noisy(loop)}
+        motions, noises = list(self._motions), list(self._noises)
+        self.of = (
+            [motions.index(id(loop.reference)) for loop in loops],
+            [noises.index(loop.seed) if _is_noisy(loop) else -1 for loop in loops],
+        )
+
+    def slices(self, samples: int) -> Iterator[tuple[Array, Array]]:
+        """Motions (R, T, 3 n) and unit noises (Q, T, 2 n) of every slice; at rest after a motion's end."""
+        lengths = [min(SLICE, samples - start) for start in range(0, samples, SLICE)]
+        noises = [unit_noise(loop, lengths) for loop in self._noises.values()]
+        for start, length, *noise in zip(range(0, samples, SLICE), lengths, *noises, strict=True):
+            motions = [_motion(motion, start, length) for motion in self._motions.values()]
+            yield np.stack(motions), np.stack(noise) if noise else np.zeros((0, length, 2 * self._n))
+
+
+def _motion(motion: DesiredMotion, start: int, length: int) -> Array:
+    found = np.hstack([part[start : start + length] for part in (motion.q_d, motion.dq_d, motion.ddq_d)])
+    return np.pad(found, ((0, length - len(found)), (0, 0)))
+
+
+def _is_noisy(loop: Loop) -> bool:
+    return not loop.joint_encoder.noise == loop.actuator.noise == 0.0
+
+
+def _ended(values: Array, n: int, blocks: Array, trace: Array) -> Ended:
+    """Read what is left in the rows (R, M) after a run."""
+    rows, fields = sample_rows(n).named, len(streaming.Sums._fields)
+    sums = values[rows["sums"] :][: fields * n].reshape(fields, n, -1)
+    return Ended(
+        count=values[rows["count"]].astype(np.int64),
+        diverged=values[rows["diverged"]] > 0.0,
+        sums=streaming.Sums(*sums),
+        blocks=blocks,
+        trace=trace,
+    )

@@ -1,0 +1,145 @@
+"""What a batch compiles: the code that its loops share, and the numbers of each loop for it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonrepro.arrays import Array
+from tendonrepro.physics.control import Law, start_memory
+from tendonrepro.physics.dynamics import holding_torque, rest_state
+from tendonrepro.physics.instruments import quantise
+from tendonrepro.simulation import streaming
+from tendonrepro.simulation.codegen import compiled, lane_loop
+from tendonrepro.simulation.codegen.lanes import LaneRows, bundled, columns, stacked
+from tendonrepro.simulation.codegen.machine import LaneCode
+from tendonrepro.simulation.kernel import LoopNumbers, sample_code, step_code
+from tendonrepro.simulation.resolution import HIGHEST, PACES, plant_modes, steps_by_demand
+from tendonrepro.simulation.stepper import JOINT_NOISE, TORQUE_NOISE, Loop, random_stream
+
+
+@dataclass(frozen=True)
+class CompiledPart:
+    """Compiled code that some loops share, with the numbers of each.
+
+    ``start`` holds values of rows at the first sample, (rows, N), by name; ``column`` says which column of
+    them belongs to a loop, by its place in the batch.
+    """
+
+    code: LaneCode
+    rows: LaneRows
+    start: dict[str, Array]
+    column: dict[int, int]
+
+    def filled(self, places: Sequence[int]) -> Array:
+        """Rows with the parameters and starting values of the experiments at some places, (rows, M)."""
+        own = [self.column[place] for place in places]
+        values = np.zeros((self.rows.count, len(places)))
+        for row, numbers in self.rows.constants.items():
+            values[row] = numbers[own]
+        for name, numbers in self.start.items():
+            if name in self.rows.named:
+                first = self.rows.named[name]
+                values[first : first + numbers.shape[0]] = numbers[:, own]
+        bundles = bundled(values)
+        for bundle in bundles:
+            lane_loop.call(self.code.prepare, bundle, 0.0)
+        return columns(bundles)[:, : len(places)]
+
+
+def plant_parts(
+    loops: Mapping[int, Loop], tolerance: float
+) -> tuple[dict[int, CompiledPart], dict[int, NDArray[np.int64]], dict[int, Array]]:
+    """Compile the plants of loops with as many joints and components of the disturbance.
+
+    By place in the batch: the code, integration steps per sample at each level of demand, (levels,), 0 where
+    none are enough, and motor torque at rest, N m.
+    """
+    # Runs under other readings share their plant and motion: these are worked out once.
+    key = {place: (id(loop.plant), id(loop.reference)) for place, loop in loops.items()}
+    single = {key[place]: loop for place, loop in loops.items()}
+    plant = stacked([loop.plant for loop in single.values()])
+    stroke = stacked([np.abs(loop.reference.q_d).max(axis=0) for loop in single.values()])
+    column = {name: k for k, name in enumerate(single)}
+    places = {place: column[name] for place, name in key.items()}
+    modes = [plant_modes(plant, stroke, pace) for pace in PACES]
+    counts = {L: steps_by_demand(modes, L, tolerance) for L in {loop.L for loop in loops.values()}}
+    still, once = np.zeros_like(plant.preload), np.ones((1, len(single)))
+    torque = holding_torque(still, plant)
+    start = {"state": rest_state(still, plant), "live": once, "demand": HIGHEST * once}
+
+    @cache
+    def part(implicit: bool) -> CompiledPart:
+        source, rows = step_code(plant, implicit)
+        return CompiledPart(compiled.compiled_lanes(source, "step"), rows, start, places)
+
+    return (
+        {place: part(bool(counts[loop.L][1][places[place]])) for place, loop in loops.items()},
+        {place: counts[loop.L][0][:, places[place]] for place, loop in loops.items()},
+        {place: torque[:, k] for place, k in places.items()},
+    )
+
+
+def sample_part(
+    loops: Mapping[int, Loop], laws: Mapping[int, Law], torque: Mapping[int, Array]
+) -> CompiledPart:
+    """Compile encoders, law, motors and statistics of loops alike in every branch; torque at rest in N m."""
+    numbers = _numbers([*loops.values()], [laws[place] for place in loops])
+    tau = np.stack([np.zeros_like(torque[k]) if loop.cold else torque[k] for k, loop in loops.items()], -1)
+    source, rows = sample_code(numbers)
+    code = compiled.compiled_lanes(source, "sample")
+    start = _start(tau, numbers.actuator.delay, [*loops.values()])
+    return CompiledPart(code, rows, start, {place: k for k, place in enumerate(loops)})
+
+
+def _numbers(loops: Sequence[Loop], laws: Sequence[Law]) -> LoopNumbers:
+    phases: dict[int, streaming.Thresholds] = {}
+    for loop in loops:
+        if id(loop.reference) not in phases:
+            reference = loop.reference
+            period = round(reference.period / loop.L)
+            phases[id(reference)] = streaming.thresholds(reference.dq_d, reference.ddq_d, period)
+    numbers: LoopNumbers = stacked(
+        [
+            LoopNumbers(
+                law=law,
+                encoder=loop.joint_encoder,
+                actuator=loop.actuator,
+                S=loop.plant.drive.S,
+                S_inv=loop.plant.drive.S_inv,
+                phases=phases[id(loop.reference)],
+                limit=np.array(loop.divergence_limit),
+                samples=np.array(float(loop.reference.time.size)),
+            )
+            for loop, law in zip(loops, laws, strict=True)
+        ]
+    )
+    return numbers
+
+
+def _start(tau: Array, delay: int, loops: Sequence[Loop]) -> dict[str, Array]:
+    """Memory of every law by the start-up rule; ``tau`` (n, N) acted before."""
+    n, count = tau.shape
+    angles = [
+        quantise(loop.joint_encoder.noise * next(unit_noise(loop, [1]))[0, :n], loop.joint_encoder.resolution)
+        for loop in loops
+    ]
+    memory = start_memory(np.stack(angles, axis=-1), tau)
+    return {
+        "memory": np.concatenate([np.reshape(part, (-1, count)) for part in memory]),
+        "pending": np.tile(tau, (delay, 1)),
+        "tau_m": tau,
+        "H_hat": tau,
+        "live": np.ones((1, count)),
+    }
+
+
+def unit_noise(loop: Loop, lengths: Sequence[int]) -> Iterator[Array]:
+    """Noise of encoders and torque before it is scaled, (samples, 2 n), in slices."""
+    n, streams = loop.plant.preload.size, [random_stream(loop, kind) for kind in (JOINT_NOISE, TORQUE_NOISE)]
+    for samples in lengths:
+        yield np.hstack([stream.standard_normal((samples, n)) for stream in streams])
