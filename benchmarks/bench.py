@@ -17,7 +17,7 @@ import threading
 import time
 from pathlib import Path
 
-from bench_batch import batch_cases, compilation_case
+from bench_batch import batch_cases, compilation_case, mix_case
 from bench_common import bar, case, cpu, largest, say, seconds_of, stated_case, tightened
 
 # NumPy and the package are imported where they are used, not here: a child's peak memory counts its parent's
@@ -55,6 +55,7 @@ def main():
     cases["first_compilation"] = compilation_case()
     cases["compare_run"] = compare_case(RUN_DURATION, BASELINES, 3)
     cases |= batch_cases()
+    cases["ensemble_mix"] = mix_case()
     found = {"schema_version": 1, "cpu": cpu(), "cores": os.cpu_count(), "python": platform.python_version()}
     print(json.dumps(found | {"cases": cases}, indent=2))
 

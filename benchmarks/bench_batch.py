@@ -18,6 +18,8 @@ COUNT = 1000
 TURNS = 3
 SPREAD = 0.01
 """Largest relative change of a link's mass from plant to plant, so that no two share a number of the arm."""
+MIX_DRAWS = 8
+"""Draws of the ensemble's mix, each under a hundred cases."""
 CHECKED = 4
 """Plants of a batch whose angles are compared with their references."""
 PLAIN_RUNS = 20
@@ -31,7 +33,7 @@ SMOOTH_FRICTION = tuple(
 SOLVE_IVP = {"rtol": 1e-6, "method": "RK45"}
 ERROR_BAR_RAD = 1e-8
 ALONE_BAR, BATCH_BAR, BATCH_TARGET, SOLVE_IVP_TARGET = 100.0, 4.0, 7.0, 1200.0
-CORES_BAR, DEFAULT_SHARE_BAR, COMPILATION_BAR = 1.8, 0.5, 30.0
+CORES_BAR, DEFAULT_SHARE_BAR, COMPILATION_BAR = 1.9, 0.5, 30.0
 
 WHAT = (
     "controller_1 of the shipped compare configuration, joints 2 and 3, first {:g} s, ideal encoder, "
@@ -194,6 +196,26 @@ def entries(found, errors, what, stated, default):
             steps=default.steps,
         ),
     }
+
+
+def mix_case(draws=MIX_DRAWS, turns=TURNS):
+    """Experiments per second of what an ensemble runs: draws of the shipped box under all its readings."""
+    from tendonrepro.ensemble.block import loops_of
+    from tendonrepro.ensemble.box import scrambled_sobol
+    from tendonrepro.ensemble.command import load_study
+    from tendonrepro.simulation.batch import simulate_batch
+
+    study = load_study(None, (), None, "default")
+    block = study.blocks(study.draws_of("box", 1024))[0]
+    box = study.boxes[block.population]
+    rows = box.values(scrambled_sobol(box, study.seed, 0, 0, draws))
+    loops = [loop for row in rows for loop in loops_of(study, block, row)]
+    simulate_batch(loops, study.config.status)  # compiles what is not there yet
+    seconds = statistics.median(
+        seconds_of(lambda: simulate_batch(loops, study.config.status)) for _ in range(turns)
+    )
+    what = f"{len(loops)} runs of {draws} draws of the shipped ensemble, one core"
+    return case(what, len(loops) / seconds, None, None, {}) | {"seconds": seconds}
 
 
 FIRST_RUN = """

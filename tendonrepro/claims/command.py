@@ -27,8 +27,7 @@ from tendonrepro.ensemble.data import EnsembleData, NotFinishedError, read_ensem
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.results.folder import TRACES
-from tendonrepro.results.traces import read_traces
+from tendonrepro.results.folder import TRACES, stored_traces
 
 FOLDER = "claims"
 DECIDES = "decides.json"
@@ -112,8 +111,8 @@ def run_claims(
 
 
 def _sources(out: Path, measured: Path | None, talk: Talk) -> Sources:
-    traces = {name: out / name / TRACES for name in ("decouple", "compare")}
-    runs = {name: read_traces(path) for name, path in traces.items() if path.exists()}
+    folders = {name: out / name for name in ("decouple", "compare")}
+    runs = {name: stored_traces(folder) for name, folder in folders.items() if (folder / TRACES).exists()}
     # The measured file asked for, else the usual one where there is one.
     usual = MEASURED if MEASURED.exists() else None
     file = measured or usual

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import islice
@@ -31,8 +32,9 @@ class Override:
 
     @property
     def path(self) -> Key:
-        """The key in parts."""
-        return tuple(int(part) if part.isdecimal() else part for part in self.key.split("."))
+        """The key in parts; a number that no list is long enough for stays text."""
+        numbers = "[0-9]{1,9}"
+        return tuple(int(part) if re.fullmatch(numbers, part) else part for part in self.key.split("."))
 
 
 def parse_override(text: str) -> Override:

@@ -69,10 +69,13 @@ def run_ensemble(
     Raises
     ------
     UsageError
-        For impossible draws, shards of another configuration, or all readings without `yes`.
+        For impossible draws or jobs, shards of another configuration, or all readings without `yes`.
     TendonreproError
         When results cannot be written; whole blocks stay and are not computed again.
     """
+    if not jobs:
+        message = "must be a number of processes, or -1 for one for each processor, found 0"
+        raise UsageError(message, where="--jobs")
     study = load_study(request.config, request.overrides, request.seed, readings)
     folder = request.folder("ensemble")
     cost = study.cost(draws)

@@ -30,11 +30,12 @@ from tendonrepro.results.folder import (
     foretell_refusal,
     read_manifest,
     refuse_others,
+    stored_traces,
 )
 from tendonrepro.results.manifest import make_manifest, with_outputs
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.summary import table_data_compare, table_data_decouple
-from tendonrepro.results.traces import read_traces, write_traces
+from tendonrepro.results.traces import write_traces
 from tendonrepro.simulation.resolution import COMPILED_STEPPER
 
 SCHEMA_VERSION = 1
@@ -260,7 +261,7 @@ def _stored(out: Path) -> dict[Path, TraceFile]:
             "run tendonrepro reproduce, or name another --out",
         )
         raise DataMissingError(message, where=str(out), hint=hint)
-    return {folder: read_traces(folder / TRACES) for folder in folders}
+    return {folder: stored_traces(folder) for folder in folders}
 
 
 def _rewrite(folder: Path, file: TraceFile, write: Callable[[], list[Path]]) -> list[Path]:

@@ -16,6 +16,8 @@ from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.files import sha256_of, sweep_temporary, to_json, write_atomically
 from tendonrepro.results.manifest import with_outputs
+from tendonrepro.results.records import TraceFile
+from tendonrepro.results.traces import read_traces
 
 MANIFEST = "manifest.json"
 TRACES = "traces.h5"
@@ -216,6 +218,22 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         message = "is not a manifest of tendonrepro"
         raise DataMissingError(message, where=str(path), hint="run the experiment again with --force")
     return manifest  # type: ignore[no-any-return]
+
+
+def stored_traces(folder: Path) -> TraceFile:
+    """Read the traces of a results folder, which a manifest beside them vouches for.
+
+    Raises
+    ------
+    DataMissingError
+        If they or the manifest cannot be read, or are not of each other.
+    """
+    path = folder / TRACES
+    outputs = read_manifest(folder).get("outputs", {}) if (folder / MANIFEST).exists() else {}
+    if TRACES in outputs and outputs[TRACES] != sha256_of(path):
+        message = "is damaged: it is not what its manifest lists"
+        raise DataMissingError(message, where=str(path), hint="run the experiment again with --force")
+    return read_traces(path)
 
 
 def _is_plain(name: str) -> bool:

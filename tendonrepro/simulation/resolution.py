@@ -118,13 +118,11 @@ def _repeated(record: Any, times: int) -> Any:
 def _modes_at(q: Array, plant: Plant, speed: Sequence[Array]) -> NDArray[np.complex128]:
     state, tau, n = rest_state(q, plant), holding_torque(q, plant), q.shape[0]
     state[n : 2 * n], state[3 * n :] = speed[0], times(plant.drive.S, speed[1])
-    columns = []
-    for j in range(state.shape[0]):
-        nudge = np.zeros_like(state)
-        nudge[j] = NUDGE
-        ahead = state_derivative(0.0, state + nudge, tau, plant)
-        columns.append((ahead - state_derivative(0.0, state - nudge, tau, plant)) / (2.0 * NUDGE))
-    return np.linalg.eigvals(np.moveaxis(np.stack(columns, axis=1), -1, 0)).astype(np.complex128)
+    nudges = NUDGE * np.concatenate([np.eye(4 * n), -np.eye(4 * n)])
+    nudged = np.concatenate([state + nudge[:, np.newaxis] for nudge in nudges], axis=-1)
+    slopes = state_derivative(0.0, nudged, np.tile(tau, 8 * n), _repeated(plant, 8 * n))
+    ahead, behind = slopes.reshape(4 * n, 2, 4 * n, -1).swapaxes(0, 1)
+    return np.linalg.eigvals(np.moveaxis((ahead - behind) / (2.0 * NUDGE), -1, 0)).astype(np.complex128)
 
 
 def steps_needed(modes: NDArray[np.complex128], L: float, tolerance: float = TOLERANCE) -> NDArray[np.int64]:

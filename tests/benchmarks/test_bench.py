@@ -56,6 +56,7 @@ def test_the_printed_object(
         "command_case": "whole_command",
         "compilation_case": "first_compilation",
         "compare_case": "compare_run",
+        "mix_case": "ensemble_mix",
     }
     for function, name in names.items():
         monkeypatch.setattr(bench, function, lambda *_, name=name: {"what": name})
@@ -112,7 +113,7 @@ def test_batch_cases_have_the_contracts_keys(batch: ModuleType) -> None:
     barred = {name for name, entry in found.items() if "max_error_rad" in entry["bars"]}
     assert barred == found.keys() - {"batch_default"}
     assert all(found[name]["bars"]["max_error_rad"]["bar"] == 1e-8 for name in barred)
-    assert found["batch_one_core"]["steps"] == [3]
+    assert found["batch_one_core"]["steps"] == [2]
     assert found["batch_one_core"]["targets"].keys() == {"ratio_to_numba_rk4", "ratio_to_solve_ivp"}
 
 

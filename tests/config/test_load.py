@@ -274,6 +274,7 @@ def test_another_manipulator_comes_before_changes_inside_it(tmp_path: Path) -> N
     ("gains.lam=9", "--set gains.lam", "unknown key 'gains.lam', did you mean 'control.gains.lam'?"),
     ("control.gains.lam.value.2=9", "--set control.gains.lam.value.2", "no entry 2 in a list of 2"),
     ("control.gains.lam.value.x=9", "--set control.gains.lam.value.x", "no entry x in a list of 2"),
+    (f"joints.{'9' * 5000}=9", "--set joints", "in a list of 2"),
     ("title.x=9", "--set title.x", "nothing below it can be set"),
     ("title=", "--set title", "is empty"),
     ("title=[1", "--set title:", "not valid YAML"),

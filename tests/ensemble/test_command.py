@@ -199,6 +199,12 @@ def test_a_dry_run_counts_what_is_there_and_refuses_what_a_run_would(tmp_path, m
         run_ensemble(asked, QUIET, draws=2 * DRAWS)
 
 
+def test_no_processes_are_refused(tmp_path):
+    with pytest.raises(UsageError, match="found 0"):
+        run_ensemble(Request(out=tmp_path / "none"), QUIET, draws=256, jobs=0)
+    assert not (tmp_path / "none").exists()
+
+
 def test_all_readings_need_a_yes(tmp_path, monkeypatch):
     readings = load_study(None, (), None, "default").readings
     monkeypatch.setattr("tendonrepro.ensemble.command.full_cross", lambda: readings)

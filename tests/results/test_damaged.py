@@ -13,12 +13,15 @@ import numpy as np
 import pytest
 from support.synthetic import make_compare_file, make_decouple_file
 
+from tendonrepro.claims.command import run_claims
+from tendonrepro.console import Talk
 from tendonrepro.dataset.measured_file import origin
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.experiments.command import redraw, rewrite_tables
 from tendonrepro.results.comparison import write_tables
 from tendonrepro.results.figures.catalogue import available
 from tendonrepro.results.folder import MANIFEST, TRACES, read_manifest, refuse_others
+from tendonrepro.results.manifest import with_outputs
 from tendonrepro.results.summary import table_data_compare, table_data_decouple
 from tendonrepro.results.traces import read_traces, write_traces
 
@@ -142,6 +145,20 @@ def test_a_size_beyond_every_run_is_not_read(tmp_path: Path) -> None:
         root.create_dataset("controller_1/time", (2**40,), "f8", chunks=(2**20,))
     with pytest.raises(DataMissingError, match="is damaged or incomplete"):
         read_traces(tmp_path / TRACES)
+
+
+def test_traces_are_what_their_manifest_lists(tmp_path: Path) -> None:
+    folder = tmp_path / "compare"
+    write_traces(folder / TRACES, FILES[0])
+    listed = with_outputs({}, folder, [folder / TRACES])
+    (folder / MANIFEST).write_text(json.dumps(listed))
+    assert rewrite_tables(tmp_path)
+    with h5py.File(folder / TRACES, "r+") as root:
+        # A number in its range, as a flipped bit leaves it.
+        root["controller_1"].attrs["reference_period"] *= 0.5
+    for read in (rewrite_tables, lambda out: run_claims(out, (), None, Talk(quiet=True))):
+        with pytest.raises(DataMissingError, match="not what its manifest lists"):
+            read(tmp_path)
 
 
 def test_an_unreadable_manifest_stops_before_anything_is_written(tmp_path: Path) -> None:

@@ -123,6 +123,14 @@ class TestCache:
         assert folder.is_dir()
         assert folder.is_relative_to(tmp_path)
         assert compiled.cache_folder() == folder, "one folder serves all processes"
+        # Who else can write there could have code of theirs run.
+        above = folder.parents[1]
+        for mode, ours in ((0o777, False), (0o755, True)):
+            above.chmod(mode)
+            assert (compiled.cache_folder() == folder) is ours
+        above.rename(tmp_path / "elsewhere")
+        above.symlink_to(tmp_path / "elsewhere")
+        assert not compiled.cache_folder().is_relative_to(above)
 
     @pytest.mark.slow
     def test_a_second_process_compiles_nothing(self, tmp_path: Path) -> None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
+from pathlib import Path
+
 import numpy as np
 import pytest
 from support.oracles import FEATURES, random_plant, random_state
@@ -10,7 +13,7 @@ from tendonrepro.arrays import Array, choose
 from tendonrepro.physics.dynamics import Plant, frictionless, state_derivative
 from tendonrepro.simulation.codegen import compiled, lane_loop
 from tendonrepro.simulation.codegen.lanes import LaneRows, LaneTape, lane_code, signature, stacked
-from tendonrepro.simulation.codegen.machine import LANES
+from tendonrepro.simulation.codegen.machine import LANES, assembled
 from tendonrepro.simulation.kernel import damped, rosenbrock, runge_kutta, step_code
 from tendonrepro.simulation.resolution import demand
 
@@ -168,6 +171,22 @@ def test_choices_and_comparisons_on_lanes() -> None:
     assert found[2].tolist() == np.maximum(a, b).tolist()
     assert found[3].tolist() == (a <= b).astype(float).tolist()
     assert found[4] == pytest.approx(np.sqrt(np.abs(a)), rel=1e-14)
+
+
+def test_machine_code_on_disk_is_used_only_as_it_was_written(tmp_path: Path) -> None:
+    tape, rows = LaneTape(), LaneRows()
+    x = rows.variables(tape, "x", 1)[0]
+    source = lane_code("twice", tape, {0: 2.0 * x}, rows)
+    (tmp_path / "full").write_text("not a folder", encoding="utf-8")
+    for folder, damage in ((tmp_path, None), (tmp_path, b"x"), (tmp_path / "full", None)):
+        for file in tmp_path.glob("twice_*.o") if damage else ():
+            file.write_bytes(file.read_bytes()[:-1] + damage)
+        w = np.full((1, LANES), 3.0)
+        lane_loop.call(assembled(source, "twice", folder).run, w, 0.0)
+        assert w.tolist() == [[6.0] * LANES]
+    (file,) = tmp_path.glob("twice_*.o")
+    whole = file.read_bytes()
+    assert hashlib.sha256(whole[32:]).digest() == whole[:32]
 
 
 def test_stacking_keeps_what_must_agree() -> None:

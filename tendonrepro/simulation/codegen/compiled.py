@@ -10,11 +10,16 @@ of the sources, because numba itself would not notice a change in a function of 
 
 from __future__ import annotations
 
+import atexit
 import hashlib
 import inspect
 import os
+import shutil
+import stat
+import sys
 import tempfile
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -59,7 +64,8 @@ _lanes: dict[str, LaneCode] = {}
 def cache_folder() -> Path:
     """Folder for compiled code of exactly these sources; made if it is missing.
 
-    Where the user's cache cannot be written, a folder among the temporary files serves all processes.
+    Where the user's cache cannot be written, a folder among the temporary files serves all processes, unless
+    someone else made it: what lies here is run.
     """
     modules = (*LAW_FUNCTIONS, arrays, lane_loop)
     sources = {Path(inspect.getfile(module)) for module in modules} | {Path(__file__)}
@@ -68,10 +74,24 @@ def cache_folder() -> Path:
         digest.update(source.read_bytes())
     name = Path("compiled", digest.hexdigest()[:16])
     temporary = Path(tempfile.gettempdir(), f"tendonrepro-{getattr(os, 'getuid', lambda: 0)()}")
-    for folder in (Path(platformdirs.user_cache_dir("tendonrepro")) / name, temporary / name):
-        if _is_writable(folder):
-            return folder
-    return Path(tempfile.mkdtemp(prefix="tendonrepro-"))
+    own = Path(platformdirs.user_cache_dir("tendonrepro")) / name
+    if _is_writable(own):
+        return own
+    with suppress(OSError):
+        temporary.mkdir(mode=0o700, exist_ok=True)
+        if _is_ours(temporary) and _is_writable(temporary / name):
+            return temporary / name
+    last = Path(tempfile.mkdtemp(prefix="tendonrepro-"))
+    atexit.register(shutil.rmtree, last, ignore_errors=True)
+    return last
+
+
+def _is_ours(folder: Path) -> bool:
+    """Whether nobody else can put anything into a folder; on Windows temporary files are each user's own."""
+    if sys.platform == "win32":
+        return True
+    held = folder.lstat()
+    return stat.S_ISDIR(held.st_mode) and held.st_uid == os.getuid() and not held.st_mode & 0o022
 
 
 def _is_writable(folder: Path) -> bool:

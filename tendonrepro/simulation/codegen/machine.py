@@ -10,12 +10,14 @@ from __future__ import annotations
 import hashlib
 import struct
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from llvmlite import binding
 
+from tendonrepro.errors import TendonreproError
 from tendonrepro.files import write_atomically
 from tendonrepro.simulation.codegen.symbols import COMPARISONS, Line, needed
 
@@ -115,7 +117,7 @@ def _instructions(x: str, operation: str, operands: tuple[str | float, ...]) -> 
 def assembled(source: str, name: str, folder: Path) -> LaneCode:
     """Machine code of a source with ``<name>`` and ``prepare_<name>``, taken from a folder if it is there.
 
-    A file that is not as it was written is made again.
+    A file that is not as it was written is made again; one that cannot be written is done without.
     """
     digest = hashlib.sha256("\n".join((source, *_processor(), str(binding.llvm_version_info))).encode())
     path = folder / f"{name}_{digest.hexdigest()[:16]}.o"
@@ -123,7 +125,8 @@ def assembled(source: str, name: str, folder: Path) -> LaneCode:
     if code is None:
         module = binding.parse_assembly(_DECLARED + source)
         code = _target().emit_object(module)
-        write_atomically(path, hashlib.sha256(code).digest() + code)
+        with suppress(TendonreproError):
+            write_atomically(path, hashlib.sha256(code).digest() + code)
     engine = binding.create_mcjit_compiler(binding.parse_assembly(""), _target())
     engine.add_object_file(binding.ObjectFileRef.from_data(code))
     engine.finalize_object()
