@@ -35,6 +35,8 @@ QUIET = Talk(quiet=True)
 SHORT = ("reference.periods=2", "reference.rise=0.8", "reference.hold=0.3")
 TIMING = dict.fromkeys((*CONTROLLERS, LOADED), Timing(0.0, PERIOD))
 
+INPUT = {"name": "SYNTHETIC.mat", "md5": "0" * 32}
+
 
 def validate(path: Path, out: Path, *overrides: str, force: bool = False, dry_run: bool = False) -> Any:
     return run_validate(path, Request(None, out, overrides, dry_run=dry_run, force=force), QUIET)
@@ -240,7 +242,7 @@ def _shipped(tmp_path_factory: pytest.TempPathFactory) -> Path:
         attributes = dict(bare.attributes) | {"reference_period": 0.0}
         runs[trace.name] = replace(bare, time=trace.time + 2.0, variables=variables, attributes=attributes)
     plant = PlantRecord({name: file.plant.values[name] for name in ("S", "S_inv")}, {})
-    manifest = json.dumps({"inputs": {"SYNTHETIC.mat": "0" * 32}, "guesses": ["unit of e", "joint order"]})
+    manifest = json.dumps({"inputs": [INPUT], "guesses": ["unit of e", "joint order"]})
     path = tmp_path_factory.mktemp("measured") / "SYNTHETIC.h5"
     write_traces(
         path,
@@ -302,7 +304,7 @@ class TestValidate:
         stored = json.loads((Path(found["out"]) / RESULTS).read_text())
         assert stored == json.loads(json.dumps(found))
         assert stored["schema_version"] == 1
-        assert stored["sources"] == {"SYNTHETIC.mat": "0" * 32}
+        assert stored["sources"] == [INPUT]
 
     def test_windows_are_listed_number_by_number(self, found: dict[str, Any]) -> None:
         lines = (Path(found["out"]) / "windows.csv").read_text(encoding="utf-8").splitlines()
