@@ -28,6 +28,8 @@ from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.folder import TRACES, stored_traces
+from tendonrepro.results.paper import of_paper
+from tendonrepro.results.summary import CONTROLLERS
 
 FOLDER = "claims"
 DECIDES = "decides.json"
@@ -111,8 +113,15 @@ def run_claims(
 
 
 def _sources(out: Path, measured: Path | None, talk: Talk) -> Sources:
-    folders = {name: out / name for name in ("decouple", "compare")}
-    runs = {name: stored_traces(folder) for name, folder in folders.items() if (folder / TRACES).exists()}
+    runs = {}
+    for name in ("decouple", "compare"):
+        if (out / name / TRACES).exists():
+            stored = stored_traces(out / name)
+            judged = [stored.runs[run] for run in CONTROLLERS if run in stored.runs]
+            if of_paper(stored) and all(of_paper(stored, run) for run in judged):
+                runs[name] = stored
+            else:
+                talk.note(f"{out / name / TRACES}: not the paper's arm, joints and gains; judging without it")
     # The measured file asked for, else the usual one where there is one.
     usual = MEASURED if MEASURED.exists() else None
     file = measured or usual

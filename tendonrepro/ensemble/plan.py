@@ -27,8 +27,8 @@ FEWEST_PER_SCRAMBLING = 8
 MOST_DRAWS = 2**20
 """Weeks of work, and as many blocks as memory holds with ease."""
 
-SECONDS_PER_EXPERIMENT = 3e-3
-"""Time on one processor, for estimates before anything has run: 8 ms over 522,240, a third since then."""
+SECONDS_PER_EXPERIMENT = 6e-3
+"""Time on one processor, for estimates before anything has run: between those of a fast and a slow one."""
 
 _COMPRESSION = 0.9
 

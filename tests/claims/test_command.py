@@ -1,7 +1,10 @@
 """What the command reads again: a damaged file is named, never taken for something else."""
 
+from dataclasses import replace
+
 import pytest
 from support.damage import by_chance, of_another_shape
+from support.synthetic import make_compare_file
 
 from tendonrepro.claims.command import run_claims
 from tendonrepro.claims.judge import Sources, judge_all
@@ -9,6 +12,8 @@ from tendonrepro.claims.report import write_claims
 from tendonrepro.console import Talk
 from tendonrepro.ensemble.data import PLAN
 from tendonrepro.errors import DataMissingError
+from tendonrepro.results.folder import TRACES
+from tendonrepro.results.traces import write_traces
 
 QUIET = Talk(quiet=True)
 
@@ -29,6 +34,18 @@ def test_a_damaged_baseline_is_named(tmp_path, monkeypatch):
         else:
             named = str(path)
         assert named == str(path)
+
+
+def test_no_claim_is_judged_by_another_experiment(tmp_path, capsys):
+    file = make_compare_file(step=0.05)
+    gains = {"attributes": {**file.runs["controller_2"].attributes, "gains": {"lam": [8.0, 9.0]}}}
+    runs = {**file.runs, "controller_2": replace(file.runs["controller_2"], **gains)}
+    for stored, told in ((file, ""), (replace(file, runs=runs), "not the paper's arm, joints and gains")):
+        write_traces(tmp_path / "compare" / TRACES, stored)
+        ledger = run_claims(tmp_path, (), None, Talk())
+        assert told in capsys.readouterr().err
+        drawn = any("laws" in file for file in ledger.data["files"])
+        assert drawn != bool(told)
 
 
 def test_a_damaged_ensemble_is_no_missing_one(tmp_path):
