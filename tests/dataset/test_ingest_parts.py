@@ -348,6 +348,10 @@ def test_a_stated_period_is_kept(period: float | None) -> None:
     assert run.attributes["reference_period"] == (period or 0.0)
 
 
+def test_a_period_that_nothing_could_have_is_refused() -> None:
+    refused(make_mapping(entry(), period_s=1e-300), "over 100000 times", q=ANGLE)
+
+
 @pytest.mark.parametrize(
     ("run", "what", "way"),
     [

@@ -29,6 +29,8 @@ _LONGEST_STEP = 0.1  # s, beyond which the unit of the times is in doubt; the pa
 # RMS of recorded error less difference, over that of the difference, from which on the error is not believed;
 # fewer samples prove nothing.
 _CONTRADICTS, _FEWEST = 0.5, 8
+_MOST_PERIODS = 100_000
+"""Periods in a run; every one is a window that results may be of."""
 _COUNT = 1.01 * np.deg2rad(COUNTS_DEG[1])  # an encoder's count, rad, which a held joint may dither by
 _SHAKES = np.deg2rad(1.0)  # error of a held joint that is no dither any more
 _OF_THE_OTHERS = {"q_d": "q_encoder + e", "q_encoder": "q_d - e", "e": "q_d - q_encoder"}
@@ -72,6 +74,11 @@ class Assembly:
             start, lasts = in_seconds(time[0]), f"{time[-1] - time[0]:.6g}"
             self.notes.append(f"{name}: time starts at {start} s in the files, at 0 here; it lasts {lasts} s")
             time = time - time[0]
+        if run.period_s and time[-1] > _MOST_PERIODS * run.period_s:
+            message = (
+                f"a period of {run.period_s:g} s would be over {_MOST_PERIODS} times in {time[-1]:.6g} s"
+            )
+            raise ConfigError(message, where=f"{self.where}: runs.{name}.period_s", hint="give it in seconds")
         self._complete(name, variables, joints)
         self._calculate(name, variables, joints)
         self._leave_out(name, variables, joints)
