@@ -41,11 +41,13 @@ def write_claims(verdicts: Sequence[Verdict], folder: Path) -> list[Path]:
 def table_text(verdicts: Sequence[Verdict]) -> str:
     """Verdicts as a table for a terminal, and how many there are of each."""
     measured = _has_measured(verdicts)
-    rows = [("id", "printed", "ours", "central 90 %", "verdict", *(["on the measurement"] * measured))]
+    head = ("id", "printed", "ours", "central 90 %", "also passing", "verdict")
+    rows = [(*head, *(["on the measurement"] * measured))]
     for verdict in verdicts:
         printed = verdict.printed if _is_number(verdict) else verdict.where
         beside = [_measured(verdict)] * measured
-        rows.append((verdict.id, printed, _ours(verdict), _box(verdict), _name(verdict), *beside))
+        cells = (_ours(verdict), _box(verdict), _passing(verdict), _name(verdict))
+        rows.append((verdict.id, printed, *cells, *beside))
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = [
         "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
@@ -58,6 +60,8 @@ def table_text(verdicts: Sequence[Verdict]) -> str:
 def _notes(verdicts: Sequence[Verdict]) -> list[str]:
     commands = {verdict.evidence.get("run") for verdict in verdicts if verdict.verdict == "not_testable"}
     notes = [f"for more verdicts run {command}" for command in sorted(filter(None, commands))]
+    if any(verdict.repeats for verdict in verdicts):
+        notes.append("what is printed twice counts once")
     if any(verdict.borderline for verdict in verdicts):
         notes.append("* a threshold lies inside the interval")
     return notes
@@ -119,6 +123,7 @@ def _rows(verdicts: Sequence[Verdict]) -> list[dict[str, str]]:
             "Printed": f"{verdict.printed}{_unit(verdict)}",
             "Ours": _ours(verdict),
             "Central 90 %": _box(verdict),
+            "Also passing": _passing(verdict),
             "Verdict": _name(verdict),
             "Readings that change it": ", ".join(verdict.readings_that_change_it) or NOTHING,
         }
@@ -136,8 +141,9 @@ def _csv_rows(verdicts: Sequence[Verdict]) -> list[dict[str, Any]]:
     for verdict in verdicts:
         box = verdict.evidence.get("box", {})
         values = asdict(verdict) | {"low": box.get("low"), "high": box.get("high")}
-        row = {name: values[name] for name in _CSV} | {"missing": verdict.evidence.get("missing")}
-        row |= {name: values[name] for name in ("depends_on", "readings_that_change_it")}
+        row = {name: values[name] for name in _CSV}
+        row |= {name: verdict.evidence.get(name) for name in ("also_passing", "missing")}
+        row |= {name: values[name] for name in ("depends_on", "readings_that_change_it", "repeats")}
         rows.append(row | ({"measured": _measured(verdict)} if measured else {}))
     return rows
 
@@ -162,6 +168,12 @@ def _ours(verdict: Verdict) -> str:
 def _box(verdict: Verdict) -> str:
     box = verdict.evidence.get("box")
     return f"{box['low']:.3g} to {box['high']:.3g}" if box else NOTHING
+
+
+def _passing(verdict: Verdict) -> str:
+    """Share of the decade around a printed number that would be inside as well: 100 % says nothing."""
+    share = verdict.evidence.get("also_passing")
+    return NOTHING if share is None else f"{100.0 * share:.0f} %"
 
 
 def _measured(verdict: Verdict) -> str:

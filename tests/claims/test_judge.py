@@ -151,6 +151,8 @@ class TestLedger:
         with paths[1].open(encoding="utf-8", newline="") as file:
             rows = {row["id"]: row for row in csv.DictReader(file)}
         assert rows["E1"]["verdict"] == "contradicted"
+        assert float(rows["table2.controller_1.mae.joint_2"]["also_passing"]) > 0.0
+        assert (rows["S.21"]["repeats"], rows["K1"]["repeats"]) == ("K1", "")
         assert "| E1 | section 4.2 |" in paths[2].read_text(encoding="utf-8")
 
     def test_table_for_a_terminal(self, found):
