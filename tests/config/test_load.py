@@ -249,14 +249,14 @@ def test_source_given_by_hand_is_kept_and_a_unit_loses_it(order: int) -> None:
 def test_whole_sections_and_words() -> None:
     config = changed(
         "control.readings.phi_branch=power",
-        "control.error_rate_cutoff=50",
+        "control.filter_cutoff=50",
         "disturbance={kind: sine, torque: {value: [1, 1], unit: N m, source: 'assumed: x'}, "
         "frequency: {value: 2, unit: Hz, source: 'assumed: x'}}",
         "runs.extra={law: tdc, payload: {value: 1, unit: kg, source: 'assumed: x'}}",
     )
     assert config.control.readings.phi_branch == "power"
-    assert config.control.error_rate_cutoff is not None
-    assert config.control.error_rate_cutoff.si == 50.0
+    assert config.control.filter_cutoff is not None
+    assert config.control.filter_cutoff.si == 50.0
     assert config.disturbance.kind == "sine"
     assert list(config.runs)[-1] == "extra"
 

@@ -235,12 +235,12 @@ def test_gains_a_law_needs(files: Files) -> None:
 
 def test_cutoff_that_the_low_pass_needs(files: Files) -> None:
     text = TEXTS["compare"]
-    start, end = text.index("  error_rate_cutoff:"), text.index("# ---- Runs")
+    start, end = text.index("  filter_cutoff:"), text.index("# ---- Runs")
     files.replace("compare", text[start:end], "")
     load_config(files.path("compare"), "compare")
     files.replace("compare", "backward_difference ", "low_pass ")
     (mistake,) = files.mistakes()
-    assert "control: missing key 'error_rate_cutoff', which the reading error_rate: low_pass needs" in mistake
+    assert "control: missing key 'filter_cutoff', which the reading error_rate: low_pass needs" in mistake
 
 
 @pytest.mark.parametrize("disturbance", [STEP, NOISE])
