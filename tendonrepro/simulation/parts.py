@@ -101,8 +101,7 @@ def _numbers(loops: Sequence[Loop], laws: Sequence[Law]) -> LoopNumbers:
     for loop in loops:
         if id(loop.reference) not in phases:
             reference = loop.reference
-            period = round(reference.period / loop.L)
-            phases[id(reference)] = streaming.thresholds(reference.dq_d, reference.ddq_d, period)
+            phases[id(reference)] = streaming.thresholds(reference.dq_d, reference.ddq_d, loop.L)
     numbers: LoopNumbers = stacked(
         [
             LoopNumbers(

@@ -97,7 +97,7 @@ MISTAKES = [
     ("differencing=centred, output_delay=1", "difference=x, output_delay=1", "no axis of readings"),
     ("error_rate=low_pass, encoder=0.088", "error_rate=low, encoder=0.088", "not 'low'"),
     ("[error_rate=low_pass, encoder=0.088]", "[M_bar=halved]", "variation, not a reading"),
-    ("variations: [sampling_period=0.5ms", "variations: [sampling_period=3ms", "must be one of"),
+    ("- sampling_period=0.5ms", "- sampling_period=3ms", "must be one of"),
     ("value:  32", "value:  33", "block.value: must be a power of two, found 33"),
     ("high: 45, scale", "high: 46, scale", "must keep link 3 below 180 deg from hanging, it would reach 181"),
     ("value:  30\n", "value:  20\n", "longest_run.value: must cover every motion"),

@@ -190,10 +190,11 @@ def every_pair() -> tuple[Reading, ...]:
     return tuple(reading(settings) for settings in ({}, *alone, *pairs))
 
 
-VARIATIONS: tuple[Reading, ...] = tuple(
-    reading({axis.name: value}) for axis in _WHAT_IFS for value in axis.alternatives
+VARIATIONS: tuple[Reading, ...] = (
+    *(reading({axis.name: value}) for axis in _WHAT_IFS for value in axis.alternatives),
+    *(reading({"sampling_period": value, "encoder": "ideal"}) for value in ("0.5ms", "2ms")),
 )
-"""What-ifs that are no readings, for Controller 2: another sampling period, another M_bar."""
+"""What-ifs that are no readings, for Controller 2: sampling period, also without counts, and M_bar."""
 
 
 def case_of(reading_: Reading, run: str) -> Reading:
