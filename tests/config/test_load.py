@@ -24,7 +24,7 @@ from tendonrepro.config.shipped import init_config, shipped_folder, shipped_name
 from tendonrepro.errors import ConfigError, UsageError
 
 EXPERIMENTS = ("compare", "decouple")
-SHIPPED_FILES = ("compare", "decouple", "ensemble", "lumidouce_ii")
+SHIPPED_FILES = ("compare", "compare_cosine", "decouple", "ensemble", "lumidouce_ii")
 
 
 @pytest.fixture(scope="module")
@@ -205,6 +205,61 @@ def test_sampled_trajectory_counts_by_its_content_and_is_missed_with_its_line(tm
     assert first.inputs[-1] == csv
     csv.write_text("time_s,q2_deg,q3_deg\n0,0,0\n")
     assert load_config(path, "compare").sha256 != first.sha256
+
+
+# ---- base --------------------------------------------------------------------------------------------------
+
+
+def test_a_base_has_the_keys_that_a_file_leaves_out(compare: CompareConfig) -> None:
+    loaded = load_config("compare_cosine", None)
+    config = loaded.config
+    assert isinstance(config, CompareConfig)
+    assert config.reference.kind == "raised_cosine"
+    assert config.title != compare.title
+    same = {"title": compare.title, "reference": compare.reference}
+    assert config.model_copy(update=same) == compare
+    assert [path.name for path in loaded.inputs] == [
+        "compare_cosine.yaml",
+        "compare.yaml",
+        "lumidouce_ii.yaml",
+    ]
+
+
+def with_base(folder: Path, text: str) -> Path:
+    for name in ("compare", "decouple"):
+        init_config(name, folder)
+    path = folder / "mine.yaml"
+    path.write_text(f"schema_version: 1\nexperiment: compare\n{text}", encoding="utf-8")
+    return path
+
+
+def test_mistakes_of_a_base_have_its_own_lines(tmp_path: Path) -> None:
+    path = with_base(tmp_path, "base: compare.yaml\ntitle: ''\n")
+    base = tmp_path / "compare.yaml"
+    text = base.read_text(encoding="utf-8")
+    base.write_text(text.replace("value:  [8, 8]", "value:  [-8, 8]"), encoding="utf-8")
+    line = text[: text.index("value:  [8, 8]")].count("\n") + 1
+    with pytest.raises(ConfigError) as raised:
+        load_config(path, "compare")
+    assert f"{path}:4: title: must not be empty" in str(raised.value)
+    assert f"{base}:{line}: control.gains.lam.value.0: must be above 0" in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("base: decouple.yaml\n", "base: 'decouple.yaml' is not for the experiment 'compare'"),
+        ("base: lumidouce_ii.yaml\n", "base: 'lumidouce_ii.yaml' is not for the experiment 'compare'"),
+        ("base: none.yaml\n", "base: no file 'none.yaml'"),
+        ("base: mine.yaml\n", "base: 'mine.yaml' has a base itself"),
+        ("base: 3\n", "base: must be the name of a file, found 3"),
+    ],
+)
+def test_a_base_that_cannot_be(tmp_path: Path, text: str, message: str) -> None:
+    path = with_base(tmp_path, text)
+    with pytest.raises(ConfigError, match=message) as raised:
+        load_config(path, "compare")
+    assert raised.value.where == f"{path}:3"
 
 
 # ---- overrides ---------------------------------------------------------------------------------------------
@@ -463,7 +518,7 @@ def accepts(schema: dict[str, Any], value: Any, root: dict[str, Any]) -> bool:
 
 @pytest.mark.parametrize("name", SHIPPED_FILES)
 def test_schema_accepts_the_shipped_files_and_not_much_else(name: Any) -> None:
-    kind = "manipulator" if name == "lumidouce_ii" else name
+    kind = {"lumidouce_ii": "manipulator", "compare_cosine": "compare"}.get(name, name)
     tree = shipped_tree(name)
     if name in EXPERIMENTS:  # also with the manipulator inside
         assert accepts(json_schema(name), load_config(None, name).tree, json_schema(name))
@@ -472,7 +527,9 @@ def test_schema_accepts_the_shipped_files_and_not_much_else(name: Any) -> None:
         assert not accepts(schema, tree | {"unknown": 1}, schema)
         assert not accepts(schema, tree | {"schema_version": 2}, schema)
         for key in tree:
-            assert not accepts(schema, {other: tree[other] for other in tree if other != key}, schema)
+            left_to_base = name == "compare_cosine" and key in ("title", "reference")
+            rest = {other: tree[other] for other in tree if other != key}
+            assert accepts(schema, rest, schema) == left_to_base
         for quantity in quantities(tree):
             kept = dict(quantity)
             wrongs = ("unit", "furlong"), ("source", "somewhere"), ("value", "text"), ("value", [[[1]]])

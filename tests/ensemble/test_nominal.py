@@ -54,7 +54,7 @@ def quantities(tree, path=()):
 ROWS = dict(load_ensemble(None).config.box.items())
 SHIPPED = {
     f"{name}: {key}": held
-    for name in ("compare", "decouple")
+    for name in ("compare", "compare_cosine", "decouple")
     for key, held in quantities(load_config(name, None).tree)
     if key.split(".")[0] not in NUMERICS
 }
