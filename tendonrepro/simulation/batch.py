@@ -176,7 +176,8 @@ def _branches(loop: Loop) -> Hashable:
     """What the code of a sample depends on, besides what is zero or one in all its loops."""
     law = _law(loop)
     surface = (law.phi_is_odd, law.power_inside) if law.surface == Surface.NTSM else ()
-    return loop.plant.preload.size, law.surface, law.newest, surface, loop.actuator.delay
+    wiring = loop.actuator.delay, law.lag, law.stores_applied, law.motor_side
+    return loop.plant.preload.size, law.surface, law.newest, law.error_differenced, surface, wiring
 
 
 def _packs(

@@ -107,10 +107,16 @@ def test_with_counts_runs_agree_up_to_the_first_differing_count() -> None:
 
 
 CHOICES = """phi_branch=power gain_unit=phi_in_degrees differencing=centred phi_negative=even
-error_rate=low_pass start=cold weights=extrapolating torque_coordinates=winch eta_in_controller_2=dropped"""
+error_rate=low_pass start=cold weights=extrapolating torque_coordinates=winch eta_in_controller_2=dropped
+weights=swapped torque_unit=percent_of_rated delay_time=two_periods estimate_filter=acceleration
+estimate_filter=estimate feedback=motor error_rate=difference_of_error"""
+STORED = "control.readings.stored_torque=applied"
 READINGS = (
     *(f"control.readings.{choice}" for choice in CHOICES.split()),
     "manipulator.actuator.output_delay=1",
+    f"{STORED};manipulator.actuator.output_delay=2",
+    f"{STORED};manipulator.actuator.torque_resolution=0.016",
+    "control.readings.feedback=motor;manipulator.encoders.motor.noise=1e-6",
     "manipulator.actuator.torque_noise=0.05",
     "manipulator.actuator.torque_resolution=0.016",
     "manipulator.encoders.joint.noise=1e-5",
@@ -126,7 +132,7 @@ READINGS = (
 @pytest.mark.slow
 @pytest.mark.parametrize("override", READINGS)
 def test_every_reading_and_feature_runs_as_in_the_reference_stepper(override: str) -> None:
-    config, loops = loaded(IDEAL, override)
+    config, loops = loaded(IDEAL, *override.split(";"))
     # Jumps at zero error and of the torque's steps amplify rounding; short runs stay clear of it.
     short = [cut(loop, 0.5) for loop in loops.values()]
     _, traces = traced(config, short, 1e-6)
