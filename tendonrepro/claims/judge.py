@@ -39,7 +39,7 @@ class Verdict:
     """One line of the ledger; the fields are the keys of ``claims --json``.
 
     `printed` is the number, fraction or claim as printed; `ours` the share of a claim, or the number of the
-    shipped run, else its median over the box.
+    shipped run, else its median over the box. `shipped` verdicts come from the package's stored ensemble.
     """
 
     id: str
@@ -54,6 +54,7 @@ class Verdict:
     evidence: Mapping[str, Any]
     depends_on: tuple[str, ...]
     readings_that_change_it: tuple[str, ...]
+    shipped: bool = False
 
 
 def judge_all(
