@@ -26,6 +26,7 @@ from typing import Any, Literal
 from matplotlib import style
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 
 from tendonrepro.files import atomic_path
@@ -76,6 +77,12 @@ REFERENCE = Stroke("#BEBEBE", (), 2.6)
 """Wide and pale, drawn below the curve that is meant to cover it."""
 
 
+def paler(colour: str, white: float) -> str:
+    """Mix a colour with a share of white; opaque, so that what lies below does not change it."""
+    red, green, blue = (share + white * (1.0 - share) for share in to_rgb(colour))
+    return to_hex((red, green, blue))
+
+
 @contextmanager
 def journal_style() -> Iterator[None]:
     """Put the project's style in force, whatever the user's own matplotlib settings are."""
@@ -89,6 +96,11 @@ def open_figure(width_mm: float, height_mm: float) -> Figure:
     figure = Figure(figsize=size, layout="constrained")
     FigureCanvasAgg(figure)
     return figure
+
+
+def imprint(figure: Figure, text: str) -> None:
+    """Say below all panels where a figure comes from; a caption gets lost when a picture is passed on."""
+    figure.supxlabel(text, x=0.995, ha="right", fontsize="x-small", color="#555555")
 
 
 def settle(figure: Figure) -> None:
