@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from tendonrepro.arrays import Array
 from tendonrepro.config.published import COMPARED
 from tendonrepro.physics.control import Law, surface_and_feedback
 from tendonrepro.results.records import Trace
-from tendonrepro.simulation.streaming import thresholds
+from tendonrepro.simulation.streaming import PHASES, Thresholds, thresholds
 
 RATE_WINDOW = 0.05
 """Time over which the rate of a measured error is taken, s."""
@@ -27,21 +30,59 @@ def statistics_of(trace: Trace, rates: tuple[Array, Array] | None) -> dict[str, 
     if s is not None:
         found["s_rms"] = _rms(s)
     if "tau_m" in trace:
-        found["torque_rms"] = _rms(trace["tau_m"])
         found["torque_step_rms"] = _rms(np.diff(trace["tau_m"], axis=0))
-    if rates is None:
-        return found
-    dq_d, ddq_d = rates
-    phases = thresholds(dq_d, ddq_d, 0.0)
-    ways = {"up": dq_d > phases.speed, "down": dq_d < -phases.speed}
+    L = _step(trace.time)
+    phases = thresholds(*(rates or (np.zeros((1, 1)), np.zeros((1, 1)))), L)
     for name, variable in (("torque", "tau_m"), ("H_hat", "H_hat")):
         if variable in trace:
-            found |= {f"{name}_{way}": _mean(trace[variable], inside) for way, inside in ways.items()}
-    if "e" in trace:
-        rapid = np.abs(ddq_d) > phases.acceleration
+            found |= _sizes(name, trace[variable], _ways(trace[variable], rates, phases), phases)
+    if rates is not None and "e" in trace:
+        rapid = np.abs(rates[1]) > phases.acceleration
         size = np.abs(trace["e"])
         found |= {"mae_rapid": _mean(size, rapid), "mae_calm": _mean(size, ~rapid)}
     return found
+
+
+def _ways(
+    values: Array, rates: tuple[Array, Array] | None, phases: Thresholds
+) -> dict[str, NDArray[np.bool_]]:
+    """Samples of the whole run, and those moving up and down where that is known, by end of a name."""
+    every = {PHASES[0]: np.ones(values.shape, dtype=bool)}
+    if rates is None:
+        return every
+    return every | dict(zip(PHASES[1:], (rates[0] > phases.speed, rates[0] < -phases.speed), strict=True))
+
+
+def _sizes(
+    name: str, values: Array, ways: Mapping[str, NDArray[np.bool_]], phases: Thresholds
+) -> dict[str, Array]:
+    """RMS, peak and mean magnitude of the low-passed course in every phase."""
+    size, slow = np.abs(values), np.abs(_slow(values, float(phases.newest)))
+    found: dict[str, Array] = {}
+    for way, inside in ways.items():
+        there = np.where(inside & np.isfinite(values), size, -np.inf).max(axis=0)
+        found |= {
+            f"{name}_rms{way}": np.sqrt(_mean(size**2, inside)),
+            f"{name}_peak{way}": np.where(np.isfinite(there), there, np.nan),
+            f"{name}_slow{way}": _mean(slow, inside),
+        }
+    return found
+
+
+def _slow(values: Array, newest: float) -> Array:
+    """Columns after the first-order low-pass, from their first sample on; over missing ones it waits."""
+    slow = np.full_like(values, np.nan)
+    for i, column in enumerate(values.T):
+        there = np.isfinite(column)
+        if there.any():
+            start = [(1.0 - newest) * column[there][0]]
+            slow[there, i], _ = lfilter([newest], [1.0, newest - 1.0], column[there], zi=start)
+    return slow
+
+
+def _step(time: Array) -> float:
+    """Time between samples, s; that of a rate's window where there is but one."""
+    return float(np.median(np.diff(time))) if len(time) > 1 else RATE_WINDOW
 
 
 def sliding_variable(trace: Trace) -> Array | None:
@@ -68,8 +109,7 @@ def _rate(time: Array, e: Array) -> Array:
 
     Between samples the error is interpolated, so that runs sampled differently have the same window.
     """
-    step = float(np.median(np.diff(time))) if len(time) > 1 else RATE_WINDOW
-    half = max(0.5 * RATE_WINDOW, step)
+    half = max(0.5 * RATE_WINDOW, _step(time))
     ends = [
         np.stack([np.interp(time + apart, time, column, np.nan, np.nan) for column in e.T], axis=1)
         for apart in (-half, half)

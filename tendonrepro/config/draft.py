@@ -10,13 +10,14 @@ from typing import TypeVar
 
 from pydantic import ValidationError
 
-from tendonrepro.config.fields.model import Model
+from tendonrepro.config.fields.model import Model, describe
 from tendonrepro.config.fields.strict_yaml import MAX_BYTES, Document, Key, Node, decode, load, read_text
 from tendonrepro.config.messages import Place, explain
 from tendonrepro.config.overrides import Override, apply_overrides
 from tendonrepro.config.shipped import shipped_file, shipped_folder, shipped_names
 from tendonrepro.errors import ConfigError, UsageError
 
+BASE = "base"
 MANIPULATOR = "manipulator"
 EXPERIMENTS = ("compare", "decouple", "ensemble")
 _M = TypeVar("_M", bound=Model)
@@ -64,6 +65,7 @@ class Draft:
     def __init__(self, source: ConfigSource, experiment: str | None) -> None:
         self._document = load(source.text, source.name)
         self._manipulator: Document | None = None
+        self._base: Document | None = None
         self._overrides: Sequence[Override] = ()
         self._folder = source.folder
         self.files = list(source.files)
@@ -73,6 +75,9 @@ class Draft:
             raise ConfigError(message, where=self._document.where(()))
         self.tree: dict[str, Node] = tree
         self.experiment = self._checked_kind(experiment)
+        self._own = set(tree)
+        if self.experiment in ("compare", "decouple"):
+            self._take_from_base()
 
     def _checked_kind(self, wanted: str | None) -> str:
         found = self.tree.get("experiment")
@@ -90,6 +95,26 @@ class Draft:
             key = ("experiment",) if "experiment" in self.tree else ()
             raise ConfigError(message, where=self._document.where(key))
         return str(wanted or found)
+
+    def _take_from_base(self) -> None:
+        """Fill in the keys that the file leaves to another of the same experiment."""
+        if BASE not in self.tree:
+            return
+        name = self.tree.pop(BASE)
+        if not isinstance(name, str):
+            message = f"{BASE}: must be the name of a file, found {describe(name)}"
+            raise ConfigError(message, where=self.locate((BASE,)).text)
+        path = self.named_file(name, BASE)
+        base = load(read_text(path), str(path))
+        if not isinstance(base.tree, dict) or base.tree.get("experiment") != self.experiment:
+            message = f"{BASE}: {name!r} is not for the experiment {self.experiment!r}"
+            raise ConfigError(message, where=self.locate((BASE,)).text)
+        if BASE in base.tree:
+            message = f"{BASE}: {name!r} has a base itself"
+            raise ConfigError(message, where=self.locate((BASE,)).text)
+        self.tree |= {key: value for key, value in base.tree.items() if key not in self._own}
+        self._base = base
+        self.files.append(path)
 
     def apply(self, overrides: Sequence[Override]) -> None:
         """Put the manipulator in its place and apply overrides; naming another manipulator comes first."""
@@ -155,7 +180,9 @@ class Draft:
             if path[: len(override.path)] == override.path and not named_file:
                 return Place(0, 0, override.option)
         if self._manipulator is not None and in_file:
-            return Place(2, self._manipulator.line(path[1:]), self._manipulator.where(path[1:]))
+            return Place(3, self._manipulator.line(path[1:]), self._manipulator.where(path[1:]))
+        if self._base is not None and path and path[0] not in self._own:
+            return Place(2, self._base.line(path), self._base.where(path))
         return Place(1, self._document.line(path), self._document.where(path))
 
     def validate(self, model: type[_M]) -> _M:

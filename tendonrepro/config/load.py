@@ -1,7 +1,8 @@
 """Configurations: YAML files become validated, immutable models with a hash.
 
-An experiment names a manipulator file or holds the manipulator itself. Nothing else is merged and no physical
-value has a default: what a file does not say is an error.
+An experiment names a manipulator file or holds the manipulator itself. It may name another as its base, whose
+keys it takes whole where it has none of its own. Nothing else is merged and no physical value has a default:
+what no file says is an error.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 from tendonrepro import __version__
 from tendonrepro.config.ensemble import load_ensemble
-from tendonrepro.config.models.readings import default_readings, full_cross, parse_reading
+from tendonrepro.config.models.readings import default_readings, every_pair, parse_reading
 from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.ensemble.block import Simulate, make_block
@@ -110,7 +110,7 @@ def load_study(
         base=loaded.base,
         boxes={name: box.only(held.confidences) for name, held in config.populations.items()},
         shares={name: held.share.si for name, held in config.populations.items()},
-        readings=full_cross() if readings == "all" else default_readings(config),
+        readings=every_pair() if readings == "all" else default_readings(config),
         variations=tuple(parse_reading(name) for name in config.variations),
         sha256=loaded.sha256,
         seed=int(config.seed.si),

@@ -41,7 +41,7 @@ def drawn_tree(base: Mapping[str, Any], draw: Mapping[str, float], shortest_run:
     _put_options(arm, draw)
     # Links 2 and 3 start in line with link 1: the workspace of the box rests on it.
     tree["posture"] = _drawn([draw["posture"], 0.0, 0.0], "rad", "posture")
-    tree["control"]["error_rate_cutoff"] = _drawn(draw["error_rate_cutoff"], "Hz", "error_rate_cutoff")
+    tree["control"]["filter_cutoff"] = _drawn(draw["filter_cutoff"], "Hz", "filter_cutoff")
     tree["reference"] = _reference(draw, shortest_run)
     tree["disturbance"] = _disturbance(draw)
     tree["seed"] = _drawn(_checksum(draw), "1", "its checksum, so that each has its own noise")

@@ -88,8 +88,8 @@ class Study:
         for reading in (*self.readings, *self.variations):
             for run in RUNS:
                 case = case_of(reading, run)
-                # A variation is asked of the runs it changes, a reading of all.
-                if case.settings or reading in self.readings:
+                # A variation is asked of the runs that all of it changes, a reading of all.
+                if case == reading or reading in self.readings:
                     lookup[run, reading.name] = cases.setdefault((run, case), len(cases))
         return tuple(cases), lookup
 

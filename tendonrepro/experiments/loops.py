@@ -20,6 +20,7 @@ from tendonrepro.config.models.reference import (
     Sine,
     Single,
 )
+from tendonrepro.config.published import published
 from tendonrepro.config.trajectory_file import read_samples
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.experiments.rig import (
@@ -50,6 +51,13 @@ from tendonrepro.simulation.stepper import DesiredMotion, Loop, Solver
 
 RESOLVED_ANGLE = 1e-9
 """Error that counts as resolved with an ideal encoder, rad; see ``Law.power_floor``."""
+
+
+PERIODS = {"one_period": 1, "two_periods": 2, "four_periods": 4}
+"""Sampling periods of the delay time under each reading of it."""
+
+RATED_SHARES = {"percent_of_rated": 0.01, "volt": 1.0 / 3.0}
+"""Share of the motors' rated torque in a unit of the law's torque; drives of this family take 3 V for all."""
 
 
 def reference_period(reference: ReferenceConfig) -> float:
@@ -180,17 +188,20 @@ def build_law(config: CompareConfig, name: str) -> Law:
     """
     gains, readings, choice = config.control.gains, config.control.readings, config.control.laws[name]
     n, L = len(config.joints), config.sampling_period.si
-    alpha = gains.alpha.si if choice.estimator == "alpha_tde" else np.zeros(n)
-    is_controller_2 = choice.surface == "ntsm" and choice.estimator == "tde"
+    alpha_tde = choice.estimator == "alpha_tde"
+    alpha = gains.alpha.si if alpha_tde else np.zeros(n)
+    is_controller_2 = choice.surface == "ntsm" and not alpha_tde
     dropped = is_controller_2 and readings.eta_in_controller_2 == "dropped"
     scale = 1.0 if readings.gain_unit == "radian" else DEGREES_PER_RADIAN
     mass_scale = DEGREES_PER_RADIAN if readings.gain_unit == "law_in_degrees" else 1.0
-    cutoff = config.control.error_rate_cutoff if readings.error_rate == "low_pass" else None
+    cutoff = config.control.filter_cutoff
+    low_pass = 1.0 if cutoff is None else 1.0 - float(np.exp(-2.0 * np.pi * cutoff.si * L))
     to_joint = torque_map(config)
     resolved = max(config.manipulator.encoders.joint.resolution.si, RESOLVED_ANGLE)
     return Law(
         surface=int(Surface[choice.surface.upper()]),
         L=L,
+        lag=PERIODS[readings.delay_time],
         M_bar=gains.M_bar.si * mass_scale,
         lam=gains.lam.si,
         eta=gains.eta.si,
@@ -200,26 +211,35 @@ def build_law(config: CompareConfig, name: str) -> Law:
         beta=gains.beta.si,
         K_d=gains.K_d.si if gains.K_d else np.zeros(n),
         K_p=gains.K_p.si if gains.K_p else np.zeros(n),
-        weights=estimator_weights(alpha, extrapolating=readings.weights == "extrapolating"),
+        weights=estimator_weights(alpha, readings.weights if alpha_tde else "interpolating"),
         newest=0 if readings.differencing == "centred" else 1,
         phi_is_odd=readings.phi_negative == "odd",
         power_inside=readings.phi_branch == "power",
         power_floor=resolved * scale,
         angle_scale=scale,
         rate_gain=np.ones(n) if dropped else gains.eta.si,
-        rate_filter=1.0 if cutoff is None else 1.0 - float(np.exp(-2.0 * np.pi * cutoff.si * L)),
+        rate_filter=low_pass if readings.error_rate == "low_pass" else 1.0,
+        ddq_filter=low_pass if readings.estimate_filter == "acceleration" else 1.0,
+        estimate_filter=low_pass if readings.estimate_filter == "estimate" else 1.0,
+        error_differenced=readings.error_rate == "difference_of_error",
         to_joint=to_joint,
         from_joint=np.asarray(np.linalg.inv(to_joint), dtype=np.float64),
+        stores_applied=readings.stored_torque == "applied",
+        motor_side=readings.feedback == "motor",
     )
 
 
 def torque_map(config: CompareConfig) -> Array:
     """Map from the law's torque coordinates to joint coordinates, (n, n); by virtual work ``S_invᵀ``."""
-    coordinates = config.control.readings.torque_coordinates
-    if coordinates == "joint":
-        return np.eye(len(config.joints))
-    ratio = config.manipulator.winches.reduction.si if coordinates == "motor_shaft" else 1.0
-    return np.ascontiguousarray(ratio * coupling(config)[1].T)
+    readings, reduction = config.control.readings, config.manipulator.winches.reduction.si
+    rated = reduction * published().number("hardware.rated_torque")
+    in_newton_metres = readings.torque_unit == "newton_metre"
+    scale = 1.0 if in_newton_metres else RATED_SHARES[readings.torque_unit] * rated
+    if readings.torque_coordinates == "joint":
+        return scale * np.eye(len(config.joints))
+    if readings.torque_coordinates == "motor_shaft" and in_newton_metres:
+        scale = reduction
+    return np.ascontiguousarray(scale * coupling(config)[1].T)
 
 
 def build_loops(

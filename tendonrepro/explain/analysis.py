@@ -11,7 +11,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.config.load import CompareConfig, LoadedConfig
-from tendonrepro.config.models.control import Readings
+from tendonrepro.config.models.control import FILTERED, Readings
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.linear import View, run_views
 from tendonrepro.experiments.loops import build_reference
@@ -97,19 +97,13 @@ def run_margins(view: View, postures: Array, ringing: float) -> RunMargins:
     found = [modes(loop_matrix(q, view.plant, view.law, view.delay), L) for q in postures]
     slow, fast = slowest(found, 0.0), slowest(found, ringing)
 
-    cuts, recalling = (
-        [open_loop(q, view.plant, view.law, view.delay, known=known) for q in postures]
-        for known in (False, True)
-    )
-    channels, recalled = (
-        tuple(worst([channel_margins(cut, joint, L) for cut in some]) for joint in joints)
-        for some in (cuts, recalling)
-    )
+    cuts = [open_loop(q, view.plant, view.law, view.delay) for q in postures]
+    channels = tuple(worst([channel_margins(cut, joint, L) for cut in cuts]) for joint in joints)
     disks = [disk_margin(cut, L) for cut in cuts]
     # NaN, of a posture where the loop grows, is the smallest of all.
     disk = min(disks, key=lambda pair: -1.0 if np.isnan(pair[0]) else pair[0])
     radius = float(np.exp(slow[0] * L))
-    return RunMargins(radius, -slow[0], slow[1], -fast[0], fast[1], channels, recalled, *disk)
+    return RunMargins(radius, -slow[0], slow[1], -fast[0], fast[1], channels, *disk)
 
 
 def worst(found: Sequence[ChannelMargins]) -> ChannelMargins:
@@ -159,7 +153,7 @@ def _what_ifs(
             # The history before the first sample is not part of a linear loop.
             if value == now or axis == "start":
                 continue
-            if value == "low_pass" and config.control.error_rate_cutoff is None:
+            if value in FILTERED and config.control.filter_cutoff is None:
                 continue
             readings = config.control.readings.model_copy(update={axis: value})
             control = config.control.model_copy(update={"readings": readings})

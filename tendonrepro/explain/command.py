@@ -132,8 +132,7 @@ def _run_data(view: View, margin: RunMargins) -> dict[str, Any]:
         "disk_margin": margin.disk,
         "disk_margin_hz": margin.disk_hz,
         "estimate_age": estimate_age(view.law, view.delay).tolist(),
-        "unknown_torque": lists(margin.channels),
-        "remembered_torque": lists(margin.recalled),
+        "torque": lists(margin.channels),
     }
 
 
@@ -155,8 +154,6 @@ def margin_rows(found: Explanation) -> Iterator[dict[str, Any]]:
                 "phase_margin_deg": _deg(channel.phase),
                 "crossover_hz": channel.crossover_hz,
                 "delay_margin_ms": 1e3 * channel.delay,
-                "remembered_gain_margin": margin.recalled[k].gain_up,
-                "remembered_gain_margin_hz": margin.recalled[k].gain_up_hz,
                 "disk_margin": margin.disk,
                 "loop_gain": channel.loop_gain,
                 "loop_gain_slope": channel.loop_slope,

@@ -26,8 +26,6 @@ class RunMargins:
         The same of the slowest mode above the frequency from which on errors count as ringing; NaN without.
     channels : tuple of ChannelMargins
         One per joint, for a torque that the law does not know.
-    recalled : tuple of ChannelMargins
-        The same where the law remembers the torque that really acts.
     disk, disk_hz : float
         Symmetric disk margin of all joints at once, and its frequency, Hz.
     """
@@ -38,7 +36,6 @@ class RunMargins:
     ringing_decay: float
     ringing_frequency: float
     channels: tuple[ChannelMargins, ...]
-    recalled: tuple[ChannelMargins, ...]
     disk: float
     disk_hz: float
 

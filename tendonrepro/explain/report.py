@@ -83,26 +83,23 @@ def _slow_errors(found: Explanation) -> Iterator[str]:
 
 def _reserve(found: Explanation) -> Iterator[str]:
     """How much more torque than commanded the weakest joint of each stable run bears."""
-    rows = [["", "torque times", "at joint", "rings up at", "if remembered", "at", "fast mode", "decays at"]]
+    rows = [["", "torque times", "at joint", "rings up at", "fast mode", "decays at"]]
     for run, margin in found.margins.items():
         if not margin.stable:
             continue
         k = int(np.argmin([np.nan_to_num(c.gain_up, nan=np.inf) for c in margin.channels]))
         up = margin.channels[k]
-        known = min(margin.recalled, key=lambda c: float(np.nan_to_num(c.gain_up, nan=np.inf)))
         cells = [
             _number_cell(up.gain_up, ".2f"),
             str(found.joints[k]),
             f"{_number_cell(up.gain_up_hz, '.1f')} Hz",
-            _number_cell(known.gain_up, ".5f"),
-            f"{_number_cell(known.gain_up_hz, '.3g')} Hz",
             f"{_number_cell(margin.ringing_frequency, '.3g')} Hz",
             f"{_number_cell(margin.ringing_decay, '.3g')}/s",
         ]
         rows.append([run, *cells])
     if len(rows) > 1:
-        head = "Reserve of stability: the torque that makes the weakest joint ring, unknown to the law or"
-        yield f"{head} remembered by it; slowest mode above slow motion\n{columns(rows)}"
+        head = "Reserve of stability: how much larger than commanded a torque makes the weakest joint ring"
+        yield f"{head}; slowest mode above slow motion\n{columns(rows)}"
 
 
 def _changes(found: Explanation) -> Iterator[str]:

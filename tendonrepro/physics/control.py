@@ -20,8 +20,8 @@ import numpy as np
 from tendonrepro.arrays import Array, choose
 from tendonrepro.physics.linalg import times
 
-SAMPLES_BACK = 4
-"""Oldest encoder sample that Eq. (16) needs."""
+ANGLES_BACK, TORQUES_BACK = 3, 2
+"""How many delay times back Eqs. (15) and (16) reach; their second difference is the first of a delay ago."""
 
 DEGREES_PER_RADIAN = 180.0 / np.pi
 
@@ -45,7 +45,9 @@ class Law(NamedTuple):
     surface : int
         A :class:`Surface`.
     L : float
-        Sampling period and delay time, s.
+        Sampling period, s; the delay time is `lag` of it.
+    lag : int
+        Sampling periods of the delay time; 1 as the paper suggests.
     M_bar : array (n,)
         kg m².
     lam, eta, b, Delta, beta : array (n,)
@@ -66,14 +68,22 @@ class Law(NamedTuple):
         Units of ``phi``'s argument per radian: 1, or 180/π where the gains mean degrees.
     rate_gain : array (n,)
         Factor of ``dphi`` in ``u``: ``eta``, or 1 where Controller 2's print drops it.
-    rate_filter : float
-        Weight of the newest value in the low-pass filter of the error's rate; 1 is no filter.
+    rate_filter, ddq_filter, estimate_filter : float
+        Weight of the newest value in the low-pass filter of the error's rate, of Eq. (16) and of ``H_hat``;
+        1 is no filter.
+    error_differenced : bool
+        The rate is the difference of the error, not the desired rate less that of the encoder.
     to_joint, from_joint : array (n, n)
         Map from the law's torque coordinates to joint coordinates, and back; identity as assumed by default.
+    stores_applied : bool
+        It remembers the torque that the drive put out, not the one it commanded.
+    motor_side : bool
+        Its angles are ``S q_motor`` of the motors' encoders, not those of the joints'.
     """
 
     surface: int
     L: float
+    lag: int
     M_bar: Array
     lam: Array
     eta: Array
@@ -90,29 +100,44 @@ class Law(NamedTuple):
     angle_scale: float
     rate_gain: Array
     rate_filter: float
+    ddq_filter: float
+    estimate_filter: float
+    error_differenced: bool
     to_joint: Array
     from_joint: Array
+    stores_applied: bool
+    motor_side: bool
 
 
 class Memory(NamedTuple):
-    """What the law remembers between two samples.
+    """What the law remembers between two samples, the newest first.
 
     Attributes
     ----------
-    q : array (4, n)
-        Encoder values at ``t - L`` to ``t - 4L``, newest first, rad.
-    tau : array (2, n)
-        Applied torques at ``t - L`` and ``t - 2L`` in joint coordinates, N m.
+    q : array (3 lag, n)
+        Encoder values one sample ago and before, as far back as ``t - 3L``, rad.
+    tau : array (2 lag, n)
+        Torques as far back as ``t - 2L`` in joint coordinates, N m: those commanded, within the motors'
+        limits, or those applied, see `Law.stores_applied`.
     de : array (n,)
-        Rate of the error at ``t - L``, rad s⁻¹.
+        Rate of the error one sample ago, rad s⁻¹.
+    q_d : array (n,)
+        Desired angles one sample ago, rad.
+    ddq : array (lag, n)
+        Accelerations of Eq. (16), those of the last ``lag`` samples, rad s⁻².
+    H_hat : array (n,)
+        Estimate one sample ago in joint coordinates, N m.
     """
 
     q: Array
     tau: Array
     de: Array
+    q_d: Array
+    ddq: Array
+    H_hat: Array
 
 
-def start_memory(q: Array, tau: Array) -> Memory:
+def start_memory(q: Array, tau: Array, lag: int = 1) -> Memory:
     """Start-up rule for ``t < 4L``: every delay line is filled with one value.
 
     An arm that has been at rest for longer than ``4L`` hands over its encoder values and its holding torque;
@@ -124,30 +149,56 @@ def start_memory(q: Array, tau: Array) -> Memory:
         Encoder values before the start, rad.
     tau : array (n,)
         Torque before the start, N m.
+    lag : int
+        Of the law.
 
     Returns
     -------
     Memory
     """
-    return Memory(q=np.stack([q] * SAMPLES_BACK), tau=np.stack([tau] * 2), de=np.zeros_like(q))
+    still = np.zeros_like(q)
+    return Memory(
+        q=np.stack([q] * (ANGLES_BACK * lag)),
+        tau=np.stack([tau] * (TORQUES_BACK * lag)),
+        de=still,
+        q_d=q,
+        ddq=np.stack([still] * lag),
+        H_hat=tau,
+    )
 
 
-def remember(memory: Memory, q: Array, de: Array, tau_m: Array) -> Memory:
+def packed_memory(values: Array, n: int, lag: int) -> Memory:
+    """Memory of n joints from all its numbers in order, ``(6 lag + 3) n`` of them."""
+    shapes = [part.shape for part in start_memory(np.zeros(n), np.zeros(n), lag)]
+    parts = np.split(values, np.cumsum([np.prod(shape) for shape in shapes])[:-1])
+    return Memory(*(part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)))
+
+
+def remember(memory: Memory, q: Array, q_d: Array, de: Array, H_hat: Array, tau: Array, law: Law) -> Memory:
     """Shift the delay lines by one period.
 
     Parameters
     ----------
     memory : Memory
-    q, de : array (n,)
-        Encoder values, rad, and rate of the error, rad s⁻¹, of this sample.
-    tau_m : array (n,)
-        Torque applied from this sample on, after saturation and delay, N m.
+    q, q_d, de : array (n,)
+        Encoder values and desired angles, rad, and rate of the error, rad s⁻¹, of this sample.
+    H_hat, tau : array (n,)
+        Estimate and torque of this sample in joint coordinates, N m; which torque is the reading
+        `Law.stores_applied`.
+    law : Law
     """
-    older_q = np.empty_like(memory.q)
-    older_tau = np.empty_like(memory.tau)
-    older_q[0], older_q[1:] = q, memory.q[:-1]
-    older_tau[0], older_tau[1] = tau_m, memory.tau[0]
-    return Memory(older_q, older_tau, de)
+    return Memory(
+        q=_shifted(memory.q, q),
+        tau=_shifted(memory.tau, tau),
+        de=de,
+        q_d=q_d,
+        ddq=_shifted(memory.ddq, delayed_acceleration(memory, q, law)),
+        H_hat=H_hat,
+    )
+
+
+def _shifted(line: Array, newest: Array) -> Array:
+    return np.concatenate((newest[np.newaxis], line[:-1]))
 
 
 def command(
@@ -175,7 +226,7 @@ def command(
     de : array (n,)
         Rate of the error, rad s⁻¹; goes into :func:`remember`.
     """
-    de = error_rate(memory, q, dq_d, law)
+    de = error_rate(memory, q, q_d, dq_d, law)
     H_hat = time_delay_estimate(memory, q, law)
     tau = np.empty_like(q)
     s = np.empty_like(q)
@@ -185,7 +236,7 @@ def command(
     return times(law.to_joint, tau), times(law.to_joint, H_hat), s, de
 
 
-def error_rate(memory: Memory, q: Array, dq_d: Array, law: Law) -> Array:
+def error_rate(memory: Memory, q: Array, q_d: Array, dq_d: Array, law: Law) -> Array:
     """Rate of the tracking error, ``de``, low-pass filtered where the law says so, rad s⁻¹.
 
     The measured part is the backward difference of the encoder; the paper names neither it nor a filter.
@@ -195,8 +246,8 @@ def error_rate(memory: Memory, q: Array, dq_d: Array, law: Law) -> Array:
     memory : Memory
     q : array (n,)
         Encoder values now, rad.
-    dq_d : array (n,)
-        Desired velocity now, rad s⁻¹.
+    q_d, dq_d : array (n,)
+        Desired angles, rad, and velocity, rad s⁻¹, now.
     law : Law
 
     Returns
@@ -205,7 +256,8 @@ def error_rate(memory: Memory, q: Array, dq_d: Array, law: Law) -> Array:
     """
     de = np.empty_like(q)
     for i in range(q.shape[0]):
-        newest = dq_d[i] - (q[i] - memory.q[0, i]) / law.L
+        desired = (q_d[i] - memory.q_d[i]) / law.L if law.error_differenced else dq_d[i]
+        newest = desired - (q[i] - memory.q[0, i]) / law.L
         de[i] = (1.0 - law.rate_filter) * memory.de[i] + law.rate_filter * newest
     return de
 
@@ -219,6 +271,35 @@ def time_delay_estimate(memory: Memory, q: Array, law: Law) -> Array:
     ----------
     memory : Memory
     q : array (n,)
+        Encoder values now, rad.
+    law : Law
+
+    Returns
+    -------
+    array (n,)
+    """
+    newest = delayed_acceleration(memory, q, law)
+    H_hat = np.zeros_like(q)
+    for back in range(2):
+        torque = times(law.from_joint, memory.tau[(back + 1) * law.lag - 1])
+        ddq = memory.ddq[law.lag - 1] if back else newest
+        for i in range(q.shape[0]):
+            H_hat[i] += law.weights[back, i] * (torque[i] - law.M_bar[i] * ddq[i])
+    before = times(law.from_joint, memory.H_hat)
+    for i in range(q.shape[0]):
+        H_hat[i] = (1.0 - law.estimate_filter) * before[i] + law.estimate_filter * H_hat[i]
+    return H_hat
+
+
+def delayed_acceleration(memory: Memory, q: Array, law: Law) -> Array:
+    """``ddq(t - L)`` of Eq. (16), low-pass filtered where the law says so, rad s⁻².
+
+    ``ddq(t - 2L)`` is what this was one delay time ago.
+
+    Parameters
+    ----------
+    memory : Memory
+    q : array (n,)
         Encoder values now, rad; only the centred reading uses them.
     law : Law
 
@@ -226,17 +307,12 @@ def time_delay_estimate(memory: Memory, q: Array, law: Law) -> Array:
     -------
     array (n,)
     """
-    samples = np.empty((SAMPLES_BACK + 1, q.shape[0]), q.dtype)
-    samples[0], samples[1:] = q, memory.q
-    H_hat = np.zeros_like(q)
-    for back in range(2):
-        torque = times(law.from_joint, memory.tau[back])
-        newest = law.newest + back
-        for i in range(q.shape[0]):
-            second_difference = samples[newest, i] - 2.0 * samples[newest + 1, i] + samples[newest + 2, i]
-            delayed = torque[i] - law.M_bar[i] * second_difference / (law.L * law.L)
-            H_hat[i] += law.weights[back, i] * delayed
-    return H_hat
+    L, lag = law.lag * law.L, law.lag
+    first = memory.q[lag - 1] if law.newest else q
+    k = (law.newest + 1) * lag - 1
+    ddq = (first - 2.0 * memory.q[k] + memory.q[k + lag]) / (L * L)
+    filtered: Array = (1.0 - law.ddq_filter) * memory.ddq[0] + law.ddq_filter * ddq
+    return filtered
 
 
 def surface_and_feedback(e: Any, de: Any, law: Law, i: int) -> tuple[Any, Any]:
@@ -333,21 +409,22 @@ def polynomial(b: Any, Delta: Any) -> tuple[Any, Any]:
     return (2.0 - b) * Delta ** (b - 1.0), (b - 1.0) * Delta ** (b - 2.0)
 
 
-def estimator_weights(alpha: Array, *, extrapolating: bool) -> Array:
-    """Weights of Eq. (15): ``(1 - alpha, alpha)``, or ``(1 + alpha, -alpha)`` where it extrapolates.
+def estimator_weights(alpha: Array, reading: str = "interpolating") -> Array:
+    """Weights of Eq. (15): ``(1 - alpha, alpha)`` as printed.
 
     Parameters
     ----------
     alpha : array (n,)
-        Zero is plain time-delay estimation, Eq. (8).
-    extrapolating : bool
+        Zero is plain time-delay estimation, Eq. (8), but for ``swapped``.
+    reading : str
+        ``extrapolating`` is ``(1 + alpha, -alpha)``, ``swapped`` is ``(alpha, 1 - alpha)``.
 
     Returns
     -------
     array (2, n)
     """
-    shift = -alpha if extrapolating else alpha
-    return np.stack([1.0 - shift, shift])
+    older = {"interpolating": alpha, "extrapolating": -alpha, "swapped": 1.0 - alpha}[reading]
+    return np.stack([1.0 - older, older])
 
 
 class Servo(NamedTuple):

@@ -16,9 +16,9 @@ from tendonrepro.arrays import Array
 from tendonrepro.physics.arm import gravity_torque, mass_matrix
 from tendonrepro.physics.control import (
     Law,
-    Memory,
     Surface,
     error_rate,
+    packed_memory,
     phi_slope,
     remember,
     time_delay_estimate,
@@ -85,25 +85,29 @@ def feedback_gains(law: Law) -> tuple[Array, Array]:
 def law_matrices(law: Law, n: int, delay: int = 0) -> tuple[Array, Array]:
     """Part of the loop that no plant enters: torque that leaves now (n, m), memory afterwards (m - 4 n, m).
 
-    The loop's state is the plant's (4 n), the law's memory (7 n) and the torques on their way to the motors
-    (delay n): ``m = 11 n + delay n``. The law's own functions are linear in it, so they are applied to every
-    unit vector.
+    The loop's state is the plant's (4 n), the law's memory, (6 lag + 3) n, and the torques on their way to
+    the motors (delay n). The law's own functions are linear in it, so they are applied to every unit vector.
     """
-    units, gains = np.eye((11 + delay) * n), feedback_gains(law)
+    units, gains = np.eye((_memory_end(law, 1) + delay) * n), feedback_gains(law)
     output, memory = zip(*(_law_step(z, law, n, *gains) for z in units), strict=True)
     return np.stack(output, axis=1), np.stack(memory, axis=1)
 
 
 def _law_step(z: Array, law: Law, n: int, on_error: Array, on_rate: Array) -> tuple[Array, Array]:
-    q, pending = z[:n], z[11 * n :]
-    memory = Memory(
-        q=z[4 * n : 8 * n].reshape(4, n), tau=z[8 * n : 10 * n].reshape(2, n), de=z[10 * n : 11 * n]
-    )
-    de = error_rate(memory, q, np.zeros(n), law)
-    feedback = law.M_bar * (on_rate * de - on_error * q)
-    queue = np.concatenate([pending, law.to_joint @ (feedback + time_delay_estimate(memory, q, law))])
-    after = remember(memory, q, de, queue[:n])
+    end, still = _memory_end(law, n), np.zeros(n)
+    q = z[2 * n : 3 * n] if law.motor_side else z[:n]
+    memory = packed_memory(z[4 * n : end], n, law.lag)
+    de, H_hat = error_rate(memory, q, still, still, law), time_delay_estimate(memory, q, law)
+    tau = law.to_joint @ (law.M_bar * (on_rate * de - on_error * q) + H_hat)
+    queue = np.concatenate([z[end:], tau])
+    known = queue[:n] if law.stores_applied else tau
+    after = remember(memory, q, still, de, law.to_joint @ H_hat, known, law)
     return queue[:n], np.concatenate([*map(np.ravel, after), queue[n:]])
+
+
+def _memory_end(law: Law, n: int) -> int:
+    """Entries of the loop's state up to the end of the law's memory."""
+    return (4 + 6 * law.lag + 3) * n
 
 
 def closed(Phi: Array, Gamma: Array, output: Array, memory: Array) -> Array:
@@ -115,22 +119,17 @@ def closed(Phi: Array, Gamma: Array, output: Array, memory: Array) -> Array:
     return np.concatenate(list(parts), axis=-2)
 
 
-def open_loop(
-    q: Array, plant: Plant, law: Law, delay: int = 0, *, known: bool = False
-) -> tuple[Array, Array, Array]:
+def open_loop(q: Array, plant: Plant, law: Law, delay: int = 0) -> tuple[Array, Array, Array]:
     """Loop cut before the plant: ``z[k+1] = A z[k] + B v[k]``, ``tau_m[k] = C z[k]``.
 
-    It is closed by ``v = tau_m``. If `known`, what the plant feels, ``v``, is also what the law remembers, as
-    where it measures the motors' torque; else the law remembers its own ``tau_m``.
+    It is closed by ``v = tau_m``. The law remembers its own torque, whatever the plant feels, as with a wrong
+    torque constant.
     """
     n = q.size
     output, memory = law_matrices(law, n, delay)
     Phi, Gamma = hold_discretised(*plant_matrices(q, plant), law.L)
     A, B = closed(Phi, 0.0 * Gamma, output, memory), np.zeros_like(output.T)
     B[: 4 * n] = Gamma
-    if known:
-        newest = slice(8 * n, 9 * n)
-        A[newest], B[newest] = 0.0, np.eye(n)
     return A, B, output
 
 

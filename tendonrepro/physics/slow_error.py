@@ -17,15 +17,18 @@ TYPICAL_ERROR_DEG = 0.25
 def estimate_age(law: Law, delay: int = 0) -> Array:
     """Mean age of the estimate when it acts, in periods, (n,).
 
-    Without delay 1 + α by Eq. (15), 1 by Eq. (8), and 1 − α extrapolating.
+    As assumed 1 + α by Eq. (15), 1 by Eq. (8), and 1 − α extrapolating. A delay of the output adds to it
+    where the law remembers the torque that was applied; one that remembers its own command meets the delay on
+    both sides of its equation. The mean lag of a low-pass filter of the estimate adds to it too.
 
     Parameters
     ----------
     law : Law
     delay : int
-        Whole samples between command and output; the law remembers the torque that acts.
+        Whole samples between command and output.
     """
-    return np.asarray(law.weights[0] + 2.0 * law.weights[1] + delay)
+    waited = delay * law.stores_applied + (1.0 / law.estimate_filter - 1.0)
+    return np.asarray(law.lag * (law.weights[0] + 2.0 * law.weights[1]) + waited)
 
 
 def stiffness(law: Law, e: float) -> Array:

@@ -176,7 +176,8 @@ def _branches(loop: Loop) -> Hashable:
     """What the code of a sample depends on, besides what is zero or one in all its loops."""
     law = _law(loop)
     surface = (law.phi_is_odd, law.power_inside) if law.surface == Surface.NTSM else ()
-    return loop.plant.preload.size, law.surface, law.newest, surface, loop.actuator.delay
+    wiring = loop.actuator.delay, law.lag, law.stores_applied, law.motor_side
+    return loop.plant.preload.size, law.surface, law.newest, law.error_differenced, surface, wiring
 
 
 def _packs(
@@ -212,9 +213,8 @@ class _Results:
     def keep(self, loops: Mapping[int, Loop], ended: Ended) -> None:
         """Keep what the experiments of a pack, by place, left behind."""
         places, lanes = list(loops), [*loops.values()]
-        period = [round(loop.reference.period / loop.L) or loop.reference.time.size for loop in lanes]
         fast = _fast_shares(ended, self.block(lanes[0].L), lanes[0].L, self.limits.ringing_frequency.si)
-        for name, values in streaming.finished(ended.sums, ended.count, np.array(period), fast).items():
+        for name, values in streaming.finished(ended.sums, ended.count, fast).items():
             self.statistics[name][places] = values.T
         ringing = (fast > self.limits.ringing_share.si).any(axis=0)
         codes = [STATUSES.index(name) for name in ("diverged", "ringing", "ok")]

@@ -1,7 +1,7 @@
 """The sampled controllers: what each decides at a sample, and what it remembers.
 
-A controller runs once per period on encoder values and is told afterwards what torque was really applied. Its
-memory is a value that it returns, never state of its own.
+A controller runs once per period on encoder values and is told afterwards what the drive made of its torque.
+Its memory is a value that it returns, never state of its own.
 """
 
 from __future__ import annotations
@@ -27,10 +27,21 @@ class Measurement(NamedTuple):
     q_motor: Array
 
 
+class DriveTorque(NamedTuple):
+    """What became of a command, in joint coordinates, N m, each (n,).
+
+    ``applied`` acts from this sample on, after delay, rounding and saturation; ``commanded`` is this sample's
+    command within the motors' limits.
+    """
+
+    applied: Array
+    commanded: Array
+
+
 class ControlDecision(NamedTuple):
     """What a controller makes of one sample: torque in joint coordinates, N m, (n,), and its signals.
 
-    `carry` is whatever ``remember`` needs besides the measurement and the applied torque.
+    `carry` is whatever ``remember`` needs besides the measurement and the torque.
     """
 
     tau: Array
@@ -45,6 +56,10 @@ class Controller(Protocol):
     def signals(self) -> tuple[str, ...]:
         """Names of the variables it adds to a trace."""
 
+    @property
+    def motor_side(self) -> bool:
+        """Whether ``measured.q`` has to be ``S q_motor`` of the motors' encoders."""
+
     def init(self, measured: Measurement, tau_before: Array) -> Any:
         """Memory at the first sample, given the torque that acted until then."""
 
@@ -53,8 +68,10 @@ class Controller(Protocol):
     ) -> ControlDecision:
         """Torque for this sample."""
 
-    def remember(self, memory: Any, measured: Measurement, decision: ControlDecision, tau_m: Array) -> Any:
-        """Memory for the next sample, given the torque that was really applied."""
+    def remember(
+        self, memory: Any, measured: Measurement, decision: ControlDecision, tau: DriveTorque
+    ) -> Any:
+        """Memory for the next sample, given what became of the command."""
 
     def derived(self, variables: Mapping[str, Array], plant: Plant) -> dict[str, Array]:
         """Further variables of a trace, each (T, n), that follow from the run's own."""
@@ -85,22 +102,29 @@ class TimeDelayController:
         """Names of the variables it adds to a trace."""
         return ("H_hat", "s")
 
+    @property
+    def motor_side(self) -> bool:
+        """Whether its angles come from the motors' encoders."""
+        return self.law.motor_side
+
     def init(self, measured: Measurement, tau_before: Array) -> Memory:
         """Memory by the start-up rule."""
-        return start_memory(measured.q, tau_before)
+        return start_memory(measured.q, tau_before, self.law.lag)
 
     def decide(
         self, memory: Memory, measured: Measurement, q_d: Array, dq_d: Array, ddq_d: Array
     ) -> ControlDecision:
         """Torque by Eq. (17)."""
         tau, H_hat, s, de = self.command(memory, measured.q, q_d, dq_d, ddq_d, self.law)
-        return ControlDecision(tau, (H_hat, s), de)
+        return ControlDecision(tau, (H_hat, s), (q_d, de))
 
     def remember(
-        self, memory: Memory, measured: Measurement, decision: ControlDecision, tau_m: Array
+        self, memory: Memory, measured: Measurement, decision: ControlDecision, tau: DriveTorque
     ) -> Memory:
         """Shift the delay lines."""
-        return remember(memory, measured.q, decision.carry, tau_m)
+        known = tau.applied if self.law.stores_applied else tau.commanded
+        q_d, de = decision.carry
+        return remember(memory, measured.q, q_d, de, decision.signals[0], known, self.law)
 
     def derived(self, variables: Mapping[str, Array], plant: Plant) -> dict[str, Array]:
         """Lumped dynamics by Eq. (6) and estimation error by Eq. (19), in joint coordinates."""
@@ -130,6 +154,11 @@ class PositionController:
         """It adds no variable to a trace."""
         return ()
 
+    @property
+    def motor_side(self) -> bool:
+        """It reads the motors' angles themselves."""
+        return False
+
     def init(self, measured: Measurement, tau_before: Array) -> tuple[Array, Array]:
         """Return the motor angles one sample ago and the torque until now, which stays as an offset."""
         return measured.q_motor, tau_before
@@ -144,10 +173,10 @@ class PositionController:
         return ControlDecision(offset + self.S_inv.T @ torque, (), None)
 
     def remember(
-        self, memory: tuple[Array, Array], measured: Measurement, decision: ControlDecision, tau_m: Array
+        self, memory: tuple[Array, Array], measured: Measurement, decision: ControlDecision, tau: DriveTorque
     ) -> tuple[Array, Array]:
         """Keep this sample's motor angles."""
-        del decision, tau_m
+        del decision, tau
         return measured.q_motor, memory[1]
 
     def derived(self, variables: Mapping[str, Array], plant: Plant) -> dict[str, Array]:

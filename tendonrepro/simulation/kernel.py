@@ -13,7 +13,7 @@ import numpy as np
 from tendonrepro.arrays import Array, choose
 from tendonrepro.physics import control
 from tendonrepro.physics.arm import mass_matrix
-from tendonrepro.physics.control import Law, Memory
+from tendonrepro.physics.control import Law, packed_memory
 from tendonrepro.physics.drive import tendon_torque, to_winch_angle, to_winch_torque
 from tendonrepro.physics.dynamics import Plant, state_derivative
 from tendonrepro.physics.friction import dry_slope
@@ -21,7 +21,7 @@ from tendonrepro.physics.instruments import Actuator, Encoder, applied_torque, q
 from tendonrepro.physics.linalg import solve_positive_definite, times
 from tendonrepro.simulation import streaming
 from tendonrepro.simulation.codegen.lanes import LaneRows, LaneTape, lane_code, remembered
-from tendonrepro.simulation.controllers import Measurement, TimeDelayController
+from tendonrepro.simulation.controllers import DriveTorque, Measurement, TimeDelayController
 from tendonrepro.simulation.resolution import demand
 from tendonrepro.simulation.stepper import LARGEST_TORQUE
 
@@ -36,12 +36,14 @@ RECORDED = ("state", "q_encoder", "tau_cmd", "tau_m", "H_hat", "s")
 class LoopNumbers(NamedTuple):
     """All numbers of a loop, stacked over experiments: the leaves' last axis (N,).
 
+    ``encoder`` is the one that the law looks at and ``theta_start`` (n, N) where its motors' angles are zero,
     ``S`` and ``S_inv`` are (n, n, N), ``limit`` (N,) the error beyond which a run has diverged, rad,
     ``samples`` (N,) the samples of the reference.
     """
 
     law: Law
     encoder: Encoder
+    theta_start: Array
     actuator: Actuator
     S: Array
     S_inv: Array
@@ -200,13 +202,16 @@ def sample_code(numbers: LoopNumbers) -> tuple[str, LaneRows]:
     x = rows.parameters(tape, "loop", numbers)
     k, q_d, dq_d, ddq_d = tape.write("argument", "k"), read("q_d", n), read("dq_d", n), read("ddq_d", n)
     controller = TimeDelayController(x.law, control.command)
-    memory = Memory(*(read("memory", 7 * n)[part].reshape(shape) for part, shape in _memory_parts(n)))
+    memory = packed_memory(read("memory", (6 * x.law.lag + 3) * n), n, x.law.lag)
     pending = list(read("pending", x.actuator.delay * n).reshape(-1, n))
-    q = read("state", 4 * n)[:n] + x.encoder.noise * read("noise_q", n)
-    measured = Measurement(np.array([quantise(angle, x.encoder.resolution) for angle in q], dtype=object), q)
+    state, noise = read("state", 4 * n), x.encoder.noise * read("noise_q", n)
+    q = x.S_inv @ (state[2 * n : 3 * n] - x.theta_start) if x.law.motor_side else state[:n]
+    q = np.array([quantise(angle, x.encoder.resolution) for angle in q + noise], dtype=object)
+    measured = Measurement(x.S @ q if x.law.motor_side else q, q)
     decision = controller.decide(memory, measured, q_d, dq_d, ddq_d)
     tau_m = applied_torque((queue := [*pending, decision.tau])[0], x.actuator, x.S, x.S_inv)
-    after = controller.remember(memory, measured, decision, tau_m)
+    commanded = applied_torque(decision.tau, x.actuator._replace(resolution=0.0), x.S, x.S_inv)
+    after = controller.remember(memory, measured, decision, DriveTorque(tau_m, commanded))
 
     H_hat, s = decision.signals
     tau_before, live = read("tau_m", n), read("live", 1)[0]
@@ -214,7 +219,7 @@ def sample_code(numbers: LoopNumbers) -> tuple[str, LaneRows]:
     winch = x.S.T @ tau_m
     sample = streaming.Sample(
         e=q_d - measured.q,
-        de=decision.carry,
+        de=decision.carry[1],
         dq_d=dq_d,
         ddq_d=ddq_d,
         s=s,
@@ -243,8 +248,3 @@ def sample_code(numbers: LoopNumbers) -> tuple[str, LaneRows]:
     write("s", s)
     write("tau_applied", tau_m + x.S_inv.T @ (x.actuator.noise * read("noise_tau", n)))
     return lane_code("sample", tape, results, rows), rows
-
-
-def _memory_parts(n: int) -> tuple[tuple[slice, tuple[int, ...]], ...]:
-    """Where each part of the law's memory stands, and its shape."""
-    return (slice(0, 4 * n), (4, n)), (slice(4 * n, 6 * n), (2, n)), (slice(6 * n, 7 * n), (n,))

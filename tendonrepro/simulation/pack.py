@@ -156,11 +156,11 @@ class _Signals:
     def __init__(self, loops: Sequence[Loop]) -> None:
         self._n = loops[0].plant.preload.size
         self._motions = {id(loop.reference): loop.reference for loop in loops}
-        self._noises = {loop.seed: loop for loop in loops if _is_noisy(loop)}
+        self._noises = {_noise_of(loop): loop for loop in loops if _is_noisy(loop)}
         motions, noises = list(self._motions), list(self._noises)
         self.of = (
             [motions.index(id(loop.reference)) for loop in loops],
-            [noises.index(loop.seed) if _is_noisy(loop) else -1 for loop in loops],
+            [noises.index(_noise_of(loop)) if _is_noisy(loop) else -1 for loop in loops],
         )
 
     def slices(self, samples: int) -> Iterator[tuple[Array, Array]]:
@@ -178,7 +178,12 @@ def _motion(motion: DesiredMotion, start: int, length: int) -> Array:
 
 
 def _is_noisy(loop: Loop) -> bool:
-    return not loop.joint_encoder.noise == loop.actuator.noise == 0.0
+    return not loop.encoder.noise == loop.actuator.noise == 0.0
+
+
+def _noise_of(loop: Loop) -> tuple[int, bool]:
+    """What tells noises apart: their seed, and which encoders they belong to."""
+    return loop.seed, loop.controller.motor_side
 
 
 def _ended(values: Array, n: int, blocks: Array, trace: Array) -> Ended:

@@ -19,7 +19,7 @@ from tendonrepro.simulation.codegen.lanes import LaneRows, bundled, columns, sta
 from tendonrepro.simulation.codegen.machine import LaneCode
 from tendonrepro.simulation.kernel import LoopNumbers, sample_code, step_code
 from tendonrepro.simulation.resolution import HIGHEST, PACES, plant_modes, steps_by_demand
-from tendonrepro.simulation.stepper import JOINT_NOISE, TORQUE_NOISE, Loop, random_stream
+from tendonrepro.simulation.stepper import JOINT_NOISE, MOTOR_NOISE, TORQUE_NOISE, Loop, random_stream
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ def sample_part(
     tau = np.stack([np.zeros_like(torque[k]) if loop.cold else torque[k] for k, loop in loops.items()], -1)
     source, rows = sample_code(numbers)
     code = compiled.compiled_lanes(source, "sample")
-    start = _start(tau, numbers.actuator.delay, [*loops.values()])
+    start = _start(tau, numbers, [*loops.values()])
     return CompiledPart(code, rows, start, {place: k for k, place in enumerate(loops)})
 
 
@@ -101,13 +101,13 @@ def _numbers(loops: Sequence[Loop], laws: Sequence[Law]) -> LoopNumbers:
     for loop in loops:
         if id(loop.reference) not in phases:
             reference = loop.reference
-            period = round(reference.period / loop.L)
-            phases[id(reference)] = streaming.thresholds(reference.dq_d, reference.ddq_d, period)
+            phases[id(reference)] = streaming.thresholds(reference.dq_d, reference.ddq_d, loop.L)
     numbers: LoopNumbers = stacked(
         [
             LoopNumbers(
                 law=law,
-                encoder=loop.joint_encoder,
+                encoder=loop.encoder,
+                theta_start=_theta_start(loop),
                 actuator=loop.actuator,
                 S=loop.plant.drive.S,
                 S_inv=loop.plant.drive.S_inv,
@@ -121,17 +121,25 @@ def _numbers(loops: Sequence[Loop], laws: Sequence[Law]) -> LoopNumbers:
     return numbers
 
 
-def _start(tau: Array, delay: int, loops: Sequence[Loop]) -> dict[str, Array]:
+def _theta_start(loop: Loop) -> Array:
+    """Where motor angles are zero, in joint coordinates, (n,); nobody asks where joints are measured."""
+    still = np.zeros_like(loop.plant.preload)
+    return np.split(rest_state(still, loop.plant), 4)[2] if loop.controller.motor_side else still
+
+
+def _start(tau: Array, numbers: LoopNumbers, loops: Sequence[Loop]) -> dict[str, Array]:
     """Memory of every law by the start-up rule; ``tau`` (n, N) acted before."""
     n, count = tau.shape
     angles = [
-        quantise(loop.joint_encoder.noise * next(unit_noise(loop, [1]))[0, :n], loop.joint_encoder.resolution)
+        quantise(loop.encoder.noise * next(unit_noise(loop, [1]))[0, :n], loop.encoder.resolution)
         for loop in loops
     ]
-    memory = start_memory(np.stack(angles, axis=-1), tau)
+    if numbers.law.motor_side:
+        angles = [loop.plant.drive.S @ angle for loop, angle in zip(loops, angles, strict=True)]
+    memory = start_memory(np.stack(angles, axis=-1), tau, numbers.law.lag)
     return {
         "memory": np.concatenate([np.reshape(part, (-1, count)) for part in memory]),
-        "pending": np.tile(tau, (delay, 1)),
+        "pending": np.tile(tau, (numbers.actuator.delay, 1)),
         "tau_m": tau,
         "H_hat": tau,
         "live": np.ones((1, count)),
@@ -140,6 +148,7 @@ def _start(tau: Array, delay: int, loops: Sequence[Loop]) -> dict[str, Array]:
 
 def unit_noise(loop: Loop, lengths: Sequence[int]) -> Iterator[Array]:
     """Noise of encoders and torque before it is scaled, (samples, 2 n), in slices."""
-    n, streams = loop.plant.preload.size, [random_stream(loop, kind) for kind in (JOINT_NOISE, TORQUE_NOISE)]
+    n, angle = loop.plant.preload.size, MOTOR_NOISE if loop.controller.motor_side else JOINT_NOISE
+    streams = [random_stream(loop, kind) for kind in (angle, TORQUE_NOISE)]
     for samples in lengths:
         yield np.hstack([stream.standard_normal((samples, n)) for stream in streams])

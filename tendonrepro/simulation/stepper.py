@@ -20,7 +20,7 @@ from tendonrepro.errors import TendonreproError
 from tendonrepro.physics.drive import tendon_torque, to_joint_torque
 from tendonrepro.physics.dynamics import Plant, holding_torque, link_acceleration, rest_state
 from tendonrepro.physics.instruments import Actuator, Encoder, applied_torque, noise_sequence, quantise
-from tendonrepro.simulation.controllers import Controller, Measurement
+from tendonrepro.simulation.controllers import Controller, DriveTorque, Measurement
 
 STEPS_PER_SAMPLE = 5000
 """Integrator steps in one period after which a plant counts as one it cannot resolve."""
@@ -111,6 +111,11 @@ class Loop:
     cold: bool
     seed: int
 
+    @property
+    def encoder(self) -> Encoder:
+        """The encoders whose angles the controller is given."""
+        return self.motor_encoder if self.controller.motor_side else self.joint_encoder
+
 
 def simulate(loop: Loop, progress: Callable[[int], None] | None = None) -> dict[str, Array]:
     """Run a closed loop from rest to the end of its reference, or until it diverges.
@@ -157,6 +162,7 @@ def _run(loop: Loop, record: Mapping[str, Array], progress: Callable[[int], None
     tau_before = np.zeros(n) if loop.cold else holding_torque(np.zeros(n), plant)
     memory = controller.init(measure(0, state), tau_before)
     pending = [tau_before] * loop.actuator.delay
+    limits = loop.actuator._replace(resolution=0.0)
     for k in range(samples):
         measured = measure(k, state)
         decision = controller.decide(
@@ -169,7 +175,8 @@ def _run(loop: Loop, record: Mapping[str, Array], progress: Callable[[int], None
             rows[k] = value
         if k + 1 == samples or not _bounded(reference.q_d[k] - measured.q, tau_m, loop.divergence_limit):
             break
-        memory = controller.remember(memory, measured, decision, tau_m)
+        commanded = applied_torque(decision.tau, limits, S, S_inv)
+        memory = controller.remember(memory, measured, decision, DriveTorque(tau_m, commanded))
         # The noise acts on the plant alone: no controller can know it.
         state = advance(reference.time[k], reference.time[k + 1], state, tau_m + noise[k])
         if k % PROGRESS_INTERVAL == PROGRESS_INTERVAL - 1:
@@ -195,14 +202,14 @@ def _instruments(loop: Loop) -> Callable[[int, Array], Measurement]:
     q_noise = noise_sequence(loop.joint_encoder.noise, shape, random_stream(loop, JOINT_NOISE))
     motor_noise = noise_sequence(loop.motor_encoder.noise, shape, random_stream(loop, MOTOR_NOISE))
     theta_start = rest_state(np.zeros(n), loop.plant)[2 * n : 3 * n]
-    S_inv = loop.plant.drive.S_inv
+    S, S_inv = loop.plant.drive.S, loop.plant.drive.S_inv
 
     def measure(k: int, state: Array) -> Measurement:
         q_motor = S_inv @ (state[2 * n : 3 * n] - theta_start)
-        return Measurement(
-            q=quantise(state[:n] + q_noise[k], loop.joint_encoder.resolution),
-            q_motor=quantise(q_motor + motor_noise[k], loop.motor_encoder.resolution),
-        )
+        q_motor = quantise(q_motor + motor_noise[k], loop.motor_encoder.resolution)
+        if loop.controller.motor_side:
+            return Measurement(q=S @ q_motor, q_motor=q_motor)
+        return Measurement(quantise(state[:n] + q_noise[k], loop.joint_encoder.resolution), q_motor)
 
     return measure
 

@@ -1,6 +1,7 @@
 """The vectorised statistics are the streamed ones."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ class TestStatistics:
     def test_they_agree_with_the_sums(self):
         trace = make_compare_file(step=0.05, periods=1).runs["controller_2"]
         dq_d, ddq_d = derivatives(trace)
-        phases = thresholds(dq_d, ddq_d, 0.0)
+        phases = thresholds(dq_d, ddq_d, 0.05)
         n, count = 2, len(trace.time)
         sums = Sums(*(np.zeros(n) for _ in Sums._fields))
         e, s, tau, H_hat = (trace[name] for name in ("e", "s", "tau_m", "H_hat"))
@@ -27,10 +28,11 @@ class TestStatistics:
             before = tau[max(k - 1, 0)]
             sample = Sample(e[k], none, dq_d[k], ddq_d[k], s[k], tau[k], before, H_hat[k], none, none)
             sums = add_sample(sums, sample, 1.0, float(k), phases)
-        expected = finished(sums, count, count, none)
+        expected = finished(sums, count, none)
         found = statistics_of(trace, (dq_d, ddq_d))
-        assert set(found) == {"s_rms", "torque_rms", "torque_step_rms", "torque_up", "torque_down"} | {
-            *("H_hat_up", "H_hat_down", "mae_rapid", "mae_calm")
+        sizes = product(("torque", "H_hat"), ("rms", "peak", "slow"), ("", "_up", "_down"))
+        assert set(found) == {"s_rms", "torque_step_rms", "mae_rapid", "mae_calm"} | {
+            f"{signal}_{size}{phase}" for signal, size, phase in sizes
         }
         for name, values in found.items():
             assert values == pytest.approx(expected[name], rel=1e-12), name
@@ -43,8 +45,11 @@ class TestStatistics:
         up = rates[0] > 0.05 * np.abs(rates[0]).max(axis=0)
         up[10:20] = False
         found = statistics_of(replace(trace, variables={**trace.variables, "H_hat": holed}), rates)
-        expected = [trace["H_hat"][up[:, i], i].mean() for i in range(2)]
-        assert found["H_hat_up"] == pytest.approx(expected, rel=1e-12)
+        size = np.abs(trace["H_hat"])
+        expected = [np.sqrt((size[up[:, i], i] ** 2).mean()) for i in range(2)]
+        assert found["H_hat_rms_up"] == pytest.approx(expected, rel=1e-12)
+        assert found["H_hat_peak_up"] == pytest.approx([size[up[:, i], i].max() for i in range(2)])
+        assert np.isfinite(found["H_hat_slow_up"]).all(), "the low-pass goes on after a gap"
 
     @pytest.mark.parametrize(("name", "beta"), [("controller_1", None), ("controller_3", 2.0)])
     def test_s_follows_from_e_by_eq_11(self, name, beta):
@@ -64,7 +69,10 @@ class TestStatistics:
         tau[7, 0] = -2.0
         found = statistics_of(replace(trace, variables={"tau_m": tau}), None)
         assert found["torque_rms"].tolist() == pytest.approx([2.0, np.nan], nan_ok=True)
+        for name in ("torque_peak", "torque_slow"):
+            assert found[name].tolist() == pytest.approx([2.0, np.nan], nan_ok=True)
         assert np.isnan(found["torque_step_rms"]).all()
+        assert not any(name.endswith(("_up", "_down")) for name in found), "no phases without rates"
 
     def test_s_needs_a_law_an_error_and_more_than_one_sample(self):
         trace = make_compare_file(step=0.05, periods=1, without=("s",)).runs["controller_2"]

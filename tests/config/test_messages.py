@@ -126,8 +126,8 @@ CHANGED_LINE = [
      "control.gains.b.value.1: must be above 0 and below 1, found 1"),
     ("compare", "value:  [8, 8]", "value: [8, 8, 8]",
      "control.gains.lam.value: must have 2 entries, one per moving joint, found 3"),
-    ("lumidouce_ii", "[0.70, 0.45, 0.25]", "[0.7, -0.45, 0.2]",
-     "manipulator.links.mass.value.1: must be above 0 kg, found -0.45 kg"),
+    ("lumidouce_ii", "[0.77, 0.47, 0.22]", "[0.7, -0.47, 0.2]",
+     "manipulator.links.mass.value.1: must be above 0 kg, found -0.47 kg"),
     # singular or impossible mechanisms
     ("lumidouce_ii", "value:  [37, 37, 37]", "value: [37, 37, 0]",
      "manipulator.routing.winch_diameter.value.2: must be above 0 mm, found 0 mm"),
@@ -163,10 +163,10 @@ OTHER_LINE = [
     ("compare", "seed:\n  value:  1\n", "seed:\n", "seed:", "seed: missing key 'value'"),
     ("compare", "    law: controller_3\n", "", "  controller_3:\n", "runs.controller_3: missing key 'law'"),
     ("compare", "  kind: none ", "  kind: step ", "disturbance:", "disturbance: missing key 'torque'"),
-    ("compare", "    value:  2.5\n", "    value:  2.5001\n", "reference:",
-     "reference: lasts 18.0004 s, which must be a whole multiple of the sampling period, 1 ms"),
-    ("decouple", "        value:  2.5\n", "        value:  2.5001\n", "    reference:",
-     "runs.decouple.reference: lasts 28.0008 s, which must be a whole multiple"),
+    ("compare", "    value:  2.3\n", "    value:  2.3001\n", "reference:",
+     "reference: lasts 15.2004 s, which must be a whole multiple of the sampling period, 1 ms"),
+    ("decouple", "        value:  2.3\n", "        value:  2.3001\n", "    reference:",
+     "runs.decouple.reference: lasts 30.4008 s, which must be a whole multiple"),
     ("compare", "  max_step:\n    value:  1\n", "  max_step:\n    value:  0.3\n", "    value:  0.3",
      "solver.max_step.value: must divide the sampling period, 1 ms, found 0.3 ms"),
     ("compare", "  kind: none ", STEP.replace("1.5", "1.0005"), "  start: {",
@@ -200,7 +200,7 @@ def test_many_mistakes_are_counted_and_the_first_are_named(files: Files) -> None
 
 
 def test_all_mistakes_at_once_in_reading_order(files: Files) -> None:
-    files.replace("lumidouce_ii", "[0.70, 0.45, 0.25]", "[-0.7, 0.45, -0.2]")
+    files.replace("lumidouce_ii", "[0.77, 0.47, 0.22]", "[-0.7, 0.45, -0.2]")
     files.replace("lumidouce_ii", "side: negative", "side: left")
     files.replace("compare", "joints: [2, 3]", "joints: [3]")
     files.replace("compare", "    alpha:", "    alhpa:")
@@ -225,8 +225,8 @@ def test_gains_a_law_needs(files: Files) -> None:
     start, end = text.index("    K_d:"), text.index("  laws:")
     files.replace("compare", text[start:end], "")
     assert files.mistakes() == [
-        "compare.yaml:50: control.gains: missing key 'K_d', which the law 'tdc' needs",
-        "compare.yaml:50: control.gains: missing key 'K_p', which the law 'tdc' needs",
+        "compare.yaml:53: control.gains: missing key 'K_d', which the law 'tdc' needs",
+        "compare.yaml:53: control.gains: missing key 'K_p', which the law 'tdc' needs",
     ]
     files.replace("compare", "    tdc:          {surface: pd,   estimator: tde}\n", "")
     config = load_config(files.path("compare"), "compare").config
@@ -235,12 +235,12 @@ def test_gains_a_law_needs(files: Files) -> None:
 
 def test_cutoff_that_the_low_pass_needs(files: Files) -> None:
     text = TEXTS["compare"]
-    start, end = text.index("  error_rate_cutoff:"), text.index("# ---- Runs")
+    start, end = text.index("  filter_cutoff:"), text.index("# ---- Runs")
     files.replace("compare", text[start:end], "")
     load_config(files.path("compare"), "compare")
     files.replace("compare", "backward_difference ", "low_pass ")
     (mistake,) = files.mistakes()
-    assert "control: missing key 'error_rate_cutoff', which the reading error_rate: low_pass needs" in mistake
+    assert "control: missing key 'filter_cutoff', which the reading error_rate: low_pass needs" in mistake
 
 
 @pytest.mark.parametrize("disturbance", [STEP, NOISE])
@@ -313,7 +313,10 @@ def test_configuration_of_another_kind(files: Files, name: str, message: str) ->
 def test_file_that_is_not_there(files: Files) -> None:
     with pytest.raises(ConfigError, match="no such file") as raised:
         load_config(files.folder / "nowhere.yaml", "compare")
-    assert raised.value.hint == "Shipped configurations, by name: compare, decouple, ensemble, lumidouce_ii"
+    assert (
+        raised.value.hint
+        == "Shipped configurations, by name: compare, compare_cosine, decouple, ensemble, lumidouce_ii"
+    )
     for folder in (files.folder, ""):
         with pytest.raises(ConfigError, match="is a folder"):
             load_config(folder, "compare")

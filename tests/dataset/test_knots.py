@@ -41,7 +41,7 @@ def noisy(q: Array, noise_deg: float, seed: int = 0) -> Array:
 
 def rapid(dq: Array, ddq: Array) -> Array:
     """Share of rapid samples, as claim C3 counts them."""
-    return (np.abs(ddq) > thresholds(dq, ddq, 0.0).acceleration).mean(axis=0)
+    return (np.abs(ddq) > thresholds(dq, ddq, 1e-3).acceleration).mean(axis=0)
 
 
 def cases(step: float) -> list[tuple[float, int]]:

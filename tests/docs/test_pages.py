@@ -32,8 +32,9 @@ from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.command import Order, plan, run_experiment
 from tendonrepro.experiments.loops import all_loops, build_loops
+from tendonrepro.experiments.rig import build_plant
 from tendonrepro.experiments.user_law import find_user_law
-from tendonrepro.physics.linear_loop import decay_rate
+from tendonrepro.physics.linear_loop import decay_rate, plant_matrices
 from tendonrepro.physics.metrics import mae, status_of
 from tendonrepro.results.records import VARIABLES
 from tendonrepro.results.traces import read_traces
@@ -336,8 +337,39 @@ def test_decay_rates_and_the_rule_for_the_damping_factor(shipped: dict[str, Load
         assert [f"{rate:.2f}" for rate in rates.values()] == cells, factor
         if first is None and min(rates.values()) >= 1.0:
             first = float(factor)
-    assert [float(row[0]) for row in body] == [1, 1.25, 1.5, 2, 2.5, 3]
+    assert [float(row[0]) for row in body] == [1, 1.25, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10]
     assert shipped["compare"].config.manipulator.tendons.damping_factor.value == first
+
+
+def damping_ratio(factor: float, payload: float) -> float:
+    """Of the arm's slowest oscillation in the middle of the stroke, no controller, motors free."""
+    config = load_config(None, "compare", overrides=[f"manipulator.tendons.damping_factor={factor}"]).config
+    A, _ = plant_matrices(0.5 * config.reference.amplitude.si, build_plant(config, payload))
+    rates = np.linalg.eigvals(A)
+    slowest = min(rates[rates.imag > 1.0], key=abs)
+    return float(-slowest.real / abs(slowest))
+
+
+def test_what_the_damping_factor_costs(shipped: dict[str, LoadedConfig]) -> None:
+    text = " ".join(section(page("assumptions.md"), "## The damping factor").split())
+    tendons = shipped["compare"].config.manipulator.tendons
+    factor = tendons.damping_factor.si
+    made = factor * tendons.axial_damping.si * np.array([38.5e-3, 38.5e-3, 18.5e-3]) ** 2
+    assert f"makes D_s {made[1]:.2f} N m s/rad at joint 2 and {made[2]:.2f} at joint 3" in text
+    ratios = [damping_ratio(factor, payload) for payload in (0.0, 0.2)]
+    assert "then has a damping ratio of {:.2f} (11.0 Hz), with the payload of {:.2f}".format(*ratios) in text
+    ratios = [damping_ratio(1.0, payload) for payload in (0.0, 0.2)]
+    assert (
+        "the ratios are {:.2f} and {:.2f}, with 0.45 the first is {:.2f}".format(
+            *ratios, damping_ratio(0.45, 0.0)
+        )
+        in text
+    )
+    growth = [-rate for rate in decay_rates("0.45").values()]
+    assert f"grows by {min(growth):.0f} to {max(growth):.0f} s⁻¹" in text
+    # Smallest stable factors, docs/theory.md.
+    limits = damping_ratio(2.490, 0.0), damping_ratio(3.736, 0.2)
+    assert "from {:.2f} on, with the payload Controller 1 from {:.2f}".format(*limits) in text
 
 
 def settings() -> list[tuple[str, list[str]]]:

@@ -207,7 +207,7 @@ def test_no_processes_are_refused(tmp_path):
 
 def test_all_readings_need_a_yes(tmp_path, monkeypatch):
     readings = load_study(None, (), None, "default").readings
-    monkeypatch.setattr("tendonrepro.ensemble.command.full_cross", lambda: readings)
+    monkeypatch.setattr("tendonrepro.ensemble.command.every_pair", lambda: readings)
     with pytest.raises(UsageError, match=r"minutes of one processor and .* MB") as caught:
         run_ensemble(Request(out=tmp_path / "none"), QUIET, draws=4096, readings="all")
     assert "--yes" in str(caught.value.hint)

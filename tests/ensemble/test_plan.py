@@ -48,6 +48,8 @@ def test_every_case_is_simulated_once():
     assert study.lookup["controller_1", "weights=extrapolating"] != study.lookup["controller_1", "printed"]
     assert ("controller_2", "M_bar=halved") in study.lookup
     assert ("controller_1", "M_bar=halved") not in study.lookup
+    assert ("controller_2", "encoder=ideal+sampling_period=2ms") in study.lookup
+    assert ("controller_1", "encoder=ideal+sampling_period=2ms") not in study.lookup
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ RUNS = ["Controller 1", "Controller 2", "Controller 1 payload"]
 
 @cache
 def found():
-    delayed = ("manipulator.actuator.output_delay=1",)
+    delayed = "manipulator.actuator.output_delay=1", "control.readings.stored_torque=applied"
     return explain(load_config(None, "compare", overrides=delayed, controllers=(1, 2)))
 
 

@@ -15,6 +15,7 @@ from tendonrepro.physics.control import (
     Memory,
     Surface,
     command,
+    delayed_acceleration,
     error_rate,
     estimator_weights,
     phi,
@@ -35,6 +36,7 @@ ALPHA = np.array([0.1, 0.2])
 
 errors = st.floats(-1.0, 1.0)
 rates = st.floats(-5.0, 5.0)
+WEIGHTS = ["interpolating", "extrapolating", "swapped"]
 exponents = st.floats(0.05, 0.95)
 boundaries = st.floats(0.01, 0.5)
 scales = st.sampled_from([1.0, DEGREES_PER_RADIAN])
@@ -42,14 +44,15 @@ vectors = st.lists(st.floats(-2.0, 2.0), min_size=N, max_size=N).map(np.array)
 properties = settings(max_examples=100, deadline=None)
 
 
-def make_law(alpha=ALPHA, *, extrapolating=False, **changes):
+def make_law(alpha=ALPHA, weights="interpolating", **changes):
     gains = {"M_bar": M_BAR, "lam": LAM, "eta": ETA, "b": B, "Delta": DELTA, "beta": BETA}
     fields = {name: np.full(N, value) for name, value in gains.items()} | {
         "surface": int(Surface.NTSM),
         "L": L,
         "K_d": np.full(N, BETA + LAM),
         "K_p": np.full(N, BETA * LAM),
-        "weights": estimator_weights(alpha, extrapolating=extrapolating),
+        "lag": 1,
+        "weights": estimator_weights(alpha, weights),
         "newest": 1,
         "phi_is_odd": True,
         "power_inside": False,
@@ -57,22 +60,42 @@ def make_law(alpha=ALPHA, *, extrapolating=False, **changes):
         "angle_scale": 1.0,
         "rate_gain": np.full(N, ETA),
         "rate_filter": 1.0,
+        "ddq_filter": 1.0,
+        "estimate_filter": 1.0,
+        "error_differenced": False,
         "to_joint": np.eye(N),
         "from_joint": np.eye(N),
+        "stores_applied": False,
+        "motor_side": False,
     }
     return Law(**(fields | changes))
 
 
-def random_memory(seed):
+def recalled(q, tau, de=None, newest=1):
+    """Memory after the angles (4, N) at t - L to t - 4L, of a law that differences from its newest one."""
+    still = np.zeros(N)
+    ddq = (q[newest] - 2.0 * q[newest + 1] + q[newest + 2]) / (L * L)
+    return Memory(q[:3], tau, still if de is None else de, still, ddq[np.newaxis], still)
+
+
+def random_memory(seed, newest=1):
     rng = np.random.default_rng(seed)
-    return Memory(rng.normal(0.0, 0.1, (4, N)), rng.normal(0.0, 2.0, (2, N)), rng.normal(0.0, 0.5, N))
+    q, tau = rng.normal(0.0, 0.1, (4, N)), rng.normal(0.0, 2.0, (2, N))
+    return recalled(q, tau, rng.normal(0.0, 0.5, N), newest)
 
 
-def history(q_of, tau):
+def history(q_of, tau, newest=1):
     """Memory at t = 0 of an arm that followed q_of(t); both joints alike but for sign."""
     signs = np.array([1.0, -1.0])
     q = np.array([q_of(-k * L) * signs for k in range(1, 5)])
-    return Memory(q, np.array([tau, tau]), np.zeros(N)), q_of(0.0) * signs
+    return recalled(q, np.array([tau, tau]), newest=newest), q_of(0.0) * signs
+
+
+def after(memory, q, de=None, tau=None, law=None):
+    """Memory one sample later."""
+    still = np.zeros(N)
+    law = law or make_law()
+    return remember(memory, q, still, still if de is None else de, still, still if tau is None else tau, law)
 
 
 class TestPhi:
@@ -188,22 +211,26 @@ class TestMemory:
     def test_start_fills_every_delay(self):
         q, tau = np.array([0.1, -0.2]), np.array([2.0, 0.5])
         memory = start_memory(q, tau)
-        np.testing.assert_array_equal(memory.q, np.tile(q, (4, 1)))
+        np.testing.assert_array_equal(memory.q, np.tile(q, (3, 1)))
         np.testing.assert_array_equal(memory.tau, np.tile(tau, (2, 1)))
         np.testing.assert_array_equal(memory.de, np.zeros(N))
+        np.testing.assert_array_equal(memory.q_d, q)
+        np.testing.assert_array_equal(memory.ddq, np.zeros((1, N)))
+        np.testing.assert_array_equal(memory.H_hat, tau)
 
     def test_delay_lines_shift_newest_first(self):
         memory = start_memory(np.zeros(N), np.zeros(N))
         for k in range(1, 7):
-            memory = remember(memory, np.full(N, 1.0 * k), np.full(N, 10.0 * k), np.full(N, 100.0 * k))
-        np.testing.assert_array_equal(memory.q[:, 0], [6, 5, 4, 3])
+            q, q_d, de, H_hat, tau = (np.full(N, scale * k) for scale in (1.0, 2.0, 10.0, 20.0, 100.0))
+            memory = remember(memory, q, q_d, de, H_hat, tau, make_law())
+        np.testing.assert_array_equal(memory.q[:, 0], [6, 5, 4])
         np.testing.assert_array_equal(memory.tau[:, 1], [600, 500])
-        np.testing.assert_array_equal(memory.de, [60, 60])
+        np.testing.assert_array_equal((memory.de, memory.q_d, memory.H_hat), [[60] * N, [12] * N, [120] * N])
 
     def test_remember_leaves_the_old_memory_alone(self):
         memory = random_memory(0)
         copy = Memory(*(part.copy() for part in memory))
-        remember(memory, np.ones(N), np.ones(N), np.ones(N))
+        after(memory, np.ones(N), np.ones(N), np.ones(N))
         for part, before in zip(memory, copy, strict=True):
             np.testing.assert_array_equal(part, before)
 
@@ -213,21 +240,32 @@ class TestErrorRate:
         memory = random_memory(1)
         q, dq_d = np.array([0.3, -0.4]), np.array([0.7, 0.1])
         expected = dq_d - (q - memory.q[0]) / L
-        np.testing.assert_array_equal(error_rate(memory, q, dq_d, make_law()), expected)
+        np.testing.assert_array_equal(error_rate(memory, q, np.ones(N), dq_d, make_law()), expected)
+
+    def test_difference_of_the_error_is_half_a_period_of_acceleration_away(self):
+        a, memory = np.array([0.8, -0.3]), start_memory(np.zeros(N), np.zeros(N))
+        law = make_law(error_differenced=True)
+        t, q = 0.2, np.array([0.011, 0.012])
+        memory = memory._replace(q_d=0.5 * a * (t - L) ** 2, q=np.tile([0.01, 0.015], (3, 1)))
+        de = error_rate(memory, q, 0.5 * a * t**2, np.full(N, np.nan), law)
+        e, e_before = 0.5 * a * t**2 - q, memory.q_d - memory.q[0]
+        np.testing.assert_allclose(de, (e - e_before) / L, rtol=1e-12)
+        plain = error_rate(memory, q, 0.5 * a * t**2, a * t, make_law())
+        np.testing.assert_allclose(plain - de, 0.5 * L * a, rtol=1e-9)
 
     def test_low_pass_follows_a_ramp_by_its_step_response(self):
         law = make_law(rate_filter=0.25)
         memory = start_memory(np.zeros(N), np.zeros(N))
         for k in range(1, 12):
             q = np.full(N, 3.0 * k * L)
-            de = error_rate(memory, q, np.full(N, 5.0), law)
+            de = error_rate(memory, q, np.zeros(N), np.full(N, 5.0), law)
             np.testing.assert_allclose(de, 2.0 * (1.0 - 0.75**k), rtol=1e-13)
-            memory = remember(memory, q, de, np.zeros(N))
+            memory = after(memory, q, de)
 
     def test_low_pass_adds_no_lag_where_tracking_is_perfect(self):
         law = make_law(rate_filter=0.25)
         memory = start_memory(np.zeros(N), np.zeros(N))
-        de = error_rate(memory, np.full(N, 3.0 * L), np.full(N, 3.0), law)
+        de = error_rate(memory, np.full(N, 3.0 * L), np.zeros(N), np.full(N, 3.0), law)
         np.testing.assert_array_equal(de, np.zeros(N))
 
 
@@ -262,24 +300,52 @@ class TestEstimate:
         np.testing.assert_array_equal(-H_hat / M_bar, jerk * -lag * L * np.array([1.0, -1.0]))
 
     @pytest.mark.parametrize("newest", [1, 0])
-    @pytest.mark.parametrize("extrapolating", [False, True])
-    def test_second_term_is_the_first_one_period_earlier(self, newest, extrapolating):
-        law = make_law(newest=newest, extrapolating=extrapolating)
-        memory, q = random_memory(2), np.array([0.05, -0.02])
-        older = Memory(np.vstack([memory.q[1:], np.zeros((1, N))]), memory.tau[[1, 0]], memory.de)
-        plain = make_law(np.zeros(N), newest=newest)
-        first = time_delay_estimate(memory, q, plain)
-        second = time_delay_estimate(older, memory.q[0], plain)
-        w = ALPHA * (-1.0 if extrapolating else 1.0)
+    @pytest.mark.parametrize("lag", [1, 2, 4])
+    @pytest.mark.parametrize("weights", ["interpolating", "extrapolating", "swapped"])
+    def test_second_term_is_the_first_one_delay_time_earlier(self, newest, lag, weights):
+        """Eqs. (15) and (16) written out on the record of angles and torques."""
+        rng = np.random.default_rng(2)
+        q, tau = rng.normal(0.0, 1e-3, (30, N)), rng.normal(0.0, 2.0, (30, N))
+        law = make_law(weights=weights, newest=newest, lag=lag)
+        memory = start_memory(q[0], tau[0], lag)
+        for k in range(29):
+            memory = after(memory, q[k], tau=tau[k], law=law)
+
+        def plain(k):
+            second = q[k - newest * lag] - 2.0 * q[k - (newest + 1) * lag] + q[k - (newest + 2) * lag]
+            return tau[k - lag] - M_BAR * second / (lag * L) ** 2
+
+        first, second = plain(29), plain(29 - lag)
+        q = q[29]
+        w = {"interpolating": ALPHA, "extrapolating": -ALPHA, "swapped": 1.0 - ALPHA}[weights]
         wanted = (1.0 - w) * first + w * second
         # Accelerations of some 1e5 rad/s^2 times M_bar cancel to the estimate.
-        np.testing.assert_allclose(time_delay_estimate(memory, q, law), wanted, rtol=1e-13)
+        np.testing.assert_allclose(time_delay_estimate(memory, q, law), wanted, rtol=1e-11)
+
+    @pytest.mark.parametrize("which", ["ddq_filter", "estimate_filter"])
+    def test_low_pass_keeps_what_is_constant_and_forgets_at_its_pace(self, which):
+        """The step response of a first-order filter, from the torque or from the acceleration."""
+        law = make_law(np.zeros(N), **{which: 0.25})
+        memory, t = start_memory(np.zeros(N), np.zeros(N)), -L
+        for k in range(1, 12):
+            # From rest on, an acceleration of 3 rad/s^2 and a torque of 5 N m, both seen at once.
+            t += L
+            memory = memory._replace(
+                q=np.tile(np.array([[1.0], [0.0], [0.0]]) * 3.0 * L * L, (1, N)), tau=np.full((2, N), 5.0)
+            )
+            seen = {"newest": 0} if which == "ddq_filter" else {}
+            H_hat = time_delay_estimate(memory, np.full(N, 9.0 * L * L), law._replace(newest=0))
+            ddq, share = 3.0, 1.0 - 0.75**k
+            wanted = 5.0 - M_BAR * ddq * share if seen else (5.0 - M_BAR * ddq) * share
+            np.testing.assert_allclose(H_hat, wanted, rtol=1e-9)
+            ddq_now = delayed_acceleration(memory, np.full(N, 9.0 * L * L), law._replace(newest=0))
+            memory = memory._replace(ddq=ddq_now[np.newaxis], H_hat=H_hat)
 
     def test_alpha_zero_is_plain_estimation_bit_for_bit(self):
         for seed in range(20):
             memory = random_memory(seed)
-            q1, q2, q3, _ = memory.q
-            printed = memory.tau[0] - M_BAR * (q1 - 2.0 * q2 + q3) / (L * L)
+            q1, q2, q3 = memory.q
+            printed = memory.tau[0] - M_BAR * ((q1 - 2.0 * q2 + q3) / (L * L))
             estimate = time_delay_estimate(memory, np.ones(N), make_law(np.zeros(N)))
             np.testing.assert_array_equal(estimate, printed)
 
@@ -292,23 +358,24 @@ class TestEstimate:
         np.testing.assert_allclose(at[alpha], (1.0 - alpha) * at[0.0] + alpha * at[1.0], atol=1e-14 * scale)
 
     @properties
-    @given(st.floats(0.0, 1.0), st.booleans(), st.sampled_from([0, 1]), vectors, vectors)
+    @given(st.floats(0.0, 1.0), st.sampled_from(WEIGHTS), st.sampled_from([0, 1]), vectors, vectors)
     def test_constant_uncertainty_and_acceleration_are_estimated_exactly(
-        self, alpha, extrapolating, newest, H, acceleration
+        self, alpha, weights, newest, H, acceleration
     ):
         t = -L * np.arange(5)[:, np.newaxis]
         q = 0.3 - 0.2 * t + 0.5 * acceleration * t**2
         tau = H + M_BAR * acceleration
-        law = make_law(np.full(N, alpha), extrapolating=extrapolating, newest=newest)
-        H_hat = time_delay_estimate(Memory(q[1:], np.array([tau, tau]), np.zeros(N)), q[0], law)
+        law = make_law(np.full(N, alpha), weights, newest=newest)
+        H_hat = time_delay_estimate(recalled(q[1:], np.array([tau, tau]), newest=newest), q[0], law)
         # Rounding of q in the differences: 4 eps |q| / L^2 M_bar, some 1e-11 N m.
         np.testing.assert_allclose(H_hat, H, atol=3e-11)
 
-    @given(st.lists(st.floats(0.0, 1.0), min_size=1, max_size=4).map(np.array), st.booleans())
-    def test_weights_sum_to_one(self, alpha, extrapolating):
-        weights = estimator_weights(alpha, extrapolating=extrapolating)
+    @given(st.lists(st.floats(0.0, 1.0), min_size=1, max_size=4).map(np.array), st.sampled_from(WEIGHTS))
+    def test_weights_sum_to_one(self, alpha, reading):
+        weights = estimator_weights(alpha, reading)
         np.testing.assert_allclose(weights.sum(axis=0), 1.0, rtol=1e-15)
-        np.testing.assert_array_equal(weights[1], -alpha if extrapolating else alpha)
+        older = {"interpolating": alpha, "extrapolating": -alpha, "swapped": 1.0 - alpha}[reading]
+        np.testing.assert_array_equal(weights[1], older)
 
 
 class TestCommand:
@@ -367,7 +434,7 @@ class TestCommand:
         memory, q = random_memory(3), np.array([0.02, -0.01])
         desired = np.array([0.021, 0.3]), np.array([0.1, -0.1]), np.array([1.0, 2.0])
         in_degrees = command(
-            Memory(np.rad2deg(memory.q), memory.tau, np.rad2deg(memory.de)),
+            memory._replace(**{name: np.rad2deg(getattr(memory, name)) for name in ("q", "de", "ddq")}),
             np.rad2deg(q),
             *map(np.rad2deg, desired),
             make_law(),

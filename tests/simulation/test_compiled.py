@@ -63,6 +63,10 @@ def test_plants_with_the_same_features_share_machine_code() -> None:
         "control.readings.differencing=centred",
         "control.readings.gain_unit=law_in_degrees",
         "control.readings.torque_coordinates=winch",
+        "control.readings.delay_time=four_periods",
+        "control.readings.estimate_filter=acceleration",
+        "control.readings.estimate_filter=estimate",
+        "control.readings.error_rate=difference_of_error",
     ],
 )
 def test_compiled_law_is_the_pure_one(name: str, override: str) -> None:
@@ -70,7 +74,7 @@ def test_compiled_law_is_the_pure_one(name: str, override: str) -> None:
     assert isinstance(config, CompareConfig)
     law = build_law(config, name)
     rng = np.random.default_rng(1)
-    memory = start_memory(np.zeros(2), rng.uniform(-5.0, 5.0, 2))
+    memory = start_memory(np.zeros(2), rng.uniform(-5.0, 5.0, 2), law.lag)
     for _ in range(20):
         q, q_d = rng.normal(0.0, 1e-3, (2, 2))
         dq_d, ddq_d = rng.normal(0.0, 0.1, (2, 2))
@@ -78,7 +82,7 @@ def test_compiled_law_is_the_pure_one(name: str, override: str) -> None:
         expected = control.command(memory, q, q_d, dq_d, ddq_d, law)
         for ours, pure in zip(got, expected, strict=True):
             assert ours == pytest.approx(pure, rel=1e-12, abs=1e-12 * max(1.0, np.abs(pure).max()))
-        memory = remember(memory, q, expected[3], expected[0])
+        memory = remember(memory, q, q_d, expected[3], expected[1], expected[0], law)
 
 
 class TestCache:

@@ -17,7 +17,7 @@ from tendonrepro.simulation.streaming import (
     thresholds,
 )
 
-T, N, PERIOD = 400, 2, 150
+T, N, PERIOD, L = 400, 2, 150, 1e-3
 
 
 @pytest.fixture
@@ -29,7 +29,7 @@ def signals() -> dict[str, Array]:
 
 
 def gathered(x: dict[str, Array], live: Array) -> dict[str, Array]:
-    phases = thresholds(x["dq_d"], x["ddq_d"], PERIOD)
+    phases = thresholds(x["dq_d"], x["ddq_d"], L)
     sums = Sums(*(np.zeros(N) for _ in Sums._fields))
     for k in range(T):
         sample = Sample(
@@ -40,7 +40,7 @@ def gathered(x: dict[str, Array], live: Array) -> dict[str, Array]:
             saturated=1.0 * (x["tau"][k] > 1.0),
         )
         sums = add_sample(sums, sample, live[k], float(k), phases)
-    return finished(sums, live.sum(), PERIOD, np.zeros(N))
+    return finished(sums, live.sum(), np.zeros(N))
 
 
 def by_hand(x: dict[str, Array]) -> dict[str, Array]:
@@ -55,33 +55,40 @@ def by_hand(x: dict[str, Array]) -> dict[str, Array]:
     def rms(values: Array) -> Array:
         return np.sqrt(np.mean(values**2, axis=0))
 
-    return {
+    found = {
         "mae": size.mean(axis=0),
         "rmse": rms(x["e"]),
         "max_error": size.max(axis=0),
-        "mae_late": size[PERIOD:].mean(axis=0),
-        "rmse_late": rms(x["e"][PERIOD:]),
         "mae_rapid": mean(size, rapid),
         "mae_calm": mean(size, ~rapid),
-        "mae_up": mean(size, up),
-        "mae_down": mean(size, down),
         "overshoot": overshoot(x["e"], up, down),
         "s_rms": rms(x["s"]),
         "s_max": np.abs(x["s"]).max(axis=0),
         "rate_max": np.abs(x["de"]).max(axis=0),
-        "torque_rms": rms(tau),
-        "torque_max": np.abs(tau).max(axis=0),
         "torque_step_rms": rms(np.diff(tau, axis=0)),
-        "torque_up": mean(tau, up),
-        "torque_down": mean(tau, down),
-        "H_hat_rms": rms(x["H_hat"]),
-        "H_hat_up": mean(x["H_hat"], up),
-        "H_hat_down": mean(x["H_hat"], down),
         "epsilon_rms": rms(x["epsilon"][:-1]),
+        "epsilon_slow_rms": rms(slow(np.vstack([np.zeros(N), x["epsilon"][:-1]]))) * np.sqrt(T / (T - 1)),
         "epsilon_max": np.abs(x["epsilon"][:-1]).max(axis=0),
         "saturated": (tau > 1.0).mean(axis=0),
         "fast_share": np.zeros(N),
     }
+    every = np.ones((T, N), dtype=bool)
+    for name, values in (("torque", tau), ("H_hat", x["H_hat"])):
+        for phase, where in (("", every), ("_up", up), ("_down", down)):
+            found |= {
+                f"{name}_rms{phase}": np.sqrt(mean(values**2, where)),
+                f"{name}_peak{phase}": np.where(where, np.abs(values), 0.0).max(axis=0),
+                f"{name}_slow{phase}": mean(np.abs(slow(values)), where),
+            }
+    return found
+
+
+def slow(values: Array) -> Array:
+    """First-order low-pass at 3 Hz: the exact response to a signal held between samples."""
+    result = values.copy()
+    for k in range(1, T):
+        result[k] = values[k] + np.exp(-2.0 * np.pi * 3.0 * L) * (result[k - 1] - values[k])
+    return result
 
 
 def overshoot(e: Array, up: Array, down: Array) -> Array:
@@ -99,6 +106,7 @@ def overshoot(e: Array, up: Array, down: Array) -> Array:
 def test_statistics_are_those_of_the_signals(signals: dict[str, Array]) -> None:
     found, expected = gathered(signals, np.ones(T)), by_hand(signals)
     assert tuple(found) == STATISTICS
+    assert set(expected) == set(STATISTICS)
     for name, values in expected.items():
         assert found[name] == pytest.approx(values, rel=1e-12), name
 
@@ -111,14 +119,24 @@ def test_a_run_that_ended_adds_nothing_even_when_it_is_not_finite(signals: dict[
     found = gathered(ended, live)
     size = np.abs(signals["e"][:250])
     assert found["mae"] == pytest.approx(size.mean(axis=0), rel=1e-12)
-    assert found["mae_late"] == pytest.approx(size[PERIOD:].mean(axis=0), rel=1e-12)
     assert all(np.isfinite(values).all() for values in found.values())
-    never = gathered(signals, (np.arange(T) < 100).astype(float))["mae_late"]
-    assert np.isnan(never).all(), "a phase that never comes is not a number"
+    early = gathered(signals, (np.arange(T) < 30).astype(float))
+    for name in ("rms", "peak", "slow"):
+        assert np.isnan(early[f"torque_{name}_down"]).all(), "a phase that never comes is not a number"
+        assert np.isfinite(early[f"torque_{name}_up"]).all()
 
 
-def test_shares_are_the_stated_ones_and_no_period_means_the_whole_motion() -> None:
-    assert thresholds(np.zeros((T, N)), np.zeros((T, N)), 0.0).period == T
-    assert (streaming.MOVING, streaming.RAPID) == (0.05, 0.5)
-    phases = thresholds(np.array([[-2.0, 1.0]]), np.array([[4.0, -8.0]]), 7.0)
-    assert phases == Thresholds(pytest.approx([0.1, 0.05]), pytest.approx([2.0, 4.0]), 7.0)
+def test_shares_and_frequency_are_the_stated_ones() -> None:
+    assert (streaming.MOVING, streaming.RAPID, streaming.SLOW) == (0.05, 0.5, 3.0)
+    phases = thresholds(np.array([[-2.0, 1.0]]), np.array([[4.0, -8.0]]), 1.0 / (6.0 * np.pi))
+    newest = pytest.approx(1.0 - np.exp(-1.0))
+    assert phases == Thresholds(pytest.approx([0.1, 0.05]), pytest.approx([2.0, 4.0]), newest)
+
+
+def test_a_course_below_the_frequency_stays_and_pulses_above_it_go(signals: dict[str, Array]) -> None:
+    t = np.arange(T)[:, np.newaxis] * L
+    course, pulses = 2.0 + np.sin(2.0 * np.pi * 0.5 * t), 3.0 * (-1.0) ** np.arange(T)[:, np.newaxis]
+    pulses[0] = 0.0
+    found = gathered(signals | {"tau": course + pulses + np.zeros(N)}, np.ones(T))
+    assert found["torque_slow"] == pytest.approx(np.full(N, np.abs(course).mean()), rel=0.05)
+    assert (found["torque_peak"] > 5.5).all()

@@ -222,7 +222,7 @@ class BoxConfig(Model):
     encoder_count: Annotated[Choice, In("angle of one count of the joint encoders", "rad")]
     output_delay: Annotated[Choice, In("delay of the command in samples", "1", 0.0, 1000.0)]
     error_rate: Annotated[Words, Among("how the error's rate is obtained", ERROR_RATES)]
-    error_rate_cutoff: Annotated[BoxRange, In("cutoff of the low-pass error rate", "Hz", _EPS)]
+    filter_cutoff: Annotated[BoxRange, In("cutoff of the low-pass error rate", "Hz", _EPS)]
     disturbance: Annotated[Words, Among("kind of the disturbance", DISTURBANCES)]
     disturbance_torque: Annotated[BoxRange, In("amplitude of the sine, RMS of the noise", "N m")]
     disturbance_frequency: Annotated[BoxRange, In("frequency of the sine", "Hz", _EPS)]

@@ -10,6 +10,9 @@ from tendonrepro.config.fields.model import Identifier, Model, Problems
 from tendonrepro.config.fields.physical import physical
 from tendonrepro.config.fields.quantity import Scalar, Vector
 
+FILTERED = ("low_pass", "acceleration", "estimate")
+"""Values of readings that need a cutoff."""
+
 
 class Gains(Model):
     """Gains of the control laws, one entry per moving joint."""
@@ -40,7 +43,9 @@ class Readings(Model):
 
     phi_negative: Annotated[Literal["odd", "even"], Field(description="polynomial of Eq. (12) below zero")]
     phi_branch: Annotated[Literal["printed", "power"], Field(description="branch of Eq. (12) near zero")]
-    weights: Annotated[Literal["interpolating", "extrapolating"], Field(description="weights of Eq. (15)")]
+    weights: Annotated[
+        Literal["interpolating", "extrapolating", "swapped"], Field(description="weights of Eq. (15)")
+    ]
     differencing: Annotated[Literal["lagging", "centred"], Field(description="differences of Eq. (16)")]
     gain_unit: Annotated[
         Literal["radian", "phi_in_degrees", "law_in_degrees"], Field(description="angle unit of the gains")
@@ -50,7 +55,22 @@ class Readings(Model):
         Literal["joint", "winch", "motor_shaft"], Field(description="coordinates of the law's torque")
     ]
     error_rate: Annotated[
-        Literal["backward_difference", "low_pass"], Field(description="how the error rate is obtained")
+        Literal["backward_difference", "low_pass", "difference_of_error"],
+        Field(description="how the error rate is obtained"),
+    ]
+    stored_torque: Annotated[
+        Literal["commanded", "applied"], Field(description="torque that the estimator remembers")
+    ]
+    delay_time: Annotated[
+        Literal["one_period", "two_periods", "four_periods"], Field(description="L in sampling periods")
+    ]
+    feedback: Annotated[Literal["joint", "motor"], Field(description="encoders that the law looks at")]
+    estimate_filter: Annotated[
+        Literal["none", "acceleration", "estimate"],
+        Field(description="what the estimator passes through a low-pass filter"),
+    ]
+    torque_unit: Annotated[
+        Literal["newton_metre", "percent_of_rated", "volt"], Field(description="unit of the law's torque")
     ]
     start: Annotated[
         Literal["filled", "cold"], Field(description="history of the law before the first sample")
@@ -65,8 +85,8 @@ class Control(Model):
         dict[Identifier, LawChoice], Field(min_length=1, description="the laws that runs may name")
     ]
     readings: Readings
-    error_rate_cutoff: (
-        Annotated[Scalar, physical("Hz", "cutoff of the low-pass error rate", above=0.0)] | None
+    filter_cutoff: (
+        Annotated[Scalar, physical("Hz", "cutoff of the readings' low-pass filters", above=0.0)] | None
     ) = None
 
     @model_validator(mode="after")
@@ -76,8 +96,9 @@ class Control(Model):
             for gain in ("K_d", "K_p"):
                 if plain and getattr(self.gains, gain) is None:
                     problems.add(("gains",), f"missing key {gain!r}, which the law {plain[0]!r} needs")
-            if self.readings.error_rate == "low_pass" and self.error_rate_cutoff is None:
-                problems.add(
-                    (), "missing key 'error_rate_cutoff', which the reading error_rate: low_pass needs"
-                )
+            for reading in ("error_rate", "estimate_filter"):
+                if (value := getattr(self.readings, reading)) in FILTERED and self.filter_cutoff is None:
+                    problems.add(
+                        (), f"missing key 'filter_cutoff', which the reading {reading}: {value} needs"
+                    )
         return self

@@ -128,6 +128,16 @@ class Experiment(RootModel):
     solver: SolverConfig
     status: StatusLimits
 
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        """State that a file may name a base, of which it then says only what differs."""
+        reference = handler(core)
+        schema = handler.resolve_ref_schema(reference)
+        schema["properties"]["base"] = {"type": "string", "description": "file that has the other keys"}
+        with_base = {"required": ["schema_version", "experiment", "base"]}
+        schema["anyOf"] = [{"required": schema.pop("required")}, with_base]
+        return reference
+
     @field_validator("joints")
     @classmethod
     def _check_joints(cls, joints: tuple[int, ...], info: ValidationInfo) -> tuple[int, ...]:

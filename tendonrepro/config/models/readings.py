@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import combinations
 from typing import Protocol, TypeVar
 
 from tendonrepro.config.fields.model import Model
@@ -77,8 +77,8 @@ _AXES = (
           "Whether the polynomial of φ is odd, or even in its square as printed, for negative errors."),
     _axis("phi_branch", "printed", "power", _TERMINAL, "Eq. (12)",
           "Whether φ is the polynomial near zero, or the power everywhere."),
-    _axis("weights", "interpolating", "extrapolating", _ALPHA, "Eq. (15)",
-          "Whether the two delayed estimates weigh (1−α, α) or (1+α, −α)."),
+    _axis("weights", "interpolating", "extrapolating swapped", _ALPHA, "Eq. (15)",
+          "Whether the two delayed estimates weigh (1−α, α), (1+α, −α) or (α, 1−α)."),
     _axis("differencing", "lagging", "centred", RUNS, "Eq. (16)",
           "Whether the second difference lags its label by one period or is centred on it."),
     ReadingAxis("gain_unit", "radian", {"phi_in_degrees": _TERMINAL, "law_in_degrees": RUNS}, "Section 5.3",
@@ -87,12 +87,23 @@ _AXES = (
           "Whether Controller 2 keeps the η that its printed law lacks."),
     _axis("torque_coordinates", "joint", "winch motor_shaft", RUNS, "Eqs. (3), (17)",
           "Whether the law's torque is of the joints, the winches or the motor shafts."),
+    _axis("torque_unit", "newton_metre", "percent_of_rated volt", RUNS, "Section 5.3",
+          "Whether the law's torque, and so M̄, is in N m, in percent of the rated torque or in volts."),
+    _axis("stored_torque", "commanded", "applied", RUNS, "Eqs. (8), (15)",
+          "Whether the estimator remembers the torque it commanded, or the one the drive put out."),
+    _axis("delay_time", "one_period", "two_periods four_periods", RUNS, "Remark 2",
+          "How many sampling periods the delay time L is."),
+    _axis("estimate_filter", "none", "acceleration estimate", RUNS, "Eqs. (8), (15), (16)",
+          "Whether the acceleration, or the whole estimate, is low-pass filtered at the drawn cutoff."),
+    _axis("feedback", "joint", "motor", RUNS, "Section 5.1",
+          "Whether the law looks at the joints' encoders, or at S times the motors'."),
     _axis("start", "filled", "cold", RUNS, "Eqs. (8), (15)",
           "Whether the delay lines hold the state at rest or zeros before the first sample."),
     _axis("hardware", "printed", "drawn", RUNS, "Section 5.1",
           "Whether encoder, output delay and filter are as printed or as the draw has them."),
-    _axis("error_rate", "backward_difference", "low_pass", RUNS, "Eqs. (11), (18)",
-          "Whether the error's rate is a plain difference or low-pass filtered at the drawn cutoff."),
+    _axis("error_rate", "backward_difference", "low_pass difference_of_error", RUNS, "Eqs. (11), (18)",
+          "Whether the error's rate is the desired one less a plain difference of the encoder, that low-pass "
+          "filtered at the drawn cutoff, or the difference of the error."),
     _axis("output_delay", "0", "1 2", RUNS, "Eq. (17)",
           "Samples between a command and its torque; the equations hold none."),
     _axis("encoder", "0.022", "0.045 0.088 ideal", RUNS, "Section 5.1",
@@ -112,7 +123,6 @@ _WHAT_IFS = (
 _WHAT_IF_AXES: Mapping[str, ReadingAxis] = {axis.name: axis for axis in _WHAT_IFS}
 _EVERY_AXIS: Mapping[str, ReadingAxis] = {**AXES, **_WHAT_IF_AXES}
 _ORDER = {name: place for place, name in enumerate(_EVERY_AXIS)}
-_DRAWN_BY_HARDWARE = ("error_rate", "output_delay", "encoder")
 
 
 def reading(settings: Mapping[str, str]) -> Reading:
@@ -173,23 +183,18 @@ def default_readings(config: HasReadings) -> tuple[Reading, ...]:
     return tuple(dict.fromkeys([reading({}), *single, *pairs]))
 
 
-def full_cross() -> tuple[Reading, ...]:
-    """Every combination; with drawn hardware only of the axes that it does not set itself."""
-    others = [axis for axis in _AXES if axis.name != "hardware"]
-    kept = [axis for axis in others if axis.name not in _DRAWN_BY_HARDWARE]
-    return (*_crossed(others, {}), *_crossed(kept, {"hardware": "drawn"}))
+def every_pair() -> tuple[Reading, ...]:
+    """As printed, each alternative alone, and every two alternatives of different axes together."""
+    alone = [{axis.name: value} for axis in _AXES for value in axis.alternatives]
+    pairs = [first | second for first, second in combinations(alone, 2) if first.keys() != second.keys()]
+    return tuple(reading(settings) for settings in ({}, *alone, *pairs))
 
 
-def _crossed(axes: Sequence[ReadingAxis], fixed: Mapping[str, str]) -> list[Reading]:
-    names = [axis.name for axis in axes]
-    choices = product(*((axis.printed, *axis.alternatives) for axis in axes))
-    return [reading({**dict(zip(names, values, strict=True)), **fixed}) for values in choices]
-
-
-VARIATIONS: tuple[Reading, ...] = tuple(
-    reading({axis.name: value}) for axis in _WHAT_IFS for value in axis.alternatives
+VARIATIONS: tuple[Reading, ...] = (
+    *(reading({axis.name: value}) for axis in _WHAT_IFS for value in axis.alternatives),
+    *(reading({"sampling_period": value, "encoder": "ideal"}) for value in ("0.5ms", "2ms")),
 )
-"""What-ifs that are no readings, for Controller 2: another sampling period, another M_bar."""
+"""What-ifs that are no readings, for Controller 2: sampling period, also without counts, and M_bar."""
 
 
 def case_of(reading_: Reading, run: str) -> Reading:

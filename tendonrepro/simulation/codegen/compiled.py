@@ -48,6 +48,7 @@ LAW_FUNCTIONS = (
     control.phi,
     control.phi_slope,
     control.surface_and_feedback,
+    control.delayed_acceleration,
     control.time_delay_estimate,
     control.error_rate,
     control.command,
