@@ -9,6 +9,7 @@ from typing import Any
 
 from tendonrepro.claims.from_ensemble import COMMAND
 from tendonrepro.claims.judge import SCHEMA_VERSION, SHARE, Verdict, summary
+from tendonrepro.claims.verdicts import EDITION
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.results.tables import NOTHING, csv_text, markdown
 
@@ -78,9 +79,10 @@ def _shipped_note(verdicts: Sequence[Verdict]) -> list[str]:
         return []
     draws, version, created = (origins[0][key] for key in ("draws", "tendonrepro_version", "created"))
     date = str(created or "of unknown date").partition("T")[0]
+    edition = "" if origins[0]["rules_edition"] == EDITION else ", by an earlier edition of the rules"
     return [
         f"shipped: not judged here but taken from the ensemble that comes with the package ({draws} draws, "
-        f"tendonrepro {version}, {date}); one of your own replaces it: {COMMAND}"
+        f"tendonrepro {version}, {date}{edition}); one of your own replaces it: {COMMAND}"
     ]
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from tendonrepro.claims.judge import Verdict
+from tendonrepro.claims.verdicts import EDITION
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import shipped
 from tendonrepro.results.folder import MANIFEST, read_manifest
@@ -48,7 +49,7 @@ def shipped_ledger() -> ShippedLedger:
 def local_origin(folder: Path, draws: int) -> dict[str, Any]:
     """What is known of an ensemble in a results folder, as `ShippedLedger.ensemble`."""
     manifest = read_manifest(folder) if (folder / MANIFEST).exists() else {}
-    return {"source": "local"} | _origin(manifest, draws)
+    return {"source": "local"} | _origin(manifest, draws) | {"rules_edition": EDITION}
 
 
 def _origin(known: Mapping[str, Any], draws: int | None) -> dict[str, Any]:
@@ -56,13 +57,14 @@ def _origin(known: Mapping[str, Any], draws: int | None) -> dict[str, Any]:
         "draws": known.get("draws") if draws is None else draws,
         "tendonrepro_version": known.get("tendonrepro_version"),
         "created": known.get("created"),
+        "rules_edition": known.get("rules_edition"),
     }
 
 
 def with_shipped(verdicts: Sequence[Verdict], ledger: ShippedLedger) -> list[Verdict]:
     """Put the shipped verdict wherever one waits for an ensemble.
 
-    A stored verdict counts only if it was made by the rule of today on the number or claim of today.
+    A stored verdict counts only if it is of the number or claim of today, by the rule of the same name.
     """
     return [
         _taken(one, ledger) if one.kind == "ensemble" and one.verdict == "not_testable" else one

@@ -215,7 +215,8 @@ def _bound_remarks(plants: Plants, lam: Array, wider: Mask) -> list[str]:
     counted = plants.ok(*CONTROLLERS)
     remarks = ["judged under encoder=ideal, whatever the reading"]
     if len(wider):
-        remarks.append(f"with max for min Eq. (30) holds on {wider.all(axis=1).mean():.3g} of these plants")
+        count = int(wider.all(axis=1).sum())
+        remarks.append(f"with max for min Eq. (30) holds on {count} of {len(wider)} plants judged")
     if counted.any():
         omega = np.median(plants[FIRST, "epsilon_max"][counted] / lam, axis=0)
         sizes = ", ".join(f"{size:.3g}" for size in omega)

@@ -10,6 +10,7 @@ from tendonrepro.claims.command import run_claims
 from tendonrepro.claims.judge import Sources, judge_all
 from tendonrepro.claims.report import details_text
 from tendonrepro.claims.shipped import ShippedLedger, shipped_ledger, with_shipped
+from tendonrepro.claims.verdicts import EDITION
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError
 from tendonrepro.results.folder import TRACES
@@ -81,6 +82,7 @@ def test_an_ensemble_of_ones_own_replaces_them(tmp_path, monkeypatch):
         "draws": len(own.draws),
         "tendonrepro_version": None,
         "created": None,
+        "rules_edition": EDITION,
     }
     assert json.loads((tmp_path / "claims" / "claims.json").read_text())["ensemble"]["source"] == "local"
     assert "shipped" not in ledger.text
@@ -118,6 +120,9 @@ def test_a_damaged_file_is_named(content, tmp_path, monkeypatch):
 
 def test_an_origin_that_was_not_stored_is_said():
     waiting = [one for one in judge_all(Sources()) if one.id == "C2"]
-    nothing = {"draws": None, "tendonrepro_version": None, "created": None}
+    nothing = dict.fromkeys(shipped_ledger().ensemble)
     (found,) = with_shipped(waiting, ShippedLedger(shipped_ledger().entries, nothing))
-    assert "of unknown date" in details_text(found)
+    assert "of unknown date, by an earlier edition of the rules" in details_text(found)
+    today = nothing | {"created": "2026-01-02T03:04:05+00:00", "rules_edition": EDITION}
+    (found,) = with_shipped(waiting, ShippedLedger(shipped_ledger().entries, today))
+    assert "2026-01-02)" in details_text(found)
