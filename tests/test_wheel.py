@@ -29,6 +29,7 @@ def test_the_wheel_holds_the_data_and_nothing_else(wheel: Path) -> None:
     }
     assert {name for name in names if not name.endswith(".py")} == {
         "tendonrepro/configs/compare.yaml",
+        "tendonrepro/configs/compare_cosine.yaml",
         "tendonrepro/configs/decouple.yaml",
         "tendonrepro/configs/ensemble.yaml",
         "tendonrepro/configs/lumidouce_ii.yaml",

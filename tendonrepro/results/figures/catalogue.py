@@ -25,6 +25,7 @@ from tendonrepro.results.figures.style import journal_style, save_figure
 from tendonrepro.results.records import Trace, TraceFile
 
 _LONGEST_CHANGES = 60
+_ERRORS = "Where errors are of the size of encoder counts, their mean in a band of the RMS about it."
 
 
 @dataclass(frozen=True)
@@ -161,7 +162,7 @@ FIGURES: dict[int, FigureSpec] = {
         plant=("S_inv",),
     ),
     14: FigureSpec(
-        "Joint angles and tracking errors of the controllers; MAE in the order of the legend.",
+        f"Joint angles and tracking errors of the controllers; MAE in the order of the legend. {_ERRORS}",
         "compare",
         controllers,
         ("q_encoder", "e"),
@@ -179,7 +180,8 @@ FIGURES: dict[int, FigureSpec] = {
         enough=any,
     ),
     16: FigureSpec(
-        "Controller 1 without and with a payload at the end-effector: joint angles and tracking errors.",
+        "Controller 1 without and with a payload at the end-effector: joint angles and tracking errors; "
+        f"MAE in the order of the legend. {_ERRORS}",
         "compare",
         _named("controller_1", "controller_1_payload"),
         ("q_encoder", "e"),

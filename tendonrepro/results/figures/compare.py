@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.physics.metrics import window_mean
+from tendonrepro.physics.metrics import rmse, window_mean
 from tendonrepro.results.figures.panels import Canvas
 from tendonrepro.results.figures.style import COLUMN_MM, PAGE_MM, REFERENCE, Stroke, paler, stroke_of
 from tendonrepro.results.paper import printed_beside
@@ -34,6 +34,8 @@ _PAYLOAD = "_payload"
 _TABLE_2 = {name: f"table2.{name}.mae" for name in CONTROLLERS}
 _TABLE_3 = {run: f"table3.{load}.mae" for load, run in LOADS.items()}
 _OVERFLOW = 1e100
+# Largest share of an error's RMS that may come and go within a mean's window for it to be drawn raw.
+_FUZZY = 0.1
 # Share of white in the wide curves of Figure 13, below the narrow ones of the same colour.
 _EXPECTED = 0.62
 
@@ -155,7 +157,12 @@ def _joints(traces: list[Trace]) -> list[int]:
 def _tracking(file: TraceFile, runs: list[_DrawnRun], printed: Mapping[str, str]) -> Canvas:
     joints = _joints([run.trace for run in runs])
     rows = {"q_encoder": "Joint angle (deg)", "e": "Tracking error (deg)"}
-    labels = [[(f"Joint {joint}", label) for joint in joints] for label in rows.values()]
+    fuzzy = {joint for joint in joints if any(_is_fuzzy(run, joint) for run in runs)}
+    mean = f"Error, {MEAN_WINDOW * 1e3:g} ms mean ± RMS (deg)"
+    labels = [
+        [(f"Joint {joint}", mean if name == "e" and joint in fuzzy else label) for joint in joints]
+        for name, label in rows.items()
+    ]
     canvas = Canvas(PAGE_MM, 114.0, labels)
     for letter, (variable, joint) in zip(canvas.letters, product(rows, joints), strict=True):
         if variable == "e":
@@ -163,8 +170,19 @@ def _tracking(file: TraceFile, runs: list[_DrawnRun], printed: Mapping[str, str]
             canvas.note(letter, _errors_note(file, [run.trace for run in runs], joint, printed))
         else:
             _desired(canvas, letter, runs, joint)
-        _curves(canvas, letter, runs, variable, joint)
+        _curves(canvas, letter, runs, variable, joint, averaged=variable == "e" and joint in fuzzy)
     return canvas
+
+
+def _is_fuzzy(run: _DrawnRun, joint: int) -> bool:
+    """Whether much of an error is from sample to sample; raw, one run's counts would cover the others."""
+    if not run.holds("e", joint):
+        return False
+    time, error = _known(run.trace.time, run.values("e", joint))
+    if run.trace.status == "diverged" or len(time) < 2:
+        return False
+    fast = error - window_mean(error, _samples(time, MEAN_WINDOW))
+    return bool(rmse(fast) > _FUZZY * rmse(error))
 
 
 def _errors_note(file: TraceFile, traces: list[Trace], joint: int, printed: Mapping[str, str]) -> str:
@@ -230,7 +248,8 @@ def _near(runs: list[_DrawnRun], joint: int) -> tuple[float, float]:
     if "q_d" in longest and joint in longest.joint and len(time) > 1:
         speed = np.gradient(longest["q_d"][:, longest.joint.index(joint)], time)
         if np.isfinite(speed).any():
-            middle = float(time[np.nanargmax(speed)])
+            # The first of equally fast strokes, whatever rounding says.
+            middle = float(time[np.argmax(np.nan_to_num(speed) >= 0.999 * np.nanmax(speed))])
     start = max(middle - 0.5 * ZOOM, float(time[0]))
     return start, start + ZOOM
 

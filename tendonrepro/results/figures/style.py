@@ -145,13 +145,18 @@ class Drawing:
     caption: str
 
 
-def save_drawing(drawn: Drawing, folder: Path) -> list[Path]:
+def save_drawing(drawn: Drawing, folder: Path, origin: str = "") -> list[Path]:
     """Write a figure that brings its name and caption, as :func:`save_figure` does."""
-    return save_figure(drawn.figure, folder, drawn.stem, drawn.stem, drawn.caption)
+    return save_figure(drawn.figure, folder, drawn.stem, drawn.stem, drawn.caption, origin)
 
 
-def save_figure(figure: Figure, folder: Path, stem: str, title: str, caption: str) -> list[Path]:
+def save_figure(
+    figure: Figure, folder: Path, stem: str, title: str, caption: str, origin: str = ""
+) -> list[Path]:
     """Write a figure as PDF, SVG and PNG with title and caption kept in the files.
+
+    The origin, where it is given, is printed below the panels; of a settled figure :func:`imprint` has to
+    do that before.
 
     Raises
     ------
@@ -165,6 +170,8 @@ def save_figure(figure: Figure, folder: Path, stem: str, title: str, caption: st
     }
     paths = [folder / f"{stem}.{suffix}" for suffix in metadata]
     with journal_style():
+        if origin:
+            imprint(figure, origin)
         for path, (suffix, entries) in zip(paths, metadata.items(), strict=True):
             with atomic_path(path) as temporary:
                 figure.savefig(temporary, format=suffix, metadata=entries)
