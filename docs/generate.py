@@ -17,7 +17,7 @@ DOCS = Path(__file__).parent
 RESULTS = DOCS / "results"
 PAGE = DOCS / "findings.md"
 BEGIN, END = "<!-- made by generate.py: begin -->", "<!-- made by generate.py: end -->"
-CLAIMS = "C1 C2 C3 C4 C5 C6 P1 E1 E2 E3 L1 T1 K1 K2 K3 K4 K5 K6 A1".split()
+CLAIMS = "C1 C2 F1 C3 C4 C5 C6 P1 E1 E2 E2a E3 L1 T1 K1 K2 K2a K2b K3 K4 K5 K6 A1".split()
 
 
 def main(reports: Path) -> None:
@@ -63,7 +63,9 @@ def _thin_reading(reading: dict[str, Any]) -> dict[str, Any]:
         "diverged": {run: shares["diverged"]["share"] for run, shares in reading["status"].items()},
         "in_order": share("share_c1_lt_c2_lt_c3", "all_ok"),
         "in_order_diverged_last": share("share_c1_lt_c2_lt_c3", "diverged_last"),
+        "in_reverse": share("share_c3_lt_c2_lt_c1", "all_ok"),
         "first_is_best": share("share_c1_best", "all_ok"),
+        "rmse_over_mae_rises": reading["share_rmse_over_mae_rises"]["both"],
         "c1_c2": ratio("ratio_c1_c2"),
         "c2_c3": ratio("ratio_c2_c3"),
         "inside": len(reading["agreement"]["inside"]),
@@ -175,7 +177,7 @@ def _readings(summary: dict[str, Any]) -> str:
 def _claims(ledger: dict[str, Any]) -> str:
     entries = {entry["id"]: entry for entry in ledger["claims"]}
     rows = []
-    for name in CLAIMS:
+    for name in [name for name in CLAIMS if name in entries]:
         entry = entries[name]
         share, others = entry["evidence"].get("share"), entry["readings_that_change_it"]
         held = _percent(share) if isinstance(share, float | int) else "–"

@@ -10,7 +10,15 @@ from typing import TypeAlias
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.config.published import SIGN, Interval, PrintedNumber, Published, exact, rounding
+from tendonrepro.config.published import (
+    SIGN,
+    Interval,
+    PrintedNumber,
+    Published,
+    exact,
+    quotient,
+    rounding,
+)
 from tendonrepro.physics.kinematics import coupling_inverse
 
 Bounds: TypeAlias = tuple[Fraction | float, Fraction | float]
@@ -30,11 +38,6 @@ _ZERO = 1e-9
 def meets(first: Bounds, second: Bounds) -> bool:
     """Whether two intervals share a number, ends included."""
     return first[0] <= second[1] and second[0] <= first[1]
-
-
-def quotient(numerator: Interval, denominator: Interval) -> Interval:
-    """Interval of the quotient of two positive numbers."""
-    return numerator[0] / denominator[1], numerator[1] / denominator[0]
 
 
 def percentage(part: PrintedNumber, whole: PrintedNumber, *, change: bool) -> tuple[Fraction, Interval]:
@@ -110,6 +113,13 @@ def least_tensions(S: Array, course: str) -> tuple[Array, Array]:
     vectors = np.tril(np.ones((3, 3)))
     pull = np.array(COURSES[course]) * np.array(_COURSE_MM) / 2.0
     return vectors @ S, pull @ S
+
+
+def travel(course: str) -> float:
+    """Range of tendon 4's length, mm, while every link turns through the working half-plane, 180 degrees."""
+    radii = np.array(COURSES[course]) * np.array(_COURSE_MM) / 2.0
+    # Joint angles are differences of link angles, which move independently.
+    return float(np.pi * np.abs(radii - np.append(radii[1:], 0.0)).sum())
 
 
 def stays_tense(S: Array, course: str) -> bool:

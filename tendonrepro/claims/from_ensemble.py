@@ -2,27 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.claims.from_print import Evidence, Judged, missing
 from tendonrepro.claims.plants import UNRESOLVED, Plants
-from tendonrepro.claims.statements import CLAIMS, FIRST, LOADED, Findings, Statement, smaller
+from tendonrepro.claims.statements import CLAIMS, FIRST, LOADED, Findings, Statement, shape_of, smaller
 from tendonrepro.claims.verdicts import (
     MOST_UNRESOLVED,
     Decision,
     Mask,
+    of_claim,
     of_number,
     of_share,
     of_values,
+    power_of,
     with_values,
 )
-from tendonrepro.config.published import Published, rounding
-from tendonrepro.ensemble.shares import LEAST_PLANTS, share_of, spread_of
+from tendonrepro.config.published import Published
+from tendonrepro.ensemble.shares import LEAST_PLANTS, Share, share_of, spread_of
 from tendonrepro.errors import DataMissingError
 from tendonrepro.results.summary import CONTROLLERS
 
@@ -32,7 +35,7 @@ HARDWARE = "The paper measured hardware; this is what the printed equations do o
 VALUES: Mapping[str, str] = {"order": "table2.", "payload": "increase."}
 """Claims that print values, and how the ids of these begin."""
 
-NUMBERS = ("value", "ratio", "increase")
+NUMBERS = ("value", "shape", "ratio", "increase")
 """Rules of numbers."""
 
 
@@ -51,9 +54,13 @@ class PlantNumbers:
 
 
 def numbers_of(plants: Plants, identifier: str) -> PlantNumbers:
-    """Look up a printed number of Tables 2 and 3, section 5.3 or section 5.4 on every plant."""
-    family, what, metric, place = identifier.split(".")
+    """Look up a number of Tables 2 and 3, section 5.3 or section 5.4 on every plant."""
+    family, what, *metrics, place = identifier.split(".")
     joint = plants.joints.index(int(place.removeprefix("joint_")))
+    if family == "rmse_over_mae":
+        shape, (ok, resolved) = shape_of(plants, what)[:, joint], _counted(plants, what)
+        return PlantNumbers(shape, ok & np.isfinite(shape), resolved, None)
+    (metric,) = metrics
     if family == "increase":
         return _quotient(plants, (FIRST, LOADED), metric, joint, change=True)
     if family == "share":
@@ -106,8 +113,12 @@ def _number(plants: Plants, paper: Published, identifier: str) -> Judged:
         return few
     replicate = plants.data.replicate[found.judged]
     box = spread_of(found.values[found.judged], replicate)
-    low, high = map(float, rounding(paper.quantity(identifier)))
-    evidence: Evidence = {"box": box.as_dict(), "share_judged": float(found.judged.mean())}
+    low, high = map(float, paper.interval(identifier))
+    evidence: Evidence = {
+        "box": box.as_dict(),
+        "also_passing": power_of((low, high), box),
+        "share_judged": float(found.judged.mean()),
+    }
     share = None
     if found.direction:
         share = share_of(found.direction.holds[found.judged], replicate)
@@ -128,6 +139,10 @@ def _claim(plants: Plants, paper: Published, rule: str) -> Judged:
         return missing(f"{left:.3g} % of the plants were too fast for the integrator")
     direction, evidence = _by_statements(plants, found, found.judged, "holds")
     evidence["share_judged"] = float(found.judged.mean())
+    if found.beside:
+        evidence["beside"] = _rows(plants, found.beside, found.judged, "holds")
+    if found.chance is not None:
+        evidence["chance"] = found.chance
     remarks = [*found.remarks, *_unresolved(plants)]
     if found.resolved is not None:
         last, evidence["diverged_last"] = _by_statements(plants, found, found.resolved, "last")
@@ -140,15 +155,47 @@ def _claim(plants: Plants, paper: Published, rule: str) -> Judged:
 def _by_statements(
     plants: Plants, found: Findings, counted: Mask, attribute: str
 ) -> tuple[Decision, Evidence]:
+    """Judge by the measure under which a claim holds most often; the shares behind that."""
     replicate = plants.data.replicate[counted]
-    masks = [getattr(statement, attribute)[counted] for statement in found.statements]
-    whole = share_of(np.logical_and.reduce(masks), replicate)
-    parts = [share_of(mask, replicate) for mask in masks]
-    rows = [
-        {"statement": statement.text, "verdict": of_share(part).verdict} | part.as_dict()
-        for statement, part in zip(found.statements, parts, strict=True)
-    ]
-    return of_share(whole), whole.as_dict() | {"statements": rows}
+
+    def share(masks: Sequence[Mask]) -> Share:
+        return share_of(np.logical_and.reduce(masks)[counted], replicate)
+
+    def of(statements: Sequence[Statement]) -> list[Mask]:
+        return [getattr(statement, attribute) for statement in statements]
+
+    parts = {name: [share([mask]) for mask in of(held)] for name, held in found.measures.items()}
+    wholes = {name: share(of(held)) for name, held in found.measures.items()}
+    best = _best(wholes)
+    opposite = of([found.opposite]) if found.opposite else [~mask for mask in of(found.statements)]
+    told = found.opposite.text if found.opposite else "no statement holds"
+    evidence: Evidence = wholes[best].as_dict()
+    if len(wholes) > 1:
+        evidence["measure"] = best
+        evidence["by_measure"] = [
+            {"measure": name, "verdict": of_claim(whole, parts[name]).verdict} | whole.as_dict()
+            for name, whole in wholes.items()
+        ]
+    evidence["opposite"] = {"statement": told} | share(opposite).as_dict()
+    evidence["statements"] = _rows(plants, found.statements, counted, attribute)
+    return of_claim(wholes[best], [part for held in parts.values() for part in held]), evidence
+
+
+def _best(wholes: Mapping[str, Share]) -> str:
+    return max(wholes, key=lambda name: wholes[name].value)
+
+
+def _rows(
+    plants: Plants, statements: Sequence[Statement], counted: Mask, attribute: str
+) -> list[dict[str, Any]]:
+    """Statements with their own shares and verdicts."""
+    rows = []
+    for statement in statements:
+        share = share_of(getattr(statement, attribute)[counted], plants.data.replicate[counted])
+        named = {"measure": statement.measure} if statement.measure else {}
+        verdict = of_share(share).verdict
+        rows.append({"statement": statement.text} | named | {"verdict": verdict} | share.as_dict())
+    return rows
 
 
 def _with_printed_values(plants: Plants, paper: Published, rule: str, decision: Decision) -> Decision:
@@ -176,8 +223,12 @@ def outcome(plants: Plants, paper: Published, rule: str, identifier: str) -> tup
     """
     if rule not in NUMBERS:
         found = CLAIMS[rule](plants, paper)
-        holds = np.logical_and.reduce([statement.holds for statement in found.statements])
-        return holds.astype(np.float64), found.judged
+        holds = {
+            name: np.logical_and.reduce([statement.holds for statement in held])
+            for name, held in found.measures.items()
+        }
+        deciding = max(holds.values(), key=lambda mask: np.count_nonzero(mask[found.judged]))
+        return deciding.astype(np.float64), found.judged
     numbers = numbers_of(plants, identifier)
     values = numbers.values.copy()
     if (values[numbers.judged] > 0.0).all():

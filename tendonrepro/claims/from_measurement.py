@@ -19,7 +19,7 @@ from tendonrepro.claims.run_statistics import RATE_WINDOW, statistics_of
 from tendonrepro.claims.statements import CLAIMS, FIRST, LOADED, Findings, larger_with_load
 from tendonrepro.claims.verdicts import of_model
 from tendonrepro.config.models.readings import PRINTED
-from tendonrepro.config.published import COMPARED, PrintedNumber, Published
+from tendonrepro.config.published import COMPARED, PrintedNumber, PrintedQuotient, Published
 from tendonrepro.dataset.motion.recover import Reference, derivatives, recover, timing_of
 from tendonrepro.dataset.motion.windows import PrintedTables, prints_as, try_windows
 from tendonrepro.errors import DataMissingError
@@ -27,7 +27,7 @@ from tendonrepro.physics.metrics import STATUSES, mae, start_level
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import CONTROLLERS
 
-JUDGED = ("K3", "K5", "C1", "C2", "C3", "C4", "C5", "C6", "P1")
+JUDGED = ("K3", "K5", "C1", "C2", "F1", "C3", "C4", "C5", "C6", "P1")
 """Claims that a measurement is asked about."""
 
 TINY, AGREES = 0.01, 0.05
@@ -35,7 +35,7 @@ TINY, AGREES = 0.01, 0.05
 LEAST_RANGE = float(np.deg2rad(1.0))
 """Range below which a joint or motor counts as at rest, rad."""
 
-_FAMILIES = ("table2.", "table3.", "share.", "increase.")
+_FAMILIES = ("table2.", "table3.", "rmse_over_mae.", "share.", "increase.")
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,8 @@ def judge_measured(measured: Measured, paper: Published) -> dict[str, Judged]:
     Returns
     -------
     dict
-        By id: the claims `JUDGED`, the numbers of Tables 2 and 3 and of sections 5.3 and 5.4.
+        By id: the claims `JUDGED`, the numbers of Tables 2 and 3, their quotients, and those of sections 5.3
+        and 5.4.
     """
     numbers = [name for name in paper.entries if name.startswith(_FAMILIES)]
     found = {name: _number(measured, paper, name) for name in numbers}
@@ -102,6 +103,8 @@ def _number(measured: Measured, paper: Published, identifier: str) -> Judged:
     deciding = measured.tables.deciding
     sizes = deciding.sizes if deciding else {}
     window = {"window": deciding.name if deciding else None}
+    if identifier.startswith("rmse_over_mae."):
+        return _quotient(sizes, paper, identifier, window)
     if not identifier.startswith("table"):
         return _percentage(sizes, paper, identifier, window)
     ours = sizes.get(_size_behind(identifier))
@@ -132,6 +135,19 @@ def _percentage(
     return Judged(of_model(holds), float(value), dict(window))
 
 
+def _quotient(
+    sizes: Mapping[str, float], paper: Published, identifier: str, window: Mapping[str, Any]
+) -> Judged:
+    """Judge RMSE over MAE by what the rounding of both printed numbers allows."""
+    entry = paper.entries[identifier]
+    assert isinstance(entry, PrintedQuotient)
+    root, mean = (sizes.get(name, np.nan) for name in (entry.numerator, entry.denominator))
+    if not (np.isfinite(root) and mean > 0.0):
+        return missing(f"the measured errors of {_run_of(entry.numerator)}", **window)
+    low, high = paper.interval(identifier)
+    return Judged(of_model(low <= root / mean <= high), root / mean, dict(window))
+
+
 def _size_behind(identifier: str) -> str:
     """Name of a measured size: the row without load of Table 3 is Controller 1 of Table 2."""
     return identifier.replace("table3.no_load", "table2.controller_1")
@@ -160,22 +176,21 @@ def _claim(measured: Measured, paper: Published, identifier: str, numbers: Mappi
     else:
         found = CLAIMS[rule](plants, paper)
     _all_judged(measured.compare, identifier, found)
-    holds = [bool(statement.holds[0]) for statement in found.statements]
+    holds = any(all(statement.holds[0] for statement in held) for held in found.measures.values())
     evidence: Evidence = {
         "statements": [
-            {"statement": statement.text, "holds": held}
-            for statement, held in zip(found.statements, holds, strict=True)
+            {"statement": statement.text, "holds": bool(statement.holds[0])} for statement in found.statements
         ],
         "statistics": arm.asked,
     }
     remarks = _remarks(measured, identifier)
-    if identifier in ("C2", "P1") and measured.tables.deciding:
+    if identifier in ("C2", "F1", "P1") and measured.tables.deciding:
         evidence["window"] = measured.tables.deciding.name
     if identifier == "P1":
         values = {name: one for name, one in numbers.items() if name.startswith("increase.")}
         evidence["percentages"] = {name: one.decision.verdict for name, one in values.items()}
-        holds += [one.decision.verdict == "reproduced" for one in values.values()]
-    return Judged(of_model(all(holds)), None, evidence | ({"remarks": remarks} if remarks else {}))
+        holds = holds and all(one.decision.verdict == "reproduced" for one in values.values())
+    return Judged(of_model(holds), None, evidence | ({"remarks": remarks} if remarks else {}))
 
 
 def _need_errors(file: TraceFile) -> None:

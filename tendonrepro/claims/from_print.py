@@ -19,10 +19,12 @@ from tendonrepro.claims.arithmetic import (
     printed_percentages,
     slopes_of_coupling,
     stays_tense,
+    travel,
 )
-from tendonrepro.claims.verdicts import Decision, VerdictName, of_arithmetic, of_model
+from tendonrepro.claims.verdicts import Decision, VerdictName, of_arithmetic, of_courses, of_model
 from tendonrepro.config.published import (
     COMPARED,
+    SIGN,
     Interval,
     PrintedNumber,
     Published,
@@ -32,6 +34,7 @@ from tendonrepro.config.published import (
     table_1,
 )
 from tendonrepro.physics.control import polynomial
+from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix
 
 FAR_LESS = 0.1
 """Motor 3 against motor 2 in claim K4."""
@@ -138,8 +141,35 @@ def tendon_1_moves_joint_2(paper: Published, _: str) -> Judged:
     """K2: joint 2 turns when tendon 1 alone is pulled."""
     S, _S_inv = coupling_of(table_1(paper))
     ours = float(S[1, 0] / S[0, 0])
-    remark = "joint 2 over joint 1; a pure translation of link 2, as Fig. 6 is described, would need -1"
-    return Judged(of_model(ours != 0.0), ours, {"remarks": [remark]})
+    return Judged(of_model(ours != 0.0), ours, {"remarks": [_TURN]})
+
+
+def opposite_direction(paper: Published, _: str) -> Judged:
+    """K2a: joint 2 turns against joint 1 when tendon 1 alone is pulled."""
+    return _by_turn(paper, lambda turn: turn < 0.0)
+
+
+def pure_translation(paper: Published, _: str) -> Judged:
+    """K2b: joint 2 turns back as far as joint 1 turns, so that link 2 keeps its direction."""
+    return _by_turn(paper, lambda turn: abs(turn + 1.0) < NEARLY)
+
+
+_TURN = "joint 2 over joint 1; a pure translation of link 2, as Fig. 6 is described, would need -1"
+
+
+def _by_turn(paper: Published, holds: Callable[[float], bool]) -> Judged:
+    """Judge the turn of joint 2 over that of joint 1, by the printed signs and with c12 and c13 turned round.
+
+    Both leave the magnitudes of S as printed.
+    """
+    turns = []
+    for flip in (1.0, -1.0):
+        sign = SIGN * np.array([[1.0, flip, flip], [1.0, 1.0, 1.0], [1.0, 1.0, 1.0]])
+        S = coupling_matrix(coupling_inverse(np.ones(3), table_1(paper), sign))
+        turns.append(float(S[1, 0] / S[0, 0]))
+    printed, other = (of_model(holds(turn)) for turn in turns)
+    evidence: Evidence = {"with_other_signs": turns[1], "remarks": [_TURN]}
+    return Judged(printed, turns[0], evidence, {"signs=c12=-1,c13=+1": other.verdict})
 
 
 def motor_3_turns_less(paper: Published, _: str) -> Judged:
@@ -174,20 +204,31 @@ def smooth_branch(paper: Published, _: str) -> Judged:
 
 
 def tension(paper: Published, _: str) -> Judged:
-    """T1: every tendon stays tense at rest in the working half-plane, whatever the masses."""
+    """T1: for each course of tendon 4, whether all tendons stay tense at rest and a spring would vary."""
     S, _S_inv = coupling_of(table_1(paper))
-    verdicts = {course: of_model(stays_tense(S, course)) for course in COURSES}
-    printed, *others = COURSES
-    gravity, preload = least_tensions(S, printed)
-    evidence = {
-        "winch_torque_of_gravity": gravity.tolist(),
-        "winch_torque_of_preload": preload.tolist(),
-        "remarks": [
-            "at rest, without friction; tendon 4's course is not printed and its pull is taken as steady"
-        ],
-    }
-    readings = {f"tensioner={course}": verdicts[course].verdict for course in others}
-    return Judged(verdicts[printed], None, evidence, readings)
+    rows, holds = [], {}
+    for course in COURSES:
+        gravity, preload = least_tensions(S, course)
+        tense, length = stays_tense(S, course), travel(course)
+        rows.append(
+            {
+                "course": course,
+                "every_tendon_tense": tense,
+                "spring_varies": length > 0.0,
+                "length_change_mm": length,
+                "winch_torque_of_gravity": gravity.tolist(),
+                "winch_torque_of_preload": preload.tolist(),
+            }
+        )
+        holds[course] = tense and length > 0.0
+    remarks = [
+        "the course of tendon 4 is not printed; at rest, without friction",
+        "that a motor's pull is constant is an input of the model, no result",
+    ]
+    # The paper has a tendon 4, so a machine without it decides nothing.
+    decision = of_courses([held for course, held in holds.items() if course != "absent"])
+    readings = {f"tensioner={course}": of_model(held).verdict for course, held in holds.items()}
+    return Judged(decision, None, {"courses": rows, "remarks": remarks}, readings)
 
 
 FROM_THE_PRINT: Mapping[str, Callable[[Published, str], Judged]] = {
@@ -198,6 +239,8 @@ FROM_THE_PRINT: Mapping[str, Callable[[Published, str], Judged]] = {
     "same_as": same_as,
     "resolution": resolution,
     "tendon_1_moves_joint_2": tendon_1_moves_joint_2,
+    "opposite_direction": opposite_direction,
+    "pure_translation": pure_translation,
     "motor_3_turns_less": motor_3_turns_less,
     "coupling_terms": coupling_terms,
     "smooth_branch": smooth_branch,

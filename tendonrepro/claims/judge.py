@@ -13,7 +13,14 @@ from tendonrepro.claims.plants import Ensemble, Plants
 from tendonrepro.claims.sensitivity import Ranking, ranked
 from tendonrepro.claims.verdicts import FAILURES, NAMES, VerdictName
 from tendonrepro.config.models.readings import PRINTED
-from tendonrepro.config.published import Judgement, PrintedEntry, PrintedText, Published, published
+from tendonrepro.config.published import (
+    Judgement,
+    PrintedEntry,
+    PrintedQuotient,
+    PrintedText,
+    Published,
+    published,
+)
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.summary import LOADS, decoupling_errors, tracking_errors
@@ -39,7 +46,8 @@ class Verdict:
     """One line of the ledger; the fields are the keys of ``claims --json``.
 
     `printed` is the number, fraction or claim as printed; `ours` the share of a claim, or the number of the
-    shipped run, else its median over the box. `shipped` verdicts come from the package's stored ensemble.
+    shipped run, else its median over the box. What `repeats` another entry is not counted. `shipped` verdicts
+    come from the package's stored ensemble.
     """
 
     id: str
@@ -54,6 +62,7 @@ class Verdict:
     evidence: Mapping[str, Any]
     depends_on: tuple[str, ...]
     readings_that_change_it: tuple[str, ...]
+    repeats: str | None = None
     shipped: bool = False
 
 
@@ -155,7 +164,7 @@ def _verdict(paper: Published, identifier: str, found: Judged, shipped: float | 
     unknown = [name for name, other in others.items() if other == "not_testable"]
     if unknown and verdict != "not_testable":
         evidence["not_testable_under"] = unknown
-    printed, unit = _as_printed(entry, rule)
+    printed, unit = _as_printed(paper, entry, rule)
     return Verdict(
         id=identifier,
         where=entry.where,
@@ -171,6 +180,7 @@ def _verdict(paper: Published, identifier: str, found: Judged, shipped: float | 
         readings_that_change_it=tuple(
             name for name, other in others.items() if other not in {verdict, "not_testable"}
         ),
+        repeats=rule.repeats,
     )
 
 
@@ -184,6 +194,10 @@ def _shipped_numbers(compare: TraceFile | None) -> dict[str, float]:
         for metric in ("mae", "rmse"):
             for joint, size in zip(trace.joint, sizes[metric], strict=True):
                 found[f"{table}.{metric}.joint_{joint}"] = float(size)
+        for joint in trace.joint:
+            mean, root = (found[f"{table}.{metric}.joint_{joint}"] for metric in ("mae", "rmse"))
+            if mean > 0.0:
+                found[f"rmse_over_mae.{run}.joint_{joint}"] = root / mean
     first = {name: size for name, size in found.items() if name.startswith("table2.controller_1.")}
     for name, size in first.items():
         place = name.removeprefix("table2.controller_1.")
@@ -210,17 +224,20 @@ def _needs_data(rule: str, decouple: TraceFile | None) -> Judged:
     return missing(_DATA, FETCH, mae_deg=errors, remarks=[remark])
 
 
-def _as_printed(entry: PrintedEntry, rule: Judgement) -> tuple[str, str | None]:
+def _as_printed(paper: Published, entry: PrintedEntry, rule: Judgement) -> tuple[str, str | None]:
     if isinstance(entry, PrintedText):
         return entry.text, SHARE if rule.kind == "ensemble" else None
+    if isinstance(entry, PrintedQuotient):
+        low, high = paper.interval(entry.id)
+        return f"{float(low):.3f} to {float(high):.3f}", entry.unit
     return entry.as_printed, entry.unit
 
 
 def summary(verdicts: Iterable[Verdict]) -> dict[str, int]:
-    """Count each verdict; all names are there."""
+    """Count each verdict, what is printed twice once; all names are there."""
     counts = dict.fromkeys(map(str, NAMES), 0)
     for verdict in verdicts:
-        counts[verdict.verdict] += 1
+        counts[verdict.verdict] += verdict.repeats is None
     return counts
 
 

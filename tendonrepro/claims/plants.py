@@ -77,9 +77,9 @@ class Plants:
             self._kept[key] = self.data.statistic(*self._address(run), name)
         return self._kept[key]
 
-    def ranked(self, key: tuple[str, str]) -> Array:
-        """Return the same with a diverged run made larger than anything."""
-        return np.where((self.status(key[0]) == DIVERGED)[:, np.newaxis], np.inf, self[key])
+    def ranked(self, run: str, values: Array) -> Array:
+        """Sizes of a run, (N, n), made larger than anything where it diverged."""
+        return np.where((self.status(run) == DIVERGED)[:, np.newaxis], np.inf, values)
 
     def ok(self, *runs: str) -> Mask:
         """Plants on which all of some runs are ``ok``."""

@@ -49,11 +49,13 @@ def write_claims(
 def table_text(verdicts: Sequence[Verdict]) -> str:
     """Verdicts as a table for a terminal, and how many there are of each."""
     measured = _has_measured(verdicts)
-    rows = [("id", "printed", "ours", "central 90 %", "verdict", *(["on the measurement"] * measured))]
+    head = ("id", "printed", "ours", "central 90 %", "also passing", "verdict")
+    rows = [(*head, *(["on the measurement"] * measured))]
     for verdict in verdicts:
         printed = verdict.printed if _is_number(verdict) else verdict.where
         beside = [_measured(verdict)] * measured
-        rows.append((verdict.id, printed, _ours(verdict), _box(verdict), _name(verdict), *beside))
+        cells = (_ours(verdict), _box(verdict), _passing(verdict), _name(verdict))
+        rows.append((verdict.id, printed, *cells, *beside))
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = [
         "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
@@ -67,6 +69,8 @@ def _notes(verdicts: Sequence[Verdict]) -> list[str]:
     commands = {verdict.evidence.get("run") for verdict in verdicts if verdict.verdict == "not_testable"}
     notes = [f"for more verdicts run {command}" for command in sorted(filter(None, commands))]
     notes += _shipped_note(verdicts)
+    if any(verdict.repeats for verdict in verdicts):
+        notes.append("what is printed twice counts once")
     if any(verdict.borderline for verdict in verdicts):
         notes.append("* a threshold lies inside the interval")
     return notes
@@ -142,6 +146,7 @@ def _rows(verdicts: Sequence[Verdict]) -> list[dict[str, str]]:
             "Printed": f"{verdict.printed}{_unit(verdict)}",
             "Ours": _ours(verdict),
             "Central 90 %": _box(verdict),
+            "Also passing": _passing(verdict),
             "Verdict": _name(verdict),
             "Readings that change it": ", ".join(verdict.readings_that_change_it) or NOTHING,
         }
@@ -159,8 +164,11 @@ def _csv_rows(verdicts: Sequence[Verdict]) -> list[dict[str, Any]]:
     for verdict in verdicts:
         box = verdict.evidence.get("box", {})
         values = asdict(verdict) | {"low": box.get("low"), "high": box.get("high")}
-        row = {name: values[name] for name in _CSV} | {"missing": verdict.evidence.get("missing")}
-        row |= {name: values[name] for name in ("depends_on", "readings_that_change_it", "shipped")}
+        row = {name: values[name] for name in _CSV}
+        row |= {name: verdict.evidence.get(name) for name in ("also_passing", "missing")}
+        row |= {
+            name: values[name] for name in ("depends_on", "readings_that_change_it", "repeats", "shipped")
+        }
         rows.append(row | ({"measured": _measured(verdict)} if measured else {}))
     return rows
 
@@ -186,6 +194,12 @@ def _box(verdict: Verdict) -> str:
     box = verdict.evidence.get("box")
     ends = [box.get(end) for end in ("low", "high")] if box else [None]
     return NOTHING if None in ends else " to ".join(f"{end:.3g}" for end in ends)
+
+
+def _passing(verdict: Verdict) -> str:
+    """Share of the decade around a printed number that would be inside as well: 100 % says nothing."""
+    share = verdict.evidence.get("also_passing")
+    return NOTHING if share is None else f"{100.0 * share:.0f} %"
 
 
 def _measured(verdict: Verdict) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import MISSING, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -74,7 +74,7 @@ def with_shipped(verdicts: Sequence[Verdict], ledger: ShippedLedger) -> list[Ver
 
 def _taken(waiting: Verdict, ledger: ShippedLedger) -> Verdict:
     entry = ledger.entries.get(waiting.id, {})
-    needed = {one.name for one in fields(Verdict)} - {"shipped"}
+    needed = {one.name for one in fields(Verdict) if one.default is MISSING}
     same = all(entry.get(key) == getattr(waiting, key) for key in ("kind", "rule", "printed"))
     if not same or not needed <= entry.keys():
         return waiting
@@ -88,5 +88,6 @@ def _taken(waiting: Verdict, ledger: ShippedLedger) -> Verdict:
         evidence=evidence | here | {"ensemble": ledger.ensemble},
         depends_on=tuple(stored.depends_on),
         readings_that_change_it=tuple(stored.readings_that_change_it),
+        repeats=waiting.repeats,
         shipped=True,
     )

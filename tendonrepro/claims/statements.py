@@ -5,17 +5,25 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise, product
+from math import factorial
+from typing import Any
 
 import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.claims.plants import DIVERGED, UNRESOLVED, Plants
 from tendonrepro.claims.verdicts import SIMILAR, Mask
+from tendonrepro.config.models.readings import PRINTED
 from tendonrepro.config.published import Published
 from tendonrepro.results.summary import CONTROLLERS, LOADS
 
 IDEAL = "encoder=ideal"
 SHORTER, LONGER, HALVED = "sampling_period=0.5ms", "sampling_period=2ms", "M_bar=halved"
+
+SIZES: Mapping[str, str] = {"rms": "RMS", "peak": "peak", "slow": "course below 3 Hz"}
+"""What a reader of a plot may mean by the size of a signal, by words in the names of statistics."""
+
+ONE_OBSERVATION = "C5 and C6 are one observation: tau_m - H_hat = M_bar u is small"
 
 FIRST, SECOND, _ = CONTROLLERS
 LOADED = LOADS["with_load"]
@@ -25,45 +33,84 @@ LOADED = LOADS["with_load"]
 class Statement:
     """Where a statement holds, plant by plant, read only where laws are judged.
 
-    `last` is the same with a diverged law ranked last.
+    `last` is the same with a diverged law ranked last, `measure` the one of several ways to judge a claim
+    that the statement belongs to.
     """
 
     text: str
     holds: Mask
     last: Mask
+    measure: str = ""
 
 
 @dataclass(frozen=True)
 class Findings:
-    """A claim's statements, the plants they are judged on, and those of the second ranking."""
+    """A claim's statements, the plants they are judged on, and those of the second ranking.
+
+    `opposite` is a stated opposite of the whole claim, where it is more than that no statement holds;
+    `beside` are statements that are shown and do not count; `chance` is the share that laws which do not
+    differ would give.
+    """
 
     statements: Sequence[Statement]
     judged: Mask
     resolved: Mask | None
     remarks: Sequence[str] = field(default=())
+    opposite: Statement | None = None
+    beside: Sequence[Statement] = field(default=())
+    chance: float | None = None
+
+    @property
+    def measures(self) -> Mapping[str, Sequence[Statement]]:
+        """Statements by the measure they belong to; a claim holds by one when all of these do."""
+        names = dict.fromkeys(statement.measure for statement in self.statements)
+        return {name: [one for one in self.statements if one.measure == name] for name in names}
 
 
-def smaller(plants: Plants, name: str, first: str, second: str, what: str) -> Iterator[Statement]:
+def together(text: str, statements: Sequence[Statement]) -> Statement:
+    """Make one statement of several, that all of them hold."""
+    holds, last = (
+        np.logical_and.reduce([getattr(s, name) for s in statements]) for name in ("holds", "last")
+    )
+    return Statement(text, holds, last)
+
+
+def smaller(
+    plants: Plants, name: str, first: str, second: str, what: str, measure: str = ""
+) -> Iterator[Statement]:
     """Yield, joint by joint, that a statistic of one run is strictly smaller than that of another."""
+    yield from below(
+        plants, {run: plants[run, name] for run in (first, second)}, first, second, what, measure
+    )
+
+
+def below(
+    plants: Plants, sizes: Mapping[str, Array], first: str, second: str, what: str, measure: str = ""
+) -> Iterator[Statement]:
+    """Yield, joint by joint, that one run's size (N, n) is strictly smaller than another's."""
     with np.errstate(invalid="ignore"):
-        holds = plants[first, name] < plants[second, name]
-        last = plants.ranked((first, name)) < plants.ranked((second, name))
+        holds = sizes[first] < sizes[second]
+        last = plants.ranked(first, sizes[first]) < plants.ranked(second, sizes[second])
     for i, joint in enumerate(plants.joints):
-        yield Statement(f"joint {joint}: {what} of {first} below that of {second}", holds[:, i], last[:, i])
+        text = f"joint {joint}: {what} of {first} below that of {second}"
+        yield Statement(text, holds[:, i], last[:, i], measure)
 
 
-def _plain(plants: Plants, texts: str, holds: Mask, *runs: str) -> Iterator[Statement]:
+def _plain(plants: Plants, texts: str, holds: Mask, *runs: str, measure: str = "") -> Iterator[Statement]:
     """Yield a statement a joint that fails where a run it names diverged; ``{}`` stands for the joint."""
     alive = plants.none(DIVERGED, *runs)
     for i, joint in enumerate(plants.joints):
-        yield Statement(texts.format(joint), holds[:, i], holds[:, i] & alive)
+        yield Statement(texts.format(joint), holds[:, i], holds[:, i] & alive, measure)
 
 
-def _among_controllers(
-    plants: Plants, statements: Sequence[Statement], remarks: Sequence[str] = ()
-) -> Findings:
+def _among_controllers(plants: Plants, statements: Sequence[Statement], **more: Any) -> Findings:
     resolved = plants.none(UNRESOLVED, *CONTROLLERS)
-    return Findings(statements, plants.ok(*CONTROLLERS), resolved, remarks)
+    return Findings(statements, plants.ok(*CONTROLLERS), resolved, **more)
+
+
+def _by_chance(plants: Plants, orders: int) -> float:
+    """Share on which laws that do not differ stand in one order of so many on every joint."""
+    return float(orders) ** -len(plants.joints)
 
 
 def stable(plants: Plants, _: Published) -> Findings:
@@ -74,12 +121,42 @@ def stable(plants: Plants, _: Published) -> Findings:
 
 def order(plants: Plants, _: Published) -> Findings:
     """C2: controllers 1 < 2 < 3 in both metrics."""
-    found = [
-        statement
-        for (first, second), name in product(pairwise(CONTROLLERS), ("mae", "rmse"))
-        for statement in smaller(plants, name, first, second, name.upper())
+    sizes = {name: {run: plants[run, name] for run in CONTROLLERS} for name in ("mae", "rmse")}
+    return _in_order(plants, {name.upper(): found for name, found in sizes.items()})
+
+
+def rising_shape(plants: Plants, _: Published) -> Findings:
+    """F1: RMSE/MAE of controllers 1 < 2 < 3."""
+    return _in_order(plants, {"RMSE/MAE": {run: shape_of(plants, run) for run in CONTROLLERS}})
+
+
+def shape_of(plants: Plants, run: str) -> Array:
+    """RMSE over MAE of a run, (N, n); NaN without error."""
+    mae, rmse = plants[run, "mae"], plants[run, "rmse"]
+    return np.divide(rmse, mae, out=np.full_like(mae, np.nan), where=mae > 0.0)
+
+
+def _in_order(plants: Plants, sizes: Mapping[str, Mapping[str, Array]]) -> Findings:
+    """Controllers 1 < 2 < 3 in sizes by name and run, each joint's order and its reverse beside."""
+    found, reverse = (
+        [
+            statement
+            for run, rival in pairwise(runs)
+            for what, values in sizes.items()
+            for statement in below(plants, values, run, rival, what)
+        ]
+        for runs in (CONTROLLERS, CONTROLLERS[::-1])
+    )
+    n = len(plants.joints)
+    beside = [
+        together(f"joint {joint}: {text}, by chance on 1/6", statements[i::n])
+        for i, joint in enumerate(plants.joints)
+        for text, statements in (("complete order", found), ("complete reverse order", reverse))
     ]
-    return _among_controllers(plants, found)
+    opposite = together("the complete reverse order on all joints", reverse)
+    return _among_controllers(
+        plants, found, opposite=opposite, beside=beside, chance=_by_chance(plants, factorial(3))
+    )
 
 
 def rapid_advantage(plants: Plants, _: Published) -> Findings:
@@ -104,47 +181,62 @@ def similar_surfaces(plants: Plants, _: Published) -> Findings:
     return _among_controllers(plants, list(_plain(plants, text, holds, *CONTROLLERS)))
 
 
-def _phase(plants: Plants, name: str, rival: str, phase: str) -> tuple[Array, Array]:
-    """Return how much smaller Controller 1's phase mean is than the rival's, and 5 % of the rival's size."""
-    up, down = (np.abs(plants[rival, f"{name}_{way}"]) for way in ("up", "down"))
-    less = (up if phase == "up" else down) - np.abs(plants[FIRST, f"{name}_{phase}"])
-    return less, SIMILAR * np.fmax(up, down)
-
-
-def _smaller_up(plants: Plants, name: str, what: str) -> Iterator[Statement]:
+def _smaller_up(plants: Plants, signal: str, size: str) -> Iterator[Statement]:
+    """Yield that Controller 1's signal is significantly smaller than the rivals' moving up, by one size."""
+    first = plants[FIRST, f"{signal}_{size}_up"]
     for rival in CONTROLLERS[1:]:
-        less, margin = _phase(plants, name, rival, "up")
-        text = f"joint {{}}: moving up {what} of {FIRST} is smaller than that of {rival} by more than 5 %"
         with np.errstate(invalid="ignore"):
-            yield from _plain(plants, text, less > margin, FIRST, rival)
+            holds = first < (1.0 - SIMILAR) * plants[rival, f"{signal}_{size}_up"]
+        what = f"moving up {SIZES[size]} of {signal} of {FIRST}"
+        text = f"joint {{}}: {what} is smaller than that of {rival} by more than 5 %"
+        yield from _plain(plants, text, holds, FIRST, rival, measure=SIZES[size])
 
 
 def estimate_size(plants: Plants, _: Published) -> Findings:
     """C5: Controller 1's estimate is smaller moving up, similar moving down."""
-    found = list(_smaller_up(plants, "H_hat", "the mean estimate"))
-    for rival in CONTROLLERS[1:]:
-        less, margin = _phase(plants, "H_hat", rival, "down")
-        text = f"joint {{}}: moving down the mean estimates of {FIRST} and {rival} are similar"
-        with np.errstate(invalid="ignore"):
-            found += _plain(plants, text, np.abs(less) <= margin, FIRST, rival)
-    return _among_controllers(plants, found)
+    found: list[Statement] = []
+    for size, measure in SIZES.items():
+        found += _smaller_up(plants, "H_hat", size)
+        for rival in CONTROLLERS[1:]:
+            pair = [plants[run, f"H_hat_{size}_down"] for run in (FIRST, rival)]
+            with np.errstate(invalid="ignore"):
+                holds = np.minimum(*pair) >= (1.0 - SIMILAR) * np.maximum(*pair)
+            text = f"joint {{}}: moving down {measure} of H_hat of {FIRST} and {rival} are similar"
+            found += _plain(plants, text, holds, FIRST, rival, measure=measure)
+    return _among_controllers(plants, found, beside=_rest(plants, "H_hat", ""), remarks=[ONE_OBSERVATION])
 
 
 def torque_size(plants: Plants, _: Published) -> Findings:
     """C6: Controller 1's torque is significantly smaller moving up, lower and smoother overall."""
-    found = list(_smaller_up(plants, "torque", "the mean torque"))
-    for (name, what), rival in product(
-        (("torque_rms", "RMS torque"), ("torque_step_rms", "RMS torque step")), CONTROLLERS[1:]
-    ):
-        found += smaller(plants, name, FIRST, rival, what)
-    return _among_controllers(plants, found)
+    found: list[Statement] = []
+    for size, measure in SIZES.items():
+        found += _smaller_up(plants, "torque", size)
+        for rival in CONTROLLERS[1:]:
+            found += smaller(plants, f"torque_{size}", FIRST, rival, f"{measure} of torque", measure)
+            found += smaller(plants, "torque_step_rms", FIRST, rival, "RMS torque step", measure)
+    return _among_controllers(
+        plants, found, beside=_rest(plants, "torque", "_down"), remarks=[ONE_OBSERVATION]
+    )
+
+
+def _rest(plants: Plants, signal: str, phase: str) -> list[Statement]:
+    """Comparisons of a phase of which the claim says nothing."""
+    when = " moving down" if phase else " overall"
+    return [
+        statement
+        for (size, measure), rival in product(SIZES.items(), CONTROLLERS[1:])
+        for statement in smaller(
+            plants, f"{signal}_{size}{phase}", FIRST, rival, f"{measure} of {signal}{when}"
+        )
+    ]
 
 
 def payload(plants: Plants, _: Published) -> Findings:
     """P1: the payload makes the errors of Controller 1 larger, as printed."""
     # On a measurement the other controllers are not asked for; over the box all claims have the same plants.
     runs = (*CONTROLLERS, LOADED)
-    return Findings(larger_with_load(plants), plants.ok(*runs), plants.none(UNRESOLVED, *runs))
+    found, chance = larger_with_load(plants), _by_chance(plants, 2)
+    return Findings(found, plants.ok(*runs), plants.none(UNRESOLVED, *runs), chance=chance)
 
 
 def larger_with_load(plants: Plants) -> list[Statement]:
@@ -155,19 +247,36 @@ def larger_with_load(plants: Plants) -> list[Statement]:
 
 def better_estimate(plants: Plants, _: Published) -> Findings:
     """E1: the estimate of Controller 1 is better than that of Controller 2."""
-    return _among_controllers(plants, list(smaller(plants, "epsilon_rms", FIRST, SECOND, "RMS of epsilon")))
+    measures = {"epsilon_rms": "RMS of epsilon", "epsilon_slow_rms": "RMS of epsilon below 3 Hz"}
+    found = [
+        statement
+        for name, measure in measures.items()
+        for statement in smaller(plants, name, FIRST, SECOND, measure, measure)
+    ]
+    return _among_controllers(plants, found, chance=_by_chance(plants, 2))
 
 
 def delay_time(plants: Plants, _: Published) -> Findings:
-    """E2: a smaller L makes Controller 2's estimate better, a larger one worse; a small M_bar is smoother."""
-    shorter, longer, halved = (f"{SECOND}@{name}" for name in (SHORTER, LONGER, HALVED))
-    found = [
-        *smaller(plants, "epsilon_rms", shorter, SECOND, "RMS of epsilon"),
-        *smaller(plants, "epsilon_rms", SECOND, longer, "RMS of epsilon"),
-        *smaller(plants, "torque_step_rms", halved, SECOND, "RMS torque step"),
-    ]
-    runs = (SECOND, shorter, longer, halved)
-    return Findings(found, plants.ok(*runs), plants.none(UNRESOLVED, *runs))
+    """E2: a smaller L is better for Controller 2, a larger one worse, by error and estimate."""
+    found: list[Statement] = []
+    runs: list[str] = []
+    for prefix, encoder in (("", "encoder as printed"), (f"{IDEAL}+", "ideal encoder")):
+        at_1ms = f"{SECOND}@{IDEAL}" if prefix else SECOND
+        chain = (f"{SECOND}@{prefix}{SHORTER}", at_1ms, f"{SECOND}@{prefix}{LONGER}")
+        runs += chain
+        for name, what in (("mae", "MAE"), ("epsilon_slow_rms", "RMS of epsilon below 3 Hz")):
+            for pair in pairwise(chain):
+                found += smaller(plants, name, *pair, what, f"{what}, {encoder}")
+    chance = _by_chance(plants, factorial(3))
+    return Findings(found, plants.ok(*runs), plants.none(UNRESOLVED, *runs), chance=chance)
+
+
+def small_inertia(plants: Plants, _: Published) -> Findings:
+    """E2a: half of M_bar makes Controller 2's torque smoother."""
+    halved = f"{SECOND}@{HALVED}"
+    found = list(smaller(plants, "torque_step_rms", halved, SECOND, "RMS torque step"))
+    runs, chance = (SECOND, halved), _by_chance(plants, 2)
+    return Findings(found, plants.ok(*runs), plants.none(UNRESOLVED, *runs), chance=chance)
 
 
 def overshoot(plants: Plants, _: Published) -> Findings:
@@ -190,38 +299,43 @@ def overshoot(plants: Plants, _: Published) -> Findings:
 
 
 def bounds(plants: Plants, paper: Published) -> Findings:
-    """L1: s, e and de of Controller 1 stay inside the bounds of section 4.3, with an ideal encoder."""
-    ideal = Plants(plants.data, IDEAL)
+    """L1: e and de of Controller 1 stay inside the bounds of section 4.3, as printed."""
+    printed = Plants(plants.data, PRINTED)
     gain = {name: np.array(paper.per_joint(f"gain.{name}", plants.joints)) for name in _GAINS}
-    omega = ideal[FIRST, "epsilon_max"] / gain["lam"]
+    omega = printed[FIRST, "epsilon_max"] / gain["lam"]
     power = (omega / gain["eta"]) ** (1.0 / gain["b"])
     error = np.minimum(gain["Delta"], power)
     rate = omega + gain["eta"] * error ** gain["b"]
-    with np.errstate(invalid="ignore"):
-        found = [
-            ("the largest |s| is at most Omega", ideal[FIRST, "s_max"] <= omega),
-            ("the largest |e| is inside Eq. (30) as printed", ideal[FIRST, "max_error"] <= error),
-            ("the largest |de/dt| is inside Eq. (31)", ideal[FIRST, "rate_max"] <= rate),
+    largest, widest = printed[FIRST, "max_error"], np.maximum(gain["Delta"], power)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        used = {
+            "|e| inside Eq. (30) as printed": largest / error,
+            "|de/dt| inside Eq. (31)": printed[FIRST, "rate_max"] / rate,
+        }
+        wider = {
+            "|s| inside Omega, which follows identically": printed[FIRST, "s_max"] / omega,
+            "|e| inside Eq. (30) with max for min": largest / widest,
+        }
+    found, beside = (
+        [
+            one
+            for text, share in parts.items()
+            for one in _plain(printed, f"joint {{}}: the largest {text}", share <= 1.0, FIRST)
         ]
-        wider = ideal[FIRST, "max_error"] <= np.maximum(gain["Delta"], power)
-    statements = [
-        statement for text, holds in found for statement in _plain(ideal, f"joint {{}}: {text}", holds, FIRST)
-    ]
-    judged = ideal.ok(*CONTROLLERS)
-    return Findings(statements, judged, None, _bound_remarks(plants, gain["lam"], wider[judged]))
+        for parts in (used, wider)
+    )
+    judged = printed.ok(*CONTROLLERS)
+    remarks = ["judged under the reading printed, whatever the reading"]
+    if judged.any():
+        remarks.append(f"the median Omega is {_medians(omega[judged])} rad/s")
+        remarks += [
+            f"the largest {text}: uses {_medians(share[judged])} of it" for text, share in used.items()
+        ]
+    return Findings(found, judged, None, remarks, beside=beside)
 
 
-def _bound_remarks(plants: Plants, lam: Array, wider: Mask) -> list[str]:
-    counted = plants.ok(*CONTROLLERS)
-    remarks = ["judged under encoder=ideal, whatever the reading"]
-    if len(wider):
-        count = int(wider.all(axis=1).sum())
-        remarks.append(f"with max for min Eq. (30) holds on {count} of {len(wider)} plants judged")
-    if counted.any():
-        omega = np.median(plants[FIRST, "epsilon_max"][counted] / lam, axis=0)
-        sizes = ", ".join(f"{size:.3g}" for size in omega)
-        remarks.append(f"under reading {plants.reading} the median Omega is {sizes} rad/s")
-    return remarks
+def _medians(values: Array) -> str:
+    return ", ".join(f"{size:.3g}" for size in np.median(values, axis=0))
 
 
 _GAINS = ("lam", "eta", "b", "Delta")
@@ -229,8 +343,8 @@ _GAINS = ("lam", "eta", "b", "Delta")
 CLAIMS: Mapping[str, Callable[[Plants, Published], Findings]] = {
     rule.__name__: rule
     for rule in (
-        *(stable, order, rapid_advantage, similar_surfaces, estimate_size, torque_size, payload),
-        *(better_estimate, delay_time, overshoot, bounds),
+        *(stable, order, rising_shape, rapid_advantage, similar_surfaces, estimate_size, torque_size),
+        *(payload, better_estimate, delay_time, small_inertia, overshoot, bounds),
     )
 }
 """Rules of claims by their names in docs/verdicts.md."""

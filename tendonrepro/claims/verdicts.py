@@ -58,12 +58,34 @@ def of_number(printed: Ends, found: Spread, direction: Share | None) -> Decision
     return Decision(verdict, near or by_direction.borderline)
 
 
+def power_of(printed: Ends, found: Spread) -> float:
+    """Share of the decade around a printed number that would also be inside, 0 to 1; 1 says nothing."""
+    low, high = printed
+    value, half = 0.5 * (low + high), 0.5 * (high - low)
+    ends = np.array([found.low - half, found.high + half])
+    decades = np.log10(np.clip(ends, value / 10**0.5, value * 10**0.5) / value)
+    return float(decades[1] - decades[0])
+
+
 def of_share(share: Share) -> Decision:
-    """Judge a claim, or one statement of it, without a value by its share."""
-    near = any(share.interval is not None and meets(share.interval, (limit, limit)) for limit in (MOST, FEW))
-    if share.value >= MOST:
+    """Judge one statement without a value by its share."""
+    return of_claim(share, [share])
+
+
+def of_claim(whole: Share, parts: Sequence[Share]) -> Decision:
+    """Judge a claim without a value by the share on which all holds, and by those of its statements.
+
+    Only what holds of every statement contradicts a claim.
+    """
+    likeliest = max(parts, key=lambda part: part.value)
+    near = _near(whole, MOST) or _near(likeliest, FEW)
+    if whole.value >= MOST:
         return Decision("compatible", near)
-    return Decision("contradicted" if share.value <= FEW else "depends_on_plant", near)
+    return Decision("contradicted" if likeliest.value <= FEW else "depends_on_plant", near)
+
+
+def _near(share: Share, limit: float) -> bool:
+    return share.interval is not None and meets(share.interval, (limit, limit))
 
 
 def with_values(claim: Decision, values: Sequence[Decision]) -> Decision:
@@ -87,6 +109,13 @@ def of_values(values: Sequence[Decision], claim: Decision) -> Decision:
 def of_arithmetic(consistent: bool) -> Decision:
     """Judge what follows from other printed numbers."""
     return Decision("exact" if consistent else "not_reproduced")
+
+
+def of_courses(holds: Sequence[bool]) -> Decision:
+    """Judge what follows from the printed equations under each way in which an unprinted part can be."""
+    if all(holds):
+        return of_model(True)
+    return Decision("depends_on_plant") if any(holds) else of_model(False)
 
 
 def of_model(holds: bool) -> Decision:

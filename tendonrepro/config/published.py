@@ -74,6 +74,17 @@ class PrintedRatio(Model):
         return f"{self.numerator:g}/{self.denominator:g}"
 
 
+class PrintedQuotient(Model):
+    """A number that is not printed itself but follows from two that are, by their ids."""
+
+    id: str
+    kind: Literal["quotient"]
+    where: str
+    numerator: str
+    denominator: str
+    unit: Literal["1"] = "1"
+
+
 class PrintedText(Model):
     """A name as printed, or a claim: a statement of the paper in our words."""
 
@@ -83,19 +94,21 @@ class PrintedText(Model):
     text: str
 
 
-PrintedEntry: TypeAlias = PrintedNumber | PrintedRatio | PrintedText
+PrintedEntry: TypeAlias = PrintedNumber | PrintedRatio | PrintedQuotient | PrintedText
 
 
 class Judgement(Model):
     """By which rule of docs/verdicts.md entries are judged, and what their verdict hangs on.
 
-    `ids` is the id of an entry, or a pattern with ``*`` for several; the rule ``input`` is none.
+    `ids` is the id of an entry, or a pattern with ``*`` for several; the rule ``input`` is none. What
+    `repeats` something that is judged already is not counted again.
     """
 
     ids: str
     rule: str
     kind: Literal["arithmetic", "model", "ensemble", "measured", "input"]
     depends_on: tuple[str, ...]
+    repeats: str | None = None
 
 
 class _File(Model):
@@ -130,10 +143,23 @@ class Published:
             When nothing of that id is printed, or it is a text.
         """
         entry = self.entries[identifier]
-        if isinstance(entry, PrintedText):
-            message = f"{identifier} is a text"
+        if isinstance(entry, PrintedText | PrintedQuotient):
+            message = f"{identifier} is not printed as a number"
             raise KeyError(message)
         return entry
+
+    def interval(self, identifier: str) -> Interval:
+        """Numbers that a printed number, ratio or quotient of printed numbers may stand for.
+
+        Raises
+        ------
+        KeyError
+            When nothing of that id is printed, or it is a text.
+        """
+        entry = self.entries[identifier]
+        if isinstance(entry, PrintedQuotient):
+            return quotient(self.interval(entry.numerator), self.interval(entry.denominator))
+        return rounding(self.quantity(identifier))
 
     def per_joint(self, identifier: str, joints: Iterable[int]) -> list[float]:
         """Values of ``<identifier>.joint_<number>``, in the order of `joints`; NaN where none is printed."""
@@ -176,6 +202,11 @@ def parse_published(document: Document) -> Published:
             message = f"{entry.id!r} is covered by {len(fitting)} judgements instead of one"
             raise ConfigError(message, where=where)
         entries[entry.id], judgements[entry.id] = entry, fitting[0]
+    for entry in entries.values():
+        for name in (entry.numerator, entry.denominator) if isinstance(entry, PrintedQuotient) else ():
+            if not isinstance(entries.get(name), PrintedNumber):
+                message = f"{entry.id!r} rests on {name!r}, which is no printed number"
+                raise ConfigError(message, where=document.where(()))
     return Published(MappingProxyType(entries), MappingProxyType(judgements))
 
 
@@ -191,6 +222,11 @@ def rounding(entry: PrintedNumber | PrintedRatio) -> Interval:
     value = exact(entry)
     half = Fraction(0) if isinstance(entry, PrintedRatio) else Fraction(1, 2 * 10**entry.decimals)
     return value - half, value + half
+
+
+def quotient(numerator: Interval, denominator: Interval) -> Interval:
+    """Interval of the quotient of two positive numbers."""
+    return numerator[0] / denominator[1], numerator[1] / denominator[0]
 
 
 def table_1(paper: Published) -> Array:

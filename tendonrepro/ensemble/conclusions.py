@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tendonrepro.ensemble.report import percent, printed_reading, quantile_text
-from tendonrepro.ensemble.shares import FEW, LEAST_PLANTS, MOST, RATIO_NAMES, RATIOS
+from tendonrepro.ensemble.shares import LEAST_PLANTS, MOST, RATIO_NAMES, RATIOS
 from tendonrepro.results.summary import CONTROLLERS
 
 
@@ -14,7 +14,7 @@ def conclusions(populations: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """Sentences on the ranking, the ratios, the readings and the statuses; the first population is judged."""
     summary = next(iter(populations.values()))
     lines = [_statuses(summary), *(_ranking(which, held) for which, held in populations.items())]
-    lines += [_verdict(summary), *_ratios(summary), *_readings(summary)]
+    lines += [_verdict(summary), *_ratios(summary), *_shape(summary), *_readings(summary)]
     return [line for line in lines if line]
 
 
@@ -49,7 +49,10 @@ def _ranking(name: str, summary: Mapping[str, Any]) -> str:
 
 
 def _verdict(summary: Mapping[str, Any]) -> str:
-    found = printed_reading(summary)["share_c1_lt_c2_lt_c3"]["all_ok"]["mae_and_rmse"]["both"]
+    found, reverse = (
+        printed_reading(summary)[key]["all_ok"]["mae_and_rmse"]["both"]
+        for key in ("share_c1_lt_c2_lt_c3", "share_c3_lt_c2_lt_c1")
+    )
     share = found["share"]
     if share is None:
         return ""
@@ -58,12 +61,17 @@ def _verdict(summary: Mapping[str, Any]) -> str:
         return f"{few}; {LEAST_PLANTS} are needed."
     if share >= MOST:
         return "So the printed ranking follows from the printed equations on nearly every plant of the box."
-    if share <= FEW:
+    if reverse["share"] >= MOST:
         return (
-            "So the printed equations imply another ranking on nearly every plant of the box; the paper "
+            "So the printed equations imply the reverse ranking on nearly every plant of the box; the paper "
             "measured hardware, which may hold what the equations do not."
         )
-    return "So the printed ranking depends on the plant, which the paper does not give."
+    chance = percent(6.0 ** -len(summary["joints"]))
+    return (
+        f"The complete reverse order in MAE and RMSE on both joints holds on {_share(reverse)}. So the "
+        "ranking depends on the plant, which the paper does not give; laws that do not differ would show "
+        f"either order on {chance}."
+    )
 
 
 def _ratios(summary: Mapping[str, Any]) -> list[str]:
@@ -81,6 +89,29 @@ def _ratios(summary: Mapping[str, Any]) -> list[str]:
                 f"As printed, {RATIO_NAMES[key]} in MAE on joint {joint}: median and central 90 % "
                 f"{quantile_text(ratio)}; printed {ratio['printed']:.3f}{theory}."
             )
+    return lines
+
+
+def _shape(summary: Mapping[str, Any]) -> list[str]:
+    """RMSE over MAE as printed, and the reading under which it rises most often as in the print."""
+    reading, lines = printed_reading(summary), []
+    for joint in summary["joints"]:
+        sizes = [reading["rmse_over_mae"][run][f"joint_{joint}"] for run in CONTROLLERS]
+        if sizes[0]["plants"]:
+            ours = ", ".join(f"{size['median']['value']:.2f}" for size in sizes)
+            printed = ", ".join(f"{size['printed']:.2f}" for size in sizes)
+            lines.append(f"As printed, the median RMSE/MAE on joint {joint} is {ours}; printed {printed}.")
+    counted = [
+        one
+        for one in summary["readings"]
+        if one["share_rmse_over_mae_rises"]["both"]["plants"] >= LEAST_PLANTS
+    ]
+    if counted:
+        best = max(counted, key=lambda one: float(one["share_rmse_over_mae_rises"]["both"]["share"]))
+        share = _share(best["share_rmse_over_mae_rises"]["both"])
+        lines.append(
+            f"RMSE/MAE rises from Controller 1 to 3 on both joints most often under {best['name']}: {share}."
+        )
     return lines
 
 

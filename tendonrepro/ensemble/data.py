@@ -133,11 +133,16 @@ class EnsembleData:
         """Part of a dataset from shard after shard, and how many of its draws are taken."""
         for path, _, taken in self.files:
             with opened(path) as root:
+                if dataset not in root:
+                    message = f"was stored by an older version, which did not keep {dataset}"
+                    raise DataMissingError(
+                        message, where=str(path), hint="run tendonrepro ensemble --force again"
+                    )
                 yield root[dataset][index], taken
 
     def _is_small(self, dataset: str) -> bool:
         with opened(self.files[0][0]) as root:
-            return bool(root[dataset].nbytes * len(self.files) <= KEPT_BYTES)
+            return dataset in root and bool(root[dataset].nbytes * len(self.files) <= KEPT_BYTES)
 
 
 def read_ensemble(folder: Path, population: str = "box", *, stride: int = 1) -> EnsembleData:

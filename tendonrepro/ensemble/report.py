@@ -15,7 +15,7 @@ from tendonrepro.files import write_atomically
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.results.tables import NOTHING, csv_text, markdown
 
-_RANKINGS = {"share_c1_lt_c2_lt_c3": "C1 < C2 < C3", "share_c1_best": "C1 best"}
+_RANKINGS = ("share_c1_lt_c2_lt_c3", "share_c3_lt_c2_lt_c1", "share_c1_best")
 
 
 def population_summary(data: EnsembleData) -> dict[str, Any]:
@@ -111,12 +111,14 @@ def reader_row(reading: Mapping[str, Any], joints: Sequence[int]) -> dict[str, s
         **{f"joint {joint}": percent(alone[f"joint_{joint}"]["share"], "") for joint in joints},
         "RMSE (%)": share_text(ordered["all_ok"]["rmse"]["both"]),
         "diverged last, MAE (%)": share_text(ordered["diverged_last"]["mae"]["both"]),
+        "C3 < C2 < C1 MAE (%)": share_text(reading["share_c3_lt_c2_lt_c1"]["all_ok"]["mae"]["both"]),
         "C1 best, MAE (%)": share_text(reading["share_c1_best"]["all_ok"]["mae"]["both"]),
         **{
             f"{RATIO_NAMES[key]} joint {joint}": quantile_text(ratio[f"joint_{joint}"])
             for key, ratio in ratios.items()
             for joint in joints
         },
+        "RMSE/MAE rises (%)": share_text(reading["share_rmse_over_mae_rises"]["both"]),
         "printed ratios inside": f"{inside} of {inside + outside}",
         "verdict": reading["agreement"]["verdict"],
     }

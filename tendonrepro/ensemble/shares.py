@@ -172,7 +172,8 @@ def spread_of(values: Array, replicate: NDArray[np.int64]) -> Spread:
 def reading_summary(data: EnsembleData, reading: str) -> dict[str, Any]:
     """What one reading makes of the claims: shares, ratios, statuses, agreement with the printed ratios.
 
-    Rankings and ratios are given over each of `PLANT_SETS`, then by metric, then for ``both`` joints or each.
+    Rankings and ratios are given over each of `PLANT_SETS`, then by metric, then for ``both`` joints or each;
+    ``rmse_over_mae``, which has no scale, by run over plants on which the three laws are ``ok``.
     """
     status = np.array([data.status(run, reading) for run in CONTROLLERS])
     result: dict[str, Any] = {"name": reading, "status": status_shares(data, reading)}
@@ -194,6 +195,7 @@ def reading_summary(data: EnsembleData, reading: str) -> dict[str, Any]:
             result[key][plants] = {
                 metric: _shares(data, np.logical_and.reduce(flags), kept) for metric, flags in metrics.items()
             }
+    result |= _shapes(data, reading, counted["all_ok"])
     return result | {"agreement": agreement(result, data.joints)}
 
 
@@ -207,12 +209,49 @@ def _in_order(errors: Array) -> Flags:
     return flags
 
 
+def _in_reverse(errors: Array) -> Flags:
+    return _in_order(errors[::-1])
+
+
 def _first_is_best(errors: Array) -> Flags:
     flags: Flags = (errors[0] < errors[1]) & (errors[0] < errors[2])
     return flags
 
 
-_RANKINGS = {"share_c1_lt_c2_lt_c3": _in_order, "share_c1_best": _first_is_best}
+_RANKINGS = {
+    "share_c1_lt_c2_lt_c3": _in_order,
+    "share_c3_lt_c2_lt_c1": _in_reverse,
+    "share_c1_best": _first_is_best,
+}
+
+
+def _shapes(data: EnsembleData, reading: str, kept: Flags) -> dict[str, Any]:
+    """RMSE over MAE of every controller, and the share on which it rises from 1 to 3 as printed."""
+    mae, rmse = (
+        np.array([data.statistic(run, reading, metric)[kept] for run in CONTROLLERS]) for metric in METRICS
+    )
+    shape = np.divide(rmse, mae, out=np.full_like(mae, np.nan), where=mae > 0.0)
+    defined = np.isfinite(shape).all(axis=(0, 2))
+    replicate = data.replicate[kept][defined]
+    sizes = {
+        run: {
+            f"joint_{joint}": quantiles_of(shape[place][defined, i], replicate)
+            | {"printed": printed_shape(run, joint)}
+            for i, joint in enumerate(data.joints)
+        }
+        for place, run in enumerate(CONTROLLERS)
+    }
+    rising = _in_order(shape[:, defined])
+    both: Flags = np.asarray(rising.all(axis=1))
+    each = {"both": both} | {f"joint_{joint}": rising[:, i] for i, joint in enumerate(data.joints)}
+    shares = {name: share_of(hits, replicate).as_row() for name, hits in each.items()}
+    return {"rmse_over_mae": sizes, "share_rmse_over_mae_rises": shares}
+
+
+def printed_shape(run: str, joint: int) -> float:
+    """RMSE over MAE from Table 2; NaN where the joint is not printed."""
+    rmse, mae = (published().per_joint(f"table2.{run}.{metric}", [joint])[0] for metric in ("rmse", "mae"))
+    return rmse / mae
 
 
 def _shares(data: EnsembleData, flags: Flags, kept: Flags) -> dict[str, Any]:

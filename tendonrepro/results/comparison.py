@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.config.published import PrintedText, published
+from tendonrepro.config.published import PrintedNumber, PrintedRatio, published
 from tendonrepro.results.paper import of_paper, printed_beside
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import CONTROLLERS, LOADS, compared_runs, decoupling_errors, tracking_errors
@@ -195,7 +195,7 @@ def decoupling_rows(file: TraceFile) -> Iterator[TableRow]:
 
 def _coupling_row(quantity: str, identifier: str, ours: float, *, beside: bool) -> TableRow:
     entry = published().entries.get(identifier) if beside else None
-    if entry is None or isinstance(entry, PrintedText):
+    if not isinstance(entry, PrintedNumber | PrintedRatio):
         nothing = float("nan")
         texts = {"quantity": quantity, "printed_as": None}
         return texts | {"printed": nothing, "ours": ours, "difference": nothing}

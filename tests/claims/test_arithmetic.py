@@ -1,4 +1,5 @@
 from fractions import Fraction
+from itertools import product
 
 import numpy as np
 import pytest
@@ -14,12 +15,20 @@ from tendonrepro.claims.arithmetic import (
     percentage,
     printed_inverse,
     printed_percentages,
-    quotient,
     slopes_of_coupling,
     stays_tense,
+    travel,
 )
 from tendonrepro.config.models.readings import AXES
-from tendonrepro.config.published import PrintedNumber, coupling_of, exact, published, rounding, table_1
+from tendonrepro.config.published import (
+    PrintedNumber,
+    coupling_of,
+    exact,
+    published,
+    quotient,
+    rounding,
+    table_1,
+)
 
 
 def printed(digits):
@@ -145,6 +154,13 @@ class TestTension:
         assert stays_tense(self.S, course) is tense
         preload = least_tensions(self.S, course)[1]
         assert tuple(np.sign(np.where(np.abs(preload) < 1e-9, 0.0, preload))) == signs
+
+    @pytest.mark.parametrize("course", COURSES)
+    def test_travel_of_tendon_4_is_the_largest_over_the_half_plane(self, course):
+        corners = np.array(list(product((0.0, np.pi), repeat=3)))
+        joints = np.diff(corners, axis=1, prepend=0.0)
+        length = joints @ (np.array(COURSES[course]) * [17.5, 17.5, 18.5])
+        assert travel(course) == pytest.approx(np.ptp(length))
 
     def test_courses_are_the_readings_of_the_ensemble(self):
         axis = AXES["tensioner"]

@@ -32,10 +32,11 @@ class TestFreshClone:
     def test_every_claim_has_the_stored_verdict(self, ledger):
         stored = shipped_ledger().entries
         judged = {name: entry for name, entry in entries(ledger).items() if entry["kind"] == "ensemble"}
-        assert len(judged) > 20
+        assert sum(entry["shipped"] for entry in judged.values()) > 20
         for name, entry in judged.items():
-            assert entry["shipped"], name
-            for key in ("verdict", "ours", "borderline"):
+            same = all(stored.get(name, {}).get(key) == entry[key] for key in ("kind", "rule", "printed"))
+            assert entry["shipped"] == same, name
+            for key in ("verdict", "ours", "borderline") if same else ():
                 assert entry[key] == stored[name][key], name
         assert not any(entry["shipped"] for name, entry in entries(ledger).items() if name not in judged)
 

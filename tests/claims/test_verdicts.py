@@ -13,15 +13,19 @@ from tendonrepro.claims.verdicts import (
     NAMES,
     Decision,
     of_arithmetic,
+    of_claim,
+    of_courses,
     of_model,
     of_number,
     of_share,
     of_values,
+    power_of,
     with_values,
 )
 from tendonrepro.config.published import published
 from tendonrepro.dataset.motion.windows import SPREAD
 from tendonrepro.ensemble.shares import LEAST_PLANTS, LEAST_SCRAMBLINGS, QUANTILES, Share, Spread
+from tendonrepro.simulation.streaming import SLOW
 
 PAGE = ROOT / "docs" / "verdicts.md"
 EIGHT = np.repeat(np.arange(8), 50)
@@ -76,6 +80,27 @@ class TestNumbers:
     def test_borderline_at_the_ends(self, printed, near):
         assert of_number(printed, found(1.0, 2.0, 0.1), None).borderline is near
 
+    @pytest.mark.parametrize(
+        ("printed", "range_"),
+        [
+            ((0.995, 1.005), (0.5, 2.0)),
+            ((0.9, 1.1), (-3.0, 1.5)),
+            ((1.0, 1.01), (1.2, 90.0)),
+            ((1, 1), (2, 3)),
+        ],
+    )
+    def test_power_is_the_part_of_a_decade_that_would_pass(self, printed, range_):
+        value, half = 0.5 * sum(printed), 0.5 * (printed[1] - printed[0])
+        decade = value * 10 ** np.linspace(-0.5, 0.5, 20001)
+        passing = [
+            of_number((x - half, x + half), found(*range_), None).verdict == "compatible" for x in decade
+        ]
+        assert power_of(printed, found(*range_)) == pytest.approx(np.mean(passing), abs=1e-4)
+
+    def test_power_ends_where_it_says_all_or_nothing(self):
+        assert power_of((0.9, 1.1), found(0.01, 100.0)) == pytest.approx(1.0)
+        assert power_of((0.9, 1.1), found(10.0, 100.0)) == 0.0
+
     def test_borderline_by_direction_only_where_it_decides(self):
         assert of_number(self.OUTSIDE, found(1.0, 2.0, 0.1), share(0.94, 0.02)).borderline
         assert not of_number(self.INSIDE, found(1.0, 2.0, 0.1), share(0.94, 0.02)).borderline
@@ -102,6 +127,25 @@ class TestClaims:
         one = share(value, reach)
         assert of_share(one).borderline is near
 
+    @pytest.mark.parametrize(
+        ("whole", "parts", "verdict"),
+        [
+            (0.95, (0.96, 0.98), "compatible"),
+            (0.9499, (0.96, 0.98), "depends_on_plant"),
+            (0.0, (0.05, 0.06), "depends_on_plant"),
+            (0.0, (0.05, 0.0), "contradicted"),
+        ],
+    )
+    def test_several_statements_are_contradicted_one_by_one(self, whole, parts, verdict):
+        assert of_claim(share(whole), [share(part) for part in parts]).verdict == verdict
+
+    def test_borderline_by_all_or_by_the_likeliest_statement(self):
+        low, near, high = share(0.0, 0.01), share(0.06, 0.02), share(0.5, 0.01)
+        assert of_claim(low, [low, near]).borderline
+        assert not of_claim(low, [near, high]).borderline
+        assert of_claim(share(0.94, 0.02), [high]).borderline
+        assert not of_claim(near, [high]).borderline, "how seldom all hold decides nothing"
+
     @pytest.mark.parametrize("by", ["compatible", "depends_on_plant", "contradicted"])
     def test_printed_values_of_an_order_turn_it_where_it_holds(self, by):
         good, bad = Decision("compatible"), Decision("outside_model")
@@ -124,6 +168,10 @@ class TestClaims:
     def test_arithmetic_and_model(self):
         assert [of_arithmetic(x).verdict for x in (True, False)] == ["exact", "not_reproduced"]
         assert [of_model(x).verdict for x in (True, False)] == ["reproduced", "not_reproduced"]
+        ways = [(True, True), (False, False), (True, False)]
+        assert [of_courses(way).verdict for way in ways] == [
+            *("reproduced", "not_reproduced", "depends_on_plant")
+        ]
 
 
 def test_every_name_can_be_reached():
@@ -162,7 +210,8 @@ class TestPage:
         ("pattern", "value"),
         [
             (r"at least (\d+) %: its direction is confirmed", 100 * verdicts.MOST),
-            (r"at most (\d+) %: `contradicted`", 100 * verdicts.FEW),
+            (r"by itself holds on at most (\d+) %: `contradicted`", 100 * verdicts.FEW),
+            (r"low-pass at (\d+) Hz", SLOW),
             (r"with fewer than (\d+) plants judged", LEAST_PLANTS),
             (r"more than (\d+) % of the box, claim C1", 100 * verdicts.MOST_UNRESOLVED),
             (r"t intervals at (\d+) %", 95),

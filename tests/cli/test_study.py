@@ -89,14 +89,14 @@ def test_claims_without_any_results(command: str, tmp_path: Path) -> None:
     assert all(keys | {"readings_that_change_it"} <= entry.keys() for entry in data["claims"])
     assert verdicts["K1"]["verdict"] == "exact"
     assert verdicts["A1"]["verdict"] == "exact"
-    assert verdicts["C2"]["shipped"]
     assert data["ensemble"]["source"] == "shipped"
-    assert sum(data["summary"].values()) == len(data["claims"])
+    assert any(entry["shipped"] for entry in data["claims"])
+    assert sum(data["summary"].values()) == sum(entry["repeats"] is None for entry in data["claims"])
     for suffix in ("json", "csv", "md"):
         assert (tmp_path / "reports" / "claims" / f"claims.{suffix}").exists()
-    # Shipped verdicts count for a check.
-    against = any(data["summary"][name] for name in ("not_reproduced", "contradicted", "outside_model"))
-    assert run(command, "claims", "--check", cwd=tmp_path).returncode == (3 if against else 0)
+    # Eq. (1) with the printed signs turns joint 2 the other way than Fig. 6 is described.
+    assert verdicts["K2a"]["verdict"] == "not_reproduced"
+    assert run(command, "claims", "--check", cwd=tmp_path).returncode == 3
 
 
 def test_a_baseline_notices_a_changed_verdict(command: str, tmp_path: Path) -> None:

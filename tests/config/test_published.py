@@ -3,6 +3,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -90,7 +91,7 @@ class TestShippedFile:
         assert isinstance(motor, PrintedText)
         assert (motor.where, motor.text) == ("section 5.1", "SDGA-01C11BD")
         for read, name in ((published().number, "hardware.motor"), (published().quantity, "C2")):
-            with pytest.raises(KeyError, match="is a text"):
+            with pytest.raises(KeyError, match="is not printed as a number"):
                 read(name)
 
     def test_units_and_joints_without_a_printed_value(self) -> None:
@@ -109,13 +110,28 @@ class TestShippedFile:
         assert numbers == tables
         assert all(re.match(r"(Table|Figs?\.?|Eq\.|Remark|sections?) \(?\d", place) for place in places)
 
+    def test_rmse_over_mae_is_what_the_rounding_of_both_tables_allows(self) -> None:
+        low, high = published().interval("rmse_over_mae.controller_3.joint_2")
+        assert (low, high) == (
+            Fraction("0.4355") / Fraction("0.3055"),
+            Fraction("0.4365") / Fraction("0.3045"),
+        )
+        printed = {"controller_1": (1.19, 1.19), "controller_2": (1.30, 1.22), "controller_3": (1.43, 1.31)}
+        for run, sizes in (printed | {"controller_1_payload": (1.23, 1.17)}).items():
+            for joint, size in zip((2, 3), sizes, strict=True):
+                low, high = published().interval(f"rmse_over_mae.{run}.joint_{joint}")
+                assert low < high < low + 0.02
+                assert 0.5 * float(low + high) == pytest.approx(size, abs=0.006)
+        with pytest.raises(KeyError, match="is not printed as a number"):
+            published().number("rmse_over_mae.controller_3.joint_2")
+
     def test_claims(self) -> None:
         claims = {name for name, entry in published().entries.items() if entry.kind == "claim"}
         assert claims == {
             *(f"K{k}" for k in range(1, 7)),
             *(f"C{k}" for k in range(1, 7)),
             *(f"E{k}" for k in range(1, 4)),
-            *("T1", "P1", "L1", "A1", "eq13"),
+            *("T1", "P1", "L1", "A1", "eq13", "F1", "K2a", "K2b", "E2a"),
         }
 
     def test_inputs_are_gains_and_hardware(self) -> None:
@@ -134,6 +150,7 @@ class TestShippedFile:
 
 
 GOOD = "{id: a, kind: number, where: Table 2, value: 0.24, unit: deg, decimals: 3}"
+QUOTIENT = "{id: a, kind: quotient, where: Table 2, numerator: first, denominator: a}"
 JUDGED = "{ids: '*', rule: value, kind: ensemble, depends_on: [plant]}"
 
 
@@ -152,6 +169,7 @@ class TestParsing:
         assert (entry.where, entry.as_printed, entry.unit) == ("Table 2", "0.240", "deg")
         assert judgement.model_dump() == {
             "ids": "*", "rule": "value", "kind": "ensemble", "depends_on": ("plant",),
+            "repeats": None,
         }  # fmt: skip
 
     @pytest.mark.parametrize(
@@ -164,6 +182,11 @@ class TestParsing:
             (GOOD.replace("decimals: 3", "decimals: 3.0"), "entries.1.decimals: must be a whole number"),
             (GOOD.replace("decimals: 3", "decimals: 1"), "has more than 1 decimals, found 0.24"),
             (GOOD.replace("id: a", "id: first"), "'first' is used twice"),
+            (
+                QUOTIENT.replace("numerator: first", "numerator: b"),
+                "'a' rests on 'b', which is no printed number",
+            ),
+            (QUOTIENT, "'a' rests on 'a', which is no printed number"),
         ],
     )
     def test_bad_entries_are_placed(self, entry: str, words: str) -> None:

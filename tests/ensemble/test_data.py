@@ -48,6 +48,17 @@ def test_what_is_not_there_is_missing(unbroken):
         read_ensemble(unbroken).status("controller_1", "start=cold")
 
 
+def test_shards_of_an_older_version_say_so(unbroken, monkeypatch):
+    monkeypatch.setattr("tendonrepro.ensemble.data.STATISTICS", ("mae", "later"))
+    data = read_ensemble(unbroken)
+    with pytest.raises(
+        DataMissingError, match=r"older version, which did not keep statistics/later"
+    ) as caught:
+        data.statistic("controller_1", "printed", "later")
+    assert "run tendonrepro ensemble --force" in caught.value.hint
+    assert np.isfinite(data.statistic("controller_1", "printed", "mae")).all()
+
+
 def test_what_is_not_finished_is_no_damage(tmp_path):
     with pytest.raises(NotFinishedError, match="holds no ensemble"):
         read_ensemble(tmp_path)

@@ -78,11 +78,15 @@ def test_words_follow_the_numbers():
     assert "All printed ratios lie inside the central 90 % under printed" in agrees
     cannot = " ".join(whole(printed_like(2.0))["conclusions"])
     assert "beyond every plant drawn under printed, weights=extrapolating, start=cold" in cannot
-    assert "imply another ranking on nearly every plant" in cannot
+    assert "So the ranking depends on the plant" in cannot
+    assert "would show either order on 2.8 %" in cannot
+    assert "most often under" in cannot
     sizes = dict(zip(RUNS, (1.0, 2.0, 3.0, 1.0), strict=True))
     ranked = ensemble(lambda run, *_: np.full((PLANTS, 2), sizes[run]), always_ok)
     assert "follows from the printed equations on nearly every plant" in " ".join(
         whole(ranked)["conclusions"]
     )
+    reverse = ensemble(lambda run, *_: np.full((PLANTS, 2), 4.0 - sizes[run]), always_ok)
+    assert "imply the reverse ranking on nearly every plant" in " ".join(whole(reverse)["conclusions"])
     random = ensemble(random_errors, always_ok)
     assert "probab" not in " ".join(whole(random)["conclusions"])

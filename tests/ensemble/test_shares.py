@@ -94,6 +94,21 @@ def test_a_diverged_law_comes_last_and_two_of_them_are_not_in_order():
     assert found["ratio_c2_c3"]["diverged_last"]["mae"]["joint_2"]["plants"] == PLANTS - count[5] - count[2]
 
 
+def test_the_reverse_and_the_rise_equal_brute_force(mixed):
+    found = reading_summary(mixed, "printed")
+    ok = np.all([mixed.status(run, "printed") == OK for run in RUNS[:3]], axis=0)
+    mae, rmse = ([mixed.statistic(run, "printed", name)[ok] for run in RUNS[:3]] for name in ("mae", "rmse"))
+    held = [(sizes[2] < sizes[1]) & (sizes[1] < sizes[0]) for sizes in (mae, rmse)]
+    reverse = found["share_c3_lt_c2_lt_c1"]["all_ok"]["mae_and_rmse"]
+    assert reverse["joint_3"]["share"] == np.mean(held[0][:, 1] & held[1][:, 1])
+    shape = np.divide(rmse, mae)
+    rising = (shape[0] < shape[1]) & (shape[1] < shape[2])
+    assert found["share_rmse_over_mae_rises"]["both"]["share"] == rising.all(axis=1).mean()
+    numbers = found["rmse_over_mae"]["controller_3"]["joint_2"]
+    assert numbers["highest"] == shape[2][:, 0].max()
+    assert numbers["printed"] == 0.436 / 0.305
+
+
 def test_statuses_add_up(mixed):
     for run, shares in reading_summary(mixed, "printed")["status"].items():
         assert sum(share["count"] for share in shares.values()) == PLANTS

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from tendonrepro.claims.judge import Sources, judge_all
 from tendonrepro.claims.sensitivity import ranked
-from tendonrepro.claims.statements import HALVED, IDEAL, LONGER, SHORTER
+from tendonrepro.claims.statements import HALVED, IDEAL, LONGER, SHORTER, SIZES
 from tendonrepro.config.models.readings import PRINTED
 from tendonrepro.config.published import PrintedNumber, published
 from tendonrepro.results.summary import CONTROLLERS
@@ -45,9 +45,11 @@ class MadeEnsemble:
         for reading in (*readings, IDEAL):
             for run in RUNS:
                 self._make(run, reading)
-        for variation, factor in ((SHORTER, 0.5), (LONGER, 2.0), (HALVED, 0.5)):
+        variations = {SHORTER: 0.5, LONGER: 2.0, HALVED: 0.5}
+        variations |= {f"{IDEAL}+{SHORTER}": 0.5, f"{IDEAL}+{LONGER}": 2.0}
+        for variation, factor in variations.items():
             self._make("controller_2", variation)
-            for name in ("epsilon_rms", "torque_step_rms"):
+            for name in ("mae", "epsilon_slow_rms", "torque_step_rms"):
                 self.values["controller_2", variation, name] *= factor
 
     def _make(self, run, reading):
@@ -60,23 +62,22 @@ class MadeEnsemble:
         rise = 1.0 + 0.1 * place
         made = {
             "mae": error,
-            "rmse": 1.2 * error,
+            "rmse": (1.2 + 0.05 * place) * error,
             "mae_rapid": error * (1.0 + 0.2 * place),
             "mae_calm": error,
             "s_rms": 0.03 * size * wobble,
-            "H_hat_up": 4.0 * size * rise,
-            "H_hat_down": -1.0 * size * wobble,
-            "torque_up": 4.0 * size * rise,
-            "torque_rms": 3.0 * size * rise,
             "torque_step_rms": size * rise,
             "epsilon_rms": 10.0 * size * rise,
+            "epsilon_slow_rms": size * rise,
             "overshoot": 0.001 * size * rise,
             "epsilon_max": 0.8 * size * np.ones(2),
             "s_max": 0.05 * size * np.ones(2),
             "max_error": 0.01 * size * np.ones(2),
             "rate_max": 0.05 * size * np.ones(2),
         }
-        made["torque_down"] = -made["torque_up"] / 4.0
+        for place, name in enumerate(SIZES, start=1):
+            for phase, more in (("", rise), ("_up", rise), ("_down", wobble)):
+                made |= {f"{signal}_{name}{phase}": place * size * more for signal in ("torque", "H_hat")}
         for name, value in made.items():
             self.values[run, reading, name] = np.broadcast_to(value, (count, 2)).copy()
 
@@ -88,6 +89,20 @@ class MadeEnsemble:
 
     def statistic(self, run, reading, name):
         return self.values[run, reading, name]
+
+
+ESTIMATES = ("epsilon_rms", "epsilon_slow_rms")
+
+
+def spoil(data, run, names, factor, reading=PRINTED):
+    """Make some statistics of a run larger, by names."""
+    for name in names:
+        data.values[run, reading, name] *= factor
+
+
+def sizes_of(signal, phase=""):
+    """Names of the sizes of a signal in a phase."""
+    return [f"{signal}_{size}{phase}" for size in SIZES]
 
 
 def with_numbers(paper, values):
