@@ -25,6 +25,8 @@ def main(reports: Path) -> None:
     RESULTS.mkdir(exist_ok=True)
     summary = json.loads((reports / "ensemble" / "summary.json").read_text(encoding="utf-8"))
     ledger = json.loads((reports / "claims" / "claims.json").read_text(encoding="utf-8"))
+    if (ledger.get("ensemble") or {}).get("source") != "local":
+        sys.exit("these verdicts are the shipped ones; run tendonrepro claims again, beside the ensemble")
     _store("ensemble.json", _thinned(summary))
     _store("claims.json", ledger)
     decides = json.loads((reports / "claims" / "decides.json").read_text(encoding="utf-8"))

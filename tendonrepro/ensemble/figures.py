@@ -38,7 +38,8 @@ def draw_ensemble_figures(summary: Mapping[str, Any], folder: Path) -> list[Path
     paths = []
     for name, held in summary["populations"].items():
         for draw in (draw_ratios, draw_shares, draw_statuses):
-            paths += save_drawing(draw(name, held), folder)
+            origin = f"Simulated, {held['plants']} plants of the population {name}"
+            paths += save_drawing(draw(name, held), folder, origin)
     return paths
 
 
