@@ -203,6 +203,7 @@ def _searches(task: Task, folder: Path, processors: int, talk: Talk) -> dict[Rea
     with talk.resumable(), talk.bar("searching", evaluations * len(cases)) as progress:
         if min(processors, len(cases)) == 1:
             return dict(_searched(task, folder, talk, case, progress) for case in cases)
+        # Another stepper knows nothing of threads.
         if isinstance(task.bench.simulate, partial):
             alone = partial(task.bench.simulate, threads=1)
             task = replace(task, bench=replace(task.bench, simulate=alone))
@@ -265,7 +266,7 @@ def _reading_data(task: Task, held: Reading, rows: NDArray[np.bool_], state: Sta
         "near_limit": limit,
         "near_count": len(units) - 1,
         "misfit_by_seed": state.history[-1].tolist(),
-        "seeds_agree": state.agree(),
+        "seeds_agree": state.agree(NEAR),
         "rows_searched": [name for name, free in zip(bench.box.names, rows, strict=True) if free],
         "history": state.history.tolist(),
         "best_status": judge.status_counts(best),

@@ -17,8 +17,9 @@ CONFIG = "identified.yaml"
 
 _DRAWN = "assumed: draw from the box, "
 _ROW = re.compile(
-    r"[a-z]+_[a-z0-9_]+|\b(?:posture|motion|amplitude|period|rise|hold|velocity|acceleration)\b"
+    r"[a-z]+_[a-z0-9_]+|\b(?:posture|motion|disturbance|amplitude|period|rise|hold|velocity|acceleration)\b"
 )
+_HELD = "held at its nominal value: "
 _FAR_BETTER = 0.5
 _CAPTIONS = {
     "identify_readings": "Best plant under each reading; misfit as root mean square of log(ours/printed).",
@@ -43,9 +44,10 @@ def write_config(path: Path, config: CompareConfig, data: Mapping[str, Any], hel
             return [sourced(value) for value in node]
         if isinstance(node, str) and node.startswith(_DRAWN):
             what = node.removeprefix(_DRAWN)
-            # A vector may be of rows that are numbered by joint.
-            is_searched = any(row.startswith(word) for word in _ROW.findall(what) for row in searched)
-            return source + what if is_searched else f"{source}held at the middle of the box: {what}"
+            # A vector is of rows that are numbered by joint.
+            rows = tuple(_ROW.findall(what))
+            is_held = bool(rows) and not any(row.startswith(rows) for row in searched)
+            return f"{source}{_HELD if is_held else ''}{what}"
         return node  # type: ignore[no-any-return]
 
     tree = sourced(config.model_dump(mode="json", exclude_none=True))
@@ -76,6 +78,11 @@ def conclusions(data: Mapping[str, Any]) -> list[str]:
         found.append(
             f"The tables fit the reading {best['name']} far better than {first['name']}: "
             f"misfit {best['misfit_log']:.3g} against {first['misfit_log']:.3g}."
+        )
+    apart = [held["name"] for held in data["readings"] if not held["seeds_agree"]]
+    if apart:
+        found.append(
+            f"Seeds do not agree, so that more generations may come closer, under {', '.join(apart)}."
         )
     for held in data["readings"] if data["judged"] else []:
         found += _judged_sentences(held)

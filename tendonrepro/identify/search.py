@@ -130,10 +130,10 @@ class State:
         """Members of the first phase's last population with a misfit up to a limit, (N, F)."""
         return self.spread_units[self.spread_misfits <= limit]
 
-    def agree(self) -> bool:
-        """Whether all seeds have come to the same misfit."""
+    def agree(self, tolerance: float) -> bool:
+        """Whether all seeds have come to the same misfit, or all below a tolerance."""
         best = self.history[-1]
-        return bool(best.max() <= AGREED * best.min())
+        return bool(best.max() <= max(AGREED * best.min(), tolerance))
 
 
 def search(

@@ -131,7 +131,7 @@ class TestRun:
         assert f"identified: tendonrepro identify, misfit {best['misfit_log']:.2g}" in text
         assert f"under the reading {best['name']}," in text
         assert "proves nothing" in text
-        held = "held at the middle of the box: "
+        held = "held at its nominal value: "
         assert f"{held}link_mass" in text
         assert f"{held}winch_viscous" not in text
 
