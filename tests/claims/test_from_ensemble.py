@@ -305,6 +305,13 @@ class TestWhatIsCounted:
         spoil(data, SECOND, ["rmse"], 1.1)
         assert one(data, paper, found.id).verdict == "outside_model"
 
+    def test_a_claim_tells_the_power_of_its_values(self, data, paper):
+        for claim, values in {"C2": 12, "P1": 4}.items():
+            (told,) = [text for text in one(data, paper, claim).evidence["remarks"] if "also pass" in text]
+            assert told.count("%") == values
+        spoil(data, LOADED, ["mae", "rmse"], 0.5)
+        assert not any("also pass" in text for text in one(data, paper, "P1").evidence["remarks"])
+
     def test_a_number_has_its_power_beside_it(self, data, paper):
         wide = one(data, paper, "table2.controller_1.mae.joint_2").evidence
         narrow = one(data, paper, "rmse_over_mae.controller_1.joint_2").evidence
