@@ -29,11 +29,13 @@ def test_the_wheel_holds_the_data_and_nothing_else(wheel: Path) -> None:
     }
     assert {name for name in names if not name.endswith(".py")} == {
         "tendonrepro/configs/compare.yaml",
+        "tendonrepro/configs/compare_cosine.yaml",
         "tendonrepro/configs/decouple.yaml",
         "tendonrepro/configs/ensemble.yaml",
         "tendonrepro/configs/lumidouce_ii.yaml",
         "tendonrepro/configs/schema.json",
         "tendonrepro/data/published.yaml",
+        "tendonrepro/docs/results/claims.json",
         "tendonrepro/results/figures/tendonrepro.mplstyle",
     }
     assert all(name.startswith("tendonrepro/") for name in names)
@@ -63,6 +65,7 @@ def test_the_wheel_works_in_an_empty_folder(wheel: Path, tmp_path: Path) -> None
     )
     assert where.stdout.startswith(str(site))
     assert json.loads(run("doctor", "--json"))["environment"]["git"] is None
+    assert json.loads(run("claims", "C2", "--json"))["ensemble"]["source"] == "shipped"
     data = json.loads(
         run(
             *("compare", "--controllers", "2", "--json", "--out", "out"),

@@ -18,6 +18,7 @@ from tendonrepro.claims.judge import Sources, Verdict, changed, failing, judge_a
 from tendonrepro.claims.plants import Ensemble, Plants
 from tendonrepro.claims.report import as_data, changes_text, details_text, table_text, write_claims
 from tendonrepro.claims.sensitivity import Ranking, ranked
+from tendonrepro.claims.shipped import local_origin, shipped_ledger, with_shipped
 from tendonrepro.claims.verdicts import NAMES
 from tendonrepro.config.models.readings import PRINTED
 from tendonrepro.config.published import published
@@ -32,6 +33,7 @@ from tendonrepro.results.paper import of_paper
 from tendonrepro.results.summary import CONTROLLERS
 
 FOLDER = "claims"
+ENSEMBLE = "ensemble"
 DECIDES = "decides.json"
 SHOWN = 12
 """Unknowns against which a ratio is drawn."""
@@ -57,6 +59,8 @@ def run_claims(
 ) -> Ledger:
     """Judge the claims from what has been run, and write the ledger.
 
+    Without an ensemble the verdicts of the one that comes with the package stand in, and say so.
+
     Parameters
     ----------
     out : Path
@@ -76,7 +80,7 @@ def run_claims(
     Raises
     ------
     DataMissingError
-        If the baseline or the measured file cannot be read.
+        If the baseline, the measured file or the shipped verdicts cannot be read.
     UsageError
         For an unknown id, or a baseline together with ids.
     """
@@ -87,24 +91,27 @@ def run_claims(
     readings = 0 if sources.ensemble is None else len(sources.ensemble.readings)
     with talk.bar("judging", readings) as progress:
         verdicts = judge_all(sources, only=ids, decided_by=bool(ids), progress=progress)
+    verdicts, judged_by = _completed(verdicts, sources, out / ENSEMBLE)
     changes = {} if before is None else changed(before, verdicts)
     failed = tuple(failing(verdicts) if before is None else changes)
-    data = as_data(verdicts) | ({} if before is None else {"changed": changes})
+    data = as_data(verdicts, judged_by) | ({} if before is None else {"changed": changes})
     if ids:
         return Ledger(tuple(verdicts), failed, "\n\n".join(map(details_text, verdicts)), data)
-    files = write_claims(verdicts, out / FOLDER)
+    files = write_claims(verdicts, out / FOLDER, judged_by)
     if sources.ensemble is not None:
         rankings = _rankings(sources.ensemble)
         write_atomically(out / FOLDER / DECIDES, to_json(rankings))
         files += [out / FOLDER / DECIDES, *_draw(sources.ensemble, rankings, out / FOLDER / "figures")]
     if sources.compare is not None:
         from tendonrepro.claims.figures import draw_laws
+        from tendonrepro.results.figures.catalogue import origin_of
         from tendonrepro.results.figures.style import save_figure
 
         caption = (
             "Torque and estimation error over frequency, distribution of the error, error at a reversal."
         )
-        files += save_figure(draw_laws(sources.compare), out / FOLDER / "figures", "laws", "laws", caption)
+        drawn, origin = draw_laws(sources.compare), origin_of(sources.compare)
+        files += save_figure(drawn, out / FOLDER / "figures", "laws", "laws", caption, origin)
     data["files"] = [str(path) for path in files]
     parts = [table_text(verdicts), f"The ledger is in {out / FOLDER}"]
     if before is not None:
@@ -126,8 +133,18 @@ def _sources(out: Path, measured: Path | None, talk: Talk) -> Sources:
     usual = MEASURED if MEASURED.exists() else None
     file = measured or usual
     return Sources(
-        **runs, ensemble=_ensemble(out / "ensemble", talk), measured=read_measured(file) if file else None
+        **runs, ensemble=_ensemble(out / ENSEMBLE, talk), measured=read_measured(file) if file else None
     )
+
+
+def _completed(
+    verdicts: list[Verdict], sources: Sources, folder: Path
+) -> tuple[list[Verdict], Mapping[str, Any]]:
+    """Verdicts with the shipped ones where there is no ensemble in a folder, and which ensemble judged."""
+    if sources.ensemble is not None:
+        return verdicts, local_origin(folder, len(sources.ensemble.draws))
+    ledger = shipped_ledger()
+    return with_shipped(verdicts, ledger), ledger.ensemble
 
 
 def _ensemble(folder: Path, talk: Talk) -> EnsembleData | None:
@@ -189,10 +206,11 @@ def _draw(data: Ensemble, rankings: Mapping[str, Ranking], folder: Path) -> list
     from tendonrepro.results.figures.style import save_figure
 
     written: list[Path] = []
+    origin = f"Simulated, {len(data.draws)} plants of the box"
     for claim in [name for name in rankings if name in TORNADOES]:
         caption = f"Share of the variance of claim {claim} that each unknown explains alone."
         figure = draw_tornado(f"What decides claim {claim}", rankings[claim])
-        written += save_figure(figure, folder, f"decides_{claim}", f"decides_{claim}", caption)
+        written += save_figure(figure, folder, f"decides_{claim}", f"decides_{claim}", caption, origin)
     ok, ratio = _ratio(data)
     for i, joint in enumerate(data.joints):
         name = f"ratio_joint_{joint}"
@@ -206,5 +224,5 @@ def _draw(data: Ensemble, rankings: Mapping[str, Ranking], folder: Path) -> list
         label, line = f"MAE of Controller 1 / 2, joint {joint}", 1.0 + data.alpha[i]
         figure = draw_ratio_against_unknowns(names, chosen, ratio[ok, i], line, label, log=wide)
         caption = f"{label}, against the unknowns that explain most of it; dashed: 1 + alpha."
-        written += save_figure(figure, folder, name, name, caption)
+        written += save_figure(figure, folder, name, name, caption, origin)
     return written

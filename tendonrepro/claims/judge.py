@@ -46,7 +46,8 @@ class Verdict:
     """One line of the ledger; the fields are the keys of ``claims --json``.
 
     `printed` is the number, fraction or claim as printed; `ours` the share of a claim, or the number of the
-    shipped run, else its median over the box. What `repeats` another entry is not counted.
+    shipped run, else its median over the box. What `repeats` another entry is not counted. `shipped` verdicts
+    come from the package's stored ensemble.
     """
 
     id: str
@@ -62,6 +63,7 @@ class Verdict:
     depends_on: tuple[str, ...]
     readings_that_change_it: tuple[str, ...]
     repeats: str | None = None
+    shipped: bool = False
 
 
 def judge_all(

@@ -7,7 +7,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from tendonrepro.claims.from_ensemble import COMMAND
 from tendonrepro.claims.judge import SCHEMA_VERSION, SHARE, Verdict, summary
+from tendonrepro.claims.verdicts import EDITION
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.results.tables import NOTHING, csv_text, markdown
 
@@ -16,21 +18,27 @@ CAPTION = "What the printed numbers and claims are worth; rules in docs/verdicts
 _CSV = ("id", "where", "kind", "printed", "ours", "low", "high", "unit", "rule", "verdict", "borderline")
 
 
-def as_data(verdicts: Sequence[Verdict]) -> dict[str, Any]:
-    """Collect the data of ``claims --json``: ``schema_version``, ``claims`` and the counts ``summary``."""
+def as_data(verdicts: Sequence[Verdict], ensemble: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """Collect the data of ``claims --json``: ``schema_version``, ``claims`` and the counts ``summary``.
+
+    `ensemble` tells which one judged; see `claims.shipped.ShippedLedger`.
+    """
     return {
         "schema_version": SCHEMA_VERSION,
         "claims": [asdict(verdict) for verdict in verdicts],
         "summary": summary(verdicts),
+        "ensemble": ensemble,
     }
 
 
-def write_claims(verdicts: Sequence[Verdict], folder: Path) -> list[Path]:
-    """Write ``claims.json``, ``claims.csv`` and ``claims.md``."""
+def write_claims(
+    verdicts: Sequence[Verdict], folder: Path, ensemble: Mapping[str, Any] | None = None
+) -> list[Path]:
+    """Write ``claims.json``, ``claims.csv`` and ``claims.md``; `ensemble` as in `as_data`."""
     texts = {
-        "json": to_json(as_data(verdicts)),
+        "json": to_json(as_data(verdicts, ensemble)),
         "csv": csv_text(_csv_rows(verdicts)),
-        "md": markdown(_rows(verdicts), CAPTION),
+        "md": markdown(_rows(verdicts), " ".join([CAPTION, *_shipped_note(verdicts)])),
     }
     paths = [folder / f"claims.{suffix}" for suffix in texts]
     for path, text in zip(paths, texts.values(), strict=True):
@@ -60,11 +68,26 @@ def table_text(verdicts: Sequence[Verdict]) -> str:
 def _notes(verdicts: Sequence[Verdict]) -> list[str]:
     commands = {verdict.evidence.get("run") for verdict in verdicts if verdict.verdict == "not_testable"}
     notes = [f"for more verdicts run {command}" for command in sorted(filter(None, commands))]
+    notes += _shipped_note(verdicts)
     if any(verdict.repeats for verdict in verdicts):
         notes.append("what is printed twice counts once")
     if any(verdict.borderline for verdict in verdicts):
         notes.append("* a threshold lies inside the interval")
     return notes
+
+
+def _shipped_note(verdicts: Sequence[Verdict]) -> list[str]:
+    """Say which ensemble shipped verdicts rest on."""
+    origins = [verdict.evidence["ensemble"] for verdict in verdicts if verdict.shipped]
+    if not origins:
+        return []
+    draws, version, created = (origins[0][key] for key in ("draws", "tendonrepro_version", "created"))
+    date = str(created or "of unknown date").partition("T")[0]
+    edition = "" if origins[0]["rules_edition"] == EDITION else ", by an earlier edition of the rules"
+    return [
+        f"shipped: not judged here but taken from the ensemble that comes with the package ({draws} draws, "
+        f"tendonrepro {version}, {date}{edition}); one of your own replaces it: {COMMAND}"
+    ]
 
 
 def changes_text(changes: Mapping[str, tuple[str | None, str | None]]) -> str:
@@ -84,7 +107,7 @@ def details_text(verdict: Verdict) -> str:
         f"readings that change it: {', '.join(verdict.readings_that_change_it) or 'none of those run'}",
         "evidence:",
     ]
-    return "\n".join([*head, *_tree(verdict.evidence, 1)])
+    return "\n".join([*head, *_tree(verdict.evidence, 1), *_shipped_note([verdict])])
 
 
 def _tree(value: Any, depth: int) -> list[str]:
@@ -143,7 +166,9 @@ def _csv_rows(verdicts: Sequence[Verdict]) -> list[dict[str, Any]]:
         values = asdict(verdict) | {"low": box.get("low"), "high": box.get("high")}
         row = {name: values[name] for name in _CSV}
         row |= {name: verdict.evidence.get(name) for name in ("also_passing", "missing")}
-        row |= {name: values[name] for name in ("depends_on", "readings_that_change_it", "repeats")}
+        row |= {
+            name: values[name] for name in ("depends_on", "readings_that_change_it", "repeats", "shipped")
+        }
         rows.append(row | ({"measured": _measured(verdict)} if measured else {}))
     return rows
 
@@ -167,7 +192,8 @@ def _ours(verdict: Verdict) -> str:
 
 def _box(verdict: Verdict) -> str:
     box = verdict.evidence.get("box")
-    return f"{box['low']:.3g} to {box['high']:.3g}" if box else NOTHING
+    ends = [box.get(end) for end in ("low", "high")] if box else [None]
+    return NOTHING if None in ends else " to ".join(f"{end:.3g}" for end in ends)
 
 
 def _passing(verdict: Verdict) -> str:
@@ -186,4 +212,5 @@ def _measured(verdict: Verdict) -> str:
 
 
 def _name(verdict: Verdict) -> str:
-    return f"{verdict.verdict} *" if verdict.borderline else verdict.verdict
+    marks = " *" * verdict.borderline + " (shipped)" * verdict.shipped
+    return f"{verdict.verdict}{marks}"

@@ -27,6 +27,9 @@ NAMES: tuple[VerdictName, ...] = get_args(VerdictName)
 FAILURES = frozenset({"not_reproduced", "contradicted", "outside_model"})
 """Verdicts for which ``claims --check`` ends with exit code 3."""
 
+EDITION = 2
+"""Of the rules; stored verdicts of another one are shown as such."""
+
 SIMILAR = 0.05
 """Largest relative difference of what is called similar."""
 MOST_UNRESOLVED = 0.05

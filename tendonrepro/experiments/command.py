@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -226,11 +226,18 @@ def redraw(out: Path, numbers: Sequence[int] | None) -> list[Path]:
             message = f"no stored traces hold what Figure {number} shows"
             have = ", ".join(str(k) for k in sorted(set().union(*drawable.values()))) or "none"
             raise DataMissingError(message, where=str(out), hint=f"figures that can be drawn: {have}")
-    written: list[Path] = []
-    for folder, file in files.items():
-        chosen = [k for k in drawable[folder] if numbers is None or k in numbers]
-        written += _rewrite(folder, file, partial(_draw_figures, file, folder, chosen))
-    return written
+    with ExitStack() as stack:
+        written = {folder: stack.enter_context(_rewritten(folder, file)) for folder, file in files.items()}
+        # One pool for all folders: to start its processes takes as long as to draw two figures.
+        pieces = [
+            (file, folder / "figures", number)
+            for folder, file in files.items()
+            for number in drawable[folder]
+            if numbers is None or number in numbers
+        ]
+        for (_, folder, _), paths in zip(pieces, each(_drawn, pieces), strict=True):
+            written[folder.parent] += paths
+    return [path for paths in written.values() for path in paths]
 
 
 def rewrite_tables(out: Path) -> list[Path]:
@@ -246,10 +253,12 @@ def rewrite_tables(out: Path) -> list[Path]:
     list of Path
         The files written.
     """
-    written: list[Path] = []
+    found: list[Path] = []
     for folder, file in _stored(out).items():
-        written += _rewrite(folder, file, partial(write_tables, file, folder / "tables"))
-    return written
+        with _rewritten(folder, file) as written:
+            written.extend(write_tables(file, folder / "tables"))
+        found += written
+    return found
 
 
 def _stored(out: Path) -> dict[Path, TraceFile]:
@@ -264,25 +273,32 @@ def _stored(out: Path) -> dict[Path, TraceFile]:
     return {folder: stored_traces(folder) for folder in folders}
 
 
-def _rewrite(folder: Path, file: TraceFile, write: Callable[[], list[Path]]) -> list[Path]:
-    """Write files of a result again and bring the manifest's digests up to date, if there is one."""
+@contextmanager
+def _rewritten(folder: Path, file: TraceFile) -> Iterator[list[Path]]:
+    """Hold a result while files of it are written again; its manifest gets the digests of those listed."""
     with claimed(folder, file.config_sha256, force=True):
         manifest = read_manifest(folder) if (folder / MANIFEST).exists() else None
-        paths = write()
+        paths: list[Path] = []
+        yield paths
         if manifest is not None:
             fresh = with_outputs(manifest, folder, paths)["outputs"]
             updated = manifest | {"outputs": manifest.get("outputs", {}) | fresh}
             write_atomically(folder / MANIFEST, to_json(updated))
-    return paths
 
 
-def _draw_figures(file: TraceFile, folder: Path, numbers: Sequence[int] | None = None) -> list[Path]:
-    """Draw figures by the paper's numbers, all that the traces allow if not given."""
-    from tendonrepro.results.figures.catalogue import available, redrawn
+def _draw_figures(file: TraceFile, folder: Path) -> list[Path]:
+    """Draw all figures that the traces allow."""
+    from tendonrepro.results.figures.catalogue import available
 
-    chosen = available(file) if numbers is None else numbers
-    drawn = each(partial(redrawn, file, folder / "figures"), chosen)
-    return [path for paths in drawn for path in paths]
+    pieces = [(file, folder / "figures", number) for number in available(file)]
+    return [path for paths in each(_drawn, pieces) for path in paths]
+
+
+def _drawn(piece: tuple[TraceFile, Path, int]) -> list[Path]:
+    """Draw one figure of a file into a folder, by the paper's number."""
+    from tendonrepro.results.figures.catalogue import redrawn
+
+    return redrawn(*piece)
 
 
 def _load(order: Order) -> tuple[LoadedConfig, UserLaw | None]:

@@ -21,6 +21,7 @@ from tendonrepro.explain.explanation import Explanation, Map
 from tendonrepro.results.figures.style import (
     PAGE_MM,
     Stroke,
+    imprint,
     journal_style,
     open_figure,
     save_figure,
@@ -52,6 +53,7 @@ def draw_explanation(found: Explanation, folder: Path) -> list[Path]:
     with journal_style():
         for stem, (draw, caption) in drawn.items():
             figure = draw(found)
+            imprint(figure, f"Computed from the linear model, {found.origin}")
             settle(figure)
             text = f"{caption}; tendonrepro {__version__}, {found.origin}."
             paths += save_figure(figure, folder, stem, stem, text)

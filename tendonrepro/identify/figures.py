@@ -25,7 +25,7 @@ def draw_identify_figures(data: Mapping[str, Any], folder: Path) -> list[Path]:
     """Draw and save all figures as pdf, svg and png; the last two are of the reading that fits best."""
     best = min(data["readings"], key=lambda held: held["misfit_log"])
     drawn = [draw_readings(data), draw_numbers(best), draw_parameters(best)]
-    return [path for held in drawn for path in save_drawing(held, folder)]
+    return [path for held in drawn for path in save_drawing(held, folder, "Simulated, plants of the box")]
 
 
 def draw_readings(data: Mapping[str, Any]) -> Drawing:
@@ -85,7 +85,7 @@ def draw_numbers(held: Mapping[str, Any]) -> Drawing:
 
 def draw_parameters(held: Mapping[str, Any]) -> Drawing:
     """Where the near-optimal plants lie between the bounds of each row of the box, under one reading."""
-    rows = [row for row in held["parameters"] if not row["choice"]]
+    rows = [row for row in held["parameters"] if row["searched"] and not row["choice"]]
     rows = sorted(rows, key=lambda row: np.nan_to_num(row["width"], nan=1.0))
 
     def draw(axes: Sequence[Axes]) -> None:

@@ -13,7 +13,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.config.published import PrintedNumber, PrintedRatio, published
 from tendonrepro.results.paper import of_paper, printed_beside
 from tendonrepro.results.records import Trace, TraceFile
-from tendonrepro.results.summary import LOADS, compared_runs, decoupling_errors, tracking_errors
+from tendonrepro.results.summary import CONTROLLERS, LOADS, compared_runs, decoupling_errors, tracking_errors
 from tendonrepro.results.tables import NOTHING, TableColumns, rounded, write_table
 
 TableRow: TypeAlias = dict[str, object]
@@ -25,6 +25,11 @@ COLUMNS: TableColumns = {
     "load": ("Load", ""),
     "metric": ("Metric", ""),
     "joint": ("Joint", ""),
+    "paper_row": ("", ""),
+    "mae_pair": ("MAE (deg), joint {joints}", ""),
+    "mae_printed_pair": ("printed", ""),
+    "rmse_pair": ("RMSE (deg), joint {joints}", ""),
+    "rmse_printed_pair": ("printed", ""),
     # "z" keeps a rounded zero from having a sign; as many digits as the paper.
     "mae_deg": ("MAE (deg)", "z.3f"),
     "mae_printed_deg": ("printed", "z.3f"),
@@ -43,7 +48,10 @@ COLUMNS: TableColumns = {
     "ours": ("Ours", "z.4f"),
     "difference": ("Difference of magnitudes", "z.6f"),
 }
-"""Heading and format of every column, in the order in which tables show them."""
+"""Heading and format of every column, in the order in which tables show them.
+
+``{joints}`` in a heading are the numbers of the joints, as in ``2/3``.
+"""
 _BESIDE = {name for name in COLUMNS if "printed" in name or name.endswith("_ratio")} | {"difference"}
 """Columns of the print, and of its comparison with ours."""
 
@@ -62,7 +70,12 @@ def write_tables(file: TraceFile, folder: Path) -> list[Path]:
         part = file.part(experiment)
         for stem, (make, caption) in tables.items() if part.runs else ():
             if rows := list(make(part)):
-                columns = {name: COLUMNS[name] for name in COLUMNS if _stands(name, rows)}
+                joints = "/".join(map(str, next(iter(part.runs.values())).joint))
+                columns = {
+                    name: (heading.replace("{joints}", joints), form)
+                    for name, (heading, form) in COLUMNS.items()
+                    if _stands(name, rows)
+                }
                 about = f"{caption} ({origin})."
                 paths += write_table(rows, folder, stem, about, columns, ("csv", "md", "tex"))
     return paths
@@ -125,6 +138,25 @@ def load_rows(file: TraceFile) -> Iterator[TableRow]:
         if run in file.runs:
             for row in _error_rows(file, file.runs[run], "whole", f"table3.{load}"):
                 yield {"load": load} | row
+
+
+def paper_controller_rows(file: TraceFile) -> Iterator[TableRow]:
+    """Yield Table 2 as the paper lays it out: a row per controller, each cell ``joint 2/joint 3``.
+
+    TableColumns: ``paper_row``, ``status``, and for ``mae`` and ``rmse`` the texts ``<metric>_pair`` and
+    ``<metric>_printed_pair``, rounded as printed.
+    """
+    for name, trace in compared_runs(file).items():
+        title = "Proposed (Controller 1)" if name == CONTROLLERS[0] else name.replace("_", " ").capitalize()
+        yield {"paper_row": title} | _pairs(file, trace, f"table2.{name}")
+
+
+def paper_load_rows(file: TraceFile) -> Iterator[TableRow]:
+    """Yield Table 3 as the paper lays it out; columns as `paper_controller_rows`."""
+    for load, run in LOADS.items():
+        if run in file.runs:
+            title = load.replace("_", " ").capitalize()
+            yield {"paper_row": title} | _pairs(file, file.runs[run], f"table3.{load}")
 
 
 def change_rows(file: TraceFile) -> Iterator[TableRow]:
@@ -191,6 +223,18 @@ def _error_rows(file: TraceFile, trace: Trace, window: str, identifier: str) -> 
         yield {"joint": joint, "status": _status(trace)} | numbers
 
 
+def _pairs(file: TraceFile, trace: Trace, identifier: str) -> TableRow:
+    """Cells of the paper's layout; a cell of the print is None where nothing stands beside the run."""
+    sizes, cells = tracking_errors(trace)["whole"], dict[str, object]()
+    for metric in ("mae", "rmse"):
+        printed = printed_beside(file, trace, f"{identifier}.{metric}")
+        form = COLUMNS[f"{metric}_deg"][1]
+        cells[f"{metric}_pair"] = "/".join(rounded(float(size), form) for size in sizes[metric])
+        found = None if np.isnan(printed).all() else "/".join(rounded(size, form) for size in printed)
+        cells[f"{metric}_printed_pair"] = found
+    return cells | {"status": _status(trace)}
+
+
 def _status(trace: Trace) -> str:
     if trace.status == "diverged":
         return f"diverged at {trace.attributes['status_time']:.3f} s"
@@ -204,8 +248,10 @@ _TABLES: Mapping[str, Mapping[str, tuple[Callable[[TraceFile], Iterator[TableRow
     },
     "compare": {
         "table2": (controller_rows, "Table 2, tracking errors over the whole run"),
+        "table2_paper": (paper_controller_rows, "Table 2 as the paper lays it out"),
         "table2_windows": (window_rows, "Table 2 over other windows"),
         "table3": (load_rows, "Table 3, tracking errors of Controller 1 without and with payload"),
+        "table3_paper": (paper_load_rows, "Table 3 as the paper lays it out"),
         "table3_change": (change_rows, "Change of the tracking errors with the payload, section 5.4"),
     },
 }

@@ -8,12 +8,11 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from matplotlib.colors import to_hex, to_rgb
 
 from tendonrepro.results.figures.catalogue import FIGURES, available, save
 from tendonrepro.results.figures.compare import MEAN_WINDOW, draw_law
 from tendonrepro.results.figures.panels import Canvas, FigureArtists
-from tendonrepro.results.figures.style import REFERENCE, Stroke, journal_style
+from tendonrepro.results.figures.style import REFERENCE, Stroke, journal_style, paler
 from tendonrepro.results.records import Trace, TraceFile
 
 _LAW = 15
@@ -61,7 +60,8 @@ def draw_overlay(number: int, measured: TraceFile, models: Mapping[str, Trace]) 
             for model in spec.traces(file):
                 _lay_over(sheet, draw(file, [model]), model)
                 drawn.append(model)
-        return sheet.finish(number, _caption(number, measured, drawn))
+        origin = "Measured, and simulated on the measured motion" if drawn else "Measured"
+        return sheet.finish(number, _caption(number, measured, drawn), origin)
 
 
 def _lay_over(sheet: Canvas, over: Canvas, model: Trace) -> None:
@@ -74,7 +74,7 @@ def _lay_over(sheet: Canvas, over: Canvas, model: Trace) -> None:
         colour = "#333333"
         if below.get_linewidth() < REFERENCE.width:
             colour = str(below.get_color())
-            below.set(color=_pale(colour), linewidth=_WIDE)
+            below.set(color=paler(colour, _PALE), linewidth=_WIDE)
         x, y = (np.asarray(values, float) for values in line.get_data())
         diverged = model.status == "diverged"
         stroke = Stroke(colour, _DASHES, _THIN)
@@ -94,8 +94,3 @@ def _caption(number: int, measured: TraceFile, drawn: list[Trace]) -> str:
     origin = f"Made by tendonrepro {measured.tendonrepro_version}."
     shown = _LAW_CAPTION if number == _LAW else FIGURES[number].caption
     return " ".join([f"Figure {number}. {shown}", *words, origin])
-
-
-def _pale(colour: str) -> str:
-    red, green, blue = (share + _PALE * (1.0 - share) for share in to_rgb(colour))
-    return to_hex((red, green, blue))

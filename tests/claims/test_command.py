@@ -9,6 +9,7 @@ from support.synthetic import make_compare_file
 from tendonrepro.claims.command import run_claims
 from tendonrepro.claims.judge import Sources, judge_all
 from tendonrepro.claims.report import write_claims
+from tendonrepro.claims.shipped import shipped_ledger, with_shipped
 from tendonrepro.console import Talk
 from tendonrepro.ensemble.data import PLAN
 from tendonrepro.errors import DataMissingError
@@ -19,7 +20,7 @@ QUIET = Talk(quiet=True)
 
 
 def test_a_damaged_baseline_is_named(tmp_path, monkeypatch):
-    verdicts = judge_all(Sources())
+    verdicts = with_shipped(judge_all(Sources()), shipped_ledger())
     path = write_claims(verdicts, tmp_path)[0]
     content = path.read_bytes()
     monkeypatch.setattr("tendonrepro.claims.command.judge_all", lambda *_, **__: verdicts)

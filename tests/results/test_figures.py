@@ -23,37 +23,42 @@ from support.synthetic import S, make_compare_file, make_decouple_file
 
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.results.figures.catalogue import FIGURES, available, draw, save
-from tendonrepro.results.figures.panels import FigureArtists, envelope, thin
+from tendonrepro.results.figures.panels import FigureArtists, thin
 from tendonrepro.results.figures.style import REFERENCE, SERIES, journal_style
 from tendonrepro.results.records import Trace, TraceFile
 
 compare_file = cache(make_compare_file)
 decouple_file = cache(make_decouple_file)
 
-PANELS = {6: "ab", 9: "a", 10: "ab", 11: "ab", 12: "ab", 13: "ab", 14: "abcd", 15: "abcdef", 16: "abcd"}
+PANELS = {6: "abc", 9: "a", 10: "ab", 11: "ab", 12: "ab", 13: "ab", 14: "abcd", 15: "abcdefghij", 16: "abcd"}
 TITLES = {
-    6: ["(a) Motors", "(b) Joints"],
+    6: ["(a) Motors", "(b) Joints", "(c) Postures, to scale"],
     9: [""],
     **{9 + joint: [f"(a) Joint {joint}", "(b) Calculated − encoder"] for joint in (1, 2, 3)},
-    13: ["(a) Motors", "(b) From encoders − from desired"],
+    13: ["(a) Motors", "(b) From measured − from expected"],
     14: ["(a) Joint 2", "(b) Joint 3", "(c) Joint 2", "(d) Joint 3"],
-    15: ["(a) Joint 2", "(b) Joint 3", "(c) Joint 2", "(d) Joint 3", "(e) Joint 2", "(f) Joint 3"],
+    15: [f"({letter}) Joint {2 + place % 2}" for place, letter in enumerate("abcdef")]
+    + [f"({letter}) Joint {2 + place % 2}, 100 ms of raw samples" for place, letter in enumerate("ghij")],
     16: ["(a) Joint 2", "(b) Joint 3", "(c) Joint 2", "(d) Joint 3"],
 }
 THREE = ["Controller 1", "Controller 2", "Controller 3"]
 LEGENDS = {
-    6: [f"Motor/joint {k}" for k in (1, 2, 3)],
+    6: [f"Motor/joint {k}" for k in (1, 2, 3)]
+    + ["Links at the start", "Links, motor 1 turned", "Link 2, were it only translated"],
     9: [f"Motor {k}" for k in (1, 2, 3)],
     **{9 + joint: ["Encoder (simulated)", r"Calculated, $S\,q_\mathrm{motor}$"] for joint in (1, 2, 3)},
-    13: ["From desired angles", "Motor 2, from encoders", "Motor 3, from encoders"],
+    13: [f"Motor {motor}, $S^{{-1}}$ × {angles}" for motor in (2, 3) for angles in ("expected", "measured")],
     14: ["Desired", *THREE],
-    15: [*THREE, "Pale: range of raw samples, dark: 50 ms mean"],
+    15: [*THREE, "Lines: 50 ms mean; bands: ± RMS of the samples about it, over 0.5 s"],
     16: ["Desired", "Controller 1, no payload", "Controller 1, 0.2 kg payload"],
 }
 UNITS = {
     **{number: ["deg"] * len(letters) for number, letters in PANELS.items()},
-    15: ["rad/s", "rad/s", "N m", "N m", "N m", "N m"],
+    6: ["deg", "deg", "m"],
+    15: ["rad/s", "rad/s", "N m", "N m", "N m", "N m", "rad/s", "rad/s", "N m", "N m"],
 }
+NEAR = {6: "c", 15: "ghij"}
+"""Panels with an x axis of their own."""
 every_figure = pytest.mark.parametrize("number", list(FIGURES))
 
 
@@ -103,10 +108,11 @@ def test_panels_axes_and_legend_say_what_they_show(number: int) -> None:
     assert [panel.get_title(loc="left") for panel in panels] == TITLES[number]
     for panel, unit in zip(panels, UNITS[number], strict=True):
         assert panel.get_ylabel().endswith(f"({unit})")
-    assert [panel.get_xlabel() for panel in panels] == [""] * (len(panels) - columns) + ["Time (s)"] * columns
+    shared = [panel for letter, panel in artists.axes.items() if letter not in NEAR.get(number, "")]
+    assert [panel.get_xlabel() for panel in shared] == [""] * (len(shared) - columns) + ["Time (s)"] * columns
     assert legend_texts(artists) == LEGENDS[number]
     end = 9.0 if number == 6 else 36.0 if number < 13 else 18.0
-    assert all(panel.get_xlim() == pytest.approx((0.0, end)) for panel in panels)
+    assert all(panel.get_xlim() == pytest.approx((0.0, end)) for panel in shared)
     assert artists.figure.get_figwidth() * 25.4 == pytest.approx(85.0 if columns == 1 else 175.0)
 
 
@@ -226,7 +232,89 @@ def test_difference_of_a_joint_and_its_mean(joint: int) -> None:
     artists = drawn(9 + joint)
     found = values(artists.lines["b", "Difference"])
     assert (found.min(), found.max()) == pytest.approx((expected.min(), expected.max()))
-    assert artists.axes["b"].get_title(loc="right") == f"MAE {np.abs(expected).mean():.4f}°"
+    note = f"MAE {np.abs(expected).mean():.4f}°"
+    assert artists.axes["b"].get_title(loc="right") == f"{note}\nno number printed"
+    another = replace(decouple_file(), plant=replace(decouple_file().plant, attributes={"arm": "SYNTHETIC"}))
+    assert draw(9 + joint, another).axes["b"].get_title(loc="right") == note
+
+
+@pytest.mark.parametrize(
+    ("number", "letter", "runs", "printed"),
+    [
+        (14, "c", ("controller_1", "controller_2", "controller_3"), "0.261° / 0.289° / 0.305°"),
+        (14, "d", ("controller_1", "controller_2", "controller_3"), "0.219° / 0.240° / 0.266°"),
+        (16, "c", ("controller_1", "controller_1_payload"), "0.261° / 0.264°"),
+        (16, "d", ("controller_1", "controller_1_payload"), "0.219° / 0.227°"),
+    ],
+)
+def test_errors_stand_above_those_that_the_paper_prints(
+    number: int, letter: str, runs: tuple[str, ...], printed: str
+) -> None:
+    column = "cd".index(letter)
+    sizes = [np.rad2deg(np.abs(compare_file().runs[run]["e"][:, column])).mean() for run in runs]
+    here = " / ".join(f"{size:.3f}°" for size in sizes)
+    assert drawn(number).axes[letter].get_title(loc="right") == f"MAE here {here}\nprinted {printed}"
+
+
+def test_errors_of_the_size_of_counts_are_drawn_as_means_in_bands() -> None:
+    """Raw they would fill one block, in which the last run covers the others."""
+    runs = {}
+    for name, trace in compare_file().runs.items():
+        e = trace["e"].copy()
+        e[:, 1] = 0.1 * np.sin(trace.time) + 0.05 * (-1.0) ** np.arange(len(e))
+        runs[name] = with_status(trace, "ok", e=e)
+    artists = draw(14, replace(compare_file(), runs=runs))
+    assert artists.axes["c"].get_ylabel() == "Tracking error (deg)"
+    assert artists.axes["d"].get_ylabel() == "Error, 50 ms mean ± RMS (deg)"
+    assert set(artists.bands) == {("d", name) for name in THREE}
+    assert np.ptp(values(artists.lines["d", "Controller 1"])) == pytest.approx(np.rad2deg(0.2), rel=0.15)
+
+
+def test_no_error_is_told_of_a_diverged_run_and_no_print_beside_another_arm() -> None:
+    note = draw(14, make_compare_file(diverged={"controller_2": 4.0})).axes["c"].get_title(loc="right")
+    assert re.fullmatch(r"MAE here [\d.]+° / -- / [\d.]+°\nprinted 0.261° / 0.289° / 0.305°", note)
+    another = replace(compare_file(), plant=replace(compare_file().plant, attributes={"arm": "SYNTHETIC"}))
+    assert "printed" not in draw(14, another).axes["c"].get_title(loc="right")
+
+
+@every_figure
+def test_every_picture_says_that_it_is_simulated_and_by_which_configuration(number: int) -> None:
+    manifest = '{"config": {"origin": "/home/me/mine.yaml"}, "overrides": ["a.b=1"]}'
+    file = replace(source(number), manifest_json=manifest)
+    said = draw(number, file).figure.get_supxlabel()
+    assert said == "Simulated, configuration mine.yaml, a.b=1 (00000000)"
+    many = replace(file, manifest_json=manifest.replace('"a.b=1"', ", ".join(['"a.long.key=1"'] * 9)))
+    assert draw(number, many).figure.get_supxlabel().endswith("mine.yaml, 9 settings changed (00000000)")
+    name = "decouple" if number < 13 else "compare"
+    assert drawn(number).figure.get_supxlabel() == f"Simulated, configuration {name} (00000000)"
+    assert draw(number, replace(file, source="measured")).figure.get_supxlabel() == "Measured"
+
+
+def test_postures_are_links_to_scale_from_the_encoders() -> None:
+    lines, plant = drawn(6).lines, decouple_file().plant.values
+    q = decouple_file().runs["pull_tendon_1"]["q_encoder"]
+    for name, place in (("Start", 0), ("Turned", np.abs(q[:, 0]).argmax())):
+        x, y = lines["c", name].get_data()
+        steps = np.column_stack([np.diff(x), np.diff(y)])
+        assert np.hypot(*steps.T) == pytest.approx(plant["length"].value)
+        # From hanging, clockwise as drawn: the arm works on the left.
+        angle = np.arctan2(-steps[:, 0], -steps[:, 1])
+        assert angle == pytest.approx(np.cumsum(plant["posture"].value + q[place]))
+    carried, start, turned = (
+        np.column_stack(lines["c", name].get_data()) for name in ("Carried", "Start", "Turned")
+    )
+    assert carried[0] == pytest.approx(turned[1])
+    assert carried[1] - carried[0] == pytest.approx(start[2] - start[1])
+    axes = drawn(6).axes["c"]
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    box = axes.get_window_extent()
+    assert (right - left) / (high - low) == pytest.approx(box.width / box.height)
+
+
+def test_without_lengths_there_are_no_postures() -> None:
+    kept = {name: value for name, value in decouple_file().plant.values.items() if name != "length"}
+    file = replace(decouple_file(), plant=replace(decouple_file().plant, values=kept))
+    assert [text.get_text() for text in draw(6, file).axes["c"].texts] == ["not recorded"]
 
 
 def test_pulling_tendon_1_states_the_slope_of_joint_2() -> None:
@@ -246,7 +334,7 @@ def test_pulling_tendon_1_states_the_slope_of_joint_2() -> None:
 @pytest.mark.parametrize(
     ("letter", "variable", "column"), [("b", "s", 1), ("c", "H_hat", 0), ("f", "tau_m", 1)]
 )
-def test_dark_curves_are_50_ms_means_and_pale_bands_hold_the_raw_samples(
+def test_curves_are_50_ms_means_and_bands_the_rms_of_the_samples_about_them(
     letter: str, variable: str, column: int
 ) -> None:
     trace = compare_file().runs["controller_2"]
@@ -256,46 +344,71 @@ def test_dark_curves_are_50_ms_means_and_pale_bands_hold_the_raw_samples(
     for k in range(1, 40):
         near = np.abs(trace.time - times[k]) < 0.0251
         assert values(line)[k] == pytest.approx(raw[near].mean())
-    times, edge = drawn(15).bands[letter, "Controller 2"].get_xy().T
-    assert (edge.min(), edge.max()) == (raw.min(), raw.max())
-    assert (times.min(), times.max()) == (trace.time[0], trace.time[-1])
-    middles = np.unique(times)[1:-1]
-    assert len(middles) > 150
-    for time in middles[::10]:
-        near = raw[np.abs(trace.time - time) < 0.3 * (middles[1] - middles[0])]
-        assert edge[times == time].min() <= near.min()
-        assert near.max() <= edge[times == time].max()
+    corners = drawn(15).bands[letter, "Controller 2"].get_xy()
+    about = raw - np.array([raw[np.abs(trace.time - t) < 0.0251].mean() for t in trace.time])
+    assert (corners[:, 0].min(), corners[:, 0].max()) == (trace.time[0], trace.time[-1])
+    for time in np.unique(corners[:, 0])[3:-3:10]:
+        low, high = np.sort(corners[corners[:, 0] == time, 1])[[0, -1]]
+        rms = np.sqrt(np.mean(about[np.abs(trace.time - time) < 0.2501] ** 2))
+        assert 0.5 * (high - low) == pytest.approx(rms, rel=1e-9)
+        assert 0.5 * (high + low) == pytest.approx(np.interp(time, times, values(line)))
 
 
-def test_bands_are_pale_let_each_other_show_and_lie_below_the_means() -> None:
+def test_bands_are_opaque_and_pale_with_edges_above_all_of_them_and_below_the_means() -> None:
     artists = drawn(15)
     assert set(artists.bands) == {(letter, name) for letter in "abcdef" for name in THREE}
     for (letter, name), band in artists.bands.items():
-        line = artists.lines[letter, name]
-        assert to_rgb(band.get_facecolor()) == to_rgb(line.get_color())
-        assert to_rgba(band.get_facecolor())[3] <= 0.1
-        edge, mean = (
-            np.dot(to_rgb(colour), (0.299, 0.587, 0.114))
-            for colour in (band.get_edgecolor(), line.get_color())
-        )
-        assert edge > mean + 0.15
-        assert band.get_linewidth() < line.get_linewidth()
-        assert band.get_zorder() < min(found.get_zorder() for found in artists.axes[letter].lines)
-    # Where two edges meet, that of Controller 1 is seen.
+        # Opaque: where bands overlap there is no fourth colour.
+        assert to_rgba(band.get_facecolor())[3] == 1.0
+        assert min(to_rgb(band.get_facecolor())) > 0.8
+        means = [line for (where, _), line in artists.lines.items() if where == letter]
+        edges = [line for line in artists.axes[letter].lines if line.get_linewidth() == 0.5]
+        assert len(edges) == 6
+        own = band.get_xy()[:, 1]
+        assert any(np.isin(values(edge), own).all() for edge in edges), name
+        assert band.get_zorder() < min(edge.get_zorder() for edge in edges)
+        assert max(edge.get_zorder() for edge in edges) < min(mean.get_zorder() for mean in means)
+    # Where two bands overlap, that of Controller 1 is seen.
     orders = [artists.bands["d", name].get_zorder() for name in THREE]
     assert orders == sorted(orders, reverse=True)
     assert len(set(orders)) == 3
 
 
-def test_range_follows_the_samples_of_runs_that_end_well_and_says_when_others_are_clipped() -> None:
+@pytest.mark.parametrize(("letter", "variable", "column"), [("g", "s", 0), ("j", "tau_m", 1)])
+def test_from_near_every_raw_sample_of_100_ms_is_drawn_where_the_motion_is_fastest(
+    letter: str, variable: str, column: int
+) -> None:
+    artists = drawn(15)
+    start, end = artists.axes[letter].get_xlim()
+    assert end - start == pytest.approx(0.1)
+    trace = compare_file().runs["controller_1"]
+    speed = np.gradient(trace["q_d"][:, column], trace.time)
+    assert start < trace.time[np.flatnonzero(speed > 0.999 * speed.max())[0]] < end
+    assert end < 9.0, "in the first of two equal periods"
+    for name in THREE:
+        trace = compare_file().runs[name.lower().replace(" ", "_")]
+        inside = (trace.time > start - 1e-6) & (trace.time < end + 1e-6)
+        line = artists.lines[letter, name]
+        assert values(line).tolist() == trace[variable][inside, column].tolist()
+        assert line.get_drawstyle() == "steps-post"
+
+
+def test_a_run_that_ended_before_the_near_view_is_not_in_it() -> None:
+    artists = draw(15, make_compare_file(diverged={"controller_2": 0.5}))
+    assert len(values(artists.lines["g", "Controller 2"])) == 0
+    assert len(values(artists.lines["g", "Controller 1"])) > 5
+
+
+def test_range_follows_the_bands_of_runs_that_end_well_and_says_when_others_are_clipped() -> None:
     assert {panel.get_title(loc="right") for panel in drawn(15).axes.values()} == {""}
-    good = [compare_file().runs[name]["s"][:, 0] for name in ("controller_1", "controller_3")]
+    good = [drawn(15).bands["a", name].get_xy()[:, 1] for name in ("Controller 1", "Controller 3")]
     wild = {"s": 100.0 * compare_file().runs["controller_2"]["s"]}
     trace = with_status(compare_file().runs["controller_2"], "diverged", **wild)
     artists = draw(15, with_run(compare_file(), trace))
     low, high = artists.axes["a"].get_ylim()
     assert high - low == pytest.approx(1.12 * np.ptp(good))
-    assert [panel.get_title(loc="right") for panel in artists.axes.values()] == ["raw clipped"] * 2 + [""] * 4
+    notes = [panel.get_title(loc="right") for panel in artists.axes.values()]
+    assert notes == ["band clipped"] * 2 + [""] * 8
     # No further off the panel than its own height, whatever the samples were.
     edge = artists.bands["a", "Controller 2"].get_xy()[:, 1]
     assert (edge.min(), edge.max()) == pytest.approx((2 * low - high, 2 * high - low))
@@ -332,21 +445,6 @@ def test_short_curves_are_left_alone_and_gaps_left_out() -> None:
     x, y = thin(np.arange(5.0), np.array([1.0, np.nan, 2.0, np.inf, 3.0]))
     assert (x.tolist(), y.tolist()) == ([0.0, 2.0, 4.0], [1.0, 2.0, 3.0])
     assert len(thin(np.arange(1000.0), np.zeros(1000))[0]) == 1000
-    time, low, high = envelope(np.arange(4.0), np.array([np.nan, 1.0, np.inf, 2.0]))
-    assert (time.tolist(), low.tolist(), high.tolist()) == ([1.0, 3.0], [1.0, 2.0], [1.0, 2.0])
-    assert [len(part) for part in envelope(np.arange(2.0), np.full(2, np.nan))] == [0, 0, 0]
-
-
-@pytest.mark.parametrize("count", [1, 2, 179, 181, 18_001])
-def test_envelope_keeps_the_extremes_of_every_group(count: int) -> None:
-    signal = np.random.default_rng(2).standard_normal(count)
-    time, low, high = envelope(np.arange(float(count)), signal)
-    size = -(-count // 180)
-    assert len(time) == -(-count // size)
-    assert low.tolist() == [signal[start : start + size].min() for start in range(0, count, size)]
-    assert high.tolist() == [signal[start : start + size].max() for start in range(0, count, size)]
-    assert (time[0], time[-1]) == (0.0, count - 1.0)
-    assert (np.diff(time) > 0.0).all()
 
 
 # --- runs that went wrong, are missing, or come from elsewhere ---------------------------------------------
@@ -435,7 +533,7 @@ def test_each_joint_has_a_column() -> None:
     file = replace(compare_file(), runs={trace.name: replace(trace, joint=(1, 2, 3), variables=wide)})
     titles = [panel.get_title(loc="left") for panel in draw(14, file).axes.values()]
     assert titles[:3] == ["(a) Joint 1", "(b) Joint 2", "(c) Joint 3"]
-    assert len(draw(15, file).axes) == 9
+    assert len(draw(15, file).axes) == 15
     # With joint 1 moving too, all of the coupling matrix is used.
     third = values(draw(13, file).lines["a", "Motor 3 desired"]).max()
     assert third == pytest.approx(30.0 * (35 - 35 + 37) / 37)
@@ -445,8 +543,9 @@ def test_measured_traces_without_the_laws_inside_say_not_recorded() -> None:
     file = make_compare_file(source="measured", without=("s", "H_hat"))
     artists = draw(15, file)
     remarks = {letter: [text.get_text() for text in panel.texts] for letter, panel in artists.axes.items()}
-    assert remarks == {**{letter: ["not recorded"] for letter in "abcd"}, "e": [], "f": []}
-    assert all(len(artists.axes[letter].get_yticks()) == 0 for letter in "abcd")
+    missing = "abcdgh"
+    assert remarks == {letter: ["not recorded"] * (letter in missing) for letter in "abcdefghij"}
+    assert all(len(artists.axes[letter].get_yticks()) == 0 for letter in missing)
     assert "Measured;" in artists.caption
     assert legend_texts(draw(10, make_decouple_file(source="measured")))[0] == "Encoder (measured)"
     errors_below = draw(14, make_compare_file(without=("e",))).axes["d"]
@@ -482,7 +581,7 @@ def test_three_files_with_numbered_names(tmp_path: Path) -> None:
 @pytest.mark.parametrize("number", [14, 15])
 def test_vector_files_stay_small_at_full_length_and_keep_type_as_type(tmp_path: Path, number: int) -> None:
     pdf, svg, _ = save(draw(number, make_compare_file(step=1e-3)), tmp_path)
-    assert svg.stat().st_size < 400_000
+    assert svg.stat().st_size < 600_000
     assert pdf.stat().st_size < 400_000
     assert b"/Type3" not in pdf.read_bytes()
     assert ">Time (s)</text>" in svg.read_text()

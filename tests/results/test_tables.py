@@ -26,7 +26,7 @@ from tendonrepro.results.comparison import (
     write_tables,
 )
 from tendonrepro.results.records import PlantRecord, Trace, TraceFile
-from tendonrepro.results.summary import ranking, table_data_compare
+from tendonrepro.results.summary import ranking, table_data_compare, tracking_errors
 from tendonrepro.results.tables import csv_text, latex, markdown, write_table
 
 
@@ -183,6 +183,34 @@ def test_table_3_and_the_change_by_the_payload() -> None:
     assert changed["change_percent"].isna().all(), "a change from no error at all is no number"
 
 
+def test_tables_2_and_3_in_the_paper_s_layout(tmp_path: Path) -> None:
+    file = make_compare_file(diverged={"controller_3": 4.0})
+    write_tables(file, tmp_path)
+    sizes = {name: tracking_errors(trace)["whole"] for name, trace in file.runs.items()}
+    # Cells of the print as its text shows them.
+    table2 = {
+        "Proposed (Controller 1)": ("controller_1", "0.261/0.219", "0.311/0.261", "ok"),
+        "Controller 2": ("controller_2", "0.289/0.240", "0.375/0.292", "ok"),
+        "Controller 3": ("controller_3", "0.305/0.266", "0.436/0.349", "diverged at 4.000 s"),
+    }
+    table3 = {
+        "No load": ("controller_1", "0.261/0.219", "0.311/0.261", "ok"),
+        "With load": ("controller_1_payload", "0.264/0.227", "0.325/0.265", "ok"),
+    }
+    for stem, expected in (("table2_paper", table2), ("table3_paper", table3)):
+        rows = [
+            [title, *(part for pair in zip(ours, printed, strict=True) for part in pair), status]
+            for title, (run, *printed, status) in expected.items()
+            for ours in [["/".join(f"{x:.3f}" for x in sizes[run][metric]) for metric in ("mae", "rmse")]]
+        ]
+        data, md, tex = ((tmp_path / f"{stem}.{suffix}").read_text() for suffix in ("csv", "md", "tex"))
+        assert [line.split(",") for line in data.splitlines()[1:]] == rows
+        assert [line.strip("| ").split(" | ") for line in md.splitlines()[4:]] == rows
+        assert r" & MAE (deg), joint 2/3 & printed & RMSE (deg), joint 2/3 & printed & Status \\" in tex
+        for row in rows:
+            assert rf"{' & '.join(row)} \\" in tex
+
+
 def test_table_of_the_decoupling_experiment() -> None:
     file = make_decouple_file()
     frame = frame_of(decoupling_rows, file).set_index("joint")
@@ -197,7 +225,7 @@ def test_table_of_the_decoupling_experiment() -> None:
 class TestFiles:
     def test_names_and_the_same_bytes_twice(self, tmp_path: Path) -> None:
         paths = write_tables(make_compare_file(), tmp_path / "tables")
-        stems = ("table2", "table2_windows", "table3", "table3_change")
+        stems = ("table2", "table2_paper", "table2_windows", "table3", "table3_paper", "table3_change")
         expected = [f"{stem}.{suffix}" for stem in stems for suffix in ("csv", "md", "tex")]
         assert [path.name for path in paths] == expected
         assert sorted(path.name for path in (tmp_path / "tables").iterdir()) == sorted(expected)
@@ -208,7 +236,7 @@ class TestFiles:
         ("file", "stems"),
         [
             (make_decouple_file(), {"table1", "decoupling_errors"}),
-            (make_compare_file(runs=["controller_2"]), {"table2", "table2_windows"}),
+            (make_compare_file(runs=["controller_2"]), {"table2", "table2_paper", "table2_windows"}),
         ],
     )
     def test_tables_without_rows_are_not_written(

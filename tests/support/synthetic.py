@@ -72,6 +72,8 @@ def _plant() -> PlantRecord:
         "pulley_diameter": PlantValue(routing, "m", "printed: Table 1", "pulley of joint, tendon"),
         "K_s": PlantValue(K_S, "N m rad-1", "assumed: test", "stiffness"),
         "mass": PlantValue(np.array([0.7, 0.45, 0.25]), "kg", "assumed: test", "link mass"),
+        "length": PlantValue(np.array([0.3, 0.25, 0.2]), "m", "assumed: test", "link length"),
+        "posture": PlantValue(np.deg2rad([40.0, 5.0, 0.0]), "rad", "assumed: test", "start posture"),
         "gravity": PlantValue(np.array(9.81), "m s-2", "assumed: test", "gravity"),
     }
     return PlantRecord(values, {"angle_convention": "from hanging, positive clockwise"})

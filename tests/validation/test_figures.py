@@ -59,6 +59,7 @@ def test_panels_are_the_papers_and_no_curve_hides_the_other(number: int, file: T
         assert below.get_linewidth() > 2.0 * line.get_linewidth()
         assert sum(to_rgb(below.get_color())) > sum(to_rgb(line.get_color()))
     assert "Measured wide and pale" in drawn.caption
+    assert drawn.figure.get_supxlabel() == "Measured, and simulated on the measured motion"
     assert "Thin, dashed: simulated" in [text.get_text() for text in drawn.figure.legends[0].get_texts()]
 
 
@@ -109,7 +110,7 @@ def test_a_difference_with_gaps_has_the_mean_of_the_rest(file: TraceFile) -> Non
     holed = replace(file, runs={"decouple": measured_trace(trace, q_encoder=q)})
     notes = [draw_overlay(number, holed, {}).axes["b"].get_title(loc="right") for number in (10, 12)]
     apart = np.rad2deg(np.abs(np.delete(trace["q_calculated"] - trace["q_encoder"], slice(50, 60), axis=0)))
-    assert notes == [f"MAE {apart[:, 0].mean():.4f}°", ""]
+    assert notes == [f"MAE {apart[:, 0].mean():.4f}°\nno number printed", ""]
 
 
 def test_gaps_leave_a_mean_of_the_rest(file: TraceFile) -> None:

@@ -43,7 +43,8 @@ def draw_sweep(data: Mapping[str, Any], folder: Path) -> list[Path]:
     """Draw the figure of a sweep and save it as pdf, svg and png."""
     with journal_style():
         figure = draw_lines(data) if len(data["keys"]) == 1 else draw_map(data)
-    return save_figure(figure, folder, "sweep", "sweep", _caption(data))
+    origin = f"Simulated, configuration {Path(data['config']).name} ({data['config_sha256'][:8]})"
+    return save_figure(figure, folder, "sweep", "sweep", _caption(data), origin)
 
 
 def draw_lines(data: Mapping[str, Any]) -> Figure:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
@@ -10,6 +11,8 @@ from pathlib import Path
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.results.figures.compare import (
     MEAN_WINDOW,
+    RIPPLE_WINDOW,
+    ZOOM,
     controllers,
     draw_law,
     draw_motors,
@@ -20,6 +23,9 @@ from tendonrepro.results.figures.decouple import draw_joint, draw_motor_angles, 
 from tendonrepro.results.figures.panels import Canvas, FigureArtists
 from tendonrepro.results.figures.style import journal_style, save_figure
 from tendonrepro.results.records import Trace, TraceFile
+
+_LONGEST_CHANGES = 60
+_ERRORS = "Where errors are of the size of encoder counts, their mean in a band of the RMS about it."
 
 
 @dataclass(frozen=True)
@@ -67,7 +73,7 @@ def draw(number: int, file: TraceFile) -> FigureArtists:
         drawable = ", ".join(map(str, available(file))) or "none"
         raise DataMissingError(message, hint=f"Figures that can be drawn from them: {drawable}.")
     with journal_style():
-        return spec.draw(file, traces).finish(number, _caption(number, spec, file, traces))
+        return spec.draw(file, traces).finish(number, _caption(number, spec, file, traces), origin_of(file))
 
 
 def save(artists: FigureArtists, folder: Path) -> list[Path]:
@@ -84,6 +90,21 @@ def save(artists: FigureArtists, folder: Path) -> list[Path]:
 def redrawn(file: TraceFile, folder: Path, number: int) -> list[Path]:
     """Draw and save one figure; see `draw` and `save`."""
     return save(draw(number, file), folder)
+
+
+def origin_of(file: TraceFile) -> str:
+    """One line for a picture: simulated or measured, and by which configuration with which changes."""
+    if file.source == "measured":
+        return "Measured"
+    try:
+        manifest = json.loads(file.manifest_json)
+        name = Path(str(manifest["config"]["origin"])).name
+        changes = list(map(str, manifest.get("overrides", ())))
+    except (ValueError, LookupError, TypeError):
+        name, changes = file.experiment, []
+    if sum(map(len, changes)) > _LONGEST_CHANGES:
+        changes = [f"{len(changes)} settings changed"]
+    return f"Simulated, configuration {', '.join([name, *changes])} ({file.config_sha256[:8]})"
 
 
 def _caption(number: int, spec: FigureSpec, file: TraceFile, traces: list[Trace]) -> str:
@@ -104,7 +125,8 @@ def _named(*names: str) -> Callable[[TraceFile], list[Trace]]:
 
 FIGURES: dict[int, FigureSpec] = {
     6: FigureSpec(
-        "Motor 1 turns alone, motors 2 and 3 hold: joint 2 moves all the same.",
+        "Motor 1 turns alone, motors 2 and 3 hold: joint 2 moves all the same. Postures at the start and "
+        "where joint 1 turned furthest, by the encoders.",
         "decouple",
         _named("pull_tendon_1"),
         ("q_motor_encoder", "q_encoder"),
@@ -140,7 +162,7 @@ FIGURES: dict[int, FigureSpec] = {
         plant=("S_inv",),
     ),
     14: FigureSpec(
-        "Joint angles and tracking errors of the controllers.",
+        f"Joint angles and tracking errors of the controllers; MAE in the order of the legend. {_ERRORS}",
         "compare",
         controllers,
         ("q_encoder", "e"),
@@ -149,7 +171,8 @@ FIGURES: dict[int, FigureSpec] = {
     ),
     15: FigureSpec(
         "Sliding variable, estimate of the lumped uncertainty and torque of the controllers: "
-        f"range of the raw samples pale, their centred {MEAN_WINDOW * 1e3:g} ms mean dark.",
+        f"centred {MEAN_WINDOW * 1e3:g} ms mean, in bands of the RMS of the samples about it over "
+        f"{RIPPLE_WINDOW:g} s; below raw samples of {ZOOM * 1e3:g} ms, at the grey line.",
         "compare",
         controllers,
         ("s", "H_hat", "tau_m"),
@@ -157,7 +180,8 @@ FIGURES: dict[int, FigureSpec] = {
         enough=any,
     ),
     16: FigureSpec(
-        "Controller 1 without and with a payload at the end-effector: joint angles and tracking errors.",
+        "Controller 1 without and with a payload at the end-effector: joint angles and tracking errors; "
+        f"MAE in the order of the legend. {_ERRORS}",
         "compare",
         _named("controller_1", "controller_1_payload"),
         ("q_encoder", "e"),

@@ -2,21 +2,42 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from itertools import count, product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.physics.metrics import window_mean
+from tendonrepro.physics.metrics import rmse, window_mean
 from tendonrepro.results.figures.panels import Canvas
-from tendonrepro.results.figures.style import COLUMN_MM, PAGE_MM, REFERENCE, Stroke, stroke_of
+from tendonrepro.results.figures.style import COLUMN_MM, PAGE_MM, REFERENCE, Stroke, paler, stroke_of
+from tendonrepro.results.paper import printed_beside
 from tendonrepro.results.records import VARIABLES, Trace, TraceFile
+from tendonrepro.results.summary import CONTROLLERS, LOADS, tracking_errors
+from tendonrepro.results.tables import NOTHING, rounded
 
 MEAN_WINDOW = 0.05
 """Width of the centred moving mean, s."""
 
+RIPPLE_WINDOW = 0.5
+"""Width of the window over which the RMS of samples about their mean is taken, s.
+
+Encoder counts come as lone pulses near standstill; in a narrow window the edges would show each of them.
+"""
+
+ZOOM = 0.1
+"""Time shown of raw samples, s."""
+
 _PAYLOAD = "_payload"
+_TABLE_2 = {name: f"table2.{name}.mae" for name in CONTROLLERS}
+_TABLE_3 = {run: f"table3.{load}.mae" for load, run in LOADS.items()}
+_OVERFLOW = 1e100
+# Largest share of an error's RMS that may come and go within a mean's window for it to be drawn raw.
+_FUZZY = 0.1
+# Share of white in the wide curves of Figure 13, below the narrow ones of the same colour.
+_EXPECTED = 0.62
 
 
 def controllers(file: TraceFile) -> list[Trace]:
@@ -28,56 +49,66 @@ def controllers(file: TraceFile) -> list[Trace]:
 def draw_motors(file: TraceFile, traces: list[Trace]) -> Canvas:
     """Figure 13: motor angles from measured and from desired joint angles, and their difference."""
     (trace,) = traces
-    labels = [[("Motors", "Motor angle (deg)")], [("From encoders − from desired", "Difference (deg)")]]
-    canvas = Canvas(COLUMN_MM, 92.0, labels)
+    labels = [[("Motors", "Motor angle (deg)")], [("From measured − from expected", "Difference (deg)")]]
+    canvas = Canvas(COLUMN_MM, 98.0, labels)
     S_inv = file.plant.matrix("S_inv", trace.joint)
     desired, measured = (np.rad2deg(trace[name] @ S_inv.T) for name in ("q_d", "q_encoder"))
-    canvas.note("a", _controller_runs(traces)[0].label)
+    encoders = ", simulated encoders" if file.source == "simulated" else ""
+    canvas.note("a", f"{_controller_runs(traces)[0].label}{encoders}")
     canvas.zero_line("b")
     for column, motor in enumerate(trace.joint):
         name, stroke = f"Motor {motor}", stroke_of(motor)
-        canvas.curve(
-            "a", f"{name} desired", trace.time, desired[:, column], REFERENCE, label="From desired angles"
-        )
-        canvas.curve("a", name, trace.time, measured[:, column], stroke, label=f"{name}, from encoders")
+        wide = replace(REFERENCE, colour=paler(stroke.colour, _EXPECTED))
+        label = f"{name}, $S^{{-1}}$ × "
+        canvas.curve("a", f"{name} desired", trace.time, desired[:, column], wide, label=f"{label}expected")
+        canvas.curve("a", name, trace.time, measured[:, column], stroke, label=f"{label}measured")
         canvas.curve("b", name, trace.time, measured[:, column] - desired[:, column], stroke, label="")
     return canvas
 
 
-def draw_tracking(_file: TraceFile, traces: list[Trace]) -> Canvas:
-    """Figure 14, a column a joint: trajectories above, tracking errors below."""
-    return _tracking(_controller_runs(traces))
+def draw_tracking(file: TraceFile, traces: list[Trace]) -> Canvas:
+    """Figure 14, a column a joint: trajectories above, tracking errors below, MAE beside that of Table 2."""
+    return _tracking(file, _controller_runs(traces), _TABLE_2)
 
 
-def draw_payload(_file: TraceFile, traces: list[Trace]) -> Canvas:
-    """Figure 16: as Figure 14, of Controller 1 without and with a payload."""
+def draw_payload(file: TraceFile, traces: list[Trace]) -> Canvas:
+    """Figure 16: as Figure 14, of Controller 1 without and with a payload, beside Table 3."""
     runs = []
     for trace in traces:
         mass = float(trace.attributes["payload_mass"])
         load = f"{mass:g} kg payload" if mass else "no payload"
         runs.append(_DrawnRun(trace, f"Controller 1, {load}", stroke_of(2 if mass else 1)))
-    return _tracking(runs)
+    return _tracking(file, runs, _TABLE_3)
 
 
 def draw_law(_file: TraceFile, traces: list[Trace], *, bands: bool = True) -> Canvas:
-    """Figure 15, a column a joint: s, H_hat, tau_m, each as the band its samples fill and as their mean.
+    """Figure 15, a column a joint: s, H_hat, tau_m as means and bands; below raw s and tau_m from near.
 
     Without `bands` the means stand alone.
     """
     rows = {
-        "s": r"Sliding variable $s$ (rad/s)",
+        "s": r"$s$ (rad/s)",
         "H_hat": r"Estimate $\hat{H}$ (N m)",
         "tau_m": r"Torque $\tau_m$ (N m)",
     }
-    joints = _joints(traces)
+    near = {name: f"{rows[name].replace('Torque ', '')}" for name in ("s", "tau_m")}
+    joints, runs = _joints(traces), _controller_runs(traces)
     labels = [[(f"Joint {joint}", label) for joint in joints] for label in rows.values()]
-    canvas = Canvas(PAGE_MM, 150.0, labels)
-    runs = _controller_runs(traces)
-    for letter, (variable, joint) in zip(canvas.letters, product(rows, joints), strict=True):
+    raw = f"{ZOOM * 1e3:g} ms of raw samples"
+    labels += [[(f"Joint {joint}, {raw}", label) for joint in joints] for label in near.values()]
+    canvas = Canvas(PAGE_MM, 205.0, labels, apart=("", "Time (s)"))
+    letters = iter(canvas.letters)
+    for variable, joint in product(rows, joints):
+        letter = next(letters)
         canvas.zero_line(letter)
         _curves(canvas, letter, runs, variable, joint, averaged=True, bands=bands)
+        if variable in near:
+            canvas.mark_span(letter, *_near(runs, joint))
+    for variable, joint in product(near, joints):
+        _raw_samples(canvas, next(letters), runs, variable, joint)
     if bands:
-        canvas.explain_bands(f"Pale: range of raw samples, dark: {MEAN_WINDOW * 1e3:g} ms mean")
+        lines = f"Lines: {MEAN_WINDOW * 1e3:g} ms mean"
+        canvas.explain_bands(f"{lines}; bands: ± RMS of the samples about it, over {RIPPLE_WINDOW:g} s")
     return canvas
 
 
@@ -123,18 +154,59 @@ def _joints(traces: list[Trace]) -> list[int]:
     return sorted({joint for trace in traces for joint in trace.joint})
 
 
-def _tracking(runs: list[_DrawnRun]) -> Canvas:
+def _tracking(file: TraceFile, runs: list[_DrawnRun], printed: Mapping[str, str]) -> Canvas:
     joints = _joints([run.trace for run in runs])
     rows = {"q_encoder": "Joint angle (deg)", "e": "Tracking error (deg)"}
-    labels = [[(f"Joint {joint}", label) for joint in joints] for label in rows.values()]
-    canvas = Canvas(PAGE_MM, 108.0, labels)
+    fuzzy = {joint for joint in joints if any(_is_fuzzy(run, joint) for run in runs)}
+    mean = f"Error, {MEAN_WINDOW * 1e3:g} ms mean ± RMS (deg)"
+    labels = [
+        [(f"Joint {joint}", mean if name == "e" and joint in fuzzy else label) for joint in joints]
+        for name, label in rows.items()
+    ]
+    canvas = Canvas(PAGE_MM, 114.0, labels)
     for letter, (variable, joint) in zip(canvas.letters, product(rows, joints), strict=True):
         if variable == "e":
             canvas.zero_line(letter)
+            canvas.note(letter, _errors_note(file, [run.trace for run in runs], joint, printed))
         else:
             _desired(canvas, letter, runs, joint)
-        _curves(canvas, letter, runs, variable, joint)
+        _curves(canvas, letter, runs, variable, joint, averaged=variable == "e" and joint in fuzzy)
     return canvas
+
+
+def _is_fuzzy(run: _DrawnRun, joint: int) -> bool:
+    """Whether much of an error is from sample to sample; raw, one run's counts would cover the others."""
+    if not run.holds("e", joint):
+        return False
+    time, error = _known(run.trace.time, run.values("e", joint))
+    if run.trace.status == "diverged" or len(time) < 2:
+        return False
+    fast = error - window_mean(error, _samples(time, MEAN_WINDOW))
+    return bool(rmse(fast) > _FUZZY * rmse(error))
+
+
+def _errors_note(file: TraceFile, traces: list[Trace], joint: int, printed: Mapping[str, str]) -> str:
+    """MAE of the paper's runs, in the order of the legend, above what the paper prints for them."""
+    rows: dict[str, list[float]] = {"MAE here": [], "printed": []}
+    for trace in traces:
+        if trace.name in printed and joint in trace.joint and "e" in trace:
+            column = trace.joint.index(joint)
+            # What a diverged run did up to its end is no error of tracking.
+            ours = (
+                float("nan") if trace.status == "diverged" else tracking_errors(trace)["whole"]["mae"][column]
+            )
+            rows["MAE here"].append(float(ours))
+            rows["printed"].append(printed_beside(file, trace, printed[trace.name])[column])
+    if np.isnan(rows["printed"]).all():
+        del rows["printed"]
+    return "\n".join(
+        f"{name} {' / '.join(_degrees(value) for value in values)}" for name, values in rows.items() if values
+    )
+
+
+def _degrees(value: float) -> str:
+    text = rounded(value, "z.3f")
+    return text if text == NOTHING else f"{text}°"
 
 
 def _desired(canvas: Canvas, letter: str, runs: list[_DrawnRun], joint: int) -> None:
@@ -155,7 +227,7 @@ def _curves(
     averaged: bool = False,
     bands: bool = True,
 ) -> None:
-    """Draw a variable of every run that holds it, as it is or as a mean over the pale band of its samples."""
+    """Draw a variable of every run that holds it, as it is or as a mean over the band of its ripple."""
     holding = [run for run in runs if run.holds(variable, joint)]
     if not holding:
         canvas.not_recorded(letter)
@@ -163,10 +235,40 @@ def _curves(
         time, values = run.trace.time, run.values(variable, joint)
         diverged = run.trace.status == "diverged"
         if averaged and bands:
-            canvas.band(letter, run.name, time, values, run.stroke, diverged=diverged)
+            canvas.band(letter, run.name, *ripple_band(time, values), run.stroke, diverged=diverged)
         if averaged:
             time, values = mean_curve(time, values)
         canvas.curve(letter, run.name, time, values, run.stroke, label=run.label, diverged=diverged)
+
+
+def _near(runs: list[_DrawnRun], joint: int) -> tuple[float, float]:
+    """Span of time to look at from near: where the desired angle of the longest run rises fastest."""
+    longest = max(runs, key=lambda run: float(run.trace.time[-1])).trace
+    time, middle = longest.time, float(longest.time[len(longest.time) // 2])
+    if "q_d" in longest and joint in longest.joint and len(time) > 1:
+        speed = np.gradient(longest["q_d"][:, longest.joint.index(joint)], time)
+        if np.isfinite(speed).any():
+            # The first of equally fast strokes, whatever rounding says.
+            middle = float(time[np.argmax(np.nan_to_num(speed) >= 0.999 * np.nanmax(speed))])
+    start = max(middle - 0.5 * ZOOM, float(time[0]))
+    return start, start + ZOOM
+
+
+def _raw_samples(canvas: Canvas, letter: str, runs: list[_DrawnRun], variable: str, joint: int) -> None:
+    """Draw every sample of a short span; a torque is held from one to the next."""
+    start, end = _near(runs, joint)
+    holding = [run for run in runs if run.holds(variable, joint)]
+    if not holding:
+        canvas.not_recorded(letter)
+    canvas.zero_line(letter)
+    canvas.look_at(letter, start, end)
+    for run in holding:
+        time = run.trace.time
+        inside = (time >= start - 1e-9) & (time <= end + 1e-9)
+        stroke = replace(run.stroke, width=0.7)
+        values = run.values(variable, joint)[inside]
+        diverged = run.trace.status == "diverged"
+        canvas.curve(letter, run.name, time[inside], values, stroke, label="", diverged=diverged, held=True)
 
 
 def mean_curve(time: Array, values: Array) -> tuple[Array, Array]:
@@ -174,10 +276,38 @@ def mean_curve(time: Array, values: Array) -> tuple[Array, Array]:
 
     More often would draw the beat of encoder counts.
     """
-    known = np.isfinite(values)
-    time, values = time[known], values[known]
+    time, values = _known(time, values)
     if len(time) < 2:
         return time, values
-    samples = max(round(MEAN_WINDOW / (float(time[-1] - time[0]) / (len(time) - 1))), 1)
-    places = np.append(np.arange(0, len(time) - 1, samples), len(time) - 1)
+    samples = _samples(time, MEAN_WINDOW)
+    places = _places(len(time), samples)
     return time[places], window_mean(values, samples)[places]
+
+
+def ripple_band(time: Array, values: Array) -> tuple[Array, tuple[Array, Array]]:
+    """Band of one RMS of the samples (T,) about their mean, to both sides of `mean_curve`."""
+    time, values = _known(time, values)
+    if len(time) < 2:
+        return time, (values, values)
+    values = np.clip(values, -_OVERFLOW, _OVERFLOW)
+    mean = window_mean(values, _samples(time, MEAN_WINDOW))
+    power = window_mean((values - mean) ** 2, _samples(time, RIPPLE_WINDOW))
+    # A sum of many squares less another may come out a rounding below zero.
+    rms = np.sqrt(np.maximum(power, 0.0))
+    # Smooth over the window, so a few points in each show all there is.
+    places = _places(len(time), 2 * _samples(time, MEAN_WINDOW))
+    return time[places], ((mean - rms)[places], (mean + rms)[places])
+
+
+def _known(time: Array, values: Array) -> tuple[Array, Array]:
+    known = np.isfinite(values)
+    return time[known], values[known]
+
+
+def _samples(time: Array, width: float) -> int:
+    return max(round(width / (float(time[-1] - time[0]) / (len(time) - 1))), 1)
+
+
+def _places(count: int, samples: int) -> NDArray[np.int64]:
+    """Every window's sample, and the last."""
+    return np.append(np.arange(0, count - 1, samples), count - 1)

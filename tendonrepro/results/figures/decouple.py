@@ -7,14 +7,23 @@ import numpy as np
 from tendonrepro.arrays import Array
 from tendonrepro.physics.metrics import mae
 from tendonrepro.results.figures.panels import Canvas
-from tendonrepro.results.figures.style import COLUMN_MM, REFERENCE, stroke_of
-from tendonrepro.results.records import Trace, TraceFile
+from tendonrepro.results.figures.style import COLUMN_MM, REFERENCE, Stroke, stroke_of
+from tendonrepro.results.paper import of_paper
+from tendonrepro.results.records import PlantRecord, Trace, TraceFile
+
+_LINKS = Stroke("#000000", (), 1.4)
+_CARRIED = Stroke("#228833", (3.0, 1.5), 1.0)
 
 
 def draw_pull(file: TraceFile, traces: list[Trace]) -> Canvas:
-    """Figure 6: motor 1 alone turns; the slope of joint 2 over joint 1 beside the coupling's."""
+    """Figure 6: motor 1 alone turns; slope of joint 2 over joint 1 beside the coupling's; two postures."""
     (trace,) = traces
-    canvas = Canvas(COLUMN_MM, 92.0, [[("Motors", "Motor angle (deg)")], [("Joints", "Joint angle (deg)")]])
+    labels = [
+        [("Motors", "Motor angle (deg)")],
+        [("Joints", "Joint angle (deg)")],
+        [("Postures, to scale", "Height (m)")],
+    ]
+    canvas = Canvas(COLUMN_MM, 150.0, labels, apart=("Position (m)",))
     for joint in trace.joint:
         label, stroke = f"Motor/joint {joint}", stroke_of(joint)
         canvas.curve(
@@ -29,7 +38,29 @@ def draw_pull(file: TraceFile, traces: list[Trace]) -> Canvas:
     if first.any():
         slope, coupling = first @ second / (first @ first), S[1, 0] / S[0, 0]
         canvas.note("b", f"$\\Delta q_2/\\Delta q_1$ = {slope:.4f},  $S_{{21}}/S_{{11}}$ = {coupling:.4f}")
+    _draw_postures(canvas, "c", file.plant, trace)
     return canvas
+
+
+def _draw_postures(canvas: Canvas, letter: str, plant: PlantRecord, trace: Trace) -> None:
+    """Draw the links at the start and where joint 1 turned furthest, and link 2 as Fig. 6 is worded."""
+    if not {"length", "posture"} <= plant.values.keys():
+        canvas.not_recorded(letter)
+        return
+    length, posture = (plant.values[name].value for name in ("length", "posture"))
+    q = trace["q_encoder"]
+    furthest = int(np.abs(np.nan_to_num(q[:, 0] - q[0, 0])).argmax())
+    start, turned = (_corners(length, np.cumsum(posture + q[place])) for place in (0, furthest))
+    carried = turned[1] + start[[1, 2]] - start[1]
+    canvas.chain(letter, "Start", start, REFERENCE, label="Links at the start")
+    canvas.chain(letter, "Turned", turned, _LINKS, label="Links, motor 1 turned")
+    canvas.chain(letter, "Carried", carried, _CARRIED, label="Link 2, were it only translated")
+
+
+def _corners(length: Array, angle: Array) -> Array:
+    """Joints and tip (n + 1, 2), m, from link angles measured clockwise from hanging."""
+    steps = -length[:, np.newaxis] * np.column_stack([np.sin(angle), np.cos(angle)])
+    return np.vstack([np.zeros(2), np.cumsum(steps, axis=0)])
 
 
 def draw_motor_angles(_file: TraceFile, traces: list[Trace]) -> Canvas:
@@ -46,7 +77,7 @@ def draw_joint(file: TraceFile, traces: list[Trace], *, joint: int) -> Canvas:
     """Figures 10 to 12: a joint's angle by the motors and by its encoder, and their difference."""
     (trace,) = traces
     labels = [[(f"Joint {joint}", "Joint angle (deg)")], [("Calculated − encoder", "Difference (deg)")]]
-    canvas = Canvas(COLUMN_MM, 88.0, labels)
+    canvas = Canvas(COLUMN_MM, 92.0, labels)
     calculated, encoder = (_degrees(trace, name, joint) for name in ("q_calculated", "q_encoder"))
     canvas.curve("a", "Encoder", trace.time, encoder, REFERENCE, label=f"Encoder ({file.source})")
     label = r"Calculated, $S\,q_\mathrm{motor}$"
@@ -56,7 +87,8 @@ def draw_joint(file: TraceFile, traces: list[Trace], *, joint: int) -> Canvas:
     canvas.curve("b", "Difference", trace.time, difference, stroke_of(1), label="")
     known = difference[np.isfinite(difference)]
     if len(known):
-        canvas.note("b", f"MAE {mae(known):.4f}°")
+        beside = "\nno number printed" if of_paper(file) else ""
+        canvas.note("b", f"MAE {mae(known):.4f}°{beside}")
     return canvas
 
 

@@ -9,22 +9,26 @@ from dataclasses import dataclass, field
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.colors import to_rgb
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon
 
 from tendonrepro.arrays import Array
-from tendonrepro.results.figures.style import Drawing, Stroke, letter_panels, open_figure, settle
+from tendonrepro.results.figures.style import (
+    Drawing,
+    Stroke,
+    imprint,
+    letter_panels,
+    open_figure,
+    paler,
+    settle,
+)
 
 # No panel is wider than 75 mm, so a column is at most half as wide as the line drawn through it.
 _ENVELOPE_COLUMNS = 600
-# A step of a band is at most 0.4 mm wide, so that lone pulses stand apart from dense ones.
-_BAND_STEPS = 180
 # Free space above and below the curves, as a share of their range.
 _MARGIN = 0.06
-# Of the bands: those below shine through the inside; edges are opaque, so that crossing ones stay pale.
-_INSIDE_ALPHA = 0.1
-_EDGE_SHARE = 0.55
+# Share of white in the inside of a band and in its edges, which lie above all insides.
+_INSIDE, _EDGE = 0.85, 0.35
 
 
 @dataclass(frozen=True)
@@ -38,7 +42,7 @@ class FigureArtists(Drawing):
     lines : dict
         Curves by panel letter and name, such as ``("c", "Controller 1")``.
     bands : dict
-        Ranges of the raw samples below the curves that are means, by the same keys.
+        Bands below the curves that are means, by the same keys.
     """
 
     number: int
@@ -51,9 +55,11 @@ class _Panel:
     """One panel: its axes, the values that set its y range, and those that may leave it."""
 
     axes: Axes
+    shares_time: bool
     framing: list[Array] = field(default_factory=list)
     loose: list[Array] = field(default_factory=list)
     bands: list[Polygon] = field(default_factory=list)
+    edges: list[Line2D] = field(default_factory=list)
     ends: list[tuple[float, float, str]] = field(default_factory=list)
 
 
@@ -61,23 +67,38 @@ class Canvas:
     """A figure under construction, width and height in mm printed.
 
     Labels are (title, y label) in rows, the grid of panels, which share the time axis. Each title gets its
-    letter; a single panel needs none.
+    letter; a single panel needs none. The last rows of panels may have an x axis of their own, shared within
+    a column: `apart` are their labels, empty where the axis stands below the next row.
     """
 
     def __init__(
-        self, width_mm: float, height_mm: float, labels: Sequence[Sequence[tuple[str, str]]]
+        self,
+        width_mm: float,
+        height_mm: float,
+        labels: Sequence[Sequence[tuple[str, str]]],
+        apart: Sequence[str] = (),
     ) -> None:
         self.figure = open_figure(width_mm, height_mm)
-        grid = self.figure.subplots(len(labels), len(labels[0]), sharex=True, squeeze=False)
+        grid = self.figure.subplots(len(labels), len(labels[0]), squeeze=False)
+        sharing = len(labels) - len(apart)
+        x_labels = [""] * (sharing - 1) + ["Time (s)", *apart]
+        for (row, column), axes in np.ndenumerate(grid):
+            first = grid[0, 0] if row < sharing else grid[sharing, column]
+            if axes is not first:
+                axes.sharex(first)
+            axes.set_xlabel(x_labels[row])
+            axes.tick_params(labelbottom=bool(x_labels[row]))
         self._lines: dict[tuple[str, str], Line2D] = {}
         self._bands: dict[tuple[str, str], Polygon] = {}
         self._legend: dict[str, Artist] = {}
         titles, y_labels = zip(*(text for row in labels for text in row), strict=True)
-        self._panels = {letter: _Panel(axes) for letter, axes in letter_panels(grid.flat, titles).items()}
+        time_axes = set(grid[:sharing].flat)
+        self._panels = {
+            letter: _Panel(axes, axes in time_axes)
+            for letter, axes in letter_panels(grid.flat, titles).items()
+        }
         for axes, y_label in zip(grid.flat, y_labels, strict=True):
             axes.set_ylabel(y_label)
-        for axes in grid[-1]:
-            axes.set_xlabel("Time (s)")
 
     @property
     def letters(self) -> list[str]:
@@ -99,8 +120,9 @@ class Canvas:
         *,
         label: str | None = None,
         diverged: bool = False,
+        held: bool = False,
     ) -> None:
-        """Draw a curve (T,), in the panel's units, under the key `name`.
+        """Draw a curve (T,), in the panel's units, under the key `name`; `held` samples as steps.
 
         The legend lists equal labels once; the label is `name` unless given, nothing when empty. Of a
         diverged run the last sample is marked, and the range of the y axis is left to the other curves.
@@ -108,7 +130,12 @@ class Canvas:
         panel = self._panels[letter]
         x, y = thin(time, values)
         (line,) = panel.axes.plot(
-            x, y, color=stroke.colour, linestyle=stroke.linestyle, linewidth=stroke.width
+            x,
+            y,
+            color=stroke.colour,
+            linestyle=stroke.linestyle,
+            linewidth=stroke.width,
+            drawstyle="steps-post" if held else "default",
         )
         self._lines[letter, name] = line
         text = name if label is None else label
@@ -120,21 +147,34 @@ class Canvas:
             panel.ends.append((float(x[-1]), float(y[-1]), stroke.colour))
 
     def band(
-        self, letter: str, name: str, time: Array, values: Array, stroke: Stroke, *, diverged: bool = False
+        self,
+        letter: str,
+        name: str,
+        time: Array,
+        edges: tuple[Array, Array],
+        stroke: Stroke,
+        *,
+        diverged: bool = False,
     ) -> None:
-        """Draw the range of a curve's samples as a pale band, below all curves and earlier bands.
+        """Draw the band between a lower and an upper edge, below all curves, under the key `name`.
 
-        Strokes of single pulses would cover each other into one block and hide which curve swings less. Time
-        and values (T,), in the panel's units. A diverged run leaves the range of the y axis to the others;
-        where its band leaves it, the panel says so.
+        Time and edges (T,), in the panel's units. Bands are opaque and the first lies on top: where they
+        overlap their colours do not mix, and their edges, above all of them, tell them apart. A diverged run
+        leaves the range of the y axis to the others; where its band leaves it, the panel says so.
         """
         panel = self._panels[letter]
-        x, low, high = envelope(time, values)
-        band = Polygon(np.column_stack([np.append(x, x[::-1]), np.append(high, low[::-1])]))
-        # The first controller, which is the one to judge, lies on top.
-        band.set_zorder(0.8 / (1 + len(panel.bands)))
-        _make_pale(band, stroke.colour)
+        low, high = edges
+        band = Polygon(np.column_stack([np.append(time, time[::-1]), np.append(high, low[::-1])]))
+        band.set_zorder(0.5 / (1 + len(panel.bands)))
+        band.set_facecolor(paler(stroke.colour, _INSIDE))
+        band.set_linewidth(0.0)
         panel.axes.add_patch(band)
+        for edge in edges:
+            (line,) = panel.axes.plot(
+                time, edge, color=paler(stroke.colour, _EDGE), linewidth=0.5, zorder=0.8
+            )
+            line.set_linestyle(stroke.linestyle)
+            panel.edges.append(line)
         panel.bands.append(band)
         self._bands[letter, name] = band
         (panel.loose if diverged else panel.framing).extend([low, high])
@@ -157,20 +197,44 @@ class Canvas:
 
     def explain_bands(self, label: str) -> None:
         """Add a legend entry that stands for the bands of all curves."""
-        sample = Patch()
-        _make_pale(sample, "#000000")
-        self._legend[label] = sample
+        self._legend[label] = Patch(facecolor="#E0E0E0", edgecolor="#777777", linewidth=0.5)
 
-    def finish(self, number: int, caption: str) -> FigureArtists:
-        """Set ranges and legend, and lay out the figure of the paper's number once for all formats."""
+    def mark_span(self, letter: str, start: float, end: float) -> None:
+        """Shade a span of time that another panel shows from near."""
+        self._panels[letter].axes.axvspan(start, end, color="#B0B0B0", linewidth=0.0, zorder=0.7)
+
+    def look_at(self, letter: str, start: float, end: float) -> None:
+        """Fix the time that a panel with an axis of its own shows."""
+        self._panels[letter].axes.set_xlim(start, end)
+
+    def chain(
+        self, letter: str, name: str, corners: Array, stroke: Stroke, *, label: str | None = None
+    ) -> None:
+        """Draw links as sticks through corners (K, 2), m, to scale."""
+        panel = self._panels[letter]
+        x, y = corners.T
+        (line,) = panel.axes.plot(
+            x, y, color=stroke.colour, linestyle=stroke.linestyle, linewidth=stroke.width, marker="o"
+        )
+        line.set(markersize=1.5 + stroke.width, solid_joinstyle="round")
+        panel.axes.set_aspect("equal", adjustable="datalim")
+        panel.axes.margins(0.1)
+        self._lines[letter, name] = line
+        self._legend.setdefault(name if label is None else label, line)
+
+    def finish(self, number: int, caption: str, origin: str) -> FigureArtists:
+        """Set ranges, legend and imprint, and lay out the figure of a number once for all formats."""
         self._frame_time()
         for letter, panel in self._panels.items():
             low, high = _frame_values(panel)
             # Not any(): every band has to be cut, not only the first.
             if sum(_cut(band, low, high) for band in panel.bands):
-                self.note(letter, "raw clipped")
+                self.note(letter, "band clipped")
+            for edge in panel.edges:
+                edge.set_ydata(_within_reach(np.asarray(edge.get_ydata(), float), low, high))
         if len(self._legend) > 1:
             self._draw_legend()
+        imprint(self.figure, origin)
         self.figure.align_ylabels()
         settle(self.figure)
         axes = {letter: panel.axes for letter, panel in self._panels.items()}
@@ -178,8 +242,12 @@ class Canvas:
         return FigureArtists(stem, self.figure, axes, caption, number, self._lines, self._bands)
 
     def _frame_time(self) -> None:
-        times = [np.asarray(line.get_xdata(), float) for line in self._lines.values()]
-        spans = [(time[0], time[-1]) for time in times if len(time)]
+        times = {key: np.asarray(line.get_xdata(), float) for key, line in self._lines.items()}
+        spans = [
+            (time[0], time[-1])
+            for (letter, _), time in times.items()
+            if len(time) and self._panels[letter].shares_time
+        ]
         if not spans:
             return
         start, end = _widened(float(np.min(spans)), float(np.max(spans)))
@@ -219,17 +287,13 @@ def _frame_values(panel: _Panel) -> tuple[float, float]:
 def _cut(band: Polygon, low: float, high: float) -> bool:
     """Cut a band off well outside the panel, where numbers may be too large for the vector formats."""
     corners = band.get_xy()
-    room = high - low
-    band.set_xy(np.column_stack([corners[:, 0], np.clip(corners[:, 1], low - room, high + room)]))
+    band.set_xy(np.column_stack([corners[:, 0], _within_reach(corners[:, 1], low, high)]))
     return bool(((corners[:, 1] < low) | (corners[:, 1] > high)).any())
 
 
-def _make_pale(patch: Patch, colour: str) -> None:
-    patch.set_facecolor((colour, _INSIDE_ALPHA))
-    red, green, blue = (1.0 - _EDGE_SHARE * (1.0 - share) for share in to_rgb(colour))
-    patch.set_edgecolor((red, green, blue))
-    patch.set_linewidth(0.5)
-    patch.set_joinstyle("bevel")
+def _within_reach(values: Array, low: float, high: float) -> Array:
+    room = high - low
+    return np.clip(values, low - room, high + room)
 
 
 def _widened(low: float, high: float) -> tuple[float, float]:
@@ -257,21 +321,6 @@ def thin(time: Array, values: Array) -> tuple[Array, Array]:
     picked = np.concatenate([[0], start + groups.argmin(axis=1), start + groups.argmax(axis=1), [count - 1]])
     keep = np.unique(np.minimum(picked, count - 1))
     return time[keep], values[keep]
-
-
-def envelope(time: Array, values: Array) -> tuple[Array, Array, Array]:
-    """Smallest and largest sample of each of at most 180 equal groups; non-finite samples are dropped first.
-
-    Times are the middles of the groups, except for both ends of the curve.
-    """
-    finite = np.isfinite(values)
-    time, values = time[finite], values[finite]
-    size = max(-(-len(values) // _BAND_STEPS), 1)
-    groups = _groups(values, size)
-    middles = time[np.minimum(np.arange(len(groups)) * size + size // 2, len(values) - 1)]
-    if len(middles):
-        middles[[0, -1]] = time[[0, -1]]
-    return middles, groups.min(axis=1), groups.max(axis=1)
 
 
 def _groups(values: Array, size: int) -> Array:

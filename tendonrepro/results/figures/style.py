@@ -26,6 +26,7 @@ from typing import Any, Literal
 from matplotlib import style
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 
 from tendonrepro.files import atomic_path
@@ -76,6 +77,12 @@ REFERENCE = Stroke("#BEBEBE", (), 2.6)
 """Wide and pale, drawn below the curve that is meant to cover it."""
 
 
+def paler(colour: str, white: float) -> str:
+    """Mix a colour with a share of white; opaque, so that what lies below does not change it."""
+    red, green, blue = (share + white * (1.0 - share) for share in to_rgb(colour))
+    return to_hex((red, green, blue))
+
+
 @contextmanager
 def journal_style() -> Iterator[None]:
     """Put the project's style in force, whatever the user's own matplotlib settings are."""
@@ -89,6 +96,11 @@ def open_figure(width_mm: float, height_mm: float) -> Figure:
     figure = Figure(figsize=size, layout="constrained")
     FigureCanvasAgg(figure)
     return figure
+
+
+def imprint(figure: Figure, text: str) -> None:
+    """Say below all panels where a figure comes from; a caption gets lost when a picture is passed on."""
+    figure.supxlabel(text, x=0.995, ha="right", fontsize="x-small", color="#555555")
 
 
 def settle(figure: Figure) -> None:
@@ -133,13 +145,18 @@ class Drawing:
     caption: str
 
 
-def save_drawing(drawn: Drawing, folder: Path) -> list[Path]:
+def save_drawing(drawn: Drawing, folder: Path, origin: str = "") -> list[Path]:
     """Write a figure that brings its name and caption, as :func:`save_figure` does."""
-    return save_figure(drawn.figure, folder, drawn.stem, drawn.stem, drawn.caption)
+    return save_figure(drawn.figure, folder, drawn.stem, drawn.stem, drawn.caption, origin)
 
 
-def save_figure(figure: Figure, folder: Path, stem: str, title: str, caption: str) -> list[Path]:
+def save_figure(
+    figure: Figure, folder: Path, stem: str, title: str, caption: str, origin: str = ""
+) -> list[Path]:
     """Write a figure as PDF, SVG and PNG with title and caption kept in the files.
+
+    The origin, where it is given, is printed below the panels; of a settled figure :func:`imprint` has to
+    do that before.
 
     Raises
     ------
@@ -153,6 +170,8 @@ def save_figure(figure: Figure, folder: Path, stem: str, title: str, caption: st
     }
     paths = [folder / f"{stem}.{suffix}" for suffix in metadata]
     with journal_style():
+        if origin:
+            imprint(figure, origin)
         for path, (suffix, entries) in zip(paths, metadata.items(), strict=True):
             with atomic_path(path) as temporary:
                 figure.savefig(temporary, format=suffix, metadata=entries)
