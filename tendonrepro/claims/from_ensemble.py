@@ -143,7 +143,7 @@ def _claim(plants: Plants, paper: Published, rule: str) -> Judged:
         evidence["beside"] = _rows(plants, found.beside, found.judged, "holds")
     if found.chance is not None:
         evidence["chance"] = found.chance
-    remarks = [*found.remarks, *_unresolved(plants)]
+    remarks = [*found.remarks, *_measures(evidence), *_unresolved(plants)]
     if found.resolved is not None:
         last, evidence["diverged_last"] = _by_statements(plants, found, found.resolved, "last")
         if last.verdict != direction.verdict:
@@ -215,6 +215,16 @@ def _values(paper: Published, rule: str) -> list[str]:
 def _passing(plants: Plants, paper: Published, rule: str) -> list[float]:
     """Power of the verdicts on a claim's values."""
     return [_number(plants, paper, name).evidence["also_passing"] for name in _values(paper, rule)]
+
+
+def _measures(evidence: Evidence) -> list[str]:
+    """Name the measure that decided, and on how many plants the claim holds by the others."""
+    rows = [f"{row['measure']} {100.0 * row['share']:.3g} %" for row in evidence.get("by_measure", ())]
+    return (
+        [f"decided by {evidence['measure']}, as it holds most often; by each: {', '.join(rows)}"]
+        if rows
+        else []
+    )
 
 
 def _unresolved(plants: Plants) -> list[str]:

@@ -156,6 +156,7 @@ class TestEveryClaimCanFail:
         spoil(data, run, names, 4.0, reading)
         found = one(data, paper, claim)
         assert (found.verdict, found.evidence["measure"]) == ("compatible", left)
+        assert any(f"decided by {left}, " in remark for remark in found.evidence["remarks"])
         by = {row["measure"]: row["verdict"] for row in found.evidence["by_measure"]}
         assert by[left] == "compatible"
         assert set(by.values()) > {"compatible"}
