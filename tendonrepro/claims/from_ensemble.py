@@ -143,12 +143,15 @@ def _claim(plants: Plants, paper: Published, rule: str) -> Judged:
         evidence["beside"] = _rows(plants, found.beside, found.judged, "holds")
     if found.chance is not None:
         evidence["chance"] = found.chance
-    remarks = [*found.remarks, *_unresolved(plants)]
+    remarks = [*found.remarks, *_measures(evidence), *_unresolved(plants)]
     if found.resolved is not None:
         last, evidence["diverged_last"] = _by_statements(plants, found, found.resolved, "last")
         if last.verdict != direction.verdict:
             remarks.append(f"with a diverged law ranked last, without regard to values: {last.verdict}")
     decision = _with_printed_values(plants, paper, rule, direction)
+    if decision.verdict == "compatible" and rule in VALUES:
+        passing = ", ".join(f"{100.0 * share:.0f} %" for share in _passing(plants, paper, rule))
+        remarks.append(f"of a decade around each printed value this much would also pass: {passing}")
     return Judged(decision, evidence["share"], evidence | _remarks(decision, *remarks))
 
 
@@ -201,9 +204,27 @@ def _rows(
 def _with_printed_values(plants: Plants, paper: Published, rule: str, decision: Decision) -> Decision:
     if rule not in VALUES:
         return decision
-    names = [name for name in paper.entries if name.startswith(VALUES[rule])]
-    values = [_number(plants, paper, name).decision for name in names]
+    values = [_number(plants, paper, name).decision for name in _values(paper, rule)]
     return of_values(values, decision) if rule == "payload" else with_values(decision, values)
+
+
+def _values(paper: Published, rule: str) -> list[str]:
+    return [name for name in paper.entries if name.startswith(VALUES[rule])]
+
+
+def _passing(plants: Plants, paper: Published, rule: str) -> list[float]:
+    """Power of the verdicts on a claim's values."""
+    return [_number(plants, paper, name).evidence["also_passing"] for name in _values(paper, rule)]
+
+
+def _measures(evidence: Evidence) -> list[str]:
+    """Name the measure that decided, and on how many plants the claim holds by the others."""
+    rows = [f"{row['measure']} {100.0 * row['share']:.3g} %" for row in evidence.get("by_measure", ())]
+    return (
+        [f"decided by {evidence['measure']}, as it holds most often; by each: {', '.join(rows)}"]
+        if rows
+        else []
+    )
 
 
 def _unresolved(plants: Plants) -> list[str]:

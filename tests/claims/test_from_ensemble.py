@@ -156,6 +156,7 @@ class TestEveryClaimCanFail:
         spoil(data, run, names, 4.0, reading)
         found = one(data, paper, claim)
         assert (found.verdict, found.evidence["measure"]) == ("compatible", left)
+        assert any(f"decided by {left}, " in remark for remark in found.evidence["remarks"])
         by = {row["measure"]: row["verdict"] for row in found.evidence["by_measure"]}
         assert by[left] == "compatible"
         assert set(by.values()) > {"compatible"}
@@ -304,6 +305,13 @@ class TestWhatIsCounted:
         assert high == pytest.approx(table[0][1] / table[1][0], abs=5e-4)
         spoil(data, SECOND, ["rmse"], 1.1)
         assert one(data, paper, found.id).verdict == "outside_model"
+
+    def test_a_claim_tells_the_power_of_its_values(self, data, paper):
+        for claim, values in {"C2": 12, "P1": 4}.items():
+            (told,) = [text for text in one(data, paper, claim).evidence["remarks"] if "also pass" in text]
+            assert told.count("%") == values
+        spoil(data, LOADED, ["mae", "rmse"], 0.5)
+        assert not any("also pass" in text for text in one(data, paper, "P1").evidence["remarks"])
 
     def test_a_number_has_its_power_beside_it(self, data, paper):
         wide = one(data, paper, "table2.controller_1.mae.joint_2").evidence

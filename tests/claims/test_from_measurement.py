@@ -91,6 +91,13 @@ class TestComparison:
         assert found.decision.verdict == "not_reproduced"
         assert sum(not row["holds"] for row in found.evidence["statements"]) == 8
 
+    def test_one_signal_times_a_size_has_one_shape(self):
+        found = judged(comparison(GROWING))
+        assert found["F1"].decision.verdict == "not_reproduced"
+        shape = found["rmse_over_mae.controller_3.joint_2"]
+        assert shape.ours == pytest.approx(found["rmse_over_mae.controller_1.joint_2"].ours)
+        assert shape.decision.verdict == "not_reproduced"
+
     def test_stability_is_the_status_of_the_runs(self):
         assert verdict(comparison(), "C1") == "reproduced"
         found = judged(comparison(diverged={"controller_3": 7.0}))["C1"]
@@ -121,6 +128,8 @@ class TestComparison:
             # The row without load is Controller 1.
             ("table3.no_load.mae.joint_2", None, {"runs": RUNS[1:2]}, NO_ERRORS),
             ("share.controller_1_of_2.mae.joint_2", None, {"runs": RUNS[1:2]}, NO_ERRORS),
+            ("rmse_over_mae.controller_1.joint_2", None, {"runs": RUNS[1:2]}, NO_ERRORS),
+            ("rmse_over_mae.controller_1.joint_2", {"controller_1": 0.0}, {}, NO_ERRORS),
             *(
                 (f"increase.with_load.{metric}.joint_2", {"controller_1": 0.0}, {}, NOT_ZERO)
                 for metric in ("mae", "rmse")
@@ -245,6 +254,14 @@ class TestComparison:
             larger = with_values(larger, name, tau_m=size * wave)
         assert verdict(larger, "C6") == "reproduced"
         assert verdict(with_values(larger, "controller_2", tau_m=0.5 * wave), "C6") == "not_reproduced"
+        # High samples turn the peak alone, up and down, and another measure is enough; but smooth it is not.
+        wave, high = wave.copy(), 2.0 * np.abs(wave).max()
+        for sign in (-1.0, 1.0):
+            wave[np.flatnonzero((sign * larger.runs["controller_1"]["dq_d"] > 0.1).all(axis=1))[20]] = high
+        found = judged(with_values(larger, "controller_1", tau_m=wave))["C6"].evidence["statements"]
+        held = {row["statement"]: row["holds"] for row in found}
+        assert not any(holds for text, holds in held.items() if "moving up peak" in text)
+        assert all(holds for text, holds in held.items() if "moving up course" in text)
 
     def test_steps_of_the_torque_are_compared_between_equal_samplings_alone(self):
         file = comparison()
@@ -304,11 +321,11 @@ class TestComparison:
 
 def test_the_printed_numbers_are_reproduced_with_all_percentages():
     found = judged(printed_file(lambda time: time < np.inf))
-    families = ("table2.", "table3.", "share.", "increase.")
+    families = ("table2.", "table3.", "rmse_over_mae.", "share.", "increase.")
     numbers = {name: one.decision.verdict for name, one in found.items() if name.startswith(families)}
-    assert len(numbers) == 32
+    assert len(numbers) == 40
     assert set(numbers.values()) == {"reproduced"}
-    assert found["P1"].decision.verdict == found["C2"].decision.verdict == "reproduced"
+    assert {found[name].decision.verdict for name in ("P1", "C2", "F1")} == {"reproduced"}
     assert found["C2"].evidence["window"] == "whole"
 
 

@@ -238,9 +238,13 @@ def test_statistics_are_those_of_the_trace() -> None:
     assert found["torque_slow_up"][0] == pytest.approx(np.abs(slow[up, 0]).mean(), rel=1e-10)
     slow = lfilter([held], [1.0, held - 1.0], epsilon, axis=0)
     assert found["epsilon_slow_rms"] == pytest.approx(np.sqrt((slow**2).mean(axis=0)), rel=1e-8)
+    # A count jumps by 384 rad/s2 in the measured acceleration; in H - H_hat it cancels, Eq. (19).
+    assert (found["epsilon_max"] < 0.1 * np.deg2rad(0.022) / loop.L**2).all()
+    assert (found["s_max"] <= found["epsilon_max"] / 8.0).all(), "Eq. (23), lambda = 8 rad/s"
     frequency, power = periodogram(e, loop.L)
     share = power[frequency > 3.0 * (1.0 + 1e-9)].sum(axis=0) / power.sum(axis=0)
-    assert found["fast_share"] == pytest.approx(share, abs=1e-4)
+    # Lines of the spectrum come from sums over blocks, into which a little of what is faster folds back.
+    assert found["fast_share"] == pytest.approx(share, rel=2e-3, abs=1e-4)
 
 
 def test_a_diverged_run_ends_where_the_reference_steppers_does() -> None:
