@@ -229,7 +229,7 @@ def test_statistics_are_those_of_the_trace() -> None:
     assert found["H_hat_up"][0] == pytest.approx(trace["H_hat"][up, 0].mean(), rel=1e-10)
     frequency, power = periodogram(e, loop.L)
     share = power[frequency > 3.0 * (1.0 + 1e-9)].sum(axis=0) / power.sum(axis=0)
-    assert found["fast_share"] == pytest.approx(share, abs=1e-4)
+    assert found["fast_share"] == pytest.approx(share, rel=1e-3, abs=1e-4)
 
 
 def test_a_diverged_run_ends_where_the_reference_steppers_does() -> None:
