@@ -335,7 +335,7 @@ def test_dry_run_writes_nothing(command: str, tmp_path: Path) -> None:
     assert "a run would be refused: other: holds traces.h5" in done.stderr
     shutil.rmtree(tmp_path / "other")
     plan = answer(command, "reproduce", "--dry-run", cwd=tmp_path)
-    assert plan["compare"]["samples"]["controller_1"] == 18001
+    assert plan["compare"]["samples"]["controller_1"] == 15201
     assert list(tmp_path.iterdir()) == []
 
 
