@@ -31,6 +31,9 @@ def main(reports: Path) -> None:
     _store("claims.json", ledger)
     decides = json.loads((reports / "claims" / "decides.json").read_text(encoding="utf-8"))
     _store("decides.json", {name: held | {"rows": held["rows"][:5]} for name, held in decides.items()})
+    closest = reports / "identify_all" / "identify.json"
+    if closest.exists():
+        _store("identify.json", thinned_closest(json.loads(closest.read_text(encoding="utf-8"))))
     text = PAGE.read_text(encoding="utf-8")
     start, end = text.index(BEGIN), text.index(END)
     PAGE.write_text(text[:start] + BEGIN + "\n\n" + generated() + "\n" + text[end:], encoding="utf-8")
@@ -72,6 +75,13 @@ def _thin_reading(reading: dict[str, Any]) -> dict[str, Any]:
     }
 
 
+def thinned_closest(data: dict[str, Any]) -> dict[str, Any]:
+    """What the page shows of `tendonrepro identify --fit all`."""
+    kept = "name misfit_log misfit_by_seed seeds_agree rows_searched best_shape".split()
+    readings = [{key: reading[key] for key in kept} for reading in data["readings"]]
+    return {key: data[key] for key in ("fit", "window", "evaluations")} | {"readings": readings}
+
+
 def _store(name: str, content: Any) -> None:
     text = json.dumps(_rounded(content), indent=1, ensure_ascii=False) + "\n"
     (RESULTS / name).write_text(text, encoding="utf-8")
@@ -107,6 +117,8 @@ def generated() -> str:
         "### Which unknowns decide",
         _decides(stored("decides.json")),
     ]
+    if (RESULTS / "identify.json").exists():
+        parts += ["### The closest plants", closest(stored("identify.json"))]
     return "\n\n".join(parts) + "\n"
 
 
@@ -211,6 +223,38 @@ def _decides(rankings: dict[str, Any]) -> str:
         what = f"C1/C2, {name.removeprefix('ratio_').replace('_', ' ')}" if name.startswith("ratio") else name
         rows.append((what, shown or "none above chance", _percent(held["unexplained"])))
     return _table("of|share of the variance that an unknown explains alone|no single one explains", rows)
+
+
+def closest(data: dict[str, Any]) -> str:
+    """Best plant under each reading, the best reading first."""
+    rows = []
+    for reading in sorted(data["readings"], key=lambda held: held["misfit_log"]):
+        shapes = reading["best_shape"]
+        rows.append(
+            (
+                f"`{reading['name']}`",
+                f"{reading['misfit_log']:.3f}",
+                "yes" if reading["seeds_agree"] else f"no, up to {max(reading['misfit_by_seed']):.3f}",
+                " / ".join(shape["ours_order_mae"] for shape in shapes),
+                " / ".join(shape["ours_order_rmse"] for shape in shapes),
+                " / ".join(_peakedness(shape, "ours") for shape in shapes),
+            )
+        )
+    printed = data["readings"][0]["best_shape"]
+    about = (
+        "Plants fitted to all sixteen numbers of Tables 2 and 3, so that nothing here is evidence. Misfit is the root mean "
+        "square of log(ours/printed) after "
+        f"{data['evaluations']:,} plants; seeds agree where their best misfits differ by at most 5 % or all are below 0.02. Orders and RMSE/MAE of "
+        "Controllers 1, 2, 3 are those of the best plant, joint 2 / joint 3; printed are "
+        f"{' / '.join(shape['printed_order_mae'] for shape in printed)} and "
+        f"{' / '.join(_peakedness(shape, 'printed') for shape in printed)}."
+    )
+    return f"{_table('reading|misfit|seeds agree|order in MAE|in RMSE|RMSE/MAE', rows)}\n\n{about}"
+
+
+def _peakedness(shape: dict[str, Any], whose: str) -> str:
+    """RMSE over MAE of the three controllers."""
+    return " ".join(f"{shape[f'{whose}_rmse_over_mae_controller_{k}']:.2f}" for k in (1, 2, 3))
 
 
 if __name__ == "__main__":

@@ -71,9 +71,10 @@ def identify(
     window: Annotated[
         Literal["whole", "late"], typer.Option("--window", help="Whole run, or after the first period.")
     ] = "whole",
-    generations: Annotated[int, typer.Option("--generations", help="Of the search.")] = 120,
-    population: Annotated[int, typer.Option("--population", help="Members of each search.")] = 48,
-    seeds: Annotated[int, typer.Option("--seeds", help="Independent searches.")] = 3,
+    generations: Annotated[int, typer.Option("--generations", help="Of each search.")] = 60,
+    population: Annotated[int, typer.Option("--population", help="Members of each seed.")] = 48,
+    seeds: Annotated[int, typer.Option("--seeds", help="Independent searches of a reading.")] = 3,
+    jobs: Annotated[int, typer.Option("--jobs", help="Processors; -1 is all.")] = -1,
 ) -> None:
     """Plants and readings closest to the printed numbers.
 
@@ -91,6 +92,7 @@ def identify(
         generations=generations,
         population=population,
         seeds=seeds,
+        jobs=jobs,
     )
     terminal.show(found, identify_text)
 

@@ -25,7 +25,11 @@ _FRAME_MM = 26.0
 
 # Readable without colour: from white to black, with the status to look at, ok, the palest.
 _STATUS_COLOURS = {"ok": "#D5E3F0", "ringing": "#CC8800", "diverged": "#B5405A", "unresolved": "#444444"}
-_SHARES = {"share_c1_lt_c2_lt_c3": "C1 < C2 < C3", "share_c1_best": "C1 best"}
+_SHARES = {
+    "share_c1_lt_c2_lt_c3": "C1 < C2 < C3",
+    "share_c3_lt_c2_lt_c1": "C3 < C2 < C1",
+    "share_c1_best": "C1 best",
+}
 _SETS = {"all_ok": "all three laws ok", "diverged_last": "diverged ranked last"}
 
 

@@ -6,12 +6,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from tendonrepro.config.models.readings import PRINTED
+import numpy as np
+
+from tendonrepro.config.models.readings import PRINTED, parse_reading
 from tendonrepro.console import columns
 from tendonrepro.ensemble.data import EnsembleData
 from tendonrepro.ensemble.shards import FOLDER, Block, read_check
 from tendonrepro.ensemble.shares import METRICS, PLANT_SETS, QUANTILES, RATIO_NAMES, RATIOS, reading_summary
 from tendonrepro.files import write_atomically
+from tendonrepro.physics.control import estimator_weights
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.results.tables import NOTHING, csv_text, markdown
 
@@ -24,17 +27,26 @@ def population_summary(data: EnsembleData) -> dict[str, Any]:
     ``laws`` counts statuses under the printed reading; a reading's ``theory`` is the ratio C1/C2 of slowly
     changing errors per joint, beside what `shares.reading_summary` finds.
     """
-    found = []
-    for name in data.readings:
-        sign = -1.0 if "weights=extrapolating" in name.split("+") else 1.0
-        weights = zip(data.joints, data.alpha, strict=True)
-        theory = {f"joint_{joint}": 1.0 + sign * weight for joint, weight in weights}
-        found.append(reading_summary(data, name) | {"theory": theory})
+    found = [reading_summary(data, name) | {"theory": _slow_ratio(data, name)} for name in data.readings]
     laws = {
         run: {status: share["count"] for status, share in shares.items()}
         for run, shares in found[0]["status"].items()
     }
     return {"plants": len(data), "joints": list(data.joints), "laws": laws, "readings": found}
+
+
+def _slow_ratio(data: EnsembleData, name: str) -> dict[str, float]:
+    """Ratio C1/C2 of slowly changing errors per joint, docs/theory.md; NaN where a drawn number enters."""
+    settings = dict(parse_reading(name).settings)
+    applied, drawn = settings.get("stored_torque") == "applied", settings.get("hardware") == "drawn"
+    waited = float(settings.get("output_delay", 0)) if applied else 0.0
+    if settings.get("estimate_filter") == "estimate" or (applied and drawn):
+        waited = float("nan")
+    ages = (1.0, 2.0) @ estimator_weights(np.array(data.alpha), settings.get("weights", "interpolating"))
+    return {
+        f"joint_{joint}": float(age)
+        for joint, age in zip(data.joints, (ages + waited) / (1.0 + waited), strict=True)
+    }
 
 
 def spot_checks(folder: Path, blocks: Sequence[Block]) -> dict[str, Any]:
@@ -119,6 +131,7 @@ def reader_row(reading: Mapping[str, Any], joints: Sequence[int]) -> dict[str, s
             for joint in joints
         },
         "RMSE/MAE rises (%)": share_text(reading["share_rmse_over_mae_rises"]["both"]),
+        "distance from the print": quantile_text(reading["distance"]),
         "printed ratios inside": f"{inside} of {inside + outside}",
         "verdict": reading["agreement"]["verdict"],
     }

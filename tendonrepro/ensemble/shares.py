@@ -226,7 +226,11 @@ _RANKINGS = {
 
 
 def _shapes(data: EnsembleData, reading: str, kept: Flags) -> dict[str, Any]:
-    """RMSE over MAE of every controller, and the share on which it rises from 1 to 3 as printed."""
+    """RMSE over MAE of every controller, the share on which it rises as printed, and a plant's distance.
+
+    The distance of a plant is the root mean square of log(ours/printed) over what Table 2 says without a
+    scale: the ratios C1/C2 and C2/C3 of the MAE and each RMSE/MAE, per joint.
+    """
     mae, rmse = (
         np.array([data.statistic(run, reading, metric)[kept] for run in CONTROLLERS]) for metric in METRICS
     )
@@ -245,7 +249,12 @@ def _shapes(data: EnsembleData, reading: str, kept: Flags) -> dict[str, Any]:
     both: Flags = np.asarray(rising.all(axis=1))
     each = {"both": both} | {f"joint_{joint}": rising[:, i] for i, joint in enumerate(data.joints)}
     shares = {name: share_of(hits, replicate).as_row() for name, hits in each.items()}
-    return {"rmse_over_mae": sizes, "share_rmse_over_mae_rises": shares}
+    ours = np.concatenate([mae[:-1, defined] / mae[1:, defined], shape[:, defined]])
+    printed = [printed_ratios(pair, "mae", data.joints) for pair in RATIOS.values()]
+    printed += [[printed_shape(run, joint) for joint in data.joints] for run in CONTROLLERS]
+    distance = np.sqrt((np.log(ours / np.array(printed)[:, np.newaxis]) ** 2).mean(axis=(0, 2)))
+    spread = quantiles_of(distance, replicate)
+    return {"rmse_over_mae": sizes, "share_rmse_over_mae_rises": shares, "distance": spread}
 
 
 def printed_shape(run: str, joint: int) -> float:

@@ -5,24 +5,27 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Generator, Sequence
 from contextlib import suppress
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 
 from tendonrepro.ensemble.shards import Block
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.parallel import end_with_parent
 
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
 MakeBlock: TypeAlias = Callable[[Block], tuple[Block, bytes]]
 """Makes the bytes of a block's shard; can be pickled."""
 
 
-def _for_parent(parent: int, make: MakeBlock, block: Block) -> tuple[Block, bytes]:
-    """Make a block in a process that ends with the one that wants it, even where that was killed."""
+def _for_parent(parent: int, make: Callable[[Item], Result], item: Item) -> Result:
+    """Make something in a process that ends with the one that wants it, even where that was killed."""
     end_with_parent(parent)
-    return make(block)
+    return make(item)
 
 
-def here(make: MakeBlock, blocks: Sequence[Block], jobs: int) -> Generator[tuple[Block, bytes], None, None]:
-    """Compute blocks in processes of this machine, 1 being this one."""
+def here(make: Callable[[Item], Result], blocks: Sequence[Item], jobs: int) -> Generator[Result, None, None]:
+    """Compute blocks, or other pieces of work, in processes of this machine, 1 being this one."""
     if jobs == 1 or len(blocks) < 2:
         yield from map(make, blocks)
         return

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, TypeAlias, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.config.ensemble import LoadedEnsemble, load_ensemble
@@ -17,6 +21,7 @@ from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.ensemble.block import Simulate
 from tendonrepro.ensemble.box import make_box, scrambled_sobol
+from tendonrepro.ensemble.workers import here
 from tendonrepro.errors import UsageError
 from tendonrepro.files import to_json
 from tendonrepro.identify import judge
@@ -33,20 +38,22 @@ from tendonrepro.identify.misfit import (
     rounding_misfit,
 )
 from tendonrepro.identify.report import CONFIG, conclusions, write_config, write_identify_tables
-from tendonrepro.identify.search import Effort, Evaluated, State, search
+from tendonrepro.identify.screening import nominal_unit, rows_that_matter
+from tendonrepro.identify.search import Effort, Evaluated, State, load_arrays, save_arrays, search
 from tendonrepro.results.folder import HeldFolder, claimed, foretell_refusal
 from tendonrepro.results.manifest import make_manifest
 from tendonrepro.simulation.batch import simulate_batch
+
+Found: TypeAlias = tuple[NDArray[np.bool_], State]
+"""Rows of the box that were searched, (P,), and the search."""
 
 DATA = "identify.json"
 STATES = "search"
 
 FEWEST_MEMBERS = 5
 
-_SIMULATE = partial(simulate_batch, threads=os.cpu_count() or 1)
-
-GENERATIONS, POPULATION, SEEDS = 120, 48, 3
-"""Effort of each search unless told otherwise; some five minutes of two processors."""
+GENERATIONS, POPULATION, SEEDS = 60, 48, 3
+"""Effort of each search unless told otherwise."""
 
 
 def run_identify(
@@ -59,7 +66,8 @@ def run_identify(
     generations: int = GENERATIONS,
     population: int = POPULATION,
     seeds: int = SEEDS,
-    simulate: Simulate = _SIMULATE,
+    jobs: int = -1,
+    simulate: Simulate | None = None,
     paper: Published | None = None,
 ) -> dict[str, Any]:
     """Search, judge, and write numbers, tables, figures and the best plant's configuration.
@@ -77,8 +85,10 @@ def run_identify(
         What the printed numbers average.
     generations, population, seeds : int
         Effort of each search; the population is that of one seed.
-    simulate : callable
-        The batch stepper.
+    jobs : int
+        Processors; -1 is all. Searches run side by side, a single one on all of them.
+    simulate : callable, optional
+        Another batch stepper.
     paper : Published, optional
         Other printed numbers than the shipped ones.
 
@@ -96,24 +106,24 @@ def run_identify(
     """
     folder = request.folder("identify")
     _check(fit, window, generations, population, seeds)
+    processors = jobs if jobs > 0 else os.cpu_count() or 1
     loaded = load_ensemble(request.config, overrides=request.overrides, seed=request.seed)
     joints, box = loaded.compare.joints, make_box(loaded.config)
-    smooth = tuple(choices.size == 0 for choices in box.choices)
     task = Task(
         loaded=loaded,
         fit=fit,
         readings=_readings(readings, loaded),
-        effort=Effort(generations, population, seeds, NEAR, smooth),
+        effort=Effort(generations, population, seeds, NEAR, ()),
         seed=int(loaded.config.seed.si),
         printed=printed_numbers(paper or published(), joints),
-        bench=Bench(loaded.base, box, window, simulate),
+        bench=Bench(loaded.base, box, window, simulate or partial(simulate_batch, threads=processors)),
     )
     identity = task.identity([held.name for held in task.readings])
     if request.dry_run:
         foretell_refusal(folder, identity, talk, force=request.force)
         return _outline(task, folder) | {"dry_run": True, "config_sha256": loaded.sha256}
     with claimed(folder, identity, force=request.force) as held:
-        return _identified(task, held, identity, talk)
+        return _identified(task, held, identity, processors, talk)
 
 
 def _check(fit: str, window: str, generations: int, population: int, seeds: int) -> None:
@@ -159,23 +169,24 @@ def _outline(task: Task, folder: Path) -> dict[str, Any]:
     }
 
 
-def _identified(task: Task, held: HeldFolder, identity: str, talk: Talk) -> dict[str, Any]:
+def _identified(task: Task, held: HeldFolder, identity: str, processors: int, talk: Talk) -> dict[str, Any]:
     from tendonrepro.identify.figures import draw_identify_figures
 
     folder = held.path
-    states = {reading.name: _searched(task, task.case(reading), folder, talk) for reading in task.readings}
+    found = _searches(task, folder, processors, talk)
     with talk.bar("judging", len(task.readings)) as progress:
-        found = []
+        readings = []
         for reading in task.readings:
-            found.append(_reading_data(task, reading, states[reading.name]))
+            readings.append(_reading_data(task, reading, *found[task.case(reading)]))
             progress(1)
-    data = _outline(task, folder) | {"readings": found, "config": str(folder / CONFIG)}
+    data = _outline(task, folder) | {"readings": readings, "config": str(folder / CONFIG)}
     data["conclusions"] = conclusions(data)
     held.clear()
-    place = int(np.argmin([entry["misfit_log"] for entry in found]))
+    place = int(np.argmin([entry["misfit_log"] for entry in readings]))
     best = task.readings[place]
-    config = task.bench.config(states[best.name].best()[0], best)
-    write_config(folder / CONFIG, config, found[place]["misfit_log"], best.name)
+    rows, state = found[task.case(best)]
+    config = task.bench.searching(rows).config(_whole(task, rows, state.best()[0][np.newaxis])[0], best)
+    write_config(folder / CONFIG, config, data, readings[place])
     held.files += [folder / CONFIG, *write_identify_tables(data, folder / "tables")]
     held.files += draw_identify_figures(data, folder / "figures")
     held.write(DATA, to_json(data))
@@ -185,30 +196,64 @@ def _identified(task: Task, held: HeldFolder, identity: str, talk: Talk) -> dict
     return data | {"manifest": held.finish(manifest, talk)}
 
 
-def _searched(task: Task, case: Reading, folder: Path, talk: Talk) -> State:
-    """Search under one case; a finished one is read from disk."""
-    places = [RUNS.index(run) for run in task.fitted]
-    goal = task.printed.values[places]
+def _searches(task: Task, folder: Path, processors: int, talk: Talk) -> dict[Reading, Found]:
+    """Search under every case, side by side where there are several."""
+    cases = list(dict.fromkeys(task.case(reading) for reading in task.readings))
+    evaluations = task.effort.evaluations
+    with talk.resumable(), talk.bar("searching", evaluations * len(cases)) as progress:
+        if min(processors, len(cases)) == 1:
+            return dict(_searched(task, folder, talk, case, progress) for case in cases)
+        # Another stepper knows nothing of threads.
+        if isinstance(task.bench.simulate, partial):
+            alone = partial(task.bench.simulate, threads=1)
+            task = replace(task, bench=replace(task.bench, simulate=alone))
+        found = {}
+        with closing(here(partial(_searched, task, folder, talk), cases, processors)) as stream:
+            for case, one in stream:
+                found[case] = one
+                progress(evaluations)
+        return found
 
-    def misfit(units: Array) -> Evaluated:
-        measured = task.bench.measure(units, case, task.fitted)
-        residuals = log_residuals(measured, goal).reshape(len(units), -1)
-        return Evaluated(log_misfit(measured, goal), residuals)
 
+def _searched(
+    task: Task, folder: Path, talk: Talk, case: Reading, progress: Callable[[int], None] = lambda _: None
+) -> tuple[Reading, Found]:
+    """Choose rows and search under one case; what is on disk already is not done again."""
     identity = task.identity([case.name])
-    talk.detail(f"search under {case.name}")
-    members, seeds = task.effort.population, range(task.effort.seeds)
-    initial = np.stack([scrambled_sobol(task.bench.box, task.seed, place, 0, members) for place in seeds])
-    path = folder / STATES / f"{identity[:16]}.npz"
-    return search(initial, misfit, task.effort, task.seed, path, identity, talk)
+    path, chosen = (folder / STATES / f"{identity[:16]}{name}.npz" for name in ("", "-rows"))
+    kept = load_arrays(chosen, identity, talk)
+    if kept is None:
+        kept = {"rows": rows_that_matter(task.bench, case, task.fitted, task.goal, task.seed)}
+        save_arrays(chosen, identity, **kept)
+    rows: NDArray[np.bool_] = kept["rows"]
+    bench, effort = task.bench.searching(rows), task.effort
+    talk.detail(f"{case.name}: searches {', '.join(np.array(bench.box.names)[rows])}")
+
+    def misfit(points: Array) -> Evaluated:
+        measured = bench.measure(_whole(task, rows, points), case, task.fitted)
+        residuals = log_residuals(measured, task.goal).reshape(len(points), -1)
+        return Evaluated(log_misfit(measured, task.goal), residuals)
+
+    smooth = tuple(bench.box.choices[row].size == 0 for row in np.flatnonzero(rows))
+    draws = [scrambled_sobol(bench.box, task.seed, k, 0, effort.population) for k in range(effort.seeds)]
+    first, effort = np.stack(draws)[..., rows], replace(effort, smooth=smooth)
+    return case, (rows, search(first, misfit, effort, task.seed, path, identity, talk, progress))
 
 
-def _reading_data(task: Task, held: Reading, state: State) -> dict[str, Any]:
+def _whole(task: Task, rows: NDArray[np.bool_], points: Array) -> Array:
+    """Points (N, F) of the searched rows as points (N, P) of the box."""
+    units = np.tile(nominal_unit(task.bench.box), (len(points), 1))
+    units[:, rows] = points
+    return units
+
+
+def _reading_data(task: Task, held: Reading, rows: NDArray[np.bool_], state: State) -> dict[str, Any]:
     """Everything about one reading as plain values."""
-    unit, misfit = state.best()
+    point, misfit = state.best()
     limit = max(NEAR, 2.0 * misfit)
-    near_units = state.near(limit)
-    measured = task.bench.measure(np.concatenate([unit[np.newaxis], near_units]), held, RUNS)
+    units = _whole(task, rows, np.vstack([point, state.near(limit)]))
+    bench = task.bench.searching(rows)
+    measured = bench.measure(units, held, RUNS)
     best, near = measured.part(slice(0, 1)), measured.part(slice(1, None))
     printed, fitted = task.printed, [RUNS.index(run) for run in task.fitted]
     rounding = rounding_misfit(best.sizes[:, fitted], printed.values[fitted], printed.half[fitted])
@@ -219,14 +264,17 @@ def _reading_data(task: Task, held: Reading, state: State) -> dict[str, Any]:
         "misfit_rounding": float(rounding[0]),
         "fits": misfit <= NEAR,
         "near_limit": limit,
-        "near_count": len(near_units),
-        "misfit_by_seed": state.misfits.min(axis=1).tolist(),
+        "near_count": len(units) - 1,
+        "misfit_by_seed": state.history[-1].tolist(),
+        "seeds_agree": state.agree(NEAR),
+        "rows_searched": [name for name, free in zip(bench.box.names, rows, strict=True) if free],
         "history": state.history.tolist(),
         "best_status": judge.status_counts(best),
+        "best_shape": judge.shape_rows(best, printed),
         "near_status": judge.status_counts(near),
         "numbers": judge.number_rows(best, near, printed, task.fitted),
         "order": judge.order_rows(near, printed),
         "ratios": judge.ratio_rows(near, printed),
-        "parameters": judge.parameter_rows(task.bench.box, unit, near_units),
+        "parameters": judge.parameter_rows(bench.box, units[0], units[1:]),
         "pareto": judge.pareto_rows(measured, printed, task.fitted),
     }

@@ -85,7 +85,7 @@ def draw_numbers(held: Mapping[str, Any]) -> Drawing:
 
 def draw_parameters(held: Mapping[str, Any]) -> Drawing:
     """Where the near-optimal plants lie between the bounds of each row of the box, under one reading."""
-    rows = [row for row in held["parameters"] if not row["choice"]]
+    rows = [row for row in held["parameters"] if row["searched"] and not row["choice"]]
     rows = sorted(rows, key=lambda row: np.nan_to_num(row["width"], nan=1.0))
 
     def draw(axes: Sequence[Axes]) -> None:

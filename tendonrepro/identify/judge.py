@@ -78,6 +78,22 @@ def _reached(sizes: Array, printed: float, half: float) -> str:
     return "rare" if sizes.min() - half <= printed <= sizes.max() + half else "not_reached"
 
 
+def shape_rows(best: Outcome, printed: Printed) -> list[dict[str, Any]]:
+    """What of the best plant needs no scale: order of the controllers and RMSE over MAE, beside the print."""
+    rows = []
+    for i, joint in enumerate(printed.joints):
+        tables = {"ours": best.sizes[0, ..., i], "printed": printed.values[..., i]}
+        row: dict[str, Any] = {"joint": joint}
+        for name, sizes in tables.items():
+            for m, metric in enumerate(METRICS):
+                order = np.argsort(sizes[: len(CONTROLLERS), m], kind="stable")
+                row[f"{name}_order_{metric}"] = " < ".join(str(k + 1) for k in order)
+            for r, run in enumerate(RUNS):
+                row[f"{name}_rmse_over_mae_{run}"] = float(sizes[r, 1] / sizes[r, 0])
+        rows.append(row)
+    return rows
+
+
 def order_rows(near: Outcome, printed: Printed) -> list[dict[str, Any]]:
     """Share of the near-optimal plants on which the printed order of the controllers holds.
 
@@ -171,9 +187,10 @@ def parameter_rows(box: Box, best: Array, near: Array) -> list[dict[str, Any]]:
                 "low": float(box.low[p]),
                 "high": float(box.high[p]),
                 "best": _word(box, p, float(value[p])),
+                "searched": bool(box.free[p]),
                 "choice": is_choice,
                 "best_unit": float(best[p]),
-                "at_bound": None if is_choice else _bound(float(best[p])),
+                "at_bound": None if is_choice or not box.free[p] else _bound(float(best[p])),
                 "near_low": None if is_choice else float(spread[0, p]),
                 "near_median": None if is_choice else float(spread[1, p]),
                 "near_high": None if is_choice else float(spread[2, p]),

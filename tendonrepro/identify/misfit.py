@@ -24,7 +24,7 @@ from tendonrepro.identify.search import Effort
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.stepper import DesiredMotion, Loop
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 
 Target: TypeAlias = Literal["controller_2", "all"]
 FITTED: Mapping[Target, tuple[str, ...]] = {"controller_2": ("controller_2",), "all": RUNS}
@@ -124,6 +124,10 @@ class Bench:
     box: Box
     window: Window
     simulate: Simulate
+
+    def searching(self, rows: NDArray[np.bool_]) -> Bench:
+        """The same with some rows (P,) free and the others at their nominal value."""
+        return replace(self, box=replace(self.box, free=rows))
 
     def config(self, unit: Array, reading: Reading) -> CompareConfig:
         """Configuration of one point (P,) under a reading."""
@@ -237,6 +241,11 @@ class Task:
     def fitted(self) -> tuple[str, ...]:
         """Runs whose numbers are fitted."""
         return FITTED[self.fit]
+
+    @property
+    def goal(self) -> Array:
+        """Their printed numbers, (R, 2, n), deg."""
+        return self.printed.values[[RUNS.index(run) for run in self.fitted]]
 
     def case(self, reading_: Reading) -> Reading:
         """What of a reading changes the fitted runs; readings with one case share a search."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,10 +16,15 @@ from tendonrepro.results.tables import rounded, write_table
 CONFIG = "identified.yaml"
 
 _DRAWN = "assumed: draw from the box, "
+_ROW = re.compile(
+    r"[a-z]+_[a-z0-9_]+|\b(?:posture|motion|disturbance|amplitude|period|rise|hold|velocity|acceleration)\b"
+)
+_HELD = "held at its nominal value: "
 _FAR_BETTER = 0.5
 _CAPTIONS = {
     "identify_readings": "Best plant under each reading; misfit as root mean square of log(ours/printed).",
     "identify_numbers": "Printed numbers, the best plant's, and the central 90 % of near-optimal plants.",
+    "identify_shape": "What of the best plant needs no scale: order of the controllers and RMSE over MAE.",
     "identify_order": "Share of the near-optimal plants on which the printed order holds.",
     "identify_ratios": "Ratios of errors: printed, and on the near-optimal plants.",
     "identify_parameters": "What the fit says about each row of the box; width 1: nothing, 0: everything.",
@@ -26,24 +32,41 @@ _CAPTIONS = {
 }
 
 
-def write_config(path: Path, config: CompareConfig, misfit: float, reading: str) -> None:
-    """Write the best plant as a configuration of `compare`, and read it back as a check."""
-    source = f"identified: tendonrepro identify, misfit {misfit:.2g}, "
-    tree = _sourced(config.model_dump(mode="json", exclude_none=True), source)
+def write_config(path: Path, config: CompareConfig, data: Mapping[str, Any], held: Mapping[str, Any]) -> None:
+    """Write the best plant of a reading as a configuration of `compare`, and read it back as a check."""
+    searched = held["rows_searched"]
+    source = f"identified: tendonrepro identify, misfit {held['misfit_log']:.2g}, "
+
+    def sourced(node: Any) -> Node:
+        if isinstance(node, dict):
+            return {key: sourced(value) for key, value in node.items()}
+        if isinstance(node, list):
+            return [sourced(value) for value in node]
+        if isinstance(node, str) and node.startswith(_DRAWN):
+            what = node.removeprefix(_DRAWN)
+            # A vector is of rows that are numbered by joint.
+            rows = tuple(_ROW.findall(what))
+            is_held = bool(rows) and not any(row.startswith(rows) for row in searched)
+            return f"{source}{_HELD if is_held else ''}{what}"
+        return node  # type: ignore[no-any-return]
+
+    tree = sourced(config.model_dump(mode="json", exclude_none=True))
     assert isinstance(tree, dict)
-    head = f"# Best plant under the reading {reading}; others fit as well, see identify.json beside it.\n\n"
-    write_atomically(path, head + dump(tree))
+    write_atomically(path, _head(data, held) + dump(tree))
     load_config(path, "compare")
 
 
-def _sourced(node: Any, source: str) -> Node:
-    if isinstance(node, dict):
-        return {key: _sourced(value, source) for key, value in node.items()}
-    if isinstance(node, list):
-        return [_sourced(value, source) for value in node]
-    if isinstance(node, str) and node.startswith(_DRAWN):
-        return source + node.removeprefix(_DRAWN)
-    return node  # type: ignore[no-any-return]
+def _head(data: Mapping[str, Any], held: Mapping[str, Any]) -> str:
+    numbers = "Tables 2 and 3" if data["fit"] == "all" else "Controller 2's numbers of Table 2"
+    count, misfit = len(held["rows_searched"]), f"{held['misfit_log']:.3g}"
+    lines = (
+        f"Fitted to {numbers} of the paper under the reading {held['name']},",
+        f"by tendonrepro identify --fit {data['fit']} --window {data['window']}.",
+        f"Misfit {misfit}, root mean square of log(ours/printed). {count} unknowns were searched, the",
+        "other rows of the box kept their nominal value. It proves nothing: what was fitted to the print",
+        "cannot be evidence for it, and other plants fit as well.",
+    )
+    return "".join(f"# {line}\n" for line in lines) + "\n"
 
 
 def conclusions(data: Mapping[str, Any]) -> list[str]:
@@ -55,6 +78,11 @@ def conclusions(data: Mapping[str, Any]) -> list[str]:
         found.append(
             f"The tables fit the reading {best['name']} far better than {first['name']}: "
             f"misfit {best['misfit_log']:.3g} against {first['misfit_log']:.3g}."
+        )
+    apart = [held["name"] for held in data["readings"] if not held["seeds_agree"]]
+    if apart:
+        found.append(
+            f"Seeds do not agree, so that more generations may come closer, under {', '.join(apart)}."
         )
     for held in data["readings"] if data["judged"] else []:
         found += _judged_sentences(held)
@@ -100,17 +128,18 @@ def identify_text(data: Mapping[str, Any]) -> str:
         names = ", ".join(data["searches"])
         return (
             f"identify: fits {data['fit']} under {len(data['readings'])} readings by {len(data['searches'])} "
-            f"searches ({names}) of {data['evaluations']} plants each\nwould write to {data['out']}"
+            f"searches ({names}) of {data['evaluations']} plants\nwould write to {data['out']}"
         )
     parts = ["\n".join(data["conclusions"])]
-    rows = [("reading", "misfit", "half units", "near plants")]
-    rows += [
-        (held["name"], f"{held['misfit_log']:.4f}", rounded(held["misfit_rounding"]), str(held["near_count"]))
-        for held in data["readings"]
-    ]
+    rows = [("reading", "misfit", "half units", "seeds agree", "near plants")]
+    for held in data["readings"]:
+        agree = "yes" if held["seeds_agree"] else "no"
+        units, near = rounded(held["misfit_rounding"]), str(held["near_count"])
+        rows.append((held["name"], f"{held['misfit_log']:.4f}", units, agree, near))
     parts.append(columns(rows))
     shown = min(data["readings"], key=lambda held: held["misfit_log"])
     parts.append(f"Best plant, reading {shown['name']}, deg\n{_numbers_text(shown)}")
+    parts.append(_shape_text(shown))
     parts.append(
         f"Tables and figures are in {data['out']}; run "
         f"tendonrepro compare --config {data['config']} --out {data['out']}/compare"
@@ -128,13 +157,25 @@ def _numbers_text(held: Mapping[str, Any]) -> str:
     return columns(rows)
 
 
+def _shape_text(held: Mapping[str, Any]) -> str:
+    """Order and RMSE over MAE of the best plant."""
+    lines = []
+    for row in held["best_shape"]:
+        for name in ("ours", "printed"):
+            ratios = " ".join(f"{row[f'{name}_rmse_over_mae_controller_{k}']:.2f}" for k in (1, 2, 3))
+            order = f"{row[f'{name}_order_mae']} in MAE, {row[f'{name}_order_rmse']} in RMSE"
+            lines.append(f"joint {row['joint']}, {name}: {order}; RMSE/MAE of Controllers 1 to 3 {ratios}")
+    return "\n".join(lines)
+
+
 def write_identify_tables(data: Mapping[str, Any], folder: Path) -> list[Path]:
     """Write all tables as csv (full digits) and Markdown (rounded)."""
     readings = data["readings"]
-    held = ("name", "search", "misfit_log", "misfit_rounding", "fits", "near_limit", "near_count")
+    held = [key for key, value in readings[0].items() if not isinstance(value, dict | list)]
     tables = {
         "identify_readings": [{key: reading[key] for key in held} for reading in readings],
         "identify_numbers": _gathered(readings, "numbers"),
+        "identify_shape": _gathered(readings, "best_shape"),
         "identify_order": _gathered(readings, "order"),
         "identify_ratios": _gathered(readings, "ratios"),
         "identify_parameters": _gathered(readings, "parameters"),

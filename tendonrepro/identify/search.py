@@ -5,8 +5,8 @@ at random among plants that are. The second phase refines the best. Half of the 
 members but follow the regression of the population on its residuals, which finds a few numbers among many
 unknowns far sooner and leaves what they do not depend on as spread as it was.
 
-SciPy's solver can neither be taken up again bit for bit nor told that a tolerance is good enough, and takes
-no other trials, so the generations are made here.
+On the same number of experiments it came closer than CMA-ES, to which a point is one misfit, and than least
+squares from many starts, which stop at choices and where the misfit is rough.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.console import Talk
@@ -41,7 +42,10 @@ class Evaluated(NamedTuple):
 
 
 Misfit: TypeAlias = Callable[[Array], Evaluated]
-"""Misfit of many points of the unit cube at once, (N, P); finite."""
+"""Misfit of many points of the unit cube at once, (N, F); finite."""
+
+AGREED = 1.05
+"""Largest ratio of the seeds' best misfits that counts as the same."""
 
 REFINING = 0.25
 """Share of the generations that refine."""
@@ -68,7 +72,7 @@ class Effort:
     tolerance : float
         Misfit that is good enough while spreading.
     smooth : tuple of bool
-        Unknowns that the residuals depend on smoothly, of all P; choices are none.
+        Unknowns that the residuals depend on smoothly, of all F; choices are none.
     """
 
     generations: int
@@ -96,7 +100,7 @@ class State:
     ----------
     generation : int
         Generations done.
-    units : array (S, M, P)
+    units : array (S, M, F)
         Members of each seed's population in the unit cube.
     misfits : array (S, M)
     residuals : array (S, M, K)
@@ -118,33 +122,44 @@ class State:
     random: tuple[str, ...]
 
     def best(self) -> tuple[Array, float]:
-        """Best point (P,) and its misfit."""
+        """Best point (F,) and its misfit."""
         seed, member = np.unravel_index(int(np.argmin(self.misfits)), self.misfits.shape)
         return self.units[seed, member], float(self.misfits[seed, member])
 
     def near(self, limit: float) -> Array:
-        """Members of the first phase's last population with a misfit up to a limit, (N, P)."""
+        """Members of the first phase's last population with a misfit up to a limit, (N, F)."""
         return self.spread_units[self.spread_misfits <= limit]
+
+    def agree(self, tolerance: float) -> bool:
+        """Whether all seeds have come to the same misfit, or all below a tolerance."""
+        best = self.history[-1]
+        return bool(best.max() <= max(AGREED * best.min(), tolerance))
 
 
 def search(
-    initial: Array, misfit: Misfit, effort: Effort, seed: int, path: Path, identity: str, talk: Talk
+    initial: Array,
+    misfit: Misfit,
+    effort: Effort,
+    seed: int,
+    path: Path,
+    identity: str,
+    talk: Talk,
+    progress: Callable[[int], None] = lambda _: None,
 ) -> State:
-    """Search to the end, from first members (S, M, P) or from where an interrupted search stopped.
+    """Search to the end, from first members (S, M, F) or from where an interrupted search stopped.
 
     The state is written to `path` after every generation, and taken up only where `identity`, a digest of
     all that the search depends on, is the same. However often interrupted, it ends the same to the last bit.
     """
     state = load_state(path, identity, talk)
-    with talk.resumable(), talk.bar("searching", effort.evaluations) as progress:
-        if state is None:
-            state = _first(initial, misfit, seed)
-            save_state(path, state, identity)
-        progress((state.generation + 1) * state.misfits.size)
-        while state.generation < effort.generations:
-            state = step(state, misfit, effort)
-            save_state(path, state, identity)
-            progress(state.misfits.size)
+    if state is None:
+        state = _first(initial, misfit, seed)
+        save_state(path, state, identity)
+    progress((state.generation + 1) * state.misfits.size)
+    while state.generation < effort.generations:
+        state = step(state, misfit, effort)
+        save_state(path, state, identity)
+        progress(state.misfits.size)
     return state
 
 
@@ -195,7 +210,7 @@ def _trials(
     *,
     refine: bool,
 ) -> Array:
-    """One trial per member of a population, (M, P)."""
+    """One trial per member of a population, (M, F)."""
     members, rows = units.shape
     # Itself comes last in a member's random order of the others.
     order = np.argsort(generator.random((members, members)) + 2.0 * np.eye(members), axis=1)
@@ -218,7 +233,7 @@ def _trials(
 
 
 def _slope(units: Array, residuals: Array) -> Array:
-    """Regression of points on their residuals, (K, P)."""
+    """Regression of points on their residuals, (K, F)."""
     x, y = residuals - residuals.mean(axis=0), units - units.mean(axis=0)
     slope: Array = np.linalg.lstsq(x, y, rcond=1e-3)[0]
     return slope
@@ -246,14 +261,28 @@ _ARRAYS = ("units", "misfits", "residuals", "spread_units", "spread_misfits", "h
 
 def save_state(path: Path, state: State, identity: str) -> None:
     """Store a state, whole or not at all."""
-    stream = io.BytesIO()
-    content: dict[str, Any] = {name: getattr(state, name) for name in (*_ARRAYS, "generation", "random")}
-    np.savez(stream, allow_pickle=False, identity=identity, **content)
-    write_atomically(path, sealed(stream.getvalue()))
+    arrays = {name: getattr(state, name) for name in _ARRAYS}
+    save_arrays(path, identity, generation=state.generation, random=state.random, **arrays)
 
 
 def load_state(path: Path, identity: str, talk: Talk) -> State | None:
     """Read the state of this search; None when there is none to go on from, and why is told."""
+    stored = load_arrays(path, identity, talk)
+    if stored is None:
+        return None
+    arrays = {name: stored[name] for name in _ARRAYS}
+    return State(generation=int(stored["generation"]), random=tuple(map(str, stored["random"])), **arrays)
+
+
+def save_arrays(path: Path, identity: str, **content: Any) -> None:
+    """Store arrays, whole or not at all."""
+    stream = io.BytesIO()
+    np.savez(stream, allow_pickle=False, identity=identity, **content)
+    write_atomically(path, sealed(stream.getvalue()))
+
+
+def load_arrays(path: Path, identity: str, talk: Talk) -> dict[str, NDArray[Any]] | None:
+    """Read arrays of this search; None when there are none to go on from, and why is told."""
     if not path.exists():
         return None
     try:
@@ -263,9 +292,6 @@ def load_state(path: Path, identity: str, talk: Talk) -> State | None:
         return None
     with np.load(io.BytesIO(content), allow_pickle=False) as stored:
         if str(stored["identity"]) == identity:
-            arrays = {name: stored[name] for name in _ARRAYS}
-            return State(
-                generation=int(stored["generation"]), random=tuple(map(str, stored["random"])), **arrays
-            )
+            return {name: stored[name] for name in stored.files}
     talk.note(f"{path}: is of another search; the search starts anew")
     return None

@@ -35,6 +35,30 @@ def test_page_is_what_the_stored_results_say(generate: Any) -> None:
     assert between.strip() == generate.generated().strip()
 
 
+def test_table_of_the_closest_plants(generate: Any) -> None:
+    """From what `identify` reports; the best reading first, printed numbers below."""
+
+    def reading(name: str, misfits: list[float], order: str) -> dict[str, Any]:
+        shape: dict[str, Any] = {"printed_order_mae": "1 < 2 < 3"}
+        shape |= {f"ours_order_{metric}": order for metric in ("mae", "rmse")}
+        for whose, ratio in (("ours", 1.25), ("printed", 1.3)):
+            shape |= {f"{whose}_rmse_over_mae_controller_{k}": ratio for k in (1, 2, 3)}
+        agree = max(misfits) <= 1.05 * min(misfits)
+        held = {"name": name, "misfit_log": min(misfits), "misfit_by_seed": misfits, "seeds_agree": agree}
+        return held | {"rows_searched": ["motion"], "best_shape": [shape, shape], "history": []}
+
+    readings = [reading("printed", [0.2, 0.3], "3 < 2 < 1"), reading("phi_branch=power", [0.07, 0.071], "1 < 2 < 3")]
+    data = {"fit": "all", "window": "whole", "evaluations": 5904, "readings": readings, "joints": [2, 3]}
+    thinned = generate.thinned_closest(data)
+    assert "history" not in thinned["readings"][0]
+    lines = generate.closest(thinned).splitlines()
+    assert lines[2].startswith("| `phi_branch=power` | 0.070 | yes | 1 < 2 < 3 / 1 < 2 < 3 |")
+    assert lines[3].startswith("| `printed` | 0.200 | no, up to 0.300 | 3 < 2 < 1 / 3 < 2 < 1 |")
+    assert "1.25 1.25 1.25 / 1.25 1.25 1.25" in lines[2]
+    assert "5,904 plants" in lines[-1]
+    assert lines[-1].endswith("1.30 1.30 1.30 / 1.30 1.30 1.30.")
+
+
 def test_medians_are_those_of_the_theory_where_the_load_changes_slowly(readings: dict[str, Any]) -> None:
     """1 + alpha, and 1 - alpha where the weights extrapolate; beta over eta gamma_1, see docs/theory.md."""
     ideal = readings["encoder=ideal"]

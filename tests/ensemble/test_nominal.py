@@ -132,7 +132,7 @@ def test_shipped_comparison_is_the_nominal_draw():
         ours, theirs = (getattr(config.reference, name).si for config in (drawn, shipped))
         np.testing.assert_allclose(ours, theirs, rtol=1e-12)
     np.testing.assert_allclose(drawn.posture.si, shipped.posture.si, rtol=1e-12)
-    assert drawn.control.error_rate_cutoff.si == shipped.control.error_rate_cutoff.si
+    assert drawn.control.filter_cutoff.si == shipped.control.filter_cutoff.si
     assert drawn.control.readings == shipped.control.readings
     assert drawn.disturbance.kind == shipped.disturbance.kind
 

@@ -16,11 +16,13 @@ from support.made_ensemble import (
     RUNS,
     SCRAMBLINGS,
     UNRESOLVED,
+    always_ok,
     ensemble,
     printed_like,
     random_errors,
 )
 
+from tendonrepro.config.published import published
 from tendonrepro.ensemble.shares import (
     QUANTILES,
     printed_ratios,
@@ -57,6 +59,30 @@ def test_shares_equal_brute_force(mixed, reading, metric):
             assert share["plants"] == total
             assert share["share"] == pytest.approx(hits / total, abs=1e-15)
             assert share["low"] < share["share"] < share["high"]
+
+
+def test_shape_needs_no_scale():
+    """The print itself is at no distance and rises; errors with one shape do not."""
+    printed = {
+        run: {m: np.array(published().per_joint(f"table2.{run}.{m}", JOINTS)) for m in ("mae", "rmse")}
+        for run in RUNS[:3]
+    } | {RUNS[3]: {"mae": np.ones(2), "rmse": np.ones(2)}}
+    scale = np.random.default_rng(2).uniform(0.1, 10.0, (PLANTS, 2))
+    as_printed = ensemble(lambda run, _, name: scale * printed[run][name], always_ok)
+    found = reading_summary(as_printed, "printed")
+    assert found["distance"]["highest"] == pytest.approx(0.0, abs=1e-12)
+    assert found["share_rmse_over_mae_rises"]["both"]["share"] == 1.0
+    assert found["rmse_over_mae"]["controller_3"]["joint_2"]["median"]["value"] == pytest.approx(
+        0.436 / 0.305
+    )
+    flat = ensemble(
+        lambda run, _, name: scale * printed[run]["mae"] * (1.2 if name == "rmse" else 1.0), always_ok
+    )
+    found = reading_summary(flat, "printed")
+    assert found["share_rmse_over_mae_rises"]["both"]["share"] == 0.0
+    shapes = [1.2 * printed[run]["mae"] / printed[run]["rmse"] for run in RUNS[:3]]
+    wanted = np.sqrt((np.log(shapes) ** 2).sum() / 10.0)
+    assert found["distance"]["median"]["value"] == pytest.approx(wanted)
 
 
 def test_both_metrics_together_is_the_intersection(mixed):

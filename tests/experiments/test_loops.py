@@ -147,7 +147,7 @@ class TestLaw:
             ("gain_unit=law_in_degrees", "M_bar", 0.01 * DEGREES_PER_RADIAN),
             ("gain_unit=law_in_degrees", "power_floor", 0.022),
             ("phi_branch=printed", "power_floor", np.deg2rad(0.022)),
-            ("error_rate=low_pass", "rate_filter", 1.0 - np.exp(-2.0 * np.pi * 100.0 * 1e-3)),
+            ("error_rate=low_pass", "rate_filter", 1.0 - np.exp(-2.0 * np.pi * 77.0 * 1e-3)),
             ("eta_in_controller_2=dropped", "rate_gain", 1.5),
         ],
     )
@@ -191,26 +191,26 @@ class TestPlants:
         for loop in built.values():
             assert isinstance(loop.controller, PositionController)
             np.testing.assert_array_equal(loop.controller.S_inv, S_inv)
-        # Motor 1 alone turns by 60 degrees; the joints' reference is what S makes of it.
+        # Motor 1 alone turns by 69 degrees; the joints' reference is what S makes of it.
         motors = built["pull_tendon_1"].reference.q_d @ S_inv.T
-        np.testing.assert_allclose(np.rad2deg(np.abs(motors).max(axis=0)), [60.0, 0.0, 0.0], atol=1e-9)
+        np.testing.assert_allclose(np.rad2deg(np.abs(motors).max(axis=0)), [69.0, 0.0, 0.0], atol=1e-9)
         joints = np.rad2deg(built["pull_tendon_1"].reference.q_d)
         np.testing.assert_allclose(joints, joints[:, :1] / S[0, 0] * S[:, 0], atol=1e-9)
 
 
 class TestReference:
     def test_shipped_motion(self):
-        """Minimum jerk, 30 degrees, rise 2.5 s, hold 2 s, twice, both joints."""
+        """Minimum jerk, 33 degrees, rise 2.3 s, hold 1.5 s, twice, both joints."""
         found = reference()
-        assert found.time[-1] == pytest.approx(18.0, abs=1e-12)
+        assert found.time[-1] == pytest.approx(15.2, abs=1e-12)
         np.testing.assert_allclose(np.diff(found.time), 1e-3, rtol=1e-9)
-        wanted = minimum_jerk(np.deg2rad(30.0), 2.5, 2.0)(found.time[:9000])
+        wanted = minimum_jerk(np.deg2rad(33.0), 2.3, 1.5)(found.time[:7600])
         for ours, theirs in zip((found.q_d, found.dq_d, found.ddq_d), wanted, strict=True):
-            np.testing.assert_allclose(ours[:9000], theirs[:, np.newaxis] * np.ones(2), atol=1e-13)
+            np.testing.assert_allclose(ours[:7600], theirs[:, np.newaxis] * np.ones(2), atol=1e-13)
             # Times of the second period are rounded by 2e-15 s.
-            np.testing.assert_allclose(ours[9000:18000], ours[:9000], atol=1e-12)
-        assert np.rad2deg(found.dq_d.max()) == pytest.approx(22.5, rel=1e-6)
-        assert reference_period(loaded().config.reference) == pytest.approx(9.0)
+            np.testing.assert_allclose(ours[7600:15200], ours[:7600], atol=1e-12)
+        assert np.rad2deg(found.dq_d.max()) == pytest.approx(1.875 * 33.0 / 2.3, rel=1e-6)
+        assert reference_period(loaded().config.reference) == pytest.approx(7.6)
 
     @pytest.mark.parametrize(
         ("text", "duration", "period"),
@@ -271,9 +271,9 @@ class TestReference:
     def test_a_motion_that_cannot_be_built_is_placed(self, experiment, key, tmp_path):
         init_config(experiment, tmp_path)
         path = tmp_path / f"{experiment}.yaml"
-        text = path.read_text(encoding="utf-8").replace("[30, 30", "[300, 30", 1)
+        text = path.read_text(encoding="utf-8").replace("[33, 33", "[300, 33", 1)
         path.write_text(text, encoding="utf-8")
-        line = text[: text.index("[300, 30")].count("\n") + 1
+        line = text[: text.index("[300, 33")].count("\n") + 1
         option = f"{key}.amplitude"
         changed = f"{option}={[200] * (2 if experiment == 'compare' else 3)}"
         for overrides, where in (((), f"{path}:{line}"), ((changed,), f"--set {option}")):

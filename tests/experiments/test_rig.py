@@ -69,24 +69,24 @@ class TestArm:
     def test_payload_adds_its_weight_at_the_tip(self):
         added = build_arm(COMPARE, 0.2).b - build_arm(COMPARE, 0.0).b
         # Moment of weight of a link: the payload on its whole length.
-        assert added == pytest.approx([0.2 * 9.81 * 0.25, 0.2 * 9.81 * 0.20], rel=1e-13)
+        assert added == pytest.approx([0.2 * 9.81 * 0.28, 0.2 * 9.81 * 0.20], rel=1e-13)
 
 
 class TestDrive:
     def test_values_at_the_tendons_own_joints(self):
-        """The sources name them: 250, 150 and 50 N m/rad, and 1.0, 1.0 and 0.6 N m s/rad times two."""
+        """The sources name them: 420, 280 and 100 N m/rad, and 0.71, 0.71 and 0.39 N m s/rad times five."""
         drive = build_drive(DECOUPLE)
         own = np.array([77.0, 77.0, 37.0]) / 37.0
-        assert drive.stiffness * own**2 == pytest.approx([250.0, 150.0, 50.0], rel=1e-5)
-        assert drive.damping * own**2 == pytest.approx([2.0, 2.0, 1.2], rel=1e-5)
+        assert drive.stiffness * own**2 == pytest.approx([420.0, 280.0, 100.0], rel=1e-5)
+        assert drive.damping * own**2 == pytest.approx([3.55, 3.55, 1.95], rel=1e-5)
 
     def test_joint_matrices_of_two_joints(self):
         """By hand: own tendon on the diagonal, tendon 3 over the guide pulley of joint 2 beside it."""
         drive = build_drive(COMPARE)
         guide = 35.0 / 37.0
-        K_s = [[150.0 + guide**2 * 50.0, -guide * 50.0], [-guide * 50.0, 50.0]]
+        K_s = [[280.0 + guide**2 * 100.0, -guide * 100.0], [-guide * 100.0, 100.0]]
         assert to_joint_matrix(drive.stiffness, drive.S_inv) == pytest.approx(np.array(K_s), rel=1e-5)
-        I = np.array([[77.0**2 + 35.0**2, -35.0 * 37.0], [-35.0 * 37.0, 37.0**2]]) / 37.0**2 * 0.10003
+        I = np.array([[77.0**2 + 35.0**2, -35.0 * 37.0], [-35.0 * 37.0, 37.0**2]]) / 37.0**2 * 0.108032
         assert to_joint_matrix(drive.inertia, drive.S_inv) == pytest.approx(I, rel=1e-12)
 
     @pytest.mark.parametrize(
@@ -191,19 +191,19 @@ def test_values_of_held_joints_drop_out():
     """Every per-joint value of joint 1 changed, and the plant of joints 2 and 3 stays the same."""
     changed = config_of(
         "compare",
-        "manipulator.links.mass=[9, 0.45, 0.25]",
-        "manipulator.links.com=[0.2, 0.1125, 0.09]",
-        "manipulator.links.inertia=[0.1, 2.34375e-3, 8.33333e-4]",
-        "manipulator.links.length=[0.4, 0.25, 0.20]",
-        "manipulator.winches.reflected_inertia=[9, 0.1, 0.1]",
-        "manipulator.winches.drum_inertia=[1e-2, 3e-5, 3e-5]",
-        "manipulator.winches.viscous=[9, 2, 2]",
-        "manipulator.tendons.axial_stiffness=[9e5, 101197.5, 146092.0]",
-        "manipulator.tendons.axial_damping=[9e3, 674.65, 1753.10]",
+        "manipulator.links.mass=[9, 0.47, 0.22]",
+        "manipulator.links.com=[0.2, 0.1344, 0.096]",
+        "manipulator.links.inertia=[0.1, 3.611104e-3, 8.624e-4]",
+        "manipulator.links.length=[0.4, 0.28, 0.20]",
+        "manipulator.winches.reflected_inertia=[9, 0.108, 0.108]",
+        "manipulator.winches.drum_inertia=[1e-2, 3.2e-5, 3.2e-5]",
+        "manipulator.winches.viscous=[9, 1, 1]",
+        "manipulator.tendons.axial_stiffness=[9e5, 188902.0, 292184.1]",
+        "manipulator.tendons.axial_damping=[9e3, 479.0015, 1139.518]",
         "manipulator.tendons.clearance=[1, 0, 0]",
-        "manipulator.friction.link.coulomb=[9, 0.05, 0.05]",
-        "manipulator.friction.link.viscous=[9, 0.02, 0.02]",
-        "manipulator.friction.winch.coulomb=[9, 0.5, 0.5]",
+        "manipulator.friction.link.coulomb=[9, 0.045, 0.045]",
+        "manipulator.friction.link.viscous=[9, 0.032, 0.032]",
+        "manipulator.friction.winch.coulomb=[9, 0, 0]",
     )
     same, expected = _flat(build_plant(changed, 0.0)), _flat(build_plant(COMPARE, 0.0))
     assert same.tolist() == expected.tolist()

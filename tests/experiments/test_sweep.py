@@ -25,7 +25,7 @@ from tendonrepro.simulation.batch import simulate_batch
 ALPHA = "control.gains.alpha=[0,0],[0.1,0.2],[0.3,0.4]"
 PERIOD = "sampling_period=0.5,1,2"
 ONE = "reference.periods=1"
-UNSTABLE = "manipulator.tendons.damping_factor=1,2"
+UNSTABLE = "manipulator.tendons.damping_factor=3,5"
 
 
 SLOW = (*SMOOTH, one_stroke(8))
@@ -51,8 +51,8 @@ class TestTheory:
     def test_alpha_makes_the_error_larger_by_one_plus_alpha(self):
         data = swept(ALPHA, overrides=SLOW)
         w = 1.0 + np.array(data["keys"][0]["numbers"])
-        # As tests/test_small_signal.py: of first order in 1/T, and 5 % of w - 1 that is common to both.
-        np.testing.assert_array_less(np.abs(ratios(data) - w), 0.025 / 8.0 + 0.05 * (w - 1.0) + 1e-12)
+        # As tests/explain/test_small_signal.py: of first order in 1/T, and 6 % of w - 1, common to both.
+        np.testing.assert_array_less(np.abs(ratios(data) - w), 0.025 / 8.0 + 0.06 * (w - 1.0) + 1e-12)
         assert np.all(ratios(data)[0] == 1.0)
         np.testing.assert_allclose([p["predicted_ratio"]["c1_c2"] for p in data["points"]], w, rtol=1e-12)
 
@@ -63,8 +63,9 @@ class TestTheory:
         data = swept(over, overrides=SLOW)
         x, e = np.array(data["keys"][0]["numbers"]), mae(data, "controller_2")
         slopes = np.diff(np.log(e), axis=0) / np.diff(np.log(x), axis=0)
-        # The plant's own answer to the error is of the order of 1/T.
-        np.testing.assert_allclose(slopes, power, atol=0.06)
+        # The plant's own answer to the error is of the order of 1/T. Common to all laws, ½ (λ + k) M_bar
+        # is 5 % of joint 3's load, D_m, at the printed M_bar and 10 % at twice that.
+        np.testing.assert_allclose(slopes, power, atol=0.11 if power < 0.0 else 0.06)
 
 
 class TestRun:
@@ -86,17 +87,17 @@ class TestRun:
 
     def test_diverged_run_is_kept_and_marked(self):
         data = swept(UNSTABLE, controllers=(1,))
-        name = "manipulator.tendons.damping_factor=1 controller_1_payload"
+        name = "manipulator.tendons.damping_factor=3 controller_1_payload"
         assert data["diverged"] == [name]
         assert data["status"][name] == "diverged"
         ended = data["points"][0]["runs"]["controller_1_payload"]
-        assert 0.0 < ended["status_time_s"] < 9.0
+        assert 0.0 < ended["status_time_s"] < 7.6
         assert np.isfinite(ended["mae_deg"]).all()
         assert "C1 payload diverged" in sweep_text(data | {"out": "here"})
         assert {row["status"] for row in table_rows(data)} == {"ok", "diverged"}
         panel = draw_lines(data).axes[0]
         (cross,) = (line for line in panel.lines if line.get_marker() == "x" and len(line.get_xdata()))
-        assert cross.get_xdata().tolist() == [1.0]
+        assert cross.get_xdata().tolist() == [3.0]
         (line,) = (line for line in panel.lines if line.get_label() == "Controller 1 payload")
         lasted = data["points"][1]["runs"]["controller_1_payload"]["mae_deg"][0]
         np.testing.assert_array_equal(line.get_ydata(), [np.nan, lasted])
@@ -148,7 +149,7 @@ class TestFiles:
         found = run_sweep(Request(None, out, [ONE], controllers=[1], dry_run=True), [PERIOD], QUIET)
         assert not out.exists()
         assert found["samples"] == {
-            "sampling_period=0.5": 18001, "sampling_period=1": 9001, "sampling_period=2": 4501,
+            "sampling_period=0.5": 15201, "sampling_period=1": 7601, "sampling_period=2": 3801,
         }  # fmt: skip
         assert "3 points of 2 runs are valid" in sweep_text(found)
 
@@ -217,7 +218,7 @@ class TestValues:
             "3 mistakes in the values",
             "--over control.gains.alpha=[0,2]: control.gains.alpha.value.1: "
             "must be at least 0 and at most 1, found 2",
-            "--over sampling_period=0.7: reference: lasts 18 s, which must be a whole multiple of the "
+            "--over sampling_period=0.7: reference: lasts 15.2 s, which must be a whole multiple of the "
             "sampling period, 0.7 ms",
             "--over control.gains.alpha=[0,0,0]: control.gains.alpha.value: "
             "must have 2 entries, one per moving joint, found 3",

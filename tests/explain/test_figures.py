@@ -81,7 +81,7 @@ class TestLocus:
         assert axes.get_xlabel() == r"Growth (s$^{-1}$)"
         circles = [line for line in axes.lines if line.get_marker() == "o"]
         points = np.concatenate([np.column_stack(line.get_data()) for line in circles])
-        near = points[(np.abs(points[:, 0] + 0.09) < 0.01) & (np.abs(points[:, 1] - 500.0) < 1e-6)]
+        near = points[(np.abs(points[:, 0] + 0.13) < 0.01) & (np.abs(points[:, 1] - 500.0) < 1e-6)]
         assert len(near) == 1
 
 

@@ -104,8 +104,8 @@ class TestRatios:
             common = (w - 1.0) * L * 0.5 * (LAM + k) * ddq / (LAM * k)
             # The plant answers the error itself, D_m de and G' e, which is of the order of 1/T.
             np.testing.assert_allclose(fitted(e[law] - common, e["tde"]), w, atol=0.025 / period)
-            # With that common part the ratio is nearer to 1 by up to 5 % of w - 1.
-            np.testing.assert_allclose(fitted(e[law], e["tde"]), w, atol=0.025 / period + 0.05 * 0.2)
+            # With that common part it is off by up to 6 % of w - 1: ½ (λ + k) M_bar beside D_m of joint 3.
+            np.testing.assert_allclose(fitted(e[law], e["tde"]), w, atol=0.025 / period + 0.06 * 0.2)
         # Error sizes of 1 degree bend phi by 1 %; poles at k and lam answer by 1/T.
         np.testing.assert_allclose(fitted(e["tde"], e["linear"]), BETA / ETA_GAMMA[0], atol=0.06 / period)
 
@@ -137,7 +137,7 @@ class TestAbsoluteSize:
 
 
 class TestShippedComparison:
-    """What is left of it with dry friction, encoder counts and the shipped motion."""
+    """What is left of it with friction of the joints, encoder counts and the shipped motion."""
 
     @pytest.mark.slow
     def test_ranking(self):

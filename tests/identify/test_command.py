@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from support.made_plants import QUIET, Killed, made_up, made_up_paper
 
+from tendonrepro.config.ensemble import load_ensemble
 from tendonrepro.config.load import load_config
 from tendonrepro.config.models.readings import RUNS
 from tendonrepro.config.request import Request
@@ -34,12 +35,13 @@ def cheap(bench, units, held, runs):
     return Outcome(sizes, np.zeros(sizes.shape[:2], np.int8), np.ones(sizes.shape[:2]))
 
 
-def identified(out, *, measure=cheap, paper=None, dry_run=False, force=False, **asked):
+def identified(out, *, measure=cheap, paper=None, dry_run=False, force=False, jobs=1, **asked):
     with pytest.MonkeyPatch.context() as patch:
         if measure:
             patch.setattr(Bench, "measure", measure)
         request = Request(out=out, dry_run=dry_run, force=force)
-        return run_identify(request, QUIET, **FULL | asked, simulate=made_up, paper=paper or made_up_paper())
+        asked = FULL | asked | {"jobs": jobs, "simulate": made_up}
+        return run_identify(request, QUIET, **asked, paper=paper or made_up_paper())
 
 
 def printed_as(law, sizes):
@@ -73,19 +75,37 @@ class TestRun:
         first, second = data["readings"][:2]
         assert first["misfit_log"] == second["misfit_log"]
 
-    def test_identified_knows_what_matters(self, run):
-        """Only the motor damping and the stroke make a size, so they alone are known."""
+    def test_only_rows_that_matter_are_searched(self, run):
+        """Only the motor damping and the stroke make a size."""
         _, data = run
-        rows = {row["name"]: row for row in data["readings"][0]["parameters"]}
-        assert rows["winch_viscous"]["width"] < 0.75
-        others = [row["width"] for name, row in rows.items() if name.startswith("link_length")]
-        assert min(others) > rows["winch_viscous"]["width"]
+        matter = {"winch_viscous", "amplitude"}
+        for held in data["readings"]:
+            assert set(held["rows_searched"]) == matter
+            rows = {row["name"]: row for row in held["parameters"]}
+            assert {name for name, row in rows.items() if row["searched"]} == matter
+            assert rows["winch_viscous"]["width"] > 0.0
+            kept = load_ensemble(None).config.box.link_length_2.nominal
+            assert rows["link_length_2"]["best"] == rows["link_length_2"]["near_low"] == kept
+
+    def test_shape_of_the_best_plant(self, run):
+        """The made-up stepper has RMSE/MAE of 1.25 in every printed number; what is ours follows stroke."""
+        _, data = run
+        for row in data["readings"][0]["best_shape"]:
+            assert row["printed_rmse_over_mae_controller_2"] == pytest.approx(1.25, abs=0.01)
+            assert row["ours_rmse_over_mae_controller_1"] == pytest.approx(1.25)
+            assert row["printed_order_mae"] == row["ours_order_rmse"] == "1 < 2 < 3"
+
+    @pytest.mark.slow
+    def test_searches_side_by_side_find_the_same(self, tmp_path):
+        asked = TINY | {"measure": None, "readings": "printed,phi_branch=power"}
+        one, two = (identified(tmp_path / str(jobs), jobs=jobs, **asked) for jobs in (1, 2))
+        np.testing.assert_equal(one["readings"], two["readings"])
 
     def test_files_and_manifest(self, run):
         out, data = run
         manifest = json.loads((out / "manifest.json").read_text())
         names = set(manifest["outputs"])
-        stems = ("readings", "numbers", "order", "ratios", "parameters", "pareto")
+        stems = ("readings", "numbers", "shape", "order", "ratios", "parameters", "pareto")
         assert {f"tables/identify_{stem}.{kind}" for stem in stems for kind in ("csv", "md")} < names
         figures = ("readings", "numbers", "parameters")
         assert {
@@ -109,7 +129,11 @@ class TestRun:
         text = (tmp_path / "out" / "identified.yaml").read_text()
         assert "draw from the box" not in text
         assert f"identified: tendonrepro identify, misfit {best['misfit_log']:.2g}" in text
-        assert f"reading {best['name']};" in text
+        assert f"under the reading {best['name']}," in text
+        assert "proves nothing" in text
+        held = "held at its nominal value: "
+        assert f"{held}link_mass" in text
+        assert f"{held}winch_viscous" not in text
 
     def test_killed_in_the_middle_gives_the_same_files(self, run, tmp_path):
         _, data = run

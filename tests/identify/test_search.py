@@ -136,6 +136,16 @@ class TestSearch:
         alone = search(initial()[:1], two_numbers, replace(EFFORT, seeds=1), 1, tmp_path / "1", "a", QUIET)
         np.testing.assert_array_equal(alone.units[0], searched(tmp_path / "3").units[0])
 
+    def test_seeds_agree_within_five_per_cent_or_where_all_fit(self, tmp_path):
+        state = searched(tmp_path / "s.npz", effort=replace(EFFORT, generations=1))
+
+        def agree(*best):
+            return replace(state, history=np.array([[9.0, 1.0], best])).agree(0.02)
+
+        assert agree(0.1, 0.104)
+        assert not agree(0.1, 0.106)
+        assert agree(0.001, 0.02)
+
     def test_steps_fold_at_the_bounds(self):
         folded = identify_search._reflected(np.array([-0.2, 0.4, 1.3, 2.7, -1.5]))
         np.testing.assert_allclose(folded, [0.2, 0.4, 0.7, 0.0, 0.5])
