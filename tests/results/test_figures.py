@@ -24,7 +24,14 @@ from support.synthetic import S, make_compare_file, make_decouple_file
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.results.figures.catalogue import FIGURES, available, draw, save
 from tendonrepro.results.figures.panels import FigureArtists, thin
-from tendonrepro.results.figures.style import REFERENCE, SERIES, journal_style
+from tendonrepro.results.figures.style import (
+    COLUMN_MM,
+    REFERENCE,
+    SERIES,
+    journal_style,
+    open_figure,
+    save_figure,
+)
 from tendonrepro.results.records import Trace, TraceFile
 
 compare_file = cache(make_compare_file)
@@ -599,6 +606,22 @@ def test_same_bytes_on_a_second_run_in_another_process(tmp_path: Path) -> None:
     subprocess.run([sys.executable, "-c", script, str(tmp_path / "other")], check=True, env=environment)
     for path in save(draw(15, make_compare_file()), tmp_path / "this"):
         assert path.read_bytes() == (tmp_path / "other" / path.name).read_bytes()
+
+
+def test_an_origin_is_printed_into_every_format(tmp_path: Path) -> None:
+    for origin in ("Simulated, 512 plants", ""):
+        with journal_style():
+            figure = open_figure(COLUMN_MM, 50.0)
+            panel = figure.subplots()
+            panel.set_xlabel("x")
+        _, svg, _ = save_figure(figure, tmp_path, "some", "some", "Something.", origin)
+        texts = re.findall(r"<text[^>]*>([^<]*)</text>", svg.read_text())
+        assert ("Simulated, 512 plants" in texts) == bool(origin)
+        with journal_style():
+            figure.draw_without_rendering()
+        if origin:
+            below = figure._supxlabel.get_window_extent()  # type: ignore[attr-defined]
+            assert below.y1 < panel.xaxis.label.get_window_extent().y0
 
 
 def test_the_users_own_matplotlib_settings_have_no_say_and_are_left_alone(tmp_path: Path) -> None:
