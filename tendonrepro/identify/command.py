@@ -199,16 +199,16 @@ def _identified(task: Task, held: HeldFolder, identity: str, processors: int, ta
 def _searches(task: Task, folder: Path, processors: int, talk: Talk) -> dict[Reading, Found]:
     """Search under every case, side by side where there are several."""
     cases = list(dict.fromkeys(task.case(reading) for reading in task.readings))
-    evaluations = task.effort.evaluations
+    evaluations, processes = task.effort.evaluations, min(processors, len(cases))
     with talk.resumable(), talk.bar("searching", evaluations * len(cases)) as progress:
-        if min(processors, len(cases)) == 1:
+        if processes == 1:
             return dict(_searched(task, folder, talk, case, progress) for case in cases)
         # Another stepper knows nothing of threads.
         if isinstance(task.bench.simulate, partial):
             alone = partial(task.bench.simulate, threads=1)
             task = replace(task, bench=replace(task.bench, simulate=alone))
         found = {}
-        with closing(here(partial(_searched, task, folder, talk), cases, processors)) as stream:
+        with closing(here(partial(_searched, task, folder, talk), cases, processes)) as stream:
             for case, one in stream:
                 found[case] = one
                 progress(evaluations)

@@ -31,7 +31,7 @@ _SWITCHES = {
 def rows_that_matter(
     bench: Bench, case: Reading, runs: Sequence[str], printed: Array, seed: int
 ) -> NDArray[np.bool_]:
-    """Rows of the bench's box to search under a reading, (P,).
+    """Rows of the bench's box to search under a reading, (P,); all where none is felt.
 
     Parameters
     ----------
@@ -54,7 +54,8 @@ def rows_that_matter(
     moved[:, rows, rows] = nominal_unit(box)
     after = log_residuals(bench.measure(moved.reshape(-1, rows.size), case, runs), printed)
     change = after.reshape(LOOKED_AT, rows.size, -1) - before.reshape(LOOKED_AT, 1, -1)
-    return with_switches(box.names, np.sqrt(np.mean(change**2, axis=(0, 2))) >= FELT)
+    felt = with_switches(box.names, np.sqrt(np.mean(change**2, axis=(0, 2))) >= FELT)
+    return felt if felt.any() else np.ones_like(felt)
 
 
 def with_switches(names: Sequence[str], chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:

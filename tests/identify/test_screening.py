@@ -36,13 +36,22 @@ def test_nominal_unit_gives_the_nominal_values():
 
 
 def test_a_row_that_changes_the_numbers_is_searched(monkeypatch):
-    felt = chosen(monkeypatch, lambda values: 0.5 * np.log(values["winch_viscous"]) + values["motion"] - 3.0)
+    """The best draws have other values than the nominal ones."""
+    felt = chosen(monkeypatch, lambda values: np.log(values["winch_viscous"] / 4.0) + values["motion"] - 3.0)
     assert felt == {"winch_viscous", "motion"}
 
 
 def test_a_row_that_hardly_does_is_not(monkeypatch):
-    """The whole range of this row makes six per cent."""
-    assert not chosen(monkeypatch, lambda values: 0.02 * np.log(values["winch_viscous"]))
+    """The whole range of the link's mass makes three per cent."""
+    felt = chosen(
+        monkeypatch,
+        lambda values: np.log(values["winch_viscous"] / 4.0) + 0.02 * np.log(values["link_mass_2"]),
+    )
+    assert felt == {"winch_viscous"}
+
+
+def test_where_none_is_felt_all_are_searched(monkeypatch):
+    assert chosen(monkeypatch, lambda values: 0.0 * values["winch_viscous"]) == set(BOX.names)
 
 
 def test_a_size_comes_with_its_switch(monkeypatch):
