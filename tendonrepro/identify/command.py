@@ -223,7 +223,11 @@ def _searched(
     path, chosen = (folder / STATES / f"{identity[:16]}{name}.npz" for name in ("", "-rows"))
     kept = load_arrays(chosen, identity, talk)
     if kept is None:
-        kept = {"rows": rows_that_matter(task.bench, case, task.fitted, task.goal, task.seed)}
+        # What is judged may feel rows that what is fitted does not.
+        every = np.ones(len(task.bench.box.names), dtype=np.bool_)
+        is_all = task.fit == "all"
+        felt = rows_that_matter(task.bench, case, task.fitted, task.goal, task.seed) if is_all else every
+        kept = {"rows": felt}
         save_arrays(chosen, identity, **kept)
     rows: NDArray[np.bool_] = kept["rows"]
     bench, effort = task.bench.searching(rows), task.effort
