@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tendonrepro.ensemble.report import percent, printed_reading, quantile_text
-from tendonrepro.ensemble.shares import LEAST_PLANTS, MOST, RATIO_NAMES, RATIOS
+from tendonrepro.ensemble.shares import FEW, LEAST_PLANTS, MOST, RATIO_NAMES, RATIOS
 from tendonrepro.results.summary import CONTROLLERS
 
 CHANCE = 1.0 / 36.0
@@ -69,6 +69,11 @@ def _verdict(summary: Mapping[str, Any]) -> str:
         return (
             "So the printed equations imply the reverse ranking on nearly every plant of the box; the paper "
             "measured hardware, which may hold what the equations do not."
+        )
+    if printed["share"] <= FEW and reverse["share"] > 0.5:
+        return (
+            "So the printed equations give the printed ranking on next to no plant and its complete reverse "
+            "on most; the paper measured hardware, which may hold what the equations do not."
         )
     return "So which ranking the printed equations give depends on the plant, which the paper does not give."
 
@@ -134,7 +139,10 @@ def _readings(summary: Mapping[str, Any]) -> list[str]:
     elif by_verdict.keys() - {"no plant", "too few"}:
         lines.append("Under no reading do all printed ratios lie inside the central 90 %.")
     if refuted:
-        lines.append(f"A printed ratio lies beyond every plant drawn under {_names(refuted)}.")
+        rest = [held for held in summary["readings"] if held not in refuted]
+        most = len(refuted) > len(rest)
+        under = f"every reading but {_names(rest)}" if most and rest else _names(refuted)
+        lines.append(f"A printed ratio lies beyond every plant drawn under {under}.")
     if nothing := by_verdict.get("no plant"):
         lines.append(f"No plant keeps all three laws ok under {_names(nothing)}.")
     if rare := by_verdict.get("too few"):
