@@ -17,7 +17,7 @@ from typing import Any
 DOCS = Path(__file__).parent
 RESULTS = DOCS / "results"
 PAGE = DOCS / "findings.md"
-PART = re.compile(r"(<!-- made from (the answer|the ensemble) -->\n).*?(<!-- end -->)", re.S)
+PART = re.compile(r"(<!-- made by generate.py: (the answer|the ensemble) -->\n).*?(<!-- end -->)", re.S)
 CLAIMS = "C1 C2 F1 C3 C4 C5 C6 P1 E1 E2 E2a E3 L1 T1 K1 K2 K2a K2b K3 K4 K5 K6 A1".split()
 
 
