@@ -13,7 +13,7 @@ import pytest
 
 from tendonrepro.config.load import CompareConfig, load_config
 from tendonrepro.console import Talk
-from tendonrepro.experiments.loops import build_law
+from tendonrepro.experiments.loops import build_law, build_loops
 from tendonrepro.experiments.rig import build_plant
 from tendonrepro.experiments.run import simulate_all, trace_file
 from tendonrepro.physics.linear_loop import decay_rate
@@ -21,6 +21,7 @@ from tendonrepro.physics.metrics import mae, rmse, window_mean
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.summary import table_data_compare, table_data_decouple
 from tendonrepro.results.traces import write_traces
+from tendonrepro.simulation.batch import simulate_batch
 
 DOCS = ROOT
 MANIFEST = {"created": "2026-01-01T00:00:00+00:00"}
@@ -352,3 +353,29 @@ def test_delays_of_the_table() -> None:
     for name in ("controller_2", "controller_3"):
         worse = [a > b for a, b in zip(data["table2"][name]["rmse_deg"], first["rmse_deg"], strict=True)]
         assert data["status"][name] == "diverged" or worse == [True, True]
+
+
+def test_joint_1_held_by_its_motor_changes_little() -> None:
+    """The command of docs/slips.md, by the batch stepper."""
+    text = (DOCS / "docs" / "slips.md").read_text(encoding="utf-8")
+    (line,) = (line for line in text.splitlines() if "--out reports/joint_1" in line)
+    mae = {key: batch_errors(*overrides) for key, overrides in (("held", set_in(line)), ("rigid", []))}
+    (given,) = stated(r"it gives by ([\d.]+)° on average", "docs/slips.md")
+    (most,) = stated(r"change by ([\d.]+) % at most, and the order", "docs/slips.md")
+    assert mae["held"][0, 0] == pytest.approx(given, abs=6e-3)
+    change = mae["held"][:, 1:] / mae["rigid"] - 1.0
+    assert np.abs(change).max() < 0.01 * most
+    assert (np.diff(mae["held"][:, 1:], axis=0) < 0.0).all()
+
+
+def set_in(line: str) -> list[str]:
+    return re.findall(r"--set (\S+)", line)
+
+
+def batch_errors(*overrides: str) -> np.ndarray:
+    """MAE of Controllers 1 to 3 in degrees, (3, joints)."""
+    loaded = load_config(None, "compare", overrides=overrides)
+    loops = dict(build_loops(loaded.config, loaded.folder))
+    batch = simulate_batch([loops[name] for name in CONTROLLERS], loaded.config.status)
+    assert not batch.status.any()
+    return np.rad2deg(batch.statistics["mae"])
