@@ -197,6 +197,37 @@ def tables(terminal: Terminal, out: ResultsFolder = Path("reports")) -> None:
     terminal.list_files(rewrite_tables(out))
 
 
+@command(app, "tendonrepro export reports/compare --format mat")
+def export(
+    terminal: Terminal,
+    file: Annotated[Path, typer.Argument(help="Trace file, or a results folder with one.")],
+    form: Annotated[str, typer.Option("--format", help="csv, parquet or mat.")] = "csv",
+    out: Annotated[Path | None, typer.Option("--out", help="File to write [default: beside it].")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite a file that is there.")] = False,
+) -> None:
+    """Write stored traces for other programs."""
+    from tendonrepro.results.export import export_traces
+
+    terminal.list_files([export_traces(file, form, out, force=force)])
+
+
+@command(app, "tendonrepro diff reports/compare reports/extrapolating")
+def diff(
+    terminal: Terminal,
+    first: Annotated[Path, typer.Argument(help="Results folder or trace file.")],
+    second: Annotated[Path, typer.Argument(help="Another one.")],
+) -> int:
+    """What differs between two results.
+
+    Ends with exit code 1 if anything does.
+    """
+    from tendonrepro.results.difference import difference, difference_text
+
+    found = difference(first, second)
+    terminal.show(found, difference_text)
+    return 0 if found["same"] else 1
+
+
 @command(app, "tendonrepro doctor --json")
 def doctor(terminal: Terminal) -> int:
     """Environment, versions, and whether all that is needed is there."""

@@ -1,0 +1,131 @@
+"""What differs between two results: configuration, versions, sizes of errors, traces."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tendonrepro.config.fields.strict_yaml import Node, load
+from tendonrepro.console import columns
+from tendonrepro.results.records import Trace, TraceFile
+from tendonrepro.results.summary import tracking_errors
+from tendonrepro.results.traces import read_traces
+
+SHOWN = 20
+"""Differences of one kind that the words name; ``--json`` has all."""
+
+
+def difference(first: Path, second: Path) -> dict[str, Any]:
+    """Compare two trace files, or the results folders that hold them.
+
+    Returns
+    -------
+    dict
+        ``same``; ``config``, ``versions`` and the status of ``runs`` by key, with ``first`` and ``second``;
+        ``metrics`` per run, joint and name, in degrees; ``traces`` per run and variable, with the largest
+        difference, SI, and the time of the first one, s.
+
+    Raises
+    ------
+    DataMissingError
+        If a trace file cannot be read.
+    """
+    a, b = (read_traces(path / "traces.h5" if path.is_dir() else path) for path in (first, second))
+    shared = [name for name in a.runs if name in b.runs]
+    found = {
+        "config": list(_unequal(_leaves(_config(a)), _leaves(_config(b)))),
+        "versions": list(_unequal(_versions(a), _versions(b))),
+        "runs": list(_unequal(_statuses(a), _statuses(b))),
+        "metrics": [row for name in shared for row in _metrics(a.runs[name], b.runs[name])],
+        "traces": [row for name in shared for row in _traces(a.runs[name], b.runs[name])],
+    }
+    return {
+        "schema_version": 1,
+        "first": str(first),
+        "second": str(second),
+        "same": not any(found.values()),
+    } | found
+
+
+def _config(file: TraceFile) -> Node:
+    return load(file.config_yaml, "config_yaml").tree
+
+
+def _leaves(node: Node, path: str = "") -> dict[str, Any]:
+    """Values of a tree by dotted key; a list is one value."""
+    if not isinstance(node, dict):
+        return {path: node}
+    found: dict[str, Any] = {}
+    for key, part in node.items():
+        found |= _leaves(part, f"{path}.{key}" if path else str(key))
+    return found
+
+
+def _versions(file: TraceFile) -> dict[str, Any]:
+    manifest = json.loads(file.manifest_json or "{}")
+    environment = manifest.get("environment") or {}
+    return {"tendonrepro": file.tendonrepro_version} | (environment.get("versions") or {})
+
+
+def _statuses(file: TraceFile) -> dict[str, Any]:
+    return {name: trace.status for name, trace in file.runs.items()}
+
+
+def _unequal(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    for key in dict.fromkeys([*first, *second]):
+        if first.get(key) != second.get(key):
+            yield {"key": key, "first": first.get(key), "second": second.get(key)}
+
+
+def _metrics(first: Trace, second: Trace) -> Iterator[dict[str, Any]]:
+    if not ("e" in first and "e" in second and first.joint == second.joint):
+        return
+    a, b = (tracking_errors(trace)["whole"] for trace in (first, second))
+    for name in a:
+        for i, joint in enumerate(first.joint):
+            x, y = float(a[name][i]), float(b[name][i])
+            if not np.array_equal(x, y, equal_nan=True):
+                yield {"run": first.name, "joint": joint, "metric": f"{name}_deg", "first": x, "second": y}
+
+
+def _traces(first: Trace, second: Trace) -> Iterator[dict[str, Any]]:
+    for name in dict.fromkeys([*first.variables, *second.variables]):
+        row = {"run": first.name, "variable": name}
+        if not (name in first and name in second):
+            yield row | {"only_in": "first" if name in first else "second"}
+            continue
+        samples = min(len(first.time), len(second.time))
+        if first.joint != second.joint or not np.array_equal(first.time[:samples], second.time[:samples]):
+            yield row | {"other_times_or_joints": True}
+            continue
+        a, b = first[name][:samples], second[name][:samples]
+        apart = ~((a == b) | (np.isnan(a) & np.isnan(b))).all(axis=1)
+        if apart.any():
+            largest = float(np.nanmax(np.abs(a - b)[apart], initial=0.0))
+            yield row | {"largest": largest, "from_s": float(first.time[np.argmax(apart)])}
+        if len(first.time) != len(second.time):
+            yield row | {"samples_first": len(first.time), "samples_second": len(second.time)}
+
+
+def difference_text(found: Mapping[str, Any]) -> str:
+    """Words for a terminal."""
+    if found["same"]:
+        both = f"{found['first']} and {found['second']}"
+        return f"{both} have the same configuration, versions, metrics and traces"
+    parts = []
+    for kind in ("config", "versions", "runs", "metrics", "traces"):
+        rows = found[kind]
+        if rows:
+            names = list(dict.fromkeys(name for row in rows for name in row))
+            cells = [[_cell(row.get(name, "")) for name in names] for row in rows[:SHOWN]]
+            more = [f"and {len(rows) - SHOWN} more; --json has all"] * (len(rows) > SHOWN)
+            parts.append("\n".join([f"{kind}: {len(rows)}", columns([names, *cells]), *more]))
+    return "\n\n".join(parts)
+
+
+def _cell(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

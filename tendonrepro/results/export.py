@@ -1,0 +1,97 @@
+"""Traces for other programs: one table of all runs as csv or Parquet, or MATLAB structures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.io import savemat
+
+from tendonrepro.errors import UsageError
+from tendonrepro.files import atomic_path
+from tendonrepro.results.records import VARIABLES, TraceFile
+from tendonrepro.results.traces import read_traces
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+
+def export_traces(source: Path, form: str, out: Path | None = None, *, force: bool = False) -> Path:
+    """Write a trace file in another format, in SI units.
+
+    Parameters
+    ----------
+    source : Path
+        Trace file, or a results folder that holds ``traces.h5``.
+    form : str
+        ``csv`` and ``parquet`` have a row per run, sample and joint; ``mat`` a structure per run with arrays
+        (T, n), and their units.
+    out : Path, optional
+        File to write; else beside the trace file, with the format as its suffix.
+    force : bool
+        Overwrite a file that is there.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    DataMissingError
+        If the trace file cannot be read.
+    UsageError
+        For an unknown format, a file that is there, or a format whose library is not installed.
+    """
+    if form not in _WRITERS:
+        message = f"must be one of {', '.join(_WRITERS)}, found {form!r}"
+        raise UsageError(message, where="--format")
+    path = source / "traces.h5" if source.is_dir() else source
+    target = out or path.with_suffix(f".{form}")
+    if target.exists() and not force:
+        message = f"{target} is there already"
+        raise UsageError(message, hint="choose another name with --out, or overwrite it with --force")
+    file = read_traces(path)
+    with atomic_path(target) as temporary:
+        _WRITERS[form](file, temporary)
+    return target
+
+
+def _table(file: TraceFile) -> DataFrame:
+    """A row per run, sample and joint; variables that a run does not hold are missing there."""
+    import pandas as pd
+
+    parts = []
+    for name, trace in file.runs.items():
+        samples, n = len(trace.time), len(trace.joint)
+        columns = {"run": name, "time": np.repeat(trace.time, n), "joint": np.tile(trace.joint, samples)}
+        parts.append(pd.DataFrame(columns | {key: value.ravel() for key, value in trace.variables.items()}))
+    return pd.concat(parts, ignore_index=True)
+
+
+def _csv(file: TraceFile, path: Path) -> None:
+    _table(file).to_csv(path, index=False, lineterminator="\n")
+
+
+def _parquet(file: TraceFile, path: Path) -> None:
+    if find_spec("pyarrow") is None:
+        message = "parquet needs the library pyarrow, which is not installed"
+        raise UsageError(message, where="--format", hint="pip install 'tendonrepro[parquet]'")
+    _table(file).to_parquet(path, engine="pyarrow", index=False)
+
+
+def _mat(file: TraceFile, path: Path) -> None:
+    held = {
+        name: {"time": trace.time, "joint": np.array(trace.joint), **trace.variables}
+        | {key: trace.attributes[key] for key in ("law", "status", "payload_mass")}
+        for name, trace in file.runs.items()
+    }
+    used = {name for trace in file.runs.values() for name in trace.variables}
+    held["units"] = {"time": "s"} | {name: unit for name, (unit, _) in VARIABLES.items() if name in used}
+    savemat(str(path), held, long_field_names=True, do_compression=True, oned_as="column")
+
+
+_WRITERS: Mapping[str, Callable[[TraceFile, Path], None]] = {"csv": _csv, "parquet": _parquet, "mat": _mat}
