@@ -101,7 +101,8 @@ def _numbers(loops: Sequence[Loop], laws: Sequence[Law]) -> LoopNumbers:
     for loop in loops:
         if id(loop.reference) not in phases:
             reference = loop.reference
-            phases[id(reference)] = streaming.thresholds(reference.dq_d, reference.ddq_d, loop.L)
+            period = round(reference.period / loop.L)
+            phases[id(reference)] = streaming.thresholds(reference.dq_d, reference.ddq_d, loop.L, period)
     numbers: LoopNumbers = stacked(
         [
             LoopNumbers(

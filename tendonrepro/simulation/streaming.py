@@ -29,12 +29,13 @@ class Thresholds(NamedTuple):
     """What tells the phases of a reference apart.
 
     Speed from which a joint moves up or down, (n,), rad s⁻¹, acceleration from which it moves rapidly, (n,),
-    rad s⁻², and the weight of the newest sample in a low-pass at `SLOW`.
+    rad s⁻², the weight of the newest sample in a low-pass at `SLOW`, and the samples of the first period.
     """
 
     speed: Array
     acceleration: Array
     newest: Any
+    period: Any
 
 
 class Sample(NamedTuple):
@@ -62,6 +63,9 @@ class Sums(NamedTuple):
     abs_e: Array
     sq_e: Array
     max_e: Array
+    abs_e_late: Array
+    sq_e_late: Array
+    late: Array
     abs_e_rapid: Array
     rapid: Array
     up: Array
@@ -110,6 +114,8 @@ STATISTICS = (
     "mae",
     "rmse",
     "max_error",
+    "mae_late",
+    "rmse_late",
     "mae_rapid",
     "mae_calm",
     "overshoot",
@@ -126,17 +132,17 @@ STATISTICS = (
 )
 """Names of the statistics of a run.
 
-``rapid`` is where the size of ddq_d is above half its peak and ``calm`` elsewhere; ``up`` and ``down``
-where dq_d is beyond 5 % of its peak. ``overshoot`` is the largest error past the target, seen in the
-direction of the last stroke, while the reference rests. ``peak`` is the largest magnitude, ``slow`` the mean
-magnitude of a signal after a first-order low-pass at `SLOW`, ``epsilon_slow_rms`` the RMS of epsilon,
-Eq. (19), after the same low-pass. ``torque_step_rms`` is of the change from sample to sample, ``saturated``
-the share of samples at the torque limit, ``fast_share`` the share of the error's power above the ringing
-frequency.
+``late`` is after the first period; ``rapid`` is where the size of ddq_d is above half its peak and ``calm``
+elsewhere; ``up`` and ``down`` where dq_d is beyond 5 % of its peak. ``overshoot`` is the largest error past
+the target, seen in the direction of the last stroke, while the reference rests. ``peak`` is the largest
+magnitude, ``slow`` the mean magnitude of a signal after a first-order low-pass at `SLOW`,
+``epsilon_slow_rms`` the RMS of epsilon, Eq. (19), after the same low-pass. ``torque_step_rms`` is of the
+change from sample to sample, ``saturated`` the share of samples at the torque limit, ``fast_share`` the
+share of the error's power above the ringing frequency.
 """
 
 
-def thresholds(dq_d: Array, ddq_d: Array, L: float) -> Thresholds:
+def thresholds(dq_d: Array, ddq_d: Array, L: float, period: float = 0.0) -> Thresholds:
     """Thresholds of a reference.
 
     Parameters
@@ -145,9 +151,12 @@ def thresholds(dq_d: Array, ddq_d: Array, L: float) -> Thresholds:
         Desired velocity and acceleration.
     L : float
         Time between samples, s.
+    period : float
+        Samples of a period; 0 where there is none, and then the whole motion is its first.
     """
     speed, acceleration = MOVING * np.abs(dq_d).max(axis=0), RAPID * np.abs(ddq_d).max(axis=0)
-    return Thresholds(speed, acceleration, np.float64(-np.expm1(-2.0 * np.pi * SLOW * L)))
+    newest = np.float64(-np.expm1(-2.0 * np.pi * SLOW * L))
+    return Thresholds(speed, acceleration, newest, np.float64(period or dq_d.shape[0]))
 
 
 def add_sample(sums: Sums, sample: Sample, live: Any, k: Any, phases: Thresholds) -> Sums:
@@ -169,7 +178,7 @@ def _column(values: tuple[Any, ...]) -> Array:
 def _add_joint(sums: Any, x: Any, live: Any, k: Any, phases: Thresholds, i: int) -> Sums:
     size, square = abs(x.e), x.e * x.e
     up, down = live * (x.dq_d > phases.speed[i]), live * (x.dq_d < -phases.speed[i])
-    rapid = live * (abs(x.ddq_d) > phases.acceleration[i])
+    late, rapid = live * (k >= phases.period), live * (abs(x.ddq_d) > phases.acceleration[i])
     still = live * (abs(x.dq_d) <= phases.speed[i])
     direction = choose(up > 0.0, 1.0, choose(down > 0.0, -1.0, sums.direction))
     change = choose(k > 0.0, x.tau - x.tau_before, 0.0)
@@ -200,6 +209,9 @@ def _add_joint(sums: Any, x: Any, live: Any, k: Any, phases: Thresholds, i: int)
         abs_e=plus(sums.abs_e, size, live),
         sq_e=plus(sums.sq_e, square, live),
         max_e=top(sums.max_e, size, live),
+        abs_e_late=plus(sums.abs_e_late, size, late),
+        sq_e_late=plus(sums.sq_e_late, square, late),
+        late=sums.late + late,
         abs_e_rapid=plus(sums.abs_e_rapid, size, rapid),
         rapid=sums.rapid + rapid,
         up=sums.up + up,
@@ -235,6 +247,8 @@ def finished(sums: Sums, count: Any, fast_share: Array) -> dict[str, Array]:
         "mae": mean(sums.abs_e, count),
         "rmse": np.sqrt(mean(sums.sq_e, count)),
         "max_error": sums.max_e,
+        "mae_late": mean(sums.abs_e_late, sums.late),
+        "rmse_late": np.sqrt(mean(sums.sq_e_late, sums.late)),
         "mae_rapid": mean(sums.abs_e_rapid, sums.rapid),
         "mae_calm": mean(sums.abs_e - sums.abs_e_rapid, count - sums.rapid),
         "overshoot": sums.overshoot,

@@ -29,7 +29,7 @@ def signals() -> dict[str, Array]:
 
 
 def gathered(x: dict[str, Array], live: Array) -> dict[str, Array]:
-    phases = thresholds(x["dq_d"], x["ddq_d"], L)
+    phases = thresholds(x["dq_d"], x["ddq_d"], L, PERIOD)
     sums = Sums(*(np.zeros(N) for _ in Sums._fields))
     for k in range(T):
         sample = Sample(
@@ -59,6 +59,8 @@ def by_hand(x: dict[str, Array]) -> dict[str, Array]:
         "mae": size.mean(axis=0),
         "rmse": rms(x["e"]),
         "max_error": size.max(axis=0),
+        "mae_late": size[PERIOD:].mean(axis=0),
+        "rmse_late": rms(x["e"][PERIOD:]),
         "mae_rapid": mean(size, rapid),
         "mae_calm": mean(size, ~rapid),
         "overshoot": overshoot(x["e"], up, down),
@@ -119,8 +121,10 @@ def test_a_run_that_ended_adds_nothing_even_when_it_is_not_finite(signals: dict[
     found = gathered(ended, live)
     size = np.abs(signals["e"][:250])
     assert found["mae"] == pytest.approx(size.mean(axis=0), rel=1e-12)
+    assert found["mae_late"] == pytest.approx(size[PERIOD:].mean(axis=0), rel=1e-12)
     assert all(np.isfinite(values).all() for values in found.values())
     early = gathered(signals, (np.arange(T) < 30).astype(float))
+    assert np.isnan(early["mae_late"]).all()
     for name in ("rms", "peak", "slow"):
         assert np.isnan(early[f"torque_{name}_down"]).all(), "a phase that never comes is not a number"
         assert np.isfinite(early[f"torque_{name}_up"]).all()
@@ -130,7 +134,7 @@ def test_shares_and_frequency_are_the_stated_ones() -> None:
     assert (streaming.MOVING, streaming.RAPID, streaming.SLOW) == (0.05, 0.5, 3.0)
     phases = thresholds(np.array([[-2.0, 1.0]]), np.array([[4.0, -8.0]]), 1.0 / (6.0 * np.pi))
     newest = pytest.approx(1.0 - np.exp(-1.0))
-    assert phases == Thresholds(pytest.approx([0.1, 0.05]), pytest.approx([2.0, 4.0]), newest)
+    assert phases == Thresholds(pytest.approx([0.1, 0.05]), pytest.approx([2.0, 4.0]), newest, 1.0)
 
 
 def test_a_course_below_the_frequency_stays_and_pulses_above_it_go(signals: dict[str, Array]) -> None:
