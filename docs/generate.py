@@ -150,6 +150,9 @@ def answer() -> str:
         f"{_share(printed['in_reverse'])} of the {printed['in_reverse']['plants']} plants on which all three laws track, out of "
         f"{box['plants']} drawn, the complete order is 3, 2, 1, in MAE and RMSE on both joints; the printed order 1, 2, 3 holds on "
         f"{_share(printed['in_order'])}. Laws that do not differ would show either on 2.8 %. "
+        '"As printed" mends [two slips](slips.md), 9 and 14: φ is odd, and Controller 2\'s law has η. With either left as it stands the reverse order holds on '
+        f"{_percent(readings['phi_negative=even']['in_reverse']['share'])} and "
+        f"{_percent(readings['eta_in_controller_2=dropped']['in_reverse']['share'])}. "
         f"By the rules claim C2 is `{entries['C2']['verdict']}`, since the likeliest of its eight statements holds on "
         f"{_percent(likeliest)} and 5 % is the limit. "
         "[No plant is needed to see why](#why-no-plant-is-needed-for-the-order).",
