@@ -43,12 +43,14 @@ def _ranking(name: str, summary: Mapping[str, Any]) -> str:
     together = reverse["all_ok"]["mae_and_rmse"]["both"]
     if together["share"] is None:
         return f"{start} there is no plant on which all three laws are ok."
+    few = f" Below {LEAST_PLANTS} plants that concludes nothing." * (together["plants"] < LEAST_PLANTS)
     last = [percent(order["diverged_last"]["mae_and_rmse"]["both"]["share"]) for order in (reverse, printed)]
     return (
         f"{start} in MAE and RMSE on both joints C3 < C2 < C1, the reverse of the printed order, holds on "
         f"{_share(together)} of the box where all three laws are ok, the printed order on "
         f"{_share(printed['all_ok']['mae_and_rmse']['both'])}; laws that do not differ would leave each "
-        f"{percent(CHANCE)}. With a diverged law ranked last, over all plants, it is {last[0]} and {last[1]}."
+        f"{percent(CHANCE)}.{few} With a diverged law ranked last, over all plants, it is {last[0]} and "
+        f"{last[1]}."
     )
 
 
@@ -139,10 +141,11 @@ def _readings(summary: Mapping[str, Any]) -> list[str]:
     elif by_verdict.keys() - {"no plant", "too few"}:
         lines.append("Under no reading do all printed ratios lie inside the central 90 %.")
     if refuted:
-        rest = [held for held in summary["readings"] if held not in refuted]
+        rest = agreeing + by_verdict.get("in part", [])
         most = len(refuted) > len(rest)
-        under = f"every reading but {_names(rest)}" if most and rest else _names(refuted)
-        lines.append(f"A printed ratio lies beyond every plant drawn under {under}.")
+        others = f"every reading with {LEAST_PLANTS} such plants or more but {_names(rest)}"
+        under = others if most and rest else _names(refuted)
+        lines.append(f"A printed ratio lies beyond every plant on which all three laws are ok under {under}.")
     if nothing := by_verdict.get("no plant"):
         lines.append(f"No plant keeps all three laws ok under {_names(nothing)}.")
     if rare := by_verdict.get("too few"):

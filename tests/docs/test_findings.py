@@ -18,6 +18,7 @@ from tendonrepro.experiments.rig import build_plant
 from tendonrepro.experiments.run import simulate_all, trace_file
 from tendonrepro.physics.linear_loop import decay_rate
 from tendonrepro.physics.metrics import mae, rmse, window_mean
+from tendonrepro.physics.slow_error import error_ratio
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.summary import table_data_compare, table_data_decouple
 from tendonrepro.results.traces import write_traces
@@ -217,7 +218,7 @@ def orders(data: dict[str, Any]) -> list[str]:
 
 
 def test_torque_table(comparison: TraceFile) -> None:
-    ripple, power, means = [], [], []
+    ripple, power, means, upward = [], [], [], []
     for k, name in enumerate(CONTROLLERS, start=1):
         trace = comparison.runs[name]
         tau, speed = trace["tau_m"], trace["dq_d"] / np.abs(trace["dq_d"]).max(axis=0)
@@ -226,6 +227,8 @@ def test_torque_table(comparison: TraceFile) -> None:
         power.append(rmse(tau))
         moving = [[mean[where[:, j], j].mean() for j in (0, 1)] for where in (speed > 0.05, speed < -0.05)]
         means.append(moving)
+        up = [tau[speed[:, j] > 0.05, j] for j in (0, 1)]
+        upward.append([size(signal) for size in (rmse, lambda x: np.abs(x).max()) for signal in up])
         (cells,) = rows("docs/findings.md", f"Controller {k} | ")
         ours = [ripple[-1], power[-1], *map(np.array, moving)]
         for cell, values in zip(cells[1:], ours, strict=True):
@@ -237,6 +240,9 @@ def test_torque_table(comparison: TraceFile) -> None:
         list(100.0 * (1.0 - power[0] / power[1])), abs=0.6
     )
     assert ripple[1][1] > 0.5 * power[1][1] > 0.5 * ripple[1][1]
+    pattern = r"By RMS it is (\d+) % and (\d+) % lower .* moving up, by peak (\d+) % and (\d+) %"
+    lower = 100.0 * (1.0 - np.array(upward[0]) / upward[1])
+    assert stated(pattern) == pytest.approx(list(lower), abs=0.6)
     (spread,) = stated(r"over 50 ms differ by at most ([\d.]+) N m")
     assert np.ptp(means, axis=0).max() == pytest.approx(spread, abs=6e-4)
 
@@ -257,6 +263,24 @@ def test_white_noise_factors_quoted() -> None:
         ("docs/theory.md", r"= ([\d.]+) and ([\d.]+)\. That is a smoother"),
     ):
         assert stated(pattern, page) == pytest.approx(list(factors), abs=6e-4)
+
+
+@pytest.mark.parametrize(
+    ("row", "settings", "delay"),
+    [
+        ("extrapolating weights", ["weights=extrapolating"], 0),
+        ("weights swapped", ["weights=swapped"], 0),
+        ("delay time of two", ["delay_time=four_periods"], 0),
+        ("applied torque stored", ["stored_torque=applied"], 1),
+        ("estimate through a low-pass", ["estimate_filter=estimate"], 0),
+    ],
+)
+def test_ratios_of_other_readings_in_the_theory(row: str, settings: list[str], delay: int) -> None:
+    (cells,) = rows("docs/theory.md", f"Controller 1 / Controller 2, {row}")
+    config = load_config(None, "compare", overrides=[f"control.readings.{one}" for one in settings]).config
+    assert isinstance(config, CompareConfig)
+    first, second = (build_law(config, name) for name in CONTROLLERS[:2])
+    assert cells[2:] == [f"{ratio:.2f}" for ratio in error_ratio(first, second, 1e-3, delay)]
 
 
 def test_sliding_surfaces(comparison: TraceFile) -> None:

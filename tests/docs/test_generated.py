@@ -47,7 +47,10 @@ def test_table_of_the_closest_plants(generate: Any) -> None:
         held = {"name": name, "misfit_log": min(misfits), "misfit_by_seed": misfits, "seeds_agree": agree}
         return held | {"rows_searched": ["motion"], "best_shape": [shape, shape], "history": []}
 
-    readings = [reading("printed", [0.2, 0.3], "3 < 2 < 1"), reading("phi_branch=power", [0.07, 0.071], "1 < 2 < 3")]
+    readings = [
+        reading("printed", [0.2, 0.3], "3 < 2 < 1"),
+        reading("phi_branch=power", [0.07, 0.071], "1 < 2 < 3"),
+    ]
     data = {"fit": "all", "window": "whole", "evaluations": 5904, "readings": readings, "joints": [2, 3]}
     thinned = generate.thinned_closest(data)
     assert "history" not in thinned["readings"][0]
@@ -98,6 +101,23 @@ def test_the_words_of_the_answer(generate: Any, readings: dict[str, Any]) -> Non
         "not_reproduced",
         "not_reproduced",
     ]
+    assert verdicts["C2"] == "depends_on_plant"
+    changed = [
+        name
+        for name in entries
+        if "share." in name and "hardware=drawn" in entries[name]["readings_that_change_it"]
+    ]
+    assert len(changed) == 4
+    assert all(name.endswith("joint_2") for name in changed)
+    ok = [
+        [held["ok"][f"controller_{k}"] for k in (1, 2, 3)] for held in (printed, readings["output_delay=1"])
+    ]
+    assert all(first > second and first > third for first, second, third in ok)
+    tracking = {name: held["in_order"]["plants"] for name, held in readings.items()}
+    assert (
+        max(count for name, count in tracking.items() if "feedback" not in name)
+        < motors["in_order"]["plants"]
+    )
     decided = generate.stored("decides.json")["C1"]["rows"][0]["name"]
     assert decided.startswith("tendon_damping")
 
