@@ -152,6 +152,8 @@ def _claim(plants: Plants, paper: Published, rule: str) -> Judged:
     if decision.verdict == "compatible" and rule in VALUES:
         passing = ", ".join(f"{100.0 * share:.0f} %" for share in _passing(plants, paper, rule))
         remarks.append(f"of a decade around each printed value this much would also pass: {passing}")
+    if found.cannot_fail:
+        return missing(found.cannot_fail, None, **evidence, **_remarks(decision, *remarks))
     return Judged(decision, evidence["share"], evidence | _remarks(decision, *remarks))
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from tendonrepro.arrays import Array
 from tendonrepro.claims.plants import DIVERGED, UNRESOLVED, Plants
 from tendonrepro.claims.verdicts import SIMILAR, Mask
+from tendonrepro.config.load import load_config
 from tendonrepro.config.models.readings import PRINTED
 from tendonrepro.config.published import Published
 from tendonrepro.results.summary import CONTROLLERS, LOADS
@@ -49,7 +50,7 @@ class Findings:
 
     `opposite` is a stated opposite of the whole claim, where it is more than that no statement holds;
     `beside` are statements that are shown and do not count; `chance` is the share that laws which do not
-    differ would give.
+    differ would give; `cannot_fail` says why no plant judged could have failed.
     """
 
     statements: Sequence[Statement]
@@ -59,6 +60,7 @@ class Findings:
     opposite: Statement | None = None
     beside: Sequence[Statement] = field(default=())
     chance: float | None = None
+    cannot_fail: str | None = None
 
     @property
     def measures(self) -> Mapping[str, Sequence[Statement]]:
@@ -324,14 +326,27 @@ def bounds(plants: Plants, paper: Published) -> Findings:
         ]
         for parts in (used, wider)
     )
-    judged = printed.ok(*CONTROLLERS)
+    judged, limit = printed.ok(*CONTROLLERS), _divergence_limit()
     remarks = ["judged under the reading printed, whatever the reading"]
+    cannot_fail = None
+    if (error[judged] >= limit).all():
+        # With |s| <= Omega, an identity, Eq. (31) then follows from the definition of s.
+        least, most = np.rad2deg([error[judged].min(), limit])
+        cannot_fail = (
+            f"a rule that could fail: Eq. (30) leaves the error at least {least:.3g} deg on every plant, and "
+            f"a run beyond {most:.3g} deg is diverged and not judged"
+        )
     if judged.any():
         remarks.append(f"the median Omega is {_medians(omega[judged])} rad/s")
         remarks += [
             f"the largest {text}: uses {_medians(share[judged])} of it" for text, share in used.items()
         ]
-    return Findings(found, judged, None, remarks, beside=beside)
+    return Findings(found, judged, None, remarks, beside=beside, cannot_fail=cannot_fail)
+
+
+def _divergence_limit() -> float:
+    """Error beyond which a run of the shipped comparison has diverged, rad."""
+    return float(load_config(None, "compare").config.status.divergence_limit.si)
 
 
 def _medians(values: Array) -> str:

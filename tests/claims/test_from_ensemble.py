@@ -197,6 +197,16 @@ class TestEveryClaimCanFail:
             "contradicted"
         }
 
+    def test_bounds_that_no_run_could_leave_are_no_test(self, data, paper):
+        # Delta is 11.5 deg, beyond the 10 deg at which a run has diverged; Omega is large enough for it.
+        data.values["controller_1", PRINTED, "epsilon_max"][:] = 8.0 * 1.2
+        found = one(data, paper, "L1")
+        assert found.verdict == "not_testable"
+        assert "at least 11.5 deg" in found.evidence["missing"]
+        assert "beyond 10 deg" in found.evidence["missing"]
+        data.values["controller_1", PRINTED, "epsilon_max"][0] = 8.0 * 0.2
+        assert one(data, paper, "L1").verdict != "not_testable"
+
     @pytest.mark.parametrize("share", [0.5, 0.97])
     def test_stability_counts_all_plants(self, data, paper, share):
         lost = np.arange(len(data.draws)) >= share * len(data.draws)
