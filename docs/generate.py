@@ -168,7 +168,7 @@ def answer() -> str:
         f"the printed order and that rise meet on more than {_percent(together)} of the plants. Whoever has the authors' code "
         "should look at those two lines first.",
         "**Of all readings, whose encoders the law looks at changes its stability most.** With those on the joints all three laws track on "
-        f"{_percent(printed['in_reverse']['plants'] / box['plants'])} of the drawn plants, mostly for want of tendon damping; with those "
+        f"{_percent(printed['in_reverse']['plants'] / box['plants'])} of the drawn plants, above all for want of tendon damping; with those "
         f"of the motors on {_percent(motors['in_reverse']['plants'] / box['plants'])}, where the errors are the motors' too. The paper's loops were stable; "
         "its section 5.2 speaks for encoders on the joints. The order does not depend "
         f"on it: with the motors' it is reversed on {_share(motors['in_reverse'])}.",
@@ -317,9 +317,10 @@ def _numbers(ledger: dict[str, Any]) -> str:
     counts: dict[str, Counter[str]] = {}
     for entry in ledger["claims"]:
         if entry["id"] not in CLAIMS:
-            counts.setdefault(entry["id"].partition(".")[0], Counter())[entry["verdict"]] += 1
+            mark = " (borderline)" if entry["borderline"] else ""
+            counts.setdefault(entry["id"].partition(".")[0], Counter())[f"`{entry['verdict']}`{mark}"] += 1
     words = {
-        table: ", ".join(f"{count} `{name}`" for name, count in row.items()) for table, row in counts.items()
+        table: ", ".join(f"{count} {name}" for name, count in row.items()) for table, row in counts.items()
     }
     return _table("numbers|verdicts", words.items())
 

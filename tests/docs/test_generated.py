@@ -122,6 +122,12 @@ def test_the_words_of_the_answer(generate: Any, readings: dict[str, Any]) -> Non
     assert decided.startswith("tendon_damping")
 
 
+def test_median_omega_of_the_slips(generate: Any) -> None:
+    (entry,) = [entry for entry in generate.stored("claims.json")["claims"] if entry["id"] == "L1"]
+    found = entry["evidence"]["remarks"][1].removeprefix("the median Omega is ").replace(", ", " and ")
+    assert f"is {found} (joints 2 and 3)" in (DOCS / "slips.md").read_text(encoding="utf-8")
+
+
 def test_stored_verdicts_follow_from_the_rules_of_today(generate: Any) -> None:
     """What needs nothing but the print is judged again."""
     from tendonrepro.claims.judge import Sources, judge_all
