@@ -168,10 +168,11 @@ def start_memory(q: Array, tau: Array, lag: int = 1) -> Memory:
 
 
 def packed_memory(values: Array, n: int, lag: int) -> Memory:
-    """Memory of n joints from all its numbers in order, ``(6 lag + 3) n`` of them."""
+    """Memory of n joints from all its numbers in order, ``((6 lag + 3) n, ...)``."""
     shapes = [part.shape for part in start_memory(np.zeros(n), np.zeros(n), lag)]
     parts = np.split(values, np.cumsum([np.prod(shape) for shape in shapes])[:-1])
-    return Memory(*(part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)))
+    lanes = values.shape[1:]
+    return Memory(*(part.reshape(shape + lanes) for part, shape in zip(parts, shapes, strict=True)))
 
 
 def remember(memory: Memory, q: Array, q_d: Array, de: Array, H_hat: Array, tau: Array, law: Law) -> Memory:

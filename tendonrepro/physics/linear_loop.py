@@ -86,23 +86,19 @@ def law_matrices(law: Law, n: int, delay: int = 0) -> tuple[Array, Array]:
     """Part of the loop that no plant enters: torque that leaves now (n, m), memory afterwards (m - 4 n, m).
 
     The loop's state is the plant's (4 n), the law's memory, (6 lag + 3) n, and the torques on their way to
-    the motors (delay n). The law's own functions are linear in it, so they are applied to every unit vector.
+    the motors (delay n). The law's own functions are linear in it, so they are applied to all unit vectors.
     """
-    units, gains = np.eye((_memory_end(law, 1) + delay) * n), feedback_gains(law)
-    output, memory = zip(*(_law_step(z, law, n, *gains) for z in units), strict=True)
-    return np.stack(output, axis=1), np.stack(memory, axis=1)
-
-
-def _law_step(z: Array, law: Law, n: int, on_error: Array, on_rate: Array) -> tuple[Array, Array]:
-    end, still = _memory_end(law, n), np.zeros(n)
-    q = z[2 * n : 3 * n] if law.motor_side else z[:n]
+    end = _memory_end(law, n)
+    z = np.eye(end + delay * n)
+    q, still = z[2 * n : 3 * n] if law.motor_side else z[:n], np.zeros((n, len(z)))
     memory = packed_memory(z[4 * n : end], n, law.lag)
     de, H_hat = error_rate(memory, q, still, still, law), time_delay_estimate(memory, q, law)
-    tau = law.to_joint @ (law.M_bar * (on_rate * de - on_error * q) + H_hat)
+    on_error, on_rate = (law.M_bar * gain for gain in feedback_gains(law))
+    tau = law.to_joint @ (on_rate[:, np.newaxis] * de - on_error[:, np.newaxis] * q + H_hat)
     queue = np.concatenate([z[end:], tau])
     known = queue[:n] if law.stores_applied else tau
     after = remember(memory, q, still, de, law.to_joint @ H_hat, known, law)
-    return queue[:n], np.concatenate([*map(np.ravel, after), queue[n:]])
+    return queue[:n], np.concatenate([*(part.reshape(-1, len(z)) for part in after), queue[n:]])
 
 
 def _memory_end(law: Law, n: int) -> int:
@@ -141,7 +137,16 @@ def loop_matrix(q: Array, plant: Plant, law: Law, delay: int = 0) -> Array:
 
 def spectral_radius(matrices: Array) -> Array:
     """Largest modulus of an eigenvalue of matrices (..., m, m)."""
-    return np.asarray(np.abs(np.linalg.eigvals(matrices)).max(axis=-1))
+    return np.asarray(np.abs(np.linalg.eigvals(without_unread(matrices))).max(axis=-1))
+
+
+def without_unread(matrices: Array) -> Array:
+    """Matrices (..., m, m) without states that nothing reads, whose eigenvalue is zero.
+
+    A law remembers more than most readings use.
+    """
+    read = (matrices != 0.0).any(axis=tuple(range(matrices.ndim - 1)))
+    return matrices if read.all() else without_unread(matrices[..., read, :][..., read])
 
 
 def decay_rate(postures: Sequence[Array], plant: Plant, law: Law, delay: int = 0) -> float:
@@ -155,7 +160,7 @@ def modes(matrix: Array, L: float) -> Complex:
 
     Real part: growth, s⁻¹. Imaginary part: ``2 pi`` times the frequency, rad s⁻¹, from 0 to Nyquist's.
     """
-    z = np.linalg.eigvals(matrix).astype(np.complex128)
+    z = np.linalg.eigvals(without_unread(matrix)).astype(np.complex128)
     z = z[(np.abs(z) > DEADEST) & (z.imag >= 0.0)]
     return np.asarray(np.log(z[np.argsort(-np.abs(z), kind="stable")]) / L)
 
