@@ -222,7 +222,7 @@ def _searched(
     identity = task.identity([case.name])
     path, chosen = (folder / STATES / f"{identity[:16]}{name}.npz" for name in ("", "-rows"))
     kept = load_arrays(chosen, identity, talk)
-    if kept is None:
+    if kept is None or kept.get("rows", np.empty(0)).shape != np.shape(task.bench.box.names):
         # What is judged may feel rows that what is fitted does not.
         every = np.ones(len(task.bench.box.names), dtype=np.bool_)
         is_all = task.fit == "all"
