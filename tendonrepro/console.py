@@ -14,10 +14,21 @@ _UNPRINTABLE = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]"
 )
 
+_LONGEST = 1500
+"""Letters at either end of a line in a message, half of one that is left as it is."""
+
 
 def printable(text: str) -> str:
     """Text as a terminal may see it: what could steer it stands as an escape that JSON and YAML read too."""
     return _UNPRINTABLE.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+
+
+def brief(text: str) -> str:
+    """Text as a message may have it: of a line that someone else's word makes endless, its two ends."""
+    lines = text.split("\n")
+    return "\n".join(
+        line if len(line) <= 2 * _LONGEST else f"{line[:_LONGEST]} ... {line[-_LONGEST:]}" for line in lines
+    )
 
 
 @dataclass(frozen=True)
@@ -38,12 +49,12 @@ class Talk:
     def note(self, text: str) -> None:
         """Say something every user wants to know."""
         if not self.quiet:
-            sys.stderr.write(f"{printable(text)}\n")
+            sys.stderr.write(f"{printable(brief(text))}\n")
 
     def detail(self, text: str) -> None:
         """Say something only a curious user wants to know."""
         if self.verbose and not self.quiet:
-            sys.stderr.write(f"{printable(text)}\n")
+            sys.stderr.write(f"{printable(brief(text))}\n")
 
     @contextmanager
     def resumable(self) -> Iterator[None]:

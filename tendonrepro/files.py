@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
 import re
 import secrets
+import stat
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -17,6 +19,11 @@ from tendonrepro.errors import DataMissingError, TendonreproError
 
 _TEMPORARY = re.compile(r"\..+\.([1-9][0-9]*)-[0-9a-f]{8}(\.[^.]+)?")
 """Names that `atomic_path` gives."""
+
+MOST_BYTES = 2**29
+"""Of a stored file that is read as a whole."""
+MOST_JSON = 2**25
+"""Of stored JSON, which takes many times its size in memory."""
 
 
 def shipped(folder: str) -> Path:
@@ -115,6 +122,28 @@ def write_atomically(path: Path, content: bytes | str) -> None:
         temporary.write_bytes(data)
 
 
+def ordinary(path: Path, most: int | None = MOST_BYTES) -> Path:
+    """Give back the path of a stored file, unless reading it might never end.
+
+    Parameters
+    ----------
+    path : Path
+    most : int, optional
+        Largest size, bytes; None where it is read piece by piece.
+
+    Raises
+    ------
+    OSError
+        When it is missing, a pipe or a device, or larger.
+    """
+    found = path.stat()
+    if not (stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)):
+        raise OSError(errno.EINVAL, "it is no ordinary file", str(path))
+    if most is not None and found.st_size > most:
+        raise OSError(errno.EFBIG, f"it is larger than {most >> 20} MiB", str(path))
+    return path
+
+
 def sealed(content: bytes) -> bytes:
     """Content with its SHA-256 behind it, by which `unsealed` tells whether it is as it was written."""
     return content + hashlib.sha256(content).digest()
@@ -138,7 +167,7 @@ def unsealed(path: Path) -> bytes:
         When the file is missing, cannot be read, or is not as it was written.
     """
     try:
-        whole = path.read_bytes()
+        whole = ordinary(path).read_bytes()
     except OSError as error:
         message = f"cannot be read: {_reason(error)}"
         raise DataMissingError(message, where=str(path)) from error
@@ -177,7 +206,7 @@ def md5_of(path: Path) -> str:
 
 def _digest(path: Path, new: Callable[[], Any]) -> str:
     try:
-        with path.open("rb") as stream:
+        with ordinary(path, None).open("rb") as stream:
             return hashlib.file_digest(stream, new).hexdigest()
     except OSError as error:
         message = f"cannot read {path}: {_reason(error)}"

@@ -26,7 +26,7 @@ from tendonrepro.console import Talk
 from tendonrepro.dataset.measured_file import MEASURED, read_measured
 from tendonrepro.ensemble.data import EnsembleData, NotFinishedError, read_ensemble
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.files import to_json, write_atomically
+from tendonrepro.files import MOST_JSON, to_json, write_atomically
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.folder import TRACES, stored_traces
 from tendonrepro.results.paper import of_paper
@@ -163,7 +163,10 @@ def _baseline(path: Path, ids: Sequence[str]) -> dict[str, str]:
         message = "a baseline is of the whole ledger, not of single claims"
         raise UsageError(message, where="--baseline")
     try:
-        found = json.loads(path.read_bytes())
+        # It may come through a pipe, such as from another commit.
+        with path.open("rb") as stream:
+            raw = stream.read(MOST_JSON + 1)
+        found = json.loads(raw if len(raw) <= MOST_JSON else "")
         before = {str(entry["id"]): str(entry["verdict"]) for entry in found["claims"]}
     except OSError as error:
         message = f"cannot be read: {error.strerror or error}"

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
+import re
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
@@ -18,7 +20,7 @@ from tendonrepro.cli.data import data_app
 from tendonrepro.cli.options import Terminal, command
 from tendonrepro.cli.study import study_app
 from tendonrepro.config.request import Request
-from tendonrepro.console import printable
+from tendonrepro.console import brief, printable
 from tendonrepro.errors import TendonreproError, UsageError
 
 if TYPE_CHECKING:
@@ -309,7 +311,10 @@ def config_schema(
 
 def main() -> None:
     """Run the command line and leave with its exit code."""
+    # What libraries say of an unwritable home is for those who program with them.
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
     try:
+        _refuse_empty(sys.argv[1:])
         code = app(standalone_mode=False)
     except TendonreproError as error:
         code = _fail(error.exit_code, error.message, error.where, error.hint)
@@ -331,6 +336,14 @@ def main() -> None:
     sys.exit(code)
 
 
+def _refuse_empty(words: Sequence[str]) -> None:
+    """An empty word, such as of a shell variable that is not set, would mean the current folder as a path."""
+    for word in words:
+        if re.fullmatch("(--[a-z-]+=)?", word):
+            message = f"{word or 'an argument'} is empty"
+            raise UsageError(message, hint="name a file, a folder or a value")
+
+
 def _refused_by_system(error: OSError | MemoryError | ImportError) -> tuple[str, str | None, str]:
     """Message, place and hint for what the operating system does not give: space, memory, open files."""
     hint = "look at free disk space and memory, and at the limits that ulimit -a shows"
@@ -341,6 +354,7 @@ def _refused_by_system(error: OSError | MemoryError | ImportError) -> tuple[str,
 
 
 def _fail(code: int, message: str, where: str | None, hint: str | None) -> int:
+    message, where, hint = brief(message), where and brief(where), hint and brief(hint)
     head = f"{where}: {message}" if where else message
     words = "\n".join(["error: " + head, *([hint] if hint else [])])
     # Where standard output takes nothing the words still say why, and where nothing does the code remains.

@@ -104,6 +104,10 @@ class Draft:
         if not isinstance(name, str):
             message = f"{BASE}: must be the name of a file, found {describe(name)}"
             raise ConfigError(message, where=self.locate((BASE,)).text)
+        if Path(name).name != name:
+            # What it names in turn would be looked for here, and something else found.
+            message = f"{BASE}: must be a file beside this one or a shipped one, found {name!r}"
+            raise ConfigError(message, where=self.locate((BASE,)).text)
         path = self.named_file(name, BASE)
         base = load(read_text(path), str(path))
         if not isinstance(base.tree, dict) or base.tree.get("experiment") != self.experiment:

@@ -21,6 +21,7 @@ from tendonrepro.console import Talk
 from tendonrepro.ensemble.plan import Study, digest_of
 from tendonrepro.ensemble.shards import FOLDER, Block, Case, check_shard, identity_of, opened, shard_files
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
+from tendonrepro.files import MOST_JSON, ordinary
 from tendonrepro.results.folder import HeldFolder
 from tendonrepro.simulation.streaming import STATISTICS
 
@@ -198,7 +199,7 @@ def read_ensemble(folder: Path, population: str = "box", *, stride: int = 1) -> 
 def _read_plan(folder: Path) -> dict[str, Any]:
     path = folder / PLAN
     try:
-        plan = json.loads(path.read_bytes())
+        plan = json.loads(ordinary(path, MOST_JSON).read_bytes())
     except FileNotFoundError as error:
         message = "holds no ensemble"
         raise NotFinishedError(message, where=str(folder), hint="run tendonrepro ensemble first") from error

@@ -51,6 +51,8 @@ DATA = "identify.json"
 STATES = "search"
 
 FEWEST_MEMBERS = 5
+MOST = {"generations": 10**5, "population": 2048, "seeds": 64}
+"""Largest effort that memory holds."""
 
 GENERATIONS, POPULATION, SEEDS = 60, 48, 3
 """Effort of each search unless told otherwise."""
@@ -106,6 +108,9 @@ def run_identify(
     """
     folder = request.folder("identify")
     _check(fit, window, generations, population, seeds)
+    if not jobs:
+        message = "must be a number of processors, or -1 for all, found 0"
+        raise UsageError(message, where="--jobs")
     processors = jobs if jobs > 0 else os.cpu_count() or 1
     loaded = load_ensemble(request.config, overrides=request.overrides, seed=request.seed)
     joints, box = loaded.compare.joints, make_box(loaded.config)
@@ -129,8 +134,8 @@ def run_identify(
 def _check(fit: str, window: str, generations: int, population: int, seeds: int) -> None:
     efforts = ("generations", generations, 1), ("population", population, FEWEST_MEMBERS), ("seeds", seeds, 1)
     for option, value, fewest in efforts:
-        if value < fewest:
-            message = f"must be at least {fewest}, found {value}"
+        if not fewest <= value <= MOST[option]:
+            message = f"must be at least {fewest} and at most {MOST[option]}, found {value}"
             raise UsageError(message, where=f"--{option}")
     for option, word, known in (("--fit", fit, get_args(Target)), ("--window", window, get_args(Window))):
         if word not in known:
@@ -222,7 +227,7 @@ def _searched(
     identity = task.identity([case.name])
     path, chosen = (folder / STATES / f"{identity[:16]}{name}.npz" for name in ("", "-rows"))
     kept = load_arrays(chosen, identity, talk)
-    if kept is None:
+    if kept is None or kept.get("rows", np.empty(0)).shape != np.shape(task.bench.box.names):
         # What is judged may feel rows that what is fitted does not.
         every = np.ones(len(task.bench.box.names), dtype=np.bool_)
         is_all = task.fit == "all"

@@ -14,6 +14,7 @@ from __future__ import annotations
 import io
 import json
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
@@ -121,6 +122,19 @@ class State:
     history: Array
     random: tuple[str, ...]
 
+    def is_whole(self) -> bool:
+        """Whether its arrays fit each other; ValueError or TypeError where the generators are none."""
+        shape = self.units.shape
+        seeds = shape[0]
+        _generators(self.random)
+        return (
+            self.spread_units.shape == shape
+            and self.misfits.shape == self.spread_misfits.shape == self.residuals.shape[:2] == shape[:2]
+            and self.residuals.ndim == 3
+            and self.history.shape == (self.generation + 1, seeds)
+            and len(self.random) == seeds
+        )
+
     def best(self) -> tuple[Array, float]:
         """Best point (F,) and its misfit."""
         seed, member = np.unravel_index(int(np.argmin(self.misfits)), self.misfits.shape)
@@ -152,7 +166,7 @@ def search(
     all that the search depends on, is the same. However often interrupted, it ends the same to the last bit.
     """
     state = load_state(path, identity, talk)
-    if state is None:
+    if state is None or state.units.shape != initial.shape:
         state = _first(initial, misfit, seed)
         save_state(path, state, identity)
     progress((state.generation + 1) * state.misfits.size)
@@ -256,6 +270,7 @@ def _generators(states: tuple[str, ...]) -> list[np.random.Generator]:
     return generators
 
 
+_NONE = "is of another search; the search starts anew"
 _ARRAYS = ("units", "misfits", "residuals", "spread_units", "spread_misfits", "history")
 
 
@@ -270,8 +285,14 @@ def load_state(path: Path, identity: str, talk: Talk) -> State | None:
     stored = load_arrays(path, identity, talk)
     if stored is None:
         return None
-    arrays = {name: stored[name] for name in _ARRAYS}
-    return State(generation=int(stored["generation"]), random=tuple(map(str, stored["random"])), **arrays)
+    with suppress(LookupError, TypeError, ValueError):
+        arrays = {name: stored[name].astype(np.float64, casting="safe") for name in _ARRAYS}
+        random = tuple(map(str, stored["random"]))
+        state = State(generation=int(stored["generation"]), random=random, **arrays)
+        if state.is_whole():
+            return state
+    talk.note(f"{path}: {_NONE}")
+    return None
 
 
 def save_arrays(path: Path, identity: str, **content: Any) -> None:
@@ -290,8 +311,9 @@ def load_arrays(path: Path, identity: str, talk: Talk) -> dict[str, NDArray[Any]
     except DataMissingError as error:
         talk.note(f"{error}; the search starts anew")
         return None
-    with np.load(io.BytesIO(content), allow_pickle=False) as stored:
+    # What the library says of something else under our seal is of any type.
+    with suppress(Exception), np.load(io.BytesIO(content), allow_pickle=False) as stored:
         if str(stored["identity"]) == identity:
             return {name: stored[name] for name in stored.files}
-    talk.note(f"{path}: is of another search; the search starts anew")
+    talk.note(f"{path}: {_NONE}")
     return None

@@ -14,7 +14,7 @@ from filelock import FileLock, Timeout
 from tendonrepro import __version__
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
-from tendonrepro.files import sha256_of, sweep_temporary, to_json, write_atomically
+from tendonrepro.files import MOST_JSON, ordinary, sha256_of, sweep_temporary, to_json, write_atomically
 from tendonrepro.results.manifest import with_outputs
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.traces import read_traces
@@ -204,7 +204,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     """
     path = folder / MANIFEST
     try:
-        manifest = json.loads(path.read_text(encoding="utf-8"))
+        manifest = json.loads(ordinary(path, MOST_JSON).read_text(encoding="utf-8"))
         # JSON can name letters that no file can hold, and `figures` and `tables` write it back.
         to_json(manifest).encode()
     except OSError as error:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.errors import DataMissingError
-from tendonrepro.files import write_atomically
+from tendonrepro.files import ordinary, write_atomically
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.records import (
     EVERY_RUN,
@@ -177,7 +177,7 @@ def read_traces(path: Path) -> TraceFile:
 def _opened(path: Path) -> Iterator[h5py.File]:
     hint = "Run `tendonrepro compare` or `tendonrepro decouple` to make one."
     try:
-        path.open("rb").close()
+        ordinary(path, None).open("rb").close()
     except OSError as error:
         message = f"cannot read the trace file {path}: {error.strerror}"
         raise DataMissingError(message, hint=hint) from error

@@ -209,6 +209,15 @@ def test_figures_and_tables_are_made_again_from_traces(command: str, compared: t
     assert run(command, "figures", "99", "--out", "out", cwd=folder).returncode == 2
 
 
+def test_libraries_say_nothing_of_a_home_that_cannot_be_written(
+    command: str, compared: tuple[Path, Any]
+) -> None:
+    nowhere = dict.fromkeys(("HOME", "XDG_CONFIG_HOME", "XDG_CACHE_HOME", "MPLCONFIGDIR"), "/dev/null/home")
+    done = run(command, "figures", "9", "--out", "out", cwd=compared[0], **nowhere)
+    assert done.returncode == 4
+    assert done.stderr.startswith("error: ")
+
+
 def test_usage_errors_are_one_message_and_code_2(command: str, tmp_path: Path) -> None:
     usage = ["compare --bogus", "nonsense", "compare --controllers x", "compare --seed a"]
     for words in [*usage, "compare --law a.py:f --law b.py:g"]:
@@ -218,6 +227,25 @@ def test_usage_errors_are_one_message_and_code_2(command: str, tmp_path: Path) -
         error = answer(command, *words.split(), cwd=tmp_path, code=2)["error"]
         assert error["code"] == 2
         assert error["message"]
+
+
+def test_an_empty_word_is_not_the_current_folder(command: str, tmp_path: Path) -> None:
+    (tmp_path / "q.csv").write_text("time,q\n0,1\n1,2\n")
+    for words in (["inspect", ""], ["compare", "--out="], ["tables", "--out", ""]):
+        done = run(command, *words, cwd=tmp_path)
+        assert done.returncode == 2
+        assert "is empty\n" in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["q.csv"]
+
+
+def test_an_endless_word_leaves_room_for_the_message(command: str, tmp_path: Path) -> None:
+    long = "x" * 100_000
+    text = f"schema_version: 1\nexperiment: compare\nmanipulator: {long}\n"
+    for words in (["config", "check", "-"], ["config", "check", "compare", "--set", f"{long}=1"], [long]):
+        for done in (run(command, *words, *more, cwd=tmp_path, stdin=text) for more in ([], ["--json"])):
+            assert done.returncode == 2
+            assert 3000 < len(done.stderr + done.stdout) < 10_000
+            assert "Traceback" not in done.stderr
 
 
 def test_config_errors_name_file_and_line(command: str, tmp_path: Path) -> None:

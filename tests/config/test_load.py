@@ -251,6 +251,8 @@ def test_mistakes_of_a_base_have_its_own_lines(tmp_path: Path) -> None:
         ("base: decouple.yaml\n", "base: 'decouple.yaml' is not for the experiment 'compare'"),
         ("base: lumidouce_ii.yaml\n", "base: 'lumidouce_ii.yaml' is not for the experiment 'compare'"),
         ("base: none.yaml\n", "base: no file 'none.yaml'"),
+        ("base: ../compare.yaml\n", "base: must be a file beside this one or a shipped one"),
+        ("base: /etc/passwd\n", "base: must be a file beside this one or a shipped one"),
         ("base: mine.yaml\n", "base: 'mine.yaml' has a base itself"),
         ("base: 3\n", "base: must be the name of a file, found 3"),
     ],

@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from pydantic import ValidationError
 from support.measured_synthetic import measured_trace
 from support.synthetic import S as SYNTHETIC_S
 from support.synthetic import make_decouple_file
@@ -94,6 +95,13 @@ def test_time_starts_at_zero_and_says_so(start: float, told: str) -> None:
     run, assembly = assembled(make_mapping(entry(), from_s=start + 1.0), t=start + TIME, q=ANGLE)
     np.testing.assert_allclose(run.time, 0.01 * np.arange(201.0), atol=1e-6 if start else 1e-12)
     assert assembly.notes == [f"controller_1: time starts at {told} s in the files, at 0 here; it lasts 2 s"]
+
+
+@pytest.mark.parametrize("key", ["payload_mass_kg", "from_s", "to_s"])
+def test_what_no_record_has_is_a_mistake(key: str) -> None:
+    for sign in (1.0, -1.0):
+        with pytest.raises(ValidationError, match=key):
+            make_mapping(entry(), **{key: sign * 1e300})
 
 
 def test_times_in_milliseconds() -> None:

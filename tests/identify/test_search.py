@@ -1,5 +1,7 @@
 """The search against known optima and brute force, killed and resumed."""
 
+import io
+import itertools
 from collections import Counter
 from dataclasses import replace
 
@@ -9,6 +11,7 @@ from support.damage import by_chance
 from support.made_plants import QUIET, Killed
 
 from tendonrepro.console import Talk
+from tendonrepro.files import sealed
 from tendonrepro.identify import search as identify_search
 from tendonrepro.identify.search import Effort, Evaluated, load_state, search
 
@@ -31,6 +34,16 @@ def initial(effort=EFFORT, rows=ROWS):
 
 def searched(path, misfit=two_numbers, effort=EFFORT, identity="a"):
     return search(initial(effort), misfit, effort, 1, path, identity, QUIET)
+
+
+def _forgeries(arrays):
+    """Images of a state where one array is missing or another one."""
+    others = [None, 3, "text", np.zeros(2), np.zeros((3, 3, 3), complex)]
+    for name, other in itertools.product(arrays, others):
+        stream = io.BytesIO()
+        kept = {key: value for key, value in arrays.items() if key != name}
+        np.savez(stream, **kept if other is None else kept | {name: other})
+        yield stream.getvalue()
 
 
 class TestSearch:
@@ -127,6 +140,11 @@ class TestSearch:
             path.write_bytes(image)
             assert load_state(path, "a", Talk()) is None
             assert f"{path}: is damaged" in capsys.readouterr().err
+        forged = dict(np.load(io.BytesIO(content)))
+        for image in (b"none", *_forgeries(forged)):
+            path.write_bytes(sealed(image))
+            assert load_state(path, "a", Talk()) is None
+            assert "another search" in capsys.readouterr().err
         path.write_bytes(content)
         assert load_state(path, "b", Talk()) is None
         assert "another search" in capsys.readouterr().err

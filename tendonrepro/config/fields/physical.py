@@ -16,6 +16,9 @@ from tendonrepro.config.fields.quantity import UNITS, Quantity
 
 Size: TypeAlias = Literal["one", "pair", "joints", "moving"]
 
+LARGEST = 1e30
+"""Largest size of a quantity, and of its inverse unless it is 0, SI: products of some stay finite."""
+
 _PER_ENTRY: Mapping[Size, str] = {
     "pair": "lowest first",
     "joints": "one per joint of the manipulator",
@@ -91,6 +94,8 @@ class Physical:
                 problems.add(
                     ("value", *index), f"must be {allowed}, found {_with_unit(value, quantity.unit)}"
                 )
+            elif si and not 1.0 / LARGEST <= abs(si) <= LARGEST:
+                problems.add(("value", *index), f"is too near to 0 or too large to compute with: {value:g}")
             elif self.whole and not value.is_integer():
                 problems.add(("value", *index), f"must be a whole number, found {value:g}")
 

@@ -86,7 +86,7 @@ class Control(Model):
     ]
     readings: Readings
     filter_cutoff: (
-        Annotated[Scalar, physical("Hz", "cutoff of the readings' low-pass filters", above=0.0)] | None
+        Annotated[Scalar, physical("Hz", "cutoff of the readings' low-pass filters", at_least=1e-9)] | None
     ) = None
 
     @model_validator(mode="after")

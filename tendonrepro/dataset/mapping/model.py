@@ -22,6 +22,8 @@ from tendonrepro.results.records import VARIABLES
 HINT = "`tendonrepro inspect PATH --suggest` writes one to begin with."
 
 Number: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Seconds: TypeAlias = Annotated[Number, Field(ge=-1e12, le=1e12)]
+"""A time on a file's clock, whenever it began to count."""
 Text: TypeAlias = Annotated[str, Field(min_length=1, strict=True)]
 Positive: TypeAlias = Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=False)]
 ColumnNumber: TypeAlias = Annotated[StrictInt, Field(ge=1, description="column of the signal, from 1")]
@@ -123,10 +125,10 @@ class Entry(Model):
 class Run(Model):
     """One run: its signals, and what the files do not say."""
 
-    payload_mass_kg: Annotated[Number, Field(ge=0.0, description="mass at the end-effector, kg")] = 0.0
+    payload_mass_kg: Annotated[Number, Field(ge=0.0, le=1e3, description="mass at the tool, kg")] = 0.0
     period_s: Annotated[Positive | None, Field(description="period of the desired motion, s")] = None
-    from_s: Annotated[Number | None, Field(description="first time to keep, s, on the file's clock")] = None
-    to_s: Annotated[Number | None, Field(description="last time to keep")] = None
+    from_s: Annotated[Seconds | None, Field(description="first time to keep, s, on the file's clock")] = None
+    to_s: Annotated[Seconds | None, Field(description="last time to keep")] = None
     where: Rows = ()
     time: Annotated[TimeAxis | None, Field(description="times of all signals without their own")] = None
     signals: Annotated[tuple[Entry, ...], Field(min_length=1, description="the columns")]

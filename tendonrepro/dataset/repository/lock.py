@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationIn
 
 from tendonrepro.dataset.repository.names import safe_paths
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.files import md5_of, write_atomically
+from tendonrepro.files import MOST_JSON, md5_of, ordinary, write_atomically
 
 Number = Annotated[str, Field(pattern="^[0-9]{1,12}$")]
 Digest = Annotated[str, Field(pattern="^[0-9a-f]{32}$")]
@@ -90,7 +90,7 @@ def lock_path(out: Path) -> Path:
 def read_lock(path: Path) -> DataLock | None:
     """Read a lock, strictly; None if there is none, a DataMissingError if it is not one of this version."""
     try:
-        return DataLock.model_validate_json(path.read_bytes())
+        return DataLock.model_validate_json(ordinary(path, MOST_JSON).read_bytes())
     except FileNotFoundError:
         return None
     except OSError as error:
