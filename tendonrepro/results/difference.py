@@ -17,6 +17,8 @@ from tendonrepro.results.traces import read_traces
 
 SHOWN = 20
 """Differences of one kind that the words name; ``--json`` has all."""
+WIDEST = 36
+"""Characters of a cell in words."""
 
 
 def difference(first: Path, second: Path) -> dict[str, Any]:
@@ -128,4 +130,5 @@ def difference_text(found: Mapping[str, Any]) -> str:
 
 
 def _cell(value: Any) -> str:
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+    text = f"{value:.6g}" if isinstance(value, float) else str(value)
+    return text if len(text) <= WIDEST else f"{text[: WIDEST - 1]}…"
