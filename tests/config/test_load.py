@@ -398,7 +398,11 @@ def test_seed_out_of_range(seed: int) -> None:
 @settings(max_examples=40)
 @given(
     gains=st.lists(st.floats(1e-6, 1e6), min_size=2, max_size=2),
-    posture=st.lists(st.floats(-360, 360) | st.integers(-360, 360), min_size=3, max_size=3),
+    posture=st.lists(
+        st.floats(-360, 360).filter(lambda x: x == 0.0 or abs(x) > 1e-9) | st.integers(-360, 360),
+        min_size=3,
+        max_size=3,
+    ),
     seed=st.integers(0, 2**32 - 1),
 )
 def test_any_valid_numbers_survive_the_round_trip(
