@@ -177,7 +177,7 @@ def answer() -> str:
         "around each. Only orders and ratios can be tested without the plant.",
         "**One clue that needs no scale is not explained.** RMSE over MAE on joint 2 rises over Controllers 1 to 3 in the print, "
         f"{_listed(theirs)}; here the medians are {_listed(ours)}. "
-        f"It rises on both joints on {_percent(rises['share'])} of the plants, by far less than printed.",
+        f"It rises on both joints on {_percent(rises['share'])} of the plants.",
         f"**What agrees with the print about α:** the torque is smoother on {'every plant judged' if min(smoother) == 1.0 else f'at least {_percent(min(smoother))}'}, and Controller 1 tracks on more "
         f"of the plants drawn, {ok[0]} against {ok[1]} and {ok[2]} of Controllers 2 and 3. "
         f"Whether the estimate is better hangs on the measure: by the RMS of its error, mostly the arm shaken by encoder counts, on {_percent(measured['RMS of epsilon'])}, "
