@@ -197,6 +197,12 @@ class TestEveryClaimCanFail:
             "contradicted"
         }
 
+    def test_what_a_shorter_period_costs_is_said(self, data, paper):
+        data.codes[SECOND, SHORTER][:100] = 1
+        assert any(
+            "is ok on 75 %, 100 %, 100 %" in text for text in one(data, paper, "E2").evidence["remarks"]
+        )
+
     def test_bounds_that_no_run_could_leave_are_no_test(self, data, paper):
         # Delta is 11.5 deg, beyond the 10 deg at which a run has diverged; Omega is large enough for it.
         data.values["controller_1", PRINTED, "epsilon_max"][:] = 8.0 * 1.2
