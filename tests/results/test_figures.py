@@ -630,3 +630,24 @@ def test_the_users_own_matplotlib_settings_have_no_say_and_are_left_alone(tmp_pa
         after = [path.read_bytes() for path in save(draw(9, decouple_file()), tmp_path)]
         assert mpl.rcParams["font.size"] == 20.0
     assert before == after
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs resource limits")
+def test_a_full_disk_behind_a_figure_is_one_sentence(tmp_path: Path) -> None:
+    # In the middle of a PDF, where its writer adds an error of its own to that of the system.
+    program = f"""
+import resource
+from pathlib import Path
+from tendonrepro.errors import TendonreproError
+from tendonrepro.results.figures.style import COLUMN_MM, open_figure, save_figure
+figure = open_figure(COLUMN_MM, 60.0)
+figure.subplots().set_title("letters need a font")
+resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
+try:
+    save_figure(figure, Path({str(tmp_path)!r}), "a", "a", "a")
+except TendonreproError as error:
+    print(error)
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("cannot write ")
+    assert list(tmp_path.iterdir()) == []

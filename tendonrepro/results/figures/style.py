@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from string import ascii_lowercase
 from typing import Any, Literal
@@ -29,7 +30,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 
-from tendonrepro.files import atomic_path
+from tendonrepro.files import write_atomically
 
 COLUMN_MM = 85.0
 """Width of one journal column."""
@@ -173,6 +174,8 @@ def save_figure(
         if origin:
             imprint(figure, origin)
         for path, (suffix, entries) in zip(paths, metadata.items(), strict=True):
-            with atomic_path(path) as temporary:
-                figure.savefig(temporary, format=suffix, metadata=entries)
+            # Made in memory: the writer of PDF does not survive a full disk.
+            image = BytesIO()
+            figure.savefig(image, format=suffix, metadata=entries)
+            write_atomically(path, image.getvalue())
     return paths
