@@ -166,7 +166,7 @@ def test_a_diverged_run_ends_with_code_5_and_full_results(command: str, tmp_path
     words = [
         *SHORT,
         "--set",
-        "control.gains.M_bar=[1e300,1e300]",
+        "control.gains.M_bar=[1e30,1e30]",
         "--controllers",
         "1,3",
         "--out",
