@@ -15,6 +15,9 @@ from tendonrepro.arrays import Array, choose
 
 MOVING = 0.05
 """Share of the peak speed beyond which a joint counts as moving up or down."""
+RESTING = 0.01
+"""Share of the peak speed up to which a joint rests; with 0.05 the lag at the start of a stroke would count
+as overshoot of the last."""
 RAPID = 0.5
 """Share of the peak acceleration above which a motion counts as rapid."""
 SLOW = 3.0
@@ -134,8 +137,8 @@ STATISTICS = (
 
 ``late`` is after the first period; ``rapid`` is where the size of ddq_d is above half its peak and ``calm``
 elsewhere; ``up`` and ``down`` where dq_d is beyond 5 % of its peak. ``overshoot`` is the largest error past
-the target, seen in the direction of the last stroke, while the reference rests. ``peak`` is the largest
-magnitude, ``slow`` the mean magnitude of a signal after a first-order low-pass at `SLOW`,
+the target, seen in the direction of the last stroke, while dq_d is within 1 % of its peak. ``peak`` is the
+largest magnitude, ``slow`` the mean magnitude of a signal after a first-order low-pass at `SLOW`,
 ``epsilon_slow_rms`` the RMS of epsilon, Eq. (19), after the same low-pass. ``torque_step_rms`` is of the
 change from sample to sample, ``saturated`` the share of samples at the torque limit, ``fast_share`` the
 share of the error's power above the ringing frequency.
@@ -179,7 +182,7 @@ def _add_joint(sums: Any, x: Any, live: Any, k: Any, phases: Thresholds, i: int)
     size, square = abs(x.e), x.e * x.e
     up, down = live * (x.dq_d > phases.speed[i]), live * (x.dq_d < -phases.speed[i])
     late, rapid = live * (k >= phases.period), live * (abs(x.ddq_d) > phases.acceleration[i])
-    still = live * (abs(x.dq_d) <= phases.speed[i])
+    still = live * (abs(x.dq_d) <= RESTING / MOVING * phases.speed[i])
     direction = choose(up > 0.0, 1.0, choose(down > 0.0, -1.0, sums.direction))
     change = choose(k > 0.0, x.tau - x.tau_before, 0.0)
 

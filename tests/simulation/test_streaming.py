@@ -63,7 +63,7 @@ def by_hand(x: dict[str, Array]) -> dict[str, Array]:
         "rmse_late": rms(x["e"][PERIOD:]),
         "mae_rapid": mean(size, rapid),
         "mae_calm": mean(size, ~rapid),
-        "overshoot": overshoot(x["e"], up, down),
+        "overshoot": overshoot(x["e"], x["dq_d"] / np.abs(x["dq_d"]).max(axis=0)),
         "s_rms": rms(x["s"]),
         "s_max": np.abs(x["s"]).max(axis=0),
         "rate_max": np.abs(x["de"]).max(axis=0),
@@ -93,14 +93,17 @@ def slow(values: Array) -> Array:
     return result
 
 
-def overshoot(e: Array, up: Array, down: Array) -> Array:
-    """Error past the target, seen in the direction of the stroke before, while the reference rests."""
+def overshoot(e: Array, speed: Array) -> Array:
+    """Error past the target, seen in the direction of the stroke before, while the reference rests.
+
+    ``speed`` is that of the reference over its peak.
+    """
     largest = np.zeros(N)
     for i in range(N):
         direction = 0.0
         for k in range(T):
-            direction = 1.0 if up[k, i] else -1.0 if down[k, i] else direction
-            if not up[k, i] and not down[k, i]:
+            direction = float(np.sign(speed[k, i])) if abs(speed[k, i]) > 0.05 else direction
+            if abs(speed[k, i]) <= 0.01:
                 largest[i] = max(largest[i], -direction * e[k, i])
     return largest
 
@@ -132,6 +135,7 @@ def test_a_run_that_ended_adds_nothing_even_when_it_is_not_finite(signals: dict[
 
 def test_shares_and_frequency_are_the_stated_ones() -> None:
     assert (streaming.MOVING, streaming.RAPID, streaming.SLOW) == (0.05, 0.5, 3.0)
+    assert streaming.RESTING == 0.01
     phases = thresholds(np.array([[-2.0, 1.0]]), np.array([[4.0, -8.0]]), 1.0 / (6.0 * np.pi))
     newest = pytest.approx(1.0 - np.exp(-1.0))
     assert phases == Thresholds(pytest.approx([0.1, 0.05]), pytest.approx([2.0, 4.0]), newest, 1.0)
