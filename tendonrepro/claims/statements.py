@@ -183,14 +183,14 @@ def similar_surfaces(plants: Plants, _: Published) -> Findings:
     return _among_controllers(plants, list(_plain(plants, text, holds, *CONTROLLERS)))
 
 
-def _smaller_up(plants: Plants, signal: str, size: str) -> Iterator[Statement]:
-    """Yield that Controller 1's signal is significantly smaller than the rivals' moving up, by one size."""
+def _smaller_up(plants: Plants, signal: str, size: str, *, by: float = 0.0) -> Iterator[Statement]:
+    """Yield that Controller 1's signal is smaller than the rivals' moving up, by more than a share."""
     first = plants[FIRST, f"{signal}_{size}_up"]
     for rival in CONTROLLERS[1:]:
         with np.errstate(invalid="ignore"):
-            holds = first < (1.0 - SIMILAR) * plants[rival, f"{signal}_{size}_up"]
+            holds = first < (1.0 - by) * plants[rival, f"{signal}_{size}_up"]
         what = f"moving up {SIZES[size]} of {signal} of {FIRST}"
-        text = f"joint {{}}: {what} is smaller than that of {rival} by more than 5 %"
+        text = f"joint {{}}: {what} is smaller than that of {rival}{f' by more than {by:.0%}' if by else ''}"
         yield from _plain(plants, text, holds, FIRST, rival, measure=SIZES[size])
 
 
@@ -212,7 +212,7 @@ def torque_size(plants: Plants, _: Published) -> Findings:
     """C6: Controller 1's torque is significantly smaller moving up, lower and smoother overall."""
     found: list[Statement] = []
     for size, measure in SIZES.items():
-        found += _smaller_up(plants, "torque", size)
+        found += _smaller_up(plants, "torque", size, by=SIMILAR)
         for rival in CONTROLLERS[1:]:
             found += smaller(plants, f"torque_{size}", FIRST, rival, f"{measure} of torque", measure)
             found += smaller(plants, "torque_step_rms", FIRST, rival, "RMS torque step", measure)
@@ -258,6 +258,18 @@ def better_estimate(plants: Plants, _: Published) -> Findings:
     return _among_controllers(plants, found, chance=_by_chance(plants, 2))
 
 
+def robustness(plants: Plants, _: Published) -> Findings:
+    """E1a: where one of Controllers 1 and 2 tracks and the other does not, it is Controller 1."""
+    first, second = plants.ok(FIRST), plants.ok(SECOND)
+    resolved = plants.none(UNRESOLVED, FIRST, SECOND)
+    found = [Statement(f"{FIRST} is ok and {SECOND} is not", first & ~second, first & ~second)]
+    remark = (
+        f"both are ok on {int((first & second).sum())} plants and neither on "
+        f"{int((resolved & ~first & ~second).sum())}: these do not tell the two apart"
+    )
+    return Findings(found, resolved & (first != second), None, [remark], chance=0.5)
+
+
 def delay_time(plants: Plants, _: Published) -> Findings:
     """E2: a smaller L is better for Controller 2, a larger one worse, by error and estimate."""
     found: list[Statement] = []
@@ -286,11 +298,12 @@ def small_inertia(plants: Plants, _: Published) -> Findings:
     return Findings(found, plants.ok(*runs), plants.none(UNRESOLVED, *runs), chance=chance)
 
 
-def overshoot(plants: Plants, _: Published) -> Findings:
-    """E3: Controller 1 overshoots less than Controller 2, or neither does."""
+def overshoot(plants: Plants, paper: Published) -> Findings:
+    """E3: Controller 1 overshoots less than Controller 2, or neither does by more than an encoder count."""
     first, second = plants[FIRST, "overshoot"], plants[SECOND, "overshoot"]
+    count = np.deg2rad(paper.number("hardware.encoder_resolution"))
     with np.errstate(invalid="ignore"):
-        neither = (first <= 0.0) & (second <= 0.0)
+        neither = (first <= count) & (second <= count)
     known = np.isfinite(first).all(axis=1) & np.isfinite(second).all(axis=1)
     counted = known & ~neither.all(axis=1)
     # A law that diverged has not rested, whatever its last excursion was.
@@ -301,7 +314,7 @@ def overshoot(plants: Plants, _: Published) -> Findings:
     ]
     ok, resolved = plants.ok(*CONTROLLERS), plants.none(UNRESOLVED, *CONTROLLERS)
     left_out = int((ok & ~counted).sum())
-    remark = f"left out: {left_out} plants without overshoot or without rest of the reference"
+    remark = f"left out: {left_out} plants without overshoot beyond an encoder count"
     return Findings(found, ok & counted, resolved & counted, [remark])
 
 
@@ -364,7 +377,7 @@ CLAIMS: Mapping[str, Callable[[Plants, Published], Findings]] = {
     rule.__name__: rule
     for rule in (
         *(stable, order, rising_shape, rapid_advantage, similar_surfaces, estimate_size, torque_size),
-        *(payload, better_estimate, delay_time, small_inertia, overshoot, bounds),
+        *(payload, better_estimate, robustness, delay_time, small_inertia, overshoot, bounds),
     )
 }
 """Rules of claims by their names in docs/verdicts.md."""
