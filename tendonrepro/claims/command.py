@@ -85,13 +85,8 @@ def run_claims(
         For an unknown id, or a baseline together with ids.
     """
     before = None if baseline is None else _baseline(baseline, ids)
-    sources = _sources(out, measured, talk)
-    present = [one.name for one in fields(sources) if getattr(sources, one.name) is not None]
-    talk.detail(f"found {', '.join(present) or 'no results'} under {out}")
-    readings = 0 if sources.ensemble is None else len(sources.ensemble.readings)
-    with talk.bar("judging", readings) as progress:
-        verdicts = judge_all(sources, only=ids, decided_by=bool(ids), progress=progress)
-    verdicts, judged_by = _completed(verdicts, sources, out / ENSEMBLE)
+    sources = found_sources(out, measured, talk)
+    verdicts, judged_by = judged(sources, out, ids, talk)
     changes = {} if before is None else changed(before, verdicts)
     failed = tuple(failing(verdicts) if before is None else changes)
     data = as_data(verdicts, judged_by) | ({} if before is None else {"changed": changes})
@@ -119,7 +114,20 @@ def run_claims(
     return Ledger(tuple(verdicts), failed, "\n\n".join(parts), data)
 
 
-def _sources(out: Path, measured: Path | None, talk: Talk) -> Sources:
+def judged(
+    sources: Sources, out: Path, ids: Sequence[str], talk: Talk
+) -> tuple[list[Verdict], Mapping[str, Any]]:
+    """Judge from what was found under `out`, and say which ensemble judged; for the rest see `run_claims`."""
+    present = [one.name for one in fields(sources) if getattr(sources, one.name) is not None]
+    talk.detail(f"found {', '.join(present) or 'no results'} under {out}")
+    readings = 0 if sources.ensemble is None else len(sources.ensemble.readings)
+    with talk.bar("judging", readings) as progress:
+        verdicts = judge_all(sources, only=ids, decided_by=bool(ids), progress=progress)
+    return _completed(verdicts, sources, out / ENSEMBLE)
+
+
+def found_sources(out: Path, measured: Path | None, talk: Talk) -> Sources:
+    """Read what claims are judged from: results under a folder, and the measured file; see `run_claims`."""
     runs = {}
     for name in ("decouple", "compare"):
         if (out / name / TRACES).exists():

@@ -9,6 +9,8 @@ from typing import Any
 from support import ROOT
 import pytest
 
+from tendonrepro.report import rows
+
 DOCS = ROOT / "docs"
 pytestmark = pytest.mark.skipif(not DOCS.is_dir(), reason="no docs folder beside the package")
 
@@ -52,9 +54,9 @@ def test_table_of_the_closest_plants(generate: Any) -> None:
         reading("phi_branch=power", [0.07, 0.071], "1 < 2 < 3"),
     ]
     data = {"fit": "all", "window": "whole", "evaluations": 5904, "readings": readings, "joints": [2, 3]}
-    thinned = generate.thinned_closest(data)
+    thinned = rows.thinned_closest(data)
     assert "history" not in thinned["readings"][0]
-    lines = generate.closest(thinned).splitlines()
+    lines = generate.table(rows.closest(thinned)).splitlines()
     assert lines[2].startswith("| `phi_branch=power` | 0.070 | yes | 1 < 2 < 3 / 1 < 2 < 3 |")
     assert lines[3].startswith("| `printed` | 0.200 | no, up to 0.300 | 3 < 2 < 1 / 3 < 2 < 1 |")
     assert "1.25 1.25 1.25 / 1.25 1.25 1.25" in lines[2]

@@ -1,0 +1,253 @@
+"""What the results say, in sentences: each is made of stored numbers, and left out where they do not bear it.
+
+The text is Markdown of one line, for docs/findings.md and for the page alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+LEAST_PLANTS = 100
+"""Fewer say nothing, by the rules in docs/verdicts.md."""
+
+_SIZES = ("table2", "table3.with")
+_BOTH = "phi_branch=power+weights=extrapolating"
+_MOTOR = "feedback=motor"
+
+
+@dataclass(frozen=True)
+class Results:
+    """An ensemble, thinned by `rows.thinned`, its ledger as in ``claims --json``, and what decides claims."""
+
+    summary: Mapping[str, Any]
+    ledger: Mapping[str, Any]
+    decides: Mapping[str, Any]
+
+    @property
+    def plants(self) -> int:
+        """Plants drawn."""
+        return int(self.summary["populations"]["box"]["plants"])
+
+    @property
+    def readings(self) -> dict[str, Mapping[str, Any]]:
+        """Readings of the box by name."""
+        return {reading["name"]: reading for reading in self.summary["populations"]["box"]["readings"]}
+
+    @property
+    def entries(self) -> dict[str, Mapping[str, Any]]:
+        """Entries of the ledger by id."""
+        return {entry["id"]: entry for entry in self.ledger["claims"]}
+
+    def starting(self, *starts: str) -> list[Mapping[str, Any]]:
+        """Entries whose id starts with one of these."""
+        return [entry for name, entry in self.entries.items() if name.startswith(starts)]
+
+
+def findings(found: Results) -> list[str]:
+    """What a reader should take away, the strongest first; a bold sentence and its reasons each."""
+    makers = (_order, _ratios, _mended, _encoders, _sizes, _shape, _torque, _kinematics)
+    return [text for maker in makers if (text := maker(found))]
+
+
+def percent(share: float | None) -> str:
+    """Share in per cent, two digits of a small one.
+
+    Examples
+    --------
+    >>> percent(0.8917), percent(0.0085), percent(0.0), percent(None)
+    ('89 %', '0.85 %', '0 %', '–')
+    """
+    if share is None:
+        return "–"
+    value = 100.0 * share
+    return f"{value:.0f} %" if value >= 10.0 or value == 0.0 else f"{value:.2g} %"
+
+
+def interval(share: Mapping[str, Any]) -> str:
+    """Share and its interval, where it has one."""
+    if share["share"] is None or share["low"] is None:
+        return percent(share["share"])
+    return f"{percent(share['share'])} [{percent(share['low'])}, {percent(share['high'])}]"
+
+
+def _mostly(share: Mapping[str, Any]) -> bool:
+    """Whether a statement holds on more than half of enough plants, whatever the draws."""
+    return share["plants"] >= LEAST_PLANTS and (share["low"] or 0.0) > 0.5
+
+
+def _order(found: Results) -> str | None:
+    printed, entry = found.readings["printed"], found.entries["C2"]
+    forth, back = printed["in_order"], printed["in_reverse"]
+    if back["plants"] < LEAST_PLANTS:
+        return (
+            f"**About the order of the laws this ensemble says nothing.** As printed all three track on {back['plants']} of the "
+            f"{found.plants} plants drawn, and fewer than {LEAST_PLANTS} conclude nothing."
+        )
+    head = "As printed, the equations give no one order of the laws."
+    if _mostly(back):
+        head = "As printed, the equations rank the laws the other way round."
+    elif _mostly(forth):
+        head = "As printed, the equations rank the laws as the paper does."
+    text = (
+        f"**{head}** On {interval(back)} of the {back['plants']} plants on which all three laws track, out of {found.plants} drawn, "
+        f"the complete order is 3, 2, 1, in MAE and RMSE on both joints; the printed order 1, 2, 3 holds on {interval(forth)}. "
+        "Laws that do not differ would show either on 2.8 %."
+    )
+    slips = [found.readings.get(name) for name in ("phi_negative=even", "eta_in_controller_2=dropped")]
+    if all(slips):
+        left = " and ".join(percent(held["in_reverse"]["share"]) for held in slips if held)
+        text += (
+            ' "As printed" mends [two slips](slips.md), 9 and 14: φ is odd, and Controller 2\'s law has η. With either left as '
+            f"it stands the reverse order holds on {left}."
+        )
+    text += f" By the rules claim C2 is `{entry['verdict']}`"
+    shares = [held["share"] for held in entry["evidence"].get("statements", ())]
+    if shares and entry["verdict"] == "depends_on_plant":
+        text += f", since the likeliest of its {len(shares)} statements holds on {percent(max(shares))} and 5 % is the limit"
+    return text + ". [No plant is needed to see why](#why-no-plant-is-needed-for-the-order)."
+
+
+def _ratios(found: Results) -> str | None:
+    printed = found.starting("share.")
+    against = [entry for entry in printed if entry["verdict"] == "contradicted"]
+    ratio = found.readings["printed"]["c1_c2"]["joint_2"]
+    if not against or ratio["median"] is None:
+        return None
+    head = "So the printed ratios are contradicted"
+    if len(against) < len(printed):
+        head = f"{len(against)} of the {len(printed)} printed ratios are contradicted"
+    first, second = (float(found.entries[f"table2.controller_{k}.mae.joint_2"]["printed"]) for k in (1, 2))
+    text = (
+        f"**{head}.** Controller 1's MAE over Controller 2's on joint 2 is {ratio['median']:.2f}, {ratio['q05']:.2f} to "
+        f"{ratio['q95']:.2f} on the central 90 % of the plants; the print has {first / second:.2f}."
+    )
+    if "hardware=drawn" in found.readings:
+        firm = [entry for entry in against if "hardware=drawn" not in entry["readings_that_change_it"]]
+        joints = {entry["id"].rpartition("_")[2] for entry in firm}
+        of = f", those of joint {joints.pop()}" if len(joints) == 1 else ""
+        text += (
+            " With encoder, output delay and filter as drawn instead of as printed the verdict stands for "
+            f"{len(firm)} of the {len(against)}{of}."
+        )
+    return text
+
+
+def _mended(found: Results) -> str | None:
+    readings = found.readings
+    enough = [held for held in readings.values() if held["in_order"]["plants"] >= LEAST_PLANTS]
+    both = readings.get(_BOTH)
+    if both is None or not _mostly(both["in_order"]):
+        best = max(enough, key=lambda held: held["in_order"]["share"], default=None)
+        if best is None or _mostly(best["in_order"]):
+            return None
+        return (
+            f"**No reading that was run brings the printed order back on most plants.** Of {len(readings)} the best is "
+            f"`{best['name']}`, with {interval(best['in_order'])} of {best['in_order']['plants']} plants."
+        )
+    text = (
+        "**Two other readings together bring the order back**: weights (1 + α, −α) and the power branch of φ near zero. They give "
+        f"the printed order on {interval(both['in_order'])} of {both['in_order']['plants']} plants"
+    )
+    motors = readings.get(f"{_BOTH}+{_MOTOR}")
+    if motors:
+        text += f", and with motor-side feedback on {interval(motors['in_order'])} of {motors['in_order']['plants']}"
+    together = max(min(held["in_order"]["share"], held["rmse_over_mae_rises"]["share"]) for held in enough)
+    text += (
+        f". Neither is what Eqs. (12) and (15) say, and they were found by trying {len(readings)} readings."
+    )
+    if both["inside"] < len(found.starting("share.")):
+        text += f" They do not bring all back: {both['inside']} of the 8 printed ratios lie in the central 90 %, and RMSE/MAE "
+        text += f"rises as printed on {percent(both['rmse_over_mae_rises']['share'])}."
+    return text + (
+        f" Under no reading that was run do the printed order and that rise meet on more than {percent(together)} of the plants. "
+        "Whoever has the authors' code should look at those two lines first."
+    )
+
+
+def _encoders(found: Results) -> str | None:
+    readings = found.readings
+    if _MOTOR not in readings:
+        return None
+    tracking = {name: held["in_order"]["plants"] for name, held in readings.items()}
+    if tracking[_MOTOR] < max(count for name, count in tracking.items() if _MOTOR not in name):
+        return None
+    damping = found.decides.get("C1", {"rows": [{"name": ""}]})["rows"][0]["name"].startswith(
+        "tendon_damping"
+    )
+    text = (
+        "**Of all readings, whose encoders the law looks at changes its stability most.** With those on the joints all three laws "
+        f"track on {percent(tracking['printed'] / found.plants)} of the drawn plants"
+        f"{', above all for want of tendon damping' * damping}; with those of the motors, whose count is fifty times finer, on "
+        f"{percent(tracking[_MOTOR] / found.plants)}, where the errors are the motors' too. The paper's loops were stable; its "
+        "section 5.2 speaks for encoders on the joints."
+    )
+    if _mostly(readings[_MOTOR]["in_reverse"]) and _mostly(readings["printed"]["in_reverse"]):
+        text += " The order does not depend on it: with the motors' it is reversed on "
+        text += f"{interval(readings[_MOTOR]['in_reverse'])}."
+    return text
+
+
+def _sizes(found: Results) -> str | None:
+    sizes = found.starting(*_SIZES)
+    power = [entry["evidence"].get("also_passing") for entry in sizes]
+    if None in power or min(power) < 0.5 or {entry["verdict"] for entry in sizes} != {"compatible"}:
+        return None
+    return (
+        f"**The sizes of the errors say nothing.** All {len(sizes)} numbers of Tables 2 and 3 lie inside the box, and so would "
+        f"{percent(min(power))} to {percent(max(power))} of a decade around each. Only orders and ratios can be tested without "
+        "the plant."
+    )
+
+
+def _shape(found: Results) -> str | None:
+    boxes = [found.entries[f"rmse_over_mae.controller_{k}.joint_2"]["evidence"].get("box") for k in (1, 2, 3)]
+    share = found.entries["F1"]["evidence"].get("share")
+    if not all(boxes) or share is None or share > 0.5:
+        return None
+    ours = [box["median"] for box in boxes if box]
+    theirs = [
+        float(found.entries[f"table2.controller_{k}.rmse.joint_2"]["printed"])
+        / float(found.entries[f"table2.controller_{k}.mae.joint_2"]["printed"])
+        for k in (1, 2, 3)
+    ]
+    return (
+        "**One clue that needs no scale is not explained.** RMSE over MAE on joint 2 rises over Controllers 1 to 3 in the print, "
+        f"{_listed(theirs)}; here the medians are {_listed(ours)}. It rises on both joints on {percent(share)} of the plants."
+    )
+
+
+def _torque(found: Results) -> str | None:
+    entries, printed = found.entries, found.readings["printed"]
+    steps = [
+        held["share"]
+        for held in entries["C6"]["evidence"].get("statements", ())
+        if "torque step" in held["statement"]
+    ]
+    measured = {held["measure"]: held["share"] for held in entries["E1"]["evidence"].get("by_measure", ())}
+    ok = [printed["ok"][f"controller_{k}"] for k in (1, 2, 3)]
+    if not steps or min(steps) <= 0.5 or not measured or not ok[0] > max(ok[1:]):
+        return None
+    where = "every plant judged" if min(steps) == 1.0 else f"at least {percent(min(steps))}"
+    one, two, three = map(percent, ok)
+    return (
+        f"**What agrees with the print about α:** the torque is smoother on {where}, and Controller 1 tracks on more of the plants "
+        f"drawn, {one} against {two} and {three} of Controllers 2 and 3. Whether the estimate is better hangs on the measure: by "
+        f"the RMS of its error, mostly the arm shaken by encoder counts, on {percent(measured['RMS of epsilon'])}, by what of it "
+        f"lies below 3 Hz on {percent(measured['RMS of epsilon below 3 Hz'])}."
+    )
+
+
+def _kinematics(found: Results) -> str | None:
+    verdicts = [found.entries[name]["verdict"] for name in ("K1", "K2", "K2a", "K2b")]
+    if verdicts != ["exact", "reproduced", "not_reproduced", "not_reproduced"]:
+        return None
+    return (
+        "**The kinematics are right** to the printed digits, but for the description of Fig. 6, which Eq. (1) with section 3.3's "
+        "signs does not give."
+    )
+
+
+def _listed(values: Sequence[float]) -> str:
+    return ", ".join(f"{value:.2f}" for value in values)

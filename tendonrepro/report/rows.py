@@ -1,0 +1,251 @@
+"""Tables made of stored results, for docs/findings.md and for the page; a cell is Markdown of one line."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from tendonrepro.report.findings import interval, percent
+
+CLAIMS = [
+    "C1",
+    "C2",
+    "F1",
+    "C3",
+    "C4",
+    "C5",
+    "C6",
+    "P1",
+    "E1",
+    "E2",
+    "E2a",
+    "E3",
+    "L1",
+    "T1",
+    "K1",
+    "K2",
+    "K2a",
+    "K2b",
+    "K3",
+    "K4",
+    "K5",
+    "K6",
+    "A1",
+]
+
+
+@dataclass(frozen=True)
+class Table:
+    """Headings, rows of cells, and what has to be known to read them."""
+
+    heads: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    about: str = ""
+
+
+def thinned(summary: Mapping[str, Any]) -> dict[str, Any]:
+    """What is kept of an ensemble's ``summary.json``: what is shown, and no more."""
+    kept = [
+        "tendonrepro_version",
+        "config_sha256",
+        "draws",
+        "scramblings",
+        "conclusions",
+        "spot_check",
+        "cost",
+    ]
+    populations = {
+        name: {"plants": held["plants"], "readings": [_thin_reading(reading) for reading in held["readings"]]}
+        for name, held in summary["populations"].items()
+    }
+    return {key: summary[key] for key in kept} | {"populations": populations}
+
+
+def _thin_reading(reading: Mapping[str, Any]) -> dict[str, Any]:
+    def ratio(key: str) -> dict[str, Any]:
+        numbers = reading[key]["all_ok"]["mae"]
+        return {
+            joint: {name: numbers[joint][name]["value"] for name in ("q05", "median", "q95")}
+            for joint in numbers
+        }
+
+    def share(key: str, plants: str) -> Any:
+        return reading[key][plants]["mae_and_rmse"]["both"]
+
+    return {
+        "name": reading["name"],
+        "ok": {run: shares["ok"]["share"] for run, shares in reading["status"].items()},
+        "diverged": {run: shares["diverged"]["share"] for run, shares in reading["status"].items()},
+        "in_order": share("share_c1_lt_c2_lt_c3", "all_ok"),
+        "in_reverse": share("share_c3_lt_c2_lt_c1", "all_ok"),
+        "in_reverse_diverged_last": share("share_c3_lt_c2_lt_c1", "diverged_last"),
+        "rmse_over_mae_rises": reading["share_rmse_over_mae_rises"]["both"],
+        "distance": {key: _value(reading["distance"][key]) for key in ("median", "lowest")},
+        "c1_c2": ratio("ratio_c1_c2"),
+        "c2_c3": ratio("ratio_c2_c3"),
+        "inside": len(reading["agreement"]["inside"]),
+    }
+
+
+def _value(number: Any) -> Any:
+    return number["value"] if isinstance(number, dict) else number
+
+
+def thinned_closest(data: Mapping[str, Any]) -> dict[str, Any]:
+    """What is kept of ``tendonrepro identify --fit all``."""
+    kept = ["name", "misfit_log", "misfit_by_seed", "seeds_agree", "rows_searched", "best_shape"]
+    readings = [{key: reading[key] for key in kept} for reading in data["readings"]]
+    return {key: data[key] for key in ("fit", "window", "evaluations")} | {"readings": readings}
+
+
+def thinned_decides(rankings: Mapping[str, Any]) -> dict[str, Any]:
+    """What is kept of ``decides.json``: the five unknowns that explain most."""
+    return {name: held | {"rows": held["rows"][:5]} for name, held in rankings.items()}
+
+
+def head(summary: Mapping[str, Any]) -> str:
+    """How large an ensemble is, and how its runs were checked."""
+    populations, check = summary["populations"], summary["spot_check"]
+    firm = f" and {populations['firm']['plants']} of its firm rows" if "firm" in populations else ""
+    text = (
+        f"{populations['box']['plants']} plants of the box{firm}, {len(populations['box']['readings'])} "
+        f"readings, {summary['scramblings']} scramblings, {summary['cost']['experiments']:,} runs. "
+    )
+    if check["compared"]:
+        text += (
+            f"{check['experiments']} runs were repeated with the SciPy stepper; on the {check['compared']} that "
+            f"ran to their end MAE and RMSE differ by at most "
+            f"{percent(check['ideal']['largest'])} with ideal encoders and {percent(check['quantised']['largest'])} "
+            f"with counts; {check['disagreements']} statuses differ. "
+        )
+    return text + "Brackets are 95 % intervals from the scramblings."
+
+
+def readings(summary: Mapping[str, Any]) -> Table:
+    """What each reading makes of the printed ranking."""
+    heads = (
+        "reading|ok C1 / C2 / C3|all ok|1 < 2 < 3|3 < 2 < 1|C1/C2|C2/C3|ratios inside|RMSE/MAE rises|distance"
+    )
+    rows = [
+        (
+            f"`{reading['name']}`",
+            " / ".join(percent(reading["ok"][f"controller_{k}"]) for k in (1, 2, 3)),
+            str(reading["in_order"]["plants"]),
+            interval(reading["in_order"]),
+            interval(reading["in_reverse"]),
+            _median(reading["c1_c2"]),
+            _median(reading["c2_c3"]),
+            f"{reading['inside']} of 8",
+            percent(reading["rmse_over_mae_rises"]["share"]),
+            _distance(reading["distance"]),
+        )
+        for reading in summary["populations"]["box"]["readings"]
+    ]
+    about = (
+        "All ok: plants on which all three laws are; the rest is over those. Orders are in MAE and RMSE on both joints. "
+        "Ratios are medians of the MAE, joint 2 / joint 3; inside are printed ratios within the central 90 %. RMSE/MAE "
+        "rises from Controller 1 to 3 on both joints in the print. Distance: root mean square of log(ours/printed) over ratios of "
+        "MAE and RMSE/MAE, which need no scale, of the median plant and of the closest."
+    )
+    return Table(heads.split("|"), rows, about)
+
+
+def _median(ratio: Mapping[str, Any]) -> str:
+    values = (ratio[f"joint_{joint}"]["median"] for joint in (2, 3))
+    return " / ".join("–" if value is None else f"{value:.2f}" for value in values)
+
+
+def _distance(found: Mapping[str, Any]) -> str:
+    return "–" if found["median"] is None else f"{found['median']:.2f}, {found['lowest']:.2f}"
+
+
+def claims(ledger: Mapping[str, Any]) -> Table:
+    """Claims, the most discussed first."""
+    entries = {entry["id"]: entry for entry in ledger["claims"]}
+    rows = []
+    for name in [name for name in CLAIMS if name in entries]:
+        entry = entries[name]
+        others = entry["readings_that_change_it"]
+        more = f" and {len(others) - 4} more" if others[4:] else ""
+        shown = ", ".join(f"`{other}`" for other in others[:4]) + more
+        mark = " (borderline)" if entry["borderline"] else ""
+        rows.append((name, entry["printed"], f"`{entry['verdict']}`{mark}", holds_on(entry), shown or "–"))
+    about = (
+        "`contradicted` is about the equations and not about the measurement: the paper measured hardware."
+    )
+    return Table(["claim", "printed", "verdict", "holds on", "readings that change it"], rows, about)
+
+
+def holds_on(entry: Mapping[str, Any]) -> str:
+    """On which share of the plants a claim holds, by which measure, and on how much by the others."""
+    evidence = entry["evidence"]
+    share, best, measures = evidence.get("share"), evidence.get("measure"), evidence.get("by_measure", ())
+    text = percent(share) if isinstance(share, float | int) else "–"
+    if not measures:
+        return text
+    others = ", ".join(
+        f"{row['measure']} {percent(row['share'])}" for row in measures if row["measure"] != best
+    )
+    return f"{text} by {best}; {others}"
+
+
+def numbers(ledger: Mapping[str, Any]) -> Table:
+    """How many numbers of each table have which verdict."""
+    counts: dict[str, Counter[str]] = {}
+    for entry in ledger["claims"]:
+        if entry["id"] not in CLAIMS:
+            mark = " (borderline)" if entry["borderline"] else ""
+            counts.setdefault(entry["id"].partition(".")[0], Counter())[f"`{entry['verdict']}`{mark}"] += 1
+    rows = [
+        (table, ", ".join(f"{count} {name}" for name, count in row.items())) for table, row in counts.items()
+    ]
+    return Table(("numbers", "verdicts"), rows)
+
+
+def decides(rankings: Mapping[str, Any]) -> Table:
+    """Which unknowns decide claims and ratios."""
+    rows = []
+    for name, held in rankings.items():
+        above = [row for row in held["rows"] if row["index"] > max(row["half_width"], held["noise_floor"])][
+            :3
+        ]
+        shown = ", ".join(f"`{row['name']}` {percent(row['index'])}" for row in above)
+        what = f"C1/C2, {name.removeprefix('ratio_').replace('_', ' ')}" if name.startswith("ratio") else name
+        rows.append((what, shown or "none above chance", percent(held["unexplained"])))
+    return Table(
+        ["of", "share of the variance that an unknown explains alone", "no single one explains"], rows
+    )
+
+
+def closest(data: Mapping[str, Any]) -> Table:
+    """Best plant under each reading, the best reading first."""
+    rows = []
+    for reading in sorted(data["readings"], key=lambda held: held["misfit_log"]):
+        shapes = reading["best_shape"]
+        rows.append(
+            (
+                f"`{reading['name']}`",
+                f"{reading['misfit_log']:.3f}",
+                "yes" if reading["seeds_agree"] else f"no, up to {max(reading['misfit_by_seed']):.3f}",
+                " / ".join(shape["ours_order_mae"] for shape in shapes),
+                " / ".join(shape["ours_order_rmse"] for shape in shapes),
+                " / ".join(_peakedness(shape, "ours") for shape in shapes),
+            )
+        )
+    printed = data["readings"][0]["best_shape"]
+    about = (
+        "Plants fitted to all sixteen numbers of Tables 2 and 3, so that nothing here is evidence. Misfit is the root mean "
+        "square of log(ours/printed) after "
+        f"{data['evaluations']:,} plants; seeds agree where their best misfits differ by at most 5 % or all are below 0.02. Orders and RMSE/MAE of "
+        "Controllers 1, 2, 3 are those of the best plant, joint 2 / joint 3; printed are "
+        f"{' / '.join(shape['printed_order_mae'] for shape in printed)} and "
+        f"{' / '.join(_peakedness(shape, 'printed') for shape in printed)}."
+    )
+    return Table(["reading", "misfit", "seeds agree", "order in MAE", "in RMSE", "RMSE/MAE"], rows, about)
+
+
+def _peakedness(shape: Mapping[str, Any], whose: str) -> str:
+    """RMSE over MAE of the three controllers."""
+    return " ".join(f"{shape[f'{whose}_rmse_over_mae_controller_{k}']:.2f}" for k in (1, 2, 3))
