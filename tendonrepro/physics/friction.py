@@ -6,7 +6,7 @@ axes are independent lanes.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -55,10 +55,8 @@ def friction_torque(velocity: Array, friction: Friction) -> Array:
     """
     torque = np.empty_like(velocity)
     for i in range(velocity.shape[0]):
-        relative = velocity[i] / friction.stribeck_velocity[i]
-        rise = 1.0 + (friction.static_ratio[i] - 1.0) * np.exp(-relative * relative)
-        sense = np.tanh(velocity[i] / friction.smoothing_velocity[i])
-        torque[i] = friction.viscous[i] * velocity[i] + friction.coulomb[i] * rise * sense
+        size, sense = _dry(velocity, friction, i)
+        torque[i] = friction.viscous[i] * velocity[i] + size * sense
     return torque
 
 
@@ -81,12 +79,16 @@ def dry_slope(velocity: Array, load: Array, friction: Friction) -> Array:
     """
     slope = np.empty_like(velocity)
     for i in range(velocity.shape[0]):
-        relative = velocity[i] / friction.stribeck_velocity[i]
-        rise = 1.0 + (friction.static_ratio[i] - 1.0) * np.exp(-relative * relative)
-        sense = np.tanh(velocity[i] / friction.smoothing_velocity[i])
-        dry = friction.coulomb[i] * rise + load[i]
-        slope[i] = dry * (1.0 - sense * sense) / friction.smoothing_velocity[i]
+        size, sense = _dry(velocity, friction, i)
+        slope[i] = (size + load[i]) * (1.0 - sense * sense) / friction.smoothing_velocity[i]
     return slope
+
+
+def _dry(velocity: Array, friction: Friction, i: int) -> tuple[Any, Any]:
+    """Dry friction of joint i without its sign, and its sign, smoothed."""
+    relative = velocity[i] / friction.stribeck_velocity[i]
+    rise = 1.0 + (friction.static_ratio[i] - 1.0) * np.exp(-relative * relative)
+    return friction.coulomb[i] * rise, np.tanh(velocity[i] / friction.smoothing_velocity[i])
 
 
 def without_dry_friction(friction: Friction) -> Friction:
