@@ -175,12 +175,16 @@ def rapid_advantage(plants: Plants, _: Published) -> Findings:
 
 
 def similar_surfaces(plants: Plants, _: Published) -> Findings:
-    """C4: the RMS of s of the three differ by at most 5 %."""
+    """C4: the RMS of s of the three differ by at most 5 %; twice as much stands beside."""
     sizes = np.array([plants[run, "s_rms"] for run in CONTROLLERS])
-    with np.errstate(invalid="ignore"):
-        holds = sizes.min(axis=0) >= (1.0 - SIMILAR) * sizes.max(axis=0)
-    text = "joint {}: the RMS of s of the three controllers differ by at most 5 %"
-    return _among_controllers(plants, list(_plain(plants, text, holds, *CONTROLLERS)))
+
+    def within(limit: float) -> list[Statement]:
+        with np.errstate(invalid="ignore"):
+            holds = sizes.min(axis=0) >= (1.0 - limit) * sizes.max(axis=0)
+        text = f"joint {{}}: the RMS of s of the three controllers differ by at most {100.0 * limit:.0f} %"
+        return list(_plain(plants, text, holds, *CONTROLLERS))
+
+    return _among_controllers(plants, within(SIMILAR), beside=within(2.0 * SIMILAR))
 
 
 def _smaller_up(plants: Plants, signal: str, size: str, *, by: float = 0.0) -> Iterator[Statement]:
@@ -190,7 +194,8 @@ def _smaller_up(plants: Plants, signal: str, size: str, *, by: float = 0.0) -> I
         with np.errstate(invalid="ignore"):
             holds = first < (1.0 - by) * plants[rival, f"{signal}_{size}_up"]
         what = f"moving up {SIZES[size]} of {signal} of {FIRST}"
-        text = f"joint {{}}: {what} is smaller than that of {rival}{f' by more than {by:.0%}' if by else ''}"
+        text = f"joint {{}}: {what} is smaller than that of {rival}"
+        text += f" by more than {100.0 * by:.0f} %" if by else ""
         yield from _plain(plants, text, holds, FIRST, rival, measure=SIZES[size])
 
 

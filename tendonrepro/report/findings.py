@@ -233,10 +233,18 @@ def _torque(found: Results) -> str | None:
     one, two, three = map(percent, ok)
     return (
         f"**What agrees with the print about α:** the torque is smoother on {where}, and Controller 1 tracks on more of the plants "
-        f"drawn, {one} against {two} and {three} of Controllers 2 and 3. Whether the estimate is better hangs on the measure: by "
-        f"the RMS of its error, mostly the arm shaken by encoder counts, on {percent(measured['RMS of epsilon'])}, by what of it "
-        f"lies below 3 Hz on {percent(measured['RMS of epsilon below 3 Hz'])}."
+        f"drawn, {one} against {two} and {three} of Controllers 2 and 3{_robustness(found)}. Whether the estimate is better hangs "
+        f"on the measure: by the RMS of its error, mostly the arm shaken by encoder counts, on "
+        f"{percent(measured['RMS of epsilon'])}, by what of it lies below 3 Hz on "
+        f"{percent(measured['RMS of epsilon below 3 Hz'])}."
     )
+
+
+def _robustness(found: Results) -> str:
+    evidence = found.entries.get("E1a", {"evidence": {}})["evidence"]
+    if evidence.get("share") is None or evidence["share"] <= 0.5:
+        return ""
+    return f"; of the {evidence['plants']} on which just one of 1 and 2 does, it is 1 on {percent(evidence['share'])}"
 
 
 def _kinematics(found: Results) -> str | None:

@@ -325,7 +325,9 @@ class TestWhatIsCounted:
             data.values[run, PRINTED, "s_rms"][:] = 1.0
         for size, verdict in ((0.95, "compatible"), (0.9499, "contradicted")):
             data.values["controller_1", PRINTED, "s_rms"][:] = size
-            assert one(data, paper, "C4").verdict == verdict
+            found = one(data, paper, "C4")
+            assert found.verdict == verdict
+            assert {row["verdict"] for row in found.evidence["beside"]} == {"compatible"}
 
     @pytest.mark.parametrize(
         ("claim", "signal", "passes", "fails"), [("C5", "H_hat", 0.9999, 1.0), ("C6", "torque", 0.9499, 0.95)]
