@@ -97,8 +97,8 @@ def head(summary: Mapping[str, Any]) -> str:
         text += (
             f"{check['experiments']} runs were repeated with the SciPy stepper; on the {check['compared']} that "
             f"ran to their end MAE and RMSE differ by at most "
-            f"{percent(check['ideal']['largest'])} with ideal encoders and {percent(check['quantised']['largest'])} "
-            f"with counts; {check['disagreements']} statuses differ. "
+            f"{percent(check['ideal']['largest'])} with ideal encoders (in `{check['ideal']['where'].split(', ')[1]}`) and "
+            f"{percent(check['quantised']['largest'])} with counts; {check['disagreements']} statuses differ. "
         )
     return text + "Brackets are 95 % intervals from the scramblings."
 
