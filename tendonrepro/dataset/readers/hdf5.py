@@ -9,7 +9,6 @@ from typing import Any
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.dataset.readers.allowance import Allowance
@@ -21,6 +20,7 @@ _DEEPEST = 32
 _MOST_OBJECTS = 50_000
 """Links followed; a group may hold millions that lead nowhere."""
 _SHORT_SCALE = 64
+_PACKING = ("_FillValue", "scale_factor", "add_offset")
 _BROKEN = "copy or download it again; if it stays broken, export it again"
 _ELSEWHERE = "copy that file's data into this one with h5repack or h5copy"
 
@@ -108,17 +108,13 @@ def _note_attributes(found: Found, group: h5py.Group, path: str) -> None:
         found.text(f"{path}/@{name}".lstrip("/"), _text_attribute(group, name))
 
 
-def _attribute(item: Any, name: str) -> Any:
-    """Value of an attribute, of a single one itself; None for one that is missing or broken."""
+def _text_attribute(item: Any, name: str) -> str:
+    """Value of an attribute that is a text; empty for one that is missing, broken or something else."""
     try:
         value = item.attrs.get(name)
     except Exception:
-        return None
-    return value.flat[0] if isinstance(value, np.ndarray) and value.size == 1 else value
-
-
-def _text_attribute(item: Any, name: str) -> str:
-    value = _attribute(item, name)
+        return ""
+    value = value.flat[0] if isinstance(value, np.ndarray) and value.size == 1 else value
     if isinstance(value, bytes):
         value = value.decode("utf-8", "replace")
     return value if isinstance(value, str) else ""
@@ -170,36 +166,21 @@ def _add(found: Found, path: str, dataset: h5py.Dataset) -> None:
     if values.dtype.names:
         add_array(found, path, values)
         return
-    numbers, notes = _unpacked(dataset, np.asarray(values))
+    packed = [name for name in _PACKING if name in dataset.attrs]
+    notes = [f"not applied: {', '.join(packed)}"] if packed else []
     columns = _scale(dataset, 1) if dataset.ndim == 2 else None
     if columns is not None and _is_label_scale(columns) and columns.shape == dataset.shape[1:]:
         notes.append(f"columns are {columns.name.rpartition('/')[2]} {_listed(columns[()])}")
     group, _, name = path.rpartition("/")
     found.add(
         path,
-        numbers,
+        np.asarray(values),
         label=_text_attribute(dataset, "long_name") or name,
         unit=_text_attribute(dataset, "units") or None,
         group=group,
         time=_time(found, dataset),
         note="; ".join(notes),
     )
-
-
-def _unpacked(dataset: h5py.Dataset, values: NDArray[Any]) -> tuple[NDArray[Any], list[str]]:
-    """Undo what netCDF does to numbers: a number for gaps, a scale and an offset."""
-    notes: list[str] = []
-    if values.dtype.kind not in "iuf":
-        return values, notes
-    own = (_attribute(dataset, name) for name in ("_FillValue", "scale_factor", "add_offset"))
-    gap, scale, offset = (float(one) if isinstance(one, np.number) else None for one in own)
-    if gap is not None and (values == gap).any():
-        values = np.where(values == gap, np.nan, values)
-        notes.append("fill values became NaN")
-    if scale is not None or offset is not None:
-        values = values * (1.0 if scale is None else scale) + (offset or 0.0)
-        notes.append("scale_factor and add_offset applied")
-    return values, notes
 
 
 def _scale(dataset: h5py.Dataset, axis: int) -> h5py.Dataset | None:
