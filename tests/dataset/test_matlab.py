@@ -342,26 +342,17 @@ def test_figure(tmp_path: Path, tree: str, version: str) -> None:
 
 
 def test_words_of_a_figure(tmp_path: Path) -> None:
-    def placed(title: Any, *position: float) -> Any:
-        return made.axes(made.line(TIMES, TIMES), title=title, xlabel="t (s)", Position=np.array([position]))
+    def titled(title: Any) -> Any:
+        return made.axes(made.line(TIMES, TIMES), title=title, xlabel="t (s)")
 
-    def legend(words: Sequence[str], *position: float) -> Any:
-        return made.graphic("scribe.legend", String=made.cells(*words), Position=np.array([position]))
-
-    nodes = [
-        placed(made.cells("Joint 2", "Controller 1"), 0.1, 0.1, 0.35, 0.8),
-        placed("Joint 3", 0.6, 0.1, 0.35, 0.8),
-        legend(["Desired", "Actual"], 0.7, 0.7, 0.1, 0.1),
-        legend(["nowhere"], 0.48, 0.9, 0.02, 0.02),
-    ]
-    tree = made.record(**made.graphic("figure", made.records(*nodes), Name="Fig 14"))
+    nodes = made.records(titled(made.cells("Joint 2", "Controller 1")), titled("Joint 3"))
+    tree = made.record(**made.graphic("figure", nodes, Name="Fig 14"))
     assert written(tmp_path, "5", hgS_070000=tree).texts == {
         "title": "Fig 14",
         "axes 1/title": "Joint 2 Controller 1",
         "axes 1/xlabel": "t (s)",
         "axes 2/title": "Joint 3",
         "axes 2/xlabel": "t (s)",
-        "axes 2/legend": "Desired | Actual",
     }
 
 
