@@ -82,7 +82,7 @@ class Assembly:
         self._complete(name, variables, joints)
         self._calculate(name, variables, joints)
         self._leave_out(name, variables, joints)
-        self._ask_for_measured(name, run, variables, joints)
+        self._ask_for_measured(name, variables, joints)
         attributes = {
             "law": MEASURED,
             "gains": {},
@@ -257,24 +257,16 @@ class Assembly:
             hint = "`tendonrepro inspect` shows the range of every signal"
             raise ConfigError(message, where=f"{self.where}: runs.{name}", hint=hint)
 
-    def _ask_for_measured(
-        self, name: str, run: Run, variables: dict[str, Array], joints: tuple[int, ...]
-    ) -> None:
+    def _ask_for_measured(self, name: str, variables: dict[str, Array], joints: tuple[int, ...]) -> None:
         """Doubt a run with desired angles alone, and say which line of the mapping brings the measured."""
-        desired, measured = (
-            variables.get(key, np.full((1, len(joints)), np.nan)) for key in ("q_d", "q_encoder")
-        )
-        alone = np.isfinite(desired).any(axis=0) & ~np.isfinite(measured).any(axis=0)
+        absent = np.full((1, len(joints)), np.nan)
+        there = [np.isfinite(variables.get(key, absent)).any(axis=0) for key in ("q_d", "q_encoder")]
+        alone = there[0] & ~there[1]
         if not alone.any():
             return
-        joint = joints[int(np.argmax(alone))]
-        like = next(entry for entry in run.signals if (entry.variable, entry.joint) == ("q_d", joint))
-        known = {item.signal for item in (*run.signals, run.time, like.time) if item}
-        free = [signal.path for signal in self._source(like.file).signals if signal.path not in known]
-        line = f"- {{variable: q_encoder, joint: {joint}, file: {like.file}, signal: ..., unit: {like.unit}}}"
         self.doubts.append(
-            f"{name}: joint {_listed(joints, alone)} has a desired angle and no measured one, so there is "
-            f"no error. Its line under `signals` would be `{line}`; signals there in no line: {_few(free)}"
+            f"{name}: joint {_listed(joints, alone)} has a desired angle and no measured one, so there is no "
+            "error: `variable: q_encoder` under `signals` names its column"
         )
 
     def _status(self, time: Array, variables: dict[str, Array], joints: tuple[int, ...]) -> dict[str, Any]:
