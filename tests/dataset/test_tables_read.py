@@ -459,24 +459,21 @@ def hdf5(tmp_path: Path) -> Path:
         group = file.create_group("controller_1")
         group.attrs["run"] = "SYNTHETIC"
         time = group.create_dataset("time", data=np.arange(5) * 10.0)
-        joint = group.create_dataset("joint", data=np.array([2, 3]))
-        for scale in (time, joint):
-            scale.make_scale()
+        time.make_scale()
         time.attrs["units"] = "ms"
         q = group.create_dataset("q", data=np.arange(10.0).reshape(5, 2))
         q.attrs["units"], q.attrs["long_name"] = "deg", "joint angle"
         q.dims[0].attach_scale(time)
-        q.dims[1].attach_scale(joint)
     return path
 
 
 def test_scales_units_and_names_of_hdf5(hdf5: Path) -> None:
-    time, q = sorted(read_hdf5(hdf5).signals, key=lambda signal: signal.path, reverse=True)
+    found = {signal.path: signal for signal in read_hdf5(hdf5).signals}
+    q, time = found["controller_1/q"], found["controller_1/time"]
     assert (q.path, q.label, q.unit, q.group) == ("controller_1/q", "joint angle", "deg", "controller_1")
     assert_array_equal(q.time, np.arange(5) * 0.01)
-    assert q.note == "columns are joint 2, 3"
-    assert (time.path, time.unit) == ("controller_1/time", "ms")
-    assert read_hdf5(hdf5).texts == {"controller_1/@run": "SYNTHETIC", "controller_1/joint": "2, 3"}
+    assert time.unit == "ms"
+    assert read_hdf5(hdf5).texts == {"controller_1/@run": "SYNTHETIC"}
 
 
 def test_links_loops_and_promises_of_hdf5(hdf5: Path, tmp_path: Path) -> None:
@@ -524,5 +521,4 @@ def test_our_own_traces_are_read(tmp_path: Path) -> None:
     signals = {signal.path: signal for signal in read_hdf5(path).signals}
     q = signals["controller_1/q"]
     assert q.unit == "rad"
-    assert q.note == "columns are joint 2, 3"
     assert_array_equal(q.time, signals["controller_1/time"].values)

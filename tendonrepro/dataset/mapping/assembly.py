@@ -111,12 +111,12 @@ class Assembly:
         else:
             time = timebase.even(signals, resample.step_s)
             kept = timebase.resampled(signals, time)
-            self.notes.append(f"{name}: resampled every {resample.step_s:g} s, {resample.method}: {kept}")
+            self.notes.append(f"{name}: resampled every {resample.step_s:g} s: {kept}")
         joints = tuple(sorted({entry.joint for entry in run.signals}))
         variables: dict[str, Array] = {}
         for entry, signal in timed.items():
             block = variables.setdefault(entry.variable, np.full((len(time), len(joints)), np.nan))
-            values = timebase.RESAMPLED[resample.method](time, signal) if resample else signal.values
+            values = np.interp(time, signal.time, signal.values) if resample else signal.values
             block[:, joints.index(entry.joint)] = values
         return time, variables, joints
 

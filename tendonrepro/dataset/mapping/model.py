@@ -150,8 +150,7 @@ class Run(Model):
 class Resample(Model):
     """A common time base for every run."""
 
-    step_s: Annotated[Positive, Field(description="s between samples")]
-    method: Annotated[Literal["linear", "previous"], Field(description="between samples")] = "linear"
+    step_s: Annotated[Positive, Field(description="s between samples, on straight lines between the file's")]
 
 
 class Mapping(Model):
