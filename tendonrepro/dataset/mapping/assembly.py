@@ -15,7 +15,7 @@ from tendonrepro.dataset.mapping import timebase
 from tendonrepro.dataset.mapping.model import Entry, Mapping, Run, TimeAxis
 from tendonrepro.dataset.mapping.timebase import Timed, TimeProblem, in_seconds
 from tendonrepro.dataset.meaning.evidence import COUNTS_DEG, distance
-from tendonrepro.dataset.meaning.words import printable
+from tendonrepro.dataset.meaning.words import few, printable
 from tendonrepro.dataset.readers.signals import Signal, Source
 from tendonrepro.dataset.readers.units import factor
 from tendonrepro.errors import ConfigError
@@ -144,7 +144,7 @@ class Assembly:
             before, rows = rows, rows & np.isclose(values, where.equals, rtol=_SAME_VALUE, atol=0.0)
             if not rows.any():
                 message = f"{label} has no row left where {where.signal!r} is {where.equals:g}"
-                hint = f"There {where.signal!r} holds {_few([f'{x:g}' for x in np.unique(values[before])])}"
+                hint = f"There {where.signal!r} holds {few([f'{x:g}' for x in np.unique(values[before])])}"
                 raise ConfigError(message, where=self.where, hint=hint)
         return rows
 
@@ -165,7 +165,8 @@ class Assembly:
             skipped = next((skip for skip in source.skipped if skip.path == path or not skip.path), None)
             reason = f": {printable(skipped.reason)}" if skipped else ""
             message = f"{file} holds no signal {path!r}{reason}"
-            hint = f"`tendonrepro inspect` lists what it holds: {_few([s.path for s in source.signals])}"
+            held = few([signal.path for signal in source.signals]) or "nothing"
+            hint = f"`tendonrepro inspect` lists what it holds: {held}"
             raise ConfigError(message, where=self.where, hint=hint)
         if column > found.columns:
             message = f"{path!r} in {file} has {found.columns} columns, not {column}"
@@ -182,7 +183,7 @@ class Assembly:
                 self._taken.add(found[0])
                 return found[0]
         message = f"{file!r} could be several files" if below else f"no file {file!r} among what was given"
-        hint = f"Given were {_few([source.name for source in self.sources])}"
+        hint = f"Given were {few([source.name for source in self.sources]) or 'nothing'}"
         raise ConfigError(message, where=self.where, hint=hint)
 
     def _complete(self, name: str, variables: dict[str, Array], joints: tuple[int, ...]) -> None:
@@ -330,8 +331,3 @@ def _span(values: Array) -> float:
 
 def _listed(joints: Sequence[int], chosen: ArrayLike) -> str:
     return ", ".join(str(joints[place]) for place in np.flatnonzero(chosen).tolist())
-
-
-def _few(names: Sequence[str]) -> str:
-    shown = ", ".join(map(printable, names[:8])) or "nothing"
-    return f"{shown} and {len(names) - 8} more" if len(names) > 8 else shown

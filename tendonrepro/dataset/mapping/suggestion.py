@@ -20,14 +20,13 @@ from tendonrepro.dataset.meaning.assignment import RUNS, places, runs_among, var
 from tendonrepro.dataset.meaning.columns import SHORTEST, Address, Column
 from tendonrepro.dataset.meaning.evidence import same_curve
 from tendonrepro.dataset.meaning.times import SAMPLING
-from tendonrepro.dataset.meaning.words import printable
+from tendonrepro.dataset.meaning.words import few, printable
 from tendonrepro.dataset.readers.units import FACTORS, kind_of_variable
 from tendonrepro.results.records import VARIABLES
 
 PAYLOAD = 0.2
 """The paper's payload, kg, where a name says that there is one but not how heavy."""
 _MOST_WRITTEN = 100  # columns in no run that are written out; more would bury the rest
-_MOST_LISTED = 6
 _UNWRITABLE = re.compile("[\0\ud800-\udfff]")
 """What no mapping can hold: NUL, and halves of a pair that stand for bytes of no known encoding."""
 
@@ -74,7 +73,7 @@ def suggest(columns: Sequence[Column], title: str) -> Suggestion:
     asked: dict[str, dict[str, None]] = defaultdict(dict)
     for name, remark in (*_claimed(picked), *_asked(runs, clocks), *_not_guessed(left)):
         asked[remark][name] = None
-    remarks = tuple(f"{_listed(list(names))}: {remark}" for remark, names in asked.items())
+    remarks = tuple(f"{few(list(names))}: {remark}" for remark, names in asked.items())
     head = [
         "Which column is which variable of which run. Guessed by `tendonrepro inspect --suggest`.",
         "Check every entry: variable, joint, unit. Delete its line `because` when you have, or let",
@@ -128,7 +127,7 @@ def _claimed(picked: Mapping[str, tuple[Sequence[Column], Sequence[Column]]]) ->
         if name not in RUNS:
             yield repr(name), "no name says which controller that is: rename it"
         if rivals:
-            others = _listed([f"{column.source.name}: {column.address}" for column in rivals])
+            others = few([f"{column.source.name}: {column.address}" for column in rivals])
             way = "to keep another recording, give it a run with a name of your own"
             yield name, f"several columns claim the same place, the first are taken, not {others}; {way}"
 
@@ -179,12 +178,6 @@ def _times(columns: Sequence[Column], clocks: Mapping[Address, Column]) -> list[
 
 def _same(a: Array, b: Array) -> bool:
     return len(a) == len(b) and bool(np.abs(a - b).max() <= SAME_TIME * np.median(np.diff(a)))
-
-
-def _listed(names: Sequence[str]) -> str:
-    """Names in one line, the first few of many."""
-    more = len(names) - _MOST_LISTED
-    return ", ".join(names[:_MOST_LISTED]) + (f" and {more} more" if more > 0 else "")
 
 
 def _place(column: Column) -> dict[str, Node]:

@@ -25,6 +25,7 @@ from tendonrepro.dataset.readers.matlab.values import (
     text_of,
 )
 from tendonrepro.dataset.readers.signals import seconds
+from tendonrepro.dataset.repository.names import Numbered
 
 _SECONDS = {
     "nanoseconds": 1e-9,
@@ -148,16 +149,11 @@ def _times(info: Mapping[str, Any], stored: NDArray[Any] | None, samples: int) -
 
 def _dataset(properties: Mapping[str, Any]) -> dict[str, Any] | Lost:
     """Elements of a log by their names."""
-    found: dict[str, Any] = {}
-    elements = _elements(properties, 0)
-    if not elements:
-        return Lost("a log without signals of its own", EXPORT)
-    for number, item in enumerate(elements, start=1):
-        own = _properties(item)
-        name = _name(own) or f"element {number}"
-        numbered = (f"{name} ({k})" for k in range(2, number + 2))
-        found[name if name not in found else next(n for n in numbered if n not in found)] = item
-    return found
+    names = Numbered()
+    return {
+        names.take(_name(_properties(item)) or f"element {number}"): item
+        for number, item in enumerate(_elements(properties, 0), start=1)
+    } or Lost("a log without signals of its own", EXPORT)
 
 
 def _elements(properties: Mapping[str, Any], depth: int) -> list[Any]:
