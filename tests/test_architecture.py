@@ -42,7 +42,6 @@ OWNERS = {
     "pyarrow": ["results/export.py"],
     "matio": ["dataset/readers/matlab/*"],
     "python_calamine": ["dataset/readers/*"],
-    "charset_normalizer": ["dataset/readers/*"],
     "requests": ["dataset/repository/*"],
     "urllib3": ["dataset/repository/*"],
     "filelock": ["results/folder.py"],

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from tendonrepro.claims.from_ensemble import COMMAND, judge, outcome
-from tendonrepro.claims.from_measurement import judge_measured, measured_of
+from tendonrepro.claims.from_measurement import judge_measured
 from tendonrepro.claims.from_print import FROM_THE_PRINT, Judged, missing
+from tendonrepro.claims.measured import measured_of
 from tendonrepro.claims.plants import Ensemble, Plants
 from tendonrepro.claims.sensitivity import Ranking, ranked
 from tendonrepro.claims.verdicts import FAILURES, NAMES, VerdictName

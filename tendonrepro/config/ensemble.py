@@ -18,10 +18,10 @@ from pydantic import AfterValidator, Field, model_validator
 from tendonrepro.config.draft import ConfigSource, Draft, find_source
 from tendonrepro.config.fields.model import Identifier, Model, RootModel, SchemaVersion, refuse
 from tendonrepro.config.fields.physical import physical
-from tendonrepro.config.fields.quantity import Scalar
+from tendonrepro.config.fields.quantity import Scalar, to_si
 from tendonrepro.config.fields.strict_yaml import dump
 from tendonrepro.config.load import LoadedConfig, load_config
-from tendonrepro.config.models.box import BoxConfig, Confidence, to_si
+from tendonrepro.config.models.box import BoxConfig, Confidence
 from tendonrepro.config.models.experiment import CompareConfig
 from tendonrepro.config.models.readings import AXES, RUNS, VARIATIONS, parse_reading
 from tendonrepro.config.overrides import parse_override

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from tendonrepro.config.fields.model import describe
-from tendonrepro.config.fields.strict_yaml import Key
+from tendonrepro.config.fields.strict_yaml import Document, Key
 from tendonrepro.errors import ConfigError
 
 
@@ -40,6 +40,11 @@ _EXPECTED: Mapping[str, str] = {
     "int_type": "a whole number",
 }
 _KEY = "[key]"  # pydantic's place for a mistake in the name of a key
+
+
+def places_in(document: Document) -> Locate:
+    """Places of the entries of a document that stands alone."""
+    return lambda path: Place(0, document.line(path), document.where(path))
 
 
 def explain(error: ValidationError, model: type[BaseModel], tree: object, locate: Locate) -> ConfigError:

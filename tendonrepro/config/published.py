@@ -15,8 +15,8 @@ from pydantic import Field, StrictInt, ValidationError, model_validator
 
 from tendonrepro.arrays import Array
 from tendonrepro.config.fields.model import Model, Number, refuse
-from tendonrepro.config.fields.strict_yaml import Document, Key, load, read_text
-from tendonrepro.config.messages import Place, explain
+from tendonrepro.config.fields.strict_yaml import Document, load, read_text
+from tendonrepro.config.messages import explain, places_in
 from tendonrepro.errors import ConfigError
 from tendonrepro.files import shipped
 from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix
@@ -182,14 +182,10 @@ def published() -> Published:
 
 def parse_published(document: Document) -> Published:
     """Check and freeze a document; every id is used once and covered by exactly one judgement."""
-
-    def locate(path: Key) -> Place:
-        return Place(0, document.line(path), document.where(path))
-
     try:
         file = _File.model_validate(document.tree)
     except ValidationError as error:
-        raise explain(error, _File, document.tree, locate) from None
+        raise explain(error, _File, document.tree, places_in(document)) from None
     entries: dict[str, PrintedEntry] = {}
     judgements: dict[str, Judgement] = {}
     for index, entry in enumerate(file.entries):

@@ -18,7 +18,7 @@ from tendonrepro.dataset.meaning.assignment import runs_among, variable_of
 from tendonrepro.dataset.meaning.columns import Column
 from tendonrepro.dataset.meaning.evidence import sampling_step
 from tendonrepro.dataset.meaning.understand import understand
-from tendonrepro.dataset.meaning.words import printable
+from tendonrepro.dataset.meaning.words import few, printable
 from tendonrepro.dataset.readers.guard import read_guarded
 from tendonrepro.dataset.readers.read import files_below
 from tendonrepro.dataset.readers.signals import Signal, Source
@@ -27,7 +27,6 @@ from tendonrepro.errors import UsageError
 from tendonrepro.files import write_atomically
 
 SCHEMA_VERSION = 1
-_MOST_NAMED = 5  # things of a kind that a terminal names; ``--json`` names all
 _MOST_TEXTS = 40  # texts of a file that a terminal shows
 
 
@@ -156,7 +155,7 @@ def _short_lines(file: Mapping[str, Any]) -> Iterator[str]:
         )
         yield f"  {run}: {'; '.join(words)}"
     if unknown:
-        yield f"  not guessed: {_named(unknown)}"
+        yield f"  not guessed: {few(unknown)}"
     if signals and not any(_has_time(signal) for signal in signals):
         yield "  no times"
     yield from _skipped_lines(file["skipped"])
@@ -164,12 +163,6 @@ def _short_lines(file: Mapping[str, Any]) -> Iterator[str]:
 
 def _has_time(signal: Mapping[str, Any]) -> bool:
     return signal["times_s"] is not None or any(column["meaning"] == "time" for column in signal["columns"])
-
-
-def _named(names: Sequence[str]) -> str:
-    """Names in one line, the first few of many."""
-    more = len(names) - _MOST_NAMED
-    return ", ".join(names[:_MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
 def _file_lines(file: Mapping[str, Any]) -> list[str]:
@@ -192,7 +185,7 @@ def _skipped_lines(skipped: Sequence[Mapping[str, str]]) -> Iterator[str]:
     for skip in skipped:
         alike[skip["reason"], skip["advice"]].append(skip["path"])
     for (reason, advice), paths in alike.items():
-        named = _named([path for path in paths if path])
+        named = few([path for path in paths if path])
         place = f"{named}: " if named else ""
         yield f"  skipped {place}{reason}{'. ' + advice if advice else ''}"
 

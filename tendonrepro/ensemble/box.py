@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.config.ensemble import EnsembleConfig
+from tendonrepro.config.fields.quantity import to_si
 from tendonrepro.config.load import CompareConfig, LoadedConfig
-from tendonrepro.config.models.box import Among, BoxRange, BoxRow, Words, rule_of, to_si
+from tendonrepro.config.models.box import Among, BoxRange, BoxRow, Words, rule_of
 from tendonrepro.config.models.readings import as_printed
 from tendonrepro.ensemble.draw import drawn_tree
 

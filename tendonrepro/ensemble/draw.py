@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from tendonrepro.config.ensemble import FAST_PERIOD
-from tendonrepro.config.models.box import DISTURBANCES, FRICTION_SIDES, MOTIONS, to_si
+from tendonrepro.config.fields.quantity import to_si
+from tendonrepro.config.models.box import DISTURBANCES, FRICTION_SIDES, MOTIONS
 from tendonrepro.config.models.readings import AXES
 from tendonrepro.config.published import COMPARED
 from tendonrepro.physics.trajectory import trapezoid_times

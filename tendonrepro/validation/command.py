@@ -9,7 +9,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
-from tendonrepro.claims.from_measurement import JUDGED, Measured, judge_measured, measured_of
+from tendonrepro.claims.from_measurement import JUDGED, judge_measured
+from tendonrepro.claims.measured import Measured, measured_of
 from tendonrepro.config.load import LoadedConfig
 from tendonrepro.config.published import Published, published
 from tendonrepro.config.request import Request

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from tendonrepro.claims.from_measurement import Measured
+from tendonrepro.claims.measured import Measured
 from tendonrepro.config.fields.strict_yaml import Node, dump
 from tendonrepro.config.load import LoadedConfig, load_config
 from tendonrepro.config.published import COMPARED

@@ -101,7 +101,7 @@ MISTAKES = [
     ("value:  32", "value:  33", "block.value: must be a power of two, found 33"),
     ("high: 45, scale", "high: 46, scale", "must keep link 3 below 180 deg from hanging, it would reach 181"),
     ("value:  30\n", "value:  20\n", "longest_run.value: must cover every motion"),
-    ("datasheet: 4.4e-4", "somewhere: 4.4e-4", "must begin with its origin"),
+    ("datasheet: 4.4e-4", "somewhere: 4.4e-4", "must begin with printed:"),
     ("experiment: ensemble", "experiment: ensembel", "experiment: must be ensemble, found"),
 ]
 

@@ -15,13 +15,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from support.seed_files import encrypted_zip, tar_entry, tarred, zipped
+from support.seed_files import encrypted_zip, read_file, tar_entry, tarred, zipped
 
 from tendonrepro.dataset.readers import allowance as bounds
 from tendonrepro.dataset.readers import archive
 from tendonrepro.dataset.readers.allowance import Allowance
 from tendonrepro.dataset.readers.archive import Member, members
-from tendonrepro.dataset.readers.read import read_file
 from tendonrepro.dataset.readers.signals import Unreadable
 
 TABLE = b"t,q\n0,1\n1,2\n2,4\n"

@@ -12,11 +12,11 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from support.zenodo_server import RECORD, Repository
+from support.zenodo_server import CONCEPT, RECORD, Repository
 
 from tendonrepro.dataset.repository.lock import DataLock, LockedFile, read_lock, write_lock
 from tendonrepro.dataset.repository.names import MOST_FILES, is_ours, printable, safe_paths, safe_relative
-from tendonrepro.dataset.repository.zenodo import Record, parse_files, parse_record, record_number
+from tendonrepro.dataset.repository.zenodo import Record, parse_record, record_number
 from tendonrepro.errors import DataMissingError, UsageError
 
 SITE = "https://zenodo.example"
@@ -164,26 +164,18 @@ def test_any_text_is_a_number_or_a_mistake(text: str) -> None:
         assert record_number(text).isdigit()
 
 
-def example(shape: str) -> dict[str, Any]:
-    return Repository(shape=shape, url=SITE).record()
+def example(**changes: Any) -> dict[str, Any]:
+    return Repository(url=SITE).record() | changes
 
 
-@pytest.mark.parametrize("shape", ["zenodo", "2023", "rdm"])
-def test_all_shapes_say_the_same(shape: str) -> None:
-    record = parse_record(example(shape), SITE)
-    reference = parse_record(example("zenodo"), SITE)
-    assert record == reference
-    assert record.files[0].urls[0].endswith("/files/SYNTHETIC%20exp%20data%201.mat/content")
-    assert record.files[0].urls[1].endswith("/files/SYNTHETIC%20exp%20data%201.mat?download=1")
-    assert record.files[1].urls[0].endswith("/SYNTHETIC%20folder/run.csv/content")
-
-
-def test_a_listing_is_read_as_list_and_by_key() -> None:
-    entries = Repository(url=SITE).entries()
-    files = parse_files({"enabled": True, "entries": entries}, str(RECORD), SITE)
-    by_key = {entry["key"]: {key: entry[key] for key in ("size", "checksum", "links")} for entry in entries}
-    assert parse_files({"entries": by_key}, str(RECORD), SITE) == files
-    assert parse_files({"enabled": True}, str(RECORD), SITE) == ()
+def test_a_record_is_read() -> None:
+    record = parse_record(example(), SITE)
+    assert (record.record_id, record.concept_doi) == (str(RECORD), f"10.5281/zenodo.{CONCEPT}")
+    assert (record.version, record.licence, record.access) == ("v1", "cc-by-4.0", "open")
+    # The addresses are built, and are those that the record gives.
+    given = [entry["links"]["self"] for entry in example()["files"]]
+    assert [file.url for file in record.files] == given
+    assert record.files[0].url.endswith("/files/SYNTHETIC%20exp%20data%201.mat/content")
 
 
 @pytest.mark.parametrize(
@@ -200,30 +192,24 @@ def test_a_listing_is_read_as_list_and_by_key() -> None:
 )
 def test_a_nonsensical_file_is_named(entry: Any, words: str) -> None:
     with pytest.raises(DataMissingError, match=words):
-        parse_files([entry], "1", SITE)
+        parse_record(example(files=[entry]), SITE)
 
 
 def test_a_key_that_comes_twice_is_found_among_many() -> None:
     """Comparing each with each would take hours here."""
     entries = [{"key": f"SYNTHETIC {number}", "size": 5} for number in range(60_000)]
-    assert len(parse_files(entries, "1", SITE)) == 60_000
+    assert len(parse_record(example(files=entries), SITE).files) == 60_000
     with pytest.raises(DataMissingError, match="named twice: 'SYNTHETIC 7'"):
-        parse_files([*entries, entries[7]], "1", SITE)
+        parse_record(example(files=[*entries, entries[7]]), SITE)
 
 
-@pytest.mark.parametrize(
-    "links",
-    ["x", {"self": f"{SITE}/x"}, *({"content": url} for url in ("file:///a", "http://[/", "http:///x"))],
-)
-def test_an_address_that_is_none_is_built(links: Any) -> None:
-    entry = {"key": "SYNTHETIC", "size": 5, "checksum": "sha256:00", "links": links}
-    (file,) = parse_files([entry], "1", SITE)
-    assert file.md5 is None
-    assert file.urls[0] == f"{SITE}/api/records/1/files/SYNTHETIC/content"
+def test_another_digest_than_md5_is_none() -> None:
+    entry = {"key": "SYNTHETIC", "size": 5, "checksum": "sha256:00"}
+    assert parse_record(example(files=[entry]), SITE).files[0].md5 is None
 
 
 def test_a_title_cannot_move_the_terminal_about() -> None:
-    tree = example("zenodo")
+    tree = example()
     tree["metadata"]["title"] = "SYNTHETIC \x1b[2J\r\ntitle"
     assert parse_record(tree, SITE).title == "SYNTHETIC [2J title"
 
@@ -260,9 +246,9 @@ def damage(tree: Any, data: st.DataObject) -> None:
             del room[last]
 
 
-@given(st.sampled_from(["zenodo", "2023", "rdm"]), st.data())
-def test_a_damaged_record_is_read_or_refused(shape: str, data: st.DataObject) -> None:
-    tree = example(shape)
+@given(st.data())
+def test_a_damaged_record_is_read_or_refused(data: st.DataObject) -> None:
+    tree = example()
     damage(tree, data)
     try:
         assert isinstance(parse_record(tree, SITE), Record)

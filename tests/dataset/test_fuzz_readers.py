@@ -11,11 +11,11 @@ from pathlib import Path
 import psutil
 import pytest
 from support import seed_files
+from support.seed_files import read_file
 
 from tendonrepro.console import Talk
 from tendonrepro.dataset.readers.allowance import Allowance
 from tendonrepro.dataset.readers.guard import Limits, read_guarded
-from tendonrepro.dataset.readers.read import read_file
 from tendonrepro.dataset.readers.signals import Source
 
 SEEDS = {name: content for name, (_, content) in seed_files.readable().items()}

@@ -143,7 +143,7 @@ def test_a_folder_without_a_name_is_called_by_its_own(
     (folder / "SYNTHETIC.csv").write_text(f"time_us,q2\n{rows}")
     monkeypatch.chdir(folder)
     found = inspect(Path(), tmp_path / "mapping.yaml")
-    assert 'title: "Measured data from SYNTHETIC_files"' in (tmp_path / "mapping.yaml").read_text()
+    assert "title: Measured data from SYNTHETIC_files\n" in (tmp_path / "mapping.yaml").read_text()
     assert "1773300045123456 to 1773300045221456 us, 0.098 s long -> time" in inspect_text(
         found, verbose=True
     )
@@ -284,7 +284,8 @@ def test_no_file_steers_the_terminal(tmp_path: Path) -> None:
     path.write_text(f"\x1b[2J SYNTHETIC\x9b31m\n{TABLE.replace('q2', chr(27) + 'q2')}")
     found = inspect(path, mapping)
     assert "\x1b" in json.loads(json.dumps(found))["files"][0]["signals"][1]["path"]
-    text = mapping.read_text(encoding="utf-8").replace('title: "', 'title: "\\e[2J')
+    text = mapping.read_text(encoding="utf-8")
+    text = text.replace("title: Measured data", 'title: "\\e[2J" # ')
     mapping.write_text(text, encoding="utf-8")
     taken = ingest(path, mapping, dry_run=True)
     assert taken["title"].startswith("\x1b")

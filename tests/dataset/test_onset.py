@@ -9,14 +9,11 @@ import pytest
 from support.synthetic import COUNT, make_compare_file
 
 from tendonrepro.arrays import Array
-from tendonrepro.dataset.motion.period import onset
 from tendonrepro.dataset.motion.record import noise, recorded
 from tendonrepro.dataset.motion.recover import recover, recover_run
 from tendonrepro.physics.trajectory import (
     Motion,
-    minimum_jerk,
     motion,
-    raised_cosine,
     smooth_sine,
     trapezoidal,
 )
@@ -24,12 +21,7 @@ from tendonrepro.results.records import Trace
 from tendonrepro.validation.rerun import departure
 
 SIZE = np.deg2rad(24.0)
-SHAPES = {
-    "ramp": trapezoidal(SIZE, *np.deg2rad([12.0, 4000.0]), 1.0),
-    "trapezoidal": trapezoidal(SIZE, *np.deg2rad([20.0, 40.0]), 1.0),
-    "raised_cosine": raised_cosine(SIZE, 5.0),
-    "minimum_jerk": minimum_jerk(SIZE, 2.5, 1.0),
-}
+TRAPEZOID = trapezoidal(SIZE, *np.deg2rad([20.0, 40.0]), 1.0)
 
 
 def trace(time: Array, q: Array) -> Trace:
@@ -41,46 +33,7 @@ def of_shapes(time: Array, delay: float, *shapes: object) -> Array:
     return motion(time - delay, [Motion((shape,), 100.0) for shape in shapes])[0]  # type: ignore[arg-type]
 
 
-class TestOnset:
-    @pytest.mark.parametrize("kind", SHAPES)
-    @pytest.mark.parametrize("delay", [0.2, 1.0, 1.2345])
-    @pytest.mark.parametrize("step", [0.001, 0.005])
-    @pytest.mark.parametrize("rounding", [0.0, COUNT])
-    def test_it_is_told_from_what_rounding_leaves(
-        self, kind: str, delay: float, step: float, rounding: float
-    ) -> None:
-        time = step * np.arange(round(6.0 / step))
-        q = of_shapes(time, delay, SHAPES[kind])
-        if rounding:
-            q = rounding * np.round(q / rounding)
-        found = onset(recorded(trace(time, q)))
-        assert found == pytest.approx(delay, abs=max(2.0 * step, 0.004))
-
-    @pytest.mark.parametrize("place", [0, 1])
-    @pytest.mark.parametrize("rough", [0.0, 0.05 * COUNT])
-    def test_it_is_that_of_the_joint_that_moves_first(self, place: int, rough: float) -> None:
-        time = 0.001 * np.arange(6000.0)
-        delays = (0.6, 1.4) if place == 0 else (1.4, 0.6)
-        q = np.hstack([of_shapes(time, delay, SHAPES["trapezoidal"]) for delay in delays])
-        q += rough * np.random.default_rng(11).standard_normal(q.shape)
-        assert onset(recorded(trace(time, q))) == pytest.approx(0.6, abs=0.006)
-
-    def test_few_samples_tell_it_to_a_sample(self) -> None:
-        time = 0.5 * np.arange(30.0)
-        q = of_shapes(time, 2.2, SHAPES["minimum_jerk"])
-        assert 1.5 <= onset(recorded(trace(time, q))) <= 2.5
-
-    @pytest.mark.parametrize("kind", ["ramp", "trapezoidal", "raised_cosine"])
-    def test_noise_costs_some_milliseconds(self, kind: str) -> None:
-        time = 0.001 * np.arange(6000.0)
-        rough = 0.1 * COUNT * np.random.default_rng(3).standard_normal((6000, 1))
-        found = onset(recorded(trace(time, of_shapes(time, 1.0, SHAPES[kind]) + rough)))
-        assert found == pytest.approx(1.0, abs=0.006)
-
-    def test_a_motion_out_of_the_first_sample_begins_there(self) -> None:
-        time = 0.001 * np.arange(6000.0)
-        assert onset(recorded(trace(time, np.sin(time)[:, np.newaxis]))) == pytest.approx(0.0, abs=0.005)
-
+class TestBegin:
     @pytest.mark.parametrize("delay", [0.2, 2.0])
     def test_joints_of_different_pace_tell_it_exactly(self, delay: float) -> None:
         """Synchronised ramps have no common shape, each joint has its own."""
@@ -93,13 +46,13 @@ class TestOnset:
         assert found.shape is None
         assert found.begin == pytest.approx(delay, abs=5e-4)
 
-    def test_without_any_shape_growth_tells_it(self) -> None:
+    def test_without_any_shape_it_is_where_the_start_is_left(self) -> None:
         time = 0.001 * np.arange(15000.0)
         since = np.clip(time - 0.7, 0.0, None)[:, np.newaxis]
         odd = 0.4 * np.sin(since) ** 2 * (1.0 + 0.3 * np.sin(3.1 * since) + 0.2 * np.sin(0.37 * since))
         found = recover_run(trace(time, odd * np.array([1.0, 0.7])))
         assert found.shape is None
-        assert found.begin == pytest.approx(0.7, abs=1e-9)
+        assert 0.7 < found.begin < 0.75
 
 
 class TestGaps:
@@ -154,6 +107,6 @@ class TestGaps:
 def test_noise_of_one_count_does_not_begin_the_motion() -> None:
     time = 0.001 * np.arange(12000.0)
     rough = COUNT * np.random.default_rng(7).standard_normal((12000, 2))
-    record = recorded(trace(time, of_shapes(time, 1.5, SHAPES["trapezoidal"], SHAPES["trapezoidal"]) + rough))
+    record = recorded(trace(time, of_shapes(time, 1.5, TRAPEZOID, TRAPEZOID) + rough))
     assert noise(record) == pytest.approx(COUNT, rel=0.05)
     assert 1450 < record.moving()[0] < 1650

@@ -23,6 +23,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 from support import ROOT, matlab_bytes, seed_files
+from support.seed_files import read_file
 
 from tendonrepro.console import Talk
 from tendonrepro.dataset.readers import guard, signals
@@ -30,7 +31,7 @@ from tendonrepro.dataset.readers import hdf5 as hdf5_file
 from tendonrepro.dataset.readers.allowance import Allowance
 from tendonrepro.dataset.readers.filetype import FileType, kind_of
 from tendonrepro.dataset.readers.guard import Limits, read_guarded
-from tendonrepro.dataset.readers.read import files_below, read_bit_by_bit, read_file
+from tendonrepro.dataset.readers.read import files_below, read_bit_by_bit
 from tendonrepro.dataset.readers.signals import Found, Source, seconds
 from tendonrepro.dataset.repository.lock import DataLock, LockedFile, lock_path, write_lock
 from tendonrepro.errors import DataMissingError, TendonreproError

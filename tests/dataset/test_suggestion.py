@@ -98,7 +98,6 @@ LONG = {
     "joint": np.repeat([2.0, 3.0, 2.0, 3.0], len(TIME)),
     "measured": np.tile(LATE, 4),
 }
-NOISE = {f"x{k + 100}": row for k, row in enumerate(np.random.default_rng(4).normal(size=(24, len(TIME))))}
 TAKEN = "controller_1: several columns claim the same place, the first are taken, not"
 ALONE = "is not guessed; their lines stand at the end, take them under `signals` of a run"
 # What is no longer told from numbers: files, and what is asked with the key of the mapping that settles it.
@@ -131,14 +130,6 @@ ASKED: dict[str, tuple[list[Source], str]] = {
         [source("c1.csv", {"Time": TIME, "q2": STEPS[1], "e2": STEPS[1] - DEGREES[1]}, "deg")],
         "controller_1: an error is taken for desired less measured; if it is the other way, `sign: -1`",
     ),
-    "an error among angles": (
-        [
-            source(
-                "c1.csv", {"Time": TIME, "xx": DEGREES[1], "yy": STEPS[1], "zz": DEGREES[1] - STEPS[1]}, None
-            )
-        ],
-        f"c1.csv: what some columns are {ALONE}",
-    ),
     "constants": (
         [source("c1.mat", {"time": TIME, "e": np.tile([1.2, 0.4, 0.7], (len(TIME), 1))}, None)],
         f"c1.mat: what some columns are {ALONE}",
@@ -151,17 +142,13 @@ ASKED: dict[str, tuple[list[Source], str]] = {
         [source("c1.csv", {"time": TIME, "acc": DEGREES.T, "pos_x": STEPS[0], "pos_y": STEPS[1]}, None)],
         f"c1.csv: what some columns are {ALONE}",
     ),
-    "encoders alone": (
-        [source("c1.csv", {"Time": TIME, "xx": STEPS[1], "yy": STEPS[2]}, None)],
-        f"c1.csv: what some columns are {ALONE}",
-    ),
-    "too many columns to compare": (
-        [source("c1.csv", {"Time": TIME} | NOISE | {"xx": DEGREES[1], "yy": STEPS[1]}, None)],
-        f"c1.csv: what some columns are {ALONE}",
-    ),
     "columns that follow each other": (
         [source("x.csv", {"Time": TIME, "xx": DEGREES[1], "yy": STEPS[1]}, None)],
-        "so they are taken for desired and measured angle: `variable`",
+        f"x.csv: what some columns are {ALONE}",
+    ),
+    "motors without a name": (
+        [source("x.csv", {"Time": TIME, "xx": WINCHES[1]} | ANGLES, "deg")],
+        f"x.csv: what some columns are {ALONE}",
     ),
     "where motors start": (
         [source("x.csv", {"Time": TIME, "motor2": WINCHES[1] + 3.0} | ANGLES, "deg")],

@@ -24,10 +24,18 @@ from odf.text import P
 from scipy.io import savemat
 
 from support.matlab_bytes import hdf
+from tendonrepro.dataset.readers.allowance import Allowance
 from tendonrepro.dataset.readers.filetype import FileType
+from tendonrepro.dataset.readers.read import read_bit_by_bit
+from tendonrepro.dataset.readers.signals import Source
 
 ROWS = [[number * 0.01, number * 1.5, -number] for number in range(30)]
 NAMES = ["SYNTHETIC time (s)", "q2 (deg)", "q3 (deg)"]
+
+
+def read_file(path: Path, name: str, left: Allowance | None = None) -> list[Source]:
+    """Sources of a file, read in this process; a later one of a name replaces an earlier one."""
+    return list({source.name: source for source in read_bit_by_bit(path, name, left or Allowance())}.values())
 
 
 def text(separator: str = ",", decimal: str = ".", encoding: str = "utf-8") -> bytes:

@@ -43,7 +43,6 @@ class Repository:
 
     files: dict[str, bytes] = field(default_factory=lambda: dict(SMALL))
     modes: set[str] = field(default_factory=set)
-    shape: str = "zenodo"
     failures: int = 10**6
     retry_after: str | None = "0"
     cut_at: int = 50_000
@@ -75,23 +74,14 @@ class Repository:
         return digest if "bare_md5" in self.modes else f"md5:{digest}"
 
     def record(self) -> dict[str, Any]:
-        return {"zenodo": self._zenodo, "2023": self._late_2023, "rdm": self._rdm}[self.shape]()
-
-    def entries(self) -> list[dict[str, Any]]:
-        """Files as both the listing and the InvenioRDM record give them."""
-        return [
-            {"key": key, "size": len(content), "checksum": self.checksum(content), "links": self._links(key)}
+        place = f"{self.url}/api/records/{RECORD}/files"
+        hidden = self.modes & {"restricted", "embargoed", "closed_files"}
+        shown = [
+            {"key": key, "size": len(content), "checksum": self.checksum(content)}
+            | {"links": {"self": f"{place}/{quote(key)}/content"}}
             for key, content in self.files.items()
+            if not hidden
         ]
-
-    def _links(self, key: str) -> dict[str, str]:
-        place = f"{self.url}/api/records/{RECORD}/files/{quote(key)}"
-        return {"self": place, "content": f"{place}/content"}
-
-    def _zenodo(self) -> dict[str, Any]:
-        shown = [] if self.modes & {"restricted", "embargoed", "closed_files", "listed"} else self.entries()
-        for entry in shown:
-            entry["links"] = {"self": entry["links"]["content"]}
         rights = {"restricted", "embargoed"} & self.modes
         meta: dict[str, Any] = {"title": TITLE, "version": "v1", "license": {"id": "cc-by-4.0"}}
         meta["access_right"] = next(iter(rights), "open")
@@ -102,26 +92,6 @@ class Repository:
         head = {"id": RECORD, "recid": str(RECORD), "conceptrecid": str(CONCEPT)}
         dois = {"doi": f"10.5281/zenodo.{RECORD}", "conceptdoi": f"10.5281/zenodo.{CONCEPT}"}
         return head | dois | {"title": TITLE, "metadata": meta, "files": shown, "swh": None}
-
-    def _late_2023(self) -> dict[str, Any]:
-        tree = self._zenodo()
-        tree["files"] = [
-            {"filename": entry["key"], "filesize": entry["size"], "checksum": entry["checksum"], "links": {}}
-            for entry in self.entries()
-        ]
-        return tree
-
-    def _rdm(self) -> dict[str, Any]:
-        dois = [{"doi": {"identifier": f"10.5281/zenodo.{number}"}} for number in (RECORD, CONCEPT)]
-        return {
-            "id": str(RECORD),
-            "parent": {"id": str(CONCEPT), "pids": dois[1]},
-            "pids": dois[0],
-            "versions": {"is_latest": self.is_last, "index": 1},
-            "access": {"record": "public", "files": "public", "embargo": {"active": False}, "status": "open"},
-            "metadata": {"title": TITLE, "version": "v1", "rights": [{"id": "cc-by-4.0"}]},
-            "files": {"enabled": True, "entries": {entry["key"]: entry for entry in self.entries()}},
-        }
 
 
 class Handler(BaseHTTPRequestHandler):
@@ -150,8 +120,8 @@ class Handler(BaseHTTPRequestHandler):
             self.send_json(429, {"message": "30 per 1 minute", "status": 429}, extra)
         elif repository.fails("gateway"):
             self.send(504, PAGE, "text/html")
-        elif found := re.fullmatch(rf"/(?:api/)?records/{RECORD}/files/(.+?)(/content)?", path):
-            self.send_file(found[1], "Range" in self.headers and found[2] is not None)
+        elif found := re.fullmatch(rf"/api/records/{RECORD}/files/(.+)/content", path):
+            self.send_file(found[1])
         else:
             self.send_record(path)
 
@@ -160,10 +130,6 @@ class Handler(BaseHTTPRequestHandler):
         modes = repository.modes
         if path == f"/api/records/{CONCEPT}":
             self.send(302, b"", "text/html", {"Location": f"{repository.url}/api/records/{RECORD}"})
-        elif path == f"/api/records/{RECORD}/files" and not modes & {"restricted", "closed_files"}:
-            self.send_json(200, {"enabled": True, "entries": repository.entries()})
-        elif path == f"/api/records/{RECORD}/files":
-            self.send_json(403, {"status": 403, "message": "Permission denied."})
         elif path != f"/api/records/{RECORD}":
             self.send_json(404, {"status": 404, "message": "The persistent identifier does not exist."})
         elif "deleted" in modes:
@@ -180,7 +146,7 @@ class Handler(BaseHTTPRequestHandler):
         else:
             self.send_json(200, repository.record())
 
-    def send_file(self, key: str, ranged_content: bool) -> None:
+    def send_file(self, key: str) -> None:
         repository = self.server.repository
         modes = repository.modes
         content = repository.files.get(key)
@@ -190,17 +156,13 @@ class Handler(BaseHTTPRequestHandler):
             self.send_json(403, {"status": 403, "message": "Permission denied."})
         elif "page_content" in modes:
             self.send(200, PAGE, "text/html; charset=utf-8")
-        elif ranged_content and "gateway_on_range" in modes:
-            self.send(504, PAGE, "text/html")
         else:
             self.send_bytes(content + b"more" if "longer" in modes else content)
 
     def send_bytes(self, content: bytes) -> None:
         repository = self.server.repository
         modes = repository.modes
-        digest = hashlib.md5(content).hexdigest()
         headers = {"Accept-Ranges": "bytes", "Retry-After": "60"}
-        headers["oc-checksum"] = f"MD5:{digest.lstrip('0') if 'stripped' in modes else digest}"
         asked = re.fullmatch(r"bytes=([0-9]+)-", self.headers.get("Range", ""))
         start = int(asked[1]) if asked and "no_range" not in modes else 0
         if start and (start >= len(content) or "no_such_range" in modes):

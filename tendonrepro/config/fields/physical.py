@@ -12,7 +12,7 @@ from pydantic import GetCoreSchemaHandler, ValidationInfo, WithJsonSchema, WrapV
 from pydantic_core import CoreSchema
 
 from tendonrepro.config.fields.model import Outline, Problems, describe, refuse
-from tendonrepro.config.fields.quantity import UNITS, Quantity
+from tendonrepro.config.fields.quantity import UNITS, Quantity, to_si
 
 Size: TypeAlias = Literal["one", "pair", "joints", "moving"]
 
@@ -86,9 +86,8 @@ class Physical:
         if quantity.unit not in self.units:
             problems.add(("unit",), f"must be {' or '.join(self.units)}, found {describe(quantity.unit)}")
             return
-        unit = UNITS[quantity.unit]
         for index, value in quantity.entries():
-            si = value * unit.factor / unit.divisor
+            si = to_si(value, quantity.unit)
             if not all(limit.admits(si, limit.bound) for limit in self.limits):
                 allowed = self._allowed(quantity.unit)
                 problems.add(

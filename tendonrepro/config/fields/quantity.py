@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, WithJsonSchema
@@ -15,7 +15,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.config.fields.model import Model, Problems, describe, refuse
 from tendonrepro.config.fields.strict_yaml import Key
 
-SOURCE_PATTERN = r"^(printed|derived|datasheet|assumed|identified): \S"
+_SOURCE = r"^(printed|derived|datasheet|assumed|identified): \S"
 
 
 @dataclass(frozen=True)
@@ -43,23 +43,30 @@ UNITS = {unit: _Unit(unit) for unit in _SI_UNITS} | {
 
 
 def _check_source(text: str) -> str:
-    if not re.match(SOURCE_PATTERN, text):
+    if not re.match(_SOURCE, text):
         origins = "printed:, derived:, datasheet:, assumed: or identified:"
         refuse(f"must begin with {origins} and then say where from, found {describe(text)}")
     return text
 
 
-class Quantity(Model):
-    """A value as written, with unit (UDUNITS spelling) and source; use `Scalar`, `Vector` or `Matrix`.
+Source: TypeAlias = Annotated[
+    str, AfterValidator(_check_source), WithJsonSchema({"type": "string", "pattern": _SOURCE})
+]
+"""``origin: words`` with origin printed, derived, datasheet, assumed or identified."""
 
-    The source is ``origin: words`` with origin printed, derived, datasheet, assumed or identified.
-    """
+
+def to_si(value: Any, unit: str) -> Any:
+    """A number or an array of them in its SI unit and radians."""
+    known = UNITS[unit]
+    return value * known.factor / known.divisor
+
+
+class Quantity(Model):
+    """A value as written, with unit (UDUNITS spelling) and source; use `Scalar`, `Vector` or `Matrix`."""
 
     value: Any
     unit: str
-    source: Annotated[
-        str, AfterValidator(_check_source), WithJsonSchema({"type": "string", "pattern": SOURCE_PATTERN})
-    ]
+    source: Source
 
     def entries(self) -> Iterator[tuple[tuple[int, ...], float]]:
         """Every single number with its index below `value`."""
@@ -71,8 +78,7 @@ class Quantity(Model):
         return UNITS[self.unit].si
 
     def _to_si(self) -> Array:
-        unit = UNITS[self.unit]
-        return np.asarray(self.value, dtype=np.float64) * unit.factor / unit.divisor
+        return np.asarray(to_si(np.asarray(self.value, dtype=np.float64), self.unit))
 
 
 def _number(raw: object, at: Key, problems: Problems) -> float:

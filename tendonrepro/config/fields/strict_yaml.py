@@ -127,10 +127,14 @@ def load(text: str, name: str) -> Document:
         _fail("contains control characters, so it is not YAML text", name)
 
 
-def dump(tree: Node) -> str:
-    """Write a tree as YAML that `load` reads back to equal values; keys stay in order."""
+def dump(tree: Node, *, line_by_line: bool = False) -> str:
+    """Write a tree as YAML that `load` reads back to equal values; keys stay in order.
+
+    `line_by_line` gives every entry one line of its own, which can be deleted; else the innermost share one.
+    """
+    width, flow = (math.inf, False) if line_by_line else (110, None)
     text: str = yaml.dump(
-        tree, Dumper=_Dumper, sort_keys=False, default_flow_style=None, allow_unicode=True, width=110
+        tree, Dumper=_Dumper, sort_keys=False, default_flow_style=flow, allow_unicode=True, width=width
     )
     return text
 

@@ -7,7 +7,6 @@ its bounds may be at most.
 from __future__ import annotations
 
 import math
-import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -17,7 +16,7 @@ from pydantic import AfterValidator, Field, GetCoreSchemaHandler, model_validato
 from pydantic_core import CoreSchema
 
 from tendonrepro.config.fields.model import Model, Number, Problems, describe, refuse
-from tendonrepro.config.fields.quantity import SOURCE_PATTERN, UNITS
+from tendonrepro.config.fields.quantity import UNITS, Source, to_si
 from tendonrepro.config.fields.strict_yaml import Key
 from tendonrepro.config.models.readings import ERROR_RATES
 
@@ -29,17 +28,11 @@ MOTIONS = ("minimum_jerk", "raised_cosine", "trapezoidal", "sine", "unequal", "f
 Confidence: TypeAlias = Literal["high", "medium", "low"]
 
 
-def _check_source(text: str) -> str:
-    if not re.match(SOURCE_PATTERN, text):
-        refuse(f"must begin with its origin, as in 'assumed: ...', found {describe(text)}")
-    return text
-
-
 class _Known(Model):
     """What every row says of itself."""
 
     confidence: Confidence
-    source: Annotated[str, AfterValidator(_check_source)]
+    source: Source
 
 
 class BoxRange(_Known):
@@ -168,12 +161,6 @@ class Among(_Checked):
         for i, word in enumerate(row.choices):
             if word not in self.words:
                 problems.add(("choices", i), f"must be one of {', '.join(self.words)}, found {word!r}")
-
-
-def to_si(value: float, unit: str) -> float:
-    """Convert a number to its SI unit and radians, rounded as a quantity is."""
-    known = UNITS[unit]
-    return value * known.factor / known.divisor
 
 
 _EPS = 1e-9  # stands for "above zero"

@@ -15,7 +15,7 @@ from tendonrepro.dataset.mapping import timebase
 from tendonrepro.dataset.mapping.model import Entry, Mapping, Run, TimeAxis
 from tendonrepro.dataset.mapping.timebase import Timed, TimeProblem, in_seconds
 from tendonrepro.dataset.meaning.evidence import COUNTS_DEG, distance
-from tendonrepro.dataset.meaning.words import printable
+from tendonrepro.dataset.meaning.words import few, printable
 from tendonrepro.dataset.readers.signals import Signal, Source
 from tendonrepro.dataset.readers.units import factor
 from tendonrepro.errors import ConfigError
@@ -82,7 +82,7 @@ class Assembly:
         self._complete(name, variables, joints)
         self._calculate(name, variables, joints)
         self._leave_out(name, variables, joints)
-        self._ask_for_measured(name, run, variables, joints)
+        self._ask_for_measured(name, variables, joints)
         attributes = {
             "law": MEASURED,
             "gains": {},
@@ -111,12 +111,12 @@ class Assembly:
         else:
             time = timebase.even(signals, resample.step_s)
             kept = timebase.resampled(signals, time)
-            self.notes.append(f"{name}: resampled every {resample.step_s:g} s, {resample.method}: {kept}")
+            self.notes.append(f"{name}: resampled every {resample.step_s:g} s: {kept}")
         joints = tuple(sorted({entry.joint for entry in run.signals}))
         variables: dict[str, Array] = {}
         for entry, signal in timed.items():
             block = variables.setdefault(entry.variable, np.full((len(time), len(joints)), np.nan))
-            values = timebase.RESAMPLED[resample.method](time, signal) if resample else signal.values
+            values = np.interp(time, signal.time, signal.values) if resample else signal.values
             block[:, joints.index(entry.joint)] = values
         return time, variables, joints
 
@@ -144,7 +144,7 @@ class Assembly:
             before, rows = rows, rows & np.isclose(values, where.equals, rtol=_SAME_VALUE, atol=0.0)
             if not rows.any():
                 message = f"{label} has no row left where {where.signal!r} is {where.equals:g}"
-                hint = f"There {where.signal!r} holds {_few([f'{x:g}' for x in np.unique(values[before])])}"
+                hint = f"There {where.signal!r} holds {few([f'{x:g}' for x in np.unique(values[before])])}"
                 raise ConfigError(message, where=self.where, hint=hint)
         return rows
 
@@ -165,7 +165,8 @@ class Assembly:
             skipped = next((skip for skip in source.skipped if skip.path == path or not skip.path), None)
             reason = f": {printable(skipped.reason)}" if skipped else ""
             message = f"{file} holds no signal {path!r}{reason}"
-            hint = f"`tendonrepro inspect` lists what it holds: {_few([s.path for s in source.signals])}"
+            held = few([signal.path for signal in source.signals]) or "nothing"
+            hint = f"`tendonrepro inspect` lists what it holds: {held}"
             raise ConfigError(message, where=self.where, hint=hint)
         if column > found.columns:
             message = f"{path!r} in {file} has {found.columns} columns, not {column}"
@@ -182,7 +183,7 @@ class Assembly:
                 self._taken.add(found[0])
                 return found[0]
         message = f"{file!r} could be several files" if below else f"no file {file!r} among what was given"
-        hint = f"Given were {_few([source.name for source in self.sources])}"
+        hint = f"Given were {few([source.name for source in self.sources]) or 'nothing'}"
         raise ConfigError(message, where=self.where, hint=hint)
 
     def _complete(self, name: str, variables: dict[str, Array], joints: tuple[int, ...]) -> None:
@@ -257,24 +258,16 @@ class Assembly:
             hint = "`tendonrepro inspect` shows the range of every signal"
             raise ConfigError(message, where=f"{self.where}: runs.{name}", hint=hint)
 
-    def _ask_for_measured(
-        self, name: str, run: Run, variables: dict[str, Array], joints: tuple[int, ...]
-    ) -> None:
+    def _ask_for_measured(self, name: str, variables: dict[str, Array], joints: tuple[int, ...]) -> None:
         """Doubt a run with desired angles alone, and say which line of the mapping brings the measured."""
-        desired, measured = (
-            variables.get(key, np.full((1, len(joints)), np.nan)) for key in ("q_d", "q_encoder")
-        )
-        alone = np.isfinite(desired).any(axis=0) & ~np.isfinite(measured).any(axis=0)
+        absent = np.full((1, len(joints)), np.nan)
+        there = [np.isfinite(variables.get(key, absent)).any(axis=0) for key in ("q_d", "q_encoder")]
+        alone = there[0] & ~there[1]
         if not alone.any():
             return
-        joint = joints[int(np.argmax(alone))]
-        like = next(entry for entry in run.signals if (entry.variable, entry.joint) == ("q_d", joint))
-        known = {item.signal for item in (*run.signals, run.time, like.time) if item}
-        free = [signal.path for signal in self._source(like.file).signals if signal.path not in known]
-        line = f"- {{variable: q_encoder, joint: {joint}, file: {like.file}, signal: ..., unit: {like.unit}}}"
         self.doubts.append(
-            f"{name}: joint {_listed(joints, alone)} has a desired angle and no measured one, so there is "
-            f"no error. Its line under `signals` would be `{line}`; signals there in no line: {_few(free)}"
+            f"{name}: joint {_listed(joints, alone)} has a desired angle and no measured one, so there is no "
+            "error: `variable: q_encoder` under `signals` names its column"
         )
 
     def _status(self, time: Array, variables: dict[str, Array], joints: tuple[int, ...]) -> dict[str, Any]:
@@ -338,8 +331,3 @@ def _span(values: Array) -> float:
 
 def _listed(joints: Sequence[int], chosen: ArrayLike) -> str:
     return ", ".join(str(joints[place]) for place in np.flatnonzero(chosen).tolist())
-
-
-def _few(names: Sequence[str]) -> str:
-    shown = ", ".join(map(printable, names[:8])) or "nothing"
-    return f"{shown} and {len(names) - 8} more" if len(names) > 8 else shown

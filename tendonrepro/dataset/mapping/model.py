@@ -13,8 +13,8 @@ from typing import Annotated, Literal, Self, TypeAlias
 from pydantic import AfterValidator, BeforeValidator, Field, StrictInt, ValidationError, model_validator
 
 from tendonrepro.config.fields.model import Model, Problems, RunName, SchemaVersion
-from tendonrepro.config.fields.strict_yaml import Key, load, read_text
-from tendonrepro.config.messages import Place, explain, nearest
+from tendonrepro.config.fields.strict_yaml import load, read_text
+from tendonrepro.config.messages import explain, nearest, places_in
 from tendonrepro.dataset.readers.units import FACTORS, factor, kind_of_variable, plain_unit
 from tendonrepro.errors import ConfigError
 from tendonrepro.results.records import VARIABLES
@@ -150,8 +150,7 @@ class Run(Model):
 class Resample(Model):
     """A common time base for every run."""
 
-    step_s: Annotated[Positive, Field(description="s between samples")]
-    method: Annotated[Literal["linear", "previous"], Field(description="between samples")] = "linear"
+    step_s: Annotated[Positive, Field(description="s between samples, on straight lines between the file's")]
 
 
 class Mapping(Model):
@@ -207,12 +206,9 @@ def _loaded(text: str, path: Path) -> LoadedMapping:
         hint = "Begin it with its name, such as `controller_1:`, then `signals:` and the entries."
         raise ConfigError(message, where=document.where(("runs",)), hint=hint)
 
-    def locate(key: Key) -> Place:
-        return Place(1, document.line(key), document.where(key))
-
     try:
         mapping = Mapping.model_validate(document.tree)
     except ValidationError as error:
-        raise explain(error, Mapping, document.tree, locate) from None
+        raise explain(error, Mapping, document.tree, places_in(document)) from None
     canonical = json.dumps(mapping.model_dump(mode="json"), sort_keys=True)
     return LoadedMapping(mapping, text, hashlib.sha256(canonical.encode()).hexdigest())

@@ -5,7 +5,6 @@ What was not guessed is told at the head of the file, each with the line that se
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from collections import defaultdict
@@ -15,21 +14,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.config.fields.strict_yaml import Node
+from tendonrepro.config.fields.strict_yaml import Node, dump
 from tendonrepro.dataset.mapping.timebase import SAME_TIME
 from tendonrepro.dataset.meaning.assignment import RUNS, places, runs_among, variable_of
 from tendonrepro.dataset.meaning.columns import SHORTEST, Address, Column
 from tendonrepro.dataset.meaning.evidence import same_curve
 from tendonrepro.dataset.meaning.times import SAMPLING
-from tendonrepro.dataset.meaning.words import printable
+from tendonrepro.dataset.meaning.words import few, printable
 from tendonrepro.dataset.readers.units import FACTORS, kind_of_variable
 from tendonrepro.results.records import VARIABLES
 
 PAYLOAD = 0.2
 """The paper's payload, kg, where a name says that there is one but not how heavy."""
 _MOST_WRITTEN = 100  # columns in no run that are written out; more would bury the rest
-_MOST_LISTED = 6
-_PLAIN = {"variable", "unit"}
 _UNWRITABLE = re.compile("[\0\ud800-\udfff]")
 """What no mapping can hold: NUL, and halves of a pair that stand for bytes of no known encoding."""
 
@@ -76,7 +73,7 @@ def suggest(columns: Sequence[Column], title: str) -> Suggestion:
     asked: dict[str, dict[str, None]] = defaultdict(dict)
     for name, remark in (*_claimed(picked), *_asked(runs, clocks), *_not_guessed(left)):
         asked[remark][name] = None
-    remarks = tuple(f"{_listed(list(names))}: {remark}" for remark, names in asked.items())
+    remarks = tuple(f"{few(list(names))}: {remark}" for remark, names in asked.items())
     head = [
         "Which column is which variable of which run. Guessed by `tendonrepro inspect --suggest`.",
         "Check every entry: variable, joint, unit. Delete its line `because` when you have, or let",
@@ -84,16 +81,18 @@ def suggest(columns: Sequence[Column], title: str) -> Suggestion:
         f"Runs are {', '.join(RUNS[:-1])} and {RUNS[-1]}.",
         *(f"DECIDE: {printable(remark)}" for remark in remarks),
     ]
-    body = ["schema_version: 1", f"title: {_quoted(title)}", "runs:"]
-    for name, chosen in runs.items():
-        body += [f"  {name}:", *_yaml_lines(_described_run(name, chosen, axes), 4)]
+    described: Node = {name: _described_run(name, chosen, axes) for name, chosen in runs.items()}
+    body = _yaml_lines({"schema_version": 1, "title": _writable(title), "runs": described or None})
     if not runs:
+        body[-1] = "runs:"
         nowhere: dict[str, Node] = {"file": "FILE", "signal": "SIGNAL", "column": 1}
         where = _place(left[0]) if left else nowhere
         example: Node = {"variable": "q_encoder", "joint": 2, **where, "unit": "deg"}
         run: Node = {"payload_mass_kg": 0.0, "time": {**nowhere, "unit": "s"}, "signals": [example]}
         skeleton = "No run was found. Take this one, name files and signals as below, and delete the #:"
-        body += [f"# {line}" for line in (skeleton, *_yaml_lines({"controller_1": run}, 1))]
+        body += [
+            f"# {line}" for line in (skeleton, *(f" {line}" for line in _yaml_lines({"controller_1": run})))
+        ]
     text = "\n".join([*(f"# {line}" for line in head), "", *body, *_rest(left, axes), ""])
     return Suggestion(text, {name: len(chosen) for name, chosen in runs.items()}, left, remarks)
 
@@ -128,7 +127,7 @@ def _claimed(picked: Mapping[str, tuple[Sequence[Column], Sequence[Column]]]) ->
         if name not in RUNS:
             yield repr(name), "no name says which controller that is: rename it"
         if rivals:
-            others = _listed([f"{column.source.name}: {column.address}" for column in rivals])
+            others = few([f"{column.source.name}: {column.address}" for column in rivals])
             way = "to keep another recording, give it a run with a name of your own"
             yield name, f"several columns claim the same place, the first are taken, not {others}; {way}"
 
@@ -181,15 +180,9 @@ def _same(a: Array, b: Array) -> bool:
     return len(a) == len(b) and bool(np.abs(a - b).max() <= SAME_TIME * np.median(np.diff(a)))
 
 
-def _listed(names: Sequence[str]) -> str:
-    """Names in one line, the first few of many."""
-    more = len(names) - _MOST_LISTED
-    return ", ".join(names[:_MOST_LISTED]) + (f" and {more} more" if more > 0 else "")
-
-
 def _place(column: Column) -> dict[str, Node]:
     file, signal, number = column.address
-    return {"file": file, "signal": signal, "column": number}
+    return {"file": _writable(file), "signal": _writable(signal), "column": number}
 
 
 def _time_of(column: Column, axes: Mapping[Address, Node]) -> Node:
@@ -225,45 +218,28 @@ def _described(column: Column, time: Node) -> dict[str, Node]:
         entry["scale"] = abs(column.scale)
     if time is not None:
         entry["time"] = time
-    return entry | {"because": "; ".join(column.because) or "nothing is known of it"}
+    return entry | {"because": _writable("; ".join(column.because)) or "nothing is known of it"}
 
 
 def _rest(left: Sequence[Column], axes: Mapping[Address, Node]) -> list[str]:
     """Columns in no run as entries that need only be uncommented."""
     lines = ["", "# In no run. To use one, copy its lines under `signals` of a run, without the #."]
-    for column in left[:_MOST_WRITTEN]:
-        first, *rest = _yaml_lines(_described(column, _time_of(column, axes)), 6)
-        lines += [f"#    - {first.strip()}", *(f"#{line}" for line in rest)]
+    described: Node = [_described(column, _time_of(column, axes)) for column in left[:_MOST_WRITTEN]]
+    lines += [f"#    {line}" for line in _yaml_lines(described)]
     if len(left) > _MOST_WRITTEN:
         lines.append(f"# and {len(left) - _MOST_WRITTEN} more; inspect lists them all")
     return lines if left else []
 
 
-def _yaml_lines(tree: Mapping[str, Node], depth: int) -> Iterator[str]:
-    """Plain values, mappings and lists of mappings, one key a line, so that a line can be deleted."""
-    indent = " " * depth
-    for key, value in tree.items():
-        if isinstance(value, dict):
-            yield f"{indent}{key}:"
-            yield from _yaml_lines(value, depth + 2)
-        elif isinstance(value, list):
-            yield f"{indent}{key}:"
-            for item in value:
-                assert isinstance(item, dict)
-                first, *rest = _yaml_lines(item, depth + 2)
-                yield f"{indent}- {first.strip()}"
-                yield from rest
-        else:
-            plain = not isinstance(value, str) or (key in _PLAIN and value.isascii())
-            yield f"{indent}{key}: {value if plain else _quoted(str(value))}"
+def _yaml_lines(tree: Node) -> list[str]:
+    """A tree one key a line, so that a line can be deleted; what steers a terminal is in quotes, escaped."""
+    lines = dump(tree, line_by_line=True).removesuffix("\n").split("\n")
+    return ["".join(map(_visible, line)) for line in lines]
 
 
-def _quoted(text: str) -> str:
-    """Write a text so that YAML gives it back, as far as it can hold it."""
-    # A text in JSON is one in YAML too, as far as YAML takes its characters as they are.
-    written = json.dumps(_UNWRITABLE.sub("\ufffd", text), ensure_ascii=False)
-    return "".join(letter if letter.isprintable() else _escaped(ord(letter)) for letter in written)
+def _visible(letter: str) -> str:
+    return letter if letter.isprintable() else f"\\u{ord(letter):04x}"
 
 
-def _escaped(code: int) -> str:
-    return f"\\u{code:04x}" if code <= 0xFFFF else f"\\U{code:08x}"
+def _writable(text: str) -> str:
+    return _UNWRITABLE.sub("\ufffd", text)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -182,17 +182,3 @@ def even(signals: Sequence[Timed], step: float) -> Array:
     if loss := _loss(signals):
         raise TimeProblem(loss, _LOSS)
     return np.asarray(start + step * np.arange(count))
-
-
-def _linear(time: Array, signal: Timed) -> Array:
-    return np.interp(time, signal.time, signal.values)
-
-
-def _previous(time: Array, signal: Timed) -> Array:
-    # A sample that is late by rounding alone is still the one at that time.
-    place = np.searchsorted(signal.time, time + 1e-6 * signal.step, side="right") - 1
-    return signal.values[np.maximum(place, 0)]
-
-
-RESAMPLED: Mapping[str, Callable[[Array, Timed], Array]] = {"linear": _linear, "previous": _previous}
-"""Method -> values of a signal at other times, shape (N,)."""

@@ -1,14 +1,13 @@
 """What numbers themselves say about what they are.
 
-Beside names and stored units, five plain signs are taken for evidence, and no other:
+Beside names and stored units, four plain signs are taken for evidence, and no other:
 
 1. Numbers that increase evenly are times; their unit is the one that makes the step that of a control loop,
    unless no motion could be so short.
-2. Two columns alike in shape are desired and measured angle of one joint; the one with an encoder's steps, or
-   the rougher one, is measured.
-3. What is the printed coupling ratio of the joint angles, or a hundred times that, is a motor's angle.
-4. Constants and a few whole numbers are no motion: the latter tell rows apart.
-5. The range of angles, or the size of an encoder's steps in them, tells degrees from radians.
+2. A motor angle that is a hundred times the printed coupling ratio of the joint angles is one before the
+   reducer.
+3. Constants and a few whole numbers are no motion: the latter tell rows apart.
+4. The range of angles, or the size of an encoder's steps in them, tells degrees from radians.
 
 What these leave open is asked: the suggestion names the line of the mapping that settles it.
 """
@@ -92,14 +91,6 @@ def distance(a: Array, b: Array) -> float:
         return np.inf
     extent = float(np.ptp(x[known]))
     return float(np.sqrt(np.mean((x[known] - y[known]) ** 2))) / extent if extent > 0.0 else np.inf
-
-
-def roughness(values: Array) -> float:
-    """Mean magnitude of the third difference over the range: small for a computed motion."""
-    finite = values[np.isfinite(values)]
-    if len(finite) < 4 or np.ptp(finite) == 0.0:
-        return 0.0
-    return float(np.mean(np.abs(np.diff(finite, 3))) / np.ptp(finite))
 
 
 def largest(values: Array) -> float:

@@ -91,40 +91,35 @@ def is_decoupling(group: Sequence[Column]) -> bool:
 
 
 def find_motors(group: Sequence[Column], S_inv: Array) -> None:
-    """Tell motor angles, at the winch or before the reducer, by `S_inv` (3, 3) times the joint angles."""
+    """Tell motor angles at the winch from those before the reducer, by `S_inv` (3, 3) times joint angles."""
     runs: dict[tuple[int | None, str], list[Column]] = defaultdict(list)
     for column in group:
         runs[column.controller, str(column.payload_mass)].append(column)
     for run in runs.values():
         measured = (c for c in reversed(run) if c.quantity == "measured" and not c.own.of_motor)
         joints = {column.joint: column for column in measured if column.joint}
-        # Motor 3 turns as joint 3 does while the others rest, so one joint alone proves no unnamed motor.
-        told = {"motor", None} if len(joints) > 1 else {"motor"}
-        for column in (c for c in run if joints and c.quantity in told):
-            column.unit = column.unit or next(iter(joints.values())).unit
+        for column in (c for c in run if joints and c.quantity == "motor" and c.joint):
             # A joint that is not there is held.
             q = np.zeros((len(column.values), len(S_inv)))
             for joint, angle in joints.items():
                 q[:, joint - 1] = in_radians(angle)
-            if not _match(column, q @ S_inv.T) and column.quantity and np.nan_to_num(column.values).any():
-                column.doubts.append(_UNTIED)
+            _match(column, q @ S_inv[(column.joint or 0) - 1])
 
 
-def _match(column: Column, expected: Array) -> bool:
-    """Name a column after the motor whose angles, `expected` (N, 3), rad, it follows, if it does."""
-    motors = [column.joint - 1] if column.quantity == "motor" and column.joint else range(3)
+def _match(column: Column, expected: Array) -> None:
+    """Settle sign and gear of a motor by the angle that the coupling gives it, (N,), rad."""
     tries = [
-        (*_apart(expected[:, motor], sign * in_radians(column) / ratio), motor, sign, ratio)
-        for motor, sign, ratio in product(motors, (1.0, -1.0), (1.0, REDUCER))
+        (*_apart(expected, sign * in_radians(column) / ratio), sign, ratio)
+        for sign, ratio in product((1.0, -1.0), (1.0, REDUCER))
     ]
-    rest, surplus, motor, sign, ratio = min(tries, key=lambda each: each[0])
-    if rest > COUPLED:
-        return False
-    where = "before the reducer" if ratio == REDUCER else "at the winch"
-    column.joint, column.scale = motor + 1, sign / ratio
-    column.call("motor", f"it is motor {motor + 1} {where}: S_inv times the joint angles, to {rest:.1%}")
-    column.doubts += [_STARTS] if surplus > _OFF else []
-    return True
+    rest, surplus, sign, ratio = min(tries, key=lambda each: each[0])
+    if rest <= COUPLED:
+        where = "before the reducer" if ratio == REDUCER else "at the winch"
+        column.scale = sign / ratio
+        column.because.append(f"it is {where}: S_inv times the joint angles, to {rest:.1%}")
+        column.doubts += [_STARTS] if surplus > _OFF else []
+    elif np.nan_to_num(column.values).any():
+        column.doubts.append(_UNTIED)
 
 
 def _apart(expected: Array, angle: Array) -> tuple[float, float]:

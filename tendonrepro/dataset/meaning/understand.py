@@ -1,6 +1,6 @@
 """A guess at what each column of a data set is, with the reasons.
 
-Names and stored units speak first, then the five signs of `evidence`. A guess is never certain, so every one
+Names and stored units speak first, then the four signs of `evidence`. A guess is never certain, so every one
 carries its reasons into the mapping, where a user confirms or mends it; what nothing tells is asked there.
 """
 
@@ -8,27 +8,18 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
-from itertools import combinations
 
 import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.dataset.meaning.angle_units import HALF_TURN, find_units
 from tendonrepro.dataset.meaning.columns import SHORTEST, Column, Group, columns_of
-from tendonrepro.dataset.meaning.evidence import counted_in, distance, is_label, largest, roughness
+from tendonrepro.dataset.meaning.evidence import is_label, largest
 from tendonrepro.dataset.meaning.joints import count_as_paper, find_motors, place_joints
 from tendonrepro.dataset.meaning.panels import find_panels
 from tendonrepro.dataset.meaning.times import find_times, share_times
 from tendonrepro.dataset.readers.signals import Source
 from tendonrepro.dataset.readers.units import FACTORS
-
-SAME_COURSE = 0.1
-"""Largest RMS difference of two signals that follow each other, as a share of the range."""
-_MOST_COMPARED = 24  # columns of one table that are compared with each other
-_ROUGHER = 1.5  # how much rougher a measured angle is than the desired one at least
-_PAIRED = (
-    "columns without names follow each other, so they are taken for desired and measured angle: `variable`"
-)
 
 
 # Numbers near the largest there are mean nothing, but a file may hold them.
@@ -56,7 +47,6 @@ def understand(sources: Iterable[Source], S_inv: Array) -> list[Column]:
     find_panels(long)
     for group in groups.values():
         _refuse_still(group)
-        _find_pairs(group)
     for file in files.values():
         find_units(file)
     for group in groups.values():
@@ -102,31 +92,6 @@ def _refuse_still(group: Sequence[Column]) -> None:
             if not (named or column.unit):
                 column.quantity = None
                 column.because.append("but it stands still, and neither a name nor a unit tells what it is")
-
-
-def _find_pairs(group: Sequence[Column]) -> None:
-    """Take two unnamed columns that follow each other for a desired angle and a measured one.
-
-    Much follows something; so either an encoder's steps must show in one of them, or the table must hold
-    nothing but such pairs.
-    """
-    unnamed = [column for column in group if column.quantity is None][:_MOST_COMPARED]
-    counted = {column: counted_in(column.values) is not None for column in unnamed}
-    alone = len(unnamed) == len([column for column in group if column.quantity != "time"]) in {2, 4, 6}
-    for a, b in combinations(unnamed, 2):
-        # Two joints may be sent along the same course, and two encoders may follow it.
-        if a.quantity or b.quantity or (counted[a] and counted[b]) or not (counted[a] or counted[b] or alone):
-            continue
-        if not 0.0 < distance(a.values, b.values) <= SAME_COURSE:
-            continue
-        smooth, rough = sorted((a, b), key=lambda column: (counted[column], roughness(column.values)))
-        if not (counted[rough] or roughness(rough.values) > _ROUGHER * roughness(smooth.values)):
-            continue
-        reason = f"{a.address} and {b.address} follow each other, and it is the"
-        smooth.call("desired", f"{reason} smoother one")
-        rough.call("measured", f"{reason} rougher one")
-        for column in (smooth, rough):
-            column.doubts.append(_PAIRED)
 
 
 def _doubt(column: Column) -> None:

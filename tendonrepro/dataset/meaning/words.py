@@ -226,3 +226,9 @@ def printable(text: str) -> str:
     return "".join(
         letter if letter.isprintable() else " " if letter.isspace() else "\ufffd" for letter in text
     )
+
+
+def few(names: Sequence[str], most: int = 6) -> str:
+    """Names in one line that steers no terminal, the first few of many."""
+    more = len(names) - most
+    return ", ".join(map(printable, names[:most])) + (f" and {more} more" if more > 0 else "")

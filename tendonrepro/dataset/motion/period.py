@@ -1,4 +1,4 @@
-"""When a recorded motion begins and repeats, and how much later it was than another one."""
+"""After which time a recorded motion repeats, and how much later it was than another one."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.dataset.motion.record import FEWEST, Recorded, noise
+from tendonrepro.dataset.motion.record import FEWEST, Recorded
 
 _SAME = 0.05
 """Largest difference, as a share of the motion's size, between two periods that are repeats."""
@@ -24,19 +24,6 @@ _NEAR = 1.0
 _REACH = 0.05
 """Half the stretch of a rounded record whose ends tell its rate, s."""
 _STEPS = 8
-
-_GROWN = 0.08
-"""Share of the range up to which a motion out of rest is a power of time with one correction."""
-_VISIBLE = 4.0
-"""Standard deviations of the record from which a sample tells something."""
-_MODEL = 3e-3
-"""Relative error of that description."""
-_POWERS = (1, 2, 3, 4)
-"""A ramp, a step of acceleration, a minimum-jerk stroke, a sine that is blended in."""
-_BETTER = 4.0
-"""Chi-square by which a higher power has to be better than a lower one."""
-_CORRECTION = 0.3
-"""Size of the correction at the end of the stretch; it must not make one power look like another."""
 
 
 def repeat_after(record: Recorded) -> float:
@@ -129,55 +116,6 @@ def _apart(ours: Recorded, other: Recorded, late: float) -> float:
 
 def _at(record: Recorded, time: Array) -> Array:
     return np.column_stack([np.interp(time, record.time, column) for column in record.q.T])
-
-
-def onset(record: Recorded) -> float:
-    """Instant at which the joint that moves first leaves its rest, s.
-
-    Out of rest a motion grows as a power of the time since its beginning, of which the record shows the later
-    part. The power and the beginning are searched for, the rest is linear least squares on logarithms. A
-    beginning is as round as an error of some milliseconds allows.
-    """
-    tolerance = max(1.5 * record.rounding, 5.0 * noise(record), 1e-3 * record.range)
-    away = np.abs(record.q - record.q[0]) > tolerance
-    crossed = np.where(away.any(axis=0), np.argmax(away, axis=0), len(away))
-    q, seen = record.q[:, np.argmin(crossed)], int(crossed.min())
-    sigma = max(record.rounding / np.sqrt(12.0), noise(record), 1e-7 * record.range)
-    size = np.abs(q - q[: max(seen // 2, 1)].mean())
-    top = int(np.argmax(size > _GROWN * np.ptp(q)))
-    hidden = np.flatnonzero(size[:top] <= max(_VISIBLE * sigma, 1e-3 * np.ptp(q)))
-    first = int(hidden[-1]) + 1 if len(hidden) else 0
-    if top - first < 3:
-        return float(record.time[max(first - 1, 0)])
-    found = _beginning(record.time[first:top], size[first:top], sigma)
-    return roundest(found, max(record.step, 3e-3))
-
-
-def _beginning(time: Array, size: Array, sigma: float) -> float:
-    """Beginning of a growth that explains sizes best, s."""
-    from scipy.optimize import minimize_scalar
-
-    weight = 1.0 / np.hypot(sigma / size, _MODEL)
-    bounds = max(0.0, float(2.5 * time[0] - 1.5 * time[-1])), float(time[0]) - 1e-9
-    found = [
-        minimize_scalar(
-            lambda start, power=power: _chi_square(time - start, size, weight, power), bounds=bounds
-        )
-        for power in _POWERS
-    ]
-    best = found[0]
-    for higher in found[1:]:
-        best = higher if higher.fun < best.fun - _BETTER else best
-    return float(best.x)
-
-
-def _chi_square(since: Array, size: Array, weight: Array, power: int) -> float:
-    """Of ``size = exp(a + b t) t^power`` with a small b, least in a and b."""
-    parts = np.column_stack([np.ones_like(since), since]) * weight[:, np.newaxis]
-    parts = np.vstack([parts, [0.0, since[-1] / _CORRECTION]])
-    target = np.append((np.log(size) - power * np.log(since)) * weight, 0.0)
-    solved = np.linalg.lstsq(parts, target, rcond=None)[0]
-    return float(((parts @ solved - target) ** 2).sum())
 
 
 def roundest(number: float, error: float) -> float:

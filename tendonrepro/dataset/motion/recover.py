@@ -12,7 +12,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.config.published import COMPARED
 from tendonrepro.dataset.motion.fit import Fit, fits, limit
 from tendonrepro.dataset.motion.knots import Knots, smoothed, thinned
-from tendonrepro.dataset.motion.period import onset, refined_shift, repeat_after, roundest
+from tendonrepro.dataset.motion.period import refined_shift, repeat_after, roundest
 from tendonrepro.dataset.motion.record import Recorded, recorded
 from tendonrepro.dataset.motion.shapes import Turns, amplitude_of, cycle_of, movers, turns_of
 from tendonrepro.dataset.motion.windows import Timing
@@ -162,7 +162,7 @@ def _begin_of(record: Recorded) -> float:
     joints = [record.of(column) for column in movers(amplitude_of(record))]
     best = [(joint, fit) for joint in joints for fit in fits(joint, repeat_after(joint))[:1]]
     delays = [_delay(fit) for joint, fit in best if fit.largest <= limit(joint)]
-    return min(delays) if delays else onset(record)
+    return min(delays) if delays else float(record.time[record.moving()[0]])
 
 
 def recorded_motion(trace: Trace, variable: str) -> Recorded:

@@ -6,9 +6,10 @@ import datetime
 import math
 import re
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from enum import Enum
-from itertools import accumulate, chain, count, groupby, pairwise
+from itertools import chain, count, groupby
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -34,18 +35,11 @@ _NUMBERS = {
     ".": re.compile(rf"[+-]?(?:(?:\d+\.?\d*|\.\d+){_EXPONENT}|inf(?:inity)?)"),
     ",": re.compile(rf"[+-]?(?:(?:\d+(?:,\d+)?|,\d+){_EXPONENT}|inf(?:inity)?)"),
 }
-_GROUPED = {
-    ".": re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+(?:\.\d*)?"),
-    ",": re.compile(r"[+-]?[1-9]\d{0,2}(?:\.\d{3})+(?:,\d*)?"),
-}
-_STAMP = re.compile(
-    r"(?P<date>\d{4}[-/.年]\d{1,2}[-/.月]\d{1,2}日?|\d{1,2}[./-]\d{1,2}[./-]\d{4})?[T\s_]*"
-    r"(?P<clock>\d{1,2}:\d{2}(?::\d{2}(?:[.,:]\d{1,9})?)?)?\s*(?:Z|(?P<zone>[+-]\d{2}:?\d{2}))?"
-)
-_WITHOUT_HOUR = re.compile(r"\d{1,2}:\d{2}[.,]\d{1,9}")
+_DATE = re.compile(r"(\d{4})[-/.](\d{1,2})[-/.](\d{1,2})")
+_DAY_FIRST = re.compile(r"(\d{1,2})[./](\d{1,2})[./](\d{4})")
+_HOUR = re.compile(r"(?<![\d:])(\d:)")
 _LONGEST = 60
-_SECOND = 10**9
-_DAY = 86400 * _SECOND
+_NOTHING = datetime.timedelta(0)
 _NO_RESULT = "if formulas fill it, open the file in its program and save it again with their results"
 _MOST_DIFFERENT = 20
 
@@ -75,11 +69,8 @@ class Rows:
     below: list[int] = field(default_factory=list)
 
 
-def number(cell: Any, decimal: str = ".", *, grouped: bool = False) -> float | None:
-    """Number in a cell, NaN for the usual words for a missing value; None for what is no number.
-
-    `grouped` allows the mark that is not the decimal one between thousands.
-    """
+def number(cell: Any, decimal: str = ".") -> float | None:
+    """Number in a cell, NaN for the usual words for a missing value; None for what is no number."""
     if isinstance(cell, int | float):
         return float(cell)
     if not isinstance(cell, str) or len(cell) > _LONGEST:
@@ -87,68 +78,48 @@ def number(cell: Any, decimal: str = ".", *, grouped: bool = False) -> float | N
     text = cell.strip(" \t\"'\u00a0\u3000").replace("−", "-").replace("∞", "inf").lower()
     if text in _MISSING:
         return math.nan
-    if grouped and _GROUPED[decimal].fullmatch(text):
-        text = text.replace("," if decimal == "." else ".", "")
-    elif not _NUMBERS[decimal].fullmatch(text):
+    if not _NUMBERS[decimal].fullmatch(text):
         return None
     return float(text.replace(",", ".").replace("d", "e"))
 
 
 def is_stamp(cell: Any) -> bool:
     """Whether a cell is a date, a clock time or a duration, as an object or written out."""
-    return _nanoseconds(cell) is not None
+    return _moment(cell) is not None
 
 
-def _nanoseconds(cell: Any) -> int | None:
+def _moment(cell: Any) -> datetime.timedelta | None:
     """Time since the calendar began, or since midnight for a clock alone; None for what is no time."""
     if isinstance(cell, datetime.timedelta):
-        return cell // datetime.timedelta(microseconds=1) * 1000
+        return cell
     text = str(cell).strip()  # of a date or time it reads as people write them
-    if _WITHOUT_HOUR.fullmatch(text):
-        text = f"0:0{text}" if text[1] == ":" else f"0:{text}"
-    match = _STAMP.fullmatch(text) if len(text) <= _LONGEST else None
-    if match is None or not (match["date"] or match["clock"]):
+    text = _DAY_FIRST.sub(r"\3-\2-\1", text, count=1)
+    if len(text) > _LONGEST or not (":" in text or _DATE.match(text)):
         return None
-    try:
-        days = _day(match["date"]) if match["date"] else 0
-    except ValueError:
-        return None
-    hour, minute, second, fraction = [*re.split("[:.,]", match["clock"] or "0"), "0", "0", "0"][:4]
-    zone = (match["zone"] or "+0000").replace(":", "")
-    ahead = 60 * int(zone[:3]) + int(zone[0] + zone[3:])
-    minutes = (24 * days + int(hour)) * 60 + int(minute) - ahead
-    return (60 * minutes + int(second)) * _SECOND + int(fraction.ljust(9, "0"))
-
-
-def _day(written: str) -> int:
-    """Number of a day in the calendar, written with the year first or last."""
-    numbers = [int(digits) for digits in re.findall(r"\d+", written)]
-    year, month, day = numbers if numbers[0] > 31 else reversed(numbers)
-    # Day before month, unless that cannot be: within one day, and a run lasts seconds, either gives the same.
-    return datetime.date(year, *((month, day) if month <= 12 else (day, month))).toordinal()
+    text = _DATE.sub(lambda date: "{}-{:0>2}-{:0>2}".format(*date.groups()), text, count=1)
+    text = _HOUR.sub(r"0\1", text, count=1)
+    with suppress(ValueError):
+        clock = datetime.time.fromisoformat(text)
+        return datetime.timedelta(
+            hours=clock.hour, minutes=clock.minute, seconds=clock.second, microseconds=clock.microsecond
+        )
+    with suppress(ValueError, OverflowError):
+        moment = datetime.datetime.fromisoformat(text)
+        return moment.replace(tzinfo=None) - (moment.utcoffset() or _NOTHING) - datetime.datetime.min
+    return None
 
 
 def _seconds(cells: Cells) -> tuple[Array, str] | None:
     """Times in s from the first, NaN for other cells, with a note; None when most cells are no times."""
-    times = [_nanoseconds(cell) for cell in cells]
+    times = [_moment(cell) for cell in cells]
     known = [time for time in times if time is not None]
     if not known or 2 * len(known) < sum(map(_is_filled, cells)):
         return None
-    start, note = 0, "durations in seconds"
+    start, note = _NOTHING, "durations in seconds"
     if not any(isinstance(cell, datetime.timedelta) for cell in cells):
         first = next(str(cell).strip() for cell in cells if is_stamp(cell))
         start, note = known[0], f"clock times, seconds from the first, {first[:40]}"
-        if max(known) < _DAY:
-            known = _past_midnight(known)
-    values = np.full(len(times), np.nan)
-    values[[time is not None for time in times]] = [(time - start) / _SECOND for time in known]
-    return values, note
-
-
-def _past_midnight(times: Sequence[int]) -> list[int]:
-    """Add a day whenever a clock without a date jumps back by more than half a day."""
-    back = [before - after > _DAY // 2 for before, after in pairwise([times[0], *times])]
-    return [time + days * _DAY for time, days in zip(times, accumulate(back), strict=True)]
+    return np.array([np.nan if time is None else (time - start).total_seconds() for time in times]), note
 
 
 def _is_filled(cell: Any) -> bool:
@@ -159,7 +130,7 @@ def _is_filled(cell: Any) -> bool:
 def mark_of(cells: Sequence[Any], decimal: str = ".") -> Mark:
     """Tell what a row is: numbers as soon as one cell is a number or a time."""
     filled = [cell for cell in cells if _is_filled(cell)]
-    if any(number(cell, decimal, grouped=True) is not None or is_stamp(cell) for cell in filled):
+    if any(number(cell, decimal) is not None or is_stamp(cell) for cell in filled):
         return Mark.NUMBERS
     return Mark.WORDS if filled else Mark.BLANK
 
@@ -269,7 +240,7 @@ def _numbers(cells: Cells, decimal: str) -> tuple[NDArray[Any], str, str | None]
     """Values, what was done to get them, and their unit if that is settled; None for words."""
     if isinstance(cells, np.ndarray) and cells.dtype.kind in "biuf":
         return cells, "", None
-    values = [number(cell, decimal, grouped=True) for cell in cells]
+    values = [number(cell, decimal) for cell in cells]
     odd = [cell for cell, value in zip(cells, values, strict=True) if value is None and _is_filled(cell)]
     if len(odd) > len(values) - values.count(None):
         times = _seconds(cells)

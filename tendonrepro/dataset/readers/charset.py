@@ -1,4 +1,4 @@
-"""Encodings of text files, from instruments and from Chinese and European office programs."""
+"""Encodings of text files: Unicode, Chinese, or that of Western Windows."""
 
 from __future__ import annotations
 
@@ -16,9 +16,6 @@ BYTE_ORDER_MARKS: Mapping[bytes, str] = {
 """First bytes of a text -> its encoding; the longer of two marks that begin alike comes first."""
 _SAMPLE = 65536
 _LATIN = "cp1252"
-# What remains once Unicode and Chinese are ruled out.
-_OTHERS = [_LATIN, "cp1250", "cp1251", "big5", "shift_jis", "euc_kr", "gb18030"]
-_LATIN_SIGNS = {*map(chr, range(128)), *"°·µ²³±äöüÄÖÜßàâçèéêëîïñòóôùûÅåæøØ"}
 # First-level characters, and symbols such as the degree sign.
 _COMMON_CHINESE = re.compile(rb"[\xa1-\xa9\xb0-\xd7][\xa1-\xff]")
 _MOST_COMMON = 0.6
@@ -27,8 +24,8 @@ _MOST_COMMON = 0.6
 def decoded(raw: bytes) -> tuple[str, str]:
     """Decode everything in a file; returns the text without a byte order mark, and its encoding.
 
-    Bytes that do not fit are replaced, never refused: numbers are ASCII in every encoding tried, so at worst
-    a name is spoilt.
+    Bytes that do not fit are replaced, never refused: numbers are ASCII in every encoding, so at worst a name
+    is spoilt.
     """
     encoding = _encoding(raw)
     return raw.decode(encoding, "replace").removeprefix("\ufeff"), encoding
@@ -54,10 +51,7 @@ def _encoding(raw: bytes) -> str:
         return "utf-8"
     # The lines that tell encodings apart; the guess then takes the same time for any size of file.
     foreign = b"\n".join(line for line in raw[: 64 * _SAMPLE].splitlines() if not line.isascii())[:_SAMPLE]
-    # Accented letters and signs that stand singly amid ASCII; Chinese characters take two bytes.
-    if not re.search(rb"[\x80-\xff]{2}", foreign) and set(foreign.decode("latin-1")) <= _LATIN_SIGNS:
-        return _LATIN
-    return "gb18030" if _is_chinese(foreign) else _best_guess(foreign)
+    return "gb18030" if _is_chinese(foreign) else _LATIN
 
 
 def _is_chinese(raw: bytes) -> bool:
@@ -69,11 +63,3 @@ def _is_chinese(raw: bytes) -> bool:
     foreign = [character.encode("gb18030") for character in text if not character.isascii()]
     common = sum(_COMMON_CHINESE.fullmatch(code) is not None for code in foreign)
     return bool(foreign) and common >= _MOST_COMMON * len(foreign)
-
-
-def _best_guess(raw: bytes) -> str:
-    # Of a few short names this alone is wrong for most Chinese and many European files.
-    from charset_normalizer import from_bytes
-
-    best = from_bytes(raw, cp_isolation=_OTHERS).best()
-    return best.encoding if best else _LATIN

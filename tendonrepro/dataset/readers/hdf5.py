@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.dataset.readers.allowance import Allowance
@@ -20,7 +19,8 @@ from tendonrepro.dataset.readers.units import FACTORS, plain_unit
 _DEEPEST = 32
 _MOST_OBJECTS = 50_000
 """Links followed; a group may hold millions that lead nowhere."""
-_SHORT_SCALE = 64
+_MOST_WORDS = 64
+_PACKING = ("_FillValue", "scale_factor", "add_offset")
 _BROKEN = "copy or download it again; if it stays broken, export it again"
 _ELSEWHERE = "copy that file's data into this one with h5repack or h5copy"
 
@@ -108,17 +108,13 @@ def _note_attributes(found: Found, group: h5py.Group, path: str) -> None:
         found.text(f"{path}/@{name}".lstrip("/"), _text_attribute(group, name))
 
 
-def _attribute(item: Any, name: str) -> Any:
-    """Value of an attribute, of a single one itself; None for one that is missing or broken."""
+def _text_attribute(item: Any, name: str) -> str:
+    """Value of an attribute that is a text; empty for one that is missing, broken or something else."""
     try:
         value = item.attrs.get(name)
     except Exception:
-        return None
-    return value.flat[0] if isinstance(value, np.ndarray) and value.size == 1 else value
-
-
-def _text_attribute(item: Any, name: str) -> str:
-    value = _attribute(item, name)
+        return ""
+    value = value.flat[0] if isinstance(value, np.ndarray) and value.size == 1 else value
     if isinstance(value, bytes):
         value = value.decode("utf-8", "replace")
     return value if isinstance(value, str) else ""
@@ -129,20 +125,18 @@ def _read_one(found: Found, path: str, dataset: h5py.Dataset) -> None:
         reason, advice = _why_not(found, dataset)
         if reason:
             found.skip(path, reason, advice)
+        elif _text_attribute(dataset, "MATLAB_class") == "char":
+            found.text(path, "".join(map(chr, np.ravel(dataset[()]))))
+        elif path.startswith("#") or "MATLAB_object_decode" in dataset.attrs:
+            found.skip(path, "part of a MATLAB object or cell")
         elif dataset.dtype.kind in "OSU":
             found.skip(path, "text or objects")
-            if h5py.check_string_dtype(dataset.dtype) and dataset.size <= _SHORT_SCALE:
-                found.text(path, _listed(np.atleast_1d(dataset.asstr(errors="replace")[()]).ravel()))
-        elif _is_label_scale(dataset):
-            found.text(path, _listed(dataset[()]))
+            if h5py.check_string_dtype(dataset.dtype) and dataset.size <= _MOST_WORDS:
+                found.text(path, ", ".join(np.atleast_1d(dataset.asstr(errors="replace")[()]).ravel()))
         else:
             _add(found, path, dataset)
     except Exception as error:
         found.skip(path, f"broken ({error})", _BROKEN)
-
-
-def _listed(values: Iterable[Any]) -> str:
-    return ", ".join(map(str, values))
 
 
 def _why_not(found: Found, dataset: h5py.Dataset) -> tuple[str, str]:
@@ -159,67 +153,32 @@ def _why_not(found: Found, dataset: h5py.Dataset) -> tuple[str, str]:
     return found.refusal(max(dataset.size, size // 8), max(dataset.shape, default=0))
 
 
-def _is_label_scale(dataset: h5py.Dataset) -> bool:
-    """Whether it only numbers the columns of others, as joint numbers do."""
-    short = dataset.ndim == 1 and dataset.size <= _SHORT_SCALE
-    return bool(short and dataset.is_scale and _time_factor(dataset) is None)
-
-
 def _add(found: Found, path: str, dataset: h5py.Dataset) -> None:
     values = dataset[()]
     if values.dtype.names:
         add_array(found, path, values)
         return
-    numbers, notes = _unpacked(dataset, np.asarray(values))
-    columns = _scale(dataset, 1) if dataset.ndim == 2 else None
-    if columns is not None and _is_label_scale(columns) and columns.shape == dataset.shape[1:]:
-        notes.append(f"columns are {columns.name.rpartition('/')[2]} {_listed(columns[()])}")
+    packed = [name for name in _PACKING if name in dataset.attrs]
     group, _, name = path.rpartition("/")
     found.add(
         path,
-        numbers,
+        np.asarray(values),
         label=_text_attribute(dataset, "long_name") or name,
         unit=_text_attribute(dataset, "units") or None,
         group=group,
         time=_time(found, dataset),
-        note="; ".join(notes),
+        note=f"not applied: {', '.join(packed)}" if packed else "",
     )
 
 
-def _unpacked(dataset: h5py.Dataset, values: NDArray[Any]) -> tuple[NDArray[Any], list[str]]:
-    """Undo what netCDF does to numbers: a number for gaps, a scale and an offset."""
-    notes: list[str] = []
-    if values.dtype.kind not in "iuf":
-        return values, notes
-    own = (_attribute(dataset, name) for name in ("_FillValue", "scale_factor", "add_offset"))
-    gap, scale, offset = (float(one) if isinstance(one, np.number) else None for one in own)
-    if gap is not None and (values == gap).any():
-        values = np.where(values == gap, np.nan, values)
-        notes.append("fill values became NaN")
-    if scale is not None or offset is not None:
-        values = values * (1.0 if scale is None else scale) + (offset or 0.0)
-        notes.append("scale_factor and add_offset applied")
-    return values, notes
-
-
-def _scale(dataset: h5py.Dataset, axis: int) -> h5py.Dataset | None:
-    """Scale of an axis, if it has one."""
+def _time(found: Found, dataset: h5py.Dataset) -> Array | None:
+    """Sampling times in s where the first axis has a scale in a unit of time, or ``seconds since ...``."""
     try:
-        return dataset.dims[axis][0]
+        scale = dataset.dims[0][0]
     except Exception:  # none, or a broken reference: the numbers are still there
         return None
-
-
-def _time(found: Found, dataset: h5py.Dataset) -> Array | None:
-    """Sampling times in s where the first axis has a scale in a unit of time."""
-    scale = None if dataset.is_scale or not dataset.ndim else _scale(dataset, 0)
-    factor = None if scale is None else _time_factor(scale)
-    if scale is None or factor is None or scale.shape != dataset.shape[:1] or any(_why_not(found, scale)):
+    unit = plain_unit(_text_attribute(scale, "units").partition(" since ")[0])
+    factor = FACTORS["time"].get(unit or "")
+    if dataset.is_scale or factor is None or scale.shape != dataset.shape[:1] or any(_why_not(found, scale)):
         return None
     return np.asarray(scale[()], np.float64) * factor
-
-
-def _time_factor(scale: h5py.Dataset) -> float | None:
-    """Seconds in the unit of a scale, ``s`` or ``seconds since ...``; None for no time."""
-    unit = plain_unit(_text_attribute(scale, "units").partition(" since ")[0])
-    return None if unit is None else FACTORS["time"].get(unit)

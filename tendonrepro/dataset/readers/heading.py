@@ -21,12 +21,6 @@ _AFTER_LINE = re.compile(r"^(?P<name>.+?)_(?P<unit>deg_s2|deg_s|rad_s2|rad_s|[A-
 _BRACKETS = " ()[]（）【】{}"
 _TIMES = frozenset({"t", "time", "zeit", "temps", "tiempo", "时间"})
 _LONGEST_NAME = 100
-_ORIGIN_ROWS = {
-    "long name", "name", "长名称", "units", "unit", "单位", "comments", "comment", "注释",
-    "f(x)", "f(x)=", "sparklines", "sampling interval",
-}  # fmt: skip
-"""What Origin may write in front of the rows above the numbers."""
-_ORIGIN_NAMES = re.compile(r"(?:[A-Z]{1,2}\((?:[XYZLM]|[xy]Er±)\)\s*)+")
 
 
 @dataclass(frozen=True)
@@ -73,7 +67,6 @@ def headings(rows: Sequence[Sequence[str]], width: int) -> tuple[list[Heading], 
 
     Returns a heading for each column, and which rows are none of their names: words about the table.
     """
-    rows = _without_marks_of_origin(rows)
     filled = [number for number, cells in enumerate(rows) if any(cell.strip() for cell in cells)]
     left = [rows[number] for number in filled]
     comments = left.pop() if _are_comments(left, width) else ()
@@ -88,15 +81,6 @@ def headings(rows: Sequence[Sequence[str]], width: int) -> tuple[list[Heading], 
         spans = _filled_on(left.pop(), width)
     cells = [[_cell(row, column) for row in (names, units, comments)] for column in range(width)]
     return [_heading(spans, column, *own) for column, own in enumerate(cells)], filled[: len(left)]
-
-
-def _without_marks_of_origin(rows: Sequence[Sequence[str]]) -> Sequence[Sequence[str]]:
-    """Rows without what Origin writes in front of several to say what they are, and without its ``A(X)``."""
-    told = [bool(cells) and cells[0].strip().lower() in _ORIGIN_ROWS for cells in rows]
-    if sum(told) < 2:
-        return rows
-    named = [["", *cells[1:]] if own else cells for cells, own in zip(rows, told, strict=True)]
-    return [[] if _ORIGIN_NAMES.fullmatch(" ".join(cells).strip()) else cells for cells in named]
 
 
 def _are_comments(rows: Sequence[Sequence[str]], width: int) -> bool:

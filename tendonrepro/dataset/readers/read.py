@@ -91,15 +91,6 @@ def _locked(folder: Path) -> set[Path]:
     return set()
 
 
-def read_file(path: Path, name: str, left: Allowance | None = None) -> list[Source]:
-    """Read whatever a file that the user knows by a name holds, within an allowance; nothing is raised.
-
-    One source for the file and, for an archive, one for each file in it.
-    """
-    # A later source replaces an earlier one of its name, and keeps its place.
-    return list({source.name: source for source in read_bit_by_bit(path, name, left or Allowance())}.values())
-
-
 def read_bit_by_bit(path: Path, name: str, left: Allowance) -> Iterator[Source]:
     """Sources of a file as they are read; an archive comes first and, with what was left out, again."""
     with (

@@ -55,11 +55,10 @@ _NO_DIGITS = f"+-.eE{_SEPARATORS}"
 
 @dataclass(frozen=True)
 class Style:
-    """Separator of a text, one character or `_BLANKS`; its decimal mark; what else that could have been."""
+    """Separator of a text, one character or `_BLANKS`, and its decimal mark."""
 
     separator: str
     decimal: str
-    doubt: str = ""
 
     def split(self, line: str) -> list[str]:
         """Cells of a line."""
@@ -160,8 +159,7 @@ def _add_block(
         found.skip(
             where, f"{ragged} rows have another number of cells than {len(columns)}", "check these rows"
         )
-    more = {"prefix": prefix, "decimal": style.decimal, "note": style.doubt}
-    return add_table(found, block, head, columns, words_at, before, **more)
+    return add_table(found, block, head, columns, words_at, before, prefix=prefix, decimal=style.decimal)
 
 
 def _without_mark(line: str) -> str:
@@ -230,14 +228,7 @@ def _columns(data: Sequence[str], style: Style, width: int) -> list[Cells]:
 def style_of(lines: Sequence[str]) -> Style:
     """Find the style under which most cells of a text are numbers."""
     sample = _sample(lines)
-    separator, decimal = max(_STYLES, key=lambda pair: _score(Style(*pair), sample))
-    if (separator, decimal) == (",", ".") and _are_halves([line.split(",") for line in sample]):
-        return Style(_BLANKS, ",")
-    style = Style(separator, decimal)
-    if decimal == "," and _could_be_thousands([cell for line in sample for cell in style.split(line)]):
-        doubt = "commas taken as decimal marks, though they could separate thousands"
-        return Style(separator, decimal, doubt)
-    return style
+    return max((Style(*pair) for pair in _STYLES), key=lambda style: _score(style, sample))
 
 
 def _sample(lines: Sequence[str]) -> list[str]:
@@ -253,38 +244,10 @@ def _score(style: Style, sample: Sequence[str]) -> float:
     total, widths = 0.0, Counter[int]()
     for line in sample:
         cells = [cell for cell in style.split(line) if cell.strip()]
-        read = sum(_is_read(cell, style.decimal) for cell in cells)
+        read = sum(number(cell, style.decimal) is not None or is_stamp(cell) for cell in cells)
         # A date and the clock time a blank behind it are one cell.
         read -= sum(is_stamp(date) and is_stamp(clock) for date, clock in pairwise(cells))
         if read:
             widths[len(style.split(line.strip()))] += 1
             total += 2 * read - len(cells)
     return total * max(widths.values()) / widths.total() if widths else 0.0
-
-
-def _is_read(cell: str, decimal: str) -> bool:
-    # A mark between thousands is sure only in a number that also has a decimal mark.
-    grouped = "," in cell and "." in cell
-    return number(cell, decimal, grouped=grouped) is not None or is_stamp(cell)
-
-
-def _are_halves(rows: Sequence[list[str]]) -> bool:
-    """Whether two columns of whole numbers are one column with decimal commas.
-
-    It is when the heading is one name, or the second halves begin with a zero, as in ``1,05``.
-    """
-    numbers = [cells for cells in rows if mark_of(cells) is Mark.NUMBERS]
-    if any(
-        len(cells) != 2 or not all(cell.strip().lstrip("+-").isdecimal() for cell in cells)
-        for cells in numbers
-    ):
-        return False
-    words = [cells for cells in rows if mark_of(cells) is Mark.WORDS]
-    seconds = [cells[1].strip() for cells in numbers]
-    one_name = bool(words) and all(len(cells) == 1 for cells in words)
-    return one_name or any(half.startswith("0") and len(half) > 1 for half in seconds)
-
-
-def _could_be_thousands(cells: Sequence[str]) -> bool:
-    marked = [cell.strip().lstrip("+-") for cell in cells if "," in cell and number(cell, ",") is not None]
-    return bool(marked) and all(len(cell.partition(",")[2]) == 3 and cell[0] != "0" for cell in marked)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 import unicodedata
 from collections.abc import Mapping
 
@@ -37,11 +36,6 @@ _SPELLINGS = {
     "nsec": "ns", "nsecs": "ns", "nanosecond": "ns", "nanoseconds": "ns", "nanos": "ns", "纳秒": "ns",
     "minute": "min", "minutes": "min", "分钟": "min",
 }  # fmt: skip
-_POWERS = {"3": "ms", "6": "us", "9": "ns"}
-_POWER = re.compile(
-    r"(?:1(?:\.0*)?e|(?:1?[x×*·])?10(?:\^|\*\*))\(?[-−](?P<power>[369])\)?[x×*·]?s(?:ec|econds?)?"
-)
-"""A second times a power of ten."""
 
 
 def kind_of_variable(units: str) -> str | None:
@@ -55,7 +49,7 @@ def plain_unit(written: str | None) -> str | None:
     Parameters
     ----------
     written : str or None
-        Such as ``°``, ``Degrees``, ``N·m``, ``10^-6 s``.
+        Such as ``°``, ``Degrees``, ``N·m``.
 
     Returns
     -------
@@ -76,8 +70,7 @@ def plain_unit(written: str | None) -> str | None:
     squeezed = "".join(text.lower().split())
     by_case = {"".join(unit.lower().split()): unit for unit in known}
     # "nm" and "mnm" are torques here; nobody measures a manipulator in nanometres.
-    power = _POWER.fullmatch(squeezed.replace("e-0", "e-"))
-    return _SPELLINGS.get(squeezed) or by_case.get(squeezed) or (_POWERS[power["power"]] if power else None)
+    return _SPELLINGS.get(squeezed) or by_case.get(squeezed)
 
 
 def factor(unit: str, kind: str) -> float:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from tendonrepro.dataset.repository.names import LABEL, PART, shown
 from tendonrepro.dataset.repository.web import Body, CutShortError, Web
-from tendonrepro.dataset.repository.web_errors import BY_HAND, TOO_MANY, WebError
+from tendonrepro.dataset.repository.web_errors import BY_HAND, WebError
 from tendonrepro.dataset.repository.zenodo import RemoteFile
 from tendonrepro.errors import DataMissingError, TendonreproError
 from tendonrepro.files import md5_of, write_atomically
@@ -32,13 +32,11 @@ def download(web: Web, record_id: str, remote: RemoteFile, target: Path, advance
     try:
         _open(record_id, remote, target)
         advance(part_size(target))
-        announced = None if part_size(target) == remote.size else _complete(web, remote, target, advance)
-        expected = remote.md5 or announced
-        if expected and md5_of(_part(target)) != expected:
+        if part_size(target) != remote.size:
+            _complete(web, remote, target, advance)
+        if remote.md5 and md5_of(_part(target)) != remote.md5:
             remove_part(target)
-            message = f"{shown(remote.key)} arrived with another MD5 than "
-            message += "the record says" if remote.md5 else "the server says"
-            message += ", damaged on its way" if announced == remote.md5 else ""
+            message = f"{shown(remote.key)} arrived with another MD5 than the record says"
             raise DataMissingError(message, hint=f"nothing of it was kept: run the command again, {BY_HAND}")
         _part(target).replace(target)
     except OSError as error:
@@ -94,27 +92,13 @@ def _open(record_id: str, remote: RemoteFile, target: Path) -> None:
         part.touch()
 
 
-def _complete(web: Web, remote: RemoteFile, target: Path, advance: Advance) -> str | None:
-    """Ask one address after the other until every byte is there; the digest the server announced."""
-    failures = []
-    for url in remote.urls:
-        try:
-            return _exhaust(web, url, remote, target, advance)
-        except WebError as error:
-            failures.append(error)
-            if error.status == TOO_MANY:
-                break
-            web.talk.detail(f"{url}: {error.message}")
-    raise failures[0]
-
-
-def _exhaust(web: Web, url: str, remote: RemoteFile, target: Path, advance: Advance) -> str | None:
-    """Ask one address again and again, as long as it helps."""
+def _complete(web: Web, remote: RemoteFile, target: Path, advance: Advance) -> None:
+    """Ask again and again until every byte is there, as long as it helps."""
     page = remote.key.lower().endswith((".html", ".htm"))
     resume, useless, most = True, 0, part_size(target)
     while useless < web.patience.tries:
         start = part_size(target) if resume else 0
-        with web.body(url, shown(remote.key), start, page=page) as body:
+        with web.body(remote.url, shown(remote.key), start, page=page) as body:
             useful = body.start in {0, start}
             if useful:
                 _receive(body, remote, target, advance)
@@ -122,7 +106,7 @@ def _exhaust(web: Web, url: str, remote: RemoteFile, target: Path, advance: Adva
         resume = resume and useful
         size = part_size(target)
         if size == remote.size:
-            return body.md5
+            return
         useless = 0 if size - most >= GAIN else useless + 1
         most = max(most, size)
         time.sleep(web.patience.backoff)

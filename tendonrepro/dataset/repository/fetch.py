@@ -7,7 +7,7 @@ import re
 import shutil
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -27,7 +27,7 @@ from tendonrepro.dataset.repository.lock import (
 from tendonrepro.dataset.repository.names import LOCK, safe_paths, shown
 from tendonrepro.dataset.repository.web import Patience, Web
 from tendonrepro.dataset.repository.web_errors import BY_HAND, WebError
-from tendonrepro.dataset.repository.zenodo import SITE, Record, parse_files, parse_record, record_number
+from tendonrepro.dataset.repository.zenodo import SITE, Record, parse_record, record_number
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.files import md5_of
 from tendonrepro.results.folder import locked
@@ -281,12 +281,8 @@ def resolve(web: Web, site: str, number: str, warn: Callable[[str], None]) -> Re
         until = f" until {record.embargo_date}" if record.embargo_date else ""
         message = f"the files of record {found} are not open to everyone ({record.access}{until})"
         raise WebError(message, hint="ask its authors for the files, then use --from-dir DIR", status=403)
-    listing = web.json(f"{site}/api/records/{found}/files", f"the files of record {found}")
-    files = parse_files(listing, found, site)
-    if not files:
-        message = f"record {found} shows no files"
-        raise WebError(message, hint=f"check its number, {BY_HAND}", status=200)
-    return replace(record, files=files)
+    message = f"record {found} shows no files"
+    raise WebError(message, hint=f"check its number, {BY_HAND}", status=200)
 
 
 def expected_files(record: Record) -> tuple[LockedFile, ...]:

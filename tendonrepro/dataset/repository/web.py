@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from threading import Thread
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 from requests import RequestException, Response, Session
 from requests.adapters import HTTPAdapter
@@ -64,23 +64,14 @@ class CutShortError(Exception):
     """A body that ended early or came too slowly; asking for the rest is worth it."""
 
 
-@dataclass(frozen=True)
-class Body:
-    """A file on its way.
+class Body(NamedTuple):
+    """A file on its way: the first byte of what comes and the size of the whole, where the server says so.
 
-    Attributes
-    ----------
-    start, total : int or None
-        First byte of what comes, and size of the whole file, where the server says so.
-    md5 : str or None
-        As the server announces it.
-    chunks : iterator of bytes
-        Raises :class:`CutShortError` when the connection ends.
+    The chunks raise :class:`CutShortError` when the connection ends.
     """
 
     start: int | None
     total: int | None
-    md5: str | None
     chunks: Iterator[bytes]
 
 
@@ -135,10 +126,7 @@ class Web:
                 message = f"{what}: {host_of(url)} sent a web page instead of the file"
                 hint = f"a proxy or a login page may be in the way; try again later, {BY_HAND}"
                 raise WebError(message, hint=hint, status=status)
-            md5 = re.fullmatch(r"md5:([0-9a-f]{1,32})", sent.get("oc-checksum", "").strip(), re.IGNORECASE)
-            chunks = _chunks(response, CHUNK, self.patience.chunk)
-            # The digest may have lost its leading zeros.
-            yield Body(*place_of_body(status, sent), md5[1].lower().zfill(32) if md5 else None, chunks)
+            yield Body(*place_of_body(status, sent), _chunks(response, CHUNK, self.patience.chunk))
 
     @contextmanager
     def _answer(self, url: str, what: str, headers: dict[str, str]) -> Iterator[Response]:

@@ -1,4 +1,4 @@
-"""A Zenodo record: what its JSON says, whichever of the shapes it has, and how a user may name it."""
+"""A Zenodo record: what its JSON says, and how a user may name it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import re
 from collections import Counter
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 from urllib.parse import quote, urlsplit
 
 from tendonrepro.dataset.repository.names import shown
@@ -17,49 +17,24 @@ UNQUOTED = "/!$&'()*+,;=:@"
 """Characters of a key that stand in an address as they are."""
 
 
-@dataclass(frozen=True)
-class RemoteFile:
-    """One file of a record.
-
-    Attributes
-    ----------
-    key : str
-        Its name; may hold slashes.
-    size : int
-        Bytes.
-    md5 : str or None
-        32 lower-case hexadecimal digits; None where the record gives none.
-    urls : tuple of str
-        Where to get it, best first.
-    """
+class RemoteFile(NamedTuple):
+    """One file of a record: its name, which may hold slashes, bytes, MD5 if the record gives one, address."""
 
     key: str
     size: int
     md5: str | None
-    urls: tuple[str, ...]
+    url: str
 
 
 @dataclass(frozen=True)
 class Record:
-    """One version of a data set.
+    """One version of a data set, by the number `record_id`.
 
-    Attributes
-    ----------
-    record_id, concept_id : str
-        Number of this version, and of all versions together; the latter may be unknown.
-    doi, concept_doi : str or None
-    title, version, licence : str or None
-    access : str
-        ``open``, ``restricted``, ``embargoed`` or another word of the repository.
-    embargo_date : str or None
-    is_latest : bool or None
-        Whether no later version was there; None where the record does not say.
-    files : tuple of RemoteFile
-        Empty where the record does not show them.
+    `access` is ``open``, ``restricted``, ``embargoed`` or another word; a record that is not open
+    may show no `files`. `is_latest` is None where it does not say.
     """
 
     record_id: str
-    concept_id: str | None
     doi: str | None
     concept_doi: str | None
     title: str | None
@@ -92,75 +67,47 @@ def record_number(text: str, site: str = SITE) -> str:
 
 
 def parse_record(data: object, site: str) -> Record:
-    """Read the JSON of a record: Zenodo's own shape, that of late 2023, or that of InvenioRDM.
-
-    `site` is for files that come without an address. Raises a DataMissingError if it is no record.
-    """
-    meta, parent, rights = at(data, "metadata"), at(data, "parent"), at(data, "access", "files")
-    number = _number(at(data, "recid") or at(data, "id"), "number")
-    concept = at(data, "conceptrecid") or at(parent, "id")
-    access = at(meta, "access_right") or at(data, "access", "status") or rights
+    """Read the JSON of a record at `site` as Zenodo gives it; a DataMissingError if it is no record."""
+    meta = at(data, "metadata")
+    number = str(at(data, "id"))
+    if not re.fullmatch("[0-9]{1,12}", number):
+        raise _nonsense(number, "number")
     relations = at(meta, "relations", "version")
-    first = relations[0] if isinstance(relations, list) and relations else None
-    latest = [at(first, "is_last"), at(data, "versions", "is_latest")]
+    is_last = at(relations[0], "is_last") if isinstance(relations, list) and relations else None
     return Record(
         record_id=number,
-        concept_id=None if concept is None else _number(concept, "concept number"),
-        doi=_line(at(data, "doi") or at(meta, "doi") or at(data, "pids", "doi", "identifier")),
-        concept_doi=_line(at(data, "conceptdoi") or at(parent, "pids", "doi", "identifier")),
-        title=_line(at(meta, "title") or at(data, "title")),
+        doi=_line(at(data, "doi")),
+        concept_doi=_line(at(data, "conceptdoi")),
+        title=_line(at(meta, "title")),
         version=_line(at(meta, "version")),
-        licence=_licence(meta),
-        access="open" if access in (None, "public") else _line(access) or "open",
-        embargo_date=_line(at(meta, "embargo_date") or at(data, "access", "embargo", "until")),
-        is_latest=next((found for found in latest if isinstance(found, bool)), None),
-        files=parse_files(at(data, "files"), number, site),
+        licence=_line(at(meta, "license", "id")),
+        access=_line(at(meta, "access_right")) or "open",
+        embargo_date=_line(at(meta, "embargo_date")),
+        is_latest=is_last if isinstance(is_last, bool) else None,
+        files=_files(at(data, "files"), f"{site}/api/records/{number}/files"),
     )
 
 
-def parse_files(data: object, number: str, site: str) -> tuple[RemoteFile, ...]:
-    """Read a list of files: of record `number`, or the answer about its files; nothing at all is no file.
-
-    It is a list, or has ``entries`` which are a list or a mapping by key. Raises a DataMissingError if it is
-    anything else, or a key comes twice.
-    """
-    if isinstance(data, dict):
-        data = data.get("entries")
-    if isinstance(data, dict):
-        data = [{"key": key, **entry} if isinstance(entry, dict) else entry for key, entry in data.items()]
+def _files(data: object, place: str) -> tuple[RemoteFile, ...]:
+    """Files of a record at an address; none at all where it shows none."""
     if not isinstance(data, list | None):
         raise _nonsense(data, "files")
-    files = tuple(_file(entry, number, site) for entry in data or ())
+    files = tuple(_file(entry, place) for entry in data or ())
     for key, times in Counter(file.key for file in files).most_common(1):
         if times > 1:
             raise _nonsense(key, "a file named twice")
     return files
 
 
-def _file(entry: object, number: str, site: str) -> RemoteFile:
-    if not isinstance(entry, dict):
-        raise _nonsense(entry, "a file")
-    key = entry.get("key", entry.get("filename"))
+def _file(entry: object, place: str) -> RemoteFile:
+    key, size = at(entry, "key"), at(entry, "size")
     if not isinstance(key, str) or not key:
         raise _nonsense(key, "name of a file")
-    size = entry.get("size", entry.get("filesize"))
     if not isinstance(size, int) or isinstance(size, bool) or not 0 <= size < 2**63:
         raise _nonsense(size, f"size of {shown(key)}")
     # A key may hold half a surrogate pair; its name is refused later, the address must not fail here.
     path = quote(key, safe=UNQUOTED, errors="replace")
-    built = f"{site}/api/records/{number}/files/{path}/content"
-    page = f"{site}/records/{number}/files/{path}?download=1"
-    # `self` may also be the address of the description.
-    given = [(name, at(entry, "links", name)) for name in ("content", "self", "download")]
-    good = [url for name, url in given if _is_address(url) and (name != "self" or url.endswith("/content"))]
-    return RemoteFile(key, size, _md5(entry.get("checksum"), key), ((good or [built])[0], page))
-
-
-def _is_address(url: object) -> bool:
-    try:
-        return isinstance(url, str) and bool(re.fullmatch("https?://[!-~]+", url) and urlsplit(url).hostname)
-    except ValueError:
-        return False
+    return RemoteFile(key, size, _md5(at(entry, "checksum"), key), f"{place}/{path}/content")
 
 
 def _md5(checksum: object, key: str) -> str | None:
@@ -175,27 +122,11 @@ def _md5(checksum: object, key: str) -> str | None:
     raise _nonsense(checksum, f"checksum of {shown(key)}")
 
 
-def _licence(meta: object) -> str | None:
-    found = at(meta, "license") or at(meta, "rights")
-    entries = found if isinstance(found, list) else [found]
-    names = [at(entry, "id") or at(entry, "title") or entry for entry in entries]
-    # InvenioRDM gives titles by language.
-    texts = [_line(next(iter(name.values()), None) if isinstance(name, dict) else name) for name in names]
-    return ", ".join(text for text in texts if text) or None
-
-
 def at(tree: object, *keys: str) -> Any:
     """What stands at a place in a JSON tree; None where there is no such place."""
     for key in keys:
         tree = tree.get(key) if isinstance(tree, dict) else None
     return tree
-
-
-def _number(value: object, what: str) -> str:
-    text = str(value) if isinstance(value, int) and not isinstance(value, bool) else value
-    if not isinstance(text, str) or not re.fullmatch("[0-9]{1,12}", text):
-        raise _nonsense(value, what)
-    return text
 
 
 def _line(value: object) -> str | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -46,10 +46,6 @@ def read_figure(tree: Any, found: Found) -> None:
     found.text("title", " ".join(text_of(node.properties.get("Name")) for node in nodes[:1]))
     for number, node in enumerate(axes, start=1):
         _axes(f"axes {number}", node, found)
-    for node in (node for node in nodes if _is_legend(node)):
-        number = _legend_of(node, axes)
-        if number:
-            found.text(f"axes {number}/legend", " | ".join(_lines(node.properties.get("String"))))
     if not found.signals:
         found.skip("", "a figure without curves")
 
@@ -79,24 +75,6 @@ def _numbers(value: Any) -> NDArray[Any]:
 
 def _is_legend(node: _Node) -> bool:
     return bool(_NO_DATA.search(f"{node.kind} {text_of(node.properties.get('Tag'))}"))
-
-
-def _legend_of(legend: _Node, axes: Sequence[_Node]) -> int:
-    """Number from 1 of the only axes, or the only ones that a legend lies in; 0 where it is not clear."""
-    inside = [number for number, node in enumerate(axes, start=1) if len(axes) == 1 or _covers(node, legend)]
-    return inside[0] if len(inside) == 1 else 0
-
-
-def _covers(node: _Node, other: _Node) -> bool:
-    """Whether the middle of another node lies in a node."""
-    (left, low, width, height), (x, y, wide, high) = _position(node), _position(other)
-    return 0.0 <= x + wide / 2 - left <= width and 0.0 <= y + high / 2 - low <= height
-
-
-def _position(node: _Node) -> tuple[float, ...]:
-    """Left, bottom, width and height; NaN where they are not stored."""
-    place = tuple(map(float, _numbers(node.properties.get("Position"))))
-    return place if len(place) == 4 else (np.nan,) * 4
 
 
 def _lines(value: Any) -> list[str]:

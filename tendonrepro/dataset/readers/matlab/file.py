@@ -5,16 +5,18 @@ from __future__ import annotations
 import math
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from importlib.util import find_spec
 from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from tendonrepro.dataset.readers.allowance import MOST_NUMBERS, Allowance
+from tendonrepro.dataset.readers.hdf5 import read_hdf5
 from tendonrepro.dataset.readers.matlab.figure import BESIDE, TREES, read_figure
 from tendonrepro.dataset.readers.matlab.hdf import contents
 from tendonrepro.dataset.readers.matlab.objects import load_objects, quiet, translate
 from tendonrepro.dataset.readers.matlab.streams import read_streams
-from tendonrepro.dataset.readers.matlab.values import EXPORT, Lost, brief
+from tendonrepro.dataset.readers.matlab.values import EXPORT, PACKAGE, Lost, brief
 from tendonrepro.dataset.readers.matlab.walk import Walk
 from tendonrepro.dataset.readers.signals import MOST_SIGNALS, Found, Unreadable
 
@@ -63,6 +65,11 @@ def read_matlab(path: Path, left: Allowance | None = None) -> Found:
 
 
 def _read_hdf(path: Path, left: Allowance) -> Found:
+    if find_spec("matio") is None:
+        found = read_hdf5(path, left)
+        found.kind = "MATLAB 7.3"
+        found.skip("", "its arrays are read as HDF5 holds them, the rest needs the package mat-io", PACKAGE)
+        return found
     found = Found("MATLAB 7.3", left)
     names, refused, streams = contents(path, left.numbers)
     for name, reason in refused.items():

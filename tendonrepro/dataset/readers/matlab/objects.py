@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.dataset.readers.matlab.hdf import load_plain
 from tendonrepro.dataset.readers.matlab.values import (
     EXPORT,
+    PACKAGE,
     Lost,
     Plain,
     Series,
@@ -25,6 +25,7 @@ from tendonrepro.dataset.readers.matlab.values import (
     text_of,
 )
 from tendonrepro.dataset.readers.signals import seconds
+from tendonrepro.dataset.repository.names import Numbered
 
 _SECONDS = {
     "nanoseconds": 1e-9,
@@ -54,11 +55,7 @@ def load_objects(path: Path, names: Sequence[str]) -> dict[str, Any]:
         return _load(path, names)
     except ImportError:
         # There are machines without a build of mat-io.
-        import h5py
-
-        if h5py.is_hdf5(path):
-            return load_plain(path, names)
-        missing = Lost("reading it needs the package mat-io", f"pip install mat-io, or {EXPORT}")
+        missing = Lost("reading it needs the package mat-io", PACKAGE)
         return dict.fromkeys(names, missing)
     except Exception as error:
         if len(names) == 1:
@@ -152,16 +149,11 @@ def _times(info: Mapping[str, Any], stored: NDArray[Any] | None, samples: int) -
 
 def _dataset(properties: Mapping[str, Any]) -> dict[str, Any] | Lost:
     """Elements of a log by their names."""
-    found: dict[str, Any] = {}
-    elements = _elements(properties, 0)
-    if not elements:
-        return Lost("a log without signals of its own", EXPORT)
-    for number, item in enumerate(elements, start=1):
-        own = _properties(item)
-        name = _name(own) or f"element {number}"
-        numbered = (f"{name} ({k})" for k in range(2, number + 2))
-        found[name if name not in found else next(n for n in numbered if n not in found)] = item
-    return found
+    names = Numbered()
+    return {
+        names.take(_name(_properties(item)) or f"element {number}"): item
+        for number, item in enumerate(_elements(properties, 0), start=1)
+    } or Lost("a log without signals of its own", EXPORT)
 
 
 def _elements(properties: Mapping[str, Any], depth: int) -> list[Any]:
@@ -204,17 +196,6 @@ def _table(frame: Any) -> Table:
     return Table(columns, known, time, note)
 
 
-def _enumeration(value: NDArray[Any]) -> Plain:
-    """Numbers behind the members, where each has one."""
-    numbers = []
-    for member in value.ravel(order="F"):
-        own = [item for item in member.value.values() if isinstance(item, np.ndarray) and item.size == 1]
-        if len(own) != 1 or own[0].dtype.kind not in "biuf":
-            return Lost("an enumeration without numbers")
-        numbers.append(own[0].flat[0])
-    return Series(np.array(numbers), note=f"numbers of the enumeration {value.classname}")  # type: ignore[attr-defined]
-
-
 _CLASSES: Mapping[str, Callable[[Mapping[str, Any]], Plain]] = {
     "timeseries": _timeseries,
     "Simulink.SimulationData.Dataset": _dataset,
@@ -226,7 +207,7 @@ _READERS: Mapping[str, Callable[[Any], Plain]] = {
     "MatlabOpaque": _object,
     "MatlabOpaqueArray": lambda value: np.asarray(value, object) if value.size else Lost("empty"),
     "MatlabOpaqueProperty": np.atleast_1d,
-    "MatlabEnumerationArray": _enumeration,
+    "MatlabEnumerationArray": lambda _: Lost("an enumeration", EXPORT),
     "MatlabObject": np.asarray,
     "MatlabFunction": lambda _: Lost("a function handle"),
     "EmptyMatStruct": lambda _: Lost("empty"),

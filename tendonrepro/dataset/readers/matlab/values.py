@@ -16,6 +16,7 @@ EXPORT = (
     "a table with writetable(T, 'x.csv')"
 )
 """Advice for objects that cannot be read."""
+PACKAGE = f"pip install mat-io, or {EXPORT}"
 
 
 @dataclass(frozen=True, eq=False)

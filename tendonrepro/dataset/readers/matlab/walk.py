@@ -22,8 +22,6 @@ from tendonrepro.dataset.readers.signals import Found, is_full, seconds
 
 _DEEPEST = 24
 _MOST_NODES = 100_000
-# Full form of a sparse matrix: 8 bytes each.
-_MOST_DENSE = 10_000_000
 _MOST_LINES = 20
 # First number of what stands in a file for an object whose properties lie elsewhere.
 _REFERENCE = 0xDD000000
@@ -73,7 +71,7 @@ class Walk:
 
     def _plain(self, path: str, value: Any) -> Plain:
         if hasattr(value, "toarray"):
-            return _dense(value)
+            return Lost("a sparse matrix", "save it with full()")
         if isinstance(value, (str, Series, Table, Lost)):
             return value
         plain = value if type(value) is dict else self._translate(value)
@@ -199,15 +197,3 @@ def _numbers(items: Iterable[Any]) -> NDArray[Any] | None:
             return None
         found.append(item.flat[0])
     return np.array(found) if len(found) > 1 else None
-
-
-def _dense(matrix: Any) -> Plain:
-    """Full form of a sparse matrix whose indices are in order."""
-    rows, columns = matrix.shape
-    if rows * columns > _MOST_DENSE:
-        return Lost(f"a sparse matrix of {rows}x{columns} is too large", "save it with full()")
-    try:
-        matrix.tocsc(copy=False).check_format(full_check=True)
-    except ValueError:
-        return Lost("a sparse matrix with indices out of range", EXPORT)
-    return np.asarray(matrix.toarray())
