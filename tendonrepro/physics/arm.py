@@ -99,6 +99,28 @@ def link_angles(q: Array, phi_0: Array) -> Array:
     return phi
 
 
+def joint_angles(phi: Array, phi_0: Array) -> Array:
+    """Joint angles that give absolute link angles, rad: the inverse of :func:`link_angles`.
+
+    Parameters
+    ----------
+    phi : array (n, ...)
+        Absolute link angles, rad.
+    phi_0 : array (n,)
+        Those at ``q = 0``, rad.
+
+    Returns
+    -------
+    array (n, ...)
+    """
+    q = np.empty_like(phi)
+    turned = 0.0 * phi[0]
+    for i in range(phi.shape[0]):
+        q[i] = phi[i] - phi_0[i] - turned
+        turned = turned + q[i]
+    return q
+
+
 def mass_matrix(q: Array, arm: Arm) -> Array:
     """Mass matrix ``M(q)`` of Eq. (4), kg m².
 
