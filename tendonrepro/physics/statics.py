@@ -17,6 +17,9 @@ import numpy as np
 from tendonrepro.arrays import Array
 from tendonrepro.physics.linalg import times
 
+SLACK = 1e-6
+"""Tension below which a tendon does not pull, N: what rounding leaves of none."""
+
 
 class Spring(NamedTuple):
     """A spring at the base end of the tensioner, in place of its motor.
@@ -209,3 +212,20 @@ def tension_with_losses(
     reaches = rope(side, diameter) * passed_on[:, np.newaxis] ** np.arange(n)
     load = tau - np.multiply.outer(reaches[n], force)
     return np.asarray(np.linalg.solve(reaches[:n].T, load.reshape(n, -1)).reshape(load.shape))
+
+
+def slack_time(time: Array, tension: Array) -> Array:
+    """How long each tendon does not pull: it is slack or, where tendons may, pushes; s.
+
+    Parameters
+    ----------
+    time : array (T,)
+        Sampling times, s; a sample stands for the time up to the next one.
+    tension : array (n, T)
+        N; less than `SLACK` counts as none.
+
+    Returns
+    -------
+    array (n,)
+    """
+    return np.asarray(np.where(tension[:, :-1] < SLACK, np.diff(time), 0.0).sum(axis=1))
