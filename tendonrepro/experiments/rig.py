@@ -82,6 +82,7 @@ def build_drive(config: Experiment) -> Drive:
         stiffness=tendons.axial_stiffness.si[-n:] * radius**2,
         damping=tendons.damping_factor.si * tendons.axial_damping.si[-n:] * radius**2,
         slack=tendons.clearance.si[-n:] / (2.0 * radius),
+        one_way=np.full(n, float(tendons.unilateral == "on")),
         friction=Friction(
             viscous=winches.viscous.si[-n:],
             coulomb=friction.winch.coulomb.si[-n:],

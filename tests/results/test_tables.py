@@ -244,7 +244,10 @@ class TestFiles:
         ("file", "stems"),
         [
             (make_decouple_file(), {"table1", "decoupling_errors", "decoupling_tension"}),
-            (make_compare_file(runs=["controller_2"]), {"table2", "table2_paper", "table2_windows"}),
+            (
+                make_compare_file(runs=["controller_2"]),
+                {"table2", "table2_paper", "table2_windows", "tension"},
+            ),
         ],
     )
     def test_tables_without_rows_are_not_written(
