@@ -169,21 +169,6 @@ def force_window(without: Array, per_newton: Array, margin: float = 0.0) -> tupl
     return least, largest
 
 
-def rope(side: Array, diameter: Array) -> Array:
-    """Rope that each tendon gives back per radian of each joint, m; transposed, it turns tension into torque.
-
-    Parameters
-    ----------
-    side, diameter : array (n, m)
-        Of tendon q at joint p in ``[p, q]``, m.
-
-    Returns
-    -------
-    array (m, n)
-    """
-    return (side * diameter).T / 2.0
-
-
 def tension_with_losses(
     tau: Array, force: float | Array, side: Array, diameter: Array, passed_on: Array
 ) -> Array:
@@ -200,7 +185,7 @@ def tension_with_losses(
         The tensioner's pull at its base end, N.
     side, diameter : array (n, n + 1)
         Of tendon q at joint p in ``[p, q]``, m; the last tendon is the tensioner.
-    passed_on : array (n + 1,)
+    passed_on : array (n + 1, ...)
         Share of the tension that a guide pulley of each tendon passes on.
 
     Returns
@@ -209,9 +194,15 @@ def tension_with_losses(
         Of the n tendons with a motor.
     """
     n = side.shape[0]
-    reaches = rope(side, diameter) * passed_on[:, np.newaxis] ** np.arange(n)
-    load = tau - np.multiply.outer(reaches[n], force)
-    return np.asarray(np.linalg.solve(reaches[:n].T, load.reshape(n, -1)).reshape(load.shape))
+    tension: list[Array] = [*np.empty((n, 1)), np.asarray(force)]
+    # Tendon n ends at joint n, so what holds the last joint is known first.
+    for p in range(n - 1, -1, -1):
+        torque = side[p] * diameter[p] / 2.0
+        rest = tau[p]
+        for k in range(p + 1, n + 1):
+            rest = rest - torque[k] * passed_on[k] ** p * tension[k]
+        tension[p] = rest / (torque[p] * passed_on[p] ** p)
+    return np.stack(tension[:n])
 
 
 def slack_time(time: Array, tension: Array) -> Array:

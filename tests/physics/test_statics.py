@@ -8,7 +8,6 @@ from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix
 from tendonrepro.physics.statics import (
     Spring,
     force_window,
-    rope,
     sign_of_side,
     spring_force,
     tendon_tension,
@@ -26,7 +25,8 @@ S = coupling_matrix(coupling_inverse(D, DIAMETER[:, :3], sign_of_side(SIDE[:, :3
 def test_sides_of_section_2_2_give_the_signs_of_section_3_3():
     assert (sign_of_side(SIDE[:, :3]) == np.triu(TABLE_1.sign)).all()
     assert (sign_of_side(sign_of_side(SIDE[:, :3])) == SIDE[:, :3]).all()
-    assert rope(SIDE, DIAMETER)[:3] == pytest.approx(coupling_by_columns(TABLE_1) * 0.0185)
+    rope = (SIDE * DIAMETER).T[:3] / 2.0
+    assert rope == pytest.approx(coupling_by_columns(TABLE_1) * 0.0185)
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 5])
