@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from fractions import Fraction
 from typing import TypeAlias
 
@@ -22,17 +22,6 @@ from tendonrepro.config.published import (
 from tendonrepro.physics.kinematics import coupling_inverse
 
 Bounds: TypeAlias = tuple[Fraction | float, Fraction | float]
-
-COURSES: Mapping[str, tuple[float, float, float]] = {
-    "negative": (1.0, 1.0, 1.0),
-    "distal_only": (0.0, 0.0, 1.0),
-    "alternating": (1.0, -1.0, 1.0),
-    "absent": (0.0, 0.0, 0.0),
-}
-"""Side on which tendon 4 passes each joint; 1 turns it counter-clockwise, 0 passes the axis."""
-
-_COURSE_MM = (35.0, 35.0, 37.0)
-_ZERO = 1e-9
 
 
 def meets(first: Bounds, second: Bounds) -> bool:
@@ -100,29 +89,3 @@ def slopes_of_coupling(ratio: Array) -> tuple[Array, Array]:
         for winch, pulley in ((1.0, 1.0), (1.01, 1.0), (1.0, 1.01))
     ]
     return sizes[1] - sizes[0], sizes[2] - sizes[0]
-
-
-def least_tensions(S: Array, course: str) -> tuple[Array, Array]:
-    """Winch torques that decide whether every tendon stays tense at rest, whatever the masses.
-
-    With all links in the working half-plane gravity is a sum, with weights that are not negative, of the
-    joint torques (1, 0, 0), (1, 1, 0), (1, 1, 1). Virtual work turns joint torques into winch torques by the
-    transpose of ``S``. Returned are the winch torques of these vectors, one a row, and what tendon 4 adds per
-    N of its tension and mm of radius, times its pulley's diameter over two.
-    """
-    vectors = np.tril(np.ones((3, 3)))
-    pull = np.array(COURSES[course]) * np.array(_COURSE_MM) / 2.0
-    return vectors @ S, pull @ S
-
-
-def travel(course: str) -> float:
-    """Range of tendon 4's length, mm, while every link turns through the working half-plane, 180 degrees."""
-    radii = np.array(COURSES[course]) * np.array(_COURSE_MM) / 2.0
-    # Joint angles are differences of link angles, which move independently.
-    return float(np.pi * np.abs(radii - np.append(radii[1:], 0.0)).sum())
-
-
-def stays_tense(S: Array, course: str) -> bool:
-    """Whether tendons 1 to 3 stay in tension at rest all over the working half-plane, for every arm."""
-    gravity, preload = least_tensions(S, course)
-    return bool((gravity > -_ZERO).all() and (preload > _ZERO).all())

@@ -9,19 +9,15 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from tendonrepro.claims.arithmetic import (
-    COURSES,
     cut,
     inverse,
-    least_tensions,
     meets,
     percentage,
     printed_inverse,
     printed_percentages,
     slopes_of_coupling,
-    stays_tense,
-    travel,
 )
-from tendonrepro.claims.verdicts import Decision, VerdictName, of_arithmetic, of_courses, of_model
+from tendonrepro.claims.verdicts import Decision, VerdictName, of_arithmetic, of_model
 from tendonrepro.config.published import (
     COMPARED,
     SIGN,
@@ -203,34 +199,6 @@ def smooth_branch(paper: Published, _: str) -> Judged:
     return Judged(of_model(max(apart) < SMOOTH), None, {"differences": apart})
 
 
-def tension(paper: Published, _: str) -> Judged:
-    """T1: for each course of tendon 4, whether all tendons stay tense at rest and a spring would vary."""
-    S, _S_inv = coupling_of(table_1(paper))
-    rows, holds = [], {}
-    for course in COURSES:
-        gravity, preload = least_tensions(S, course)
-        tense, length = stays_tense(S, course), travel(course)
-        rows.append(
-            {
-                "course": course,
-                "every_tendon_tense": tense,
-                "spring_varies": length > 0.0,
-                "length_change_mm": length,
-                "winch_torque_of_gravity": gravity.tolist(),
-                "winch_torque_of_preload": preload.tolist(),
-            }
-        )
-        holds[course] = tense and length > 0.0
-    remarks = [
-        "the course of tendon 4 is not printed; at rest, without friction",
-        "that a motor's pull is constant is an input of the model, no result",
-    ]
-    # The paper has a tendon 4, so a machine without it decides nothing.
-    decision = of_courses([held for course, held in holds.items() if course != "absent"])
-    readings = {f"tensioner={course}": of_model(held).verdict for course, held in holds.items()}
-    return Judged(decision, None, {"courses": rows, "remarks": remarks}, readings)
-
-
 FROM_THE_PRINT: Mapping[str, Callable[[Published, str], Judged]] = {
     "lengths": lengths,
     "inverse": matrix_entry,
@@ -244,6 +212,5 @@ FROM_THE_PRINT: Mapping[str, Callable[[Published, str], Judged]] = {
     "motor_3_turns_less": motor_3_turns_less,
     "coupling_terms": coupling_terms,
     "smooth_branch": smooth_branch,
-    "tension": tension,
 }
 """Rules that need nothing but the print, by their names in docs/verdicts.md."""

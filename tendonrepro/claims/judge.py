@@ -12,6 +12,7 @@ from tendonrepro.claims.from_print import FROM_THE_PRINT, Judged, missing
 from tendonrepro.claims.measured import measured_of
 from tendonrepro.claims.plants import Ensemble, Plants
 from tendonrepro.claims.sensitivity import Ranking, ranked
+from tendonrepro.claims.tension import tension
 from tendonrepro.claims.verdicts import FAILURES, NAMES, VerdictName
 from tendonrepro.config.models.readings import PRINTED
 from tendonrepro.config.published import (
@@ -149,6 +150,8 @@ def _decided_by(plants: Plants, paper: Published, rule: str, identifier: str) ->
 
 def _without_ensemble(sources: Sources, paper: Published, identifier: str) -> Judged:
     rule = paper.judgements[identifier]
+    if rule.rule == "tension":
+        return tension(sources.ensemble)
     if rule.rule in FROM_THE_PRINT:
         return FROM_THE_PRINT[rule.rule](paper, identifier)
     if rule.kind == "measured":

@@ -111,11 +111,11 @@ def of_arithmetic(consistent: bool) -> Decision:
     return Decision("exact" if consistent else "not_reproduced")
 
 
-def of_courses(holds: Sequence[bool]) -> Decision:
-    """Judge what follows from the printed equations under each way in which an unprinted part can be."""
-    if all(holds):
-        return of_model(True)
-    return Decision("depends_on_plant") if any(holds) else of_model(False)
+def of_courses(ways: Sequence[Decision]) -> Decision:
+    """Judge what has a verdict for each way in which an unprinted part can be: theirs where all agree."""
+    near = any(way.borderline for way in ways)
+    verdicts = {way.verdict for way in ways}
+    return Decision(verdicts.pop() if len(verdicts) == 1 else "depends_on_plant", near)
 
 
 def of_model(holds: bool) -> Decision:

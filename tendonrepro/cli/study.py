@@ -1,4 +1,4 @@
-"""Commands beyond the paper's own runs: sweep, ensemble, identify, explain, claims."""
+"""Commands beyond the paper's own runs: sweep, ensemble, identify, explain, statics, claims."""
 
 from __future__ import annotations
 
@@ -105,6 +105,16 @@ def explain(request: Request, terminal: Terminal) -> None:
     from tendonrepro.explain.command import run_explain
 
     found = run_explain(request, terminal.talk)
+    text = found.pop("text")
+    terminal.show(found, text)
+
+
+@command(study_app, "tendonrepro statics --set manipulator.tensioner.force=30")
+def statics(request: Request, terminal: Terminal) -> None:
+    """Tension of every tendon over the working half-plane."""
+    from tendonrepro.experiments.statics.command import run_statics
+
+    found = run_statics(request, terminal.talk)
     text = found.pop("text")
     terminal.show(found, text)
 

@@ -36,7 +36,7 @@ def drawn_tree(base: Mapping[str, Any], draw: Mapping[str, float], shortest_run:
     """
     tree: dict[str, Any] = _copied(base)
     arm = tree["manipulator"]
-    _put_links(arm["links"], draw)
+    put_links(arm["links"], draw)
     _put_drive(arm, draw)
     _put_friction(arm["friction"], draw)
     _put_options(arm, draw)
@@ -58,11 +58,11 @@ def _copied(node: Any) -> Any:
     return {key: _copied(value) for key, value in node.items()} if isinstance(node, dict) else node
 
 
-def _drawn(value: float | list[float], unit: str, row: str) -> dict[str, Any]:
+def _drawn(value: Any, unit: str, row: str) -> dict[str, Any]:
     return {"value": value, "unit": unit, "source": f"assumed: draw from the box, {row}"}
 
 
-def _per_joint(two: float, three: float, unit: str, row: str) -> dict[str, Any]:
+def _per_joint(two: Any, three: Any, unit: str, row: str) -> dict[str, Any]:
     """Vector of the manipulator; joint 1 is held, so that its entry matters to nothing."""
     return _drawn([two, two, three], unit, row)
 
@@ -71,7 +71,8 @@ def _alike(value: float, unit: str, row: str) -> dict[str, Any]:
     return _per_joint(value, value, unit, row)
 
 
-def _put_links(links: dict[str, Any], draw: Mapping[str, float]) -> None:
+def put_links(links: dict[str, Any], draw: Mapping[str, Any]) -> None:
+    """Fill in a manipulator's links from one draw; of arrays of draws, from each."""
     length = draw["link_length_2"], draw["link_length_3"]
     mass = draw["link_mass_2"], draw["link_mass_3"]
     com = draw["link_com_2"] * length[0], draw["link_com_3"] * length[1]

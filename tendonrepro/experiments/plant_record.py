@@ -32,8 +32,9 @@ EQUATIONS = (
     "tau_m - tau_s = I ddtheta + D_m dtheta + winch friction (3); "
     "tau_s = M ddq + C dq + G + F + tau_d - tendon 4 (4); "
     "tau_s = K_s (theta - q) + D_s (dtheta - dq) (5), "
-    "with a dead zone of the whole width tendons_clearance in each tendon; links are a planar serial chain, "
-    "the payload a point mass at the tip; tau_m is held from one sample to the next."
+    "with a dead zone of the whole width tendons_clearance in each tendon, and without pushing where "
+    "tendons_unilateral is on: each entry of S^T tau_s is then zero instead of negative; links are a planar "
+    "serial chain, the payload a point mass at the tip; tau_m is held from one sample to the next."
 )
 
 _MATRICES = {
@@ -68,6 +69,7 @@ def plant_record(config: Experiment) -> PlantRecord:
         "held_joints": ", ".join(map(str, held)) or "none",
         "moving_joints": ", ".join(map(str, config.joints)),
         "tensioner_side": config.manipulator.tensioner.side,
+        "tendons_unilateral": config.manipulator.tendons.unilateral or "off",
         "disturbance": config.disturbance.model_dump_json(),
     }
     return PlantRecord(values, attributes)

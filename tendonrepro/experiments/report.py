@@ -50,7 +50,26 @@ def _compare_parts(data: Mapping[str, Any]) -> list[str]:
         )
         order = " (printed: 1, 2, 3)" if judged else ""
         parts += [f"Controllers by error, smallest first{order}", _ranking(data["ranking"])]
-    return ["\n".join(pair) for pair in zip(parts[::2], parts[1::2], strict=True)] + _growing(data)
+    return (
+        ["\n".join(pair) for pair in zip(parts[::2], parts[1::2], strict=True)]
+        + _tensions(data)
+        + _growing(data)
+    )
+
+
+def _tensions(data: Mapping[str, Any]) -> list[str]:
+    """One line: the smallest tension of all, and which tendons do not pull for how long."""
+    found = [
+        (least, tendon, run, at, slack)
+        for run, sizes in data["tension"].items()
+        for tendon, least, at, slack in zip(data["joints"], *sizes.values(), strict=True)
+    ]
+    if not found:
+        return []
+    least, tendon, run, at, _ = min(found)
+    loose = [f"{run} tendon {tendon} for {slack:.3f} s" for _, tendon, run, _, slack in found if slack > 0.0]
+    tail = f"not pulling: {', '.join(loose)}" if loose else "every tendon pulls throughout"
+    return [f"Least tension {least:.2f} N, of tendon {tendon} in {run} at {at:.3f} s; {tail}"]
 
 
 def _growing(data: Mapping[str, Any]) -> list[str]:
@@ -113,4 +132,5 @@ def _decouple_parts(data: Mapping[str, Any]) -> list[str]:
         f"Coupling matrix S, q = S q_motor\n{matrix}",
         f"Joint angle calculated from the motors less the encoder's, deg\n{columns(rows)}",
         f"Runs: {statuses}",
+        *_tensions(data),
     ]

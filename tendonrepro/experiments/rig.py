@@ -25,10 +25,11 @@ from tendonrepro.physics.dynamics import Plant
 from tendonrepro.physics.friction import Friction
 from tendonrepro.physics.instruments import Actuator, Encoder
 from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix
+from tendonrepro.physics.statics import tensioner_torque
 
 Experiment = CompareConfig | DecoupleConfig
 
-TENSIONER_SIDES = {"distal_only": 0.0, "alternating": -1.0, "negative": 1.0}
+TENSIONER_SIDES = {"negative": 1.0, "distal_only": 0.0, "alternating": -1.0}
 """Side of tendon 4 at a joint, relative to its side at the joint beyond (0: it passes the axis)."""
 
 DISTURBANCE_STREAM = 3
@@ -81,6 +82,7 @@ def build_drive(config: Experiment) -> Drive:
         stiffness=tendons.axial_stiffness.si[-n:] * radius**2,
         damping=tendons.damping_factor.si * tendons.axial_damping.si[-n:] * radius**2,
         slack=tendons.clearance.si[-n:] / (2.0 * radius),
+        one_way=np.full(n, float(tendons.unilateral == "on")),
         friction=Friction(
             viscous=winches.viscous.si[-n:],
             coulomb=friction.winch.coulomb.si[-n:],
@@ -95,14 +97,19 @@ def build_drive(config: Experiment) -> Drive:
     )
 
 
-def build_preload(config: Experiment) -> Array:
-    """Joint torque of tendon 4, N m, positive clockwise, (n,).
+def tensioner_side(course: str, joints: int) -> Array:
+    """Side on which tendon 4 passes each of N joints on a course of `TENSIONER_SIDES`, (N,).
 
     It turns the last joint counter-clockwise; on which side it passes the others is a reading.
     """
+    return np.asarray(-(TENSIONER_SIDES[course] ** np.arange(joints - 1, -1, -1.0)))
+
+
+def build_preload(config: Experiment) -> Array:
+    """Joint torque of tendon 4, N m, positive clockwise, (n,)."""
     tensioner, n = config.manipulator.tensioner, len(config.joints)
-    sides = TENSIONER_SIDES[tensioner.side] ** np.arange(config.manipulator.joints - 1, -1, -1.0)
-    return np.asarray(-sides * tensioner.force.si * tensioner.diameter.si / 2.0)[-n:]
+    side = tensioner_side(tensioner.side, config.manipulator.joints)
+    return tensioner_torque(tensioner.force.si, side, tensioner.diameter.si)[-n:]
 
 
 def build_disturbance(config: Experiment) -> Disturbance:

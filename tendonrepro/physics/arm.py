@@ -68,13 +68,49 @@ def make_arm(
     Arm
     """
     n = length.size
-    carried = payload_mass + np.append(np.cumsum(mass[::-1])[::-1][1:], 0.0)
+    carried = carried_mass(mass, payload_mass)
     moment = mass * com + carried * length
     a = np.diag(inertia + mass * com**2 + carried * length**2)
     for i in range(n):
         for j in range(i + 1, n):
             a[i, j] = a[j, i] = length[i] * moment[j]
-    return Arm(a=a, b=gravity * moment, phi_0=np.array(phi_0, dtype=np.float64))
+    b = weight_moment(length, mass, com, payload_mass, gravity)
+    return Arm(a=a, b=b, phi_0=np.array(phi_0, dtype=np.float64))
+
+
+def carried_mass(mass: Array, payload_mass: float) -> Array:
+    """Mass beyond the end of each link, kg.
+
+    Parameters
+    ----------
+    mass : array (n, ...)
+        Link masses, kg.
+    payload_mass : float
+        At the tip, kg.
+
+    Returns
+    -------
+    array (n, ...)
+    """
+    outer = np.cumsum(mass[::-1], axis=0)[::-1][1:]
+    return np.asarray(payload_mass + np.concatenate([outer, 0.0 * mass[-1:]]))
+
+
+def weight_moment(length: Array, mass: Array, com: Array, payload_mass: float, gravity: float) -> Array:
+    """Gravity torque of each link when it is horizontal, with what it carries, N m: ``b`` of `Arm`.
+
+    Parameters
+    ----------
+    length, mass, com : array (n, ...)
+        As of :func:`make_arm`.
+    payload_mass, gravity : float
+        kg, m s⁻².
+
+    Returns
+    -------
+    array (n, ...)
+    """
+    return gravity * (mass * com + carried_mass(mass, payload_mass) * length)
 
 
 def link_angles(q: Array, phi_0: Array) -> Array:
@@ -97,6 +133,28 @@ def link_angles(q: Array, phi_0: Array) -> Array:
         turned = turned + q[i]
         phi[i] = phi_0[i] + turned
     return phi
+
+
+def joint_angles(phi: Array, phi_0: Array) -> Array:
+    """Joint angles that give absolute link angles, rad: the inverse of :func:`link_angles`.
+
+    Parameters
+    ----------
+    phi : array (n, ...)
+        Absolute link angles, rad.
+    phi_0 : array (n,)
+        Those at ``q = 0``, rad.
+
+    Returns
+    -------
+    array (n, ...)
+    """
+    q = np.empty_like(phi)
+    turned = 0.0 * phi[0]
+    for i in range(phi.shape[0]):
+        q[i] = phi[i] - phi_0[i] - turned
+        turned = turned + q[i]
+    return q
 
 
 def mass_matrix(q: Array, arm: Arm) -> Array:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tendonrepro.arrays import Array
+from tendonrepro.arrays import Array, choose
 from tendonrepro.physics.friction import Friction, friction_torque
 from tendonrepro.physics.linalg import times
 
@@ -32,6 +32,8 @@ class Drive(NamedTuple):
         Tendon stiffness, N m rad⁻¹, and damping, N m s rad⁻¹, at the winch.
     slack : array (n,)
         Half the assembly clearance, as a winch angle, rad; 0 without clearance.
+    one_way : array (n,)
+        1 where a tendon only pulls and goes slack where it would push, 0 where it does both, as in Eq. (5).
     friction : Friction
         Friction at the winch; its viscous part is ``D_m``.
     pulley_loss : array (n,)
@@ -50,6 +52,7 @@ class Drive(NamedTuple):
     stiffness: Array
     damping: Array
     slack: Array
+    one_way: Array
     friction: Friction
     pulley_loss: Array
     reducer_loss: Array
@@ -128,6 +131,25 @@ def lever(theta: Array, drive: Drive) -> Array:
     return turns
 
 
+def pulled(torque: Array, drive: Drive) -> Array:
+    """What is left of tendons' torques at their winches when those that only pull go slack, N m.
+
+    Parameters
+    ----------
+    torque : array (n, ...)
+        Torque of springs and dampers, N m; positive where a tendon pulls.
+    drive : Drive
+
+    Returns
+    -------
+    array (n, ...)
+    """
+    kept = np.empty_like(torque)
+    for i in range(torque.shape[0]):
+        kept[i] = choose(drive.one_way[i] * torque[i] < 0.0, 0.0, torque[i])
+    return kept
+
+
 def tendon_torque(q: Array, dq: Array, theta: Array, dtheta: Array, drive: Drive) -> Array:
     """Torque of every tendon at its winch, N m; Eq. (5) in winch coordinates.
 
@@ -158,7 +180,7 @@ def tendon_torque(q: Array, dq: Array, theta: Array, dtheta: Array, drive: Drive
         reach_rate = turns[i] * motor_rate[i] - joint_rate[i]
         inside = 0.5 * (np.abs(reach + drive.slack[i]) - np.abs(reach - drive.slack[i]))
         torque[i] = drive.stiffness[i] * (reach - inside) + drive.damping[i] * reach_rate
-    return torque
+    return pulled(torque, drive)
 
 
 def winch_friction(winch_rate: Array, tendon: Array, motor: Array, drive: Drive) -> Array:
@@ -226,9 +248,9 @@ def theta_at_rest(q: Array, tau_s: Array, drive: Drive) -> Array:
     -------
     array (n,)
         The motor angle ``theta`` with ``tendon_torque(q, 0, theta, 0) = Sᵀ tau_s``; a tendon without load
-        rests in the middle of its clearance.
+        rests in the middle of its clearance, and so does one that would have to push and cannot.
     """
-    load = to_winch_torque(tau_s, drive)
+    load = pulled(to_winch_torque(tau_s, drive), drive)
     stretch = load / drive.stiffness + drive.slack * np.sign(load)
     winch = target = to_winch_angle(q, drive) + stretch
     # The transmission error's slope is far below one, so a few fixed-point steps reach rounding.

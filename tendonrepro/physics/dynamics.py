@@ -17,6 +17,7 @@ from tendonrepro.physics.drive import (
     Drive,
     lever,
     motor_acceleration,
+    pulled,
     tendon_torque,
     theta_at_rest,
     to_joint_torque,
@@ -130,11 +131,14 @@ def holding_torque(q: Array, plant: Plant) -> Array:
     Returns
     -------
     array (n,)
-        The load at rest; a transmission error changes the motors' share of it.
+        The load at rest; a transmission error changes the motors' share of it, and a tendon that would have
+        to push and cannot has none.
     """
     load, drive = load_at_rest(q, plant), plant.drive
     ahead = lever(theta_at_rest(q, load, drive), drive) - 1.0
-    return load + to_joint_torque(ahead * to_winch_torque(load, drive), drive)
+    winch = to_winch_torque(load, drive)
+    held = pulled(winch, drive)
+    return load + to_joint_torque(ahead * held + (held - winch), drive)
 
 
 def rest_state(q: Array, plant: Plant) -> Array:
@@ -152,6 +156,11 @@ def rest_state(q: Array, plant: Plant) -> Array:
     """
     still = np.zeros_like(q)
     return np.concatenate([q, still, theta_at_rest(q, load_at_rest(q, plant), plant.drive), still])
+
+
+def both_ways(plant: Plant) -> Plant:
+    """Return the plant with tendons that never go slack."""
+    return plant._replace(drive=plant.drive._replace(one_way=np.zeros_like(plant.drive.one_way)))
 
 
 def frictionless(plant: Plant) -> Plant:

@@ -13,7 +13,14 @@ from tendonrepro.arrays import Array
 from tendonrepro.config.published import PrintedNumber, PrintedRatio, published
 from tendonrepro.results.paper import of_paper, printed_beside
 from tendonrepro.results.records import Trace, TraceFile
-from tendonrepro.results.summary import CONTROLLERS, LOADS, compared_runs, decoupling_errors, tracking_errors
+from tendonrepro.results.summary import (
+    CONTROLLERS,
+    LOADS,
+    compared_runs,
+    decoupling_errors,
+    tension_sizes,
+    tracking_errors,
+)
 from tendonrepro.results.tables import NOTHING, TableColumns, rounded, write_table
 
 TableRow: TypeAlias = dict[str, object]
@@ -41,6 +48,10 @@ COLUMNS: TableColumns = {
     "change_percent": ("Change (%)", "z.1f"),
     "change_printed_percent": ("printed", "z.1f"),
     "status": ("Status", ""),
+    "tendon": ("Tendon", ""),
+    "least_tension_N": ("Least tension (N)", "z.2f"),
+    "least_tension_at_s": ("at (s)", ".3f"),
+    "slack_s": ("Not pulling (s)", ".3f"),
     "statuses": ("Status without / with", ""),
     "quantity": ("Quantity", ""),
     "printed_as": ("Printed as", ""),
@@ -193,6 +204,24 @@ def decoupling_rows(file: TraceFile) -> Iterator[TableRow]:
         yield {"joint": joint, "status": _status(trace)} | errors
 
 
+def tension_rows(file: TraceFile) -> Iterator[TableRow]:
+    """Yield ``run``, ``tendon``, ``least_tension_N``, ``least_tension_at_s``, ``slack_s``, ``status``.
+
+    There are no rows of a run whose transmitted torque is not known.
+    """
+    for name, trace in file.runs.items():
+        sizes = tension_sizes(file, trace)
+        for index, tendon in enumerate(trace.joint if sizes else ()):
+            yield {
+                "run": name,
+                "tendon": tendon,
+                "least_tension_N": sizes["least"][index],
+                "least_tension_at_s": sizes["at"][index],
+                "slack_s": sizes["slack"][index],
+                "status": _status(trace),
+            }
+
+
 def _coupling_row(quantity: str, identifier: str, ours: float, *, beside: bool) -> TableRow:
     entry = published().entries.get(identifier) if beside else None
     if not isinstance(entry, PrintedNumber | PrintedRatio):
@@ -245,6 +274,7 @@ _TABLES: Mapping[str, Mapping[str, tuple[Callable[[TraceFile], Iterator[TableRow
     "decouple": {
         "table1": (coupling_rows, "Table 1 and the coupling matrices of section 5.2"),
         "decoupling_errors": (decoupling_rows, "Calculated minus measured joint angles, Figs 10 to 12"),
+        "decoupling_tension": (tension_rows, "Tension of the tendons along the runs"),
     },
     "compare": {
         "table2": (controller_rows, "Table 2, tracking errors over the whole run"),
@@ -253,5 +283,6 @@ _TABLES: Mapping[str, Mapping[str, tuple[Callable[[TraceFile], Iterator[TableRow
         "table3": (load_rows, "Table 3, tracking errors of Controller 1 without and with payload"),
         "table3_paper": (paper_load_rows, "Table 3 as the paper lays it out"),
         "table3_change": (change_rows, "Change of the tracking errors with the payload, section 5.4"),
+        "tension": (tension_rows, "Tension of the tendons along the runs"),
     },
 }

@@ -10,6 +10,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.physics.metrics import mae, max_abs, rmse, windows
+from tendonrepro.physics.statics import slack_time, tendon_tension
 from tendonrepro.results.paper import of_paper, printed_beside
 from tendonrepro.results.records import Trace, TraceFile
 
@@ -68,6 +69,38 @@ def decoupling_errors(trace: Trace) -> Sizes:
     return sizes_deg(trace["q_calculated"] - trace["q_encoder"], gaps=gaps)
 
 
+def tensions(file: TraceFile, trace: Trace) -> Array | None:
+    """Tension of each moving joint's tendon along a run, N, (T, n); None where torque or routing is unknown.
+
+    The compliance torque holds what tendon 4 adds, so nothing else is needed; ends where a run does.
+    """
+    if "tau_s" not in trace or not {"S", "winch_diameter"} <= file.plant.values.keys():
+        return None
+    S = file.plant.matrix("S", trace.joint)
+    winch = file.plant.values["winch_diameter"].value[np.array(trace.joint) - 1]
+    return tendon_tension(trace["tau_s"].T, S, winch).T
+
+
+def tension_sizes(file: TraceFile, trace: Trace) -> Sizes:
+    """Smallest tension of each tendon, when that is, and how long the tendon does not pull.
+
+    Returns
+    -------
+    dict
+        ``least`` N, ``at`` s and ``slack`` s, each an array (n,); without keys where tensions are unknown.
+    """
+    found = tensions(file, trace)
+    kept = None if found is None else np.isfinite(found).all(axis=1)
+    if found is None or kept is None or not kept.any():
+        return {}
+    time, tension = trace.time[kept], found[kept]
+    return {
+        "least": tension.min(axis=0),
+        "at": time[tension.argmin(axis=0)],
+        "slack": slack_time(time, tension.T),
+    }
+
+
 def compared_runs(file: TraceFile) -> dict[str, Trace]:
     """Return the runs of Table 2: all but the payload run."""
     return {name: trace for name, trace in file.runs.items() if name != LOADS["with_load"]}
@@ -101,7 +134,8 @@ def table_data_compare(file: TraceFile) -> dict[str, Any]:
         ``table2`` run -> ``mae_deg``, ``rmse_deg``, ``max_deg``, lists in the order of the run's joints, over
         the whole run; ``table3`` ``no_load``, ``with_load`` likewise; ``windows`` window -> run -> likewise,
         payload run included; ``status`` per run; ``ranking``; ``printed`` with both tables, NaN where nothing
-        is. Our numbers that are not finite are None; runs that are missing leave their keys out.
+        is; ``tension`` run -> ``least_N``, ``at_s``, ``slack_s`` of each joint's tendon. Our numbers that are
+        not finite are None; runs that are missing leave their keys out.
     """
     errors = {name: tracking_errors(trace) for name, trace in file.runs.items()}
     others = dict.fromkeys(window for found in errors.values() for window in found if window != "whole")
@@ -115,6 +149,7 @@ def table_data_compare(file: TraceFile) -> dict[str, Any]:
         "status": _statuses(file),
         "ranking": ranking(file),
         "printed": _printed_tables(file),
+        "tension": _tensions(file),
     }
 
 
@@ -142,7 +177,7 @@ def table_data_decouple(file: TraceFile) -> dict[str, Any]:
     dict
         ``S`` and ``S_inv``, lists of rows, as far as the plant record has them; ``errors``
         ``joint_<number>`` -> ``mae_deg``, ``rmse_deg``, ``max_deg`` of the run ``decouple``; ``status`` per
-        run. Numbers that are not finite are None.
+        run; ``tension`` as of the comparison. Numbers that are not finite are None.
     """
     plant = file.plant.values
     data: dict[str, Any] = {name: plant[name].value.tolist() for name in ("S", "S_inv") if name in plant}
@@ -152,13 +187,26 @@ def table_data_decouple(file: TraceFile) -> dict[str, Any]:
         lists = _numbers(decoupling_errors(trace))
         for index, joint in enumerate(trace.joint):
             data["errors"][f"joint_{joint}"] = {key: values[index] for key, values in lists.items()}
-    return data | {"status": _statuses(file)}
+    return data | {"status": _statuses(file), "tension": _tensions(file)}
 
 
 def _numbers(sizes: Sizes) -> dict[str, list[float | None]]:
     return {
         f"{name}_deg": [float(x) if np.isfinite(x) else None for x in values]
         for name, values in sizes.items()
+    }
+
+
+def _tensions(file: TraceFile) -> dict[str, dict[str, list[float]]]:
+    sizes = {name: tension_sizes(file, trace) for name, trace in file.runs.items()}
+    return {
+        name: {
+            "least_N": found["least"].tolist(),
+            "at_s": found["at"].tolist(),
+            "slack_s": found["slack"].tolist(),
+        }
+        for name, found in sizes.items()
+        if found
     }
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array, choose
 from tendonrepro.physics.drive import to_winch_angle
-from tendonrepro.physics.dynamics import Plant, holding_torque, rest_state, state_derivative
+from tendonrepro.physics.dynamics import Plant, both_ways, holding_torque, rest_state, state_derivative
 from tendonrepro.physics.linalg import times
 
 STEPS = (1, 2, 3, 4, 5, 6, 8, 12, 16, 24, 32, 48, 64)
@@ -92,7 +92,8 @@ def plant_modes(plant: Plant, stroke: Array, pace: float = 0.0) -> NDArray[np.co
     falls steepest is looked at too, if it is beyond.
     """
     q = np.concatenate([share * stroke for share in np.linspace(0.0, 1.0, POSTURES)], axis=-1)
-    plants = _repeated(plant, POSTURES)
+    # A slack tendon is gentle: what a plant needs while taut will do.
+    plants = _repeated(both_ways(plant), POSTURES)
     modes = [_modes_at(q, plants, speed) for speed in _speeds(plants, pace)]
     return np.stack(modes).reshape(len(modes) * POSTURES, stroke.shape[-1], -1).swapaxes(0, 1)
 

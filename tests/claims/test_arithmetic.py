@@ -1,5 +1,4 @@
 from fractions import Fraction
-from itertools import product
 
 import numpy as np
 import pytest
@@ -7,19 +6,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tendonrepro.claims.arithmetic import (
-    COURSES,
     cut,
     inverse,
-    least_tensions,
     meets,
     percentage,
     printed_inverse,
     printed_percentages,
     slopes_of_coupling,
-    stays_tense,
-    travel,
 )
-from tendonrepro.config.models.readings import AXES
 from tendonrepro.config.published import (
     PrintedNumber,
     coupling_of,
@@ -117,51 +111,3 @@ class TestMatrices:
         winch, pulley = slopes_of_coupling(table_1(published()))
         assert winch == pytest.approx(np.full(3, 35.0 / 37.0 * (1.0 / 1.01 - 1.0)))
         assert pulley == pytest.approx(np.full(3, 35.0 / 37.0 * 0.01))
-
-
-class TestTension:
-    S = coupling_of(table_1(published()))[0]
-
-    def test_virtual_work(self):
-        """Joint torque on joint angles does the work of winch torque on winch angles."""
-        rng = np.random.default_rng(4)
-        turns = rng.normal(size=3)
-        gravity, preload = least_tensions(self.S, "negative")
-        angles = self.S @ turns
-        assert gravity @ turns == pytest.approx(np.cumsum(angles))
-        assert preload @ turns == pytest.approx(np.array([35.0, 35.0, 37.0]) / 2.0 @ angles)
-
-    def test_random_arms_in_the_working_half_plane(self):
-        """The sign of three vectors is the sign for every mass and posture."""
-        rng = np.random.default_rng(4)
-        weights, angles = rng.random((1000, 3)), rng.uniform(0.0, np.pi, (1000, 3))
-        turning = weights * np.sin(angles)
-        torque = np.cumsum(turning[:, ::-1], axis=1)[:, ::-1]
-        _, preload = least_tensions(self.S, "negative")
-        assert (torque @ self.S > -1e-12).all()
-        assert ((torque @ self.S + 1e-3 * preload) > 0.0).all()
-
-    @pytest.mark.parametrize(
-        ("course", "tense", "signs"),
-        [
-            ("negative", True, (1, 1, 1)),
-            ("distal_only", False, (-1, 1, 1)),
-            ("alternating", False, (0, 0, 1)),
-            ("absent", False, (0, 0, 0)),
-        ],
-    )
-    def test_courses_of_tendon_4(self, course, tense, signs):
-        assert stays_tense(self.S, course) is tense
-        preload = least_tensions(self.S, course)[1]
-        assert tuple(np.sign(np.where(np.abs(preload) < 1e-9, 0.0, preload))) == signs
-
-    @pytest.mark.parametrize("course", COURSES)
-    def test_travel_of_tendon_4_is_the_largest_over_the_half_plane(self, course):
-        corners = np.array(list(product((0.0, np.pi), repeat=3)))
-        joints = np.diff(corners, axis=1, prepend=0.0)
-        length = joints @ (np.array(COURSES[course]) * [17.5, 17.5, 18.5])
-        assert travel(course) == pytest.approx(np.ptp(length))
-
-    def test_courses_are_the_readings_of_the_ensemble(self):
-        axis = AXES["tensioner"]
-        assert tuple(COURSES) == (axis.printed, *axis.alternatives)

@@ -168,10 +168,17 @@ class TestClaims:
     def test_arithmetic_and_model(self):
         assert [of_arithmetic(x).verdict for x in (True, False)] == ["exact", "not_reproduced"]
         assert [of_model(x).verdict for x in (True, False)] == ["reproduced", "not_reproduced"]
-        ways = [(True, True), (False, False), (True, False)]
-        assert [of_courses(way).verdict for way in ways] == [
-            *("reproduced", "not_reproduced", "depends_on_plant")
-        ]
+
+    def test_ways_that_agree_have_their_verdict(self):
+        good, bad, near = (
+            Decision("compatible"),
+            Decision("contradicted"),
+            Decision("compatible", borderline=True),
+        )
+        assert of_courses([good, good]) == good
+        assert of_courses([good, near]) == near
+        assert of_courses([bad, bad]) == bad
+        assert of_courses([good, bad]) == Decision("depends_on_plant")
 
 
 def test_every_name_can_be_reached():

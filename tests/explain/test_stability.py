@@ -69,7 +69,7 @@ def single_joint(motor_inertia, link_inertia, stiffness, damping, D_m, weight=0.
         stiffness=stiffness * ONE,
         damping=damping * ONE,
         friction=no_friction._replace(viscous=D_m * ONE),
-        **dict.fromkeys(("slack", "pulley_loss", "reducer_loss", "wobble", "wobble_rate"), zero),
+        **dict.fromkeys(("slack", "one_way", "pulley_loss", "reducer_loss", "wobble", "wobble_rate"), zero),
     )
     arm = Arm(link_inertia * np.eye(1), weight * ONE, 0.5 * np.pi * ONE)
     return Plant(arm, drive, no_friction, zero, no_disturbance(1))

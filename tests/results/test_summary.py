@@ -9,12 +9,15 @@ import pytest
 from numpy.typing import NDArray
 from support.synthetic import S_INV, S, make_compare_file, make_decouple_file
 
+from tendonrepro.experiments.report import results_text
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import (
     ranking,
     sizes_deg,
     table_data_compare,
     table_data_decouple,
+    tension_sizes,
+    tensions,
     tracking_errors,
 )
 
@@ -132,6 +135,56 @@ class TestDataOfCompare:
         broken = with_error(trace, np.full_like(trace["e"], math.nan))
         data = table_data_compare(dataclasses.replace(file, runs={"controller_1": broken}))
         assert data["table2"]["controller_1"]["mae_deg"] == [None, None]
+
+
+class TestTension:
+    """Joint torque that rope of known tension makes is told back as that tension."""
+
+    @staticmethod
+    def made(tension: Array, time: Array | None = None) -> tuple[TraceFile, Trace]:
+        """A run of joints 2 and 3 whose tendons have some tensions, (T, 2)."""
+        file = make_compare_file(runs=["controller_1"])
+        trace = file.runs["controller_1"]
+        # Tendon 2 turns joint 2 at 38.5 mm; tendon 3 pulls it back at 17.5 mm and turns joint 3 at 18.5 mm.
+        torque = np.stack([0.0385 * tension[:, 0] - 0.0175 * tension[:, 1], 0.0185 * tension[:, 1]], axis=1)
+        steps = np.arange(len(torque)) * 0.5 if time is None else time
+        return file, dataclasses.replace(trace, time=steps, variables={"tau_s": torque})
+
+    def test_of_known_rope(self) -> None:
+        tension = np.array([[30.0, 6.0], [20.0, 5.0], [25.0, 7.0]])
+        assert tensions(*self.made(tension)) == pytest.approx(tension)
+        sizes = tension_sizes(*self.made(tension))
+        assert sizes["least"] == pytest.approx([20.0, 5.0])
+        assert sizes["at"].tolist() == [0.5, 0.5]
+        assert sizes["slack"].tolist() == [0.0, 0.0]
+
+    def test_time_without_pull_counts_pushing_and_slack(self) -> None:
+        tension = np.array([[30.0, 0.0], [-1.0, 1e-12], [25.0, 7.0], [-1.0, 7.0]])
+        sizes = tension_sizes(*self.made(tension, np.array([0.0, 0.1, 0.4, 1.0])))
+        assert sizes["slack"] == pytest.approx([0.3, 0.4]), "what follows the last sample is not known"
+
+    def test_a_run_that_ends_in_numbers_that_are_none(self) -> None:
+        tension = np.array([[30.0, 6.0], [20.0, 5.0], [math.nan, 7.0]])
+        assert tension_sizes(*self.made(tension))["least"] == pytest.approx([20.0, 5.0])
+        assert tension_sizes(*self.made(np.full((2, 2), math.nan))) == {}
+
+    def test_unknown_without_the_torque(self) -> None:
+        file, trace = self.made(np.ones((2, 2)))
+        measured = dataclasses.replace(trace, variables={"q_d": trace["tau_s"]})
+        assert tensions(file, measured) is None
+        assert table_data_compare(make_compare_file(without=["tau_s"]))["tension"] == {}
+
+    def test_one_line_names_tendon_run_and_time(self) -> None:
+        file, trace = self.made(np.array([[30.0, 6.0], [-2.0, 5.0], [25.0, 7.0]]))
+        e = {"e": np.zeros((3, 2)), **trace.variables}
+        made = dataclasses.replace(file, runs={"controller_1": dataclasses.replace(trace, variables=e)})
+        data = table_data_compare(made) | {"experiment": "compare", "joints": [2, 3], "out": "here"}
+        assert data["tension"]["controller_1"]["slack_s"] == pytest.approx([0.5, 0.0])
+        (line,) = [one for one in results_text(data | {"growing_hz": {}}).splitlines() if "tension" in one]
+        assert line == (
+            "Least tension -2.00 N, of tendon 2 in controller_1 at 0.500 s; "
+            "not pulling: controller_1 tendon 2 for 0.500 s"
+        )
 
 
 class TestDataOfDecouple:

@@ -225,7 +225,15 @@ def test_table_of_the_decoupling_experiment() -> None:
 class TestFiles:
     def test_names_and_the_same_bytes_twice(self, tmp_path: Path) -> None:
         paths = write_tables(make_compare_file(), tmp_path / "tables")
-        stems = ("table2", "table2_paper", "table2_windows", "table3", "table3_paper", "table3_change")
+        stems = (
+            "table2",
+            "table2_paper",
+            "table2_windows",
+            "table3",
+            "table3_paper",
+            "table3_change",
+            "tension",
+        )
         expected = [f"{stem}.{suffix}" for stem in stems for suffix in ("csv", "md", "tex")]
         assert [path.name for path in paths] == expected
         assert sorted(path.name for path in (tmp_path / "tables").iterdir()) == sorted(expected)
@@ -235,8 +243,11 @@ class TestFiles:
     @pytest.mark.parametrize(
         ("file", "stems"),
         [
-            (make_decouple_file(), {"table1", "decoupling_errors"}),
-            (make_compare_file(runs=["controller_2"]), {"table2", "table2_paper", "table2_windows"}),
+            (make_decouple_file(), {"table1", "decoupling_errors", "decoupling_tension"}),
+            (
+                make_compare_file(runs=["controller_2"]),
+                {"table2", "table2_paper", "table2_windows", "tension"},
+            ),
         ],
     )
     def test_tables_without_rows_are_not_written(

@@ -216,6 +216,7 @@ def random_plant(n: int, seed: int, features: frozenset[str] = FEATURES) -> Subj
         stiffness=rng.uniform(30.0, 90.0, n),
         damping=rng.uniform(0.1, 0.6, n) * has["damping"],
         slack=rng.uniform(0.01, 0.05, n) * has["clearance"],
+        one_way=np.zeros(n),
         friction=random_friction(n, rng, 0.5, features),
         pulley_loss=rng.uniform(0.01, 0.1, n) * has["losses"],
         reducer_loss=rng.uniform(0.1, 0.4, n) * has["losses"],

@@ -87,6 +87,13 @@ class Tendons(Model):
         Vector,
         physical("m", "slack a tendon takes up before it pulls; 0 is none", at_least=0.0, size="joints"),
     ]
+    unilateral: (
+        Annotated[
+            Literal["off", "on"],
+            Field(description="on: a tendon that would push goes slack; without the key it pushes, Eq. (5)"),
+        ]
+        | None
+    ) = None
 
 
 class LinkFriction(Model):

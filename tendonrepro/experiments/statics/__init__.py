@@ -1,0 +1,1 @@
+"""Tension of every tendon over the working half-plane."""

@@ -1,0 +1,222 @@
+"""Tension of the tendons at rest: why every one of them has to pull, section 2.2 of the paper.
+
+A tendon passes each joint on one side: +1 where pulling it turns the joint clockwise, as a tendon turns its
+own joint, -1 where it turns the joint counter-clockwise, 0 where it crosses the axis. That one datum per
+tendon and joint gives the signs ``c`` of Eq. (1), the coupling and the tensions alike. The tensioner, tendon
+4 of the paper, has no motor angle in Eq. (1); its force is given, not solved for.
+
+All functions take the joint or tendon axis first; further axes are independent lanes.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from tendonrepro.arrays import Array
+from tendonrepro.physics.linalg import times
+
+SLACK = 1e-6
+"""Tension below which a tendon does not pull, N: what rounding leaves of none."""
+
+
+class Spring(NamedTuple):
+    """A spring at the base end of the tensioner, in place of its motor.
+
+    Attributes
+    ----------
+    force : float
+        Pull at ``q = 0``, N.
+    rate : float
+        Further pull per stretch, N m⁻¹; zero is the motor's constant force.
+    """
+
+    force: float
+    rate: float
+
+
+def sign_of_side(side: Array) -> Array:
+    """Signs ``c`` of Eq. (1) from the sides on which tendons pass joints; the same map leads back.
+
+    A tendon that is wound by a joint on its way is on that joint's counter-clockwise side, so ``c`` is the
+    opposite of the side, but on the diagonal, where a tendon turns its own joint, it is the side.
+
+    Parameters
+    ----------
+    side : array (n, n)
+        ``side[p, q]`` of tendon q at joint p: +1, -1 or 0.
+
+    Returns
+    -------
+    array (n, n)
+        ``c[p, q]``.
+
+    Examples
+    --------
+    Section 2.2 and 3.3 of the paper: tendon 2 passes joint 1 on the negative side, tendon 3 joint 2.
+
+    >>> sign_of_side(np.array([[1.0, -1.0, 1.0], [0.0, 1.0, -1.0], [0.0, 0.0, 1.0]]))
+    array([[ 1.,  1., -1.],
+           [ 0.,  1.,  1.],
+           [ 0.,  0.,  1.]])
+    """
+    own = np.eye(side.shape[0], dtype=bool)
+    return np.where(own, side, 0.0 - side)
+
+
+def tendon_tension(tau_s: Array, S: Array, winch_diameter: Array) -> Array:
+    """Tensions of the motors' tendons that make up a joint torque, ``T[n] = (2 / D[n]) (Sᵀ tau_s)[n]``, N.
+
+    Parameters
+    ----------
+    tau_s : array (n, ...)
+        Torque of these tendons at the joints, N m: the compliance torque of Eqs. (3) to (5), or at rest the
+        weight less what the tensioner adds.
+    S : array (n, n)
+        Coupling matrix of the moving joints, Eq. (2). Tendons of joints that are held are not determined.
+    winch_diameter : array (n,)
+        ``D[n]``, m.
+
+    Returns
+    -------
+    array (n, ...)
+        Positive where the tendon pulls; negative where it would have to push.
+    """
+    tension = times(np.swapaxes(S, 0, 1), tau_s)
+    for n in range(tension.shape[0]):
+        tension[n] = 2.0 * tension[n] / winch_diameter[n]
+    return tension
+
+
+def tensioner_torque(force: float | Array, side: Array, diameter: Array) -> Array:
+    """Joint torque of the tensioner, N m, positive clockwise.
+
+    Parameters
+    ----------
+    force : float or array (...)
+        Its pull, N.
+    side, diameter : array (n,)
+        Side on which it passes each joint, and the diameter it passes there, m.
+
+    Returns
+    -------
+    array (n, ...)
+    """
+    return np.multiply.outer(side * diameter / 2.0, force)
+
+
+def tensioner_stretch(q: Array, side: Array, diameter: Array) -> Array:
+    """Rope that the joints draw from the tensioner's end at the base, m, from ``q = 0`` on.
+
+    Parameters
+    ----------
+    q : array (n, ...)
+        Joint angles, rad.
+    side, diameter : array (n,)
+        As of :func:`tensioner_torque`.
+
+    Returns
+    -------
+    array (...)
+    """
+    return np.asarray(-np.tensordot(side * diameter / 2.0, q, axes=(0, 0)))
+
+
+def spring_force(stretch: Array, spring: Spring) -> Array:
+    """Pull of a spring, N; a rope that is not stretched does not push.
+
+    Parameters
+    ----------
+    stretch : array (...)
+        As of :func:`tensioner_stretch`, m.
+    spring : Spring
+
+    Returns
+    -------
+    array (...)
+    """
+    return np.maximum(0.0, spring.force + spring.rate * stretch)
+
+
+def force_window(without: Array, per_newton: Array, margin: float = 0.0) -> tuple[Array, Array]:
+    """Forces of the tensioner, from least to largest, that keep every tendon at a tension.
+
+    Parameters
+    ----------
+    without : array (n, ...)
+        Tensions without tensioner, N.
+    per_newton : array (n,)
+        What one newton of the tensioner adds to each.
+    margin : float
+        Tension to keep, N.
+
+    Returns
+    -------
+    least, largest : array (...)
+        N, not below zero; ``least > largest`` where no force does it, infinite where there is no limit.
+    """
+    least = np.zeros(without.shape[1:])
+    largest = np.full(without.shape[1:], np.inf)
+    for n in range(without.shape[0]):
+        lacking = margin - without[n]
+        if per_newton[n] > 0.0:
+            least = np.maximum(least, lacking / per_newton[n])
+        elif per_newton[n] < 0.0:
+            largest = np.minimum(largest, lacking / per_newton[n])
+        else:
+            least = np.where(lacking > 0.0, np.inf, least)
+    return least, largest
+
+
+def tension_with_losses(
+    tau: Array, force: float | Array, side: Array, diameter: Array, passed_on: Array
+) -> Array:
+    """Tensions at the winches with friction of the guide pulleys, N.
+
+    Every pulley on the way to a joint passes on a share of the tension, less than one where the rope is on
+    the point of moving towards its joint, more than one where it is on the point of moving back.
+
+    Parameters
+    ----------
+    tau : array (n, ...)
+        Joint torque that all tendons together hold, N m: at rest the weight.
+    force : float or array (...)
+        The tensioner's pull at its base end, N.
+    side, diameter : array (n, n + 1)
+        Of tendon q at joint p in ``[p, q]``, m; the last tendon is the tensioner.
+    passed_on : array (n + 1, ...)
+        Share of the tension that a guide pulley of each tendon passes on.
+
+    Returns
+    -------
+    array (n, ...)
+        Of the n tendons with a motor.
+    """
+    n = side.shape[0]
+    tension: list[Array] = [*np.empty((n, 1)), np.asarray(force)]
+    # Tendon n ends at joint n, so what holds the last joint is known first.
+    for p in range(n - 1, -1, -1):
+        torque = side[p] * diameter[p] / 2.0
+        rest = tau[p]
+        for k in range(p + 1, n + 1):
+            rest = rest - torque[k] * passed_on[k] ** p * tension[k]
+        tension[p] = rest / (torque[p] * passed_on[p] ** p)
+    return np.stack(tension[:n])
+
+
+def slack_time(time: Array, tension: Array) -> Array:
+    """How long each tendon does not pull: it is slack or, where tendons may, pushes; s.
+
+    Parameters
+    ----------
+    time : array (T,)
+        Sampling times, s; a sample stands for the time up to the next one.
+    tension : array (n, T)
+        N; less than `SLACK` counts as none.
+
+    Returns
+    -------
+    array (n,)
+    """
+    return np.asarray(np.where(tension[:, :-1] < SLACK, np.diff(time), 0.0).sum(axis=1))

@@ -1,0 +1,154 @@
+"""Tensions over the half-plane: against single postures worked by hand, and as text, pictures and files."""
+
+import json
+
+import numpy as np
+import pytest
+from support.oracles import TABLE_1, coupling_by_columns
+
+from tendonrepro.config.load import load_config
+from tendonrepro.config.request import Request
+from tendonrepro.console import Talk
+from tendonrepro.errors import ConfigError
+from tendonrepro.experiments.statics.command import run_statics, statics_data, statics_rows
+from tendonrepro.experiments.statics.figures import draw_margin, posture_text
+from tendonrepro.experiments.statics.report import statics_text
+from tendonrepro.experiments.statics.survey import RESERVE, half_plane, survey
+
+LENGTH, MASS, COM = np.array([0.30, 0.28]), np.array([0.77, 0.47, 0.22]), np.array([0.144, 0.1344, 0.096])
+RADIUS = {
+    "negative": np.array([-17.5, -17.5, -18.5]) / 1000.0,
+    "distal_only": np.array([0.0, 0.0, -18.5]) / 1000.0,
+    "alternating": np.array([-17.5, 17.5, -18.5]) / 1000.0,
+}
+
+
+@pytest.fixture(scope="module")
+def found():
+    return survey(load_config(None, "decouple"))
+
+
+def tension_by_hand(course, deg, payload=0.0, force=17.0):
+    """Centres of mass in the plane, their potential's slope by differences, and a lever for each rope."""
+    phi = np.deg2rad(deg)
+
+    def potential(turn):
+        angle = phi + np.cumsum(turn)
+        height = -np.cos(angle)
+        joint = np.concatenate([[0.0], np.cumsum(LENGTH * height[:2])])
+        tip = joint[2] + 0.20 * height[2]
+        return 9.81 * (MASS @ (joint + COM * height) + payload * tip)
+
+    step = 1e-5 * np.eye(3)
+    weight = np.array([(potential(turn) - potential(-turn)) / 2e-5 for turn in step])
+    rope = coupling_by_columns(TABLE_1) * 0.0185
+    return np.linalg.solve(rope.T, weight - RADIUS[course] * force)
+
+
+@pytest.mark.parametrize("course", RADIUS)
+@pytest.mark.parametrize(("case", "payload"), [("motor", 0.0), ("payload", 0.2)])
+def test_maps_are_tensions_of_single_postures(found, course, case, payload):
+    for last, before in ((0, 0), (45, 45), (90, 10), (31, 77)):
+        deg = [45.0, 2.0 * before, 2.0 * last]
+        smallest = tension_by_hand(course, deg, payload).min()
+        assert found.courses[course].least[case][last, before] == pytest.approx(smallest, abs=1e-6)
+
+
+def test_force_for_the_reserve_leaves_it(found):
+    for course in RADIUS:
+        needed, room = found.courses[course].needed, found.courses[course].room
+        for last, before in ((2, 1), (0, 45), (90, 90)):
+            deg = [45.0, 2.0 * before, 2.0 * last]
+            left = tension_by_hand(course, deg, force=needed[last, before]).min()
+            if room[last, before] >= 0.0:
+                assert left == pytest.approx(RESERVE, abs=1e-6) or needed[last, before] == 0.0
+            else:
+                assert left < RESERVE
+    assert (found.courses["alternating"].room < 0.0).any()
+
+
+def test_whole_half_plane(found):
+    grid = half_plane(3)
+    assert grid.min() > 0.0
+    assert grid.max() < np.pi
+    for name, course in found.courses.items():
+        over = course.over_all["motor"]
+        by_hand = tension_by_hand(name, over["link_angles_deg"])
+        assert by_hand.min() == pytest.approx(over["least_tension_N"], abs=1e-6)
+        assert by_hand.argmin() + 1 == over["tendon"]
+        low, high = over["force_window_N"]
+        assert low <= found.force <= high
+        assert over["share_tense"] == 1.0
+
+
+def test_spring_pulls_as_hard_as_the_motor_where_the_arm_starts(found):
+    last = before = np.flatnonzero(np.isclose(np.rad2deg(found.angles), 44.0))[0]
+    for course in found.courses.values():
+        assert course.least["spring"][last, before] == pytest.approx(
+            course.least["motor"][last, before], abs=0.5
+        )
+        assert course.over_all["motor"]["pull_N"] == [17.0, 17.0]
+
+
+def test_friction_band_holds_the_frictionless_tension(found):
+    for course in found.courses.values():
+        assert (course.band[0] <= course.least["motor"] + 1e-9).all()
+        assert (course.least["motor"] <= course.band[1] + 1e-9).all()
+    without = survey(load_config(None, "decouple", overrides=["manipulator.friction.per_pulley=1e-9"]))
+    assert without.courses["negative"].band[0] == pytest.approx(without.courses["negative"].least["motor"])
+
+
+def test_courses_that_differ(found):
+    per_newton = {name: course.per_newton for name, course in found.courses.items()}
+    assert (per_newton["negative"] > 0.0).all()
+    assert np.sign(per_newton["distal_only"]).tolist() == [-1.0, 1.0, 1.0]
+    assert per_newton["alternating"] == pytest.approx([0.0, 0.0, 1.0])
+
+
+def test_a_joint_held_rigidly_is_named():
+    held = survey(load_config(None, "decouple", overrides=TWO))
+    assert (held.joints, held.held) == ((2, 3), (1,))
+    assert held.courses["negative"].least["motor"].shape == (91, 91)
+    assert "joint 1 held rigidly" in posture_text(held)
+    assert "joint 1 held rigidly" in statics_text(statics_data(held))
+
+
+TWO = (
+    "joints=[2, 3]",
+    "position_loop.stiffness=[1700, 1700]",
+    "position_loop.damping=[19, 19]",
+    "runs.decouple.reference.amplitude=[33, 33]",
+    "runs.decouple.reference.turns=[[2], [3]]",
+    "runs.pull_tendon_1.reference.amplitude=[69, 0]",
+)
+
+
+def test_one_moving_joint_is_refused():
+    one = [part.replace("[2, 3]", "[3]").replace("[[2], [3]]", "[[3]]") for part in TWO]
+    one = [part.replace("[1700, 1700]", "[1700]").replace("[19, 19]", "[19]") for part in one]
+    one = [part.replace("[33, 33]", "[33]").replace("[69, 0]", "[69]") for part in one]
+    with pytest.raises(ConfigError, match=r"joints: .*two links"):
+        survey(load_config(None, "decouple", overrides=one))
+
+
+def test_files(tmp_path, found):
+    data = run_statics(Request(out=tmp_path), Talk(quiet=True))
+    stored = json.loads((tmp_path / "summary.json").read_text())
+    assert stored["courses"]["alternating"]["half_plane"]["motor"]["force_window_N"] == [0.0, None]
+    assert data["text"] == statics_text(statics_data(found))
+    manifest = json.loads((tmp_path / "manifest.json").read_text())
+    names = [
+        f"figures/statics_{what}.{suffix}" for what in ("margin", "force", "spring") for suffix in FORMATS
+    ]
+    assert {*names, "tables/statics.csv", "tables/statics.md", "summary.json"} == set(manifest["outputs"])
+    assert len(statics_rows(stored)) == 9
+
+
+FORMATS = ("pdf", "svg", "png")
+
+
+def test_margin_maps_say_where_the_other_link_is(found):
+    drawn = draw_margin(found)
+    assert len(drawn.axes) == 9
+    assert "link 1 at 45°" in drawn.caption
+    assert {drawn.axes["a"].get_ylabel(), drawn.axes["g"].get_xlabel()} == {"Link 3 (deg)", "Link 2 (deg)"}

@@ -1,0 +1,97 @@
+"""Tensions of the tendons against virtual work, segments of rope, and a case worked by hand."""
+
+import numpy as np
+import pytest
+from support.oracles import TABLE_1, coupling_by_columns, random_routing, rope_used
+
+from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix
+from tendonrepro.physics.statics import (
+    Spring,
+    force_window,
+    sign_of_side,
+    spring_force,
+    tendon_tension,
+    tension_with_losses,
+    tensioner_stretch,
+    tensioner_torque,
+)
+
+SIDE = np.array([[1.0, -1.0, 1.0, -1.0], [0.0, 1.0, -1.0, -1.0], [0.0, 0.0, 1.0, -1.0]])
+DIAMETER = np.array([[77.0, 35.0, 35.0, 35.0], [0.0, 77.0, 35.0, 35.0], [0.0, 0.0, 37.0, 37.0]]) / 1000.0
+D = np.full(3, 0.037)
+S = coupling_matrix(coupling_inverse(D, DIAMETER[:, :3], sign_of_side(SIDE[:, :3])))
+
+
+def test_sides_of_section_2_2_give_the_signs_of_section_3_3():
+    assert (sign_of_side(SIDE[:, :3]) == np.triu(TABLE_1.sign)).all()
+    assert (sign_of_side(sign_of_side(SIDE[:, :3])) == SIDE[:, :3]).all()
+    rope = (SIDE * DIAMETER).T[:3] / 2.0
+    assert rope == pytest.approx(coupling_by_columns(TABLE_1) * 0.0185)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 5])
+def test_tension_does_the_work_of_the_joint_torque(n):
+    """Rope drawn in by the winches, counted along each tendon, times tension is torque times angle."""
+    rng = np.random.default_rng(n)
+    routing = random_routing(n, rng)
+    coupling = coupling_matrix(coupling_inverse(*routing))
+    tau, angles = rng.normal(size=(n, 7)), rng.normal(size=n)
+    tension = tendon_tension(tau, coupling, routing.winch)
+    assert rope_used(angles, routing) @ tension == pytest.approx(angles @ tau, rel=1e-9)
+
+
+def test_the_outermost_link_alone_by_hand():
+    """1 N m at joint 3 alone: (2/37 mm) times the last row of S."""
+    row = np.array([-35 / 77 + 35 * 35 / 77**2, 35 / 77, 1.0])
+    found = tendon_tension(np.array([0.0, 0.0, 1.0]), S, D)
+    assert found == pytest.approx(row / 0.0185, rel=1e-12)
+
+
+class TestTensioner:
+    def test_force_is_that_of_its_work(self):
+        rng = np.random.default_rng(3)
+        turn = rng.normal(size=3)
+        work = tensioner_torque(20.0, SIDE[:, 3], DIAMETER[:, 3]) @ turn
+        assert work == pytest.approx(-20.0 * tensioner_stretch(turn, SIDE[:, 3], DIAMETER[:, 3]))
+        assert (tensioner_torque(20.0, SIDE[:, 3], DIAMETER[:, 3]) < 0.0).all(), "it turns joints down"
+
+    def test_a_spring_follows_its_length_and_never_pushes(self):
+        stretch = np.array([-0.2, -0.1, 0.0, 0.1])
+        assert spring_force(stretch, Spring(10.0, 80.0)) == pytest.approx([0.0, 2.0, 10.0, 18.0])
+        assert spring_force(stretch, Spring(10.0, 0.0)) == pytest.approx(10.0)
+
+    def test_joints_that_turn_up_stretch_it(self):
+        up = tensioner_stretch(np.full(3, np.pi / 2), SIDE[:, 3], DIAMETER[:, 3])
+        assert up == pytest.approx(0.0535 * np.pi / 2)
+
+    def test_window_is_where_every_tendon_pulls(self):
+        rng = np.random.default_rng(5)
+        without, per_newton = rng.normal(size=(3, 200)), np.array([0.4, -0.3, 1.0])
+        least, largest = force_window(without, per_newton, 0.1)
+        for force in np.linspace(0.0, 5.0, 23):
+            tense = (without + per_newton[:, np.newaxis] * force >= 0.1).all(axis=0)
+            assert (tense == ((least <= force) & (force <= largest))).all()
+
+    def test_a_tendon_that_it_does_not_reach(self):
+        least, largest = force_window(np.array([[1.0, -1.0]]), np.array([0.0]))
+        assert least.tolist() == [0.0, np.inf]
+        assert largest.tolist() == [np.inf, np.inf]
+
+
+class TestLosses:
+    def test_without_friction_it_is_virtual_work(self):
+        tau = np.random.default_rng(1).normal(size=(3, 4, 5))
+        net = tau - tensioner_torque(np.full((4, 5), 17.0), SIDE[:, 3], DIAMETER[:, 3])
+        found = tension_with_losses(tau, 17.0 * np.ones((4, 5)), SIDE, DIAMETER, np.ones(4))
+        assert found == pytest.approx(tendon_tension(net, S, D), rel=1e-12)
+
+    def test_torques_of_every_segment_of_rope_balance(self):
+        """Each joint holds its torque by the segments that pass it, weaker after every pulley."""
+        tau, force, share = np.array([4.0, 2.0, 1.0]), 17.0, np.array([0.97, 1.03, 0.97, 0.97])
+        tension = [*tension_with_losses(tau, force, SIDE, DIAMETER, share), force]
+        for joint in range(3):
+            held = 0.0
+            for tendon in range(4):
+                segment = tension[tendon] * share[tendon] ** joint
+                held += SIDE[joint, tendon] * DIAMETER[joint, tendon] / 2.0 * segment
+            assert held == pytest.approx(tau[joint], rel=1e-12)
