@@ -25,14 +25,14 @@ def box(rankings: Mapping[str, Any] | None = None) -> Table:
         unit, scale = held.get("unit", "–"), held.get("scale", "choice")
         rows.append([f"`{name}`", extent, nominal, unit, scale, held["confidence"], held["source"]])
         if rankings is not None:
-            shares = {of: above_chance(ranking) for of, ranking in rankings.items()}
-            rows[-1].append(
-                ", ".join(
-                    f"{decided(of)} {percent(found[name])}" for of, found in shares.items() if name in found
-                )
-                or "–"
-            )
+            rows[-1].append(_decides(name, rankings))
     return Table([*heads, *["Decides"] * (rankings is not None)], rows)
+
+
+def _decides(row: str, rankings: Mapping[str, Any]) -> str:
+    """What a row of the box decides, above chance."""
+    shares = {of: above_chance(ranking).get(row) for of, ranking in rankings.items()}
+    return ", ".join(f"{decided(of)} {percent(share)}" for of, share in shares.items() if share) or "–"
 
 
 def readings() -> Table:

@@ -7,16 +7,17 @@ import math
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any
 
-from tendonrepro.claims.judge import Verdict
+from tendonrepro.claims.judge import SHARE, Verdict
 from tendonrepro.claims.report import details_text, reader_rows
 from tendonrepro.config.fields.strict_yaml import load
 from tendonrepro.config.load import load_config
-from tendonrepro.config.published import published
-from tendonrepro.physics.control import polynomial
+from tendonrepro.config.published import published, quotient
 from tendonrepro.report.figures import Figure, figure_of
+from tendonrepro.report.findings import percent
 from tendonrepro.report.sources import MISSING, RUN, Found
 from tendonrepro.results.comparison import made_tables
 from tendonrepro.results.figures.catalogue import FIGURES, available, draw
@@ -64,6 +65,13 @@ class Group:
     claims: Sequence[Verdict]
     numbers: Mapping[str, int]
 
+    @staticmethod
+    def share(one: Verdict) -> str:
+        """On how many plants a claim holds, or what is missing to tell."""
+        if "missing" in one.evidence:
+            return f"missing: {one.evidence['missing']}"
+        return f"holds on {percent(one.ours)} of the plants judged" if one.unit == SHARE else ""
+
 
 def overview(verdicts: Sequence[Verdict]) -> Iterator[Group]:
     """Yield the groups; what is printed twice counts once."""
@@ -80,6 +88,12 @@ def overview(verdicts: Sequence[Verdict]) -> Iterator[Group]:
 def is_number(identifier: str) -> bool:
     """Whether an id is of a printed number, not of a claim."""
     return "." in identifier
+
+
+def run_numbers(verdicts: Sequence[Verdict]) -> dict[str, float]:
+    """Numbers of the run on the page, by id."""
+    held = {one.id: one.evidence.get("shipped_run") for one in verdicts}
+    return {name: number for name, number in held.items() if number is not None}
 
 
 @dataclass(frozen=True)
@@ -161,6 +175,32 @@ class Scale:
         return round(100.0 * min(max(share, 0.0), 1.0), 2)
 
 
+def agreement(summary: Mapping[str, Any]) -> list[tuple[str, list[tuple[Bar, bool] | None]]]:
+    """Ratios C1/C2 and C2/C3 of the MAE on joints 2 and 3 by reading, and whether the printed is inside.
+
+    A ratio that no plant gives is None.
+    """
+    rows = []
+    for reading in summary["populations"]["box"]["readings"]:
+        pairs = product(((1, 2), (2, 3)), (2, 3))
+        rows.append((reading["name"], [_agreement(reading, *pair, joint) for pair, joint in pairs]))
+    return rows
+
+
+def _agreement(reading: Mapping[str, Any], first: int, second: int, joint: int) -> tuple[Bar, bool] | None:
+    found, paper = reading[f"c{first}_c{second}"][f"joint_{joint}"], published()
+    sizes = [paper.interval(f"table2.controller_{k}.mae.joint_{joint}") for k in (first, second)]
+    low, high = map(float, quotient(*sizes))
+    if found["median"] is None:
+        return None
+    bar = Bar(reading["name"], f"{low} to {high}", None, found["q05"], found["median"], found["q95"])
+    return bar, found["q05"] <= high and low <= found["q95"]
+
+
+RATIO = Scale(0.5, 2.0, True)
+"""Scale of `agreement`, the same for all ratios."""
+
+
 @dataclass(frozen=True)
 class Shown:
     """A table as a reader sees it."""
@@ -222,34 +262,6 @@ def order(file: TraceFile | None) -> list[tuple[str, str, bool | None]]:
         )
         for joint, metrics in found.items()
         for metric, held in metrics.items()
-    ]
-
-
-def why(found: Found) -> list[str]:
-    """Say why no plant is needed for the order of the laws; Markdown."""
-    paper = published()
-    alpha, beta, eta, b, Delta = (
-        [paper.number(f"gain.{name}.joint_{joint}") for joint in (2, 3)]
-        for name in ("alpha", "beta", "eta", "b", "Delta")
-    )
-    slope = eta[0] * polynomial(b[0], Delta[0])[0]
-    ours = {one.id: one.evidence.get("shipped_run") for one in found.verdicts}
-    first, both = (
-        [ours.get(f"share.controller_1_of_{rival}.mae.joint_{joint}") for joint in (2, 3)] for rival in (2, 3)
-    )
-    age, soft = "", ""
-    if None not in first and None not in both:
-        age = " The run of this page gives {:.2f} and {:.2f}.".format(*(value / 100.0 for value in first))
-        softer = [two / one for one, two in zip(first, both, strict=True)]
-        soft = " The run of this page gives {:.2f} and {:.2f}.".format(*softer)
-    return [
-        "The α-TDE of Eq. (15) is a mean of the estimate one period old and the one two periods old. Where H changes slowly "
-        "that is an estimate (1 + α) L old, and the error grows by 1 + α: "
-        f"{1.0 + alpha[0]:.1f} and {1.0 + alpha[1]:.1f} on joints 2 and 3 for the printed α, Controller 1 over Controller 2.{age}",
-        f"Inside Δ = {Delta[0]:g} rad = {math.degrees(Delta[0]):.1f}° the printed φ is its polynomial, with the slope "
-        f"η γ₁ = {slope:.2f}. Controller 3 has β = {beta[0]:g}. So Controllers 1 and 2 are the softer ones, and slow errors of "
-        f"Controller 2 over those of Controller 3 are {beta[0] / slope:.2f}.{soft}",
-        "The plant cancels in both ratios, as long as the loop is well damped and the load changes slowly.",
     ]
 
 

@@ -1,11 +1,11 @@
-"""The paper's figures as panels of plain numbers, taken from what `results.figures` draws of the same traces."""
+"""The paper's figures as panels of plain numbers, taken from what `results.figures` draws."""
 
 from __future__ import annotations
 
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,8 +21,8 @@ _DIGITS = 4
 """Digits kept of a value beyond those of its panel's range."""
 
 _SIGNS = {
-    r"\hat{H}": "Ĥ", r"\tau_m": "τₘ", r"\Delta": "Δ", r"\,": " ", r"q_\mathrm{motor}": "q motor", "S^{-1}": "S⁻¹",
-    "S_{21}": "S₂₁", "S_{11}": "S₁₁", "q_2": "q₂", "q_1": "q₁", "$": "",
+    r"\hat{H}": "Ĥ", r"\tau_m": "τₘ", r"\Delta ": "Δ", r"\,": " ", r"q_\mathrm{motor}": "q motor",
+    "S^{-1}": "S⁻¹", "S_{21}": "S₂₁", "S_{11}": "S₁₁", "q_2": "q₂", "q_1": "q₁", "$": "",
 }  # fmt: skip
 
 
@@ -140,12 +140,8 @@ def figure_of(drawn: FigureArtists) -> Figure:
 
 
 def _labelled(panel: Panel, below: str, panels: Sequence[Panel]) -> Panel:
-    from dataclasses import replace
-
-    shared = next(
-        (other.x_label for other in panels if other.x_range == panel.x_range and other.x_label), below
-    )
-    return replace(panel, x_label=shared)
+    shared = [other.x_label for other in panels if other.x_range == panel.x_range and other.x_label]
+    return replace(panel, x_label=shared[0] if shared else below)
 
 
 def _names(drawn: FigureArtists) -> dict[str, str]:
@@ -168,14 +164,11 @@ def _panel(drawn: FigureArtists, letter: str, axes: Any, names: Mapping[str, str
             held = str(line.get_drawstyle()).startswith("steps")
             marked = str(line.get_marker()) == "o"
             curves.append(Curve(names.get(name, name), x, y, look, pale, held, marked))
+    looks = {curve.name: curve.look for curve in curves}
     bands = [
-        Band(
-            names.get(name, name),
-            *_edges(np.asarray(band.get_xy())),
-            look=_look_of(curves, names.get(name, name)),
-        )
+        Band(shown, *_edges(np.asarray(band.get_xy())), look=looks.get(shown, 0))
         for (place, name), band in drawn.bands.items()
-        if place == letter
+        if place == letter and (shown := names.get(name, name))
     ]
     (x_low, x_high), (y_low, y_high) = axes.get_xlim(), axes.get_ylim()
     return Panel(
@@ -198,10 +191,6 @@ def _edges(corners: Array) -> tuple[Array, Array, Array]:
     return corners[:half, 0], corners[half : 2 * half, 1][::-1], corners[:half, 1]
 
 
-def _look_of(curves: Sequence[Curve], name: str) -> int:
-    return next((curve.look for curve in curves if curve.name == name), 0)
-
-
 def _look(colour: str) -> tuple[int, bool]:
     """Number of the series a colour is of, and whether it is a paler one; 0 where it is of none."""
     for number, stroke in enumerate(SERIES, start=1):
@@ -213,11 +202,11 @@ def _look(colour: str) -> tuple[int, bool]:
 
 
 def plain(text: str) -> str:
-    """Text without the marks of mathematical typesetting.
+    r"""Text without the marks of mathematical typesetting.
 
     Examples
     --------
-    >>> plain(r"Estimate $\\hat{H}$ (N m)")
+    >>> plain(r"Estimate $\hat{H}$ (N m)")
     'Estimate Ĥ (N m)'
     """
     for sign, letters in _SIGNS.items():

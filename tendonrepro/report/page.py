@@ -17,6 +17,7 @@ from tendonrepro import __version__
 from tendonrepro.claims.report import shipped_note
 from tendonrepro.files import shipped
 from tendonrepro.report import assumed, content
+from tendonrepro.report.findings import why
 from tendonrepro.report.sources import MISSING, OURS, Found
 
 TEMPLATES = Path(__file__).with_name("templates")
@@ -51,7 +52,9 @@ def page(found: Found) -> str:
         MISSING=MISSING,
         OURS=OURS,
         inlined={name: Markup((TEMPLATES / name).read_text(encoding="utf-8")) for name in _INLINED},
-        why=content.why(found),
+        why=why(content.run_numbers(verdicts)),
+        agreement=content.agreement(found.summary),
+        RATIO=content.RATIO,
         groups=list(content.overview(verdicts)),
         claims=[entry for entry in entries if not content.is_number(entry.verdict.id)],
         numbers=[entry for entry in entries if content.is_number(entry.verdict.id)],
@@ -79,7 +82,7 @@ def line(text: str) -> Markup:
     reader = _reader()
     tokens = reader.parseInline(text)
     _lead_links(tokens, "")
-    return Markup(reader.renderer.render(tokens, reader.options, {}))
+    return _rendered(reader, tokens)
 
 
 def document(name: str, prefix: str) -> Markup:
@@ -88,16 +91,32 @@ def document(name: str, prefix: str) -> Markup:
     tokens = reader.parse((shipped("docs") / name).read_text(encoding="utf-8"))
     title = next(place for place, token in enumerate(tokens) if token.type == "heading_close")
     tokens = tokens[title + 1 :]
-    for token, following in zip(tokens, [*tokens[1:], Token("", "", 0)], strict=True):
+    taken = set()
+    for place, token in enumerate(tokens[:-2]):
+        text = tokens[place + 1].content
         if token.type.startswith("heading"):
             token.tag = f"h{int(token.tag[1]) + 1}"
-        if token.type == "heading_open":
-            token.attrSet("id", f"{prefix}-{_slug(following.content)}")
-        numbered = re.match(r"\*\*(\d+)\. ", following.content)
-        if token.type == "paragraph_open" and numbered:
-            token.attrSet("id", f"{prefix}-{numbered[1]}")
+        numbered, coded = re.match(r"\*\*(\d+)\. ", text), re.fullmatch(r"`(\w+)`", tokens[place + 2].content)
+        names = {
+            "heading_open": _slug(text),
+            "paragraph_open": numbered[1] if numbered else "",
+            "tr_open": coded[1] if coded else "",
+        }
+        name = str(names.get(token.type, ""))
+        if name and name not in taken:
+            taken.add(name)
+            token.attrSet("id", f"{prefix}-{name}")
     _lead_links(tokens, prefix)
-    return Markup(reader.renderer.render(tokens, reader.options, {}))
+    html = _rendered(reader, tokens).replace(
+        "<table>", '<div class="wide" role="region" tabindex="0"><table>'
+    )
+    return Markup(html.replace("</table>", "</table></div>"))
+
+
+def _rendered(reader: MarkdownIt, tokens: list[Token]) -> Markup:
+    """HTML in which a per cent sign stays with its number, and long names may break at a plus."""
+    text = reader.renderer.render(tokens, reader.options, {}).replace(" %", "\u00a0%")
+    return Markup(re.sub(r"<code>[^<]*", lambda code: code[0].replace("+", "+<wbr>"), text))
 
 
 def _reader() -> MarkdownIt:

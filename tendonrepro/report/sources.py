@@ -54,6 +54,7 @@ class Found:
     simulated: TraceFile | None = None
     verdicts: Sequence[Verdict] = ()
     judged_by: Mapping[str, Any] = field(default_factory=dict)
+    summary: Mapping[str, Any] = field(default_factory=dict)
     said: Sequence[str] = ()
     about: str = ""
     readings: rows.Table | None = None
@@ -118,7 +119,7 @@ def _add_results(found: Found, folder: Path, *, local: bool) -> None:
         found.origins["decides"] = found.origins["ensemble"]
     with _understood(path):
         found.said = findings(Results(summary, ledger, found.rankings))
-        found.about, found.readings = rows.head(summary), rows.readings(summary)
+        found.about, found.readings, found.summary = rows.head(summary), rows.readings(summary), summary
 
 
 def _add_closest(found: Found, folder: Path) -> None:

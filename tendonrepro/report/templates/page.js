@@ -21,7 +21,7 @@
 
   function read(plot, panel, out) {
     const { left } = plot.cursor;
-    if (left == null || left < 0) { out.textContent = ""; return; }
+    if (left == null || left < 0) { out.textContent = panel.x_label; return; }
     const time = plot.posToVal(left, "x");
     const near = panel.curves.filter((curve, place) => curve.x.length && plot.series[place + 1].show);
     const values = near.map((curve) => `${curve.name} ${text(curve.y[nearest(curve.x, time)])}`);
@@ -45,7 +45,7 @@
       scales: { x: { time: false, range: (plot, low, high) => [low, high] }, y: { range: () => panel.y } },
       axes: [{ ...axis, label: undefined, size: 34 }, { ...axis, size: 54 }],
       series: [{}, ...curves, ...edges],
-      bands: panel.bands.map((band, place) => ({ series: [first + 2 * place + 1, first + 2 * place], fill: () => faded(`--look${band.look}`, .16) })),
+      bands: panel.bands.map((band, place) => ({ series: [first + 2 * place + 1, first + 2 * place], fill: () => faded(`--look${band.look}`, .1) })),
       hooks: {
         setCursor: [(plot) => read(plot, panel, out)],
         setScale: [(plot, key) => { if (key === "x") follow(plot, panel, figure); }],
@@ -99,6 +99,7 @@
     place.className = "plot"; out.className = "readout";
     box.append(place, out);
     box.classList.add("drawn");
+    out.textContent = panel.x_label;
     const plot = new uPlot(options(panel, box, out, figure.id), data(panel), place);
     plots.set(plot, { panel, figure: figure.id, box });
     plot.setScale("x", { min: panel.x[0], max: panel.x[1] });
