@@ -42,7 +42,7 @@ def page(found: Found) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"md": line, "embedded": embedded, "picture": picture}
+    environment.filters |= {"md": line, "embedded": embedded, "picture": picture, "nb": unbroken}
     verdicts = found.verdicts
     entries = content.ledger(verdicts)
     return environment.get_template("page.html").render(
@@ -75,6 +75,11 @@ def page(found: Found) -> str:
         again=content.again(found),
         made=[content.made(file) for file in (found.decouple, found.compare) if file],
     )
+
+
+def unbroken(text: str) -> str:
+    """Text in which a per cent sign stays with its number."""
+    return text.replace(" %", "\u00a0%")
 
 
 def line(text: str) -> Markup:
@@ -115,8 +120,8 @@ def document(name: str, prefix: str) -> Markup:
 
 def _rendered(reader: MarkdownIt, tokens: list[Token]) -> Markup:
     """HTML in which a per cent sign stays with its number, and long names may break at a plus."""
-    text = reader.renderer.render(tokens, reader.options, {}).replace(" %", "\u00a0%")
-    return Markup(re.sub(r"<code>[^<]*", lambda code: code[0].replace("+", "+<wbr>"), text))
+    text = reader.renderer.render(tokens, reader.options, {})
+    return Markup(re.sub(r"<code>[^<]*", lambda code: code[0].replace("+", "+<wbr>"), unbroken(text)))
 
 
 def _reader() -> MarkdownIt:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from html import unescape
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -34,10 +36,10 @@ _T = TypeVar("_T")
 
 @dataclass(frozen=True)
 class Statics:
-    """What ``tendonrepro statics`` left: a table, and pictures by their stem."""
+    """What ``tendonrepro statics`` left: a table, and pictures with their captions."""
 
     table: rows.Table
-    pictures: Mapping[str, bytes]
+    pictures: Sequence[tuple[str, bytes]]
 
 
 @dataclass
@@ -140,10 +142,12 @@ def _add_statics(found: Found, folder: Path) -> None:
         return
     with _understood(path):
         table = rows.statics(_json(found, path, local=True))
-    pictures = {}
+    pictures = []
     for picture in sorted((folder / _STATICS / "figures").glob("statics_*.svg")):
         _note(found, f"{_STATICS}/figures/{picture.name}", _vouched(picture))
-        pictures[picture.stem] = picture.read_bytes()
+        content = picture.read_bytes()
+        caption = re.search(r"<dc:description>([^<]*)<", content.decode(errors="replace"))
+        pictures.append((unescape(caption[1]) if caption else picture.stem, content))
     found.statics = Statics(table, pictures)
     found.origins["statics"] = RUN
 
