@@ -85,5 +85,5 @@ def test_the_wheel_works_in_an_empty_folder(wheel: Path, tmp_path: Path) -> None
         )
     )
     assert data["printed"]["table2"]["controller_2"]["rmse_deg"] == [0.375, 0.292]
-    assert run("report", "out/..", "--json", "--out", "out/report.html")
+    assert run("report", ".", "--json", "--out", "out/report.html")
     assert [path.name for path in empty.iterdir()] == ["out"]

@@ -112,9 +112,8 @@ def document(name: str, prefix: str) -> Markup:
             taken.add(name)
             token.attrSet("id", f"{prefix}-{name}")
     _lead_links(tokens, prefix)
-    html = _rendered(reader, tokens).replace(
-        "<table>", '<div class="wide" role="region" tabindex="0"><table>'
-    )
+    # Of Markup a replacement would be escaped.
+    html = str(_rendered(reader, tokens)).replace("<table>", '<div class="wide" tabindex="0"><table>')
     return Markup(html.replace("</table>", "</table></div>"))
 
 

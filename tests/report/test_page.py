@@ -1,4 +1,4 @@
-"""The page: its structure, that its numbers are those of the results, and that it asks nobody for anything."""
+"""The page: its structure, that its numbers are those of the results, that it asks nobody for anything."""
 
 from __future__ import annotations
 
@@ -37,6 +37,15 @@ def test_every_id_is_there_once_and_every_link_lands(made: Element) -> None:
     assert {target for target in targets if not target.startswith("#")} == {
         "https://doi.org/10.3390/act15050271"
     }
+
+
+def test_rows_stand_in_tables_and_tables_can_be_scrolled(made: Element) -> None:
+    tables = made.all("table")
+    assert sum(len(table.all("tr")) for table in tables) == len(made.all("tr"))
+    for table in tables:
+        assert table.parent is not None
+        assert table.parent.attributes.get("class") == "wide"
+        assert table.parent.attributes.get("tabindex") == "0"
 
 
 def test_nothing_is_asked_of_anyone(made: Element, text: str) -> None:
