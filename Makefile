@@ -6,7 +6,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet install --constr
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help figures test test-slow check format bench claims data findings pages mutants clean
+.PHONY: help figures test test-slow check format bench claims report data findings pages mutants clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -35,6 +35,9 @@ bench: $(VENV)/.run  ## speed and memory, one JSON object
 
 claims: $(VENV)/.run  ## the verdict on every printed number and claim, from what lies under reports/
 	$(BIN)/tendonrepro claims $(ARGS)
+
+report: $(VENV)/.run  ## one HTML file for a reviewer, of what lies under reports/
+	$(BIN)/tendonrepro report $(ARGS)
 
 data: $(VENV)/.run  ## the paper's data set from its repository, into data/zenodo; uses the network
 	$(BIN)/tendonrepro fetch $(ARGS)

@@ -5,11 +5,12 @@ A part stands between ``<!-- made from NAME -->`` and ``<!-- end -->``; a test m
 
 from __future__ import annotations
 
-import json
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+from tendonrepro.report import assumed, rows
 
 DOCS = Path(__file__).parent
 PART = re.compile(r"(<!-- made from ([\w ]+) -->\n).*?(<!-- end -->)", re.S)
@@ -26,62 +27,29 @@ def table(heads: str, rows: Iterable[Sequence[str]]) -> str:
     return "\n".join(f"| {' | '.join(cells)} |" for cells in escaped)
 
 
-def box() -> str:
-    from tendonrepro.config.ensemble import load_ensemble
-
-    rows = []
-    for name, row in load_ensemble(None).config.box.items():
-        held = row.model_dump()
-        choices = [item if isinstance(item, str) else f"{item:g}" for item in held.get("choices", ())]
-        extent = ", ".join(choices) or f"{held['low']:g} to {held['high']:g}"
-        nominal = held["nominal"] if isinstance(held["nominal"], str) else f"{held['nominal']:g}"
-        unit, scale = held.get("unit", "–"), held.get("scale", "choice")
-        rows.append((f"`{name}`", extent, nominal, unit, scale, held["confidence"], held["source"]))
-    return table("Row|Range or choices|Nominal|Unit|Scale|Confidence|From", rows)
-
-
-def readings() -> str:
-    from tendonrepro.config.models.control import Readings
-    from tendonrepro.config.models.readings import AXES, RUNS
-
-    def runs(affects: Mapping[str, tuple[str, ...]]) -> str:
-        named = {value: "all" if held == RUNS else ", ".join(held) for value, held in affects.items()}
-        each = [f"{value}: {held}" for value, held in named.items()]
-        return named.popitem()[1] if len(set(named.values())) == 1 else "; ".join(each)
-
-    rows = []
-    for axis in AXES.values():
-        key = f"`control.readings.{axis.name}`" if axis.name in Readings.model_fields else f"`{axis.name}`"
-        rows.append((key, axis.printed, ", ".join(axis.alternatives), runs(axis.affects), axis.place, axis.about))
-    return table("Reading|Default|Alternatives|Changes the runs|Place|About", rows)
-
-
 def pairs() -> str:
     from tendonrepro.config.ensemble import load_ensemble
 
     return "\n".join(f"- `{'+'.join(pair)}`" for pair in load_ensemble(None).config.pairs)
 
 
-def quantities(tree: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """Quantities of a configuration by their keys."""
-    if isinstance(tree, dict) and {"value", "unit", "source"} <= tree.keys():
-        yield ".".join(path), tree
-    elif isinstance(tree, dict):
-        for key, value in tree.items():
-            yield from quantities(value, (*path, str(key)))
-
-
 def unprinted(wanted: Callable[[str, bool], bool]) -> str:
     """Values of the shipped experiments that the paper does not print, by key and whether both hold them."""
     from tendonrepro.config.load import load_config
 
-    trees = [dict(quantities(load_config(None, name).tree)) for name in ("compare", "decouple")]
-    rows = []
-    for key, held in (trees[0] | {k: v for k, v in trees[1].items() if k not in trees[0]}).items():
-        origin, _, why = held["source"].partition(": ")
-        if origin != "printed" and wanted(key, all(key in tree for tree in trees)):
-            rows.append((f"`{key}`", json.dumps(held["value"]), held["unit"], origin, why))
-    return table("Key|Value|Unit|Origin|Why", rows)
+    trees = [load_config(None, name).tree for name in ("compare", "decouple")]
+    keys = [dict(assumed.quantities(tree)) for tree in trees]
+    kept = [
+        row
+        for row in assumed.values(trees)
+        if row[3] != "printed" and wanted(row[0].strip("`"), all(row[0].strip("`") in held for held in keys))
+    ]
+    return table("Key|Value|Unit|Origin|Why", kept)
+
+
+def whole(held: rows.Table) -> str:
+    """A table of the package."""
+    return table("|".join(held.heads), held.rows)
 
 
 def of_compare(key: str, both: bool) -> bool:
@@ -122,8 +90,8 @@ def variables() -> str:
 
 
 MAKERS: Mapping[str, Callable[[], str]] = {
-    "the box": box,
-    "the readings": readings,
+    "the box": lambda: whole(assumed.box()),
+    "the readings": lambda: whole(assumed.readings()),
     "the pairs of readings": pairs,
     "the manipulator": lambda: unprinted(lambda key, _: key.startswith("manipulator.")),
     "both experiments": lambda: unprinted(lambda key, both: both and not key.startswith("manipulator.")),

@@ -38,7 +38,7 @@ def write_claims(
     texts = {
         "json": to_json(as_data(verdicts, ensemble)),
         "csv": csv_text(_csv_rows(verdicts)),
-        "md": markdown(_rows(verdicts), " ".join([CAPTION, *_shipped_note(verdicts)])),
+        "md": markdown(reader_rows(verdicts), " ".join([CAPTION, *shipped_note(verdicts)])),
     }
     paths = [folder / f"claims.{suffix}" for suffix in texts]
     for path, text in zip(paths, texts.values(), strict=True):
@@ -68,7 +68,7 @@ def table_text(verdicts: Sequence[Verdict]) -> str:
 def _notes(verdicts: Sequence[Verdict]) -> list[str]:
     commands = {verdict.evidence.get("run") for verdict in verdicts if verdict.verdict == "not_testable"}
     notes = [f"for more verdicts run {command}" for command in sorted(filter(None, commands))]
-    notes += _shipped_note(verdicts)
+    notes += shipped_note(verdicts)
     if any(verdict.repeats for verdict in verdicts):
         notes.append("what is printed twice counts once")
     if any(verdict.borderline for verdict in verdicts):
@@ -76,7 +76,7 @@ def _notes(verdicts: Sequence[Verdict]) -> list[str]:
     return notes
 
 
-def _shipped_note(verdicts: Sequence[Verdict]) -> list[str]:
+def shipped_note(verdicts: Sequence[Verdict]) -> list[str]:
     """Say which ensemble shipped verdicts rest on."""
     origins = [verdict.evidence["ensemble"] for verdict in verdicts if verdict.shipped]
     if not origins:
@@ -107,7 +107,7 @@ def details_text(verdict: Verdict) -> str:
         f"readings that change it: {', '.join(verdict.readings_that_change_it) or 'none of those run'}",
         "evidence:",
     ]
-    return "\n".join([*head, *_tree(verdict.evidence, 1), *_shipped_note([verdict])])
+    return "\n".join([*head, *_tree(verdict.evidence, 1), *shipped_note([verdict])])
 
 
 def _tree(value: Any, depth: int) -> list[str]:
@@ -137,7 +137,8 @@ def _plain(value: Any) -> str:
     return str(value)
 
 
-def _rows(verdicts: Sequence[Verdict]) -> list[dict[str, str]]:
+def reader_rows(verdicts: Sequence[Verdict]) -> list[dict[str, str]]:
+    """Rows of the ledger for a reader."""
     measured = _has_measured(verdicts)
     return [
         {

@@ -1,4 +1,4 @@
-"""Commands beyond the paper's own runs: sweep, ensemble, identify, explain, statics, claims."""
+"""Commands beyond the paper's own runs: sweep, ensemble, identify, explain, statics, claims, report."""
 
 from __future__ import annotations
 
@@ -143,3 +143,25 @@ def claims(
     found = run_claims(out, ids or (), baseline, terminal.talk, measured)
     terminal.show(found.data, found.text)
     return 3 if check and found.failed else 0
+
+
+@command(study_app, "tendonrepro report --out review.html")
+def report(
+    terminal: Terminal,
+    results: Annotated[Path, typer.Argument(help="Folder above the results.")] = Path("reports"),
+    out: Annotated[
+        Path | None, typer.Option("--out", help="HTML file to write [default: report.html in that folder].")
+    ] = None,
+    measured: Annotated[
+        Path | None,
+        typer.Option("--measured", help="Measured trace file [default: data/measured.h5 if there is one]."),
+    ] = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Overwrite a file that is no report, or edited.")
+    ] = False,
+) -> None:
+    """One HTML file for a reviewer, of all that was run."""
+    from tendonrepro.report.command import report_text, run_report
+
+    found = run_report(results, out, terminal.talk, measured=measured, force=force)
+    terminal.show(found, report_text)

@@ -5,9 +5,13 @@ The text is Markdown of one line, for docs/findings.md and for the page alike.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
+
+from tendonrepro.config.published import published
+from tendonrepro.physics.control import polynomial
 
 LEAST_PLANTS = 100
 """Fewer say nothing, by the rules in docs/verdicts.md."""
@@ -49,6 +53,34 @@ def findings(found: Results) -> list[str]:
     """What a reader should take away, the strongest first; a bold sentence and its reasons each."""
     makers = (_order, _ratios, _mended, _encoders, _sizes, _shape, _torque, _kinematics)
     return [text for maker in makers if (text := maker(found))]
+
+
+def why(ours: Mapping[str, float]) -> list[str]:
+    """Say why no plant is needed for the order of the laws; `ours` are numbers of a run, by id."""
+    paper = published()
+    alpha, beta, eta, b, Delta = (
+        [paper.number(f"gain.{name}.joint_{joint}") for joint in (2, 3)]
+        for name in ("alpha", "beta", "eta", "b", "Delta")
+    )
+    slope = eta[0] * polynomial(b[0], Delta[0])[0]
+    first, both = (
+        [ours.get(f"share.controller_1_of_{rival}.mae.joint_{joint}", math.nan) for joint in (2, 3)]
+        for rival in (2, 3)
+    )
+    softer = [two / one for one, two in zip(first, both, strict=True)]
+    age, soft = (
+        "" if math.isnan(sum(values)) else f" The run of this page gives {values[0]:.2f} and {values[1]:.2f}."
+        for values in ([value / 100.0 for value in first], softer)
+    )
+    return [
+        "The α-TDE of Eq. (15) is a mean of the estimate one period old and the one two periods old. Where H changes slowly "
+        "that is an estimate (1 + α) L old, and the error grows by 1 + α: "
+        f"{1.0 + alpha[0]:.1f} and {1.0 + alpha[1]:.1f} on joints 2 and 3 for the printed α, Controller 1 over Controller 2.{age}",
+        f"Inside Δ = {Delta[0]:g} rad = {math.degrees(Delta[0]):.1f}° the printed φ is its polynomial, with the slope "
+        f"η γ₁ = {slope:.2f}. Controller 3 has β = {beta[0]:g}. So Controllers 1 and 2 are the softer ones, and slow errors of "
+        f"Controller 2 over those of Controller 3 are {beta[0] / slope:.2f}.{soft}",
+        "The plant cancels in both ratios, as long as the loop is well damped and the load changes slowly.",
+    ]
 
 
 def percent(share: float | None) -> str:

@@ -200,15 +200,24 @@ def decides(rankings: Mapping[str, Any]) -> Table:
     """Which unknowns decide claims and ratios."""
     rows = []
     for name, held in rankings.items():
-        above = [row for row in held["rows"] if row["index"] > max(row["half_width"], held["noise_floor"])][
-            :3
-        ]
-        shown = ", ".join(f"`{row['name']}` {percent(row['index'])}" for row in above)
-        what = f"C1/C2, {name.removeprefix('ratio_').replace('_', ' ')}" if name.startswith("ratio") else name
-        rows.append((what, shown or "none above chance", percent(held["unexplained"])))
-    return Table(
-        ["of", "share of the variance that an unknown explains alone", "no single one explains"], rows
-    )
+        shares = list(above_chance(held).items())[:3]
+        shown = ", ".join(f"`{row}` {percent(share)}" for row, share in shares)
+        rows.append((decided(name), shown or "none above chance", percent(held["unexplained"])))
+    heads = ["of", "share of the variance that an unknown explains alone", "no single one explains"]
+    return Table(heads, rows)
+
+
+def above_chance(ranking: Mapping[str, Any]) -> dict[str, float]:
+    """Shares of the variance that single unknowns explain, where chance does not, the largest first."""
+    floor = ranking["noise_floor"]
+    return {
+        row["name"]: row["index"] for row in ranking["rows"] if row["index"] > max(row["half_width"], floor)
+    }
+
+
+def decided(name: str) -> str:
+    """A claim, or the ratio of Controllers 1 and 2 on a joint, for a reader."""
+    return f"C1/C2, {name.removeprefix('ratio_').replace('_', ' ')}" if name.startswith("ratio") else name
 
 
 def closest(data: Mapping[str, Any]) -> Table:
@@ -241,3 +250,30 @@ def closest(data: Mapping[str, Any]) -> Table:
 def _peakedness(shape: Mapping[str, Any], whose: str) -> str:
     """RMSE over MAE of the three controllers."""
     return " ".join(f"{shape[f'{whose}_rmse_over_mae_controller_{k}']:.2f}" for k in (1, 2, 3))
+
+
+def statics(data: Mapping[str, Any]) -> Table:
+    """Tensions over the working half-plane, by course of tendon 4 and by case."""
+    rows = [
+        (
+            f"`{course}`",
+            case.replace("_", " "),
+            percent(over["share_tense"]),
+            f"{over['least_tension_N']:.1f}",
+            str(over["tendon"]),
+            f"{float(held['change_of_length_mm']):.0f}",
+        )
+        for course, held in data["courses"].items()
+        for case, over in held["half_plane"].items()
+    ]
+    heads = [
+        "course of tendon 4",
+        "case",
+        "all tense on",
+        "least tension (N)",
+        "of tendon",
+        "its length varies by (mm)",
+    ]
+    payload = f"{data['payload_kg']:g} kg payload where a case has one"
+    about = f"At rest, over {data['postures']} postures with all links in the working half-plane; tendon 4 pulls with "
+    return Table(heads, rows, f"{about}{data['tensioner_force_N']:g} N; {payload}.")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 from typing import TypeAlias
@@ -75,8 +76,28 @@ def write_tables(file: TraceFile, folder: Path) -> list[Path]:
     TendonreproError
         When a file cannot be written.
     """
+    return [
+        path
+        for table in made_tables(file)
+        for path in write_table(
+            table.rows, folder, table.stem, table.about, table.columns, ("csv", "md", "tex")
+        )
+    ]
+
+
+@dataclass(frozen=True)
+class MadeTable:
+    """A table before it is written: name of its files, caption with origin, rows, and columns that stand."""
+
+    stem: str
+    about: str
+    rows: Sequence[TableRow]
+    columns: TableColumns
+
+
+def made_tables(file: TraceFile) -> Iterator[MadeTable]:
+    """Make every table the runs allow; tables without rows are left out."""
     origin = f"{file.source}, config {file.config_sha256[:12]}"
-    paths = []
     for experiment, tables in _TABLES.items():
         part = file.part(experiment)
         for stem, (make, caption) in tables.items() if part.runs else ():
@@ -87,9 +108,7 @@ def write_tables(file: TraceFile, folder: Path) -> list[Path]:
                     for name, (heading, form) in COLUMNS.items()
                     if _stands(name, rows)
                 }
-                about = f"{caption} ({origin})."
-                paths += write_table(rows, folder, stem, about, columns, ("csv", "md", "tex"))
-    return paths
+                yield MadeTable(stem, f"{caption} ({origin}).", rows, columns)
 
 
 def _stands(name: str, rows: Sequence[TableRow]) -> bool:

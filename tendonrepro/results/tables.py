@@ -71,22 +71,32 @@ def csv_text(rows: TableRows, columns: TableColumns | None = None) -> str:
 
 def markdown(rows: TableRows, caption: str, columns: TableColumns | None = None) -> str:
     """Caption and a pipe table, numbers to the right."""
-    held = _columns(rows, columns)
-    rule = ["---:" if _is_numeric(rows, name) else ":---" for name in held]
-    cells = [[heading for heading, _ in held.values()], *_cells(rows, held)]
-    escaped = [[cell.replace("|", r"\|") for cell in line] for line in cells]
+    heads, cells, numeric = shown(rows, columns)
+    rule = ["---:" if numbers else ":---" for numbers in numeric]
+    escaped = [[cell.replace("|", r"\|") for cell in line] for line in (heads, *cells)]
     lines = [f"| {' | '.join(line)} |" for line in (escaped[0], rule, *escaped[1:])]
     return "\n".join([caption, "", *lines, ""])
 
 
+def shown(
+    rows: TableRows, columns: TableColumns | None = None
+) -> tuple[list[str], list[list[str]], list[bool]]:
+    """Headings, cells as a reader sees them, and which columns hold numbers alone."""
+    held = _columns(rows, columns)
+    return (
+        [heading for heading, _ in held.values()],
+        _cells(rows, held),
+        [_is_numeric(rows, name) for name in held],
+    )
+
+
 def latex(rows: TableRows, caption: str, label: str, columns: TableColumns | None = None) -> str:
     """Write a ``table`` float that needs the package booktabs; its label is ``tab:<label>``."""
-    held = _columns(rows, columns)
-    numeric = [_is_numeric(rows, name) for name in held]
-    head = " & ".join(_tex(heading) for heading, _ in held.values())
+    heads, cells, numeric = shown(rows, columns)
+    head = " & ".join(map(_tex, heads))
     body = [
         " & ".join(_tex_number(cell) if n else _tex(cell) for cell, n in zip(line, numeric, strict=True))
-        for line in _cells(rows, held)
+        for line in cells
     ]
     lines = [
         r"\begin{table}",

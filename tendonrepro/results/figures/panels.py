@@ -219,8 +219,9 @@ class Canvas:
         line.set(markersize=1.5 + stroke.width, solid_joinstyle="round")
         panel.axes.set_aspect("equal", adjustable="datalim")
         panel.axes.margins(0.1)
+        line.set_label(name if label is None else label)
         self._lines[letter, name] = line
-        self._legend.setdefault(name if label is None else label, line)
+        self._legend.setdefault(str(line.get_label()), line)
 
     def finish(self, number: int, caption: str, origin: str) -> FigureArtists:
         """Set ranges, legend and imprint, and lay out the figure of a number once for all formats."""

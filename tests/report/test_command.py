@@ -1,0 +1,85 @@
+"""What the command refuses, and what it says of damage."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tendonrepro.console import Talk
+from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.report import command, page, sources
+from tendonrepro.report.command import report_text, run_report
+from tendonrepro.report.sources import Found, found_under
+
+QUIET = Talk(quiet=True)
+
+
+@pytest.fixture
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A page that takes no time."""
+    monkeypatch.setattr(page, "page", lambda found: f"<p>{found.origins}</p>\n")
+    origins = {"compare": "run", "ensemble": "shipped", "statics": "missing"}
+    monkeypatch.setattr(sources, "found_under", lambda *_: Found(origins=origins, inputs={"a": "b"}))
+
+
+@pytest.mark.usefixtures("quick")
+def test_a_page_is_replaced_and_nothing_else_is(tmp_path: Path) -> None:
+    first = run_report(tmp_path, None, QUIET, measured=None, force=False)
+    path = Path(first["path"])
+    assert path == tmp_path / "report.html"
+    assert first["bytes"] == path.stat().st_size
+    assert first["parts"] == {"compare": "run", "ensemble": "shipped", "statics": "missing"}
+    assert run_report(tmp_path, None, QUIET, measured=None, force=False) == first
+    assert report_text(first).splitlines()[1:] == [
+        "as shipped with the package: ensemble",
+        "not run, the page says how: statics",
+    ]
+    for edited in (path.read_bytes().replace(b"run", b"ran"), b"", b"mine", path.read_bytes() + b"\n"):
+        path.write_bytes(edited)
+        with pytest.raises(UsageError, match="no report of tendonrepro, or was edited"):
+            run_report(tmp_path, None, QUIET, measured=None, force=False)
+        assert path.read_bytes() == edited
+    assert run_report(tmp_path, None, QUIET, measured=None, force=True) == first
+
+
+@pytest.mark.usefixtures("quick")
+def test_folders_in_the_way_and_missing_ones(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="is a folder"):
+        run_report(tmp_path, tmp_path, QUIET, measured=None, force=True)
+    with pytest.raises(DataMissingError, match="no such folder"):
+        run_report(tmp_path / "none", None, QUIET, measured=None, force=False)
+
+
+@pytest.mark.parametrize("content", ["", "[]", "{", '{"courses": 3}', '{"courses": {"a": {}}}', "\ud800"])
+def test_damage_is_named(tmp_path: Path, content: str) -> None:
+    path = tmp_path / "statics" / "summary.json"
+    path.parent.mkdir()
+    path.write_bytes(content.encode("utf-8", "surrogatepass"))
+    with pytest.raises(DataMissingError, match="is damaged or of another version") as caught:
+        found_under(tmp_path, None, QUIET)
+    assert caught.value.where == str(path)
+    assert caught.value.exit_code == 4
+
+
+def test_what_a_manifest_does_not_vouch_for_is_damaged(tmp_path: Path) -> None:
+    folder = tmp_path / "statics"
+    folder.mkdir()
+    (folder / "summary.json").write_text("{}", encoding="utf-8")
+    manifest = {"config": {}, "outputs": {"summary.json": "0" * 64}}
+    (folder / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
+    with pytest.raises(DataMissingError, match="not what its manifest lists"):
+        found_under(tmp_path, None, QUIET)
+
+
+def test_a_measured_file_that_is_asked_for_has_to_be_there(tmp_path: Path) -> None:
+    with pytest.raises(DataMissingError, match="no measured trace file"):
+        found_under(tmp_path, tmp_path / "measured.h5", QUIET)
+
+
+def test_the_seal_is_of_the_whole_page() -> None:
+    assert command.sealed("a") != command.sealed("b")
+    assert command.sealed("a").startswith(
+        b"a<!-- tendonrepro report, sha256 ca978112ca1bbdcafac231b39a23dc4d"
+    )

@@ -1,0 +1,108 @@
+"""Sentences say what their numbers bear, and are left out where these do not."""
+
+from __future__ import annotations
+
+import copy
+import json
+from typing import Any
+
+import pytest
+
+from tendonrepro.files import shipped
+from tendonrepro.report.content import Scale
+from tendonrepro.report.findings import Results, findings, why
+
+
+@pytest.fixture
+def stored() -> Results:
+    folder = shipped("docs/results")
+    held = [
+        json.loads((folder / name).read_text()) for name in ("ensemble.json", "claims.json", "decides.json")
+    ]
+    return copy.deepcopy(Results(*held))
+
+
+def heads(found: Results) -> list[str]:
+    return [line.split("**")[1].rstrip(".:") for line in findings(found)]
+
+
+def share(value: float, plants: int = 500) -> dict[str, Any]:
+    return {"share": value, "low": value - 0.05, "high": value + 0.05, "plants": plants}
+
+
+@pytest.mark.parametrize(
+    ("forth", "back", "head"),
+    [
+        (0.1, 0.9, "As printed, the equations rank the laws the other way round"),
+        (0.9, 0.05, "As printed, the equations rank the laws as the paper does"),
+        (0.4, 0.5, "As printed, the equations give no one order of the laws"),
+        (0.1, 0.52, "As printed, the equations give no one order of the laws"),
+    ],
+)
+def test_the_order_is_the_one_that_most_plants_give(
+    stored: Results, forth: float, back: float, head: str
+) -> None:
+    printed = stored.readings["printed"]
+    printed["in_order"], printed["in_reverse"] = share(forth), share(back)  # type: ignore[index]
+    assert heads(stored)[0] == head
+    assert f"{100 * back:.0f} %" in findings(stored)[0]
+
+
+def test_too_few_plants_say_nothing(stored: Results) -> None:
+    printed = stored.readings["printed"]
+    printed["in_order"], printed["in_reverse"] = share(0.1, 99), share(0.9, 99)  # type: ignore[index]
+    assert heads(stored)[0] == "About the order of the laws this ensemble says nothing"
+
+
+def test_only_contradicted_ratios_are_called_so(stored: Results) -> None:
+    ratios = stored.starting("share.")
+    for entry in ratios[:3]:
+        entry["verdict"] = "depends_on_plant"  # type: ignore[index]
+    assert "5 of the 8 printed ratios are contradicted" in heads(stored)
+    for entry in ratios:
+        entry["verdict"] = "compatible"  # type: ignore[index]
+    assert not any("contradicted" in head for head in heads(stored))
+
+
+def test_readings_that_do_not_mend_the_order_are_not_praised(stored: Results) -> None:
+    for name, reading in stored.readings.items():
+        reading["in_order"] = share(0.2 if name == "start=cold" else 0.1)  # type: ignore[index]
+    assert "No reading that was run brings the printed order back on most plants" in heads(stored)
+    (line,) = [line for line in findings(stored) if "No reading" in line]
+    assert "`start=cold`, with 20 % [15 %, 25 %] of 500 plants" in line
+
+
+def test_what_no_longer_holds_is_left_out(stored: Results) -> None:
+    before = heads(stored)
+    stored.readings["feedback=motor"]["in_order"]["plants"] = 0
+    stored.entries["F1"]["evidence"]["share"] = 0.8
+    stored.entries["K2a"]["verdict"] = "reproduced"  # type: ignore[index]
+    for entry in stored.starting("table2"):
+        entry["evidence"]["also_passing"] = 0.1
+    for held in stored.entries["C6"]["evidence"]["statements"]:
+        held["share"] = 0.1
+    gone = {*before} - {*heads(stored)}
+    assert {head.split()[0] for head in gone} == {"Of", "The", "One", "What"}
+    assert len(gone) == 5
+
+
+def test_theory_and_run_stand_side_by_side() -> None:
+    ours = {f"share.controller_1_of_{k}.mae.joint_{j}": 100.0 + 10 * k + j for k in (2, 3) for j in (2, 3)}
+    first, second, _ = why(ours)
+    assert "1.1 and 1.2 on joints 2 and 3" in first
+    assert first.endswith("The run of this page gives 1.22 and 1.23.")
+    # eta gamma_1 = 1.5 (2 - 0.9) 0.2^-0.1
+    assert "η γ₁ = 1.94" in second
+    assert "are 1.03." in second
+    assert second.endswith("gives 1.08 and 1.08.")
+    assert not any("run of this page" in line for line in why({}))
+
+
+def test_places_on_a_scale() -> None:
+    linear, logarithmic = Scale.over([-1.0, 3.0]), Scale.over([0.1, 10.0])
+    assert not linear.logarithmic
+    assert linear.place(1.0) == 50.0
+    assert logarithmic.logarithmic
+    assert logarithmic.place(1.0) == pytest.approx(50.0)
+    assert logarithmic.place("0.9 to 1.1") == pytest.approx(50.0)
+    assert linear.place(100.0) == 100.0
