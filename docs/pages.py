@@ -108,11 +108,21 @@ def commands() -> str:
 
 
 def options() -> str:
-    rows = []
-    for option in tree_of_commands().commands["compare"].params:
-        shown = ", ".join(f"`{name}`" for name in option.opts)
-        rows.append((shown, option.help or "Show the help."))
-    return table("Option|Meaning", rows)
+    """Every option of every command; what many have in common stands once."""
+    tree = tree_of_commands().commands
+    held: dict[tuple[str, str], list[str]] = {}
+    for name, command in tree.items():
+        for option in command.params:
+            shown = ", ".join(f"`{word}`" for word in option.opts)
+            held.setdefault((shown, option.help or ""), []).append(name)
+
+    def of(names: Sequence[str]) -> str:
+        others = [name for name in tree if name not in names]
+        few = len(others) < len(names) / 2
+        return "all but " * few + ", ".join(f"`{name}`" for name in (others if few else names))
+
+    rows = sorted(held.items(), key=lambda item: -len(item[1]))
+    return table("Option|Meaning|Of", [(*option, of(names)) for option, names in rows])
 
 
 def variables() -> str:
@@ -130,7 +140,7 @@ MAKERS: Mapping[str, Callable[[], str]] = {
     "the comparison": lambda: unprinted(of_compare),
     "the decoupling experiment": lambda: unprinted(of_decouple),
     "the commands": commands,
-    "the options of compare": options,
+    "the options": options,
     "the variables of a trace": variables,
 }
 
