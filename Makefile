@@ -47,7 +47,7 @@ pages: $(VENV)/.run  ## the parts of docs that are made from configurations, rea
 	$(BIN)/python docs/pages.py
 
 docs: $(VENV)/.docs  ## the site, build/docs/index.html, offline; with the pictures that lie under reports/
-	@rm -rf docs/api
+	@rm -rf docs/api build/docs build/doctrees
 	$(SPHINX) -W -n -b html docs build/docs $(ARGS)
 
 docs-links: $(VENV)/.docs  ## the links of the pages that lead elsewhere; uses the network

@@ -92,6 +92,36 @@ def of_decouple(key: str, both: bool) -> bool:
     return not both and key.startswith(("position_loop.", "runs.decouple", "runs.pull"))
 
 
+def keys() -> str:
+    """Every key of experiments and arm as the schema has it; readings have a table of their own."""
+    from tendonrepro.config.kinds import json_schema
+
+    rows: dict[str, tuple[str, str]] = {}
+    for kind, above in (("compare", ()), ("decouple", ()), ("manipulator", ("manipulator",))):
+        schema = json_schema(kind)
+        for path, about, unit in fields(schema, schema["$defs"], above):
+            if about and not path.startswith("control.readings"):
+                rows.setdefault(path, (about, unit))
+    return table("Key|Meaning|Unit", [(f"`{key}`", *row) for key, row in rows.items()])
+
+
+def fields(
+    node: Mapping[str, Any], defs: Mapping[str, Any], path: tuple[str, ...]
+) -> Iterator[tuple[str, str, str]]:
+    """Keys below a node of a schema, each with its meaning and unit."""
+    node = next((one for one in node.get("anyOf", ()) if "properties" in one), node)
+    node = defs[node["$ref"].rpartition("/")[2]] | node if "$ref" in node else node
+    inside = node.get("properties", {})
+    if inside and "value" not in inside:
+        for key, below in inside.items():
+            yield from fields(below, defs, (*path, key))
+    else:
+        about, _, unit = node.get("description", "").partition("; unit ")
+        kinds = node.get("discriminator", {}).get("mapping", ())
+        choices = ", ".join(f"`{choice}`" for choice in node.get("enum", kinds))
+        yield ".".join(path), ": ".join(filter(None, (about, choices))), unit or "–"
+
+
 def tree_of_commands() -> Any:
     from typer.main import get_command
 
@@ -134,6 +164,7 @@ def variables() -> str:
 MAKERS: Mapping[str, Callable[[], str]] = {
     "the box": box,
     "the readings": readings,
+    "the keys": keys,
     "the pairs of readings": pairs,
     "the manipulator": lambda: unprinted(lambda key, _: key.startswith("manipulator.")),
     "both experiments": lambda: unprinted(lambda key, both: both and not key.startswith("manipulator.")),
