@@ -3,10 +3,11 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/$(if $(filter Windows_NT,$(OS)),Scripts,bin)
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet install --constraint constraints.txt
+SPHINX := $(BIN)/python -m sphinx --quiet --keep-going --doctree-dir build/doctrees
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help figures test test-slow check format bench claims report data findings pages mutants clean
+.PHONY: help figures test test-slow check format bench claims report data findings pages docs docs-links mutants clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -48,13 +49,20 @@ findings: $(VENV)/.run  ## the generated part of docs/findings.md, from reports/
 pages: $(VENV)/.run  ## the parts of docs that are made from configurations, readings and commands
 	$(BIN)/python docs/pages.py
 
+docs: $(VENV)/.docs  ## the site, build/docs/index.html, offline; with the pictures that lie under reports/
+	@rm -rf docs/api build/docs build/doctrees
+	$(SPHINX) -W -n -b html docs build/docs $(ARGS)
+
+docs-links: $(VENV)/.docs  ## the links of the pages that lead elsewhere; uses the network
+	$(SPHINX) -b linkcheck docs build/links $(ARGS)
+
 mutants: $(VENV)/.test  ## mutation run over the physics, half an hour
 	$(PIP) mutmut
 	NUMBA_DISABLE_JIT=1 $(BIN)/mutmut run $(ARGS)
 	@$(BIN)/python tests/support/mutants.py
 
 clean:  ## remove the environment and caches, keep results
-	rm -rf $(VENV) .mypy_cache .pytest_cache .ruff_cache .hypothesis build dist mutants
+	rm -rf $(VENV) .mypy_cache .pytest_cache .ruff_cache .hypothesis build dist docs/api mutants
 
 $(VENV)/.python:
 	@$(PYTHON) -c "import sys; v = sys.version_info[:2]; sys.exit(0 if (3, 11) <= v < (3, 15) else 'tendonrepro needs Python 3.11 to 3.14, this is %d.%d: make PYTHON=python3.12 ...' % v)"
@@ -71,4 +79,8 @@ $(VENV)/.test: $(VENV)/.run
 
 $(VENV)/.dev: $(VENV)/.test
 	$(PIP) --editable ".[test,dev]"
+	@touch $@
+
+$(VENV)/.docs: $(VENV)/.run
+	$(PIP) --editable ".[docs]"
 	@touch $@

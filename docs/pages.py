@@ -6,7 +6,7 @@ A part stands between ``<!-- made from NAME -->`` and ``<!-- end -->``; a test m
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -60,6 +60,36 @@ def of_decouple(key: str, both: bool) -> bool:
     return not both and key.startswith(("position_loop.", "runs.decouple", "runs.pull"))
 
 
+def keys() -> str:
+    """Every key of experiments and arm as the schema has it; readings have a table of their own."""
+    from tendonrepro.config.kinds import json_schema
+
+    rows: dict[str, tuple[str, str]] = {}
+    for kind, above in (("compare", ()), ("decouple", ()), ("manipulator", ("manipulator",))):
+        schema = json_schema(kind)
+        for path, about, unit in fields(schema, schema["$defs"], above):
+            if about and not path.startswith("control.readings"):
+                rows.setdefault(path, (about, unit))
+    return table("Key|Meaning|Unit", [(f"`{key}`", *row) for key, row in rows.items()])
+
+
+def fields(
+    node: Mapping[str, Any], defs: Mapping[str, Any], path: tuple[str, ...]
+) -> Iterator[tuple[str, str, str]]:
+    """Keys below a node of a schema, each with its meaning and unit."""
+    node = next((one for one in node.get("anyOf", ()) if "properties" in one), node)
+    node = defs[node["$ref"].rpartition("/")[2]] | node if "$ref" in node else node
+    inside = node.get("properties", {})
+    if inside and "value" not in inside:
+        for key, below in inside.items():
+            yield from fields(below, defs, (*path, key))
+    else:
+        about, _, unit = node.get("description", "").partition("; unit ")
+        kinds = node.get("discriminator", {}).get("mapping", ())
+        choices = ", ".join(f"`{choice}`" for choice in node.get("enum", kinds))
+        yield ".".join(path), ": ".join(filter(None, (about, choices))), unit or "–"
+
+
 def tree_of_commands() -> Any:
     from typer.main import get_command
 
@@ -76,11 +106,21 @@ def commands() -> str:
 
 
 def options() -> str:
-    rows = []
-    for option in tree_of_commands().commands["compare"].params:
-        shown = ", ".join(f"`{name}`" for name in option.opts)
-        rows.append((shown, option.help or "Show the help."))
-    return table("Option|Meaning", rows)
+    """Every option of every command; what many have in common stands once."""
+    tree = tree_of_commands().commands
+    held: dict[tuple[str, str], list[str]] = {}
+    for name, command in tree.items():
+        for option in command.params:
+            shown = ", ".join(f"`{word}`" for word in option.opts)
+            held.setdefault((shown, option.help or ""), []).append(name)
+
+    def of(names: Sequence[str]) -> str:
+        others = [name for name in tree if name not in names]
+        few = len(others) < len(names) / 2
+        return "all but " * few + ", ".join(f"`{name}`" for name in (others if few else names))
+
+    rows = sorted(held.items(), key=lambda item: -len(item[1]))
+    return table("Option|Meaning|Of", [(*option, of(names)) for option, names in rows])
 
 
 def variables() -> str:
@@ -92,13 +132,14 @@ def variables() -> str:
 MAKERS: Mapping[str, Callable[[], str]] = {
     "the box": lambda: whole(assumed.box()),
     "the readings": lambda: whole(assumed.readings()),
+    "the keys": keys,
     "the pairs of readings": pairs,
     "the manipulator": lambda: unprinted(lambda key, _: key.startswith("manipulator.")),
     "both experiments": lambda: unprinted(lambda key, both: both and not key.startswith("manipulator.")),
     "the comparison": lambda: unprinted(of_compare),
     "the decoupling experiment": lambda: unprinted(of_decouple),
     "the commands": commands,
-    "the options of compare": options,
+    "the options": options,
     "the variables of a trace": variables,
 }
 

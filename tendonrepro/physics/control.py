@@ -7,7 +7,7 @@ polynomial of ``phi`` and the ``eta`` kept in Controller 2.
 
 The law runs once per sampling period on encoder values. Its memory is a value: :func:`start_memory`
 makes it, :func:`command` reads it, :func:`remember` returns the next one. What depends on measured values is
-chosen by :func:`tendonrepro.arrays.choose`, not by a branch, so that the same code runs on lanes.
+chosen by ``arrays.choose``, not by a branch, so that the same code runs on lanes.
 """
 
 from __future__ import annotations

@@ -1,0 +1,106 @@
+"""Pages as a reader follows them: their commands in order, what they print beside what the page shows."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from support import ROOT
+
+PAGES = [ROOT / "docs" / name for name in ("tutorial.md", "cli.md")]
+"""Run in one folder, one after the other."""
+# Integers are compared as text; of the others the last digit may differ, and 2 %: where machines round
+# differently an encoder count falls elsewhere and changes what follows.
+NUMBER = r"(?<![\w.])-?\d+\.\d+(?![\w.])"
+SHARE = 0.02
+DIFFERENT = 1
+"""Exit code of ``diff`` for two results that differ; above it something is wrong."""
+
+
+def steps(text: str) -> Iterator[tuple[str, list[str]]]:
+    """Commands of the page, each with the lines shown below it."""
+    for block in re.findall(r"^```console\n(.*?)^```", text, re.S | re.M):
+        for step in re.split(r"^\$ ", block, flags=re.M)[1:]:
+            command, *shown = step.splitlines()
+            yield command, shown
+
+
+def agrees(shown: str, printed: str) -> bool:
+    """Whether a printed line is the shown one: blanks count as one, numbers within their tolerance."""
+    shown, printed = (" ".join(line.split()) for line in (shown, printed))
+    parts = re.split(rf"({NUMBER}|\.\.\.)", shown)
+    numbers = [part for part in parts[1::2] if part != "..."]
+    kinds = {"...": ".*"} | dict.fromkeys(numbers, f"({NUMBER})")
+    pattern = "".join(kinds[part] if k % 2 else re.escape(part) for k, part in enumerate(parts))
+    found = re.fullmatch(pattern, printed)
+    return found is not None and all(map(close, numbers, found.groups()))
+
+
+def close(shown: str, printed: str) -> bool:
+    digit = 10.0 ** -len(shown.partition(".")[2])
+    return abs(float(shown) - float(printed)) <= 1.001 * max(digit, SHARE * abs(float(shown)))
+
+
+def unmatched(shown: list[str], printed: list[str]) -> str | None:
+    """First shown line that is not printed in its place; ``...`` stands for any lines."""
+    rest, anywhere = iter(printed), False
+    for line in shown:
+        if line == "...":
+            anywhere = True
+        elif anywhere:
+            if not any(agrees(line, other) for other in rest):
+                return line
+            anywhere = False
+        elif not agrees(line, next(rest, "")):
+            return line
+    return None if anywhere or not any(line.strip() for line in rest) else "..."
+
+
+def test_a_wrong_line_is_noticed() -> None:
+    printed = ["a  1.00 | 3", "b 0.014", "c"]
+    assert unmatched(["a 1.01 | 3", "...", "c"], printed) is None
+    assert unmatched(["a 1.00 | 3", "b 0.015", "c"], printed) is None
+    assert unmatched(["a 1.03 | 3", "..."], printed) == "a 1.03 | 3"
+    assert unmatched(["a 1.00 | 4", "..."], printed) == "a 1.00 | 4"
+    assert unmatched(["...", "b 0.016", "c"], printed) == "b 0.016"
+    assert unmatched(["...", "d"], printed) == "d"
+    assert unmatched(["a 1.00 | 3", "b 0.014"], printed) == "..."
+    assert unmatched(["a ... | 3", "..."], printed) is None
+    assert unmatched(["a ... | 4", "..."], printed) == "a ... | 4"
+
+
+def run(command: str, folder: Path) -> tuple[int, list[str]]:
+    """Exit code and printed lines, standard error only of a command that did not do its work."""
+    program, *words = shlex.split(command)
+    assert program == "tendonrepro"
+    done = subprocess.run(
+        [sys.executable, "-m", program, *words],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": str(ROOT), "COLUMNS": "200"},
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+        check=False,
+    )
+    failed = done.returncode > DIFFERENT
+    return done.returncode, [*(done.stderr.splitlines() if failed else []), *done.stdout.splitlines()]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not PAGES[0].exists(), reason="no docs folder beside the package")
+def test_commands_print_what_the_pages_show(tmp_path: Path) -> None:
+    for page in PAGES:
+        for command, shown in steps(page.read_text(encoding="utf-8")):
+            code, printed = run(command, tmp_path)
+            text = "\n".join(shown)
+            diverges, mistake = "diverged" in text, text.startswith(("error", '{"error"'))
+            expected = {5} if diverges else {2, 4} if mistake else {int("diff" in command.split())}
+            missed = unmatched(shown, printed)
+            assert missed is None, f"$ {command}\nnot printed in its place: {missed}\n" + "\n".join(printed)
+            assert code in expected, command
