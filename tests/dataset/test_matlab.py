@@ -293,26 +293,18 @@ def test_one_broken_object_does_not_stop_the_rest(tmp_path: Path, monkeypatch: p
 
 
 def test_streams_with_their_times_and_no_names(tmp_path: Path) -> None:
-    path = made.hdf(tmp_path / "SYNTHETIC.mat", {"x": TIMES}, [TIMES, WAVES, TIMES, np.arange(10.0)])
-    got = signals(read_matlab(path))
-    assert set(got) == {"x", "#sigstream#/1", "#sigstream#/3"}
+    streams = [TIMES, WAVES, TIMES, np.arange(10.0), WAVES[::-1, 0]]
+    got = signals(read_matlab(made.hdf(tmp_path / "SYNTHETIC.mat", {"x": TIMES}, streams)))
+    assert set(got) == {"x", "#sigstream#/1", "#sigstream#/3", "#sigstream#/4"}
+    assert got["#sigstream#/4"].time is None
     assert_array_equal(got["#sigstream#/1"].values, WAVES)
     assert_array_equal(got["#sigstream#/1"].time, TIMES)
     assert "without its name" in got["#sigstream#/1"].note
 
 
-def test_streams_with_names(tmp_path: Path) -> None:
-    path = made.hdf(tmp_path / "SYNTHETIC.mat", {}, [WAVES[:, 0], TIMES, WAVES[:, 1]])
-    clock = {"CompressedTime": np.array([(1.0, 0.1, 10.0)])}
-    with h5py.File(path, "r+") as file:
-        for name, record, own in (("q2", 0.0, clock), ("free", 2.0, {})):
-            made.put(file, file["#refs#"], f"{name}_", {"Name": name, "Values": {"DataR2": record, **own}})
-    got = signals(read_matlab(path))
-    assert got["#sigstream#/q2"].label == "q2"
-    assert_allclose(got["#sigstream#/q2"].time, 1.0 + 0.1 * np.arange(10))
-    assert_array_equal(got["#sigstream#/q2"].values, WAVES[:, 0])
-    assert got["#sigstream#/free"].time is None
-    assert set(got) == {"#sigstream#/q2", "#sigstream#/free", "#sigstream#/1"}
+def test_what_stands_for_streamed_samples_names_their_record() -> None:
+    found = walked("log", {"q2": {"Name": "q2", "Values": {"DataR2": np.array([[3.0]])}}})
+    assert skipped(found)["log/q2/Values"] == "its samples are #sigstream#/3; "
 
 
 def test_a_broken_stream_is_skipped_alone(tmp_path: Path) -> None:

@@ -33,7 +33,6 @@ from tendonrepro.dataset.readers.filetype import FileType, kind_of
 from tendonrepro.dataset.readers.guard import Limits, read_guarded
 from tendonrepro.dataset.readers.read import files_below, read_bit_by_bit
 from tendonrepro.dataset.readers.signals import Found, Source, seconds
-from tendonrepro.dataset.repository.lock import DataLock, LockedFile, lock_path, write_lock
 from tendonrepro.errors import DataMissingError, TendonreproError
 
 QUIET = Talk(quiet=True)
@@ -116,8 +115,8 @@ def names_below(*paths: Path) -> list[str]:
 
 def test_files_below(tmp_path: Path) -> None:
     folder = tmp_path / "data"
-    names = ["a.csv", "motor.lock", "results.lock.json", "b/z.csv", "results/r.csv"]
-    touch(folder, [*reversed(names), ".hidden", ".git/x", ".lock"])
+    names = ["a.csv", "motor.lock", "other.lock.json", "b/z.csv", "results/r.csv"]
+    touch(folder, [*reversed(names), ".hidden", ".git/x", ".lock", "results.lock.json"])
     touch(folder, ["c.mat.part", "c.mat.part.json", "C.MAT.PART"])
     touch(tmp_path, ["secret"])
     if sys.platform != "win32":  # where links need a right of their own
@@ -127,28 +126,6 @@ def test_files_below(tmp_path: Path) -> None:
     both = files_below([folder / "a.csv", folder])
     assert [name for _, name in both] == ["a.csv", *(f"data/{name}" for name in names)]
     assert all(path.is_file() for path, _ in both)
-
-
-def test_what_a_data_lock_names_is_never_left_out(tmp_path: Path) -> None:
-    """Nor is anything else with such a name, but the lock itself."""
-    folder = tmp_path / "data"
-    named = [".x.csv", "results.lock.json", ".hidden/run.csv", ".hidden/deep/run.csv", "results/r.csv"]
-    touch(folder, [*named, ".lock", ".y.csv", ".hidden/other.csv", ".git/x", "run.csv.part"])
-    md5 = hashlib.md5(b"1\n", usedforsecurity=False).hexdigest()
-    files = tuple(LockedFile(key=name, size=2, md5=md5, path=name) for name in named)
-    lock = dict.fromkeys(DataLock.model_fields) | {"schema_version": 1, "record": "1", "requested": "1"}
-    lock |= {"fetched_at": "", "base_url": "https://x.example", "verified": True, "files": files}
-    write_lock(lock_path(folder), DataLock.model_validate(lock))
-    assert sorted(names_below(folder)) == sorted(named)
-    assert sorted(names_below(tmp_path)) == sorted(f"data/{name}" for name in named)
-
-
-@pytest.mark.parametrize("content", ["", "{}", "[" * 10**5, "motor: 1"])
-def test_a_file_that_only_has_the_name_of_a_lock(content: str, tmp_path: Path) -> None:
-    touch(tmp_path, ["data/a.csv"])
-    (tmp_path / "data.lock.json").write_text(content)
-    assert names_below(tmp_path) == ["data.lock.json", "data/a.csv"]
-    assert names_below(tmp_path / "data") == ["a.csv"]
 
 
 @pytest.mark.skipif(sys.platform in {"win32", "darwin"}, reason="names are text there")

@@ -17,9 +17,9 @@ from tendonrepro.dataset.readers.allowance import Allowance
 from tendonrepro.dataset.readers.archive import DEEPEST, KINDS, UNPACK, members
 from tendonrepro.dataset.readers.filetype import FileType, kind_of
 from tendonrepro.dataset.readers.signals import Found, Skipped, Source, Unreadable
-from tendonrepro.dataset.repository.lock import lock_path, read_lock
+from tendonrepro.dataset.repository.lock import lock_path
 from tendonrepro.dataset.repository.names import Numbered, is_ours, printable
-from tendonrepro.errors import DataMissingError, TendonreproError
+from tendonrepro.errors import DataMissingError
 
 _NO_MEMORY = ("needs too much memory", "split it into smaller files")
 
@@ -28,7 +28,7 @@ def files_below(paths: Sequence[Path]) -> list[tuple[Path, str]]:
     """Files that a user means by files and folders, each with its name.
 
     Links that lead out of a folder are left out, and so are hidden files and what `fetch` leaves there for
-    itself, unless its data lock names them as data.
+    itself.
 
     Parameters
     ----------
@@ -66,29 +66,15 @@ def files_below(paths: Sequence[Path]) -> list[tuple[Path, str]]:
 def _inside(folder: Path) -> Iterator[Path]:
     """Files below a folder in the order of their names."""
     root = folder.resolve()
-    locked = _locked(folder)
     for place, folders, files in os.walk(folder):
         here = Path(place)
-        of_folders = {name: _locked(here / name) for name in folders}
-        locks = {lock_path(here / name) for name, paths in of_folders.items() if paths}
-        locked.update(*of_folders.values())
-        named = {parent for file in locked for parent in file.parents}
-        folders[:] = sorted(name for name in folders if not name.startswith(".") or here / name in named)
-        hidden = any(part.startswith(".") for part in here.relative_to(folder).parts)
+        locks = {lock_path(here / name).name for name in folders}
+        folders[:] = sorted(name for name in folders if not name.startswith("."))
         for name in sorted(files):
             path = here / name
-            left_out = hidden or name.startswith(".") or is_ours(name) or path in locks
-            if (path in locked or not left_out) and path.is_file() and path.resolve().is_relative_to(root):
+            left_out = name.startswith(".") or is_ours(name) or name in locks
+            if not left_out and path.is_file() and path.resolve().is_relative_to(root):
                 yield path
-
-
-def _locked(folder: Path) -> set[Path]:
-    """Files of a folder that the data lock beside it names; they are data whatever their names."""
-    # Another program's file may have the name of a lock, and a folder such as the root has none.
-    with suppress(TendonreproError):
-        lock = read_lock(lock_path(folder))
-        return {folder / file.path for file in lock.files} if lock else set()
-    return set()
 
 
 def read_bit_by_bit(path: Path, name: str, left: Allowance) -> Iterator[Source]:

@@ -4,17 +4,15 @@ Newer releases keep them apart from the objects they belong to, in ``#sigstream#
 raw little-endian bytes ``#data#``, the number of samples ``#length#`` and the bytes of one sample
 ``#sampleSize#`` (8 for a double, 8 m for m of them). Where the solver chose its steps, each record of
 samples has an odd number and follows the record of its times. Where the steps are fixed there is no record of
-times, and the object tells start, step and count instead (``CompressedTime``).
+times.
 
-The object of a signal is a struct below ``#refs#`` with its ``Name`` and with ``Values``, whose ``DataR2`` is
-the number of the record. A file can hold records without any such struct, when the log they belong to was not
-saved with them; then the names are lost.
+What a signal is called stands in an object, if that was saved at all; the object has the number of its record,
+and so does what is said of it. Records are listed by their numbers.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -27,16 +25,6 @@ from tendonrepro.dataset.readers.matlab.values import EXPORT, brief, flat_sample
 from tendonrepro.dataset.readers.signals import MOST_SIGNALS, Found
 
 _TYPES = {4: "<f4", 2: "<i2", 1: "u1"}
-_NO_NAME = "a streamed log without its name"
-
-
-@dataclass(frozen=True, eq=False)
-class _Named:
-    """What the object of a signal tells about its records."""
-
-    name: str
-    record: int
-    clock: tuple[float, float] | None
 
 
 def read_streams(path: Path, found: Found) -> None:
@@ -46,18 +34,13 @@ def read_streams(path: Path, found: Found) -> None:
     try:
         with h5py.File(path, "r") as file:
             records = dict(_records(file[STREAMS], found))
-            named = list(_named(file.get("#refs#", {})))
     except Exception as error:
         found.skip(STREAMS, f"streamed logs cannot be read ({brief(error)})", EXPORT)
         return
-    used = set()
-    for own in named:
-        if own.record in records:
-            used |= {own.record, *_add(found, records, own)}
-    for number in sorted(records):
-        following = number + 1 not in used and _times(records, number + 1) is not None
-        if number not in used and not following:
-            used |= _add(found, records, _Named("", number, None))
+    clocks = {number - 1 for number in records if _times(records, number) is not None}
+    for number, values in sorted(records.items()):
+        if number not in clocks:
+            _add(found, number, values, _times(records, number))
 
 
 def _records(group: Any, found: Found) -> Iterator[tuple[int, NDArray[Any]]]:
@@ -86,29 +69,6 @@ def _samples(record: Any) -> NDArray[Any]:
     return numbers.reshape(length, -1) if size > kind.itemsize else numbers
 
 
-def _named(refs: Any) -> Iterator[_Named]:
-    """Signals that objects in the file tell about."""
-    import h5py
-
-    for candidate in refs.values():
-        if not isinstance(candidate, h5py.Group) or not {"Name", "Values"} <= candidate.keys():
-            continue
-        values = candidate["Values"]
-        if not isinstance(values, h5py.Group) or "DataR2" not in values:
-            continue
-        record = int(np.ravel(values["DataR2"][()])[0])
-        clock = np.ravel(values["CompressedTime"][()]) if "CompressedTime" in values else np.empty(0)
-        regular = clock.size == 3 and clock.dtype.kind == "f" and clock[1] > 0.0
-        yield _Named(_text(candidate["Name"]), record, (clock[0], clock[1]) if regular else None)
-
-
-def _text(dataset: Any) -> str:
-    codes = np.ravel(dataset[()])
-    if codes.dtype != np.uint16 or dataset.attrs.get("MATLAB_empty", 0):
-        return ""
-    return codes.tobytes().decode("utf-16-le", "replace").replace("\0", "").strip()
-
-
 def _times(records: dict[int, NDArray[Any]], number: int) -> Array | None:
     """Times of a record with an odd number, if the record before it can be times."""
     clock, values = records.get(number - 1), records.get(number)
@@ -118,26 +78,13 @@ def _times(records: dict[int, NDArray[Any]], number: int) -> Array | None:
     return clock if fits and number % 2 else None
 
 
-def _add(found: Found, records: dict[int, NDArray[Any]], own: _Named) -> set[int]:
-    """Note one record as a signal; tells the records that served."""
-    values = records[own.record]
-    time = _times(records, own.record)
-    served = {own.record - 1, own.record}
-    if own.clock is not None:
-        start, step = own.clock
-        time, served = np.asarray(start + step * np.arange(len(values)), np.float64), {own.record}
-    notes = [] if own.name else [_NO_NAME]
-    if time is not None and own.clock is None:
-        notes.append(f"times from record {own.record - 1}")
+def _add(found: Found, number: int, values: NDArray[Any], time: Array | None) -> None:
+    """Note one record as a signal."""
+    notes = ["a streamed log without its name"]
+    if time is not None:
+        notes.append(f"times from record {number - 1}")
     if values.dtype.kind != "f" or values.dtype.itemsize != 8:
         notes.append(f"taken for {values.dtype}, the file does not tell the type")
     flat, note = flat_samples(values, len(values))
-    found.add(
-        f"{STREAMS}/{own.name or own.record}",
-        flat,
-        label=own.name,
-        group=STREAMS,
-        time=time,
-        note="; ".join([*notes, note] if note else notes),
-    )
-    return served if time is not None else {own.record}
+    notes += [note] if note else []
+    found.add(f"{STREAMS}/{number}", flat, group=STREAMS, time=time, note="; ".join(notes))

@@ -154,7 +154,7 @@ class Walk:
 
     def _members(self, path: str, values: Mapping[str, Any], depth: int) -> None:
         if _STREAMED in values:
-            self._found.skip(path, "its samples are listed below #sigstream#")
+            self._found.skip(path, f"its samples are #sigstream#/{np.ravel(values[_STREAMED])[0]:g}")
             return
         logged = list(_logged(values))
         for where, series in logged:
