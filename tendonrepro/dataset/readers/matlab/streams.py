@@ -6,8 +6,8 @@ raw little-endian bytes ``#data#``, the number of samples ``#length#`` and the b
 samples has an odd number and follows the record of its times. Where the steps are fixed there is no record of
 times.
 
-What a signal is called stands in an object, if that was saved at all; the object has the number of its record,
-and so does what is said of it. Records are listed by their numbers.
+What a signal is called stands in an object, if that was saved at all; the object has the number of its
+record, and so has what is said of it. Records are listed by their numbers.
 """
 
 from __future__ import annotations
