@@ -116,7 +116,7 @@ def _match(column: Column, expected: Array) -> None:
     if rest <= COUPLED:
         where = "before the reducer" if ratio == REDUCER else "at the winch"
         column.scale = sign / ratio
-        column.because.append(f"it is {where}: S_inv times the joint angles, to {rest:.1%}")
+        column.because.append(f"it is {where} by S_inv times the joint angles, to {rest:.1%}")
         column.doubts += [_STARTS] if surplus > _OFF else []
     elif np.nan_to_num(column.values).any():
         column.doubts.append(_UNTIED)
