@@ -16,6 +16,7 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+import pandas  # noqa: F401 (what a reader imports is no part of a file's time)
 import psutil
 import pytest
 import scipy.io
