@@ -40,17 +40,9 @@ _OF_DECOUPLE = {name: name for name in ("q_encoder", "q_motor_encoder", "q_calcu
 
 @dataclass
 class Work:
-    """What has been done of a validation.
+    """What has been done of a validation: reruns, one file an experiment, and what could not be done.
 
-    Parameters
-    ----------
-    held : HeldFolder
-    simulated : list of TraceFile
-        Reruns, one file an experiment.
-    zeros : dict
-        Run -> measured time at which its rerun begins, s.
-    missing : list of str
-        What could not be done, and why.
+    `zeros` has the measured time at which the rerun of each run begins, s.
     """
 
     held: HeldFolder

@@ -40,18 +40,9 @@ _NOT_GUESSED = (
 
 @dataclass(frozen=True)
 class Suggestion:
-    """A mapping to begin with.
+    """A mapping to begin with, YAML with comments: how many columns each run has, and which are in none.
 
-    Attributes
-    ----------
-    text : str
-        YAML with comments.
-    runs : dict
-        Run name -> how many columns it has.
-    left : tuple of Column
-        Columns that are in no run.
-    remarks : tuple of str
-        What a user has to decide, in one line for all that is in the same doubt.
+    A remark is what a user has to decide, in one line for all that is in the same doubt.
     """
 
     text: str

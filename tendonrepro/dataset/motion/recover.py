@@ -111,14 +111,6 @@ def _delay(shape: Fit) -> float:
 def recover(file: TraceFile) -> Reference:
     """Recover the reference of a measured comparison from the first run that recorded it for both joints.
 
-    Parameters
-    ----------
-    file : TraceFile
-
-    Returns
-    -------
-    Reference
-
     Raises
     ------
     DataMissingError
@@ -179,11 +171,6 @@ def timing_of(file: TraceFile, reference: Reference | None) -> dict[str, Timing]
 
     A run's own start is told by when its desired angles first move, against the run of the reference. The
     period is the one a run states, else that of the reference.
-
-    Parameters
-    ----------
-    file : TraceFile
-    reference : Reference or None
     """
     found = {}
     for name, trace in file.part("compare").runs.items():

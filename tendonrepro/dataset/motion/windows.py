@@ -139,17 +139,7 @@ class PrintedTables:
 def try_windows(file: TraceFile, paper: Published, timing: Mapping[str, Timing]) -> PrintedTables:
     """Compare Tables 2 and 3 with measured errors, averaged in every way.
 
-    Parameters
-    ----------
-    file : TraceFile
-        Measured; runs of the comparison that are missing leave their numbers out.
-    paper : Published
-    timing : Mapping
-        Run -> start and period of its motion.
-
-    Returns
-    -------
-    PrintedTables
+    Runs of the comparison that are missing leave their numbers out; `timing` has start and period by run.
     """
     runs = {name: file.runs[name] for name in _TABLE if name in file.runs and "e" in file.runs[name]}
     tried = [_tried(runs, paper, *way) for way in _ways(runs, timing)] if runs else []
@@ -161,14 +151,7 @@ def try_windows(file: TraceFile, paper: Published, timing: Mapping[str, Timing])
 
 
 def spans(time: Array, timing: Timing) -> dict[str, slice]:
-    """Stretches of a run that a table can be averaged over, by name.
-
-    Parameters
-    ----------
-    time : array (T,)
-        s, increasing.
-    timing : Timing
-    """
+    """Stretches of a run with the times (T,), s, that a table can be averaged over, by name."""
     found = {"whole": slice(0, len(time))}
     step = float(time[-1] - time[0]) / max(len(time) - 1, 1)
     first = int(np.searchsorted(time, timing.start - 0.5 * step))

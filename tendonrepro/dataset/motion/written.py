@@ -25,19 +25,10 @@ def csv_text(knots: Knots, joint: Sequence[int]) -> str:
 
 
 def runnable(reference: Reference, sampling_period: float) -> Reference:
-    """Recovered motion as a configuration can hold it.
+    """Recovered motion as a configuration with a sampling period, s, can hold it.
 
-    Parameters
-    ----------
-    reference : Reference
-    sampling_period : float
-        Of the configuration, s.
-
-    Returns
-    -------
-    Reference
-        With a shape that lasts a whole number of sampling periods; where a shape's residual does not allow
-        that, without one, so as samples.
+    A shape lasts a whole number of sampling periods; where its residual does not allow that there is none, so
+    the motion is written as samples.
     """
     shape = reference.shape
     if shape is None:
@@ -64,15 +55,9 @@ def _cycles(reference: Reference) -> int:
 
 
 def config_tree(tree: Mapping[str, Node], reference: Reference, measured: str) -> dict[str, Node]:
-    """Whole configuration of a comparison on the recovered motion.
+    """Whole configuration of a comparison, `tree`, on the recovered motion.
 
-    Parameters
-    ----------
-    tree : Mapping
-        Of a complete configuration.
-    reference : Reference
-    measured : str
-        Name of the measured file, for the title and the source of each value.
+    `measured` is the name of the measured file, for the title and the source of each value.
     """
     title = f"{tree['title']}, on the reference measured in {measured}"
     shape, source = reference.shape, f"identified: {measured}"

@@ -44,20 +44,8 @@ def kind_of_variable(units: str) -> str | None:
 
 
 def plain_unit(written: str | None) -> str | None:
-    """Find the unit that someone wrote in a header.
+    """Find the unit of `FACTORS` that someone wrote in a header; None for one that is not known.
 
-    Parameters
-    ----------
-    written : str or None
-        Such as ``°``, ``Degrees``, ``N·m``.
-
-    Returns
-    -------
-    str or None
-        A unit of `FACTORS`; None for one that is not known.
-
-    Examples
-    --------
     >>> plain_unit("Degrees"), plain_unit("[N·m]"), plain_unit("furlong")
     ('deg', 'N m', None)
     """

@@ -124,18 +124,7 @@ def run_fetch(
 
 
 def fetch_text(found: dict[str, Any]) -> str:
-    """Say on a terminal what was fetched.
-
-    Parameters
-    ----------
-    found : dict
-        Of `run_fetch`.
-
-    Returns
-    -------
-    str
-        Title, version, licence, and a table of the files.
-    """
+    """Title, version, licence and a table of the files, from what `run_fetch` found, for a terminal."""
     files = found["files"]
     width = max(len(file["path"]) for file in files)
     compared = "compared with the record" if found["verified"] else "NOT compared with the record"
