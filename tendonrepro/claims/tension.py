@@ -61,11 +61,12 @@ def tension(data: Ensemble | None) -> Judged:
     remarks = [
         "the course of tendon 4 is not printed; at rest",
         "that a motor's pull is constant is an input of the model, no result",
-        "the weight alone keeps all tendons tense at rest, so this hardly asks what tendon 4 is for",
     ]
     # The claim is about tendon 4, so a machine without it can tell nothing.
     readings = verdicts | {"tensioner=absent": "not_testable"}
     alone = _tense(_corner_torque(MARGINS[0], machines), 0.0 * machines.force, mechanism(_arm(), COURSES[0]))
+    if alone.all():
+        remarks.append("the weight alone keeps all tendons tense there, so this hardly asks for tendon 4")
     evidence = {
         "courses": rows,
         "weight_alone": share_of(alone, machines.replicate).as_dict(),
@@ -87,7 +88,7 @@ def _course(course: str, route: Mechanism, machines: Machines) -> dict[str, Any]
         tense = _tense(_corner_torque(margin, machines), machines.force, route)
         whole, *parts = (share_of(hits, machines.replicate) for hits in (tense & varies, tense, varies))
         decisions.append(of_claim(whole, parts))
-        shares[f"{margin:g}"] = parts[0].as_dict() | {"verdict": decisions[-1].verdict}
+        shares[f"at_{margin:g}_deg"] = parts[0].as_dict() | {"verdict": decisions[-1].verdict}
     edges = _tense(_corner_torque(0.0, machines), machines.force, route)
     rubbed = _tense_with_friction(_corner_torque(MARGINS[0], machines), machines, route)
     decision = of_courses(decisions)

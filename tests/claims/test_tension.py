@@ -49,7 +49,7 @@ def test_no_posture_in_between_is_lower_than_the_corners(course):
     joint = np.cumsum(torque[::-1], axis=0)[::-1] - (np.outer(PULL[course], force))[:, :, np.newaxis]
     tension = np.einsum("nj,jkp->nkp", np.linalg.inv(ROPE.T), joint)
     by_hand = (tension.min(axis=(0, 2)) > 0.0).mean()
-    assert rows_of(data)[course]["every_tendon_tense"]["10"]["share"] == pytest.approx(by_hand)
+    assert rows_of(data)[course]["every_tendon_tense"]["at_10_deg"]["share"] == pytest.approx(by_hand)
 
 
 def test_moments_are_those_of_the_plants_that_are_simulated():
@@ -70,15 +70,15 @@ def test_a_heavy_pull_slackens_tendon_1_where_tendon_4_acts_on_joint_3_alone():
     """T1 there is the weight's share less 0.248 of the pull; link 1's alone is bounded by hand."""
     rows = rows_of(drawn(800, tensioner_force=np.linspace(5.0, 400.0, 800)))
     shares = rows["distal_only"]["every_tendon_tense"]
-    assert shares["5"]["share"] < shares["10"]["share"] < shares["20"]["share"] < 1.0
+    assert shares["at_5_deg"]["share"] < shares["at_10_deg"]["share"] < shares["at_20_deg"]["share"] < 1.0
     b = np.array(
         [9.81 * (0.77 * 0.144 + 0.69 * 0.30), 9.81 * (0.47 * 0.1344 + 0.22 * 0.28), 9.81 * 0.22 * 0.096]
     )
     row = np.array([37 / 77, 37 / 77 + 35 * 37 / 77**2])
     last = row[1] - 35 / 77 + 35 * 35 / 77**2
     limit = np.sin(np.deg2rad(20.0)) * (b @ [*row, last]) / (35 / 77 - 35 * 35 / 77**2) / 0.0185
-    assert shares["20"]["share"] == pytest.approx((limit - 5.0) / 395.0, abs=0.03)
-    assert rows["negative"]["every_tendon_tense"]["5"]["share"] == 1.0
+    assert shares["at_20_deg"]["share"] == pytest.approx((limit - 5.0) / 395.0, abs=0.03)
+    assert rows["negative"]["every_tendon_tense"]["at_5_deg"]["share"] == 1.0
 
 
 def test_where_the_distance_from_the_edges_decides_the_course_depends():
@@ -91,7 +91,7 @@ def test_where_the_distance_from_the_edges_decides_the_course_depends():
         "alternating": "compatible",
     }
     by_margin = rows["distal_only"]["every_tendon_tense"]
-    assert by_margin["5"]["verdict"] != by_margin["20"]["verdict"]
+    assert by_margin["at_5_deg"]["verdict"] != by_margin["at_20_deg"]["verdict"]
     assert rows["alternating"]["at_the_edges"]["share"] == 0.0, "edges alone decide nothing"
     assert found.decision.verdict == "depends_on_plant"
     assert found.other_readings["tensioner=absent"] == "not_testable"
@@ -99,16 +99,16 @@ def test_where_the_distance_from_the_edges_decides_the_course_depends():
 
 def test_an_ensemble_of_another_box_is_used_as_far_as_it_can():
     fixed = drawn(160, tensioner_force=60.0, link_mass_2=0.25, link_mass_3=0.1)
-    assert rows_of(fixed)["distal_only"]["every_tendon_tense"]["5"]["plants"] == 160
+    assert rows_of(fixed)["distal_only"]["every_tendon_tense"]["at_5_deg"]["plants"] == 160
     strange = SimpleNamespace(names=("size",), draws=np.ones((9, 1)), replicate=np.zeros(9))
-    assert rows_of(strange)["negative"]["every_tendon_tense"]["5"]["plants"] == rule.DRAWS
+    assert rows_of(strange)["negative"]["every_tendon_tense"]["at_5_deg"]["plants"] == rule.DRAWS
 
 
 def test_friction_of_the_pulleys_can_only_take_plants_away():
     rubbing = drawn(64, pulley_loss_acts=1.0, pulley_loss=0.1, tensioner_force=np.linspace(5.0, 60.0, 64))
     smooth = drawn(64, pulley_loss_acts=0.0, pulley_loss=0.1, tensioner_force=np.linspace(5.0, 60.0, 64))
     for course, row in rows_of(smooth).items():
-        kept = row["every_tendon_tense"]["5"]["share"]
+        kept = row["every_tendon_tense"]["at_5_deg"]["share"]
         assert row["with_friction_of_the_pulleys"]["share"] == kept
         assert rows_of(rubbing)[course]["with_friction_of_the_pulleys"]["share"] <= kept
     assert rows_of(rubbing)["alternating"]["with_friction_of_the_pulleys"]["share"] < 1.0

@@ -111,7 +111,9 @@ def test_it_is_another_run_than_with_tendons_that_push(thrown):
 
 def test_batch_and_reference_stepper_agree_while_tendons_are_slack(thrown):
     config, loop, truth = thrown
-    (trace,) = simulate_batch([loop], config.status, record=True, tolerance=1e-8).traces
+    both = [loop, run_of("off")[1]]
+    trace, pushing = simulate_batch(both, config.status, record=True, tolerance=1e-8).traces
+    assert tension_of(pushing, loop).min() < -1.0, "its neighbour may push"
     assert len(trace["q"]) == len(truth["q"])
     # Steps meet the corner of the slack somewhere inside, and later the arm is thrown about.
     assert np.abs(trace["q"] - truth["q"])[:400].max() < 1e-6

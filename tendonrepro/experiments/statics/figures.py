@@ -7,12 +7,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from tendonrepro.arrays import Array
 from tendonrepro.experiments.statics.survey import RESERVE, STRETCH, Survey
+from tendonrepro.physics.statics import SLACK
 from tendonrepro.results.figures.style import (
     COLUMN_MM,
     PAGE_MM,
@@ -34,7 +36,7 @@ COURSE_NAMES: Mapping[str, str] = {
 }
 """Courses of tendon 4 as titles have them."""
 
-CASE_NAMES: Mapping[str, str] = {"motor": "motor", "payload": "motor, {payload:g} kg", "spring": "spring"}
+CASE_NAMES: Mapping[str, str] = {"motor": "motor", "payload": "{payload:g} kg", "spring": "spring"}
 
 _LEVELS = np.array([0.0, 2.5, 5.0, 10.0, 15.0, 20.0, 30.0, 50.0])
 _BLUE = "#004488"
@@ -103,7 +105,7 @@ def draw_margin(found: Survey) -> Drawing:
         for column, course in enumerate(courses.values()):
             panel, least = panels[row, column], course.least[case]
             # Rounding below zero is no push.
-            shown = np.where(np.abs(least) < 1e-9, 0.0, least)
+            shown = np.where(np.abs(least) < SLACK, 0.0, least)
             drawn = panel.contourf(degrees, degrees, shown, levels=_LEVELS, **shades)
             _line_at(panel, degrees, shown, 0.0, "black", 1.1)
             if case == "motor":
@@ -112,10 +114,11 @@ def draw_margin(found: Survey) -> Drawing:
     _label_map(panels, found)
     bar = figure.colorbar(drawn, ax=panels, shrink=0.5, aspect=30, pad=0.01)
     bar.set_label("Smallest tension of any tendon (N)")
-    handles = [
-        Patch(color=_PUSH, label="a tendon would have to push"),
-        Line2D([], [], color="#CC8800", linewidth=0.9, label=f"{RESERVE:g} N, with friction of the pulleys"),
+    handles: list[Artist] = [
+        Line2D([], [], color="#CC8800", linewidth=0.9, label=f"{RESERVE:g} N, with friction of the pulleys")
     ]
+    if min(least.min() for course in courses.values() for least in course.least.values()) < -SLACK:
+        handles.append(Patch(color=_PUSH, label="a tendon would have to push"))
     figure.legend(handles=handles, loc="outside upper center", ncols=2)
     caption = (
         f"Smallest tension of tendons {_list(found.joints)} at rest, by course of tendon 4, which a motor "

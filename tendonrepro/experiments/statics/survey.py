@@ -18,6 +18,7 @@ from tendonrepro.errors import ConfigError
 from tendonrepro.experiments.rig import TENSIONER_SIDES, Experiment, build_arm, coupling, tensioner_side
 from tendonrepro.physics.arm import Arm, gravity_torque, joint_angles
 from tendonrepro.physics.statics import (
+    SLACK,
     Spring,
     force_window,
     sign_of_side,
@@ -223,7 +224,7 @@ def _course(
     side, diameter = route.side[:, -1], route.diameter[:, -1]
     per_newton = tendon_tension(-tensioner_torque(1.0, side, diameter), route.S, route.winch)
     # Diameters that cancel leave rounding behind.
-    per_newton = np.where(np.abs(per_newton) < 1e-9, 0.0, per_newton)
+    per_newton = np.where(np.abs(per_newton) < SLACK, 0.0, per_newton)
     stretch = tensioner_stretch(joint_angles(all_over, route.phi_0), side, diameter)
     corners = np.stack(np.meshgrid(*[[0.0, np.pi]] * len(side), indexing="ij")).reshape(len(side), -1)
     ends = tensioner_stretch(joint_angles(corners, route.phi_0), side, diameter)
