@@ -58,6 +58,8 @@ class Picture:
     figure : Figure
     axes : dict of Axes
         Arm and plots by letter.
+    colours : ScalarMappable
+        Of tensions.
     tendons : list of Line2D
     moving : list of Artist
         Everything that moves, from below upwards.
@@ -72,7 +74,7 @@ class Picture:
         titles = [f"Run {scene.name}, to scale", *(plot.title for plot in scene.plots)]
         self.axes = letter_panels((arm, upper, lower), titles)
         self._clock = arm.set_title("", loc="right")
-        self._colours = _tension_colours(scene.tension)
+        self.colours = _tension_colours(scene.tension)
         self._pointers = self._draw_scale(self.figure.add_subplot(grid[2, 0]))
         self._draw_frame(arm)
         self._links, self._pulleys, self._winches = self._draw_arm(arm)
@@ -110,7 +112,7 @@ class Picture:
                 pulley.set_center(tuple(joints[joint]))
         for line, path, force in zip(self.tendons, scene.paths, tension, strict=True):
             line.set_data(*path_points(path, place).T)
-            line.set(color=self._colours.to_rgba(force) if np.isfinite(force) else _UNKNOWN)
+            line.set(color=self.colours.to_rgba(force) if np.isfinite(force) else _UNKNOWN)
         for tendon, spoke in enumerate(self._winches):
             # Winding on is turning clockwise.
             angle = np.pi / 2.0 - scene.winches[place, tendon]
@@ -182,7 +184,7 @@ class Picture:
 
     def _draw_scale(self, axes: Axes) -> list[mpl.text.Text]:
         """Draw the scale of tensions, and a number above it for each tendon that has one."""
-        bar = self.figure.colorbar(self._colours, cax=axes, orientation="horizontal", drawedges=True)
+        bar = self.figure.colorbar(self.colours, cax=axes, orientation="horizontal", drawedges=True)
         bar.outline.set_linewidth(0.5)
         bar.dividers.set(linewidth=0.3, color="white")
         grey = "; grey: not known" if np.isnan(self.scene.tension).any() else ""
@@ -324,7 +326,7 @@ def _write_gif(
         canvas.restore_region(still)
         for artist in picture.moving:
             picture.figure.draw_artist(artist)
-        # Sixteen levels of each colour: with more, similar ones of the palette stand in for each other.
+        # Sixteen levels: with more, similar colours of the palette stand in for each other.
         return Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3] // 16 * 17)
 
     palette = _palette([image_at(place) for place in places[:: max(1, len(places) // 8)]])
@@ -340,10 +342,13 @@ def _write_gif(
 
 def _palette(images: Sequence[Image.Image]) -> Image.Image:
     """The commonest colours of some pictures, as they are: an averaged palette has no white."""
-    strip = np.vstack([np.asarray(image) for image in images])
-    colours, counts = np.unique(strip.reshape(-1, 3), axis=0, return_counts=True)
+    weights = 16 ** np.arange(3)[::-1]
+    counts = sum(
+        np.bincount((np.asarray(image) // 17 @ weights).ravel(), minlength=16**3) for image in images
+    )
+    commonest = np.argsort(-np.asarray(counts), kind="stable")[:_COLOURS]
     palette = Image.new("P", (1, 1))
-    palette.putpalette(colours[np.argsort(-counts, kind="stable")[:_COLOURS]].ravel().tolist())
+    palette.putpalette((commonest[:, np.newaxis] // weights % 16 * 17).ravel().tolist())
     return palette
 
 
