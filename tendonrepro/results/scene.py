@@ -102,6 +102,8 @@ class Scene:
         kg.
     carried : array (T, 2, 2), optional
         Link 2, were it only translated, m.
+    assumed : bool
+        Whether the mechanism is the shipped one, for want of one in the file.
     missing : str
         What the file does not hold of all this, one sentence or nothing.
     """
@@ -116,6 +118,7 @@ class Scene:
     mechanism: Mechanism
     payload: float
     carried: Array | None = None
+    assumed: bool = False
     missing: str = ""
 
 
@@ -170,6 +173,7 @@ def scene_of(file: TraceFile, run: str | None = None, *, coupling: bool = False)
         mechanism=mechanism,
         payload=float(trace.attributes["payload_mass"]),
         carried=joints[:, 1:2] + joints[0, 1:3] - joints[0, 1] if coupling and n > 1 else None,
+        assumed=assumed,
         missing=f"The run {trace.name} lacks {', and '.join(missing)}." if missing else "",
     )
 

@@ -116,6 +116,7 @@ class TestScene:
         with journal_style():
             picture = Picture(scene, "Measured")
         assert [text.get_text() for text in picture.axes["c"].texts] == ["not recorded"]
+        assert picture.figure.get_supxlabel() == "Measured; arm of the shipped configuration"
 
 
 class TestRefusals:

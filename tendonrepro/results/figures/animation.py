@@ -94,7 +94,7 @@ class Picture:
         first, last = scene.time[[0, -1]]
         lower.set_xlim(first, last if last > first else first + 1.0)
         _draw_legend(self.figure.add_subplot(grid[2, 1]), upper, lower)
-        imprint(self.figure, origin)
+        imprint(self.figure, f"{origin}; arm of the shipped configuration" if scene.assumed else origin)
         marks = [mark for cursor, dots in self._cursors for mark in (cursor, *(dot for dot, _ in dots))]
         moving = [self._links, *self._winches, *chain(*self._pulleys), *self.tendons, self._carried]
         self.moving: list[Artist] = [*moving, *marks, *self._pointers, self._clock]
@@ -118,7 +118,7 @@ class Picture:
             angle = np.pi / 2.0 - scene.winches[place, tendon]
             rim = scene.mechanism.winch_diameter[tendon] / 2.0 * np.array([np.cos(angle), np.sin(angle)])
             spoke.set_data(*np.stack([-rim, rim], axis=1) + scene.paths[tendon].centre[0, 0][:, np.newaxis])
-        for pointer, force in zip(self._pointers, tension, strict=True):
+        for pointer, force in zip(self._pointers, tension, strict=False):
             pointer.set_visible(bool(np.isfinite(force)))
             pointer.set_x(force)
         if scene.carried is not None:
@@ -184,6 +184,10 @@ class Picture:
 
     def _draw_scale(self, axes: Axes) -> list[mpl.text.Text]:
         """Draw the scale of tensions, and a number above it for each tendon that has one."""
+        if np.isnan(self.scene.tension).all():
+            axes.set_axis_off()
+            axes.set_title("Tensions not recorded", color="#666666")
+            return []
         bar = self.figure.colorbar(self.colours, cax=axes, orientation="horizontal", drawedges=True)
         bar.outline.set_linewidth(0.5)
         bar.dividers.set(linewidth=0.3, color="white")
