@@ -91,7 +91,7 @@ def tendon_path(centre: Array, radius: Array, end: Array) -> TendonPath:
     direction = np.unwrap(np.column_stack([straight, last]), axis=0)
     turned = np.sign(radius[1:]) * np.diff(direction, axis=1)
     more = np.ceil(-turned.min(axis=0) / (2.0 * np.pi) - 1e-9)
-    wrap = np.where(radius[1:] == 0.0, 0.0, np.maximum(turned + 2.0 * np.pi * more, 0.0))
+    wrap = np.maximum(turned + 2.0 * np.pi * more, 0.0)
     return TendonPath(centre, radius, direction, np.column_stack([np.zeros(len(wrap)), wrap]))
 
 

@@ -50,10 +50,31 @@ def test_tangents_touch_at_right_angles_on_their_side(seed):
         straight = meets - leaves[:-1]
         assert (straight * right[:-1]).sum(axis=1) == pytest.approx(0.0, abs=1e-12)
         assert ((straight * way[:-1]).sum(axis=1) > 0.0).all(), "forwards, not back"
-        points = path_points(path, place, 1e-3)
-        assert points[0] == pytest.approx(leaves[0])
-        drawn = np.hypot(*np.diff(points, axis=0).T).sum()
-        assert drawn == pytest.approx(path_length(path)[place], rel=1e-6)
+        for spacing, share in ((1e-3, 1e-6), (None, 1e-3)):
+            points = path_points(path, place, *filter(None, [spacing]))
+            assert points[0] == pytest.approx(leaves[0])
+            drawn = np.hypot(*np.diff(points, axis=0).T).sum()
+            assert drawn == pytest.approx(path_length(path)[place], rel=share)
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("tendon", range(4))
+def test_it_ends_where_it_is_fixed(tendon, seed):
+    """On its link, as far from the axis as the rope lies."""
+    q, routing, length = sweep(4, seed)
+    path, angle = path_of(tendon, q, routing, length), 0.8 + np.cumsum(q, axis=1)
+    radius = routing.pulley[tendon, tendon] / 2.0
+    for place in (0, 59):
+        link = -np.array([np.sin(angle[place, tendon]), np.cos(angle[place, tendon])])
+        assert path_points(path, place)[-1] == pytest.approx(path.centre[place, -1] + radius * link)
+
+
+def test_a_tendon_that_bends_nowhere_lies_on_nothing():
+    """A straight one on pulleys of one size, with the rounding that a posture has, winds around none."""
+    centre = np.array([[[0.0, 0.0], [1.0, 1e-16], [2.0, 0.0], [3.0, 0.0]]])
+    path = tendon_path(centre, np.full(4, 0.1), np.full(1, -np.pi / 2.0))
+    assert path.wrap == pytest.approx(0.0, abs=1e-15)
+    assert path_length(path) == pytest.approx([3.0])
 
 
 def test_no_tendon_leaves_a_pulley():
@@ -72,8 +93,9 @@ def test_through_an_axis_it_goes_straight():
 
 
 def test_circles_that_overlap_are_refused():
-    with pytest.raises(ValueError, match="overlap"):
-        tendon_path(np.array([[[0.0, 0.0], [0.1, 0.0]]]), np.array([0.08, -0.08]), np.zeros(1))
+    for apart in (0.1, 0.16):
+        with pytest.raises(ValueError, match=r"^circles overlap$"):
+            tendon_path(np.array([[[0.0, 0.0], [apart, 0.0]]]), np.array([0.08, -0.08]), np.zeros(1))
 
 
 def test_positions_by_hand():
