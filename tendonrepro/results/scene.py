@@ -12,9 +12,10 @@ from tendonrepro.arrays import Array
 from tendonrepro.config.load import load_config
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix
-from tendonrepro.physics.statics import sign_of_side, tendon_tension, tensioner_side
+from tendonrepro.physics.statics import sign_of_side, tensioner_side
 from tendonrepro.physics.tendon_path import TendonPath, joint_positions, path_length, tendon_path
 from tendonrepro.results.records import DECOUPLING_RUNS, Trace, TraceFile
+from tendonrepro.results.summary import tensions
 
 PULL = "pull_tendon_1"
 """The run of the decoupling experiment in which motor 1 alone turns."""
@@ -153,7 +154,7 @@ def scene_of(file: TraceFile, run: str | None = None, *, coupling: bool = False)
     q = np.zeros((len(trace.time), n))
     q[:, moving] = trace["q_motor_encoder" if coupling else "q_encoder"]
     if coupling:
-        q = q @ _coupling_from(mechanism, 0).T
+        q = q @ _coupling(mechanism).T
     angle = np.cumsum(mechanism.start + q, axis=1)
     joints = joint_positions(mechanism.length, angle)
     paths = _paths(mechanism, joints, angle)
@@ -168,7 +169,7 @@ def scene_of(file: TraceFile, run: str | None = None, *, coupling: bool = False)
         joints=joints,
         paths=paths,
         winches=(lengths[0] - lengths) / (mechanism.winch_diameter / 2.0),
-        tension=_tension(trace, mechanism),
+        tension=_tension(file, trace, mechanism),
         plots=plots,
         mechanism=mechanism,
         payload=float(trace.attributes["payload_mass"]),
@@ -253,24 +254,21 @@ def _paths(mechanism: Mechanism, joints: Array, angle: Array) -> list[TendonPath
     return paths
 
 
-def _tension(trace: Trace, mechanism: Mechanism) -> Array:
+def _tension(file: TraceFile, trace: Trace, mechanism: Mechanism) -> Array:
     """Tensions (T, N + 1), N; joints that are held leave those of their tendons open."""
-    n, moving = len(mechanism.length), np.array(trace.joint) - 1
-    tension = np.full((len(trace.time), n + 1), np.nan)
-    if "tau_s" in trace:
-        tension[:, n] = mechanism.tensioner_force
-        if (moving == np.arange(n - len(moving), n)).all():
-            S, winch = _coupling_from(mechanism, moving[0]), mechanism.winch_diameter[moving]
-            tension[:, moving] = tendon_tension(trace["tau_s"].T, S, winch).T
+    found = tensions(file, trace)
+    tension = np.full((len(trace.time), len(mechanism.length) + 1), np.nan)
+    if found is not None:
+        tension[:, np.array(trace.joint) - 1] = found
+        tension[:, -1] = mechanism.tensioner_force
     return tension
 
 
-def _coupling_from(mechanism: Mechanism, first: int) -> Array:
-    """``S`` of the joints from one on, those before it held, Eq. (2)."""
+def _coupling(mechanism: Mechanism) -> Array:
+    """``S`` of all joints, Eq. (2)."""
     n = len(mechanism.length)
-    sign = sign_of_side(mechanism.side[first:, first:n])
-    sizes = mechanism.winch_diameter[first:n], mechanism.pulley_diameter[first:, first:n]
-    return coupling_matrix(coupling_inverse(*sizes, sign))
+    sizes = mechanism.winch_diameter[:n], mechanism.pulley_diameter[:, :n]
+    return coupling_matrix(coupling_inverse(*sizes, sign_of_side(mechanism.side[:, :n])))
 
 
 def _tracking_plots(trace: Trace) -> tuple[Plot, Plot]:
