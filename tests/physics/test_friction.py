@@ -62,12 +62,6 @@ class TestLaw:
         assert (torque <= (friction.coulomb + friction.viscous * SPEEDS) * (1.0 + 1e-15)).all()
 
     @given(seeds)
-    def test_with_one_it_falls_somewhere(self, seed: int) -> None:
-        sharp = drawn(seed, ALL - {"viscous"})._replace(smoothing_velocity=np.array([1e-3]))
-        torque = np.array([torque_at(speed, sharp) for speed in SPEEDS])
-        assert np.diff(torque).min() < 0.0
-
-    @given(seeds)
     def test_smooth_through_standstill(self, seed: int) -> None:
         friction = drawn(seed)
         steepness = slope(lambda v: friction_torque(v, friction), np.array([0.0]), np.array([1.0]))
