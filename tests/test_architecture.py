@@ -35,6 +35,7 @@ OWNERS = {
     "llvmlite": ["simulation/codegen/compiled.py", "simulation/codegen/machine.py"],
     "platformdirs": ["simulation/codegen/compiled.py"],
     "matplotlib": ["results/figures/*", "*/figure*.py"],
+    "PIL": ["results/figures/animation.py"],
     "pydantic": ["config/*", "dataset/mapping/model.py", "dataset/repository/lock.py"],
     "yaml": ["config/fields/strict_yaml.py"],
     "h5py": ["results/traces.py", "ensemble/shards.py", "dataset/readers/*"],

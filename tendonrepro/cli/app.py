@@ -199,6 +199,33 @@ def tables(terminal: Terminal, out: ResultsFolder = Path("reports")) -> None:
     terminal.list_files(rewrite_tables(out))
 
 
+@command(app, "tendonrepro animate reports/decouple --speed 2")
+def animate(
+    terminal: Terminal,
+    file: Annotated[Path, typer.Argument(help="Trace file, or a results folder with one.")],
+    run: Annotated[str | None, typer.Option("--run", help="Run to show [default: the first].")] = None,
+    coupling: Annotated[
+        bool, typer.Option("--coupling", help="Figure 6: motor 1 alone turns, postures by Eq. (1).")
+    ] = False,
+    at: Annotated[
+        list[float] | None,
+        typer.Option("--at", metavar="SECONDS", help="A single picture as SVG, no film; repeatable."),
+    ] = None,
+    speed: Annotated[float, typer.Option("--speed", help="Seconds of the run in a second of film.")] = 1.0,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="File to write, .gif or .mp4 [default: beside the traces].")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite a file that is there.")] = False,
+) -> None:
+    """The arm in motion, tendons coloured by tension, from stored traces."""
+    from tendonrepro.results.animate import animate as make
+    from tendonrepro.results.animate import animate_text
+
+    options = {"run": run, "coupling": coupling, "times": at or (), "speed": speed, "out": out}
+    found = make(file, terminal.talk, **options, force=force)  # type: ignore[arg-type]
+    terminal.show(found, animate_text)
+
+
 @command(app, "tendonrepro export reports/compare --format mat")
 def export(
     terminal: Terminal,

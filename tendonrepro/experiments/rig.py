@@ -25,12 +25,9 @@ from tendonrepro.physics.dynamics import Plant
 from tendonrepro.physics.friction import Friction
 from tendonrepro.physics.instruments import Actuator, Encoder
 from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix
-from tendonrepro.physics.statics import tensioner_torque
+from tendonrepro.physics.statics import tensioner_side, tensioner_torque
 
 Experiment = CompareConfig | DecoupleConfig
-
-TENSIONER_SIDES = {"negative": 1.0, "distal_only": 0.0, "alternating": -1.0}
-"""Side of tendon 4 at a joint, relative to its side at the joint beyond (0: it passes the axis)."""
 
 DISTURBANCE_STREAM = 3
 """Random stream of the disturbance; the streams before it belong to the instruments."""
@@ -95,14 +92,6 @@ def build_drive(config: Experiment) -> Drive:
         wobble=np.full(n, wobble.peak_to_peak.si / 2.0),
         wobble_rate=np.full(n, wobble.cycles_per_turn.si),
     )
-
-
-def tensioner_side(course: str, joints: int) -> Array:
-    """Side on which tendon 4 passes each of N joints on a course of `TENSIONER_SIDES`, (N,).
-
-    It turns the last joint counter-clockwise; on which side it passes the others is a reading.
-    """
-    return np.asarray(-(TENSIONER_SIDES[course] ** np.arange(joints - 1, -1, -1.0)))
 
 
 def build_preload(config: Experiment) -> Array:

@@ -20,6 +20,9 @@ from tendonrepro.physics.linalg import times
 SLACK = 1e-6
 """Tension below which a tendon does not pull, N: what rounding leaves of none."""
 
+TENSIONER_SIDES = {"negative": 1.0, "distal_only": 0.0, "alternating": -1.0}
+"""Side of tendon 4 at a joint, relative to its side at the joint beyond (0: it passes the axis)."""
+
 
 class Spring(NamedTuple):
     """A spring at the base end of the tensioner, in place of its motor.
@@ -63,6 +66,21 @@ def sign_of_side(side: Array) -> Array:
     """
     own = np.eye(side.shape[0], dtype=bool)
     return np.where(own, side, 0.0 - side)
+
+
+def tensioner_side(course: str, joints: int) -> Array:
+    """Side on which tendon 4 passes each of N joints, (N,).
+
+    It turns the last joint counter-clockwise; on which side it passes the others is a reading.
+
+    Parameters
+    ----------
+    course : str
+        One of `TENSIONER_SIDES`.
+    joints : int
+        N.
+    """
+    return np.asarray(-(TENSIONER_SIDES[course] ** np.arange(joints - 1, -1, -1.0)))
 
 
 def tendon_tension(tau_s: Array, S: Array, winch_diameter: Array) -> Array:

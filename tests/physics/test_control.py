@@ -18,6 +18,7 @@ from tendonrepro.physics.control import (
     delayed_acceleration,
     error_rate,
     estimator_weights,
+    packed_memory,
     phi,
     phi_slope,
     polynomial,
@@ -227,6 +228,14 @@ class TestMemory:
         np.testing.assert_array_equal(memory.tau[:, 1], [600, 500])
         np.testing.assert_array_equal((memory.de, memory.q_d, memory.H_hat), [[60] * N, [12] * N, [120] * N])
 
+    @pytest.mark.parametrize(("n", "lag", "lanes"), [(2, 1, ()), (1, 2, (5,)), (3, 4, (2, 2))])
+    def test_unpacking_keeps_every_number_and_its_order(self, n, lag, lanes):
+        values = np.arange((6 * lag + 3) * n * np.prod(lanes, dtype=int), dtype=float).reshape(-1, *lanes)
+        memory = packed_memory(values, n, lag)
+        for part, alike in zip(memory, start_memory(np.zeros(n), np.zeros(n), lag), strict=True):
+            assert part.shape == alike.shape + lanes
+        np.testing.assert_array_equal(np.concatenate([part.ravel() for part in memory]), values.ravel())
+
     def test_remember_leaves_the_old_memory_alone(self):
         memory = random_memory(0)
         copy = Memory(*(part.copy() for part in memory))
@@ -399,9 +408,9 @@ class TestCommand:
         assert pd[1] == pytest.approx(tsm[1], rel=1e-12, abs=1e-13)
 
     @properties
-    @given(st.integers(0, 1000), vectors, vectors, vectors)
-    def test_torque_less_estimate_is_M_bar_u(self, seed, q_d, dq_d, ddq_d):
-        law, memory = make_law(), random_memory(seed)
+    @given(st.integers(0, 1000), vectors, vectors, vectors, st.booleans())
+    def test_torque_less_estimate_is_M_bar_u(self, seed, q_d, dq_d, ddq_d, differenced):
+        law, memory = make_law(error_differenced=differenced), random_memory(seed)
         q = np.random.default_rng(seed + 1).normal(0.0, 0.1, N)
         tau, H_hat, s, de = command(memory, q, q_d, dq_d, ddq_d, law)
         for i in range(N):
@@ -410,6 +419,7 @@ class TestCommand:
             # tau and H_hat are up to 1e4 N m here, so their difference keeps 1e-11.
             assert tau[i] - H_hat[i] == pytest.approx(M_BAR * (ddq_d[i] + feedback), abs=1e-11)
         np.testing.assert_array_equal(H_hat, time_delay_estimate(memory, q, law))
+        np.testing.assert_array_equal(de, error_rate(memory, q, q_d, dq_d, law))
 
     @properties
     @given(st.integers(0, 1000), vectors, vectors, vectors)

@@ -38,16 +38,6 @@ def S_of_table_1() -> Array:
     return coupling_matrix(coupling_inverse(*TABLE_1))
 
 
-def joints_by_hand(q_motor: Array, routing: Routing) -> list[float]:
-    """Eq. (1) solved joint after joint from the base."""
-    q: list[float] = []
-    for n in range(q_motor.size):
-        passed = sum(routing.sign[i, n] * q[i] * routing.pulley[i, n] for i in range(n))
-        turned = q_motor[n] * routing.winch[n] + passed
-        q.append(turned / (routing.sign[n, n] * routing.pulley[n, n]))
-    return q
-
-
 class TestCoupling:
     @many
     @cases
@@ -57,15 +47,6 @@ class TestCoupling:
         q_motor = coupling_inverse(*routing) @ q
         # A sum of n products of numbers up to about 10.
         assert routing.winch * q_motor / 2 == pytest.approx(rope_used(q, routing), abs=1e-14)
-
-    @many
-    @cases
-    def test_forward_map_solves_equation_1_from_the_base_outwards(self, n: int, seed: int) -> None:
-        routing = routing_of(n, seed)
-        q_motor = np.random.default_rng(seed + 1).uniform(-2.0, 2.0, n)
-        S = coupling_matrix(coupling_inverse(*routing))
-        size = np.abs(S).max()
-        assert S @ q_motor == pytest.approx(joints_by_hand(q_motor, routing), abs=1e-13 * size)
 
     @many
     @cases

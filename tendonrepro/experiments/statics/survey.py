@@ -15,16 +15,18 @@ from tendonrepro.config.load import LoadedConfig
 from tendonrepro.config.models.box import BoxRange
 from tendonrepro.config.published import published
 from tendonrepro.errors import ConfigError
-from tendonrepro.experiments.rig import TENSIONER_SIDES, Experiment, build_arm, coupling, tensioner_side
+from tendonrepro.experiments.rig import Experiment, build_arm, coupling
 from tendonrepro.physics.arm import Arm, gravity_torque, joint_angles
 from tendonrepro.physics.statics import (
     SLACK,
+    TENSIONER_SIDES,
     Spring,
     force_window,
     sign_of_side,
     spring_force,
     tendon_tension,
     tension_with_losses,
+    tensioner_side,
     tensioner_stretch,
     tensioner_torque,
 )

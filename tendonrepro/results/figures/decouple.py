@@ -6,6 +6,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.physics.metrics import mae
+from tendonrepro.physics.tendon_path import joint_positions
 from tendonrepro.results.figures.panels import Canvas
 from tendonrepro.results.figures.style import COLUMN_MM, REFERENCE, Stroke, stroke_of
 from tendonrepro.results.paper import of_paper
@@ -50,17 +51,11 @@ def _draw_postures(canvas: Canvas, letter: str, plant: PlantRecord, trace: Trace
     length, posture = (plant.values[name].value for name in ("length", "posture"))
     q = trace["q_encoder"]
     furthest = int(np.abs(np.nan_to_num(q[:, 0] - q[0, 0])).argmax())
-    start, turned = (_corners(length, np.cumsum(posture + q[place])) for place in (0, furthest))
+    start, turned = (joint_positions(length, np.cumsum(posture + q[place])) for place in (0, furthest))
     carried = turned[1] + start[[1, 2]] - start[1]
     canvas.chain(letter, "Start", start, REFERENCE, label="Links at the start")
     canvas.chain(letter, "Turned", turned, _LINKS, label="Links, motor 1 turned")
     canvas.chain(letter, "Carried", carried, _CARRIED, label="Link 2, were it only translated")
-
-
-def _corners(length: Array, angle: Array) -> Array:
-    """Joints and tip (n + 1, 2), m, from link angles measured clockwise from hanging."""
-    steps = -length[:, np.newaxis] * np.column_stack([np.sin(angle), np.cos(angle)])
-    return np.vstack([np.zeros(2), np.cumsum(steps, axis=0)])
 
 
 def draw_motor_angles(_file: TraceFile, traces: list[Trace]) -> Canvas:

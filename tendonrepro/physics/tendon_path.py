@@ -1,0 +1,129 @@
+"""Where a tendon lies in the arm's plane: straight between pulleys, along an arc on each.
+
+Directions are angles from the x axis, counter-clockwise, in rad. A tendon is followed from its winch at the
+base to its end. At a circle of signed radius ``side * radius`` it passes on its right hand side of the centre
+where the sign is positive, which is where pulling it turns the joint clockwise
+(:func:`tendonrepro.physics.statics.sign_of_side` says how that gives the signs of Eq. (1)), and on the left
+where it is negative.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from tendonrepro.arrays import Array
+
+
+class TendonPath(NamedTuple):
+    """A tendon in T postures, over m circles.
+
+    Attributes
+    ----------
+    centre : array (T, m, 2)
+        Of the winch at the base, the guide pulleys, and the joint winch or pulley where the tendon ends, m.
+    radius : array (m,)
+        Signed, m.
+    direction : array (T, m)
+        In which the tendon leaves each circle; at the last one the direction that it has at its end.
+    wrap : array (T, m)
+        Angle along which it lies on each circle, never negative; zero on the winch, where as much as one
+        likes is wound.
+    """
+
+    centre: Array
+    radius: Array
+    direction: Array
+    wrap: Array
+
+
+def joint_positions(length: Array, angle: Array) -> Array:
+    """Joints and tip of a planar chain.
+
+    Parameters
+    ----------
+    length : array (n,)
+        Of the links, m.
+    angle : array (..., n)
+        Absolute angles of the links, rad from hanging, positive clockwise.
+
+    Returns
+    -------
+    array (..., n + 1, 2)
+        m from joint 1, x to the right and y upwards.
+    """
+    steps = -length[:, np.newaxis] * np.stack([np.sin(angle), np.cos(angle)], axis=-1)
+    return np.concatenate([np.zeros_like(steps[..., :1, :]), np.cumsum(steps, axis=-2)], axis=-2)
+
+
+def tendon_path(centre: Array, radius: Array, end: Array) -> TendonPath:
+    """Lay a tendon over circles.
+
+    Where bending a joint would lift it off a pulley, it lies around that pulley once more through all
+    postures: Eq. (1) and Assumption 2 of the paper want it never to leave one.
+
+    Parameters
+    ----------
+    centre : array (T, m, 2)
+        Of the circles, in m, in T postures that follow each other.
+    radius : array (m,)
+        Signed, m; zero where the tendon passes through the centre.
+    end : array (T,)
+        Direction from the last centre to the point where the tendon is fixed, rad.
+
+    Returns
+    -------
+    TendonPath
+
+    Raises
+    ------
+    ValueError
+        If circles overlap, so that no tangent passes on the wanted sides.
+    """
+    step = np.diff(centre, axis=1)
+    apart = np.hypot(step[..., 0], step[..., 1])
+    if not (np.abs(np.diff(radius)) < apart).all():
+        message = "circles overlap"
+        raise ValueError(message)
+    straight = np.arctan2(step[..., 1], step[..., 0]) - np.arcsin(np.diff(radius) / apart)
+    last = end + np.copysign(np.pi / 2.0, radius[-1])
+    direction = np.unwrap(np.column_stack([straight, last]), axis=0)
+    turned = np.sign(radius[1:]) * np.diff(direction, axis=1)
+    more = np.ceil(-turned.min(axis=0) / (2.0 * np.pi) - 1e-9)
+    wrap = np.maximum(turned + 2.0 * np.pi * more, 0.0)
+    return TendonPath(centre, radius, direction, np.column_stack([np.zeros(len(wrap)), wrap]))
+
+
+def path_length(path: TendonPath) -> Array:
+    """Length from where a tendon leaves its winch to its end, m, (T,)."""
+    step = np.diff(path.centre, axis=1)
+    straight = np.sqrt((step**2).sum(axis=-1) - np.diff(path.radius) ** 2)
+    return np.asarray(straight.sum(axis=1) + path.wrap @ np.abs(path.radius))
+
+
+def path_points(path: TendonPath, place: int, spacing: float = 0.1) -> Array:
+    """Points to draw a tendon through in one of its postures.
+
+    Parameters
+    ----------
+    path : TendonPath
+    place : int
+        Which posture.
+    spacing : float
+        Largest angle between two points of an arc, rad.
+
+    Returns
+    -------
+    array (K, 2)
+        m, from the winch to the end.
+    """
+    points = []
+    for centre, radius, leaves, wrap in zip(
+        path.centre[place], path.radius, path.direction[place], path.wrap[place], strict=True
+    ):
+        back = np.linspace(wrap, 0.0, 1 + int(np.ceil(wrap / spacing)))
+        # Where it touches stands at a right angle to where it goes.
+        around = leaves - np.copysign(1.0, radius) * back - np.pi / 2.0
+        points.append(centre + radius * np.column_stack([np.cos(around), np.sin(around)]))
+    return np.vstack(points)
