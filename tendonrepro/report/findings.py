@@ -95,7 +95,8 @@ def percent(share: float | None) -> str:
         return "–"
     value = 100.0 * share
     if 99.5 <= value < 100.0:
-        return f"{value:.4g} %" if value < 99.995 else "over 99.99 %"
+        texts = (f"{value:.{digits}g} %" for digits in (3, 4))
+        return next((text for text in texts if text != "100 %"), "over 99.99 %")
     return f"{value:.0f} %" if value >= 10.0 or value == 0.0 else f"{value:.2g} %"
 
 
