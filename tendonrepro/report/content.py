@@ -314,9 +314,11 @@ def again(found: Found) -> list[str]:
     for name, file in (("decouple", found.decouple), ("compare", found.compare)):
         if file:
             held = made(file)
-            config = [] if held.config in {"–", f"{name}.yaml"} else ["--config", held.config]
+            config = [] if held.config in {"–", name, f"{name}.yaml"} else ["--config", held.config]
             changes = [word for change in held.overrides for word in ("--set", change)]
             lines.append(shlex.join(["tendonrepro", name, *config, *changes]))
+    if lines == ["tendonrepro decouple", "tendonrepro compare"]:
+        lines = ["tendonrepro reproduce"]
     if found.origins["ensemble"] == RUN:
         lines.append(f"tendonrepro ensemble --draws {found.judged_by.get('draws')}")
         lines += ["tendonrepro claims"] if found.decides else []

@@ -84,16 +84,19 @@ def why(ours: Mapping[str, float]) -> list[str]:
 
 
 def percent(share: float | None) -> str:
-    """Share in per cent, two digits of a small one.
+    """Share in per cent, two digits of a small one; only all of it is 100 %.
 
     Examples
     --------
-    >>> percent(0.8917), percent(0.0085), percent(0.0), percent(None)
-    ('89 %', '0.85 %', '0 %', '–')
+    >>> percent(0.8917), percent(0.0085), percent(0.0), percent(None), percent(0.9997), percent(0.999999)
+    ('89 %', '0.85 %', '0 %', '–', '99.97 %', 'over 99.99 %')
     """
     if share is None:
         return "–"
     value = 100.0 * share
+    if 99.5 <= value < 100.0:
+        texts = (f"{value:.{digits}g} %" for digits in (3, 4))
+        return next((text for text in texts if text != "100 %"), "over 99.99 %")
     return f"{value:.0f} %" if value >= 10.0 or value == 0.0 else f"{value:.2g} %"
 
 
