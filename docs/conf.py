@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, get_origin
 
 from docutils import nodes
 from docutils.parsers.rst import Directive
@@ -15,28 +15,29 @@ import tendonrepro
 
 DOCS = Path(__file__).parent
 REPORTS = DOCS.parent / "reports"
+WIDE = 5.0
+"""Inches from which a picture takes the whole width of the page; the journal's column has 3.3."""
 
 project = "tendonrepro"
 version = release = tendonrepro.__version__
 extensions = [
     "myst_parser",
+    "numpydoc",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
-    "sphinx.ext.napoleon",
     "sphinx.ext.viewcode",
     "sphinx_copybutton",
 ]
 templates_path = ["_templates"]
 exclude_patterns = ["results"]
 
+highlight_language = "none"
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 4
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"  # the docstrings have types, shapes and units
-napoleon_google_docstring = False
-napoleon_use_ivar = True
-napoleon_use_rtype = False
+numpydoc_show_class_members = False  # autodoc lists them
 # Types are written in words, such as "array of shape (n,)"; names of the package itself have to exist.
 nitpick_ignore_regex = [("py:.*", r"(?!tendonrepro\.).*")]
 suppress_warnings = ["misc.highlighting_failure"]
@@ -64,16 +65,18 @@ class Drawn(Directive):
     has_content = True
 
     def run(self) -> list[nodes.Node]:
-        """One figure node for each picture."""
+        """The command, and one figure for each picture."""
         command = "\n".join(self.content)
-        shown: list[nodes.Node] = [nodes.literal_block(command, command, language="sh")]
+        grid = nodes.container(classes=["drawn"])
         for path in sorted((REPORTS / self.arguments[0] / "figures").glob("*.png")):
-            caption = Image.open(path).info.get("Description", path.stem)
-            image = nodes.image(uri=f"../reports/{path.relative_to(REPORTS)}", alt=caption)
-            shown.append(nodes.figure("", image, nodes.caption(caption, caption)))
-        if len(shown) == 1:
-            shown.append(nodes.paragraph("", "Not drawn before this site was built."))
-        return shown
+            # An image with a width leads to itself in full size.
+            with Image.open(path) as picture:
+                caption = picture.info.get("Description", path.stem)
+                wide = picture.width > WIDE * picture.info.get("dpi", (300.0,))[0]
+            image = nodes.image(uri=f"../reports/{path.relative_to(REPORTS)}", alt=caption, width="100%")
+            grid += nodes.figure("", image, nodes.caption(caption, caption), classes=["wide"] * wide)
+        missing = nodes.paragraph("", "Not drawn before this site was built.")
+        return [nodes.literal_block(command, command, language="sh"), grid if grid.children else missing]
 
 
 def inline_math(self: Any, node: nodes.Element) -> None:
@@ -88,7 +91,14 @@ def block_math(self: Any, node: nodes.Element) -> None:
     raise nodes.SkipNode
 
 
+def without_noise(app: Sphinx, what: str, name: str, found: Any, skip: bool, options: Any) -> bool | None:
+    """Leave out names of types, and the fields of named tuples, which their class describes."""
+    field = (getattr(found, "__doc__", None) or "").startswith("Alias for field number")
+    return True if field or get_origin(found) else None
+
+
 def setup(app: Sphinx) -> None:
     """Register what is ours."""
     app.add_directive("drawn", Drawn)
+    app.connect("autodoc-skip-member", without_noise)
     app.add_html_math_renderer("mathml", (inline_math, None), (block_math, None))

@@ -126,6 +126,12 @@ def test_relative_links_resolve(path: Path) -> None:
             assert anchor in map(slug, headings), f"{path.name} links to {target}"
 
 
+@pytest.mark.parametrize("path", TEXTS, ids=lambda path: path.name)
+def test_no_line_begins_with_a_percent_sign(path: Path) -> None:
+    """The site takes it for a comment and drops the line."""
+    assert not re.search(r"^\s*%", prose(path.read_text(encoding="utf-8")), re.M)
+
+
 def test_the_readme_lists_every_page() -> None:
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     table = {row[0] for row in rows(section(readme, "## Read on"))}
