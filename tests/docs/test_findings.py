@@ -8,8 +8,8 @@ from typing import Any
 
 import h5py
 import numpy as np
-from support import ROOT
 import pytest
+from support import ROOT
 
 from tendonrepro.config.load import CompareConfig, load_config
 from tendonrepro.console import Talk
@@ -349,7 +349,7 @@ def test_a_delay_changes_little_where_the_command_is_stored(delay: int) -> None:
         assert slowest(name, delay=delay) == pytest.approx(2.0, abs=0.1)
 
 
-def test_one_sample_of_output_delay_leaves_only_controller_1_well_damped_where_the_applied_torque_is() -> None:
+def test_one_sample_of_output_delay_leaves_only_controller_1_well_damped_with_applied_torque() -> None:
     (stated_rate,) = stated(r"decay at ([\d.]+) s⁻¹, counts keep them shaking")
     rates = [slowest(name, APPLIED, delay=1) for name in CONTROLLERS]
     assert rates[0] > 1.5

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import importlib.util
-from pathlib import Path
 from typing import Any
 
-from support import ROOT
 import pytest
+from support import ROOT
 
 from tendonrepro.report import rows
 

@@ -19,15 +19,14 @@ import typer
 from typer.main import get_command
 
 import tendonrepro
-from tendonrepro.config.request import Request
 from tendonrepro.cli.app import app
 from tendonrepro.config.ensemble import load_ensemble
 from tendonrepro.config.fields.quantity import UNITS
 from tendonrepro.config.kinds import json_schema
 from tendonrepro.config.load import ExperimentName, LoadedConfig, load_config
-from tendonrepro.config.shipped import shipped_folder
-from tendonrepro.config.models.control import Readings
 from tendonrepro.config.published import published
+from tendonrepro.config.request import Request
+from tendonrepro.config.shipped import shipped_folder
 from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.command import Order, plan, run_experiment
@@ -36,7 +35,6 @@ from tendonrepro.experiments.rig import build_plant
 from tendonrepro.experiments.user_law import find_user_law
 from tendonrepro.physics.linear_loop import decay_rate, plant_matrices
 from tendonrepro.physics.metrics import mae, status_of
-from tendonrepro.results.records import VARIABLES
 from tendonrepro.results.traces import read_traces
 from tendonrepro.simulation.stepper import simulate
 
