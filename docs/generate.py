@@ -12,6 +12,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from tendonrepro.files import digest_of
 from tendonrepro.report import rows
 from tendonrepro.report.findings import Results, findings
 
@@ -29,7 +30,8 @@ def main(reports: Path) -> None:
     if (ledger.get("ensemble") or {}).get("source") != "local":
         sys.exit("these verdicts are the shipped ones; run tendonrepro claims again, beside the ensemble")
     _store("ensemble.json", rows.thinned(summary))
-    _store("claims.json", ledger)
+    ledger = _rounded(ledger)
+    _store("claims.json", ledger | {"sha256": digest_of(ledger)})
     decides = json.loads((reports / "claims" / "decides.json").read_text(encoding="utf-8"))
     _store("decides.json", rows.thinned_decides(decides))
     closest = reports / "identify_all" / "identify.json"

@@ -10,7 +10,7 @@ import re
 import secrets
 import stat
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -176,6 +176,11 @@ def unsealed(path: Path) -> bytes:
         message = "is damaged: it is not as it was written"
         raise DataMissingError(message, where=str(path))
     return content
+
+
+def digest_of(content: Mapping[str, Any]) -> str:
+    """SHA-256 of plain values, which JSON of them holds beside them."""
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 def sha256_of(path: Path) -> str:

@@ -11,7 +11,7 @@ from typing import Any
 from tendonrepro.claims.judge import Verdict
 from tendonrepro.claims.verdicts import EDITION
 from tendonrepro.errors import DataMissingError
-from tendonrepro.files import shipped
+from tendonrepro.files import digest_of, shipped
 from tendonrepro.results.folder import MANIFEST, read_manifest
 
 SHIPPED = "docs/results/claims.json"
@@ -38,9 +38,11 @@ def shipped_ledger() -> ShippedLedger:
     path = shipped(folder) / name
     try:
         stored = json.loads(path.read_text(encoding="utf-8"))
+        if stored.pop("sha256", None) != digest_of(stored):
+            raise ValueError
         entries = {entry["id"]: entry for entry in stored["claims"]}
         ensemble = {"source": "shipped"} | _origin(stored.get("ensemble") or {}, None)
-    except (OSError, ValueError, TypeError, LookupError, AttributeError) as error:
+    except (OSError, ValueError, TypeError, LookupError, AttributeError, RecursionError) as error:
         message = "the verdicts that come with the package are missing or damaged"
         raise DataMissingError(message, where=str(path), hint="install tendonrepro again") from error
     return ShippedLedger(entries, ensemble)

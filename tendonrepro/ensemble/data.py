@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.console import Talk
-from tendonrepro.ensemble.plan import Study, digest_of
+from tendonrepro.ensemble.plan import Study
 from tendonrepro.ensemble.shards import FOLDER, Block, Case, check_shard, identity_of, opened, shard_files
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
-from tendonrepro.files import MOST_JSON, ordinary
+from tendonrepro.files import MOST_JSON, digest_of, ordinary
 from tendonrepro.results.folder import HeldFolder
 from tendonrepro.simulation.streaming import STATISTICS
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,6 +15,7 @@ from tendonrepro.config.models.readings import RUNS, Reading, case_of
 from tendonrepro.ensemble.box import Box
 from tendonrepro.ensemble.shards import SCHEMA_VERSION, Block, Case
 from tendonrepro.errors import UsageError
+from tendonrepro.files import digest_of
 from tendonrepro.simulation.streaming import STATISTICS
 
 CHECK_EVERY = 8
@@ -31,11 +30,6 @@ SECONDS_PER_EXPERIMENT = 6e-3
 """Time on one processor, for estimates before anything has run: between those of a fast and a slow one."""
 
 _COMPRESSION = 0.9
-
-
-def digest_of(content: Mapping[str, Any]) -> str:
-    """SHA-256 of plain values."""
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 @dataclass(frozen=True, eq=False)

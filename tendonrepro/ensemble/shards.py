@@ -156,7 +156,10 @@ def opened(path: Path) -> Iterator[h5py.File]:
     try:
         with h5py.File(path, "r") as root:
             yield root
-    except (OSError, KeyError, ValueError) as error:
+    except DataMissingError:
+        raise
+    except Exception as error:
+        # What the library says of damage is of any type, so nothing but reading stands in this block.
         message = "is damaged or not a shard"
         raise DataMissingError(message, where=str(path), hint=_HINT) from error
 

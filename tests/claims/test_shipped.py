@@ -13,6 +13,7 @@ from tendonrepro.claims.shipped import ShippedLedger, shipped_ledger, with_shipp
 from tendonrepro.claims.verdicts import EDITION
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError
+from tendonrepro.files import shipped
 from tendonrepro.results.folder import TRACES
 from tendonrepro.results.traces import write_traces
 
@@ -110,7 +111,14 @@ def test_what_was_measured_elsewhere_is_not_told_here():
     assert "measured" not in found.evidence
 
 
-@pytest.mark.parametrize("content", [None, "{", "[]", '{"claims": [1]}', '{"claims": [], "ensemble": 3}'])
+DAMAGED = [None, "{", "[]", "[" * 100_000, '{"claims": [1]}', '{"claims": [], "ensemble": 3}']
+# Well-formed, and not what was stored.
+ALTERED = (
+    (shipped("docs/results") / "claims.json").read_text(encoding="utf-8").replace("contradicted", "exact", 1)
+)
+
+
+@pytest.mark.parametrize("content", [*DAMAGED, ALTERED], ids=range(len(DAMAGED) + 1))
 def test_a_damaged_file_is_named(content, tmp_path, monkeypatch):
     monkeypatch.setattr("tendonrepro.claims.shipped.shipped", lambda _: tmp_path)
     if content is not None:

@@ -169,6 +169,8 @@ OTHER_LINE = [
      "runs.decouple.reference: lasts 30.4008 s, which must be a whole multiple"),
     ("compare", "  max_step:\n    value:  1\n", "  max_step:\n    value:  0.3\n", "    value:  0.3",
      "solver.max_step.value: must divide the sampling period, 1 ms, found 0.3 ms"),
+    ("compare", "  max_step:\n    value:  1\n", "  max_step:\n    value:  1e-6\n", "    value:  1e-6",
+     "solver.max_step.value: must be at least a thousandth of the sampling period, 1 ms, found 1e-06 ms"),
     ("compare", "  kind: none ", STEP.replace("1.5", "1.0005"), "  start: {",
      "disturbance.start.value: must be a whole multiple of the sampling period, 1 ms, found 1.0005 s"),
     ("compare", "  kind: none ", NOISE.replace("[1, 9]", "[9, 1]"), "  band:",

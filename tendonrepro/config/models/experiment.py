@@ -36,6 +36,9 @@ _T = TypeVar("_T")
 MOST_SAMPLES = 1e6
 """Longest run; ten times as much would not fit into the memory of a small machine."""
 
+MOST_STEPS = 1e3
+"""Steps of the integrator in a sampling period; five times as many count as a plant it cannot follow."""
+
 
 class NoDisturbance(Model):
     """No disturbance torque."""
@@ -166,6 +169,11 @@ class Experiment(RootModel):
         period: Scalar | None = info.data.get("sampling_period")
         if period is not None and not is_multiple(period.si, solver.max_step.si):
             message = f"must divide the sampling period, {period}, found {solver.max_step}"
+            refuse(message, "max_step", "value")
+        if period is not None and solver.max_step.si * MOST_STEPS < period.si * (1.0 - 1e-9):
+            message = (
+                f"must be at least a thousandth of the sampling period, {period}, found {solver.max_step}"
+            )
             refuse(message, "max_step", "value")
         return solver
 
