@@ -48,6 +48,7 @@ OWNERS = {
     "joblib": ["ensemble/workers.py"],
     "distributed": ["ensemble/workers.py"],
     "SALib": ["claims/sensitivity.py"],
+    "cma": ["identify/search.py"],
     "rich": ["console.py"],
     "jinja2": ["report/page.py"],
     "markdown_it": ["report/page.py"],
