@@ -190,7 +190,7 @@ def _identified(task: Task, held: HeldFolder, identity: str, processors: int, ta
     place = int(np.argmin([entry["misfit_log"] for entry in readings]))
     best = task.readings[place]
     rows, state = found[task.case(best)]
-    config = task.bench.searching(rows).config(_whole(task, rows, state.best()[0][np.newaxis])[0], best)
+    config = task.bench.searching(rows).config(_whole(task, rows, state.closest[np.newaxis])[0], best)
     write_config(folder / CONFIG, config, data, readings[place])
     held.files += [folder / CONFIG, *write_identify_tables(data, folder / "tables")]
     held.files += draw_identify_figures(data, folder / "figures")
@@ -258,7 +258,7 @@ def _whole(task: Task, rows: NDArray[np.bool_], points: Array) -> Array:
 
 def _reading_data(task: Task, held: Reading, rows: NDArray[np.bool_], state: Found) -> dict[str, Any]:
     """Everything about one reading as plain values."""
-    point, misfit = state.best()
+    point, misfit = state.closest, state.misfit
     limit = max(NEAR, 2.0 * misfit)
     units = _whole(task, rows, np.vstack([point, state.near(limit)]))
     bench = task.bench.searching(rows)

@@ -112,8 +112,8 @@ class Effort:
 
     @property
     def evaluations(self) -> int:
-        """Points looked at in all."""
-        return self.plants * self.seeds
+        """Points looked at in all, at most: the last so many polish the best seed's."""
+        return self.plants * (self.seeds + 1)
 
 
 @dataclass(frozen=True)
@@ -122,8 +122,9 @@ class Found:
 
     Attributes
     ----------
-    units : array (S, F)
-        Closest point of each in the unit cube.
+    closest : array (F,)
+        Closest point of all in the unit cube, polished.
+    misfit : float
     spread_units : array (S, M, F)
         Members of each population when it had spread.
     spread_misfits : array (S, M)
@@ -131,15 +132,11 @@ class Found:
         Smallest misfit after each so many plants.
     """
 
-    units: Array
+    closest: Array
+    misfit: float
     spread_units: Array
     spread_misfits: Array
     history: Array
-
-    def best(self) -> tuple[Array, float]:
-        """Best point (F,) and its misfit."""
-        seed = int(np.argmin(self.history[-1]))
-        return self.units[seed], float(self.history[-1, seed])
 
     def near(self, limit: float) -> Array:
         """Members that had spread with a misfit up to a limit, (N, F)."""
@@ -167,19 +164,30 @@ def search(
     a digest of all that the search depends on, is the same. However often interrupted, it ends the same to
     the last bit.
     """
+
+    def memory_of(name: object) -> _Memory:
+        file = path.with_name(f"{path.stem}-{name}{path.suffix}")
+        return _Memory(misfit, effort.plants, file, identity, talk, progress)
+
     found = []
     for place, members in enumerate(initial):
-        file = path.with_name(f"{path.stem}-{place}{path.suffix}")
-        memory = _Memory(misfit, effort.plants, file, identity, talk, progress)
+        memory = memory_of(place)
         spread = _search(members, memory, effort, np.random.default_rng([seed, place]))
-        course = np.minimum.accumulate(memory.kept.misfits[: memory.count])
         # What was left was too little for one more slope or generation.
         progress(memory.left)
+        course = np.minimum.accumulate(memory.kept.misfits[: memory.count])
         ends = np.minimum(np.arange(1, effort.generations + 2) * effort.population, memory.count) - 1
-        closest = memory.units[int(np.argmin(memory.kept.misfits[: memory.count]))]
-        found.append((closest, *spread, course[ends]))
-    units, spread_units, spread_misfits, history = (np.stack(column) for column in zip(*found, strict=True))
-    return Found(units, spread_units, spread_misfits, history.T)
+        found.append((memory.best(), spread, course[ends]))
+    best, spreads, history = zip(*found, strict=True)
+    closest = min(best, key=lambda held: held[1])
+    memory, smooth = memory_of("best"), np.array(effort.smooth)
+    if smooth.any():
+        with suppress(_UsedUp):
+            _descend(closest[0], smooth, memory)
+        closest = min(closest, memory.best(), key=lambda held: held[1])
+    progress(memory.left)
+    units, misfits = (np.stack(column) for column in zip(*spreads, strict=True))
+    return Found(*closest, units, misfits, np.stack(history).T)
 
 
 class _UsedUp(Exception):
@@ -215,6 +223,11 @@ class _Memory:
         self.left -= len(points)
         self._progress(len(points))
         return Evaluated(*(held[asked] for held in self.kept))
+
+    def best(self) -> tuple[Array, float]:
+        """Best point that was asked for (F,), and its misfit."""
+        place = int(np.argmin(self.kept.misfits[: self.count]))
+        return self.units[place], float(self.kept.misfits[place])
 
     def _look(self, points: Array) -> None:
         found = self._misfit(points)

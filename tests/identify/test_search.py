@@ -48,7 +48,8 @@ def _forgeries(arrays):
 
 class TestSearch:
     def test_finds_a_known_optimum(self, tmp_path):
-        unit, misfit = searched(tmp_path / "s.npz").best()
+        found = searched(tmp_path / "s.npz")
+        unit, misfit = found.closest, found.misfit
         assert misfit < 1e-4
         assert two_numbers(unit[np.newaxis]).misfits[0] == misfit
         assert unit[0] == pytest.approx(OPTIMUM[0], abs=2e-4)
@@ -61,7 +62,8 @@ class TestSearch:
             misfits = np.sqrt((away**2 + 0.02 * (1.0 - np.cos(8.0 * np.pi * away))).mean(axis=1))
             return Evaluated(misfits, np.zeros((len(units), 2)))
 
-        unit, misfit = searched(tmp_path / "s.npz", wells, replace(EFFORT, generations=80)).best()
+        found = searched(tmp_path / "s.npz", wells, replace(EFFORT, generations=80))
+        unit, misfit = found.closest, found.misfit
         assert misfit < 0.01
         np.testing.assert_allclose(unit[:2], [0.81, 0.23], atol=0.01)
 
@@ -70,7 +72,8 @@ class TestSearch:
             residuals = units[:, :1] - np.array([1.2])
             return Evaluated(np.abs(residuals[:, 0]), residuals)
 
-        unit, misfit = searched(tmp_path / "s.npz", beyond).best()
+        found = searched(tmp_path / "s.npz", beyond)
+        unit, misfit = found.closest, found.misfit
         assert misfit == pytest.approx(0.2, abs=0.005)
         assert unit[0] > 0.99
 
@@ -128,7 +131,7 @@ class TestSearch:
             with pytest.raises(Killed):
                 searched(path, mortal)
         resumed = searched(path, mortal)
-        for name in ("units", "spread_units", "spread_misfits", "history"):
+        for name in ("closest", "misfit", "spread_units", "spread_misfits", "history"):
             np.testing.assert_array_equal(getattr(resumed, name), getattr(whole, name))
         assert calls["all"] == whole_calls["all"] + len(deaths)
 
@@ -139,7 +142,7 @@ class TestSearch:
         def never(_):
             raise AssertionError
 
-        np.testing.assert_array_equal(searched(path, never).units, first.units)
+        np.testing.assert_array_equal(searched(path, never).closest, first.closest)
 
     def test_damaged_or_foreign_state_is_not_taken_up(self, tmp_path, capsys):
         path, effort = tmp_path / "s-0.npz", replace(EFFORT, generations=1, seeds=1)
@@ -166,12 +169,12 @@ class TestSearch:
         path, effort = tmp_path / "s.npz", replace(EFFORT, generations=2)
         search(initial(effort) / 2.0, two_numbers, effort, 1, path, "a", QUIET)
         np.testing.assert_array_equal(
-            searched(path, effort=effort).units, searched(tmp_path / "new.npz", effort=effort).units
+            searched(path, effort=effort).closest, searched(tmp_path / "new.npz", effort=effort).closest
         )
 
     def test_seeds_know_nothing_of_each_other(self, tmp_path):
         alone = search(initial()[:1], two_numbers, replace(EFFORT, seeds=1), 1, tmp_path / "1", "a", QUIET)
-        np.testing.assert_array_equal(alone.units[0], searched(tmp_path / "3").units[0])
+        np.testing.assert_array_equal(alone.history[:, 0], searched(tmp_path / "3").history[:, 0])
 
     def test_seeds_agree_within_five_per_cent_or_where_all_fit(self, tmp_path):
         state = searched(tmp_path / "s.npz", effort=replace(EFFORT, generations=1))
