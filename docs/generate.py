@@ -19,6 +19,7 @@ from tendonrepro.report.findings import Results, findings
 DOCS = Path(__file__).parent
 RESULTS = DOCS / "results"
 PAGE = DOCS / "findings.md"
+CLOSEST = DOCS.parent / "configs" / "closest.yaml"
 PART = re.compile(r"(<!-- made by generate.py: (the answer|the ensemble) -->\n).*?(<!-- end -->)", re.S)
 
 
@@ -34,10 +35,17 @@ def main(reports: Path) -> None:
     _store("claims.json", ledger | {"sha256": digest_of(ledger)})
     decides = json.loads((reports / "claims" / "decides.json").read_text(encoding="utf-8"))
     _store("decides.json", rows.thinned_decides(decides))
-    closest = reports / "identify_all" / "identify.json"
-    if closest.exists():
-        _store("identify.json", rows.thinned_closest(json.loads(closest.read_text(encoding="utf-8"))))
+    if (reports / "identify_all").exists():
+        take_closest(reports / "identify_all")
     PAGE.write_text(fresh(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+
+
+def take_closest(folder: Path) -> None:
+    """Take over what `tendonrepro identify --fit all` found, and ship its best plant."""
+    found = json.loads((folder / "identify.json").read_text(encoding="utf-8"))
+    _store("identify.json", rows.thinned_closest(found))
+    text = (folder / "identified.yaml").read_text(encoding="utf-8")
+    CLOSEST.write_text(f"# yaml-language-server: $schema=schema.json\n#\n{text}", encoding="utf-8")
 
 
 def fresh(text: str) -> str:
@@ -88,7 +96,8 @@ def generated() -> str:
         table(rows.decides(stored("decides.json"))),
     ]
     if (RESULTS / "identify.json").exists():
-        parts += ["### The closest plants", table(rows.closest(stored("identify.json")))]
+        searched = stored("identify.json")
+        parts += ["### The closest plants", table(rows.closest(searched)), rows.together(searched)]
     return "\n\n".join(parts) + "\n"
 
 

@@ -49,6 +49,7 @@ OWNERS = {
     "joblib": ["ensemble/workers.py"],
     "distributed": ["ensemble/workers.py"],
     "SALib": ["claims/sensitivity.py"],
+    "cma": ["identify/search.py"],
     "rich": ["console.py"],
     "jinja2": ["report/page.py"],
     "markdown_it": ["report/page.py"],

@@ -29,6 +29,7 @@ def test_the_wheel_holds_the_data_and_nothing_else(wheel: Path) -> None:
     }
     # A search for the closest plants may be stored, or not.
     assert {name for name in names if not name.endswith((".py", "identify.json"))} == {
+        "tendonrepro/configs/closest.yaml",
         "tendonrepro/configs/compare.yaml",
         "tendonrepro/configs/compare_cosine.yaml",
         "tendonrepro/configs/decouple.yaml",

@@ -27,7 +27,10 @@ MOST_DRAWS = 2**20
 """Weeks of work, and as many blocks as memory holds with ease."""
 
 SECONDS_PER_EXPERIMENT = 6e-3
-"""Time on one processor, for estimates before anything has run: between those of a fast and a slow one."""
+"""Time on a fast processor, for estimates before anything has run; of the same order is all that is needed.
+
+Measured: 17 ms on slow processors that had other work too (docs/ensemble.md).
+"""
 
 _COMPRESSION = 0.9
 

@@ -39,12 +39,12 @@ from tendonrepro.identify.misfit import (
 )
 from tendonrepro.identify.report import CONFIG, conclusions, write_config, write_identify_tables
 from tendonrepro.identify.screening import nominal_unit, rows_that_matter
-from tendonrepro.identify.search import Effort, Evaluated, State, load_arrays, save_arrays, search
+from tendonrepro.identify.search import Effort, Evaluated, Found, load_arrays, save_arrays, search
 from tendonrepro.results.folder import HeldFolder, claimed, foretell_refusal
 from tendonrepro.results.manifest import make_manifest
 from tendonrepro.simulation.batch import simulate_batch
 
-Found: TypeAlias = tuple[NDArray[np.bool_], State]
+Searched: TypeAlias = tuple[NDArray[np.bool_], Found]
 """Rows of the box that were searched, (P,), and the search."""
 
 DATA = "identify.json"
@@ -118,7 +118,7 @@ def run_identify(
         loaded=loaded,
         fit=fit,
         readings=_readings(readings, loaded),
-        effort=Effort(generations, population, seeds, NEAR, ()),
+        effort=Effort(generations, population, seeds, NEAR, (), fit != "all"),
         seed=int(loaded.config.seed.si),
         printed=printed_numbers(paper or published(), joints),
         bench=Bench(loaded.base, box, window, simulate or partial(simulate_batch, threads=processors)),
@@ -190,7 +190,7 @@ def _identified(task: Task, held: HeldFolder, identity: str, processors: int, ta
     place = int(np.argmin([entry["misfit_log"] for entry in readings]))
     best = task.readings[place]
     rows, state = found[task.case(best)]
-    config = task.bench.searching(rows).config(_whole(task, rows, state.best()[0][np.newaxis])[0], best)
+    config = task.bench.searching(rows).config(_whole(task, rows, state.closest[np.newaxis])[0], best)
     write_config(folder / CONFIG, config, data, readings[place])
     held.files += [folder / CONFIG, *write_identify_tables(data, folder / "tables")]
     held.files += draw_identify_figures(data, folder / "figures")
@@ -201,7 +201,7 @@ def _identified(task: Task, held: HeldFolder, identity: str, processors: int, ta
     return data | {"manifest": held.finish(manifest, talk)}
 
 
-def _searches(task: Task, folder: Path, processors: int, talk: Talk) -> dict[Reading, Found]:
+def _searches(task: Task, folder: Path, processors: int, talk: Talk) -> dict[Reading, Searched]:
     """Search under every case, side by side where there are several."""
     cases = list(dict.fromkeys(task.case(reading) for reading in task.readings))
     evaluations, processes = task.effort.evaluations, min(processors, len(cases))
@@ -222,7 +222,7 @@ def _searches(task: Task, folder: Path, processors: int, talk: Talk) -> dict[Rea
 
 def _searched(
     task: Task, folder: Path, talk: Talk, case: Reading, progress: Callable[[int], None] = lambda _: None
-) -> tuple[Reading, Found]:
+) -> tuple[Reading, Searched]:
     """Choose rows and search under one case; what is on disk already is not done again."""
     identity = task.identity([case.name])
     path, chosen = (folder / STATES / f"{identity[:16]}{name}.npz" for name in ("", "-rows"))
@@ -256,9 +256,9 @@ def _whole(task: Task, rows: NDArray[np.bool_], points: Array) -> Array:
     return units
 
 
-def _reading_data(task: Task, held: Reading, rows: NDArray[np.bool_], state: State) -> dict[str, Any]:
+def _reading_data(task: Task, held: Reading, rows: NDArray[np.bool_], state: Found) -> dict[str, Any]:
     """Everything about one reading as plain values."""
-    point, misfit = state.best()
+    point, misfit = state.closest, state.misfit
     limit = max(NEAR, 2.0 * misfit)
     units = _whole(task, rows, np.vstack([point, state.near(limit)]))
     bench = task.bench.searching(rows)

@@ -35,7 +35,7 @@ _CAPTIONS = {
 def write_config(path: Path, config: CompareConfig, data: Mapping[str, Any], held: Mapping[str, Any]) -> None:
     """Write the best plant of a reading as a configuration of `compare`, and read it back as a check."""
     searched = held["rows_searched"]
-    source = f"identified: tendonrepro identify, misfit {held['misfit_log']:.2g}, "
+    source = f"identified: {_numbers(data)}, misfit {held['misfit_log']:.2g}, "
 
     def sourced(node: Any) -> Node:
         if isinstance(node, dict):
@@ -52,21 +52,31 @@ def write_config(path: Path, config: CompareConfig, data: Mapping[str, Any], hel
 
     tree = sourced(config.model_dump(mode="json", exclude_none=True))
     assert isinstance(tree, dict)
+    tree["title"] = f"{config.title}, plant fitted to {_numbers(data)}"
     write_atomically(path, _head(data, held) + dump(tree))
     load_config(path, "compare")
 
 
+def _numbers(data: Mapping[str, Any]) -> str:
+    return "Tables 2 and 3" if data["fit"] == "all" else "Controller 2 of Table 2"
+
+
 def _head(data: Mapping[str, Any], held: Mapping[str, Any]) -> str:
-    numbers = "Tables 2 and 3" if data["fit"] == "all" else "Controller 2's numbers of Table 2"
-    count, misfit = len(held["rows_searched"]), f"{held['misfit_log']:.3g}"
+    count = len(held["rows_searched"])
     lines = (
-        f"Fitted to {numbers} of the paper under the reading {held['name']},",
+        f"Fitted to {_numbers(data)} of the paper under the reading {held['name']},",
         f"by tendonrepro identify --fit {data['fit']} --window {data['window']}.",
-        f"Misfit {misfit}, root mean square of log(ours/printed). {count} unknowns were searched, the",
-        "other rows of the box kept their nominal value. It proves nothing: what was fitted to the print",
-        "cannot be evidence for it, and other plants fit as well.",
+        f"Misfit {held['misfit_log']:.3g}, root mean square of log(ours/printed). {count} unknowns were",
+        "searched, the other rows of the box kept their nominal value. It proves nothing: what was",
+        "fitted to the print cannot be evidence for it, and other plants fit as well.",
+        f"At a bound of the box: {_at_bounds(held) or 'none of them'}.",
     )
     return "".join(f"# {line}\n" for line in lines) + "\n"
+
+
+def _at_bounds(held: Mapping[str, Any]) -> str:
+    """Rows that the best plant leans on, and on which end."""
+    return ", ".join(f"{row['name']} ({row['at_bound']})" for row in held["parameters"] if row["at_bound"])
 
 
 def conclusions(data: Mapping[str, Any]) -> list[str]:
@@ -86,9 +96,8 @@ def conclusions(data: Mapping[str, Any]) -> list[str]:
         )
     for held in data["readings"] if data["judged"] else []:
         found += _judged_sentences(held)
-    bounds = [f"{row['name']} ({row['at_bound']})" for row in first["parameters"] if row["at_bound"]]
-    if bounds:
-        found.append(f"The best plant under {first['name']} lies at a bound in {', '.join(bounds)}.")
+    if bounds := _at_bounds(first):
+        found.append(f"The best plant under {first['name']} lies at a bound in {bounds}.")
     return found
 
 

@@ -19,7 +19,10 @@ from tendonrepro.identify.misfit import Bench, log_misfit, log_residuals
 DRAWS, LOOKED_AT = 256, 8
 
 FELT = 0.1
-"""Root mean square change in log of the numbers, over plants and numbers, from which on a row is searched."""
+"""Root mean square change in log of the numbers, over plants and numbers, from which on a row is searched.
+
+A choice: what moves them by less than a tenth the others make good, down to misfits well below that.
+"""
 
 _SWITCHES = {
     "reducer_loss_acts": {"reducer_efficiency"},

@@ -1,18 +1,18 @@
-"""Differential evolution of several populations in step, kept on disk after every generation.
+"""Search of the unit cube: a population that spreads, then CMA-ES and least squares; kept on disk.
 
-The first phase spreads: a member whose misfit is below the tolerance is as good as it needs to be, and walks
-at random among plants that are. The second phase refines the best. Half of the trials are no differences of
+Where plants are judged, differential evolution spreads first: a member whose misfit is below the tolerance is
+as good as it needs to be, and walks at random among plants that are. Half of the trials are no differences of
 members but follow the regression of the population on its residuals, which finds a few numbers among many
 unknowns far sooner and leaves what they do not depend on as spread as it was.
 
-Tried once on the same number of plants (docs/ensemble.md) it came closer than CMA-ES, to which a point is one
-misfit, and than least squares from many starts, which stop at choices and where the misfit is rough.
+The closest plant is found by CMA-ES, which copes with choices and a rough misfit, and least squares from
+where it settles, again from the next start until the plants are used up. docs/ensemble.md says what else
+was tried.
 """
 
 from __future__ import annotations
 
 import io
-import json
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -48,8 +48,8 @@ Misfit: TypeAlias = Callable[[Array], Evaluated]
 AGREED = 1.05
 """Largest ratio of the seeds' best misfits that counts as the same."""
 
-REFINING = 0.25
-"""Share of the generations that refine."""
+SPREADING = 0.75
+"""Share of the generations that spread where plants are judged."""
 
 _FACTOR = (0.1, 0.7)
 # Shares of the rows that a trial takes from the mutant: few rows find what a thin valley allows, many what
@@ -57,6 +57,21 @@ _FACTOR = (0.1, 0.7)
 _CROSSED = (0.1, 0.3, 0.9)
 _REGRESSED = 0.5
 _STEP = (0.5, 1.0)
+
+_WIDTH = 0.25
+"""First standard deviation of CMA-ES: a quarter of the cube, so that all of it is within reach."""
+
+_PATIENCE, _GAIN = 10, 0.02
+"""CMA-ES has settled when so many generations have lowered the misfit by less than this share."""
+
+_DIFFERENCE = 0.03
+"""Half of the central difference of a slope; wide, because encoder counts make the misfit rough."""
+
+_DESCENTS = 8
+"""Slopes that are left to least squares when the plants run short; one takes two plants per unknown."""
+
+_SETTLED = 1e-4
+"""Relative change of cost or point at which least squares end."""
 
 
 @dataclass(frozen=True)
@@ -69,11 +84,13 @@ class Effort:
     population : int
         Members per seed, at least 5.
     seeds : int
-        Populations that know nothing of each other.
+        Searches that know nothing of each other.
     tolerance : float
         Misfit that is good enough while spreading.
     smooth : tuple of bool
         Unknowns that the residuals depend on smoothly, of all F; choices are none.
+    spreads : bool
+        Whether near-optimal plants are wanted, and not only the closest one.
     """
 
     generations: int
@@ -81,67 +98,48 @@ class Effort:
     seeds: int
     tolerance: float
     smooth: tuple[bool, ...]
+    spreads: bool = True
 
     @property
     def spreading(self) -> int:
-        """Generations of the first phase."""
-        return self.generations - int(REFINING * self.generations)
+        """Generations that spread."""
+        return int(np.ceil(SPREADING * self.generations)) if self.spreads else 0
+
+    @property
+    def plants(self) -> int:
+        """Points that each seed looks at."""
+        return (self.generations + 1) * self.population
 
     @property
     def evaluations(self) -> int:
-        """Points looked at in all."""
-        return (self.generations + 1) * self.population * self.seeds
+        """Points looked at in all, at most: the last so many polish the best seed's."""
+        return self.plants * (self.seeds + 1)
 
 
 @dataclass(frozen=True)
-class State:
-    """Where a search stands.
+class Found:
+    """What S seeds found.
 
     Attributes
     ----------
-    generation : int
-        Generations done.
-    units : array (S, M, F)
-        Members of each seed's population in the unit cube.
-    misfits : array (S, M)
-    residuals : array (S, M, K)
-    spread_units, spread_misfits : array
-        The same at the end of the first phase, or so far.
-    history : array (generation + 1, S)
-        Best misfit.
-    random : tuple of str
-        State of each seed's generator, as JSON.
+    closest : array (F,)
+        Closest point of all in the unit cube, polished.
+    misfit : float
+    spread_units : array (S, M, F)
+        Members of each population when it had spread.
+    spread_misfits : array (S, M)
+    history : array (generations + 1, S)
+        Smallest misfit after each so many plants.
     """
 
-    generation: int
-    units: Array
-    misfits: Array
-    residuals: Array
+    closest: Array
+    misfit: float
     spread_units: Array
     spread_misfits: Array
     history: Array
-    random: tuple[str, ...]
-
-    def is_whole(self) -> bool:
-        """Whether its arrays fit each other; ValueError or TypeError where the generators are none."""
-        shape = self.units.shape
-        seeds = shape[0]
-        _generators(self.random)
-        return (
-            self.spread_units.shape == shape
-            and self.misfits.shape == self.spread_misfits.shape == self.residuals.shape[:2] == shape[:2]
-            and self.residuals.ndim == 3
-            and self.history.shape == (self.generation + 1, seeds)
-            and len(self.random) == seeds
-        )
-
-    def best(self) -> tuple[Array, float]:
-        """Best point (F,) and its misfit."""
-        seed, member = np.unravel_index(int(np.argmin(self.misfits)), self.misfits.shape)
-        return self.units[seed, member], float(self.misfits[seed, member])
 
     def near(self, limit: float) -> Array:
-        """Members of the first phase's last population with a misfit up to a limit, (N, F)."""
+        """Members that had spread with a misfit up to a limit, (N, F)."""
         return self.spread_units[self.spread_misfits <= limit]
 
     def agree(self, tolerance: float) -> bool:
@@ -159,59 +157,129 @@ def search(
     identity: str,
     talk: Talk,
     progress: Callable[[int], None] = lambda _: None,
-) -> State:
-    """Search to the end, from first members (S, M, F) or from where an interrupted search stopped.
+) -> Found:
+    """Search from first members (S, M, F).
 
-    The state is written to `path` after every generation, and taken up only where `identity`, a digest of
-    all that the search depends on, is the same. However often interrupted, it ends the same to the last bit.
+    What was looked at is kept beside `path`, a file for each seed, and not looked at again where `identity`,
+    a digest of all that the search depends on, is the same. However often interrupted, it ends the same to
+    the last bit.
     """
-    state = load_state(path, identity, talk)
-    if state is None or state.units.shape != initial.shape:
-        state = _first(initial, misfit, seed)
-        save_state(path, state, identity)
-    progress((state.generation + 1) * state.misfits.size)
-    while state.generation < effort.generations:
-        state = step(state, misfit, effort)
-        save_state(path, state, identity)
-        progress(state.misfits.size)
-    return state
+
+    def memory_of(name: object) -> _Memory:
+        file = path.with_name(f"{path.stem}-{name}{path.suffix}")
+        return _Memory(misfit, effort.plants, file, identity, talk, progress)
+
+    found = []
+    for place, members in enumerate(initial):
+        memory = memory_of(place)
+        spread = _search(members, memory, effort, np.random.default_rng([seed, place]))
+        # What was left was too little for one more slope or generation.
+        progress(memory.left)
+        course = np.minimum.accumulate(memory.kept.misfits[: memory.count])
+        ends = np.minimum(np.arange(1, effort.generations + 2) * effort.population, memory.count) - 1
+        found.append((memory.best(), spread, course[ends]))
+    best, spreads, history = zip(*found, strict=True)
+    closest = min(best, key=lambda held: held[1])
+    memory, smooth = memory_of("best"), np.array(effort.smooth)
+    if smooth.any():
+        with suppress(_UsedUp):
+            _descend(closest[0], smooth, memory)
+        closest = min(closest, memory.best(), key=lambda held: held[1])
+    progress(memory.left)
+    units, misfits = (np.stack(column) for column in zip(*spreads, strict=True))
+    return Found(*closest, units, misfits, np.stack(history).T)
 
 
-def _first(initial: Array, misfit: Misfit, seed: int) -> State:
-    seeds, members, rows = initial.shape
-    found = misfit(initial.reshape(-1, rows))
-    misfits = found.misfits.reshape(seeds, members)
-    residuals = found.residuals.reshape(seeds, members, -1)
-    generators = [np.random.default_rng([seed, place]) for place in range(seeds)]
-    best = misfits.min(axis=1)[np.newaxis]
-    return State(0, initial, misfits, residuals, initial, misfits, best, _states(generators))
+class _UsedUp(Exception):
+    """No plants are left to look at."""
 
 
-def step(state: State, misfit: Misfit, effort: Effort) -> State:
-    """One generation of every population, looked at together."""
-    refine = state.generation >= effort.spreading
-    tolerance = 0.0 if refine else effort.tolerance
-    generators = _generators(state.random)
-    populations = zip(state.units, state.misfits, state.residuals, generators, strict=True)
-    trials = np.stack([_trials(*held, effort.smooth, tolerance, refine=refine) for held in populations])
-    found = misfit(trials.reshape(-1, trials.shape[2]))
-    found_misfits = found.misfits.reshape(state.misfits.shape)
-    taken = found_misfits <= np.maximum(state.misfits, tolerance)
+class _Memory:
+    """Misfit of a number of points, in their order, and on disk."""
 
-    def chosen(new: Array, old: Array) -> Array:
-        return np.where(taken.reshape(taken.shape + (1,) * (old.ndim - 2)), new.reshape(old.shape), old)
+    def __init__(
+        self,
+        misfit: Misfit,
+        plants: int,
+        path: Path,
+        identity: str,
+        talk: Talk,
+        progress: Callable[[int], None],
+    ) -> None:
+        self._misfit, self._path, self._identity, self._progress = misfit, path, identity, progress
+        self.left, self.count = plants, 0
+        self.units, self.kept = _remembered(path, identity, talk) or (
+            np.empty((0, 0)),
+            Evaluated(np.empty(0), np.empty((0, 0))),
+        )
 
-    units, misfits = chosen(trials, state.units), chosen(found_misfits, state.misfits)
-    return State(
-        generation=state.generation + 1,
-        units=units,
-        misfits=misfits,
-        residuals=chosen(found.residuals, state.residuals),
-        spread_units=state.spread_units if refine else units,
-        spread_misfits=state.spread_misfits if refine else misfits,
-        history=np.concatenate([state.history, misfits.min(axis=1)[np.newaxis]]),
-        random=_states(generators),
-    )
+    def __call__(self, points: Array) -> Evaluated:
+        if len(points) > self.left:
+            raise _UsedUp
+        asked = slice(self.count, self.count + len(points))
+        if not np.array_equal(self.units[asked], points):
+            self._look(points)
+        self.count += len(points)
+        self.left -= len(points)
+        self._progress(len(points))
+        return Evaluated(*(held[asked] for held in self.kept))
+
+    def best(self) -> tuple[Array, float]:
+        """Best point that was asked for (F,), and its misfit."""
+        place = int(np.argmin(self.kept.misfits[: self.count]))
+        return self.units[place], float(self.kept.misfits[place])
+
+    def _look(self, points: Array) -> None:
+        found = self._misfit(points)
+        if self.count:
+            before = self.units, *self.kept
+            pairs = zip(before, (points, *found), strict=True)
+            points, *found = (np.concatenate([old[: self.count], new]) for old, new in pairs)  # type: ignore[assignment]
+        self.units, self.kept = points, Evaluated(*found)
+        save_arrays(self._path, self._identity, units=points, **self.kept._asdict())
+
+
+def _remembered(path: Path, identity: str, talk: Talk) -> tuple[Array, Evaluated] | None:
+    stored = load_arrays(path, identity, talk)
+    if stored is None:
+        return None
+    with suppress(LookupError, TypeError, ValueError):
+        names = ("units", "misfits", "residuals")
+        units, misfits, residuals = (stored[name].astype(np.float64, casting="safe") for name in names)
+        fits = len(units) == len(misfits) == len(residuals)
+        if fits and (units.ndim, misfits.ndim, residuals.ndim) == (2, 1, 2):
+            return units, Evaluated(misfits, residuals)
+    talk.note(f"{path}: {_NONE}")
+    return None
+
+
+def _search(
+    members: Array, look: _Memory, effort: Effort, generator: np.random.Generator
+) -> tuple[Array, Array]:
+    """One seed's members (M, F) when they had spread, and their misfits; all else is in the memory."""
+    found = look(members)
+    for _ in range(effort.spreading):
+        members, found = _step(members, found, look, effort, generator)
+    smooth = np.array(effort.smooth)
+    reserve = _DESCENTS * 2 * int(smooth.sum())
+    with suppress(_UsedUp):
+        for place in np.argsort(found.misfits, kind="stable"):
+            start = _settled(members[place], look, effort.population // 2, reserve, generator)
+            if smooth.any():
+                _descend(start, smooth, look)
+    return members, found.misfits
+
+
+def _step(
+    units: Array, held: Evaluated, look: Misfit, effort: Effort, generator: np.random.Generator
+) -> tuple[Array, Evaluated]:
+    """One generation of a population that spreads."""
+    trials = _trials(units, *held, generator, effort.smooth, effort.tolerance)
+    found = look(trials)
+    taken = found.misfits <= np.maximum(held.misfits, effort.tolerance)
+    pairs = zip((units, *held), (trials, *found), strict=True)
+    units, *rest = (np.where(taken.reshape(-1, *[1] * (old.ndim - 1)), new, old) for old, new in pairs)
+    return units, Evaluated(*rest)
 
 
 def _trials(
@@ -221,8 +289,6 @@ def _trials(
     generator: np.random.Generator,
     smooth: tuple[bool, ...],
     tolerance: float,
-    *,
-    refine: bool,
 ) -> Array:
     """One trial per member of a population, (M, F)."""
     members, rows = units.shape
@@ -231,7 +297,7 @@ def _trials(
     start, plus, minus = (units[order[:, k]] for k in range(3))
     # A step from where it stands is as likely as the step back, so walkers cover what is allowed evenly.
     walks = (misfits <= tolerance)[:, np.newaxis]
-    base = units[np.argmin(misfits)] if refine else np.where(walks, units, start)
+    base = np.where(walks, units, start)
     mutant = base + generator.uniform(*_FACTOR, (members, 1)) * (plus - minus)
     crossed = generator.random((members, rows)) < generator.choice(_CROSSED, (members, 1))
     crossed[np.arange(members), generator.integers(rows, size=members)] = True
@@ -253,46 +319,71 @@ def _slope(units: Array, residuals: Array) -> Array:
     return slope
 
 
+def _settled(
+    start: Array, look: _Memory, population: int, reserve: int, generator: np.random.Generator
+) -> Array:
+    """Best point of CMA-ES from a start until it settles, or so few plants are left."""
+    import cma
+
+    options = {
+        "bounds": [0.0, 1.0],
+        "popsize": max(population, 4),
+        "randn": lambda *shape: generator.standard_normal(shape),
+        "seed": np.nan,  # else it would seed a generator that all of NumPy shares
+        "verbose": -9,
+    }
+    strategy = cma.CMAEvolutionStrategy(start, _WIDTH, options)
+    best, point = np.inf, start
+    course: list[float] = []
+    while look.left > reserve + population and not strategy.stop() and not _stands(course):
+        points = np.array(strategy.ask())
+        misfits = look(points).misfits
+        strategy.tell(list(points), misfits.tolist())
+        if misfits.min() < best:
+            best, point = misfits.min(), points[misfits.argmin()]
+        course.append(best)
+    return point
+
+
+def _stands(course: list[float]) -> bool:
+    return len(course) > _PATIENCE and course[-1] > (1.0 - _GAIN) * course[-1 - _PATIENCE]
+
+
+def _descend(start: Array, smooth: NDArray[np.bool_], look: Misfit) -> None:
+    """Least squares from a point over the smooth unknowns; choices stay."""
+    from scipy.optimize import least_squares
+
+    def at(values: Array) -> Array:
+        points = np.tile(start, (len(values), 1))
+        points[:, smooth] = values
+        found = look(points)
+        # The misfit of a plant that ends badly is more than its residuals say.
+        size = np.sqrt(np.mean(found.residuals**2, axis=1))
+        worse = np.maximum(found.misfits / np.maximum(size, np.finfo(float).tiny), 1.0)
+        scaled: Array = found.residuals * worse[:, np.newaxis]
+        return scaled
+
+    def residuals(values: Array) -> Array:
+        one: Array = at(values[np.newaxis])[0]
+        return one
+
+    def slopes(values: Array) -> Array:
+        ends = np.minimum(values + _DIFFERENCE, 1.0), np.maximum(values - _DIFFERENCE, 0.0)
+        own = np.eye(values.size, dtype=np.bool_)
+        above, below = np.split(at(np.concatenate([np.where(own, end, values) for end in ends])), 2)
+        slope: Array = ((above - below) / (ends[0] - ends[1])[:, np.newaxis]).T
+        return slope
+
+    least_squares(residuals, start[smooth], slopes, bounds=(0.0, 1.0), ftol=_SETTLED, xtol=_SETTLED)
+
+
 def _reflected(units: Array) -> Array:
     """Fold what left the cube back into it; what is more than a side away ends at the far bound."""
     inside: Array = 1.0 - np.abs(1.0 - np.minimum(np.abs(units), 2.0))
     return inside
 
 
-def _states(generators: list[np.random.Generator]) -> tuple[str, ...]:
-    return tuple(json.dumps(generator.bit_generator.state) for generator in generators)
-
-
-def _generators(states: tuple[str, ...]) -> list[np.random.Generator]:
-    generators = [np.random.default_rng() for _ in states]
-    for generator, state in zip(generators, states, strict=True):
-        generator.bit_generator.state = json.loads(state)
-    return generators
-
-
 _NONE = "is of another search; the search starts anew"
-_ARRAYS = ("units", "misfits", "residuals", "spread_units", "spread_misfits", "history")
-
-
-def save_state(path: Path, state: State, identity: str) -> None:
-    """Store a state, whole or not at all."""
-    arrays = {name: getattr(state, name) for name in _ARRAYS}
-    save_arrays(path, identity, generation=state.generation, random=state.random, **arrays)
-
-
-def load_state(path: Path, identity: str, talk: Talk) -> State | None:
-    """Read the state of this search; None when there is none to go on from, and why is told."""
-    stored = load_arrays(path, identity, talk)
-    if stored is None:
-        return None
-    with suppress(LookupError, TypeError, ValueError):
-        arrays = {name: stored[name].astype(np.float64, casting="safe") for name in _ARRAYS}
-        random = tuple(map(str, stored["random"]))
-        state = State(generation=int(stored["generation"]), random=random, **arrays)
-        if state.is_whole():
-            return state
-    talk.note(f"{path}: {_NONE}")
-    return None
 
 
 def save_arrays(path: Path, identity: str, **content: Any) -> None:

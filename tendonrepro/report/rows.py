@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -76,7 +77,14 @@ def _value(number: Any) -> Any:
 def thinned_closest(data: Mapping[str, Any]) -> dict[str, Any]:
     """What is kept of ``tendonrepro identify --fit all``."""
     kept = ["name", "misfit_log", "misfit_by_seed", "seeds_agree", "rows_searched", "best_shape"]
-    readings = [{key: reading[key] for key in kept} for reading in data["readings"]]
+    readings = [
+        {key: reading[key] for key in kept}
+        | {
+            "largest": max(reading["numbers"], key=lambda row: abs(math.log(row["ratio"]))),
+            "at_bound": {row["name"]: row["at_bound"] for row in reading["parameters"] if row["at_bound"]},
+        }
+        for reading in data["readings"]
+    ]
     return {key: data[key] for key in ("fit", "window", "evaluations")} | {"readings": readings}
 
 
@@ -245,6 +253,42 @@ def closest(data: Mapping[str, Any]) -> Table:
         f"{' / '.join(_peakedness(shape, 'printed') for shape in printed)}."
     )
     return Table(["reading", "misfit", "seeds agree", "order in MAE", "in RMSE", "RMSE/MAE"], rows, about)
+
+
+def together(data: Mapping[str, Any]) -> str:
+    """What would bring order, ratios and RMSE/MAE together, of what `thinned_closest` kept."""
+    searched = data["readings"]
+    best = min(searched, key=lambda held: held["misfit_log"])
+    ordered, rising = (
+        [held["name"] for held in searched if all(has(shape) for shape in held["best_shape"])]
+        for has in (_in_order, _rises)
+    )
+    row = best["largest"]
+    off = f"{100.0 * abs(row['ratio'] - 1.0):.0f} % too {'large' if row['ratio'] > 1.0 else 'small'}"
+    leans = ", ".join(f"`{name}` ({end})" for name, end in best["at_bound"].items())
+    return (
+        "**What would bring the printed order, the printed ratios and RMSE/MAE together?** The closest plant has the printed order, in "
+        f"MAE and RMSE on both joints, under {_names(ordered)}; RMSE/MAE rises from Controller 1 to 3 on both joints under {_names(rising)}; "
+        f"so both under {_names([name for name in ordered if name in rising])}. The closest of all is that under `{best['name']}`. "
+        f"Of its sixteen numbers {row['run'].replace('_', ' ')}'s {row['metric'].upper()} on joint {row['joint']} is farthest off, {off}. "
+        f"At a bound of the box it has {leans or 'no row'}. `tendonrepro compare --config closest` runs it; it was fitted to what it is laid "
+        "beside, so it proves nothing."
+    )
+
+
+def _names(names: Sequence[str]) -> str:
+    return ", ".join(f"`{name}`" for name in names) or "no reading"
+
+
+def _in_order(shape: Mapping[str, Any]) -> bool:
+    return all(
+        shape[f"ours_order_{metric}"] == shape[f"printed_order_{metric}"] for metric in ("mae", "rmse")
+    )
+
+
+def _rises(shape: Mapping[str, Any]) -> bool:
+    one, two, three = (shape[f"ours_rmse_over_mae_controller_{k}"] for k in (1, 2, 3))
+    return bool(one < two < three)
 
 
 def _peakedness(shape: Mapping[str, Any], whose: str) -> str:

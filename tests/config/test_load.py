@@ -24,7 +24,7 @@ from tendonrepro.config.shipped import init_config, shipped_folder, shipped_name
 from tendonrepro.errors import ConfigError, UsageError
 
 EXPERIMENTS = ("compare", "decouple")
-SHIPPED_FILES = ("compare", "compare_cosine", "decouple", "ensemble", "lumidouce_ii")
+SHIPPED_FILES = ("closest", "compare", "compare_cosine", "decouple", "ensemble", "lumidouce_ii")
 
 
 @pytest.fixture(scope="module")
@@ -524,7 +524,7 @@ def accepts(schema: dict[str, Any], value: Any, root: dict[str, Any]) -> bool:
 
 @pytest.mark.parametrize("name", SHIPPED_FILES)
 def test_schema_accepts_the_shipped_files_and_not_much_else(name: Any) -> None:
-    kind = {"lumidouce_ii": "manipulator", "compare_cosine": "compare"}.get(name, name)
+    kind = {"lumidouce_ii": "manipulator", "compare_cosine": "compare", "closest": "compare"}.get(name, name)
     tree = shipped_tree(name)
     if name in EXPERIMENTS:  # also with the manipulator inside
         assert accepts(json_schema(name), load_config(None, name).tree, json_schema(name))

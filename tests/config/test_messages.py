@@ -315,10 +315,8 @@ def test_configuration_of_another_kind(files: Files, name: str, message: str) ->
 def test_file_that_is_not_there(files: Files) -> None:
     with pytest.raises(ConfigError, match="no such file") as raised:
         load_config(files.folder / "nowhere.yaml", "compare")
-    assert (
-        raised.value.hint
-        == "Shipped configurations, by name: compare, compare_cosine, decouple, ensemble, lumidouce_ii"
-    )
+    names = "closest, compare, compare_cosine, decouple, ensemble, lumidouce_ii"
+    assert raised.value.hint == f"Shipped configurations, by name: {names}"
     for folder in (files.folder, ""):
         with pytest.raises(ConfigError, match="is a folder"):
             load_config(folder, "compare")

@@ -40,12 +40,15 @@ def test_table_of_the_closest_plants(generate: Any) -> None:
     """From what `identify` reports; the best reading first, printed numbers below."""
 
     def reading(name: str, misfits: list[float], order: str) -> dict[str, Any]:
-        shape: dict[str, Any] = {"printed_order_mae": "1 < 2 < 3"}
+        shape: dict[str, Any] = {f"printed_order_{metric}": "1 < 2 < 3" for metric in ("mae", "rmse")}
         shape |= {f"ours_order_{metric}": order for metric in ("mae", "rmse")}
         for whose, ratio in (("ours", 1.25), ("printed", 1.3)):
             shape |= {f"{whose}_rmse_over_mae_controller_{k}": ratio for k in (1, 2, 3)}
         agree = max(misfits) <= 1.05 * min(misfits)
         held = {"name": name, "misfit_log": min(misfits), "misfit_by_seed": misfits, "seeds_agree": agree}
+        number = {"run": "controller_3", "metric": "mae", "joint": 3}
+        held["numbers"] = [number | {"ratio": ratio} for ratio in (1.05, 0.94)]
+        held["parameters"] = [{"name": "amplitude", "at_bound": "high"}, {"name": "rise", "at_bound": None}]
         return held | {"rows_searched": ["motion"], "best_shape": [shape, shape], "history": []}
 
     readings = [
@@ -55,12 +58,16 @@ def test_table_of_the_closest_plants(generate: Any) -> None:
     data = {"fit": "all", "window": "whole", "evaluations": 5904, "readings": readings, "joints": [2, 3]}
     thinned = rows.thinned_closest(data)
     assert "history" not in thinned["readings"][0]
-    lines = generate.table(rows.closest(thinned)).splitlines()
+    lines = [*generate.table(rows.closest(thinned)).splitlines(), "", rows.together(thinned)]
     assert lines[2].startswith("| `phi_branch=power` | 0.070 | yes | 1 < 2 < 3 / 1 < 2 < 3 |")
     assert lines[3].startswith("| `printed` | 0.200 | no, up to 0.300 | 3 < 2 < 1 / 3 < 2 < 1 |")
     assert "1.25 1.25 1.25 / 1.25 1.25 1.25" in lines[2]
-    assert "5,904 plants" in lines[-1]
-    assert lines[-1].endswith("1.30 1.30 1.30 / 1.30 1.30 1.30.")
+    assert "5,904 plants" in lines[-3]
+    assert lines[-3].endswith("1.30 1.30 1.30 / 1.30 1.30 1.30.")
+    assert "on both joints, under `phi_branch=power`; RMSE/MAE rises" in lines[-1]
+    assert "on both joints under no reading; so both under no reading" in lines[-1]
+    assert "controller 3's MAE on joint 3 is farthest off, 6 % too small" in lines[-1]
+    assert "At a bound of the box it has `amplitude` (high)." in lines[-1]
 
 
 def test_medians_are_those_of_the_theory_where_the_load_changes_slowly(readings: dict[str, Any]) -> None:

@@ -13,6 +13,7 @@ from tendonrepro.identify.misfit import Bench
 from tendonrepro.identify.screening import nominal_unit, rows_that_matter, with_switches
 
 BOX = make_box(loaded().config)
+NOMINAL = dict(zip(BOX.names, BOX.nominal, strict=True))
 
 
 def chosen(monkeypatch, log_factor):
@@ -48,6 +49,13 @@ def test_a_row_that_hardly_does_is_not(monkeypatch):
         lambda values: np.log(values["winch_viscous"] / 4.0) + 0.02 * np.log(values["link_mass_2"]),
     )
     assert felt == {"winch_viscous"}
+
+
+@pytest.mark.parametrize(("change", "is_searched"), [(0.09, False), (0.11, True)])
+def test_ten_per_cent_are_felt(monkeypatch, change, is_searched):
+    """The best draws have another motion than the nominal one, with which every number is larger."""
+    felt = chosen(monkeypatch, lambda values: change * (values["motion"] == NOMINAL["motion"]))
+    assert (felt == {"motion"}) == is_searched
 
 
 def test_where_none_is_felt_all_are_searched(monkeypatch):
