@@ -42,6 +42,8 @@ def write_config(path: Path, config: CompareConfig, data: Mapping[str, Any], hel
             return {key: sourced(value) for key, value in node.items()}
         if isinstance(node, list):
             return [sourced(value) for value in node]
+        if isinstance(node, float) and node.is_integer():
+            return int(node)  # the schema wants counts to be whole
         if isinstance(node, str) and node.startswith(_DRAWN):
             what = node.removeprefix(_DRAWN)
             # A vector is of rows that are numbered by joint.
