@@ -42,6 +42,8 @@ def write_config(path: Path, config: CompareConfig, data: Mapping[str, Any], hel
             return {key: sourced(value) for key, value in node.items()}
         if isinstance(node, list):
             return [sourced(value) for value in node]
+        if isinstance(node, float) and node.is_integer():
+            return int(node)  # the schema wants counts to be whole
         if isinstance(node, str) and node.startswith(_DRAWN):
             what = node.removeprefix(_DRAWN)
             # A vector is of rows that are numbered by joint.
@@ -70,8 +72,15 @@ def _head(data: Mapping[str, Any], held: Mapping[str, Any]) -> str:
         "searched, the other rows of the box kept their nominal value. It proves nothing: what was",
         "fitted to the print cannot be evidence for it, and other plants fit as well.",
         f"At a bound of the box: {_at_bounds(held) or 'none of them'}.",
+        f"Chosen: {_chosen(held)}.",
     )
     return "".join(f"# {line}\n" for line in lines) + "\n"
+
+
+def _chosen(held: Mapping[str, Any]) -> str:
+    """Choices that were searched: what the plant owes to effects that are in no equation."""
+    rows = (row for row in held["parameters"] if row["choice"] and row["searched"])
+    return ", ".join(f"{row['name']} {row['best']}" for row in rows) or "nothing"
 
 
 def _at_bounds(held: Mapping[str, Any]) -> str:

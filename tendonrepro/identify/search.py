@@ -179,15 +179,15 @@ def search(
         ends = np.minimum(np.arange(1, effort.generations + 2) * effort.population, memory.count) - 1
         found.append((memory.best(), spread, course[ends]))
     best, spreads, history = zip(*found, strict=True)
-    point, least = min(best, key=lambda held: held[1])
+    point, size = min(best, key=lambda held: float(held[1]))
     memory, smooth = memory_of("best"), np.array(effort.smooth)
     if smooth.any():
         with suppress(_UsedUp):
             _descend(point, smooth, memory)
-        point, least = min((point, least), memory.best(), key=lambda held: held[1])
+        point, size = min((point, size), memory.best(), key=lambda held: float(held[1]))
     progress(memory.left)
     units, misfits = (np.stack(column) for column in zip(*spreads, strict=True))
-    return Found(point, least, units, misfits, np.stack(history).T)
+    return Found(point, size, units, misfits, np.stack(history).T)
 
 
 class _UsedUp(Exception):
