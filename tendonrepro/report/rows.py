@@ -106,7 +106,7 @@ def head(summary: Mapping[str, Any]) -> str:
             f"{check['experiments']} runs were repeated with the SciPy stepper; on the {check['compared']} that "
             f"ran to their end MAE and RMSE differ by at most "
             f"{percent(check['ideal']['largest'])} with ideal encoders (in `{check['ideal']['where'].split(', ')[1]}`) and "
-            f"{percent(check['quantised']['largest'])} with counts; {check['disagreements']} statuses differ. "
+            f"{percent(check['quantised']['largest'])} with counts; statuses that differ: {check['disagreements']}. "
         )
     return text + "Brackets are 95 % intervals from the scramblings."
 
@@ -277,7 +277,7 @@ def together(data: Mapping[str, Any]) -> str:
 
 
 def _names(names: Sequence[str]) -> str:
-    return ", ".join(f"`{name}`" for name in names) or "no reading"
+    return ", ".join(f"`{name}`" for name in names) or "none of those searched"
 
 
 def _in_order(shape: Mapping[str, Any]) -> bool:
