@@ -20,7 +20,7 @@ _DEEPEST = 32
 _MOST_OBJECTS = 50_000
 """Links followed; a group may hold millions that lead nowhere."""
 _MOST_WORDS = 64
-_PACKING = ("_FillValue", "scale_factor", "add_offset")
+_PACKING = ("scale_factor", "add_offset")
 _BROKEN = "copy or download it again; if it stays broken, export it again"
 _ELSEWHERE = "copy that file's data into this one with h5repack or h5copy"
 
@@ -147,6 +147,8 @@ def _why_not(found: Found, dataset: h5py.Dataset) -> tuple[str, str]:
     gap = "This is a netCDF dimension but"
     if dataset.shape is None or _text_attribute(dataset, "NAME").startswith(gap):
         return "no numbers in it", ""
+    if packed := [name for name in _PACKING if name in dataset.attrs]:
+        return f"packed with {' and '.join(packed)}", "write it unpacked, such as with xarray"
     size, stored = dataset.nbytes, dataset.id.get_storage_size()
     if not dataset.is_virtual and size > BEST_PACKING * stored and (size > HARMLESS or not stored):
         return f"announces {size} bytes but holds {stored}, so most were never written", ""
@@ -158,7 +160,6 @@ def _add(found: Found, path: str, dataset: h5py.Dataset) -> None:
     if values.dtype.names:
         add_array(found, path, values)
         return
-    packed = [name for name in _PACKING if name in dataset.attrs]
     group, _, name = path.rpartition("/")
     found.add(
         path,
@@ -167,7 +168,7 @@ def _add(found: Found, path: str, dataset: h5py.Dataset) -> None:
         unit=_text_attribute(dataset, "units") or None,
         group=group,
         time=_time(found, dataset),
-        note=f"not applied: {', '.join(packed)}" if packed else "",
+        note="not applied: _FillValue" if "_FillValue" in dataset.attrs else "",
     )
 
 
