@@ -217,7 +217,7 @@ def animate(
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite a file that is there.")] = False,
 ) -> None:
-    """The arm in motion, tendons coloured by tension, from stored traces."""
+    """The arm in motion, its tendons coloured by tension."""
     from tendonrepro.results.animate import animate as make
     from tendonrepro.results.animate import animate_text
 

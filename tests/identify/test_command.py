@@ -205,7 +205,7 @@ class TestRun:
     def test_dry_run_writes_nothing(self, tmp_path):
         data = identified(tmp_path / "out", dry_run=True, readings="default")
         assert not (tmp_path / "out").exists()
-        assert data["evaluations"] == 41 * 16 * 3
+        assert data["evaluations"] == 41 * 16 * (3 + 1), "three seeds, and the polish of the best"
         assert len(data["readings"]) > len(data["searches"]) > 10
         assert "would write to" in identify_text(data)
 
