@@ -195,7 +195,7 @@ def reading_summary(data: EnsembleData, reading: str) -> dict[str, Any]:
             result[key][plants] = {
                 metric: _shares(data, np.logical_and.reduce(flags), kept) for metric, flags in metrics.items()
             }
-    result |= _shapes(data, reading, counted["all_ok"])
+    result |= _shapes(data, reading, counted["all_ok"]) | _together(data, reading, counted["all_ok"])
     return result | {"agreement": agreement(result, data.joints)}
 
 
@@ -228,6 +228,7 @@ _RANKINGS = {
 def _shapes(data: EnsembleData, reading: str, kept: Flags) -> dict[str, Any]:
     """RMSE over MAE of every controller, the share on which it rises as printed, and a plant's distance.
 
+    Its growth is that of the last controller over that of the first.
     The distance of a plant is the root mean square of log(ours/printed) over what Table 2 says without a
     scale: the ratios C1/C2 and C2/C3 of the MAE and each RMSE/MAE, per joint.
     """
@@ -254,7 +255,38 @@ def _shapes(data: EnsembleData, reading: str, kept: Flags) -> dict[str, Any]:
     printed += [[printed_shape(run, joint) for joint in data.joints] for run in CONTROLLERS]
     distance = np.sqrt((np.log(ours / np.array(printed)[:, np.newaxis]) ** 2).mean(axis=(0, 2)))
     spread = quantiles_of(distance, replicate)
-    return {"rmse_over_mae": sizes, "share_rmse_over_mae_rises": shares, "distance": spread}
+    growth = {
+        f"joint_{joint}": quantiles_of(shape[-1, defined, i] / shape[0, defined, i], replicate)
+        for i, joint in enumerate(data.joints)
+    }
+    return {
+        "rmse_over_mae": sizes,
+        "rmse_over_mae_growth": growth,
+        "share_rmse_over_mae_rises": shares,
+        "distance": spread,
+    }
+
+
+def _together(data: EnsembleData, reading: str, kept: Flags) -> dict[str, Any]:
+    """Shares on which other results of the paper hold, alone and with the printed order, on both joints.
+
+    ``smoother``: Controller 1's torque has smaller steps than both rivals'; ``rise``: RMSE/MAE rises.
+    """
+    mae, rmse, step = (
+        np.array([data.statistic(run, reading, name)[kept] for run in CONTROLLERS])
+        for name in (*METRICS, "torque_step_rms")
+    )
+    shape = np.divide(rmse, mae, out=np.full_like(mae, np.nan), where=mae > 0.0)
+    order, smoother = _in_order(mae) & _in_order(rmse), _first_is_best(step)
+    hits = {
+        "share_c1_smoother": smoother,
+        "share_order_and_smoother": order & smoother,
+        "share_order_and_rise": order & _in_order(shape),
+    }
+    return {
+        name: share_of(np.asarray(flags.all(axis=1)), data.replicate[kept]).as_row()
+        for name, flags in hits.items()
+    }
 
 
 def printed_shape(run: str, joint: int) -> float:

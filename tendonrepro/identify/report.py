@@ -67,10 +67,11 @@ def _head(data: Mapping[str, Any], held: Mapping[str, Any]) -> str:
     count = len(held["rows_searched"])
     lines = (
         f"Fitted to {_numbers(data)} of the paper under the reading {held['name']},",
-        f"by tendonrepro identify --fit {data['fit']} --window {data['window']}.",
-        f"Misfit {held['misfit_log']:.3g}, root mean square of log(ours/printed). {count} unknowns were",
-        "searched, the other rows of the box kept their nominal value. It proves nothing: what was",
-        "fitted to the print cannot be evidence for it, and other plants fit as well.",
+        f"by tendonrepro identify --fit {data['fit']} --window {data['window']} --readings {held['name']}.",
+        f"Misfit {held['misfit_log']:.3g}, root mean square of log(ours/printed), by the compiled stepper. "
+        f"{count} unknowns",
+        "were searched, the other rows of the box kept their nominal value. It proves nothing: what was",
+        "fitted to the print cannot be evidence for it, and other plants may fit as well or better.",
         f"At a bound of the box: {_at_bounds(held) or 'none of them'}.",
         f"Chosen: {_chosen(held)}.",
     )

@@ -63,6 +63,13 @@ def _thin_reading(reading: Mapping[str, Any]) -> dict[str, Any]:
         "in_reverse": share("share_c3_lt_c2_lt_c1", "all_ok"),
         "in_reverse_diverged_last": share("share_c3_lt_c2_lt_c1", "diverged_last"),
         "rmse_over_mae_rises": reading["share_rmse_over_mae_rises"]["both"],
+        "smoother": reading["share_c1_smoother"],
+        "order_and_smoother": reading["share_order_and_smoother"],
+        "order_and_rise": reading["share_order_and_rise"],
+        "growth": {
+            joint: {name: _value(found[name]) for name in ("median", "highest")}
+            for joint, found in reading["rmse_over_mae_growth"].items()
+        },
         "distance": {key: _value(reading["distance"][key]) for key in ("median", "lowest")},
         "c1_c2": ratio("ratio_c1_c2"),
         "c2_c3": ratio("ratio_c2_c3"),
@@ -106,7 +113,7 @@ def head(summary: Mapping[str, Any]) -> str:
             f"{check['experiments']} runs were repeated with the SciPy stepper; on the {check['compared']} that "
             f"ran to their end MAE and RMSE differ by at most "
             f"{percent(check['ideal']['largest'])} with ideal encoders (in `{check['ideal']['where'].split(', ')[1]}`) and "
-            f"{percent(check['quantised']['largest'])} with counts; statuses that differ: {check['disagreements']}. "
+            f"{percent(check['quantised']['largest'])} with counts; {check['disagreements']} of the {check['experiments']} ended with another status. "
         )
     return text + "Brackets are 95 % intervals from the scramblings."
 
@@ -267,9 +274,9 @@ def together(data: Mapping[str, Any]) -> str:
     off = f"{100.0 * abs(row['ratio'] - 1.0):.0f} % too {'large' if row['ratio'] > 1.0 else 'small'}"
     leans = ", ".join(f"`{name}` ({end})" for name, end in best["at_bound"].items())
     return (
-        "**What would bring the printed order, the printed ratios and RMSE/MAE together?** The closest plant has the printed order, in "
+        f"**What would bring the printed order, the printed ratios and RMSE/MAE together?** Of what was searched, {_names([held['name'] for held in searched])}, the closest plant has the printed order, in "
         f"MAE and RMSE on both joints, under {_names(ordered)}; RMSE/MAE rises from Controller 1 to 3 on both joints under {_names(rising)}; "
-        f"so both under {_names([name for name in ordered if name in rising])}. The closest of all is that under `{best['name']}`. "
+        f"so both under {_names([name for name in ordered if name in rising])}. The closest plant found is that under `{best['name']}`. "
         f"Of its sixteen numbers {row['run'].replace('_', ' ')}'s {row['metric'].upper()} on joint {row['joint']} is farthest off, {off}. "
         f"At a bound of the box it has {leans or 'no row'}. `tendonrepro compare --config closest` runs it; it was fitted to what it is laid "
         "beside, so it proves nothing."

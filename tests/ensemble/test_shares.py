@@ -68,7 +68,7 @@ def test_shape_needs_no_scale():
         for run in RUNS[:3]
     } | {RUNS[3]: {"mae": np.ones(2), "rmse": np.ones(2)}}
     scale = np.random.default_rng(2).uniform(0.1, 10.0, (PLANTS, 2))
-    as_printed = ensemble(lambda run, _, name: scale * printed[run][name], always_ok)
+    as_printed = ensemble(lambda run, _, name: scale * printed[run].get(name, 1.0), always_ok)
     found = reading_summary(as_printed, "printed")
     assert found["distance"]["highest"] == pytest.approx(0.0, abs=1e-12)
     assert found["share_rmse_over_mae_rises"]["both"]["share"] == 1.0
@@ -130,9 +130,21 @@ def test_the_reverse_and_the_rise_equal_brute_force(mixed):
     shape = np.divide(rmse, mae)
     rising = (shape[0] < shape[1]) & (shape[1] < shape[2])
     assert found["share_rmse_over_mae_rises"]["both"]["share"] == rising.all(axis=1).mean()
+    steps = [mixed.statistic(run, "printed", "torque_step_rms")[ok] for run in RUNS[:3]]
+    smoother = np.all([np.less(steps[0], other) for other in steps[1:]], axis=(0, 2))
+    order = np.all([(sizes[0] < sizes[1]) & (sizes[1] < sizes[2]) for sizes in (mae, rmse)], axis=(0, 2))
+    for name, hits in {
+        "share_c1_smoother": smoother,
+        "share_order_and_smoother": order & smoother,
+        "share_order_and_rise": order & rising.all(axis=1),
+    }.items():
+        assert found[name]["share"] == hits.mean(), name
+        assert found[name]["plants"] == ok.sum()
     numbers = found["rmse_over_mae"]["controller_3"]["joint_2"]
     assert numbers["highest"] == shape[2][:, 0].max()
     assert numbers["printed"] == 0.436 / 0.305
+    growth = found["rmse_over_mae_growth"]["joint_2"]
+    assert growth["highest"] == (shape[2][:, 0] / shape[0][:, 0]).max()
 
 
 def test_statuses_add_up(mixed):
