@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import ast
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -33,6 +35,19 @@ Measured: 17 ms on slow processors that had other work too (docs/ensemble.md).
 """
 
 _COMPRESSION = 0.9
+
+
+@cache
+def code_digest() -> str:
+    """SHA-256 of the code that makes numbers of draws: between two versions it changes, and results with it.
+
+    Comments and layout do not count.
+    """
+    package = Path(__file__).parents[1]
+    files = [path for room in ("physics", "simulation") for path in sorted((package / room).rglob("*.py"))]
+    return digest_of(
+        {path.relative_to(package).as_posix(): ast.dump(ast.parse(path.read_text("utf-8"))) for path in files}
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +121,7 @@ class Study:
         content = {
             "schema": SCHEMA_VERSION,
             "version": __version__,
+            "code": code_digest(),
             "config": self.sha256,
             "base": self.base.sha256,
             "seed": self.seed,

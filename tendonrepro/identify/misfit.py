@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
@@ -19,7 +17,9 @@ from tendonrepro.config.models.readings import RUNS, Reading, case_of, reading, 
 from tendonrepro.config.published import PrintedNumber, Published
 from tendonrepro.ensemble.block import Simulate
 from tendonrepro.ensemble.box import Box, configured
+from tendonrepro.ensemble.plan import code_digest
 from tendonrepro.experiments.loops import build_loops
+from tendonrepro.files import digest_of
 from tendonrepro.identify.search import Effort
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.stepper import DesiredMotion, Loop
@@ -258,6 +258,7 @@ class Task:
         content = {
             "schema": SCHEMA_VERSION,
             "version": __version__,
+            "code": code_digest(),
             "config": self.loaded.sha256,
             "fit": self.fit,
             "window": self.bench.window,
@@ -266,4 +267,4 @@ class Task:
             "seed": self.seed,
             "printed": [self.printed.values.tolist(), self.printed.half.tolist()],
         }
-        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+        return digest_of(content)

@@ -6,6 +6,7 @@ import pytest
 from support.fake_batch import small_study
 
 from tendonrepro.config.models.readings import RUNS
+from tendonrepro.ensemble import plan
 from tendonrepro.ensemble.command import load_study
 from tendonrepro.errors import UsageError
 
@@ -63,3 +64,11 @@ def test_identity_holds_what_numbers_depend_on(change):
         change = {"readings": study.readings[:2]}
     assert replace(study, **change).identity != study.identity
     assert replace(study).identity == study.identity
+
+
+def test_identity_holds_the_code(monkeypatch):
+    """Shards begun by other code are not gone on with."""
+    study = small_study()
+    before = study.identity
+    monkeypatch.setattr(plan, "code_digest", lambda: "other")
+    assert replace(study).identity != before
