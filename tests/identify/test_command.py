@@ -136,7 +136,7 @@ class TestRun:
         )
         text = (tmp_path / "out" / "identified.yaml").read_text()
         assert "draw from the box" not in text
-        assert f"identified: tendonrepro identify, misfit {best['misfit_log']:.2g}" in text
+        assert f"identified: Tables 2 and 3, misfit {best['misfit_log']:.2g}" in text
         assert f"under the reading {best['name']}," in text
         assert "proves nothing" in text
         held = "held at its nominal value: "
