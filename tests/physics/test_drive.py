@@ -57,6 +57,15 @@ def pull(stretch: Array, drive: Drive, rate: float = 0.0) -> Array:
     return tendon_torque(0.0 * at, 0.0 * at, at, 0.0 * at + rate, drive)[0]
 
 
+@pytest.mark.parametrize("one_way", [0.0, 1.0])
+def test_a_tendon_that_only_pulls_has_no_torque_where_it_would_push(one_way: float) -> None:
+    stretch = np.array([-0.02, -0.001, 0.0, 0.001, 0.02])
+    both = pull(stretch, one_winch(one_way=0.0))
+    assert (both[:2] < 0.0).all()
+    found = pull(stretch, one_winch(one_way=one_way))
+    assert found == pytest.approx(np.maximum(both, 0.0) if one_way else both, abs=0.0)
+
+
 @each_size
 @each_seed
 class TestCoordinates:
