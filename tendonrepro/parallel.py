@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_EXCEPTION, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from multiprocessing import connection
+from multiprocessing import connection, forkserver
 from multiprocessing.sharedctypes import Synchronized
 from typing import Any, TypeVar
 
@@ -27,7 +27,24 @@ LOOK_SECONDS = 1.0
 """How often a process that :mod:`multiprocessing` did not start looks whether its starter is still there."""
 
 _POLL_SECONDS = 0.1
+_METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
 _report: Callable[[int], None] | None = None
+
+
+def prepare(*modules: str) -> None:
+    """Begin to import modules for the processes that :func:`each` will start, while this one goes on.
+
+    They fork from one that has imported them. Where no process can, as on Windows, each imports for itself.
+
+    Parameters
+    ----------
+    modules : str
+        Names of modules that are slow to import.
+    """
+    if _METHOD == "forkserver" and (os.cpu_count() or 1) > 1:
+        forkserver.set_forkserver_preload(list(modules))
+        with interrupts_held():
+            forkserver.ensure_running()
 
 
 def each(
@@ -59,7 +76,7 @@ def each(
     if count <= 1:
         _listen(progress)
         return [function(item) for item in items]
-    context = multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context(_METHOD)
     done = context.Value("q", 0)
     others = multiprocessing.active_children()
     pool = ProcessPoolExecutor(count, context, _start, (done,))

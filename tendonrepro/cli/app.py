@@ -22,9 +22,12 @@ from tendonrepro.cli.study import study_app
 from tendonrepro.config.request import Request
 from tendonrepro.console import brief, printable
 from tendonrepro.errors import TendonreproError, UsageError
+from tendonrepro.parallel import prepare
 
 if TYPE_CHECKING:
     from tendonrepro.experiments.command import Order
+
+FIGURES = "tendonrepro.results.figures.catalogue"
 
 EPILOG = (
     "Exit codes: 0 done, 1 error, 2 usage or configuration, 3 a verdict is against the print "
@@ -120,6 +123,7 @@ def reproduce(
     ] = None,
 ) -> int:
     """Both experiments: every figure and table of section 5."""
+    _make_ready(request)
     from tendonrepro.experiments.command import both_orders
 
     return _carry_out(both_orders(config, request), terminal)
@@ -141,6 +145,7 @@ def compare(
     ] = "scipy",
 ) -> int:
     """Controllers 1 to 3, payload: Figures 13 to 16, Tables 2 and 3."""
+    _make_ready(request)
     from tendonrepro.experiments.command import Order
 
     if len(law or ()) > 1:
@@ -154,9 +159,16 @@ def compare(
 @command(app, "tendonrepro decouple --set manipulator.tendons.damping_factor=3 --out reports/damped")
 def decouple(request: Request, terminal: Terminal) -> int:
     """Joint angles from motor angles: Figures 6 and 9 to 12, Table 1."""
+    _make_ready(request)
     from tendonrepro.experiments.command import Order
 
     return _carry_out([Order("decouple", request)], terminal)
+
+
+def _make_ready(request: Request) -> None:
+    """Let the processes that will integrate and draw import while this one reads the configuration."""
+    if not request.dry_run:
+        prepare("tendonrepro.simulation.codegen.compiled", "scipy.integrate", FIGURES)
 
 
 def _carry_out(orders: Sequence[Order], terminal: Terminal) -> int:
@@ -186,6 +198,7 @@ def figures(
     out: ResultsFolder = Path("reports"),
 ) -> None:
     """Draw figures again from stored traces."""
+    prepare(FIGURES)
     from tendonrepro.experiments.command import redraw
 
     terminal.list_files(redraw(out, numbers))

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.integrate import ode
 
 from tendonrepro.arrays import Array
 from tendonrepro.errors import TendonreproError
@@ -163,6 +162,7 @@ def _run(loop: Loop, record: Mapping[str, Array], progress: Callable[[int], None
     memory = controller.init(measure(0, state), tau_before)
     pending = [tau_before] * loop.actuator.delay
     limits = loop.actuator._replace(resolution=0.0)
+    as_commanded = not loop.actuator.delay and not loop.actuator.resolution
     for k in range(samples):
         measured = measure(k, state)
         decision = controller.decide(
@@ -175,7 +175,7 @@ def _run(loop: Loop, record: Mapping[str, Array], progress: Callable[[int], None
             rows[k] = value
         if k + 1 == samples or not _bounded(reference.q_d[k] - measured.q, tau_m, loop.divergence_limit):
             break
-        commanded = applied_torque(decision.tau, limits, S, S_inv)
+        commanded = tau_m if as_commanded else applied_torque(decision.tau, limits, S, S_inv)
         memory = controller.remember(memory, measured, decision, DriveTorque(tau_m, commanded))
         # The noise acts on the plant alone: no controller can know it.
         state = advance(reference.time[k], reference.time[k + 1], state, tau_m + noise[k])
@@ -230,6 +230,9 @@ def _torque_noise(loop: Loop) -> Array:
 
 def _integrator(loop: Loop) -> Callable[[float, float, Array, Array], Array]:
     """SciPy's integrator, started afresh in every period: the torque jumps there."""
+    # Heavy, and the process that waits for runs needs neither.
+    from scipy.integrate import ode
+
     from tendonrepro.simulation.codegen.compiled import compiled_plant
 
     solver, (derivative, p) = loop.solver, compiled_plant(loop.plant)
