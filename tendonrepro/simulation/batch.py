@@ -112,8 +112,6 @@ def simulate_batch(
     """
     _refuse_others(loops)
     results, report = _Results(loops, limits, record=record), progress or (lambda _: None)
-    samples, plants, steps = _parts(loops, tolerance)
-    results.steps[:] = np.where((steps > 0).all(axis=1), steps.max(axis=1), 0)
 
     def run(places: Sequence[int]) -> int:
         pack, first = {place: loops[place] for place in places}, places[0]
@@ -124,6 +122,8 @@ def simulate_batch(
 
     size = LANES if record else max(LANES, min(PACK, len(loops) // (4 * threads)))
     with ThreadPoolExecutor(threads) as pool:
+        samples, plants, steps = _parts(loops, tolerance, pool.map)
+        results.steps[:] = np.where((steps > 0).all(axis=1), steps.max(axis=1), 0)
         for done in pool.map(run, _packs(loops, plants, steps, size)):
             report(done)
     return results.batch()
@@ -141,7 +141,7 @@ def _refuse_others(loops: Sequence[Loop]) -> None:
 
 
 def _parts(
-    loops: Sequence[Loop], tolerance: float
+    loops: Sequence[Loop], tolerance: float, for_each: Callable[..., Iterator[Any]]
 ) -> tuple[dict[int, CompiledPart], dict[int, CompiledPart], NDArray[np.int64]]:
     """Compiled law and plant of every loop, by its place, and its steps per sample, (N, levels)."""
     samples: dict[int, CompiledPart] = {}
@@ -149,7 +149,7 @@ def _parts(
     steps: dict[int, NDArray[np.int64]] = {}
     torque: dict[int, Array] = {}
     for alike in _alike(loops, lambda loop: (loop.plant.preload.size, loop.plant.disturbance.omega.size)):
-        parts, needed, at_rest = plant_parts(alike, tolerance)
+        parts, needed, at_rest = plant_parts(alike, tolerance, for_each)
         plants |= parts
         steps |= needed
         torque |= at_rest

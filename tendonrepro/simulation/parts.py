@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,21 +53,23 @@ class CompiledPart:
 
 
 def plant_parts(
-    loops: Mapping[int, Loop], tolerance: float
+    loops: Mapping[int, Loop], tolerance: float, for_each: Callable[..., Iterator[Any]]
 ) -> tuple[dict[int, CompiledPart], dict[int, NDArray[np.int64]], dict[int, Array]]:
     """Compile the plants of loops with as many joints and components of the disturbance.
 
     By place in the batch: the code, integration steps per sample at each level of demand, (levels,), 0 where
-    none are enough, and motor torque at rest, N m.
+    none are enough, and motor torque at rest, N m. `for_each` is `map`, or one on several threads.
     """
     # Runs under other readings share their plant and motion: these are worked out once.
     key = {place: (id(loop.plant), id(loop.reference)) for place, loop in loops.items()}
     single = {key[place]: loop for place, loop in loops.items()}
     plant = stacked([loop.plant for loop in single.values()])
-    stroke = stacked([np.abs(loop.reference.q_d).max(axis=0) for loop in single.values()])
+    motions = {id(loop.reference): loop.reference for loop in single.values()}
+    far = {name: np.abs(motion.q_d).max(axis=0) for name, motion in motions.items()}
+    stroke = stacked([far[id(loop.reference)] for loop in single.values()])
     column = {name: k for k, name in enumerate(single)}
     places = {place: column[name] for place, name in key.items()}
-    modes = [plant_modes(plant, stroke, pace) for pace in PACES]
+    modes = list(for_each(partial(plant_modes, plant, stroke), PACES))
     counts = {L: steps_by_demand(modes, L, tolerance) for L in {loop.L for loop in loops.values()}}
     still, once = np.zeros_like(plant.preload), np.ones((1, len(single)))
     torque = holding_torque(still, plant)

@@ -91,15 +91,15 @@ def plant_modes(plant: Plant, stroke: Array, pace: float = 0.0) -> NDArray[np.co
     fastest. A pace is in units of the velocity over which friction turns; the speed where the Stribeck effect
     falls steepest is looked at too, if it is beyond.
     """
-    q = np.concatenate([share * stroke for share in np.linspace(0.0, 1.0, POSTURES)], axis=-1)
+    q = np.linspace(0.0, 1.0, POSTURES)[:, np.newaxis] * stroke[:, np.newaxis]
     # A slack tendon is gentle: what a plant needs while taut will do.
-    plants = _repeated(both_ways(plant), POSTURES)
-    modes = [_modes_at(q, plants, speed) for speed in _speeds(plants, pace)]
-    return np.stack(modes).reshape(len(modes) * POSTURES, stroke.shape[-1], -1).swapaxes(0, 1)
+    plants = _spread(both_ways(plant))
+    modes = np.concatenate([_modes_at(q, plants, speed) for speed in _speeds(plants, pace)])
+    return modes.swapaxes(0, 1)
 
 
 def _speeds(plant: Plant, pace: float) -> list[list[Array]]:
-    """Velocities of joints and winches, each (n, N)."""
+    """Velocities of joints and winches, each (n, 1, N)."""
     laws = plant.link_friction, plant.drive.friction
     edge = [pace * law.smoothing_velocity for law in laws]
     if pace == 0.0:
@@ -108,22 +108,23 @@ def _speeds(plant: Plant, pace: float) -> list[list[Array]]:
     return [edge, [np.maximum(*pair) for pair in zip(edge, steepest, strict=True)]]
 
 
-def _repeated(record: Any, times: int) -> Any:
-    """Stacked record with its experiments several times over."""
+def _spread(record: Any) -> Any:
+    """Stacked record with an axis before that of the experiments, along which it is the same."""
     if isinstance(record, tuple):
-        parts = (_repeated(part, times) for part in record)
-        return type(record)(*parts)
-    return np.concatenate([record] * times, axis=-1)
+        return type(record)(*map(_spread, record))
+    return np.expand_dims(record, -2)
 
 
 def _modes_at(q: Array, plant: Plant, speed: Sequence[Array]) -> NDArray[np.complex128]:
+    """Eigenvalues at postures (n, P, N), at velocities of joints and winches: (P, N, 4 n)."""
     state, tau, n = rest_state(q, plant), holding_torque(q, plant), q.shape[0]
     state[n : 2 * n], state[3 * n :] = speed[0], times(plant.drive.S, speed[1])
-    nudges = NUDGE * np.concatenate([np.eye(4 * n), -np.eye(4 * n)])
-    nudged = np.concatenate([state + nudge[:, np.newaxis] for nudge in nudges], axis=-1)
-    slopes = state_derivative(0.0, nudged, np.tile(tau, 8 * n), _repeated(plant, 8 * n))
-    ahead, behind = slopes.reshape(4 * n, 2, 4 * n, -1).swapaxes(0, 1)
-    return np.linalg.eigvals(np.moveaxis((ahead - behind) / (2.0 * NUDGE), -1, 0)).astype(np.complex128)
+    nudges = NUDGE * np.hstack([np.eye(4 * n), -np.eye(4 * n)])
+    nudged = state[:, np.newaxis] + nudges[..., np.newaxis, np.newaxis]
+    slopes = state_derivative(0.0, nudged, tau[:, np.newaxis], _spread(plant))
+    ahead, behind = np.split(slopes, 2, axis=1)
+    jacobian = np.moveaxis((ahead - behind) / (2.0 * NUDGE), (0, 1), (-2, -1))
+    return np.linalg.eigvals(jacobian).astype(np.complex128)
 
 
 def steps_needed(modes: NDArray[np.complex128], L: float, tolerance: float = TOLERANCE) -> NDArray[np.int64]:
