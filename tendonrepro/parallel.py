@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -27,14 +28,15 @@ LOOK_SECONDS = 1.0
 """How often a process that :mod:`multiprocessing` did not start looks whether its starter is still there."""
 
 _POLL_SECONDS = 0.1
-_METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
+# A process that has loaded libraries of macOS must not fork, and Windows knows no fork.
+_METHOD = "forkserver" if sys.platform == "linux" else "spawn"
 _report: Callable[[int], None] | None = None
 
 
 def prepare(*modules: str) -> None:
     """Begin to import modules for the processes that :func:`each` will start, while this one goes on.
 
-    They fork from one that has imported them. Where no process can, as on Windows, each imports for itself.
+    On Linux they fork from one that has imported them; elsewhere each imports for itself.
 
     Parameters
     ----------
