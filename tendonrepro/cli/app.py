@@ -27,7 +27,12 @@ from tendonrepro.parallel import prepare
 if TYPE_CHECKING:
     from tendonrepro.experiments.command import Order
 
-FIGURES = "tendonrepro.results.figures.catalogue"
+# What libraries say of an unwritable home is for those who program with them. Not in main(): the processes
+# that draw import this module and never run that.
+logging.getLogger("matplotlib").setLevel(logging.ERROR)
+
+DRAWING = (__name__, "tendonrepro.results.figures.catalogue")
+"""Modules of the processes that draw."""
 
 EPILOG = (
     "Exit codes: 0 done, 1 error, 2 usage or configuration, 3 a verdict is against the print "
@@ -168,7 +173,7 @@ def decouple(request: Request, terminal: Terminal) -> int:
 def _make_ready(request: Request) -> None:
     """Let the processes that will integrate and draw import while this one reads the configuration."""
     if not request.dry_run:
-        prepare("tendonrepro.simulation.codegen.compiled", "scipy.integrate", FIGURES)
+        prepare(*DRAWING, "tendonrepro.simulation.codegen.compiled", "scipy.integrate")
 
 
 def _carry_out(orders: Sequence[Order], terminal: Terminal) -> int:
@@ -198,7 +203,7 @@ def figures(
     out: ResultsFolder = Path("reports"),
 ) -> None:
     """Draw figures again from stored traces."""
-    prepare(FIGURES)
+    prepare(*DRAWING)
     from tendonrepro.experiments.command import redraw
 
     terminal.list_files(redraw(out, numbers))
@@ -351,8 +356,6 @@ def config_schema(
 
 def main() -> None:
     """Run the command line and leave with its exit code."""
-    # What libraries say of an unwritable home is for those who program with them.
-    logging.getLogger("matplotlib").setLevel(logging.ERROR)
     try:
         _refuse_empty(sys.argv[1:])
         code = app(standalone_mode=False)
