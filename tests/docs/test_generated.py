@@ -164,7 +164,7 @@ def test_readme_says_what_was_found(generate: Any, readings: dict[str, Any]) -> 
     plants = populations["box"]["plants"]
     assert printed["in_order"]["share"] == 0.0
     for phrase in (
-        f"{plants} plants and motions from a box of sourced ranges",
+        f"{plants} plants and motions from a box of ranges, each with its reason",
         f"under {len(readings)} readings",
         f"all three controllers track on {printed['in_order']['plants']} of the plants",
         f"on {100.0 * printed['in_reverse']['share']:.0f} % of those the complete order is the reverse",
