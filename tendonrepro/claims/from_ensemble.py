@@ -38,6 +38,9 @@ VALUES: Mapping[str, str] = {"order": "table2.", "payload": "increase."}
 NUMBERS = ("value", "shape", "ratio", "increase")
 """Rules of numbers."""
 
+LEAST: Mapping[str, float] = {"rmse_over_mae": 1.0}
+"""Families of numbers that cannot be below a number: an RMSE is never below its MAE."""
+
 
 @dataclass(frozen=True)
 class PlantNumbers:
@@ -116,17 +119,20 @@ def _number(plants: Plants, paper: Published, identifier: str) -> Judged:
     low, high = map(float, paper.interval(identifier))
     evidence: Evidence = {
         "box": box.as_dict(),
-        "also_passing": power_of((low, high), box),
+        "also_passing": power_of((low, high), box, LEAST.get(identifier.partition(".")[0], 0.0)),
         "share_judged": float(found.judged.mean()),
     }
-    share = None
+    share, remarks = None, []
+    decision = of_number((low, high), box, share)
     if found.direction:
         share = share_of(found.direction.holds[found.judged], replicate)
         evidence["direction"] = {"statement": found.direction.text} | share.as_dict()
         last = share_of(found.direction.last[found.resolved], plants.data.replicate[found.resolved])
         evidence["direction"]["diverged_last"] = last.as_dict()
-    decision = of_number((low, high), box, share)
-    return Judged(decision, box.median, evidence | _remarks(decision))
+        decision, ranked = (of_number((low, high), box, one) for one in (share, last))
+        if ranked.verdict != decision.verdict:
+            remarks = [f"with a diverged law ranked last: {ranked.verdict}"]
+    return Judged(decision, box.median, evidence | _remarks(decision, *remarks))
 
 
 def _claim(plants: Plants, paper: Published, rule: str) -> Judged:

@@ -58,11 +58,14 @@ def of_number(printed: Ends, found: Spread, direction: Share | None) -> Decision
     return Decision(verdict, near or by_direction.borderline)
 
 
-def power_of(printed: Ends, found: Spread) -> float:
-    """Share of the decade around a printed number that would also be inside, 0 to 1; 1 says nothing."""
+def power_of(printed: Ends, found: Spread, least: float = 0.0) -> float:
+    """Share of the decade around a printed number that would also be inside, 0 to 1; 1 says nothing.
+
+    Of a number that cannot be below `least` it is the decade around what it has beyond that.
+    """
     low, high = printed
-    value, half = 0.5 * (low + high), 0.5 * (high - low)
-    ends = np.array([found.low - half, found.high + half])
+    value, half = 0.5 * (low + high) - least, 0.5 * (high - low)
+    ends = np.array([found.low - half, found.high + half]) - least
     decades = np.log10(np.clip(ends, value / 10**0.5, value * 10**0.5) / value)
     return float(decades[1] - decades[0])
 

@@ -281,6 +281,17 @@ class TestWhatIsCounted:
         number = one(data, paper, "share.controller_1_of_2.mae.joint_2").evidence["direction"]
         assert (number["share"], number["diverged_last"]["share"]) == (1.0, 0.5)
 
+    def test_a_number_says_where_a_diverged_law_would_change_its_verdict(self, data, paper):
+        for name in ("mae", "rmse"):
+            values, first, third = data.values, *((f"controller_{k}", PRINTED, name) for k in (1, 3))
+            values[first], values[third] = values[third], values[first]
+        identifier = "share.controller_1_of_3.mae.joint_2"
+        assert not any("ranked last" in text for text in one(data, paper, identifier).evidence["remarks"])
+        data.codes["controller_3", PRINTED][:200] = 2
+        found = one(data, paper, identifier)
+        assert found.verdict == "contradicted"
+        assert "with a diverged law ranked last: depends_on_plant" in found.evidence["remarks"]
+
     def test_statements_that_rank_nothing_fail_where_a_law_diverged(self, data, paper):
         data.codes["controller_2", PRINTED][:200] = 2
         assert one(data, paper, "C4").evidence["diverged_last"]["share"] == 0.5
@@ -363,7 +374,11 @@ class TestWhatIsCounted:
     def test_a_number_has_its_power_beside_it(self, data, paper):
         wide = one(data, paper, "table2.controller_1.mae.joint_2").evidence
         narrow = one(data, paper, "rmse_over_mae.controller_1.joint_2").evidence
-        assert narrow["also_passing"] < 0.01 < wide["also_passing"] < 1.0
+        low, high = paper.interval("rmse_over_mae.controller_1.joint_2")
+        beyond = [narrow["box"][end] - 1.0 for end in ("low", "high")]
+        span = np.log10((beyond[1] + (high - low) / 2) / (beyond[0] - (high - low) / 2))
+        assert narrow["also_passing"] == pytest.approx(span, rel=1e-6)
+        assert narrow["also_passing"] < 0.02 < wide["also_passing"] < 1.0
         span = np.log10((wide["box"]["high"] + 5e-4) / (wide["box"]["low"] - 5e-4))
         assert wide["also_passing"] == pytest.approx(span, rel=1e-9)
 

@@ -32,6 +32,8 @@ DRY_FRICTION = "manipulator.friction.winch.coulomb=[0.48,0.48,0.48]"
 LOW_DAMPING = "manipulator.winches.viscous=[0.2,0.2,0.2]"
 EXTRAPOLATING = "control.readings.weights=extrapolating"
 POWER = "control.readings.phi_branch=power"
+EVEN = "control.readings.phi_negative=even"
+DROPPED = "control.readings.eta_in_controller_2=dropped"
 APPLIED = "control.readings.stored_torque=applied"
 DELAY = "manipulator.actuator.output_delay=1"
 
@@ -328,6 +330,7 @@ def test_variables_each_experiment_stores(
 @pytest.mark.parametrize(
     ("row", "overrides", "order"),
     [
+        ("neither slip mended", [EVEN, DROPPED], ["321"] * 4),
         ("weights (1 + α, −α)", [EXTRAPOLATING], ["132"] * 4),
         ("power branch", [POWER], ["213", "213", "231", "231"]),
         ("both of these", [EXTRAPOLATING, POWER], ["123"] * 4),
