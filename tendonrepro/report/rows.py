@@ -274,7 +274,7 @@ def together(data: Mapping[str, Any]) -> str:
     off = f"{100.0 * abs(row['ratio'] - 1.0):.0f} % too {'large' if row['ratio'] > 1.0 else 'small'}"
     leans = ", ".join(f"`{name}` ({end})" for name, end in best["at_bound"].items())
     return (
-        f"**What would bring the printed order, the printed ratios and RMSE/MAE together?** Of what was searched, {_names([held['name'] for held in searched])}, the closest plant has the printed order, in "
+        f"**What would bring the printed order, the printed ratios and RMSE/MAE together?** Of the {len(searched)} searched above the closest plant has the printed order, in "
         f"MAE and RMSE on both joints, under {_names(ordered)}; RMSE/MAE rises from Controller 1 to 3 on both joints under {_names(rising)}; "
         f"so both under {_names([name for name in ordered if name in rising])}. The closest plant found is that under `{best['name']}`. "
         f"Of its sixteen numbers {row['run'].replace('_', ' ')}'s {row['metric'].upper()} on joint {row['joint']} is farthest off, {off}. "
@@ -284,7 +284,7 @@ def together(data: Mapping[str, Any]) -> str:
 
 
 def _names(names: Sequence[str]) -> str:
-    return ", ".join(f"`{name}`" for name in names) or "none of those searched"
+    return ", ".join(f"`{name}`" for name in names) or "none of them"
 
 
 def _in_order(shape: Mapping[str, Any]) -> bool:
