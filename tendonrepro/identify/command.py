@@ -278,12 +278,9 @@ def _reading_data(task: Task, held: Reading, rows: NDArray[np.bool_], state: Fou
         "seeds_agree": state.agree(NEAR),
         "rows_searched": [name for name, free in zip(bench.box.names, rows, strict=True) if free],
         "history": state.history.tolist(),
-        "best_status": judge.status_counts(best),
         "best_shape": judge.shape_rows(best, printed),
-        "near_status": judge.status_counts(near),
         "numbers": judge.number_rows(best, near, printed, task.fitted),
         "order": judge.order_rows(near, printed),
         "ratios": judge.ratio_rows(near, printed),
         "parameters": judge.parameter_rows(bench.box, units[0], units[1:]),
-        "pareto": judge.pareto_rows(measured, printed, task.fitted),
     }

@@ -99,8 +99,7 @@ class Outcome:
     @property
     def ok(self) -> NDArray[np.bool_]:
         """Runs that ended well, (N, R)."""
-        ended_well: NDArray[np.bool_] = self.status == STATUSES.index("ok")
-        return ended_well
+        return np.asarray(self.status == STATUSES.index("ok"))
 
     def part(self, plants: slice) -> Outcome:
         """Some of the plants."""
@@ -208,8 +207,7 @@ def log_misfit(measured: Outcome, printed: Array) -> Array:
         measured.status,
         [fit, _RINGING + fit, _DIVERGED + 10.0 * (1.0 - measured.lasted), np.full_like(fit, _UNRESOLVED)],
     )
-    result: Array = np.sqrt(np.mean(per_run**2, axis=1))
-    return result
+    return np.asarray(np.sqrt(np.mean(per_run**2, axis=1)))
 
 
 def log_residuals(measured: Outcome, printed: Array) -> Array:
@@ -221,8 +219,7 @@ def log_residuals(measured: Outcome, printed: Array) -> Array:
 
 def rounding_misfit(sizes: Array, printed: Array, half: Array) -> Array:
     """Root mean square of |ours - printed|, (N, R, 2, n), in half units of the last digit, (N,)."""
-    result: Array = np.sqrt(np.mean(((sizes - printed) / half) ** 2, axis=(1, 2, 3)))
-    return result
+    return np.asarray(np.sqrt(np.mean(((sizes - printed) / half) ** 2, axis=(1, 2, 3))))
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,6 @@ _CAPTIONS = {
     "identify_order": "Share of the near-optimal plants on which the printed order holds.",
     "identify_ratios": "Ratios of errors: printed, and on the near-optimal plants.",
     "identify_parameters": "What the fit says about each row of the box; width 1: nothing, 0: everything.",
-    "identify_pareto": "Plants that no other beats in both misfits.",
 }
 
 
@@ -198,13 +197,6 @@ def write_identify_tables(data: Mapping[str, Any], folder: Path) -> list[Path]:
         "identify_order": _gathered(readings, "order"),
         "identify_ratios": _gathered(readings, "ratios"),
         "identify_parameters": _gathered(readings, "parameters"),
-        "identify_pareto": [
-            {"reading": reading["name"], "pair": pair, "plant": point["plant"], "first": x, "second": y}
-            for reading in readings
-            for pair, points in reading["pareto"].items()
-            for point in points
-            for x, y in [[value for key, value in point.items() if key != "plant"]]
-        ],
     }
     written = (write_table(rows, folder, stem, _CAPTIONS[stem]) for stem, rows in tables.items() if rows)
     return [path for paths in written for path in paths]

@@ -315,8 +315,7 @@ def _trials(
 def _slope(units: Array, residuals: Array) -> Array:
     """Regression of points on their residuals, (K, F)."""
     x, y = residuals - residuals.mean(axis=0), units - units.mean(axis=0)
-    slope: Array = np.linalg.lstsq(x, y, rcond=1e-3)[0]
-    return slope
+    return np.asarray(np.linalg.lstsq(x, y, rcond=1e-3)[0])
 
 
 def _settled(
@@ -360,27 +359,23 @@ def _descend(start: Array, smooth: NDArray[np.bool_], look: Misfit) -> None:
         # The misfit of a plant that ends badly is more than its residuals say.
         size = np.sqrt(np.mean(found.residuals**2, axis=1))
         worse = np.maximum(found.misfits / np.maximum(size, np.finfo(float).tiny), 1.0)
-        scaled: Array = found.residuals * worse[:, np.newaxis]
-        return scaled
+        return np.asarray(found.residuals * worse[:, np.newaxis])
 
     def residuals(values: Array) -> Array:
-        one: Array = at(values[np.newaxis])[0]
-        return one
+        return np.asarray(at(values[np.newaxis])[0])
 
     def slopes(values: Array) -> Array:
         ends = np.minimum(values + _DIFFERENCE, 1.0), np.maximum(values - _DIFFERENCE, 0.0)
         own = np.eye(values.size, dtype=np.bool_)
         above, below = np.split(at(np.concatenate([np.where(own, end, values) for end in ends])), 2)
-        slope: Array = ((above - below) / (ends[0] - ends[1])[:, np.newaxis]).T
-        return slope
+        return np.asarray(((above - below) / (ends[0] - ends[1])[:, np.newaxis]).T)
 
     least_squares(residuals, start[smooth], slopes, bounds=(0.0, 1.0), ftol=_SETTLED, xtol=_SETTLED)
 
 
 def _reflected(units: Array) -> Array:
     """Fold what left the cube back into it; what is more than a side away ends at the far bound."""
-    inside: Array = 1.0 - np.abs(1.0 - np.minimum(np.abs(units), 2.0))
-    return inside
+    return np.asarray(1.0 - np.abs(1.0 - np.minimum(np.abs(units), 2.0)))
 
 
 _NONE = "is of another search; the search starts anew"

@@ -13,10 +13,9 @@ from tendonrepro.identify.judge import (
     order_rows,
     order_verdict,
     parameter_rows,
-    pareto_rows,
     ratio_rows,
 )
-from tendonrepro.identify.misfit import Outcome, log_misfit, printed_numbers
+from tendonrepro.identify.misfit import Outcome, printed_numbers
 
 
 class TestJudge:
@@ -84,19 +83,6 @@ class TestJudge:
         row = ratio_rows(plants(spread=1e-9), PRINTED)[0]
         assert row["printed"] == pytest.approx(0.261 / 0.289)
         assert row["near_median"] == pytest.approx(row["printed"], rel=1e-6)
-
-    def test_pareto_front_is_what_no_plant_beats(self):
-        near = plants(count=60)
-        front = pareto_rows(near, PRINTED, ("controller_2",))["controller_2_against_others"]
-        two = log_misfit(measured(near.sizes[:, [1]]), PRINTED.values[[1]])
-        rest = log_misfit(measured(near.sizes[:, [0, 2, 3]]), PRINTED.values[[0, 2, 3]])
-        unbeaten = {
-            k
-            for k in range(60)
-            if not ((two <= two[k]) & (rest <= rest[k]) & ((two < two[k]) | (rest < rest[k]))).any()
-        }
-        assert {point["plant"] for point in front} == unbeaten
-        assert len(front) > 1
 
 
 class TestParameters:
