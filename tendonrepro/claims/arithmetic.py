@@ -60,6 +60,11 @@ def printed_percentages(paper: Published) -> dict[str, tuple[str, str]]:
     return found
 
 
+def size_behind(identifier: str) -> str:
+    """Name of a size: the row without load of Table 3 is Controller 1 of Table 2."""
+    return identifier.replace("table3.no_load", "table2.controller_1")
+
+
 def printed_inverse(paper: Published) -> list[list[Fraction]]:
     """``S_inv`` as printed, lower triangular, with the signs of Eq. (2) and section 3.3."""
     rows = []

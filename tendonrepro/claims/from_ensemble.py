@@ -154,9 +154,14 @@ def _claim(plants: Plants, paper: Published, rule: str) -> Judged:
         last, evidence["diverged_last"] = _by_statements(plants, found, found.resolved, "last")
         if last.verdict != direction.verdict:
             remarks.append(f"with a diverged law ranked last, without regard to values: {last.verdict}")
-    decision = _with_printed_values(plants, paper, rule, direction)
+    decision = direction
+    if rule in VALUES:
+        names = (name for name in paper.entries if name.startswith(VALUES[rule]))
+        values = [_number(plants, paper, name) for name in names]
+        judged_by = of_values if rule == "payload" else with_values
+        decision = judged_by(direction, [value.decision for value in values])
     if decision.verdict == "compatible" and rule in VALUES:
-        passing = ", ".join(f"{100.0 * share:.0f} %" for share in _passing(plants, paper, rule))
+        passing = ", ".join(f"{100.0 * value.evidence['also_passing']:.0f} %" for value in values)
         remarks.append(f"of a decade around each printed value this much would also pass: {passing}")
     if found.cannot_fail:
         return missing(found.cannot_fail, None, **evidence, **_remarks(decision, *remarks))
@@ -177,7 +182,7 @@ def _by_statements(
 
     parts = {name: [share([mask]) for mask in of(held)] for name, held in found.measures.items()}
     wholes = {name: share(of(held)) for name, held in found.measures.items()}
-    best = _best(wholes)
+    best = max(wholes, key=lambda name: wholes[name].value)
     opposite = of([found.opposite]) if found.opposite else [~mask for mask in of(found.statements)]
     told = found.opposite.text if found.opposite else "no statement holds"
     evidence: Evidence = wholes[best].as_dict()
@@ -192,10 +197,6 @@ def _by_statements(
     return of_claim(wholes[best], [part for held in parts.values() for part in held]), evidence
 
 
-def _best(wholes: Mapping[str, Share]) -> str:
-    return max(wholes, key=lambda name: wholes[name].value)
-
-
 def _rows(
     plants: Plants, statements: Sequence[Statement], counted: Mask, attribute: str
 ) -> list[dict[str, Any]]:
@@ -207,22 +208,6 @@ def _rows(
         verdict = of_share(share).verdict
         rows.append({"statement": statement.text} | named | {"verdict": verdict} | share.as_dict())
     return rows
-
-
-def _with_printed_values(plants: Plants, paper: Published, rule: str, decision: Decision) -> Decision:
-    if rule not in VALUES:
-        return decision
-    values = [_number(plants, paper, name).decision for name in _values(paper, rule)]
-    return of_values(values, decision) if rule == "payload" else with_values(decision, values)
-
-
-def _values(paper: Published, rule: str) -> list[str]:
-    return [name for name in paper.entries if name.startswith(VALUES[rule])]
-
-
-def _passing(plants: Plants, paper: Published, rule: str) -> list[float]:
-    """Power of the verdicts on a claim's values."""
-    return [_number(plants, paper, name).evidence["also_passing"] for name in _values(paper, rule)]
 
 
 def _measures(evidence: Evidence) -> list[str]:

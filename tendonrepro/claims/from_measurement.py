@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.claims.arithmetic import cut, printed_percentages
+from tendonrepro.claims.arithmetic import cut, printed_percentages, size_behind
 from tendonrepro.claims.from_print import Evidence, Judged, missing
 from tendonrepro.claims.measured import Measured, OneArm
 from tendonrepro.claims.plants import Plants
@@ -17,7 +17,7 @@ from tendonrepro.claims.run_statistics import RATE_WINDOW
 from tendonrepro.claims.statements import CLAIMS, FIRST, LOADED, Findings, larger_with_load
 from tendonrepro.claims.verdicts import of_model
 from tendonrepro.config.models.readings import PRINTED
-from tendonrepro.config.published import COMPARED, PrintedNumber, PrintedQuotient, Published
+from tendonrepro.config.published import COMPARED, PrintedQuotient, Published
 from tendonrepro.dataset.motion.windows import prints_as
 from tendonrepro.errors import DataMissingError
 from tendonrepro.physics.metrics import mae, start_level
@@ -67,7 +67,7 @@ def _number(measured: Measured, paper: Published, identifier: str) -> Judged:
         return _quotient(sizes, paper, identifier, window)
     if not identifier.startswith("table"):
         return _percentage(sizes, paper, identifier, window)
-    ours = sizes.get(_size_behind(identifier))
+    ours = sizes.get(size_behind(identifier))
     if ours is None:
         return missing(f"the measured errors of {_run_of(identifier)}", **window)
     return Judged(of_model(prints_as(paper, identifier, ours)), ours, dict(window))
@@ -83,15 +83,15 @@ def _percentage(
     sizes: Mapping[str, float], paper: Published, identifier: str, window: Mapping[str, Any]
 ) -> Judged:
     """Judge a percentage from the measured numbers as the tables would print them."""
-    names = [_size_behind(name) for name in printed_percentages(paper)[identifier]]
+    names = [size_behind(name) for name in printed_percentages(paper)[identifier]]
     absent = [_run_of(name) for name in names if not np.isfinite(sizes.get(name, np.nan))]
     if absent:
         return missing(f"the measured errors of {absent[0]}", **window)
-    part, whole = (Fraction(f"{sizes[name]:.{_entry(paper, name).decimals}f}") for name in names)
+    part, whole = (Fraction(f"{sizes[name]:.{paper.digits(name).decimals}f}") for name in names)
     if whole == 0:
         return missing(f"an error of {_run_of(names[1])} that is not zero", **window)
     value = 100 * part / whole - (100 if identifier.startswith("increase.") else 0)
-    holds = cut(value, _entry(paper, identifier)) != "neither"
+    holds = cut(value, paper.digits(identifier)) != "neither"
     return Judged(of_model(holds), float(value), dict(window))
 
 
@@ -106,19 +106,6 @@ def _quotient(
         return missing(f"the measured errors of {_run_of(entry.numerator)}", **window)
     low, high = paper.interval(identifier)
     return Judged(of_model(low <= root / mean <= high), root / mean, dict(window))
-
-
-def _size_behind(identifier: str) -> str:
-    """Name of a measured size: the row without load of Table 3 is Controller 1 of Table 2."""
-    return identifier.replace("table3.no_load", "table2.controller_1")
-
-
-def _entry(paper: Published, identifier: str) -> PrintedNumber:
-    entry = paper.entries[identifier]
-    if not isinstance(entry, PrintedNumber):
-        message = f"{identifier} is no number"
-        raise TypeError(message)
-    return entry
 
 
 def _claim(measured: Measured, paper: Published, identifier: str, numbers: Mapping[str, Judged]) -> Judged:
@@ -240,7 +227,9 @@ def motor_angles(file: TraceFile) -> Judged:
         trace = file.part("compare").runs.get(name)
         if trace is None or not {"q_d", "q_encoder"} <= trace.variables.keys():
             continue
-        trace = trace.of_joints(_known_joints(trace))
+        # An encoder at rest may have been recorded without a desired angle.
+        there = zip(trace.joint, (trace["q_d"] + trace["q_encoder"]).T, strict=True)
+        trace = trace.of_joints([joint for joint, both in there if np.isfinite(both).any()])
         if not {*COMPARED} <= {*trace.joint}:
             continue
         S_inv = file.plant.matrix("S_inv", trace.joint)
@@ -258,12 +247,6 @@ def motor_angles(file: TraceFile) -> Judged:
         message = "q_encoder and q_d of joints 2 and 3 of a controller whose motors move"
         raise DataMissingError(message)
     return Judged(of_model(all(row["holds"] for row in rows)), None, {"statements": rows})
-
-
-def _known_joints(trace: Trace) -> list[int]:
-    """Joints with both angles: an encoder at rest may have been recorded without a desired angle."""
-    known = np.asarray(np.isfinite(trace["q_d"] + trace["q_encoder"]).any(axis=0))
-    return [joint for joint, there in zip(trace.joint, known, strict=True) if there]
 
 
 def _needed(trace: Trace, variable: str) -> Array:

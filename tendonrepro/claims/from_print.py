@@ -15,14 +15,13 @@ from tendonrepro.claims.arithmetic import (
     percentage,
     printed_inverse,
     printed_percentages,
+    size_behind,
     slopes_of_coupling,
 )
 from tendonrepro.claims.verdicts import Decision, VerdictName, of_arithmetic, of_model
 from tendonrepro.config.published import (
     COMPARED,
     SIGN,
-    Interval,
-    PrintedNumber,
     Published,
     coupling_of,
     exact,
@@ -54,18 +53,6 @@ class Judged:
 def missing(what: str, command: str | None = None, **evidence: Any) -> Judged:
     """Not testable, with what is missing and the command that supplies it."""
     return Judged(Decision("not_testable"), None, {"missing": what, "run": command} | evidence)
-
-
-def _ends(interval: Interval) -> list[float]:
-    return [float(interval[0]), float(interval[1])]
-
-
-def _number(paper: Published, identifier: str) -> PrintedNumber:
-    entry = paper.quantity(identifier)
-    if not isinstance(entry, PrintedNumber):
-        message = f"{identifier} is printed as a fraction"
-        raise TypeError(message)
-    return entry
 
 
 def lengths(paper: Published, identifier: str) -> Judged:
@@ -100,16 +87,16 @@ def all_percentages(paper: Published, _: str) -> Judged:
     """A1: the percentages of sections 5.3 and 5.4 against what the rounding of the tables allows."""
     rows, wrong = [], []
     for name, (part, whole) in printed_percentages(paper).items():
-        printed = _number(paper, name)
+        printed = paper.digits(name)
         change = name.startswith("increase.")
-        value, interval = percentage(_number(paper, part), _number(paper, whole), change=change)
+        value, interval = percentage(paper.digits(part), paper.digits(whole), change=change)
         consistent = meets(interval, rounding(printed))
         rows.append(
             {
                 "id": name,
                 "printed": printed.as_printed,
                 "from_digits": float(value),
-                "allowed": _ends(interval),
+                "allowed": [float(interval[0]), float(interval[1])],
                 "printed_is": cut(value, printed),
                 "consistent": consistent,
             }
@@ -120,7 +107,7 @@ def all_percentages(paper: Published, _: str) -> Judged:
 
 def same_as(paper: Published, identifier: str) -> Judged:
     """Table 3 without load against Controller 1 in Table 2."""
-    other = identifier.replace("table3.no_load", "table2.controller_1")
+    other = size_behind(identifier)
     ours = paper.quantity(other)
     consistent = meets(rounding(ours), rounding(paper.quantity(identifier)))
     return Judged(of_arithmetic(consistent), ours.value, {"from": [other]})

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from tendonrepro.claims.arithmetic import printed_percentages, size_behind
 from tendonrepro.claims.from_ensemble import COMMAND, judge, outcome
 from tendonrepro.claims.from_measurement import judge_measured
 from tendonrepro.claims.from_print import FROM_THE_PRINT, Judged, missing
@@ -94,7 +95,7 @@ def judge_all(
         found.setdefault(name, _without_ensemble(sources, paper, name))
     if sources.measured is not None:
         _add_measured(found, sources.measured, paper)
-    shipped = _shipped_numbers(sources.compare)
+    shipped = _shipped_numbers(sources.compare, paper)
     return [_verdict(paper, name, found[name], shipped.get(name)) for name in wanted]
 
 
@@ -188,7 +189,7 @@ def _verdict(paper: Published, identifier: str, found: Judged, shipped: float | 
     )
 
 
-def _shipped_numbers(compare: TraceFile | None) -> dict[str, float]:
+def _shipped_numbers(compare: TraceFile | None, paper: Published) -> dict[str, float]:
     """Numbers of Tables 2, 3 and sections 5.3, 5.4 from the traces of one run, in printed units."""
     found: dict[str, float] = {}
     runs = compare.runs if compare else {}
@@ -202,16 +203,12 @@ def _shipped_numbers(compare: TraceFile | None) -> dict[str, float]:
             mean, root = (found[f"{table}.{metric}.joint_{joint}"] for metric in ("mae", "rmse"))
             if mean > 0.0:
                 found[f"rmse_over_mae.{run}.joint_{joint}"] = root / mean
-    first = {name: size for name, size in found.items() if name.startswith("table2.controller_1.")}
-    for name, size in first.items():
-        place = name.removeprefix("table2.controller_1.")
-        for rival in (2, 3):
-            other = found.get(f"table2.controller_{rival}.{place}", 0.0)
-            if other > 0.0:
-                found[f"share.controller_1_of_{rival}.{place}"] = 100.0 * size / other
-        loaded = found.get(f"table3.with_load.{place}")
-        if loaded is not None and size > 0.0:
-            found[f"increase.with_load.{place}"] = 100.0 * (loaded / size - 1.0)
+    for name, pair in printed_percentages(paper).items():
+        part, whole = (found.get(size_behind(one)) for one in pair)
+        if part is not None and whole:
+            found[name] = (
+                100.0 * (part / whole - 1.0) if name.startswith("increase.") else 100.0 * part / whole
+            )
     return found
 
 

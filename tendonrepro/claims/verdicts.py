@@ -100,7 +100,7 @@ def with_values(claim: Decision, values: Sequence[Decision]) -> Decision:
     return Decision("compatible" if fits else "direction_only", near)
 
 
-def of_values(values: Sequence[Decision], claim: Decision) -> Decision:
+def of_values(claim: Decision, values: Sequence[Decision]) -> Decision:
     """Judge a claim that is its values: compatible when all are, else by its direction."""
     near = any(value.borderline for value in values)
     if all(value.verdict == "compatible" for value in values):

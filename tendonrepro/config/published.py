@@ -148,6 +148,12 @@ class Published:
             raise KeyError(message)
         return entry
 
+    def digits(self, identifier: str) -> PrintedNumber:
+        """Entry of a number that is printed with digits, not as a fraction."""
+        entry = self.entries[identifier]
+        assert isinstance(entry, PrintedNumber)
+        return entry
+
     def interval(self, identifier: str) -> Interval:
         """Numbers that a printed number, ratio or quotient of printed numbers may stand for.
 

@@ -14,7 +14,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.config.ensemble import LoadedEnsemble
 from tendonrepro.config.load import CompareConfig, LoadedConfig
 from tendonrepro.config.models.readings import RUNS, Reading, case_of, reading, under
-from tendonrepro.config.published import PrintedNumber, Published
+from tendonrepro.config.published import Published
 from tendonrepro.ensemble.block import Simulate
 from tendonrepro.ensemble.box import Box, configured
 from tendonrepro.ensemble.plan import code_digest
@@ -66,13 +66,10 @@ class Printed:
 
 def printed_numbers(paper: Published, joints: Sequence[int]) -> Printed:
     """Tables 2 and 3."""
-
-    def entry(run: str, metric: str, joint: int) -> PrintedNumber:
-        number = paper.quantity(f"{_TABLE[run]}.{metric}.joint_{joint}")
-        assert isinstance(number, PrintedNumber)
-        return number
-
-    numbers = [[[entry(run, metric, joint) for joint in joints] for metric in METRICS] for run in RUNS]
+    numbers = [
+        [[paper.digits(f"{_TABLE[run]}.{metric}.joint_{joint}") for joint in joints] for metric in METRICS]
+        for run in RUNS
+    ]
     values = [[[number.value for number in row] for row in rows] for rows in numbers]
     half = [[[0.5 * 10.0**-number.decimals for number in row] for row in rows] for rows in numbers]
     return Printed(np.array(values), np.array(half), tuple(joints))

@@ -155,15 +155,15 @@ class TestClaims:
 
     def test_a_claim_that_is_its_values(self):
         good, bad = Decision("compatible"), Decision("direction_only")
-        assert of_values([good], Decision("contradicted")).verdict == "compatible"
-        assert of_values([bad], Decision("compatible")).verdict == "direction_only"
-        assert of_values([good, bad], Decision("depends_on_plant")).verdict == "depends_on_plant"
+        assert of_values(Decision("contradicted"), [good]).verdict == "compatible"
+        assert of_values(Decision("compatible"), [bad]).verdict == "direction_only"
+        assert of_values(Decision("depends_on_plant"), [good, bad]).verdict == "depends_on_plant"
 
     def test_values_near_an_end_make_the_claim_borderline(self):
         near = Decision("compatible", borderline=True)
         assert with_values(Decision("compatible"), [near]).borderline
         assert not with_values(Decision("contradicted"), [near]).borderline
-        assert of_values([near], Decision("compatible")).borderline
+        assert of_values(Decision("compatible"), [near]).borderline
 
     def test_arithmetic_and_model(self):
         assert [of_arithmetic(x).verdict for x in (True, False)] == ["exact", "not_reproduced"]
