@@ -117,13 +117,19 @@ def run_claims(
 def judged(
     sources: Sources, out: Path, ids: Sequence[str], talk: Talk
 ) -> tuple[list[Verdict], Mapping[str, Any]]:
-    """Judge from what was found under `out`, and say which ensemble judged; for the rest see `run_claims`."""
+    """Judge from what was found under `out`, and say which ensemble judged; see `run_claims`.
+
+    Where there is none the shipped verdicts stand in.
+    """
     present = [one.name for one in fields(sources) if getattr(sources, one.name) is not None]
     talk.detail(f"found {', '.join(present) or 'no results'} under {out}")
     readings = 0 if sources.ensemble is None else len(sources.ensemble.readings)
     with talk.bar("judging", readings) as progress:
         verdicts = judge_all(sources, only=ids, decided_by=bool(ids), progress=progress)
-    return _completed(verdicts, sources, out / ENSEMBLE)
+    if sources.ensemble is not None:
+        return verdicts, local_origin(out / ENSEMBLE, len(sources.ensemble.draws))
+    ledger = shipped_ledger()
+    return with_shipped(verdicts, ledger), ledger.ensemble
 
 
 def found_sources(out: Path, measured: Path | None, talk: Talk) -> Sources:
@@ -137,22 +143,10 @@ def found_sources(out: Path, measured: Path | None, talk: Talk) -> Sources:
                 runs[name] = stored
             else:
                 talk.note(f"{out / name / TRACES}: not the paper's arm, joints and gains; judging without it")
-    # The measured file asked for, else the usual one where there is one.
-    usual = MEASURED if MEASURED.exists() else None
-    file = measured or usual
+    file = measured or (MEASURED if MEASURED.exists() else None)
     return Sources(
         **runs, ensemble=_ensemble(out / ENSEMBLE, talk), measured=read_measured(file) if file else None
     )
-
-
-def _completed(
-    verdicts: list[Verdict], sources: Sources, folder: Path
-) -> tuple[list[Verdict], Mapping[str, Any]]:
-    """Verdicts with the shipped ones where there is no ensemble in a folder, and which ensemble judged."""
-    if sources.ensemble is not None:
-        return verdicts, local_origin(folder, len(sources.ensemble.draws))
-    ledger = shipped_ledger()
-    return with_shipped(verdicts, ledger), ledger.ensemble
 
 
 def _ensemble(folder: Path, talk: Talk) -> EnsembleData | None:

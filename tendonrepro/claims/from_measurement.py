@@ -11,9 +11,8 @@ import numpy as np
 from tendonrepro.arrays import Array
 from tendonrepro.claims.arithmetic import cut, printed_percentages, size_behind
 from tendonrepro.claims.from_print import Evidence, Judged, missing
-from tendonrepro.claims.measured import Measured, OneArm
+from tendonrepro.claims.measured import RATE_WINDOW, Measured, OneArm
 from tendonrepro.claims.plants import Plants
-from tendonrepro.claims.run_statistics import RATE_WINDOW
 from tendonrepro.claims.statements import CLAIMS, FIRST, LOADED, Findings, larger_with_load
 from tendonrepro.claims.verdicts import of_model
 from tendonrepro.config.models.readings import PRINTED

@@ -349,7 +349,8 @@ def bounds(plants: Plants, paper: Published) -> Findings:
         ]
         for parts in (used, wider)
     )
-    judged, limit = printed.ok(*CONTROLLERS), _divergence_limit()
+    judged = printed.ok(*CONTROLLERS)
+    limit = load_config(None, "compare").config.status.divergence_limit.si
     remarks = ["judged under the reading printed, whatever the reading"]
     cannot_fail = None
     if (error[judged] >= limit).all():
@@ -365,11 +366,6 @@ def bounds(plants: Plants, paper: Published) -> Findings:
             f"the largest {text}: uses {_medians(share[judged])} of it" for text, share in used.items()
         ]
     return Findings(found, judged, None, remarks, beside=beside, cannot_fail=cannot_fail)
-
-
-def _divergence_limit() -> float:
-    """Error beyond which a run of the shipped comparison has diverged, rad."""
-    return float(load_config(None, "compare").config.status.divergence_limit.si)
 
 
 def _medians(values: Array) -> str:

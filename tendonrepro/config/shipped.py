@@ -50,7 +50,8 @@ def init_config(name: str, folder: Path) -> list[Path]:
         When the name is unknown or a file would be overwritten.
     """
     source = shipped_file(name)
-    texts = {path.name: read_text(path) for path in [source, *_companions(source)]}
+    companions = [source.with_name(SCHEMA_FILE), *_named(source)]
+    texts = {path.name: read_text(path) for path in [source, *companions]}
     if (folder / source.name).exists():
         _refuse(folder / source.name)
     for companion in list(texts)[1:]:
@@ -64,12 +65,8 @@ def init_config(name: str, folder: Path) -> list[Path]:
     return [folder / file for file in texts]
 
 
-def _companions(source: Path) -> list[Path]:
-    """Schema and the files that a configuration names, those that they name included."""
-    return [source.with_name(SCHEMA_FILE), *_named(source)]
-
-
 def _named(source: Path) -> list[Path]:
+    """Files that a configuration names, those that they name included."""
     tree = load(read_text(source), str(source)).tree
     keys = [tree.get(key) for key in ("base", "manipulator")] if isinstance(tree, dict) else []
     files = [source.with_name(file) for file in keys if isinstance(file, str)]

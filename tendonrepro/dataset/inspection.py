@@ -156,13 +156,10 @@ def _short_lines(file: Mapping[str, Any]) -> Iterator[str]:
         yield f"  {run}: {'; '.join(words)}"
     if unknown:
         yield f"  not guessed: {few(unknown)}"
-    if signals and not any(_has_time(signal) for signal in signals):
+    timed = any(column["meaning"] == "time" for signal in signals for column in signal["columns"])
+    if signals and not timed and all(signal["times_s"] is None for signal in signals):
         yield "  no times"
     yield from _skipped_lines(file["skipped"])
-
-
-def _has_time(signal: Mapping[str, Any]) -> bool:
-    return signal["times_s"] is not None or any(column["meaning"] == "time" for column in signal["columns"])
 
 
 def _file_lines(file: Mapping[str, Any]) -> list[str]:

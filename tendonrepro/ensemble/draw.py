@@ -45,12 +45,9 @@ def drawn_tree(base: Mapping[str, Any], draw: Mapping[str, float], shortest_run:
     tree["control"]["filter_cutoff"] = _drawn(draw["filter_cutoff"], "Hz", "filter_cutoff")
     tree["reference"] = _reference(draw, shortest_run)
     tree["disturbance"] = _disturbance(draw)
-    tree["seed"] = _drawn(_checksum(draw), "1", "its checksum, so that each has its own noise")
+    checksum = zlib.crc32(np.array([*draw.values()]).tobytes())
+    tree["seed"] = _drawn(checksum, "1", "its checksum, so that each has its own noise")
     return tree
-
-
-def _checksum(draw: Mapping[str, float]) -> int:
-    return zlib.crc32(np.array([*draw.values()]).tobytes())
 
 
 def _copied(node: Any) -> Any:

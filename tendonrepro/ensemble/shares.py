@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, TypeAlias
 
@@ -193,9 +193,10 @@ def reading_summary(data: EnsembleData, reading: str) -> dict[str, Any]:
         metrics["mae_and_rmse"] = [flags for metric in METRICS for flags in metrics[metric]]
         for plants, kept in counted.items():
             result[key][plants] = {
-                metric: _shares(data, np.logical_and.reduce(flags), kept) for metric, flags in metrics.items()
+                metric: _shares(data, np.logical_and.reduce(flags), data.replicate, kept)
+                for metric, flags in metrics.items()
             }
-    result |= _shapes(data, reading, counted["all_ok"]) | _together(data, reading, counted["all_ok"])
+    result |= _shapes(data, reading, counted["all_ok"])
     return result | {"agreement": agreement(result, data.joints)}
 
 
@@ -205,22 +206,16 @@ def _plants(status: NDArray[np.int8]) -> dict[str, Flags]:
 
 
 def _in_order(errors: Array) -> Flags:
-    flags: Flags = (errors[0] < errors[1]) & (errors[1] < errors[2])
-    return flags
-
-
-def _in_reverse(errors: Array) -> Flags:
-    return _in_order(errors[::-1])
+    return np.asarray((errors[0] < errors[1]) & (errors[1] < errors[2]))
 
 
 def _first_is_best(errors: Array) -> Flags:
-    flags: Flags = (errors[0] < errors[1]) & (errors[0] < errors[2])
-    return flags
+    return np.asarray((errors[0] < errors[1]) & (errors[0] < errors[2]))
 
 
-_RANKINGS = {
+_RANKINGS: Mapping[str, Callable[[Array], Flags]] = {
     "share_c1_lt_c2_lt_c3": _in_order,
-    "share_c3_lt_c2_lt_c1": _in_reverse,
+    "share_c3_lt_c2_lt_c1": lambda errors: _in_order(errors[::-1]),
     "share_c1_best": _first_is_best,
 }
 
@@ -228,65 +223,45 @@ _RANKINGS = {
 def _shapes(data: EnsembleData, reading: str, kept: Flags) -> dict[str, Any]:
     """RMSE over MAE of every controller, the share on which it rises as printed, and a plant's distance.
 
-    Its growth is that of the last controller over that of the first.
-    The distance of a plant is the root mean square of log(ours/printed) over what Table 2 says without a
-    scale: the ratios C1/C2 and C2/C3 of the MAE and each RMSE/MAE, per joint.
-    """
-    mae, rmse = (
-        np.array([data.statistic(run, reading, metric)[kept] for run in CONTROLLERS]) for metric in METRICS
-    )
-    shape = np.divide(rmse, mae, out=np.full_like(mae, np.nan), where=mae > 0.0)
-    defined = np.isfinite(shape).all(axis=(0, 2))
-    replicate = data.replicate[kept][defined]
-    sizes = {
-        run: {
-            f"joint_{joint}": quantiles_of(shape[place][defined, i], replicate)
-            | {"printed": printed_shape(run, joint)}
-            for i, joint in enumerate(data.joints)
-        }
-        for place, run in enumerate(CONTROLLERS)
-    }
-    rising = _in_order(shape[:, defined])
-    both: Flags = np.asarray(rising.all(axis=1))
-    each = {"both": both} | {f"joint_{joint}": rising[:, i] for i, joint in enumerate(data.joints)}
-    shares = {name: share_of(hits, replicate).as_row() for name, hits in each.items()}
-    ours = np.concatenate([mae[:-1, defined] / mae[1:, defined], shape[:, defined]])
-    printed = [printed_ratios(pair, "mae", data.joints) for pair in RATIOS.values()]
-    printed += [[printed_shape(run, joint) for joint in data.joints] for run in CONTROLLERS]
-    distance = np.sqrt((np.log(ours / np.array(printed)[:, np.newaxis]) ** 2).mean(axis=(0, 2)))
-    spread = quantiles_of(distance, replicate)
-    growth = {
-        f"joint_{joint}": quantiles_of(shape[-1, defined, i] / shape[0, defined, i], replicate)
-        for i, joint in enumerate(data.joints)
-    }
-    return {
-        "rmse_over_mae": sizes,
-        "rmse_over_mae_growth": growth,
-        "share_rmse_over_mae_rises": shares,
-        "distance": spread,
-    }
-
-
-def _together(data: EnsembleData, reading: str, kept: Flags) -> dict[str, Any]:
-    """Shares on which other results of the paper hold, alone and with the printed order, on both joints.
-
-    ``smoother``: Controller 1's torque has smaller steps than both rivals'; ``rise``: RMSE/MAE rises.
+    Its growth is that of the last controller over that of the first. The distance of a plant is the root mean
+    square of log(ours/printed) over what Table 2 says without a scale: the ratios C1/C2 and C2/C3 of the MAE
+    and each RMSE/MAE, per joint. Beside it the shares on which other results of the paper hold on all joints,
+    alone and with the printed order: Controller 1's torque has the smallest steps, RMSE/MAE rises.
     """
     mae, rmse, step = (
         np.array([data.statistic(run, reading, name)[kept] for run in CONTROLLERS])
         for name in (*METRICS, "torque_step_rms")
     )
     shape = np.divide(rmse, mae, out=np.full_like(mae, np.nan), where=mae > 0.0)
+    defined = np.isfinite(shape).all(axis=(0, 2))
+    plants = data.replicate[kept]
+    replicate, ratios = plants[defined], shape[:, defined]
+    printed = [printed_ratios(pair, "mae", data.joints) for pair in RATIOS.values()]
+    printed += [[printed_shape(run, joint) for joint in data.joints] for run in CONTROLLERS]
+    ours = np.concatenate([mae[:-1, defined] / mae[1:, defined], ratios])
+    distance = np.sqrt((np.log(ours / np.array(printed)[:, np.newaxis]) ** 2).mean(axis=(0, 2)))
     order, smoother = _in_order(mae) & _in_order(rmse), _first_is_best(step)
-    hits = {
+    together = {
         "share_c1_smoother": smoother,
         "share_order_and_smoother": order & smoother,
         "share_order_and_rise": order & _in_order(shape),
     }
     return {
-        name: share_of(np.asarray(flags.all(axis=1)), data.replicate[kept]).as_row()
-        for name, flags in hits.items()
-    }
+        "rmse_over_mae": {
+            run: {
+                f"joint_{joint}": quantiles_of(ratios[place, :, i], replicate)
+                | {"printed": printed_shape(run, joint)}
+                for i, joint in enumerate(data.joints)
+            }
+            for place, run in enumerate(CONTROLLERS)
+        },
+        "rmse_over_mae_growth": {
+            f"joint_{joint}": quantiles_of(ratios[-1, :, i] / ratios[0, :, i], replicate)
+            for i, joint in enumerate(data.joints)
+        },
+        "share_rmse_over_mae_rises": _shares(data, _in_order(ratios), replicate),
+        "distance": quantiles_of(distance, replicate),
+    } | {name: share_of(np.asarray(hits.all(axis=1)), plants).as_row() for name, hits in together.items()}
 
 
 def printed_shape(run: str, joint: int) -> float:
@@ -295,12 +270,13 @@ def printed_shape(run: str, joint: int) -> float:
     return rmse / mae
 
 
-def _shares(data: EnsembleData, flags: Flags, kept: Flags) -> dict[str, Any]:
+def _shares(
+    data: EnsembleData, flags: Flags, replicate: NDArray[np.int64], kept: Flags | None = None
+) -> dict[str, Any]:
     """Shares over both joints together and over each, from flags (N, n)."""
-    joints: dict[str, Flags] = {f"joint_{joint}": flags[:, i] for i, joint in enumerate(data.joints)}
-    both: Flags = np.asarray(flags.all(axis=1))
-    each: dict[str, Flags] = {"both": both} | joints
-    return {name: share_of(hits, data.replicate, kept).as_row() for name, hits in each.items()}
+    joints = {f"joint_{joint}": flags[:, i] for i, joint in enumerate(data.joints)}
+    each = {"both": np.asarray(flags.all(axis=1))} | joints
+    return {name: share_of(hits, replicate, kept).as_row() for name, hits in each.items()}
 
 
 def _ratio_quantiles(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
 from typing import get_args
@@ -15,7 +16,6 @@ from tendonrepro.config.models.control import FILTERED, Readings
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.linear import View, run_views
 from tendonrepro.experiments.loops import build_reference
-from tendonrepro.explain.explanation import Curves, Explanation, Map, RunMargins, WhatIf
 from tendonrepro.explain.maps import PARAMETERS, border_distance, gain_decay, root_locus, tendon_decay
 from tendonrepro.explain.margins import (
     ChannelMargins,
@@ -25,8 +25,130 @@ from tendonrepro.explain.margins import (
     disk_margin,
     response,
 )
-from tendonrepro.physics.linear_loop import decay_rate, loop_matrix, modes, open_loop, slowest, stroke
+from tendonrepro.physics.linear_loop import (
+    Complex,
+    decay_rate,
+    loop_matrix,
+    modes,
+    open_loop,
+    slowest,
+    stroke,
+)
 from tendonrepro.physics.slow_error import ERROR_SIZES_DEG, TYPICAL_ERROR_DEG, error_ratio
+
+
+@dataclass(frozen=True)
+class RunMargins:
+    """Stability of one run, the worst of the postures for every number.
+
+    Attributes
+    ----------
+    spectral_radius : float
+    decay : float
+        Slowest decay, s⁻¹; negative where the loop grows.
+    frequency : float
+        Frequency of that mode, Hz.
+    ringing_decay, ringing_frequency : float
+        The same of the slowest mode above the frequency from which on errors count as ringing; NaN without.
+    channels : tuple of ChannelMargins
+        One per joint, for a torque that the law does not know.
+    disk, disk_hz : float
+        Symmetric disk margin of all joints at once, and its frequency, Hz.
+    """
+
+    spectral_radius: float
+    decay: float
+    frequency: float
+    ringing_decay: float
+    ringing_frequency: float
+    channels: tuple[ChannelMargins, ...]
+    disk: float
+    disk_hz: float
+
+    @property
+    def stable(self) -> bool:
+        """Whether every mode decays at every posture."""
+        return self.spectral_radius < 1.0
+
+
+@dataclass(frozen=True)
+class Curves:
+    """Response of every joint's channel at the middle posture: Hz, and complex (joints, frequencies)."""
+
+    hertz: Array
+    channels: Complex
+
+
+@dataclass(frozen=True)
+class Map:
+    """Borders of stability over factors on two parameters.
+
+    Attributes
+    ----------
+    x, y : str
+        Parameters.
+    x_factors : array (X,)
+    y_factors : array (Y,)
+    distance : mapping
+        Run -> signed distance (Y, X) from its border, zero on it and positive where it is stable.
+    """
+
+    x: str
+    y: str
+    x_factors: Array
+    y_factors: Array
+    distance: Mapping[str, Array]
+
+
+@dataclass(frozen=True)
+class WhatIf:
+    """One change: slowest decay per run, s⁻¹, and ratios of errors by pair, per joint."""
+
+    decay: Mapping[str, float]
+    ratios: Mapping[str, Array]
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """Everything that :func:`explain` finds.
+
+    Attributes
+    ----------
+    joints : tuple of int
+    postures : array (P, n)
+        Start, middle and far end of the reference, rad.
+    views : mapping
+        Run -> law, plant and delay.
+    margins : mapping
+        Run -> `RunMargins`.
+    curves : mapping
+        Run -> `Curves`.
+    ratios : mapping
+        Pair such as ``c1_c2`` -> error size in degrees -> ratio per joint.
+    what_if : mapping
+        Change such as ``weights=extrapolating`` -> `WhatIf`.
+    loci : mapping
+        Parameter -> law -> modes (factors, modes), s⁻¹ and rad s⁻¹, at the middle posture.
+    locus_factors : mapping
+        Parameter -> factors.
+    maps : tuple of Map
+        Tendons and gains.
+    origin : str
+        Mark of the configuration, for captions.
+    """
+
+    joints: tuple[int, ...]
+    postures: Array
+    views: Mapping[str, View]
+    margins: Mapping[str, RunMargins]
+    curves: Mapping[str, Curves]
+    ratios: Mapping[str, Mapping[float, Array]]
+    what_if: Mapping[str, WhatIf]
+    loci: Mapping[str, Mapping[str, Complex]]
+    locus_factors: Mapping[str, Array]
+    maps: tuple[Map, ...]
+    origin: str
+
 
 MAP_POINTS = 25
 LOCUS_POINTS = 41
@@ -108,9 +230,9 @@ def run_margins(view: View, postures: Array, ringing: float) -> RunMargins:
 
 def worst(found: Sequence[ChannelMargins]) -> ChannelMargins:
     """Smallest margin of several postures, number by number; none where the loop grows at one of them."""
-    gain, slope = min((each.loop_gain, each.loop_slope) for each in found)
+    gain = min(each.loop_gain for each in found)
     if not all(each.stable for each in found):
-        return ChannelMargins(False, *7 * (np.nan,), gain, slope)
+        return ChannelMargins(False, *7 * (np.nan,), gain)
 
     def least(key: Callable[[ChannelMargins], float]) -> ChannelMargins:
         return min(found, key=lambda each: np.inf if np.isnan(key(each)) else key(each))
@@ -127,7 +249,6 @@ def worst(found: Sequence[ChannelMargins]) -> ChannelMargins:
         crossover_hz=phase.crossover_hz,
         delay=least(lambda each: each.delay).delay,
         loop_gain=gain,
-        loop_slope=slope,
     )
 
 

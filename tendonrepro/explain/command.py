@@ -12,8 +12,7 @@ from tendonrepro.config.load import LoadedConfig
 from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.experiments.linear import View
-from tendonrepro.explain.analysis import explain
-from tendonrepro.explain.explanation import Explanation, RunMargins
+from tendonrepro.explain.analysis import Explanation, RunMargins, explain
 from tendonrepro.explain.margins import LOW_FREQUENCY, ChannelMargins
 from tendonrepro.explain.report import explanation_text
 from tendonrepro.files import to_json
@@ -117,7 +116,6 @@ def _run_data(view: View, margin: RunMargins) -> dict[str, Any]:
             "crossover_hz": [c.crossover_hz for c in channels],
             "delay_margin_s": [c.delay for c in channels],
             "loop_gain": [c.loop_gain for c in channels],
-            "loop_gain_slope": [c.loop_slope for c in channels],
         }
 
     return {
@@ -156,5 +154,4 @@ def margin_rows(found: Explanation) -> Iterator[dict[str, Any]]:
                 "delay_margin_ms": 1e3 * channel.delay,
                 "disk_margin": margin.disk,
                 "loop_gain": channel.loop_gain,
-                "loop_gain_slope": channel.loop_slope,
             }

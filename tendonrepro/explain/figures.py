@@ -17,7 +17,7 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter, NullLo
 
 from tendonrepro import __version__
 from tendonrepro.arrays import Array
-from tendonrepro.explain.explanation import Explanation, Map
+from tendonrepro.explain.analysis import Explanation, Map
 from tendonrepro.results.figures.style import (
     PAGE_MM,
     Stroke,

@@ -50,8 +50,6 @@ class ChannelMargins(NamedTuple):
         Shortest extra delay, unknown to the law, that makes the loop grow, s; NaN likewise.
     loop_gain : float
         ``|G|`` at `LOW_FREQUENCY`.
-    loop_slope : float
-        Slope of ``log |G|`` over the logarithm of the frequency there.
     """
 
     stable: bool
@@ -63,7 +61,6 @@ class ChannelMargins(NamedTuple):
     crossover_hz: float
     delay: float
     loop_gain: float
-    loop_slope: float
 
 
 def channel(cut: Cut, joint: int) -> Cut:
@@ -103,9 +100,9 @@ def angle_grid(*matrices: Array) -> Array:
 def channel_margins(cut: Cut, joint: int, L: float) -> ChannelMargins:
     """Gain, phase and delay margin of one joint, counted from 0, and its loop gain; L in s."""
     A, b, c = single = channel(cut, joint)
-    gain, slope = _low_frequency(single, L)
+    gain = float(np.abs(response(single, np.array([2.0 * np.pi * LOW_FREQUENCY * L])))[0, 0, 0])
     if spectral_radius(A + b @ c) >= 1.0:
-        return ChannelMargins(False, *7 * (np.nan,), gain, slope)
+        return ChannelMargins(False, *7 * (np.nan,), gain)
     angles = angle_grid(A, A + b @ c)
 
     def at(where: Array) -> Complex:
@@ -129,14 +126,7 @@ def channel_margins(cut: Cut, joint: int, L: float) -> ChannelMargins:
         crossover_hz=float(hertz * crossover),
         delay=float(delay),
         loop_gain=gain,
-        loop_slope=slope,
     )
-
-
-def _low_frequency(single: Cut, L: float) -> tuple[float, float]:
-    steps = np.array([0.99, 1.0, 1.01])
-    sizes = np.abs(response(single, 2.0 * np.pi * LOW_FREQUENCY * L * steps)[:, 0, 0])
-    return float(sizes[1]), float(np.log(sizes[2] / sizes[0]) / np.log(steps[2] / steps[0]))
 
 
 def _crossings(value: Callable[[Array], Array], angles: Array) -> Array:

@@ -8,8 +8,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.console import columns
-from tendonrepro.explain.analysis import first_views, slow_ratio, view_pairs
-from tendonrepro.explain.explanation import Explanation, WhatIf
+from tendonrepro.explain.analysis import Explanation, WhatIf, first_views, slow_ratio, view_pairs
 from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, estimate_age, stiffness
 
 _NAMED_PAIRS = ("c1_c2", "c2_c3")

@@ -34,11 +34,12 @@ from tendonrepro.identify.misfit import (
     Window,
     log_misfit,
     log_residuals,
+    nominal_unit,
     printed_numbers,
     rounding_misfit,
+    rows_that_matter,
 )
 from tendonrepro.identify.report import CONFIG, conclusions, write_config, write_identify_tables
-from tendonrepro.identify.screening import nominal_unit, rows_that_matter
 from tendonrepro.identify.search import Effort, Evaluated, Found, load_arrays, save_arrays, search
 from tendonrepro.results.folder import HeldFolder, claimed, foretell_refusal
 from tendonrepro.results.manifest import make_manifest
@@ -281,6 +282,5 @@ def _reading_data(task: Task, held: Reading, rows: NDArray[np.bool_], state: Fou
         "best_shape": judge.shape_rows(best, printed),
         "numbers": judge.number_rows(best, near, printed, task.fitted),
         "order": judge.order_rows(near, printed),
-        "ratios": judge.ratio_rows(near, printed),
         "parameters": judge.parameter_rows(bench.box, units[0], units[1:]),
     }

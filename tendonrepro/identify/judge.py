@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import combinations, pairwise
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -132,29 +132,6 @@ def order_verdict(share: float) -> str:
     if np.isnan(share):
         return "too_few_plants"
     return "agrees" if share >= MOST else "contradicted" if share <= FEW else "depends_on_plant"
-
-
-def ratio_rows(near: Outcome, printed: Printed) -> list[dict[str, Any]]:
-    """Ratios of two controllers' errors, and of the payload's to none, printed and on near-optimal plants."""
-    pairs = [*pairwise(CONTROLLERS), ("controller_1_payload", CONTROLLERS[0])]
-    rows = []
-    for over, under in pairs:
-        a, b = RUNS.index(over), RUNS.index(under)
-        both = near.ok[:, a] & near.ok[:, b]
-        for m, i in np.ndindex(printed.values.shape[1:]):
-            low, median, high = _percentiles(near.sizes[both, a, m, i] / near.sizes[both, b, m, i])
-            rows.append(
-                {
-                    "ratio": f"{over}/{under}",
-                    "metric": METRICS[m],
-                    "joint": printed.joints[i],
-                    "printed": float(printed.values[a, m, i] / printed.values[b, m, i]),
-                    "near_low": low,
-                    "near_median": median,
-                    "near_high": high,
-                }
-            )
-    return rows
 
 
 def parameter_rows(box: Box, best: Array, near: Array) -> list[dict[str, Any]]:

@@ -26,7 +26,6 @@ _CAPTIONS = {
     "identify_numbers": "Printed numbers, the best plant's, and the central 90 % of near-optimal plants.",
     "identify_shape": "What of the best plant needs no scale: order of the controllers and RMSE over MAE.",
     "identify_order": "Share of the near-optimal plants on which the printed order holds.",
-    "identify_ratios": "Ratios of errors: printed, and on the near-optimal plants.",
     "identify_parameters": "What the fit says about each row of the box; width 1: nothing, 0: everything.",
 }
 
@@ -195,7 +194,6 @@ def write_identify_tables(data: Mapping[str, Any], folder: Path) -> list[Path]:
         "identify_numbers": _gathered(readings, "numbers"),
         "identify_shape": _gathered(readings, "best_shape"),
         "identify_order": _gathered(readings, "order"),
-        "identify_ratios": _gathered(readings, "ratios"),
         "identify_parameters": _gathered(readings, "parameters"),
     }
     written = (write_table(rows, folder, stem, _CAPTIONS[stem]) for stem, rows in tables.items() if rows)

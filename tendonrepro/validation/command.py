@@ -17,7 +17,6 @@ from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.dataset.measured_file import origin, read_measured
 from tendonrepro.dataset.motion.recover import Reference
-from tendonrepro.dataset.motion.written import runnable
 from tendonrepro.files import sha256_of, to_json
 from tendonrepro.parallel import each
 from tendonrepro.results.folder import MANIFEST, claimed, foretell_refusal
@@ -26,9 +25,9 @@ from tendonrepro.results.records import TraceFile
 from tendonrepro.results.summary import CONTROLLERS, LOADS
 from tendonrepro.results.tables import write_table
 from tendonrepro.results.traces import write_traces
-from tendonrepro.validation.rerun import Work, rerun_compare, rerun_decouple, together
+from tendonrepro.validation.report import table_data, window_rows, write_measured_tables
+from tendonrepro.validation.rerun import Work, rerun_compare, rerun_decouple, runnable, together
 from tendonrepro.validation.residuals import comparison_rows, coupling_rows
-from tendonrepro.validation.tables import table_data, window_rows, write_measured_tables
 
 SCHEMA_VERSION = 1
 RESULTS, SIMULATED = "validation.json", "simulated.h5"

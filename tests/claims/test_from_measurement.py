@@ -11,9 +11,8 @@ from support.synthetic import PERIOD, make_compare_file, make_decouple_file
 from tendonrepro.claims.command import run_claims
 from tendonrepro.claims.from_measurement import decoupling, judge_measured, motor_angles
 from tendonrepro.claims.judge import Sources, judge_all
-from tendonrepro.claims.measured import Measured, OneArm, measured_of
+from tendonrepro.claims.measured import Measured, OneArm, measured_of, sliding_variable, statistics_of
 from tendonrepro.claims.report import table_text
-from tendonrepro.claims.run_statistics import sliding_variable, statistics_of
 from tendonrepro.config.models.readings import PRINTED
 from tendonrepro.config.published import published
 from tendonrepro.console import Talk

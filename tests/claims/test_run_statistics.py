@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from support.synthetic import make_compare_file
 
-from tendonrepro.claims.run_statistics import sliding_variable, statistics_of
+from tendonrepro.claims.measured import sliding_variable, statistics_of
 from tendonrepro.dataset.motion.recover import derivatives
 from tendonrepro.physics.control import polynomial
 from tendonrepro.simulation.streaming import Sample, Sums, add_sample, finished, thresholds

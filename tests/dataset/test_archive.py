@@ -17,11 +17,10 @@ from pathlib import Path
 import pytest
 from support.seed_files import encrypted_zip, read_file, tar_entry, tarred, zipped
 
-from tendonrepro.dataset.readers import allowance as bounds
 from tendonrepro.dataset.readers import archive
-from tendonrepro.dataset.readers.allowance import Allowance
+from tendonrepro.dataset.readers import signals as bounds
 from tendonrepro.dataset.readers.archive import Member, members
-from tendonrepro.dataset.readers.signals import Unreadable
+from tendonrepro.dataset.readers.signals import Allowance, Unreadable
 
 TABLE = b"t,q\n0,1\n1,2\n2,4\n"
 INSIDE = {"run/a.csv": TABLE}

@@ -14,9 +14,8 @@ from support import seed_files
 from support.seed_files import read_file
 
 from tendonrepro.console import Talk
-from tendonrepro.dataset.readers.allowance import Allowance
 from tendonrepro.dataset.readers.guard import Limits, read_guarded
-from tendonrepro.dataset.readers.signals import Source
+from tendonrepro.dataset.readers.signals import Allowance, Source
 
 SEEDS = {name: content for name, (_, content) in seed_files.readable().items()}
 BATCH = 500

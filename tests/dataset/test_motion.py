@@ -14,11 +14,16 @@ from tendonrepro.config.load import CompareConfig, load_config
 from tendonrepro.config.trajectory_file import read_samples
 from tendonrepro.dataset.motion.fit import judged, limit
 from tendonrepro.dataset.motion.knots import thinned
-from tendonrepro.dataset.motion.period import repeat_after
 from tendonrepro.dataset.motion.record import Recorded, noise, noise_peak, recorded, rounding_step
-from tendonrepro.dataset.motion.recover import Reference, derivatives, recover, recover_run, timing_of
+from tendonrepro.dataset.motion.recover import (
+    Reference,
+    derivatives,
+    recover,
+    recover_run,
+    repeat_after,
+    timing_of,
+)
 from tendonrepro.dataset.motion.shapes import amplitude_of, movers, ramp_limits, turns_of
-from tendonrepro.dataset.motion.written import FILE, config_tree, csv_text, runnable
 from tendonrepro.errors import DataMissingError
 from tendonrepro.experiments import loops as runs
 from tendonrepro.physics.trajectory import (
@@ -32,6 +37,7 @@ from tendonrepro.physics.trajectory import (
     trapezoidal,
 )
 from tendonrepro.results.records import PlantRecord, Trace, TraceFile
+from tendonrepro.validation.rerun import FILE, config_tree, csv_text, runnable
 
 COUNT = float(np.deg2rad(0.022))
 AMPLITUDE = np.deg2rad([20.0, 30.0])

@@ -10,9 +10,8 @@ from support.measured_synthetic import measured_trace, moved, with_runs
 from support.synthetic import COUNT, make_compare_file
 
 from tendonrepro.config.published import published
-from tendonrepro.dataset.motion.period import refined_shift, repeat_after
 from tendonrepro.dataset.motion.record import Recorded
-from tendonrepro.dataset.motion.recover import recover, zero_of
+from tendonrepro.dataset.motion.recover import recover, refined_shift, repeat_after, zero_of
 from tendonrepro.dataset.motion.windows import _tail
 from tendonrepro.errors import DataMissingError
 from tendonrepro.results.records import Trace

@@ -29,11 +29,10 @@ from support.seed_files import read_file
 from tendonrepro.console import Talk
 from tendonrepro.dataset.readers import guard, signals
 from tendonrepro.dataset.readers import hdf5 as hdf5_file
-from tendonrepro.dataset.readers.allowance import Allowance
 from tendonrepro.dataset.readers.filetype import FileType, kind_of
 from tendonrepro.dataset.readers.guard import Limits, read_guarded
 from tendonrepro.dataset.readers.read import files_below, read_bit_by_bit
-from tendonrepro.dataset.readers.signals import Found, Source, seconds
+from tendonrepro.dataset.readers.signals import Allowance, Found, Source, seconds
 from tendonrepro.errors import DataMissingError, TendonreproError
 
 QUIET = Talk(quiet=True)

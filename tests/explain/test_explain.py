@@ -64,9 +64,9 @@ class TestMargins:
         assert one.decay == pytest.approx(2.01, abs=0.02)
 
     def test_worst_takes_each_number_by_itself(self):
-        a = ChannelMargins(True, 3.0, 10.0, 0.2, 1.0, 1.0, 4.0, 0.01, 50.0, -1.0)
-        b = ChannelMargins(True, 2.0, 12.0, np.nan, np.nan, 1.5, 5.0, 0.005, 40.0, -2.0)
-        assert worst([a, b]) == ChannelMargins(True, 2.0, 12.0, 0.2, 1.0, 1.0, 4.0, 0.005, 40.0, -2.0)
+        a = ChannelMargins(True, 3.0, 10.0, 0.2, 1.0, 1.0, 4.0, 0.01, 50.0)
+        b = ChannelMargins(True, 2.0, 12.0, np.nan, np.nan, 1.5, 5.0, 0.005, 40.0)
+        assert worst([a, b]) == ChannelMargins(True, 2.0, 12.0, 0.2, 1.0, 1.0, 4.0, 0.005, 40.0)
         lost = worst([a, b._replace(stable=False)])
         assert not lost.stable
         assert np.isnan(lost.gain_up)

@@ -13,7 +13,6 @@ from tendonrepro.identify.judge import (
     order_rows,
     order_verdict,
     parameter_rows,
-    ratio_rows,
 )
 from tendonrepro.identify.misfit import Outcome, printed_numbers
 
@@ -78,11 +77,6 @@ class TestJudge:
         assert {row["verdict"] for row in rows} == {"too_few_plants"}
         assert order_verdict(0.95) == "agrees"
         assert order_verdict(0.05) == "contradicted"
-
-    def test_ratios(self):
-        row = ratio_rows(plants(spread=1e-9), PRINTED)[0]
-        assert row["printed"] == pytest.approx(0.261 / 0.289)
-        assert row["near_median"] == pytest.approx(row["printed"], rel=1e-6)
 
 
 class TestParameters:

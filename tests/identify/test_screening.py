@@ -8,9 +8,8 @@ from support.made_plants import PRINTED, loaded, measured
 
 from tendonrepro.config.models.readings import RUNS, reading
 from tendonrepro.ensemble.box import make_box
-from tendonrepro.identify import screening
-from tendonrepro.identify.misfit import Bench
-from tendonrepro.identify.screening import nominal_unit, rows_that_matter, with_switches
+from tendonrepro.identify import misfit as screening
+from tendonrepro.identify.misfit import Bench, nominal_unit, rows_that_matter, with_switches
 
 BOX = make_box(loaded().config)
 NOMINAL = dict(zip(BOX.names, BOX.nominal, strict=True))

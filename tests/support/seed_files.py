@@ -24,10 +24,9 @@ from odf.text import P
 from scipy.io import savemat
 
 from support.matlab_bytes import hdf
-from tendonrepro.dataset.readers.allowance import Allowance
 from tendonrepro.dataset.readers.filetype import FileType
 from tendonrepro.dataset.readers.read import read_bit_by_bit
-from tendonrepro.dataset.readers.signals import Source
+from tendonrepro.dataset.readers.signals import Allowance, Source
 
 ROWS = [[number * 0.01, number * 1.5, -number] for number in range(30)]
 NAMES = ["SYNTHETIC time (s)", "q2 (deg)", "q3 (deg)"]

@@ -28,8 +28,7 @@ from tendonrepro.results.records import PlantRecord, TraceFile
 from tendonrepro.results.summary import table_data_compare, tracking_errors
 from tendonrepro.results.traces import read_traces, write_traces
 from tendonrepro.validation.command import RESULTS, run_validate
-from tendonrepro.validation.report import validate_text
-from tendonrepro.validation.tables import table_data, window_rows, write_measured_tables
+from tendonrepro.validation.report import table_data, validate_text, window_rows, write_measured_tables
 
 QUIET = Talk(quiet=True)
 SHORT = ("reference.periods=2", "reference.rise=0.8", "reference.hold=0.3")

@@ -67,7 +67,8 @@ class Physical:
         return quantity
 
     def _check_size(self, quantity: Quantity, outline: Outline, problems: Problems) -> None:
-        expected = self._expected_size(outline)
+        moving = None if outline.moving is None else len(outline.moving)
+        expected = {"moving": moving, "joints": outline.joints, "pair": 2, "one": None}[self.size]
         if expected is None:
             return
         shape = np.shape(quantity.value)
@@ -76,11 +77,6 @@ class Physical:
             wanted = f"have {entries}" if len(shape) == 1 else f"be {expected} by {expected}"
             found = " by ".join(map(str, shape))
             problems.add(("value",), f"must {wanted}, {_PER_ENTRY[self.size]}, found {found}")
-
-    def _expected_size(self, outline: Outline) -> int | None:
-        if self.size == "moving":
-            return None if outline.moving is None else len(outline.moving)
-        return {"joints": outline.joints, "pair": 2, "one": None}[self.size]
 
     def _check_range(self, quantity: Quantity, problems: Problems) -> None:
         if quantity.unit not in self.units:

@@ -122,7 +122,8 @@ def load(text: str, name: str) -> Document:
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = name if mark is None else _at(name, mark)
-        _fail(_syntax_message(error), where, _syntax_hint(error, text))
+        context = f" {error.context}" if error.context else ""
+        _fail(f"not valid YAML: {error.problem}{context}", where, _syntax_hint(error, text))
     except (yaml.reader.ReaderError, UnicodeEncodeError):
         _fail("contains control characters, so it is not YAML text", name)
 
@@ -261,11 +262,6 @@ def _position(event: _Event) -> Position:
 
 def _at(name: str, mark: Any) -> str:
     return f"{name}:{mark.line + 1}:{mark.column + 1}"
-
-
-def _syntax_message(error: yaml.MarkedYAMLError) -> str:
-    context = f" {error.context}" if error.context else ""
-    return f"not valid YAML: {error.problem}{context}"
 
 
 def _syntax_hint(error: yaml.MarkedYAMLError, text: str) -> str | None:

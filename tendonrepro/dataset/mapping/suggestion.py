@@ -225,11 +225,10 @@ def _rest(left: Sequence[Column], axes: Mapping[Address, Node]) -> list[str]:
 def _yaml_lines(tree: Node) -> list[str]:
     """A tree one key a line, so that a line can be deleted; what steers a terminal is in quotes, escaped."""
     lines = dump(tree, line_by_line=True).removesuffix("\n").split("\n")
-    return ["".join(map(_visible, line)) for line in lines]
-
-
-def _visible(letter: str) -> str:
-    return letter if letter.isprintable() else f"\\u{ord(letter):04x}"
+    return [
+        "".join(letter if letter.isprintable() else f"\\u{ord(letter):04x}" for letter in line)
+        for line in lines
+    ]
 
 
 def _writable(text: str) -> str:

@@ -15,10 +15,9 @@ from io import BufferedIOBase
 from pathlib import Path
 from typing import IO, Any, cast
 
-from tendonrepro.dataset.readers.allowance import Allowance, TooMuch
 from tendonrepro.dataset.readers.charset import decoded
 from tendonrepro.dataset.readers.filetype import FileType, is_tar, kind_of
-from tendonrepro.dataset.readers.signals import Unreadable
+from tendonrepro.dataset.readers.signals import Allowance, TooMuch, Unreadable
 
 DEEPEST = 3
 """Archives within archives: a zip of tar.gz files is two."""

@@ -21,11 +21,10 @@ from types import TracebackType
 from typing import Any, TypeAlias
 
 from tendonrepro.console import Talk
-from tendonrepro.dataset.readers.allowance import MOST_NUMBERS, Allowance
 from tendonrepro.dataset.readers.archive import UNPACK
 from tendonrepro.dataset.readers.filetype import kind_of
 from tendonrepro.dataset.readers.read import read_bit_by_bit, unread
-from tendonrepro.dataset.readers.signals import Skipped, Source
+from tendonrepro.dataset.readers.signals import MOST_NUMBERS, Allowance, Skipped, Source
 from tendonrepro.errors import TendonreproError
 from tendonrepro.parallel import end_with_parent, interrupts_held
 

@@ -11,9 +11,8 @@ import h5py
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.dataset.readers.allowance import Allowance
 from tendonrepro.dataset.readers.numpy_files import add_array
-from tendonrepro.dataset.readers.signals import BEST_PACKING, HARMLESS, Found, Unreadable, is_full
+from tendonrepro.dataset.readers.signals import BEST_PACKING, HARMLESS, Allowance, Found, Unreadable, is_full
 from tendonrepro.dataset.readers.units import FACTORS, plain_unit
 
 _DEEPEST = 32

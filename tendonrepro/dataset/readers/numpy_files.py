@@ -9,8 +9,15 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonrepro.dataset.readers.allowance import Allowance
-from tendonrepro.dataset.readers.signals import MOST_SIGNALS, Found, Unreadable, is_full, note_rest, seconds
+from tendonrepro.dataset.readers.signals import (
+    MOST_SIGNALS,
+    Allowance,
+    Found,
+    Unreadable,
+    is_full,
+    note_rest,
+    seconds,
+)
 
 _BROKEN = "copy or download it again, or save it anew with numpy.save or numpy.savez"
 _PICKLED = "objects run code when they are loaded; save the plain arrays one by one with numpy.savez"

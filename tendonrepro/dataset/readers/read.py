@@ -13,10 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
-from tendonrepro.dataset.readers.allowance import Allowance
 from tendonrepro.dataset.readers.archive import DEEPEST, KINDS, UNPACK, members
 from tendonrepro.dataset.readers.filetype import FileType, kind_of
-from tendonrepro.dataset.readers.signals import Found, Skipped, Source, Unreadable
+from tendonrepro.dataset.readers.signals import Allowance, Found, Skipped, Source, Unreadable
 from tendonrepro.dataset.repository.lock import lock_path
 from tendonrepro.dataset.repository.names import Numbered, is_ours, printable
 from tendonrepro.errors import DataMissingError

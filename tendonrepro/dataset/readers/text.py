@@ -12,7 +12,6 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from tendonrepro.dataset.readers.allowance import Allowance
 from tendonrepro.dataset.readers.cells import (
     MOST_TABLES,
     MOST_WORDS,
@@ -30,7 +29,7 @@ from tendonrepro.dataset.readers.cells import (
 )
 from tendonrepro.dataset.readers.charset import decoded
 from tendonrepro.dataset.readers.heading import Heading
-from tendonrepro.dataset.readers.signals import Found, Unreadable, is_full
+from tendonrepro.dataset.readers.signals import Allowance, Found, Unreadable, is_full
 
 _MOST_BYTES = 2**29
 """An hour of twenty columns at 1 kHz; a longer text takes minutes and gigabytes to read."""

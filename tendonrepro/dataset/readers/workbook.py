@@ -9,7 +9,6 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tendonrepro.dataset.readers.allowance import Allowance
 from tendonrepro.dataset.readers.cells import (
     MOST_TABLES,
     MOST_WORDS,
@@ -22,7 +21,7 @@ from tendonrepro.dataset.readers.cells import (
     words_of,
 )
 from tendonrepro.dataset.readers.heading import Heading
-from tendonrepro.dataset.readers.signals import Found, Unreadable, is_full
+from tendonrepro.dataset.readers.signals import Allowance, Found, Unreadable, is_full
 
 if TYPE_CHECKING:
     from python_calamine import CalamineWorkbook

@@ -14,14 +14,16 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from tendonrepro.console import Talk
-from tendonrepro.dataset.repository.by_hand import copy_file, find_files, take_as_they_are
 from tendonrepro.dataset.repository.download import download, part_size, remove_part
 from tendonrepro.dataset.repository.lock import (
     DataLock,
     LockedFile,
+    copy_file,
     find_differences,
+    find_files,
     lock_path,
     read_lock,
+    take_as_they_are,
     write_lock,
 )
 from tendonrepro.dataset.repository.names import LOCK, safe_paths, shown

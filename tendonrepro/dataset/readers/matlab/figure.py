@@ -42,7 +42,11 @@ class _Node:
 def read_figure(tree: Any, found: Found) -> None:
     """Note the curves of a figure in the value of one of `TREES`."""
     nodes = list(_nodes(tree, 0))
-    axes = [node for node in nodes if node.kind == "axes" and not _is_legend(node)]
+    axes = [
+        node
+        for node in nodes
+        if node.kind == "axes" and not _NO_DATA.search(f"axes {text_of(node.properties.get('Tag'))}")
+    ]
     found.text("title", " ".join(text_of(node.properties.get("Name")) for node in nodes[:1]))
     for number, node in enumerate(axes, start=1):
         _axes(f"axes {number}", node, found)
@@ -71,10 +75,6 @@ def _numbers(value: Any) -> NDArray[Any]:
     """Real numbers in a row; none where it is something else."""
     numeric = isinstance(value, np.ndarray) and value.dtype.kind in "iuf"
     return np.ravel(value) if numeric else np.empty(0)
-
-
-def _is_legend(node: _Node) -> bool:
-    return bool(_NO_DATA.search(f"{node.kind} {text_of(node.properties.get('Tag'))}"))
 
 
 def _lines(value: Any) -> list[str]:

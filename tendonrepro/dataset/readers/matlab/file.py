@@ -10,15 +10,13 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from tendonrepro.dataset.readers.allowance import MOST_NUMBERS, Allowance
 from tendonrepro.dataset.readers.hdf5 import read_hdf5
 from tendonrepro.dataset.readers.matlab.figure import BESIDE, TREES, read_figure
-from tendonrepro.dataset.readers.matlab.hdf import contents
+from tendonrepro.dataset.readers.matlab.hdf import contents, read_streams
 from tendonrepro.dataset.readers.matlab.objects import load_objects, quiet, translate
-from tendonrepro.dataset.readers.matlab.streams import read_streams
 from tendonrepro.dataset.readers.matlab.values import EXPORT, PACKAGE, Lost, brief
 from tendonrepro.dataset.readers.matlab.walk import Walk
-from tendonrepro.dataset.readers.signals import MOST_SIGNALS, Found, Unreadable
+from tendonrepro.dataset.readers.signals import MOST_NUMBERS, MOST_SIGNALS, Allowance, Found, Unreadable
 
 _AGAIN = "copy or download it again"
 _SPLIT = "save what is needed of it into a file of its own"
