@@ -14,13 +14,7 @@ WRONG = "wrong:"
 
 
 def examine() -> dict[str, Any]:
-    """Environment, versions, and the outcome of each check.
-
-    Returns
-    -------
-    dict
-        ``checks`` maps each check to ``ok``, to a remark, or to what is wrong.
-    """
+    """Environment, versions, and of each check ``ok``, a remark, or what is wrong."""
     checks = {"configurations": _configurations, "published numbers": _published, "compiled code": _compiled}
     return {
         "schema_version": SCHEMA_VERSION,

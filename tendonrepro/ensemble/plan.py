@@ -54,24 +54,10 @@ def code_digest() -> str:
 class Study:
     """Everything that determines an ensemble's numbers but how many draws there are.
 
-    Attributes
-    ----------
-    base : LoadedConfig
-        Configuration of `compare` that every draw starts from.
-    boxes : mapping of str to Box
-        Populations by name; the first is the one that claims are judged by.
-    shares : mapping of str to float
-        Draws of each population over the number asked for.
-    readings, variations : tuple of Reading
-    sha256 : str
-        Digest of the ensemble's configuration.
-    seed : int
-    replicates : int
-        Independent scramblings.
-    block_draws : int
-        Draws of a block, a power of two; the most work that a kill can cost each process.
-    check_every : int
-        One block in so many reruns one of its experiments; 0 checks nothing. See `CHECK_EVERY`.
+    Every draw starts from the comparison `base`. Populations are `boxes` by name, the first of which claims
+    are judged by, with their `shares` of the number asked for. `sha256` is the digest of the ensemble's
+    configuration; `replicates` are independent scramblings; a block of `block_draws`, a power of two, is
+    the most work that a kill can cost each process. Of `check_every` see `CHECK_EVERY`; 0 checks nothing.
     """
 
     base: LoadedConfig

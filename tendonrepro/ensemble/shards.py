@@ -38,14 +38,8 @@ _ARRAYS = ("draws", "status", "status_time", "steps")
 class Block:
     """Consecutive draws of one scrambling: the unit of work, of storage and of resuming.
 
-    Attributes
-    ----------
-    population : str
-        ``box`` or ``firm``.
-    replicate : int
-        Number of the scrambling.
-    first, count : int
-        Its draws within the scrambling.
+    The population is ``box`` or ``firm``, `replicate` the number of the scrambling, `first` and `count` its
+    draws.
     """
 
     population: str
@@ -63,28 +57,11 @@ class Block:
 class Shard:
     """Everything kept of one block; B draws of P numbers, C cases, n joints.
 
-    Attributes
-    ----------
-    block : Block
-    identity : str
-        Digest that all shards of one ensemble share; see `tendonrepro.ensemble.plan.Study`.
-    names : tuple of str
-        Of the P numbers drawn.
-    cases : tuple of Case
-    draws : array (B, P)
-    status : int8 array (C, B)
-    status_time : float32 array (C, B)
-        s.
-    steps : int16 array (C, B)
-        Integrator steps per sample.
-    statistics : mapping
-        Name -> float32 array (C, B, n), SI units.
-    check : mapping
-        What the spot check found; empty where there was none.
-    provenance : mapping
-        Texts and numbers for a reader: versions, processor, seed, digest of the configuration.
-    seconds : float
-        Time the block took; no part of the digest.
+    All shards of one ensemble share an `identity`, see `plan.Study`. `draws` is (B, P); `status` and the
+    integrator's `steps` per sample are (C, B), and so is `status_time`, s; `statistics` are (C, B, n) by
+    name, SI. `check` is what the spot check found, empty where there was none; `provenance` is for a
+    reader: versions, processor, seed, digest of the configuration. The `seconds` that the block took are no
+    part of the digest.
     """
 
     block: Block

@@ -41,19 +41,10 @@ from tendonrepro.physics.slow_error import ERROR_SIZES_DEG, TYPICAL_ERROR_DEG, e
 class RunMargins:
     """Stability of one run, the worst of the postures for every number.
 
-    Attributes
-    ----------
-    spectral_radius : float
-    decay : float
-        Slowest decay, s⁻¹; negative where the loop grows.
-    frequency : float
-        Frequency of that mode, Hz.
-    ringing_decay, ringing_frequency : float
-        The same of the slowest mode above the frequency from which on errors count as ringing; NaN without.
-    channels : tuple of ChannelMargins
-        One per joint, for a torque that the law does not know.
-    disk, disk_hz : float
-        Symmetric disk margin of all joints at once, and its frequency, Hz.
+    The slowest mode decays by `decay`, s⁻¹, negative where the loop grows, at a `frequency`, Hz; `ringing_`
+    is the same of the slowest mode above the frequency from which on errors count as ringing, NaN without.
+    Channels, one a joint, are for a torque that the law does not know; `disk` is the symmetric disk margin
+    of all joints at once, at a Hz.
     """
 
     spectral_radius: float
@@ -81,16 +72,9 @@ class Curves:
 
 @dataclass(frozen=True)
 class Map:
-    """Borders of stability over factors on two parameters.
+    """Borders of stability over factors (X,) and (Y,) on two parameters, `x` and `y`.
 
-    Attributes
-    ----------
-    x, y : str
-        Parameters.
-    x_factors : array (X,)
-    y_factors : array (Y,)
-    distance : mapping
-        Run -> signed distance (Y, X) from its border, zero on it and positive where it is stable.
+    By run the signed distance (Y, X) from its border, zero on it and positive where it is stable.
     """
 
     x: str
@@ -110,31 +94,12 @@ class WhatIf:
 
 @dataclass(frozen=True)
 class Explanation:
-    """Everything that :func:`explain` finds.
+    """Everything that :func:`explain` finds; margins, curves and views by run.
 
-    Attributes
-    ----------
-    joints : tuple of int
-    postures : array (P, n)
-        Start, middle and far end of the reference, rad.
-    views : mapping
-        Run -> law, plant and delay.
-    margins : mapping
-        Run -> `RunMargins`.
-    curves : mapping
-        Run -> `Curves`.
-    ratios : mapping
-        Pair such as ``c1_c2`` -> error size in degrees -> ratio per joint.
-    what_if : mapping
-        Change such as ``weights=extrapolating`` -> `WhatIf`.
-    loci : mapping
-        Parameter -> law -> modes (factors, modes), s⁻¹ and rad s⁻¹, at the middle posture.
-    locus_factors : mapping
-        Parameter -> factors.
-    maps : tuple of Map
-        Tendons and gains.
-    origin : str
-        Mark of the configuration, for captions.
+    `postures` (P, n), rad, are start, middle and far end of the reference. `ratios` are by pair such as
+    ``c1_c2``, size of the error in degrees, and joint; `what_if` by change such as
+    ``weights=extrapolating``; `loci` by parameter and law: modes (factors, modes), s⁻¹ and rad s⁻¹, at the
+    middle posture. `origin` marks the configuration in captions.
     """
 
     joints: tuple[int, ...]

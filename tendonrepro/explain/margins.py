@@ -33,23 +33,10 @@ _BEYOND = 1e-4
 class ChannelMargins(NamedTuple):
     """Margins of one joint's torque with the other loops closed.
 
-    Attributes
-    ----------
-    stable : bool
-        Whether the closed loop decays.
-    gain_up, gain_down : float
-        Smallest factor above 1, and largest below 1, that makes the loop grow; NaN where there is none, or
-        where the loop grows already.
-    gain_up_hz, gain_down_hz : float
-        Frequency of the mode that then grows, Hz.
-    phase : float
-        Smallest lag or lead that makes the loop grow, rad; NaN likewise.
-    crossover_hz : float
-        Frequency where that happens: the gain is 1 there.
-    delay : float
-        Shortest extra delay, unknown to the law, that makes the loop grow, s; NaN likewise.
-    loop_gain : float
-        ``|G|`` at `LOW_FREQUENCY`.
+    NaN where there is none, or the loop grows already. `gain_up` and `gain_down` are the smallest factor
+    above 1 and the largest below 1 that make the loop grow, `_hz` the frequency of the mode that then
+    grows; `phase` the smallest lag or lead, rad, that does, where the gain is 1, at `crossover_hz`; `delay`
+    the shortest extra delay, s, unknown to the law. `loop_gain` is ``|G|`` at `LOW_FREQUENCY`.
     """
 
     stable: bool

@@ -49,14 +49,9 @@ _PLANTS_AT_ONCE = 256
 
 @dataclass(frozen=True)
 class Printed:
-    """The sixteen printed errors in degrees, (R, 2, n): runs in the order of `RUNS`, MAE and RMSE, joints.
+    """The sixteen printed errors, deg, and half a unit of their last digit, each (R, 2, n).
 
-    Attributes
-    ----------
-    values : array (R, 2, n)
-    half : array (R, 2, n)
-        Half a unit of the last digit.
-    joints : tuple of int
+    Runs in the order of `RUNS`, MAE and RMSE, joints.
     """
 
     values: Array
@@ -79,14 +74,8 @@ def printed_numbers(paper: Published, joints: Sequence[int]) -> Printed:
 class Outcome:
     """What N plants give on R runs.
 
-    Attributes
-    ----------
-    sizes : array (N, R, 2, n)
-        MAE and RMSE, deg; up to its end of a diverged run, NaN where there is nothing.
-    status : array (N, R) of int8
-        Index into `tendonrepro.simulation.batch.STATUSES`.
-    lasted : array (N, R)
-        Share of the run that was done.
+    `sizes` (N, R, 2, n) are MAE and RMSE, deg, up to its end of a diverged run, NaN where there is nothing;
+    `status` (N, R) indexes `STATUSES`; `lasted` (N, R) is the share of the run that was done.
     """
 
     sizes: Array
@@ -105,16 +94,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Bench:
-    """Points of the unit cube to numbers.
-
-    Attributes
-    ----------
-    base : LoadedConfig
-        Configuration of `compare` that every plant starts from.
-    box : Box
-    window : str
-    simulate : Simulate
-    """
+    """Points of the unit cube to numbers; every plant starts from the comparison `base`."""
 
     base: LoadedConfig
     box: Box
@@ -284,16 +264,7 @@ def rows_that_matter(
 ) -> NDArray[np.bool_]:
     """Rows of the bench's box to search under a reading, (P,); all where none is felt.
 
-    Parameters
-    ----------
-    bench : Bench
-    case : Reading
-    runs : sequence of str
-        Those whose numbers are fitted.
-    printed : array (R, 2, n)
-        Their printed numbers, deg.
-    seed : int
-        Of the draws.
+    `printed` are the numbers (R, 2, n) of the runs that are fitted, deg; `seed` is of the draws.
     """
     box = bench.box
     draws = scrambled_sobol(box, seed, 0, 0, DRAWS)

@@ -29,13 +29,9 @@ from tendonrepro.files import sealed, unsealed, write_atomically
 
 
 class Evaluated(NamedTuple):
-    """What N points give.
+    """Misfits (N,) of N points, and residuals (N, K): the deviation of each fitted number.
 
-    Attributes
-    ----------
-    misfits : array (N,)
-    residuals : array (N, K)
-        Deviation of each fitted number; smooth in the unknowns where the misfit is small.
+    They are smooth in the unknowns where the misfit is small.
     """
 
     misfits: Array
@@ -76,21 +72,11 @@ _SETTLED = 1e-4
 
 @dataclass(frozen=True)
 class Effort:
-    """How hard to search.
+    """How hard to search: generations of a population of at least 5, by so many seeds.
 
-    Attributes
-    ----------
-    generations : int
-    population : int
-        Members per seed, at least 5.
-    seeds : int
-        Searches that know nothing of each other.
-    tolerance : float
-        Misfit that is good enough while spreading.
-    smooth : tuple of bool
-        Unknowns that the residuals depend on smoothly, of all F; choices are none.
-    spreads : bool
-        Whether near-optimal plants are wanted, and not only the closest one.
+    Seeds know nothing of each other. A misfit up to `tolerance` is good enough while spreading. The
+    residuals depend smoothly on those unknowns, of all F, that are `smooth`; choices are none. It `spreads`
+    where near-optimal plants are wanted, not only the closest one.
     """
 
     generations: int
@@ -120,16 +106,9 @@ class Effort:
 class Found:
     """What S seeds found.
 
-    Attributes
-    ----------
-    closest : array (F,)
-        Closest point of all in the unit cube, polished.
-    misfit : float
-    spread_units : array (S, M, F)
-        Members of each population when it had spread.
-    spread_misfits : array (S, M)
-    history : array (generations + 1, S)
-        Smallest misfit after each so many plants.
+    The `closest` point (F,) of all, polished, and its misfit; members (S, M, F) of each population when it
+    had spread, and their misfits (S, M); `history` (generations + 1, S) has the smallest misfit after each
+    so many plants.
     """
 
     closest: Array

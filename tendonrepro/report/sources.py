@@ -71,10 +71,7 @@ class Found:
 def found_under(folder: Path, measured: Path | None, talk: Talk) -> Found:
     """Read all there is under a results folder, and judge the claims from it.
 
-    Raises
-    ------
-    DataMissingError
-        If something is damaged, or the measured file that was asked for is not there.
+    A DataMissingError if something is damaged, or the measured file that was asked for is not there.
     """
     found = Found()
     for name in ("decouple", "compare"):

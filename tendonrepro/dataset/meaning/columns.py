@@ -47,36 +47,16 @@ Group = tuple[str, str, int]
 
 @dataclass(eq=False)
 class Column:
-    """One column of a signal, and what is known of it so far.
+    """One column of a signal, by its `number` from 1, and what is known of it so far.
 
-    Attributes
-    ----------
-    source : Source
-    signal : Signal
-    number : int
-        Of the column, from 1.
-    own : Hints
-        From the column's own name.
-    around : tuple of Hints
-        From names it stands below, nearest first: table, sheet, titles, then file and folders.
-    inside : int
-        How many of these are inside the file.
-    tabular : bool
-        Whether its signal is a table of its own: a matrix with a time axis, or with more columns than joints.
-    quantity : Quantity or None
-    joint : int or None
-    unit : str or None
-        A unit of `units.FACTORS`.
-    scale : float
-        Factor beside the unit, such as 0.01 for a motor angle before the reducer.
-    assumed : Hints
-        Controller and payload where no name speaks of them.
-    time : Address or None
-        Column with its sampling times; None where the signal has its own or there is none.
-    because : list of str
-        Reasons, in the order in which they were found.
-    doubts : list of str
-        What a user has to decide, in words that are the same for all columns in the same doubt.
+    What names say is in `own`, its own name, and `around`, those it stands below, nearest first: table,
+    sheet, titles, then file and folders; so many of them are `inside` the file. A `tabular` signal is a
+    table of its own: a matrix with a time axis, or with more columns than joints. The `unit` is one of
+    `units.FACTORS`, the `scale` a factor beside it, such as 0.01 for a motor before the reducer. Controller
+    and payload that no name speaks of are `assumed`. `time` is the column with its sampling times, None
+    where the signal has its own or there is none. Reasons stand in `because` in the order in which they
+    were found, and in `doubts` what a user has to decide, in words that are the same for all columns in the
+    same doubt.
     """
 
     source: Source

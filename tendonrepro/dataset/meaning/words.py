@@ -85,26 +85,10 @@ _TSM = _these("tsm tdetsm tsmc tdc tdepd pd")
 class Hints:
     """What a name says; None where it says nothing.
 
-    Attributes
-    ----------
-    quantity : Quantity or None
-    joint : int or None
-        Number in the name, from 0 to 3; the paper's, unless the data set counts otherwise.
-    controller : int or None
-    decoupling : bool
-        Whether it speaks of the decoupling experiment.
-    payload_mass : float or None
-        kg; 0 where the name says that there is none, NaN where it says there is one but not how heavy.
-    figure : int or None
-        Of the paper.
-    panel : str or None
-        Letter behind the figure's number.
-    of_motor : bool
-        Whether it is about a motor, whatever the quantity.
-    desired : bool
-        Whether it is about the desired motion, whatever the quantity.
-    letter : bool
-        Whether the quantity is told by a single letter, which is worth little but as a column's own name.
+    The `joint` is a number from 0 to 3, the paper's unless the data set counts otherwise. `payload_mass`,
+    kg, is 0 where the name says that there is none, NaN where there is one but not how heavy. `figure` and
+    `panel` are of the paper. `of_motor` and `desired` are about motors and the desired motion whatever the
+    quantity. A quantity that a single `letter` tells is worth little but as a column's own name.
     """
 
     quantity: Quantity | None = None

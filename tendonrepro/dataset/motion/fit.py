@@ -34,16 +34,9 @@ _ROUGH, _FINE = (400, 1e-8), (1500, 1e-15)
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A shape laid through a recorded motion.
+    """A shape laid through a recorded motion: `kind` and `values` as in a configuration.
 
-    Parameters
-    ----------
-    kind : str
-        As in a configuration.
-    values : dict
-        Its parameters.
-    largest, rms : float
-        Residual, rad.
+    `largest` and `rms` are of its residual, rad.
     """
 
     kind: str

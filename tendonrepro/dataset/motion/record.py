@@ -25,20 +25,9 @@ _BESIDE = 0.1
 class Recorded:
     """Desired joint angles of a run on an even time grid.
 
-    Parameters
-    ----------
-    time : array (T,)
-        s, from 0 at the run's first sample.
-    q : array (T, n)
-        Displacement from the first angles, rad; gaps are bridged.
-    joint : tuple of int
-        The paper's numbers.
-    start_angle : array (n,)
-        First recorded angles, rad.
-    rounding : float
-        Step to which the record itself is rounded, rad; 0 if it is not.
-    known : bool array (T,)
-        False in a gap.
+    `time` (T,), s, is 0 at the run's first sample; `q` (T, n), rad, the displacement from the first angles,
+    `start_angle` (n,), with gaps bridged; `known` (T,) is False in a gap. `rounding` is the step to which
+    the record itself is rounded, rad, 0 if it is not.
     """
 
     time: Array

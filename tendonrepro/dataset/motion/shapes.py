@@ -37,18 +37,11 @@ _STILL = 0.05
 
 @dataclass(frozen=True)
 class Turns:
-    """Cycles of a motion that goes out and comes back.
+    """Cycles of a motion that goes out and comes back: the columns that move in each, in order; times in s.
 
-    Parameters
-    ----------
-    joints : tuple of tuple of int
-        Columns that move in each cycle, in order.
-    begin, end : float
-        When the first excursion passes 2 % of the amplitude on its way out and back, s.
-    cycle : float
-        From one excursion to the next, s; 0 when there is only one.
-    rise : float
-        From 2 % to 98 % of the amplitude, s.
+    The first excursion passes 2 % of the amplitude at `begin` on its way out and at `end` on its way back;
+    `cycle` is from one excursion to the next, 0 when there is only one; `rise` from 2 % to 98 % of the
+    amplitude.
     """
 
     joints: tuple[tuple[int, ...], ...]

@@ -24,25 +24,12 @@ _NO_MEMORY = ("needs too much memory", "split it into smaller files")
 
 
 def files_below(paths: Sequence[Path]) -> list[tuple[Path, str]]:
-    """Files that a user means by files and folders, each with its name.
+    """Files that a user means by files and folders, each with its name below its folder.
 
-    Links that lead out of a folder are left out, and so are hidden files and what `fetch` leaves there for
-    itself.
-
-    Parameters
-    ----------
-    paths : sequence of Path
-
-    Returns
-    -------
-    list of (Path, str)
-        The name is below its folder, which comes first where several paths were given. A mark stands for
-        what is no text in it, and a number follows where two become the same by that.
-
-    Raises
-    ------
-    DataMissingError
-        When a path does not exist, or there is no file at all.
+    The folder comes first where several paths were given. A mark stands for what is no text in a name, and
+    a number follows where two become the same by that. Links that lead out of a folder are left out, and so
+    are hidden files and what `fetch` leaves there for itself. A DataMissingError where a path does not
+    exist, or there is no file.
     """
     found: list[tuple[Path, str]] = []
     for path in paths:

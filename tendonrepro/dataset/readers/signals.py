@@ -32,16 +32,8 @@ class TooMuch(Exception):
 class Allowance:
     """What may still be kept of the files of one command, and unpacked from archives.
 
-    Attributes
-    ----------
-    numbers : int
-        Bytes of signals in memory.
-    unpacked : int
-        Bytes written to temporary files.
-    members : int
-        Files in archives.
-    size, inside : int
-        Bytes of the file at hand, and what it was unpacked into so far, archives within it included.
+    Bytes of signals in memory, bytes written to temporary files, and files in archives; `size` and `inside`
+    are the bytes of the file at hand, and what it was unpacked into so far, archives within it included.
     """
 
     numbers: int = MOST_NUMBERS
@@ -97,24 +89,12 @@ class Unreadable(Exception):
 class Signal:
     """Numbers found in a file, samples along the first axis.
 
-    Parameters
-    ----------
-    path : str
-        Where in the file, parts joined by ``/``: variable, field, sheet, column. Unique within the file.
-    values : Array
-        Shape (N,) or (N, m), as stored, in the stored unit.
-    dtype : str
-        Type in the file, such as ``int16``.
-    label : str
-        Its own name where the file tells one: header of a column, name of a logged signal, legend of a curve.
-    unit : str or None
-        As written in the file.
-    group : str
-        Path of what it was recorded in (sheet, table, log); signals of one group share their samples.
-    time : Array or None
-        Sampling times in s, shape (N,), where the container itself stores them, as a timeseries does.
-    note : str
-        What a reader did to it, such as a transposition; empty when nothing.
+    The `path` says where, parts joined by ``/``: variable, field, sheet, column; it is unique within the
+    file. `values` (N,) or (N, m) are as stored, in the `unit` as written there; `dtype` is their type
+    there. The `label` is its own name where the file tells one: header of a column, name of a logged
+    signal, legend of a curve. Signals of one `group`, the path of a sheet, table or log, share their
+    samples. `time` (N,), s, is where the container itself stores it, as a timeseries does. A `note` says
+    what a reader did to it.
     """
 
     path: str
@@ -152,21 +132,10 @@ class Skipped:
 class Source:
     """One file, or one member of an archive, as read.
 
-    Parameters
-    ----------
-    name : str
-        Path below what the user named; members of an archive follow its name and ``/``.
-    kind : str
-        True type by content, such as ``MATLAB 5`` or ``text table (comma, utf-8)``.
-    size : int
-        Bytes.
-    md5 : str
-        Of its bytes, 32 hexadecimal digits.
-    signals : tuple of Signal
-    skipped : tuple of Skipped
-    texts : mapping
-        Short texts found inside that may say what the numbers are: path -> text. One at ``D/x`` describes
-        every signal whose path begins with ``D/``, one at a path without ``/`` the whole file.
+    The `name` is below what the user named; members of an archive follow its name and ``/``. The `kind` is
+    the true type by content, such as ``MATLAB 5`` or ``text table (comma, utf-8)``. `texts` holds short
+    texts found inside that may say what the numbers are: one at ``D/x`` describes every signal whose path
+    begins with ``D/``, one at a path without ``/`` the whole file.
     """
 
     name: str

@@ -18,18 +18,9 @@ Digest = Annotated[str, Field(pattern="^[0-9a-f]{32}$")]
 
 
 class LockedFile(BaseModel):
-    """A file as it must be on disk.
+    """A file as it must be on disk: name in the record, bytes, digest, and path below the folder.
 
-    Attributes
-    ----------
-    key : str
-        Name in the record.
-    size : int
-        Bytes.
-    md5 : str or None
-        None only before the file was seen, where the record gives none.
-    path : str
-        Below the folder, with slashes.
+    The path has slashes. The digest is None only before the file was seen, where the record gives none.
     """
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
@@ -43,14 +34,9 @@ class LockedFile(BaseModel):
 class DataLock(BaseModel):
     """What a folder holds.
 
-    Attributes
-    ----------
-    record, requested : str
-        Number of the version, and the number asked for, which may be that of all versions.
-    fetched_at : str
-        UTC, ISO 8601.
-    verified : bool
-        Whether the files were compared with the record; if not, the digests are those they came with.
+    `record` is the number of the version, `requested` the number asked for, which may be that of all
+    versions. Files that are `verified` were compared with the record; else the digests are those they came
+    with.
     """
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)

@@ -34,22 +34,12 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Patience:
-    """How often to ask, and how long to wait.
+    """How often to ask, and how long to wait, s.
 
-    Attributes
-    ----------
-    tries : int
-        Most requests for one answer.
-    backoff : float
-        s, between tries; doubled each time.
-    asked : int
-        s, most that is waited before a try because the server asks for it.
-    timeout : tuple of float
-        s, for a connection, and for the next bytes of an answer.
-    chunk : float
-        s, for the next :data:`CHUNK` bytes of a file, so that no server can keep us with a trickle.
-    answer : float
-        s, for an answer with all its tries, and for a whole JSON.
+    Tries for one answer have `backoff` between them, doubled each time, or what the server asks for, up to
+    `asked`. The `timeout` is for a connection and for the next bytes; `chunk` for the next :data:`CHUNK`
+    bytes of a file, so that no server can keep us with a trickle; `answer` for an answer with all its
+    tries, and for a whole JSON.
     """
 
     tries: int = 4
