@@ -109,14 +109,15 @@ def _bar_columns() -> list[Any]:
     return [label, BarColumn(), TaskProgressColumn(), Rate(), TimeRemainingColumn()]
 
 
-def columns(rows: Iterable[Sequence[str]]) -> str:
-    """Rows as columns, the first flush left and the others flush right."""
+def columns(rows: Iterable[Sequence[str]], *, left: bool = False) -> str:
+    """Rows as columns, the first flush left and the others flush right, or all of them `left`."""
     cells = [list(row) for row in rows]
     widths = [max(len(cell) for cell in column) for column in zip(*cells, strict=True)]
-    return "\n".join(
+    lines = (
         "  ".join(
-            cell.ljust(w) if k == 0 else cell.rjust(w)
+            cell.ljust(w) if left or k == 0 else cell.rjust(w)
             for k, (cell, w) in enumerate(zip(row, widths, strict=True))
         )
         for row in cells
     )
+    return "\n".join(line.rstrip() if left else line for line in lines)

@@ -10,6 +10,7 @@ from typing import Any
 from tendonrepro.claims.from_ensemble import COMMAND
 from tendonrepro.claims.judge import SCHEMA_VERSION, SHARE, Verdict, summary
 from tendonrepro.claims.verdicts import EDITION
+from tendonrepro.console import columns
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.results.tables import NOTHING, csv_text, markdown
 
@@ -56,13 +57,8 @@ def table_text(verdicts: Sequence[Verdict]) -> str:
         beside = [_measured(verdict)] * measured
         cells = (_ours(verdict), _box(verdict), _passing(verdict), _name(verdict))
         rows.append((verdict.id, printed, *cells, *beside))
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = [
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
-    ]
     counts = ", ".join(f"{count} {name}" for name, count in summary(verdicts).items() if count)
-    notes = _notes(verdicts)
-    return "\n".join([*lines, "", counts, *notes])
+    return "\n".join([columns(rows, left=True), "", counts, *_notes(verdicts)])
 
 
 def _notes(verdicts: Sequence[Verdict]) -> list[str]:

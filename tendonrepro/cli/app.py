@@ -191,6 +191,8 @@ def _carry_out(orders: Sequence[Order], terminal: Terminal) -> int:
     return 5 if any(map(diverged, found.values())) else 0
 
 
+StoredTraces = Annotated[Path, typer.Argument(help="Trace file, or a results folder with one.")]
+Overwrite = Annotated[bool, typer.Option("--force", help="Overwrite a file that is there.")]
 ResultsFolder = Annotated[Path, typer.Option("--out", help="Results folder, or the folder above several.")]
 
 
@@ -220,7 +222,7 @@ def tables(terminal: Terminal, out: ResultsFolder = Path("reports")) -> None:
 @command(app, "tendonrepro animate reports/decouple --speed 2")
 def animate(
     terminal: Terminal,
-    file: Annotated[Path, typer.Argument(help="Trace file, or a results folder with one.")],
+    file: StoredTraces,
     run: Annotated[str | None, typer.Option("--run", help="Run to show [default: the first].")] = None,
     coupling: Annotated[
         bool, typer.Option("--coupling", help="Figure 6: motor 1 alone turns, postures by Eq. (1).")
@@ -233,7 +235,7 @@ def animate(
     out: Annotated[
         Path | None, typer.Option("--out", help="File to write, .gif or .mp4 [default: beside the traces].")
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite a file that is there.")] = False,
+    force: Overwrite = False,
 ) -> None:
     """The arm in motion, its tendons coloured by tension."""
     from tendonrepro.results.animate import animate as make
@@ -247,10 +249,10 @@ def animate(
 @command(app, "tendonrepro export reports/compare --format mat")
 def export(
     terminal: Terminal,
-    file: Annotated[Path, typer.Argument(help="Trace file, or a results folder with one.")],
+    file: StoredTraces,
     form: Annotated[str, typer.Option("--format", help="csv, parquet or mat.")] = "csv",
     out: Annotated[Path | None, typer.Option("--out", help="File to write [default: beside it].")] = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite a file that is there.")] = False,
+    force: Overwrite = False,
 ) -> None:
     """Write stored traces for other programs."""
     from tendonrepro.results.export import export_traces

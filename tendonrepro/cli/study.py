@@ -13,6 +13,11 @@ from tendonrepro.config.request import Request
 
 study_app = typer.Typer(rich_help_panel="Explore", rich_markup_mode=None)
 
+MeasuredFile = Annotated[
+    Path | None,
+    typer.Option("--measured", help="Measured trace file [default: data/measured.h5 if there is one]."),
+]
+
 
 @command(study_app, 'tendonrepro sweep --over "control.gains.alpha=[0,0],[0.1,0.2],[0.3,0.4]"', without=())
 def sweep(
@@ -132,10 +137,7 @@ def claims(
     baseline: Annotated[
         Path | None, typer.Option("--baseline", help="Earlier claims.json: only changes count for --check.")
     ] = None,
-    measured: Annotated[
-        Path | None,
-        typer.Option("--measured", help="Measured trace file [default: data/measured.h5 if there is one]."),
-    ] = None,
+    measured: MeasuredFile = None,
 ) -> int:
     """The verdict on every printed number and claim."""
     from tendonrepro.claims.command import run_claims
@@ -152,10 +154,7 @@ def report(
     out: Annotated[
         Path | None, typer.Option("--out", help="HTML file to write [default: report.html in that folder].")
     ] = None,
-    measured: Annotated[
-        Path | None,
-        typer.Option("--measured", help="Measured trace file [default: data/measured.h5 if there is one]."),
-    ] = None,
+    measured: MeasuredFile = None,
     force: Annotated[
         bool, typer.Option("--force", help="Overwrite a file that is no report, or edited.")
     ] = False,

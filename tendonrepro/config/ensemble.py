@@ -96,9 +96,7 @@ class EnsembleConfig(RootModel):
     longest_run: Annotated[Scalar, physical("s", "no run of the box may last longer", above=0.0)]
     populations: Annotated[dict[Identifier, Population], Field(min_length=1)]
     pairs: Annotated[
-        tuple[
-            Annotated[tuple[Annotated[str, AfterValidator(_check_reading)], ...], Field(min_length=1)], ...
-        ],
+        tuple[Annotated[tuple[Setting, ...], Field(min_length=1)], ...],
         Field(description="settings axis=value that are run together"),
     ]
     variations: tuple[Annotated[str, AfterValidator(_check_variation)], ...]

@@ -110,7 +110,7 @@ def load_study(
         base=loaded.base,
         boxes={name: box.only(held.confidences) for name, held in config.populations.items()},
         shares={name: held.share.si for name, held in config.populations.items()},
-        readings=every_pair() if readings == "all" else default_readings(config),
+        readings=every_pair() if readings == "all" else default_readings(config.pairs),
         variations=tuple(parse_reading(name) for name in config.variations),
         sha256=loaded.sha256,
         seed=int(config.seed.si),

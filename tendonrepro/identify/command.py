@@ -146,7 +146,7 @@ def _check(fit: str, window: str, generations: int, population: int, seeds: int)
 
 def _readings(text: str, loaded: LoadedEnsemble) -> tuple[Reading, ...]:
     if text == "default":
-        return default_readings(loaded.config)
+        return default_readings(loaded.config.pairs)
     found = tuple(dict.fromkeys(parse_reading(name.strip()) for name in text.split(",")))
     for held in found:
         if any(axis not in AXES for axis, _ in held.settings):

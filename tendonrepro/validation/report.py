@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from tendonrepro.config.published import COMPARED, Published
+from tendonrepro.console import columns
 from tendonrepro.dataset.measured_file import resting_on
 from tendonrepro.dataset.motion.windows import PrintedTables, Tried
 from tendonrepro.results.summary import CONTROLLERS
@@ -51,13 +52,7 @@ def _table(found: Mapping[str, Any], window: str) -> Iterator[str]:
                     cells.append({True: "agrees", False: "differs", None: ""}[agree])
                 rows.append(cells)
     if len(rows) > 1:
-        yield f"Errors in deg, averaged over: {window}\n{_aligned(rows)}"
-
-
-def _aligned(rows: Sequence[Sequence[str]]) -> str:
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in rows]
-    return "\n".join(line.rstrip() for line in lines)
+        yield f"Errors in deg, averaged over: {window}\n{columns(rows, left=True)}"
 
 
 def _reference(reference: Mapping[str, Any] | None) -> Iterator[str]:
@@ -95,7 +90,7 @@ def _claims(claims: Sequence[Mapping[str, Any]]) -> str:
         if "window" in evidence:
             why = f"over {evidence['window']}" + (f": {why}" if why else "")
         rows.append((claim["id"], claim["where"], claim["verdict"], why))
-    return _aligned(rows)
+    return columns(rows, left=True)
 
 
 def _failing(evidence: Mapping[str, Any]) -> str:
@@ -118,7 +113,7 @@ def _residuals(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
         shown = [NOTHING if cell is None else f"{cell:z.3g}" for cell in cells]
         lines.append((row["run"], str(row["joint"]), *shown))
     if len(lines) > 1:
-        yield f"The model on the measured motion, in deg, over what both cover:\n{_aligned(lines)}"
+        yield f"The model on the measured motion, in deg, over what both cover:\n{columns(lines, left=True)}"
 
 
 _ROWS: Mapping[str, Mapping[str, str]] = {

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cache
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -146,7 +145,7 @@ def test_under_shares_what_does_not_change_and_stays_valid() -> None:
     assert changed.manipulator is config.manipulator
     assert config.control.readings.weights == "interpolating"
     assert under(reading({}), config, draw) is config
-    for choice in default_readings(load_ensemble(None).config) + VARIATIONS:
+    for choice in default_readings(load_ensemble(None).config.pairs) + VARIATIONS:
         changed = under(choice, config, draw)
         assert CompareConfig.model_validate(changed.model_dump()) == changed
 
@@ -161,7 +160,7 @@ def test_as_printed_undoes_other_readings() -> None:
 
 
 def test_default_readings_are_printed_alternatives_and_pairs() -> None:
-    chosen = default_readings(SimpleNamespace(pairs=[["weights=extrapolating", "phi_branch=power"]]))
+    chosen = default_readings([["weights=extrapolating", "phi_branch=power"]])
     names = [choice.name for choice in chosen]
     assert names[0] == "printed"
     assert names[-1] == "phi_branch=power+weights=extrapolating"

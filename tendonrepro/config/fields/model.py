@@ -44,17 +44,12 @@ class Problems:
         """Note a mistake at a path relative to the value being validated."""
         self.details.append(_mistake(at, message))
 
-    def raise_if_any(self) -> None:
-        """Raise pydantic's error with all mistakes noted so far."""
-        if self.details:
-            raise ValidationError.from_exception_data(_TITLE, self.details)
-
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        if kind is None:
-            self.raise_if_any()
+        if kind is None and self.details:
+            raise ValidationError.from_exception_data(_TITLE, self.details)
 
 
 def refuse(message: str, *at: str | int) -> NoReturn:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 from tendonrepro.config.fields.model import Model
 from tendonrepro.config.fields.quantity import Scalar
@@ -58,14 +58,6 @@ class Reading:
 
     name: str
     settings: tuple[tuple[str, str], ...]
-
-
-class HasReadings(Protocol):
-    """What names pairs of readings: an ensemble's configuration."""
-
-    @property
-    def pairs(self) -> Sequence[Sequence[str]]:
-        """Settings ``axis=value`` that are run together."""
 
 
 def _axis(name: str, printed: str, others: str, runs: tuple[str, ...], place: str, about: str) -> ReadingAxis:
@@ -120,8 +112,7 @@ _WHAT_IFS = (
     _axis("M_bar", "printed", "halved", ("controller_2",), "Section 4.2",
           "Constant inertia of the law."),
 )  # fmt: skip
-_WHAT_IF_AXES: Mapping[str, ReadingAxis] = {axis.name: axis for axis in _WHAT_IFS}
-_EVERY_AXIS: Mapping[str, ReadingAxis] = {**AXES, **_WHAT_IF_AXES}
+_EVERY_AXIS: Mapping[str, ReadingAxis] = {axis.name: axis for axis in (*_AXES, *_WHAT_IFS)}
 _ORDER = {name: place for place, name in enumerate(_EVERY_AXIS)}
 
 
@@ -176,11 +167,11 @@ def _check_setting(name: str, value: str) -> None:
         raise UsageError(message)
 
 
-def default_readings(config: HasReadings) -> tuple[Reading, ...]:
-    """As printed, each alternative alone, and the pairs that the configuration names."""
+def default_readings(pairs: Sequence[Sequence[str]]) -> tuple[Reading, ...]:
+    """As printed, each alternative alone, and settings ``axis=value`` that are run together."""
     single = [reading({axis.name: value}) for axis in _AXES for value in axis.alternatives]
-    pairs = [parse_reading("+".join(pair)) for pair in config.pairs]
-    return tuple(dict.fromkeys([reading({}), *single, *pairs]))
+    together = [parse_reading("+".join(pair)) for pair in pairs]
+    return tuple(dict.fromkeys([reading({}), *single, *together]))
 
 
 def every_pair() -> tuple[Reading, ...]:

@@ -12,7 +12,7 @@ from typing import Annotated, Literal, Self, TypeAlias
 
 from pydantic import AfterValidator, BeforeValidator, Field, StrictInt, ValidationError, model_validator
 
-from tendonrepro.config.fields.model import Model, Problems, RunName, SchemaVersion
+from tendonrepro.config.fields.model import Model, Number, Problems, RunName, SchemaVersion, refuse
 from tendonrepro.config.fields.strict_yaml import load, read_text
 from tendonrepro.config.messages import explain, nearest, places_in
 from tendonrepro.dataset.readers.units import FACTORS, factor, kind_of_variable, plain_unit
@@ -21,7 +21,6 @@ from tendonrepro.results.records import VARIABLES
 
 HINT = "`tendonrepro inspect PATH --suggest` writes one to begin with."
 
-Number: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Seconds: TypeAlias = Annotated[Number, Field(ge=-1e12, le=1e12)]
 """A time on a file's clock, whenever it began to count."""
 Text: TypeAlias = Annotated[str, Field(min_length=1, strict=True)]
@@ -31,12 +30,10 @@ Because: TypeAlias = Annotated[Text | None, Field(description="reasons of a gues
 
 
 def _known_variable(name: str) -> str:
-    problems = Problems()
     if name not in VARIABLES:
         meant = nearest(name, VARIABLES)
         hint = f", did you mean {meant!r}?" if meant else ""
-        problems.add((), f"is no variable of a run: {name!r}{hint}; they are {', '.join(VARIABLES)}")
-    problems.raise_if_any()
+        refuse(f"is no variable of a run: {name!r}{hint}; they are {', '.join(VARIABLES)}")
     return name
 
 
@@ -72,14 +69,13 @@ class TimeAxis(Model):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        problems = Problems()
         given = {key for key in self.model_fields_set if getattr(self, key) is not None} - {"because"}
-        # Whatever stands beside a step would be ignored without a word.
-        if given != {"step_s"} and ("step_s" in given or not {"file", "signal"} <= given):
-            problems.add((), "needs either file and signal, or step_s alone")
-        if self.unit not in FACTORS["time"]:
-            problems.add(("unit",), f"must be one of {', '.join(FACTORS['time'])}, found {self.unit!r}")
-        problems.raise_if_any()
+        with Problems() as problems:
+            # Whatever stands beside a step would be ignored without a word.
+            if given != {"step_s"} and ("step_s" in given or not {"file", "signal"} <= given):
+                problems.add((), "needs either file and signal, or step_s alone")
+            if self.unit not in FACTORS["time"]:
+                problems.add(("unit",), f"must be one of {', '.join(FACTORS['time'])}, found {self.unit!r}")
         return self
 
 
@@ -111,14 +107,13 @@ class Entry(Model):
 
     @model_validator(mode="after")
     def _check_unit(self) -> Self:
-        problems = Problems()
         known = FACTORS.get(self.kind or "", {})
-        if known and self.unit not in known:
-            message = f"of {self.variable} must be one of {', '.join(known)}, found {self.unit!r}"
-            problems.add(("unit",), message)
-        if self.scale == 0.0:
-            problems.add(("scale",), "must not be 0")
-        problems.raise_if_any()
+        with Problems() as problems:
+            if known and self.unit not in known:
+                message = f"of {self.variable} must be one of {', '.join(known)}, found {self.unit!r}"
+                problems.add(("unit",), message)
+            if self.scale == 0.0:
+                problems.add(("scale",), "must not be 0")
         return self
 
 
@@ -135,15 +130,17 @@ class Run(Model):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        problems, places = Problems(), dict[tuple[str, int], int]()
-        for number, entry in enumerate(self.signals):
-            before = places.setdefault((entry.variable, entry.joint), number)
-            if before != number:
-                message = f"is a second {entry.variable} of joint {entry.joint}, after number {before + 1}"
-                problems.add(("signals", number), message)
-        if self.from_s is not None and self.to_s is not None and self.to_s <= self.from_s:
-            problems.add(("to_s",), "must be later than from_s")
-        problems.raise_if_any()
+        places: dict[tuple[str, int], int] = {}
+        with Problems() as problems:
+            for number, entry in enumerate(self.signals):
+                before = places.setdefault((entry.variable, entry.joint), number)
+                if before != number:
+                    message = (
+                        f"is a second {entry.variable} of joint {entry.joint}, after number {before + 1}"
+                    )
+                    problems.add(("signals", number), message)
+            if self.from_s is not None and self.to_s is not None and self.to_s <= self.from_s:
+                problems.add(("to_s",), "must be later than from_s")
         return self
 
 
