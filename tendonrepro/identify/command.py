@@ -283,4 +283,5 @@ def _reading_data(task: Task, held: Reading, rows: NDArray[np.bool_], state: Fou
         "numbers": judge.number_rows(best, near, printed, task.fitted),
         "order": judge.order_rows(near, printed),
         "parameters": judge.parameter_rows(bench.box, units[0], units[1:]),
+        "pareto": judge.pareto_rows(measured, printed, task.fitted),
     }

@@ -7,12 +7,13 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.config.models.readings import RUNS
 from tendonrepro.ensemble.box import Box
 from tendonrepro.ensemble.shares import FEW, MOST
-from tendonrepro.identify.misfit import METRICS, Outcome, Printed
+from tendonrepro.identify.misfit import METRICS, Outcome, Printed, log_misfit
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.summary import CONTROLLERS
 
@@ -180,3 +181,38 @@ def _bound(unit: float) -> str | None:
 
 def _shares(box: Box, row: int, chosen: Array) -> dict[str, float]:
     return {str(_word(box, row, float(value))): float((chosen == value).mean()) for value in box.choices[row]}
+
+
+def pareto_rows(
+    measured: Outcome, printed: Printed, fitted: tuple[str, ...]
+) -> dict[str, list[dict[str, Any]]]:
+    """Plants that no other plant beats in both of two misfits, among those on which all runs are ok.
+
+    Controller 2, or what was fitted, against the others, and joint against joint; the first misfit rises.
+    """
+    two = [RUNS.index("controller_2")] if len(fitted) == len(RUNS) else [RUNS.index(run) for run in fitted]
+    rest = [r for r in range(len(RUNS)) if r not in two]
+    of_runs = [_part(measured, printed, chosen, slice(None)) for chosen in (two, rest)]
+    every = list(range(len(RUNS)))
+    of_joints = [_part(measured, printed, every, slice(i, i + 1)) for i in range(2)]
+    well = np.asarray(measured.ok.all(axis=1))
+    names = [f"joint_{joint}" for joint in printed.joints[:2]]
+    return {
+        "controller_2_against_others": _front(of_runs, ("controller_2", "others"), well),
+        f"{names[0]}_against_{names[1]}": _front(of_joints, (names[0], names[1]), well),
+    }
+
+
+def _part(measured: Outcome, printed: Printed, runs: list[int], joints: slice) -> Array:
+    part = Outcome(measured.sizes[:, runs][..., joints], measured.status[:, runs], measured.lasted[:, runs])
+    return log_misfit(part, printed.values[runs][..., joints])
+
+
+def _front(misfits: list[Array], names: tuple[str, str], allowed: NDArray[np.bool_]) -> list[dict[str, Any]]:
+    first, second = misfits
+    order = np.lexsort((second, first))
+    front: list[dict[str, Any]] = []
+    for plant in order[allowed[order]]:
+        if not front or second[plant] < front[-1][names[1]]:
+            front.append({"plant": int(plant), names[0]: float(first[plant]), names[1]: float(second[plant])})
+    return front

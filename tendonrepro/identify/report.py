@@ -27,6 +27,7 @@ _CAPTIONS = {
     "identify_shape": "What of the best plant needs no scale: order of the controllers and RMSE over MAE.",
     "identify_order": "Share of the near-optimal plants on which the printed order holds.",
     "identify_parameters": "What the fit says about each row of the box; width 1: nothing, 0: everything.",
+    "identify_pareto": "Plants that no other beats in both misfits.",
 }
 
 
@@ -195,6 +196,13 @@ def write_identify_tables(data: Mapping[str, Any], folder: Path) -> list[Path]:
         "identify_shape": _gathered(readings, "best_shape"),
         "identify_order": _gathered(readings, "order"),
         "identify_parameters": _gathered(readings, "parameters"),
+        "identify_pareto": [
+            {"reading": reading["name"], "pair": pair, "plant": point["plant"], "first": x, "second": y}
+            for reading in readings
+            for pair, points in reading["pareto"].items()
+            for point in points
+            for x, y in [[value for key, value in point.items() if key != "plant"]]
+        ],
     }
     written = (write_table(rows, folder, stem, _CAPTIONS[stem]) for stem, rows in tables.items() if rows)
     return [path for paths in written for path in paths]

@@ -111,7 +111,7 @@ class TestRun:
         out, data = run
         manifest = json.loads((out / "manifest.json").read_text())
         names = set(manifest["outputs"])
-        stems = ("readings", "numbers", "shape", "order", "parameters")
+        stems = ("readings", "numbers", "shape", "order", "parameters", "pareto")
         assert {f"tables/identify_{stem}.{kind}" for stem in stems for kind in ("csv", "md")} < names
         figures = ("readings", "numbers", "parameters")
         assert {

@@ -13,8 +13,9 @@ from tendonrepro.identify.judge import (
     order_rows,
     order_verdict,
     parameter_rows,
+    pareto_rows,
 )
-from tendonrepro.identify.misfit import Outcome, printed_numbers
+from tendonrepro.identify.misfit import Outcome, log_misfit, printed_numbers
 
 
 class TestJudge:
@@ -77,6 +78,19 @@ class TestJudge:
         assert {row["verdict"] for row in rows} == {"too_few_plants"}
         assert order_verdict(0.95) == "agrees"
         assert order_verdict(0.05) == "contradicted"
+
+    def test_pareto_front_is_what_no_plant_beats(self):
+        near = plants(count=60)
+        front = pareto_rows(near, PRINTED, ("controller_2",))["controller_2_against_others"]
+        two = log_misfit(measured(near.sizes[:, [1]]), PRINTED.values[[1]])
+        rest = log_misfit(measured(near.sizes[:, [0, 2, 3]]), PRINTED.values[[0, 2, 3]])
+        unbeaten = {
+            k
+            for k in range(60)
+            if not ((two <= two[k]) & (rest <= rest[k]) & ((two < two[k]) | (rest < rest[k]))).any()
+        }
+        assert {point["plant"] for point in front} == unbeaten
+        assert len(front) > 1
 
 
 class TestParameters:
