@@ -162,8 +162,7 @@ def _ensemble(folder: Path, talk: Talk) -> EnsembleData | None:
 def _baseline(path: Path, ids: Sequence[str]) -> dict[str, str]:
     """Verdicts of an earlier ledger, by id."""
     if ids:
-        message = "a baseline is of the whole ledger, not of single claims"
-        raise UsageError(message, where="--baseline")
+        raise UsageError("a baseline is of the whole ledger, not of single claims", where="--baseline")
     try:
         # It may come through a pipe, such as from another commit.
         with path.open("rb") as stream:
@@ -171,8 +170,7 @@ def _baseline(path: Path, ids: Sequence[str]) -> dict[str, str]:
         found = json.loads(raw if len(raw) <= MOST_JSON else "")
         before = {str(entry["id"]): str(entry["verdict"]) for entry in found["claims"]}
     except OSError as error:
-        message = f"cannot be read: {error.strerror or error}"
-        raise DataMissingError(message, where=str(path)) from error
+        raise DataMissingError(f"cannot be read: {error.strerror or error}", where=str(path)) from error
     except (ValueError, TypeError, LookupError, RecursionError):
         before = {}
     if not before or not {*before.values()} <= {*NAMES}:

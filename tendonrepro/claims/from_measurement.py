@@ -145,8 +145,7 @@ def _need_errors(file: TraceFile) -> None:
         for joint in OneArm.joints:
             known = joint in trace.joint and "e" in trace
             if not known or bool(np.isnan(trace["e"][:, trace.joint.index(joint)]).all()):
-                message = f"the measured error of {trace.name}, joint {joint}"
-                raise DataMissingError(message)
+                raise DataMissingError(f"the measured error of {trace.name}, joint {joint}")
 
 
 def _all_judged(file: TraceFile, identifier: str, found: Findings) -> None:
@@ -177,20 +176,17 @@ def decoupling(file: TraceFile) -> Judged:
     """K3: joint angles calculated from the motors against the encoders."""
     trace = file.part("decouple").runs.get("decouple")
     if trace is None:
-        message = "a measured run decouple"
-        raise DataMissingError(message)
+        raise DataMissingError("a measured run decouple")
     places = [trace.joint.index(joint) for joint in (1, 2, 3) if joint in trace.joint]
     if len(places) < 3:
-        message = "all of joints 1 to 3 in the run decouple"
-        raise DataMissingError(message)
+        raise DataMissingError("all of joints 1 to 3 in the run decouple")
     encoder = _needed(trace, "q_encoder")[:, places]
     apart = calculated_angles(file, trace)[:, places] - encoder
     known = np.isfinite(apart).all(axis=1)
     time, apart = trace.time[known], apart[known]
     reach = np.nanmax(encoder, axis=0) - np.nanmin(encoder, axis=0)
     if not len(apart) or (reach < LEAST_RANGE).any():
-        message = "a run decouple in which joints 1 to 3 all move"
-        raise DataMissingError(message)
+        raise DataMissingError("a run decouple in which joints 1 to 3 all move")
     ways = {"start_offset_removed": apart - start_level(time, apart), "as_recorded": apart}
     rows = {name: _agreement(mae(difference), reach) for name, difference in ways.items()}
     decided, other = (all(row["holds"] for row in rows[name]["statements"]) for name in ways)
@@ -243,13 +239,11 @@ def motor_angles(file: TraceFile) -> Judged:
             sizes = {"mae_deg": float(np.rad2deg(apart)), "share_of_range": float(apart / reach)}
             rows.append({"statement": text, "holds": bool(apart < AGREES * reach)} | sizes)
     if not rows:
-        message = "q_encoder and q_d of joints 2 and 3 of a controller whose motors move"
-        raise DataMissingError(message)
+        raise DataMissingError("q_encoder and q_d of joints 2 and 3 of a controller whose motors move")
     return Judged(of_model(all(row["holds"] for row in rows)), None, {"statements": rows})
 
 
 def _needed(trace: Trace, variable: str) -> Array:
     if variable not in trace:
-        message = f"{variable} of the run {trace.name}"
-        raise DataMissingError(message)
+        raise DataMissingError(f"{variable} of the run {trace.name}")
     return trace[variable]

@@ -126,19 +126,16 @@ class OneArm:
             # What is not there is smaller than nothing, so it must not come to a comparison.
             if not np.isfinite(value):
                 what = f"{' or '.join(needed)} of joint {joint} of the run {run}"
-                message = f"{what}, or samples of it in a phase of the motion"
-                raise DataMissingError(message)
+                raise DataMissingError(f"{what}, or samples of it in a phase of the motion")
         return values[np.newaxis]
 
     def _trace(self, run: str) -> Trace:
         runs = self._measured.compare.runs
         if run not in runs:
-            message = f"a measured run {run}"
-            raise DataMissingError(message)
+            raise DataMissingError(f"a measured run {run}")
         absent = [joint for joint in self.joints if joint not in runs[run].joint]
         if absent:
-            message = f"joint {absent[0]} of the run {run}"
-            raise DataMissingError(message)
+            raise DataMissingError(f"joint {absent[0]} of the run {run}")
         # Another joint may have been recorded at rest, without what the comparison is about.
         return runs[run].of_joints(self.joints)
 
@@ -148,8 +145,7 @@ class OneArm:
         names = [f"{table}.{metric}.joint_{joint}" for joint in self.joints]
         sizes = deciding.sizes if deciding else {}
         if not all(np.isfinite(sizes.get(name, np.nan)) for name in names):
-            message = f"the tracking error of the run {run}"
-            raise DataMissingError(message)
+            raise DataMissingError(f"the tracking error of the run {run}")
         return np.deg2rad([[sizes[name] for name in names]])
 
     def _absent(self, signals: Sequence[str], run: str) -> str:
@@ -163,8 +159,7 @@ class OneArm:
     def _check_steps(self) -> None:
         steps = [float(np.median(np.diff(self._trace(run).time))) for run in CONTROLLERS]
         if max(steps) > 1.01 * min(steps):
-            message = "runs sampled alike: steps of the torque cannot be compared otherwise"
-            raise DataMissingError(message)
+            raise DataMissingError("runs sampled alike: steps of the torque cannot be compared otherwise")
 
     def _check_surfaces(self) -> None:
         runs = self._measured.compare.runs

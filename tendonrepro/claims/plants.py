@@ -95,9 +95,7 @@ class Plants:
         name, _, variation = run.partition("@")
         reading = variation or self.reading
         if variation and self.reading != PRINTED:
-            message = f"variations of {name} are run under reading {PRINTED!r} alone"
-            raise DataMissingError(message)
+            raise DataMissingError(f"variations of {name} are run under reading {PRINTED!r} alone")
         if not self.data.has(name, reading):
-            message = f"the ensemble holds no run {name!r} under {reading!r}"
-            raise DataMissingError(message)
+            raise DataMissingError(f"the ensemble holds no run {name!r} under {reading!r}")
         return name, reading

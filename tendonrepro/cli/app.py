@@ -385,8 +385,7 @@ def _refuse_empty(words: Sequence[str]) -> None:
     """An empty word, such as of a shell variable that is not set, would mean the current folder as a path."""
     for word in words:
         if re.fullmatch("(--[a-z-]+=)?", word):
-            message = f"{word or 'an argument'} is empty"
-            raise UsageError(message, hint="name a file, a folder or a value")
+            raise UsageError(f"{word or 'an argument'} is empty", hint="name a file, a folder or a value")
 
 
 def _refused_by_system(error: OSError | MemoryError | ImportError) -> tuple[str, str | None, str]:

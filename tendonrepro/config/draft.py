@@ -114,8 +114,7 @@ class Draft:
             message = f"{BASE}: {name!r} is not for the experiment {self.experiment!r}"
             raise ConfigError(message, where=self.locate((BASE,)).text)
         if BASE in base.tree:
-            message = f"{BASE}: {name!r} has a base itself"
-            raise ConfigError(message, where=self.locate((BASE,)).text)
+            raise ConfigError(f"{BASE}: {name!r} has a base itself", where=self.locate((BASE,)).text)
         self.tree |= {key: value for key, value in base.tree.items() if key not in self._own}
         self._base = base
         self.files.append(path)

@@ -196,8 +196,7 @@ def _load_base(name: str, overrides: Sequence[str], draft: Draft) -> LoadedConfi
     assert isinstance(base.config, CompareConfig)
     missing = [run for run in RUNS if run not in base.config.runs]
     if base.config.joints != COMPARED:
-        message = f"{BASE}: joints 2 and 3 must move, found {list(base.config.joints)}"
-        raise ConfigError(message, where=where)
+        raise ConfigError(f"{BASE}: joints 2 and 3 must move, found {list(base.config.joints)}", where=where)
     if missing:
         message = f"{BASE}: has no run {missing[0]!r}; an ensemble has {', '.join(RUNS)}"
         raise ConfigError(message, where=where)

@@ -65,8 +65,7 @@ def json_schema(kind: str | None = None) -> dict[str, Any]:
         When there is no such kind.
     """
     if kind is not None and kind not in _KINDS:
-        message = f"no schema {kind!r}; there are {', '.join(_KINDS)}"
-        raise UsageError(message)
+        raise UsageError(f"no schema {kind!r}; there are {', '.join(_KINDS)}")
     anything = CompareConfig | DecoupleConfig | EnsembleConfig | Manipulator
     model: Any = anything if kind is None else _KINDS[kind]
     return {

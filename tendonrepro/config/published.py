@@ -144,8 +144,7 @@ class Published:
         """
         entry = self.entries[identifier]
         if isinstance(entry, PrintedText | PrintedQuotient):
-            message = f"{identifier} is not printed as a number"
-            raise KeyError(message)
+            raise KeyError(f"{identifier} is not printed as a number")
         return entry
 
     def digits(self, identifier: str) -> PrintedNumber:
@@ -198,8 +197,7 @@ def parse_published(document: Document) -> Published:
         fitting = [judgement for judgement in file.judged if fnmatchcase(entry.id, judgement.ids)]
         where = document.where(("entries", index))
         if entry.id in entries:
-            message = f"id {entry.id!r} is used twice"
-            raise ConfigError(message, where=where)
+            raise ConfigError(f"id {entry.id!r} is used twice", where=where)
         if len(fitting) != 1:
             message = f"{entry.id!r} is covered by {len(fitting)} judgements instead of one"
             raise ConfigError(message, where=where)

@@ -28,8 +28,7 @@ def shipped_file(name: str) -> Path:
     if name not in names:
         meant = nearest(name, names)
         hint = "" if meant is None else f", did you mean {meant!r}?"
-        message = f"no shipped configuration {name!r}{hint}"
-        raise UsageError(message, hint=f"There are: {', '.join(names)}")
+        raise UsageError(f"no shipped configuration {name!r}{hint}", hint=f"There are: {', '.join(names)}")
     return shipped_folder() / f"{name}.yaml"
 
 

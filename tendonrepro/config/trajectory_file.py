@@ -41,18 +41,15 @@ def read_samples(path: Path) -> tuple[Array, dict[int, Array]]:
             raise ConfigError(message, where=str(path))
         header, *body = raw.decode("utf-8-sig").splitlines() or [""]
     except (OSError, UnicodeDecodeError) as error:
-        message = f"cannot read the trajectory: {error}"
-        raise ConfigError(message, where=str(path)) from error
+        raise ConfigError(f"cannot read the trajectory: {error}", where=str(path)) from error
     joints = _joints_of(header, f"{path}:1")
     places = [(f"{path}:{line}", text) for line, text in enumerate(body, start=2) if text.strip()]
     if len(places) < FEWEST:
-        message = f"needs at least {FEWEST} rows of numbers, found {len(places)}"
-        raise ConfigError(message, where=str(path))
+        raise ConfigError(f"needs at least {FEWEST} rows of numbers, found {len(places)}", where=str(path))
     table = np.array([_numbers(text, len(joints) + 1, where) for where, text in places])
     for (where, _), step in zip(places[1:], np.diff(table[:, 0]), strict=True):
         if step <= 0.0:
-            message = "time must increase from row to row"
-            raise ConfigError(message, where=where)
+            raise ConfigError("time must increase from row to row", where=where)
     return table[:, 0], {joint: np.deg2rad(table[:, k]) for k, joint in enumerate(joints, start=1)}
 
 

@@ -204,8 +204,7 @@ def _read_plan(folder: Path) -> dict[str, Any]:
         message = "holds no ensemble"
         raise NotFinishedError(message, where=str(folder), hint="run tendonrepro ensemble first") from error
     except OSError as error:
-        message = f"cannot be read: {error.strerror or error}"
-        raise DataMissingError(message, where=str(path)) from error
+        raise DataMissingError(f"cannot be read: {error.strerror or error}", where=str(path)) from error
     except (ValueError, RecursionError):
         plan = None
     if not isinstance(plan, dict) or plan.pop("sha256", None) != digest_of(plan):

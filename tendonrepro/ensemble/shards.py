@@ -123,8 +123,7 @@ def check_shard(path: Path, block: Block, identity: str) -> None:
     with _whole(path) as root:
         found = [root.attrs[key] for key in (*vars(block), "identity")]
     if found != [*vars(block).values(), identity]:
-        message = "is not what its name says"
-        raise DataMissingError(message, where=str(path), hint=_HINT)
+        raise DataMissingError("is not what its name says", where=str(path), hint=_HINT)
 
 
 @contextmanager
@@ -137,8 +136,7 @@ def opened(path: Path) -> Iterator[h5py.File]:
         raise
     except Exception as error:
         # What the library says of damage is of any type, so nothing but reading stands in this block.
-        message = "is damaged or not a shard"
-        raise DataMissingError(message, where=str(path), hint=_HINT) from error
+        raise DataMissingError("is damaged or not a shard", where=str(path), hint=_HINT) from error
 
 
 @contextmanager

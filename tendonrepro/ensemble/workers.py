@@ -57,8 +57,7 @@ def on_cluster(
     try:
         client = Client(address, timeout=10)  # type: ignore[no-untyped-call]
     except (OSError, ValueError) as error:
-        message = f"no scheduler answers at {address}"
-        raise TendonreproError(message, where="--dask") from error
+        raise TendonreproError(f"no scheduler answers at {address}", where="--dask") from error
     try:
         waiting = as_completed(  # type: ignore[no-untyped-call]
             client.map(make, blocks, pure=False, retries=2)

@@ -123,8 +123,7 @@ def explain(loaded: LoadedConfig) -> Explanation:
     """Linearise every run of a ``compare`` configuration: how stable it is, what its error must be."""
     config = loaded.config
     if not isinstance(config, CompareConfig):
-        message = "only the experiment 'compare' has controllers to explain"
-        raise UsageError(message, where=loaded.origin)
+        raise UsageError("only the experiment 'compare' has controllers to explain", where=loaded.origin)
     reference = build_reference(config.reference, config, loaded.folder)
     postures = stroke(reference.q_d)
     views = run_views(config)

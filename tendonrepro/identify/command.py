@@ -110,8 +110,7 @@ def run_identify(
     folder = request.folder("identify")
     _check(fit, window, generations, population, seeds)
     if not jobs:
-        message = "must be a number of processors, or -1 for all, found 0"
-        raise UsageError(message, where="--jobs")
+        raise UsageError("must be a number of processors, or -1 for all, found 0", where="--jobs")
     processors = jobs if jobs > 0 else os.cpu_count() or 1
     loaded = load_ensemble(request.config, overrides=request.overrides, seed=request.seed)
     joints, box = loaded.compare.joints, make_box(loaded.config)
@@ -140,8 +139,7 @@ def _check(fit: str, window: str, generations: int, population: int, seeds: int)
             raise UsageError(message, where=f"--{option}")
     for option, word, known in (("--fit", fit, get_args(Target)), ("--window", window, get_args(Window))):
         if word not in known:
-            message = f"must be {' or '.join(known)}, found {word!r}"
-            raise UsageError(message, where=option)
+            raise UsageError(f"must be {' or '.join(known)}, found {word!r}", where=option)
 
 
 def _readings(text: str, loaded: LoadedEnsemble) -> tuple[Reading, ...]:
@@ -150,8 +148,7 @@ def _readings(text: str, loaded: LoadedEnsemble) -> tuple[Reading, ...]:
     found = tuple(dict.fromkeys(parse_reading(name.strip()) for name in text.split(",")))
     for held in found:
         if any(axis not in AXES for axis, _ in held.settings):
-            message = f"{held.name} is a variation, not a reading"
-            raise UsageError(message, where="--readings")
+            raise UsageError(f"{held.name} is a variation, not a reading", where="--readings")
     return found
 
 

@@ -74,8 +74,7 @@ def sealed(text: str) -> bytes:
 
 def _refuse_others(path: Path, *, force: bool) -> None:
     if path.is_dir():
-        message = "is a folder"
-        raise UsageError(message, where=str(path), hint="name the file to write, such as report.html")
+        raise UsageError("is a folder", where=str(path), hint="name the file to write, such as report.html")
     if force or not path.exists():
         return
     try:

@@ -154,8 +154,7 @@ def _json(found: Found, path: Path, local: bool) -> Any:
     _note(found, f"{path.parent.name}/{path.name}" if local else f"shipped {_STORED}/{path.name}", path)
     content = json.loads(ordinary(_vouched(path), MOST_JSON).read_text(encoding="utf-8"))
     if not isinstance(content, dict):
-        message = "is no mapping"
-        raise TypeError(message)
+        raise TypeError("is no mapping")
     return content
 
 

@@ -151,8 +151,7 @@ def parse_reading(text: str) -> Reading:
             message = f"a reading is {PRINTED!r} or axis=value, found {setting!r}"
             raise UsageError(message, hint=f"Axes: {', '.join(_EVERY_AXIS)}")
         if name in settings:
-            message = f"the reading {text!r} sets {name!r} twice"
-            raise UsageError(message)
+            raise UsageError(f"the reading {text!r} sets {name!r} twice")
         settings[name] = value
     return reading(settings)
 
@@ -160,11 +159,9 @@ def parse_reading(text: str) -> Reading:
 def _check_setting(name: str, value: str) -> None:
     axis = _EVERY_AXIS.get(name)
     if axis is None:
-        message = f"no axis of readings is called {name!r}"
-        raise UsageError(message, hint=f"Axes: {', '.join(_EVERY_AXIS)}")
+        raise UsageError(f"no axis of readings is called {name!r}", hint=f"Axes: {', '.join(_EVERY_AXIS)}")
     if value != axis.printed and value not in axis.affects:
-        message = f"{name} is {axis.printed}, {' or '.join(axis.alternatives)}, not {value!r}"
-        raise UsageError(message)
+        raise UsageError(f"{name} is {axis.printed}, {' or '.join(axis.alternatives)}, not {value!r}")
 
 
 def default_readings(pairs: Sequence[Sequence[str]]) -> tuple[Reading, ...]:

@@ -79,14 +79,12 @@ def checked(signal: Timed) -> tuple[Timed, int]:
     known = np.isfinite(signal.time)
     time, values = signal.time[known], signal.values[known]
     if len(time) < 2:
-        message = f"{signal.name} has fewer than two samples with a time"
-        raise TimeProblem(message, _LOOK)
+        raise TimeProblem(f"{signal.name} has fewer than two samples with a time", _LOOK)
     late = np.flatnonzero(np.diff(time) <= 0.0)
     if late.size:
         k = int(late[0])
         step = f"from sample {k + 1} to {k + 2}: {in_seconds(time[k])} s, {in_seconds(time[k + 1])} s"
-        message = f"the time of {signal.name} does not increase {step}"
-        raise TimeProblem(message, _LOOK)
+        raise TimeProblem(f"the time of {signal.name} does not increase {step}", _LOOK)
     return Timed(signal.name, time, values), len(known) - len(time)
 
 
@@ -126,8 +124,7 @@ def _refuse_apart(signals: Sequence[Timed]) -> None:
     early = min(signals, key=lambda signal: signal.time[-1])
     if not _overlap(early, late):
         both = f"{early.name} {early.extent}, {late.name} {late.extent}"
-        message = f"signals have only 0 s in common: {both}"
-        raise TimeProblem(message, _CLOCKS)
+        raise TimeProblem(f"signals have only 0 s in common: {both}", _CLOCKS)
 
 
 def _overlap(one: Timed, other: Timed) -> bool:
@@ -171,8 +168,7 @@ def even(signals: Sequence[Timed], step: float) -> Array:
     start, end = _common(signals)
     steps = (end - start) / step
     if steps >= MOST_SAMPLES:
-        message = f"a step of {step:g} s makes {steps:.3g} samples"
-        raise TimeProblem(message, "Take a larger step_s.")
+        raise TimeProblem(f"a step of {step:g} s makes {steps:.3g} samples", "Take a larger step_s.")
     # The margin keeps an end that rounding put just before its step.
     count = int(np.floor(steps + 1e-6)) + 1
     if count < 2:

@@ -118,8 +118,7 @@ def recover(file: TraceFile) -> Reference:
     """
     holding = [trace for trace in file.part("compare").runs.values() if "q_d" in trace]
     if not holding:
-        message = "no run of the comparison holds the desired joint angles q_d"
-        raise DataMissingError(message)
+        raise DataMissingError("no run of the comparison holds the desired joint angles q_d")
     problems = []
     for trace in sorted(holding, key=lambda trace: (not _complete(trace), trace.name not in CONTROLLERS)):
         try:
@@ -161,8 +160,7 @@ def recorded_motion(trace: Trace, variable: str) -> Recorded:
     """Put a recorded variable on an even grid, and refuse one at rest; see `recorded`."""
     record = recorded(trace, variable)
     if record.range == 0.0:
-        message = f"run {trace.name!r}: {variable} does not move"
-        raise DataMissingError(message)
+        raise DataMissingError(f"run {trace.name!r}: {variable} does not move")
     return record
 
 

@@ -63,8 +63,7 @@ def members(path: Path, folder: Path, name: str = "", allowance: Allowance | Non
     except (Unreadable, MemoryError):
         raise
     except Exception as error:  # what a broken archive raises depends on the byte that is wrong
-        reason = f"a broken archive ({str(error)[:200]})"
-        raise Unreadable(reason, _BROKEN) from error
+        raise Unreadable(f"a broken archive ({str(error)[:200]})", _BROKEN) from error
 
 
 def _each(path: Path, target: Path, name: str, left: Allowance) -> Iterator[Member]:
@@ -143,8 +142,7 @@ def _unpacked(name: str, stream: _Counted | IO[bytes], target: Path) -> Member:
     except OSError as error:
         # Streams raise the same class where their bytes are broken.
         if error.errno == errno.ENOSPC:
-            reason = "no room to unpack it"
-            raise Unreadable(reason, _NO_ROOM) from error
+            raise Unreadable("no room to unpack it", _NO_ROOM) from error
         raise
     return Member(name, target)
 

@@ -44,8 +44,7 @@ def read_hdf5(path: Path, left: Allowance | None = None) -> Found:
         if found.signals:
             found.skip("", f"broken ({error})", _BROKEN)
             return found
-        reason = f"a broken HDF5 file ({error})"
-        raise Unreadable(reason, _BROKEN) from error
+        raise Unreadable(f"a broken HDF5 file ({error})", _BROKEN) from error
     return found
 
 

@@ -37,8 +37,7 @@ def read_npz(path: Path, left: Allowance | None = None) -> Found:
     try:
         archive = zipfile.ZipFile(path)
     except Exception as error:  # by what is broken, errors of many kinds
-        reason = f"a broken npz file ({error})"
-        raise Unreadable(reason, _BROKEN) from error
+        raise Unreadable(f"a broken npz file ({error})", _BROKEN) from error
     with archive:
         entries = archive.infolist()
         for position, entry in enumerate(entries):

@@ -64,6 +64,5 @@ def plain_unit(written: str | None) -> str | None:
 def factor(unit: str, kind: str) -> float:
     """Factor that turns a number in `unit` into SI; a ValueError when the unit is none of this kind."""
     if unit not in FACTORS[kind]:
-        message = f"must be one of {', '.join(FACTORS[kind])}, found {unit!r}"
-        raise ValueError(message)
+        raise ValueError(f"must be one of {', '.join(FACTORS[kind])}, found {unit!r}")
     return FACTORS[kind][unit]

@@ -46,11 +46,9 @@ def read_workbook(path: Path, kind: str, left: Allowance | None = None) -> Found
     try:
         book = CalamineWorkbook.from_path(path)
     except PasswordError as error:
-        reason = "encrypted"
-        raise Unreadable(reason, "ask its authors for the password, save it without one") from error
+        raise Unreadable("encrypted", "ask its authors for the password, save it without one") from error
     except Exception as error:
-        reason = f"a broken workbook ({error})"
-        raise Unreadable(reason, _BROKEN) from error
+        raise Unreadable(f"a broken workbook ({error})", _BROKEN) from error
     with book:
         for sheet in book.sheets_metadata:
             if is_full(found):

@@ -128,7 +128,6 @@ def _receive(body: Body, remote: RemoteFile, target: Path, advance: Advance) -> 
         for chunk in body.chunks:
             if stream.tell() + len(chunk) > remote.size:
                 stream.truncate(0)
-                message = f"{what}: more comes than the {remote.size} bytes of the record"
-                raise WebError(message, hint=hint)
+                raise WebError(f"{what}: more comes than the {remote.size} bytes of the record", hint=hint)
             stream.write(chunk)
             advance(len(chunk))

@@ -272,8 +272,7 @@ def resolve(web: Web, site: str, number: str, warn: Callable[[str], None]) -> Re
         until = f" until {record.embargo_date}" if record.embargo_date else ""
         message = f"the files of record {found} are not open to everyone ({record.access}{until})"
         raise WebError(message, hint="ask its authors for the files, then use --from-dir DIR", status=403)
-    message = f"record {found} shows no files"
-    raise WebError(message, hint=f"check its number, {BY_HAND}", status=200)
+    raise WebError(f"record {found} shows no files", hint=f"check its number, {BY_HAND}", status=200)
 
 
 def expected_files(record: Record) -> tuple[LockedFile, ...]:

@@ -59,8 +59,7 @@ class DataLock(BaseModel):
     def _check(cls, files: tuple[LockedFile, ...], info: ValidationInfo) -> tuple[LockedFile, ...]:
         safe_paths(file.path for file in files)
         if info.mode == "json" and any(file.md5 is None for file in files):
-            message = "a file without md5"
-            raise ValueError(message)
+            raise ValueError("a file without md5")
         return files
 
 
@@ -69,8 +68,7 @@ def lock_path(out: Path) -> Path:
     # The name of "." is known only from the full path.
     folder = out if out.name not in {"", ".."} else out.resolve()
     if not folder.name:
-        message = "cannot be the folder of a data set"
-        raise UsageError(message, where=str(out), hint="choose another --out")
+        raise UsageError("cannot be the folder of a data set", where=str(out), hint="choose another --out")
     return folder.with_name(f"{folder.name}.lock.json")
 
 
@@ -131,13 +129,11 @@ _GIVE = "give the folder with the downloaded files"
 def _files_in(folder: Path, wanted: Container[str] = ()) -> dict[str, Path]:
     """Files below a folder by relative name, without our own and, unless wanted, without hidden ones."""
     if not folder.is_dir():
-        message = "is not a folder"
-        raise UsageError(message, where=str(folder), hint=_GIVE)
+        raise UsageError("is not a folder", where=str(folder), hint=_GIVE)
     try:
         paths = sorted(path for path in folder.rglob("*") if path.is_file())
     except OSError as error:
-        message = f"cannot be read: {error.strerror or error}"
-        raise UsageError(message, where=str(folder)) from error
+        raise UsageError(f"cannot be read: {error.strerror or error}", where=str(folder)) from error
     names = {path.relative_to(folder).as_posix(): path for path in paths}
     return {
         name: path
@@ -168,8 +164,7 @@ def take_as_they_are(folder: Path) -> tuple[LockedFile, ...]:
     """Describe every file of a folder, for a record nobody could ask about."""
     there = _files_in(folder)
     if not there:
-        message = "holds no files"
-        raise UsageError(message, where=str(folder), hint=_GIVE)
+        raise UsageError("holds no files", where=str(folder), hint=_GIVE)
     try:
         paths = safe_paths(there)
     except ValueError as error:
@@ -187,5 +182,4 @@ def copy_file(source: Path, file: LockedFile, target: Path) -> None:
     with atomic_path(target) as temporary:
         shutil.copyfile(source, temporary)
         if not is_same(temporary, file):
-            message = f"{source} changed while it was copied"
-            raise TendonreproError(message, hint="run the command again")
+            raise TendonreproError(f"{source} changed while it was copied", hint="run the command again")

@@ -73,13 +73,11 @@ def safe_paths(names: Iterable[str]) -> dict[str, PurePosixPath]:
     top: dict[str, Any] = {}  # by folded part: the name of a file, or such a tree again
     for name in names:
         if len(paths) == MOST_FILES:
-            message = f"there are more than {MOST_FILES} files"
-            raise ValueError(message)
+            raise ValueError(f"there are more than {MOST_FILES} files")
         try:
             paths[name] = safe_relative(name)
         except ValueError as error:
-            message = f"{shown(name)} {error}"
-            raise ValueError(message) from error
+            raise ValueError(f"{shown(name)} {error}") from error
         tree, (*folders, file) = top, map(_folded, name.split("/"))
         for folder in folders:
             tree = tree.setdefault(folder, {})

@@ -147,8 +147,7 @@ class Web:
         """The JSON of an answer, which is taken as one chunk."""
         text = next(_chunks(response, LARGEST_JSON + 1, self.patience.answer), b"")
         if len(text) > LARGEST_JSON:
-            message = "more than any record needs"
-            raise CutShortError(message)
+            raise CutShortError("more than any record needs")
         return json.loads(text)
 
 

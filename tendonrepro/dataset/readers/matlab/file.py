@@ -51,15 +51,13 @@ def read_matlab(path: Path, left: Allowance | None = None) -> Found:
             if h5py.is_hdf5(path):
                 return _read_hdf(path, left or Allowance())
             if size > MOST_NUMBERS:
-                reason = f"{size / 2**30:.1f} GiB are too large"
-                raise Unreadable(reason, _SPLIT)
+                raise Unreadable(f"{size / 2**30:.1f} GiB are too large", _SPLIT)
             # Version 4 begins with a small number.
             return (_read_4 if 0 in head else _read_5)(path, left or Allowance())
     except (Unreadable, MemoryError):
         raise
     except Exception as error:
-        reason = f"a broken MATLAB file ({brief(error)})"
-        raise Unreadable(reason, _AGAIN) from error
+        raise Unreadable(f"a broken MATLAB file ({brief(error)})", _AGAIN) from error
 
 
 def _read_hdf(path: Path, left: Allowance) -> Found:

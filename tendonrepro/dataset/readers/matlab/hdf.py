@@ -106,12 +106,10 @@ def _samples(record: Any) -> NDArray[Any]:
     size, length = (int(np.ravel(record[name][()])[0]) for name in ("#sampleSize#", "#length#"))
     raw = np.asarray(record["#data#"][()], np.uint8).ravel()
     if size <= 0 or length < 0 or size * length > raw.size:
-        message = f"{length} samples of {size} bytes announced, {raw.size} bytes stored"
-        raise ValueError(message)
+        raise ValueError(f"{length} samples of {size} bytes announced, {raw.size} bytes stored")
     kind = np.dtype(_TYPES.get(size, "<f8"))
     if size % kind.itemsize:
-        message = f"samples of {size} bytes are of no known type"
-        raise ValueError(message)
+        raise ValueError(f"samples of {size} bytes are of no known type")
     numbers = raw[: size * length].view(kind)
     return numbers.reshape(length, -1) if size > kind.itemsize else numbers
 
