@@ -11,8 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from tendonrepro.dataset.repository.names import LABEL, PART, shown
-from tendonrepro.dataset.repository.web import Body, CutShortError, Web
-from tendonrepro.dataset.repository.web_errors import BY_HAND, WebError
+from tendonrepro.dataset.repository.web import BY_HAND, Body, CutShortError, Web, WebError
 from tendonrepro.dataset.repository.zenodo import RemoteFile
 from tendonrepro.errors import DataMissingError, TendonreproError
 from tendonrepro.files import md5_of, write_atomically

@@ -27,8 +27,7 @@ from tendonrepro.dataset.repository.lock import (
     write_lock,
 )
 from tendonrepro.dataset.repository.names import LOCK, safe_paths, shown
-from tendonrepro.dataset.repository.web import Patience, Web
-from tendonrepro.dataset.repository.web_errors import BY_HAND, WebError
+from tendonrepro.dataset.repository.web import BY_HAND, Patience, Web, WebError
 from tendonrepro.dataset.repository.zenodo import SITE, Record, parse_record, record_number
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.files import md5_of
