@@ -29,8 +29,6 @@ class Table:
 def thinned(summary: Mapping[str, Any]) -> dict[str, Any]:
     """What is kept of an ensemble's ``summary.json``: what is shown, and no more."""
     kept = [
-        "tendonrepro_version",
-        "config_sha256",
         "draws",
         "scramblings",
         "conclusions",
@@ -58,10 +56,8 @@ def _thin_reading(reading: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "name": reading["name"],
         "ok": {run: shares["ok"]["share"] for run, shares in reading["status"].items()},
-        "diverged": {run: shares["diverged"]["share"] for run, shares in reading["status"].items()},
         "in_order": share("share_c1_lt_c2_lt_c3", "all_ok"),
         "in_reverse": share("share_c3_lt_c2_lt_c1", "all_ok"),
-        "in_reverse_diverged_last": share("share_c3_lt_c2_lt_c1", "diverged_last"),
         "rmse_over_mae_rises": reading["share_rmse_over_mae_rises"]["both"],
         "smoother": reading["share_c1_smoother"],
         "order_and_smoother": reading["share_order_and_smoother"],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
@@ -149,6 +149,10 @@ def physical(
         Limit(words, keyword, bound, admits) for words, keyword, bound, admits in bounds if bound is not None
     )
     return Physical(units, about, limits, size, whole)
+
+
+per_joint = partial(physical, size="joints")
+per_moving_joint = partial(physical, size="moving")
 
 
 @cache

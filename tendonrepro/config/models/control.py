@@ -7,7 +7,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from tendonrepro.config.fields.model import Identifier, Model, Problems
-from tendonrepro.config.fields.physical import physical
+from tendonrepro.config.fields.physical import per_moving_joint, physical
 from tendonrepro.config.fields.quantity import Scalar, Vector
 
 FILTERED = ("low_pass", "acceleration", "estimate")
@@ -17,18 +17,18 @@ FILTERED = ("low_pass", "acceleration", "estimate")
 class Gains(Model):
     """Gains of the control laws, one entry per moving joint."""
 
-    M_bar: Annotated[Vector, physical("kg m2", "constant inertia of Eq. (6)", above=0.0, size="moving")]
-    lam: Annotated[Vector, physical("s-1", "reaching gain of Eq. (14)", above=0.0, size="moving")]
-    b: Annotated[Vector, physical("1", "exponent of Eq. (12)", above=0.0, below=1.0, size="moving")]
-    eta: Annotated[Vector, physical("1", "surface gain of Eq. (11)", above=0.0, size="moving")]
-    Delta: Annotated[Vector, physical("rad", "error at which Eq. (12) changes", above=0.0, size="moving")]
+    M_bar: Annotated[Vector, per_moving_joint("kg m2", "constant inertia of Eq. (6)", above=0.0)]
+    lam: Annotated[Vector, per_moving_joint("s-1", "reaching gain of Eq. (14)", above=0.0)]
+    b: Annotated[Vector, per_moving_joint("1", "exponent of Eq. (12)", above=0.0, below=1.0)]
+    eta: Annotated[Vector, per_moving_joint("1", "surface gain of Eq. (11)", above=0.0)]
+    Delta: Annotated[Vector, per_moving_joint("rad", "error at which Eq. (12) changes", above=0.0)]
     alpha: Annotated[
         Vector,
-        physical("1", "weight of the older estimate, Eq. (15)", at_least=0.0, at_most=1.0, size="moving"),
+        per_moving_joint("1", "weight of the older estimate, Eq. (15)", at_least=0.0, at_most=1.0),
     ]
-    beta: Annotated[Vector, physical("s-1", "surface gain of Controller 3", above=0.0, size="moving")]
-    K_d: Annotated[Vector, physical("s-1", "rate gain of Eq. (9)", above=0.0, size="moving")] | None = None
-    K_p: Annotated[Vector, physical("s-2", "error gain of Eq. (9)", above=0.0, size="moving")] | None = None
+    beta: Annotated[Vector, per_moving_joint("s-1", "surface gain of Controller 3", above=0.0)]
+    K_d: Annotated[Vector, per_moving_joint("s-1", "rate gain of Eq. (9)", above=0.0)] | None = None
+    K_p: Annotated[Vector, per_moving_joint("s-2", "error gain of Eq. (9)", above=0.0)] | None = None
 
 
 class LawChoice(Model):

@@ -24,7 +24,7 @@ from tendonrepro.config.fields.model import (
     is_multiple,
     refuse,
 )
-from tendonrepro.config.fields.physical import physical
+from tendonrepro.config.fields.physical import per_joint, per_moving_joint, physical
 from tendonrepro.config.fields.quantity import Scalar, Vector
 from tendonrepro.config.fields.strict_yaml import Key
 from tendonrepro.config.models.control import Control
@@ -50,7 +50,7 @@ class StepDisturbance(Model):
     """A constant torque from a start time on."""
 
     kind: Literal["step"]
-    torque: Annotated[Vector, physical("N m", "torque on each joint", size="moving")]
+    torque: Annotated[Vector, per_moving_joint("N m", "torque on each joint")]
     start: Annotated[Scalar, physical("s", "time of the step", at_least=0.0)]
 
 
@@ -58,7 +58,7 @@ class SineDisturbance(Model):
     """A sine that is zero at the start."""
 
     kind: Literal["sine"]
-    torque: Annotated[Vector, physical("N m", "amplitude on each joint", size="moving")]
+    torque: Annotated[Vector, per_moving_joint("N m", "amplitude on each joint")]
     frequency: Annotated[Scalar, physical("Hz", "frequency", above=0.0)]
 
 
@@ -66,7 +66,7 @@ class NoiseDisturbance(Model):
     """Band-limited noise drawn from the seed."""
 
     kind: Literal["noise"]
-    torque: Annotated[Vector, physical("N m", "RMS torque on each joint", at_least=0.0, size="moving")]
+    torque: Annotated[Vector, per_moving_joint("N m", "RMS torque on each joint", at_least=0.0)]
     band: Annotated[Vector, physical("Hz", "lowest and highest frequency", at_least=0.0, size="pair")]
     components: Annotated[Scalar, physical("1", "number of sines", at_least=1.0, at_most=100.0, whole=True)]
 
@@ -122,7 +122,7 @@ class Experiment(RootModel):
     joints: Annotated[
         tuple[StrictInt, ...], Field(min_length=1, description="moving joints: the last ones, in order")
     ]
-    posture: Annotated[Vector, physical("rad", "joint angles at which the encoders read zero", size="joints")]
+    posture: Annotated[Vector, per_joint("rad", "joint angles at which the encoders read zero")]
     sampling_period: Annotated[Scalar, physical("s", "sampling period L, also the delay time", above=0.0)]
     seed: Annotated[
         Scalar, physical("1", "seed of all random numbers", at_least=0.0, at_most=2.0**32 - 1.0, whole=True)
@@ -212,8 +212,8 @@ class CompareConfig(Experiment):
 class PositionLoop(Model):
     """The stiff loop that makes motors follow their commands; the paper does not describe it."""
 
-    stiffness: Annotated[Vector, physical("N m rad-1", "stiffness at the winch", above=0.0, size="moving")]
-    damping: Annotated[Vector, physical("N m s rad-1", "damping at the winch", at_least=0.0, size="moving")]
+    stiffness: Annotated[Vector, per_moving_joint("N m rad-1", "stiffness at the winch", above=0.0)]
+    damping: Annotated[Vector, per_moving_joint("N m s rad-1", "damping at the winch", at_least=0.0)]
 
 
 class DecoupleRun(Model):

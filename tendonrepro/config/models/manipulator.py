@@ -7,17 +7,17 @@ from typing import Annotated, Literal
 from pydantic import Field, ValidationInfo, field_validator
 
 from tendonrepro.config.fields.model import Model, Problems, RootModel, SchemaVersion
-from tendonrepro.config.fields.physical import physical
+from tendonrepro.config.fields.physical import per_joint, physical
 from tendonrepro.config.fields.quantity import Matrix, Scalar, Vector
 
 
 class Routing(Model):
     """Winches, pulleys and the sides tendons pass them on: all that Eqs. (1) and (2) need."""
 
-    winch_diameter: Annotated[Vector, physical("m", "winch diameter D_n", above=0.0, size="joints")]
+    winch_diameter: Annotated[Vector, per_joint("m", "winch diameter D_n", above=0.0)]
     pulley_diameter: Annotated[
         Matrix,
-        physical("m", "pulley diameter D_pq, joint p (row), tendon q (column)", at_least=0.0, size="joints"),
+        per_joint("m", "pulley diameter D_pq, joint p (row), tendon q (column)", at_least=0.0),
     ]
     sign: Annotated[
         Matrix,
@@ -50,14 +50,10 @@ class Routing(Model):
 class Links(Model):
     """Rigid links from one joint axis to the next; the last one ends at the tool."""
 
-    length: Annotated[Vector, physical("m", "link length", above=0.0, size="joints")]
-    mass: Annotated[Vector, physical("kg", "link mass", above=0.0, size="joints")]
-    com: Annotated[
-        Vector, physical("m", "centre of mass from the proximal axis", at_least=0.0, size="joints")
-    ]
-    inertia: Annotated[
-        Vector, physical("kg m2", "inertia about the centre of mass", above=0.0, size="joints")
-    ]
+    length: Annotated[Vector, per_joint("m", "link length", above=0.0)]
+    mass: Annotated[Vector, per_joint("kg", "link mass", above=0.0)]
+    com: Annotated[Vector, per_joint("m", "centre of mass from the proximal axis", at_least=0.0)]
+    inertia: Annotated[Vector, per_joint("kg m2", "inertia about the centre of mass", above=0.0)]
 
 
 class Winches(Model):
@@ -65,27 +61,21 @@ class Winches(Model):
 
     reduction: Annotated[Scalar, physical("1", "turns of a motor per turn of its winch", above=0.0)]
     reflected_inertia: Annotated[
-        Vector, physical("kg m2", "rotor and reducer inertia at the winch", above=0.0, size="joints")
+        Vector, per_joint("kg m2", "rotor and reducer inertia at the winch", above=0.0)
     ]
-    drum_inertia: Annotated[Vector, physical("kg m2", "inertia of the drum", at_least=0.0, size="joints")]
-    viscous: Annotated[
-        Vector, physical("N m s rad-1", "viscous damping D_m at the winch", at_least=0.0, size="joints")
-    ]
+    drum_inertia: Annotated[Vector, per_joint("kg m2", "inertia of the drum", at_least=0.0)]
+    viscous: Annotated[Vector, per_joint("N m s rad-1", "viscous damping D_m at the winch", at_least=0.0)]
 
 
 class Tendons(Model):
     """Elasticity of Eq. (5), per tendon, and assembly clearance."""
 
-    axial_stiffness: Annotated[
-        Vector, physical("N m-1", "axial stiffness of a tendon", above=0.0, size="joints")
-    ]
-    axial_damping: Annotated[
-        Vector, physical("N s m-1", "axial damping of a tendon", at_least=0.0, size="joints")
-    ]
+    axial_stiffness: Annotated[Vector, per_joint("N m-1", "axial stiffness of a tendon", above=0.0)]
+    axial_damping: Annotated[Vector, per_joint("N s m-1", "axial damping of a tendon", at_least=0.0)]
     damping_factor: Annotated[Scalar, physical("1", "common factor on the axial damping", above=0.0)]
     clearance: Annotated[
         Vector,
-        physical("m", "slack a tendon takes up before it pulls; 0 is none", at_least=0.0, size="joints"),
+        per_joint("m", "slack a tendon takes up before it pulls; 0 is none", at_least=0.0),
     ]
     unilateral: (
         Annotated[
@@ -99,29 +89,23 @@ class Tendons(Model):
 class LinkFriction(Model):
     """Friction F(q, dq) of Eq. (4), per joint."""
 
-    coulomb: Annotated[Vector, physical("N m", "Coulomb friction of a joint", at_least=0.0, size="joints")]
-    viscous: Annotated[
-        Vector, physical("N m s rad-1", "viscous friction of a joint", at_least=0.0, size="joints")
-    ]
-    static_ratio: Annotated[
-        Vector, physical("1", "static over Coulomb friction", at_least=1.0, size="joints")
-    ]
-    stribeck_velocity: Annotated[Vector, physical("rad s-1", "Stribeck velocity", above=0.0, size="joints")]
+    coulomb: Annotated[Vector, per_joint("N m", "Coulomb friction of a joint", at_least=0.0)]
+    viscous: Annotated[Vector, per_joint("N m s rad-1", "viscous friction of a joint", at_least=0.0)]
+    static_ratio: Annotated[Vector, per_joint("1", "static over Coulomb friction", at_least=1.0)]
+    stribeck_velocity: Annotated[Vector, per_joint("rad s-1", "Stribeck velocity", above=0.0)]
     smoothing_velocity: Annotated[
-        Vector, physical("rad s-1", "velocity over which the sign is smoothed", above=0.0, size="joints")
+        Vector, per_joint("rad s-1", "velocity over which the sign is smoothed", above=0.0)
     ]
 
 
 class WinchFriction(Model):
     """Dry friction of motor and reducer, per winch; its viscous part is D_m of the winches."""
 
-    coulomb: Annotated[Vector, physical("N m", "Coulomb friction of a winch", at_least=0.0, size="joints")]
-    static_ratio: Annotated[
-        Vector, physical("1", "static over Coulomb friction", at_least=1.0, size="joints")
-    ]
-    stribeck_velocity: Annotated[Vector, physical("rad s-1", "Stribeck velocity", above=0.0, size="joints")]
+    coulomb: Annotated[Vector, per_joint("N m", "Coulomb friction of a winch", at_least=0.0)]
+    static_ratio: Annotated[Vector, per_joint("1", "static over Coulomb friction", at_least=1.0)]
+    stribeck_velocity: Annotated[Vector, per_joint("rad s-1", "Stribeck velocity", above=0.0)]
     smoothing_velocity: Annotated[
-        Vector, physical("rad s-1", "velocity over which the sign is smoothed", above=0.0, size="joints")
+        Vector, per_joint("rad s-1", "velocity over which the sign is smoothed", above=0.0)
     ]
 
 
@@ -143,7 +127,7 @@ class Tensioner(Model):
     """The extra tendon that keeps the others taut; no published equation holds it."""
 
     force: Annotated[Scalar, physical("N", "constant force on the tendon; 0 is off", at_least=0.0)]
-    diameter: Annotated[Vector, physical("m", "diameter it passes at each joint", above=0.0, size="joints")]
+    diameter: Annotated[Vector, per_joint("m", "diameter it passes at each joint", above=0.0)]
     side: Annotated[
         Literal["negative", "distal_only", "alternating"],
         Field(description="on which side of the joints the tensioning tendon passes"),
@@ -176,7 +160,7 @@ class Encoders(Model):
 class ActuatorConfig(Model):
     """From commanded to applied torque, at the winch."""
 
-    torque_limit: Annotated[Vector, physical("N m", "saturation at the winch", above=0.0, size="joints")]
+    torque_limit: Annotated[Vector, per_joint("N m", "saturation at the winch", above=0.0)]
     torque_resolution: Annotated[
         Scalar, physical("N m", "step of the torque command at the winch; 0 is off", at_least=0.0)
     ]

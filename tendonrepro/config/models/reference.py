@@ -19,11 +19,11 @@ from pydantic import (
 )
 
 from tendonrepro.config.fields.model import Model, Outline, Problems, refuse
-from tendonrepro.config.fields.physical import physical
+from tendonrepro.config.fields.physical import per_moving_joint, physical
 from tendonrepro.config.fields.quantity import Scalar, Vector
 from tendonrepro.physics.trajectory import trapezoid_times
 
-Amplitude: TypeAlias = Annotated[Vector, physical("rad", "largest angle of each joint", size="moving")]
+Amplitude: TypeAlias = Annotated[Vector, per_moving_joint("rad", "largest angle of each joint")]
 Duration: TypeAlias = Annotated[Scalar, physical("s", "duration", above=0.0)]
 Hold: TypeAlias = Annotated[Scalar, physical("s", "pause after each stroke", at_least=0.0)]
 TurnOrder: TypeAlias = Annotated[
@@ -123,7 +123,7 @@ class Sine(Periodic):
 
     kind: Literal["sine"]
     amplitude: Amplitude
-    offset: Annotated[Vector, physical("rad", "centre of the sine of each joint", size="moving")]
+    offset: Annotated[Vector, per_moving_joint("rad", "centre of the sine of each joint")]
     period: Duration
     blend: Annotated[Scalar, physical("s", "duration of the start from rest, part of the motion", above=0.0)]
 
