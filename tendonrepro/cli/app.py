@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
+from typer import Argument, Option
 from typer.core import TyperGroup
 
 from tendonrepro import __version__
@@ -101,13 +102,11 @@ def _config(context: typer.Context) -> None:
 def _root(
     context: typer.Context,
     version: Annotated[
-        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
+        bool, Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
     ] = False,
     cite: Annotated[
         bool,
-        typer.Option(
-            "--cite", callback=_print_citation, is_eager=True, help="Print BibTeX of paper and software."
-        ),
+        Option("--cite", callback=_print_citation, is_eager=True, help="Print BibTeX of paper and software."),
     ] = False,
 ) -> None:
     del version, cite
@@ -124,7 +123,7 @@ def reproduce(
     request: Request,
     terminal: Terminal,
     config: Annotated[
-        Path | None, typer.Option("--config", help="Folder with decouple.yaml and compare.yaml.")
+        Path | None, Option("--config", help="Folder with decouple.yaml and compare.yaml.")
     ] = None,
 ) -> int:
     """Both experiments: every figure and table of section 5."""
@@ -140,13 +139,11 @@ def compare(
     terminal: Terminal,
     law: Annotated[
         list[str] | None,
-        typer.Option(
-            "--law", metavar="FILE:NAME", help="Run one law of your own beside them; FILE is executed."
-        ),
+        Option("--law", metavar="FILE:NAME", help="Run one law of your own beside them; FILE is executed."),
     ] = None,
     solver: Annotated[
         Literal["scipy", "compiled"],
-        typer.Option("--solver", help="SciPy, or the one of ensembles."),
+        Option("--solver", help="SciPy, or the one of ensembles."),
     ] = "scipy",
 ) -> int:
     """Controllers 1 to 3, payload: Figures 13 to 16, Tables 2 and 3."""
@@ -191,17 +188,15 @@ def _carry_out(orders: Sequence[Order], terminal: Terminal) -> int:
     return 5 if any(map(diverged, found.values())) else 0
 
 
-StoredTraces = Annotated[Path, typer.Argument(help="Trace file, or a results folder with one.")]
-Overwrite = Annotated[bool, typer.Option("--force", help="Overwrite a file that is there.")]
-ResultsFolder = Annotated[Path, typer.Option("--out", help="Results folder, or the folder above several.")]
+StoredTraces = Annotated[Path, Argument(help="Trace file, or a results folder with one.")]
+Overwrite = Annotated[bool, Option("--force", help="Overwrite a file that is there.")]
+ResultsFolder = Annotated[Path, Option("--out", help="Results folder, or the folder above several.")]
 
 
 @command(app, "tendonrepro figures 14 15")
 def figures(
     terminal: Terminal,
-    numbers: Annotated[
-        list[int] | None, typer.Argument(help="The paper's figure numbers [default: all].")
-    ] = None,
+    numbers: Annotated[list[int] | None, Argument(help="The paper's figure numbers [default: all].")] = None,
     out: ResultsFolder = Path("reports"),
 ) -> None:
     """Draw figures again from stored traces."""
@@ -223,17 +218,17 @@ def tables(terminal: Terminal, out: ResultsFolder = Path("reports")) -> None:
 def animate(
     terminal: Terminal,
     file: StoredTraces,
-    run: Annotated[str | None, typer.Option("--run", help="Run to show [default: the first].")] = None,
+    run: Annotated[str | None, Option("--run", help="Run to show [default: the first].")] = None,
     coupling: Annotated[
-        bool, typer.Option("--coupling", help="Figure 6: motor 1 alone turns, postures by Eq. (1).")
+        bool, Option("--coupling", help="Figure 6: motor 1 alone turns, postures by Eq. (1).")
     ] = False,
     at: Annotated[
         list[float] | None,
-        typer.Option("--at", metavar="SECONDS", help="A single picture as SVG, no film; repeatable."),
+        Option("--at", metavar="SECONDS", help="A single picture as SVG, no film; repeatable."),
     ] = None,
-    speed: Annotated[float, typer.Option("--speed", help="Seconds of the run in a second of film.")] = 1.0,
+    speed: Annotated[float, Option("--speed", help="Seconds of the run in a second of film.")] = 1.0,
     out: Annotated[
-        Path | None, typer.Option("--out", help="File to write, .gif or .mp4 [default: beside the traces].")
+        Path | None, Option("--out", help="File to write, .gif or .mp4 [default: beside the traces].")
     ] = None,
     force: Overwrite = False,
 ) -> None:
@@ -250,8 +245,8 @@ def animate(
 def export(
     terminal: Terminal,
     file: StoredTraces,
-    form: Annotated[str, typer.Option("--format", help="csv, parquet or mat.")] = "csv",
-    out: Annotated[Path | None, typer.Option("--out", help="File to write [default: beside it].")] = None,
+    form: Annotated[str, Option("--format", help="csv, parquet or mat.")] = "csv",
+    out: Annotated[Path | None, Option("--out", help="File to write [default: beside it].")] = None,
     force: Overwrite = False,
 ) -> None:
     """Write stored traces for other programs."""
@@ -263,8 +258,8 @@ def export(
 @command(app, "tendonrepro diff reports/compare reports/extrapolating")
 def diff(
     terminal: Terminal,
-    first: Annotated[Path, typer.Argument(help="Results folder or trace file.")],
-    second: Annotated[Path, typer.Argument(help="Another one.")],
+    first: Annotated[Path, Argument(help="Results folder or trace file.")],
+    second: Annotated[Path, Argument(help="Another one.")],
 ) -> int:
     """What differs between two results.
 
@@ -288,12 +283,10 @@ def doctor(terminal: Terminal) -> int:
     return 0 if all_well(found) else 1
 
 
-ConfigFile = Annotated[
-    str, typer.Argument(help="Configuration file, - for standard input, or a shipped name.")
-]
+ConfigFile = Annotated[str, Argument(help="Configuration file, - for standard input, or a shipped name.")]
 Changes = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Change a value of the configuration; repeatable."),
+    Option("--set", metavar="KEY=VALUE", help="Change a value of the configuration; repeatable."),
 ]
 
 
@@ -320,8 +313,8 @@ def config_show(terminal: Terminal, config: ConfigFile, overrides: Changes = Non
 @command(config_app, "tendonrepro config init compare --out my_experiment", name="init")
 def config_init(
     terminal: Terminal,
-    name: Annotated[str, typer.Argument(help="A shipped configuration.")],
-    out: Annotated[Path, typer.Option("--out", help="Folder for the copy.")] = Path(),
+    name: Annotated[str, Argument(help="A shipped configuration.")],
+    out: Annotated[Path, Option("--out", help="Folder for the copy.")] = Path(),
 ) -> None:
     """Copy a shipped configuration and what it names, to be edited."""
     from tendonrepro.config.shipped import init_config
@@ -344,7 +337,7 @@ def config_check(terminal: Terminal, config: ConfigFile, overrides: Changes = No
 def config_schema(
     terminal: Terminal,
     kind: Annotated[
-        str | None, typer.Argument(help="compare, decouple, ensemble or manipulator [default: any].")
+        str | None, Argument(help="compare, decouple, ensemble or manipulator [default: any].")
     ] = None,
 ) -> None:
     """JSON schema of configuration files, for editors."""

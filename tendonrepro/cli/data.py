@@ -7,32 +7,31 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer import Argument, Option
 
 from tendonrepro.cli.options import Terminal, command
 from tendonrepro.config.request import Request
 
 data_app = typer.Typer(rich_help_panel="Your data, or the paper's", rich_markup_mode=None)
 
-Paths = Annotated[list[Path], typer.Argument(help="Files, folders or archives.")]
-Mapping = Annotated[Path, typer.Option("--mapping", help="Mapping file: which column is which variable.")]
+Paths = Annotated[list[Path], Argument(help="Files, folders or archives.")]
+Mapping = Annotated[Path, Option("--mapping", help="Mapping file: which column is which variable.")]
 
 
 @command(data_app, "tendonrepro fetch --out data/zenodo")
 def fetch(
     terminal: Terminal,
-    record: Annotated[str, typer.Argument(help="Number, DOI or address of the record.")] = "19467931",
-    out: Annotated[Path, typer.Option("--out", help="Folder for the files.")] = Path("data/zenodo"),
+    record: Annotated[str, Argument(help="Number, DOI or address of the record.")] = "19467931",
+    out: Annotated[Path, Option("--out", help="Folder for the files.")] = Path("data/zenodo"),
     base_url: Annotated[
         str | None,
-        typer.Option("--base-url", help="Another server [default: $TENDONREPRO_ZENODO_URL, else Zenodo]."),
+        Option("--base-url", help="Another server [default: $TENDONREPRO_ZENODO_URL, else Zenodo]."),
     ] = None,
     from_dir: Annotated[
-        Path | None, typer.Option("--from-dir", help="Take files downloaded by hand from this folder.")
+        Path | None, Option("--from-dir", help="Take files downloaded by hand from this folder.")
     ] = None,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="List the record, download nothing.")] = False,
-    force: Annotated[
-        bool, typer.Option("--force", help="Replace altered files, or another record's.")
-    ] = False,
+    dry_run: Annotated[bool, Option("--dry-run", help="List the record, download nothing.")] = False,
+    force: Annotated[bool, Option("--force", help="Replace altered files, or another record's.")] = False,
 ) -> None:
     """Download the paper's data set and verify it.
 
@@ -48,9 +47,9 @@ def fetch(
 def inspect(
     terminal: Terminal,
     paths: Paths,
-    suggest: Annotated[bool, typer.Option("--suggest", help="Write a mapping file to edit.")] = False,
+    suggest: Annotated[bool, Option("--suggest", help="Write a mapping file to edit.")] = False,
     mapping: Mapping = Path("data/mapping.yaml"),
-    force: Annotated[bool, typer.Option("--force", help="Overwrite the mapping file.")] = False,
+    force: Annotated[bool, Option("--force", help="Overwrite the mapping file.")] = False,
 ) -> None:
     """What is in files of any format, and what it seems to mean."""
     from tendonrepro.dataset.inspection import inspect_text, run_inspect
@@ -64,13 +63,13 @@ def ingest(
     terminal: Terminal,
     paths: Paths,
     mapping: Mapping = Path("data/mapping.yaml"),
-    out: Annotated[Path, typer.Option("--out", help="Trace file to write.")] = Path("data/measured.h5"),
+    out: Annotated[Path, Option("--out", help="Trace file to write.")] = Path("data/measured.h5"),
     confirm: Annotated[
-        bool, typer.Option("--confirm", help="The mapping is right: delete every line `because` in it.")
+        bool, Option("--confirm", help="The mapping is right: delete every line `because` in it.")
     ] = False,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Check everything, write nothing.")] = False,
+    dry_run: Annotated[bool, Option("--dry-run", help="Check everything, write nothing.")] = False,
     force: Annotated[
-        bool, typer.Option("--force", help="Overwrite a file of another mapping or other data.")
+        bool, Option("--force", help="Overwrite a file of another mapping or other data.")
     ] = False,
 ) -> None:
     """Convert measured data to the layout of simulated traces."""
@@ -84,7 +83,7 @@ def ingest(
 def validate(
     request: Request,
     terminal: Terminal,
-    measured: Annotated[Path, typer.Argument(help="Trace file that ingest has written.")] = Path(
+    measured: Annotated[Path, Argument(help="Trace file that ingest has written.")] = Path(
         "data/measured.h5"
     ),
 ) -> int:

@@ -9,32 +9,31 @@ from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
 import typer
+from typer import Option
 
 from tendonrepro.config.request import Request
 from tendonrepro.console import Talk, printable
 
 _TERMINAL = {
-    "as_json": Annotated[bool, typer.Option("--json", help="Print one JSON object.")],
-    "quiet": Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")],
-    "verbose": Annotated[bool, typer.Option("--verbose", "-v", help="Say more on standard error.")],
+    "as_json": Annotated[bool, Option("--json", help="Print one JSON object.")],
+    "quiet": Annotated[bool, Option("--quiet", "-q", help="Print nothing but errors.")],
+    "verbose": Annotated[bool, Option("--verbose", "-v", help="Say more on standard error.")],
 }
 _CONFIG = "Configuration file, - for standard input, or a shipped name."
 _REQUEST = {
-    "config": Annotated[str | None, typer.Option("--config", help=_CONFIG)],
-    "out": Annotated[
-        Path | None, typer.Option("--out", help="Results folder [default: its own below reports].")
-    ],
+    "config": Annotated[str | None, Option("--config", help=_CONFIG)],
+    "out": Annotated[Path | None, Option("--out", help="Results folder [default: its own below reports].")],
     "overrides": Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Change a value of the configuration; repeatable."),
+        Option("--set", metavar="KEY=VALUE", help="Change a value of the configuration; repeatable."),
     ],
-    "seed": Annotated[int | None, typer.Option("--seed", help="Seed of all noise.")],
+    "seed": Annotated[int | None, Option("--seed", help="Seed of all noise.")],
     "controllers": Annotated[
-        str | None, typer.Option("--controllers", metavar="1,3", help="Run only these controllers.")
+        str | None, Option("--controllers", metavar="1,3", help="Run only these controllers.")
     ],
-    "dry_run": Annotated[bool, typer.Option("--dry-run", help="Check everything, run nothing.")],
+    "dry_run": Annotated[bool, Option("--dry-run", help="Check everything, run nothing.")],
     "force": Annotated[
-        bool, typer.Option("--force", help="Overwrite results of another configuration or version.")
+        bool, Option("--force", help="Overwrite results of another configuration or version.")
     ],
 }
 _SWITCHES = {"as_json", "quiet", "verbose", "dry_run", "force"}

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
+from typer import Argument, Option
 
 from tendonrepro.cli.options import Terminal, command
 from tendonrepro.config.request import Request
@@ -15,7 +16,7 @@ study_app = typer.Typer(rich_help_panel="Explore", rich_markup_mode=None)
 
 MeasuredFile = Annotated[
     Path | None,
-    typer.Option("--measured", help="Measured trace file [default: data/measured.h5 if there is one]."),
+    Option("--measured", help="Measured trace file [default: data/measured.h5 if there is one]."),
 ]
 
 
@@ -24,7 +25,7 @@ def sweep(
     request: Request,
     terminal: Terminal,
     over: Annotated[
-        list[str], typer.Option("--over", metavar="KEY=A,B,C", help="A key and its values; once or twice.")
+        list[str], Option("--over", metavar="KEY=A,B,C", help="A key and its values; once or twice.")
     ],
 ) -> int:
     """The comparison over values of one or two keys."""
@@ -41,16 +42,16 @@ def ensemble(
     request: Request,
     terminal: Terminal,
     draws: Annotated[
-        int, typer.Option("--draws", help="Plants drawn, a power of two; as shipped 256 at least.")
+        int, Option("--draws", help="Plants drawn, a power of two; as shipped 256 at least.")
     ] = 1024,
-    jobs: Annotated[int, typer.Option("--jobs", help="Processes; -1 is one for each processor.")] = -1,
+    jobs: Annotated[int, Option("--jobs", help="Processes; -1 is one for each processor.")] = -1,
     dask: Annotated[
-        str | None, typer.Option("--dask", metavar="ADDRESS", help="Scheduler to send the work to.")
+        str | None, Option("--dask", metavar="ADDRESS", help="Scheduler to send the work to.")
     ] = None,
     readings: Annotated[
-        Literal["default", "all"], typer.Option("--readings", help="Alternatives and pairs, or all together.")
+        Literal["default", "all"], Option("--readings", help="Alternatives and pairs, or all together.")
     ] = "default",
-    yes: Annotated[bool, typer.Option("--yes", help="The cost of all readings has been seen.")] = False,
+    yes: Annotated[bool, Option("--yes", help="The cost of all readings has been seen.")] = False,
 ) -> None:
     """Many plausible plants under many readings of the text."""
     from tendonrepro.ensemble.command import run_ensemble
@@ -68,18 +69,18 @@ def identify(
     terminal: Terminal,
     fit: Annotated[
         Literal["controller_2", "all"],
-        typer.Option("--fit", help="Fit Controller 2 and judge the others, or fit all sixteen numbers."),
+        Option("--fit", help="Fit Controller 2 and judge the others, or fit all sixteen numbers."),
     ] = "controller_2",
     readings: Annotated[
-        str, typer.Option("--readings", help="printed, default, or names with commas between.")
+        str, Option("--readings", help="printed, default, or names with commas between.")
     ] = "printed",
     window: Annotated[
-        Literal["whole", "late"], typer.Option("--window", help="Whole run, or after the first period.")
+        Literal["whole", "late"], Option("--window", help="Whole run, or after the first period.")
     ] = "whole",
-    generations: Annotated[int, typer.Option("--generations", help="Of each search.")] = 60,
-    population: Annotated[int, typer.Option("--population", help="Members of each seed.")] = 48,
-    seeds: Annotated[int, typer.Option("--seeds", help="Independent searches of a reading.")] = 3,
-    jobs: Annotated[int, typer.Option("--jobs", help="Processors; -1 is all.")] = -1,
+    generations: Annotated[int, Option("--generations", help="Of each search.")] = 60,
+    population: Annotated[int, Option("--population", help="Members of each seed.")] = 48,
+    seeds: Annotated[int, Option("--seeds", help="Independent searches of a reading.")] = 3,
+    jobs: Annotated[int, Option("--jobs", help="Processors; -1 is all.")] = -1,
 ) -> None:
     """Plants and readings closest to the printed numbers.
 
@@ -128,14 +129,14 @@ def statics(request: Request, terminal: Terminal) -> None:
 def claims(
     terminal: Terminal,
     ids: Annotated[
-        list[str] | None, typer.Argument(metavar="[ID]...", help="Claims to show with all their evidence.")
+        list[str] | None, Argument(metavar="[ID]...", help="Claims to show with all their evidence.")
     ] = None,
-    out: Annotated[Path, typer.Option("--out", help="Folder above the results.")] = Path("reports"),
+    out: Annotated[Path, Option("--out", help="Folder above the results.")] = Path("reports"),
     check: Annotated[
-        bool, typer.Option("--check", help="Leave with exit code 3 where a verdict is against the print.")
+        bool, Option("--check", help="Leave with exit code 3 where a verdict is against the print.")
     ] = False,
     baseline: Annotated[
-        Path | None, typer.Option("--baseline", help="Earlier claims.json: only changes count for --check.")
+        Path | None, Option("--baseline", help="Earlier claims.json: only changes count for --check.")
     ] = None,
     measured: MeasuredFile = None,
 ) -> int:
@@ -150,14 +151,12 @@ def claims(
 @command(study_app, "tendonrepro report --out review.html")
 def report(
     terminal: Terminal,
-    results: Annotated[Path, typer.Argument(help="Folder above the results.")] = Path("reports"),
+    results: Annotated[Path, Argument(help="Folder above the results.")] = Path("reports"),
     out: Annotated[
-        Path | None, typer.Option("--out", help="HTML file to write [default: report.html in that folder].")
+        Path | None, Option("--out", help="HTML file to write [default: report.html in that folder].")
     ] = None,
     measured: MeasuredFile = None,
-    force: Annotated[
-        bool, typer.Option("--force", help="Overwrite a file that is no report, or edited.")
-    ] = False,
+    force: Annotated[bool, Option("--force", help="Overwrite a file that is no report, or edited.")] = False,
 ) -> None:
     """One HTML file for a reviewer, of all that was run."""
     from tendonrepro.report.command import report_text, run_report
