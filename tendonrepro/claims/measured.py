@@ -294,5 +294,4 @@ def _mean(values: Array, inside: NDArray[np.bool_]) -> Array:
     kept = inside & np.isfinite(values)
     count = kept.sum(axis=0)
     total = np.where(kept, values, 0.0).sum(axis=0)
-    mean: Array = np.divide(total, count, out=np.full(values.shape[1], np.nan), where=count > 0)
-    return mean
+    return np.asarray(np.divide(total, count, out=np.full(values.shape[1], np.nan), where=count > 0))

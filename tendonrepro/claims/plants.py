@@ -83,13 +83,11 @@ class Plants:
 
     def ok(self, *runs: str) -> Mask:
         """Plants on which all of some runs are ``ok``."""
-        mask: Mask = np.logical_and.reduce([self.status(run) == OK for run in runs])
-        return mask
+        return np.asarray(np.logical_and.reduce([self.status(run) == OK for run in runs]))
 
     def none(self, code: int, *runs: str) -> Mask:
         """Plants on which none of some runs has a status."""
-        mask: Mask = np.logical_and.reduce([self.status(run) != code for run in runs])
-        return mask
+        return np.asarray(np.logical_and.reduce([self.status(run) != code for run in runs]))
 
     def _address(self, run: str) -> tuple[str, str]:
         name, _, variation = run.partition("@")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, TypedDict
+from typing import TypedDict
 
 import numpy as np
 
@@ -37,7 +37,7 @@ class Ranking(TypedDict):
     draws: int
 
 
-def ranked(names: Sequence[str], draws: Array, outcome: Array, seed: int = SEED) -> Ranking | None:
+def ranked(names: Sequence[str], draws: Array, outcome: Array) -> Ranking | None:
     """Rank unknowns by how much of an outcome's variance (N,) each alone explains, from draws (N, P).
 
     First-order indices by RBD-FAST (SALib), which needs the draws in no special order and of their values
@@ -50,11 +50,14 @@ def ranked(names: Sequence[str], draws: Array, outcome: Array, seed: int = SEED)
     commonest = np.unique(outcome, return_counts=True)[1].max(initial=0)
     if len(outcome) < LEAST_PLANTS or len(outcome) - commonest < LEAST_OTHERS:
         return None
-    rng = np.random.default_rng(seed)
+    from SALib.analyze import rbd_fast
+
+    rng = np.random.default_rng(SEED)
     # Equal values of an unknown must not keep the order of the sequence they were drawn in.
     order = rng.permutation(len(outcome))
     draws, outcome = draws[order], outcome[order]
-    found = _indices(names, draws, outcome, rng)
+    problem = {"num_vars": len(names), "names": list(names)}
+    found = rbd_fast.analyze(problem, draws, outcome, M=_HARMONICS, num_resamples=RESAMPLES, seed=rng)
     largest = [_largest_index(draws, rng.permutation(outcome)) for _ in range(SHUFFLES)]
     rows: list[Influence] = [
         {"name": name, "index": float(index), "half_width": float(half)}
@@ -69,16 +72,6 @@ def ranked(names: Sequence[str], draws: Array, outcome: Array, seed: int = SEED)
         "unexplained": max(1.0 - explained, 0.0),
         "draws": len(outcome),
     }
-
-
-def _indices(names: Sequence[str], draws: Array, outcome: Array, rng: np.random.Generator) -> dict[str, Any]:
-    from SALib.analyze import rbd_fast
-
-    problem = {"num_vars": len(names), "names": list(names)}
-    found: dict[str, Any] = rbd_fast.analyze(
-        problem, draws, outcome, M=_HARMONICS, num_resamples=RESAMPLES, seed=rng
-    )
-    return found
 
 
 def _largest_index(draws: Array, outcome: Array) -> float:

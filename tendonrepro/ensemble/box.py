@@ -66,8 +66,7 @@ class Box:
             return np.full_like(unit, self.nominal[i])
         if self.scale[i] == _CHOICE:
             place = np.minimum(unit * self.choices[i].size, self.choices[i].size - 1.0).astype(int)
-            chosen: Array = self.choices[i][place]
-            return chosen
+            return np.asarray(self.choices[i][place])
         low, high = self.low[i], self.high[i]
         value = low * (high / low) ** unit if self.scale[i] == "log" else low + (high - low) * unit
         return np.asarray(np.clip(value, low, high), dtype=np.float64)

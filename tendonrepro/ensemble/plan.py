@@ -162,12 +162,12 @@ class Study:
         }
         return content | {"sha256": digest_of(content)}
 
-    def cost(self, draws: int, seconds: float = SECONDS_PER_EXPERIMENT) -> dict[str, float]:
+    def cost(self, draws: int) -> dict[str, float]:
         """Estimate experiments, processor hours and disk space of an ensemble."""
         experiments = sum(self.draws_of(name, draws) for name in self.boxes) * len(self.cases)
         numbers = len(STATISTICS) * len(self.config.joints) * 4 + 7
         return {
             "experiments": experiments,
-            "processor_hours": experiments * seconds / 3600.0,
+            "processor_hours": experiments * SECONDS_PER_EXPERIMENT / 3600.0,
             "gigabytes": experiments * numbers * _COMPRESSION / 1e9,
         }

@@ -71,6 +71,7 @@ NOT_JOINTS = _these(
     "file block v version ver no x y var untitled scope port out"
 )
 """Words that count something else than joints."""
+_FEW = 6  # names that a line shows
 _EMPTY = _these("no without un non free empty w")
 _LOAD = _these("load loaded payload weight loading")
 _NO_LOAD = ("noload", "unload", "nopayload", "withoutload", "withoutpayload", "空载", "无负载", "无载")
@@ -212,7 +213,7 @@ def printable(text: str) -> str:
     )
 
 
-def few(names: Sequence[str], most: int = 6) -> str:
+def few(names: Sequence[str]) -> str:
     """Names in one line that steers no terminal, the first few of many."""
-    more = len(names) - most
-    return ", ".join(map(printable, names[:most])) + (f" and {more} more" if more > 0 else "")
+    more = len(names) - _FEW
+    return ", ".join(map(printable, names[:_FEW])) + (f" and {more} more" if more > 0 else "")

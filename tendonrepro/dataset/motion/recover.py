@@ -134,9 +134,9 @@ def _complete(trace: Trace) -> bool:
     return {*COMPARED} <= {joint for joint, values in columns if np.isfinite(values).any()}
 
 
-def recover_run(trace: Trace, variable: str = "q_d") -> Reference:
+def recover_run(trace: Trace) -> Reference:
     """Recover the motion of one run; see `recover`."""
-    record = recorded_motion(trace, variable)
+    record = recorded_motion(trace, "q_d")
     first, last = record.moving()
     begin, end = float(record.time[first]), float(record.time[last])
     repeats = repeat_after(record)
