@@ -56,25 +56,15 @@ _NUMBERS = {
 }
 
 
-@dataclass(frozen=True)
-class Group:
-    """Verdicts of one kind: claims with what is missing of them, and how many numbers of which table."""
-
-    title: str
-    names: Sequence[str]
-    claims: Sequence[Verdict]
-    numbers: Mapping[str, int]
-
-    @staticmethod
-    def share(one: Verdict) -> str:
-        """On how many plants a claim holds, or what is missing to tell."""
-        if "missing" in one.evidence:
-            return f"missing: {one.evidence['missing']}"
-        return f"holds on {percent(one.ours)} of the plants judged" if one.unit == SHARE else ""
+def standing(one: Verdict) -> str:
+    """On how many plants a claim holds, or what is missing to tell."""
+    if "missing" in one.evidence:
+        return f"missing: {one.evidence['missing']}"
+    return f"holds on {percent(one.ours)} of the plants judged" if one.unit == SHARE else ""
 
 
-def overview(verdicts: Sequence[Verdict]) -> Iterator[Group]:
-    """Yield the groups; what is printed twice counts once."""
+def overview(verdicts: Sequence[Verdict]) -> Iterator[dict[str, Any]]:
+    """Yield the groups: claims, and how many numbers of which table; what is printed twice counts once."""
     for title, names in GROUPS.items():
         held = [one for one in verdicts if one.verdict in names and one.repeats is None]
         numbers: dict[str, int] = {}
@@ -82,7 +72,8 @@ def overview(verdicts: Sequence[Verdict]) -> Iterator[Group]:
             if is_number(one.id):
                 label = _NUMBERS.get(one.id.partition(".")[0], one.where)
                 numbers[label] = numbers.get(label, 0) + 1
-        yield Group(title, names, [one for one in held if not is_number(one.id)], numbers)
+        claims = [one for one in held if not is_number(one.id)]
+        yield {"title": title, "names": names, "claims": claims, "numbers": numbers}
 
 
 def is_number(identifier: str) -> bool:
@@ -96,19 +87,10 @@ def run_numbers(verdicts: Sequence[Verdict]) -> dict[str, float]:
     return {name: number for name, number in held.items() if number is not None}
 
 
-@dataclass(frozen=True)
-class Entry:
-    """A line of the ledger: the verdict, its cells for a reader, and all its evidence as text."""
-
-    verdict: Verdict
-    cells: Mapping[str, str]
-    evidence: str
-
-
-def ledger(verdicts: Sequence[Verdict]) -> list[Entry]:
-    """List the lines of the ledger."""
+def ledger(verdicts: Sequence[Verdict]) -> list[dict[str, Any]]:
+    """Lines of the ledger: the verdict, its cells for a reader, and all its evidence as text."""
     rows = zip(verdicts, reader_rows(verdicts), strict=True)
-    return [Entry(one, cells, details_text(one)) for one, cells in rows]
+    return [{"verdict": one, "cells": cells, "evidence": details_text(one)} for one, cells in rows]
 
 
 @dataclass(frozen=True)
@@ -201,44 +183,24 @@ RATIO = Scale(0.5, 2.0, True)
 """Scale of `agreement`, the same for all ratios."""
 
 
-@dataclass(frozen=True)
-class Shown:
-    """A table as a reader sees it."""
-
-    stem: str
-    about: str
-    heads: Sequence[str]
-    rows: Sequence[Sequence[str]]
-    numeric: Sequence[bool]
-
-
-def tables(found: Found) -> dict[str, Shown]:
+def tables(found: Found) -> dict[str, dict[str, Any]]:
     """Tables 1 to 3 and their companions, of the runs there are."""
     return {
-        table.stem: Shown(table.stem, table.about, *shown(table.rows, table.columns))
+        table.stem: {"stem": table.stem, "about": table.about}
+        | dict(zip(("heads", "rows", "numeric"), shown(table.rows, table.columns), strict=True))
         for file in (found.decouple, found.compare)
         if file
         for table in made_tables(file)
     }
 
 
-@dataclass(frozen=True)
-class Plate:
-    """A figure of the paper: as simulated, as measured; each None where there is none."""
-
-    number: int
-    about: str
-    experiment: str
-    simulated: Figure | None
-    measured: Figure | None
-
-
-def plates(found: Found) -> Iterator[Plate]:
-    """Yield Figures 6 and 9 to 16."""
+def plates(found: Found) -> Iterator[dict[str, Any]]:
+    """Yield Figures 6 and 9 to 16: as simulated, as measured; each None where there is none."""
     for number, spec in FIGURES.items():
         file = found.decouple if spec.experiment == "decouple" else found.compare
         simulated = figure_of(draw(number, file)) if file and number in available(file) else None
-        yield Plate(number, spec.caption, spec.experiment, simulated, _measured(found, number))
+        about = {"number": number, "about": spec.caption, "experiment": spec.experiment}
+        yield about | {"simulated": simulated, "measured": _measured(found, number)}
 
 
 def _measured(found: Found, number: int) -> Figure | None:
@@ -274,20 +236,8 @@ def configurations(found: Found) -> list[Any]:
     ]
 
 
-@dataclass(frozen=True)
-class Made:
-    """What made a run: configuration, changes, versions."""
-
-    experiment: str
-    config: str
-    sha256: str
-    overrides: Sequence[str]
-    created: str
-    versions: Mapping[str, str]
-
-
-def made(file: TraceFile) -> Made:
-    """Say what made the traces of a file; what the file does not tell is a dash."""
+def made(file: TraceFile) -> dict[str, Any]:
+    """Configuration, changes and versions that made the traces of a file; what it does not tell is a dash."""
     try:
         manifest = dict(json.loads(file.manifest_json))
     except (ValueError, TypeError):
@@ -298,14 +248,14 @@ def made(file: TraceFile) -> Made:
     versions = {"tendonrepro": file.tendonrepro_version, "commit": commit}
     versions |= {"Python": environment.get("python") or "–", "platform": environment.get("platform") or "–"}
     versions |= {name: str(version or "–") for name, version in (environment.get("versions") or {}).items()}
-    return Made(
-        file.experiment,
-        Path(str(config.get("origin", "–"))).name,
-        file.config_sha256,
-        [str(change) for change in manifest.get("overrides") or ()],
-        file.created,
-        versions,
-    )
+    return {
+        "experiment": file.experiment,
+        "config": Path(str(config.get("origin", "–"))).name,
+        "sha256": file.config_sha256,
+        "overrides": [str(change) for change in manifest.get("overrides") or ()],
+        "created": file.created,
+        "versions": versions,
+    }
 
 
 def again(found: Found) -> list[str]:
@@ -314,8 +264,8 @@ def again(found: Found) -> list[str]:
     for name, file in (("decouple", found.decouple), ("compare", found.compare)):
         if file:
             held = made(file)
-            config = [] if held.config in {"–", name, f"{name}.yaml"} else ["--config", held.config]
-            changes = [word for change in held.overrides for word in ("--set", change)]
+            config = [] if held["config"] in {"–", name, f"{name}.yaml"} else ["--config", held["config"]]
+            changes = [word for change in held["overrides"] for word in ("--set", change)]
             lines.append(shlex.join(["tendonrepro", name, *config, *changes]))
     if lines == ["tendonrepro decouple", "tendonrepro compare"]:
         lines = ["tendonrepro reproduce"]

@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from html import unescape
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from tendonrepro.claims.command import DECIDES, ENSEMBLE, FOLDER, found_sources, judged
 from tendonrepro.claims.judge import Verdict
@@ -31,15 +31,6 @@ RUN, OURS, MISSING = "run", "shipped", "missing"
 
 _STORED = "docs/results"
 _STATICS, _CLOSEST, _VALIDATE = "statics", "identify_all", "validate"
-_T = TypeVar("_T")
-
-
-@dataclass(frozen=True)
-class Statics:
-    """What ``tendonrepro statics`` left: a table, and pictures with their captions."""
-
-    table: rows.Table
-    pictures: Sequence[tuple[str, bytes]]
 
 
 @dataclass
@@ -47,7 +38,7 @@ class Found:
     """Everything a page is made of; a part that was not run is None.
 
     `origins` says of each part where it comes from, `inputs` has the digests of what was read, by names that
-    are the same wherever the results lie.
+    are the same wherever the results lie; `statics` has a table, and pictures with their captions.
     """
 
     decouple: TraceFile | None = None
@@ -63,7 +54,7 @@ class Found:
     decides: rows.Table | None = None
     rankings: Mapping[str, Any] = field(default_factory=dict)
     closest: rows.Table | None = None
-    statics: Statics | None = None
+    statics: Mapping[str, Any] | None = None
     origins: dict[str, str] = field(default_factory=dict)
     inputs: dict[str, str] = field(default_factory=dict)
 
@@ -145,7 +136,7 @@ def _add_statics(found: Found, folder: Path) -> None:
         content = picture.read_bytes()
         caption = re.search(r"<dc:description>([^<]*)<", content.decode(errors="replace"))
         pictures.append((unescape(caption[1]) if caption else picture.stem, content))
-    found.statics = Statics(table, pictures)
+    found.statics = {"table": table, "pictures": pictures}
     found.origins["statics"] = RUN
 
 
