@@ -27,8 +27,10 @@ class Table:
 
 
 def thinned(summary: Mapping[str, Any]) -> dict[str, Any]:
-    """What is kept of an ensemble's ``summary.json``: what is shown, and no more."""
+    """What is kept of an ensemble's ``summary.json``: what is shown, and what it is of."""
     kept = [
+        "tendonrepro_version",
+        "config_sha256",
         "draws",
         "scramblings",
         "conclusions",
