@@ -12,7 +12,6 @@ import pandas as pd
 import pytest
 from support.synthetic import S_INV, S, make_compare_file, make_decouple_file
 
-from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.report import results_text
 from tendonrepro.results.comparison import (
     COLUMNS,
@@ -110,15 +109,6 @@ def test_the_print_stands_beside_the_paper_s_experiment_alone(what: str, tmp_pat
 def test_table_1_of_another_arm_stands_alone(what: str, tmp_path: Path) -> None:
     paths = write_tables(another(make_decouple_file(), what), tmp_path)
     assert not any("rinted" in path.read_text() for path in paths)
-
-
-def test_table_1_of_a_longer_arm_has_rows_without_print() -> None:
-    four = {"winch_diameter": np.full(4, 0.037), "pulley_diameter": np.full((4, 4), 0.037)}
-    frame = frame_of(
-        coupling_rows, with_plant(make_decouple_file(), **four, S=np.eye(4), S_inv=np.eye(4))
-    ).set_index("quantity")
-    assert math.isnan(frame.loc["S_44", "printed"])
-    assert frame.loc["S_44", "ours"] == 1.0
 
 
 def test_table_2_has_ours_printed_and_their_ratio() -> None:
@@ -279,17 +269,6 @@ class TestFiles:
         write_tables(file, tmp_path)
         for suffix in ("md", "tex"):
             assert "(measured, config abababababab)" in (tmp_path / f"table3.{suffix}").read_text()
-
-    def test_missing_numbers_are_dashes(self, tmp_path: Path) -> None:
-        data, md, tex = written(controller_rows(make_compare_file(runs=["mine"])), tmp_path)
-        assert data.read_text().splitlines()[1].split(",")[3] == ""
-        assert md.read_text().splitlines()[4].split(" | ")[3:5] == ["--", "--"]
-        assert "& -- & -- &" in tex.read_text()
-
-    def test_a_file_in_the_way_of_the_folder(self, tmp_path: Path) -> None:
-        (tmp_path / "tables").write_text("I am a file")
-        with pytest.raises(TendonreproError, match="cannot write"):
-            write_tables(make_compare_file(), tmp_path / "tables")
 
 
 ODD = [{"Name": "a-b|c", "x_1": -1.5}, {"Name": "~^\\", "x_1": None}]
