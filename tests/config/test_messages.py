@@ -8,7 +8,6 @@ import os
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -245,12 +244,6 @@ def test_cutoff_that_the_low_pass_needs(files: Files) -> None:
     assert "control: missing key 'filter_cutoff', which the reading error_rate: low_pass needs" in mistake
 
 
-@pytest.mark.parametrize("disturbance", [STEP, NOISE])
-def test_disturbances_load(files: Files, disturbance: str) -> None:
-    files.replace("compare", "  kind: none ", disturbance)
-    assert load_config(files.path("compare"), "compare").config.disturbance.kind != "none"
-
-
 def test_each_joint_may_have_its_own_motion(files: Files) -> None:
     files.replace_reference(PER_JOINT)
     reference = load_config(files.path("compare"), "compare").config.model_dump()["reference"]
@@ -405,19 +398,6 @@ def descend(tree: Any, path: Key) -> Any:
     return tree
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("experiment", MODELS)
-@pytest.mark.parametrize("wrong", [None, True, -1, 0, 1e300, "text", [], [[]], [[1], 2], {}, {"value": []}])
-def test_every_entry_may_be_spoilt(experiment: str, wrong: Node) -> None:
-    tree = copy.deepcopy(TREES[experiment])
-    for path in list(places(tree)):
-        above = descend(tree, path[:-1])
-        kept, above[path[-1]] = above[path[-1]], wrong
-        message = mistakes_in(tree, experiment)
-        assert "Input" not in message, "pydantic's own words have slipped through"
-        above[path[-1]] = kept
-
-
 WRONG = (
     st.none() | st.booleans() | st.integers(-(10**300), 10**300) | st.text("aé'\" :", max_size=5)
     | st.floats(allow_nan=False, allow_infinity=False)
@@ -436,5 +416,7 @@ def test_no_spoilt_file_ends_in_a_traceback(data: st.DataObject, tmp_path: Path)
         descend(tree, path[:-1])[path[-1]] = data.draw(WRONG)
     file = tmp_path / "spoilt.yaml"
     file.write_text(dump(tree), encoding="utf-8")
-    with suppress(ConfigError):
+    try:
         load_config(file, experiment)
+    except ConfigError as error:
+        assert "Input should" not in str(error), "pydantic's own words have slipped through"  # noqa: PT017
