@@ -12,12 +12,12 @@ from tendonrepro.arrays import Array
 from tendonrepro.config.fields.strict_yaml import dump
 from tendonrepro.config.load import CompareConfig, load_config
 from tendonrepro.config.trajectory_file import read_samples
-from tendonrepro.dataset.motion.fit import judged, limit
+from tendonrepro.dataset.motion.fit import limit
 from tendonrepro.dataset.motion.knots import thinned
 from tendonrepro.dataset.motion.period import repeat_after
-from tendonrepro.dataset.motion.record import Recorded, noise, noise_peak, recorded, rounding_step
+from tendonrepro.dataset.motion.record import Recorded, recorded, rounding_step
 from tendonrepro.dataset.motion.recover import Reference, derivatives, recover, recover_run, timing_of
-from tendonrepro.dataset.motion.shapes import amplitude_of, movers, ramp_limits, turns_of
+from tendonrepro.dataset.motion.shapes import amplitude_of, movers, turns_of
 from tendonrepro.dataset.motion.written import FILE, config_tree, csv_text, runnable
 from tendonrepro.errors import DataMissingError
 from tendonrepro.experiments import loops as runs
@@ -132,11 +132,6 @@ def test_a_sine_that_is_blended_in_repeats_after_one_period(
     sines = [Motion((smooth_sine(size, 0.0, period, 2.5),), 2.0 * time[-1]) for size in (0.5, 0.3)]
     q = motion(time, sines)[0] + noise * np.random.default_rng(1).standard_normal((len(time), 2))
     assert repeat_after(recorded(trace(time, q))) == pytest.approx(period, abs=0.005)
-
-
-def test_rounding_is_told_from_its_absence() -> None:
-    assert rounding_step(made("minimum_jerk")["q_d"]) == 0.0
-    assert rounding_step(made("minimum_jerk", rounded=True)["q_d"]) == pytest.approx(COUNT, rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -325,11 +320,6 @@ class TestTurns:
         assert movers(np.zeros(2)) == []
 
 
-def test_a_ramps_limits_are_those_of_its_rise() -> None:
-    values = {"amplitude": np.array([0.5, -0.3]), "rise": 2.0, "share": 0.3, "delay": 0.5, "hold": 1.0}
-    assert trapezoid_times(0.5, *ramp_limits(values)) == pytest.approx((0.3 * 2.0, 2.0))
-
-
 class TestGrid:
     def test_a_gap_is_bridged_by_a_straight_line(self) -> None:
         time = 0.01 * np.arange(101.0)
@@ -357,25 +347,3 @@ class TestGrid:
         first, last = made_of(q, 0.01).moving()
         assert (first, last) == pytest.approx((200, 700), abs=2)
         assert made_of(0.0 * q, 0.01).moving() == (0, 1000)
-
-
-def test_a_residual_is_measured_less_nothing_of_it() -> None:
-    record = ramps([(1.0, np.array([0.4, -0.2]))], 2.0, 0.5, 7.0)
-    values = {"delay": 0.0, "amplitude": np.zeros(2), "period": 5.0, "start": np.array([0.1, 0.0])}
-    found = judged(record, "raised_cosine", turns_of(record), values)
-    apart = record.q - [0.1, 0.0]
-    assert found.largest == pytest.approx(np.abs(apart).max())
-    assert found.rms == pytest.approx(np.sqrt((apart**2).mean()))
-
-
-def test_the_largest_of_many_samples_of_noise_is_expected() -> None:
-    for count in (500, 5000):
-        q = 1e-3 * np.random.default_rng(1).standard_normal((count, 2))
-        found, size = noise_peak(made_of(q)), noise(made_of(q))
-        assert size == pytest.approx(1e-3, rel=0.1)
-        assert found == pytest.approx(size * (1.0 + np.sqrt(2.0 * np.log(2.0 * count))), rel=1e-9)
-        assert np.abs(q).max() < found < 2.0 * np.abs(q).max()
-        rounded = replace(made_of(q), rounding=0.01)
-        assert noise_peak(rounded) == 0.0
-        assert limit(rounded) == pytest.approx(np.deg2rad(0.011) + 0.005)
-        assert limit(made_of(q)) == pytest.approx(np.deg2rad(0.011) + found)
