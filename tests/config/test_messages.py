@@ -88,21 +88,15 @@ def files(tmp_path: Path) -> Files:
 CHANGED_LINE = [
     # keys
     ("compare", "    alpha:", "    alhpa:", "control.gains: unknown key 'alhpa', did you mean 'alpha'?"),
-    ("compare", "seed:", "extra: 1\nseed:", "unknown key 'extra'"),
     ("compare", "  controller_3:\n    law", "  Controller 3:\n    law",
      "runs.Controller 3: a name must be lower-case"),
-    ("lumidouce_ii", "  mass:", "  mas:", "manipulator.links: unknown key 'mas', did you mean 'mass'?"),
     # types
-    ("compare", "title: Controllers", "title: 3 #", "title: must be text, found 3"),
     ("compare", "title: Controllers", "title: '' #", "title: must not be empty"),
     ("compare", "joints: [2, 3]", "joints: 3", "joints: must be a list, found 3"),
     ("compare", "joints: [2, 3]", "joints: [2, x]", "joints.1: must be a whole number, found the text 'x'"),
-    ("compare", "joints: [2, 3]", "joints: [2, true]", "joints.1: must be a whole number, found true"),
-    ("compare", "manipulator: lumi", "manipulator: 3 #", "manipulator: must be a mapping of keys, found 3"),
     ("compare", "    law: controller_3", "    law: []", "runs.controller_3.law: must be text, found a list"),
     # choices
     ("compare", "schema_version: 1", "schema_version: 2", "schema_version: must be 1, found 2"),
-    ("compare", "schema_version: 1", "schema_version: true", "schema_version: must be 1, found true"),
     ("compare", "experiment: compare", "experiment: comprae",
      "experiment: must be compare, found the text 'comprae', did you mean 'compare'?"),
     ("compare", "phi_branch:          printed", "phi_branch: pwoer",
@@ -118,7 +112,6 @@ CHANGED_LINE = [
     ("decouple", "drives: motors", "drives: tendons",
      "runs.pull_tendon_1.drives: must be joints or motors, found the text 'tendons'"),
     # units, sources, ranges
-    ("compare", "unit:   kg m2", "unit: 1", "control.gains.M_bar.unit: must be text, found 1"),
     ("compare", '"printed: section 5.1"', "measured",
      "sampling_period.source: must begin with printed:, derived:"),
     ("compare", "value:  [0.9, 0.9]", "value: [0.9, 1]",
@@ -143,7 +136,6 @@ CHANGED_LINE = [
      "runs.decouple.reference.turns.1: must name joints that move, [1, 2, 3], found [4]"),
     ("decouple", "turns: [[1],", "turns: [[1, 1],",
      "runs.decouple.reference.turns.0: names a joint twice, [1, 1]"),
-    ("decouple", "turns: [[1],", "turns: [[],", "runs.decouple.reference.turns.0: must not be empty"),
     ("decouple", "turns: [[1], [2], [3], [1, 2, 3]]", "turns: []",
      "runs.decouple.reference.turns: must not be empty"),
 ]  # fmt: skip

@@ -84,10 +84,6 @@ class TestGaps:
         straight = np.linspace(q[1999], q[2301], 303)[1:-1]
         assert np.abs(straight - q[2000:2301]).max() > np.deg2rad(0.5)
 
-    def test_what_is_missing_at_the_end_is_not_invented(self) -> None:
-        holed, _ = self.gapped(16900, 17000)
-        assert recorded(holed).missing == 100
-
     def test_uneven_times_are_no_gaps(self) -> None:
         rng = np.random.default_rng(5)
         time = 0.01 * np.arange(500.0) + 0.003 * rng.uniform(-1.0, 1.0, 500)

@@ -169,15 +169,6 @@ def test_a_named_table_is_understood() -> None:
     assert found["q2"].time == found["t"].address
 
 
-@pytest.mark.parametrize("unit", ["deg", "rad"])
-@pytest.mark.parametrize("quantised", [True, False])
-def test_degrees_and_radians(unit: str, quantised: bool) -> None:
-    factor = 1.0 if unit == "deg" else np.pi / 180.0
-    q = followed(2) if quantised else followed(2) + 1e-3 * np.sin(9.0 * TIME)
-    found = guessed(source("x.csv", {"t": TIME, "qd2": factor * course(2), "q2": factor * q}))
-    assert found["qd2"].unit == found["q2"].unit == unit
-
-
 def test_a_stored_unit_wins() -> None:
     found = guessed(source("x.csv", {"t": TIME, "q2": course(2)}, q2="rad"))
     assert found["q2"].unit == "rad"

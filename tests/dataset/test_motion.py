@@ -17,7 +17,6 @@ from tendonrepro.dataset.motion.knots import thinned
 from tendonrepro.dataset.motion.period import repeat_after
 from tendonrepro.dataset.motion.record import Recorded, recorded, rounding_step
 from tendonrepro.dataset.motion.recover import Reference, derivatives, recover, recover_run, timing_of
-from tendonrepro.dataset.motion.shapes import amplitude_of, movers, turns_of
 from tendonrepro.dataset.motion.written import FILE, config_tree, csv_text, runnable
 from tendonrepro.errors import DataMissingError
 from tendonrepro.experiments import loops as runs
@@ -239,13 +238,6 @@ def test_a_shape_that_may_not_give_way_runs_as_samples(tmp_path: Path) -> None:
     assert np.abs(np.interp(time, again.time, again.q_d[:, 1]) - q[:, 1])[inside].max() < np.deg2rad(0.05)
 
 
-def test_whole_cycles_stay_as_they_are() -> None:
-    found = recover_run(made("trapezoidal"))
-    assert runnable(found, 0.001) is found
-    sampled = replace(found, fitted=())
-    assert runnable(sampled, 0.3) is sampled
-
-
 def test_a_run_that_starts_later_is_timed_by_its_own_start() -> None:
     early = made("minimum_jerk", delay=0.5)
     late = replace(made("minimum_jerk", delay=1.5), name="controller_2")
@@ -277,61 +269,7 @@ def made_of(q: Array, step: float = 0.001) -> Recorded:
     )
 
 
-def ramps(plan: list[tuple[float, Array]], rise: float, hold: float, end: float) -> Recorded:
-    """Straight out in `rise`, a `hold`, and straight back, from each of some times."""
-    time = 0.001 * np.arange(round(end / 0.001) + 1.0)
-    knots = np.array([0.0, rise, rise + hold, 2.0 * rise + hold])
-    trips = [np.outer(np.interp(time - start, knots, [0, 1, 1, 0]), far) for start, far in plan]
-    return made_of(np.sum(trips, axis=0))
-
-
-class TestTurns:
-    FAR = np.array([0.4, -0.2])
-
-    @pytest.mark.parametrize("starts", [[1.0], [1.0, 6.0]])
-    def test_times_are_those_of_2_and_98_percent(self, starts: list[float]) -> None:
-        found = turns_of(ramps([(start, self.FAR) for start in starts], 2.0, 0.5, 12.0))
-        assert found.joints == ((0, 1),) * len(starts)
-        cycle = 5.0 if len(starts) == 2 else 0.0
-        expected = (1.0 + 0.02 * 2.0, 1.0 + 2.5 + 0.98 * 2.0, cycle, 0.96 * 2.0)
-        assert (found.begin, found.end, found.cycle, found.rise) == pytest.approx(expected, abs=0.002)
-        assert found.pattern() == (((0, 1),), len(starts))
-
-    def test_joints_that_move_one_after_the_other_are_told_apart(self) -> None:
-        first, second = self.FAR * [1.0, 0.0], self.FAR * [0.0, 1.0]
-        order = (first, second, second, first, second, second)
-        found = turns_of(ramps([(1.0 + 3.0 * k, far) for k, far in enumerate(order)], 1.0, 0.5, 20.0))
-        assert found.joints == ((0,), (1,), (1,), (0,), (1,), (1,))
-        assert found.pattern() == (((0,), (1,), (1,)), 2)
-        assert found.cycle == pytest.approx(3.0, abs=0.002)
-
-    @pytest.mark.parametrize(("share", "counts"), [(0.04, False), (0.06, True), (-0.06, True)])
-    def test_a_joint_that_hardly_moves_is_at_rest(self, share: float, counts: bool) -> None:
-        found = turns_of(ramps([(1.0, np.array([0.4, 0.4 * share]))], 2.0, 0.5, 7.0))
-        assert found.joints == (((0, 1) if counts else (0,)),)
-        assert amplitude_of(ramps([(1.0, self.FAR)], 2.0, 0.5, 7.0)) == pytest.approx(self.FAR)
-
-    def test_a_leap_to_the_other_side_and_no_motion_have_no_turns(self) -> None:
-        leap = ramps([(1.0, self.FAR)], 2.0, 0.5, 7.0)
-        sides = np.where((leap.time < 3.2)[:, np.newaxis], 1.0, [1.0, -1.0])
-        leap = replace(leap, q=sides * leap.q)
-        assert turns_of(leap) is None
-        assert turns_of(replace(leap, q=0.0 * leap.q)) is None
-        assert movers(np.zeros(2)) == []
-
-
 class TestGrid:
-    def test_a_gap_is_bridged_by_a_straight_line(self) -> None:
-        time = 0.01 * np.arange(101.0)
-        q = np.column_stack([2.0 * time + 1.0, -time])
-        q[30:40, 1] = np.nan
-        found = recorded(trace(time + 5.0, q))
-        np.testing.assert_allclose(found.time, time, atol=1e-12)
-        np.testing.assert_allclose(found.q, np.column_stack([2.0 * time, -time]), atol=1e-12)
-        assert found.start_angle.tolist() == [1.0, 0.0]
-        assert (found.missing, found.joint) == (10, (2, 3))
-        assert (found.step, found.range) == pytest.approx((0.01, 2.0))
-
     def test_a_step_is_found_from_few_values_and_not_from_uneven_ones(self) -> None:
         rng = np.random.default_rng(3)
         whole = np.floor(rng.uniform(0.0, 2000.0, 500))
@@ -339,11 +277,3 @@ class TestGrid:
         assert rounding_step(COUNT * whole + 0.7) == pytest.approx(COUNT, rel=1e-6)
         assert rounding_step(COUNT * (whole + rng.uniform(-0.2, 0.2, 500))) == 0.0
         assert rounding_step(COUNT * np.arange(20.0)) == 0.0
-
-    @pytest.mark.parametrize("sign", [1.0, -1.0])
-    def test_rest_before_and_after_is_left_out(self, sign: float) -> None:
-        time = 0.01 * np.arange(1001.0)
-        q = sign * np.interp(time, [2.0, 7.0], [0.0, 1.0])[:, np.newaxis] * [1.0, 0.5]
-        first, last = made_of(q, 0.01).moving()
-        assert (first, last) == pytest.approx((200, 700), abs=2)
-        assert made_of(0.0 * q, 0.01).moving() == (0, 1000)

@@ -245,20 +245,6 @@ def test_errors_stand_above_those_that_the_paper_prints(
     assert drawn(number).axes[letter].get_title(loc="right") == f"MAE here {here}\nprinted {printed}"
 
 
-def test_errors_of_the_size_of_counts_are_drawn_as_means_in_bands() -> None:
-    """Raw they would fill one block, in which the last run covers the others."""
-    runs = {}
-    for name, trace in compare_file().runs.items():
-        e = trace["e"].copy()
-        e[:, 1] = 0.1 * np.sin(trace.time) + 0.05 * (-1.0) ** np.arange(len(e))
-        runs[name] = with_status(trace, "ok", e=e)
-    artists = draw(14, replace(compare_file(), runs=runs))
-    assert artists.axes["c"].get_ylabel() == "Tracking error (deg)"
-    assert artists.axes["d"].get_ylabel() == "Error, 50 ms mean ± RMS (deg)"
-    assert set(artists.bands) == {("d", name) for name in THREE}
-    assert np.ptp(values(artists.lines["d", "Controller 1"])) == pytest.approx(np.rad2deg(0.2), rel=0.15)
-
-
 def test_no_error_is_told_of_a_diverged_run_and_no_print_beside_another_arm() -> None:
     note = draw(14, make_compare_file(diverged={"controller_2": 4.0})).axes["c"].get_title(loc="right")
     assert re.fullmatch(r"MAE here [\d.]+° / -- / [\d.]+°\nprinted 0.261° / 0.289° / 0.305°", note)
@@ -362,21 +348,6 @@ def test_from_near_every_raw_sample_of_100_ms_is_drawn_where_the_motion_is_faste
         assert line.get_drawstyle() == "steps-post"
 
 
-def test_range_follows_the_bands_of_runs_that_end_well_and_says_when_others_are_clipped() -> None:
-    assert {panel.get_title(loc="right") for panel in drawn(15).axes.values()} == {""}
-    good = [drawn(15).bands["a", name].get_xy()[:, 1] for name in ("Controller 1", "Controller 3")]
-    wild = {"s": 100.0 * compare_file().runs["controller_2"]["s"]}
-    trace = with_status(compare_file().runs["controller_2"], "diverged", **wild)
-    artists = draw(15, with_run(compare_file(), trace))
-    low, high = artists.axes["a"].get_ylim()
-    assert high - low == pytest.approx(1.12 * np.ptp(good))
-    notes = [panel.get_title(loc="right") for panel in artists.axes.values()]
-    assert notes == ["band clipped"] * 2 + [""] * 8
-    # No further off the panel than its own height, whatever the samples were.
-    edge = artists.bands["a", "Controller 2"].get_xy()[:, 1]
-    assert (edge.min(), edge.max()) == pytest.approx((2 * low - high, 2 * high - low))
-
-
 # --- thinning ----------------------------------------------------------------------------------------------
 
 
@@ -442,17 +413,6 @@ def test_a_run_of_a_single_sample_can_be_drawn(number: int) -> None:
         (left, right), (low, high) = panel.get_xlim(), panel.get_ylim()
         assert left < right
         assert low < high
-
-
-def test_missing_runs_are_absent_and_the_others_keep_their_look() -> None:
-    file = make_compare_file(runs=("controller_1", "controller_3"))
-    artists = draw(14, file)
-    assert legend_texts(artists) == ["Desired", "Controller 1", "Controller 3"]
-    for name in ("Controller 1", "Controller 3"):
-        assert artists.lines["c", name].get_color() == drawn(14).lines["c", name].get_color()
-    assert legend_texts(draw(16, file)) == ["Desired", "Controller 1, no payload"]
-    assert available(make_compare_file(runs=("controller_1_payload",))) == [16]
-    assert available(make_compare_file(runs=())) == []
 
 
 def test_a_law_of_the_users_own_joins_the_others_and_ringing_is_said() -> None:

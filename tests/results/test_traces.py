@@ -155,14 +155,6 @@ class TestFile:
         with h5py.File(decouple_path) as root:
             assert not any(name.startswith("phony") for name in root["plant"])
 
-    def test_a_length_that_is_no_number_of_joints_is_an_index(self, tmp_path: Path) -> None:
-        values = dict(make_compare_file().plant.values)
-        values["ramp"] = PlantValue(np.zeros((1, 2)), "1", "assumed: test", "odd shape")
-        file = dataclasses.replace(make_compare_file(), plant=PlantRecord(values, {}))
-        assert_round_trip(tmp_path, file)
-        with xarray.open_dataset(tmp_path / "traces.h5", group="plant") as plant:
-            assert plant["ramp"].dims == ("index_1", "moving_joint_other")
-
 
 @pytest.mark.parametrize("which", ["compare_path", "decouple_path"])
 class TestOtherReaders:

@@ -32,7 +32,7 @@ from tendonrepro.validation.residuals import comparison_rows, coupling_rows
 STEP = 0.005
 MOVES = make_compare_file(step=STEP, source="measured")
 """SYNTHETIC: joints 2 and 3 move together, all runs alike."""
-FIRST, SECOND, THIRD = "controller_1", "controller_2", "controller_3"
+FIRST, SECOND = "controller_1", "controller_2"
 
 
 class TestLag:
