@@ -119,12 +119,12 @@ def test_every_draw_builds_its_loops(first):
 
 
 @pytest.mark.parametrize("first", range(0, DRAWS, 64))
-def test_every_draw_takes_every_reading(first):
+def test_every_other_draw_takes_every_reading(first):
     choices = default_readings(ensemble().config) + VARIATIONS
-    for k in range(first, first + 64):
+    for k in range(first, first + 64, 2):
         for place, choice in enumerate(choices):
             config = under(choice, drawn(k), box().named(draws()[k]))
-            if place % 32 == k % 32:  # the motion is the same under all of them, so some are enough
+            if place % 32 == k // 2 % 32:  # the motion is the same under all of them, so some are enough
                 assert len(list(build_loops(config, ensemble().base.folder))) == len(RUNS)
             else:
                 laws = [build_law(config, law) for law in ("controller_1", "controller_2", "controller_3")]
