@@ -154,15 +154,7 @@ def test_a_diverged_run_ends_with_code_5_and_full_results(command: str, tmp_path
     assert "diverged" in data["status"].values()
     assert (tmp_path / "out" / "figures" / "fig14.png").exists()
     assert data["table2"]["controller_1"]["mae_deg"][0] > 0
-    words = [
-        *SHORT,
-        "--set",
-        "control.gains.M_bar=[1e30,1e30]",
-        "--controllers",
-        "1,3",
-        "--out",
-        "overflow",
-    ]
+    words = [*SHORT, "--set", "control.gains.M_bar=[1e30,1e30]", "--controllers", "1,3", "--out", "overflow"]
     assert set(answer(command, "compare", *words, cwd=tmp_path, code=5)["status"].values()) == {"diverged"}
 
 

@@ -11,12 +11,7 @@ from support.synthetic import COUNT, make_compare_file
 from tendonrepro.arrays import Array
 from tendonrepro.dataset.motion.record import noise, recorded
 from tendonrepro.dataset.motion.recover import recover, recover_run
-from tendonrepro.physics.trajectory import (
-    Motion,
-    motion,
-    smooth_sine,
-    trapezoidal,
-)
+from tendonrepro.physics.trajectory import Motion, motion, smooth_sine, trapezoidal
 from tendonrepro.results.records import Trace
 from tendonrepro.validation.rerun import departure
 

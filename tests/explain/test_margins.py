@@ -9,13 +9,7 @@ from support.overrides import SMOOTH, one_stroke
 from tendonrepro.config.load import load_config
 from tendonrepro.experiments.loops import build_law, build_loops
 from tendonrepro.experiments.rig import build_plant
-from tendonrepro.explain.margins import (
-    channel,
-    channel_margins,
-    disk_margin,
-    response,
-    scaled_norm,
-)
+from tendonrepro.explain.margins import channel, channel_margins, disk_margin, response, scaled_norm
 from tendonrepro.physics.linear_loop import open_loop, spectral_radius
 from tendonrepro.physics.slow_error import error_ratio, estimate_age, stiffness
 from tendonrepro.simulation.stepper import simulate

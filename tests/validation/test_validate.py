@@ -52,8 +52,7 @@ class TestWindows:
         assert "gives all 16" in found.remark()
 
     @pytest.mark.parametrize(
-        ("window", "first", "last"),
-        [("after_first_period", PERIOD, np.inf), ("period_1", 0.0, PERIOD)],
+        ("window", "first", "last"), [("after_first_period", PERIOD, np.inf), ("period_1", 0.0, PERIOD)]
     )
     def test_the_one_window_with_the_printed_numbers_is_found(
         self, window: str, first: float, last: float
