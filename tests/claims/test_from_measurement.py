@@ -260,6 +260,13 @@ class TestComparison:
         e[40:60] = np.nan
         assert verdict(with_values(file, "controller_2", e=e), "C1") == "reproduced"
 
+    def test_surfaces_computed_from_e_are_said_to_be(self):
+        found = judged(comparison(dict.fromkeys(GROWING, 1.0), without=("s",)))["C4"]
+        assert found.decision.verdict != "not_testable"
+        (remark,) = found.evidence["remarks"][:1]
+        assert "Eq. (11)" in remark
+        assert "over 50 ms" in remark
+
     def test_the_payload_is_its_percentages(self):
         found = judged(comparison(GROWING))["P1"]
         assert found.decision.verdict == "not_reproduced"

@@ -372,6 +372,13 @@ def test_a_file_is_found_whatever_folders_stand_before_it() -> None:
     refused(make_mapping(entry()), "could be several", *twice)
 
 
+def test_only_the_files_that_were_taken_count_as_used() -> None:
+    sources = [make_source(name, t=TIME, q=ANGLE) for name in ("SYNTHETIC_c1.mat", "old/SYNTHETIC_c1.mat")]
+    assembly = assemble(make_mapping(entry()), *sources)
+    assembly.runs()
+    assert assembly.used() == [sources[0]]
+
+
 class TestDoubts:
     RUN = make_decouple_file(source="measured").runs["decouple"]
 
@@ -412,6 +419,14 @@ class TestDoubts:
         apart = share * 0.5 * np.array([0.0, *np.tile([1.0, -1.0], 50)[:99]])[:, np.newaxis]
         found = self.doubts(TIME[:100], q_encoder=encoder, q_calculated=encoder + apart - 2.0)
         assert bool(found) is doubtful
+
+    def test_they_look_past_a_gap_at_the_start(self) -> None:
+        q = np.deg2rad(np.column_stack([np.zeros_like(TIME), ANGLE]))
+        gap = np.where(TIME[:, np.newaxis] == 0.0, np.nan, q)
+        whole, holed = (self.doubts(q_encoder=encoder, q_calculated=3.0 * q) for encoder in (q, gap))
+        assert len(whole) == 2
+        assert [doubt.split(" is ")[0] for doubt in holed] == [doubt.split(" is ")[0] for doubt in whole]
+        assert self.doubts(q_encoder=np.full_like(q, np.nan), q_calculated=3.0 * q) == []
 
     @pytest.mark.parametrize(("step", "count"), [(0.01, 0), (0.1, 0), (10.0, 1)])
     def test_a_step_in_the_wrong_unit_gives_one(self, step: float, count: int) -> None:

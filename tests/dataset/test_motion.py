@@ -17,6 +17,7 @@ from tendonrepro.dataset.motion.knots import thinned
 from tendonrepro.dataset.motion.period import repeat_after
 from tendonrepro.dataset.motion.record import Recorded, recorded, rounding_step
 from tendonrepro.dataset.motion.recover import Reference, derivatives, recover, recover_run, timing_of
+from tendonrepro.dataset.motion.shapes import turns_of
 from tendonrepro.dataset.motion.written import FILE, config_tree, csv_text, runnable
 from tendonrepro.errors import DataMissingError
 from tendonrepro.experiments import loops as runs
@@ -238,6 +239,13 @@ def test_a_shape_that_may_not_give_way_runs_as_samples(tmp_path: Path) -> None:
     assert np.abs(np.interp(time, again.time, again.q_d[:, 1]) - q[:, 1])[inside].max() < np.deg2rad(0.05)
 
 
+def test_whole_cycles_stay_as_they_are() -> None:
+    found = recover_run(made("trapezoidal"))
+    assert runnable(found, 0.001) is found
+    sampled = replace(found, fitted=())
+    assert runnable(sampled, 0.3) is sampled
+
+
 def test_a_run_that_starts_later_is_timed_by_its_own_start() -> None:
     early = made("minimum_jerk", delay=0.5)
     late = replace(made("minimum_jerk", delay=1.5), name="controller_2")
@@ -277,3 +285,12 @@ class TestGrid:
         assert rounding_step(COUNT * whole + 0.7) == pytest.approx(COUNT, rel=1e-6)
         assert rounding_step(COUNT * (whole + rng.uniform(-0.2, 0.2, 500))) == 0.0
         assert rounding_step(COUNT * np.arange(20.0)) == 0.0
+
+    def test_rest_before_and_after_is_left_out_and_a_leap_to_the_other_side_is_no_turn(self) -> None:
+        time = 0.01 * np.arange(1001.0)
+        moves = made_of(np.outer(np.interp(time, [2, 4, 5, 7], [0, 1, 1, 0]), [0.4, -0.2]), 0.01)
+        assert moves.moving() == pytest.approx((200, 700), abs=2)
+        assert turns_of(moves).joints == ((0, 1),)
+        leap = replace(moves, q=moves.q * np.where((time < 4.2)[:, np.newaxis], 1.0, [1.0, -1.0]))
+        rest = replace(moves, q=0.0 * moves.q)
+        assert (turns_of(leap), turns_of(rest), rest.moving()) == (None, None, (0, 1000))

@@ -75,6 +75,11 @@ class TestShift:
         ours, other = self.record(late, apart * COUNT), self.record(0.0, 0.0)
         assert refined_shift(ours, other, late + 0.05) == pytest.approx(late, abs=2e-4)
 
+    def test_the_guess_stays_where_the_records_hardly_overlap_or_nothing_near_it_fits(self) -> None:
+        ours, other = self.record(0.0, 0.0), self.record(1.9, 0.0)
+        assert refined_shift(ours, other, 5.95) == 5.95
+        assert refined_shift(ours, other, 0.0) == 0.0
+
     def test_a_motion_a_sample_later_is_not_taken_for_the_same_time(self) -> None:
         second = MOVES.runs[SECOND]
         late = moved(second, second["q_d"], 0.8 * STEP)
