@@ -3,14 +3,8 @@
 from __future__ import annotations
 
 import json
-import os
 import platform
-import signal
-import subprocess
-import sys
-import time
 from dataclasses import replace
-from pathlib import Path
 from types import ModuleType
 
 import numpy as np
@@ -77,31 +71,6 @@ def test_loosest_tolerance_that_is_good_enough(bench: ModuleType) -> None:
     assert bench.matching_tolerance(errors, 1e-15, errors.get) == (1e-7, 1e-12)
 
 
-def test_bars_say_whether_they_are_met(bench: ModuleType) -> None:
-    assert bench.bar(2.0, 3.0)["met"]
-    assert not bench.bar(2.0, 3.0, at_least=True)["met"]
-
-
-def test_memory_is_that_of_all_processes_together(bench: ModuleType) -> None:
-    if not Path("/proc/self/task").exists():
-        pytest.skip("no /proc")
-    hold = "import time; block = bytearray(50_000_000); block[::4096] = block[1::4096]; time.sleep(60)"
-    start = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {hold!r}])"
-    with subprocess.Popen([sys.executable, "-c", start]) as process:
-        for _ in range(400):
-            pids = list(bench.descendants(process.pid))
-            each = [bench.together_mb([pid]) for pid in pids]
-            if max(each) > 50.0:
-                break
-            time.sleep(0.05)
-        both = bench.together_mb(pids)
-        for pid in reversed(pids):
-            os.kill(pid, signal.SIGKILL)
-    assert len(pids) == 2
-    # The interpreter's own files count once.
-    assert 50.0 < max(each) < both < sum(each)
-
-
 def test_batch_cases_have_the_contracts_keys(batch: ModuleType) -> None:
     found = json.loads(json.dumps(batch.batch_cases(0.02, 5, 1)))
     alone = {"plain_solve_ivp", "plain_numba", "batch_alone"}
@@ -151,17 +120,6 @@ def test_plants_of_a_batch_differ_and_baselines_have_the_same_ones(
         np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-11)
 
 
-def test_friction_is_smooth_in_the_stated_case_only(batch: ModuleType) -> None:
-    loop, _, _ = batch.stated_case(0.01, (*batch.IDEAL_ENCODER, *batch.SMOOTH_FRICTION))
-    shipped, _, _ = batch.stated_case(0.01, ())
-    for friction in (loop.plant.link_friction, loop.plant.drive.friction):
-        np.testing.assert_array_equal(friction.smoothing_velocity, [0.1, 0.1])
-    for friction in (shipped.plant.link_friction, shipped.plant.drive.friction):
-        assert (friction.smoothing_velocity < 0.05).all()
-    assert (shipped.plant.link_friction.coulomb > 0.0).all()
-    assert loop.joint_encoder.resolution == 0.0 < shipped.joint_encoder.resolution
-
-
 def test_error_counts_up_to_the_first_other_count(batch: ModuleType, bench: ModuleType) -> None:
     loop, _, _ = batch.stated_case(0.05, ())
     trace = simulate(bench.tightened(loop))
@@ -174,28 +132,6 @@ def test_error_counts_up_to_the_first_other_count(batch: ModuleType, bench: Modu
     other = simulate(bench.tightened(ideal))
     other["q"][31:] += 1e-4
     assert batch.error_before_flip(other, ideal) == pytest.approx(1e-4)
-
-
-def test_first_run_compiles_where_it_is_told(
-    batch: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    monkeypatch.setattr(
-        batch, "FIRST_RUN", "import os; print(os.environ['XDG_CACHE_HOME'], file=open({duration!r}, 'w'))"
-    )
-    assert batch.first_run(str(tmp_path / "note"), (), "there") > 0.0
-    assert (tmp_path / "note").read_text().strip() == "there"
-    # Nothing was compiled, so the time says nothing.
-    assert batch.compilation_case(str(tmp_path / "note"), ())["bars"] == {}
-
-
-def test_baseline_plant_is_the_same_differential_equation(bench: ModuleType, baseline: ModuleType) -> None:
-    loop, parameters, _ = bench.stated_case(0.01)
-    arm = baseline.FlexibleArm(parameters)
-    rng = np.random.default_rng(4)
-    for _ in range(20):
-        state, tau_m = rng.uniform(-0.5, 0.5, 8), rng.uniform(-5.0, 5.0, 2)
-        expected = state_derivative(0.0, state, tau_m, loop.plant)
-        np.testing.assert_allclose(arm.derivative(0.0, state, tau_m), expected, rtol=1e-11, atol=1e-11)
 
 
 def test_baseline_run_is_the_same_run(bench: ModuleType, baseline: ModuleType) -> None:

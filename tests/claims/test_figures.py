@@ -5,7 +5,6 @@ import pytest
 from support.made_claims import NAMES, ranking_of
 
 from tendonrepro.claims.figures import draw_ratio_against_unknowns, draw_tornado, running_median
-from tendonrepro.results.figures.style import save_figure
 
 
 class TestFigures:
@@ -38,11 +37,3 @@ class TestFigures:
         assert median == pytest.approx(2.0 * middle)
         assert len(running_median(x[:9], x[:9])[0]) == 0
         assert len(running_median(x[:35], x[:35])[0]) == 3
-
-    def test_files(self, draws, tmp_path):
-        figure = draw_tornado("C2", ranking_of(draws, draws[:, 0]))
-        paths = save_figure(figure, tmp_path, "claims_C2", "C2", "Unknowns that decide C2")
-        assert [path.name for path in paths] == [f"claims_C2.{suffix}" for suffix in ("pdf", "svg", "png")]
-        first = [path.read_bytes() for path in paths]
-        save_figure(figure, tmp_path, "claims_C2", "C2", "Unknowns that decide C2")
-        assert [path.read_bytes() for path in paths] == first

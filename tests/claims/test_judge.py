@@ -10,7 +10,7 @@ from support.made_claims import ESTIMATES, MadeEnsemble, one, paper_of, spoil, v
 from support.synthetic import make_compare_file, make_decouple_file
 
 from tendonrepro.claims.judge import Sources, changed, failing, judge_all
-from tendonrepro.claims.report import as_data, details_text, table_text, write_claims
+from tendonrepro.claims.report import as_data, write_claims
 from tendonrepro.claims.statements import CLAIMS, IDEAL, LONGER
 from tendonrepro.config.models.readings import PRINTED
 from tendonrepro.errors import UsageError
@@ -151,23 +151,6 @@ class TestLedger:
         assert float(rows["table2.controller_1.mae.joint_2"]["also_passing"]) > 0.0
         assert (rows["S.21"]["repeats"], rows["K1"]["repeats"]) == ("K1", "")
         assert "| E1 | section 4.2 |" in paths[2].read_text(encoding="utf-8")
-
-    def test_table_for_a_terminal(self, found):
-        text = table_text(found)
-        lines = {line.split()[0]: line for line in text.splitlines() if line}
-        assert lines["E1"].endswith("contradicted")
-        assert "0.261" not in lines["E1"]
-        assert "1 contradicted" in text
-        assert "for more verdicts run tendonrepro ensemble" in table_text(judge_all(Sources()))
-
-    def test_one_claim_with_its_evidence(self, found):
-        (claim,) = [v for v in found if v.id == "E1"]
-        text = details_text(claim)
-        assert "verdict: contradicted" in text
-        assert "RMS of epsilon of controller_1 below that of controller_2" in text
-        assert "measured hardware" in text
-        (percentages,) = [v for v in found if v.id == "A1"]
-        assert details_text(percentages).count("printed_is") == 12
 
 
 def test_which_unknown_decides(data, paper):

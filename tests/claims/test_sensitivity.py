@@ -64,11 +64,6 @@ def test_bootstrap_intervals_narrow_with_more_draws(draws):
     assert 0.0 < many < few
 
 
-def test_the_same_every_time(draws):
-    outcome = draws[:, 0] * draws[:, 1]
-    assert ranked(NAMES, draws, outcome) == ranked(NAMES, draws, outcome)
-
-
 def test_nothing_to_rank(draws):
     assert ranked(NAMES, draws, np.ones(1024)) is None
     assert ranked(NAMES, draws[:99], draws[:99, 0]) is None

@@ -56,12 +56,6 @@ class TestFreshClone:
         assert set(ledger.failed) == {name for name, one in entries(ledger).items() if one["verdict"] in bad}
         assert ledger.failed
 
-    def test_one_claim_is_marked_too(self, tmp_path):
-        ledger = run_claims(tmp_path, ["C2"], None, QUIET)
-        assert "(shipped)" in ledger.text
-        assert "statement" in ledger.text
-        assert ledger.data["claims"][0]["evidence"]["ensemble"] == shipped_ledger().ensemble
-
 
 def test_numbers_of_a_run_here_go_before_the_stored_ones(tmp_path):
     write_traces(tmp_path / "compare" / TRACES, make_compare_file(step=0.05))

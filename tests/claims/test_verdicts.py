@@ -28,7 +28,6 @@ from tendonrepro.ensemble.shares import LEAST_PLANTS, LEAST_SCRAMBLINGS, QUANTIL
 from tendonrepro.simulation.streaming import SLOW
 
 PAGE = ROOT / "docs" / "verdicts.md"
-EIGHT = np.repeat(np.arange(8), 50)
 
 
 def share(value, reach=None):

@@ -13,7 +13,9 @@ from typing import Any
 
 import pytest
 from support.command import SHORT, SHORT_DECOUPLE, answer, hear_interrupts, run
+from typer.testing import CliRunner
 
+from tendonrepro.cli.app import app
 from tendonrepro.config.shipped import shipped_folder
 
 
@@ -49,8 +51,8 @@ def test_every_command_has_help_with_an_example(command: str, tmp_path: Path) ->
     assert all(name in top.stdout for name in commands)
     commands += [f"config {name}" for name in ("list", "show", "init", "check", "schema")]
     for words in commands:
-        text = run(command, *words.split(), "--help", cwd=tmp_path)
-        assert text.returncode == 0
+        text = CliRunner().invoke(app, [*words.split(), "--help"])
+        assert text.exit_code == 0
         assert f"Example: tendonrepro {words}" in text.stdout
 
 
@@ -67,17 +69,6 @@ def test_compare_json_has_the_promised_keys(compared: tuple[Path, Any]) -> None:
     assert data["printed"]["table2"]["controller_1"]["mae_deg"] == [0.261, 0.219]
     assert data["out"] == "out"
     assert data["manifest"] == str(Path("out") / "manifest.json")
-
-
-def test_compare_writes_the_promised_files(compared: tuple[Path, Any]) -> None:
-    out = compared[0] / "out"
-    for number in (13, 14, 15, 16):
-        for suffix in ("pdf", "svg", "png"):
-            assert (out / "figures" / f"fig{number}.{suffix}").stat().st_size > 1000
-    for stem in ("table2", "table3"):
-        for suffix in ("csv", "md", "tex"):
-            assert (out / "tables" / f"{stem}.{suffix}").exists()
-    assert not list(out.rglob(".*.tmp*"))
 
 
 def test_manifest_says_what_made_the_result(compared: tuple[Path, Any]) -> None:
@@ -163,15 +154,7 @@ def test_a_diverged_run_ends_with_code_5_and_full_results(command: str, tmp_path
     assert "diverged" in data["status"].values()
     assert (tmp_path / "out" / "figures" / "fig14.png").exists()
     assert data["table2"]["controller_1"]["mae_deg"][0] > 0
-    words = [
-        *SHORT,
-        "--set",
-        "control.gains.M_bar=[1e30,1e30]",
-        "--controllers",
-        "1,3",
-        "--out",
-        "overflow",
-    ]
+    words = [*SHORT, "--set", "control.gains.M_bar=[1e30,1e30]", "--controllers", "1,3", "--out", "overflow"]
     assert set(answer(command, "compare", *words, cwd=tmp_path, code=5)["status"].values()) == {"diverged"}
 
 

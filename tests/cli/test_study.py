@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from pathlib import Path
 from typing import Any
 
@@ -40,17 +39,6 @@ def test_sweep_prints_what_it_found(command: str, tmp_path: Path) -> None:
     assert "1.5" in answer(command, *words, cwd=tmp_path, code=2)["error"]["message"]
 
 
-@pytest.mark.slow
-def test_explain_has_the_promised_keys(command: str, tmp_path: Path) -> None:
-    data = answer(command, "explain", "--out", "out", cwd=tmp_path)
-    runs = {"controller_1", "controller_2", "controller_3", "controller_1_payload"}
-    for key in ("spectral_radius", "gain_margin", "phase_margin", "loop_gain"):
-        assert set(data[key]) == runs
-    assert all(radius < 1.0 for radius in data["spectral_radius"].values())
-    assert data["predicted_ratio"]["c1_c2"] == pytest.approx([1.1, 1.2])
-    assert list((tmp_path / "out" / "figures").glob("*.png"))
-
-
 def test_dry_runs_write_nothing_and_ensemble_says_what_it_would_cost(command: str, tmp_path: Path) -> None:
     assert answer(command, "explain", "--dry-run", cwd=tmp_path)["dry_run"]
     found = answer(command, "ensemble", "--draws", "4096", "--dry-run", cwd=tmp_path)
@@ -60,21 +48,6 @@ def test_dry_runs_write_nothing_and_ensemble_says_what_it_would_cost(command: st
     assert f"{found['cost']['experiments']:,} experiments" in text.stdout
     assert f"0 of {found['blocks']} blocks are in" in text.stdout
     assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize("draws", ["100", "2", "-8"])
-def test_impossible_draws_are_refused(command: str, tmp_path: Path, draws: str) -> None:
-    assert (
-        "power of two"
-        in answer(command, "ensemble", "--draws", draws, cwd=tmp_path, code=2)["error"]["message"]
-    )
-
-
-@pytest.mark.slow
-def test_all_readings_need_a_yes(command: str, tmp_path: Path) -> None:
-    error = answer(command, "ensemble", "--draws", "256", "--readings", "all", cwd=tmp_path, code=2)["error"]
-    assert re.search(r"\d (minutes|hours) of one processor", error["message"])
-    assert "--yes" in error["hint"]
 
 
 @pytest.mark.slow

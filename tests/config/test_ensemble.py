@@ -115,12 +115,6 @@ def test_mistakes_name_their_line(tmp_path: Path, old: str, new: str, message: s
     assert "1 mistake" in str(raised.value)
 
 
-def test_all_mistakes_are_reported_at_once(tmp_path: Path) -> None:
-    path = written(tmp_path, ("low: 40, ", "low: 4000, "), ("value:  32", "value:  33"))
-    with pytest.raises(ConfigError, match="2 mistakes"):
-        load_ensemble(path)
-
-
 def test_a_missing_row_is_named(tmp_path: Path) -> None:
     start = TEXT.index("  tensioner_force:")
     end = TEXT.index("  transmission_error_acts:")

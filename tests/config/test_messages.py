@@ -8,7 +8,6 @@ import os
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -89,21 +88,15 @@ def files(tmp_path: Path) -> Files:
 CHANGED_LINE = [
     # keys
     ("compare", "    alpha:", "    alhpa:", "control.gains: unknown key 'alhpa', did you mean 'alpha'?"),
-    ("compare", "seed:", "extra: 1\nseed:", "unknown key 'extra'"),
     ("compare", "  controller_3:\n    law", "  Controller 3:\n    law",
      "runs.Controller 3: a name must be lower-case"),
-    ("lumidouce_ii", "  mass:", "  mas:", "manipulator.links: unknown key 'mas', did you mean 'mass'?"),
     # types
-    ("compare", "title: Controllers", "title: 3 #", "title: must be text, found 3"),
     ("compare", "title: Controllers", "title: '' #", "title: must not be empty"),
     ("compare", "joints: [2, 3]", "joints: 3", "joints: must be a list, found 3"),
     ("compare", "joints: [2, 3]", "joints: [2, x]", "joints.1: must be a whole number, found the text 'x'"),
-    ("compare", "joints: [2, 3]", "joints: [2, true]", "joints.1: must be a whole number, found true"),
-    ("compare", "manipulator: lumi", "manipulator: 3 #", "manipulator: must be a mapping of keys, found 3"),
     ("compare", "    law: controller_3", "    law: []", "runs.controller_3.law: must be text, found a list"),
     # choices
     ("compare", "schema_version: 1", "schema_version: 2", "schema_version: must be 1, found 2"),
-    ("compare", "schema_version: 1", "schema_version: true", "schema_version: must be 1, found true"),
     ("compare", "experiment: compare", "experiment: comprae",
      "experiment: must be compare, found the text 'comprae', did you mean 'compare'?"),
     ("compare", "phi_branch:          printed", "phi_branch: pwoer",
@@ -119,7 +112,6 @@ CHANGED_LINE = [
     ("decouple", "drives: motors", "drives: tendons",
      "runs.pull_tendon_1.drives: must be joints or motors, found the text 'tendons'"),
     # units, sources, ranges
-    ("compare", "unit:   kg m2", "unit: 1", "control.gains.M_bar.unit: must be text, found 1"),
     ("compare", '"printed: section 5.1"', "measured",
      "sampling_period.source: must begin with printed:, derived:"),
     ("compare", "value:  [0.9, 0.9]", "value: [0.9, 1]",
@@ -144,7 +136,6 @@ CHANGED_LINE = [
      "runs.decouple.reference.turns.1: must name joints that move, [1, 2, 3], found [4]"),
     ("decouple", "turns: [[1],", "turns: [[1, 1],",
      "runs.decouple.reference.turns.0: names a joint twice, [1, 1]"),
-    ("decouple", "turns: [[1],", "turns: [[],", "runs.decouple.reference.turns.0: must not be empty"),
     ("decouple", "turns: [[1], [2], [3], [1, 2, 3]]", "turns: []",
      "runs.decouple.reference.turns: must not be empty"),
 ]  # fmt: skip
@@ -243,12 +234,6 @@ def test_cutoff_that_the_low_pass_needs(files: Files) -> None:
     files.replace("compare", "backward_difference ", "low_pass ")
     (mistake,) = files.mistakes()
     assert "control: missing key 'filter_cutoff', which the reading error_rate: low_pass needs" in mistake
-
-
-@pytest.mark.parametrize("disturbance", [STEP, NOISE])
-def test_disturbances_load(files: Files, disturbance: str) -> None:
-    files.replace("compare", "  kind: none ", disturbance)
-    assert load_config(files.path("compare"), "compare").config.disturbance.kind != "none"
 
 
 def test_each_joint_may_have_its_own_motion(files: Files) -> None:
@@ -405,19 +390,6 @@ def descend(tree: Any, path: Key) -> Any:
     return tree
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("experiment", MODELS)
-@pytest.mark.parametrize("wrong", [None, True, -1, 0, 1e300, "text", [], [[]], [[1], 2], {}, {"value": []}])
-def test_every_entry_may_be_spoilt(experiment: str, wrong: Node) -> None:
-    tree = copy.deepcopy(TREES[experiment])
-    for path in list(places(tree)):
-        above = descend(tree, path[:-1])
-        kept, above[path[-1]] = above[path[-1]], wrong
-        message = mistakes_in(tree, experiment)
-        assert "Input" not in message, "pydantic's own words have slipped through"
-        above[path[-1]] = kept
-
-
 WRONG = (
     st.none() | st.booleans() | st.integers(-(10**300), 10**300) | st.text("aé'\" :", max_size=5)
     | st.floats(allow_nan=False, allow_infinity=False)
@@ -436,5 +408,7 @@ def test_no_spoilt_file_ends_in_a_traceback(data: st.DataObject, tmp_path: Path)
         descend(tree, path[:-1])[path[-1]] = data.draw(WRONG)
     file = tmp_path / "spoilt.yaml"
     file.write_text(dump(tree), encoding="utf-8")
-    with suppress(ConfigError):
+    try:
         load_config(file, experiment)
+    except ConfigError as error:
+        assert "Input should" not in str(error), "pydantic's own words have slipped through"  # noqa: PT017

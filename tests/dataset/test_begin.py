@@ -11,12 +11,7 @@ from support.synthetic import COUNT, make_compare_file
 from tendonrepro.arrays import Array
 from tendonrepro.dataset.motion.record import noise, recorded
 from tendonrepro.dataset.motion.recover import recover, recover_run
-from tendonrepro.physics.trajectory import (
-    Motion,
-    motion,
-    smooth_sine,
-    trapezoidal,
-)
+from tendonrepro.physics.trajectory import Motion, motion, smooth_sine, trapezoidal
 from tendonrepro.results.records import Trace
 from tendonrepro.validation.rerun import departure
 
@@ -83,10 +78,6 @@ class TestGaps:
         assert np.abs(bridge - q[2000:2301]).max() < np.deg2rad(0.05)
         straight = np.linspace(q[1999], q[2301], 303)[1:-1]
         assert np.abs(straight - q[2000:2301]).max() > np.deg2rad(0.5)
-
-    def test_what_is_missing_at_the_end_is_not_invented(self) -> None:
-        holed, _ = self.gapped(16900, 17000)
-        assert recorded(holed).missing == 100
 
     def test_uneven_times_are_no_gaps(self) -> None:
         rng = np.random.default_rng(5)

@@ -516,20 +516,6 @@ def test_too_little_room_is_told_before(fetch: Fetch, monkeypatch: pytest.Monkey
         assert repository.ranges() == []
 
 
-def test_a_full_disk(fetch: Fetch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(*_: Any) -> None:
-        raise OSError(28, "No space left")
-
-    monkeypatch.setattr("tendonrepro.dataset.repository.download._receive", full)
-    with (
-        serving(Repository()) as repository,
-        pytest.raises(TendonreproError, match="No space left") as caught,
-    ):
-        fetch(repository)
-    assert "goes on where it stopped" in str(caught.value)
-    assert files_of(tmp_path / "zenodo") == {}
-
-
 @pytest.fixture
 def by_hand(tmp_path: Path) -> Path:
     folder = tmp_path / "Downloads"
@@ -573,17 +559,6 @@ def test_what_a_record_holds_is_read_afterwards(fetch: Fetch, tmp_path: Path) ->
         assert {name for _, name in files_below([folder])} == {prefix + name for name in ODD_NAMES[:3]}
 
 
-def test_hidden_files_of_a_record_are_found_by_hand(fetch: Fetch, by_hand: Path, tmp_path: Path) -> None:
-    odd = dict.fromkeys(ODD_NAMES, b"SYNTHETIC 1\n")
-    for name, content in {**odd, ".hidden/other": b"", "run.csv.part": b""}.items():
-        (by_hand / name).parent.mkdir(exist_ok=True)
-        (by_hand / name).write_bytes(content)
-    with serving(Repository(files=odd)) as repository:
-        found = fetch(repository, from_dir=by_hand)
-    assert files_of(tmp_path / "zenodo") == contents(odd)
-    assert set(found["ignored"]) == set(SMALL)
-
-
 def test_a_wrong_file_by_hand_is_refused(fetch: Fetch, by_hand: Path, tmp_path: Path) -> None:
     (by_hand / "SYNTHETIC exp data 1.mat").write_bytes(b"cut")
     refused(fetch, Repository(), r"SYNTHETIC exp data 1\.mat", from_dir=by_hand)
@@ -600,23 +575,6 @@ def test_an_incomplete_folder_is_completed_by_the_network(
         assert not (tmp_path / "zenodo.lock.json").exists()
         found = fetch(repository)
     assert [file["action"] for file in found["files"]] == ["present", "present", "downloaded"]
-
-
-def test_an_unfinished_download_is_tidied_when_the_file_comes_by_hand(
-    fetch: Fetch, by_hand: Path, cut: tuple[Repository, Path]
-) -> None:
-    repository, part = cut
-    (by_hand / "SYNTHETIC run.bin").write_bytes(ONE["SYNTHETIC run.bin"])
-    assert part.exists()
-    fetch(repository, from_dir=by_hand)
-    assert not list(part.parent.glob("*.part*"))
-
-
-def test_files_already_in_place(fetch: Fetch, by_hand: Path) -> None:
-    with serving(Repository()) as repository:
-        found = fetch(repository, out=by_hand, from_dir=by_hand)
-    assert {file["action"] for file in found["files"]} == {"present"}
-    assert files_of(by_hand) == contents(SMALL)
 
 
 def test_a_record_that_is_not_there_is_not_taken_by_hand(fetch: Fetch, by_hand: Path) -> None:

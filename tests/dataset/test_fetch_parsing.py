@@ -61,13 +61,6 @@ def test_names_of_others_are_not_ours(name: str) -> None:
     assert safe_relative(f"run 1/{name}") == PurePosixPath("run 1", name)
 
 
-@pytest.mark.parametrize("name", ["x.mat.part", "x.mat.part.json", "X.PART", ".lock", ".Lock"])
-def test_names_of_our_own_are_not_taken_from_a_record(name: str) -> None:
-    assert is_ours(name)
-    with pytest.raises(ValueError, match="working files"):
-        safe_relative(f"run 1/{name}")
-
-
 @pytest.mark.skipif(sys.platform == "win32", reason="names are text there")
 @given(st.binary(max_size=20))
 def test_any_name_on_disk_can_be_printed(raw: bytes) -> None:
@@ -98,10 +91,6 @@ def test_a_safe_name_never_leaves_its_folder(name: str) -> None:
 def test_names_that_meet_are_refused(names: list[str]) -> None:
     with pytest.raises(ValueError, match="same file"):
         safe_paths(names)
-
-
-def test_names_in_one_folder_do_not_meet() -> None:
-    assert list(safe_paths(["a/b", "a/c", "ab"])) == ["a/b", "a/c", "ab"]
 
 
 def test_names_have_a_number() -> None:
@@ -274,9 +263,3 @@ def test_a_damaged_lock_is_read_or_refused(
         assert isinstance(read_lock(path), DataLock)
     except DataMissingError as error:
         assert error.hint  # noqa: PT017  # either outcome is right
-
-
-@given(JSON)
-def test_any_json_is_read_or_refused(tree: Any) -> None:
-    with pytest.raises(DataMissingError, match="makes no sense"):
-        parse_record(tree, SITE)

@@ -102,13 +102,6 @@ def test_what_no_record_has_is_a_mistake(key: str) -> None:
             make_mapping(entry(), **{key: sign * 1e300})
 
 
-def test_times_in_milliseconds() -> None:
-    mapping = make_mapping(entry(), time={"file": "SYNTHETIC_c1.mat", "signal": "t", "unit": "ms"})
-    run, assembly = assembled(mapping, t=1e3 * TIME, q=ANGLE)
-    np.testing.assert_allclose(run.time, TIME, rtol=1e-12)
-    assert assembly.notes == []
-
-
 @pytest.mark.parametrize("unit", ["us", "µs", "μs"])
 def test_an_offset_brings_two_clocks_together(unit: str) -> None:
     late = {"file": "SYNTHETIC_c1.mat", "signal": "t2", "unit": unit, "offset": 1e6 * EPOCH}
@@ -206,17 +199,6 @@ def test_a_recorded_error_gives_way_to_the_difference_and_fills_its_gaps(apart: 
     assert assembly.doubts == []
 
 
-def test_two_give_the_third_joint_by_joint() -> None:
-    e = np.stack([0.3 * np.cos(TIME), 0.2 * np.sin(TIME)], axis=1)
-    entries = [entry("q_d", 2, "d", column=1), entry("q_d", 3, "d", column=2)]
-    entries += [entry("q_encoder", 2, "q2"), entry("e", 3, "e3")]
-    run, assembly = assembled(make_mapping(*entries), d=ANGLE, q2=ANGLE[:, 0] - e[:, 0], e3=e[:, 1])
-    np.testing.assert_allclose(np.rad2deg(run["q_encoder"]), ANGLE - e, atol=1e-13)
-    np.testing.assert_allclose(np.rad2deg(run["e"]), e, atol=1e-13)
-    sign = "if e was recorded as measured less desired, `sign: -1`"
-    assert assembly.notes == [f"controller_1: q_encoder of joint 3 is q_d - e; {sign}"]
-
-
 @pytest.mark.parametrize(
     ("gap", "notes"),
     [
@@ -233,12 +215,6 @@ def test_two_give_the_third_sample_by_sample(gap: str, notes: list[str]) -> None
     for name, expected in columns.items():
         np.testing.assert_allclose(np.rad2deg(run[name][:, 0]), expected, atol=1e-13)
     assert [note for note in assembly.notes if "gaps" in note] == notes
-
-
-def test_a_recorded_error_beside_no_difference_is_compared_with_nothing() -> None:
-    q, late = np.where(TIME < 1.0, ANGLE[:, 0], np.nan), np.where(TIME < 1.0, np.nan, 0.1)
-    _, assembly = assembled(three(), q_d=ANGLE[:, 0], q_encoder=q, e=late)
-    assert not any("recorded error" in note for note in assembly.notes)
 
 
 def test_a_variable_without_a_number_is_not_written() -> None:
@@ -291,24 +267,12 @@ def test_why_a_signal_is_not_there_is_said(path: str) -> None:
     refused(mapping, r"(?m)holds no signal 'qq'$", replace(source, skipped=skipped[:1]))
 
 
-@pytest.mark.parametrize(("count", "told"), [(6, "s6"), (7, "s6 and 1 more")])
-def test_a_long_list_of_what_is_there_is_cut(count: int, told: str) -> None:
-    source = make_source(**{f"s{k}": TIME for k in range(1, count + 1)})
-    assert refused(make_mapping(entry()), "holds no signal", source).endswith(told)
-
-
 def test_a_joint_without_a_variable_is_missing_and_told_of() -> None:
     entries = [entry(column=1), entry(joint=3, column=2), entry("tau_m", 3, "u", unit="N m")]
     run, assembly = assembled(make_mapping(*entries), q=ANGLE, u=np.cos(TIME))
     assert np.isnan(run["tau_m"][:, 0]).all()
     np.testing.assert_array_equal(run["tau_m"][:, 1], np.cos(TIME))
     assert "controller_1: no tau_m of joint 2" in assembly.notes
-
-
-def test_gaps_stay_gaps_and_are_no_divergence() -> None:
-    run, _ = assembled(three("e"), e=np.where((TIME > 0.495) & (TIME < 0.595), np.nan, np.cos(TIME)))
-    assert np.isnan(run["e"]).sum() == 10
-    assert run.status == "ok"
 
 
 def test_the_error_is_judged_with_its_gaps_bridged() -> None:
@@ -482,22 +446,6 @@ def test_time_must_increase(bad: Array) -> None:
         checked(timed(np.array([0.0, 1.0, 2.0, 1.5, 3.0, 2.5])))
 
 
-def test_two_samples_are_enough() -> None:
-    pair = timed(np.array([0.0, 1.0]))
-    assert len(checked(pair)[0].time) == 2
-    assert len(within(timed(TIME), 1.0, 1.01).time) == 2
-    np.testing.assert_array_equal(even([pair], 1.0), [0.0, 1.0])
-
-
-def test_samples_without_a_time_are_left_out() -> None:
-    time = TIME.copy()
-    time[[0, 7]] = np.nan
-    kept, lost = checked(timed(time, np.arange(301.0)))
-    assert len(kept.time) == 299
-    assert lost == 2
-    assert 7.0 not in kept.values
-
-
 def test_cutting_keeps_both_ends() -> None:
     cut = within(timed(np.arange(10.0)), 2.0, 5.0)
     np.testing.assert_array_equal(cut.time, [2.0, 3.0, 4.0, 5.0])
@@ -525,13 +473,6 @@ def test_other_times_are_refused(late: Array, message: str) -> None:
 @pytest.mark.parametrize("late", [1e-8, -0.9e-5])
 def test_times_are_equal_to_a_thousandth_of_a_step(late: float) -> None:
     assert shared([timed(TIME), timed(TIME + late)]) is TIME
-
-
-@pytest.mark.parametrize("step", [0.001, 1.0])
-def test_a_pause_in_a_record_changes_nothing_before_it(step: float) -> None:
-    time = step * np.append(np.arange(100.0), 1e9)
-    with pytest.raises(TimeProblem, match="differ by up to"):
-        shared([timed(time), timed(time + 0.01 * step)])
 
 
 def test_even_times_are_those_that_all_cover() -> None:
@@ -640,14 +581,6 @@ def test_times_are_a_column_or_a_step(loaded: Load, time: str) -> None:
         loaded(GOOD.replace("{step_s: 0.001}", time))
 
 
-@pytest.mark.parametrize(
-    "time",
-    ["{file: a.mat, signal: t, column: 2, unit: ms}", "{step_s: 0.001, because: SYNTHETIC, file: null}"],
-)
-def test_times_may_carry_their_reason_and_their_unit(loaded: Load, time: str) -> None:
-    assert loaded(GOOD.replace("{step_s: 0.001}", time)).mapping.runs["controller_1"].time
-
-
 @pytest.mark.parametrize("good", MISTAKES)
 def test_a_mistake_in_a_mapping_is_named_with_its_line(loaded: Load, good: str) -> None:
     bad, message = MISTAKES[good]
@@ -660,12 +593,6 @@ def test_a_mistake_in_a_mapping_is_named_with_its_line(loaded: Load, good: str) 
 def test_a_suggestion_without_runs_says_what_to_do(loaded: Load) -> None:
     with pytest.raises(ConfigError, match=r"yaml:3: runs: no run yet; copy entries from the comments"):
         loaded(f"{GOOD[: GOOD.index('  controller_1')]}\n# In no run.\n#    - variable: CHOOSE\n")
-
-
-def test_units_are_read_as_people_write_them(loaded: Load) -> None:
-    text = GOOD.replace("{step_s: 0.001}", "{file: a.mat, signal: t, unit: Seconds}")
-    run = loaded(text.replace("unit: deg", "unit: °")).mapping.runs["controller_1"]
-    assert (run.time.unit, run.signals[0].unit) == ("s", "deg")
 
 
 @pytest.mark.parametrize(
@@ -722,10 +649,3 @@ def test_a_signal_has_two_dimensions_that_count() -> None:
     assert [signal.path for signal in found.signals] == ["1x3x4", "2x1x1"]
     assert [skip.path for skip in found.skipped] == ["2x2x2", "1x1"]
     assert found.skipped[1].reason == "a single number"
-
-
-def test_long_texts_are_cut() -> None:
-    found = Found("SYNTHETIC")
-    found.text("x", " " + "a" * 2000)
-    found.text("y", "  ")
-    assert found.texts == {"x": "a" * 1000}

@@ -7,10 +7,10 @@ import pytest
 
 from tendonrepro.arrays import Array
 from tendonrepro.dataset.motion.fit import HALF_COUNT, limit
-from tendonrepro.dataset.motion.knots import SPACINGS, smoothed, thinned
+from tendonrepro.dataset.motion.knots import thinned
 from tendonrepro.dataset.motion.record import Recorded, noise, recorded
 from tendonrepro.dataset.motion.recover import derivatives, recover_run
-from tendonrepro.physics.trajectory import Motion, Shape, minimum_jerk, motion, raised_cosine, smooth_sine
+from tendonrepro.physics.trajectory import Motion, Shape, minimum_jerk, motion, raised_cosine
 from tendonrepro.results.records import Trace
 from tendonrepro.simulation.streaming import thresholds
 
@@ -59,22 +59,6 @@ def test_noise_is_not_turned_into_acceleration(kind: str, step: float) -> None:
         assert np.abs(found[1]).max(axis=0) == pytest.approx(peak, rel=0.2), (noise_deg, seed)
         assert np.abs(found[0] - dq).max() < 0.1 * np.abs(dq).max(), (noise_deg, seed)
         assert rapid(*found) == pytest.approx(rapid(dq, ddq), abs=0.08), (noise_deg, seed)
-
-
-@pytest.mark.parametrize("noise_deg", [0.005, 0.05])
-@pytest.mark.parametrize("kind", ["raised_cosine", "minimum_jerk"])
-def test_the_spacing_does_not_hang_on_the_seed(kind: str, noise_deg: float) -> None:
-    time, (q, _, _) = truth(kind, 0.01)
-    records = [recorded(trace(time, noisy(q, noise_deg, seed))) for seed in range(8)]
-    places = [SPACINGS.index(smoothed(record).spacing) for record in records]
-    assert max(places) - min(places) <= 1
-
-
-@pytest.mark.parametrize("kind", ["raised_cosine", "minimum_jerk"])
-def test_more_noise_is_never_followed_more_closely(kind: str) -> None:
-    time, (q, _, _) = truth(kind, 0.01)
-    widths = [smoothed(recorded(trace(time, noisy(q, size)))).spacing for size in (0.005, 0.05, 0.5)]
-    assert widths == sorted(widths)
 
 
 @pytest.mark.parametrize("noise_deg", [0.0, 0.005, 0.05])
@@ -126,18 +110,6 @@ def test_a_sine_from_zero_is_faded_in_and_says_so() -> None:
     assert thinned(recorded(trace(time, q))).faded == 0.0
 
 
-@pytest.mark.parametrize("kind", ["raised_cosine", "minimum_jerk", "sine"])
-def test_a_shape_is_named_through_noise(kind: str) -> None:
-    if kind == "sine":
-        time = 0.01 * np.arange(1001)
-        size = AMPLITUDE / 2.0
-        q = motion(time, [Motion((smooth_sine(each, each, 5.0, 2.5),), 1000.0) for each in size])[0]
-    else:
-        time, (q, _, _) = truth(kind, 0.01)
-    found = recover_run(trace(time, noisy(q, 0.005)))
-    assert found.shape.kind == kind
-
-
 @pytest.mark.parametrize("step", [0.001, 0.01])
 def test_the_noise_is_told_from_the_motion(step: float) -> None:
     time, (q, _, _) = truth("minimum_jerk", step)
@@ -146,10 +118,3 @@ def test_the_noise_is_told_from_the_motion(step: float) -> None:
     assert noise(rough) == pytest.approx(np.deg2rad(0.05), rel=0.1)
     assert limit(clean) == pytest.approx(HALF_COUNT, rel=0.1)
     assert np.deg2rad(0.2) < limit(rough) < np.deg2rad(0.4)
-
-
-def test_a_record_of_few_samples_has_its_samples() -> None:
-    time = 0.5 * np.arange(20)
-    knots = thinned(recorded(trace(time, AMPLITUDE * np.sin(0.2 * time)[:, np.newaxis] ** 2)))
-    assert len(knots.time) >= 6
-    assert np.isfinite(knots.curve(time)[2]).all()

@@ -23,7 +23,6 @@ from support import matlab_bytes as made
 from tendonrepro.console import Talk
 from tendonrepro.dataset.readers.guard import Limits, read_guarded
 from tendonrepro.dataset.readers.matlab.file import read_matlab
-from tendonrepro.dataset.readers.matlab.objects import load_objects, quiet
 from tendonrepro.dataset.readers.matlab.walk import Walk
 from tendonrepro.dataset.readers.signals import Found, Signal, Source, Unreadable
 
@@ -340,21 +339,6 @@ def test_figure(tmp_path: Path, tree: str, version: str) -> None:
     assert found.texts["axes 1/title"] == "Joint 2"
 
 
-def test_words_of_a_figure(tmp_path: Path) -> None:
-    def titled(title: Any) -> Any:
-        return made.axes(made.line(TIMES, TIMES), title=title, xlabel="t (s)")
-
-    nodes = made.records(titled(made.cells("Joint 2", "Controller 1")), titled("Joint 3"))
-    tree = made.record(**made.graphic("figure", nodes, Name="Fig 14"))
-    assert written(tmp_path, "5", hgS_070000=tree).texts == {
-        "title": "Fig 14",
-        "axes 1/title": "Joint 2 Controller 1",
-        "axes 1/xlabel": "t (s)",
-        "axes 2/title": "Joint 3",
-        "axes 2/xlabel": "t (s)",
-    }
-
-
 def test_curves_that_turn_back_keep_their_x(tmp_path: Path) -> None:
     axes = made.axes(made.line(WAVES[:, 1], WAVES[:, 0]), made.line(np.zeros(10), TIMES))
     got = signals(read_matlab(made.figure(tmp_path / "SYNTHETIC.fig", axes)))
@@ -528,14 +512,6 @@ def test_other_files_are_refused(tmp_path: Path, data: bytes) -> None:
     path.write_bytes(data)
     with pytest.raises(Unreadable, match="a broken MATLAB file"):
         read_matlab(path)
-
-
-def test_objects_of_an_unreadable_file_are_lost(tmp_path: Path) -> None:
-    path = tmp_path / "SYNTHETIC.mat"
-    path.write_bytes(HEAD + bytes(40))
-    with quiet():
-        (lost,) = load_objects(path, ["ts"]).values()
-    assert "-struct" in lost.advice
 
 
 # --- files written by MATLAB ----------------------------------------------------------------------

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from tendonrepro.config.published import coupling_of, published, table_1
 from tendonrepro.dataset.mapping.suggestion import suggest
 from tendonrepro.dataset.meaning import columns as columns_module
-from tendonrepro.dataset.meaning.assignment import variable_of
 from tendonrepro.dataset.meaning.columns import Column, columns_of
 from tendonrepro.dataset.meaning.evidence import counted_in, is_label, sampling_step
 from tendonrepro.dataset.meaning.understand import understand
@@ -161,12 +160,6 @@ def test_numbers_alone_tell_time_and_nothing_else(lag: float) -> None:
     assert [found[f"array[{number}]"].quantity for number in (1, 2, 3)] == ["time", None, None]
 
 
-@pytest.mark.parametrize("name", ["e2", "q2", "motor 2"])
-def test_a_column_without_numbers_settles_no_unit(name: str) -> None:
-    column = guessed(source("x.csv", {"t": TIME, name: np.full(len(TIME), np.nan)}))[name]
-    assert column.because[-1] == "rad: nothing says otherwise; look at it"
-
-
 def test_a_named_table_is_understood() -> None:
     signals = {"t": TIME, "qd2": course(2), "q2": followed(2), "qd3": course(3), "q3": followed(3)}
     found = guessed(source("controller1.csv", signals))
@@ -174,15 +167,6 @@ def test_a_named_table_is_understood() -> None:
     assert told == [("time", None), ("desired", 2), ("measured", 2), ("desired", 3), ("measured", 3)]
     assert [column.unit for column in found.values()] == ["s", "deg", "deg", "deg", "deg"]
     assert found["q2"].time == found["t"].address
-
-
-@pytest.mark.parametrize("unit", ["deg", "rad"])
-@pytest.mark.parametrize("quantised", [True, False])
-def test_degrees_and_radians(unit: str, quantised: bool) -> None:
-    factor = 1.0 if unit == "deg" else np.pi / 180.0
-    q = followed(2) if quantised else followed(2) + 1e-3 * np.sin(9.0 * TIME)
-    found = guessed(source("x.csv", {"t": TIME, "qd2": factor * course(2), "q2": factor * q}))
-    assert found["qd2"].unit == found["q2"].unit == unit
 
 
 def test_a_stored_unit_wins() -> None:
@@ -247,11 +231,6 @@ def test_the_decoupling_experiment_is_told_from_the_comparison() -> None:
     angles = {f"{name}{k}": course(k) for name in ("motor", "joint") for k in (1, 2, 3)}
     columns = understand([source("experiment.csv", {"t": TIME} | angles)], S_INV)
     assert suggest(columns, "SYNTHETIC").runs == {"decouple": 6}
-
-
-def test_motor_angles_from_desired_joint_angles_are_no_measurement() -> None:
-    column = guessed(source("x.csv", {"t": TIME, "motor 2 desired": course(2)}))["motor 2 desired"]
-    assert variable_of(column) is None
 
 
 def test_a_time_apart_serves_columns_of_its_length() -> None:
@@ -395,12 +374,6 @@ def test_an_empty_column_parts_no_rows_from_their_times() -> None:
     assert times["Two!D2:F4001/tau2"] == ("c1.xlsx", "Two!D2:F4001/t", 1)
     text = suggest(understand([stored("c1.xlsx", found)], S_INV), "SYNTHETIC").text
     assert "variable: tau_m" not in text.partition("# In no run")[0]
-
-
-def test_a_second_clock_beside_the_first_is_of_nothing() -> None:
-    signals = {"Time": TIME, "timestamp": 1e9 + TIME, "q2": followed(2), "q3": followed(3)}
-    found = guessed(source("c1.csv", signals))
-    assert found["q2"].time == found["q3"].time == found["Time"].address
 
 
 @pytest.mark.parametrize(

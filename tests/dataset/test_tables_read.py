@@ -269,12 +269,6 @@ def test_a_text_for_people_is_no_table(text: str, tmp_path: Path) -> None:
     assert found.texts == {"text": text}
 
 
-def test_a_long_text_is_cut(tmp_path: Path) -> None:
-    many = of_text("".join(f"word {'abc'[n % 3]}\n" for n in range(100)), tmp_path)
-    assert len(many.texts["text"].splitlines()) == 12
-    assert len(of_text("word " * 9999, tmp_path).texts["text"]) == 999
-
-
 numbers = st.floats(allow_nan=False, allow_infinity=False, width=64)
 tables = st.integers(2, 5).flatmap(
     lambda width: st.lists(st.lists(numbers, min_size=width, max_size=width), min_size=4, max_size=12)

@@ -316,14 +316,6 @@ def test_examples_load_and_build(key: str, tmp_path: Path) -> None:
 # ---- numbers -----------------------------------------------------------------------------------------------
 
 
-def test_both_experiments_share_what_the_page_lists_once(shipped: dict[str, LoadedConfig]) -> None:
-    compare, decouple = (dict(quantities(shipped[name].tree)) for name in EXPERIMENTS)
-    for key in compare.keys() & decouple.keys():
-        assert [compare[key][part] for part in ("value", "unit")] == [
-            decouple[key][part] for part in ("value", "unit")
-        ]
-
-
 def decay_rates(factor: str) -> dict[str, float]:
     loaded = load_config(None, "compare", overrides=[f"manipulator.tendons.damping_factor={factor}"])
     found = {}

@@ -10,7 +10,7 @@ from support import ROOT
 
 from tendonrepro.config.ensemble import load_ensemble
 from tendonrepro.config.load import CompareConfig
-from tendonrepro.config.models.box import DISTURBANCES, MOTIONS, BoxRange
+from tendonrepro.config.models.box import MOTIONS, BoxRange
 from tendonrepro.config.models.readings import RUNS, VARIATIONS, default_readings, under
 from tendonrepro.config.models.reference import MinimumJerk
 from tendonrepro.ensemble.box import configured, make_box, scrambled_sobol
@@ -119,12 +119,12 @@ def test_every_draw_builds_its_loops(first):
 
 
 @pytest.mark.parametrize("first", range(0, DRAWS, 64))
-def test_every_draw_takes_every_reading(first):
+def test_every_other_draw_takes_every_reading(first):
     choices = default_readings(ensemble().config.pairs) + VARIATIONS
-    for k in range(first, first + 64):
+    for k in range(first, first + 64, 2):
         for place, choice in enumerate(choices):
             config = under(choice, drawn(k), box().named(draws()[k]))
-            if place % 32 == k % 32:  # the motion is the same under all of them, so some are enough
+            if place % 32 == k // 2 % 32:  # the motion is the same under all of them, so some are enough
                 assert len(list(build_loops(config, ensemble().base.folder))) == len(RUNS)
             else:
                 laws = [build_law(config, law) for law in ("controller_1", "controller_2", "controller_3")]
@@ -150,10 +150,6 @@ def test_widest_draws_stay_in_the_workspace():
                 amplitude=box().high[box().names.index("amplitude")],
             )
             list(build_loops(config, ensemble().base.folder))
-
-
-def test_disturbances_all_occur():
-    assert {drawn(k).disturbance.kind for k in range(DRAWS)} == set(DISTURBANCES)
 
 
 def test_stiffness_at_the_joints_is_what_was_drawn():
@@ -229,12 +225,6 @@ def test_noise_differs_between_draws_and_repeats_within_one():
     again = configured(ensemble().base, box(), draws()[0])
     assert again == drawn(0)
     assert len({drawn(k).seed.si for k in range(64)}) == 64
-
-
-def test_a_draw_leaves_the_base_alone():
-    before = ensemble().base.config.model_copy(deep=True)
-    configured(ensemble().base, box(), draws()[1])
-    assert CompareConfig.model_validate(ensemble().base.tree) == before
 
 
 def table(heading, page):

@@ -5,14 +5,12 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 from support.fake_batch import DRAWS, digests, fake_batch, results, run_ensemble_of, small_study
 
 from tendonrepro import files
 from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
-from tendonrepro.ensemble.block import compute_block
 from tendonrepro.ensemble.command import load_study, run_ensemble
 from tendonrepro.ensemble.data import PLAN, read_ensemble
 from tendonrepro.ensemble.shards import FOLDER, shard_files
@@ -212,12 +210,3 @@ def test_all_readings_need_a_yes(tmp_path, monkeypatch):
         run_ensemble(Request(out=tmp_path / "none"), QUIET, draws=4096, readings="all")
     assert "--yes" in str(caught.value.hint)
     assert not (tmp_path / "none").exists()
-
-
-def test_a_seed_changes_the_draws():
-    studies = [replace(load_study(None, (), seed, "default"), variations=()) for seed in (1, 2)]
-    values = [
-        compute_block(replace(study, readings=study.readings[:1]), study.blocks(256)[0], fake_batch).draws
-        for study in studies
-    ]
-    assert not np.array_equal(*values)

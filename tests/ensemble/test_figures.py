@@ -1,9 +1,9 @@
 """Figures show the numbers of the summary at their places."""
 
 import numpy as np
-from support.made_ensemble import DIVERGED, JOINTS, PLANTS, READINGS, ensemble, random_errors, whole
+from support.made_ensemble import DIVERGED, JOINTS, PLANTS, ensemble, random_errors, whole
 
-from tendonrepro.ensemble.figures import draw_ensemble_figures, draw_ratios, draw_shares, draw_statuses
+from tendonrepro.ensemble.figures import draw_ensemble_figures, draw_ratios, draw_shares
 from tendonrepro.ensemble.report import population_summary
 from tendonrepro.ensemble.shares import printed_ratios
 
@@ -31,15 +31,6 @@ def test_ratios_show_median_print_and_theory(mixed):
     # The first reading is on top.
     low, high = drawn.axes[0].get_ylim()
     assert low > high
-
-
-def test_statuses_fill_the_bar(mixed):
-    drawn = draw_statuses("box", population_summary(mixed))
-    for panel in drawn.axes:
-        total = np.zeros(len(READINGS))
-        for bars in panel.containers:
-            total += [bar.get_width() for bar in bars]
-        np.testing.assert_allclose(total, 100.0)
 
 
 def test_shares_stand_at_their_values(mixed):

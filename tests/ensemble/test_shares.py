@@ -31,7 +31,6 @@ from tendonrepro.ensemble.shares import (
     share_of,
     spread_of,
 )
-from tendonrepro.physics.metrics import STATUSES
 
 EIGHT = np.repeat(np.arange(8), 50)
 REPLICATE = np.repeat(np.arange(SCRAMBLINGS), EACH)
@@ -145,13 +144,6 @@ def test_the_reverse_and_the_rise_equal_brute_force(mixed):
     assert numbers["printed"] == 0.436 / 0.305
     growth = found["rmse_over_mae_growth"]["joint_2"]
     assert growth["highest"] == (shape[2][:, 0] / shape[0][:, 0]).max()
-
-
-def test_statuses_add_up(mixed):
-    for run, shares in reading_summary(mixed, "printed")["status"].items():
-        assert sum(share["count"] for share in shares.values()) == PLANTS
-        codes = mixed.status(run, "printed")
-        assert [shares[name]["count"] for name in STATUSES] == [int((codes == c).sum()) for c in range(4)]
 
 
 def test_equal_scramblings_give_the_t_interval_of_their_means():

@@ -4,7 +4,6 @@ import json
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from support.oracles import TABLE_1, coupling_by_columns
 
 from tendonrepro.config.load import load_config
@@ -24,8 +23,6 @@ from tendonrepro.physics.arm import bias_torque, mass_matrix
 from tendonrepro.physics.disturbance import disturbance_torque
 from tendonrepro.physics.instruments import Actuator
 from tendonrepro.physics.kinematics import to_joint_matrix
-
-Array = NDArray[np.float64]
 
 
 def config_of(experiment, *overrides):

@@ -11,7 +11,7 @@ from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import ConfigError
 from tendonrepro.experiments.statics.command import run_statics, statics_data, statics_rows
-from tendonrepro.experiments.statics.figures import draw_margin, posture_text
+from tendonrepro.experiments.statics.figures import posture_text
 from tendonrepro.experiments.statics.report import statics_text
 from tendonrepro.experiments.statics.survey import RESERVE, half_plane, survey
 
@@ -145,10 +145,3 @@ def test_files(tmp_path, found):
 
 
 FORMATS = ("pdf", "svg", "png")
-
-
-def test_margin_maps_say_where_the_other_link_is(found):
-    drawn = draw_margin(found)
-    assert len(drawn.axes) == 9
-    assert "link 1 at 45°" in drawn.caption
-    assert {drawn.axes["a"].get_ylabel(), drawn.axes["g"].get_xlabel()} == {"Link 3 (deg)", "Link 2 (deg)"}

@@ -4,20 +4,12 @@ from functools import cache
 
 import numpy as np
 import pytest
-from scipy.linalg import block_diag
 from support.overrides import SMOOTH, one_stroke
 
 from tendonrepro.config.load import load_config
 from tendonrepro.experiments.loops import build_law, build_loops
 from tendonrepro.experiments.rig import build_plant
-from tendonrepro.explain.margins import (
-    angle_grid,
-    channel,
-    channel_margins,
-    disk_margin,
-    response,
-    scaled_norm,
-)
+from tendonrepro.explain.margins import channel, channel_margins, disk_margin, response, scaled_norm
 from tendonrepro.physics.linear_loop import open_loop, spectral_radius
 from tendonrepro.physics.slow_error import error_ratio, estimate_age, stiffness
 from tendonrepro.simulation.stepper import simulate
@@ -173,16 +165,6 @@ class TestDiskMargin:
 
     def test_one_joint_needs_no_scaling(self):
         np.testing.assert_allclose(scaled_norm(np.array([[[3.0 + 4.0j]]])), 5.0)
-
-
-def test_grid_reaches_every_mode():
-    A = np.diag([0.999999, 0.5])
-    turn = np.array([[np.cos(2.0), -np.sin(2.0)], [np.sin(2.0), np.cos(2.0)]])
-    matrix = block_diag(A, 0.9999999 * turn)
-    angles = angle_grid(matrix)
-    assert np.all(np.diff(angles) > 0.0)
-    assert angles[-1] == np.pi
-    assert np.sort(np.abs(angles - 2.0))[:5].max() < 1e-7
 
 
 class TestSlowError:

@@ -18,7 +18,7 @@ from tendonrepro.simulation.batch import simulate_batch
 
 pytestmark = pytest.mark.slow
 
-# The known plant is quiet and of one kind of motion and friction; the rest of the box stays free.
+# The known plant is quiet, of one kind of motion and friction, and quick; the rest of the box stays free.
 FIXED = {
     "disturbance": "none",
     "friction_sides": "both",
@@ -28,9 +28,13 @@ FIXED = {
 }
 OVERRIDES = [f"box.{row}.choices=[{choice}]" for row, choice in FIXED.items()]
 OVERRIDES += [f"box.{row}.nominal={choice}" for row, choice in FIXED.items()]
+OVERRIDES += ["box.period.low=4", "box.period.nominal=4.5", "box.period.high=5"]
 READING = "weights=extrapolating"
-TOLERANCE = 0.1
-"""Largest log ratio of a predicted number; the plants that fit differ in what was not fitted."""
+TOLERANCE = 0.15
+"""Largest log ratio of a predicted number, less than half of what a false one is off by."""
+LOWERED = ("controller_1", "mae", 2)
+SWAPPED = ("rmse", 3)
+"""Controller 1's and Controller 3's of it change places."""
 
 
 @pytest.fixture(scope="module")
@@ -39,8 +43,7 @@ def truth():
     loaded = load_ensemble(None, overrides=OVERRIDES)
     box = make_box(loaded.config)
     bench = Bench(loaded.base, box, "whole", simulate_batch)
-    units = scrambled_sobol(box, 77, 0, 0, 32)
-    found = bench.measure(units, parse_reading(READING), RUNS)
+    found = bench.measure(scrambled_sobol(box, 77, 0, 0, 32), parse_reading(READING), RUNS)
     well = found.ok.all(axis=1) & (found.sizes.max(axis=(1, 2, 3)) < 2.0)
     return found.sizes[np.flatnonzero(well)[0]]
 
@@ -60,47 +63,41 @@ def paper(values):
 
 
 @pytest.fixture(scope="module")
-def identified(tmp_path_factory):
-    out = tmp_path_factory.mktemp("identify")
-
-    def run(name, values):
-        return run_identify(
-            Request(out=out / name, overrides=OVERRIDES), Talk(quiet=True), readings=READING,
-            generations=60, population=32, seeds=3, paper=paper(values),
-        )["readings"][0]  # fmt: skip
-
-    return run
-
-
-@pytest.fixture(scope="module")
-def honest(identified, truth):
-    return identified("honest", truth)
+def found(truth, tmp_path_factory):
+    """Identified from a paper with Controller 2's numbers, which are fitted, true, and three others false."""
+    values = truth.copy()
+    values[0, 0, 0] *= 0.7
+    values[[0, 2], 1, 1] = truth[[2, 0], 1, 1]
+    return run_identify(
+        Request(out=tmp_path_factory.mktemp("identify"), overrides=OVERRIDES), Talk(quiet=True),
+        readings=READING, generations=40, population=24, seeds=2, paper=paper(values),
+    )["readings"][0]  # fmt: skip
 
 
-def test_fitted_numbers_come_back(honest):
-    assert honest["misfit_log"] < 0.01
-    assert honest["near_count"] >= 20
+def test_fitted_numbers_come_back(found):
+    assert found["misfit_log"] < 0.01
+    assert found["near_count"] >= 20
 
 
-def test_others_are_predicted(honest):
-    others = [row for row in honest["numbers"] if row["verdict"] != "fitted"]
+def test_others_are_predicted_but_for_the_false_ones(found):
+    others = {
+        (row["run"], row["metric"], row["joint"]): row
+        for row in found["numbers"]
+        if row["verdict"] != "fitted"
+    }
     assert len(others) == 12
-    for row in others:
+    assert others.pop(LOWERED)["verdict"] == "not_reached"
+    for run in ("controller_1", "controller_3"):
+        del others[run, *SWAPPED]
+    for row in others.values():
         assert row["verdict"] in {"reached", "rare"}, row
         assert abs(np.log(row["near_median_deg"] / row["printed_deg"])) < TOLERANCE, row
 
 
-def test_falsified_number_and_reversed_ranking_are_found_out(identified, truth):
-    """Controller 1's MAE of joint 2 lowered by 30 %; in RMSE of joint 3 best and worst swapped."""
-    values = truth.copy()
-    values[0, 0, 0] *= 0.7
-    order = np.argsort(truth[:3, 1, 1])
-    first, last = order[0], order[-1]
-    values[[first, last], 1, 1] = truth[[last, first], 1, 1]
-    found = identified("false", values)
-    numbers = {(row["run"], row["metric"], row["joint"]): row["verdict"] for row in found["numbers"]}
-    assert numbers["controller_1", "mae", 2] == "not_reached"
-    row = next(
-        r for r in found["order"] if len(r["runs"]) == 3 and (r["metric"], r["joint"]) == ("rmse", "joint_3")
-    )
-    assert row["verdict"] == "contradicted"
+def test_a_reversed_ranking_is_found_out(found):
+    pair = ["controller_1", "controller_3"]
+    verdicts = {
+        (row["metric"], row["joint"]): row["verdict"] for row in found["order"] if row["runs"] == pair
+    }
+    assert verdicts["rmse", "joint_3"] == "contradicted"
+    assert verdicts["mae", "joint_3"] == "agrees"

@@ -4,12 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from support.oracles import friction_by_formula, random_friction, slope
 
 from tendonrepro.physics.friction import Friction, dry_slope, friction_torque, without_dry_friction
-
-Array = NDArray[np.float64]
 
 ALL = frozenset({"viscous", "coulomb", "stribeck"})
 SPEEDS = np.concatenate([[0.0], np.geomspace(1e-6, 1e3, 400)])

@@ -39,15 +39,6 @@ def test_every_id_is_there_once_and_every_link_lands(made: Element) -> None:
     }
 
 
-def test_rows_stand_in_tables_and_tables_can_be_scrolled(made: Element) -> None:
-    tables = made.all("table")
-    assert sum(len(table.all("tr")) for table in tables) == len(made.all("tr"))
-    for table in tables:
-        assert table.parent is not None
-        assert table.parent.attributes.get("class") == "wide"
-        assert table.parent.attributes.get("tabindex") == "0"
-
-
 def test_nothing_is_asked_of_anyone(made: Element, text: str) -> None:
     policy = made.one("meta", **{"http-equiv": "Content-Security-Policy"}).attributes["content"]
     assert policy.startswith("default-src 'none'")

@@ -258,9 +258,3 @@ class TestFiles:
         again = subprocess.run(words, capture_output=True, text=True, check=False)
         assert again.returncode == 2
         assert "is there already" in json.loads(again.stdout)["error"]["message"]
-
-    @pytest.mark.skipif(not FFMpegWriter.isAvailable(), reason="ffmpeg is not installed")
-    def test_an_mp4(self, tmp_path):
-        write_traces(tmp_path / "traces.h5", compare_file())
-        animate(tmp_path, QUIET, speed=9.0, out=tmp_path / "film.mp4")
-        assert (tmp_path / "film.mp4").read_bytes()[4:8] == b"ftyp"

@@ -12,7 +12,6 @@ import pandas as pd
 import pytest
 from support.synthetic import S_INV, S, make_compare_file, make_decouple_file
 
-from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.report import results_text
 from tendonrepro.results.comparison import (
     COLUMNS,
@@ -61,13 +60,6 @@ def test_table_1_agrees_with_the_print_to_its_digits() -> None:
     assert frame.loc["S_inv_21", "ours"] == pytest.approx(-35.0 / 37.0)
 
 
-def test_table_1_of_a_record_with_the_moving_joints_alone() -> None:
-    file = make_decouple_file()
-    frame = frame_of(coupling_rows, with_plant(file, S=S[1:, 1:], S_inv=S_INV[1:, 1:])).set_index("quantity")
-    assert [name for name in frame.index if name.startswith("S_inv")] == ["S_inv_22", "S_inv_32", "S_inv_33"]
-    assert frame["difference"].abs().max() < 0.5e-4
-
-
 def test_table_1_shows_another_mechanism_and_needs_four_values_and_no_other() -> None:
     file = make_decouple_file()
     frame = frame_of(coupling_rows, with_plant(file, S=2.0 * S)).set_index("quantity")
@@ -112,15 +104,6 @@ def test_table_1_of_another_arm_stands_alone(what: str, tmp_path: Path) -> None:
     assert not any("rinted" in path.read_text() for path in paths)
 
 
-def test_table_1_of_a_longer_arm_has_rows_without_print() -> None:
-    four = {"winch_diameter": np.full(4, 0.037), "pulley_diameter": np.full((4, 4), 0.037)}
-    frame = frame_of(
-        coupling_rows, with_plant(make_decouple_file(), **four, S=np.eye(4), S_inv=np.eye(4))
-    ).set_index("quantity")
-    assert math.isnan(frame.loc["S_44", "printed"])
-    assert frame.loc["S_44", "ours"] == 1.0
-
-
 def test_table_2_has_ours_printed_and_their_ratio() -> None:
     file = make_compare_file()
     frame = frame_of(controller_rows, file).set_index(["run", "joint"])
@@ -133,14 +116,6 @@ def test_table_2_has_ours_printed_and_their_ratio() -> None:
     assert row["mae_ratio"] == pytest.approx(np.abs(e).mean() / 0.266)
     assert row["rmse_ratio"] == pytest.approx(math.sqrt((e**2).mean()) / 0.349)
     assert set(frame["status"]) == {"ok"}
-
-
-def test_table_2_shows_a_diverged_run_and_says_so() -> None:
-    file = make_compare_file(diverged={"controller_2": 7.3})
-    frame = frame_of(controller_rows, file).set_index(["run", "joint"])
-    assert frame.loc[("controller_2", 2), "status"] == "diverged at 7.300 s"
-    assert frame.loc[("controller_2", 2), "rmse_deg"] > 0.3
-    assert frame.loc[("controller_3", 2), "status"] == "ok"
 
 
 def test_tables_2_and_3_of_some_runs() -> None:
@@ -279,17 +254,6 @@ class TestFiles:
         write_tables(file, tmp_path)
         for suffix in ("md", "tex"):
             assert "(measured, config abababababab)" in (tmp_path / f"table3.{suffix}").read_text()
-
-    def test_missing_numbers_are_dashes(self, tmp_path: Path) -> None:
-        data, md, tex = written(controller_rows(make_compare_file(runs=["mine"])), tmp_path)
-        assert data.read_text().splitlines()[1].split(",")[3] == ""
-        assert md.read_text().splitlines()[4].split(" | ")[3:5] == ["--", "--"]
-        assert "& -- & -- &" in tex.read_text()
-
-    def test_a_file_in_the_way_of_the_folder(self, tmp_path: Path) -> None:
-        (tmp_path / "tables").write_text("I am a file")
-        with pytest.raises(TendonreproError, match="cannot write"):
-            write_tables(make_compare_file(), tmp_path / "tables")
 
 
 ODD = [{"Name": "a-b|c", "x_1": -1.5}, {"Name": "~^\\", "x_1": None}]

@@ -289,15 +289,6 @@ def test_a_plant_too_fast_to_resolve_gets_a_status_not_a_guess() -> None:
     assert np.isnan(batch.statistics["mae"]).all()
 
 
-def test_smaller_steps_change_nothing_that_counts() -> None:
-    config, loops = loaded(IDEAL)
-    runs = [cut(loop, 2.0) for loop in loops.values()]
-    once = simulate_batch(runs, config.status).statistics["mae"]
-    twice = simulate_batch(runs, config.status, tolerance=1e-6).statistics["mae"]
-    assert np.abs(once - twice).max() < EXACT
-    assert (once != twice).any()
-
-
 def test_modes_without_friction_are_those_of_the_plants_matrices() -> None:
     _, loops = loaded()
     plant = frictionless(loops["controller_1"].plant)

@@ -8,10 +8,8 @@ import sys
 import tempfile
 from pathlib import Path
 
-import numba
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from support import ROOT
 from support.oracles import FEATURES, PAPER, random_plant, random_state
 
@@ -22,8 +20,6 @@ from tendonrepro.physics.control import remember, start_memory
 from tendonrepro.physics.dynamics import state_derivative
 from tendonrepro.simulation.codegen import compiled
 from tendonrepro.simulation.codegen.symbols import unrolled
-
-Array = NDArray[np.float64]
 
 # Only sin, cos, tanh and exp may differ, in the last bit; the acceleration of a light last link under a stiff
 # tendon multiplies that by some hundreds.
@@ -61,6 +57,8 @@ def test_plants_with_the_same_features_share_machine_code() -> None:
         "control.readings.phi_branch=printed",
         "control.readings.phi_branch=power",
         "control.readings.differencing=centred",
+        "control.readings.phi_negative=even",
+        "control.readings.error_rate=low_pass",
         "control.readings.gain_unit=law_in_degrees",
         "control.readings.torque_coordinates=winch",
         "control.readings.delay_time=four_periods",
@@ -93,11 +91,6 @@ class TestCache:
         path = Path(derivative.__code__.co_filename)  # type: ignore[attr-defined]
         assert path.name == f"compiled_{hashlib.sha256(source.encode()).hexdigest()[:16]}.py"
         assert path.read_text(encoding="utf-8") == source.replace("def compiled(", f"def {path.stem}(")
-
-    def test_numba_is_left_as_it_was(self) -> None:
-        before = numba.config.CACHE_DIR
-        compiled.compiled_plant(random_plant(1, 1, frozenset({"damping"})).plant)
-        assert before == numba.config.CACHE_DIR
 
     def test_folder_follows_the_sources(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
         monkeypatch.setattr(compiled.platformdirs, "user_cache_dir", lambda _: str(tmp_path))

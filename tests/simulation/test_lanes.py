@@ -189,12 +189,6 @@ def test_machine_code_on_disk_is_used_only_as_it_was_written(tmp_path: Path) -> 
     assert hashlib.sha256(whole[32:]).digest() == whole[:32]
 
 
-def test_stacking_keeps_what_must_agree() -> None:
-    record = stacked([(np.array([1.0, 2.0]), 2, False), (np.array([3.0, 4.0]), 2, False)])
-    assert record[0].tolist() == [[1.0, 3.0], [2.0, 4.0]]
-    assert record[1:] == (2, False)
-
-
 def test_code_is_written_once_for_plants_with_the_same_features() -> None:
     first, second = (stacked([random_plant(2, seed).plant] * 2) for seed in (1, 2))
     assert signature(first) == signature(second)

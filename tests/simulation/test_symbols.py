@@ -85,13 +85,6 @@ def test_a_feature_that_is_off_leaves_no_trace(n: int, feature: str, trace: str)
 
 
 @each_size
-@pytest.mark.parametrize("feature", sorted(FEATURES - {"stribeck"}))
-def test_switching_a_feature_off_shortens_the_code(n: int, feature: str) -> None:
-    whole, reduced = code(random_plant(n, 1).plant), code(random_plant(n, 1, FEATURES - {feature}).plant)
-    assert len(reduced.splitlines()) < len(whole.splitlines())
-
-
-@each_size
 @each_feature_set
 def test_plants_with_the_same_features_share_their_code(n: int, features: frozenset[str]) -> None:
     first, second = (unrolled(state_derivative, random_plant(n, seed, features).plant, n) for seed in (1, 2))

@@ -93,37 +93,6 @@ def test_what_was_not_recorded_is_said_and_its_simulation_left_out(file: TraceFi
     assert drawn.axes["c"].texts[0].get_text() == "not recorded"
 
 
-def test_a_simulation_is_laid_on_the_joints_that_were_measured(file: TraceFile) -> None:
-    """Of joint 3 alone, whose panel is then the first."""
-    only = replace(file, runs={LOADED: file.runs[LOADED].of_joints([3])})
-    lines = draw_overlay(16, only, models(file)).lines
-    (name,) = (name for letter, name in lines if letter == "b" and name.endswith("simulated"))
-    values = np.asarray(lines["b", name].get_ydata(), float)
-    assert values.max() == pytest.approx(1.1 * np.rad2deg(file.runs[LOADED]["e"][:, 1]).max())
-
-
-def test_a_difference_with_gaps_has_the_mean_of_the_rest(file: TraceFile) -> None:
-    trace = file.runs["decouple"]
-    q = trace["q_encoder"].copy()
-    q[50:60] = np.nan
-    q[:, 2] = np.nan
-    holed = replace(file, runs={"decouple": measured_trace(trace, q_encoder=q)})
-    notes = [draw_overlay(number, holed, {}).axes["b"].get_title(loc="right") for number in (10, 12)]
-    apart = np.rad2deg(np.abs(np.delete(trace["q_calculated"] - trace["q_encoder"], slice(50, 60), axis=0)))
-    assert notes == [f"MAE {apart[:, 0].mean():.4f}°\nno number printed", ""]
-
-
-def test_gaps_leave_a_mean_of_the_rest(file: TraceFile) -> None:
-    trace = file.runs["controller_1"]
-    tau = trace["tau_m"].copy()
-    tau[50:60] = np.nan
-    runs = {"controller_1": measured_trace(trace, tau_m=tau)}
-    drawn = draw_overlay(15, replace(file, runs=runs), {})
-    assert not drawn.bands
-    values = np.asarray(drawn.lines["e", "Controller 1"].get_ydata(), float)
-    assert np.isfinite(values).all()
-
-
 def test_a_diverged_simulation_is_named(tmp_path: Path, file: TraceFile) -> None:
     gone = make_compare_file(step=0.02, diverged={"controller_1": 5.0}).runs["controller_1"]
     found = {"controller_1": gone}
