@@ -122,6 +122,14 @@ class TestLaws:
 
     @many
     @long_cases
+    def test_bias_is_coriolis_and_gravity(self, n: int, seed: int) -> None:
+        links, q, dq, _ = drawn(n, seed)
+        arm = links.arm()
+        expected = coriolis_matrix(q, dq, arm) @ dq + gravity_torque(q, arm)
+        assert near(bias_torque(q, dq, arm), expected)
+
+    @many
+    @long_cases
     def test_start_posture_is_an_offset_of_the_joint_angles(self, n: int, seed: int) -> None:
         links, q, dq, _ = drawn(n, seed)
         arm, hanging = links.arm(), links._replace(phi_0=np.zeros(n)).arm()

@@ -28,6 +28,7 @@ from tendonrepro.physics.control import (
     surface_and_feedback,
     time_delay_estimate,
 )
+from tendonrepro.simulation.codegen import compiled
 
 N = 2
 L = 2.0**-10  # close to 1 ms, and exact in binary: second differences of dyadic numbers do not round
@@ -466,6 +467,22 @@ class TestCommand:
         np.testing.assert_allclose(mapped[1], T @ plain[1], rtol=1e-13)
         np.testing.assert_array_equal(mapped[2], plain[2])
 
+    @pytest.mark.parametrize("surface", list(Surface))
+    @pytest.mark.parametrize(
+        "reading",
+        [{}, {"newest": 0}, {"phi_is_odd": False}, {"power_inside": True}, {"rate_filter": 0.3}],
+        ids=["printed", "centred", "even", "power", "low pass"],
+    )
+    def test_compiled_law_is_the_same_law(self, surface, reading):
+        law = make_law(surface=int(surface), **reading)
+        for seed in range(10):
+            memory = random_memory(seed)
+            q, q_d, dq_d, ddq_d = np.random.default_rng(seed).normal(0.0, 0.2, (4, N))
+            ours = compiled.command(memory, q, q_d, dq_d, ddq_d, law)
+            for fast, plain in zip(ours, command(memory, q, q_d, dq_d, ddq_d, law), strict=True):
+                # Fused operations and another pow may change last digits.
+                np.testing.assert_allclose(fast, plain, rtol=1e-12, atol=1e-12)
+
 
 class TestExactEstimateOnTheRigidArm:
     """With Ĥ = H and true derivatives what is left is Eq. (19), whatever the arm."""
@@ -510,6 +527,13 @@ class TestExactEstimateOnTheRigidArm:
         t = np.linspace(0.0, duration, 101)
         path = solve_ivp(derivative, (0.0, duration), x, "DOP853", t, rtol=1e-11, atol=1e-12)
         return t, np.array([self.surface(t_, x_)[0] for t_, x_ in zip(t, path.y.T, strict=True)])
+
+    def test_acceleration_is_u(self):
+        rng = np.random.default_rng(5)
+        for _ in range(20):
+            x = rng.normal(0.0, 1.0, 4)
+            ddq, u = self.acceleration(rng.uniform(0.0, 3.0), x, np.zeros(N))
+            np.testing.assert_allclose(ddq, u, rtol=1e-11, atol=1e-11)
 
     @pytest.mark.parametrize(
         "start", [[-0.1, 0.05, 0.0, 0.0], [-0.5, 0.6, 0.5, -1.0]], ids=["inside", "across"]

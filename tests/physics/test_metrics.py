@@ -58,6 +58,12 @@ class TestSizes:
             assert rmse(e)[joint] == pytest.approx(math.sqrt(square), rel=1e-12)
             assert max_abs(e)[joint] == max(abs(x) for x in values)
 
+    def test_each_joint_has_its_own(self) -> None:
+        e = np.array([[3.0, 0.0], [-4.0, 1.0]])
+        assert mae(e).tolist() == [3.5, 0.5]
+        assert rmse(e).tolist() == pytest.approx([math.sqrt(12.5), math.sqrt(0.5)])
+        assert max_abs(e).tolist() == [4.0, 1.0]
+
     def test_a_sine_has_its_known_ratio(self) -> None:
         e = np.sin(2.0 * np.pi * np.arange(20000) / 20000)[:, None]
         # 20000 samples a period: the mean of |sin| is off by about (pi / 20000)^2 / 3.
@@ -74,6 +80,10 @@ class TestWindows:
             "period_2": slice(9000, 18001),
         }
 
+    def test_two_periods_recorded_without_the_last_end(self) -> None:
+        found = windows(np.arange(18000) * STEP, 9.0)
+        assert found["period_2"] == found["after_first_period"] == slice(9000, 18000)
+
     def test_one_period_has_nothing_after_it(self) -> None:
         assert windows(np.arange(9001) * STEP, 9.0) == {"whole": slice(0, 9001), "period_1": slice(0, 9001)}
 
@@ -86,6 +96,9 @@ class TestWindows:
     @pytest.mark.parametrize("period", [0.0, -1.0])
     def test_without_a_period_only_the_whole_remains(self, period: float) -> None:
         assert windows(np.arange(100) * STEP, period) == {"whole": slice(0, 100)}
+
+    def test_a_single_sample(self) -> None:
+        assert windows(np.array([0.0]), 9.0) == {"whole": slice(0, 1)}
 
     def test_time_need_not_start_at_zero(self) -> None:
         late = windows(1234.5 + np.arange(18001) * STEP, 9.0)
@@ -192,6 +205,20 @@ class TestWindowMean:
         # Differences of running sums keep the rounding of the largest sum.
         slack = 1e-12 * (1.0 + float(np.abs(x).sum()))
         assert window_mean(x, samples) == pytest.approx(np.array(expected), rel=1e-9, abs=slack)
+
+    def test_a_ramp_keeps_its_place_inside(self) -> None:
+        ramp = np.arange(100.0)[:, None]
+        assert window_mean(ramp, 50)[25:75] == pytest.approx(ramp[25:75])
+
+    def test_a_pulse_spreads_over_an_odd_number_of_samples(self) -> None:
+        pulse = np.zeros(101)
+        pulse[50] = 51.0
+        assert np.flatnonzero(window_mean(pulse, 50)).tolist() == list(range(25, 76))
+        assert window_mean(pulse, 50)[50] == pytest.approx(1.0)
+
+    def test_a_window_of_one_sample_changes_nothing(self) -> None:
+        x = column(1.0, -2.0, 4.0)
+        assert window_mean(x, 1).tolist() == x.tolist()
 
     def test_a_window_without_samples_is_refused(self) -> None:
         with pytest.raises(ValueError, match="at least one sample, not 0"):

@@ -57,8 +57,6 @@ def test_plants_with_the_same_features_share_machine_code() -> None:
         "control.readings.phi_branch=printed",
         "control.readings.phi_branch=power",
         "control.readings.differencing=centred",
-        "control.readings.phi_negative=even",
-        "control.readings.error_rate=low_pass",
         "control.readings.gain_unit=law_in_degrees",
         "control.readings.torque_coordinates=winch",
         "control.readings.delay_time=four_periods",
