@@ -40,6 +40,40 @@ return [...document.querySelectorAll(".panel")].map((panel) => {
   return colours.size > 3;
 });
 """
+CONTRAST = """
+const numbers = (text) => text.match(/[\\d.]+/g).map(Number);
+const light = (part) => (part /= 255) <= 0.04045 ? part / 12.92 : ((part + 0.055) / 1.055) ** 2.4;
+const luminance = ([r, g, b]) => 0.2126 * light(r) + 0.7152 * light(g) + 0.0722 * light(b);
+const behind = (element) => {
+  for (let up = element; up; up = up.parentElement) {
+    const found = numbers(getComputedStyle(up).backgroundColor);
+    if (found.length === 3 || found[3] === 1) return found;
+  }
+  return [255, 255, 255];
+};
+const poor = [];
+const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+let count = 0;
+while (walker.nextNode()) {
+  const element = walker.currentNode.parentElement;
+  if (!walker.currentNode.data.trim() || ["SCRIPT", "STYLE"].includes(element.tagName) || !element.getClientRects().length) continue;
+  const style = getComputedStyle(element);
+  const [one, two] = [luminance(numbers(element.closest("svg") ? style.fill : style.color)), luminance(behind(element))];
+  const ratio = (Math.max(one, two) + 0.05) / (Math.min(one, two) + 0.05);
+  count += 1;
+  if (ratio < 4.5) poor.push(`${element.tagName}.${element.className}: ${ratio.toFixed(2)}`);
+}
+return [count, [...new Set(poor)]];
+"""
+CURVES = """
+const luminance = (name) => {
+  const parts = getComputedStyle(document.documentElement).getPropertyValue(name).trim().match(/\\w\\w/g).map((part) => parseInt(part, 16) / 255);
+  const [r, g, b] = parts.map((part) => part <= 0.04045 ? part / 12.92 : ((part + 0.055) / 1.055) ** 2.4);
+  return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+};
+const paper = luminance("--paper");
+return [0, 1, 2, 3, 4, 5, 6].map((look) => luminance(`--look${look}`)).map((one) => (Math.max(one, paper) + 0.05) / (Math.min(one, paper) + 0.05));
+"""
 
 
 class Browser:
@@ -151,6 +185,16 @@ def test_keyboard(browser: Browser) -> None:
         "return [...document.querySelectorAll('.panel.live')].every((one) => one.tabIndex === 0)"
     )
     assert reachable
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_contrast(browser: Browser, scheme: str) -> None:
+    browser.tell("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+    count, poor = browser.ask(CONTRAST)
+    assert count > 1000
+    assert poor == []
+    # Of what is drawn WCAG asks 3.
+    assert min(browser.ask(CURVES)) >= 3.0
 
 
 def test_a_phone_shows_all_without_scrolling_sideways(browser: Browser, path: Path) -> None:
