@@ -9,7 +9,7 @@ import hashlib
 import json
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal, TypeAlias
 
@@ -122,17 +122,13 @@ class LoadedEnsemble:
     ----------
     config : EnsembleConfig
     base : LoadedConfig
-        The comparison that every draw starts from.
+        The comparison that every draw starts from, with the overrides and files of both.
     yaml_text : str
         The ensemble as used, with overrides applied, as YAML.
     sha256 : str
         Hash of all that determines results, the base included.
     origin : str
         Path of the file, ``<stdin>``, or the name of the shipped configuration.
-    overrides : tuple of str
-        What the command line changed.
-    inputs : tuple of Path
-        Files read.
     """
 
     config: EnsembleConfig
@@ -140,8 +136,6 @@ class LoadedEnsemble:
     yaml_text: str
     sha256: str
     origin: str
-    overrides: tuple[str, ...]
-    inputs: tuple[Path, ...]
 
     @property
     def compare(self) -> CompareConfig:
@@ -181,12 +175,10 @@ def load_ensemble(
     base = _load_base(config.base, [text.strip().removeprefix(f"{BASE}.") for text in of_base], draft)
     return LoadedEnsemble(
         config=config,
-        base=base,
+        base=replace(base, overrides=tuple(recorded), inputs=(*draft.files, *base.inputs)),
         yaml_text=dump(draft.tree),
         sha256=_digest(config, base),
         origin=found.origin,
-        overrides=tuple(recorded),
-        inputs=(*draft.files, *base.inputs),
     )
 
 

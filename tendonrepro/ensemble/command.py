@@ -29,6 +29,7 @@ from tendonrepro.results.folder import HeldFolder, claimed, refuse_others
 from tendonrepro.results.manifest import make_manifest
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.codegen.compiled import cache_is_empty
+from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 
 SUMMARY = "summary.json"
 
@@ -197,7 +198,8 @@ def _finish(
     held.files += draw_ensemble_figures(summary, folder / "figures")
     held.write(SUMMARY, to_json(summary))
     manifest = make_manifest(study.base, seconds)
-    manifest |= {"experiment": "ensemble", "seed": study.seed}
+    stepper = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE}
+    manifest |= {"experiment": "ensemble", "seed": study.seed, "solver": stepper}
     manifest["config"] = manifest["config"] | {"sha256": study.identity, "ensemble_sha256": study.sha256}
     held.finish(manifest, talk)
     return summary

@@ -44,6 +44,7 @@ from tendonrepro.identify.search import Effort, Evaluated, Found, load_arrays, s
 from tendonrepro.results.folder import HeldFolder, claimed, foretell_refusal
 from tendonrepro.results.manifest import make_manifest
 from tendonrepro.simulation.batch import simulate_batch
+from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 
 Searched: TypeAlias = tuple[NDArray[np.bool_], Found]
 """Rows of the box that were searched, (P,), and the search."""
@@ -194,7 +195,8 @@ def _identified(task: Task, held: HeldFolder, identity: str, processors: int, ta
     held.files += draw_identify_figures(data, folder / "figures")
     held.write(DATA, to_json(data))
     manifest = make_manifest(task.loaded.base, held.seconds)
-    manifest |= {"experiment": "identify", "seed": task.seed}
+    stepper = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE}
+    manifest |= {"experiment": "identify", "seed": task.seed, "solver": stepper}
     manifest["config"] = manifest["config"] | {"sha256": identity, "ensemble_sha256": task.loaded.sha256}
     return data | {"manifest": held.finish(manifest, talk)}
 

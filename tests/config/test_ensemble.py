@@ -31,8 +31,12 @@ def line_of(old: str) -> int:
 def test_shipped_file_loads() -> None:
     loaded = load_ensemble(None)
     assert loaded.origin == "ensemble"
-    assert loaded.overrides == ()
-    assert [path.name for path in loaded.inputs] == ["ensemble.yaml", "compare.yaml", "lumidouce_ii.yaml"]
+    assert loaded.base.overrides == ()
+    assert [path.name for path in loaded.base.inputs] == [
+        "ensemble.yaml",
+        "compare.yaml",
+        "lumidouce_ii.yaml",
+    ]
     assert loaded.config.scramblings.si >= 8
     assert isinstance(loaded.base.config, CompareConfig)
     assert list(loaded.config.populations) == ["box", "firm"]
@@ -54,7 +58,7 @@ def test_yaml_text_loads_to_the_same(tmp_path: Path) -> None:
 def test_hash_covers_what_determines_results(override: str) -> None:
     changed = load_ensemble(None, overrides=[override])
     assert changed.sha256 != load_ensemble(None).sha256
-    assert changed.overrides == (override,)
+    assert changed.base.overrides == (override,)
 
 
 def test_a_copy_is_complete_and_the_same(tmp_path: Path) -> None:
@@ -62,13 +66,13 @@ def test_a_copy_is_complete_and_the_same(tmp_path: Path) -> None:
     assert written == ["ensemble.yaml", "schema.json", "compare.yaml", "lumidouce_ii.yaml"]
     copied = load_ensemble(tmp_path / "ensemble.yaml")
     assert copied.sha256 == load_ensemble(None).sha256
-    assert {path.parent for path in copied.inputs} == {tmp_path}
+    assert {path.parent for path in copied.base.inputs} == {tmp_path}
 
 
 def test_seed_and_overrides_of_the_base() -> None:
     loaded = load_ensemble(None, overrides=["base.control.gains.lam=[7, 8]"], seed=5)
     assert loaded.config.seed.si == 5
-    assert loaded.overrides == ("base.control.gains.lam=[7, 8]", "seed=5")
+    assert loaded.base.overrides == ("base.control.gains.lam=[7, 8]", "seed=5")
     assert loaded.compare.control.gains.lam.value == (7.0, 8.0)
 
 

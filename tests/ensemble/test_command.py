@@ -169,6 +169,8 @@ def test_the_summary_holds_what_the_contract_names(unbroken):
             assert set(reading[key]) == {"all_ok", "diverged_last"}
     manifest = json.loads((unbroken / "manifest.json").read_text())
     assert manifest["experiment"] == "ensemble"
+    assert "ensemble.yaml" in {Path(name).name for name in manifest["inputs"]}
+    assert "compiled" in manifest["solver"]["name"]
     assert all((unbroken / name).exists() for name in manifest["outputs"])
 
 
