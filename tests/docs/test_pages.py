@@ -197,6 +197,14 @@ def parse(command: Any, parts: list[str], name: str = "tendonrepro", parent: Any
     return parse(chosen, rest, below, context)
 
 
+def test_brackets_are_quoted() -> None:
+    """In zsh a bare one is a pattern, which no file matches."""
+    quoted = re.compile(r"'[^']*'|\"[^\"]*\"|`[^`]*`")
+    assert [
+        command for _, command in COMMANDS if re.search(r"--(set|over)\b.*[\[{*]", quoted.sub("", command))
+    ] == []
+
+
 @pytest.mark.parametrize(("name", "command"), COMMANDS)
 def test_commands_parse(name: str, command: str) -> None:
     del name
