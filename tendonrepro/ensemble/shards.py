@@ -122,8 +122,13 @@ def check_shard(path: Path, block: Block, identity: str) -> None:
     """Refuse a file that is not, as it was written, the shard of this block of this ensemble."""
     with _whole(path) as root:
         found = [root.attrs[key] for key in (*vars(block), "identity")]
-    if found != [*vars(block).values(), identity]:
-        raise DataMissingError("is not what its name says", where=str(path), hint=_HINT)
+        size = len(json.loads(root.attrs["cases"])), block.count
+        held = [*(root[name] for name in _ARRAYS[1:]), *root["statistics"].values()]
+        fits = root["draws"].shape[0] == block.count and all(
+            values.shape[:2] == size and values.dtype.kind in "fi" for values in held
+        )
+        if found != [*vars(block).values(), identity] or not fits:
+            raise DataMissingError("is not what its name says", where=str(path), hint=_HINT)
 
 
 @contextmanager

@@ -1,7 +1,9 @@
 """Shards: what is written comes back, and whatever is not whole is found out."""
 
+import io
 from dataclasses import replace
 
+import h5py
 import numpy as np
 import pytest
 from support.fake_batch import read_shard
@@ -16,6 +18,7 @@ from tendonrepro.ensemble.shards import (
     shard_image,
 )
 from tendonrepro.errors import DataMissingError
+from tendonrepro.files import sealed, unsealed
 
 
 def shard(**changes):
@@ -93,6 +96,19 @@ def test_what_is_not_the_shard_asked_for_is_refused(path, tmp_path):
     with pytest.raises(DataMissingError, match="No such file"):
         check_shard(tmp_path / "none.h5", block, "abc")
     assert identity_of(path) is None
+
+
+@pytest.mark.parametrize("name", ["draws", "status", "steps", "statistics"])
+@pytest.mark.parametrize("value", [np.zeros((1, 4)), np.full((3, 4), b"text"), 1.0, None])
+def test_another_content_under_our_seal_is_refused(path, name, value):
+    image = io.BytesIO(unsealed(path))
+    with h5py.File(image, "r+") as root:
+        del root[name]
+        if value is not None:
+            root[name] = value
+    path.write_bytes(sealed(image.getvalue()))
+    with pytest.raises(DataMissingError, match=r"is not what its name says|is damaged"):
+        check_shard(path, shard().block, "abc")
 
 
 def test_files_are_listed_in_canonical_order(tmp_path):
