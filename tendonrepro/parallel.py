@@ -33,18 +33,18 @@ _METHOD = "forkserver" if sys.platform == "linux" else "spawn"
 _report: Callable[[int], None] | None = None
 
 
-def prepare(*modules: str) -> None:
-    """Begin to import modules for the processes that :func:`each` will start, while this one goes on.
+def prepare(module: str) -> None:
+    """Begin to import a module for the processes that :func:`each` will start, while this one goes on.
 
     On Linux they fork from one that has imported them; elsewhere each imports for itself.
 
     Parameters
     ----------
-    modules : str
-        Names of modules that are slow to import.
+    module : str
+        Name of one that imports what is slow to import.
     """
     if _METHOD == "forkserver" and (os.cpu_count() or 1) > 1:
-        forkserver.set_forkserver_preload(list(modules))
+        forkserver.set_forkserver_preload([module])
         with interrupts_held():
             forkserver.ensure_running()
 

@@ -32,8 +32,7 @@ if TYPE_CHECKING:
 # that draw import this module and never run that.
 logging.getLogger("matplotlib").setLevel(logging.ERROR)
 
-DRAWING = (__name__, "tendonrepro.results.figures.catalogue")
-"""Modules of the processes that draw."""
+WORKERS = "tendonrepro.cli.workers"
 
 EPILOG = (
     "Exit codes: 0 done, 1 error, 2 usage or configuration, 3 a verdict is against the print "
@@ -170,7 +169,7 @@ def decouple(request: Request, terminal: Terminal) -> int:
 def _make_ready(request: Request) -> None:
     """Let the processes that will integrate and draw import while this one reads the configuration."""
     if not request.dry_run:
-        prepare(*DRAWING, "tendonrepro.simulation.codegen.compiled", "scipy.integrate")
+        prepare(WORKERS)
 
 
 def _carry_out(orders: Sequence[Order], terminal: Terminal) -> int:
@@ -200,7 +199,7 @@ def figures(
     out: ResultsFolder = Path("reports"),
 ) -> None:
     """Draw figures again from stored traces."""
-    prepare(*DRAWING)
+    prepare(WORKERS)
     from tendonrepro.experiments.command import redraw
 
     terminal.list_files(redraw(out, numbers))
