@@ -252,7 +252,7 @@ def closest(data: Mapping[str, Any]) -> Table:
     about = (
         "Plants fitted to all sixteen numbers of Tables 2 and 3, so that nothing here is evidence. Misfit is the root mean "
         "square of log(ours/printed) after "
-        f"{data['evaluations']:,} plants; seeds agree where their best misfits differ by at most 5 % or all are below 0.02. Orders and RMSE/MAE of "
+        f"{data['evaluations']:,} plants; seeds agree where their best misfits differ by at most 5 % or all are below 0.02; a misfit above 1 says that no plant was found on which all runs last. Orders and RMSE/MAE of "
         "Controllers 1, 2, 3 are those of the best plant, joint 2 / joint 3; printed are "
         f"{' / '.join(shape['printed_order_mae'] for shape in printed)} and "
         f"{' / '.join(_peakedness(shape, 'printed') for shape in printed)}."
@@ -274,7 +274,9 @@ def together(data: Mapping[str, Any]) -> str:
     return (
         f"**What would bring the printed order, the printed ratios and RMSE/MAE together?** Of the {len(searched)} searched above the closest plant has the printed order, in "
         f"MAE and RMSE on both joints, under {_names(ordered)}; RMSE/MAE rises from Controller 1 to 3 on both joints under {_names(rising)}; "
-        f"so both under {_names([name for name in ordered if name in rising])}. The closest plant found is that under `{best['name']}`. "
+        f"so both under {_names([name for name in ordered if name in rising])}. The searches of a reading agree under "
+        f"{sum(held['seeds_agree'] for held in searched)} of the {len(searched)}; under the others a closer plant is likely, and the ranks of "
+        f"neighbours mean little. The closest plant found is that under `{best['name']}`. "
         f"Of its sixteen numbers {row['run'].replace('_', ' ')}'s {row['metric'].upper()} on joint {row['joint']} is farthest off, {off}. "
         f"At a bound of the box it has {leans or 'no row'}. `tendonrepro compare --config closest` runs it; it was fitted to what it is laid "
         "beside, so it proves nothing."

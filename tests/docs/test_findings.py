@@ -396,7 +396,7 @@ def test_joint_1_held_by_its_motor_changes_little() -> None:
 
 
 def set_in(line: str) -> list[str]:
-    return re.findall(r"--set (\S+)", line)
+    return re.findall(r"--set \"?([^\s\"]+)", line)
 
 
 def batch_errors(*overrides: str) -> np.ndarray:

@@ -66,6 +66,7 @@ def test_table_of_the_closest_plants(generate: Any) -> None:
     assert lines[-3].endswith("1.30 1.30 1.30 / 1.30 1.30 1.30.")
     assert "on both joints, under `phi_branch=power`; RMSE/MAE rises" in lines[-1]
     assert "on both joints under none of them; so both under none of them" in lines[-1]
+    assert "agree under 1 of the 2;" in lines[-1]
     assert "controller 3's MAE on joint 3 is farthest off, 6 % too small" in lines[-1]
     assert "At a bound of the box it has `amplitude` (high)." in lines[-1]
 
