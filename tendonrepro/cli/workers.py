@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
+import signal
 from importlib import import_module
 
 MODULES = (
@@ -11,7 +13,10 @@ MODULES = (
     "tendonrepro.results.figures.catalogue",
     "scipy.integrate",
 )
+_PR_SET_PDEATHSIG = 1
 
+# Ends with the command, even where it hangs in an import, as some libraries do for want of memory.
+ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 try:
     for _name in MODULES:
         import_module(_name)
