@@ -194,11 +194,9 @@ def watch_memory(pid, sums, ended):
 
 
 def together_mb(pids):
-    """Memory of processes that run the same programs, MB: mapped files, such as libraries, count once."""
-    status = [read_if_there(Path(f"/proc/{pid}/status")) for pid in pids]
-    own = [kilobytes("RssAnon", text) + kilobytes("RssShmem", text) for text in status]
-    files = [kilobytes("RssFile", text) for text in status]
-    return (sum(own) + max(files)) * 1024 / 1e6
+    """Memory of processes, MB: what several of them share is counted once."""
+    sizes = [kilobytes("Pss", read_if_there(Path(f"/proc/{pid}/smaps_rollup"))) for pid in pids]
+    return sum(sizes) * 1024 / 1e6
 
 
 def descendants(pid):
