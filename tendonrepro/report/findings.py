@@ -166,9 +166,15 @@ def _ratios(found: Results) -> str | None:
             " With encoder, output delay and filter as drawn instead of as printed the verdict stands for "
             f"{len(firm)} of the {len(against)}{of}."
         )
-    alone = sum("ranked last" in " ".join(entry["evidence"].get("remarks", ())) for entry in against)
+    alone = [entry for entry in against if "ranked last" in " ".join(entry["evidence"].get("remarks", ()))]
     if alone:
-        text += f" {alone} of them stand only while plants on which a law diverges are left out."
+        text += f" Where a diverged law ranks last it stands for {len(against) - len(alone)}"
+        both = [
+            entry
+            for entry in against
+            if entry not in alone and "hardware=drawn" not in entry["readings_that_change_it"]
+        ]
+        text += f", and both ways for {len(both) or 'none'}."
     return text + " They are one statement, that Controller 1 errs less, in several numbers."
 
 
@@ -231,7 +237,7 @@ def _encoders(found: Results) -> str | None:
         f"{percent(tracking[_MOTOR] / found.plants)}, where the errors are the motors' too."
     )
     if "encoder=ideal" in tracking:
-        text += f" That these count fifty times finer is not why: with ideal encoders on the joints it is {percent(tracking['encoder=ideal'] / found.plants)}."
+        text += f" Counting finer does not do it alone: with ideal encoders on the joints it is {percent(tracking['encoder=ideal'] / found.plants)}."
     text += " The paper's loops were stable; its section 5.2 speaks for encoders on the joints."
     if _mostly(readings[_MOTOR]["in_reverse"]) and _mostly(readings["printed"]["in_reverse"]):
         text += " The order does not depend on it: with the motors' it is reversed on "
@@ -274,10 +280,11 @@ def _shape(found: Results) -> str | None:
     firm = found.summary["populations"].get("firm", {"readings": []})["readings"]
     rises = next((held["rmse_over_mae_rises"] for held in firm if held["name"] == "printed"), None)
     if rises and rises["plants"] >= LEAST_PLANTS:
-        text += f", but on {percent(rises['share'])} of the {rises['plants']} whose rows of low confidence are held: it hangs on these"
+        most = next(held["growth"]["joint_2"]["highest"] for held in firm if held["name"] == "printed") - 1.0
+        text += f", but on {percent(rises['share'])} of the {rises['plants']} whose rows of low confidence are held, by at most {percent(most)} on joint 2"
     if reach:
         middle = max(found.readings[name]["growth"]["joint_2"]["median"] for name in reach) - 1.0
-        text += f". Under {len(reach)} other readings single plants reach the growth on joint 2, but no median is above {percent(middle)}"
+        text += f". Under {len(reach)} other readings single plants of the box reach the printed growth on joint 2, but no median is above {percent(middle)}"
     return text + "."
 
 
@@ -320,23 +327,24 @@ def _torque(found: Results) -> str | None:
 
 
 def _parts(found: Results) -> str:
-    """What of C5 and C6 holds by itself, by RMS and peak on the least of joints and rivals."""
+    """What of C5 and C6 holds most often by itself: the least and the largest share over joints and rivals."""
 
     def least(claim: str, start: str) -> list[str]:
         held = found.entries[claim]["evidence"].get("statements", ())
         of = [
             [row["share"] for row in held if row.get("measure") == measure and start in row["statement"]]
-            for measure in ("RMS", "peak")
+            for measure in ("RMS", "peak", "course below 3 Hz")
         ]
-        return [percent(min(shares)) for shares in of if shares]
+        ends = [(percent(min(shares)), percent(max(shares))) for shares in of if shares]
+        return [low if place < 2 else f"{low} to {high}" for place, (low, high) in enumerate(ends)]
 
-    smaller, lower = least("C5", "moving up"), least("C6", " below that of ")
-    if len(smaller) < 2 or len(lower) < 2:
+    smaller, lower = least("C5", "moving up"), least("C6", "of torque of controller_1 below that of ")
+    if len(smaller) < 3 or len(lower) < 3:
         return ""
     return (
-        f" Of C5 and C6 these parts hold on both joints against both rivals: moving up the estimate is smaller, by RMS on {smaller[0]} "
-        f"and by peak on {smaller[1]} or more; the torque is lower overall, on {lower[0]} and {lower[1]} or more. What fails is that "
-        "it is similar moving down, and lower by more than 5 % moving up on joint 2."
+        " Of C5 and C6 these parts hold most often, taken singly, on each joint against each rival: moving up Controller 1's estimate is "
+        f"smaller by RMS on at least {smaller[0]}, by peak on {smaller[1]}; its torque is lower overall on at least {lower[0]} and "
+        f"{lower[1]}. By what lies below 3 Hz it is {smaller[2]} and {lower[2]}."
     )
 
 
