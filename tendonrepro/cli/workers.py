@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import os
 import signal
+import sys
 from importlib import import_module
 
 MODULES = (
@@ -16,7 +17,8 @@ MODULES = (
 _PR_SET_PDEATHSIG = 1
 
 # Ends with the command, even where it hangs in an import, as some libraries do for want of memory.
-ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+if sys.platform == "linux":
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 try:
     for _name in MODULES:
         import_module(_name)
