@@ -33,9 +33,11 @@ def context():
     return context
 
 
-def finished(process, seconds):
-    """Wait so long, then kill; whether the process had come to its end before."""
+def finished(process, seconds, folder=None, kept=0):
+    """Wait so long, from the next shard on where a folder is given, then kill; whether it ended before."""
     process.start()
+    while folder and process.is_alive() and len(shard_files(folder)) <= kept:
+        time.sleep(0.002)
     process.join(seconds)
     if process.exitcode is None:
         assert process.pid is not None
@@ -60,8 +62,12 @@ def test_kills_at_random_instants_change_nothing(context, tmp_path, jobs, kills)
     while done < kills:
         folder = tmp_path / f"after_{done}"
         kept = 0
+        # On a loaded machine most of a run is its start, so every other kill waits for the work to begin.
         while not finished(
-            context.Process(target=run_small, args=(folder, jobs)), float(rng.uniform(0.0, 1.1 * whole))
+            context.Process(target=run_small, args=(folder, jobs)),
+            float(rng.uniform(0.0, 0.1 if done % 2 else 1.1 * whole)),
+            folder / FOLDER if done % 2 else None,
+            kept,
         ):
             done += 1
             # Whatever is there is whole, and nothing that was there is lost.
