@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from typing import Any
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.physics.control import Law, start_memory
-from tendonrepro.physics.dynamics import holding_torque, rest_state
+from tendonrepro.physics.dynamics import Plant, holding_torque, rest_state
 from tendonrepro.physics.instruments import quantise
 from tendonrepro.simulation import streaming
 from tendonrepro.simulation.codegen import compiled, lane_loop
@@ -21,6 +21,9 @@ from tendonrepro.simulation.codegen.machine import LaneCode
 from tendonrepro.simulation.kernel import LoopNumbers, sample_code, step_code
 from tendonrepro.simulation.resolution import HIGHEST, PACES, plant_modes, steps_by_demand
 from tendonrepro.simulation.stepper import JOINT_NOISE, MOTOR_NOISE, TORQUE_NOISE, Loop, random_stream
+
+CHUNK = 128
+"""Plants whose steps are worked out together, by one thread."""
 
 
 @dataclass(frozen=True)
@@ -63,14 +66,18 @@ def plant_parts(
     # Runs under other readings share their plant and motion: these are worked out once.
     key = {place: (id(loop.plant), id(loop.reference)) for place, loop in loops.items()}
     single = {key[place]: loop for place, loop in loops.items()}
-    plant = stacked([loop.plant for loop in single.values()])
     motions = {id(loop.reference): loop.reference for loop in single.values()}
     far = {name: np.abs(motion.q_d).max(axis=0) for name, motion in motions.items()}
-    stroke = stacked([far[id(loop.reference)] for loop in single.values()])
+    strokes = [(loop.plant, far[id(loop.reference)]) for loop in single.values()]
+    chunks = [strokes[first : first + CHUNK] for first in range(0, len(strokes), CHUNK)]
+    periods = {loop.L for loop in loops.values()}
+    found = list(for_each(partial(_steps, periods=periods, tolerance=tolerance), chunks))
+    counts = {
+        L: [np.hstack(parts) for parts in zip(*(part[L] for part in found), strict=True)] for L in periods
+    }
     column = {name: k for k, name in enumerate(single)}
     places = {place: column[name] for place, name in key.items()}
-    modes = list(for_each(partial(plant_modes, plant, stroke), PACES))
-    counts = {L: steps_by_demand(modes, L, tolerance) for L in {loop.L for loop in loops.values()}}
+    plant = stacked([plant for plant, _ in strokes])
     still, once = np.zeros_like(plant.preload), np.ones((1, len(single)))
     torque = holding_torque(still, plant)
     start = {"state": rest_state(still, plant), "live": once, "demand": HIGHEST * once}
@@ -85,6 +92,15 @@ def plant_parts(
         {place: counts[loop.L][0][:, places[place]] for place, loop in loops.items()},
         {place: torque[:, k] for place, k in places.items()},
     )
+
+
+def _steps(
+    strokes: Sequence[tuple[Plant, Array]], *, periods: Collection[float], tolerance: float
+) -> dict[float, tuple[NDArray[np.int64], NDArray[np.bool_]]]:
+    """Integration steps of plants along their strokes by sampling period, see `steps_by_demand`."""
+    plants, far = (stacked(list(column)) for column in zip(*strokes, strict=True))
+    modes = [plant_modes(plants, far, pace) for pace in PACES]
+    return {L: steps_by_demand(modes, L, tolerance) for L in periods}
 
 
 def sample_part(
@@ -136,6 +152,8 @@ def _start(tau: Array, numbers: LoopNumbers, loops: Sequence[Loop]) -> dict[str,
     n, count = tau.shape
     angles = [
         quantise(loop.encoder.noise * next(unit_noise(loop, [1]))[0, :n], loop.encoder.resolution)
+        if loop.encoder.noise
+        else np.zeros(n)
         for loop in loops
     ]
     if numbers.law.motor_side:
