@@ -1,7 +1,7 @@
-"""Copy what an ensemble and the ledger found beside this file, and write their parts of findings.md from it.
+"""Copy what an ensemble and the ledger found beside this file, and write findings.md and tables.md from it.
 
 ``make findings`` runs it after ``tendonrepro ensemble`` and ``tendonrepro claims``. Every number between the
-marks in findings.md comes from ``docs/results``; a test makes the text again and compares.
+marks in these pages comes from ``docs/results``; a test makes the text again and compares.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from tendonrepro.report.findings import Results, findings
 
 DOCS = Path(__file__).parent
 RESULTS = DOCS / "results"
-PAGE = DOCS / "findings.md"
+PAGES = (DOCS / "findings.md", DOCS / "tables.md")
 CLOSEST = DOCS.parent / "configs" / "closest.yaml"
-PART = re.compile(r"(<!-- made by generate.py: (the answer|the ensemble) -->\n).*?(<!-- end -->)", re.S)
+PART = re.compile(r"(<!-- made by generate.py: ([a-z ]+) -->\n).*?(<!-- end -->)", re.S)
 
 
 def main(reports: Path) -> None:
-    """Take results over from a reports folder and rewrite the page."""
+    """Take results over from a reports folder and rewrite the pages."""
     RESULTS.mkdir(exist_ok=True)
     summary = json.loads((reports / "ensemble" / "summary.json").read_text(encoding="utf-8"))
     ledger = json.loads((reports / "claims" / "claims.json").read_text(encoding="utf-8"))
@@ -37,7 +37,8 @@ def main(reports: Path) -> None:
     _store("decides.json", rows.thinned_decides(decides))
     if (reports / "identify_all").exists():
         take_closest(reports / "identify_all")
-    PAGE.write_text(fresh(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+    for page in PAGES:
+        page.write_text(fresh(page.read_text(encoding="utf-8")), encoding="utf-8")
 
 
 def take_closest(folder: Path) -> None:
@@ -49,8 +50,8 @@ def take_closest(folder: Path) -> None:
 
 
 def fresh(text: str) -> str:
-    """The page with its made parts made again."""
-    makers = {"the answer": answer, "the ensemble": generated}
+    """A page with its made parts made again."""
+    makers = {"the answer": answer, "the closest plant": closest, "all results": generated}
     return PART.sub(lambda part: f"{part[1]}\n{makers[part[2]]().strip()}\n\n{part[3]}", text)
 
 
@@ -79,25 +80,29 @@ def answer() -> str:
     return "\n".join(f"- {line}" for line in findings(found))
 
 
+def closest() -> str:
+    """What the closest plants say together."""
+    return rows.together(stored("identify.json"))
+
+
 def generated() -> str:
-    """The part of findings.md that comes from stored results."""
+    """All stored results as tables."""
     summary, ledger = stored("ensemble.json"), stored("claims.json")
     parts = [
         rows.head(summary),
-        "### What the ensemble says",
+        "## In sentences",
         "\n".join(f"- {line}" for line in summary["conclusions"]),
-        "### Reading by reading",
+        "## Reading by reading",
         table(rows.readings(summary)),
-        "### Claim by claim",
+        "## Claim by claim",
         table(rows.claims(ledger)),
-        "### Number by number",
+        "## Number by number",
         table(rows.numbers(ledger)),
-        "### Which unknowns decide",
+        "## Which unknowns decide",
         table(rows.decides(stored("decides.json"))),
+        "## The closest plants",
+        table(rows.closest(stored("identify.json"))),
     ]
-    if (RESULTS / "identify.json").exists():
-        searched = stored("identify.json")
-        parts += ["### The closest plants", table(rows.closest(searched)), rows.together(searched)]
     return "\n\n".join(parts) + "\n"
 
 

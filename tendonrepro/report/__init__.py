@@ -1,1 +1,1 @@
-"""One HTML file for a reviewer, and the words and tables that it shares with docs/findings.md."""
+"""One HTML file for a reviewer, and the words and tables it shares with findings.md and tables.md of docs."""

@@ -134,8 +134,8 @@ def _order(found: Results) -> str | None:
     if all(slips):
         left = " and ".join(percent(held["in_reverse"]["share"]) for held in slips if held)
         text += (
-            ' "As printed" mends [two slips](slips.md), 9 and 14: φ is odd, and Controller 2\'s law has η. With either left as '
-            f"it stands the reverse order holds on {left}."
+            ' "As printed" mends two [slips](slips.md), that φ is not odd and that Controller 2\'s law lacks η; with either left '
+            f"as it stands it is {left}."
         )
     text += f" By the rules claim C2 is `{entry['verdict']}`"
     shares = [held["share"] for held in entry["evidence"].get("statements", ())]
@@ -158,23 +158,14 @@ def _ratios(found: Results) -> str | None:
         f"**{head}.** Controller 1's MAE over Controller 2's on joint 2 is {ratio['median']:.2f}, {ratio['q05']:.2f} to "
         f"{ratio['q95']:.2f} on the central 90 % of the plants; the print has {first / second:.2f}."
     )
+    drawn = [entry for entry in against if "hardware=drawn" not in entry["readings_that_change_it"]]
+    last = [entry for entry in against if "ranked last" not in " ".join(entry["evidence"].get("remarks", ()))]
     if "hardware=drawn" in found.readings:
-        firm = [entry for entry in against if "hardware=drawn" not in entry["readings_that_change_it"]]
-        joints = {entry["id"].rpartition("_")[2] for entry in firm}
-        of = f", those of joint {joints.pop()}" if len(joints) == 1 else ""
+        both = [entry for entry in drawn if entry in last]
         text += (
-            " With encoder, output delay and filter as drawn instead of as printed the verdict stands for "
-            f"{len(firm)} of the {len(against)}{of}."
+            f" The verdict stands for {len(drawn)} of the {len(against)} with encoder, output delay and filter as drawn, for "
+            f"{len(last)} with a diverged law ranked last, and for {len(both) or 'none'} both ways."
         )
-    alone = [entry for entry in against if "ranked last" in " ".join(entry["evidence"].get("remarks", ()))]
-    if alone:
-        text += f" Where a diverged law ranks last it stands for {len(against) - len(alone)}"
-        both = [
-            entry
-            for entry in against
-            if entry not in alone and "hardware=drawn" not in entry["readings_that_change_it"]
-        ]
-        text += f", and both ways for {len(both) or 'none'}."
     return text + " They are one statement, that Controller 1 errs less, in several numbers."
 
 
@@ -204,19 +195,18 @@ def _mended(found: Results) -> str | None:
         f". Neither is what Eqs. (12) and (15) say, and they were found by trying {len(readings)} readings."
     )
     if both["inside"] < len(found.starting("share.")):
-        text += f" They do not bring all back: {both['inside']} of the 8 printed ratios lie in the central 90 %, and RMSE/MAE "
-        text += f"rises as printed on {percent(both['rmse_over_mae_rises']['share'])}."
+        text += f" Not all comes back: {both['inside']} of the 8 printed ratios lie in the central 90 %, and RMSE/MAE rises as printed "
+        text += f"on {percent(both['rmse_over_mae_rises']['share'])}."
     ok, printed = [percent(both["ok"][f"controller_{k}"]) for k in (1, 2, 3)], readings["printed"]["smoother"]
     fewer = both["ok"]["controller_1"] < min(both["ok"][f"controller_{k}"] for k in (2, 3))
     if _mostly(printed) and both["smoother"]["share"] < 0.5 and fewer:
         text += (
-            f" They cost what agrees as printed: under them Controller 1's torque is the smoothest on {percent(both['smoother']['share'])} "
-            f"instead of {percent(printed['share'])}, and it tracks on {ok[0]} of the plants drawn against {ok[1]} and {ok[2]} of the others."
+            f" And it costs what agrees as printed: Controller 1's torque is the smoothest on {percent(both['smoother']['share'])} instead "
+            f"of {percent(printed['share'])}, and it tracks on fewer plants than the others, {ok[0]} against {ok[1]} and {ok[2]}."
         )
     return text + (
-        f" Under no reading that was run do the printed order and that rise meet on more than {percent(rise)} of the plants, nor that "
-        f"order and the smoothest torque on more than {percent(smooth)}. For the order, whoever has the authors' code should look at "
-        "those two lines first."
+        f" No reading that was run gives the printed order with that rise on more than {percent(rise)} of the plants, or with the "
+        f"smoothest torque on more than {percent(smooth)}."
     )
 
 
@@ -232,17 +222,15 @@ def _encoders(found: Results) -> str | None:
     )
     text = (
         "**Of all readings, whose encoders the law looks at changes its stability most.** With those on the joints all three laws "
-        f"track on {percent(tracking['printed'] / found.plants)} of the drawn plants"
+        f"track on {percent(tracking['printed'] / found.plants)} of the plants drawn"
         f"{', which hangs on the damping of a tendon more than on any other single unknown' * damping}; with those of the motors on "
         f"{percent(tracking[_MOTOR] / found.plants)}, where the errors are the motors' too."
     )
     if "encoder=ideal" in tracking:
-        text += f" Counting finer does not do it alone: with ideal encoders on the joints it is {percent(tracking['encoder=ideal'] / found.plants)}."
-    text += " The paper's loops were stable; its section 5.2 speaks for encoders on the joints."
+        text += f" Counting finer does not do it alone: ideal ones on the joints give {percent(tracking['encoder=ideal'] / found.plants)}."
     if _mostly(readings[_MOTOR]["in_reverse"]) and _mostly(readings["printed"]["in_reverse"]):
-        text += " The order does not depend on it: with the motors' it is reversed on "
-        text += f"{interval(readings[_MOTOR]['in_reverse'])}."
-    return text
+        text += f" With the motors' the order is reversed too, on {interval(readings[_MOTOR]['in_reverse'])}."
+    return text + " The paper's loops were stable, and its section 5.2 speaks for encoders on the joints."
 
 
 def _sizes(found: Results) -> str | None:
@@ -274,17 +262,17 @@ def _shape(found: Results) -> str | None:
     text = (
         "**One clue that needs no scale is not explained.** RMSE over MAE on joint 2 rises over Controllers 1 to 3 in the print, "
         f"{_listed(theirs)}; here the medians are {_listed(ours)}. From 1 to 3 it grows by {percent(theirs[2] / theirs[0] - 1.0)} in "
-        f"print, and on no plant by more than {percent(growth[0])}. On joint 3 it grows by {percent(farther)} in print, and by up to "
-        f"{percent(growth[1])}. That it rises at all, on both joints, is so on {percent(share)} of the plants, by chance 2.8 %"
+        f"print, on no plant by more than {percent(growth[0])}; on joint 3 by {percent(farther)} in print, here by up to "
+        f"{percent(growth[1])}. It rises at all, on both joints, on {percent(share)} of the plants, by chance on 2.8 %"
     )
     firm = found.summary["populations"].get("firm", {"readings": []})["readings"]
     rises = next((held["rmse_over_mae_rises"] for held in firm if held["name"] == "printed"), None)
     if rises and rises["plants"] >= LEAST_PLANTS:
         most = next(held["growth"]["joint_2"]["highest"] for held in firm if held["name"] == "printed") - 1.0
-        text += f", but on {percent(rises['share'])} of the {rises['plants']} whose rows of low confidence are held, by at most {percent(most)} on joint 2"
+        text += f", but on {percent(rises['share'])} of the {rises['plants']} of the firm rows, there by at most {percent(most)} on joint 2"
     if reach:
         middle = max(found.readings[name]["growth"]["joint_2"]["median"] for name in reach) - 1.0
-        text += f". Under {len(reach)} other readings single plants of the box reach the printed growth on joint 2, but no median is above {percent(middle)}"
+        text += f". Under {len(reach)} other readings single plants reach the printed growth on joint 2, no median is above {percent(middle)}"
     return text + "."
 
 
@@ -319,8 +307,8 @@ def _torque(found: Results) -> str | None:
     one, two, three = map(percent, ok)
     return (
         f"**What agrees with the print about α:** the torque is smoother on {where}, and Controller 1 tracks on more of the plants "
-        f"drawn, {one} against {two} and {three} of Controllers 2 and 3{_robustness(found)}. Whether the estimate is better hangs "
-        f"on the measure: by the RMS of its error, mostly the arm shaken by encoder counts, on "
+        f"drawn, {one} against {two} and {three} of Controllers 2 and 3{_robustness(found)}. Its estimate is better "
+        f"by the RMS of its error, mostly the arm shaken by encoder counts, on "
         f"{percent(measured['RMS of epsilon'])}, by what of it lies below 3 Hz on "
         f"{percent(measured['RMS of epsilon below 3 Hz'])}.{_parts(found)}"
     )
@@ -342,9 +330,9 @@ def _parts(found: Results) -> str:
     if len(smaller) < 3 or len(lower) < 3:
         return ""
     return (
-        " Of C5 and C6 these parts hold most often, taken singly, on each joint against each rival: moving up Controller 1's estimate is "
-        f"smaller by RMS on at least {smaller[0]}, by peak on {smaller[1]}; its torque is lower overall on at least {lower[0]} and "
-        f"{lower[1]}. By what lies below 3 Hz it is {smaller[2]} and {lower[2]}."
+        " Parts of C5 and C6 hold too, on each joint against each rival: moving up its estimate is smaller by RMS on at least "
+        f"{smaller[0]}, by peak on {smaller[1]}, its torque is lower overall on {lower[0]} and {lower[1]}; by what lies below 3 Hz on "
+        f"{smaller[2]} and {lower[2]}."
     )
 
 
@@ -356,7 +344,7 @@ def _robustness(found: Results) -> str:
     others = len(found.entries["E1a"]["readings_that_change_it"])
     return (
         f"; of the {evidence['plants']} on which just one of 1 and 2 does, it is 1 on "
-        f"{interval({'share': evidence['share'], 'low': low, 'high': high})} (under {others} other readings the verdict is another)"
+        f"{interval({'share': evidence['share'], 'low': low, 'high': high})} (another verdict under {others} other readings)"
     )
 
 

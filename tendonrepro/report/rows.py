@@ -1,4 +1,4 @@
-"""Tables made of stored results, for docs/findings.md and for the page; a cell is Markdown of one line."""
+"""Tables made of stored results, for docs/tables.md and for the page; a cell is Markdown of one line."""
 
 from __future__ import annotations
 
@@ -272,14 +272,13 @@ def together(data: Mapping[str, Any]) -> str:
     off = f"{100.0 * abs(row['ratio'] - 1.0):.0f} % too {'large' if row['ratio'] > 1.0 else 'small'}"
     leans = ", ".join(f"`{name}` ({end})" for name, end in best["at_bound"].items())
     return (
-        f"**What would bring the printed order and the rise of RMSE/MAE together?** Of the {len(searched)} searched above the closest plant has the printed order, in "
-        f"MAE and RMSE on both joints, under {_names(ordered)}; RMSE/MAE rises from Controller 1 to 3 on both joints under {_names(rising)}{_rise(searched, rising)}; "
+        f"Of the {len(searched)} readings searched the closest plant has the printed order, in MAE and RMSE on both joints, under "
+        f"{_names(ordered)}; RMSE/MAE rises from Controller 1 to 3 on both joints under {_names(rising)}{_rise(searched, rising)}; "
         f"so both under {_names([name for name in ordered if name in rising])}. The searches of a reading agree under "
         f"{sum(held['seeds_agree'] for held in searched)} of the {len(searched)}; under the others a closer plant is likely, and the ranks of "
-        f"neighbours mean little. The closest plant found is that under `{best['name']}`. "
+        f"neighbours mean little. The closest plant found, misfit {best['misfit_log']:.3f}, is that under `{best['name']}`. "
         f"Of its sixteen numbers {row['run'].replace('_', ' ')}'s {row['metric'].upper()} on joint {row['joint']} is farthest off, {off}. "
-        f"At a bound of the box it has {leans or 'no row'}. `tendonrepro compare --config closest` runs it; it was fitted to what it is laid "
-        "beside, so it proves nothing."
+        f"At a bound of the box it has {leans or 'no row'}. `tendonrepro compare --config closest` runs it."
     )
 
 
