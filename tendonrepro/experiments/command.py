@@ -23,6 +23,7 @@ from tendonrepro.experiments.user_law import UserLaw, find_user_law
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.parallel import each
 from tendonrepro.results.comparison import write_tables
+from tendonrepro.results.figures import NUMBERS
 from tendonrepro.results.folder import (
     MANIFEST,
     TRACES,
@@ -288,17 +289,17 @@ def _rewritten(folder: Path, file: TraceFile) -> Iterator[list[Path]]:
 
 def _draw_figures(file: TraceFile, folder: Path) -> list[Path]:
     """Draw all figures that the traces allow."""
-    from tendonrepro.results.figures.catalogue import available
-
-    pieces = [(file, folder / "figures", number) for number in available(file)]
-    return [path for paths in each(_drawn, pieces) for path in paths]
+    # The later ones have more panels: begun first, they keep no processor waiting at the end.
+    pieces = [(file, folder / "figures", number) for number in reversed(NUMBERS[file.experiment])]
+    return [path for paths in reversed(each(_drawn, pieces)) for path in paths]
 
 
 def _drawn(piece: tuple[TraceFile, Path, int]) -> list[Path]:
-    """Draw one figure of a file into a folder, by the paper's number."""
-    from tendonrepro.results.figures.catalogue import redrawn
+    """Draw one figure of a file into a folder, by the paper's number, if its traces allow it."""
+    from tendonrepro.results.figures.catalogue import FIGURES, redrawn
 
-    return redrawn(*piece)
+    file, _, number = piece
+    return redrawn(*piece) if FIGURES[number].traces(file) else []
 
 
 def _load(order: Order) -> tuple[LoadedConfig, UserLaw | None]:

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from tendonrepro.arrays import Array
 from tendonrepro.physics.arm import gravity_torque, mass_matrix
@@ -65,6 +64,9 @@ def gravity_stiffness(q: Array, plant: Plant) -> Array:
 
 def hold_discretised(A: Array, B: Array, L: float) -> tuple[Array, Array]:
     """Exact step over a period of L seconds, the input held: ``x(t + L) = Phi x(t) + Gamma tau_m``."""
+    # As heavy as all else that a command imports before its runs begin.
+    from scipy.linalg import expm
+
     m, n = B.shape
     block = np.zeros((m + n, m + n))
     block[:m, :m], block[:m, m:] = A, B

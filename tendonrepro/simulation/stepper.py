@@ -242,7 +242,7 @@ def _integrator(loop: Loop) -> Callable[[float, float, Array, Array], Array]:
         atol=solver.atol,
         max_step=solver.max_step,
         # Most periods begin with a torque step, after which a full first step would be tried in vain.
-        first_step=0.25 * solver.max_step,
+        first_step=0.5 * solver.max_step,
         nsteps=STEPS_PER_SAMPLE,
     )
 

@@ -28,7 +28,8 @@ THROWN = (
 
 
 def run_of(unilateral, *overrides):
-    changes = (*THROWN, f"manipulator.tendons.unilateral={unilateral}", *overrides)
+    finer = "solver.rtol=1e-7", "solver.atol=1e-9"
+    changes = (*THROWN, *finer, f"manipulator.tendons.unilateral={unilateral}", *overrides)
     loaded = load_config(None, "compare", overrides=changes, controllers=[1])
     return loaded.config, dict(build_loops(loaded.config, loaded.folder))["controller_1"]
 
