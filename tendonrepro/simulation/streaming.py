@@ -76,6 +76,8 @@ class Sums(NamedTuple):
     direction: Array
     overshoot: Array
     sq_s: Array
+    slow_s: Array
+    sq_slow_s: Array
     max_s: Array
     max_rate: Array
     sq_tau: Array
@@ -123,6 +125,7 @@ STATISTICS = (
     "mae_calm",
     "overshoot",
     "s_rms",
+    "s_slow_rms",
     "s_max",
     "rate_max",
     *(f"{signal}_{size}{phase}" for signal, size, phase in product(SIGNALS, SIZES, PHASES)),
@@ -139,7 +142,7 @@ STATISTICS = (
 elsewhere; ``up`` and ``down`` where dq_d is beyond 5 % of its peak. ``overshoot`` is the largest error past
 the target, seen in the direction of the last stroke, while dq_d is within 1 % of its peak. ``peak`` is the
 largest magnitude, ``slow`` the mean magnitude of a signal after a first-order low-pass at `SLOW`,
-``epsilon_slow_rms`` the RMS of epsilon, Eq. (19), after the same low-pass. ``torque_step_rms`` is of the
+``s_slow_rms`` and ``epsilon_slow_rms`` the RMS of s and of epsilon, Eq. (19), after the same low-pass. ``torque_step_rms`` is of the
 change from sample to sample, ``saturated`` the share of samples at the torque limit, ``fast_share`` the
 share of the error's power above the ringing frequency.
 """
@@ -207,7 +210,7 @@ def _add_joint(sums: Any, x: Any, live: Any, k: Any, phases: Thresholds, i: int)
             }
         return found
 
-    epsilon = slowed(sums.slow_epsilon, x.epsilon)
+    s, epsilon = slowed(sums.slow_s, x.s), slowed(sums.slow_epsilon, x.epsilon)
     return Sums(
         abs_e=plus(sums.abs_e, size, live),
         sq_e=plus(sums.sq_e, square, live),
@@ -222,6 +225,8 @@ def _add_joint(sums: Any, x: Any, live: Any, k: Any, phases: Thresholds, i: int)
         direction=direction,
         overshoot=top(sums.overshoot, -direction * x.e, still),
         sq_s=plus(sums.sq_s, x.s * x.s, live),
+        slow_s=s,
+        sq_slow_s=plus(sums.sq_slow_s, s * s, live),
         max_s=top(sums.max_s, abs(x.s), live),
         max_rate=top(sums.max_rate, abs(x.de), live),
         **sizes("tau", x.tau),
@@ -256,6 +261,7 @@ def finished(sums: Sums, count: Any, fast_share: Array) -> dict[str, Array]:
         "mae_calm": mean(sums.abs_e - sums.abs_e_rapid, count - sums.rapid),
         "overshoot": sums.overshoot,
         "s_rms": np.sqrt(mean(sums.sq_s, count)),
+        "s_slow_rms": np.sqrt(mean(sums.sq_slow_s, count)),
         "s_max": sums.max_s,
         "rate_max": sums.max_rate,
         "torque_step_rms": np.sqrt(mean(sums.sq_change, pairs)),

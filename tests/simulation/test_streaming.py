@@ -65,6 +65,7 @@ def by_hand(x: dict[str, Array]) -> dict[str, Array]:
         "mae_calm": mean(size, ~rapid),
         "overshoot": overshoot(x["e"], x["dq_d"] / np.abs(x["dq_d"]).max(axis=0)),
         "s_rms": rms(x["s"]),
+        "s_slow_rms": rms(slow(x["s"])),
         "s_max": np.abs(x["s"]).max(axis=0),
         "rate_max": np.abs(x["de"]).max(axis=0),
         "torque_step_rms": rms(np.diff(tau, axis=0)),
