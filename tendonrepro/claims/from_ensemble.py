@@ -46,14 +46,13 @@ LEAST: Mapping[str, float] = {"rmse_over_mae": 1.0}
 class PlantNumbers:
     """A printed number over all plants: its values (N,) in the printed unit, meaningful where `judged`.
 
-    `resolved` are the plants of the ranking with a diverged law last; `direction` is what the number claims
-    besides its size.
+    `direction` is what the number claims besides its size, with the plants on which that can be ranked when a
+    diverged law counts last.
     """
 
     values: Array
     judged: Mask
-    resolved: Mask
-    direction: Statement | None
+    direction: tuple[Statement, Mask] | None = None
 
 
 def numbers_of(plants: Plants, identifier: str) -> PlantNumbers:
@@ -61,8 +60,8 @@ def numbers_of(plants: Plants, identifier: str) -> PlantNumbers:
     family, what, *metrics, place = identifier.split(".")
     joint = plants.joints.index(int(place.removeprefix("joint_")))
     if family == "rmse_over_mae":
-        shape, (ok, resolved) = shape_of(plants, what)[:, joint], _counted(plants, what)
-        return PlantNumbers(shape, ok & np.isfinite(shape), resolved, None)
+        shape = shape_of(plants, what)[:, joint]
+        return PlantNumbers(shape, _all_ok(plants, what) & np.isfinite(shape))
     (metric,) = metrics
     if family == "increase":
         return _quotient(plants, (FIRST, LOADED), metric, joint, change=True)
@@ -70,12 +69,11 @@ def numbers_of(plants: Plants, identifier: str) -> PlantNumbers:
         rival = f"controller_{what.removeprefix('controller_1_of_')}"
         return _quotient(plants, (rival, FIRST), metric, joint, change=False)
     run = LOADED if family == "table3" else what
-    return PlantNumbers(np.rad2deg(plants[run, metric][:, joint]), *_counted(plants, run), None)
+    return PlantNumbers(np.rad2deg(plants[run, metric][:, joint]), _all_ok(plants, run))
 
 
-def _counted(plants: Plants, *runs: str) -> tuple[Mask, Mask]:
-    every = tuple(dict.fromkeys((*CONTROLLERS, *runs)))
-    return plants.ok(*every), plants.none(UNRESOLVED, *every)
+def _all_ok(plants: Plants, *runs: str) -> Mask:
+    return plants.ok(*dict.fromkeys((*CONTROLLERS, *runs)))
 
 
 def _quotient(
@@ -83,13 +81,13 @@ def _quotient(
 ) -> PlantNumbers:
     """Percentage that the second run's error is of the first's, or by which it is larger."""
     whole, part = (plants[run, metric][:, joint] for run in runs)
-    ok, resolved = _counted(plants, *runs)
     with np.errstate(invalid="ignore"):
-        judged = ok & (whole > 0.0)
+        judged = _all_ok(plants, *runs) & (whole > 0.0)
     ratio = 100.0 * np.divide(part, whole, out=np.full_like(part, np.nan), where=judged)
     first, second = runs if change else runs[::-1]
     direction = list(smaller(plants, metric, first, second, metric.upper()))[joint]
-    return PlantNumbers(ratio - 100.0 if change else ratio, judged, resolved, direction)
+    rankable = plants.rankable(*runs)
+    return PlantNumbers(ratio - 100.0 if change else ratio, judged, (direction, rankable))
 
 
 def judge(plants: Plants, paper: Published, rule: str, identifier: str) -> Judged:
@@ -125,9 +123,10 @@ def _number(plants: Plants, paper: Published, identifier: str) -> Judged:
     share, remarks = None, []
     decision = of_number((low, high), box, share)
     if found.direction:
-        share = share_of(found.direction.holds[found.judged], replicate)
-        evidence["direction"] = {"statement": found.direction.text} | share.as_dict()
-        last = share_of(found.direction.last[found.resolved], plants.data.replicate[found.resolved])
+        statement, rankable = found.direction
+        share = share_of(statement.holds[found.judged], replicate)
+        evidence["direction"] = {"statement": statement.text} | share.as_dict()
+        last = share_of(statement.last[rankable], plants.data.replicate[rankable])
         evidence["direction"]["diverged_last"] = last.as_dict()
         decision, ranked = (of_number((low, high), box, one) for one in (share, last))
         if ranked.verdict != decision.verdict:
@@ -150,8 +149,8 @@ def _claim(plants: Plants, paper: Published, rule: str) -> Judged:
     if found.chance is not None:
         evidence["chance"] = found.chance
     remarks = [*found.remarks, *_measures(evidence), *_unresolved(plants)]
-    if found.resolved is not None:
-        last, evidence["diverged_last"] = _by_statements(plants, found, found.resolved, "last")
+    if found.rankable is not None:
+        last, evidence["diverged_last"] = _by_statements(plants, found, found.rankable, "last")
         if last.verdict != direction.verdict:
             remarks.append(f"with a diverged law ranked last, without regard to values: {last.verdict}")
     decision = direction

@@ -109,7 +109,7 @@ class OneArm:
             return self._of_the_tables(run, name)
         if name == "torque_step_rms":
             self._check_steps()
-        if name == "s_rms":
+        if name in ("s_rms", "s_slow_rms"):
             self._check_surfaces()
         if run not in self._kept:
             rates = None
@@ -181,13 +181,12 @@ def statistics_of(trace: Trace, rates: tuple[Array, Array] | None) -> dict[str, 
     acceleration (T, n), there are no phases.
     """
     found: dict[str, Array] = {}
-    s = sliding_variable(trace)
+    L, s = _step(trace.time), sliding_variable(trace)
+    phases = thresholds(*(rates or (np.zeros((1, 1)), np.zeros((1, 1)))), L)
     if s is not None:
-        found["s_rms"] = _rms(s)
+        found["s_rms"], found["s_slow_rms"] = _rms(s), _rms(_slow(s, float(phases.newest)))
     if "tau_m" in trace:
         found["torque_step_rms"] = _rms(np.diff(trace["tau_m"], axis=0))
-    L = _step(trace.time)
-    phases = thresholds(*(rates or (np.zeros((1, 1)), np.zeros((1, 1)))), L)
     for name, variable in (("torque", "tau_m"), ("H_hat", "H_hat")):
         if variable in trace:
             found |= _sizes(name, trace[variable], _ways(trace[variable], rates, phases), phases)

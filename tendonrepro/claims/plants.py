@@ -89,6 +89,11 @@ class Plants:
         """Plants on which none of some runs has a status."""
         return np.asarray(np.logical_and.reduce([self.status(run) != code for run in runs]))
 
+    def rankable(self, *runs: str) -> Mask:
+        """Plants on which some runs can be ranked with a diverged one last: resolved, not all diverged."""
+        lost = np.logical_and.reduce([self.status(run) == DIVERGED for run in runs])
+        return np.asarray(self.none(UNRESOLVED, *runs) & ~lost)
+
     def _address(self, run: str) -> tuple[str, str]:
         name, _, variation = run.partition("@")
         reading = variation or self.reading

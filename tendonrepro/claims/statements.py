@@ -46,7 +46,7 @@ class Statement:
 
 @dataclass(frozen=True)
 class Findings:
-    """A claim's statements, the plants they are judged on, and those of the second ranking.
+    """A claim's statements, the plants they are judged on, and those ranked with a diverged law last.
 
     `opposite` is a stated opposite of the whole claim, where it is more than that no statement holds;
     `beside` are statements that are shown and do not count; `chance` is the share that laws which do not
@@ -55,7 +55,7 @@ class Findings:
 
     statements: Sequence[Statement]
     judged: Mask
-    resolved: Mask | None
+    rankable: Mask | None
     remarks: Sequence[str] = field(default=())
     opposite: Statement | None = None
     beside: Sequence[Statement] = field(default=())
@@ -106,8 +106,7 @@ def _plain(plants: Plants, texts: str, holds: Mask, *runs: str, measure: str = "
 
 
 def _among_controllers(plants: Plants, statements: Sequence[Statement], **more: Any) -> Findings:
-    resolved = plants.none(UNRESOLVED, *CONTROLLERS)
-    return Findings(statements, plants.ok(*CONTROLLERS), resolved, **more)
+    return Findings(statements, plants.ok(*CONTROLLERS), plants.rankable(*CONTROLLERS), **more)
 
 
 def _by_chance(plants: Plants, orders: int) -> float:
@@ -162,7 +161,7 @@ def _in_order(plants: Plants, sizes: Mapping[str, Mapping[str, Array]]) -> Findi
 
 
 def rapid_advantage(plants: Plants, _: Published) -> Findings:
-    """C3: the advantage of Controller 1 is there in rapid phases, and largest there."""
+    """C3: Controller 1 is ahead in rapid phases, and its lead there larger than elsewhere."""
     found: list[Statement] = []
     for rival in CONTROLLERS[1:]:
         rapid, calm = (plants[rival, name] - plants[FIRST, name] for name in ("mae_rapid", "mae_calm"))
@@ -170,21 +169,24 @@ def rapid_advantage(plants: Plants, _: Published) -> Findings:
             there, larger = rapid > 0.0, rapid > calm
         text = f"joint {{}}: {FIRST} is better than {rival} in rapid phases"
         found += _plain(plants, text, there, FIRST, rival)
-        found += _plain(plants, f"{text}, and by more than elsewhere", larger, FIRST, rival)
+        text = f"joint {{}}: the lead of {FIRST} over {rival} is larger there than elsewhere, its lag smaller"
+        found += _plain(plants, text, larger, FIRST, rival)
     return _among_controllers(plants, found)
 
 
 def similar_surfaces(plants: Plants, _: Published) -> Findings:
     """C4: the RMS of s of the three differ by at most 5 %; twice as much stands beside."""
-    sizes = np.array([plants[run, "s_rms"] for run in CONTROLLERS])
+    measures = {"s_rms": "RMS of s", "s_slow_rms": "RMS of s below 3 Hz"}
 
-    def within(limit: float) -> list[Statement]:
-        with np.errstate(invalid="ignore"):
-            holds = sizes.min(axis=0) >= (1.0 - limit) * sizes.max(axis=0)
-        text = f"joint {{}}: the RMS of s of the three controllers differ by at most {100.0 * limit:.0f} %"
-        return list(_plain(plants, text, holds, *CONTROLLERS))
+    def within(limit: float) -> Iterator[Statement]:
+        for name, measure in measures.items():
+            sizes = np.array([plants[run, name] for run in CONTROLLERS])
+            with np.errstate(invalid="ignore"):
+                holds = sizes.min(axis=0) >= (1.0 - limit) * sizes.max(axis=0)
+            text = f"joint {{}}: the {measure} of the three laws differ by at most {100.0 * limit:.0f} %"
+            yield from _plain(plants, text, holds, *CONTROLLERS, measure=measure)
 
-    return _among_controllers(plants, within(SIMILAR), beside=within(2.0 * SIMILAR))
+    return _among_controllers(plants, [*within(SIMILAR)], beside=[*within(2.0 * SIMILAR)])
 
 
 def _smaller_up(plants: Plants, signal: str, size: str, *, by: float = 0.0) -> Iterator[Statement]:
@@ -243,7 +245,7 @@ def payload(plants: Plants, _: Published) -> Findings:
     # On a measurement the other controllers are not asked for; over the box all claims have the same plants.
     runs = (*CONTROLLERS, LOADED)
     found, chance = larger_with_load(plants), _by_chance(plants, 2)
-    return Findings(found, plants.ok(*runs), plants.none(UNRESOLVED, *runs), chance=chance)
+    return Findings(found, plants.ok(*runs), plants.rankable(*runs), chance=chance)
 
 
 def larger_with_load(plants: Plants) -> list[Statement]:
@@ -255,12 +257,15 @@ def larger_with_load(plants: Plants) -> list[Statement]:
 def better_estimate(plants: Plants, _: Published) -> Findings:
     """E1: the estimate of Controller 1 is better than that of Controller 2."""
     measures = {"epsilon_rms": "RMS of epsilon", "epsilon_slow_rms": "RMS of epsilon below 3 Hz"}
-    found = [
-        statement
-        for name, measure in measures.items()
-        for statement in smaller(plants, name, FIRST, SECOND, measure, measure)
-    ]
-    return _among_controllers(plants, found, chance=_by_chance(plants, 2))
+    found: list[Statement] = []
+    beside: list[Statement] = []
+    ideal = Plants(plants.data, IDEAL)
+    for name, measure in measures.items():
+        found += smaller(plants, name, FIRST, SECOND, measure, measure)
+        if plants.reading == PRINTED and plants.data.has(FIRST, IDEAL):
+            both = [*smaller(ideal, name, FIRST, SECOND, f"with an ideal encoder {measure}")]
+            beside += [*both, together(f"both joints: with an ideal encoder {measure}", both)]
+    return _among_controllers(plants, found, beside=beside, chance=_by_chance(plants, 2))
 
 
 def robustness(plants: Plants, _: Published) -> Findings:
@@ -292,7 +297,7 @@ def delay_time(plants: Plants, _: Published) -> Findings:
         f"Controller 2 is ok on {shares} of the plants with the shorter, the printed and the longer period: "
         "what a shorter one costs in stability is no part of the claim"
     )
-    return Findings(found, plants.ok(*runs), plants.none(UNRESOLVED, *runs), [remark], chance=chance)
+    return Findings(found, plants.ok(*runs), plants.rankable(*runs), [remark], chance=chance)
 
 
 def small_inertia(plants: Plants, _: Published) -> Findings:
@@ -300,7 +305,7 @@ def small_inertia(plants: Plants, _: Published) -> Findings:
     halved = f"{SECOND}@{HALVED}"
     found = list(smaller(plants, "torque_step_rms", halved, SECOND, "RMS torque step"))
     runs, chance = (SECOND, halved), _by_chance(plants, 2)
-    return Findings(found, plants.ok(*runs), plants.none(UNRESOLVED, *runs), chance=chance)
+    return Findings(found, plants.ok(*runs), plants.rankable(*runs), chance=chance)
 
 
 def overshoot(plants: Plants, paper: Published) -> Findings:
@@ -317,10 +322,10 @@ def overshoot(plants: Plants, paper: Published) -> Findings:
         Statement(f"{one.text}, or neither", one.holds | neither[:, i], one.last | (neither[:, i] & alive))
         for i, one in enumerate(smaller(plants, "overshoot", FIRST, SECOND, "overshoot"))
     ]
-    ok, resolved = plants.ok(*CONTROLLERS), plants.none(UNRESOLVED, *CONTROLLERS)
+    ok, rankable = plants.ok(*CONTROLLERS), plants.rankable(*CONTROLLERS)
     left_out = int((ok & ~counted).sum())
     remark = f"left out: {left_out} plants without overshoot beyond an encoder count"
-    return Findings(found, ok & counted, resolved & counted, [remark])
+    return Findings(found, ok & counted, rankable & counted, [remark])
 
 
 def bounds(plants: Plants, paper: Published) -> Findings:

@@ -49,8 +49,8 @@ def _ranking(name: str, summary: Mapping[str, Any]) -> str:
         f"{start} in MAE and RMSE on both joints C3 < C2 < C1, the reverse of the printed order, holds on "
         f"{_share(together)} of the box where all three laws are ok, the printed order on "
         f"{_share(printed['all_ok']['mae_and_rmse']['both'])}; laws that do not differ would leave each "
-        f"{percent(CHANCE)}.{few} With a diverged law ranked last, over all plants, it is {last[0]} and "
-        f"{last[1]}."
+        f"{percent(CHANCE)}.{few} With a diverged law ranked last, where not all three diverge, it is "
+        f"{last[0]} and {last[1]}."
     )
 
 

@@ -126,7 +126,7 @@ def draw_shares(population: str, summary: Mapping[str, Any]) -> Drawing:
     caption = (
         f"Share of the population {population} on which the ranking holds in MAE on both joints, under each "
         "reading, with 95 % intervals from the scramblings: over plants on which all three laws are ok, and "
-        "over all plants with a diverged law ranked last."
+        "over those on which not all three diverge, a diverged law ranked last."
     )
     return rows_figure(f"shares_{population}", list(_SHARES.values()), _names(summary), draw, caption)
 

@@ -26,9 +26,10 @@ RATIO_NAMES: Mapping[str, str] = {"ratio_c1_c2": "C1/C2", "ratio_c2_c3": "C2/C3"
 PLANT_SETS = ("all_ok", "diverged_last")
 """The two sets of plants that every ranking is given over.
 
-``all_ok``: plants on which the three laws are ``ok``. ``diverged_last``: all plants; a law that diverged has
-an infinite error, so that it comes last and two that diverged are not in order; a law that rings is ranked by
-the error it has. Plants that the integrator could not resolve are in neither, and are counted.
+``all_ok``: plants on which the three laws are ``ok``. ``diverged_last``: all on which not all three diverged;
+a law that did has an infinite error, so that it comes last and two that did are not in order; a law that
+rings is ranked by the error it has. Plants that the integrator could not resolve are in neither, and are
+counted.
 """
 
 LEAST_PLANTS = 100
@@ -202,7 +203,8 @@ def reading_summary(data: EnsembleData, reading: str) -> dict[str, Any]:
 
 def _plants(status: NDArray[np.int8]) -> dict[str, Flags]:
     resolved = (status != STATUSES.index("unresolved")).all(axis=0)
-    return {"all_ok": (status == STATUSES.index("ok")).all(axis=0), "diverged_last": resolved}
+    rankable = resolved & ~(status == STATUSES.index("diverged")).all(axis=0)
+    return {"all_ok": (status == STATUSES.index("ok")).all(axis=0), "diverged_last": rankable}
 
 
 def _in_order(errors: Array) -> Flags:

@@ -82,10 +82,11 @@ class TestKnownAnswers:
 
 FIRST, SECOND, THIRD = CONTROLLERS
 LOADED = "controller_1_payload"
+SURFACES = ("s_rms", "s_slow_rms")
 OPPOSITES = {
     "F1": [(FIRST, PRINTED, ["rmse"], 1.2), (THIRD, PRINTED, ["rmse"], 0.8)],
     "C3": [(FIRST, PRINTED, ["mae_rapid"], 2.0)],
-    "C4": [(SECOND, PRINTED, ["s_rms"], 1.1)],
+    "C4": [(SECOND, PRINTED, SURFACES, 1.1)],
     "C5": [
         (FIRST, PRINTED, sizes_of("H_hat", "_up"), 1.3),
         (FIRST, PRINTED, sizes_of("H_hat", "_down"), 1.4),
@@ -149,6 +150,7 @@ class TestEveryClaimCanFail:
     @pytest.mark.parametrize(
         ("claim", "run", "reading", "names", "left"),
         [
+            ("C4", FIRST, PRINTED, ["s_rms"], "RMS of s below 3 Hz"),
             ("C5", FIRST, PRINTED, ["H_hat_peak_up", "H_hat_slow_up"], "RMS"),
             ("C6", FIRST, PRINTED, ["torque_rms", "torque_peak_up"], "course below 3 Hz"),
             ("E1", FIRST, PRINTED, ["epsilon_rms"], "RMS of epsilon below 3 Hz"),
@@ -253,7 +255,7 @@ class TestWhatIsCounted:
         evidence = one(data, paper, "C2").evidence
         for found, kept, row in (
             (evidence, (codes == 0).all(axis=0), sizes),
-            (evidence["diverged_last"], (codes != 3).all(axis=0), ranked),
+            (evidence["diverged_last"], (codes != 3).all(axis=0) & (codes != 2).any(axis=0), ranked),
         ):
             held = (row[:-1] < row[1:]).all(axis=(0, 2, 3))
             assert (found["share"], found["plants"]) == (held[kept].mean(), kept.sum())
@@ -280,6 +282,16 @@ class TestWhatIsCounted:
         assert any("ranked last" in remark for remark in found.evidence["remarks"])
         number = one(data, paper, "share.controller_1_of_2.mae.joint_2").evidence["direction"]
         assert (number["share"], number["diverged_last"]["share"]) == (1.0, 0.5)
+
+    def test_plants_that_all_laws_compared_lose_rank_nothing(self, data, paper):
+        for law in ("controller_1", "controller_2"):
+            data.codes[law, PRINTED][:200] = 2
+        number = one(data, paper, "share.controller_1_of_2.mae.joint_2").evidence["direction"]
+        assert (number["diverged_last"]["share"], number["diverged_last"]["plants"]) == (1.0, 200)
+        third = one(data, paper, "share.controller_1_of_3.mae.joint_2").evidence["direction"]
+        assert (third["diverged_last"]["share"], third["diverged_last"]["plants"]) == (0.5, 400)
+        data.codes["controller_3", PRINTED][:200] = 2
+        assert one(data, paper, "C2").evidence["diverged_last"]["plants"] == 200
 
     def test_a_number_says_where_a_diverged_law_would_change_its_verdict(self, data, paper):
         for name in ("mae", "rmse"):
@@ -333,9 +345,11 @@ class TestWhatIsCounted:
 
     def test_similar_means_at_most_five_percent(self, data, paper):
         for run in CONTROLLERS:
-            data.values[run, PRINTED, "s_rms"][:] = 1.0
+            for name in SURFACES:
+                data.values[run, PRINTED, name][:] = 1.0
         for size, verdict in ((0.95, "compatible"), (0.9499, "contradicted")):
-            data.values["controller_1", PRINTED, "s_rms"][:] = size
+            for name in SURFACES:
+                data.values["controller_1", PRINTED, name][:] = size
             found = one(data, paper, "C4")
             assert found.verdict == verdict
             assert {row["verdict"] for row in found.evidence["beside"]} == {"compatible"}

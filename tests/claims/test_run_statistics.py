@@ -31,7 +31,7 @@ class TestStatistics:
         expected = finished(sums, count, none)
         found = statistics_of(trace, (dq_d, ddq_d))
         sizes = product(("torque", "H_hat"), ("rms", "peak", "slow"), ("", "_up", "_down"))
-        assert set(found) == {"s_rms", "torque_step_rms", "mae_rapid", "mae_calm"} | {
+        assert set(found) == {"s_rms", "s_slow_rms", "torque_step_rms", "mae_rapid", "mae_calm"} | {
             f"{signal}_{size}{phase}" for signal, size, phase in sizes
         }
         for name, values in found.items():

@@ -41,7 +41,8 @@ def brute_force(data, reading, metric, joints, last):
     codes = np.stack([data.status(run, reading) for run in RUNS[:3]])
     sizes = np.stack([data.statistic(run, reading, metric)[:, joints] for run in RUNS[:3]])
     sizes[codes == DIVERGED] = np.inf
-    counted = (codes != UNRESOLVED).all(axis=0) if last else (codes == OK).all(axis=0)
+    rankable = (codes != UNRESOLVED).all(axis=0) & (codes != DIVERGED).any(axis=0)
+    counted = rankable if last else (codes == OK).all(axis=0)
     hits = ((sizes[0] < sizes[1]) & (sizes[1] < sizes[2])).all(axis=1)
     return (hits & counted).sum(), counted.sum()
 

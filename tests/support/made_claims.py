@@ -66,6 +66,7 @@ class MadeEnsemble:
             "mae_rapid": error * (1.0 + 0.2 * place),
             "mae_calm": error,
             "s_rms": 0.03 * size * wobble,
+            "s_slow_rms": 0.02 * size * wobble,
             "torque_step_rms": size * rise,
             "epsilon_rms": 10.0 * size * rise,
             "epsilon_slow_rms": size * rise,
