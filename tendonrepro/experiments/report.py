@@ -49,7 +49,7 @@ def _compare_parts(data: Mapping[str, Any]) -> list[str]:
             one["agrees"] is not None for found in data["ranking"].values() for one in found.values()
         )
         order = " (printed: 1, 2, 3)" if judged else ""
-        parts += [f"Controllers by error, smallest first{order}", _ranking(data["ranking"])]
+        parts += [f"Controllers by error, smallest first{order}", _ranking(data["ranking"], status)]
     return (
         ["\n".join(pair) for pair in zip(parts[::2], parts[1::2], strict=True)]
         + _tensions(data)
@@ -109,13 +109,16 @@ def _triple(ours: float | None, printed: float) -> str:
     return f"{ours:.3f} | {printed:.3f} | {ours / printed:.2f}"
 
 
-def _ranking(ranking: Mapping[str, Any]) -> str:
+def _ranking(ranking: Mapping[str, Any], status: Mapping[str, str]) -> str:
     verdicts = {True: ["as printed"], False: ["not as printed"], None: []}
     rows = []
     for joint, metrics in ranking.items():
         for metric, found in metrics.items():
-            order = ", ".join(name.removeprefix("controller_") for name in found["order"])
-            rows.append((f"{joint.replace('_', ' ')} {metric.upper()}", order, *verdicts[found["agrees"]]))
+            names = {run: run.removeprefix("controller_") for run in found["order"]}
+            lost = [name for run, name in names.items() if status[run] == "diverged"]
+            # One that diverged comes last; between two there is no order.
+            verdict = [f"{' and '.join(lost)} diverged"] if len(lost) > 1 else verdicts[found["agrees"]]
+            rows.append((f"{joint.replace('_', ' ')} {metric.upper()}", ", ".join(names.values()), *verdict))
     return columns(rows)
 
 

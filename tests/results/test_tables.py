@@ -98,6 +98,21 @@ def test_the_print_stands_beside_the_paper_s_experiment_alone(what: str, tmp_pat
     assert not any(words in text for words in ("as printed", "|", "(printed"))
 
 
+@pytest.mark.parametrize(("lost", "words"), [((3,), "as printed"), ((2, 3), "2 and 3 diverged")])
+def test_between_two_that_diverged_there_is_no_order(lost: tuple[int, ...], words: str) -> None:
+    file = make_compare_file()
+    ends = {f"controller_{k}": {"status": "diverged", "status_time": 1.0} for k in lost}
+    runs = {
+        name: dataclasses.replace(trace, attributes=trace.attributes | ends.get(name, {}))
+        for name, trace in file.runs.items()
+    }
+    file = dataclasses.replace(file, runs=runs)
+    head = {"experiment": "compare", "out": "out", "joints": (2, 3), "growing_hz": {}}
+    lines = results_text(head | table_data_compare(file)).splitlines()
+    rows = [line.split(maxsplit=6)[3:] for line in lines if line.startswith(("joint 2 MAE", "joint 2 RMSE"))]
+    assert rows == [["1,", "2,", "3", words]] * 2
+
+
 @pytest.mark.parametrize("what", ["arm", "coupling"])
 def test_table_1_of_another_arm_stands_alone(what: str, tmp_path: Path) -> None:
     paths = write_tables(another(make_decouple_file(), what), tmp_path)
