@@ -28,7 +28,7 @@ _PLACES = {
     "verdicts.md": "rules",
     "assumptions.md": "assumed",
     "findings.md": "answer",
-    "#why-no-plant-is-needed-for-the-order": "why",
+    "#why-the-plant-hardly-matters": "why",
 }
 """Where on the page links of our own texts lead; links to other pages of docs become text."""
 

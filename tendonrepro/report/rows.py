@@ -60,6 +60,7 @@ def _thin_reading(reading: Mapping[str, Any]) -> dict[str, Any]:
         "ok": {run: shares["ok"]["share"] for run, shares in reading["status"].items()},
         "in_order": share("share_c1_lt_c2_lt_c3", "all_ok"),
         "in_reverse": share("share_c3_lt_c2_lt_c1", "all_ok"),
+        "first_best": share("share_c1_best", "all_ok"),
         "rmse_over_mae_rises": reading["share_rmse_over_mae_rises"]["both"],
         "smoother": reading["share_c1_smoother"],
         "order_and_smoother": reading["share_order_and_smoother"],
@@ -118,9 +119,7 @@ def head(summary: Mapping[str, Any]) -> str:
 
 def readings(summary: Mapping[str, Any]) -> Table:
     """What each reading makes of the printed ranking."""
-    heads = (
-        "reading|ok C1 / C2 / C3|all ok|1 < 2 < 3|3 < 2 < 1|C1/C2|C2/C3|ratios inside|RMSE/MAE rises|distance"
-    )
+    heads = "reading|ok C1 / C2 / C3|all ok|1 < 2 < 3|3 < 2 < 1|1 best|C1/C2|C2/C3|ratios inside|RMSE/MAE rises|distance"
     rows = [
         (
             f"`{reading['name']}`",
@@ -128,6 +127,7 @@ def readings(summary: Mapping[str, Any]) -> Table:
             str(reading["in_order"]["plants"]),
             interval(reading["in_order"]),
             interval(reading["in_reverse"]),
+            percent(reading["first_best"]["share"]),
             _median(reading["c1_c2"]),
             _median(reading["c2_c3"]),
             f"{reading['inside']} of 8",
@@ -137,8 +137,8 @@ def readings(summary: Mapping[str, Any]) -> Table:
         for reading in summary["populations"]["box"]["readings"]
     ]
     about = (
-        "All ok: plants on which all three laws are; the rest is over those. Orders are in MAE and RMSE on both joints. "
-        "Ratios are medians of the MAE, joint 2 / joint 3; inside are printed ratios within the central 90 %. RMSE/MAE "
+        "All ok: plants on which all three laws are; the rest is over those. Orders are in MAE and RMSE on both joints, the "
+        "best law first; 1 best: Controller 1 has the smallest errors, whatever the others. Ratios are medians of the MAE, joint 2 / joint 3; inside are printed ratios within the central 90 %. RMSE/MAE "
         "rises from Controller 1 to 3 on both joints in the print. Distance: root mean square of log(ours/printed) over ratios of "
         "MAE and RMSE/MAE, which need no scale, of the median plant and of the closest."
     )

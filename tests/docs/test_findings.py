@@ -148,7 +148,7 @@ def test_decoupling_errors(decoupling: TraceFile) -> None:
     for label, key in (("MAE", "mae_deg"), ("largest", "max_deg")):
         (cells,) = rows("docs/findings.md", f"{label} |")
         assert cells[1:] == [f"{errors[f'joint_{joint}'][key]:.3f}" for joint in (1, 2, 3)]
-    (within,) = stated(r"agree with the encoders within ([\d.]+)°")
+    (within,) = stated(r"Figs. 10 to 12\), up to ([\d.]+)°")
     assert within - 0.01 < max(errors[f"joint_{joint}"]["max_deg"] for joint in (1, 2, 3)) <= within
 
 
