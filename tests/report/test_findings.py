@@ -58,7 +58,7 @@ def test_only_contradicted_ratios_are_called_so(stored: Results) -> None:
     ratios = stored.starting("share.")
     for entry in ratios[:3]:
         entry["verdict"] = "depends_on_plant"  # type: ignore[index]
-    assert "5 of the 8 printed ratios are contradicted" in heads(stored)
+    assert "5 of the 8 printed ratios are contradicted where all three laws track" in heads(stored)
     for entry in ratios:
         entry["verdict"] = "compatible"  # type: ignore[index]
     assert not any("contradicted" in head for head in heads(stored))
@@ -72,6 +72,14 @@ def test_readings_that_do_not_mend_the_order_are_not_praised(stored: Results) ->
     assert "`start=cold`, with 20 % [15 %, 25 %] of 500 plants" in line
 
 
+def test_other_weights_alone_are_praised_only_where_they_put_controller_1_first(stored: Results) -> None:
+    praise = "Other weights alone put Controller 1 first; the whole printed order takes a second change"
+    assert praise in heads(stored)
+    stored.readings["weights=extrapolating"]["first_best"] = share(0.5)  # type: ignore[index]
+    assert praise not in heads(stored)
+    assert "Two other readings together bring the order back" in heads(stored)
+
+
 def test_what_no_longer_holds_is_left_out(stored: Results) -> None:
     before = heads(stored)
     stored.readings["feedback=motor"]["in_order"]["plants"] = 0
@@ -82,7 +90,7 @@ def test_what_no_longer_holds_is_left_out(stored: Results) -> None:
     for held in stored.entries["C6"]["evidence"]["statements"]:
         held["share"] = 0.1
     gone = {*before} - {*heads(stored)}
-    assert {head.split()[0] for head in gone} == {"Of", "The", "One", "What"}
+    assert {head.split()[0] for head in gone} == {"With", "The", "One", "What", "S"}
     assert len(gone) == 5
 
 
