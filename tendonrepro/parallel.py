@@ -87,9 +87,10 @@ def each(
             waiting = [pool.submit(function, item) for item in items]
         _follow(waiting, done, progress or (lambda _: None))
         return [future.result() for future in waiting]
-    except BrokenProcessPool as error:
-        message = "a worker process died, perhaps for want of memory"
-        raise TendonreproError(message) from error
+    except (BrokenProcessPool, EOFError) as error:
+        message = "a worker process died or could not start, perhaps for want of memory"
+        hint = "look at free memory, and at the limits that ulimit -a shows"
+        raise TendonreproError(message, hint=hint) from error
     finally:
         for worker in multiprocessing.active_children():
             if worker not in others:
@@ -157,7 +158,11 @@ def end_with_parent(pid: int | None = None) -> None:
     """
     if not any(thread.name == _outlive_nobody.__name__ for thread in threading.enumerate()):
         name = _outlive_nobody.__name__
-        threading.Thread(target=_outlive_nobody, args=(pid,), name=name, daemon=True).start()
+        try:
+            threading.Thread(target=_outlive_nobody, args=(pid,), name=name, daemon=True).start()
+        except RuntimeError:
+            # The system refuses a thread, and who started this process says so in a sentence.
+            os._exit(1)
 
 
 def _outlive_nobody(pid: int | None) -> None:

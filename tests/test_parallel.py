@@ -10,6 +10,7 @@ import time
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
+from unittest.mock import Mock
 
 import psutil
 import pytest
@@ -70,6 +71,14 @@ def test_a_worker_that_dies_is_an_error_not_a_wait(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(os, "cpu_count", lambda: 2)
     with pytest.raises(TendonreproError, match="died"):
         each(os._exit, [1, 1])
+
+
+def test_a_process_that_the_system_refuses_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "cpu_count", lambda: 2)
+    # What a server of processes that cannot fork leaves its client.
+    monkeypatch.setattr("multiprocessing.process.BaseProcess.start", Mock(side_effect=EOFError))
+    with pytest.raises(TendonreproError, match="could not start"):
+        each(fail, [1, 1])
 
 
 @pytest.fixture(name="interrupts")

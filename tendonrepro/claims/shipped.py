@@ -81,9 +81,10 @@ def _taken(waiting: Verdict, ledger: ShippedLedger) -> Verdict:
     if not same or not needed <= entry.keys():
         return waiting
     stored = Verdict(**{name: entry[name] for name in needed})
-    evidence = {name: value for name, value in stored.evidence.items() if name != "measured"}
-    # What is here goes before what was there: the user's run of the shipped plant, and the measurement.
-    here = {name: waiting.evidence[name] for name in ("shipped_run", "measured") if name in waiting.evidence}
+    # The run of the shipped plant and the measurement are those that are here, or none.
+    own = ("shipped_run", "measured")
+    evidence = {name: value for name, value in stored.evidence.items() if name not in own}
+    here = {name: waiting.evidence[name] for name in own if name in waiting.evidence}
     return replace(
         stored,
         ours=waiting.ours if "shipped_run" in here else stored.ours,

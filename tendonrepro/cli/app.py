@@ -350,6 +350,9 @@ def config_schema(
 
 def main() -> None:
     """Run the command line and leave with its exit code."""
+    # Matrices are small, so threads of the library would only wait for each other; and where the system
+    # refuses it one, it interrupts the program.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         _refuse_empty(sys.argv[1:])
         code = app(standalone_mode=False)
@@ -358,10 +361,13 @@ def main() -> None:
     except (OSError, MemoryError, ImportError) as error:
         code = _fail(1, *_refused_by_system(error))
     except Exception as error:
-        # Typer's own usage errors have no public base class, only this shape.
-        if not hasattr(error, "format_message"):
+        # Neither Typer's own usage errors nor a thread that is refused have a class of their own.
+        if str(error) == "can't start new thread":
+            code = _fail(1, *_refused_by_system(error))
+        elif hasattr(error, "format_message"):
+            code = _fail(2, error.format_message(), None, "tendonrepro --help lists commands and options")
+        else:
             raise
-        code = _fail(2, error.format_message(), None, "tendonrepro --help lists commands and options")
     # Typer turns an interrupt into this exit code and says nothing.
     code = _fail(130, "interrupted", None, None) if code == 130 else code or 0
     for stream in filter(None, (sys.stdout, sys.stderr)):
@@ -380,12 +386,14 @@ def _refuse_empty(words: Sequence[str]) -> None:
             raise UsageError(f"{word or 'an argument'} is empty", hint="name a file, a folder or a value")
 
 
-def _refused_by_system(error: OSError | MemoryError | ImportError) -> tuple[str, str | None, str]:
+def _refused_by_system(error: Exception) -> tuple[str, str | None, str]:
     """Message, place and hint for what the operating system does not give: space, memory, open files."""
     hint = "look at free disk space and memory, and at the limits that ulimit -a shows"
     if isinstance(error, OSError) and error.strerror:
         return f"the system refused: {error.strerror}", error.filename and str(error.filename), hint
-    what = "memory" if isinstance(error, MemoryError) else f"a library ({error})"
+    if isinstance(error, ImportError):
+        return f"the system refused: a library ({error})", None, hint
+    what = "memory" if isinstance(error, MemoryError) else "a thread"
     return f"the system refused: {what}", None, hint
 
 

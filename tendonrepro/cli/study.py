@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -106,8 +105,6 @@ def identify(
 @command(study_app, "tendonrepro explain --set manipulator.actuator.output_delay=1", without=())
 def explain(request: Request, terminal: Terminal) -> None:
     """Stability margins and error ratios of the sampled loop."""
-    # Thousands of eigenvalues of small matrices: threads of the library would only wait for each other.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from tendonrepro.explain.command import run_explain
 
     found = run_explain(request, terminal.talk)

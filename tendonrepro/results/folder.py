@@ -142,7 +142,8 @@ def locked(folder: Path) -> Iterator[None]:
         raise UsageError(message, where=str(folder), hint="wait for it, or choose another --out") from error
     except OSError as error:
         message = f"cannot write into the results folder: {error.strerror or error}"
-        raise TendonreproError(message, where=str(folder), hint="choose another --out") from error
+        place = str(error.filename or folder)
+        raise TendonreproError(message, where=place, hint="choose another --out") from error
     try:
         sweep_temporary(folder)
         yield

@@ -305,6 +305,8 @@ def test_a_full_disk_behind_the_output(
     [
         ("NOFILE, (9, 9)", ["inspect", "file.csv"], "Too many open files"),
         pytest.param("NOFILE, (12, 12)", ["compare", *SHORT], "Too many open files", marks=pytest.mark.slow),
+        # Enough to start the server of processes and not the processes.
+        pytest.param("NOFILE, (20, 20)", ["compare", *SHORT], "Too many open files", marks=pytest.mark.slow),
         pytest.param("FSIZE, (10**5, 10**5)", ["compare", *SHORT], "File too large", marks=pytest.mark.slow),
         pytest.param("AS, (3 * 10**8, 3 * 10**8)", ["compare", *SHORT], "", marks=pytest.mark.slow),
     ],
