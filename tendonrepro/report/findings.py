@@ -133,12 +133,13 @@ def _order(found: Results) -> str | None:
         f"the complete order is 3, 2, 1, in MAE and RMSE on both joints; the printed order 1, 2, 3 holds on {interval(forth)}. "
         "By chance either would come out on 2.8 %."
     )
-    slips = [found.readings.get(name) for name in ("phi_negative=even", "eta_in_controller_2=dropped")]
-    if all(slips):
-        left = " and ".join(percent(held["in_reverse"]["share"]) for held in slips if held)
+    slips = ("phi_negative=even", "eta_in_controller_2=dropped")
+    left = [found.readings.get(name) for name in (*slips, "+".join(slips))]
+    if all(left):
+        one, other, both = (percent(held["in_reverse"]["share"]) for held in left if held)
         text += (
             ' "As printed" mends two [slips](slips.md), that φ is not odd and that Controller 2\'s law lacks η; with either left '
-            f"as it stands it is {left}."
+            f"as it stands it is {one} and {other}, with both {both}."
         )
     likeliest = max(entry["evidence"].get("statements", ()), key=lambda row: row["share"], default=None)
     if likeliest and entry["verdict"] == "depends_on_plant" and _mostly(back):

@@ -142,9 +142,9 @@ STATISTICS = (
 elsewhere; ``up`` and ``down`` where dq_d is beyond 5 % of its peak. ``overshoot`` is the largest error past
 the target, seen in the direction of the last stroke, while dq_d is within 1 % of its peak. ``peak`` is the
 largest magnitude, ``slow`` the mean magnitude of a signal after a first-order low-pass at `SLOW`,
-``s_slow_rms`` and ``epsilon_slow_rms`` the RMS of s and of epsilon, Eq. (19), after the same low-pass. ``torque_step_rms`` is of the
-change from sample to sample, ``saturated`` the share of samples at the torque limit, ``fast_share`` the
-share of the error's power above the ringing frequency.
+``s_slow_rms`` and ``epsilon_slow_rms`` the RMS of s and of epsilon, Eq. (19), after the same low-pass.
+``torque_step_rms`` is of the change from sample to sample, ``saturated`` the share of samples at the torque
+limit, ``fast_share`` the share of the error's power above the ringing frequency.
 """
 
 

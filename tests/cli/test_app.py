@@ -78,7 +78,7 @@ def test_manifest_says_what_made_the_result(compared: tuple[Path, Any]) -> None:
     manifest = json.loads((out / "manifest.json").read_text())
     assert manifest["overrides"] == SHORT[1::2]
     assert manifest["seed"] == 1
-    assert manifest["solver"]["rtol"] == 1e-7
+    assert manifest["solver"]["rtol"] == 1e-5
     assert manifest["environment"]["versions"]["numpy"]
     for name, digest in manifest["outputs"].items():
         assert sha256_of(out / name) == digest

@@ -162,9 +162,16 @@ def test_readme_says_what_was_found(generate: Any, readings: dict[str, Any]) -> 
         for entry in entries
         if entry["id"].startswith(("table2.", "table3.with"))
     ]
-    plants = populations["box"]["plants"]
+    plants, alone = populations["box"]["plants"], readings["weights=extrapolating"]["first_best"]["share"]
+    last = [
+        entry["evidence"]["direction"]["diverged_last"]["share"]
+        for entry in entries
+        if entry["verdict"] == "contradicted"
+    ]
     assert printed["in_order"]["share"] == 0.0
     for phrase in (
+        f"Controller 1 has the smallest errors on {100.0 * alone:.0f} % of the plants",
+        f"it is ahead on {100.0 * min(last):.0f} % to {100.0 * max(last):.0f} %",
         f"{plants} plants and motions from a box of ranges, each with its reason",
         f"under {len(readings)} readings",
         f"all three controllers track on {printed['in_order']['plants']} of the plants",
