@@ -42,11 +42,14 @@ def main(reports: Path) -> None:
 
 
 def take_closest(folder: Path) -> None:
-    """Take over what `tendonrepro identify --fit all` found, and ship its best plant."""
-    found = json.loads((folder / "identify.json").read_text(encoding="utf-8"))
-    _store("identify.json", rows.thinned_closest(found))
-    text = (folder / "identified.yaml").read_text(encoding="utf-8")
-    CLOSEST.write_text(f"# yaml-language-server: $schema=schema.json\n#\n{text}", encoding="utf-8")
+    """Add what `tendonrepro identify --fit all` found to what is stored, and ship the best plant of all."""
+    found = rows.thinned_closest(json.loads((folder / "identify.json").read_text(encoding="utf-8")))
+    fresh = {reading["name"]: reading for reading in found["readings"]}
+    readings = {reading["name"]: reading for reading in stored("identify.json")["readings"]} | fresh
+    _store("identify.json", found | {"readings": list(readings.values())})
+    if min(readings.values(), key=lambda reading: reading["misfit_log"])["name"] in fresh:
+        text = (folder / "identified.yaml").read_text(encoding="utf-8")
+        CLOSEST.write_text(f"# yaml-language-server: $schema=schema.json\n#\n{text}", encoding="utf-8")
 
 
 def fresh(text: str) -> str:

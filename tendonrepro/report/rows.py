@@ -86,12 +86,13 @@ def thinned_closest(data: Mapping[str, Any]) -> dict[str, Any]:
     readings = [
         {key: reading[key] for key in kept}
         | {
+            "evaluations": data["evaluations"],
             "largest": max(reading["numbers"], key=lambda row: abs(math.log(row["ratio"]))),
             "at_bound": {row["name"]: row["at_bound"] for row in reading["parameters"] if row["at_bound"]},
         }
         for reading in data["readings"]
     ]
-    return {key: data[key] for key in ("fit", "window", "evaluations")} | {"readings": readings}
+    return {key: data[key] for key in ("fit", "window")} | {"readings": readings}
 
 
 def thinned_decides(rankings: Mapping[str, Any]) -> dict[str, Any]:
@@ -249,10 +250,13 @@ def closest(data: Mapping[str, Any]) -> Table:
             )
         )
     printed = data["readings"][0]["best_shape"]
+    (plants, _), *others = Counter(reading["evaluations"] for reading in data["readings"]).most_common()
+    longer = [held for held in data["readings"] if held["evaluations"] in dict(others)]
+    told = "".join(f", {held['evaluations']:,} under `{held['name']}`" for held in longer)
     about = (
         "Plants fitted to all sixteen numbers of Tables 2 and 3, so that nothing here is evidence. Misfit is the root mean "
         "square of log(ours/printed) after "
-        f"{data['evaluations']:,} plants; seeds agree where their best misfits differ by at most 5 % or all are below 0.02; a misfit above 1 is a penalty: no plant was found on which all runs track, and the rest of its row means nothing. Orders and RMSE/MAE of "
+        f"{plants:,} plants{told}; seeds agree where their best misfits differ by at most 5 % or all are below 0.02; a misfit above 1 is a penalty: no plant was found on which all runs track, and the rest of its row means nothing. Orders and RMSE/MAE of "
         "Controllers 1, 2, 3 are those of the best plant, joint 2 / joint 3; printed are "
         f"{' / '.join(shape['printed_order_mae'] for shape in printed)} and "
         f"{' / '.join(_peakedness(shape, 'printed') for shape in printed)}."

@@ -118,7 +118,8 @@ def _add_closest(found: Found, folder: Path) -> None:
     for path, origin in ((own, RUN), (stored, OURS)):
         if path.exists():
             with _understood(path):
-                found.closest = rows.closest(_json(found, path, origin == RUN))
+                held = _json(found, path, origin == RUN)
+                found.closest = rows.closest(rows.thinned_closest(held) if origin == RUN else held)
             found.origins["closest"] = origin
             return
 

@@ -57,12 +57,13 @@ def test_table_of_the_closest_plants(generate: Any) -> None:
     ]
     data = {"fit": "all", "window": "whole", "evaluations": 5904, "readings": readings, "joints": [2, 3]}
     thinned = rows.thinned_closest(data)
+    thinned["readings"][1]["evaluations"] = 48
     assert "history" not in thinned["readings"][0]
     lines = [*generate.table(rows.closest(thinned)).splitlines(), "", rows.together(thinned)]
     assert lines[2].startswith("| `phi_branch=power` | 0.070 | yes | 1 < 2 < 3 / 1 < 2 < 3 |")
     assert lines[3].startswith("| `printed` | 0.200 | no, up to 0.300 | 3 < 2 < 1 / 3 < 2 < 1 |")
     assert "1.25 1.25 1.25 / 1.25 1.25 1.25" in lines[2]
-    assert "5,904 plants" in lines[-3]
+    assert "after 5,904 plants, 48 under `phi_branch=power`; seeds" in lines[-3]
     assert lines[-3].endswith("1.30 1.30 1.30 / 1.30 1.30 1.30.")
     assert "on both joints, under `phi_branch=power`; RMSE/MAE rises" in lines[-1]
     assert "on both joints under none of them; so both under none of them" in lines[-1]
