@@ -10,13 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from tendonrepro.config.published import coupling_of, published, table_1
 from tendonrepro.console import Talk
 from tendonrepro.dataset.mapping.suggestion import suggest
 from tendonrepro.dataset.mapping.timebase import in_seconds
 from tendonrepro.dataset.meaning.assignment import runs_among, variable_of
-from tendonrepro.dataset.meaning.columns import Column
-from tendonrepro.dataset.meaning.evidence import sampling_step
+from tendonrepro.dataset.meaning.columns import Column, sampling_step
 from tendonrepro.dataset.meaning.understand import understand
 from tendonrepro.dataset.meaning.words import few, printable
 from tendonrepro.dataset.readers.guard import read_guarded
@@ -51,7 +49,7 @@ def run_inspect(paths: Sequence[Path], suggest_to: Path | None, *, force: bool, 
         message = "exists, and may hold work of yours"
         raise UsageError(message, where=str(suggest_to), hint="choose another --mapping, or say --force")
     sources = read_guarded(files_below(paths), talk)
-    columns = understand(sources, coupling_of(table_1(published()))[1])
+    columns = understand(sources)
     found = {"schema_version": SCHEMA_VERSION, "files": _files(sources, columns)}
     if suggest_to is not None:
         title = f"Measured data from {', '.join(path.resolve().name for path in paths)}"

@@ -14,7 +14,6 @@ from tendonrepro.arrays import Array
 from tendonrepro.dataset.mapping import timebase
 from tendonrepro.dataset.mapping.model import Entry, Mapping, Run, TimeAxis
 from tendonrepro.dataset.mapping.timebase import Timed, TimeProblem, in_seconds
-from tendonrepro.dataset.meaning.evidence import COUNTS_DEG, distance
 from tendonrepro.dataset.meaning.words import few, printable
 from tendonrepro.dataset.readers.signals import Signal, Source
 from tendonrepro.dataset.readers.units import factor
@@ -31,7 +30,7 @@ _LONGEST_STEP = 0.1  # s, beyond which the unit of the times is in doubt; the pa
 _CONTRADICTS, _FEWEST = 0.5, 8
 _MOST_PERIODS = 100_000
 """Periods in a run; every one is a window that results may be of."""
-_COUNT = 1.01 * np.deg2rad(COUNTS_DEG[1])  # an encoder's count, rad, which a held joint may dither by
+_COUNT = np.deg2rad(0.0223)  # an encoder's count and a bit, rad, which a held joint may dither by
 _SHAKES = np.deg2rad(1.0)  # error of a held joint that is no dither any more
 _OF_THE_OTHERS = {"q_d": "q_encoder + e", "q_encoder": "q_d - e", "e": "q_d - q_encoder"}
 
@@ -306,11 +305,10 @@ def doubts_about(trace: Trace) -> list[str]:
         for k, joint in enumerate(trace.joint):
             calculated, encoder = (trace[name][:, k] for name in ("q_calculated", "q_encoder"))
             known = np.isfinite(encoder) & np.isfinite(calculated)
-            if not known.any():
-                continue
-            first = int(np.argmax(known))
-            apart = distance(encoder - encoder[first], calculated - calculated[first])
-            if _FAR_APART < apart < np.inf:
+            x, y = (values[known] - values[known][:1] for values in (encoder, calculated))
+            extent = float(np.ptp(x, axis=0)) if x.size else 0.0
+            apart = float(np.sqrt(np.mean((x - y) ** 2))) / extent if extent else 0.0
+            if apart > _FAR_APART:
                 doubts.append(
                     f"S q_motor of joint {joint} is {apart:.0%} of its range from the encoder: "
                     "unit, sign, scale or number of a motor"
