@@ -74,8 +74,6 @@ def headings(rows: Sequence[Sequence[str]], width: int) -> tuple[list[Heading], 
     if len(left) > 1 and _are_units(left[-1], width) and _are_names(left[-2], width):
         units = left.pop()
     names = left.pop() if left and _are_names(left[-1], width) else ()
-    if names and not units and left and _are_units_above(left[-1], names, width):
-        units = left.pop()
     spans = [""] * width
     if names and left and _span_columns(left[-1], names, width):
         spans = _filled_on(left.pop(), width)
@@ -110,12 +108,6 @@ def _are_units(cells: Sequence[str], width: int) -> bool:
     return bool(filled) and len(cells) <= width + 1 and all(is_unit(cell) for cell in filled)
 
 
-def _are_units_above(cells: Sequence[str], names: Sequence[str], width: int) -> bool:
-    """Whether a row holds the units of the names below it; a single one may be the letter of a panel."""
-    several = sum(bool(cell.strip()) for cell in cells) > 1
-    return several and _are_units(cells, width) and _are_names(cells, width) and not _are_units(names, width)
-
-
 def _span_columns(cells: Sequence[str], names: Sequence[str], width: int) -> bool:
     """Whether a row names groups of columns.
 
@@ -148,9 +140,6 @@ def _filled_on(cells: Sequence[str], width: int) -> list[str]:
 def _heading(spans: list[str], column: int, name: str, unit: str, comment: str) -> Heading:
     """Heading of a column from what stands above it; `spans` has the names of groups, one a column."""
     span = spans[column]
-    if span and spans.count(span) == 1 and is_unit(name) and not name.isdigit():
-        # A name of its own in the row of group names, with its unit in the row of names.
-        name, unit, span = span, unit or name, ""
     name = name or comment or (span if spans.index(spans[column]) == column else "")
     label, inner = split_unit(name)
     words = [span if span != name else "", label, comment if comment != name else ""]

@@ -11,16 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 from tendonrepro.dataset.readers.cells import (
     MOST_TABLES,
-    MOST_WORDS,
     Rows,
     add_table,
     blocks_of,
     mark_of,
-    note_words,
     settle_head,
     words_of,
 )
-from tendonrepro.dataset.readers.heading import Heading
 from tendonrepro.dataset.readers.signals import Allowance, Found, Unreadable, is_full
 
 if TYPE_CHECKING:
@@ -79,34 +76,20 @@ def _read_sheet(found: Found, book: CalamineWorkbook, name: str, note: str) -> N
     for columns in ranges:
         blocks = blocks_of(mark_of(row[columns]) for row in grid.rows)
         tables += [(columns, block) for block in blocks]
-        if not blocks:
-            _note_rows(found, name, grid, columns, range(len(grid.rows)))
-    names: list[Heading] = []
     for columns, block in tables[:MOST_TABLES]:
-        names = _add_table(found, grid, columns, block, names, note, alone=len(tables) == 1)
+        _add_table(found, grid, columns, block, note, alone=len(tables) == 1)
     if len(tables) > MOST_TABLES:
         found.skip(name, f"{len(tables) - MOST_TABLES} more tables left out", "split the sheet")
     if not tables:
         found.skip(name, "a sheet without numbers")
 
 
-def _add_table(
-    found: Found, grid: _Grid, columns: slice, block: Rows, before: list[Heading], note: str, *, alone: bool
-) -> list[Heading]:
-    """Add one table; returns its headings."""
+def _add_table(found: Found, grid: _Grid, columns: slice, block: Rows, note: str, *, alone: bool) -> None:
     settle_head(block, lambda row: grid.rows[row][columns])
     group = grid.name if alone else f"{grid.name}!{grid.where(block, columns)}"
-    _note_rows(found, group, grid, columns, block.below)
     head = [[_text(cell) for cell in grid.rows[row][columns]] for row in block.head]
     cells = list(zip(*(grid.rows[row][columns] for row in block.data), strict=True))
-    words_at = partial(grid.words_at, columns)
-    return add_table(found, block, head, cells, words_at, before, prefix=f"{group}/", note=note)
-
-
-def _note_rows(found: Found, group: str, grid: _Grid, columns: slice, rows: Sequence[int]) -> None:
-    for row in rows[:MOST_WORDS]:
-        place, words = grid.words_at(columns, row)
-        note_words(found, f"{group}/{place}", words)
+    add_table(found, block, head, cells, partial(grid.words_at, columns), prefix=f"{group}/", note=note)
 
 
 @dataclass(frozen=True)
