@@ -124,9 +124,10 @@ def test_an_error_of_the_other_sign_is_asked_about(simulated: TraceFile, tmp_pat
     save_table(path, columns, "%.6f")
     asked = inspect_text(inspect(path, mapping))
     assert "decide: controller_1: an error is taken for desired less measured; if it is" in asked
-    (note,) = ingest(path, mapping)["notes"]
-    assert note.endswith("q_d is q_encoder + e; if e was recorded as measured less desired, `sign: -1`")
-    assert json.loads(read_traces(tmp_path / "measured.h5").manifest_json)["notes"] == [note]
+    notes = ingest(path, mapping)["notes"]
+    way = "is q_encoder + e; if e was recorded as measured less desired, `sign: -1`"
+    assert notes == [f"controller_1: q_d of joint {joint} {way}" for joint in run.joint]
+    assert json.loads(read_traces(tmp_path / "measured.h5").manifest_json)["notes"] == notes
     text = mapping.read_text(encoding="utf-8")
     mapping.write_text(text.replace("variable: e\n", "variable: e\n      sign: -1\n"), encoding="utf-8")
     ingest(path, mapping, force=True)

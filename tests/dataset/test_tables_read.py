@@ -300,47 +300,24 @@ def book_of(rows: Sequence[Sequence[object]]) -> openpyxl.Workbook:
 
 
 def test_tables_side_by_side_and_below_each_other(tmp_path: Path) -> None:
-    side = [["t", "q2", None, "t", "q3"], *([n, 2 * n, None, n + 0.5, 3 * n] for n in range(4))]
-    below = [[], ["Controller 2"], ["t", "q2"], *([n, n + 7] for n in range(3))]
-    found = of_book(book_of([*side, *below]), tmp_path)
-    assert columns(found)["Data!D2:E5/q3"] == [0.0, 3.0, 6.0, 9.0]
-    assert columns(found)["Data!A9:B11/q2"] == [7.0, 8.0, 9.0]
-    assert found.texts == {"Data!A9:B11/title": "Controller 2"}
-    assert len({signal.group for signal in found.signals}) == 3
-
-
-def test_titles_belong_to_the_table_below_them(tmp_path: Path) -> None:
+    """Those side by side are one table, whose groups of columns are told apart by names above them."""
     head = [
-        ["All controllers", *[None] * 4],
+        ["All controllers"],
         ["Controller 1", None, None, "Controller 2", None],
-        ["no load", None, None, "Payload", 0.2],
-        [],
         ["t", "q2", None, "t", "q2"],
     ]
-    book = book_of([*head, *([n, 1, None, n, 2] for n in range(3)), ["measured in May"]])
-    book.active.merge_cells("A1:E1")
+    side = [*head, *([n, 2 * n, None, n + 0.5, 3 * n] for n in range(4))]
+    below = [[], ["Controller 2"], ["Payload", 0.2], [], ["t", "q2"], *([n, n + 7] for n in range(3))]
+    book = book_of([*side, *below])
+    book.active.merge_cells("A2:B2")
     book.active.merge_cells("D2:E2")
     found = of_book(book, tmp_path)
-    assert found.texts == {
-        "Data!A6:B8/title": "All controllers",
-        "Data!A6:B8/title 2": "Controller 1",
-        "Data!A6:B8/title 3": "no load",
-        "Data!D6:E8/title": "All controllers",
-        "Data!D6:E8/title 2": "Controller 2",
-        "Data!D6:E8/row 3": "Payload, 0.2",
-    }
-    assert {signal.group for signal in found.signals} == {"Data!A6:B8", "Data!D6:E8"}
-
-
-def test_a_merged_name_ends_where_the_merged_cells_end(tmp_path: Path) -> None:
-    rows = [["t", "关节2", None, "关节3", None, None], [None, "期望", "实际", "期望", "实际", "remark"]]
-    book = book_of([*rows, *([n, 1, 2, 3, 4, 5] for n in range(3))])
-    for cells in ("A1:A2", "B1:C1", "D1:E1"):
-        book.active.merge_cells(cells)
-    found = of_book(book, tmp_path)
-    labels = ["t", "关节2 期望", "关节2 实际", "关节3 期望", "关节3 实际", "remark"]
-    assert [signal.label for signal in found.signals] == labels
-    assert not found.texts
+    names = [f"Data!4:7/Controller {k}/{name}" for k in (1, 2) for name in ("t", "q2")]
+    assert list(columns(found)) == [*names, "Data!13:15/t", "Data!13:15/q2"]
+    assert columns(found)[names[3]] == [0.0, 3.0, 6.0, 9.0]
+    assert columns(found)["Data!13:15/q2"] == [7.0, 8.0, 9.0]
+    title, payload = {"Data!13:15/title": "Controller 2"}, {"Data!13:15/row 10": "Payload, 0.2"}
+    assert found.texts == {"Data!4:7/title": "All controllers"} | title | payload
 
 
 def test_hidden_sheets_charts_and_empty_ones(tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ _GREEK = {
 }  # fmt: skip
 _TOKEN = re.compile(r"[a-z]+|\d+(?:\.\d+)?|[\u4e00-\u9fff]+")
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
-_RANGE = re.compile(r"![A-Z]{1,3}\d*(:[A-Z]{1,3}\d*)?$")
+_RANGE = re.compile(r"!\d+:\d+$")
 _MASS = re.compile(r"(?<![a-z0-9.])(\d+(?:[.p]\d+)?)\s*(kg|g)(?![a-z])")
 _ALPHA = re.compile(r"(?<![a-z])(a|alpha|α)[\s_-]*tde|proposed", re.I)
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from itertools import islice
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +14,7 @@ from tendonrepro.dataset.readers.numpy_files import add_array
 from tendonrepro.dataset.readers.signals import BEST_PACKING, HARMLESS, Allowance, Found, Unreadable, is_full
 from tendonrepro.dataset.readers.units import FACTORS, plain_unit
 
-_DEEPEST = 32
 _MOST_OBJECTS = 50_000
-"""Links followed; a group may hold millions that lead nowhere."""
 _MOST_WORDS = 64
 _PACKING = ("scale_factor", "add_offset")
 _BROKEN = "copy or download it again; if it stays broken, export it again"
@@ -35,11 +32,11 @@ def read_hdf5(path: Path, left: Allowance | None = None) -> Found:
         with h5py.File(path, "r") as file:
             if "_NCProperties" in file.attrs:
                 found.kind = "netCDF-4"
-            for name, dataset in _datasets(found, file):
+            for name in _objects(found, file):
                 if is_full(found):
                     found.skip("", "more datasets left out", "split the file")
                     break
-                _read_one(found, name, dataset)
+                _read_one(found, name, file[name or "/"])
     except Exception as error:  # h5py raises whatever class fits the place that is broken
         if found.signals:
             found.skip("", f"broken ({error})", _BROKEN)
@@ -48,61 +45,24 @@ def read_hdf5(path: Path, left: Allowance | None = None) -> Found:
     return found
 
 
-def _datasets(found: Found, root: h5py.Group) -> Iterator[tuple[str, h5py.Dataset]]:
-    """Every dataset once, however many links lead to it; short texts of groups are noted on the way."""
-    seen = {_key(root)}
-    waiting: list[tuple[str, h5py.Group, int]] = [("", root, 0)]
-    links = 0
-    while waiting:
-        prefix, group, depth = waiting.pop(0)
-        _note_attributes(found, group, prefix)
-        for name in _names(found, prefix, group):
-            links += 1
-            if links > _MOST_OBJECTS:
-                found.skip("", f"only the first {_MOST_OBJECTS} objects were looked at")
-                return
-            path = f"{prefix}/{name}".lstrip("/")
-            item = _item(found, group, name, path, seen)
-            if isinstance(item, h5py.Dataset):
-                yield path, item
-            elif isinstance(item, h5py.Group) and depth < _DEEPEST:
-                waiting.append((path, item, depth + 1))
+def _objects(found: Found, file: h5py.File) -> list[str]:
+    """Names of everything in a file, each once however many links lead to it, and none outside of it."""
+    names = [""]
+    file.visititems_links(partial(_note_link, found))
+    file.visit(lambda name: names.append(name) if len(names) < _MOST_OBJECTS else True)
+    if len(names) == _MOST_OBJECTS:
+        found.skip("", f"only the first {_MOST_OBJECTS} objects were looked at")
+    return names
 
 
-def _names(found: Found, prefix: str, group: h5py.Group) -> list[str]:
-    try:
-        return list(islice(group, _MOST_OBJECTS))
-    except Exception as error:
-        found.skip(prefix, f"a broken group ({error})", _BROKEN)
-        return []
-
-
-def _item(found: Found, group: h5py.Group, name: str, path: str, seen: set[Any]) -> Any:
-    """What a link leads to, unless it leaves the file or is only another name of what was seen."""
-    try:
-        link = group.get(name, getlink=True)
-        if isinstance(link, h5py.ExternalLink):
-            found.skip(path, f"a link to another file, {link.filename[:100]}", _ELSEWHERE)
-        item = group[name] if isinstance(link, h5py.HardLink) else None
-        if item is None or _key(item) in seen:
-            return None
-        seen.add(_key(item))
-        return item
-    except Exception as error:
-        found.skip(path, f"broken ({error})", _BROKEN)
-        return None
-
-
-def _key(item: Any) -> Any:
-    return h5py.h5o.get_info(item.id).addr
+def _note_link(found: Found, name: str, link: Any) -> bool | None:
+    if isinstance(link, h5py.ExternalLink):
+        found.skip(name, f"a link to another file, {link.filename[:100]}", _ELSEWHERE)
+    return len(found.skipped) >= _MOST_OBJECTS or None
 
 
 def _note_attributes(found: Found, group: h5py.Group, path: str) -> None:
-    try:
-        names = list(group.attrs)[:50]
-    except Exception:  # attributes are extras: without them the numbers still count
-        return
-    for name in names:
+    for name in list(group.attrs)[:50]:
         found.text(f"{path}/@{name}".lstrip("/"), _text_attribute(group, name))
 
 
@@ -118,8 +78,11 @@ def _text_attribute(item: Any, name: str) -> str:
     return value if isinstance(value, str) else ""
 
 
-def _read_one(found: Found, path: str, dataset: h5py.Dataset) -> None:
+def _read_one(found: Found, path: str, dataset: Any) -> None:
     try:
+        if isinstance(dataset, h5py.Group):
+            _note_attributes(found, dataset, path)
+            return
         reason, advice = _why_not(found, dataset)
         if reason:
             found.skip(path, reason, advice)

@@ -18,12 +18,9 @@ from tendonrepro.dataset.repository.download import download, part_size, remove_
 from tendonrepro.dataset.repository.lock import (
     DataLock,
     LockedFile,
-    copy_file,
     find_differences,
-    find_files,
     lock_path,
     read_lock,
-    take_as_they_are,
     write_lock,
 )
 from tendonrepro.dataset.repository.names import LOCK, safe_paths, shown
@@ -43,13 +40,11 @@ class _Job:
     requested: str
     site: str
     out: Path
-    from_dir: Path | None
     force: bool
     dry_run: bool
     talk: Talk
     web: Web
     warnings: list[str] = field(default_factory=list)
-    ignored: list[str] = field(default_factory=list)
     done: dict[str, str] = field(default_factory=dict)
 
     def warn(self, text: str) -> None:
@@ -61,7 +56,6 @@ def run_fetch(
     record: str,
     out: Path,
     base_url: str | None,
-    from_dir: Path | None,
     force: bool,
     dry_run: bool,
     talk: Talk,
@@ -78,8 +72,6 @@ def run_fetch(
         Folder for the files; the lock is written beside it.
     base_url : str or None
         Another site than zenodo.org; else the environment may name one.
-    from_dir : Path or None
-        Folder with files downloaded by hand, used instead of downloading.
     force : bool
         Replace files that were altered, and another record.
     dry_run : bool
@@ -104,22 +96,20 @@ def run_fetch(
     """
     site = site_of(base_url)
     web = Web(talk, patience or Patience())
-    job = _Job(record_number(record, site), site, out, from_dir, force, dry_run, talk, web)
+    job = _Job(record_number(record, site), site, out, force, dry_run, talk, web)
     lock_path(out)  # an `out` without a name is refused before anything is made
     with nullcontext() if dry_run else _held(out):
         lock, network = _settled(job)
-    described = lock.model_dump(exclude={"schema_version", "files", "verified"})
+    described = lock.model_dump(exclude={"schema_version", "files"})
     files = [file.model_dump() | {"action": job.done.get(file.path, "present")} for file in lock.files]
     return {
-        "schema_version": 1,
+        "schema_version": 2,
         **described,
         "out": str(out),
         "lock": str(lock_path(out)),
-        "verified": lock.verified,
         "network": network,
         "dry_run": dry_run,
         "files": files,
-        "ignored": job.ignored,
         "warnings": job.warnings,
     }
 
@@ -128,10 +118,7 @@ def fetch_text(found: dict[str, Any]) -> str:
     """Title, version, licence and a table of the files, from what `run_fetch` found, for a terminal."""
     files = found["files"]
     width = max(len(file["path"]) for file in files)
-    compared = "compared with the record" if found["verified"] else "NOT compared with the record"
-    foot = (
-        f"{len(files)} files, {_readable(sum(file['size'] for file in files))}, in {found['out']}, {compared}"
-    )
+    foot = f"{len(files)} files, {_readable(sum(file['size'] for file in files))}, in {found['out']}"
     return "\n".join(
         [
             f"{found['title'] or 'record'} ({found['doi'] or found['record']})",
@@ -200,22 +187,17 @@ def _settled(job: _Job) -> tuple[DataLock, bool]:
             raise UsageError(message, where=str(job.out), hint=hint)
         lock = None
     if lock is None:
-        return _first_time(job)
+        record = resolve(job.web, job.site, job.requested, job.warn)
+        return _obtained(job, _lock_for(job, record), record), True
     wanted = _wanted(job, lock.files)
     for file in wanted:
         job.talk.note(f"{shown(file.key)} is missing or was altered")
-    if not wanted and (lock.verified or not job.force):
+    if not wanted:
         place = lock_path(job.out)
         job.talk.note(f"all {len(lock.files)} files are as {place} says: nothing asked of the network")
-        if not lock.verified:
-            job.warn("these files were never compared with the record; --force does it now")
         return lock, False
-    if not lock.verified:
-        return _first_time(job)
-    if job.from_dir is not None:
-        return _obtained(job, lock, None), False
     record = resolve(job.web, job.site, lock.record, job.warn)
-    fresh = _lock_for(job, record, expected_files(record)).model_copy(update={"requested": lock.requested})
+    fresh = _lock_for(job, record).model_copy(update={"requested": lock.requested})
     before = {file.key: (file.size, file.md5) for file in lock.files}
     # Where the record gives no digest, that of the lock stands in.
     now = {file.key: (file.size, file.md5 or before.get(file.key, (0, None))[1]) for file in fresh.files}
@@ -227,29 +209,12 @@ def _settled(job: _Job) -> tuple[DataLock, bool]:
     return _obtained(job, fresh, record), True
 
 
-def _first_time(job: _Job) -> tuple[DataLock, bool]:
-    """Ask for the record; with a folder of files and nobody to ask, take them as they are."""
-    try:
-        record = resolve(job.web, job.site, job.requested, job.warn)
-    except WebError as error:
-        # That there is no such record is an answer; silence is none, and closed files may come by other ways.
-        if job.from_dir is None or error.status in {404, 410}:
-            raise
-        job.warn(
-            f"{error.message}; the files of {job.from_dir} are taken as they are, NOT compared with a record"
-        )
-        return _obtained(job, _lock_for(job, None, take_as_they_are(job.from_dir)), None), False
-    return _obtained(job, _lock_for(job, record, expected_files(record)), record), True
-
-
-def _lock_for(job: _Job, record: Record | None, files: tuple[LockedFile, ...]) -> DataLock:
-    """The lock of a record, or of files nobody could be asked about."""
+def _lock_for(job: _Job, record: Record) -> DataLock:
     words = ("doi", "concept_doi", "title", "version", "licence")
-    described = {word: getattr(record, word, None) for word in words}
-    described["record"] = record.record_id if record else job.requested
-    described |= {"requested": job.requested, "fetched_at": datetime.now(UTC).isoformat(timespec="seconds")}
     return DataLock.model_validate(
-        described | {"base_url": job.site, "verified": record is not None, "files": files}
+        {word: getattr(record, word) for word in words}
+        | {"record": record.record_id, "requested": job.requested, "base_url": job.site}
+        | {"fetched_at": datetime.now(UTC).isoformat(timespec="seconds"), "files": expected_files(record)}
     )
 
 
@@ -270,7 +235,7 @@ def resolve(web: Web, site: str, number: str, warn: Callable[[str], None]) -> Re
     if record.access != "open":
         until = f" until {record.embargo_date}" if record.embargo_date else ""
         message = f"the files of record {found} are not open to everyone ({record.access}{until})"
-        raise WebError(message, hint="ask its authors for the files, then use --from-dir DIR", status=403)
+        raise WebError(message, hint="ask its authors for the files", status=403)
     raise WebError(f"record {found} shows no files", hint=f"check its number, {BY_HAND}", status=200)
 
 
@@ -300,15 +265,12 @@ def _wanted(job: _Job, files: Sequence[LockedFile]) -> list[LockedFile]:
     return [*missing, *altered]
 
 
-def _obtained(job: _Job, lock: DataLock, record: Record | None) -> DataLock:
-    """Copy or download what is not on disk yet, and write the lock, now that every file is there."""
+def _obtained(job: _Job, lock: DataLock, record: Record) -> DataLock:
+    """Download what is not on disk yet, and write the lock, now that every file is there."""
     wanted = _wanted(job, lock.files)
     if bare := [shown(file.key) for file in lock.files if file.md5 is None]:
         job.warn(f"the record gives no MD5 of {', '.join(bare)}: only the size could be compared")
-    if job.from_dir is not None:
-        _copy(job, job.from_dir, lock.files, wanted)
-    elif record is not None:
-        _download(job, record, wanted)
+    _download(job, record, wanted)
     if job.dry_run:
         return lock
     for file in lock.files:
@@ -317,27 +279,6 @@ def _obtained(job: _Job, lock: DataLock, record: Record | None) -> DataLock:
     lock = lock.model_copy(update={"files": tuple(files)})
     write_lock(lock_path(job.out), lock)
     return lock
-
-
-def _copy(job: _Job, folder: Path, files: Sequence[LockedFile], wanted: list[LockedFile]) -> None:
-    """Copy what the folder has of what is wanted."""
-    sources, ignored = find_files(files, folder)
-    job.ignored.extend(ignored)
-    here = [file for file in wanted if file.path in sources]
-    job.done.update((file.path, "to copy" if job.dry_run else "copied") for file in here)
-    if not job.dry_run:
-        size = sum(file.size for file in here)
-        _need_room(job, size)
-        with job.talk.bar("copying", size) as advance:
-            for file in here:
-                copy_file(sources[file.path], file, job.out / file.path)
-                advance(file.size)
-    if ignored:
-        job.talk.note(f"ignored, not of the record: {', '.join(map(shown, ignored))}")
-    if absent := [shown(file.key) for file in wanted if file.path not in sources]:
-        message = f"lacks {len(absent)} of the record's {len(files)} files: {', '.join(absent)}"
-        hint = "put them there, unpacked if they came as one archive, or download them without --from-dir"
-        raise DataMissingError(message, where=str(folder), hint=hint)
 
 
 def _download(job: _Job, record: Record, wanted: list[LockedFile]) -> None:
