@@ -31,21 +31,10 @@ def decoded(raw: bytes) -> tuple[str, str]:
     return raw.decode(encoding, "replace").removeprefix("\ufeff"), encoding
 
 
-def unmarked_utf16(raw: bytes) -> str | None:
-    """Name the UTF-16 without a mark that bytes are in, by the zeros in every other one; None for none."""
-    head = raw[:1024]
-    even, odd = head[0::2], head[1::2]
-    for high, low, encoding in ((odd, even, "utf-16-le"), (even, odd, "utf-16-be")):
-        if 2 * high.count(0) > len(high) > 1 and 0 not in low:
-            return encoding
-    return None
-
-
 def _encoding(raw: bytes) -> str:
-    marked = (encoding for mark, encoding in BYTE_ORDER_MARKS.items() if raw.startswith(mark))
-    wide = next(marked, None) or unmarked_utf16(raw)
-    if wide:
-        return wide
+    for mark, encoding in BYTE_ORDER_MARKS.items():
+        if raw.startswith(mark):
+            return encoding
     with suppress(UnicodeDecodeError):
         raw.decode("utf-8")
         return "utf-8"

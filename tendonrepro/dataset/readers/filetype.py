@@ -9,7 +9,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Self
 
-from tendonrepro.dataset.readers.charset import BYTE_ORDER_MARKS, decoded, unmarked_utf16
+from tendonrepro.dataset.readers.charset import BYTE_ORDER_MARKS, decoded
 
 _HEAD = 65536
 """Bytes looked at; a text says within its first pages that it is one."""
@@ -40,7 +40,6 @@ class FileType(StrEnum):
         member._value_, member.advice, member.signatures = value, advice, signatures
         return member
 
-    MATLAB_4 = "MATLAB 4"
     MATLAB_5 = "MATLAB 5"
     MATLAB_73 = "MATLAB 7.3"
     HDF5 = "HDF5"
@@ -120,23 +119,7 @@ def _matlab_or_hdf5(head: bytes) -> FileType | None:
         return FileType.HDF5
     # The text before may be anything: what makes a level 5 file is its version and byte order.
     level_5 = head[124:128] in {b"\x00\x01IM", b"\x01\x00MI"}
-    if level_5 or head.startswith(b"MATLAB 5.0"):
-        return FileType.MATLAB_5
-    return FileType.MATLAB_4 if _is_level_4(head) else None
-
-
-def _is_level_4(head: bytes) -> bool:
-    """Level 4 has no signature, only the header of its first matrix."""
-    if len(head) < 21:
-        return False
-    for order, machine in (("<", 0), (">", 1)):
-        number, rows, columns, imaginary, length = struct.unpack(f"{order}5i", head[:20])
-        # Its digits: machine, zero, type of the numbers, kind of matrix.
-        known = number // 1000 == machine and number % 1000 < 60 and number % 10 <= 2
-        if known and min(rows, columns) >= 0 and imaginary in {0, 1}:
-            name = head[20 : 20 + length] if 2 <= length <= 256 else b""
-            return name.endswith(b"\0") and name[:-1].replace(b"_", b"a").isalnum()
-    return False
+    return FileType.MATLAB_5 if level_5 or head.startswith(b"MATLAB 5.0") else None
 
 
 def _zip_kind(path: Path, head: bytes) -> FileType:
@@ -183,7 +166,7 @@ def is_tar(head: bytes) -> bool:
 def _plain_kind(path: Path, head: bytes) -> FileType:
     if is_tar(head):
         return FileType.TAR
-    wide = head.startswith(tuple(BYTE_ORDER_MARKS)) or unmarked_utf16(head) is not None
+    wide = head.startswith(tuple(BYTE_ORDER_MARKS))
     if not wide and len(head.translate(None, _CONTROLS)) < len(head):
         return FileType.BINARY
     text = decoded(head)[0] if wide else head.decode("ascii", "ignore")
