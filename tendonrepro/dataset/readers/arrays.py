@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import zipfile
-from functools import partial
+from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path, PurePosixPath
 from typing import IO, Any
 
@@ -25,7 +26,9 @@ from tendonrepro.dataset.readers.signals import (
 
 _BROKEN = "copy or download it again; if it stays broken, export it again"
 _PICKLED = "objects run code when they are loaded; save the plain arrays one by one with numpy.savez"
+_DEEPEST = 32
 _MOST_OBJECTS = 50_000
+"""Links followed; a group may hold millions that lead nowhere."""
 _MOST_WORDS = 64
 _PACKING = ("scale_factor", "add_offset")
 _ELSEWHERE = "copy that file's data into this one with h5repack or h5copy"
@@ -42,11 +45,14 @@ def read_hdf5(path: Path, left: Allowance | None = None) -> Found:
         with h5py.File(path, "r") as file:
             if "_NCProperties" in file.attrs:
                 found.kind = "netCDF-4"
-            for name in _objects(found, file):
+            seen: set[object] = {h5py.h5o.get_info(file.id).addr}
+            for name, dataset in _datasets(found, file, "", seen):
                 if is_full(found):
                     found.skip("", "more datasets left out", "split the file")
                     break
-                _read_one(found, name, file[name or "/"])
+                _read_one(found, name, dataset)
+            if len(seen) > 2 * _MOST_OBJECTS:
+                found.skip("", f"only the first {_MOST_OBJECTS} objects were looked at")
     except Exception as error:  # h5py raises whatever class fits the place that is broken
         if found.signals:
             found.skip("", f"broken ({error})", _BROKEN)
@@ -55,20 +61,34 @@ def read_hdf5(path: Path, left: Allowance | None = None) -> Found:
     return found
 
 
-def _objects(found: Found, file: h5py.File) -> list[str]:
-    """Names of everything in a file, each once however many links lead to it, and none outside of it."""
-    names = [""]
-    file.visititems_links(partial(_note_link, found))
-    file.visit(lambda name: names.append(name) if len(names) < _MOST_OBJECTS else True)
-    if len(names) == _MOST_OBJECTS:
-        found.skip("", f"only the first {_MOST_OBJECTS} objects were looked at")
-    return names
-
-
-def _note_link(found: Found, name: str, link: Any) -> bool | None:
-    if isinstance(link, h5py.ExternalLink):
-        found.skip(name, f"a link to another file, {link.filename[:100]}", _ELSEWHERE)
-    return len(found.skipped) >= _MOST_OBJECTS or None
+def _datasets(
+    found: Found, group: h5py.Group, path: str, seen: set[object], depth: int = 0
+) -> Iterator[tuple[str, h5py.Dataset]]:
+    """Every dataset of a file once; `seen` holds addresses, and the paths of links looked at."""
+    _note_attributes(found, group, path)
+    for name in islice(group, _MOST_OBJECTS):
+        where = f"{path}/{name}".lstrip("/")
+        if len(seen) > 2 * _MOST_OBJECTS:
+            return
+        seen.add(where)
+        link = group.get(name, getlink=True)
+        if isinstance(link, h5py.ExternalLink):
+            found.skip(where, f"a link to another file, {link.filename[:100]}", _ELSEWHERE)
+        if not isinstance(link, h5py.HardLink):
+            continue
+        try:
+            item = group[name]
+            address = h5py.h5o.get_info(item.id).addr
+        except Exception as error:
+            found.skip(where, f"broken ({error})", _BROKEN)
+            continue
+        if address in seen:
+            continue
+        seen.add(address)
+        if isinstance(item, h5py.Dataset):
+            yield where, item
+        elif isinstance(item, h5py.Group) and depth < _DEEPEST:
+            yield from _datasets(found, item, where, seen, depth + 1)
 
 
 def _note_attributes(found: Found, group: h5py.Group, path: str) -> None:
@@ -88,11 +108,8 @@ def _text_attribute(item: Any, name: str) -> str:
     return value if isinstance(value, str) else ""
 
 
-def _read_one(found: Found, path: str, dataset: Any) -> None:
+def _read_one(found: Found, path: str, dataset: h5py.Dataset) -> None:
     try:
-        if isinstance(dataset, h5py.Group):
-            _note_attributes(found, dataset, path)
-            return
         reason, advice = _why_not(found, dataset)
         if reason:
             found.skip(path, reason, advice)
