@@ -13,7 +13,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -27,7 +26,7 @@ from tendonrepro.dataset.repository import fetch as fetch_module
 from tendonrepro.dataset.repository import web
 from tendonrepro.dataset.repository.fetch import fetch_text, run_fetch
 from tendonrepro.dataset.repository.web import Patience
-from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
+from tendonrepro.errors import DataMissingError, UsageError
 
 Fetch = Callable[..., dict[str, Any]]
 
@@ -501,14 +500,6 @@ def test_dry_run_writes_nothing(fetch: Fetch, tmp_path: Path) -> None:
     assert {file["action"] for file in found["files"]} == {"to download"}
     assert "nothing written" in fetch_text(found)
     assert list(tmp_path.iterdir()) == []
-
-
-def test_too_little_room_is_told_before(fetch: Fetch, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=1000))
-    with serving(Repository()) as repository:
-        with pytest.raises(TendonreproError, match=r"need 40.0 kB, 1.0 kB are free"):
-            fetch(repository)
-        assert repository.ranges() == []
 
 
 ODD_NAMES = ["motor.lock", "other.lock.json", "results/r.csv", ".hidden/run.csv", ".x"]

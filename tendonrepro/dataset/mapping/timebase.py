@@ -57,13 +57,7 @@ class Timed:
 
 
 def in_seconds(time: float) -> str:
-    """A time to read, to the millisecond where it counts from long ago.
-
-    Examples
-    --------
-    >>> in_seconds(0.25), in_seconds(1773300045.5)
-    ('0.25', '1773300045.5')
-    """
+    """A time to read, to the millisecond where it counts from long ago."""
     return f"{time:.6g}" if abs(time) < 1e3 else f"{time:.3f}".rstrip("0").rstrip(".")
 
 

@@ -126,16 +126,7 @@ def _found(path: Path, kind: FileType, left: Allowance) -> Found:
             from tendonrepro.dataset.readers.text import read_text_table
 
             return read_text_table(path, left)
-    reason = f"{kind}: not a format with signals that is read"
-    raise Unreadable(_NOT_READ.get(kind, reason), kind.advice)
-
-
-_NOT_READ = {
-    FileType.EMPTY: "empty, 0 bytes",
-    FileType.BINARY: "binary of an unknown format",
-    FileType.ENCRYPTED_ZIP: "encrypted",
-    FileType.ENCRYPTED_OFFICE: "encrypted",
-}
+    raise Unreadable(f"{kind}: not a format with signals that is read", kind.advice)
 
 
 def _read_archive(

@@ -25,7 +25,7 @@ from tendonrepro.dataset.readers.cells import (
     settle_head,
     words_of,
 )
-from tendonrepro.dataset.readers.charset import decoded
+from tendonrepro.dataset.readers.filetype import decoded
 from tendonrepro.dataset.readers.signals import Allowance, Found, Unreadable, is_full
 
 _MOST_BYTES = 2**29
@@ -112,7 +112,6 @@ def _add_blocks(found: Found, lines: Sequence[str], blocks: Sequence[Rows], styl
 
 
 def _add_block(found: Found, lines: Sequence[str], block: Rows, style: Style, prefix: str) -> None:
-
     def words_at(row: int) -> tuple[str, list[str]]:
         line = _without_mark(lines[row][:_LONGEST_LINE])
         return f"line {row + 1}", words_of([line] if style.separator == _BLANKS else style.split(line))
@@ -124,9 +123,7 @@ def _add_block(found: Found, lines: Sequence[str], block: Rows, style: Style, pr
     head = [_head_cells(lines[row], style, width) for row in block.head]
     if ragged:
         where = f"lines {block.data[0] + 1} to {block.data[-1] + 1}"
-        found.skip(
-            where, f"{ragged} rows have another number of cells than {len(columns)}", "check these rows"
-        )
+        found.skip(where, f"{ragged} rows have another number of cells than {width}", "check these rows")
     add_table(found, block, head, columns, words_at, prefix=prefix, decimal=style.decimal)
 
 
@@ -149,16 +146,10 @@ def _head_cells(line: str, style: Style, width: int) -> list[str]:
 
 def _width(data: Sequence[str], style: Style) -> tuple[int, int]:
     """Number of columns, and of rows that have another one: the widest that is not rare."""
-    widths = [len(style.split(line)) for line in data]
-    counts = Counter(widths)
+    counts = Counter(len(style.split(line)) for line in data)
     common = [width for width, count in counts.items() if count >= _COMMON_WIDTH * len(data)]
     width = min(max(common or counts), _MOST_COLUMNS)
-    # A separator at the end of a row is no further cell.
-    trailing = sum(
-        own == width + 1 and line.rstrip().endswith(style.separator)
-        for own, line in zip(widths, data, strict=True)
-    )
-    return width, len(data) - counts[width] - trailing
+    return width, len(data) - counts[width]
 
 
 def _columns(data: Sequence[str], style: Style, width: int) -> list[Cells]:

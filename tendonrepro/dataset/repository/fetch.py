@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field
@@ -14,7 +13,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from tendonrepro.console import Talk
-from tendonrepro.dataset.repository.download import download, part_size, remove_part
+from tendonrepro.dataset.repository.download import download, remove_part
 from tendonrepro.dataset.repository.lock import (
     DataLock,
     LockedFile,
@@ -26,7 +25,7 @@ from tendonrepro.dataset.repository.lock import (
 from tendonrepro.dataset.repository.names import LOCK, safe_paths, shown
 from tendonrepro.dataset.repository.web import BY_HAND, Patience, Web, WebError
 from tendonrepro.dataset.repository.zenodo import SITE, Record, parse_record, record_number
-from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
+from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import md5_of
 from tendonrepro.results.folder import locked
 
@@ -286,17 +285,7 @@ def _download(job: _Job, record: Record, wanted: list[LockedFile]) -> None:
     if job.dry_run:
         return
     remotes = {remote.key: remote for remote in record.files}
-    size = sum(file.size for file in wanted)
-    _need_room(job, size - sum(part_size(job.out / file.path) for file in wanted))
-    with job.talk.bar("downloading", size) as advance:
+    with job.talk.bar("downloading", sum(file.size for file in wanted)) as advance:
         for file in wanted:
             job.talk.detail(f"downloading {shown(file.key)}, {_readable(file.size)}")
             download(job.web, record.record_id, remotes[file.key], job.out / file.path, advance)
-
-
-def _need_room(job: _Job, size: int) -> None:
-    with suppress(OSError):
-        free = shutil.disk_usage(job.out).free
-        if free < size:
-            message = f"the files need {_readable(size)}, {_readable(free)} are free"
-            raise TendonreproError(message, where=str(job.out), hint="make room, or choose another --out")
