@@ -314,13 +314,3 @@ def test_joints_counted_from_one_are_moved(
     """A nought alone, or beside joint 3, may stand for a start."""
     found = guessed(source(f"{file}.csv", {"t": TIME} | {f"q{k}": followed(k or 1) for k in written}))
     assert tuple(found[f"q{k}"].joint for k in written) == joints
-
-
-def test_a_joint_below_the_title_calculated_is_calculated() -> None:
-    found = Found("SYNTHETIC")
-    for title, angle in (("Encoder", followed), ("Calculated", course)):
-        for joint in (1, 2, 3):
-            found.add(f"{title[0]}/Joint {joint}", angle(joint), label=f"Joint {joint}", group=title[0])
-        found.text(f"{title[0]}/title", title)
-    columns = understand([stored("x.xlsx", found)])
-    assert [column.quantity for column in columns] == ["measured"] * 3 + ["calculated"] * 3

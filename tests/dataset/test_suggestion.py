@@ -117,6 +117,10 @@ ASKED: dict[str, tuple[list[Source], str]] = {
         [source("c1.csv", {"Time": TIME, "q2": LATE, "angle 2": LATE**2})],
         f"{TAKEN} c1.csv: angle 2;",
     ),
+    "an angle below the title calculated": (
+        [source("c1.mat", {"log/encoder/Joint 2": STEPS[1], "log/calculated/Joint 2": DEGREES[1]}, "deg")],
+        f"{TAKEN} c1.mat: log/calculated/Joint 2;",
+    ),
     "encoder and calculated angle of one name": (
         [source("c1.csv", {"Time": TIME, "Q2": STEPS[1], "q2": DEGREES[1]}, "deg")],
         f"{TAKEN} c1.csv: q2;",

@@ -151,10 +151,6 @@ class Column:
         self.joint = around if self.own.joint is None else self.own.joint
         if self.own.quantity:
             self.call(self.own.quantity, f"the name {self.label!r} says {self.own.quantity}")
-            inside = {hint.quantity for hint in self.around[: self.inside]}
-            words = {word for word in tokens(self.label) if word.isalpha()}
-            if "calculated" in inside and words <= _WHERE:
-                self.call("calculated", "a name around it says calculated")
             return
         # A single letter is a name for a column or, with a number, over an axis; in a file's name it could be
         # anything. What a folder is called is about an experiment, not about a quantity, and a file's name is
