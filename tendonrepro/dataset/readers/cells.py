@@ -8,7 +8,6 @@ import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
-from itertools import chain, count, groupby
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -22,7 +21,6 @@ MOST_TABLES = 100
 """Tables of one text or sheet that are read; a log that restarts more often is rare."""
 _MOST_WORDS = 40
 """Rows of words about one table that are noted."""
-_MOST_TEXTS = 2000
 _FEWEST_ROWS = 3
 """Fewer rows of numbers beside a longer table are settings, such as a sampling rate."""
 _MISSING = {
@@ -154,24 +152,12 @@ def settle_head(block: Rows, cells_at: Callable[[int], Sequence[Any]], decimal: 
             return
 
 
-def words_of(cells: Iterable[str]) -> list[str]:
-    """Texts of a row, those that merged cells repeat only once."""
-    return [word for word, _ in groupby(cell.strip() for cell in cells if cell.strip())]
-
-
-def note_words(found: Found, path: str, words: Iterable[str]) -> None:
-    """Note a row of words; a number follows the path where another row has it."""
-    numbered = chain([path], (f"{path} {number}" for number in count(2)))
-    if len(found.texts) < _MOST_TEXTS:
-        found.text(next(name for name in numbered if name not in found.texts), ", ".join(words))
-
-
 def add_table(
     found: Found,
     block: Rows,
     head: Sequence[Sequence[str]],
     columns: Sequence[Cells],
-    words_at: Callable[[int], tuple[str, list[str]]],
+    words_at: Callable[[int], tuple[str, Sequence[str]]],
     *,
     prefix: str,
     decimal: str = ".",
@@ -186,7 +172,10 @@ def add_table(
     rows = [*block.above, *(block.head[position] for position in unused)]
     for row in rows[:_MOST_WORDS]:
         place, words = words_at(row)
-        note_words(found, prefix + ("title" if len(words) == 1 else place), words)
+        words = [word.strip() for word in words if word.strip()]
+        if len(words) == 1 and f"{prefix}title" not in found.texts:
+            place = "title"
+        found.text(prefix + place, ", ".join(words))
     group = prefix.removesuffix("/") or "table"
     for position, (heading, cells) in enumerate(zip(names, columns, strict=True)):
         if is_full(found):

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 from tendonrepro.dataset.readers.units import plain_unit
 
@@ -111,29 +109,21 @@ def _are_units(cells: Sequence[str], width: int) -> bool:
 def _span_columns(cells: Sequence[str], names: Sequence[str], width: int) -> bool:
     """Whether a row names groups of columns.
 
-    Then names repeat in it or below it, or an empty cell stands before the last name; a setting such as
-    ``Operator, Yan`` has neither. A single name that starts at the first column, or stands alone further to
-    the right than behind the time, is the table's title.
+    Then names repeat below it, or an empty cell stands before the last name; a setting such as
+    ``Operator, Yan`` has neither. A single name is of groups only right behind the time, else a title.
     """
     filled = [column for column, cell in enumerate(cells) if cell.strip()]
-    if not 0 < filled[-1] < width:
-        return False
-    alone = len({cells[column].strip() for column in filled}) == 1
-    if alone and (filled[0] == 0 or filled[0] == filled[-1] > 1):
-        return False
-    return _repeats(cells) or _repeats(names) or len(filled) <= filled[-1]
-
-
-def _repeats(cells: Sequence[str]) -> bool:
-    return any(count > 1 for count in Counter(cell.strip() for cell in cells if cell.strip()).values())
+    if len(filled) == 1:
+        return filled[0] == 1 < width
+    below = [name.strip() for name in names if name.strip()]
+    return filled[-1] < width and (len(filled) <= filled[-1] or len(set(below)) < len(below))
 
 
 def _filled_on(cells: Sequence[str], width: int) -> list[str]:
-    """Each name repeated over the empty cells to its right, unless the row repeats names already."""
+    """Each name repeated over the empty cells to its right."""
     filled = [_cell(cells, column) for column in range(width)]
-    if not any(cell and cell == following for cell, following in pairwise(filled)):
-        for column in range(1, width):
-            filled[column] = filled[column] or filled[column - 1]
+    for column in range(1, width):
+        filled[column] = filled[column] or filled[column - 1]
     return filled
 
 

@@ -23,7 +23,6 @@ from tendonrepro.dataset.readers.cells import (
     mark_of,
     number,
     settle_head,
-    words_of,
 )
 from tendonrepro.dataset.readers.filetype import decoded
 from tendonrepro.dataset.readers.signals import Allowance, Found, Unreadable, is_full
@@ -114,7 +113,7 @@ def _add_blocks(found: Found, lines: Sequence[str], blocks: Sequence[Rows], styl
 def _add_block(found: Found, lines: Sequence[str], block: Rows, style: Style, prefix: str) -> None:
     def words_at(row: int) -> tuple[str, list[str]]:
         line = _without_mark(lines[row][:_LONGEST_LINE])
-        return f"line {row + 1}", words_of([line] if style.separator == _BLANKS else style.split(line))
+        return f"line {row + 1}", [line] if style.separator == _BLANKS else style.split(line)
 
     settle_head(block, lambda row: style.split(lines[row]), style.decimal)
     data = [lines[row].strip(" \r\x1a") for row in block.data]

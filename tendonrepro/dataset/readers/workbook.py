@@ -11,7 +11,6 @@ from tendonrepro.dataset.readers.cells import (
     blocks_of,
     mark_of,
     settle_head,
-    words_of,
 )
 from tendonrepro.dataset.readers.signals import Allowance, Found, Unreadable, is_full
 
@@ -65,7 +64,7 @@ def _read_sheet(found: Found, book: CalamineWorkbook, name: str, note: str) -> N
         return
 
     def words_at(row: int) -> tuple[str, list[str]]:
-        return f"row {first + row}", words_of(map(_text, rows[row]))
+        return f"row {first + row}", list(map(_text, rows[row]))
 
     blocks = blocks_of(map(mark_of, rows))
     for block in blocks[:MOST_TABLES]:
