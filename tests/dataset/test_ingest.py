@@ -256,7 +256,7 @@ def test_results_of_other_data_are_not_overwritten(tmp_path: Path) -> None:
     assert out.read_bytes() == b"SYNTHETIC work of a user"
 
 
-@pytest.mark.parametrize("manifest", ["[]", "null", "", "{}", '{"inputs": 3}'])
+@pytest.mark.parametrize("manifest", ["null", "{}", '{"inputs": 3}'])
 def test_a_result_without_a_manifest_is_not_overwritten(
     from_record: tuple[dict[str, Any], TraceFile], record: Path, tmp_path: Path, manifest: str
 ) -> None:

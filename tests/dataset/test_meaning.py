@@ -206,6 +206,8 @@ def test_a_sample_index_is_no_time() -> None:
     suggestion = suggest(understand([source("c1.csv", signals)]), "SYNTHETIC")
     assert "step_s: 0.001" in suggestion.text
     assert any("without a time" in remark for remark in suggestion.remarks)
+    seconds = guessed(source("c1.csv", {"when": np.arange(4000.0), "e2": 0.3 * np.cos(TIME)}, when="s"))
+    assert seconds["when"].quantity == "time"
 
 
 def test_titles_name_what_stands_below_them() -> None:

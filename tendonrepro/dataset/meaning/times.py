@@ -19,7 +19,7 @@ _SLOWEST = 0.1 * (1.0 + 1e-6)
 def find_times(group: Sequence[Column]) -> None:
     """Name the time axis of columns recorded together, and hand it to the others."""
     for column in group:
-        unnamed = column.own.quantity is None and column.values[0] in {0.0, 1.0}
+        unnamed = {column.own.quantity, column.unit} == {None} and column.values[0] in {0.0, 1.0}
         if column.quantity == "index" or (unnamed and (np.diff(column.values) == 1.0).all()):
             column.call("index", "it counts samples")
     steps = {column: sampling_step(column.values) for column in group if column.quantity in {None, "time"}}
