@@ -117,29 +117,15 @@ def fetch_text(found: dict[str, Any]) -> str:
     """Title, version, licence and a table of the files, from what `run_fetch` found, for a terminal."""
     files = found["files"]
     width = max(len(file["path"]) for file in files)
-    foot = f"{len(files)} files, {_readable(sum(file['size'] for file in files))}, in {found['out']}"
+    foot = f"{len(files)} files, {sum(file['size'] for file in files):,} bytes, in {found['out']}"
     return "\n".join(
         [
             f"{found['title'] or 'record'} ({found['doi'] or found['record']})",
             f"version {found['version'] or 'not given'}, licence {found['licence'] or 'not given'}",
-            *(f"  {file['path']:<{width}}  {_readable(file['size']):>9}  {file['action']}" for file in files),
+            *(f"  {file['path']:<{width}}  {file['size']:>13,} bytes  {file['action']}" for file in files),
             "nothing written (--dry-run)" if found["dry_run"] else foot,
         ]
     )
-
-
-def _readable(size: float) -> str:
-    """A number of bytes for people.
-
-    >>> _readable(1_234_567)
-    '1.2 MB'
-    """
-    if size < 1000:
-        return f"{size} B"
-    unit = 0
-    while size >= 1000 and unit < 4:
-        size, unit = size / 1000, unit + 1
-    return f"{size:.1f} {' kMGT'[unit]}B"
 
 
 def site_of(base_url: str | None) -> str:
@@ -287,5 +273,5 @@ def _download(job: _Job, record: Record, wanted: list[LockedFile]) -> None:
     remotes = {remote.key: remote for remote in record.files}
     with job.talk.bar("downloading", sum(file.size for file in wanted)) as advance:
         for file in wanted:
-            job.talk.detail(f"downloading {shown(file.key)}, {_readable(file.size)}")
+            job.talk.detail(f"downloading {shown(file.key)}, {file.size:,} bytes")
             download(job.web, record.record_id, remotes[file.key], job.out / file.path, advance)
