@@ -20,7 +20,6 @@ from tendonrepro.dataset.meaning.words import few, printable
 from tendonrepro.dataset.readers.guard import read_guarded
 from tendonrepro.dataset.readers.read import files_below
 from tendonrepro.dataset.readers.signals import Signal, Source
-from tendonrepro.dataset.readers.units import FACTORS, factor
 from tendonrepro.errors import UsageError
 from tendonrepro.files import write_atomically
 
@@ -154,9 +153,6 @@ def _short_lines(file: Mapping[str, Any]) -> Iterator[str]:
         yield f"  {run}: {'; '.join(words)}"
     if unknown:
         yield f"  not guessed: {few(unknown)}"
-    timed = any(column["meaning"] == "time" for signal in signals for column in signal["columns"])
-    if signals and not timed and all(signal["times_s"] is None for signal in signals):
-        yield "  no times"
     yield from _skipped_lines(file["skipped"])
 
 
@@ -170,8 +166,7 @@ def _file_lines(file: Mapping[str, Any]) -> list[str]:
     for path, text in list(file["texts"].items())[:_MOST_TEXTS]:
         first, *rest = text.splitlines() or [""]
         lines += [f"  text {path}: {first}", *(f"    {line}" for line in rest)]
-    more = len(file["texts"]) - _MOST_TEXTS
-    return [*lines, *[f"  and {more} more texts"] * (more > 0), *_skipped_lines(file["skipped"])]
+    return [*lines, *_skipped_lines(file["skipped"])]
 
 
 def _skipped_lines(skipped: Sequence[Mapping[str, str]]) -> Iterator[str]:
@@ -203,9 +198,6 @@ def _column_line(column: Mapping[str, Any], signal: Mapping[str, Any]) -> str:
     line = f"{column['column']}: {line}" if len(signal["columns"]) > 1 else line
     line += f" {signal['unit']}" if signal["unit"] else ""
     line += f", {column['missing']} missing" if column["missing"] else ""
-    # Times that do not count from their own beginning.
-    if is_time and column["unit"] in FACTORS["time"] and abs(first) > last - first:
-        line += f", {(last - first) * factor(column['unit'], 'time'):.6g} s long"
     if column["meaning"] is None:
         return f"{line} -> ?"
     joint = f" {column['joint']}" if column["joint"] and not is_time else ""
