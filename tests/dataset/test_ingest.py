@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from openpyxl import Workbook
 from support import synthetic_record
 from support.matlab_bytes import classic, hdf
 
@@ -112,6 +113,29 @@ def test_simulated_runs_come_back_from_every_format(
             for size, values in sizes.items():
                 assert after[table][run_name][size] == pytest.approx(values, rel=1e-10), (run_name, size)
     assert back.runs["controller_1_payload"].attributes["payload_mass"] == pytest.approx(0.2)
+
+
+def test_an_empty_column_parts_no_rows_from_their_times(tmp_path: Path) -> None:
+    """With a sheet beside that is as long and has another clock."""
+    path, mapping, times = (
+        tmp_path / "SYNTHETIC_controller_1.xlsx",
+        tmp_path / "map.yaml",
+        0.01 * np.arange(181.0),
+    )
+    book = Workbook()
+    for sheet, clock in (("One", 1.0), ("controller 2", 10.0)):
+        rows = [[clock * t, np.sin(t), None, np.sin(t) - 0.1, 0.5 * np.sin(t)] for t in times.tolist()]
+        for row in [["Time (s)", "q2_d (rad)", None, "q2 (rad)", "q3 (rad)"], *rows]:
+            (book[sheet] if sheet in book else book.create_sheet(sheet)).append(row)
+    book.save(path)
+    inspect(path, mapping)
+    assert "resample" not in mapping.read_text(encoding="utf-8")
+    ingest(path, mapping)
+    runs = read_traces(tmp_path / "measured.h5").runs
+    assert {name: run.joint for name, run in runs.items()} == dict.fromkeys(runs, (2, 3))
+    np.testing.assert_allclose(runs["controller_1"].time, times, rtol=1e-12)
+    np.testing.assert_allclose(runs["controller_2"].time, 10.0 * times, rtol=1e-12)
+    np.testing.assert_allclose(runs["controller_1"]["e"][:, 0], 0.1, rtol=1e-9)
 
 
 def test_an_error_of_the_other_sign_is_asked_about(simulated: TraceFile, tmp_path: Path) -> None:

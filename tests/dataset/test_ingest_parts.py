@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from tendonrepro.dataset.mapping.model import LoadedMapping, Mapping, load_mappi
 from tendonrepro.dataset.mapping.timebase import Timed, TimeProblem, checked, even, shared, within
 from tendonrepro.dataset.readers.signals import Found, Skipped, Source, samples_first
 from tendonrepro.errors import ConfigError
+from tendonrepro.physics.metrics import status_of
 from tendonrepro.results.records import Trace
 
 Array = NDArray[np.float64]
@@ -160,6 +162,13 @@ def test_of_desired_measured_and_error_two_give_the_third(given: tuple[str, str]
     assert assembly.doubts == []
 
 
+def test_a_desired_angle_alone_is_asked_about() -> None:
+    _, assembly = assembled(three("q_d"), q_d=ANGLE[:, 0], feedback=ANGLE[:, 1])
+    (doubt,) = assembly.doubts
+    assert doubt.startswith("controller_1: joint 2 has a desired angle and no measured one")
+    assert "`variable: q_encoder` under `signals`" in doubt
+
+
 @pytest.mark.parametrize("factor", [-1.0, 180.0 / np.pi, np.pi / 180.0, 3.0])
 def test_an_error_that_contradicts_the_difference_is_asked_about(factor: float) -> None:
     gap, lag = slice(50, 60), 0.3 * np.cos(TIME) + 0.02
@@ -262,6 +271,25 @@ def test_the_error_is_judged_with_its_gaps_bridged() -> None:
     np.testing.assert_allclose(seen[0], TIME[:, np.newaxis], atol=1e-12)
     assert (run.status, run.attributes["status_time"]) == ("diverged", TIME[-2])
     assert assembly.notes == ["controller_1: no e of joint 3"]
+
+
+HELD = np.zeros(len(TIME))
+
+
+@pytest.mark.parametrize(
+    ("desired", "counts", "status", "of"),
+    [(HELD, 1.0, "ok", ""), (HELD, 90.0, "ringing", " on joint 1"), (TIME, 1.0, "ringing", " on joint 1")],
+)
+def test_the_dither_of_a_held_joint_is_no_ringing(
+    desired: Array, counts: float, status: str, of: str
+) -> None:
+    q = desired + np.deg2rad(0.022) * counts * (np.arange(len(TIME)) % 2 - 0.5)
+    entries = [entry("q_d", 1, "d"), entry("q_encoder", 1, "q"), entry("e", 2, "e")]
+    judge = partial(status_of, divergence_limit=1.0, ringing_frequency=3.0, ringing_share=0.5)
+    mapping = make_mapping(*(one | {"unit": "rad"} for one in entries))
+    sources = [make_source(t=TIME, d=desired, q=q, e=0.1 * np.cos(TIME))]
+    (run,) = Assembly(sources, mapping, "mapping.yaml", S, judge).runs().values()
+    assert (run.status, run.told_status) == (status, status + of)
 
 
 @pytest.mark.parametrize("period", [9.0, None])

@@ -272,6 +272,37 @@ def test_the_step_of_a_loop_tells_its_unit(step: float, unit: str) -> None:
     assert clock.doubts
 
 
+@pytest.mark.parametrize(
+    ("name", "end", "uneven"), [("time", 10.0, True), ("time", 120.0, False), ("tout", 5000.0, True)]
+)
+def test_the_steps_of_a_solver_are_in_seconds(name: str, end: float, uneven: bool) -> None:
+    steps = np.geomspace(1.0, 50.0 if uneven else 1.0, 60)
+    times = end * np.append(0.0, np.cumsum(steps)) / steps.sum()
+    clock = guessed(source("out.mat", {name: times, "q2": course(2)[: len(times)]}))[name]
+    assert (clock.quantity, clock.unit, not clock.doubts) == ("time", "s", name == "tout")
+
+
+@pytest.mark.parametrize(
+    ("names", "unit", "moves", "kind"),
+    [
+        (("e1", "e2", "e3"), None, False, None),
+        (("error", "error 2", "error 3"), None, False, None),
+        (("error 1", "error 2", "error 3"), None, False, "error"),
+        (("e1", "e2", "e3"), "deg", False, "error"),
+        (("e1", "e2", "e3"), None, True, "error"),
+    ],
+)
+def test_constants_are_angles_by_a_name_a_unit_or_a_motion_beside(
+    names: tuple[str, ...], unit: str | None, moves: bool, kind: str | None
+) -> None:
+    values = [np.full(4000, size) for size in (1.2, 0.4)] + [0.7 + moves * followed(2)]
+    signals = dict(zip(names, values, strict=True))
+    found = guessed(
+        source("x.csv", {"t": TIME} | signals, **dict.fromkeys(names if unit else (), unit or ""))
+    )
+    assert found[names[0]].quantity == kind
+
+
 def test_a_stated_unit_of_time_is_no_doubt() -> None:
     for unit in ("us", "微秒", "microsecond", "µsec"):
         clock = guessed(source("x.csv", {"t": TIME, "q2": course(2)}, t=unit))["t"]

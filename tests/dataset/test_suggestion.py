@@ -133,6 +133,10 @@ ASKED: dict[str, tuple[list[Source], str]] = {
         [source("c1.csv", {"Time": TIME, "q2": STEPS[1], "e2": STEPS[1] - DEGREES[1]}, "deg")],
         "controller_1: an error is taken for desired less measured; if it is the other way, `sign: -1`",
     ),
+    "constants": (
+        [source("c1.mat", {"time": TIME, "e": np.tile([1.2, 0.4, 0.7], (len(TIME), 1))}, None)],
+        f"c1.mat: what some columns are {ALONE}",
+    ),
     "points of space in a file of errors": (
         [source("tracking error.csv", {"time": TIME, "ax": COURSE, "ay": LATE, "az": LATE**2}, None)],
         f"tracking error.csv: what some columns are {ALONE}",

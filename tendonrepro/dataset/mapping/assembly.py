@@ -30,6 +30,8 @@ _LONGEST_STEP = 0.1  # s, beyond which the unit of the times is in doubt; the pa
 _CONTRADICTS, _FEWEST = 0.5, 8
 _MOST_PERIODS = 100_000
 """Periods in a run; every one is a window that results may be of."""
+_COUNT = 1.01 * np.deg2rad(0.022)  # an encoder's count as printed, rad, which a held joint may dither by
+_SHAKES = np.deg2rad(1.0)  # span of the error of a held joint that is no dither any more
 _OF_THE_OTHERS = {"q_d": "q_encoder + e", "q_encoder": "q_d - e", "e": "q_d - q_encoder"}
 
 StatusOf = Callable[[Array, Array], tuple[str, float]]
@@ -79,6 +81,7 @@ class Assembly:
         self._complete(name, variables, joints)
         self._calculate(name, variables, joints)
         self._leave_out(name, variables, joints)
+        self._ask_for_measured(name, variables, joints)
         attributes = {
             "law": MEASURED,
             "gains": {},
@@ -239,14 +242,30 @@ class Assembly:
             hint = "`tendonrepro inspect` shows the range of every signal"
             raise ConfigError(message, where=f"{self.where}: runs.{name}", hint=hint)
 
+    def _ask_for_measured(self, name: str, variables: dict[str, Array], joints: tuple[int, ...]) -> None:
+        """Doubt desired angles without measured ones, and say which line of the mapping brings these."""
+        absent = np.full((1, len(joints)), np.nan)
+        q_d, q = (np.isfinite(variables.get(key, absent)).any(axis=0) for key in ("q_d", "q_encoder"))
+        if (alone := q_d & ~q).any():
+            self.doubts.append(
+                f"{name}: joint {_listed(joints, alone)} has a desired angle and no measured one, so there "
+                "is no error: `variable: q_encoder` under `signals` names its column"
+            )
+
     def _status(self, time: Array, variables: dict[str, Array], joints: tuple[int, ...]) -> dict[str, Any]:
-        """Status by the error, with the joints it is of; gaps are bridged, they are not divergence."""
+        """Status by the error, with the joints it is of; gaps are bridged, they are not divergence.
+
+        A joint that is held is in the dither of its encoder, which is no ringing.
+        """
         found: dict[str, tuple[float, list[int]]] = {}
         for k, joint in enumerate(joints if "e" in variables and len(time) > 1 else ()):
             known = np.isfinite(e := variables["e"][:, k])
             if known.any():
                 bridged = np.interp(time, time[known], e[known])
                 status, end = self.status_of(time, bridged[:, np.newaxis])
+                held = _span(variables.get("q_d", variables["e"])[:, k]) <= _COUNT
+                if status == "ringing" and held and _span(e) <= _SHAKES:
+                    continue
                 first, of = found.get(status, (end, []))
                 found[status] = (min(first, end), [*of, joint])
         worst = next((status for status in ("diverged", "ringing") if status in found), "ok")
@@ -279,6 +298,12 @@ def doubts_about(trace: Trace) -> list[str]:
                     "unit, sign, scale or number of a motor"
                 )
     return doubts
+
+
+def _span(values: Array) -> float:
+    """Range of the numbers among values; infinite without any, since then nothing is known of it."""
+    finite = values[np.isfinite(values)]
+    return float(np.ptp(finite)) if finite.size else np.inf
 
 
 def _listed(joints: Sequence[int], chosen: ArrayLike) -> str:

@@ -111,6 +111,11 @@ class Column:
         return self.signal.label or self.signal.path.rpartition("/")[2]
 
     @property
+    def still(self) -> bool:
+        """Whether it has numbers, and all are the same."""
+        return len(set(self.values[np.isfinite(self.values)].tolist())) == 1
+
+    @property
     def nameless(self) -> bool:
         """Whether its own name says at most where or of which run it is, as ``column 2`` and ``NTSM`` do."""
         words = {word for word in tokens(self.label) if word.isalpha()}

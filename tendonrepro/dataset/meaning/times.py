@@ -8,12 +8,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from tendonrepro.dataset.meaning.columns import Column, sampling_step
+from tendonrepro.dataset.meaning.words import tokens
 from tendonrepro.dataset.readers.units import FACTORS
 
 SAMPLING = 0.001
 """The paper's sampling period, s, where the files hold no times."""
 # Longest step of a control loop, s; a hundred milliseconds to the last bit are still that.
 _SLOWEST = 0.1 * (1.0 + 1e-6)
+_SHORTEST = 0.5  # record of a motion, s
 
 
 def find_times(group: Sequence[Column]) -> None:
@@ -43,11 +45,20 @@ def find_times(group: Sequence[Column]) -> None:
 
 
 def _settle_unit(axis: Column) -> None:
-    """Take the unit in which it steps as control loops do, and ask."""
+    """Take Simulink's second, else the unit in which it steps as control loops do, and ask."""
+    if "tout" in tokens(axis.label):
+        axis.unit = "s"
+        axis.because.append("Simulink's tout is in s")
+        return
     times = axis.values[np.isfinite(axis.values)]
-    step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+    steps = np.diff(times) if len(times) > 1 else np.zeros(1)
+    step, length = float(np.median(steps)), float(np.abs(steps.sum()))
     units = ("s", "ms", "us", "ns")
-    axis.unit = next((unit for unit in units if step * FACTORS["time"][unit] <= _SLOWEST), "ns")
+    place = next((k for k, unit in enumerate(units) if step * FACTORS["time"][unit] <= _SLOWEST), 3)
+    # A solver's steps may be longer than a control loop's, but no motion is over at once.
+    if place and length * FACTORS["time"][units[place]] < _SHORTEST:
+        place -= 1
+    axis.unit = units[place]
     reason = f"which makes their step {step * FACTORS['time'][axis.unit] * 1e3:.3g} ms"
     axis.because.append(f"taken to be in {axis.unit}, {reason}")
     axis.doubts.append(f"no unit of the times is stated, {axis.unit} is taken, {reason}; `unit` of `time`")

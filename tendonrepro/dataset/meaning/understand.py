@@ -1,10 +1,12 @@
 """A guess at what each column of a data set is, with the reasons.
 
-Names and stored units speak first. Of the numbers, three plain signs are taken for evidence, and no other:
+Names and stored units speak first. Of the numbers, four plain signs are taken for evidence, and no other:
 
-1. Numbers that increase evenly are times; their unit is the one that makes the step that of a control loop.
+1. Numbers that increase evenly are times; their unit is the one that makes the step that of a control loop,
+   unless no motion could be so short.
 2. A few whole numbers tell rows apart and are no motion.
-3. The size of angles tells degrees from radians.
+3. Columns alike that all stand still are no motion either.
+4. The size of angles tells degrees from radians.
 
 A guess is never certain, so every one carries its reasons into the mapping, where a user confirms or mends
 it; what nothing tells is asked there, with the line that settles it.
@@ -46,6 +48,7 @@ def understand(sources: Iterable[Source]) -> list[Column]:
     for group in groups:
         find_times(group)
         _find_labels(group)
+        _refuse_still(group)
     for file in files:
         share_times(file)
         _find_units(file)
@@ -77,6 +80,22 @@ def _find_labels(group: Sequence[Column]) -> None:
         labels[0].doubts.append(
             f"this is a table in long form, take the rows of a run with `where` on {names}"
         )
+
+
+def _refuse_still(group: Sequence[Column]) -> None:
+    """Guess nothing of columns alike that all stand still, unless a unit or a word with a joint tells.
+
+    A held joint stands beside others that move; constants of another kind, such as obstacles, do not.
+    """
+    for alike in _sorted_by(group, lambda column: column.quantity):
+        if alike[0].quantity in {*_ANGLES, *_OTHERS} and all(column.still for column in alike):
+            for column in alike:
+                named = column.own.quantity and not column.own.letter and column.own.joint is not None
+                if not (named or column.unit):
+                    column.quantity = None
+                    column.because.append(
+                        "but it stands still, and neither a name nor a unit tells what it is"
+                    )
 
 
 def is_label(values: Array) -> bool:
