@@ -27,6 +27,9 @@ def fetch(
         str | None,
         Option("--base-url", help="Another server [default: $TENDONREPRO_ZENODO_URL, else Zenodo]."),
     ] = None,
+    from_dir: Annotated[
+        Path | None, Option("--from-dir", help="Take files downloaded by hand from this folder.")
+    ] = None,
     dry_run: Annotated[bool, Option("--dry-run", help="List the record, download nothing.")] = False,
     force: Annotated[bool, Option("--force", help="Replace altered files, or another record's.")] = False,
 ) -> None:
@@ -36,7 +39,7 @@ def fetch(
     """
     from tendonrepro.dataset.repository.fetch import fetch_text, run_fetch
 
-    found = run_fetch(record, out, base_url, force, dry_run, terminal.talk)
+    found = run_fetch(record, out, base_url, from_dir, force, dry_run, terminal.talk)
     terminal.show(found, fetch_text)
 
 

@@ -60,7 +60,7 @@ def fetch(tmp_path: Path, waits: list[float]) -> Fetch:
 
     def carry_out(repository: Repository | str, **options: Any) -> dict[str, Any]:
         url = repository if isinstance(repository, str) else repository.url
-        words: dict[str, Any] = {"record": str(RECORD), "out": tmp_path / "zenodo"}
+        words: dict[str, Any] = {"record": str(RECORD), "out": tmp_path / "zenodo", "from_dir": None}
         words |= {"force": False, "dry_run": False, "talk": Talk(quiet=True), "base_url": url}
         words["patience"] = Patience(timeout=(5.0, 5.0), chunk=5.0, answer=10.0)
         return run_fetch(**words | options)
@@ -203,6 +203,7 @@ def test_a_disk_that_takes_no_more(command: str, tmp_path: Path) -> None:
         (["nonsense"], 2, "is not a record"),
         (["--base-url", "http://me:secret@127.0.0.1"], 2, "is not the address of a site"),
         (["--base-url", "ftp://127.0.0.1"], 2, "is not the address of a site"),
+        (["--from-dir", "nowhere", "--base-url", "{closed}"], 2, "is not a folder"),
     ],
 )
 def test_wrong_addresses(command: str, tmp_path: Path, words: list[str], code: int, message: str) -> None:
@@ -215,6 +216,54 @@ def test_wrong_addresses(command: str, tmp_path: Path, words: list[str], code: i
     assert message in done.stderr
     assert "Traceback" not in done.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.fixture
+def by_hand(tmp_path: Path) -> Path:
+    """One file under its bare name, and one that is not the record's."""
+    folder = tmp_path / "Downloads"
+    folder.mkdir()
+    for key, content in (SMALL | {"holiday.jpg": b"SYNTHETIC"}).items():
+        (folder / Path(key).name).write_bytes(content)
+    return folder
+
+
+@pytest.mark.usefixtures("by_hand")
+def test_a_folder_of_files_downloaded_by_hand(command: str, tmp_path: Path) -> None:
+    words = ["fetch", str(RECORD), "--from-dir", "Downloads", "--base-url"]
+    with serving(Repository()) as repository:
+        found = answer(command, *words, repository.url, cwd=tmp_path)
+        assert not repository.ranges()
+    assert {file["action"] for file in found["files"]} == {"copied"}
+    assert files_of(tmp_path / "data" / "zenodo") == contents(SMALL)
+    assert (tmp_path / "data" / "zenodo.lock.json").exists()
+
+
+def test_a_lock_is_enough_to_verify(fetch: Fetch, fetched: Repository, by_hand: Path, tmp_path: Path) -> None:
+    (tmp_path / "zenodo" / "SYNTHETIC empty.txt").unlink()
+    (tmp_path / "zenodo" / "SYNTHETIC exp data 1.mat").write_bytes(b"my own work")
+    with pytest.raises(UsageError, match=r"differs from the record: .*SYNTHETIC exp data 1\.mat"):
+        fetch("http://127.0.0.1:9", from_dir=by_hand)
+    assert (tmp_path / "zenodo" / "SYNTHETIC exp data 1.mat").read_bytes() == b"my own work"
+    planned = fetch("http://127.0.0.1:9", from_dir=by_hand, force=True, dry_run=True)
+    assert not (tmp_path / "zenodo" / "SYNTHETIC empty.txt").exists()
+    found = fetch("http://127.0.0.1:9", from_dir=by_hand, force=True)
+    for result, action in ((planned, "to copy"), (found, "copied")):
+        assert [file["action"] for file in result["files"]] == [action, "present", action]
+    assert not fetched.log
+    assert files_of(tmp_path / "zenodo") == contents(SMALL)
+
+
+def test_a_wrong_file_by_hand_is_refused(fetch: Fetch, by_hand: Path, tmp_path: Path) -> None:
+    (by_hand / "SYNTHETIC exp data 1.mat").write_bytes(b"cut")
+    refused(fetch, Repository(), r"not the record's.*SYNTHETIC exp data 1\.mat", from_dir=by_hand)
+    assert files_of(tmp_path / "zenodo") == {}
+
+
+def test_a_folder_that_lacks_a_file_says_which(fetch: Fetch, by_hand: Path, tmp_path: Path) -> None:
+    (by_hand / "SYNTHETIC empty.txt").unlink()
+    refused(fetch, Repository(), r"lacks 1 of the 3 files .*: .SYNTHETIC empty\.txt", from_dir=by_hand)
+    assert [path.name for path in tmp_path.iterdir()] == ["Downloads"]
 
 
 def test_files_downloaded_by_hand(fetch: Fetch, tmp_path: Path) -> None:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -18,6 +19,7 @@ from tendonrepro.dataset.repository.lock import (
     DataLock,
     LockedFile,
     find_differences,
+    is_same,
     lock_path,
     read_lock,
     write_lock,
@@ -26,7 +28,7 @@ from tendonrepro.dataset.repository.names import LOCK, safe_paths, shown
 from tendonrepro.dataset.repository.web import BY_HAND, Patience, Web, WebError
 from tendonrepro.dataset.repository.zenodo import SITE, Record, parse_record, record_number
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.files import md5_of
+from tendonrepro.files import atomic_path, md5_of
 from tendonrepro.results.folder import locked
 
 VARIABLE = "TENDONREPRO_ZENODO_URL"
@@ -39,6 +41,7 @@ class _Job:
     requested: str
     site: str
     out: Path
+    from_dir: Path | None
     force: bool
     dry_run: bool
     talk: Talk
@@ -55,6 +58,7 @@ def run_fetch(
     record: str,
     out: Path,
     base_url: str | None,
+    from_dir: Path | None,
     force: bool,
     dry_run: bool,
     talk: Talk,
@@ -71,6 +75,8 @@ def run_fetch(
         Folder for the files; the lock is written beside it.
     base_url : str or None
         Another site than zenodo.org; else the environment may name one.
+    from_dir : Path or None
+        Folder with files downloaded by hand, taken instead of downloading.
     force : bool
         Replace files that were altered, and another record.
     dry_run : bool
@@ -95,8 +101,11 @@ def run_fetch(
     """
     site = site_of(base_url)
     web = Web(talk, patience or Patience())
-    job = _Job(record_number(record, site), site, out, force, dry_run, talk, web)
+    job = _Job(record_number(record, site), site, out, from_dir, force, dry_run, talk, web)
     lock_path(out)  # an `out` without a name is refused before anything is made
+    if from_dir is not None and not from_dir.is_dir():
+        hint = "give the folder with the downloaded files"
+        raise UsageError("is not a folder", where=str(from_dir), hint=hint)
     with nullcontext() if dry_run else _held(out):
         lock, network = _settled(job)
     described = lock.model_dump(exclude={"schema_version", "files"})
@@ -181,6 +190,8 @@ def _settled(job: _Job) -> tuple[DataLock, bool]:
         place = lock_path(job.out)
         job.talk.note(f"all {len(lock.files)} files are as {place} says: nothing asked of the network")
         return lock, False
+    if job.from_dir is not None:
+        return _obtained(job, lock, None), False
     record = resolve(job.web, job.site, lock.record, job.warn)
     fresh = _lock_for(job, record).model_copy(update={"requested": lock.requested})
     before = {file.key: (file.size, file.md5) for file in lock.files}
@@ -250,12 +261,15 @@ def _wanted(job: _Job, files: Sequence[LockedFile]) -> list[LockedFile]:
     return [*missing, *altered]
 
 
-def _obtained(job: _Job, lock: DataLock, record: Record) -> DataLock:
-    """Download what is not on disk yet, and write the lock, now that every file is there."""
+def _obtained(job: _Job, lock: DataLock, record: Record | None) -> DataLock:
+    """Copy or download what is not on disk yet, and write the lock, now that every file is there."""
     wanted = _wanted(job, lock.files)
     if bare := [shown(file.key) for file in lock.files if file.md5 is None]:
         job.warn(f"the record gives no MD5 of {', '.join(bare)}: only the size could be compared")
-    _download(job, record, wanted)
+    if job.from_dir is not None:
+        _copy(job, job.from_dir, wanted)
+    elif record is not None:
+        _download(job, record, wanted)
     if job.dry_run:
         return lock
     for file in lock.files:
@@ -264,6 +278,29 @@ def _obtained(job: _Job, lock: DataLock, record: Record) -> DataLock:
     lock = lock.model_copy(update={"files": tuple(files)})
     write_lock(lock_path(job.out), lock)
     return lock
+
+
+def _copy(job: _Job, folder: Path, wanted: list[LockedFile]) -> None:
+    """Copy what is wanted from a folder that holds it, under its path or its bare name."""
+    with job.talk.bar("checking", sum(file.size for file in wanted)) as advance:
+        absent, wrong = find_differences(wanted, folder, advance)
+    bare = {file: file.model_copy(update={"path": PurePosixPath(file.path).name}) for file in absent}
+    absent, others = find_differences(bare.values(), folder, lambda _: None)
+    if wrong := [*wrong, *others]:
+        message = f"not the record's files, by size or MD5: {', '.join(shown(file.key) for file in wrong)}"
+        hint = "download them again: they are cut short, changed, or of another version"
+        raise DataMissingError(message, where=str(folder), hint=hint)
+    if absent:
+        message = f"lacks {len(absent)} of the {len(wanted)} files wanted from it: "
+        hint = "put them there, unpacked if they came as one archive, or download them without --from-dir"
+        names = ", ".join(shown(file.key) for file in absent)
+        raise DataMissingError(message + names, where=str(folder), hint=hint)
+    job.done.update((file.path, "to copy" if job.dry_run else "copied") for file in wanted)
+    for file in () if job.dry_run else wanted:
+        with atomic_path(job.out / file.path) as temporary:
+            shutil.copyfile(folder / bare.get(file, file).path, temporary)
+            if not is_same(temporary, file):
+                raise DataMissingError(f"{shown(file.key)} changed while it was copied", where=str(folder))
 
 
 def _download(job: _Job, record: Record, wanted: list[LockedFile]) -> None:

@@ -104,16 +104,16 @@ def find_differences(
         try:
             if not path.exists():
                 missing.append(file)
-            elif not _is_same(path, file):
+            elif not is_same(path, file):
                 altered.append(file)
         except OSError as error:
             message = f"cannot look at {path}: {error.strerror or error}"
-            raise DataMissingError(message, hint="choose another --out") from error
+            raise DataMissingError(message, hint="choose another --out or --from-dir") from error
         advance(file.size)
     return missing, altered
 
 
-def _is_same(path: Path, file: LockedFile) -> bool:
+def is_same(path: Path, file: LockedFile) -> bool:
     """Whether a path is a file of this size and, where known, this digest."""
     if not path.is_file() or path.stat().st_size != file.size:
         return False
