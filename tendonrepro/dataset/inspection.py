@@ -10,19 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from tendonrepro.config.published import coupling_of, published, table_1
 from tendonrepro.console import Talk
 from tendonrepro.dataset.mapping.suggestion import suggest
 from tendonrepro.dataset.mapping.timebase import in_seconds
 from tendonrepro.dataset.meaning.assignment import runs_among, variable_of
-from tendonrepro.dataset.meaning.columns import Column
-from tendonrepro.dataset.meaning.evidence import sampling_step
+from tendonrepro.dataset.meaning.columns import Column, sampling_step
 from tendonrepro.dataset.meaning.understand import understand
 from tendonrepro.dataset.meaning.words import few, printable
 from tendonrepro.dataset.readers.guard import read_guarded
 from tendonrepro.dataset.readers.read import files_below
 from tendonrepro.dataset.readers.signals import Signal, Source
-from tendonrepro.dataset.readers.units import FACTORS, factor
 from tendonrepro.errors import UsageError
 from tendonrepro.files import write_atomically
 
@@ -51,7 +48,7 @@ def run_inspect(paths: Sequence[Path], suggest_to: Path | None, *, force: bool, 
         message = "exists, and may hold work of yours"
         raise UsageError(message, where=str(suggest_to), hint="choose another --mapping, or say --force")
     sources = read_guarded(files_below(paths), talk)
-    columns = understand(sources, coupling_of(table_1(published()))[1])
+    columns = understand(sources)
     found = {"schema_version": SCHEMA_VERSION, "files": _files(sources, columns)}
     if suggest_to is not None:
         title = f"Measured data from {', '.join(path.resolve().name for path in paths)}"
@@ -156,9 +153,6 @@ def _short_lines(file: Mapping[str, Any]) -> Iterator[str]:
         yield f"  {run}: {'; '.join(words)}"
     if unknown:
         yield f"  not guessed: {few(unknown)}"
-    timed = any(column["meaning"] == "time" for signal in signals for column in signal["columns"])
-    if signals and not timed and all(signal["times_s"] is None for signal in signals):
-        yield "  no times"
     yield from _skipped_lines(file["skipped"])
 
 
@@ -172,8 +166,7 @@ def _file_lines(file: Mapping[str, Any]) -> list[str]:
     for path, text in list(file["texts"].items())[:_MOST_TEXTS]:
         first, *rest = text.splitlines() or [""]
         lines += [f"  text {path}: {first}", *(f"    {line}" for line in rest)]
-    more = len(file["texts"]) - _MOST_TEXTS
-    return [*lines, *[f"  and {more} more texts"] * (more > 0), *_skipped_lines(file["skipped"])]
+    return [*lines, *_skipped_lines(file["skipped"])]
 
 
 def _skipped_lines(skipped: Sequence[Mapping[str, str]]) -> Iterator[str]:
@@ -205,9 +198,6 @@ def _column_line(column: Mapping[str, Any], signal: Mapping[str, Any]) -> str:
     line = f"{column['column']}: {line}" if len(signal["columns"]) > 1 else line
     line += f" {signal['unit']}" if signal["unit"] else ""
     line += f", {column['missing']} missing" if column["missing"] else ""
-    # Times that do not count from their own beginning.
-    if is_time and column["unit"] in FACTORS["time"] and abs(first) > last - first:
-        line += f", {(last - first) * factor(column['unit'], 'time'):.6g} s long"
     if column["meaning"] is None:
         return f"{line} -> ?"
     joint = f" {column['joint']}" if column["joint"] and not is_time else ""

@@ -19,10 +19,9 @@ from tendonrepro.config.fields.strict_yaml import Node, dump
 from tendonrepro.config.load import LoadedConfig, load_config
 from tendonrepro.config.published import COMPARED
 from tendonrepro.console import Talk
-from tendonrepro.dataset.motion.fit import UNITS, judged, limit
+from tendonrepro.dataset.motion.fit import UNITS, cycle_of, judged, limit
 from tendonrepro.dataset.motion.knots import Knots, thinned
 from tendonrepro.dataset.motion.recover import Reference, recorded_motion, zero_of
-from tendonrepro.dataset.motion.shapes import cycle_of
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.experiments.run import simulate_run, trace_file

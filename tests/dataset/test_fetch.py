@@ -13,7 +13,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -27,7 +26,7 @@ from tendonrepro.dataset.repository import fetch as fetch_module
 from tendonrepro.dataset.repository import web
 from tendonrepro.dataset.repository.fetch import fetch_text, run_fetch
 from tendonrepro.dataset.repository.web import Patience
-from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
+from tendonrepro.errors import DataMissingError, UsageError
 
 Fetch = Callable[..., dict[str, Any]]
 
@@ -83,8 +82,8 @@ def test_fetch_then_again_without_a_network(command: str, tmp_path: Path) -> Non
     assert {file["action"] for file in found["files"]} == {"downloaded"}
     assert found["title"].startswith("SYNTHETIC")
     lock = json.loads((tmp_path / "data" / "zenodo.lock.json").read_text())
-    told = [lock[key] for key in ("record", "licence", "version", "verified")]
-    assert told == [str(RECORD), "cc-by-4.0", "v1", True]
+    told = [lock[key] for key in ("record", "licence", "version")]
+    assert told == [str(RECORD), "cc-by-4.0", "v1"]
     assert all(hashlib.md5(SMALL[file["key"]]).hexdigest() == file["md5"] for file in lock["files"])
     assert all(agent.startswith("tendonrepro/") and "(+http" in agent for agent in agents)
     again = run(command, "fetch", str(RECORD), cwd=tmp_path, TENDONREPRO_ZENODO_URL=repository.url)
@@ -219,19 +218,64 @@ def test_wrong_addresses(command: str, tmp_path: Path, words: list[str], code: i
     assert list(tmp_path.iterdir()) == []
 
 
-def test_files_downloaded_by_hand(command: str, tmp_path: Path) -> None:
-    by_hand = tmp_path / "Downloads"
-    by_hand.mkdir()
-    for key, content in SMALL.items():
-        (by_hand / Path(key).name).write_bytes(content)
-    (by_hand / "holiday.jpg").write_bytes(b"SYNTHETIC")
-    words = ["fetch", str(RECORD), "--from-dir", "Downloads"]
+@pytest.fixture
+def by_hand(tmp_path: Path) -> Path:
+    """One file under its bare name, and one that is not the record's."""
+    folder = tmp_path / "Downloads"
+    folder.mkdir()
+    for key, content in (SMALL | {"holiday.jpg": b"SYNTHETIC"}).items():
+        (folder / Path(key).name).write_bytes(content)
+    return folder
+
+
+@pytest.mark.usefixtures("by_hand")
+def test_a_folder_of_files_downloaded_by_hand(command: str, tmp_path: Path) -> None:
+    words = ["fetch", str(RECORD), "--from-dir", "Downloads", "--base-url"]
     with serving(Repository()) as repository:
-        found = answer(command, *words, "--base-url", repository.url, cwd=tmp_path)
+        found = answer(command, *words, repository.url, cwd=tmp_path)
         assert not repository.ranges()
-    assert found["verified"]
-    assert found["ignored"] == ["holiday.jpg"]
+    assert {file["action"] for file in found["files"]} == {"copied"}
     assert files_of(tmp_path / "data" / "zenodo") == contents(SMALL)
+    assert (tmp_path / "data" / "zenodo.lock.json").exists()
+
+
+def test_a_lock_is_enough_to_verify(fetch: Fetch, fetched: Repository, by_hand: Path, tmp_path: Path) -> None:
+    (tmp_path / "zenodo" / "SYNTHETIC empty.txt").unlink()
+    (tmp_path / "zenodo" / "SYNTHETIC exp data 1.mat").write_bytes(b"my own work")
+    with pytest.raises(UsageError, match=r"differs from the record: .*SYNTHETIC exp data 1\.mat"):
+        fetch("http://127.0.0.1:9", from_dir=by_hand)
+    assert (tmp_path / "zenodo" / "SYNTHETIC exp data 1.mat").read_bytes() == b"my own work"
+    planned = fetch("http://127.0.0.1:9", from_dir=by_hand, force=True, dry_run=True)
+    assert not (tmp_path / "zenodo" / "SYNTHETIC empty.txt").exists()
+    found = fetch("http://127.0.0.1:9", from_dir=by_hand, force=True)
+    for result, action in ((planned, "to copy"), (found, "copied")):
+        assert [file["action"] for file in result["files"]] == [action, "present", action]
+    assert not fetched.log
+    assert files_of(tmp_path / "zenodo") == contents(SMALL)
+
+
+def test_a_wrong_file_by_hand_is_refused(fetch: Fetch, by_hand: Path, tmp_path: Path) -> None:
+    (by_hand / "SYNTHETIC exp data 1.mat").write_bytes(b"cut")
+    refused(fetch, Repository(), r"not the record's.*SYNTHETIC exp data 1\.mat", from_dir=by_hand)
+    assert files_of(tmp_path / "zenodo") == {}
+
+
+def test_a_folder_that_lacks_a_file_says_which(fetch: Fetch, by_hand: Path, tmp_path: Path) -> None:
+    (by_hand / "SYNTHETIC empty.txt").unlink()
+    refused(fetch, Repository(), r"lacks 1 of the 3 files .*: .SYNTHETIC empty\.txt", from_dir=by_hand)
+    assert [path.name for path in tmp_path.iterdir()] == ["Downloads"]
+
+
+def test_files_downloaded_by_hand(fetch: Fetch, tmp_path: Path) -> None:
+    """Put where they belong they are compared with the record, and only the others are downloaded."""
+    for key, content in list(SMALL.items())[1:]:
+        (tmp_path / "zenodo" / key).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "zenodo" / key).write_bytes(content)
+    with serving(Repository()) as repository:
+        found = fetch(repository)
+        assert len(repository.ranges()) == 1
+    assert [file["action"] for file in found["files"]] == ["downloaded", "present", "present"]
+    assert files_of(tmp_path / "zenodo") == contents(SMALL)
 
 
 @pytest.mark.parametrize("mode", ["bare_md5", "chunked", "no_md5"])
@@ -364,7 +408,7 @@ def test_a_name_that_cannot_be_found(fetch: Fetch, monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(socket, "getaddrinfo", unknown)
     with pytest.raises(DataMissingError, match=r"the name zenodo.example cannot be found") as caught:
         fetch("https://zenodo.example")
-    assert "--from-dir" in str(caught.value)
+    assert "in a browser" in str(caught.value)
 
 
 def test_redirects_without_end(fetch: Fetch) -> None:
@@ -467,13 +511,12 @@ def test_a_record_that_changed_under_its_number(fetch: Fetch, fetched: Repositor
 @pytest.mark.parametrize(
     ("old", "new"),
     [
-        ('"schema_version": 1', '"schema_version": 99'),
+        ('"schema_version": 2', '"schema_version": 99'),
         ('"path": "SYNTHETIC empty.txt"', '"path": "../escape.txt"'),
         ('"path": "SYNTHETIC empty.txt"', '"path": "SYNTHETIC exp data 1.mat"'),
         ('"size": 0', '"size": -1'),
         ('"size": 0', '"size": true'),
-        ('"verified": true', '"verified": 1'),
-        ('"verified": true', '"verified": true, "more": 1'),
+        ('"files"', '"more": 1, "files"'),
         (f'"record": "{RECORD}"', f'"record": {RECORD}'),
         ('"md5": "d41d', '"md5": "zz1d'),
         ('"md5": "d41d8cd98f00b204e9800998ecf8427e"', '"md5": null'),
@@ -508,46 +551,6 @@ def test_dry_run_writes_nothing(fetch: Fetch, tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_too_little_room_is_told_before(fetch: Fetch, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=1000))
-    with serving(Repository()) as repository:
-        with pytest.raises(TendonreproError, match=r"need 40.0 kB, 1.0 kB are free"):
-            fetch(repository)
-        assert repository.ranges() == []
-
-
-@pytest.fixture
-def by_hand(tmp_path: Path) -> Path:
-    folder = tmp_path / "Downloads"
-    for key, content in SMALL.items():
-        (folder / key).parent.mkdir(parents=True, exist_ok=True)
-        (folder / key).write_bytes(content)
-    return folder
-
-
-def test_a_lock_is_enough_to_verify(fetch: Fetch, fetched: Repository, by_hand: Path, tmp_path: Path) -> None:
-    (tmp_path / "zenodo" / "SYNTHETIC empty.txt").unlink()
-    found = fetch("http://127.0.0.1:9", from_dir=by_hand)
-    assert [file["action"] for file in found["files"]] == ["present", "present", "copied"]
-    assert not fetched.log
-    assert files_of(tmp_path / "zenodo") == contents(SMALL)
-
-
-def test_nobody_to_ask(fetch: Fetch, by_hand: Path, tmp_path: Path) -> None:
-    """Files are taken as they are, and that they are unverified is said until they are compared."""
-    found = fetch("http://127.0.0.1:9", from_dir=by_hand)
-    assert not found["verified"]
-    assert "NOT compared" in found["warnings"][0]
-    assert "NOT compared" in fetch_text(found)
-    assert files_of(tmp_path / "zenodo") == contents(SMALL)
-    again = fetch("http://127.0.0.1:9")
-    assert "never compared" in again["warnings"][0]
-    with serving(Repository()) as repository:
-        compared = fetch(repository, force=True)
-    assert compared["verified"]
-    assert {file["action"] for file in compared["files"]} == {"present"}
-
-
 ODD_NAMES = ["motor.lock", "other.lock.json", "results/r.csv", ".hidden/run.csv", ".x"]
 
 
@@ -557,28 +560,6 @@ def test_what_a_record_holds_is_read_afterwards(fetch: Fetch, tmp_path: Path) ->
         fetch(repository)
     for folder, prefix in ((tmp_path / "zenodo", ""), (tmp_path, "zenodo/")):
         assert {name for _, name in files_below([folder])} == {prefix + name for name in ODD_NAMES[:3]}
-
-
-def test_a_wrong_file_by_hand_is_refused(fetch: Fetch, by_hand: Path, tmp_path: Path) -> None:
-    (by_hand / "SYNTHETIC exp data 1.mat").write_bytes(b"cut")
-    refused(fetch, Repository(), r"SYNTHETIC exp data 1\.mat", from_dir=by_hand)
-    assert files_of(tmp_path / "zenodo") == {}
-
-
-def test_an_incomplete_folder_is_completed_by_the_network(
-    fetch: Fetch, by_hand: Path, tmp_path: Path
-) -> None:
-    (by_hand / "SYNTHETIC empty.txt").unlink()
-    with serving(Repository()) as repository:
-        with pytest.raises(DataMissingError, match=r"lacks 1 of the record's 3 files.*SYNTHETIC empty.txt"):
-            fetch(repository, from_dir=by_hand)
-        assert not (tmp_path / "zenodo.lock.json").exists()
-        found = fetch(repository)
-    assert [file["action"] for file in found["files"]] == ["present", "present", "downloaded"]
-
-
-def test_a_record_that_is_not_there_is_not_taken_by_hand(fetch: Fetch, by_hand: Path) -> None:
-    refused(fetch, Repository(), "not at", record="5", from_dir=by_hand)
 
 
 @pytest.mark.parametrize("key", ["../SYNTHETIC.mat", "/SYNTHETIC.mat", "SYNTHETIC.part"])
@@ -605,10 +586,3 @@ def test_a_path_that_is_too_long_here(fetch: Fetch, tmp_path: Path) -> None:
     repository = Repository(files={"/".join(["f" * 190] * 5): b"SYNTHETIC"})
     refused(fetch, repository, r"(?s)too long.*choose another --out", out=deep)
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_failed_copy_leaves_nothing(fetch: Fetch, tmp_path: Path) -> None:
-    (tmp_path / "Downloads").mkdir()
-    with pytest.raises(UsageError, match="holds no files"):
-        fetch("http://127.0.0.1:9", from_dir=tmp_path / "Downloads")
-    assert [path.name for path in tmp_path.iterdir()] == ["Downloads"]

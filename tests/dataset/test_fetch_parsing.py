@@ -251,7 +251,7 @@ def test_a_damaged_lock_is_read_or_refused(
 ) -> None:
     path = tmp_path_factory.getbasetemp() / "SYNTHETIC.lock.json"
     file = LockedFile(key="SYNTHETIC.mat", size=5, md5="0" * 32, path="SYNTHETIC.mat")
-    known = {"schema_version": 1, "record": "1", "requested": "1", "verified": True, "files": (file,)}
+    known = {"schema_version": 2, "record": "1", "requested": "1", "files": (file,)}
     known |= {"fetched_at": "2026-01-01T00:00:00+00:00", "base_url": SITE}
     lock = DataLock.model_validate(dict.fromkeys(DataLock.model_fields) | known)
     write_lock(path, lock)

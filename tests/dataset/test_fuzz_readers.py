@@ -84,7 +84,7 @@ def measured(path: Path, name: str, left: Allowance) -> list[Source]:
     ]
 
 
-@pytest.mark.parametrize(("each", "least"), [(16, 300), pytest.param(560, 10_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("each", "least"), [(16, 280), pytest.param(560, 10_000, marks=pytest.mark.slow)])
 def test_broken_files(each: int, least: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """So many of each format, and together at least so many."""
     own, temporary = tmp_path / "own", tmp_path / "temporary"

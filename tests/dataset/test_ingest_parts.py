@@ -170,7 +170,7 @@ def test_a_desired_angle_alone_is_asked_about() -> None:
 
 
 @pytest.mark.parametrize("factor", [-1.0, 180.0 / np.pi, np.pi / 180.0, 3.0])
-def test_an_error_that_contradicts_the_difference_is_asked_about_and_fills_nothing(factor: float) -> None:
+def test_an_error_that_contradicts_the_difference_is_asked_about(factor: float) -> None:
     gap, lag = slice(50, 60), 0.3 * np.cos(TIME) + 0.02
     q = ANGLE[:, 0] - lag
     q[gap] = np.nan
@@ -186,35 +186,16 @@ def test_an_error_that_contradicts_the_difference_is_asked_about_and_fills_nothi
 
 
 @pytest.mark.parametrize("apart", [0.05, 0.0])
-def test_a_recorded_error_gives_way_to_the_difference_and_fills_its_gaps(apart: float) -> None:
+def test_a_recorded_error_gives_way_to_the_difference(apart: float) -> None:
+    """Gaps stay gaps: nothing of another column fills them."""
     q = ANGLE[:, 0] - 0.2
     q[50:60] = np.nan
     columns = {"q_d": ANGLE[:, 0], "q_encoder": q, "e": np.full(len(TIME), 0.2 + apart)}
     run, assembly = assembled(three(), **columns)
-    e = np.rad2deg(run["e"][:, 0])
-    np.testing.assert_allclose(np.delete(e, slice(50, 60)), 0.2, rtol=1e-12)
-    np.testing.assert_allclose(e[50:60], 0.2 + apart, rtol=1e-12)
-    off = "controller_1: e is q_d - q_encoder; the recorded error is up to 0.05 deg off"
-    assert [note for note in assembly.notes if "recorded error" in note] == ([off] if apart else [])
+    np.testing.assert_allclose(np.rad2deg(run["e"][:, 0]), np.where(np.isnan(q), np.nan, 0.2), rtol=1e-12)
+    off = "the recorded one is up to 0.05 deg off q_d - q_encoder"
+    assert assembly.notes == ([f"controller_1: e of joint 2 is q_d - q_encoder; {off}"] if apart else [])
     assert assembly.doubts == []
-
-
-@pytest.mark.parametrize(
-    ("gap", "notes"),
-    [
-        ("q_d", ["controller_1: q_d of joint 2 is q_encoder + e where it has gaps"]),
-        ("q_encoder", ["controller_1: q_encoder of joint 2 is q_d - e where it has gaps"]),
-        ("e", []),
-    ],
-)
-def test_two_give_the_third_sample_by_sample(gap: str, notes: list[str]) -> None:
-    q_d, e = ANGLE[:, 0], 0.3 * np.cos(TIME)
-    columns = {"q_d": q_d, "q_encoder": q_d - e, "e": e}
-    holed = columns | {gap: np.where(np.arange(len(TIME)) < 7, np.nan, columns[gap])}
-    run, assembly = assembled(three(), **holed)
-    for name, expected in columns.items():
-        np.testing.assert_allclose(np.rad2deg(run[name][:, 0]), expected, atol=1e-13)
-    assert [note for note in assembly.notes if "gaps" in note] == notes
 
 
 def test_a_variable_without_a_number_is_not_written() -> None:
@@ -352,9 +333,7 @@ def test_resampling_says_what_it_drops_and_never_drops_most() -> None:
     (note,) = (note for note in assembly.notes if "resampled" in note)
     assert "251 samples of up to 301; 50 of q_encoder of joint 2 lie outside and are dropped" in note
     for fast in (mapping, mapping.model_copy(update={"resample": None})):
-        hint = refused(fast, r"0\.3 s|2\.7 s", q=TIME, t2=0.1 * TIME)
-        assert "`step_s`" in hint
-        assert "resample" not in hint
+        assert "`step_s`" in refused(fast, r"0\.3 s|2\.7 s", q=TIME, t2=0.1 * TIME)
 
 
 @pytest.mark.parametrize(
@@ -480,7 +459,7 @@ def test_even_times_are_those_that_all_cover() -> None:
     np.testing.assert_allclose(grid, 0.5 + 0.25 * np.arange(11.0))
     with pytest.raises(TimeProblem, match=r"only 0\.05 s in common"):
         even([timed(TIME), timed(TIME + 2.95)], 0.25)
-    with pytest.raises(TimeProblem, match=r"only 1 s in common, less than a step of 1\.5 s"):
+    with pytest.raises(TimeProblem, match=r"only 1 s in common: .* from 0 to 4 s"):
         even([timed(np.arange(5.0)), timed(3.0 + np.arange(5.0))], 1.5)
 
 
@@ -488,9 +467,8 @@ def test_even_times_are_those_that_all_cover() -> None:
     ("together", "times", "message"),
     [
         (shared, TIME, r"differ by up to 1773300045.125 s"),
-        (shared, 1.1 * TIME, r"differ by up to 1773300045.425 s"),
-        (shared, TIME[1:], r"only 0 s in common.*0 to 3 s.*1773300045.135 to"),
-        (lambda signals: even(signals, 0.25), TIME, r"only 0 s in common.*0 to 3 s.*1773300045.125 to"),
+        (shared, TIME[1:], r"has 301 samples.* has 300"),
+        (lambda signals: even(signals, 0.25), TIME, r"only 0 s in common.* 0 to 3 s.*1773300045.125 to"),
     ],
 )
 def test_two_clocks_are_told_apart_and_led_to_an_offset(
@@ -499,16 +477,14 @@ def test_two_clocks_are_told_apart_and_led_to_an_offset(
     with pytest.raises(TimeProblem, match=message) as caught:
         together([timed(TIME), timed(EPOCH + times)])
     assert "`offset`" in caught.value.hint
-    assert "resample" not in caught.value.hint
 
 
-@pytest.mark.parametrize(("times", "step", "clock"), [(TIME[::2], 0.02, False), (TIME + 0.5, 0.01, True)])
-def test_resampling_is_advised_at_the_step_of_the_record(times: Array, step: float, clock: bool) -> None:
+@pytest.mark.parametrize(("times", "step"), [(TIME[::2], 0.02), (TIME + 0.5, 0.01)])
+def test_resampling_is_advised_at_the_step_of_the_record(times: Array, step: float) -> None:
     """A smaller one would invent samples."""
     with pytest.raises(TimeProblem) as caught:
         shared([timed(TIME), timed(times)])
     assert f"{{step_s: {step}}}" in caught.value.hint
-    assert ("offset" in caught.value.hint) is clock
 
 
 @pytest.mark.parametrize("step", [1e-12, 5e-324])

@@ -31,7 +31,6 @@ TIMES = np.linspace(0.0, 0.9, 10)
 HEAD = b"MATLAB 5.0 MAT-file, SYNTHETIC".ljust(116) + bytes(8) + b"\x00\x01IM"
 WAVES = np.stack([np.sin(TIMES), np.cos(TIMES)], axis=1)
 WRITERS: Mapping[str, Callable[[Path, Mapping[str, Any]], Path]] = {
-    "4": partial(made.classic, version="4"),
     "5": made.classic,
     "7": partial(made.classic, packed=True),
     "7.3": made.hdf,
@@ -61,7 +60,7 @@ def sample(name: str) -> Found:
     return read_matlab(path)
 
 
-@pytest.mark.parametrize("version", ["4", "5", "7", "7.3"])
+@pytest.mark.parametrize("version", ["5", "7", "7.3"])
 def test_plain_arrays_of_every_version(tmp_path: Path, version: str) -> None:
     grid = np.arange(12.0).reshape(3, 4)
     found = written(tmp_path, version, t=TIMES[:, None], q=WAVES, row=TIMES[None, :], grid=grid)
@@ -160,14 +159,9 @@ NUMBERS = element(9, TIMES.tobytes())
 def test_files_of_big_endian_machines(tmp_path: Path) -> None:
     """Byte by byte; nothing at hand writes them."""
     big = TIMES.astype(">f8").tobytes()
-    new = HEAD[:124] + b"\x01\x00MI" + matrix("t", 10, element(9, big, ">"), 6, ">")
-    old = struct.pack(">5I", 1000, 10, 1, 0, 2) + b"t\0" + big
-    for version, content in {"5": new, "4": old}.items():
-        path = tmp_path / "SYNTHETIC.mat"
-        path.write_bytes(content)
-        found = read_matlab(path)
-        assert found.kind == f"MATLAB {version}"
-        assert_array_equal(signals(found)["t"].values, TIMES)
+    path = tmp_path / "SYNTHETIC.mat"
+    path.write_bytes(HEAD[:124] + b"\x01\x00MI" + matrix("t", 10, element(9, big, ">"), 6, ">"))
+    assert_array_equal(signals(read_matlab(path))["t"].values, TIMES)
 
 
 SQUARE = np.arange(9.0).reshape(3, 3)
@@ -379,7 +373,7 @@ def test_truncated_and_flipped_files(tmp_path: Path) -> None:
     path = tmp_path / "SYNTHETIC.mat"
     plain = {"t": TIMES, "s": {"q": WAVES, "who": "me"}, "c": made.cells(TIMES, "text")}
     logs = {"ts": made.timeseries(WAVES, TIMES), "q": WAVES}
-    stored = {"5": plain, "7": plain, "4": {"t": TIMES, "q": WAVES}, "objects 7": logs}
+    stored = {"5": plain, "7": plain, "objects 7": logs}
     whole = [WRITERS[version](path, variables).read_bytes() for version, variables in stored.items()]
     whole.append(made.figure(path, made.axes(made.line(TIMES, TIMES), title="x")).read_bytes())
     whole.append(made.hdf(path, plain | {"c": [TIMES, "text"]}, [TIMES, WAVES]).read_bytes())

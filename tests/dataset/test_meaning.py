@@ -10,19 +10,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from tendonrepro.config.published import coupling_of, published, table_1
 from tendonrepro.dataset.mapping.suggestion import suggest
 from tendonrepro.dataset.meaning import columns as columns_module
-from tendonrepro.dataset.meaning.columns import Column, columns_of
-from tendonrepro.dataset.meaning.evidence import counted_in, is_label, sampling_step
-from tendonrepro.dataset.meaning.understand import understand
+from tendonrepro.dataset.meaning.columns import Column, columns_of, sampling_step
+from tendonrepro.dataset.meaning.understand import is_label, understand
 from tendonrepro.dataset.meaning.words import Hints, hints, printable
 from tendonrepro.dataset.readers.signals import Found, Source
 from tendonrepro.dataset.readers.units import FACTORS, factor, plain_unit
 
 Array = NDArray[np.float64]
 
-S, S_INV = coupling_of(table_1(published()))
 TIME = 0.001 * np.arange(4000.0)
 COUNT = 360.0 / 16384.0
 
@@ -52,7 +49,7 @@ def source(name: str, signals: Mapping[str, Array], group: str = "g", **unit: st
 def guessed(*sources: Source) -> dict[str, Column]:
     return {
         f"{column.signal.path}{f'[{column.number}]' if column.signal.columns > 1 else ''}": column
-        for column in understand(sources, S_INV)
+        for column in understand(sources)
     }
 
 
@@ -135,24 +132,6 @@ def test_steps_of_a_time_axis() -> None:
         assert sampling_step(odd) is None
 
 
-# Most numbers of a decoupling record are of joints that stand still.
-RESTING = np.where(TIME < 1.0, course(2), course(2)[0])
-COUNTED = [COUNT * np.round(RESTING / COUNT), 0.022 * np.round(course(2) / 0.022), followed(2)]
-
-
-@pytest.mark.parametrize("angle", [*COUNTED, followed(2) + 0.011, followed(2) + 7.3])
-def test_the_encoder_tells_degrees_from_radians(angle: Array) -> None:
-    assert counted_in(angle) == "deg"
-    assert counted_in(np.deg2rad(angle)) == "rad"
-
-
-@pytest.mark.parametrize(
-    "angle", [course(2), np.round(course(2)), 2.0 * COUNT * np.round(course(2) / COUNT), RESTING]
-)
-def test_what_is_on_no_grid(angle: Array) -> None:
-    assert counted_in(angle) is None
-
-
 @pytest.mark.parametrize("lag", [1.0, np.nan, np.inf])
 def test_numbers_alone_tell_time_and_nothing_else(lag: float) -> None:
     table = np.stack([TIME, course(2), course(2) - lag * (course(2) - followed(2))], axis=1)
@@ -180,56 +159,30 @@ def test_columns_without_numbers_are_joints_in_order() -> None:
     assert [found[f"{name}[{k}]"].joint for name in ("q_des", "q") for k in (1, 2)] == [2, 3, 2, 3]
 
 
-JOINTS = np.stack([course(1), course(2), course(3)], axis=1)
-
-
-@pytest.mark.parametrize("ratio", [1.0, 100.0])
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize("joints", [(1, 2, 3), (2, 3)])
-@pytest.mark.parametrize("unit", ["deg", "rad"])
-def test_sign_and_gear_of_a_motor_are_found_through_the_coupling(
-    ratio: float, sign: float, joints: tuple[int, ...], unit: str
-) -> None:
-    """Wherever it starts; a joint that is not there is held."""
-    q = np.where(np.isin([1, 2, 3], joints), JOINTS, 0.0)
-    motors = ratio * (sign * q @ S_INV.T + 7.0) * (1.0 if unit == "deg" else np.pi / 180.0)
-    drives = {f"motor{joint}": motors[:, joint - 1] for joint in joints}
-    angles = {f"q{joint}": q[:, joint - 1] for joint in joints}
-    stated = dict.fromkeys(angles, "deg") | dict.fromkeys(drives, unit)
-    found = guessed(source("decoupling.csv", {"t": TIME} | angles | drives, **stated))
-    where = "before the reducer" if ratio == 100.0 else "at the winch"
-    for joint, column in zip(joints, (found[drive] for drive in drives), strict=True):
-        assert (column.quantity, column.joint, column.scale) == ("motor", joint, sign / ratio)
-        assert any(f"it is {where}" in reason for reason in column.because)
-        assert any("`offset`" in doubt for doubt in column.doubts)
-
-
 @pytest.mark.parametrize("hole", [np.nan, np.inf, -np.inf])
 def test_gaps_stop_nobody(hole: float) -> None:
     """Whatever has them: the guess goes on, and what can be known is known."""
     q = np.deg2rad(np.stack([followed(1), followed(2), followed(3)], axis=1))
     named = {"t": TIME} | {f"joint{k + 1}": q[:, k] for k in range(3)}
-    named |= {f"motor{k + 1}": (q @ S_INV.T)[:, k] + 20.0 for k in range(3)}
+    named |= {f"motor{k + 1}": 100.0 * q[:, k] + 20.0 for k in range(3)}
     named |= {"e2": np.deg2rad(course(2)) - q[:, 1], "qd2": np.deg2rad(course(2)), "s2": 0.1 * q[:, 1]}
     for name in named:
         for rows in (slice(0, 3), slice(2000, 2500), slice(-3, None), slice(None)):
             signals = {other: values.copy() for other, values in named.items()}
             signals[name][rows] = hole
-            columns = understand([source("decoupling.csv", signals)], S_INV)
-            told = {column.label: column.quantity for column in columns}
+            told = {c.label: c.quantity for c in understand([source("decoupling.csv", signals)])}
             assert [told[f"motor{k}"] for k in (1, 2, 3)] == ["motor"] * 3
-            assert all(np.isfinite(column.scale) for column in columns)
 
 
 def test_one_sheet_with_all_controllers_shares_what_belongs_to_none() -> None:
     signals = {"t": TIME, "qd2": course(2)} | {f"q2 C{n}": followed(2, 0.1 * n) for n in (1, 2, 3)}
-    runs = suggest(understand([source("fig14.xlsx", signals)], S_INV), "SYNTHETIC").runs
+    runs = suggest(understand([source("fig14.xlsx", signals)]), "SYNTHETIC").runs
     assert runs == {"controller_1": 2, "controller_2": 2, "controller_3": 2}
 
 
 def test_the_decoupling_experiment_is_told_from_the_comparison() -> None:
     angles = {f"{name}{k}": course(k) for name in ("motor", "joint") for k in (1, 2, 3)}
-    columns = understand([source("experiment.csv", {"t": TIME} | angles)], S_INV)
+    columns = understand([source("experiment.csv", {"t": TIME} | angles)])
     assert suggest(columns, "SYNTHETIC").runs == {"decouple": 6}
 
 
@@ -237,38 +190,24 @@ def test_a_time_apart_serves_columns_of_its_length() -> None:
     found = Found("SYNTHETIC")
     found.add("tout", TIME)
     found.add("scope/q2", followed(2), group="scope")
-    columns = understand([stored("c1.mat", found)], S_INV)
+    columns = understand([stored("c1.mat", found)])
     assert columns[1].time == columns[0].address
 
 
 def test_the_same_joint_under_several_controllers_is_no_motor() -> None:
     names = {"t": TIME} | {f"控制器{n}(°)": followed(3, 0.1 * n) for n in (1, 2, 3)}
-    found = guessed(source("图14b.csv", names))
+    found = guessed(source("关节3.csv", names))
     kinds = {(column.quantity, column.joint) for path, column in found.items() if path != "t"}
     assert kinds == {("measured", 3)}
 
 
-def test_what_turns_too_far_is_no_joint_angle() -> None:
-    column = guessed(source("x.csv", {"t": TIME, "angle 2": 50.0 * course(2)}))["angle 2"]
-    assert column.quantity is None
-    assert "no joint turns" in column.because[-1]
-
-
 def test_a_sample_index_is_no_time() -> None:
     signals = {"Sample": np.arange(4000.0), "e2": 0.3 * np.cos(TIME)}
-    suggestion = suggest(understand([source("c1.csv", signals)], S_INV), "SYNTHETIC")
+    suggestion = suggest(understand([source("c1.csv", signals)]), "SYNTHETIC")
     assert "step_s: 0.001" in suggestion.text
     assert any("without a time" in remark for remark in suggestion.remarks)
-
-
-def test_figures_say_what_their_panels_show() -> None:
-    sources = [
-        source("fig14c.csv", {"t": TIME, "C1": course(2), "C2": course(3)}),
-        source("fig15e.csv", {"t": TIME, "C1": course(2)}),
-    ]
-    columns = [column for column in understand(sources, S_INV) if column.quantity != "time"]
-    told = [(column.quantity, column.joint, column.controller) for column in columns]
-    assert told == [("error", 2, 1), ("error", 2, 2), ("torque", 2, 1)]
+    seconds = guessed(source("c1.csv", {"when": np.arange(4000.0), "e2": 0.3 * np.cos(TIME)}, when="s"))
+    assert seconds["when"].quantity == "time"
 
 
 def test_titles_name_what_stands_below_them() -> None:
@@ -277,7 +216,7 @@ def test_titles_name_what_stands_below_them() -> None:
         found.add(f"{table}/t", TIME, group=table)
         found.add(f"{table}/q2", followed(2), group=table)
         found.text(f"{table}/title", title)
-    runs = suggest(understand([stored("x.xlsx", found)], S_INV), "x").runs
+    runs = suggest(understand([stored("x.xlsx", found)]), "x").runs
     assert runs == {"controller_1_payload": 1, "controller_2": 1}
 
 
@@ -288,7 +227,7 @@ def _said(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     def noted(name: str) -> Hints:
         said.append(name)
-        return Hints(figure=len(said) - 1)
+        return Hints(joint=len(said) - 1)
 
     monkeypatch.setattr(columns_module, "hints", noted)
     return said
@@ -302,7 +241,7 @@ def test_texts_speak_nearest_first(said: list[str]) -> None:
         found.text(path, text)
     near = ["q", "of q", "of b", "more of b", "of a", "b", "a", "file", "folder", "of all"]
     (column,) = columns_of([stored("folder/file.mat", found)])
-    assert [said[hint.figure] for hint in column.around if hint.figure is not None] == near
+    assert [said[hint.joint] for hint in column.around if hint.joint is not None] == near
     assert column.inside == 7
 
 
@@ -343,37 +282,32 @@ def test_the_steps_of_a_solver_are_in_seconds(name: str, end: float, uneven: boo
     assert (clock.quantity, clock.unit, not clock.doubts) == ("time", "s", name == "tout")
 
 
+@pytest.mark.parametrize(
+    ("names", "unit", "moves", "kind"),
+    [
+        (("e1", "e2", "e3"), None, False, None),
+        (("error", "error 2", "error 3"), None, False, None),
+        (("error 1", "error 2", "error 3"), None, False, "error"),
+        (("e1", "e2", "e3"), "deg", False, "error"),
+        (("e1", "e2", "e3"), None, True, "error"),
+    ],
+)
+def test_constants_are_angles_by_a_name_a_unit_or_a_motion_beside(
+    names: tuple[str, ...], unit: str | None, moves: bool, kind: str | None
+) -> None:
+    values = [np.full(4000, size) for size in (1.2, 0.4)] + [0.7 + moves * followed(2)]
+    signals = dict(zip(names, values, strict=True))
+    found = guessed(
+        source("x.csv", {"t": TIME} | signals, **dict.fromkeys(names if unit else (), unit or ""))
+    )
+    assert found[names[0]].quantity == kind
+
+
 def test_a_stated_unit_of_time_is_no_doubt() -> None:
     for unit in ("us", "微秒", "microsecond", "µsec"):
         clock = guessed(source("x.csv", {"t": TIME, "q2": course(2)}, t=unit))["t"]
         assert clock.unit == "us"
         assert not clock.doubts
-
-
-@pytest.mark.parametrize("names", [["X1", "Y1", "X2", "Y2"], ["X", "Y", "X (2)", "Y (2)"], list("abcd")])
-def test_each_curve_has_the_times_before_it(names: list[str]) -> None:
-    shorter = np.where(TIME < 3.0, TIME, np.nan)
-    curves = [TIME, followed(2), shorter, np.where(TIME < 3.0, followed(3), np.nan)]
-    found = guessed(source("Fig14a.csv", dict(zip(names, curves, strict=True))))
-    a, b, c, d = (found[name] for name in names)
-    assert [column.quantity for column in (a, b, c, d)] == ["time", "measured", "time", "measured"]
-    assert (b.time, d.time) == (a.address, c.address)
-
-
-def test_an_empty_column_parts_no_rows_from_their_times() -> None:
-    """With another clock as long in the file, and a second trial beside the first."""
-    found = Found("SYNTHETIC")
-    for path, values in {
-        "One!A2:B4001/t": TIME, "One!A2:B4001/q2": course(2), "One!D2:D4001/q3": course(3),
-        "Two!A2:B4001/t": 2.0 * TIME, "Two!A2:B4001/q2": course(2),
-        "Two!D2:F4001/t": 3.0 * TIME, "Two!D2:F4001/q2": course(3), "Two!D2:F4001/tau2": course(1),
-    }.items():  # fmt: skip
-        found.add(path, values, group=path.rpartition("/")[0], unit="s" if path.endswith("t") else None)
-    times = {column.signal.path: column.time for column in understand([stored("c1.xlsx", found)], S_INV)}
-    assert times["One!D2:D4001/q3"] == ("c1.xlsx", "One!A2:B4001/t", 1)
-    assert times["Two!D2:F4001/tau2"] == ("c1.xlsx", "Two!D2:F4001/t", 1)
-    text = suggest(understand([stored("c1.xlsx", found)], S_INV), "SYNTHETIC").text
-    assert "variable: tau_m" not in text.partition("# In no run")[0]
 
 
 @pytest.mark.parametrize(
@@ -388,7 +322,7 @@ def test_joints_counted_from_zero_are_moved_everywhere() -> None:
         source(f"{name}.csv", {"t": TIME} | {f"q{k}": followed(k + 1) for k in joints})
         for name, joints in (("decoupling", (0, 1, 2)), ("c1", (1, 2)))
     ]
-    columns = understand(sources, S_INV)
+    columns = understand(sources)
     assert [column.joint for column in columns if column.quantity == "measured"] == [1, 2, 3, 2, 3]
     suggestion = suggest(columns, "SYNTHETIC")
     assert suggestion.runs == {"controller_1": 2, "decouple": 3}
@@ -413,36 +347,3 @@ def test_joints_counted_from_one_are_moved(
     """A nought alone, or beside joint 3, may stand for a start."""
     found = guessed(source(f"{file}.csv", {"t": TIME} | {f"q{k}": followed(k or 1) for k in written}))
     assert tuple(found[f"q{k}"].joint for k in written) == joints
-
-
-def test_a_joint_below_the_title_calculated_is_calculated() -> None:
-    found = Found("SYNTHETIC")
-    for title, angle in (("Encoder", followed), ("Calculated", course)):
-        for joint in (1, 2, 3):
-            found.add(f"{title[0]}/Joint {joint}", angle(joint), label=f"Joint {joint}", group=title[0])
-        found.text(f"{title[0]}/title", title)
-    columns = understand([stored("x.xlsx", found)], S_INV)
-    assert [column.quantity for column in columns] == ["measured"] * 3 + ["calculated"] * 3
-
-
-@pytest.mark.parametrize(
-    ("file", "second", "told"),
-    [
-        ("Fig11", followed(2), [("calculated", 2), ("measured", 2)]),
-        # Smooth curves of Figure 14 are not all desired.
-        ("fig14a", course(3), [("measured", 2), ("measured", 2)]),
-    ],
-)
-def test_of_two_curves_the_one_with_steps_is_measured(
-    file: str, second: Array, told: list[tuple[str, int]]
-) -> None:
-    found = guessed(source(f"{file}.csv", {"X": TIME, "curve 1": course(2), "curve 2": second}))
-    assert [(column.quantity, column.joint) for column in found.values()][1:] == told
-
-
-def test_curves_without_names_are_in_the_order_of_the_paper() -> None:
-    curves = {"Y1": course(3)} | {f"Y{k + 1}": followed(3, 0.1 * k) for k in (1, 2, 3)}
-    columns = understand([source("fig14b.csv", {"X": TIME} | curves)], S_INV)
-    told = [(column.quantity, column.controller) for column in columns[1:]]
-    assert told == [("desired", None), *(("measured", k) for k in (1, 2, 3))]
-    assert suggest(columns, "x").runs == {f"controller_{k}": 2 for k in (1, 2, 3)}

@@ -12,7 +12,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.config.fields.strict_yaml import dump
 from tendonrepro.config.load import CompareConfig, load_config
 from tendonrepro.config.trajectory_file import read_samples
-from tendonrepro.dataset.motion.fit import limit
+from tendonrepro.dataset.motion.fit import limit, turns_of
 from tendonrepro.dataset.motion.knots import thinned
 from tendonrepro.dataset.motion.record import Recorded, recorded, rounding_step
 from tendonrepro.dataset.motion.recover import (
@@ -23,7 +23,6 @@ from tendonrepro.dataset.motion.recover import (
     repeat_after,
     timing_of,
 )
-from tendonrepro.dataset.motion.shapes import turns_of
 from tendonrepro.errors import DataMissingError
 from tendonrepro.experiments import loops as runs
 from tendonrepro.physics.trajectory import (

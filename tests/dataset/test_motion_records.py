@@ -9,10 +9,8 @@ import pytest
 from support.measured_synthetic import measured_trace, moved, with_runs
 from support.synthetic import COUNT, make_compare_file
 
-from tendonrepro.config.published import published
 from tendonrepro.dataset.motion.record import Recorded
 from tendonrepro.dataset.motion.recover import recover, refined_shift, repeat_after, zero_of
-from tendonrepro.dataset.motion.windows import _tail
 from tendonrepro.errors import DataMissingError
 from tendonrepro.results.records import Trace
 
@@ -103,12 +101,3 @@ class TestRecorded:
         q = np.sin(2.0 * np.pi * np.arange(400.0) / lag)[:, np.newaxis]
         record = Recorded(0.01 * np.arange(400.0), q, (2,), np.zeros(1), 0.0, np.ones(400, bool))
         assert repeat_after(record) == pytest.approx(0.01 * lag, abs=1e-4)
-
-
-def test_the_chance_of_agreement_is_that_of_independent_numbers() -> None:
-    # 0.375 and 0.292 printed to 0.001: shares of a fifth of each are 1/75 and 5/292.
-    names = dict.fromkeys(("table2.controller_2.rmse.joint_2", "table2.controller_2.rmse.joint_3"), 0.0)
-    one, other = 1.0 / 75.0, 5.0 / 292.0
-    assert _tail(published(), names, 0) == pytest.approx(1.0)
-    assert _tail(published(), names, 1) == pytest.approx(one + other - one * other)
-    assert _tail(published(), names, 2) == pytest.approx(one * other)

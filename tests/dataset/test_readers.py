@@ -27,8 +27,8 @@ from support import ROOT, matlab_bytes, seed_files
 from support.seed_files import read_file
 
 from tendonrepro.console import Talk
+from tendonrepro.dataset.readers import arrays as hdf5_file
 from tendonrepro.dataset.readers import guard, signals
-from tendonrepro.dataset.readers import hdf5 as hdf5_file
 from tendonrepro.dataset.readers.filetype import FileType, kind_of
 from tendonrepro.dataset.readers.guard import Limits, read_guarded
 from tendonrepro.dataset.readers.read import files_below, read_bit_by_bit
@@ -379,7 +379,9 @@ if __name__ == "__main__":
 def test_nobody_is_left_behind(how: str, tmp_path: Path) -> None:
     script = tmp_path / "SYNTHETIC_script.py"
     script.write_text(HANGING)
-    own = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT / "tests"), str(Path(__file__).parent)])}
+    own = os.environ | {
+        "PYTHONPATH": os.pathsep.join(map(str, (ROOT, ROOT / "tests", Path(__file__).parent)))
+    }
     to = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
     parent = subprocess.Popen([sys.executable, script], env=own, **to)
     process = psutil.Process(parent.pid)

@@ -42,7 +42,7 @@ def stored(name: str, found: Found) -> Source:
 
 
 def suggested(*sources: Source, title: str = "SYNTHETIC") -> tuple[Suggestion, Mapping]:
-    suggestion = suggest(understand(sources, S_INV), title)
+    suggestion = suggest(understand(sources), title)
     return suggestion, Mapping.model_validate(load(suggestion.text, "mapping.yaml").tree)
 
 
@@ -87,9 +87,8 @@ def test_a_name_that_no_mapping_holds_does_not_stop_the_others(name: str) -> Non
     suggestion.text.encode()
 
 
-COUNT = 360.0 / 16384.0
 DEGREES = 10.0 * np.stack([COURSE, np.sin(0.7 * TIME), np.sin(1.3 * TIME)])
-STEPS = COUNT * np.round((DEGREES - 0.3 * np.cos(TIME)) / COUNT)
+STEPS = DEGREES - 0.3 * np.cos(TIME)
 ANGLES = {f"q{k + 1}": STEPS[k] for k in range(3)}
 WINCHES = S_INV @ STEPS
 LONG = {
@@ -118,6 +117,10 @@ ASKED: dict[str, tuple[list[Source], str]] = {
         [source("c1.csv", {"Time": TIME, "q2": LATE, "angle 2": LATE**2})],
         f"{TAKEN} c1.csv: angle 2;",
     ),
+    "an angle below the title calculated": (
+        [source("c1.mat", {"log/encoder/Joint 2": STEPS[1], "log/calculated/Joint 2": DEGREES[1]}, "deg")],
+        f"{TAKEN} c1.mat: log/calculated/Joint 2;",
+    ),
     "encoder and calculated angle of one name": (
         [source("c1.csv", {"Time": TIME, "Q2": STEPS[1], "q2": DEGREES[1]}, "deg")],
         f"{TAKEN} c1.csv: q2;",
@@ -139,7 +142,7 @@ ASKED: dict[str, tuple[list[Source], str]] = {
         f"tracking error.csv: what some columns are {ALONE}",
     ),
     "axes of a sensor": (
-        [source("c1.csv", {"time": TIME, "acc": DEGREES.T, "pos_x": STEPS[0], "pos_y": STEPS[1]}, None)],
+        [source("c1.csv", {"time": TIME, "pos_x": STEPS[0], "pos_y": STEPS[1]}, None)],
         f"c1.csv: what some columns are {ALONE}",
     ),
     "columns that follow each other": (
@@ -150,17 +153,9 @@ ASKED: dict[str, tuple[list[Source], str]] = {
         [source("x.csv", {"Time": TIME, "xx": WINCHES[1]} | ANGLES, "deg")],
         f"x.csv: what some columns are {ALONE}",
     ),
-    "where motors start": (
-        [source("x.csv", {"Time": TIME, "motor2": WINCHES[1] + 3.0} | ANGLES, "deg")],
-        "decouple: a motor does not start where S_inv puts it: `offset`",
-    ),
-    "another gear": (
-        [source("x.csv", {"Time": TIME, "motor2": 50.0 * WINCHES[1]} | ANGLES, "deg")],
-        "a motor angle is not S_inv times the joint angles: look at its `unit`, `scale` and `offset`",
-    ),
-    "a motor that rests": (
-        [source("x.csv", {"Time": TIME, "motor2": 0.0 * TIME + 12.5} | ANGLES, "deg")],
-        "`unit`, `scale` and `offset`",
+    "gear, sign and start of motors": (
+        [source("x.csv", {"Time": TIME, "motor2": 3.0 - 100.0 * WINCHES[1]} | ANGLES, "deg")],
+        "decouple: motor angles are taken for those of the winch; before the reducer `scale: 0.01`",
     ),
     "joints that are counted in two ways": (
         [
@@ -169,24 +164,21 @@ ASKED: dict[str, tuple[list[Source], str]] = {
         ],
         "controller_2: only joints 1 and 2 appear, but not everywhere: are they the paper's 2 and 3? `joint`",
     ),
-    "errors in Figure 16": (
-        [source("fig16a.csv", {"X": TIME, "curve 1": 0.1 * LATE, "curve 2": 0.2 * LATE}, None)],
-        "the curves of Figure 16 are taken for angles; if they are errors, `variable: e`",
+    "curves of a figure in the order of its legend": (
+        [source("fig14b.csv", {"X": TIME, "Y1": COURSE, "Y2": LATE, "Y3": LATE**2}, None)],
+        f"fig14b.csv: what some columns are {ALONE}",
+    ),
+    "encoder steps of one of two curves": (
+        [source("Fig11.csv", {"X": TIME, "one": DEGREES[1], "two": np.round(DEGREES[1] / 0.022)}, None)],
+        f"Fig11.csv: what some columns are {ALONE}",
     ),
     "a vector beside a timeseries": (
         [source("c1.mat", {"log/q2_d": COURSE, "log/q2": LATE}, **{"log/q2_d": TIME})],
         "controller_1: columns without a time: every 0.001 s is the paper's, `step_s` is the record's",
     ),
-    "columns with times of their own": (
+    "times beside each curve": (
         [source("c1.csv", {"X1": TIME, "q2_d": COURSE, "X2": 1.1 * TIME, "q2": LATE}, None)],
-        "controller_1: columns have times of their own: `resample: {step_s: ...}` at the top joins them",
-    ),
-    "two clocks": (
-        [
-            source("decoupling_a.csv", {"Time": TIME} | ANGLES, None),
-            source("decoupling_b.csv", {"Time": 1e9 + TIME, "motor1": WINCHES[0]}, None),
-        ],
-        "`offset` of a `time` moves a clock",
+        "controller_1: several columns can be times, 'X1' is taken for all; `time` beside an entry names",
     ),
     "slow samples since 1970": (
         [source("c1.csv", {"Time": 1.7e9 + 5.0 * np.arange(500.0), "q2": LATE}, None)],
@@ -199,11 +191,11 @@ ASKED: dict[str, tuple[list[Source], str]] = {
 def test_what_is_not_guessed_is_asked(case: str) -> None:
     """At the head of the mapping, which loads as it is or with the lines at its end."""
     sources, question = ASKED[case]
-    suggestion = suggest(understand(sources, S_INV), "SYNTHETIC")
+    suggestion = suggest(understand(sources), "SYNTHETIC")
     assert any(question in remark for remark in suggestion.remarks), suggestion.remarks
     assert question in " ".join(line for line in suggestion.text.split("\n") if line.startswith("# DECIDE: "))
     assert suggestion.text.count("\n    - variable: ") == sum(suggestion.runs.values())
-    assert suggestion.text.count("\n#    - variable: ") == len(suggestion.left) + (not suggestion.runs)
+    assert suggestion.text.count("\n#    - variable: ") == len(suggestion.left)
     if suggestion.runs:
         tree = load(suggestion.text, "mapping.yaml").tree
         assert Mapping.model_validate(tree).runs.keys() == suggestion.runs.keys()
@@ -218,13 +210,6 @@ def test_what_is_settled_is_not_asked() -> None:
     assert {entry.file for entry in mapping.runs["controller_1"].signals} == {"a/c1.csv"}
 
 
-def test_a_motor_before_the_reducer_is_written_with_sign_and_scale() -> None:
-    signals = {"Time": TIME, "motor2": -100.0 * WINCHES[1]} | ANGLES
-    _, mapping = suggested(source("x.csv", signals, "deg"))
-    (entry,) = [entry for entry in mapping.runs["decouple"].signals if entry.variable == "q_motor_encoder"]
-    assert (entry.joint, entry.sign, entry.scale) == (2, -1, 0.01)
-
-
 def test_files_that_complete_each_other_are_one_recording() -> None:
     """A run never mixes recordings: a table that contradicts the first is left out as a whole."""
     parts = [
@@ -236,16 +221,6 @@ def test_files_that_complete_each_other_are_one_recording() -> None:
     (run,) = mapping.runs.values()
     assert [entry.file for entry in run.signals] == ["c1_0.3kg_q1.csv", "c1_0.3kg_tau1.csv"]
     assert run.payload_mass_kg == 0.3
-
-
-def test_without_a_run_there_is_one_to_fill_in() -> None:
-    found = source("x.csv", {"mystery": np.random.default_rng(3).normal(size=100)})
-    suggestion = suggest(understand([found], S_INV), "SYNTHETIC")
-    assert not suggestion.runs
-    head, _, below = suggestion.text.partition("runs:\n")
-    run = [line.removeprefix("#") for line in below.split("\n\n")[0].split("\n")[1:]]
-    mapping = Mapping.model_validate(load("\n".join([head, "runs:", *run]), "mapping.yaml").tree)
-    assert [entry.signal for entry in mapping.runs["controller_1"].signals] == ["mystery"]
 
 
 NAMES = ["t", "Time (s)", "q2", "q2_d", "q3", "e2", "X1", "Y1", "s2", "tau2", "motor1", "joint", "controller"]
@@ -281,7 +256,7 @@ def test_whatever_columns_hold_is_suggested_and_read_back(seed: int, tmp_path: P
             for column in rng.choice(NAMES, rng.integers(1, 9)).tolist():
                 found.add(column, odd_column(rng, count), group="g")
             sources.append(stored(name, found))
-        suggestion = suggest(understand(sources, S_INV), "SYNTHETIC")
+        suggestion = suggest(understand(sources), "SYNTHETIC")
         path = tmp_path / "SYNTHETIC.yaml"
         path.write_text(suggestion.text, encoding="utf-8")
         try:

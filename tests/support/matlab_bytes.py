@@ -16,10 +16,10 @@ from tendonrepro.dataset.readers.matlab.objects import quiet
 NOTE = b"SYNTHETIC, made by the tests"
 
 
-def classic(path: Path, variables: Mapping[str, Any], *, packed: bool = False, version: str = "5") -> Path:
+def classic(path: Path, variables: Mapping[str, Any], *, packed: bool = False) -> Path:
     """MATLAB 5, 7 (packed) or 4, as SciPy writes it."""
-    savemat(path, dict(variables), format=version, do_compression=packed)
-    return _headed(path, b"MATLAB 5.0 MAT-file, ") if version == "5" else path
+    savemat(path, dict(variables), do_compression=packed)
+    return _headed(path, b"MATLAB 5.0 MAT-file, ")
 
 
 def _headed(path: Path, kind: bytes, after: bytes = b"") -> Path:

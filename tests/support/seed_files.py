@@ -154,8 +154,8 @@ def readable() -> dict[str, tuple[FileType, bytes]]:
     newest = saved(lambda path: hdf(path, {"out": {"q": rows}, "t": times}), "mat")
     out = {"time": times, "q": rows, "name": "SYNTHETIC", "more": [{"a": 1.0}]}
 
-    def level(number: str, tree: Mapping[str, Any], *, packed: bool = False) -> bytes:
-        return saved(lambda path: savemat(path, tree, format=number, do_compression=packed), "mat")
+    def level(tree: Mapping[str, Any], *, packed: bool = False) -> bytes:
+        return saved(lambda path: savemat(path, tree, do_compression=packed), "mat")
 
     link = tar_entry("link", tarfile.SYMTYPE, "../../SYNTHETIC_link")
     inner = tarred({"a.npy": array}, "w", link)
@@ -169,9 +169,8 @@ def readable() -> dict[str, tuple[FileType, bytes]]:
         "SYNTHETIC.npy": (FileType.NPY, array),
         "SYNTHETIC.npz": (FileType.NPZ, arrays),
         "SYNTHETIC.h5": (FileType.HDF5, saved(hdf5, "h5")),
-        "SYNTHETIC_4.mat": (FileType.MATLAB_4, level("4", {"q": rows})),
-        "SYNTHETIC_5.mat": (FileType.MATLAB_5, level("5", {"out": out})),
-        "SYNTHETIC_7.mat": (FileType.MATLAB_5, level("5", {"out": out}, packed=True)),
+        "SYNTHETIC_5.mat": (FileType.MATLAB_5, level({"out": out})),
+        "SYNTHETIC_7.mat": (FileType.MATLAB_5, level({"out": out}, packed=True)),
         "SYNTHETIC_73.mat": (FileType.MATLAB_73, newest),
         "SYNTHETIC.zip": (FileType.ZIP, zipped(HOSTILE | {"inner.tar": inner})),
         "SYNTHETIC.tar": (FileType.TAR, tarred(HOSTILE, "w", link)),

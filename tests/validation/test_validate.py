@@ -17,7 +17,7 @@ from tendonrepro.config.load import load_config
 from tendonrepro.config.published import published
 from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
-from tendonrepro.dataset.motion.windows import NUMBERS, PrintedTables, Timing, Tried, spans, try_windows
+from tendonrepro.dataset.motion.windows import PrintedTables, Tried
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.experiments.run import simulate_all, trace_file
 from tendonrepro.files import sha256_of
@@ -32,108 +32,12 @@ from tendonrepro.validation.report import table_data, validate_text, window_rows
 
 QUIET = Talk(quiet=True)
 SHORT = ("reference.periods=2", "reference.rise=0.8", "reference.hold=0.3")
-TIMING = dict.fromkeys((*CONTROLLERS, LOADED), Timing(0.0, PERIOD))
 
 INPUT = {"name": "SYNTHETIC.mat", "md5": "0" * 32}
 
 
 def validate(path: Path, out: Path, *overrides: str, force: bool = False, dry_run: bool = False) -> Any:
     return run_validate(path, Request(None, out, overrides, dry_run=dry_run, force=force), QUIET)
-
-
-class TestWindows:
-    def test_the_whole_run_is_the_winner_where_it_gives_all_numbers(self) -> None:
-        found = try_windows(printed_file(lambda time: time < np.inf), published(), TIMING)
-        assert found.compared == NUMBERS == 16
-        assert found.winner is found.tried[0]
-        assert found.winner.name == "whole"
-        assert found.chance < 1e-15
-        assert "gives all 16" in found.remark()
-
-    @pytest.mark.parametrize(
-        ("window", "first", "last"), [("after_first_period", PERIOD, np.inf), ("period_1", 0.0, PERIOD)]
-    )
-    def test_the_one_window_with_the_printed_numbers_is_found(
-        self, window: str, first: float, last: float
-    ) -> None:
-        file = printed_file(lambda time: (time >= first - 1e-9) & (time < last - 1e-9))
-        found = try_windows(file, published(), TIMING)
-        assert found.winner.name == window
-        assert all(len(one.agree) < NUMBERS for one in found.tried if one is not found.winner)
-
-    def test_a_constant_offset_is_found_to_have_been_taken_off(self) -> None:
-        file = printed_file(lambda time: time < np.inf, centred=True)
-        runs = {name: measured_trace(trace, e=trace["e"] + 0.01) for name, trace in file.runs.items()}
-        found = try_windows(replace(file, runs=runs), published(), TIMING)
-        assert found.winner.name == "whole, offset removed"
-
-    def test_none_is_none(self) -> None:
-        found = try_windows(make_compare_file(source="measured"), published(), TIMING)
-        assert found.winner is None
-        assert found.deciding is found.tried[0]
-        assert "none of" in found.remark()
-
-    def test_windows_that_keep_the_same_samples_count_once(self) -> None:
-        names = [one.window for one in try_windows(make_compare_file(), published(), TIMING).tried]
-        assert len(names) == 2 * len(set(names))
-        assert set(names) == {"whole", "after_first_period", "period_1"}
-
-    def test_an_incomplete_last_period_and_a_late_start_are_told_apart(self) -> None:
-        time = 0.01 * np.arange(2501)
-        found = spans(time, Timing(1.0, 10.0))
-        assert found["whole"] == slice(0, 2501)
-        assert found["whole_periods"] == slice(100, 2100)
-        assert found["after_first_period"] == slice(1100, 2501)
-        assert found["whole_periods_after_first"] == slice(1100, 2100)
-        assert found["period_2"] == slice(1100, 2100)
-        assert list(spans(time, Timing(0.0, 0.0))) == ["whole"]
-
-    @pytest.mark.parametrize(("start", "first"), [(3.004, 100), (3.0055, 101), (3.006, 101)])
-    def test_a_motion_begins_at_the_nearest_sample(self, start: float, first: int) -> None:
-        found = spans(2.0 + 0.01 * np.arange(2501.0), Timing(start, 10.0))
-        assert found["whole_periods"] == slice(first, first + 2000)
-
-    def test_the_chance_counts_every_try(self) -> None:
-        whole = printed_file(lambda time: time < np.inf)
-        trace = whole.runs["controller_2"]
-        part = replace(whole, runs={"controller_2": trace})
-        found = try_windows(part, published(), TIMING)
-        each = [  # a printed number and the digit it is rounded to
-            1e-3 / (0.2 * published().number(f"table2.controller_2.{metric}.joint_{joint}"))
-            for metric in ("mae", "rmse")
-            for joint in (2, 3)
-        ]
-        assert found.chance == pytest.approx(len(found.tried) * np.prod(each), rel=1e-9)
-        assert "evenly within 10 % of the print" in found.remark()
-        far = replace(part, runs={"controller_2": measured_trace(trace, e=trace["e"] + 1.0)})
-        none = try_windows(far, published(), dict.fromkeys(TIMING, Timing(0.0, 0.0)))
-        assert none.chance == 1.0
-        assert (none.as_dict()["best_agree"], none.as_dict()["compared"]) == (0, 4)
-        assert none.remark().startswith("none of 2 combinations gives all 4 printed numbers")
-        assert none.remark().endswith("nor any of them")
-        empty = try_windows(replace(whole, runs={}), published(), {})
-        assert (empty.chance, empty.as_dict()["best_agree"]) == (0.0, 0)
-
-    def test_missing_samples_are_left_out_and_counted(self) -> None:
-        """Those of which one joint is missing, too."""
-        file = printed_file(lambda time: time < np.inf)
-        trace = file.runs["controller_2"]
-        e = trace["e"].copy()
-        e[500:600] = e[10:15, 0] = e[20:22, 1] = np.nan
-        holed = replace(file, runs={**file.runs, "controller_2": measured_trace(trace, e=e)})
-        found = try_windows(holed, published(), TIMING)
-        size = found.tried[0].sizes["table2.controller_2.mae.joint_2"]
-        assert size == pytest.approx(np.nanmean(np.abs(np.rad2deg(e[:, 0]))), rel=1e-12)
-        assert found.left_out == {**dict.fromkeys(file.runs, 0), "controller_2": 107}
-
-    def test_a_part_is_compared_as_a_part(self) -> None:
-        whole = printed_file(lambda time: time < np.inf)
-        part = replace(whole, runs={"controller_2": whole.runs["controller_2"]})
-        found = try_windows(part, published(), TIMING)
-        assert found.compared == 4
-        assert found.winner is not None
-        assert "16 are printed" in found.remark()
-        assert "no run" in try_windows(replace(whole, runs={}), published(), {}).remark()
 
 
 class TestMeasuredTables:

@@ -14,7 +14,6 @@ from tendonrepro.arrays import Array
 from tendonrepro.dataset.mapping import timebase
 from tendonrepro.dataset.mapping.model import Entry, Mapping, Run, TimeAxis
 from tendonrepro.dataset.mapping.timebase import Timed, TimeProblem, in_seconds
-from tendonrepro.dataset.meaning.evidence import COUNTS_DEG, distance
 from tendonrepro.dataset.meaning.words import few, printable
 from tendonrepro.dataset.readers.signals import Signal, Source
 from tendonrepro.dataset.readers.units import factor
@@ -31,8 +30,8 @@ _LONGEST_STEP = 0.1  # s, beyond which the unit of the times is in doubt; the pa
 _CONTRADICTS, _FEWEST = 0.5, 8
 _MOST_PERIODS = 100_000
 """Periods in a run; every one is a window that results may be of."""
-_COUNT = 1.01 * np.deg2rad(COUNTS_DEG[1])  # an encoder's count, rad, which a held joint may dither by
-_SHAKES = np.deg2rad(1.0)  # error of a held joint that is no dither any more
+_COUNT = 1.01 * np.deg2rad(0.022)  # an encoder's count as printed, rad, which a held joint may dither by
+_SHAKES = np.deg2rad(1.0)  # span of the error of a held joint that is no dither any more
 _OF_THE_OTHERS = {"q_d": "q_encoder + e", "q_encoder": "q_d - e", "e": "q_d - q_encoder"}
 
 StatusOf = Callable[[Array, Array], tuple[str, float]]
@@ -187,50 +186,35 @@ class Assembly:
         raise ConfigError(message, where=self.where, hint=hint)
 
     def _complete(self, name: str, variables: dict[str, Array], joints: tuple[int, ...]) -> None:
-        """Fill desired angle, measured angle and error from the other two, sample by sample.
+        """Of desired angle, measured angle and error find the third, joint by joint.
 
-        The difference has the last word. An error that contradicts it fills no gaps.
+        Where all were recorded the difference has the last word, and an error that contradicts it is doubted.
         """
-        given = {key: variables[key] for key in _OF_THE_OTHERS if key in variables}
-        if len(given) < 2:
+        if len(variables.keys() & _OF_THE_OTHERS.keys()) < 2:
             return
-        absent = np.full_like(next(iter(given.values())), np.nan)
-        q_d, q, e = (given.get(key, absent) for key in _OF_THE_OTHERS)
-        difference = q_d - q
-        e = self._believed(name, joints, difference, e)
-        variables["q_d"] = np.where(np.isnan(q_d), q + e, q_d)
-        variables["q_encoder"] = np.where(np.isnan(q), q_d - e, q)
-        variables["e"] = np.where(np.isnan(difference), e, difference)
-        for key, before in (("q_d", q_d), ("q_encoder", q)):
-            filled = (np.isnan(before) & ~np.isnan(variables[key])).any(axis=0)
-            whole = filled & np.isnan(before).all(axis=0)
-            formula = f"is {_OF_THE_OTHERS[key]}"
-            if whole.any():
-                of = "" if whole.all() else f" of joint {_listed(joints, whole)}"
-                turned = "if e was recorded as measured less desired, `sign: -1`"
-                self.notes.append(f"{name}: {key}{of} {formula}; {turned}")
-            if (filled & ~whole).any():
-                gaps = _listed(joints, filled & ~whole)
-                self.notes.append(f"{name}: {key} of joint {gaps} {formula} where it has gaps")
-
-    def _believed(self, name: str, joints: tuple[int, ...], difference: Array, e: Array) -> Array:
-        """Leave out errors that contradict the difference, and say how far off the others are."""
-        kept, off = e.copy(), 0.0
+        absent = np.full_like(next(iter(variables.values())), np.nan)
+        q_d, q, e = (variables.get(key, absent).copy() for key in _OF_THE_OTHERS)
+        variables |= {"q_d": q_d, "q_encoder": q, "e": e}
         for k, joint in enumerate(joints):
-            known = np.isfinite(difference[:, k] - e[:, k])
-            d, apart = difference[known, k], (e - difference)[known, k]
-            most = float(np.abs(apart).max(initial=0.0))
-            if len(d) >= _FEWEST and np.linalg.norm(apart) > _CONTRADICTS * np.linalg.norm(d):
-                kept[:, k] = np.nan
+            for key, found in (("q_d", q + e), ("q_encoder", q_d - e)):
+                if np.isnan(variables[key][:, k]).all() and not np.isnan(found[:, k]).all():
+                    variables[key][:, k] = found[:, k]
+                    turned = "if e was recorded as measured less desired, `sign: -1`"
+                    self.notes.append(f"{name}: {key} of joint {joint} is {_OF_THE_OTHERS[key]}; {turned}")
+            difference = q_d[:, k] - q[:, k]
+            if np.isnan(difference).all():
+                continue
+            known = np.isfinite(difference - e[:, k])
+            apart = (e[:, k] - difference)[known]
+            off = f"up to {np.rad2deg(np.abs(apart).max(initial=0.0)):.3g} deg off q_d - q_encoder"
+            if known.sum() >= _FEWEST and np.linalg.norm(apart) > _CONTRADICTS * np.linalg.norm(
+                difference[known]
+            ):
                 look = "look at column, `unit`, `sign` and run of all three"
-                far = f"up to {np.rad2deg(most):.3g} deg off q_d - q_encoder"
-                self.doubts.append(f"{name}: e of joint {joint} is {far}: {look}")
-            else:
-                off = max(off, most)
-        if off > 1e-9:
-            degrees = f"{np.rad2deg(off):.3g} deg off"
-            self.notes.append(f"{name}: e is q_d - q_encoder; the recorded error is up to {degrees}")
-        return kept
+                self.doubts.append(f"{name}: e of joint {joint} is {off}: {look}")
+            elif np.abs(apart).max(initial=0.0) > 1e-9:
+                self.notes.append(f"{name}: e of joint {joint} is q_d - q_encoder; the recorded one is {off}")
+            e[:, k] = difference
 
     def _calculate(self, name: str, variables: dict[str, Array], joints: tuple[int, ...]) -> None:
         """Joint angles from motors."""
@@ -259,16 +243,14 @@ class Assembly:
             raise ConfigError(message, where=f"{self.where}: runs.{name}", hint=hint)
 
     def _ask_for_measured(self, name: str, variables: dict[str, Array], joints: tuple[int, ...]) -> None:
-        """Doubt a run with desired angles alone, and say which line of the mapping brings the measured."""
+        """Doubt desired angles without measured ones, and say which line of the mapping brings these."""
         absent = np.full((1, len(joints)), np.nan)
-        there = [np.isfinite(variables.get(key, absent)).any(axis=0) for key in ("q_d", "q_encoder")]
-        alone = there[0] & ~there[1]
-        if not alone.any():
-            return
-        self.doubts.append(
-            f"{name}: joint {_listed(joints, alone)} has a desired angle and no measured one, so there is no "
-            "error: `variable: q_encoder` under `signals` names its column"
-        )
+        q_d, q = (np.isfinite(variables.get(key, absent)).any(axis=0) for key in ("q_d", "q_encoder"))
+        if (alone := q_d & ~q).any():
+            self.doubts.append(
+                f"{name}: joint {_listed(joints, alone)} has a desired angle and no measured one, so there "
+                "is no error: `variable: q_encoder` under `signals` names its column"
+            )
 
     def _status(self, time: Array, variables: dict[str, Array], joints: tuple[int, ...]) -> dict[str, Any]:
         """Status by the error, with the joints it is of; gaps are bridged, they are not divergence.
@@ -277,14 +259,15 @@ class Assembly:
         """
         found: dict[str, tuple[float, list[int]]] = {}
         for k, joint in enumerate(joints if "e" in variables and len(time) > 1 else ()):
-            if (e := _bridged(time, variables["e"][:, k])) is None:
-                continue
-            status, end = self.status_of(time, e[:, np.newaxis])
-            desired = variables["q_d"][:, k] if "q_d" in variables else e
-            if status == "ringing" and _span(desired) <= _COUNT and _span(e) <= _SHAKES:
-                continue
-            first, of = found.get(status, (end, []))
-            found[status] = (min(first, end), [*of, joint])
+            known = np.isfinite(e := variables["e"][:, k])
+            if known.any():
+                bridged = np.interp(time, time[known], e[known])
+                status, end = self.status_of(time, bridged[:, np.newaxis])
+                held = _span(variables.get("q_d", variables["e"])[:, k]) <= _COUNT
+                if status == "ringing" and held and _span(e) <= _SHAKES:
+                    continue
+                first, of = found.get(status, (end, []))
+                found[status] = (min(first, end), [*of, joint])
         worst = next((status for status in ("diverged", "ringing") if status in found), "ok")
         end, of = found.get(worst, (float(time[-1]), []))
         judged = {"status": worst, "status_time": end}
@@ -306,11 +289,10 @@ def doubts_about(trace: Trace) -> list[str]:
         for k, joint in enumerate(trace.joint):
             calculated, encoder = (trace[name][:, k] for name in ("q_calculated", "q_encoder"))
             known = np.isfinite(encoder) & np.isfinite(calculated)
-            if not known.any():
-                continue
-            first = int(np.argmax(known))
-            apart = distance(encoder - encoder[first], calculated - calculated[first])
-            if _FAR_APART < apart < np.inf:
+            x, y = (values[known] - values[known][:1] for values in (encoder, calculated))
+            extent = float(np.ptp(x, axis=0)) if x.size else 0.0
+            apart = float(np.sqrt(np.mean((x - y) ** 2))) / extent if extent else 0.0
+            if apart > _FAR_APART:
                 doubts.append(
                     f"S q_motor of joint {joint} is {apart:.0%} of its range from the encoder: "
                     "unit, sign, scale or number of a motor"
@@ -318,15 +300,10 @@ def doubts_about(trace: Trace) -> list[str]:
     return doubts
 
 
-def _bridged(time: Array, values: Array) -> Array | None:
-    known = np.isfinite(values)
-    return np.interp(time, time[known], values[known]) if known.any() else None
-
-
 def _span(values: Array) -> float:
-    """Range of the numbers among values."""
+    """Range of the numbers among values; infinite without any, since then nothing is known of it."""
     finite = values[np.isfinite(values)]
-    return float(np.ptp(finite)) if len(finite) else 0.0
+    return float(np.ptp(finite)) if finite.size else np.inf
 
 
 def _listed(joints: Sequence[int], chosen: ArrayLike) -> str:

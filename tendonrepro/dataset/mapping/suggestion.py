@@ -15,10 +15,8 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.config.fields.strict_yaml import Node, dump
-from tendonrepro.dataset.mapping.timebase import SAME_TIME
 from tendonrepro.dataset.meaning.assignment import RUNS, places, runs_among, variable_of
-from tendonrepro.dataset.meaning.columns import SHORTEST, Address, Column
-from tendonrepro.dataset.meaning.evidence import same_curve
+from tendonrepro.dataset.meaning.columns import SHORTEST, Address, Column, without_tail
 from tendonrepro.dataset.meaning.times import SAMPLING
 from tendonrepro.dataset.meaning.words import few, printable
 from tendonrepro.dataset.readers.units import FACTORS, kind_of_variable
@@ -76,14 +74,6 @@ def suggest(columns: Sequence[Column], title: str) -> Suggestion:
     body = _yaml_lines({"schema_version": 1, "title": _writable(title), "runs": described or None})
     if not runs:
         body[-1] = "runs:"
-        nowhere: dict[str, Node] = {"file": "FILE", "signal": "SIGNAL", "column": 1}
-        where = _place(left[0]) if left else nowhere
-        example: Node = {"variable": "q_encoder", "joint": 2, **where, "unit": "deg"}
-        run: Node = {"payload_mass_kg": 0.0, "time": {**nowhere, "unit": "s"}, "signals": [example]}
-        skeleton = "No run was found. Take this one, name files and signals as below, and delete the #:"
-        body += [
-            f"# {line}" for line in (skeleton, *(f" {line}" for line in _yaml_lines({"controller_1": run})))
-        ]
     text = "\n".join([*(f"# {line}" for line in head), "", *body, *_rest(left, axes), ""])
     return Suggestion(text, {name: len(chosen) for name, chosen in runs.items()}, left, remarks)
 
@@ -95,21 +85,26 @@ def _picked(members: Sequence[Column]) -> tuple[list[Column], list[Column]]:
     """
     tables: dict[tuple[str, str], list[Column]] = defaultdict(list)
     for column in members:
-        tables[column.table[:2]].append(column)
+        tables[column.group[:2]].append(column)
     taken: dict[tuple[str, int], Column] = {}
     rivals: list[Column] = []
     for table in tables.values():
         found = places(table)
         if any(
-            not same_curve(taken[place].values, found[place][0].values)
+            not _same_curve(taken[place].values, found[place][0].values)
             for place in taken.keys() & found.keys()
         ):
             rivals += table
             continue
         for place, several in found.items():
             first = taken.setdefault(place, several[0])
-            rivals += [column for column in several if not same_curve(first.values, column.values)]
+            rivals += [column for column in several if not _same_curve(first.values, column.values)]
     return [taken[place] for place in sorted(taken)], rivals
+
+
+def _same_curve(a: Array, b: Array) -> bool:
+    """Whether two columns hold the same numbers, one perhaps with empty cells below."""
+    return np.array_equal(without_tail(a), without_tail(b), equal_nan=True)
 
 
 def _claimed(picked: Mapping[str, tuple[Sequence[Column], Sequence[Column]]]) -> Iterator[tuple[str, str]]:
@@ -129,17 +124,14 @@ def _asked(
     """What the columns of runs leave open: doubts, times, and the sign of an error."""
     for name, columns in runs.items():
         if any(column.time is None and column.signal.time is None for column in columns):
-            yield (
-                name,
-                f"columns without a time: every {SAMPLING:g} s is the paper's, `step_s` is the record's",
-            )
-        times = _times(columns, clocks)
-        if any(not _same(times[0], other) for other in times[1:]):
-            way = "`resample: {step_s: ...}` at the top joins them, `offset` of a `time` moves a clock"
-            yield name, f"columns have times of their own: {way}"
+            way = "`step_s` is the record's"
+            yield name, f"columns without a time: every {SAMPLING:g} s is the paper's, {way}"
         variables = {variable_of(column) for column in columns}
         if "e" in variables and not {"q_d", "q_encoder"} <= variables:
             yield name, "an error is taken for desired less measured; if it is the other way, `sign: -1`"
+        if "q_motor_encoder" in variables:
+            way = "before the reducer `scale: 0.01`, `sign` and `offset` where it counts otherwise"
+            yield name, f"motor angles are taken for those of the winch; {way}"
         for column in columns:
             for doubt in (*column.doubts, *(clocks[column.time].doubts if column.time else ())):
                 yield name, doubt
@@ -152,23 +144,6 @@ def _not_guessed(left: Sequence[Column]) -> Iterator[tuple[str, str]]:
             yield from ((column.source.name, doubt) for doubt in column.doubts)
             if column.quantity != "other" and len(column.values) >= SHORTEST:
                 yield column.source.name, _NOT_GUESSED
-
-
-def _times(columns: Sequence[Column], clocks: Mapping[Address, Column]) -> list[Array]:
-    """Different times of columns, s, as far as they are numbers."""
-    found: dict[object, Array] = {}
-    for column in columns:
-        if column.signal.time is not None:
-            found[id(column.signal.time)] = column.signal.time
-        elif column.time is not None and column.time not in found:
-            clock = clocks[column.time]
-            found[column.time] = clock.values * FACTORS["time"][clock.unit or "s"]
-    finite = (times[np.isfinite(times)] for times in found.values())
-    return [times for times in finite if len(times) > 1]
-
-
-def _same(a: Array, b: Array) -> bool:
-    return len(a) == len(b) and bool(np.abs(a - b).max() <= SAME_TIME * np.median(np.diff(a)))
 
 
 def _place(column: Column) -> dict[str, Node]:
@@ -203,10 +178,6 @@ def _described(column: Column, time: Node) -> dict[str, Node]:
     unit = column.unit if column.unit in known or not known else next(iter(known))
     entry: dict[str, Node] = {"variable": variable, "joint": column.joint or 0}
     entry |= {**_place(column), "unit": unit or "rad"}
-    if column.scale < 0.0:
-        entry["sign"] = -1
-    if abs(column.scale) != 1.0:
-        entry["scale"] = abs(column.scale)
     if time is not None:
         entry["time"] = time
     return entry | {"because": _writable("; ".join(column.because)) or "nothing is known of it"}

@@ -25,18 +25,14 @@ class TimeProblem(Exception):
 
 _KEPT = 0.5
 """Least part of the longest signal that common times keep."""
-_LOSS = (
-    "Look at their `time`, its `unit`, `offset` and `step_s`: signals of one record last about equally long. "
-    "`from_s` and `to_s` of the run keep a part on purpose."
-)
 _LOOK = (
     "Look at this column with `tendonrepro inspect`. "
     "`where` takes the rows of one run from a table that holds several; "
     "`time: {step_s: 0.001}` beside the column, with the record's own step, does without its times."
 )
 _CLOCKS = (
-    "Two clocks? `offset` in a column's `time` is taken off its times, in the file's unit: "
-    "give each the first time of its own clock."
+    "Look at `unit` and `step_s` of their `time`. Two clocks? `offset` there is taken off the times, in the "
+    "file's unit: give each the first time of its own clock."
 )
 
 
@@ -61,13 +57,7 @@ class Timed:
 
 
 def in_seconds(time: float) -> str:
-    """A time to read, to the millisecond where it counts from long ago.
-
-    Examples
-    --------
-    >>> in_seconds(0.25), in_seconds(1773300045.5)
-    ('0.25', '1773300045.5')
-    """
+    """A time to read, to the millisecond where it counts from long ago."""
     return f"{time:.6g}" if abs(time) < 1e3 else f"{time:.3f}".rstrip("0").rstrip(".")
 
 
@@ -101,49 +91,17 @@ def within(signal: Timed, first: float | None, last: float | None) -> Timed:
 def shared(signals: Sequence[Timed]) -> Array:
     """Times of the first signal (N,), s, when those of all others are the same to a thousandth of a step."""
     first = signals[0]
-    same = SAME_TIME * first.step
     for other in signals[1:]:
         if len(other.time) != len(first.time):
-            _refuse_apart((first, other))
-            message = f"{first.name} has {len(first.time)} samples, {other.name} has {len(other.time)}"
-            raise TimeProblem(message, _resample(signals))
-        late = other.time - first.time
-        apart = float(np.abs(late).max())
-        if apart > same:
-            message = f"the times of {first.name} and {other.name} differ by up to {in_seconds(apart)} s"
-            if not _overlap(first, other):
-                raise TimeProblem(message, _CLOCKS)
-            clocks = f"{_CLOCKS} " if np.ptp(late) <= same else ""
-            raise TimeProblem(message, clocks + _resample(signals))
+            apart = f"{first.name} has {len(first.time)} samples, {other.name} has {len(other.time)}"
+        elif (most := float(np.abs(other.time - first.time).max())) > SAME_TIME * first.step:
+            apart = f"the times of {first.name} and {other.name} differ by up to {in_seconds(most)} s"
+        else:
+            continue
+        step = f"{{step_s: {max(signal.step for signal in signals):.3g}}}"
+        way = f"`resample: {step}` at the top of the mapping puts all signals on common times."
+        raise TimeProblem(f"{apart}: one {first.extent}, the other {other.extent}", f"{way} {_CLOCKS}")
     return first.time
-
-
-def _refuse_apart(signals: Sequence[Timed]) -> None:
-    """Refuse signals that were never recorded at the same time, as far as their clocks say."""
-    late = max(signals, key=lambda signal: signal.time[0])
-    early = min(signals, key=lambda signal: signal.time[-1])
-    if not _overlap(early, late):
-        both = f"{early.name} {early.extent}, {late.name} {late.extent}"
-        raise TimeProblem(f"signals have only 0 s in common: {both}", _CLOCKS)
-
-
-def _overlap(one: Timed, other: Timed) -> bool:
-    return bool(one.time[0] <= other.time[-1] and other.time[0] <= one.time[-1])
-
-
-def _common(signals: Sequence[Timed]) -> tuple[float, float]:
-    """From the latest start to the earliest end, s."""
-    return max(float(each.time[0]) for each in signals), min(float(each.time[-1]) for each in signals)
-
-
-def _loss(signals: Sequence[Timed]) -> str:
-    """What common times would lose of the signals, in words, where it is most of one; else nothing."""
-    start, end = _common(signals)
-    short, *_, long = sorted((*signals, *signals), key=lambda each: each.time[-1] - each.time[0])
-    if end - start >= _KEPT * (long.time[-1] - long.time[0]):
-        return ""
-    both = f"{short.name} {short.extent}, {long.name} {long.extent}"
-    return f"signals have only {end - start:.6g} s in common: {both}"
 
 
 def resampled(signals: Sequence[Timed], time: Array) -> str:
@@ -154,27 +112,16 @@ def resampled(signals: Sequence[Timed], time: Array) -> str:
     return f"{counts}; {most} of {name} lie outside and are dropped" if most else counts
 
 
-def _resample(signals: Sequence[Timed]) -> str:
-    """The way to common times, at a step that invents no samples."""
-    if _loss(signals):
-        return _LOSS
-    step = max(signal.step for signal in signals)
-    return f"`resample: {{step_s: {step:.3g}}}` at the top of the mapping puts all signals on common times."
-
-
 def even(signals: Sequence[Timed], step: float) -> Array:
     """Even times by `step`, s, from the latest start to the earliest end, as far as memory is for them."""
-    _refuse_apart(signals)
-    start, end = _common(signals)
+    start, end = (float(f(one.time[k] for one in signals)) for f, k in ((max, 0), (min, -1)))
+    short, *_, long = sorted((*signals, *signals), key=lambda one: one.time[-1] - one.time[0])
+    if end - start < max(step, _KEPT * (long.time[-1] - long.time[0])):
+        both = f"{short.name} {short.extent}, {long.name} {long.extent}"
+        message = f"signals have only {max(end - start, 0.0):.6g} s in common: {both}"
+        raise TimeProblem(message, f"{_CLOCKS} `from_s` and `to_s` of the run keep a part on purpose.")
     steps = (end - start) / step
     if steps >= MOST_SAMPLES:
         raise TimeProblem(f"a step of {step:g} s makes {steps:.3g} samples", "Take a larger step_s.")
     # The margin keeps an end that rounding put just before its step.
-    count = int(np.floor(steps + 1e-6)) + 1
-    if count < 2:
-        message = f"signals have only {end - start:.3g} s in common, less than a step of {step:g} s"
-        hint = "Take another step_s, or leave out a signal that starts late or ends early."
-        raise TimeProblem(message, hint)
-    if loss := _loss(signals):
-        raise TimeProblem(loss, _LOSS)
-    return np.asarray(start + step * np.arange(count))
+    return np.asarray(start + step * np.arange(int(np.floor(steps + 1e-6)) + 1))

@@ -1,4 +1,4 @@
-"""Which columns are which variables of which runs."""
+"""Which columns are which joints, and which variables of which runs."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import PurePosixPath
 from typing import TypeAlias
 
 from tendonrepro.dataset.meaning.columns import Column, Group
-from tendonrepro.dataset.meaning.joints import is_decoupling
+from tendonrepro.dataset.meaning.words import tokens
 
 DECOUPLE = "decouple"
 RUNS = ("controller_1", "controller_2", "controller_3", "controller_1_payload", DECOUPLE)
@@ -21,6 +21,63 @@ _VARIABLE = {
 _OF_DESIRED = {"rate": "dq_d", "acceleration": "ddq_d"}
 Places: TypeAlias = dict[tuple[str, int], list[Column]]
 """Columns by variable and joint, as many as claim to be it."""
+
+_NO_JOINTS = (None, "time", "index", "other")
+_FROM_ZERO = "joints are counted from 0 here, so 1 is added"
+_FROM_ONE = "only joints 1 and 2 appear, so they are taken for 2 and 3, as in section 5.4"
+_MIXED = "only joints 1 and 2 appear, but not everywhere: are they the paper's 2 and 3? `joint`"
+
+
+def place_joints(group: Sequence[Column]) -> None:
+    """Number columns without a joint in their name by their order: two are joints 2 and 3, three are all."""
+    kinds: dict[tuple[object, ...], list[Column]] = defaultdict(list)
+    for column in group:
+        if column.quantity not in _NO_JOINTS:
+            of = (column.quantity, column.own.of_motor, column.own.desired)
+            kinds[*of, column.controller, str(column.payload_mass)].append(column)
+    for alike in kinds.values():
+        # The columns of one matrix have one name, so a number in it is nobody's joint in particular.
+        numbers, paths = {column.number for column in alike}, {column.signal.path for column in alike}
+        of_matrix = len(numbers) > len(paths) == 1
+        unnumbered = of_matrix or all(column.joint is None for column in alike)
+        of_space = all(tokens(column.label)[-1:] in (["x"], ["y"], ["z"]) for column in alike)
+        if len(alike) in {2, 3} and unnumbered and not of_space:
+            for joint, column in enumerate(alike, start=4 - len(alike)):
+                column.joint = joint
+                column.because.append(f"joint {joint} by its place among {len(alike)} like it")
+
+
+def count_as_paper(groups: Iterable[Sequence[Column]]) -> None:
+    """Add 1 to the numbers of a record that counts joints from 0, or calls joints 2 and 3 by 1 and 2.
+
+    Where its parts count differently nothing is moved, and the user is asked.
+    """
+    numbered = [
+        [c for c in group if c.joint is not None and c.quantity not in _NO_JOINTS] for group in groups
+    ]
+    counted = {column.joint for group in numbered for column in group}
+    from_zero = {0, 1} <= counted and 3 not in counted
+    from_one = counted == {1, 2} and not any(map(is_decoupling, numbered))
+    for group in numbered:
+        for column in group:
+            if from_zero or from_one:
+                column.joint = (column.joint or 0) + 1
+                column.because.append(_FROM_ZERO if from_zero else _FROM_ONE)
+                column.doubts += [_FROM_ZERO] if from_zero else []
+            elif {c.joint for c in group} == {1, 2} and not is_decoupling(group):
+                column.doubts.append(_MIXED)
+            column.joint = column.joint or None
+
+
+def is_decoupling(group: Sequence[Column]) -> bool:
+    """Whether columns recorded together are of the decoupling experiment, by name or by what they are.
+
+    Motors or calculated angles alone do not tell, Figure 13 has some too; joint 1 does, where joint 3 is
+    there to show that joints are not counted from 2.
+    """
+    joints = {column.joint for column in group if column.quantity not in _NO_JOINTS}
+    of_motors = any(column.quantity in {"motor", "calculated"} for column in group)
+    return any(column.decoupling for column in group) or (1 in joints and (3 in joints or of_motors))
 
 
 def variable_of(column: Column) -> str | None:
@@ -66,12 +123,11 @@ def places(columns: Iterable[Column]) -> Places:
 
 
 def _run_of(column: Column, *, decoupling: bool) -> str:
-    payload, controller, figure = column.payload_mass, column.controller, column.figure
-    if controller is None and (column.decoupling or decoupling):
+    payload, controller = column.payload_mass, column.controller
+    if controller is None and decoupling:
         return DECOUPLE
-    if controller is None and (payload is not None or (figure is not None and figure[0] == 16)):
-        # Table 3 and Figure 16 are of Controller 1.
-        controller = 1
+    if controller is None and payload is not None:
+        controller = 1  # as in Table 3
     if controller is None:
         of_file = PurePosixPath(column.source.name).stem
         return _slug(column.group[1].rpartition("/")[2] if column.tabular else of_file)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
@@ -14,17 +13,16 @@ from typing import NamedTuple
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.dataset.meaning.evidence import sampling_step
 from tendonrepro.dataset.meaning.words import NOT_JOINTS, Hints, Quantity, hints, tokens
 from tendonrepro.dataset.readers.signals import Signal, Source
 from tendonrepro.dataset.readers.units import plain_unit
 
 SHORTEST = 8
 """Fewest samples of a record; what is shorter is a table of settings."""
+_UNEVEN = 0.5
+_REGULAR = 0.95  # share of steps that are even; a logger drops a cycle now and then
 _MOST_JOINTS = 3  # columns of a matrix that can be one quantity of all joints; a wider one is a table
 _LONGEST_NAME = 80  # letters of a line of text that can be a name
-_BESIDE = re.compile(r"![A-Z]{1,3}(\d+):[A-Z]{1,3}(\d+)$")
-"""Cells of a table in a sheet, by their rows."""
 # Words that say where a column is from, not what it is.
 _WHERE = frozenset({"joint", "j", "link", "关节", "deg", "rad"})
 
@@ -41,6 +39,27 @@ class Address(NamedTuple):
         return self.signal if self.column == 1 else f"{self.signal} column {self.column}"
 
 
+def sampling_step(values: Array) -> float | None:
+    """Median step of at least 8 numbers (N,) that increase, nearly all evenly; None where they do not.
+
+    Cells without a number at the end, where a longer column stands beside it, do not count.
+    """
+    values = without_tail(values)
+    if len(values) < SHORTEST or not np.isfinite(values).all():
+        return None
+    steps = np.diff(values)
+    middle = float(np.median(steps))
+    if steps.min() <= 0.0:
+        return None
+    return middle if np.mean(np.abs(steps - middle) < _UNEVEN * middle) >= _REGULAR else None
+
+
+def without_tail(values: Array) -> Array:
+    """Numbers up to the last finite one, shape (M,)."""
+    known = np.flatnonzero(np.isfinite(values))
+    return values[: known[-1] + 1] if known.size else values[:0]
+
+
 Group = tuple[str, str, int]
 """File, part of the file, number of samples: columns of one group are compared with each other."""
 
@@ -51,12 +70,9 @@ class Column:
 
     What names say is in `own`, its own name, and `around`, those it stands below, nearest first: table,
     sheet, titles, then file and folders; so many of them are `inside` the file. A `tabular` signal is a
-    table of its own: a matrix with a time axis, or with more columns than joints. The `unit` is one of
-    `units.FACTORS`, the `scale` a factor beside it, such as 0.01 for a motor before the reducer. Controller
-    and payload that no name speaks of are `assumed`. `time` is the column with its sampling times, None
-    where the signal has its own or there is none. Reasons stand in `because` in the order in which they
-    were found, and in `doubts` what a user has to decide, in words that are the same for all columns in the
-    same doubt.
+    table of its own: a matrix with a time axis, or with more columns than joints. `time` is the column with
+    its sampling times, None where the signal has its own or there is none. `because` holds reasons,
+    `doubts` what a user has to decide, in the same words for all columns in the same doubt.
     """
 
     source: Source
@@ -69,8 +85,6 @@ class Column:
     quantity: Quantity | None = None
     joint: int | None = None
     unit: str | None = None
-    scale: float = 1.0
-    assumed: Hints = field(default_factory=Hints)
     time: Address | None = None
     because: list[str] = field(default_factory=list)
     doubts: list[str] = field(default_factory=list)
@@ -86,16 +100,10 @@ class Column:
         return Address(self.source.name, self.signal.path, self.number)
 
     @property
-    def table(self) -> Group:
+    def group(self) -> Group:
         """Table it is a column of."""
         parent = self.signal.path if self.tabular else self.signal.path.rpartition("/")[0]
         return self.source.name, self.signal.group or parent, len(self.signal.values)
-
-    @property
-    def group(self) -> Group:
-        """What it is compared with: its table, and those in the same rows of its sheet."""
-        file, table, samples = self.table
-        return file, _BESIDE.sub(r"!\1:\2", table), samples
 
     @property
     def label(self) -> str:
@@ -105,8 +113,7 @@ class Column:
     @property
     def still(self) -> bool:
         """Whether it has numbers, and all are the same."""
-        finite = self.values[np.isfinite(self.values)]
-        return bool(finite.size and (finite == finite[0]).all())
+        return len(set(self.values[np.isfinite(self.values)].tolist())) == 1
 
     @property
     def nameless(self) -> bool:
@@ -117,7 +124,7 @@ class Column:
     @property
     def names(self) -> tuple[Hints, ...]:
         """All that its names say, nearest first."""
-        return self.own, *self.around, self.assumed
+        return self.own, *self.around
 
     @property
     def controller(self) -> int | None:
@@ -133,15 +140,9 @@ class Column:
         return next((mass for mass in said if not math.isnan(mass) and mass > 0.0), said[0])
 
     @property
-    def figure(self) -> tuple[int, str | None] | None:
-        """Number of the paper's figure and letter of its panel, by the nearest name that has one."""
-        return next(((name.figure, name.panel) for name in self.names if name.figure is not None), None)
-
-    @property
     def decoupling(self) -> bool:
-        """Whether a name speaks of the decoupling experiment, or of one of its figures."""
-        figure = self.figure
-        return any(name.decoupling for name in self.names) or (figure is not None and figure[0] <= 12)
+        """Whether a name speaks of the decoupling experiment."""
+        return any(name.decoupling for name in self.names)
 
     def call(self, quantity: Quantity, reason: str) -> None:
         """Settle what it is."""
@@ -155,10 +156,6 @@ class Column:
         self.joint = around if self.own.joint is None else self.own.joint
         if self.own.quantity:
             self.call(self.own.quantity, f"the name {self.label!r} says {self.own.quantity}")
-            inside = {hint.quantity for hint in self.around[: self.inside]}
-            words = {word for word in tokens(self.label) if word.isalpha()}
-            if "calculated" in inside and words <= _WHERE:
-                self.call("calculated", "a name around it says calculated")
             return
         # A single letter is a name for a column or, with a number, over an axis; in a file's name it could be
         # anything. What a folder is called is about an experiment, not about a quantity, and a file's name is

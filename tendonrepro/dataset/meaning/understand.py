@@ -1,62 +1,68 @@
 """A guess at what each column of a data set is, with the reasons.
 
-Names and stored units speak first, then the four signs of `evidence`. A guess is never certain, so every one
-carries its reasons into the mapping, where a user confirms or mends it; what nothing tells is asked there.
+Names and stored units speak first. Of the numbers, four plain signs are taken for evidence, and no other:
+
+1. Numbers that increase evenly are times; their unit is the one that makes the step that of a control loop,
+   unless no motion could be so short.
+2. A few whole numbers tell rows apart and are no motion.
+3. Columns alike that all stand still are no motion either.
+4. The size of angles tells degrees from radians.
+
+A guess is never certain, so every one carries its reasons into the mapping, where a user confirms or mends
+it; what nothing tells is asked there, with the line that settles it.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from typing import TypeVar
 
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.dataset.meaning.angle_units import HALF_TURN, find_units
-from tendonrepro.dataset.meaning.columns import SHORTEST, Column, Group, columns_of
-from tendonrepro.dataset.meaning.evidence import is_label, largest
-from tendonrepro.dataset.meaning.joints import count_as_paper, find_motors, place_joints
-from tendonrepro.dataset.meaning.panels import find_panels
+from tendonrepro.dataset.meaning.assignment import count_as_paper, place_joints
+from tendonrepro.dataset.meaning.columns import SHORTEST, Column, columns_of
 from tendonrepro.dataset.meaning.times import find_times, share_times
 from tendonrepro.dataset.readers.signals import Source
-from tendonrepro.dataset.readers.units import FACTORS
+
+_MOST_LABELS = 8
+_HALF_TURN = 3.3  # no joint of the arm turns further, rad
+_WINCH_TURN = 7.0  # nor does a winch, which turns up to 77/37 times as far, rad
+_SMALL_RAD = 0.02  # a tracking error of some tenths of a degree, in either unit
+_ANGLES = ("desired", "measured", "error", "motor", "calculated")
+# What their units have behind that of the angles; nothing for torques.
+_OTHERS = {"rate": "/s", "surface": "/s", "acceleration": "/s^2", "torque": "", "estimate": ""}
+
+Key = TypeVar("Key")
 
 
 # Numbers near the largest there are mean nothing, but a file may hold them.
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
-def understand(sources: Iterable[Source], S_inv: Array) -> list[Column]:
-    """Guess what every column is; those that could not be understood stay without a quantity.
-
-    `S_inv` is the inverse coupling of all joints, (3, 3).
-    """
+def understand(sources: Iterable[Source]) -> list[Column]:
+    """Guess what every column is; those that could not be understood stay without a quantity."""
     columns = columns_of(sources)
     long = [column for column in columns if len(column.values) >= SHORTEST]
-    tables: dict[Group, list[Column]] = defaultdict(list)
-    groups: dict[Group, list[Column]] = defaultdict(list)
-    files: dict[str, list[Column]] = defaultdict(list)
-    for column in long:
-        tables[column.table].append(column)
-        groups[column.group].append(column)
-        files[column.source.name].append(column)
-    for table in tables.values():
-        find_times(table)
-    for group in groups.values():
+    groups = _sorted_by(long, lambda column: column.group)
+    files = _sorted_by(long, lambda column: column.source.name)
+    for group in groups:
+        find_times(group)
         _find_labels(group)
-    for file in files.values():
-        share_times(file)
-    find_panels(long)
-    for group in groups.values():
         _refuse_still(group)
-    for file in files.values():
-        find_units(file)
-    for group in groups.values():
+    for file in files:
+        share_times(file)
+        _find_units(file)
+    for group in groups:
         place_joints(group)
-    count_as_paper(groups.values())
-    for group in groups.values():
-        find_motors(group, S_inv)
-    for column in long:
-        _doubt(column)
+    count_as_paper(groups)
     return columns
+
+
+def _sorted_by(columns: Iterable[Column], key: Callable[[Column], Key]) -> list[list[Column]]:
+    found: dict[Key, list[Column]] = defaultdict(list)
+    for column in columns:
+        found[key(column)].append(column)
+    return list(found.values())
 
 
 def _find_labels(group: Sequence[Column]) -> None:
@@ -81,24 +87,56 @@ def _refuse_still(group: Sequence[Column]) -> None:
 
     A held joint stands beside others that move; constants of another kind, such as obstacles, do not.
     """
-    kinds: dict[str | None, list[Column]] = defaultdict(list)
-    for column in group:
-        kinds[column.quantity].append(column)
-    for quantity, alike in kinds.items():
-        if quantity in {None, "time", "index", "other"} or not all(column.still for column in alike):
-            continue
-        for column in alike:
-            named = column.own.quantity and not column.own.letter and column.own.joint is not None
-            if not (named or column.unit):
-                column.quantity = None
-                column.because.append("but it stands still, and neither a name nor a unit tells what it is")
+    for alike in _sorted_by(group, lambda column: column.quantity):
+        if alike[0].quantity in {*_ANGLES, *_OTHERS} and all(column.still for column in alike):
+            for column in alike:
+                named = column.own.quantity and not column.own.letter and column.own.joint is not None
+                if not (named or column.unit):
+                    column.quantity = None
+                    column.because.append(
+                        "but it stands still, and neither a name nor a unit tells what it is"
+                    )
 
 
-def _doubt(column: Column) -> None:
-    """Take the meaning from what turns further than a joint can."""
-    if column.quantity in {"measured", "desired"} and not column.own.of_motor:
-        turn = largest(column.values) * FACTORS["angle"].get(column.unit or "rad", 1.0)
-        if turn > HALF_TURN:
-            reason = f"but no joint turns by {np.rad2deg(turn):.4g} deg, so it is something else"
-            column.because.append(reason)
-            column.quantity = None
+def is_label(values: Array) -> bool:
+    """Whether numbers (N,) tell rows apart, as those of joints or trials do: few, whole, close together."""
+    if not np.isfinite(values).all() or (values != np.round(values)).any():
+        return False
+    kinds = np.unique(values)
+    return bool(0 < np.ptp(kinds) < _MOST_LABELS and len(values) >= SHORTEST * len(kinds))
+
+
+def _find_units(columns: Sequence[Column]) -> None:
+    """Settle the units of all columns of a file but its times."""
+    angles = [column for column in columns if column.quantity in _ANGLES]
+    told = {column.unit for column in angles if column.unit in {"deg", "rad"}}
+    alike = "as the other angles of its file"
+    shared, reason = (told.pop(), alike) if len(told) == 1 else _shared_unit(angles)
+    for column in columns:
+        if column.unit is None and column.quantity in _ANGLES:
+            column.unit = shared
+            column.because.append(f"{shared}: {reason}")
+        elif column.unit is None and column.quantity in _OTHERS:
+            power = _OTHERS[column.quantity]
+            column.unit = f"{shared}{power}" if power else "N m"
+            column.because.append(f"{column.unit}: no unit is given")
+            if column.quantity == "surface":
+                column.doubts.append(f"no unit of s is given, {column.unit} is taken: `unit` of its entries")
+
+
+def _shared_unit(angles: Sequence[Column]) -> tuple[str, str]:
+    """Degrees or radians by the size of the angles, else of the errors."""
+    finite = [(column.quantity, np.abs(column.values[np.isfinite(column.values)])) for column in angles]
+    for quantities, most, what in (
+        ({"desired", "measured", "calculated"}, _HALF_TURN, "no joint turns by more than half a turn"),
+        ({"motor"}, _WINCH_TURN, "no winch turns by more than a turn"),
+    ):
+        size = max((sizes.max() for of, sizes in finite if of in quantities and sizes.size), default=None)
+        if size is not None and size > most:
+            return "deg", f"an angle reaches {size:.3g}, and {what}"
+        if size is not None:
+            return "rad", f"the largest angle is {size:.3g}; in degrees there would hardly be a motion"
+    error = max((sizes.mean() for of, sizes in finite if of == "error" and sizes.size), default=0.0)
+    if error > _SMALL_RAD:
+        return "deg", f"a mean error of {error:.2g} would be more than a degree in rad"
+    return "rad", "nothing says otherwise; look at it"

@@ -21,9 +21,8 @@ _GREEK = {
 }  # fmt: skip
 _TOKEN = re.compile(r"[a-z]+|\d+(?:\.\d+)?|[\u4e00-\u9fff]+")
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
-_RANGE = re.compile(r"![A-Z]{1,3}\d*(:[A-Z]{1,3}\d*)?$")
+_RANGE = re.compile(r"!\d+:\d+$")
 _MASS = re.compile(r"(?<![a-z0-9.])(\d+(?:[.p]\d+)?)\s*(kg|g)(?![a-z])")
-_FIGURE = re.compile(r"(?:fig(?:ure)?s?|图)[\s._-]*(\d+)[\s._-]*\(?([a-f])?(?![a-z0-9])")
 _ALPHA = re.compile(r"(?<![a-z])(a|alpha|α)[\s_-]*tde|proposed", re.I)
 
 
@@ -87,9 +86,9 @@ class Hints:
     """What a name says; None where it says nothing.
 
     The `joint` is a number from 0 to 3, the paper's unless the data set counts otherwise. `payload_mass`,
-    kg, is 0 where the name says that there is none, NaN where there is one but not how heavy. `figure` and
-    `panel` are of the paper. `of_motor` and `desired` are about motors and the desired motion whatever the
-    quantity. A quantity that a single `letter` tells is worth little but as a column's own name.
+    kg, is 0 where the name says that there is none, NaN where there is one but not how heavy. `of_motor` and
+    `desired` are about motors and the desired motion whatever the quantity. A quantity that a single `letter`
+    tells is worth little but as a column's own name.
     """
 
     quantity: Quantity | None = None
@@ -97,8 +96,6 @@ class Hints:
     controller: int | None = None
     decoupling: bool = False
     payload_mass: float | None = None
-    figure: int | None = None
-    panel: str | None = None
     of_motor: bool = False
     desired: bool = False
     letter: bool = False
@@ -113,16 +110,13 @@ def hints(name: str) -> Hints:
     """Read one name: of a file without its suffix, a sheet, a variable, a column, a title."""
     name = _RANGE.sub("", name)
     words, text = tokens(name), _plain(name)
-    figure = _FIGURE.search(text)
-    quantity, letter = _quantity(words, panel=figure is not None)
+    quantity, letter = _quantity(words)
     return Hints(
         quantity=quantity,
         joint=_joint(words),
         controller=_controller(words, name),
         decoupling=any(word in _DECOUPLING or "解耦" in word for word in words),
         payload_mass=_payload(words, text),
-        figure=int(figure[1]) if figure else None,
-        panel=figure[2] if figure else None,
         of_motor=_about("motor", words) or _behind_angle(words, "m"),
         desired=_desired(words),
         letter=letter,
@@ -143,10 +137,10 @@ def _about(quantity: Quantity, words: Sequence[str]) -> bool:
     return bool(known.intersection(words)) or any(part in word for part in parts for word in words)
 
 
-def _quantity(words: Sequence[str], *, panel: bool) -> tuple[Quantity | None, bool]:
-    """Quantity of a name, and whether a letter alone tells it; behind a figure's number it is a panel."""
+def _quantity(words: Sequence[str]) -> tuple[Quantity | None, bool]:
+    """Quantity of a name, and whether a letter alone tells it."""
     letters = [word for word in words if word.isalpha() and (len(word) == 1 or not plain_unit(word))]
-    if len(letters) == 1 and letters[0] in _LETTERS and not panel:
+    if len(letters) == 1 and letters[0] in _LETTERS:
         return _LETTERS[letters[0]], True
     for quantity in _WORDS:
         if quantity == "motor" and _behind_angle(words, "m"):

@@ -17,8 +17,6 @@ _SPARSE = 10.0
 """Time that a record may last, over that of its samples in a row: more is a pause and not a gap."""
 _GAP = 1.9
 """Distance of two samples, over that of most, from which on something is missing between them."""
-_BESIDE = 0.1
-"""Stretch beside a gap that tells how the motion enters and leaves it, s."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,35 +97,13 @@ def recorded(trace: Trace, name: str = "q_d") -> Recorded:
 
 
 def _even(even: Array, time: Array, kept: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Samples interpolated on an even grid, (T, n), and which of them lie in no gap.
-
-    A gap is bridged by a cubic: a straight line would be a jerk that nobody commanded.
-    """
-    from scipy.interpolate import CubicHermiteSpline
-
+    """Samples interpolated on an even grid, (T, n), and which of them lie in no gap."""
     filled = np.column_stack([np.interp(even, time, column) for column in kept.T])
+    near = np.clip(np.searchsorted(time, even), 1, len(time) - 1)
     step = even[1] - even[0]
-    known = (even >= time[0] - 0.5 * step) & (even <= time[-1] + 0.5 * step)
-    for place in np.flatnonzero(np.diff(time) > _GAP * step).tolist():
-        ends = time[place : place + 2]
-        inside = (even > ends[0] + 0.5 * step) & (even < ends[1] - 0.5 * step)
-        before = slice(int(np.searchsorted(time, ends[0] - _BESIDE)), place + 1)
-        after = slice(place + 1, int(np.searchsorted(time, ends[1] + _BESIDE, side="right")))
-        (q_0, dq_0), (q_1, dq_1) = (
-            _level_and_rate(time[side] - end, kept[side])
-            for side, end in zip((before, after), ends, strict=True)
-        )
-        bridge = CubicHermiteSpline(ends, np.stack([q_0, q_1]), np.stack([dq_0, dq_1]))
-        filled[inside] = bridge(even[inside])
-        known &= ~inside
-    return filled, known
-
-
-def _level_and_rate(time: Array, q: Array) -> tuple[Array, Array]:
-    """Value and slope at time 0 of the parabola through samples, each (n,)."""
-    powers = np.vander(time, min(len(time), 3), increasing=True)
-    found = np.linalg.lstsq(powers, q, rcond=None)[0]
-    return found[0], found[1] if len(found) > 1 else np.zeros(q.shape[1])
+    between = (np.abs(even - time[near - 1]) > 0.5 * step) & (np.abs(even - time[near]) > 0.5 * step)
+    wide = (time[near] - time[near - 1] > _GAP * step) | (even > time[-1])
+    return filled, ~(between & wide)
 
 
 def rounding_step(angles: Array) -> float:

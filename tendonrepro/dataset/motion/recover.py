@@ -11,10 +11,9 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.config.published import COMPARED
-from tendonrepro.dataset.motion.fit import Fit, fits, limit
+from tendonrepro.dataset.motion.fit import Fit, Turns, amplitude_of, cycle_of, fits, limit, movers, turns_of
 from tendonrepro.dataset.motion.knots import Knots, smoothed, thinned
 from tendonrepro.dataset.motion.record import FEWEST, Recorded, recorded
-from tendonrepro.dataset.motion.shapes import Turns, amplitude_of, cycle_of, movers, turns_of
 from tendonrepro.dataset.motion.windows import Timing
 from tendonrepro.errors import DataMissingError
 from tendonrepro.results.records import Trace, TraceFile

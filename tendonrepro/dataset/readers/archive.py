@@ -15,8 +15,7 @@ from io import BufferedIOBase
 from pathlib import Path
 from typing import IO, Any, cast
 
-from tendonrepro.dataset.readers.charset import decoded
-from tendonrepro.dataset.readers.filetype import FileType, is_tar, kind_of
+from tendonrepro.dataset.readers.filetype import FileType, decoded, is_tar, kind_of
 from tendonrepro.dataset.readers.signals import Allowance, TooMuch, Unreadable
 
 DEEPEST = 3

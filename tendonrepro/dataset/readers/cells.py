@@ -6,24 +6,21 @@ import datetime
 import math
 import re
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from enum import Enum
-from itertools import chain, count, groupby
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.dataset.readers.heading import Heading, headings
-from tendonrepro.dataset.readers.signals import Found, is_full, note_rest
+from tendonrepro.dataset.readers.heading import headings
+from tendonrepro.dataset.readers.signals import Found, is_full, note_rest, seconds
 
 MOST_TABLES = 100
 """Tables of one text or sheet that are read; a log that restarts more often is rare."""
-MOST_WORDS = 40
+_MOST_WORDS = 40
 """Rows of words about one table that are noted."""
-_MOST_TEXTS = 2000
 _FEWEST_ROWS = 3
 """Fewer rows of numbers beside a longer table are settings, such as a sampling rate."""
 _MISSING = {
@@ -35,11 +32,10 @@ _NUMBERS = {
     ".": re.compile(rf"[+-]?(?:(?:\d+\.?\d*|\.\d+){_EXPONENT}|inf(?:inity)?)"),
     ",": re.compile(rf"[+-]?(?:(?:\d+(?:,\d+)?|,\d+){_EXPONENT}|inf(?:inity)?)"),
 }
-_DATE = re.compile(r"(\d{4})[-/.](\d{1,2})[-/.](\d{1,2})")
-_DAY_FIRST = re.compile(r"(\d{1,2})[./](\d{1,2})[./](\d{4})")
-_HOUR = re.compile(r"(?<![\d:])(\d:)")
+_DATE = r"\d{4}[-/.]\d{1,2}[-/.]\d{1,2}"
+_STAMP = re.compile(rf"{_DATE}(?:[ T]+\d.*)?|\d{{1,2}}:\d{{2}}:\d{{2}}.*")
+"""A date with the year first, perhaps with a clock time, or a clock time alone."""
 _LONGEST = 60
-_NOTHING = datetime.timedelta(0)
 _NO_RESULT = "if formulas fill it, open the file in its program and save it again with their results"
 _MOST_DIFFERENT = 20
 
@@ -59,14 +55,12 @@ class Mark(Enum):
 class Rows:
     """Rows of numbers that belong together, by their positions.
 
-    `head` holds the rows right above them, `above` the words further up, down from the block before, and
-    `below` those under the last block.
+    `head` holds the rows right above them, `above` the words further up, down from the block before.
     """
 
     head: list[int] = field(default_factory=list)
     data: list[int] = field(default_factory=list)
     above: list[int] = field(default_factory=list)
-    below: list[int] = field(default_factory=list)
 
 
 def number(cell: Any, decimal: str = ".") -> float | None:
@@ -85,41 +79,23 @@ def number(cell: Any, decimal: str = ".") -> float | None:
 
 def is_stamp(cell: Any) -> bool:
     """Whether a cell is a date, a clock time or a duration, as an object or written out."""
-    return _moment(cell) is not None
-
-
-def _moment(cell: Any) -> datetime.timedelta | None:
-    """Time since the calendar began, or since midnight for a clock alone; None for what is no time."""
     if isinstance(cell, datetime.timedelta):
-        return cell
+        return True
     text = str(cell).strip()  # of a date or time it reads as people write them
-    text = _DAY_FIRST.sub(r"\3-\2-\1", text, count=1)
-    if len(text) > _LONGEST or not (":" in text or _DATE.match(text)):
-        return None
-    text = _DATE.sub(lambda date: "{}-{:0>2}-{:0>2}".format(*date.groups()), text, count=1)
-    text = _HOUR.sub(r"0\1", text, count=1)
-    with suppress(ValueError):
-        clock = datetime.time.fromisoformat(text)
-        return datetime.timedelta(
-            hours=clock.hour, minutes=clock.minute, seconds=clock.second, microseconds=clock.microsecond
-        )
-    with suppress(ValueError, OverflowError):
-        moment = datetime.datetime.fromisoformat(text)
-        return moment.replace(tzinfo=None) - (moment.utcoffset() or _NOTHING) - datetime.datetime.min
-    return None
+    return len(text) <= _LONGEST and _STAMP.fullmatch(text) is not None
 
 
-def _seconds(cells: Cells) -> tuple[Array, str] | None:
-    """Times in s from the first, NaN for other cells, with a note; None when most cells are no times."""
-    times = [_moment(cell) for cell in cells]
-    known = [time for time in times if time is not None]
-    if not known or 2 * len(known) < sum(map(_is_filled, cells)):
+def _times(cells: Cells) -> tuple[Array, str] | None:
+    """Dates as s from the first, other times as s, NaN for other cells, with a note; None for few times."""
+    import pandas as pd
+
+    stamps = pd.Series([str(cell).strip() if is_stamp(cell) else None for cell in cells], dtype=object)
+    if 2 * stamps.count() < max(1, sum(map(_is_filled, cells))):
         return None
-    start, note = _NOTHING, "durations in seconds"
-    if not any(isinstance(cell, datetime.timedelta) for cell in cells):
-        first = next(str(cell).strip() for cell in cells if is_stamp(cell))
-        start, note = known[0], f"clock times, seconds from the first, {first[:40]}"
-    return np.array([np.nan if time is None else (time - start).total_seconds() for time in times]), note
+    if not stamps.str.match(_DATE).any():
+        return seconds(pd.to_timedelta(stamps, errors="coerce").to_numpy())
+    dates = pd.to_datetime(stamps, format="mixed", utc=True, errors="coerce")
+    return seconds(dates.dt.tz_localize(None).to_numpy())
 
 
 def _is_filled(cell: Any) -> bool:
@@ -161,8 +137,6 @@ def blocks_of(marks: Iterable[Mark]) -> list[Rows]:
             tables.append(block)
         else:
             words += block.head + block.data
-    if tables:
-        tables[-1].below = words
     return tables
 
 
@@ -178,47 +152,31 @@ def settle_head(block: Rows, cells_at: Callable[[int], Sequence[Any]], decimal: 
             return
 
 
-def words_of(cells: Iterable[str]) -> list[str]:
-    """Texts of a row, those that merged cells repeat only once."""
-    return [word for word, _ in groupby(cell.strip() for cell in cells if cell.strip())]
-
-
-def note_words(found: Found, path: str, words: Iterable[str]) -> None:
-    """Note a row of words; a number follows the path where another row has it."""
-    numbered = chain([path], (f"{path} {number}" for number in count(2)))
-    if len(found.texts) < _MOST_TEXTS:
-        found.text(next(name for name in numbered if name not in found.texts), ", ".join(words))
-
-
 def add_table(
     found: Found,
     block: Rows,
     head: Sequence[Sequence[str]],
     columns: Sequence[Cells],
-    words_at: Callable[[int], tuple[str, list[str]]],
-    before: list[Heading],
+    words_at: Callable[[int], tuple[str, Sequence[str]]],
     *,
     prefix: str,
     decimal: str = ".",
     note: str = "",
-) -> list[Heading]:
-    """Add the columns of a block as signals, with the words above it as texts; returns its headings.
+) -> None:
+    """Add the columns of a block as signals, with the words above it as texts.
 
-    `head` has the cells of the block's head; `words_at` tells where a row stands and its words. A block
-    without names takes those of the one `before` if it is as wide. Paths begin with the `prefix`, which ends
-    with a ``/``, or is empty for the only table of a text.
+    `head` has the cells of the block's head; `words_at` tells where a row stands and its words. Paths begin
+    with the `prefix`, which ends with a ``/``, or is empty for the only table of a text.
     """
     names, unused = headings(head, len(columns))
     rows = [*block.above, *(block.head[position] for position in unused)]
-    for row in rows[:MOST_WORDS]:
+    for row in rows[:_MOST_WORDS]:
         place, words = words_at(row)
-        note_words(found, prefix + ("title" if len(words) == 1 else place), words)
-    if len(rows) > MOST_WORDS:
-        found.skip("", f"{len(rows) - MOST_WORDS} more lines of words")
-    group, notes = prefix.removesuffix("/") or "table", [note]
-    named = [any(heading.name for heading in row) for row in (names, before)]
-    if named == [False, True] and len(before) == len(names):
-        names, notes = before, ["headings of the table before", note]
+        words = [word.strip() for word in words if word.strip()]
+        if len(words) == 1 and f"{prefix}title" not in found.texts:
+            place = "title"
+        found.text(prefix + place, ", ".join(words))
+    group = prefix.removesuffix("/") or "table"
     for position, (heading, cells) in enumerate(zip(names, columns, strict=True)):
         if is_full(found):
             note_rest(found, len(columns) - position, "columns")
@@ -229,11 +187,10 @@ def add_table(
             _note_different(found, path, cells)
         elif not np.isnan(read[0]).all():
             values, how, unit = read
-            text = "; ".join(filter(None, [how, *notes]))
+            text = "; ".join(filter(None, [how, note]))
             found.add(path, values, label=heading.label, unit=unit or heading.unit, group=group, note=text)
         elif heading.name:
             found.skip(path, "no number in it", _NO_RESULT)
-    return names
 
 
 def _numbers(cells: Cells, decimal: str) -> tuple[NDArray[Any], str, str | None] | None:
@@ -243,7 +200,7 @@ def _numbers(cells: Cells, decimal: str) -> tuple[NDArray[Any], str, str | None]
     values = [number(cell, decimal) for cell in cells]
     odd = [cell for cell, value in zip(cells, values, strict=True) if value is None and _is_filled(cell)]
     if len(odd) > len(values) - values.count(None):
-        times = _seconds(cells)
+        times = _times(cells)
         return (*times, "s") if times else None
     some = ", ".join(sorted({repr(str(cell)[:20]) for cell in odd})[:3])
     how = f"{len(odd)} cells are no numbers ({some}) and became NaN" if odd else ""

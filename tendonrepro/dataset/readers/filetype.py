@@ -1,16 +1,23 @@
-"""What a file truly is, told by its content."""
+"""What a file truly is, told by its content, and the encoding of a text."""
 
 from __future__ import annotations
 
 import struct
 import tarfile
 import zipfile
+from contextlib import suppress
 from enum import StrEnum
 from pathlib import Path
 from typing import Self
 
-from tendonrepro.dataset.readers.charset import BYTE_ORDER_MARKS, decoded, unmarked_utf16
-
+_BYTE_ORDER_MARKS = {
+    b"\xef\xbb\xbf": "utf-8-sig",
+    b"\xff\xfe\x00\x00": "utf-32",
+    b"\x00\x00\xfe\xff": "utf-32",
+    b"\xff\xfe": "utf-16",
+    b"\xfe\xff": "utf-16",
+}
+"""First bytes of a text -> its encoding; the longer of two marks that begin alike comes first."""
 _HEAD = 65536
 """Bytes looked at; a text says within its first pages that it is one."""
 _HDF5 = b"\x89HDF\r\n\x1a\n"
@@ -40,7 +47,6 @@ class FileType(StrEnum):
         member._value_, member.advice, member.signatures = value, advice, signatures
         return member
 
-    MATLAB_4 = "MATLAB 4"
     MATLAB_5 = "MATLAB 5"
     MATLAB_73 = "MATLAB 7.3"
     HDF5 = "HDF5"
@@ -120,23 +126,7 @@ def _matlab_or_hdf5(head: bytes) -> FileType | None:
         return FileType.HDF5
     # The text before may be anything: what makes a level 5 file is its version and byte order.
     level_5 = head[124:128] in {b"\x00\x01IM", b"\x01\x00MI"}
-    if level_5 or head.startswith(b"MATLAB 5.0"):
-        return FileType.MATLAB_5
-    return FileType.MATLAB_4 if _is_level_4(head) else None
-
-
-def _is_level_4(head: bytes) -> bool:
-    """Level 4 has no signature, only the header of its first matrix."""
-    if len(head) < 21:
-        return False
-    for order, machine in (("<", 0), (">", 1)):
-        number, rows, columns, imaginary, length = struct.unpack(f"{order}5i", head[:20])
-        # Its digits: machine, zero, type of the numbers, kind of matrix.
-        known = number // 1000 == machine and number % 1000 < 60 and number % 10 <= 2
-        if known and min(rows, columns) >= 0 and imaginary in {0, 1}:
-            name = head[20 : 20 + length] if 2 <= length <= 256 else b""
-            return name.endswith(b"\0") and name[:-1].replace(b"_", b"a").isalnum()
-    return False
+    return FileType.MATLAB_5 if level_5 or head.startswith(b"MATLAB 5.0") else None
 
 
 def _zip_kind(path: Path, head: bytes) -> FileType:
@@ -183,7 +173,7 @@ def is_tar(head: bytes) -> bool:
 def _plain_kind(path: Path, head: bytes) -> FileType:
     if is_tar(head):
         return FileType.TAR
-    wide = head.startswith(tuple(BYTE_ORDER_MARKS)) or unmarked_utf16(head) is not None
+    wide = head.startswith(tuple(_BYTE_ORDER_MARKS))
     if not wide and len(head.translate(None, _CONTROLS)) < len(head):
         return FileType.BINARY
     text = decoded(head)[0] if wide else head.decode("ascii", "ignore")
@@ -194,3 +184,18 @@ def _plain_kind(path: Path, head: bytes) -> FileType:
     # Code and tables are both text: a name decides only where the text does not begin with a number.
     numeric = lowered[:1].isdigit() or lowered[:1] in {"-", "+", "."}
     return FileType.TEXT if numeric else _CODE.get(path.suffix.lower(), FileType.TEXT)
+
+
+def decoded(raw: bytes) -> tuple[str, str]:
+    """Decode everything in a file; returns the text without a byte order mark, and its encoding.
+
+    That is what a mark says, else the first of UTF-8, Chinese and Western Windows that fits. Numbers are
+    ASCII in all of these, so at worst a name is spoilt.
+    """
+    for mark, encoding in _BYTE_ORDER_MARKS.items():
+        if raw.startswith(mark):
+            return raw.decode(encoding, "replace").removeprefix("\ufeff"), encoding
+    for encoding in ("utf-8", "gb18030"):
+        with suppress(UnicodeDecodeError):
+            return raw.decode(encoding), encoding
+    return raw.decode("cp1252", "replace"), "cp1252"

@@ -60,31 +60,11 @@ class Limits:
 def read_guarded(
     files: Sequence[tuple[Path, str]], talk: Talk, limits: Limits | None = None, read: Read = read_bit_by_bit
 ) -> list[Source]:
-    """Read files one after the other in a process that may crash, hang or run out of memory.
+    """Read files, each with the name a user knows it by, one after the other in a process of their own.
 
-    A script that calls this must do so below ``if __name__ == "__main__":``, because the process that reads
-    imports it anew.
-
-    Parameters
-    ----------
-    files : sequence of (Path, str)
-        Files and the names a user knows them by.
-    talk : Talk
-        Shows a progress bar.
-    limits : Limits, optional
-    read : callable, optional
-        Reader, a function of a module.
-
-    Returns
-    -------
-    list of Source
-        In the order of the files; those that were given up say so in `skipped`. Together they hold no more
-        than an :class:`Allowance`.
-
-    Raises
-    ------
-    TendonreproError
-        When the process cannot be started.
+    It may crash, hang or run out of memory: files that were given up say so in `skipped`. Together the
+    sources hold no more than an `Allowance`. The process that reads imports a script that calls this anew, so
+    it must do so below ``if __name__ == "__main__":``; a TendonreproError when it cannot be started.
     """
     sources: list[Source] = []
     with (

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 from tendonrepro.dataset.readers.units import plain_unit
 
@@ -74,8 +72,6 @@ def headings(rows: Sequence[Sequence[str]], width: int) -> tuple[list[Heading], 
     if len(left) > 1 and _are_units(left[-1], width) and _are_names(left[-2], width):
         units = left.pop()
     names = left.pop() if left and _are_names(left[-1], width) else ()
-    if names and not units and left and _are_units_above(left[-1], names, width):
-        units = left.pop()
     spans = [""] * width
     if names and left and _span_columns(left[-1], names, width):
         spans = _filled_on(left.pop(), width)
@@ -110,47 +106,30 @@ def _are_units(cells: Sequence[str], width: int) -> bool:
     return bool(filled) and len(cells) <= width + 1 and all(is_unit(cell) for cell in filled)
 
 
-def _are_units_above(cells: Sequence[str], names: Sequence[str], width: int) -> bool:
-    """Whether a row holds the units of the names below it; a single one may be the letter of a panel."""
-    several = sum(bool(cell.strip()) for cell in cells) > 1
-    return several and _are_units(cells, width) and _are_names(cells, width) and not _are_units(names, width)
-
-
 def _span_columns(cells: Sequence[str], names: Sequence[str], width: int) -> bool:
     """Whether a row names groups of columns.
 
-    Then names repeat in it or below it, or an empty cell stands before the last name; a setting such as
-    ``Operator, Yan`` has neither. A single name that starts at the first column, or stands alone further to
-    the right than behind the time, is the table's title.
+    Then names repeat below it, or an empty cell stands before the last name; a setting such as
+    ``Operator, Yan`` has neither. A single name is of groups only right behind the time, else a title.
     """
     filled = [column for column, cell in enumerate(cells) if cell.strip()]
-    if not 0 < filled[-1] < width:
-        return False
-    alone = len({cells[column].strip() for column in filled}) == 1
-    if alone and (filled[0] == 0 or filled[0] == filled[-1] > 1):
-        return False
-    return _repeats(cells) or _repeats(names) or len(filled) <= filled[-1]
-
-
-def _repeats(cells: Sequence[str]) -> bool:
-    return any(count > 1 for count in Counter(cell.strip() for cell in cells if cell.strip()).values())
+    if len(filled) == 1:
+        return filled[0] == 1 < width
+    below = [name.strip() for name in names if name.strip()]
+    return filled[-1] < width and (len(filled) <= filled[-1] or len(set(below)) < len(below))
 
 
 def _filled_on(cells: Sequence[str], width: int) -> list[str]:
-    """Each name repeated over the empty cells to its right, unless the row repeats names already."""
+    """Each name repeated over the empty cells to its right."""
     filled = [_cell(cells, column) for column in range(width)]
-    if not any(cell and cell == following for cell, following in pairwise(filled)):
-        for column in range(1, width):
-            filled[column] = filled[column] or filled[column - 1]
+    for column in range(1, width):
+        filled[column] = filled[column] or filled[column - 1]
     return filled
 
 
 def _heading(spans: list[str], column: int, name: str, unit: str, comment: str) -> Heading:
     """Heading of a column from what stands above it; `spans` has the names of groups, one a column."""
     span = spans[column]
-    if span and spans.count(span) == 1 and is_unit(name) and not name.isdigit():
-        # A name of its own in the row of group names, with its unit in the row of names.
-        name, unit, span = span, unit or name, ""
     name = name or comment or (span if spans.index(spans[column]) == column else "")
     label, inner = split_unit(name)
     words = [span if span != name else "", label, comment if comment != name else ""]

@@ -106,16 +106,16 @@ def _read_one(path: Path, name: str, kind: FileType, left: Allowance) -> Source:
 def _found(path: Path, kind: FileType, left: Allowance) -> Found:
     """Read a file of a type; the libraries for it are loaded only now."""
     match kind:
-        case FileType.MATLAB_4 | FileType.MATLAB_5 | FileType.MATLAB_73:
+        case FileType.MATLAB_5 | FileType.MATLAB_73:
             from tendonrepro.dataset.readers.matlab.file import read_matlab
 
             return read_matlab(path, left)
         case FileType.HDF5:
-            from tendonrepro.dataset.readers.hdf5 import read_hdf5
+            from tendonrepro.dataset.readers.arrays import read_hdf5
 
             return read_hdf5(path, left)
         case FileType.NPY | FileType.NPZ:
-            from tendonrepro.dataset.readers.numpy_files import read_npy, read_npz
+            from tendonrepro.dataset.readers.arrays import read_npy, read_npz
 
             return (read_npy if kind is FileType.NPY else read_npz)(path, left)
         case FileType.XLSX | FileType.XLSB | FileType.XLS | FileType.ODS:
@@ -126,16 +126,7 @@ def _found(path: Path, kind: FileType, left: Allowance) -> Found:
             from tendonrepro.dataset.readers.text import read_text_table
 
             return read_text_table(path, left)
-    reason = f"{kind}: not a format with signals that is read"
-    raise Unreadable(_NOT_READ.get(kind, reason), kind.advice)
-
-
-_NOT_READ = {
-    FileType.EMPTY: "empty, 0 bytes",
-    FileType.BINARY: "binary of an unknown format",
-    FileType.ENCRYPTED_ZIP: "encrypted",
-    FileType.ENCRYPTED_OFFICE: "encrypted",
-}
+    raise Unreadable(f"{kind}: not a format with signals that is read", kind.advice)
 
 
 def _read_archive(

@@ -75,6 +75,7 @@ BEST_PACKING = 1032
 HARMLESS = 2**24
 """Bytes that a file may announce whatever it holds."""
 _LONGEST_TEXT = 1000
+_MOST_TEXTS = 2000
 
 
 class Unreadable(Exception):
@@ -218,8 +219,8 @@ class Found:
         self.skipped.append(Skipped(path, reason, advice))
 
     def text(self, path: str, text: str) -> None:
-        """Note a text that may say what the numbers are; long ones are cut."""
-        if text.strip():
+        """Note a text that may say what the numbers are; long ones are cut, and very many left out."""
+        if text.strip() and len(self.texts) < _MOST_TEXTS:
             self.texts[path] = text.strip()[:_LONGEST_TEXT]
 
 

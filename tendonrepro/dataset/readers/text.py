@@ -14,7 +14,6 @@ from typing import Any
 
 from tendonrepro.dataset.readers.cells import (
     MOST_TABLES,
-    MOST_WORDS,
     Cells,
     Mark,
     Rows,
@@ -22,24 +21,18 @@ from tendonrepro.dataset.readers.cells import (
     blocks_of,
     is_stamp,
     mark_of,
-    note_words,
     number,
     settle_head,
-    words_of,
 )
-from tendonrepro.dataset.readers.charset import decoded
-from tendonrepro.dataset.readers.heading import Heading
+from tendonrepro.dataset.readers.filetype import decoded
 from tendonrepro.dataset.readers.signals import Allowance, Found, Unreadable, is_full
 
 _MOST_BYTES = 2**29
 """An hour of twenty columns at 1 kHz; a longer text takes minutes and gigabytes to read."""
 _MOST_COLUMNS = 2000
 _COMMON_WIDTH = 0.1
-_MOST_BLANK = 0.4
 _FIRST_LINES = 12
 _LONGEST_LINE = 1000
-# Enough to tell a text for people from a long log.
-_FEW_ROWS = 200
 _SAMPLE = 200
 _LONGEST_SAMPLE = 20000
 
@@ -92,13 +85,12 @@ def read_text_table(path: Path, left: Allowance | None = None) -> Found:
         reason = f"a text of {size / 2**20:.0f} MB"
         raise Unreadable(reason, f"split it into files of at most {_MOST_BYTES // 2**20} MB")
     text, encoding = decoded(path.read_bytes())
-    lines = _lines(text)
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").rstrip("\x1a \t\n").split("\n")
     style = style_of(lines)
     blocks = blocks_of(style.mark(line) for line in lines)
     comma = ", decimal comma" if style.decimal == "," else ""
     found = Found(f"text table ({_NAMES[style.separator]}{comma}, {encoding})", left or Allowance())
-    if not _is_prose(lines, blocks, style):
-        _add_blocks(found, lines, blocks, style)
+    _add_blocks(found, lines, blocks, style)
     if found.signals:
         return found
     # A text for people, such as one that tells what the files beside it hold.
@@ -108,45 +100,20 @@ def read_text_table(path: Path, left: Allowance | None = None) -> Found:
     return found
 
 
-def _lines(text: str) -> list[str]:
-    """Lines whatever their ends; blank ones go where every other line is one, as after a bad transfer."""
-    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    while lines and not lines[-1].strip("\x1a \t"):
-        lines.pop()
-    filled = [line for line in lines if line.strip()]
-    return filled if len(lines) - len(filled) > _MOST_BLANK * len(lines) else lines
-
-
-def _is_prose(lines: Sequence[str], blocks: Sequence[Rows], style: Style) -> bool:
-    """Whether words outweigh the numbers in lines without a separator, as in a text for people."""
-    if style.separator != _BLANKS:
-        return False
-    rows = [row for block in blocks for row in block.data][:_FEW_ROWS]
-    cells = [cell for row in rows for cell in style.split(lines[row][:_LONGEST_LINE])]
-    return 2 * sum(mark_of([cell], style.decimal) is Mark.NUMBERS for cell in cells) < len(cells)
-
-
 def _add_blocks(found: Found, lines: Sequence[str], blocks: Sequence[Rows], style: Style) -> None:
-    names: list[Heading] = []
     for position, block in enumerate(blocks):
         if is_full(found) or position == MOST_TABLES:
             place = f"lines {block.data[0] + 1} to {blocks[-1].data[-1] + 1}"
             found.skip("", f"{len(blocks) - position} more tables, {place}, left out", "split the file")
             return
         prefix = "" if len(blocks) == 1 else f"block {position + 1}/"
-        names = _add_block(found, lines, block, style, names, prefix)
-        for row in block.below[:MOST_WORDS]:
-            note_words(found, f"line {row + 1}", [lines[row]])
+        _add_block(found, lines, block, style, prefix)
 
 
-def _add_block(
-    found: Found, lines: Sequence[str], block: Rows, style: Style, before: list[Heading], prefix: str
-) -> list[Heading]:
-    """Add one table; returns its headings."""
-
+def _add_block(found: Found, lines: Sequence[str], block: Rows, style: Style, prefix: str) -> None:
     def words_at(row: int) -> tuple[str, list[str]]:
         line = _without_mark(lines[row][:_LONGEST_LINE])
-        return f"line {row + 1}", words_of([line] if style.separator == _BLANKS else style.split(line))
+        return f"line {row + 1}", [line] if style.separator == _BLANKS else style.split(line)
 
     settle_head(block, lambda row: style.split(lines[row]), style.decimal)
     data = [lines[row].strip(" \r\x1a") for row in block.data]
@@ -155,10 +122,8 @@ def _add_block(
     head = [_head_cells(lines[row], style, width) for row in block.head]
     if ragged:
         where = f"lines {block.data[0] + 1} to {block.data[-1] + 1}"
-        found.skip(
-            where, f"{ragged} rows have another number of cells than {len(columns)}", "check these rows"
-        )
-    return add_table(found, block, head, columns, words_at, before, prefix=prefix, decimal=style.decimal)
+        found.skip(where, f"{ragged} rows have another number of cells than {width}", "check these rows")
+    add_table(found, block, head, columns, words_at, prefix=prefix, decimal=style.decimal)
 
 
 def _without_mark(line: str) -> str:
@@ -180,16 +145,10 @@ def _head_cells(line: str, style: Style, width: int) -> list[str]:
 
 def _width(data: Sequence[str], style: Style) -> tuple[int, int]:
     """Number of columns, and of rows that have another one: the widest that is not rare."""
-    widths = [len(style.split(line)) for line in data]
-    counts = Counter(widths)
+    counts = Counter(len(style.split(line)) for line in data)
     common = [width for width, count in counts.items() if count >= _COMMON_WIDTH * len(data)]
     width = min(max(common or counts), _MOST_COLUMNS)
-    # A separator at the end of a row is no further cell.
-    trailing = sum(
-        own == width + 1 and line.rstrip().endswith(style.separator)
-        for own, line in zip(widths, data, strict=True)
-    )
-    return width, len(data) - counts[width] - trailing
+    return width, len(data) - counts[width]
 
 
 def _columns(data: Sequence[str], style: Style, width: int) -> list[Cells]:

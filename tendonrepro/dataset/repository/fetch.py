@@ -9,28 +9,26 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 from urllib.parse import urlsplit
 
 from tendonrepro.console import Talk
-from tendonrepro.dataset.repository.download import download, part_size, remove_part
+from tendonrepro.dataset.repository.download import download, remove_part
 from tendonrepro.dataset.repository.lock import (
     DataLock,
     LockedFile,
-    copy_file,
     find_differences,
-    find_files,
+    is_same,
     lock_path,
     read_lock,
-    take_as_they_are,
     write_lock,
 )
 from tendonrepro.dataset.repository.names import LOCK, safe_paths, shown
 from tendonrepro.dataset.repository.web import BY_HAND, Patience, Web, WebError
 from tendonrepro.dataset.repository.zenodo import SITE, Record, parse_record, record_number
-from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
-from tendonrepro.files import md5_of
+from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.files import atomic_path, md5_of
 from tendonrepro.results.folder import locked
 
 VARIABLE = "TENDONREPRO_ZENODO_URL"
@@ -49,7 +47,6 @@ class _Job:
     talk: Talk
     web: Web
     warnings: list[str] = field(default_factory=list)
-    ignored: list[str] = field(default_factory=list)
     done: dict[str, str] = field(default_factory=dict)
 
     def warn(self, text: str) -> None:
@@ -79,7 +76,7 @@ def run_fetch(
     base_url : str or None
         Another site than zenodo.org; else the environment may name one.
     from_dir : Path or None
-        Folder with files downloaded by hand, used instead of downloading.
+        Folder with files downloaded by hand, taken instead of downloading.
     force : bool
         Replace files that were altered, and another record.
     dry_run : bool
@@ -106,20 +103,21 @@ def run_fetch(
     web = Web(talk, patience or Patience())
     job = _Job(record_number(record, site), site, out, from_dir, force, dry_run, talk, web)
     lock_path(out)  # an `out` without a name is refused before anything is made
+    if from_dir is not None and not from_dir.is_dir():
+        hint = "give the folder with the downloaded files"
+        raise UsageError("is not a folder", where=str(from_dir), hint=hint)
     with nullcontext() if dry_run else _held(out):
         lock, network = _settled(job)
-    described = lock.model_dump(exclude={"schema_version", "files", "verified"})
+    described = lock.model_dump(exclude={"schema_version", "files"})
     files = [file.model_dump() | {"action": job.done.get(file.path, "present")} for file in lock.files]
     return {
-        "schema_version": 1,
+        "schema_version": 2,
         **described,
         "out": str(out),
         "lock": str(lock_path(out)),
-        "verified": lock.verified,
         "network": network,
         "dry_run": dry_run,
         "files": files,
-        "ignored": job.ignored,
         "warnings": job.warnings,
     }
 
@@ -128,32 +126,15 @@ def fetch_text(found: dict[str, Any]) -> str:
     """Title, version, licence and a table of the files, from what `run_fetch` found, for a terminal."""
     files = found["files"]
     width = max(len(file["path"]) for file in files)
-    compared = "compared with the record" if found["verified"] else "NOT compared with the record"
-    foot = (
-        f"{len(files)} files, {_readable(sum(file['size'] for file in files))}, in {found['out']}, {compared}"
-    )
+    foot = f"{len(files)} files, {sum(file['size'] for file in files):,} bytes, in {found['out']}"
     return "\n".join(
         [
             f"{found['title'] or 'record'} ({found['doi'] or found['record']})",
             f"version {found['version'] or 'not given'}, licence {found['licence'] or 'not given'}",
-            *(f"  {file['path']:<{width}}  {_readable(file['size']):>9}  {file['action']}" for file in files),
+            *(f"  {file['path']:<{width}}  {file['size']:>13,} bytes  {file['action']}" for file in files),
             "nothing written (--dry-run)" if found["dry_run"] else foot,
         ]
     )
-
-
-def _readable(size: float) -> str:
-    """A number of bytes for people.
-
-    >>> _readable(1_234_567)
-    '1.2 MB'
-    """
-    if size < 1000:
-        return f"{size} B"
-    unit = 0
-    while size >= 1000 and unit < 4:
-        size, unit = size / 1000, unit + 1
-    return f"{size:.1f} {' kMGT'[unit]}B"
 
 
 def site_of(base_url: str | None) -> str:
@@ -200,22 +181,19 @@ def _settled(job: _Job) -> tuple[DataLock, bool]:
             raise UsageError(message, where=str(job.out), hint=hint)
         lock = None
     if lock is None:
-        return _first_time(job)
+        record = resolve(job.web, job.site, job.requested, job.warn)
+        return _obtained(job, _lock_for(job, record), record), True
     wanted = _wanted(job, lock.files)
     for file in wanted:
         job.talk.note(f"{shown(file.key)} is missing or was altered")
-    if not wanted and (lock.verified or not job.force):
+    if not wanted:
         place = lock_path(job.out)
         job.talk.note(f"all {len(lock.files)} files are as {place} says: nothing asked of the network")
-        if not lock.verified:
-            job.warn("these files were never compared with the record; --force does it now")
         return lock, False
-    if not lock.verified:
-        return _first_time(job)
     if job.from_dir is not None:
         return _obtained(job, lock, None), False
     record = resolve(job.web, job.site, lock.record, job.warn)
-    fresh = _lock_for(job, record, expected_files(record)).model_copy(update={"requested": lock.requested})
+    fresh = _lock_for(job, record).model_copy(update={"requested": lock.requested})
     before = {file.key: (file.size, file.md5) for file in lock.files}
     # Where the record gives no digest, that of the lock stands in.
     now = {file.key: (file.size, file.md5 or before.get(file.key, (0, None))[1]) for file in fresh.files}
@@ -227,29 +205,12 @@ def _settled(job: _Job) -> tuple[DataLock, bool]:
     return _obtained(job, fresh, record), True
 
 
-def _first_time(job: _Job) -> tuple[DataLock, bool]:
-    """Ask for the record; with a folder of files and nobody to ask, take them as they are."""
-    try:
-        record = resolve(job.web, job.site, job.requested, job.warn)
-    except WebError as error:
-        # That there is no such record is an answer; silence is none, and closed files may come by other ways.
-        if job.from_dir is None or error.status in {404, 410}:
-            raise
-        job.warn(
-            f"{error.message}; the files of {job.from_dir} are taken as they are, NOT compared with a record"
-        )
-        return _obtained(job, _lock_for(job, None, take_as_they_are(job.from_dir)), None), False
-    return _obtained(job, _lock_for(job, record, expected_files(record)), record), True
-
-
-def _lock_for(job: _Job, record: Record | None, files: tuple[LockedFile, ...]) -> DataLock:
-    """The lock of a record, or of files nobody could be asked about."""
+def _lock_for(job: _Job, record: Record) -> DataLock:
     words = ("doi", "concept_doi", "title", "version", "licence")
-    described = {word: getattr(record, word, None) for word in words}
-    described["record"] = record.record_id if record else job.requested
-    described |= {"requested": job.requested, "fetched_at": datetime.now(UTC).isoformat(timespec="seconds")}
     return DataLock.model_validate(
-        described | {"base_url": job.site, "verified": record is not None, "files": files}
+        {word: getattr(record, word) for word in words}
+        | {"record": record.record_id, "requested": job.requested, "base_url": job.site}
+        | {"fetched_at": datetime.now(UTC).isoformat(timespec="seconds"), "files": expected_files(record)}
     )
 
 
@@ -270,7 +231,7 @@ def resolve(web: Web, site: str, number: str, warn: Callable[[str], None]) -> Re
     if record.access != "open":
         until = f" until {record.embargo_date}" if record.embargo_date else ""
         message = f"the files of record {found} are not open to everyone ({record.access}{until})"
-        raise WebError(message, hint="ask its authors for the files, then use --from-dir DIR", status=403)
+        raise WebError(message, hint="ask its authors for the files", status=403)
     raise WebError(f"record {found} shows no files", hint=f"check its number, {BY_HAND}", status=200)
 
 
@@ -306,7 +267,7 @@ def _obtained(job: _Job, lock: DataLock, record: Record | None) -> DataLock:
     if bare := [shown(file.key) for file in lock.files if file.md5 is None]:
         job.warn(f"the record gives no MD5 of {', '.join(bare)}: only the size could be compared")
     if job.from_dir is not None:
-        _copy(job, job.from_dir, lock.files, wanted)
+        _copy(job, job.from_dir, wanted)
     elif record is not None:
         _download(job, record, wanted)
     if job.dry_run:
@@ -319,25 +280,27 @@ def _obtained(job: _Job, lock: DataLock, record: Record | None) -> DataLock:
     return lock
 
 
-def _copy(job: _Job, folder: Path, files: Sequence[LockedFile], wanted: list[LockedFile]) -> None:
-    """Copy what the folder has of what is wanted."""
-    sources, ignored = find_files(files, folder)
-    job.ignored.extend(ignored)
-    here = [file for file in wanted if file.path in sources]
-    job.done.update((file.path, "to copy" if job.dry_run else "copied") for file in here)
-    if not job.dry_run:
-        size = sum(file.size for file in here)
-        _need_room(job, size)
-        with job.talk.bar("copying", size) as advance:
-            for file in here:
-                copy_file(sources[file.path], file, job.out / file.path)
-                advance(file.size)
-    if ignored:
-        job.talk.note(f"ignored, not of the record: {', '.join(map(shown, ignored))}")
-    if absent := [shown(file.key) for file in wanted if file.path not in sources]:
-        message = f"lacks {len(absent)} of the record's {len(files)} files: {', '.join(absent)}"
-        hint = "put them there, unpacked if they came as one archive, or download them without --from-dir"
+def _copy(job: _Job, folder: Path, wanted: list[LockedFile]) -> None:
+    """Copy what is wanted from a folder that holds it, under its path or its bare name."""
+    with job.talk.bar("checking", sum(file.size for file in wanted)) as advance:
+        absent, wrong = find_differences(wanted, folder, advance)
+    bare = {file: file.model_copy(update={"path": PurePosixPath(file.path).name}) for file in absent}
+    absent, others = find_differences(bare.values(), folder, lambda _: None)
+    if wrong := [*wrong, *others]:
+        message = f"not the record's files, by size or MD5: {', '.join(shown(file.key) for file in wrong)}"
+        hint = "download them again: they are cut short, changed, or of another version"
         raise DataMissingError(message, where=str(folder), hint=hint)
+    if absent:
+        message = f"lacks {len(absent)} of the {len(wanted)} files wanted from it: "
+        hint = "put them there, unpacked if they came as one archive, or download them without --from-dir"
+        names = ", ".join(shown(file.key) for file in absent)
+        raise DataMissingError(message + names, where=str(folder), hint=hint)
+    job.done.update((file.path, "to copy" if job.dry_run else "copied") for file in wanted)
+    for file in () if job.dry_run else wanted:
+        with atomic_path(job.out / file.path) as temporary:
+            shutil.copyfile(folder / bare.get(file, file).path, temporary)
+            if not is_same(temporary, file):
+                raise DataMissingError(f"{shown(file.key)} changed while it was copied", where=str(folder))
 
 
 def _download(job: _Job, record: Record, wanted: list[LockedFile]) -> None:
@@ -345,17 +308,7 @@ def _download(job: _Job, record: Record, wanted: list[LockedFile]) -> None:
     if job.dry_run:
         return
     remotes = {remote.key: remote for remote in record.files}
-    size = sum(file.size for file in wanted)
-    _need_room(job, size - sum(part_size(job.out / file.path) for file in wanted))
-    with job.talk.bar("downloading", size) as advance:
+    with job.talk.bar("downloading", sum(file.size for file in wanted)) as advance:
         for file in wanted:
-            job.talk.detail(f"downloading {shown(file.key)}, {_readable(file.size)}")
+            job.talk.detail(f"downloading {shown(file.key)}, {file.size:,} bytes")
             download(job.web, record.record_id, remotes[file.key], job.out / file.path, advance)
-
-
-def _need_room(job: _Job, size: int) -> None:
-    with suppress(OSError):
-        free = shutil.disk_usage(job.out).free
-        if free < size:
-            message = f"the files need {_readable(size)}, {_readable(free)} are free"
-            raise TendonreproError(message, where=str(job.out), hint="make room, or choose another --out")

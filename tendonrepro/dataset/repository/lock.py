@@ -1,17 +1,16 @@
-"""The data lock: which record a folder holds, the digest of each of its files, and files brought by hand."""
+"""The data lock: which record a folder holds, and the digest of each of its files."""
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Callable, Container, Iterable, Sequence
-from pathlib import Path, PurePosixPath
+from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator
 
-from tendonrepro.dataset.repository.names import is_ours, printable, safe_paths, shown
-from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
-from tendonrepro.files import MOST_JSON, atomic_path, md5_of, ordinary, write_atomically
+from tendonrepro.dataset.repository.names import safe_paths
+from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.files import MOST_JSON, md5_of, ordinary, write_atomically
 
 Number = Annotated[str, Field(pattern="^[0-9]{1,12}$")]
 Digest = Annotated[str, Field(pattern="^[0-9a-f]{32}$")]
@@ -35,13 +34,12 @@ class DataLock(BaseModel):
     """What a folder holds.
 
     `record` is the number of the version, `requested` the number asked for, which may be that of all
-    versions. Files that are `verified` were compared with the record; else the digests are those they came
-    with.
+    versions.
     """
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
-    schema_version: Literal[1] = 1
+    schema_version: Literal[2] = 2
     record: Number
     requested: Number
     doi: str | None
@@ -51,7 +49,6 @@ class DataLock(BaseModel):
     licence: str | None
     fetched_at: str
     base_url: str
-    verified: bool
     files: Annotated[tuple[LockedFile, ...], Field(min_length=1)]
 
     @field_validator("files")
@@ -95,7 +92,7 @@ def write_lock(path: Path, lock: DataLock) -> None:
 
 
 def find_differences(
-    files: Iterable[LockedFile], folder: Path, advance: Callable[[int], None] = lambda _: None
+    files: Iterable[LockedFile], folder: Path, advance: Callable[[int], None]
 ) -> tuple[list[LockedFile], list[LockedFile]]:
     """Compare files on disk with what they must be: those missing, and those altered.
 
@@ -111,7 +108,7 @@ def find_differences(
                 altered.append(file)
         except OSError as error:
             message = f"cannot look at {path}: {error.strerror or error}"
-            raise DataMissingError(message, hint="choose another --out") from error
+            raise DataMissingError(message, hint="choose another --out or --from-dir") from error
         advance(file.size)
     return missing, altered
 
@@ -121,65 +118,3 @@ def is_same(path: Path, file: LockedFile) -> bool:
     if not path.is_file() or path.stat().st_size != file.size:
         return False
     return file.md5 is None or md5_of(path) == file.md5
-
-
-_GIVE = "give the folder with the downloaded files"
-
-
-def _files_in(folder: Path, wanted: Container[str] = ()) -> dict[str, Path]:
-    """Files below a folder by relative name, without our own and, unless wanted, without hidden ones."""
-    if not folder.is_dir():
-        raise UsageError("is not a folder", where=str(folder), hint=_GIVE)
-    try:
-        paths = sorted(path for path in folder.rglob("*") if path.is_file())
-    except OSError as error:
-        raise UsageError(f"cannot be read: {error.strerror or error}", where=str(folder)) from error
-    names = {path.relative_to(folder).as_posix(): path for path in paths}
-    return {
-        name: path
-        for name, path in names.items()
-        if name in wanted or not (is_ours(path.name) or "/." in f"/{name}")
-    }
-
-
-def find_files(expected: Sequence[LockedFile], folder: Path) -> tuple[dict[str, Path], list[str]]:
-    """Look for a record's files in a folder: where each is, by path in the record, and what else is there.
-
-    A file may stand under its path or its bare name. One that is not the record's is a DataMissingError.
-    """
-    names = {file: (PurePosixPath(file.path).name, file.path) for file in expected}
-    there = _files_in(folder, {name for pair in names.values() for name in pair})
-    # The path comes last, and wins.
-    found = {file: there[name] for file, pair in names.items() for name in pair if name in there}
-    if wrong := [shown(file.key) for file, path in found.items() if not is_same(path, file)]:
-        message = f"not the record's files, by size or MD5: {', '.join(wrong)}"
-        hint = "download them again: they are cut short, changed, or of another version"
-        raise DataMissingError(message, where=str(folder), hint=hint)
-    used = set(found.values())
-    ignored = [printable(name) for name, path in there.items() if path not in used]
-    return {file.path: path for file, path in found.items()}, ignored
-
-
-def take_as_they_are(folder: Path) -> tuple[LockedFile, ...]:
-    """Describe every file of a folder, for a record nobody could ask about."""
-    there = _files_in(folder)
-    if not there:
-        raise UsageError("holds no files", where=str(folder), hint=_GIVE)
-    try:
-        paths = safe_paths(there)
-    except ValueError as error:
-        raise UsageError(str(error), where=str(folder), hint=f"rename the file, or {_GIVE} only") from error
-    return tuple(
-        LockedFile(key=name, size=path.stat().st_size, md5=md5_of(path), path=str(paths[name]))
-        for name, path in there.items()
-    )
-
-
-def copy_file(source: Path, file: LockedFile, target: Path) -> None:
-    """Copy one file, compare the copy, and move it into place; else what was there stays."""
-    if target.exists() and source.samefile(target):
-        return
-    with atomic_path(target) as temporary:
-        shutil.copyfile(source, temporary)
-        if not is_same(temporary, file):
-            raise TendonreproError(f"{source} changed while it was copied", hint="run the command again")

@@ -25,7 +25,7 @@ from tendonrepro.console import Talk
 from tendonrepro.dataset.repository.zenodo import at, plain
 from tendonrepro.errors import DataMissingError
 
-BY_HAND = "or download the files in a browser and use --from-dir DIR"
+BY_HAND = "or download the files in a browser; inspect and ingest read any folder"
 TOO_MANY = 429
 _LATER = f"try again later, {BY_HAND}"
 
@@ -67,7 +67,7 @@ def refused(status: int, url: str, kind: str, said: str, what: str) -> WebError:
     """Why the answer is a refusal, given the type of its content and what it says itself, perhaps nothing."""
     host = host_of(url)
     quoted = f" ({said})" if said else ""
-    authors = "ask its authors for the files, then use --from-dir DIR"
+    authors = "ask its authors for the files; inspect and ingest read any folder"
     if status == 403 and "json" not in kind:
         message = f"{what}: {host} refuses this computer or network (403, a web page instead of JSON)"
         return WebError(message, hint=f"try from another network, {BY_HAND}", status=status)

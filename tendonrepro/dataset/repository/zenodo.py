@@ -142,5 +142,5 @@ def plain(text: str) -> str:
 def _nonsense(value: object, what: str) -> DataMissingError:
     text = shown(value) if isinstance(value, str) else type(value).__name__ if value else str(value)
     message = f"the record makes no sense: {what}: {text}"
-    hint = "see whether --base-url leads to Zenodo, or download the files in a browser and use --from-dir DIR"
+    hint = "see whether --base-url leads to Zenodo, or download the files in a browser"
     return DataMissingError(message, hint=hint)

@@ -10,7 +10,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from tendonrepro.dataset.readers.hdf5 import read_hdf5
+from tendonrepro.dataset.readers.arrays import read_hdf5
 from tendonrepro.dataset.readers.matlab.figure import BESIDE, TREES, read_figure
 from tendonrepro.dataset.readers.matlab.hdf import contents, read_streams
 from tendonrepro.dataset.readers.matlab.objects import load_objects, quiet, translate
@@ -36,7 +36,7 @@ class _Variable(NamedTuple):
 
 
 def read_matlab(path: Path, left: Allowance | None = None) -> Found:
-    """Read a MATLAB file of version 4, 5, 7 or 7.3, or a figure; `Unreadable` if that fails as a whole.
+    """Read a MATLAB file of version 5, 7 or 7.3, or a figure; `Unreadable` if that fails as a whole.
 
     Sizes inside the variables of versions before 7.3 are not checked, only what they unpack into: the process
     that reads is limited in memory and time, and may crash.
@@ -44,16 +44,13 @@ def read_matlab(path: Path, left: Allowance | None = None) -> Found:
     import h5py
 
     size = path.stat().st_size
-    with path.open("rb") as file:
-        head = file.read(4)
     try:
         with quiet():
             if h5py.is_hdf5(path):
                 return _read_hdf(path, left or Allowance())
             if size > MOST_NUMBERS:
                 raise Unreadable(f"{size / 2**30:.1f} GiB are too large", _SPLIT)
-            # Version 4 begins with a small number.
-            return (_read_4 if 0 in head else _read_5)(path, left or Allowance())
+            return _read_5(path, left or Allowance())
     except (Unreadable, MemoryError):
         raise
     except Exception as error:
@@ -97,15 +94,6 @@ def _visit_all(found: Found, values: Iterable[tuple[str, Any]]) -> None:
         except Exception as error:
             found.skip(name, f"it is not as expected ({brief(error)})", EXPORT)
     walk.finish()
-
-
-def _read_4(path: Path, left: Allowance) -> Found:
-    from scipy.io import loadmat
-
-    found = Found("MATLAB 4", left)
-    loaded = loadmat(path, spmatrix=False)
-    _visit_all(found, ((name, value) for name, value in loaded.items() if not name.startswith("__")))
-    return found
 
 
 def _read_5(path: Path, left: Allowance) -> Found:

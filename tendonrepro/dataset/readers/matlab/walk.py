@@ -137,12 +137,6 @@ class Walk:
                 self.visit(f"{where}/{name}", record[name], where, depth + 1)
 
     def _cells(self, path: str, array: NDArray[Any], depth: int) -> None:
-        numbers = _numbers(array.ravel(order="F")) if array.size > 1 else None
-        if numbers is not None:
-            self._series(
-                path, Series(numbers.reshape(array.shape, order="F"), note="one number per cell"), ""
-            )
-            return
         for number, cell in enumerate(self._bounded(array.ravel(order="F")), start=1):
             self.visit(f"{path}[{number}]", cell, "", depth + 1)
 
