@@ -235,7 +235,13 @@ def _integrator(loop: Loop) -> Callable[[float, float, Array, Array], Array]:
 
     from tendonrepro.simulation.codegen.compiled import compiled_plant
 
-    solver, (derivative, p) = loop.solver, compiled_plant(loop.plant)
+    solver, (fill, p) = loop.solver, compiled_plant(loop.plant)
+    result = np.empty(4 * loop.plant.preload.size)
+
+    def derivative(t: float, state: Array, tau_m: Array) -> Array:
+        fill(t, state, tau_m, p, result)
+        return result
+
     problem = ode(derivative).set_integrator(
         solver.method,
         rtol=solver.rtol,
@@ -247,7 +253,7 @@ def _integrator(loop: Loop) -> Callable[[float, float, Array, Array], Array]:
     )
 
     def advance(start: float, end: float, state: Array, tau_m: Array) -> Array:
-        problem.set_initial_value(state, start).set_f_params(tau_m, p)
+        problem.set_initial_value(state, start).set_f_params(tau_m)
         reached = problem.integrate(end)
         # A state that overflowed is the run's result; its error shows it at the next sample.
         if not problem.successful() and np.isfinite(reached).all():

@@ -36,7 +36,8 @@ def test_compiled_plant_is_the_pure_one(n: int, features: frozenset[str]) -> Non
         for t in (0.0, 0.5, 0.8):
             state, tau_m = random_state(n, rng), rng.uniform(-5.0, 5.0, n)
             expected = state_derivative(t, state, tau_m, plant)
-            got = derivative(t, state, tau_m, p)
+            got = np.empty(4 * n)
+            derivative(t, state, tau_m, p, got)
             assert got == pytest.approx(expected, rel=0.0, abs=ROUNDING * np.abs(expected).max())
 
 
@@ -138,7 +139,7 @@ class TestCache:
             "from support.oracles import FEATURES, random_plant\n"
             "from tendonrepro.simulation.codegen.compiled import compiled_plant\n"
             "derivative, p = compiled_plant(random_plant(2, 1, FEATURES).plant)\n"
-            "derivative(0.0, np.zeros(8), np.zeros(2), p)\n"
+            "derivative(0.0, np.zeros(8), np.zeros(2), p, np.empty(8))\n"
             "sys.stdout.write(f'{sum(derivative.stats.cache_hits.values())}')\n",
             encoding="utf-8",
         )

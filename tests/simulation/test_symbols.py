@@ -27,7 +27,13 @@ def executed(source: str) -> Callable[..., Array]:
     assert source.startswith("from math import ")
     scope: dict[str, Any] = {name: getattr(np, name) for name in ("cos", "exp", "sin", "sqrt", "tanh")}
     exec(source.split("\n", 1)[1], scope)
-    return scope["compiled"]
+
+    def result(*arguments: Any) -> Array:
+        filled = np.empty(source.count("result["))
+        scope["compiled"](*arguments, filled)
+        return filled
+
+    return result
 
 
 def code(plant: Plant) -> str:
@@ -52,7 +58,7 @@ def test_source_computes_the_derivative_bit_for_bit(n: int, features: frozenset[
 @each_size
 def test_straight_line(n: int) -> None:
     text = code(random_plant(n, 1).plant)
-    assert not re.search(r"\b(for|while|def|lambda|import)\b(?! compiled| numpy)", text)
+    assert not re.search(r"\b(for|while|def|lambda|import)\b(?! compiled)", text)
     # Each name is given once, and used after it was given.
     given: set[str] = set()
     for line in text.splitlines():

@@ -55,8 +55,8 @@ LAW_FUNCTIONS = (
 )
 """Functions the compiled law calls, each after those it calls itself."""
 
-Derivative = Callable[[float, Array, Array, Array], Array]
-"""Compiled ``(t, state, tau_m, p)`` to the state's time derivative (4 n,)."""
+Derivative = Callable[[float, Array, Array, Array, Array], None]
+"""Compiled ``(t, state, tau_m, p, result)``, which fills the state's time derivative (4 n,)."""
 
 _plants: dict[str, Derivative] = {}
 _lanes: dict[str, LaneCode] = {}

@@ -252,17 +252,17 @@ def _symbolic_leaf(tape: Tape, vector: str, leaf: Array, at: int) -> tuple[Any, 
 def unrolled(function: Callable[..., Any], record: Any, n: int) -> tuple[str, Array]:
     """Straight-line source of ``function(t, state, tau_m, record)`` for n joints, and the numbers it reads.
 
-    The module has one function ``compiled(t, state, tau_m, p)``; ``p`` (P,) holds the record's numbers.
+    The module has one function ``compiled(t, state, tau_m, p, result)``: ``p`` (P,) holds the record's
+    numbers, and ``result`` is filled, for a new array at each call would take as long as the plant itself.
     """
     tape = Tape()
     plant, values = symbolic(tape, "p", record)
     time = tape.write("argument", "t")
     result = function(time, symbols(tape, "state", 4 * n), symbols(tape, "tau_m", n), plant)
     body = [f"{name} = {_python(*tape.lines[name])}" for name in needed(tape.lines, result)]
-    body += [f"result = np.empty({len(result)})"]
     body += [f"result[{k}] = {_operand(value)}" for k, value in enumerate(result)]
-    lines = ["from math import cos, exp, sin, sqrt, tanh", "", "import numpy as np", "", ""]
-    lines += ["def compiled(t, state, tau_m, p):", *(f"    {line}" for line in body), "    return result", ""]
+    lines = ["from math import cos, exp, sin, sqrt, tanh", "", ""]
+    lines += ["def compiled(t, state, tau_m, p, result):", *(f"    {line}" for line in body), ""]
     return "\n".join(lines), np.array(values)
 
 
