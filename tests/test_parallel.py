@@ -61,7 +61,7 @@ def test_runs_do_not_depend_on_the_number_of_processes(monkeypatch: pytest.Monke
 
     def runs(processors: int) -> list[bytes]:
         monkeypatch.setattr(os, "cpu_count", lambda: processors)
-        traces = simulate_all(loaded, None, Talk(quiet=True))
+        traces = simulate_all([(loaded, None)], Talk(quiet=True))[0]
         return [trace["q"].tobytes() + trace["tau_m"].tobytes() for trace in traces]
 
     assert runs(1) == runs(2)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -67,38 +67,52 @@ class Order:
         return self.request.folder(self.experiment)
 
 
-def run_experiment(order: Order, talk: Talk) -> dict[str, Any]:
-    """Simulate an experiment and write traces, figures, tables and manifest.
+def run_experiments(orders: Sequence[Order], talk: Talk) -> dict[ExperimentName, dict[str, Any]]:
+    """Simulate experiments and write traces, figures, tables and manifest of each.
+
+    Their runs share the processors, and then their figures do.
 
     Parameters
     ----------
-    order : Order
+    orders : sequence of Order
+        Of different experiments and folders, with one stepper.
     talk : Talk
 
     Returns
     -------
     dict
-        What ``--json`` prints.
+        What ``--json`` prints of each experiment.
 
     Raises
     ------
     TendonreproError
-        If the configuration cannot be used or results cannot be written.
+        If a configuration cannot be used or results cannot be written.
     """
-    loaded, law = _load(order)
-    with claimed(order.folder, loaded.sha256, force=order.request.force) as held:
-        traces = simulate_all(loaded, law, talk, order.solver)
-        manifest = make_manifest(loaded, held.seconds)
-        if order.solver == "compiled":
-            manifest["solver"] = {"name": COMPILED_STEPPER, "tolerance": PRECISE}
-        file = trace_file(loaded, traces, manifest)
-        held.clear()
-        write_traces(held.path / TRACES, file)
-        held.files += [held.path / TRACES, *_draw_figures(file, held.path)]
-        held.files += write_tables(file, held.path / "tables")
-        held.finish(manifest, talk)
-    found = _results(file, order.folder)
-    return found | {"growing_hz": growing(loaded)} if order.experiment == "compare" else found
+    asked = [_load(order) for order in orders]
+    with ExitStack() as stack:
+        folders = [
+            stack.enter_context(claimed(order.folder, loaded.sha256, force=order.request.force))
+            for order, (loaded, _) in zip(orders, asked, strict=True)
+        ]
+        simulated = simulate_all(asked, talk, orders[0].solver)
+        manifests, files = [], {}
+        for order, (loaded, _), traces, held in zip(orders, asked, simulated, folders, strict=True):
+            manifest = make_manifest(loaded, held.seconds)
+            if order.solver == "compiled":
+                manifest["solver"] = {"name": COMPILED_STEPPER, "tolerance": PRECISE}
+            manifests.append(manifest)
+            files[held.path] = trace_file(loaded, traces, manifest)
+            held.clear()
+            write_traces(held.path / TRACES, files[held.path])
+            held.files.append(held.path / TRACES)
+        drawn = _draw({path: (file, NUMBERS[file.experiment]) for path, file in files.items()})
+        for manifest, held in zip(manifests, folders, strict=True):
+            held.files += [*drawn[held.path], *write_tables(files[held.path], held.path / "tables")]
+            held.finish(manifest, talk)
+    return {
+        order.experiment: _results(files[order.folder], loaded, order.folder)
+        for order, (loaded, _) in zip(orders, asked, strict=True)
+    }
 
 
 def diverged(found: dict[str, Any]) -> bool:
@@ -123,7 +137,7 @@ def both_orders(configs: Path | None, request: Request) -> list[Order]:
 
 
 def plan(order: Order, talk: Talk) -> dict[str, Any]:
-    """Say what :func:`run_experiment` would do, after checking everything it needs.
+    """Say what :func:`run_experiments` would do, after checking everything it needs.
 
     Parameters
     ----------
@@ -229,15 +243,12 @@ def redraw(out: Path, numbers: Sequence[int] | None) -> list[Path]:
             raise DataMissingError(message, where=str(out), hint=f"figures that can be drawn: {have}")
     with ExitStack() as stack:
         written = {folder: stack.enter_context(_rewritten(folder, file)) for folder, file in files.items()}
-        # One pool for all folders: to start its processes takes as long as to draw two figures.
-        pieces = [
-            (file, folder / "figures", number)
+        wanted = {
+            folder: (file, [number for number in drawable[folder] if numbers is None or number in numbers])
             for folder, file in files.items()
-            for number in drawable[folder]
-            if numbers is None or number in numbers
-        ]
-        for (_, folder, _), paths in zip(pieces, each(_drawn, pieces), strict=True):
-            written[folder.parent] += paths
+        }
+        for folder, paths in _draw(wanted).items():
+            written[folder] += paths
     return [path for paths in written.values() for path in paths]
 
 
@@ -287,11 +298,19 @@ def _rewritten(folder: Path, file: TraceFile) -> Iterator[list[Path]]:
             write_atomically(folder / MANIFEST, to_json(updated))
 
 
-def _draw_figures(file: TraceFile, folder: Path) -> list[Path]:
-    """Draw all figures that the traces allow."""
-    # The later ones have more panels: begun first, they keep no processor waiting at the end.
-    pieces = [(file, folder / "figures", number) for number in reversed(NUMBERS[file.experiment])]
-    return [path for paths in reversed(each(_drawn, pieces)) for path in paths]
+def _draw(wanted: Mapping[Path, tuple[TraceFile, Sequence[int]]]) -> dict[Path, list[Path]]:
+    """Draw figures, by the paper's numbers, of the traces of each results folder, as far as these allow."""
+    # One pool for all folders: to start its processes takes as long as to draw two figures. The later ones
+    # have more panels: begun first, they keep no processor waiting at the end.
+    pieces = [
+        (file, folder / "figures", number)
+        for folder, (file, numbers) in reversed(list(wanted.items()))
+        for number in reversed(numbers)
+    ]
+    drawn: dict[Path, list[Path]] = {folder: [] for folder in wanted}
+    for (_, folder, _), paths in reversed(list(zip(pieces, each(_drawn, pieces), strict=True))):
+        drawn[folder.parent] += paths
+    return drawn
 
 
 def _drawn(piece: tuple[TraceFile, Path, int]) -> list[Path]:
@@ -320,9 +339,11 @@ def _load(order: Order) -> tuple[LoadedConfig, UserLaw | None]:
     return changed, law
 
 
-def _results(file: TraceFile, folder: Path) -> dict[str, Any]:
+def _results(file: TraceFile, loaded: LoadedConfig, folder: Path) -> dict[str, Any]:
     """Results stored in a folder as plain numbers, with the keys of ``--json``."""
-    data = table_data_compare(file) if file.experiment == "compare" else table_data_decouple(file)
     joints = list(next(iter(file.runs.values())).joint)
     head = {"schema_version": SCHEMA_VERSION, "experiment": file.experiment, "joints": joints}
-    return head | data | {"out": str(folder), "manifest": str(folder / MANIFEST)}
+    end = {"out": str(folder), "manifest": str(folder / MANIFEST)}
+    if file.experiment == "decouple":
+        return head | table_data_decouple(file) | end
+    return head | table_data_compare(file) | end | {"growing_hz": growing(loaded)}

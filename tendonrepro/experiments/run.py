@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import partial
 from typing import Any, Literal
 
 from tendonrepro import __version__
@@ -26,23 +25,33 @@ PRECISE = 1e-6
 
 
 def simulate_all(
-    loaded: LoadedConfig, law: UserLaw | None, talk: Talk, solver: Literal["scipy", "compiled"] = "scipy"
-) -> list[Trace]:
-    """Simulate every run, each with its status; one that diverged ends early and the others go on."""
+    asked: Sequence[tuple[LoadedConfig, UserLaw | None]],
+    talk: Talk,
+    solver: Literal["scipy", "compiled"] = "scipy",
+) -> list[list[Trace]]:
+    """Simulate every run of every configuration, each with its status; one that diverged ends early."""
     from tendonrepro.simulation.codegen.compiled import cache_is_empty
 
     if cache_is_empty():
         wait = "about ten" if solver == "scipy" else "some twenty"
         talk.note(f"compiling once for this machine, {wait} seconds")
-    loops = all_loops(loaded, law)
+    loops = [all_loops(loaded, law) for loaded, law in asked]
     if solver == "compiled":
-        return _simulate_together(loaded, loops, talk)
-    total = sum(loop.reference.time.size for loop in loops.values())
-    with talk.bar(f"simulating {len(loops)} runs", total) as progress:
-        traces = each(partial(simulate_run, loaded, law), list(loops), progress)
+        return [
+            _simulate_together(loaded, named, talk) for (loaded, _), named in zip(asked, loops, strict=True)
+        ]
+    runs = [(*one, name) for one, named in zip(asked, loops, strict=True) for name in named]
+    total = sum(loop.reference.time.size for named in loops for loop in named.values())
+    with talk.bar(f"simulating {len(runs)} runs", total) as progress:
+        traces = each(_simulated, runs, progress)
     for trace in traces:
         talk.detail(f"{trace.name}: {trace.status}, {trace.time.size} samples")
-    return traces
+    rest = iter(traces)
+    return [[next(rest) for _ in named] for named in loops]
+
+
+def _simulated(run: tuple[LoadedConfig, UserLaw | None, str]) -> Trace:
+    return simulate_run(*run)
 
 
 def simulate_run(loaded: LoadedConfig, law: UserLaw | None, name: str) -> Trace:

@@ -21,7 +21,7 @@ from tendonrepro.console import Talk
 from tendonrepro.dataset.ingest import ingest_text, run_ingest
 from tendonrepro.dataset.inspection import inspect_text, run_inspect
 from tendonrepro.errors import ConfigError, DataMissingError, UsageError
-from tendonrepro.experiments.command import Order, run_experiment
+from tendonrepro.experiments.command import Order, run_experiments
 from tendonrepro.results.figures.catalogue import available
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import table_data_compare
@@ -35,7 +35,7 @@ SHORT = ("reference.periods=2", "reference.rise=0.5", "reference.hold=0.1")
 @pytest.fixture(scope="module")
 def simulated(tmp_path_factory: pytest.TempPathFactory) -> TraceFile:
     out = tmp_path_factory.mktemp("simulated")
-    run_experiment(Order("compare", Request(out=out, overrides=SHORT)), QUIET)
+    run_experiments([Order("compare", Request(out=out, overrides=SHORT))], QUIET)
     return read_traces(out / "traces.h5")
 
 

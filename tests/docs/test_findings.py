@@ -40,7 +40,7 @@ DELAY = "manipulator.actuator.output_delay=1"
 
 def simulated(experiment: Any, *overrides: str) -> TraceFile:
     loaded = load_config(experiment, None, overrides=overrides)
-    return trace_file(loaded, simulate_all(loaded, None, Talk(quiet=True)), MANIFEST)
+    return trace_file(loaded, simulate_all([(loaded, None)], Talk(quiet=True))[0], MANIFEST)
 
 
 def found(experiment: Any, *overrides: str) -> dict[str, Any]:

@@ -29,7 +29,7 @@ from tendonrepro.config.request import Request
 from tendonrepro.config.shipped import shipped_folder
 from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
-from tendonrepro.experiments.command import Order, plan, run_experiment
+from tendonrepro.experiments.command import Order, plan, run_experiments
 from tendonrepro.experiments.loops import all_loops, build_loops
 from tendonrepro.experiments.rig import build_plant
 from tendonrepro.experiments.user_law import find_user_law
@@ -463,7 +463,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     law.write_text(blocks(page("laws.md"), "python")[0], encoding="utf-8")
     out = folder / "reports" / "compare"
     order = Order("compare", Request(out=out, overrides=SHORT, controllers=[1]), law=f"{law}:steep")
-    found = run_experiment(order, Talk(quiet=True))
+    found = run_experiments([order], Talk(quiet=True))[order.experiment]
     assert list(found["table2"]) == ["controller_1", "steep"]
     assert found["status"]["steep"] == "ok"
     return out
