@@ -18,7 +18,7 @@ from typer.core import TyperGroup
 
 from tendonrepro import __version__
 from tendonrepro.cli.data import data_app
-from tendonrepro.cli.options import Terminal, command
+from tendonrepro.cli.options import Laws, Terminal, command, only_law
 from tendonrepro.cli.study import study_app
 from tendonrepro.config.request import Request
 from tendonrepro.console import brief, printable
@@ -136,10 +136,7 @@ def reproduce(
 def compare(
     request: Request,
     terminal: Terminal,
-    law: Annotated[
-        list[str] | None,
-        Option("--law", metavar="FILE:NAME", help="Run one law of your own beside them; FILE is executed."),
-    ] = None,
+    law: Laws = None,
     solver: Annotated[
         Literal["scipy", "compiled"],
         Option("--solver", help="SciPy, or the one of ensembles."),
@@ -149,12 +146,7 @@ def compare(
     _make_ready(request)
     from tendonrepro.experiments.command import Order
 
-    if len(law or ()) > 1:
-        message = "one run takes one law"
-        raise UsageError(
-            message, where="--law", hint="compare them by a run for each, with an --out of its own"
-        )
-    return _carry_out([Order("compare", request, law[0] if law else None, solver)], terminal)
+    return _carry_out([Order("compare", request, only_law(law), solver)], terminal)
 
 
 @command(app, "tendonrepro decouple --set manipulator.tendons.damping_factor=3 --out reports/damped")

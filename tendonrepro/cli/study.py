@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import typer
 from typer import Argument, Option
 
-from tendonrepro.cli.options import Terminal, command
+from tendonrepro.cli.options import Laws, Terminal, command, only_law
 from tendonrepro.config.request import Request
 
 study_app = typer.Typer(rich_help_panel="Explore", rich_markup_mode=None)
@@ -26,12 +26,13 @@ def sweep(
     over: Annotated[
         list[str], Option("--over", metavar="KEY=A,B,C", help="A key and its values; once or twice.")
     ],
+    law: Laws = None,
 ) -> int:
     """The comparison over values of one or two keys."""
     from tendonrepro.experiments.sweep.command import run_sweep
     from tendonrepro.experiments.sweep.report import sweep_text
 
-    found = run_sweep(request, over, terminal.talk)
+    found = run_sweep(request, over, terminal.talk, only_law(law))
     terminal.show(found, sweep_text)
     return 5 if found.get("diverged") else 0
 

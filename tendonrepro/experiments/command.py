@@ -19,7 +19,7 @@ from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.experiments.linear import growing
 from tendonrepro.experiments.loops import all_loops
 from tendonrepro.experiments.run import PRECISE, simulate_all, trace_file
-from tendonrepro.experiments.user_law import UserLaw, find_user_law
+from tendonrepro.experiments.user_law import UserLaw, with_user_law
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.parallel import each
 from tendonrepro.results.comparison import write_tables
@@ -327,16 +327,7 @@ def _load(order: Order) -> tuple[LoadedConfig, UserLaw | None]:
     if order.solver == "compiled":
         digest = hashlib.sha256(f"{loaded.sha256} compiled".encode()).hexdigest()
         loaded = replace(loaded, sha256=digest, overrides=(*loaded.overrides, "solver=compiled"))
-    if order.law is None:
-        return loaded, None
-    law = find_user_law(order.law)
-    changed = replace(
-        loaded,
-        sha256=law.digest_with(loaded.sha256),
-        overrides=(*loaded.overrides, f"law={order.law}"),
-        inputs=(*loaded.inputs, law.path),
-    )
-    return changed, law
+    return with_user_law(loaded, order.law)
 
 
 def _results(file: TraceFile, loaded: LoadedConfig, folder: Path) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from typing import Any, cast
 import numpy as np
 
 from tendonrepro.arrays import Array
+from tendonrepro.config.load import LoadedConfig
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.files import sha256_of
 from tendonrepro.physics.control import Law, Memory
@@ -76,6 +77,20 @@ def find_user_law(spec: str) -> UserLaw:
         message = f"no such file: {path}"
         raise UsageError(message, where="--law")
     return UserLaw(path, name)
+
+
+def with_user_law(loaded: LoadedConfig, spec: str | None) -> tuple[LoadedConfig, UserLaw | None]:
+    """Configuration whose digest and inputs know of the law that is asked for, if any, and that law."""
+    if spec is None:
+        return loaded, None
+    law = find_user_law(spec)
+    changed = replace(
+        loaded,
+        sha256=law.digest_with(loaded.sha256),
+        overrides=(*loaded.overrides, f"law={spec}"),
+        inputs=(*loaded.inputs, law.path),
+    )
+    return changed, law
 
 
 def add_user_law(law: UserLaw, loop: Loop) -> Loop:

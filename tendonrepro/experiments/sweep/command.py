@@ -15,7 +15,8 @@ from tendonrepro.config.load import CompareConfig, LoadedConfig
 from tendonrepro.config.overrides import parse_override
 from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
-from tendonrepro.experiments.loops import build_law, build_loops
+from tendonrepro.experiments.loops import all_loops, build_law
+from tendonrepro.experiments.sweep.own_law import own_run
 from tendonrepro.experiments.sweep.points import (
     Axis,
     Point,
@@ -25,7 +26,9 @@ from tendonrepro.experiments.sweep.points import (
     unit_of,
 )
 from tendonrepro.experiments.sweep.report import COLUMNS, PAIRS, write_sweep_table
+from tendonrepro.experiments.user_law import UserLaw, with_user_law
 from tendonrepro.files import sha256_of, to_json
+from tendonrepro.parallel import each
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, error_ratio
 from tendonrepro.results.folder import claimed, foretell_refusal
@@ -44,13 +47,19 @@ class Sweep:
     base: LoadedConfig
     axes: tuple[Axis, ...]
     points: list[Point]
+    law: UserLaw | None
+
+    @property
+    def configs(self) -> list[LoadedConfig]:
+        """Configuration of each point."""
+        return [replace(self.base, config=point.config) for point in self.points]
 
     def label(self, point: Point) -> str:
         """A point's values as the command line spells them."""
         return " ".join(axis.option(place) for axis, place in zip(self.axes, point.places, strict=True))
 
 
-def run_sweep(request: Request, over: Sequence[str], talk: Talk) -> dict[str, Any]:
+def run_sweep(request: Request, over: Sequence[str], talk: Talk, law: str | None = None) -> dict[str, Any]:
     """Run the comparison over values of one or two keys, and write table, figure and manifest.
 
     Parameters
@@ -60,6 +69,8 @@ def run_sweep(request: Request, over: Sequence[str], talk: Talk) -> dict[str, An
     over : sequence of str
         One or two of ``dotted.key=a,b,c``, values in YAML.
     talk : Talk
+    law : str, optional
+        ``FILE:NAME`` of a law to run beside the controllers, by SciPy.
 
     Returns
     -------
@@ -73,16 +84,17 @@ def run_sweep(request: Request, over: Sequence[str], talk: Talk) -> dict[str, An
     """
     from tendonrepro.experiments.sweep.figures import draw_sweep
 
-    sweep, folder = load_sweep(request, over), request.folder("sweep")
+    sweep, folder = load_sweep(request, over, law), request.folder("sweep")
     if request.dry_run:
         foretell_refusal(folder, sweep.base.sha256, talk, force=request.force)
-        loops = (next(iter(build_loops(point.config, sweep.base.folder)))[1] for point in sweep.points)
+        loops = (next(iter(all_loops(config, sweep.law).values())) for config in sweep.configs)
         samples = [int(loop.reference.time.size) for loop in loops]
         plan = dict(zip(map(sweep.label, sweep.points), samples, strict=True))
         return _head(sweep) | {"dry_run": True, "samples": plan, "out": str(folder)}
     with claimed(folder, sweep.base.sha256, force=request.force) as held:
         data = simulate_sweep(sweep, talk)
-        steps = [run["steps_per_sample"] for point in data["points"] for run in point["runs"].values()]
+        runs = sweep.points[0].config.runs
+        steps = [point["runs"][run]["steps_per_sample"] for point in data["points"] for run in runs]
         manifest = make_manifest(sweep.base, held.seconds) | {
             "command": "sweep",
             "solver": {"name": COMPILED_STEPPER, "steps_per_sample": [min(steps), max(steps)]},
@@ -97,8 +109,8 @@ def run_sweep(request: Request, over: Sequence[str], talk: Talk) -> dict[str, An
     return data | {"out": str(folder), "manifest": path}
 
 
-def load_sweep(request: Request, over: Sequence[str]) -> Sweep:
-    """Read a configuration and make those of all points."""
+def load_sweep(request: Request, over: Sequence[str], law: str | None = None) -> Sweep:
+    """Read a configuration and make those of all points; the law is ``FILE:NAME``."""
     taken = [parse_override(text).key for text in request.overrides]
     taken += ["seed"] * (request.seed is not None)
     axes = parse_over(over, taken)
@@ -112,25 +124,26 @@ def load_sweep(request: Request, over: Sequence[str]) -> Sweep:
     }
     text = json.dumps(content, sort_keys=True, separators=(",", ":"))
     digest = hashlib.sha256(text.encode()).hexdigest()
-    return Sweep(replace(base, sha256=digest, inputs=inputs), axes, points)
+    base, own = with_user_law(replace(base, sha256=digest, inputs=inputs), law)
+    return Sweep(base, axes, points, own)
 
 
 def simulate_sweep(sweep: Sweep, talk: Talk) -> dict[str, Any]:
     """Simulate every run of every point; what does not exist is NaN, which JSON writes as null."""
-    loops = [dict(build_loops(point.config, sweep.base.folder)) for point in sweep.points]
+    loops = [all_loops(config, sweep.law) for config in sweep.configs]
     points: list[dict[str, Any]] = [
         {
             "label": sweep.label(point),
             "values": {axis.key: axis.values[k] for axis, k in zip(sweep.axes, point.places, strict=True)},
             "places": list(point.places),
-            "runs": dict.fromkeys(point.config.runs),
+            "runs": dict.fromkeys(named),
         }
-        for point in sweep.points
+        for point, named in zip(sweep.points, loops, strict=True)
     ]
     # A batch has one set of limits of statuses, which may be swept over.
     alike: dict[str, list[tuple[int, str]]] = {}
     for i, point in enumerate(sweep.points):
-        alike.setdefault(str(point.config.status), []).extend((i, run) for run in loops[i])
+        alike.setdefault(str(point.config.status), []).extend((i, run) for run in point.config.runs)
     total = sum(map(len, loops))
     talk.detail(f"{total} runs; code for laws and options not met before is compiled once")
     with talk.bar(f"simulating {total} runs", total) as progress:
@@ -147,6 +160,11 @@ def simulate_sweep(sweep: Sweep, talk: Talk) -> dict[str, Any]:
                     name: (factor * batch.statistics[statistic][k]).tolist()
                     for name, (statistic, _, factor) in COLUMNS.items()
                 }
+        if sweep.law:
+            own = each(own_run, [(config, sweep.law) for config in sweep.configs])
+            for at, found in zip(points, own, strict=True):
+                at["runs"][sweep.law.name] = found
+            progress(len(own))
     for point, found in zip(sweep.points, points, strict=True):
         found |= {"ratio": _ratios(found["runs"]), "predicted_ratio": _predicted(point.config)}
     status = {f"{p['label']} {run}": found["status"] for p in points for run, found in p["runs"].items()}
@@ -188,7 +206,7 @@ def _head(sweep: Sweep) -> dict[str, Any]:
         "config": sweep.base.origin,
         "config_sha256": sweep.base.sha256,
         "joints": list(config.joints),
-        "runs": list(config.runs),
+        "runs": [*config.runs, *([sweep.law.name] if sweep.law else [])],
         "keys": [
             {
                 "key": axis.key,
