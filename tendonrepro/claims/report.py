@@ -183,7 +183,9 @@ def _ours(verdict: Verdict) -> str:
     if verdict.ours is None:
         return NOTHING
     if verdict.unit == SHARE:
-        return f"holds on {100.0 * verdict.ours:.3g} %"
+        text, other = f"holds on {100.0 * verdict.ours:.3g} %", verdict.evidence.get("opposite", {})
+        is_order = "reverse" in other.get("statement", "")
+        return f"{text}, reverse {100.0 * other['share']:.3g} %" if is_order else text
     return f"{verdict.ours:.4g}"
 
 

@@ -74,8 +74,9 @@ def _verdict(summary: Mapping[str, Any]) -> str:
         )
     if printed["share"] <= FEW and reverse["share"] > 0.5:
         return (
-            "So the printed equations give the printed ranking on next to no plant and its complete reverse "
-            "on most; the paper measured hardware, which may hold what the equations do not."
+            "So the printed equations give the printed ranking on next to no plant, and where all three laws "
+            "are ok its complete reverse on most; the paper measured hardware, which may hold what the "
+            "equations do not."
         )
     return "So which ranking the printed equations give depends on the plant, which the paper does not give."
 
@@ -137,7 +138,10 @@ def _readings(summary: Mapping[str, Any]) -> list[str]:
     agreeing, refuted = by_verdict.get("agrees", []), by_verdict.get("cannot", [])
     lines = []
     if agreeing:
-        lines.append(f"All printed ratios lie inside the central 90 % under {_names(agreeing)}.")
+        lines.append(
+            f"All printed ratios lie inside the central 90 % under {_names(agreeing)}; "
+            "the wider that is, the less it says."
+        )
     elif by_verdict.keys() - {"no plant", "too few"}:
         lines.append("Under no reading do all printed ratios lie inside the central 90 %.")
     if refuted:

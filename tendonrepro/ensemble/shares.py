@@ -38,6 +38,9 @@ LEAST_PLANTS = 100
 LEAST_SCRAMBLINGS = 8
 """Scramblings with plants below which there is no interval."""
 
+NEAR = 2.0
+"""Factor of a printed error within which one of ours counts as of its size."""
+
 MOST, FEW = 0.95, 0.05
 """Shares that confirm a direction, or confirm its opposite."""
 
@@ -228,7 +231,8 @@ def _shapes(data: EnsembleData, reading: str, kept: Flags) -> dict[str, Any]:
     Its growth is that of the last controller over that of the first. The distance of a plant is the root mean
     square of log(ours/printed) over what Table 2 says without a scale: the ratios C1/C2 and C2/C3 of the MAE
     and each RMSE/MAE, per joint. Beside it the shares on which other results of the paper hold on all joints,
-    alone and with the printed order: Controller 1's torque has the smallest steps, RMSE/MAE rises.
+    alone, with the printed order, and all together: Controller 1's torque has the smallest steps, RMSE/MAE
+    rises; and that of the reverse order where every MAE is within a factor `NEAR` of the print.
     """
     mae, rmse, step = (
         np.array([data.statistic(run, reading, name)[kept] for run in CONTROLLERS])
@@ -247,8 +251,14 @@ def _shapes(data: EnsembleData, reading: str, kept: Flags) -> dict[str, Any]:
         "share_c1_smoother": smoother,
         "share_order_and_smoother": order & smoother,
         "share_order_and_rise": order & _in_order(shape),
+        "share_order_rise_and_smoother": order & _in_order(shape) & smoother,
     }
+    sizes = np.array([published().per_joint(f"table2.{run}.mae", data.joints) for run in CONTROLLERS])
+    times = np.rad2deg(mae) / sizes[:, np.newaxis]
+    near = np.asarray(((times <= NEAR) & (times >= 1.0 / NEAR)).all(axis=(0, 2)))
+    reverse = np.asarray((_in_order(mae[::-1]) & _in_order(rmse[::-1])).all(axis=1))
     return {
+        "share_reverse_near_print": share_of(reverse, plants, near).as_row(),
         "rmse_over_mae": {
             run: {
                 f"joint_{joint}": quantiles_of(ratios[place, :, i], replicate)

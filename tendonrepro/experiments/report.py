@@ -51,10 +51,17 @@ def _compare_parts(data: Mapping[str, Any]) -> list[str]:
         order = " (printed: 1, 2, 3)" if judged else ""
         parts += [f"Controllers by error, smallest first{order}", _ranking(data["ranking"], status)]
     return (
-        ["\n".join(pair) for pair in zip(parts[::2], parts[1::2], strict=True)]
+        _fitted(data)
+        + ["\n".join(pair) for pair in zip(parts[::2], parts[1::2], strict=True)]
         + _tensions(data)
         + _growing(data)
     )
+
+
+def _fitted(data: Mapping[str, Any]) -> list[str]:
+    if not data["fitted_under"]:
+        return []
+    return [f"Fitted to what the paper prints, under {data['fitted_under']}: that it agrees proves nothing"]
 
 
 def _tensions(data: Mapping[str, Any]) -> list[str]:
@@ -68,7 +75,8 @@ def _tensions(data: Mapping[str, Any]) -> list[str]:
         return []
     least, tendon, run, at, _ = min(found)
     loose = [f"{run} tendon {tendon} for {slack:.3f} s" for _, tendon, run, _, slack in found if slack > 0.0]
-    tail = f"not pulling: {', '.join(loose)}" if loose else "every tendon pulls throughout"
+    tendons = " and ".join(", ".join(map(str, data["joints"])).rsplit(", ", 1))
+    tail = f"not pulling: {', '.join(loose)}" if loose else f"tendons {tendons} pull throughout"
     return [f"Least tension {least:.2f} N, of tendon {tendon} in {run} at {at:.3f} s; {tail}"]
 
 

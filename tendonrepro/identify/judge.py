@@ -13,7 +13,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.config.models.readings import RUNS
 from tendonrepro.ensemble.box import Box
 from tendonrepro.ensemble.shares import FEW, MOST
-from tendonrepro.identify.misfit import METRICS, Outcome, Printed, log_misfit
+from tendonrepro.identify.misfit import METRICS, Outcome, Printed, log_misfit, switched_by
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.summary import CONTROLLERS
 
@@ -139,13 +139,16 @@ def parameter_rows(box: Box, best: Array, near: Array) -> list[dict[str, Any]]:
     """What the fit says about each row of the box, from the best point (P,) and the near ones (N, P).
 
     ``width`` is that of the central 90 % of the near-optimal plants over 90 % of the row's range on its own
-    scale: about 1 where nothing is said, 0 where the number is known. A choice has ``shares``.
+    scale: about 1 where nothing is said, 0 where the number is known. A choice has ``shares``. What the
+    best plant has switched off is at no bound.
     """
     enough = len(near) >= FEWEST
     ends = np.percentile(near, CENTRAL, axis=0) if enough else np.full((3, best.size), np.nan)
     spread = box.values(ends) if enough else ends
     value = box.values(best[np.newaxis])[0]
     chosen = box.values(near) if enough else near[:0]
+    off = [p for p in range(best.size) if box.choices[p].size and value[p] == 0.0]
+    idle = set().union(*(switched_by(box.names[p]) for p in off))
     rows = []
     for p, name in enumerate(box.names):
         is_choice = box.choices[p].size > 0
@@ -159,7 +162,7 @@ def parameter_rows(box: Box, best: Array, near: Array) -> list[dict[str, Any]]:
                 "searched": bool(box.free[p]),
                 "choice": is_choice,
                 "best_unit": float(best[p]),
-                "at_bound": None if is_choice or not box.free[p] else _bound(float(best[p])),
+                "at_bound": None if name in idle or is_choice or not box.free[p] else _bound(float(best[p])),
                 "near_low": None if is_choice else float(spread[0, p]),
                 "near_median": None if is_choice else float(spread[1, p]),
                 "near_high": None if is_choice else float(spread[2, p]),

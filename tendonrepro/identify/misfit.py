@@ -259,6 +259,11 @@ _SWITCHES = {
 """What a row switches where its name does not say it."""
 
 
+def switched_by(name: str) -> set[str]:
+    """Names of the rows that do nothing where a choice is its first word, off or none."""
+    return _SWITCHES.get(name, {name.removesuffix("_acts")})
+
+
 def rows_that_matter(
     bench: Bench, case: Reading, runs: Sequence[str], printed: Array, seed: int
 ) -> NDArray[np.bool_]:
@@ -283,7 +288,7 @@ def rows_that_matter(
 def with_switches(names: Sequence[str], chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Rows together with those without which they do nothing where these are nominal."""
     sizes = {name for name, is_chosen in zip(names, chosen, strict=True) if is_chosen}
-    switches = [not sizes.isdisjoint(_SWITCHES.get(name, {name.removesuffix("_acts")})) for name in names]
+    switches = [not sizes.isdisjoint(switched_by(name)) for name in names]
     return chosen | np.array(switches, dtype=np.bool_)
 
 

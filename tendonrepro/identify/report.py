@@ -63,12 +63,14 @@ def _numbers(data: Mapping[str, Any]) -> str:
 
 
 def _head(data: Mapping[str, Any], held: Mapping[str, Any]) -> str:
-    count = len(held["rows_searched"])
+    searched = f"{len(held['rows_searched'])} unknowns"
+    if data["fit"] == "all":
+        searched += " for 16 numbers"
     lines = (
         f"Fitted to {_numbers(data)} of the paper under the reading {held['name']},",
         f"by tendonrepro identify --fit {data['fit']} --window {data['window']} --readings {held['name']}.",
         f"Misfit {held['misfit_log']:.3g}, root mean square of log(ours/printed), by the compiled stepper. "
-        f"{count} unknowns",
+        f"{searched}",
         "were searched, the other rows of the box kept their nominal value. It proves nothing: what was",
         "fitted to the print cannot be evidence for it, and other plants may fit as well or better.",
         f"At a bound of the box: {_at_bounds(held) or 'none of them'}.",

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from tendonrepro.config.models.readings import PRINTED
 from tendonrepro.config.published import published
 from tendonrepro.physics.control import polynomial
 
@@ -53,7 +54,19 @@ class Results:
 
 def findings(found: Results) -> list[str]:
     """What a reader should take away, the strongest first; a bold sentence and its reasons each."""
-    makers = (_order, _ratios, _mended, _encoders, _sizes, _shape, _torque, _kinematics)
+    makers = (
+        _order,
+        _ratios,
+        _mended,
+        _other_ways,
+        _encoders,
+        _sizes,
+        _shape,
+        _torque,
+        _parts,
+        _others,
+        _kinematics,
+    )
     return [text for maker in makers if (text := maker(found))]
 
 
@@ -133,13 +146,21 @@ def _order(found: Results) -> str | None:
         f"the complete order is 3, 2, 1, in MAE and RMSE on both joints; the printed order 1, 2, 3 holds on {interval(forth)}. "
         "By chance either would come out on 2.8 %."
     )
+    last, firm = printed["diverged_last"], _firm(found)
+    text += (
+        f" With a diverged law ranked last it is {percent(last['in_reverse']['share'])} and {percent(last['in_order']['share'])} of "
+        f"{last['in_reverse']['plants']}"
+    )
+    if firm and firm["in_reverse"]["plants"] >= LEAST_PLANTS:
+        text += f", on the firm rows {percent(firm['in_reverse']['share'])} of {firm['in_reverse']['plants']}"
+    text += "."
     slips = ("phi_negative=even", "eta_in_controller_2=dropped")
     left = [found.readings.get(name) for name in (*slips, "+".join(slips))]
     if all(left):
         one, other, both = (percent(held["in_reverse"]["share"]) for held in left if held)
         text += (
             ' "As printed" mends two [slips](slips.md), that φ is not odd and that Controller 2\'s law lacks η; with either left '
-            f"as it stands it is {one} and {other}, with both {both}."
+            f"as it stands it is {one} and {other}, with both {both}.{_silent(found)}"
         )
     likeliest = max(entry["evidence"].get("statements", ()), key=lambda row: row["share"], default=None)
     if likeliest and entry["verdict"] == "depends_on_plant" and _mostly(back):
@@ -148,6 +169,36 @@ def _order(found: Results) -> str | None:
             f"{percent(likeliest['share'])}; the limit is 5 %."
         )
     return text + " [Why the plant hardly matters](#why-the-plant-hardly-matters)."
+
+
+def _silent(found: Results) -> str:
+    """What becomes of the reverse order under other choices where the print is silent, one at a time."""
+    says = ("phi_", "weights", "eta_", PRINTED)
+    single = {
+        name: held["in_reverse"]
+        for name, held in found.readings.items()
+        if "+" not in name and not name.startswith(says)
+    }
+    enough = {name: share for name, share in single.items() if share["plants"] >= LEAST_PLANTS}
+    kept = [share["share"] for share in enough.values() if share["share"] > 0.5]
+    lost = [
+        f"`{name}` ({percent(share['share'])})" for name, share in enough.items() if share["share"] <= 0.5
+    ]
+    none = [f"`{name}`" for name, share in single.items() if not share["plants"]]
+    if not kept:
+        return ""
+    text = (
+        f" It also holds our choices where the print is silent: with another one, one at a time, the reverse order holds on "
+        f"{_from_to(kept)} under {len(kept)} readings"
+    )
+    text += f", but not under {' and '.join(lost)}" if lost else ""
+    return text + (f"; no plant tracks under {' and '.join(none)}." if none else ".")
+
+
+def _firm(found: Results) -> Mapping[str, Any] | None:
+    """What the firm rows of the box give as printed."""
+    readings = found.summary["populations"].get("firm", {"readings": []})["readings"]
+    return next((held for held in readings if held["name"] == PRINTED), None)
 
 
 def _law(statement: str) -> str:
@@ -204,7 +255,8 @@ def _mended(found: Results) -> str | None:
     alone = readings.get(_WEIGHTS)
     if alone and _mostly(alone["first_best"]):
         text = (
-            "**Other weights alone put Controller 1 first; the whole printed order takes a second change.** Under weights (1 + α, −α) its "
+            "**Extrapolating weights put Controller 1 first on nearly every plant; for the printed order on most plants φ has to change "
+            "too.** Under weights (1 + α, −α) its "
             f"errors are the smallest on {interval(alone['first_best'])} of {alone['first_best']['plants']} plants (as printed on "
             f"{percent(readings['printed']['first_best']['share'])}), which is what the paper claims in words; Controller 3 stays before 2. "
             "With the power branch of φ near zero as well the printed order holds on "
@@ -243,6 +295,45 @@ def _mended(found: Results) -> str | None:
     )
 
 
+def _other_ways(found: Results) -> str | None:
+    """Readings with the printed weights under which Controller 1 is first, and plants on which all comes back."""
+    first = [
+        held
+        for name, held in found.readings.items()
+        if "weights" not in name
+        and held["first_best"]["plants"] >= LEAST_PLANTS
+        and held["first_best"]["share"] > 0.5
+    ]
+    whole = {
+        name: round(held["order_rise_and_smoother"]["share"] * held["order_rise_and_smoother"]["plants"])
+        for name, held in found.readings.items()
+        if held["order_rise_and_smoother"]["share"]
+    }
+    if not first:
+        return None
+    most = sorted(first, key=lambda held: -float(held["first_best"]["share"]))
+    text = "**With the weights of Eq. (15) Controller 1 comes first under few readings, on few plants.** It has the smallest errors"
+    for held in most:
+        best, last = held["first_best"], held["diverged_last"]["first_best"]
+        text += (
+            f" on {percent(best['share'])} of the {best['plants']} plants that all three laws track under `{held['name']}` (with a diverged law "
+            f"ranked last on {percent(last['share'])} of {last['plants']}; the printed order on {percent(held['in_order']['share'])}, the "
+            f"smoothest torque on {percent(held['smoother']['share'])}; C1/C2 in MAE on joint 2 from {held['c1_c2']['joint_2']['q05']:.2g} "
+            f"to {held['c1_c2']['joint_2']['q95']:.2g}),"
+        )
+    text = f"{text[:-1]}."
+    if whole:
+        cases = ", ".join(
+            f"{count} of {found.readings[name]['in_order']['plants']} under `{name}`"
+            for name, count in sorted(whole.items(), key=lambda pair: -pair[1])
+        )
+        text += (
+            " Single plants have the printed order, the rise of RMSE/MAE on both joints and the smoothest torque of Controller 1 "
+            f"together: {cases}."
+        )
+    return text
+
+
 def _encoders(found: Results) -> str | None:
     readings = found.readings
     if _MOTOR not in readings:
@@ -271,11 +362,18 @@ def _sizes(found: Results) -> str | None:
     power = [entry["evidence"].get("also_passing") for entry in sizes]
     if None in power or min(power) < 0.5 or {entry["verdict"] for entry in sizes} != {"compatible"}:
         return None
-    return (
-        f"**The sizes of the errors say nothing.** All {len(sizes)} numbers of Tables 2 and 3 lie inside the central 90 % of those plants, and so would "
+    near = found.readings[PRINTED]["reverse_near_print"]
+    text = (
+        f"**The sizes of the errors say nothing.** All {len(sizes)} numbers of Tables 2 and 3 lie inside the central 90 % of those plants (the loaded ones of those on which that run tracks too), and so would "
         f"{percent(min(power))} to {percent(max(power))} of a decade around each. Only orders and ratios can be tested without "
         "the plant."
     )
+    if near["plants"] >= LEAST_PLANTS:
+        text += (
+            f" Plants of the bench's size are no exception: where all six MAE are within a factor of 2 of the print the complete reverse "
+            f"order holds on {interval(near)} of {near['plants']}."
+        )
+    return text
 
 
 def _shape(found: Results) -> str | None:
@@ -298,8 +396,7 @@ def _shape(found: Results) -> str | None:
         f"grows by {percent(theirs[2] / theirs[0] - 1.0)} in print, on no plant by more than {_growth(printed, 2)}; on joint 3 by "
         f"{percent(farther)} in print, here by up to {_growth(printed, 3)}"
     )
-    firm = found.summary["populations"].get("firm", {"readings": []})["readings"]
-    held = next((held for held in firm if held["name"] == "printed"), None)
+    held = _firm(found)
     if held and held["rmse_over_mae_rises"]["plants"] >= LEAST_PLANTS:
         text += (
             f" ({_growth(held, 3)} on the firm rows). How often it rises at all, on both joints, hangs on the least known unknowns: on "
@@ -362,10 +459,10 @@ def _torque(found: Results) -> str | None:
     if stored and stored["ok"]["controller_1"] > 2.0 * max(stored["ok"][f"controller_{k}"] for k in (2, 3)):
         one, two, three = (percent(stored["ok"][f"controller_{k}"]) for k in (1, 2, 3))
         text += f". Where the law stores the torque applied, a sample late, α decides: Controller 1 tracks on {one}, 2 and 3 on {two} and {three}"
-    return f"{text}.{_parts(found)}"
+    return f"{text}."
 
 
-def _parts(found: Results) -> str:
+def _parts(found: Results) -> str | None:
     """What C5 and C6 ask for, part by part: the least and the largest share over joints and rivals."""
 
     def shares(claim: str, measure: str, *words: str) -> list[float]:
@@ -380,11 +477,29 @@ def _parts(found: Results) -> str:
     down = shares("C5", "RMS", "moving down")
     far = [shares("C6", "RMS", "moving up", f"joint {joint}") for joint in (2, 3)]
     if not all((*smaller.values(), down, *far)):
-        return ""
+        return None
     return (
-        f' "Smaller" of C5 and C6 holds on each joint against each rival on {_from_to(smaller["RMS"])} by RMS, '
+        f'**C5 and C6 agree in part.** "Smaller" of them holds on each joint against each rival on {_from_to(smaller["RMS"])} by RMS, '
         f'{_from_to(smaller["peak"])} by peak and {_from_to(smaller["course below 3 Hz"])} by course below 3 Hz; by RMS "similar moving '
         f'down" on {_from_to(down)}, "significantly smaller moving up" on {_from_to(far[0])} on joint 2 and {_from_to(far[1])} on joint 3.'
+    )
+
+
+def _others(found: Results) -> str | None:
+    """What holds of the sampling period, of M_bar and of the payload."""
+    period, inertia, payload = (found.entries[name]["evidence"] for name in ("E2", "E2a", "P1"))
+    measured = {held["measure"]: held["share"] for held in period.get("by_measure", ())}
+    ideal, counted = (measured.get(f"MAE, {encoder}") for encoder in ("ideal encoder", "encoder as printed"))
+    cost = next(
+        (text for text in period.get("remarks", ()) if text.startswith("Controller 2 is ok on")), None
+    )
+    shares = (ideal, counted, inertia.get("share"), payload.get("share"))
+    if cost is None or any(share is None or share <= 0.5 for share in shares):
+        return None
+    return (
+        f"**What else agrees:** a smaller L gives a smaller error on {percent(ideal)} of {period['plants']} plants with an ideal encoder "
+        f"and on {percent(counted)} with the printed one, at a price: {cost.partition(':')[0]}. A smaller M̄ gives a calmer torque on "
+        f"{percent(inertia['share'])}. The payload makes every error larger on {percent(payload['share'])}."
     )
 
 

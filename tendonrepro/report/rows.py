@@ -55,6 +55,14 @@ def _thin_reading(reading: Mapping[str, Any]) -> dict[str, Any]:
     def share(key: str, plants: str) -> Any:
         return reading[key][plants]["mae_and_rmse"]["both"]
 
+    last = {
+        name: share(key, "diverged_last")
+        for name, key in (
+            ("in_order", "share_c1_lt_c2_lt_c3"),
+            ("in_reverse", "share_c3_lt_c2_lt_c1"),
+            ("first_best", "share_c1_best"),
+        )
+    }
     return {
         "name": reading["name"],
         "ok": {run: shares["ok"]["share"] for run, shares in reading["status"].items()},
@@ -65,6 +73,9 @@ def _thin_reading(reading: Mapping[str, Any]) -> dict[str, Any]:
         "smoother": reading["share_c1_smoother"],
         "order_and_smoother": reading["share_order_and_smoother"],
         "order_and_rise": reading["share_order_and_rise"],
+        "order_rise_and_smoother": reading["share_order_rise_and_smoother"],
+        "diverged_last": last,
+        "reverse_near_print": reading["share_reverse_near_print"],
         "growth": {
             joint: {name: _value(found[name]) for name in ("median", "highest")}
             for joint, found in reading["rmse_over_mae_growth"].items()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any, TypeAlias
@@ -9,6 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from tendonrepro.arrays import Array
+from tendonrepro.config.models.readings import AXES, PRINTED
 from tendonrepro.physics.metrics import mae, max_abs, rmse, windows
 from tendonrepro.physics.statics import slack_time, tendon_tension
 from tendonrepro.results.paper import of_paper, printed_beside
@@ -22,7 +24,18 @@ LOADS: Mapping[str, str] = {"no_load": "controller_1", "with_load": "controller_
 MEASURED = "measured"
 """Law of a run that was measured."""
 
+_IDENTIFIED = re.compile(r"""source: ['"]identified: """)
+
 Sizes: TypeAlias = dict[str, Array]
+
+
+def fitted_under(file: TraceFile) -> str | None:
+    """Reading under which a configuration was fitted to what the paper prints; None where it was not."""
+    if not _IDENTIFIED.search(file.config_yaml):
+        return None
+    readings = next(iter(file.runs.values())).attributes["readings"]
+    changed = [axis for axis in AXES.values() if readings.get(axis.name, axis.printed) != axis.printed]
+    return "+".join(f"{axis.name}={readings[axis.name]}" for axis in changed) or PRINTED
 
 
 def sizes_deg(e: Array, *, gaps: bool = False) -> Sizes:
@@ -134,8 +147,8 @@ def table_data_compare(file: TraceFile) -> dict[str, Any]:
         ``table2`` run -> ``mae_deg``, ``rmse_deg``, ``max_deg``, lists in the order of the run's joints, over
         the whole run; ``table3`` ``no_load``, ``with_load`` likewise; ``windows`` window -> run -> likewise,
         payload run included; ``status`` per run; ``ranking``; ``printed`` with both tables, NaN where nothing
-        is; ``tension`` run -> ``least_N``, ``at_s``, ``slack_s`` of each joint's tendon. Our numbers that are
-        not finite are None; runs that are missing leave their keys out.
+        is; ``tension`` run -> ``least_N``, ``at_s``, ``slack_s`` of each joint's tendon; `fitted_under`. Our
+        numbers that are not finite are None; runs that are missing leave their keys out.
     """
     errors = {name: tracking_errors(trace) for name, trace in file.runs.items()}
     others = dict.fromkeys(window for found in errors.values() for window in found if window != "whole")
@@ -150,6 +163,7 @@ def table_data_compare(file: TraceFile) -> dict[str, Any]:
         "ranking": ranking(file),
         "printed": _printed_tables(file),
         "tension": _tensions(file),
+        "fitted_under": fitted_under(file),
     }
 
 

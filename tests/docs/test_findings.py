@@ -262,9 +262,15 @@ def test_white_noise_factors_quoted() -> None:
     factors = np.sqrt((1.0 - alpha) ** 2 + alpha**2)
     for page, pattern in (
         ("docs/findings.md", r"\[theory\]\(theory.md\) has ([\d.]+) and ([\d.]+)\."),
-        ("docs/theory.md", r"= ([\d.]+) and ([\d.]+)\. That is a smoother"),
+        ("docs/theory.md", r"= ([\d.]+) and ([\d.]+), for noise that is white in the angle"),
     ):
         assert stated(pattern, page) == pytest.approx(list(factors), abs=6e-4)
+    # Second differences of what is white have the correlation -2/3 from one to the next.
+    steps = np.array([1.0, -2.0, 1.0])
+    lag = (steps[1:] @ steps[:-1]) / (steps @ steps)
+    angle = np.sqrt((1.0 - alpha) ** 2 + alpha**2 + 2.0 * lag * alpha * (1.0 - alpha))
+    said = stated(r"\(1 − α\)\) = ([\d.]+) and ([\d.]+); counts", "docs/theory.md")
+    assert said == pytest.approx(list(angle), abs=6e-3)
 
 
 @pytest.mark.parametrize(

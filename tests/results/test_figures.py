@@ -22,6 +22,7 @@ from support import ROOT
 from support.synthetic import S, make_compare_file, make_decouple_file
 
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
+from tendonrepro.experiments.report import results_text
 from tendonrepro.results.figures.catalogue import FIGURES, available, draw, save
 from tendonrepro.results.figures.panels import FigureArtists, thin
 from tendonrepro.results.figures.style import (
@@ -33,6 +34,7 @@ from tendonrepro.results.figures.style import (
     save_figure,
 )
 from tendonrepro.results.records import Trace, TraceFile
+from tendonrepro.results.summary import table_data_compare
 
 compare_file = cache(make_compare_file)
 decouple_file = cache(make_decouple_file)
@@ -227,27 +229,35 @@ def test_difference_of_a_joint_and_its_mean(joint: int) -> None:
     assert draw(9 + joint, another).axes["b"].get_title(loc="right") == note
 
 
+_LAWS = {f"controller_{k}": f"C{k}" for k in (1, 2, 3)}
+_LOADS = {"controller_1": "no payload", "controller_1_payload": "0.2 kg payload"}
+
+
 @pytest.mark.parametrize(
     ("number", "letter", "runs", "printed"),
     [
-        (14, "c", ("controller_1", "controller_2", "controller_3"), "0.261° / 0.289° / 0.305°"),
-        (14, "d", ("controller_1", "controller_2", "controller_3"), "0.219° / 0.240° / 0.266°"),
-        (16, "c", ("controller_1", "controller_1_payload"), "0.261° / 0.264°"),
-        (16, "d", ("controller_1", "controller_1_payload"), "0.219° / 0.227°"),
+        (14, "c", _LAWS, "0.261° / 0.289° / 0.305°"),
+        (14, "d", _LAWS, "0.219° / 0.240° / 0.266°"),
+        (16, "c", _LOADS, "0.261° / 0.264°"),
+        (16, "d", _LOADS, "0.219° / 0.227°"),
     ],
 )
 def test_errors_stand_above_those_that_the_paper_prints(
-    number: int, letter: str, runs: tuple[str, ...], printed: str
+    number: int, letter: str, runs: dict[str, str], printed: str
 ) -> None:
     column = "cd".index(letter)
     sizes = [np.rad2deg(np.abs(compare_file().runs[run]["e"][:, column])).mean() for run in runs]
     here = " / ".join(f"{size:.3f}°" for size in sizes)
-    assert drawn(number).axes[letter].get_title(loc="right") == f"MAE here {here}\nprinted {printed}"
+    head = f"MAE of {' / '.join(runs.values())}"
+    title = drawn(number).axes[letter].get_title(loc="right")
+    assert title == f"{head}\nhere {here}\nprinted {printed}"
 
 
 def test_no_error_is_told_of_a_diverged_run_and_no_print_beside_another_arm() -> None:
     note = draw(14, make_compare_file(diverged={"controller_2": 4.0})).axes["c"].get_title(loc="right")
-    assert re.fullmatch(r"MAE here [\d.]+° / -- / [\d.]+°\nprinted 0.261° / 0.289° / 0.305°", note)
+    assert re.fullmatch(
+        r"MAE of C1 / C2 / C3\nhere [\d.]+° / -- / [\d.]+°\nprinted 0.261° / 0.289° / 0.305°", note
+    )
     another = replace(compare_file(), plant=replace(compare_file().plant, attributes={"arm": "SYNTHETIC"}))
     assert "printed" not in draw(14, another).axes["c"].get_title(loc="right")
 
@@ -263,6 +273,23 @@ def test_every_picture_says_that_it_is_simulated_and_by_which_configuration(numb
     name = "decouple" if number < 13 else "compare"
     assert drawn(number).figure.get_supxlabel() == f"Simulated, configuration {name} (00000000)"
     assert draw(number, replace(file, source="measured")).figure.get_supxlabel() == "Measured"
+
+
+def test_a_picture_of_a_fitted_plant_says_so_and_under_which_reading() -> None:
+    file = compare_file()
+    under = {"weights": "extrapolating", "phi_branch": "power", "start": "filled"}
+    runs = {
+        name: replace(trace, attributes=trace.attributes | {"readings": under})
+        for name, trace in file.runs.items()
+    }
+    fitted = replace(file, config_yaml="mass: {value: 1, source: 'identified: Tables 2 and 3'}", runs=runs)
+    said = "fitted to the print under phi_branch=power+weights=extrapolating"
+    assert said in draw(14, fitted).figure.get_supxlabel()
+    head = {"experiment": "compare", "out": "out", "joints": (2, 3), "growing_hz": {}}
+    assert "under phi_branch=power+weights=extrapolating: that it agrees proves nothing" in results_text(
+        head | table_data_compare(fitted)
+    )
+    assert "itted" not in results_text(head | table_data_compare(file))
 
 
 def test_postures_are_links_to_scale_from_the_encoders() -> None:

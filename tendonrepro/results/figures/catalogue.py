@@ -23,6 +23,7 @@ from tendonrepro.results.figures.decouple import draw_joint, draw_motor_angles, 
 from tendonrepro.results.figures.panels import Canvas, FigureArtists
 from tendonrepro.results.figures.style import journal_style, save_figure
 from tendonrepro.results.records import Trace, TraceFile
+from tendonrepro.results.summary import fitted_under
 
 _LONGEST_CHANGES = 60
 _ERRORS = "Where errors are of the size of encoder counts, their mean in a band of the RMS about it."
@@ -104,6 +105,8 @@ def origin_of(file: TraceFile) -> str:
         name, changes = file.experiment, []
     if sum(map(len, changes)) > _LONGEST_CHANGES:
         changes = [f"{len(changes)} settings changed"]
+    if under := fitted_under(file):
+        changes.append(f"fitted to the print under {under}")
     return f"Simulated, configuration {', '.join([name, *changes])} ({file.config_sha256[:8]})"
 
 

@@ -167,7 +167,7 @@ def _tracking(file: TraceFile, runs: list[_DrawnRun], printed: Mapping[str, str]
     for letter, (variable, joint) in zip(canvas.letters, product(rows, joints), strict=True):
         if variable == "e":
             canvas.zero_line(letter)
-            canvas.note(letter, _errors_note(file, [run.trace for run in runs], joint, printed))
+            canvas.note(letter, _errors_note(file, runs, joint, printed))
         else:
             _desired(canvas, letter, runs, joint)
         _curves(canvas, letter, runs, variable, joint, averaged=variable == "e" and joint in fuzzy)
@@ -185,23 +185,25 @@ def _is_fuzzy(run: _DrawnRun, joint: int) -> bool:
     return bool(rmse(fast) > _FUZZY * rmse(error))
 
 
-def _errors_note(file: TraceFile, traces: list[Trace], joint: int, printed: Mapping[str, str]) -> str:
-    """MAE of the paper's runs, in the order of the legend, above what the paper prints for them."""
-    rows: dict[str, list[float]] = {"MAE here": [], "printed": []}
-    for trace in traces:
-        if trace.name in printed and joint in trace.joint and "e" in trace:
+def _errors_note(file: TraceFile, runs: list[_DrawnRun], joint: int, printed: Mapping[str, str]) -> str:
+    """MAE of the paper's runs above what the paper prints for them."""
+    names: list[str] = []
+    rows: dict[str, list[float]] = {"here": [], "printed": []}
+    for run in runs:
+        trace = run.trace
+        if trace.name in printed and run.holds("e", joint):
             column = trace.joint.index(joint)
+            names.append(run.name.rpartition(", ")[2].replace("Controller ", "C"))
             # What a diverged run did up to its end is no error of tracking.
             ours = (
                 float("nan") if trace.status == "diverged" else tracking_errors(trace)["whole"]["mae"][column]
             )
-            rows["MAE here"].append(float(ours))
+            rows["here"].append(float(ours))
             rows["printed"].append(printed_beside(file, trace, printed[trace.name])[column])
     if np.isnan(rows["printed"]).all():
         del rows["printed"]
-    return "\n".join(
-        f"{name} {' / '.join(_degrees(value) for value in values)}" for name, values in rows.items() if values
-    )
+    lines = [f"{name} {' / '.join(map(_degrees, values))}" for name, values in rows.items() if values]
+    return "\n".join([f"MAE of {' / '.join(names)}", *lines]) if lines else ""
 
 
 def _degrees(value: float) -> str:
