@@ -243,13 +243,7 @@ def trace_path(source: Path) -> Path:
 
 
 def refuse_existing(path: Path, *, force: bool) -> None:
-    """Refuse to write where a file is, unless `force`.
-
-    Raises
-    ------
-    UsageError
-        If one is.
-    """
+    """Raise a UsageError where a file is in the way, unless `force`."""
     if path.exists() and not force:
         message = f"{path} is there already"
         raise UsageError(message, hint="choose another name with --out, or overwrite it with --force")

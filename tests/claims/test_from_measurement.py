@@ -16,9 +16,8 @@ from tendonrepro.claims.report import table_text
 from tendonrepro.config.models.readings import PRINTED
 from tendonrepro.config.published import published
 from tendonrepro.console import Talk
-from tendonrepro.dataset.measured_file import read_measured
 from tendonrepro.dataset.motion.windows import PrintedTables, Timing, try_windows
-from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.errors import DataMissingError
 from tendonrepro.results.traces import write_traces
 
 
@@ -445,16 +444,6 @@ class TestLedger:
         ledger = run_claims(tmp_path, ["C2"], None, Talk(quiet=True), path)
         assert ledger.verdicts[0].evidence["measured"]["verdict"] == "reproduced"
         assert "measured" not in run_claims(tmp_path, ["C2"], None, Talk(quiet=True)).verdicts[0].evidence
-
-    def test_simulated_and_absent_files_are_refused(self, tmp_path):
-        path = tmp_path / "SYNTHETIC.h5"
-        with pytest.raises(DataMissingError, match="no measured") as caught:
-            read_measured(path)
-        assert "fetch" in str(caught.value)
-        assert "ingest" in str(caught.value)
-        write_traces(path, make_decouple_file())
-        with pytest.raises(UsageError, match="simulated"):
-            read_measured(path)
 
     def test_the_reference_is_recovered_once_for_all(self):
         found = measured_of(comparison(), published())
