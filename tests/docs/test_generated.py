@@ -59,7 +59,7 @@ def test_table_of_the_closest_plants(generate: Any) -> None:
     thinned = rows.thinned_closest(data)
     thinned["readings"][1]["evaluations"] = 48
     assert "history" not in thinned["readings"][0]
-    lines = [*generate.table(rows.closest(thinned)).splitlines(), "", rows.together(thinned)]
+    lines = [*generate.table(rows.closest(thinned)).splitlines(), "", generate.together(thinned)]
     assert lines[2].startswith("| `phi_branch=power` | 0.070 | yes | 1 < 2 < 3 / 1 < 2 < 3 |")
     assert lines[3].startswith("| `printed` | 0.200 | no, up to 0.300 | 3 < 2 < 1 / 3 < 2 < 1 |")
     assert "1.25 1.25 1.25 / 1.25 1.25 1.25" in lines[2]
