@@ -115,31 +115,21 @@ def draw_laws(file: TraceFile) -> Figure:
         figure = open_figure(PAGE_MM, 185.0)
         grid = figure.subplots(4, len(joints), squeeze=False)
         for i, joint in enumerate(joints):
-            _draw(grid[0, i], runs, i, _spectrum_of("tau_m"))
-            _label(grid[0, i], "frequency (Hz)", "torque (N m)", "log")
             grid[0, i].set_title(f"Joint {joint}")
-            _draw(grid[1, i], runs, i, _spectrum_of("epsilon"))
-            _label(grid[1, i], "frequency (Hz)", "ε (rad s⁻²)", "log")
-            _draw(grid[2, i], runs, i, _distribution)
-            _label(grid[2, i], "|error| (deg)", "share of samples below", "linear")
-            _draw(grid[3, i], runs, i, _reversal)
-            _label(grid[3, i], "time from the reversal (s)", "error (deg)", "linear")
+            for axes, row in zip(grid[:, i], _ROWS, strict=True):
+                _draw(axes, runs, i, *row)
         handles, labels = grid[0, 0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
     return figure
 
 
-def _draw(axes: Axes, runs: Mapping[str, Trace], joint: int, curve: Curve) -> None:
+def _draw(
+    axes: Axes, runs: Mapping[str, Trace], joint: int, curve: Curve, x: str, y: str, scale: str
+) -> None:
     for (name, trace), series in zip(runs.items(), SERIES, strict=False):
         label = name.replace("_", " ").capitalize()
         axes.plot(*curve(trace, joint), color=series.colour, linestyle=series.linestyle, label=label)
-
-
-def _label(axes: Axes, x: str, y: str, scale: str) -> None:
-    axes.set_xlabel(x)
-    axes.set_ylabel(y)
-    axes.set_xscale(scale)
-    axes.set_yscale(scale)
+    axes.set(xlabel=x, ylabel=y, xscale=scale, yscale=scale)
 
 
 def _spectrum_of(variable: str) -> Curve:
@@ -170,3 +160,12 @@ def _reversal(trace: Trace, joint: int) -> tuple[Array, Array]:
     at = trace.time[down[0]] if down.size else trace.time[0]
     near = np.abs(trace.time - at) <= NEAR
     return trace.time[near] - at, np.rad2deg(trace["e"][near, joint])
+
+
+_ROWS = (
+    (_spectrum_of("tau_m"), "frequency (Hz)", "torque (N m)", "log"),
+    (_spectrum_of("epsilon"), "frequency (Hz)", "ε (rad s⁻²)", "log"),
+    (_distribution, "|error| (deg)", "share of samples below", "linear"),
+    (_reversal, "time from the reversal (s)", "error (deg)", "linear"),
+)
+"""Rows of `draw_laws`: what is drawn, labels of the axes, and their scale."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
@@ -60,16 +61,18 @@ def judge_measured(measured: Measured, paper: Published) -> dict[str, Judged]:
 
 def _number(measured: Measured, paper: Published, identifier: str) -> Judged:
     deciding = measured.tables.deciding
-    sizes = deciding.sizes if deciding else {}
-    window = {"window": deciding.name if deciding else None}
-    if identifier.startswith("rmse_over_mae."):
-        return _quotient(sizes, paper, identifier, window)
-    if not identifier.startswith("table"):
-        return _percentage(sizes, paper, identifier, window)
+    judge = {"rmse_over_mae": _quotient, "share": _percentage, "increase": _percentage}
+    family = identifier.partition(".")[0]
+    found = judge.get(family, _size)(deciding.sizes if deciding else {}, paper, identifier)
+    return replace(found, evidence=found.evidence | {"window": deciding.name if deciding else None})
+
+
+def _size(sizes: Mapping[str, float], paper: Published, identifier: str) -> Judged:
+    """Judge a number of Table 2 or 3 by whether the measured one would be printed so."""
     ours = sizes.get(size_behind(identifier))
     if ours is None:
-        return missing(f"the measured errors of {_run_of(identifier)}", **window)
-    return Judged(of_model(prints_as(paper, identifier, ours)), ours, dict(window))
+        return missing(f"the measured errors of {_run_of(identifier)}")
+    return Judged(of_model(prints_as(paper, identifier, ours)), ours)
 
 
 def _run_of(identifier: str) -> str:
@@ -78,33 +81,29 @@ def _run_of(identifier: str) -> str:
     return f"{run}, {joint.replace('_', ' ')}"
 
 
-def _percentage(
-    sizes: Mapping[str, float], paper: Published, identifier: str, window: Mapping[str, Any]
-) -> Judged:
+def _percentage(sizes: Mapping[str, float], paper: Published, identifier: str) -> Judged:
     """Judge a percentage from the measured numbers as the tables would print them."""
     names = [size_behind(name) for name in printed_percentages(paper)[identifier]]
     absent = [_run_of(name) for name in names if not np.isfinite(sizes.get(name, np.nan))]
     if absent:
-        return missing(f"the measured errors of {absent[0]}", **window)
+        return missing(f"the measured errors of {absent[0]}")
     part, whole = (Fraction(f"{sizes[name]:.{paper.digits(name).decimals}f}") for name in names)
     if whole == 0:
-        return missing(f"an error of {_run_of(names[1])} that is not zero", **window)
+        return missing(f"an error of {_run_of(names[1])} that is not zero")
     value = 100 * part / whole - (100 if identifier.startswith("increase.") else 0)
     holds = cut(value, paper.digits(identifier)) != "neither"
-    return Judged(of_model(holds), float(value), dict(window))
+    return Judged(of_model(holds), float(value))
 
 
-def _quotient(
-    sizes: Mapping[str, float], paper: Published, identifier: str, window: Mapping[str, Any]
-) -> Judged:
+def _quotient(sizes: Mapping[str, float], paper: Published, identifier: str) -> Judged:
     """Judge RMSE over MAE by what the rounding of both printed numbers allows."""
     entry = paper.entries[identifier]
     assert isinstance(entry, PrintedQuotient)
     root, mean = (sizes.get(name, np.nan) for name in (entry.numerator, entry.denominator))
     if not (np.isfinite(root) and mean > 0.0):
-        return missing(f"the measured errors of {_run_of(entry.numerator)}", **window)
+        return missing(f"the measured errors of {_run_of(entry.numerator)}")
     low, high = paper.interval(identifier)
-    return Judged(of_model(low <= root / mean <= high), root / mean, dict(window))
+    return Judged(of_model(low <= root / mean <= high), root / mean)
 
 
 def _claim(measured: Measured, paper: Published, identifier: str, numbers: Mapping[str, Judged]) -> Judged:

@@ -22,6 +22,7 @@ from tendonrepro.claims.verdicts import Decision, VerdictName, of_arithmetic, of
 from tendonrepro.config.published import (
     COMPARED,
     SIGN,
+    Interval,
     Published,
     coupling_of,
     exact,
@@ -63,17 +64,14 @@ def lengths(paper: Published, identifier: str) -> Judged:
     else:
         i, n = tuple(identifier.removeprefix("table1.D_").partition("_")[0])
         other = f"S_inv.{n}{i}"
-    ours = paper.quantity(other)
-    consistent = meets(rounding(ours), rounding(paper.quantity(identifier)))
-    return Judged(of_arithmetic(consistent), ours.value, {"from": [other]})
+    return _against(paper, identifier, rounding(paper.quantity(other)), paper.number(other), other)
 
 
 def matrix_entry(paper: Published, identifier: str) -> Judged:
     """Compare an entry of S with the inverse of S_inv, magnitudes."""
     n, i = (int(digit) - 1 for digit in identifier.removeprefix("S."))
     ours = abs(inverse(printed_inverse(paper))[n][i])
-    consistent = meets((ours, ours), rounding(paper.quantity(identifier)))
-    return Judged(of_arithmetic(consistent), float(ours), {"from": ["S_inv"]})
+    return _against(paper, identifier, (ours, ours), float(ours), "S_inv")
 
 
 def both_matrices(paper: Published, _: str) -> Judged:
@@ -108,16 +106,19 @@ def all_percentages(paper: Published, _: str) -> Judged:
 def same_as(paper: Published, identifier: str) -> Judged:
     """Table 3 without load against Controller 1 in Table 2."""
     other = size_behind(identifier)
-    ours = paper.quantity(other)
-    consistent = meets(rounding(ours), rounding(paper.quantity(identifier)))
-    return Judged(of_arithmetic(consistent), ours.value, {"from": [other]})
+    return _against(paper, identifier, rounding(paper.quantity(other)), paper.number(other), other)
 
 
 def resolution(paper: Published, identifier: str) -> Judged:
     """Encoder resolution against 360 degrees over four counts a pulse."""
     ours = 90 / exact(paper.quantity("hardware.encoder_pulses"))
-    consistent = meets((ours, ours), rounding(paper.quantity(identifier)))
-    return Judged(of_arithmetic(consistent), float(ours), {"from": ["hardware.encoder_pulses"]})
+    return _against(paper, identifier, (ours, ours), float(ours), "hardware.encoder_pulses")
+
+
+def _against(paper: Published, identifier: str, allowed: Interval, ours: float, origin: str) -> Judged:
+    """Compare a printed number with what another part of the print allows."""
+    consistent = meets(allowed, rounding(paper.quantity(identifier)))
+    return Judged(of_arithmetic(consistent), ours, {"from": [origin]})
 
 
 def tendon_1_moves_joint_2(paper: Published, _: str) -> Judged:

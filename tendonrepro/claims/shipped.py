@@ -17,6 +17,8 @@ from tendonrepro.results.folder import MANIFEST, read_manifest
 SHIPPED = "docs/results/claims.json"
 """The stored ledger, from which docs/findings.md is made too."""
 
+_ORIGIN = ("draws", "tendonrepro_version", "created", "rules_edition")
+
 
 @dataclass(frozen=True)
 class ShippedLedger:
@@ -41,7 +43,8 @@ def shipped_ledger() -> ShippedLedger:
         if stored.pop("sha256", None) != digest_of(stored):
             raise ValueError
         entries = {entry["id"]: entry for entry in stored["claims"]}
-        ensemble = {"source": "shipped"} | _origin(stored.get("ensemble") or {}, None)
+        known = stored.get("ensemble") or {}
+        ensemble = {"source": "shipped"} | {key: known.get(key) for key in _ORIGIN}
     except (OSError, ValueError, TypeError, LookupError, AttributeError, RecursionError) as error:
         message = "the verdicts that come with the package are missing or damaged"
         raise DataMissingError(message, where=str(path), hint="install tendonrepro again") from error
@@ -51,16 +54,8 @@ def shipped_ledger() -> ShippedLedger:
 def local_origin(folder: Path, draws: int) -> dict[str, Any]:
     """What is known of an ensemble in a results folder, as `ShippedLedger.ensemble`."""
     manifest = read_manifest(folder) if (folder / MANIFEST).exists() else {}
-    return {"source": "local"} | _origin(manifest, draws) | {"rules_edition": EDITION}
-
-
-def _origin(known: Mapping[str, Any], draws: int | None) -> dict[str, Any]:
-    return {
-        "draws": known.get("draws") if draws is None else draws,
-        "tendonrepro_version": known.get("tendonrepro_version"),
-        "created": known.get("created"),
-        "rules_edition": known.get("rules_edition"),
-    }
+    known = manifest | {"draws": draws, "rules_edition": EDITION}
+    return {"source": "local"} | {key: known.get(key) for key in _ORIGIN}
 
 
 def with_shipped(verdicts: Sequence[Verdict], ledger: ShippedLedger) -> list[Verdict]:

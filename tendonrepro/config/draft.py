@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import NoReturn, TypeVar
 
 from pydantic import ValidationError
 
@@ -102,19 +102,16 @@ class Draft:
             return
         name = self.tree.pop(BASE)
         if not isinstance(name, str):
-            message = f"{BASE}: must be the name of a file, found {describe(name)}"
-            raise ConfigError(message, where=self.locate((BASE,)).text)
+            self.refuse((BASE,), f"must be the name of a file, found {describe(name)}")
         if Path(name).name != name:
             # What it names in turn would be looked for here, and something else found.
-            message = f"{BASE}: must be a file beside this one or a shipped one, found {name!r}"
-            raise ConfigError(message, where=self.locate((BASE,)).text)
+            self.refuse((BASE,), f"must be a file beside this one or a shipped one, found {name!r}")
         path = self.named_file(name, BASE)
         base = load(read_text(path), str(path))
         if not isinstance(base.tree, dict) or base.tree.get("experiment") != self.experiment:
-            message = f"{BASE}: {name!r} is not for the experiment {self.experiment!r}"
-            raise ConfigError(message, where=self.locate((BASE,)).text)
+            self.refuse((BASE,), f"{name!r} is not for the experiment {self.experiment!r}")
         if BASE in base.tree:
-            raise ConfigError(f"{BASE}: {name!r} has a base itself", where=self.locate((BASE,)).text)
+            self.refuse((BASE,), f"{name!r} has a base itself")
         self.tree |= {key: value for key, value in base.tree.items() if key not in self._own}
         self._base = base
         self.files.append(path)
@@ -147,9 +144,8 @@ class Draft:
         places = [self._folder / name, shipped_folder() / name]
         path = next((place for place in places if _is_file(place)), None)
         if path is None:
-            message = f"{key}: no file {name!r}"
-            hint = f"Looked for {' and '.join(dict.fromkeys(map(str, places)))}."
-            raise ConfigError(message, where=self.locate((key,)).text, hint=hint)
+            looked = " and ".join(dict.fromkeys(map(str, places)))
+            self.refuse((key,), f"no file {name!r}", f"Looked for {looked}.")
         return path
 
     def keep_controllers(self, numbers: Sequence[int]) -> None:
@@ -211,9 +207,12 @@ class Draft:
         """
         file = self._folder / name
         if not _is_file(file):
-            message = f"{'.'.join(map(str, path))}: no file {str(file)!r}"
-            raise ConfigError(message, where=self.locate(path).text)
+            self.refuse(path, f"no file {str(file)!r}")
         return file
+
+    def refuse(self, path: Key, words: str, hint: str | None = None) -> NoReturn:
+        """Raise a ConfigError about an entry, with its place."""
+        raise ConfigError(f"{'.'.join(map(str, path))}: {words}", where=self.locate(path).text, hint=hint)
 
 
 def _is_file(path: Path) -> bool:

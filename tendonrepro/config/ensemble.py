@@ -5,8 +5,6 @@ It names the configuration of `compare` that every draw starts from.
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -18,15 +16,15 @@ from pydantic import AfterValidator, Field, model_validator
 from tendonrepro.config.draft import ConfigSource, Draft, find_source
 from tendonrepro.config.fields.model import Identifier, Model, RootModel, SchemaVersion, refuse
 from tendonrepro.config.fields.physical import physical
-from tendonrepro.config.fields.quantity import Scalar, to_si
+from tendonrepro.config.fields.quantity import Scalar
 from tendonrepro.config.fields.strict_yaml import dump
-from tendonrepro.config.load import LoadedConfig, load_config
+from tendonrepro.config.load import LoadedConfig, config_digest, load_config
 from tendonrepro.config.models.box import BoxConfig, Confidence
 from tendonrepro.config.models.experiment import CompareConfig
 from tendonrepro.config.models.readings import AXES, RUNS, VARIATIONS, parse_reading
 from tendonrepro.config.overrides import parse_override
 from tendonrepro.config.published import COMPARED
-from tendonrepro.errors import ConfigError, UsageError
+from tendonrepro.errors import UsageError
 from tendonrepro.physics.trajectory import trapezoid_times
 
 FAST_PERIOD = 3.33
@@ -177,37 +175,27 @@ def load_ensemble(
         config=config,
         base=replace(base, overrides=tuple(recorded), inputs=(*draft.files, *base.inputs)),
         yaml_text=dump(draft.tree),
-        sha256=_digest(config, base),
+        sha256=config_digest({"ensemble": config.model_dump(mode="json"), "base": base.sha256}),
         origin=found.origin,
     )
 
 
 def _load_base(name: str, overrides: Sequence[str], draft: Draft) -> LoadedConfig:
     base = load_config(draft.named_file(name, BASE), "compare", overrides=overrides)
-    where = draft.locate((BASE,)).text
     assert isinstance(base.config, CompareConfig)
     missing = [run for run in RUNS if run not in base.config.runs]
     if base.config.joints != COMPARED:
-        raise ConfigError(f"{BASE}: joints 2 and 3 must move, found {list(base.config.joints)}", where=where)
+        draft.refuse((BASE,), f"joints 2 and 3 must move, found {list(base.config.joints)}")
     if missing:
-        message = f"{BASE}: has no run {missing[0]!r}; an ensemble has {', '.join(RUNS)}"
-        raise ConfigError(message, where=where)
+        draft.refuse((BASE,), f"has no run {missing[0]!r}; an ensemble has {', '.join(RUNS)}")
     return base
-
-
-def _digest(config: EnsembleConfig, base: LoadedConfig) -> str:
-    content = {"ensemble": config.model_dump(mode="json"), "base": base.sha256}
-    text = json.dumps(content, sort_keys=True, separators=(",", ":"))
-    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _longest_cycles(box: BoxConfig) -> Iterator[tuple[str, float]]:
     """Longest period of each kind of motion, s; strokes last longest at low speed and large amplitude."""
-    period = to_si(box.period.high, box.period.unit)
-    hold = to_si(box.hold.high, box.hold.unit)
-    limits = to_si(box.velocity.low, box.velocity.unit), to_si(box.acceleration.low, box.acceleration.unit)
-    stroke = trapezoid_times(to_si(box.amplitude.high, box.amplitude.unit), *limits)[1]
-    yield "minimum_jerk", 2.0 * (to_si(box.rise.high, box.rise.unit) + hold)
+    hold = box.hold.highest
+    _, stroke = trapezoid_times(box.amplitude.highest, box.velocity.lowest, box.acceleration.lowest)
+    yield "minimum_jerk", 2.0 * (box.rise.highest + hold)
     yield "trapezoidal", 2.0 * (stroke + hold)
-    yield from ((kind, period) for kind in ("raised_cosine", "sine", "unequal"))
+    yield from ((kind, box.period.highest) for kind in ("raised_cosine", "sine", "unequal"))
     yield "fast_sine", FAST_PERIOD

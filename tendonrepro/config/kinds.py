@@ -46,14 +46,10 @@ def checked(source: str, overrides: Sequence[str]) -> Held:
 def shown(source: str, overrides: Sequence[str]) -> tuple[dict[str, Any], str]:
     """Plain values and YAML text of a configuration as it is used, valid or refused as by `checked`."""
     held = checked(source, overrides)
-    if isinstance(held, LoadedConfig):
-        return held.tree, held.yaml_text
-    if isinstance(held, LoadedEnsemble):
-        tree = load(held.yaml_text, held.origin).tree
-        assert isinstance(tree, dict)
-        return tree, held.yaml_text
-    tree = held.model_dump(mode="json")
-    return tree, dump(tree)
+    text = dump(held.model_dump(mode="json")) if isinstance(held, Manipulator) else held.yaml_text
+    tree = load(text, source).tree
+    assert isinstance(tree, dict)
+    return tree, text
 
 
 def json_schema(kind: str | None = None) -> dict[str, Any]:

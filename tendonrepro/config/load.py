@@ -12,7 +12,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 from tendonrepro.config.draft import ConfigSource, Draft, find_source
 from tendonrepro.config.fields.strict_yaml import Key, Node, dump
@@ -119,7 +119,13 @@ def load_config(
         config=config,
         tree=draft.tree,
         yaml_text=dump(draft.tree),
-        sha256=_digest(config, trajectories),
+        sha256=config_digest(
+            {
+                "config": config.model_dump(mode="json", exclude_none=True),
+                # A trajectory file counts by its content.
+                "trajectories": [sha256_of(path) for path in trajectories],
+            }
+        ),
         origin=found.origin,
         overrides=tuple(recorded),
         inputs=(*draft.files, *trajectories),
@@ -137,11 +143,7 @@ def _references(config: Config) -> dict[Key, ReferenceConfig]:
     return {("runs", name, "reference"): run.reference for name, run in config.runs.items()}
 
 
-def _digest(config: Config, trajectories: Sequence[Path]) -> str:
-    """Hash what determines the results; a trajectory file counts by its content."""
-    content = {
-        "config": config.model_dump(mode="json", exclude_none=True),
-        "trajectories": [sha256_of(path) for path in trajectories],
-    }
+def config_digest(content: Mapping[str, Any]) -> str:
+    """SHA-256 of what determines results, as canonical JSON."""
     text = json.dumps(content, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()

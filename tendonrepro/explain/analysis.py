@@ -115,6 +115,8 @@ class Explanation:
     origin: str
 
 
+PAIRS = ("c1_c2", "c2_c3")
+"""Pairs of the paper's laws, of which ``--json`` always has the ratios."""
 MAP_POINTS = 25
 LOCUS_POINTS = 41
 

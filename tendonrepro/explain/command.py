@@ -12,7 +12,7 @@ from tendonrepro.config.load import LoadedConfig
 from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.experiments.linear import View
-from tendonrepro.explain.analysis import Explanation, RunMargins, explain
+from tendonrepro.explain.analysis import PAIRS, Explanation, RunMargins, explain
 from tendonrepro.explain.margins import LOW_FREQUENCY, ChannelMargins
 from tendonrepro.explain.report import explanation_text
 from tendonrepro.files import to_json
@@ -24,8 +24,6 @@ from tendonrepro.results.tables import write_table
 SCHEMA_VERSION = 1
 
 DATA = "explain.json"
-
-_PAIRS = ("c1_c2", "c2_c3")
 
 
 def run_explain(request: Request, talk: Talk) -> dict[str, Any]:
@@ -86,7 +84,7 @@ def explanation_data(found: Explanation) -> dict[str, Any]:
         "phase_margin": {run: [_deg(c.phase) for c in m.channels] for run, m in margins.items()},
         "loop_gain": {run: [c.loop_gain for c in m.channels] for run, m in margins.items()},
         "loop_gain_frequency_hz": LOW_FREQUENCY,
-        "predicted_ratio": dict.fromkeys(_PAIRS) | ratio,
+        "predicted_ratio": dict.fromkeys(PAIRS) | ratio,
         "predicted_ratio_error_deg": TYPICAL_ERROR_DEG,
         "predicted_ratio_by_error_deg": {
             pair: {f"{size:g}": values.tolist() for size, values in sizes.items()}

@@ -73,16 +73,10 @@ def tendon_decay(
     postures: Sequence[Array], plant: Plant, law: Law, delay: int, K_s: Array, D_s: Array
 ) -> Array:
     """Slowest decay over several postures, s⁻¹, for factors (N,) on the tendons' stiffness and damping."""
-    output, memory = law_matrices(law, law.M_bar.size, delay)
     plants = [
         scaled(scaled(plant, law, "K_s", k)[0], law, "D_s", d)[0] for k, d in zip(K_s, D_s, strict=True)
     ]
-    radius = np.zeros(len(plants))
-    for q in postures:
-        held = [hold_discretised(*plant_matrices(q, changed), law.L) for changed in plants]
-        Phi, Gamma = (np.stack(parts) for parts in zip(*held, strict=True))
-        radius = np.maximum(radius, spectral_radius(closed(Phi, Gamma, output, memory)))
-    return np.asarray(-np.log(radius) / law.L)
+    return _decays(postures, plants, [law], delay)
 
 
 def gain_decay(
@@ -95,13 +89,19 @@ def gain_decay(
     pairs = np.column_stack([M_bar, alpha if law.weights[1].any() else np.ones_like(alpha)])
     pairs, places = np.unique(pairs, axis=0, return_inverse=True)
     laws = [scaled(plant, scaled(plant, law, "M_bar", m)[1], "alpha", a)[1] for m, a in pairs]
-    parts = (law_matrices(changed, law.M_bar.size, delay) for changed in laws)
+    return _decays(postures, [plant], laws, delay)[places.ravel()]
+
+
+def _decays(postures: Sequence[Array], plants: Sequence[Plant], laws: Sequence[Law], delay: int) -> Array:
+    """Slowest decay of N plants under one law, or of N laws on one plant, (N,)."""
+    parts = (law_matrices(law, law.M_bar.size, delay) for law in laws)
     output, memory = (np.stack(part) for part in zip(*parts, strict=True))
-    radius = np.zeros(len(laws))
+    radius = np.zeros(1)
     for q in postures:
-        held = hold_discretised(*plant_matrices(q, plant), law.L)
-        radius = np.maximum(radius, spectral_radius(closed(*held, output, memory)))
-    return np.asarray(-np.log(radius) / law.L)[places.ravel()]
+        held = (hold_discretised(*plant_matrices(q, plant), laws[0].L) for plant in plants)
+        Phi, Gamma = (np.stack(part) for part in zip(*held, strict=True))
+        radius = np.maximum(radius, spectral_radius(closed(Phi, Gamma, output, memory)))
+    return np.asarray(-np.log(radius) / laws[0].L)
 
 
 def border_distance(decay: Callable[[Array, Array], Array], across: Array, along: Array) -> Array:

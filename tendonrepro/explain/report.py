@@ -8,10 +8,8 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.console import columns
-from tendonrepro.explain.analysis import Explanation, WhatIf, first_views, slow_ratio, view_pairs
+from tendonrepro.explain.analysis import PAIRS, Explanation, WhatIf, first_views, slow_ratio, view_pairs
 from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, estimate_age, stiffness
-
-_NAMED_PAIRS = ("c1_c2", "c2_c3")
 
 
 def explanation_text(found: Explanation) -> str:
@@ -102,7 +100,7 @@ def _reserve(found: Explanation) -> Iterator[str]:
 
 
 def _changes(found: Explanation) -> Iterator[str]:
-    pairs = [pair.replace("_", "/") if pair in _NAMED_PAIRS else pair for pair in found.ratios]
+    pairs = [pair.replace("_", "/") if pair in PAIRS else pair for pair in found.ratios]
     rows = [["", *found.margins, *pairs]]
     now = WhatIf(
         {run: margin.decay for run, margin in found.margins.items()},

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import shlex
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -67,11 +68,9 @@ def overview(verdicts: Sequence[Verdict]) -> Iterator[dict[str, Any]]:
     """Yield the groups: claims, and how many numbers of which table; what is printed twice counts once."""
     for title, names in GROUPS.items():
         held = [one for one in verdicts if one.verdict in names and one.repeats is None]
-        numbers: dict[str, int] = {}
-        for one in held:
-            if is_number(one.id):
-                label = _NUMBERS.get(one.id.partition(".")[0], one.where)
-                numbers[label] = numbers.get(label, 0) + 1
+        numbers = Counter(
+            _NUMBERS.get(one.id.partition(".")[0], one.where) for one in held if is_number(one.id)
+        )
         claims = [one for one in held if not is_number(one.id)]
         yield {"title": title, "names": names, "claims": claims, "numbers": numbers}
 
@@ -113,12 +112,12 @@ class Bars:
     scale: Any
 
     @classmethod
-    def of(cls, verdicts: Sequence[Verdict], *starts: str) -> Bars:
+    def of(cls, verdicts: Sequence[Verdict], start: str) -> Bars:
         """Take those entries whose id starts so and that were judged over plants."""
         rows = [
             Bar(one.id, one.printed, one.evidence.get("shipped_run"), box["low"], box["median"], box["high"])
             for one in verdicts
-            if one.id.startswith(starts)
+            if one.id.startswith(start)
             and None not in (box := one.evidence.get("box") or {"low": None}).values()
         ]
         return cls(rows, Scale.over([value for row in rows for value in _extent(row)]))

@@ -382,19 +382,15 @@ def _shape(found: Results) -> str | None:
     if not all(boxes) or share is None or share > 0.5:
         return None
     ours = [box["median"] for box in boxes if box]
-    theirs = [
-        float(found.entries[f"table2.controller_{k}.rmse.joint_2"]["printed"])
-        / float(found.entries[f"table2.controller_{k}.mae.joint_2"]["printed"])
-        for k in (1, 2, 3)
-    ]
-    printed, farther = found.readings["printed"], _shape_ratio(3) - 1.0
-    reach = [name for name, held in found.readings.items() if _reaches(held, theirs[2] / theirs[0])]
+    theirs, others = _printed_shapes(2), _printed_shapes(3)
+    printed, growth, farther = found.readings["printed"], theirs[2] / theirs[0], others[2] / others[0]
+    reach = [name for name, held in found.readings.items() if _reaches(held, growth)]
     singly = {entry["verdict"] for entry in found.starting("rmse_over_mae.")} == {"compatible"}
     text = (
         "**One clue that needs no scale is not explained.** RMSE over MAE on joint 2 rises over Controllers 1 to 3 in the print, "
         f"{_listed(theirs)}; here the medians are {_listed(ours)}. {'Singly all eight RMSE/MAE lie inside. ' * singly}But from 1 to 3 it "
-        f"grows by {percent(theirs[2] / theirs[0] - 1.0)} in print, on no plant by more than {_growth(printed, 2)}; on joint 3 by "
-        f"{percent(farther)} in print, here by up to {_growth(printed, 3)}"
+        f"grows by {percent(growth - 1.0)} in print, on no plant by more than {_growth(printed, 2)}; on joint 3 by "
+        f"{percent(farther - 1.0)} in print, here by up to {_growth(printed, 3)}"
     )
     held = _firm(found)
     if held and held["rmse_over_mae_rises"]["plants"] >= LEAST_PLANTS:
@@ -415,14 +411,14 @@ def _growth(reading: Mapping[str, Any], joint: int) -> str:
     return percent(reading["growth"][f"joint_{joint}"]["highest"] - 1.0)
 
 
-def _shape_ratio(joint: int) -> float:
-    """RMSE/MAE of Controller 3 over that of Controller 1, as printed."""
+def _printed_shapes(joint: int) -> list[float]:
+    """RMSE/MAE of Controllers 1 to 3 as printed."""
     paper = published()
     mae, rmse = (
-        [paper.number(f"table2.controller_{k}.{metric}.joint_{joint}") for k in (1, 3)]
+        [paper.number(f"table2.controller_{k}.{metric}.joint_{joint}") for k in (1, 2, 3)]
         for metric in ("mae", "rmse")
     )
-    return rmse[1] / mae[1] / (rmse[0] / mae[0])
+    return [root / mean for mean, root in zip(mae, rmse, strict=True)]
 
 
 def _reaches(reading: Mapping[str, Any], growth: float) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
-from tendonrepro.results.folder import TRACES
+from tendonrepro.results.folder import refuse_existing, trace_path
 from tendonrepro.results.scene import Scene, scene_of
 from tendonrepro.results.traces import read_traces
 
@@ -71,14 +71,15 @@ def animate(
     if not 0.0 < speed < np.inf:
         message = f"must be above zero, found {speed:g}"
         raise UsageError(message, where="--speed")
-    path = source / TRACES if source.is_dir() else source
+    path = trace_path(source)
     file = read_traces(path)
     scene = scene_of(file, run, coupling=coupling)
     times = list(dict.fromkeys(times))
     target = out or path.with_name(f"{scene.name}{'.svg' if times else '.gif'}")
     places = _places(scene, times) if times else _film_places(scene, speed)
     files = _targets(target, times)
-    _refuse(files, force=force)
+    for one in files:
+        refuse_existing(one, force=force)
     if scene.missing:
         talk.note(scene.missing)
 
@@ -132,13 +133,6 @@ def _targets(target: Path, times: Sequence[float]) -> list[Path]:
     if len(times) < 2:
         return [target]
     return [target.with_stem(f"{target.stem}_{time:g}s") for time in times]
-
-
-def _refuse(files: Sequence[Path], *, force: bool) -> None:
-    for path in files:
-        if path.exists() and not force:
-            message = f"{path} is there already"
-            raise UsageError(message, hint="choose another name with --out, or overwrite it with --force")
 
 
 def animate_text(found: dict[str, Any]) -> str:

@@ -19,6 +19,7 @@ from tendonrepro.results.summary import (
     LOADS,
     compared_runs,
     decoupling_errors,
+    loaded_runs,
     tension_sizes,
     tracking_errors,
 )
@@ -145,7 +146,7 @@ def coupling_rows(file: TraceFile) -> Iterator[TableRow]:
 def controller_rows(file: TraceFile, window: str = "whole") -> Iterator[TableRow]:
     """Yield a row of Table 2 per run and joint, the payload run left out.
 
-    TableColumns: ``run``, ``joint``, ``status``, and for ``mae`` and ``rmse`` ``<metric>_deg``,
+    Columns: ``run``, ``joint``, ``status``, and for ``mae`` and ``rmse`` ``<metric>_deg``,
     ``<metric>_printed_deg`` and ``<metric>_ratio``, ours over printed. A diverged run has its errors up to
     the end, and its status says when that was; one that ended before the window has no row.
     """
@@ -164,16 +165,15 @@ def window_rows(file: TraceFile) -> Iterator[TableRow]:
 
 def load_rows(file: TraceFile) -> Iterator[TableRow]:
     """Yield a row of Table 3 per load and joint: as `controller_rows`, with ``load`` in place of ``run``."""
-    for load, run in LOADS.items():
-        if run in file.runs:
-            for row in _error_rows(file, file.runs[run], "whole", f"table3.{load}"):
-                yield {"load": load} | row
+    for load, trace in loaded_runs(file).items():
+        for row in _error_rows(file, trace, "whole", f"table3.{load}"):
+            yield {"load": load} | row
 
 
 def paper_controller_rows(file: TraceFile) -> Iterator[TableRow]:
     """Yield Table 2 as the paper lays it out: a row per controller, each cell ``joint 2/joint 3``.
 
-    TableColumns: ``paper_row``, ``status``, and for ``mae`` and ``rmse`` the texts ``<metric>_pair`` and
+    Columns: ``paper_row``, ``status``, and for ``mae`` and ``rmse`` the texts ``<metric>_pair`` and
     ``<metric>_printed_pair``, rounded as printed.
     """
     for name, trace in compared_runs(file).items():
@@ -183,10 +183,8 @@ def paper_controller_rows(file: TraceFile) -> Iterator[TableRow]:
 
 def paper_load_rows(file: TraceFile) -> Iterator[TableRow]:
     """Yield Table 3 as the paper lays it out; columns as `paper_controller_rows`."""
-    for load, run in LOADS.items():
-        if run in file.runs:
-            title = load.replace("_", " ").capitalize()
-            yield {"paper_row": title} | _pairs(file, file.runs[run], f"table3.{load}")
+    for load, trace in loaded_runs(file).items():
+        yield {"paper_row": load.replace("_", " ").capitalize()} | _pairs(file, trace, f"table3.{load}")
 
 
 def change_rows(file: TraceFile) -> Iterator[TableRow]:
@@ -195,9 +193,10 @@ def change_rows(file: TraceFile) -> Iterator[TableRow]:
     Columns: ``metric``, ``joint``, ``change_percent``, ``change_printed_percent``, ``statuses`` without and
     with payload. There are no rows unless both runs are there.
     """
-    if not all(run in file.runs for run in LOADS.values()):
+    runs = loaded_runs(file)
+    if len(runs) < len(LOADS):
         return
-    without, loaded = (file.runs[run] for run in LOADS.values())
+    without, loaded = runs.values()
     before, after = (tracking_errors(trace)["whole"] for trace in (without, loaded))
     for metric in ("mae", "rmse"):
         printed = printed_beside(file, loaded, f"increase.with_load.{metric}")
@@ -242,17 +241,15 @@ def tension_rows(file: TraceFile) -> Iterator[TableRow]:
 
 
 def _coupling_row(quantity: str, identifier: str, ours: float, *, beside: bool) -> TableRow:
-    entry = published().entries.get(identifier) if beside else None
-    if not isinstance(entry, PrintedNumber | PrintedRatio):
-        nothing = float("nan")
-        texts = {"quantity": quantity, "printed_as": None}
-        return texts | {"printed": nothing, "ours": ours, "difference": nothing}
+    found = published().entries.get(identifier) if beside else None
+    entry = found if isinstance(found, PrintedNumber | PrintedRatio) else None
+    printed = float(entry.value) if entry else float("nan")
     return {
         "quantity": quantity,
-        "printed_as": entry.as_printed,
-        "printed": float(entry.value),
+        "printed_as": entry.as_printed if entry else None,
+        "printed": printed,
         "ours": ours,
-        "difference": abs(ours) - entry.value,
+        "difference": abs(ours) - printed,
     }
 
 

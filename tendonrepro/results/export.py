@@ -12,6 +12,7 @@ from scipy.io import savemat
 
 from tendonrepro.errors import UsageError
 from tendonrepro.files import atomic_path
+from tendonrepro.results.folder import refuse_existing, trace_path
 from tendonrepro.results.records import VARIABLES, TraceFile
 from tendonrepro.results.traces import read_traces
 
@@ -49,11 +50,9 @@ def export_traces(source: Path, form: str, out: Path | None = None, *, force: bo
     if form not in _WRITERS:
         message = f"must be one of {', '.join(_WRITERS)}, found {form!r}"
         raise UsageError(message, where="--format")
-    path = source / "traces.h5" if source.is_dir() else source
+    path = trace_path(source)
     target = out or path.with_suffix(f".{form}")
-    if target.exists() and not force:
-        message = f"{target} is there already"
-        raise UsageError(message, hint="choose another name with --out, or overwrite it with --force")
+    refuse_existing(target, force=force)
     file = read_traces(path)
     with atomic_path(target) as temporary:
         _WRITERS[form](file, temporary)

@@ -237,6 +237,18 @@ def stored_traces(folder: Path) -> TraceFile:
     return read_traces(path)
 
 
+def trace_path(source: Path) -> Path:
+    """Trace file that is named, or that of the results folder that is."""
+    return source / TRACES if source.is_dir() else source
+
+
+def refuse_existing(path: Path, *, force: bool) -> None:
+    """Raise a UsageError where a file is in the way, unless `force`."""
+    if path.exists() and not force:
+        message = f"{path} is there already"
+        raise UsageError(message, hint="choose another name with --out, or overwrite it with --force")
+
+
 def _is_plain(name: str) -> bool:
     """Whether a name read from a file is that of a file below the folder, such as ``figures/fig14.svg``."""
     parts = PurePath(name).parts

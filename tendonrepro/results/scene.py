@@ -124,26 +124,10 @@ class Scene:
 
 
 def scene_of(file: TraceFile, run: str | None = None, *, coupling: bool = False) -> Scene:
-    """Work out what an animation shows.
+    """Work out what an animation shows of a run, the first one if none is named.
 
-    Parameters
-    ----------
-    file : TraceFile
-    run : str, optional
-        Name of a run; the first one if not given.
-    coupling : bool
-        Show the run in which motor 1 alone turns, in the postures that Eq. (1) gives for its motors' angles.
-
-    Returns
-    -------
-    Scene
-
-    Raises
-    ------
-    UsageError
-        If the file holds no such run.
-    DataMissingError
-        If the run does not say where the joints are, or the plant has no arm that can be drawn.
+    With `coupling` it is the run in which motor 1 alone turns, in the postures that Eq. (1) gives for its
+    motors' angles.
     """
     trace = _known(_run_of(file, PULL if coupling else run), "q_motor_encoder" if coupling else "q_encoder")
     mechanism, assumed = _mechanism_of(file)

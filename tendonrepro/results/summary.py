@@ -114,6 +114,11 @@ def tension_sizes(file: TraceFile, trace: Trace) -> Sizes:
     }
 
 
+def loaded_runs(file: TraceFile) -> dict[str, Trace]:
+    """Return the runs of Table 3 by the names of its rows."""
+    return {load: file.runs[run] for load, run in LOADS.items() if run in file.runs}
+
+
 def compared_runs(file: TraceFile) -> dict[str, Trace]:
     """Return the runs of Table 2: all but the payload run."""
     return {name: trace for name, trace in file.runs.items() if name != LOADS["with_load"]}
@@ -154,7 +159,7 @@ def table_data_compare(file: TraceFile) -> dict[str, Any]:
     others = dict.fromkeys(window for found in errors.values() for window in found if window != "whole")
     return {
         "table2": {name: _numbers(errors[name]["whole"]) for name in compared_runs(file)},
-        "table3": {load: _numbers(errors[run]["whole"]) for load, run in LOADS.items() if run in errors},
+        "table3": {load: _numbers(errors[run.name]["whole"]) for load, run in loaded_runs(file).items()},
         "windows": {
             window: {name: _numbers(found[window]) for name, found in errors.items() if window in found}
             for window in others
@@ -176,10 +181,9 @@ def _printed_tables(file: TraceFile) -> dict[str, Any]:
             for metric in ("mae", "rmse")
         }
 
-    loads = {load: file.runs[run] for load, run in LOADS.items() if run in file.runs}
     return {
         "table2": {name: sizes(trace, f"table2.{name}") for name, trace in compared_runs(file).items()},
-        "table3": {load: sizes(trace, f"table3.{load}") for load, trace in loads.items()},
+        "table3": {load: sizes(trace, f"table3.{load}") for load, trace in loaded_runs(file).items()},
     }
 
 

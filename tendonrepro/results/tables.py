@@ -83,11 +83,8 @@ def shown(
 ) -> tuple[list[str], list[list[str]], list[bool]]:
     """Headings, cells as a reader sees them, and which columns hold numbers alone."""
     held = _columns(rows, columns)
-    return (
-        [heading for heading, _ in held.values()],
-        _cells(rows, held),
-        [_is_numeric(rows, name) for name in held],
-    )
+    cells = [[rounded(row.get(name), form) for name, (_, form) in held.items()] for row in rows]
+    return [heading for heading, _ in held.values()], cells, [_is_numeric(rows, name) for name in held]
 
 
 def latex(rows: TableRows, caption: str, label: str, columns: TableColumns | None = None) -> str:
@@ -125,10 +122,6 @@ def _is_numeric(rows: TableRows, name: str) -> bool:
     """Whether a column holds numbers and nothing else."""
     held = [row[name] for row in rows if row.get(name) is not None]
     return bool(held) and all(isinstance(x, int | float) and not isinstance(x, bool) for x in held)
-
-
-def _cells(rows: TableRows, columns: TableColumns) -> list[list[str]]:
-    return [[rounded(row.get(name), form) for name, (_, form) in columns.items()] for row in rows]
 
 
 def rounded(value: Any, form: str = _ROUNDED) -> str:

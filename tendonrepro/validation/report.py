@@ -41,16 +41,13 @@ def _tables(found: Mapping[str, Any]) -> Iterator[str]:
 def _table(found: Mapping[str, Any], window: str) -> Iterator[str]:
     rows: list[Sequence[str]] = [("", "joint", "MAE", "printed", "", "RMSE", "printed", "")]
     for table, title in (("table2", ""), ("table3", "Table 3 ")):
-        for name, row in found[table].items():
-            for place, joint in enumerate(COMPARED):
-                cells = [f"{title}{name}", str(joint)]
-                for metric in ("mae_deg", "rmse_deg"):
-                    ours, printed, agree = (
-                        row[what][metric][place] for what in ("measured", "printed", "agree")
-                    )
-                    cells += [NOTHING if ours is None else f"{ours:.3f}", f"{printed:.3f}"]
-                    cells.append({True: "agrees", False: "differs", None: ""}[agree])
-                rows.append(cells)
+        for line in _lines(found[table]):
+            cells = [f"{title}{line['row']}", str(line["joint"])]
+            for metric in _METRICS:
+                ours, printed, agree = (line[f"{metric}_{what}"] for what in _HEADINGS)
+                cells += [NOTHING if ours is None else f"{ours:.3f}", f"{printed:.3f}"]
+                cells.append({True: "agrees", False: "differs", None: ""}[agree])
+            rows.append(cells)
     if len(rows) > 1:
         yield f"Errors in deg, averaged over: {window}\n{columns(rows, left=True)}"
 
@@ -122,14 +119,11 @@ _ROWS: Mapping[str, Mapping[str, str]] = {
 }
 """Rows of each table, and how the ids of their measured numbers begin."""
 _METRICS = ("mae", "rmse")
+_HEADINGS = {"measured": "{} measured (deg)", "printed": "printed", "agree": "agree"}
 _COLUMNS = {"row": ("Run", ""), "joint": ("Joint", "")} | {
-    f"{metric}_{what}": (heading, ".3f")
+    f"{metric}_{what}": (heading.format(metric.upper()), ".3f")
     for metric in _METRICS
-    for what, heading in {
-        "measured": f"{metric.upper()} measured (deg)",
-        "printed": "printed",
-        "agree": "agree",
-    }.items()
+    for what, heading in _HEADINGS.items()
 }
 
 
@@ -167,19 +161,21 @@ def write_measured_tables(data: Mapping[str, Any], window: str, origin: str, fol
     paths: list[Path] = []
     for table, rows in data.items():
         if rows:
-            lines = [
-                {"row": row, "joint": joint}
-                | {
-                    f"{metric}_{what}": found[what][f"{metric}_deg"][place]
-                    for metric in _METRICS
-                    for what in ("measured", "printed", "agree")
-                }
-                for row, found in rows.items()
-                for place, joint in enumerate(COMPARED)
-            ]
             caption = f"Table {table[-1]} as measured, averaged over: {window} ({origin})."
-            paths += write_table(lines, folder, table, caption, _COLUMNS, ("csv", "md", "tex"))
+            paths += write_table(list(_lines(rows)), folder, table, caption, _COLUMNS, ("csv", "md", "tex"))
     return paths
+
+
+def _lines(rows: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """Yield a table of `table_data` joint by joint, its numbers by the names of `_COLUMNS`."""
+    for row, found in rows.items():
+        for place, joint in enumerate(COMPARED):
+            numbers = {
+                f"{metric}_{what}": found[what][f"{metric}_deg"][place]
+                for metric in _METRICS
+                for what in _HEADINGS
+            }
+            yield {"row": row, "joint": joint} | numbers
 
 
 def window_rows(tables: PrintedTables, paper: Published) -> list[dict[str, Any]]:

@@ -12,8 +12,8 @@ from support.made_claims import (
     sizes_of,
     spoil,
     verdicts,
-    with_numbers,
 )
+from support.other_print import with_numbers
 
 from tendonrepro.claims.plants import Plants
 from tendonrepro.claims.statements import HALVED, IDEAL, LONGER, SHORTER

@@ -16,9 +16,8 @@ from tendonrepro.claims.report import table_text
 from tendonrepro.config.models.readings import PRINTED
 from tendonrepro.config.published import published
 from tendonrepro.console import Talk
-from tendonrepro.dataset.measured_file import read_measured
 from tendonrepro.dataset.motion.windows import PrintedTables, Timing, try_windows
-from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.errors import DataMissingError
 from tendonrepro.results.traces import write_traces
 
 
@@ -181,12 +180,6 @@ class TestComparison:
         assert tables.compared == 8
         assert tables.winner is not None
 
-    def test_recorded_and_computed_surfaces_are_not_mixed(self):
-        file = comparison(GROWING)
-        found = judged(with_run(file, without(file.runs["controller_3"], "s")))["C4"]
-        assert found.decision.verdict == "not_testable"
-        assert "computed" in found.evidence["missing"]
-
     @pytest.mark.parametrize("step", [0.001, 0.01])
     def test_a_computed_surface_is_that_of_the_error_and_not_of_the_encoder(self, step):
         """Errors three and ten times as large are no similar surfaces, whatever the sampling."""
@@ -319,23 +312,6 @@ class TestAngles:
             with pytest.raises(DataMissingError, match=word):
                 decoupling(file)
 
-    def test_k5_holds_and_fails(self):
-        file = make_compare_file(step=0.02, source="measured")
-        close, far = (
-            replace(
-                file,
-                runs={
-                    name: measured_trace(trace, q_encoder=(1.0 + share) * trace["q_d"])
-                    for name, trace in file.runs.items()
-                },
-            )
-            for share in (0.01, 0.2)
-        )
-        assert motor_angles(close).decision.verdict == "reproduced"
-        found = motor_angles(far)
-        assert found.decision.verdict == "not_reproduced"
-        assert len(found.evidence["statements"]) == 6
-
     @pytest.mark.parametrize(("desired", "measured"), [(1.0, np.nan), (0.0, 0.0)], ids=["lost", "still"])
     def test_k5_needs_samples_of_motors_that_move(self, desired, measured):
         file = make_compare_file(step=0.02, source="measured", runs=("controller_2",))
@@ -383,7 +359,9 @@ class TestAngles:
         q_d, q_encoder = q_d[: len(q_d) // 2 * 2], q_encoder[: len(q_d) // 2 * 2]
         variables = {"q_d": q_d, "q_encoder": q_encoder}
         run = replace(measured_trace(trace), time=trace.time[: len(q_d)], variables=variables)
-        rows = motor_angles(replace(file, runs={"controller_2": run})).evidence["statements"]
+        found = motor_angles(replace(file, runs={"controller_2": run}))
+        assert found.decision.verdict == ("reproduced" if share < 0.05 else "not_reproduced")
+        rows = found.evidence["statements"]
         assert [row["share_of_range"] for row in rows] == pytest.approx([0.5 * share, share], rel=1e-9)
         assert [row["mae_deg"] for row in rows] == pytest.approx(np.rad2deg(np.abs(apart)), rel=1e-9)
         assert [row["holds"] for row in rows] == [True, share < 0.05]
@@ -445,16 +423,6 @@ class TestLedger:
         ledger = run_claims(tmp_path, ["C2"], None, Talk(quiet=True), path)
         assert ledger.verdicts[0].evidence["measured"]["verdict"] == "reproduced"
         assert "measured" not in run_claims(tmp_path, ["C2"], None, Talk(quiet=True)).verdicts[0].evidence
-
-    def test_simulated_and_absent_files_are_refused(self, tmp_path):
-        path = tmp_path / "SYNTHETIC.h5"
-        with pytest.raises(DataMissingError, match="no measured") as caught:
-            read_measured(path)
-        assert "fetch" in str(caught.value)
-        assert "ingest" in str(caught.value)
-        write_traces(path, make_decouple_file())
-        with pytest.raises(UsageError, match="simulated"):
-            read_measured(path)
 
     def test_the_reference_is_recovered_once_for_all(self):
         found = measured_of(comparison(), published())

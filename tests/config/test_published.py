@@ -4,7 +4,6 @@ import math
 from collections.abc import Sequence
 from fractions import Fraction
 
-import numpy as np
 import pytest
 
 from tendonrepro.config.fields.strict_yaml import load
@@ -14,45 +13,11 @@ from tendonrepro.errors import ConfigError
 JOINTS = (2, 3)
 
 
-def interval(identifier: str) -> tuple[float, float]:
-    """Numbers that print like this one when rounded."""
-    entry = published().entries[identifier]
-    assert isinstance(entry, PrintedNumber)
-    half = 0.5 * 10.0**-entry.decimals
-    return entry.value - half, entry.value + half
-
-
-class TestThePaperAgreesWithItself:
-    @pytest.mark.parametrize("other", [2, 3])
-    @pytest.mark.parametrize("metric", ["mae", "rmse"])
-    @pytest.mark.parametrize("joint", JOINTS)
-    def test_shares_of_section_5_3_follow_from_table_2(self, other: int, metric: str, joint: int) -> None:
-        low, high = interval(f"table2.controller_1.{metric}.joint_{joint}")
-        other_low, other_high = interval(f"table2.controller_{other}.{metric}.joint_{joint}")
-        printed = published().number(f"share.controller_1_of_{other}.{metric}.joint_{joint}")
-        # 85.5, 89.3 and 74.7 look cut off rather than rounded; unrounded errors can give them all.
-        assert 100.0 * low / other_high < printed < 100.0 * high / other_low
-
-    @pytest.mark.parametrize("metric", ["mae", "rmse"])
-    def test_the_run_without_load_is_controller_1(self, metric: str) -> None:
-        no_load = published().per_joint(f"table3.no_load.{metric}", JOINTS)
-        assert no_load == published().per_joint(f"table2.controller_1.{metric}", JOINTS)
-
-    def test_the_matrix_is_made_of_the_ratios_of_table_1(self) -> None:
-        for i, j in zip(*np.tril_indices(3), strict=True):
-            ratio = published().number(f"table1.D_{j + 1}{i + 1}_over_D_{i + 1}")
-            assert published().number(f"S_inv.{i + 1}{j + 1}") == ratio
-
-    def test_a_root_mean_square_is_never_below_the_mean(self) -> None:
-        names = [name for name in published().entries if ".mae." in name and name.startswith("table")]
-        assert len(names) == 10
-        for name in names:
-            assert published().number(name.replace(".mae.", ".rmse.")) > published().number(name)
-
-    def test_the_resolution_is_a_turn_over_four_counts_a_pulse(self) -> None:
-        counts = 4.0 * published().number("hardware.encoder_pulses")
-        low, high = interval("hardware.encoder_resolution")
-        assert low < 360.0 / counts < high
+def test_a_root_mean_square_is_never_below_the_mean() -> None:
+    names = [name for name in published().entries if ".mae." in name and name.startswith("table")]
+    assert len(names) == 10
+    for name in names:
+        assert published().number(name.replace(".mae.", ".rmse.")) > published().number(name)
 
 
 class TestShippedFile:

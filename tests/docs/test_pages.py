@@ -9,7 +9,6 @@ import itertools
 import json
 import re
 import shlex
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +34,7 @@ from tendonrepro.experiments.rig import build_plant
 from tendonrepro.experiments.user_law import find_user_law
 from tendonrepro.physics.linear_loop import decay_rate, plant_matrices
 from tendonrepro.physics.metrics import mae, status_of
+from tendonrepro.report.assumed import quantities
 from tendonrepro.results.traces import read_traces
 from tendonrepro.simulation.stepper import simulate
 
@@ -83,15 +83,6 @@ def section(text: str, heading: str) -> str:
 @pytest.fixture(scope="module")
 def shipped() -> dict[str, LoadedConfig]:
     return {name: load_config(None, name) for name in EXPERIMENTS}
-
-
-def quantities(tree: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[str, dict[str, Any]]]:
-    if isinstance(tree, dict):
-        if {"value", "unit", "source"} <= tree.keys():
-            yield ".".join(path), tree
-            return
-        for key, below in tree.items():
-            yield from quantities(below, (*path, key))
 
 
 def leads_somewhere(key: str, tree: Any) -> bool:

@@ -5,8 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.made_plants import DIVERGED, PRINTED, RINGING, loaded, measured, paper, plants
+from support.made_plants import DIVERGED, PRINTED, RINGING, loaded, measured, plants
+from support.other_print import with_numbers
 
+from tendonrepro.config.published import published
 from tendonrepro.ensemble.box import make_box
 from tendonrepro.identify.judge import (
     number_rows,
@@ -26,7 +28,7 @@ class TestJudge:
         assert all(row["inside_rounding"] and row["ratio"] == 1.0 for row in rows)
 
     def test_a_falsified_number_is_not_reached(self):
-        lied = printed_numbers(paper(table2__controller_1__mae__joint_2=0.183), (2, 3))
+        lied = printed_numbers(with_numbers(published(), {"table2.controller_1.mae.joint_2": 0.183}), (2, 3))
         rows = number_rows(measured([PRINTED.values]), plants(), lied, ("controller_2",))
         wrong = [(row["run"], row["metric"], row["joint"]) for row in rows if row["verdict"] == "not_reached"]
         assert wrong == [("controller_1", "mae", 2)]

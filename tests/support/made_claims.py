@@ -1,16 +1,14 @@
 """An ensemble made from formulas on which every claim holds, and the paper of one of its plants."""
 
-from dataclasses import replace
-from types import MappingProxyType
-
 import numpy as np
 from numpy.typing import NDArray
 
+from support.other_print import with_numbers
 from tendonrepro.claims.judge import Sources, judge_all
 from tendonrepro.claims.sensitivity import ranked
 from tendonrepro.claims.statements import HALVED, IDEAL, LONGER, SHORTER, SIZES
 from tendonrepro.config.models.readings import PRINTED
-from tendonrepro.config.published import PrintedNumber, published
+from tendonrepro.config.published import published
 from tendonrepro.results.summary import CONTROLLERS
 
 Array = NDArray[np.float64]
@@ -104,16 +102,6 @@ def spoil(data, run, names, factor, reading=PRINTED):
 def sizes_of(signal, phase=""):
     """Names of the sizes of a signal in a phase."""
     return [f"{signal}_{size}{phase}" for size in SIZES]
-
-
-def with_numbers(paper, values):
-    """The print with other digits."""
-    entries = dict(paper.entries)
-    for name, value in values.items():
-        entry = entries[name]
-        assert isinstance(entry, PrintedNumber)
-        entries[name] = entry.model_copy(update={"value": round(float(value), entry.decimals)})
-    return replace(paper, entries=MappingProxyType(entries))
 
 
 def paper_of(data, plant=KNOWN):

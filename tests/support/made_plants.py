@@ -1,11 +1,10 @@
 """A stepper of a few unknowns, plants around the printed numbers, and papers with other numbers."""
 
-from dataclasses import replace
 from functools import cache
-from types import MappingProxyType
 
 import numpy as np
 
+from support.other_print import with_numbers
 from tendonrepro.config.ensemble import load_ensemble
 from tendonrepro.config.models.readings import RUNS
 from tendonrepro.config.published import published
@@ -33,16 +32,6 @@ def measured(sizes, status=OK, lasted=1.0):
     sizes = np.asarray(sizes, dtype=float)
     shape = sizes.shape[:2]
     return Outcome(sizes, np.broadcast_to(np.int8(status), shape), np.broadcast_to(lasted, shape))
-
-
-def paper(**changed):
-    """The paper with some numbers changed, by ids with ``__`` for a point."""
-    held = published()
-    entries = dict(held.entries)
-    for name, value in changed.items():
-        key = name.replace("__", ".")
-        entries[key] = entries[key].model_copy(update={"value": value})
-    return replace(held, entries=MappingProxyType(entries))
 
 
 PRINTED = printed_numbers(published(), (2, 3))
@@ -81,5 +70,5 @@ def made_up_paper(**changed):
         table = "table3.with_load" if run == "controller_1_payload" else f"table2.{run}"
         for metric, more in (("mae", 1.0), ("rmse", 1.25)):
             for joint in (2, 3):
-                values[f"{table}.{metric}.joint_{joint}"] = round(0.2 * factor * more, 3)
-    return paper(**{name.replace(".", "__"): value for name, value in (values | changed).items()})
+                values[f"{table}.{metric}.joint_{joint}"] = 0.2 * factor * more
+    return with_numbers(published(), values | changed)

@@ -235,7 +235,7 @@ def test_a_motion_that_the_model_cannot_follow_is_a_result(tmp_path: Path) -> No
 
 
 def test_simulated_and_absent_files_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(DataMissingError, match="no measured"):
+    with pytest.raises(DataMissingError, match=r"no measured(.|\n)*fetch(.|\n)*ingest"):
         validate(tmp_path / "SYNTHETIC.h5", tmp_path / "out")
     write_traces(tmp_path / "SYNTHETIC.h5", make_decouple_file())
     with pytest.raises(UsageError, match="simulated"):

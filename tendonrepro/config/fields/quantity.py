@@ -77,9 +77,6 @@ class Quantity(Model):
         """Unit of `si`."""
         return UNITS[self.unit].si
 
-    def _to_si(self) -> Array:
-        return np.asarray(to_si(np.asarray(self.value, dtype=np.float64), self.unit))
-
 
 def _number(raw: object, at: Key, problems: Problems) -> float:
     if isinstance(raw, bool) or not isinstance(raw, int | float):
@@ -139,31 +136,25 @@ class Scalar(Quantity):
     @property
     def si(self) -> float:
         """The value in SI units and radians."""
-        return float(self._to_si())
+        return float(to_si(self.value, self.unit))
 
 
-class Vector(Quantity):
+class _Several(Quantity):
+    @property
+    def si(self) -> Array:
+        """The values in SI units and radians, read-only, shape (n,) or (rows, columns)."""
+        array = np.asarray(to_si(np.array(self.value, dtype=np.float64), self.unit))
+        array.setflags(write=False)
+        return array
+
+
+class Vector(_Several):
     """A list of numbers, one per joint unless said otherwise."""
 
     value: Annotated[tuple[float, ...], BeforeValidator(_read_vector)]
 
-    @property
-    def si(self) -> Array:
-        """The values in SI units and radians, read-only, shape (n,)."""
-        return _frozen(self._to_si())
 
-
-class Matrix(Quantity):
+class Matrix(_Several):
     """A list of rows of numbers."""
 
     value: Annotated[tuple[tuple[float, ...], ...], BeforeValidator(_read_matrix)]
-
-    @property
-    def si(self) -> Array:
-        """The values in SI units and radians, read-only, shape (rows, columns)."""
-        return _frozen(self._to_si())
-
-
-def _frozen(array: Array) -> Array:
-    array.setflags(write=False)
-    return array

@@ -48,6 +48,16 @@ class BoxRange(_Known):
         """Every number with its place."""
         yield from ((("low",), self.low), (("high",), self.high))
 
+    @property
+    def lowest(self) -> float:
+        """The lower bound, SI."""
+        return float(to_si(self.low, self.unit))
+
+    @property
+    def highest(self) -> float:
+        """The upper bound, SI."""
+        return float(to_si(self.high, self.unit))
+
     @model_validator(mode="after")
     def _check_order(self) -> Self:
         with Problems() as problems:
@@ -62,7 +72,24 @@ class BoxRange(_Known):
         return self
 
 
-class Choice(_Known):
+class _OneOf(_Known):
+    """An unknown that is one of a few things."""
+
+    choices: tuple[Any, ...]
+    nominal: Any
+
+    @model_validator(mode="after")
+    def _check_choices(self) -> Self:
+        with Problems() as problems:
+            if self.nominal not in self.choices:
+                known = ", ".join(map(str, self.choices))
+                problems.add(("nominal",), f"must be one of the choices, {known}, found {self.nominal}")
+            if len(set(self.choices)) < len(self.choices):
+                problems.add(("choices",), "must not name a choice twice")
+        return self
+
+
+class Choice(_OneOf):
     """An unknown number that is one of a few."""
 
     choices: Annotated[tuple[Number, ...], Field(min_length=1)]
@@ -73,31 +100,12 @@ class Choice(_Known):
         """Every number with its place."""
         yield from ((("choices", i), value) for i, value in enumerate(self.choices))
 
-    @model_validator(mode="after")
-    def _check_choices(self) -> Self:
-        _raise_if_not_among(self.choices, self.nominal)
-        return self
 
-
-class Words(_Known):
+class Words(_OneOf):
     """An unknown that is one of a few named kinds."""
 
     choices: Annotated[tuple[str, ...], Field(min_length=1)]
     nominal: str
-
-    @model_validator(mode="after")
-    def _check_choices(self) -> Self:
-        _raise_if_not_among(self.choices, self.nominal)
-        return self
-
-
-def _raise_if_not_among(choices: tuple[object, ...], nominal: object) -> None:
-    with Problems() as problems:
-        if nominal not in choices:
-            known = ", ".join(map(str, choices))
-            problems.add(("nominal",), f"must be one of the choices, {known}, found {nominal}")
-        if len(set(choices)) < len(choices):
-            problems.add(("choices",), "must not name a choice twice")
 
 
 BoxRow: TypeAlias = BoxRange | Choice | Words
@@ -114,14 +122,9 @@ class _Checked(ABC):
             Annotated[source, AfterValidator(self._check), Field(description=self.about)]
         )
 
-    def _check(self, row: BoxRow) -> BoxRow:
-        with Problems() as problems:
-            self._note(row, problems)
-        return row
-
     @abstractmethod
-    def _note(self, row: BoxRow, problems: Problems) -> None:
-        """Note the row's mistakes."""
+    def _check(self, row: Any) -> BoxRow:
+        """Give back the row, or raise its mistakes."""
 
 
 @dataclass(frozen=True)
@@ -132,22 +135,18 @@ class In(_Checked):
     bottom: float = 0.0
     top: float = math.inf
 
-    def _note(self, row: BoxRow, problems: Problems) -> None:
-        assert not isinstance(row, Words)
+    def _check(self, row: BoxRange | Choice) -> BoxRange | Choice:
         units = [name for name, unit in UNITS.items() if unit.si == self.unit]
         if row.unit not in units:
-            problems.add(("unit",), f"must be {' or '.join(units)}, found {describe(row.unit)}")
-            return
-        for at, value in row.numbers():
-            si = to_si(value, row.unit)
-            # The last digits of a conversion must not decide.
-            if not self.bottom * (1.0 - 1e-12) <= si <= self.top * (1.0 + 1e-12):
-                problems.add(at, f"must be {self._allowed()}, found {value:g} {row.unit}")
-
-    def _allowed(self) -> str:
-        least = f"at least {self.bottom:.6g}"
+            refuse(f"must be {' or '.join(units)}, found {describe(row.unit)}", "unit")
         most = "" if self.top == math.inf else f" and at most {self.top:.6g}"
-        return f"{least}{most} {self.unit}"
+        allowed = f"at least {self.bottom:.6g}{most} {self.unit}"
+        with Problems() as problems:
+            for at, value in row.numbers():
+                # The last digits of a conversion must not decide.
+                if not self.bottom * (1.0 - 1e-12) <= to_si(value, row.unit) <= self.top * (1.0 + 1e-12):
+                    problems.add(at, f"must be {allowed}, found {value:g} {row.unit}")
+        return row
 
 
 @dataclass(frozen=True)
@@ -156,11 +155,12 @@ class Among(_Checked):
 
     words: tuple[str, ...]
 
-    def _note(self, row: BoxRow, problems: Problems) -> None:
-        assert isinstance(row, Words)
-        for i, word in enumerate(row.choices):
-            if word not in self.words:
-                problems.add(("choices", i), f"must be one of {', '.join(self.words)}, found {word!r}")
+    def _check(self, row: Words) -> Words:
+        with Problems() as problems:
+            for i, word in enumerate(row.choices):
+                if word not in self.words:
+                    problems.add(("choices", i), f"must be one of {', '.join(self.words)}, found {word!r}")
+        return row
 
 
 _EPS = 1e-9  # stands for "above zero"
@@ -225,9 +225,7 @@ class BoxConfig(Model):
     @model_validator(mode="after")
     def _check_workspace(self) -> Self:
         """Links stay between 0 and 180 degrees from hanging in every draw: link 3 reaches posture + 2 A."""
-        reached = to_si(self.posture.high, self.posture.unit) + 2.0 * to_si(
-            self.amplitude.high, self.amplitude.unit
-        )
+        reached = self.posture.highest + 2.0 * self.amplitude.highest
         if reached >= math.pi:
             message = (
                 f"must keep link 3 below 180 deg from hanging, it would reach {reached / _DEGREE:.6g} deg"

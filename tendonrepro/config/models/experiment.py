@@ -26,7 +26,6 @@ from tendonrepro.config.fields.model import (
 )
 from tendonrepro.config.fields.physical import per_joint, per_moving_joint, physical
 from tendonrepro.config.fields.quantity import Scalar, Vector
-from tendonrepro.config.fields.strict_yaml import Key
 from tendonrepro.config.models.control import Control
 from tendonrepro.config.models.manipulator import Manipulator
 from tendonrepro.config.models.reference import ReferenceConfig
@@ -204,8 +203,8 @@ class CompareConfig(Experiment):
     @field_validator("reference")
     @classmethod
     def _check_reference(cls, reference: ReferenceConfig, info: ValidationInfo) -> ReferenceConfig:
-        with Problems() as problems:
-            _check_duration(reference, (), info, problems)
+        if wrong := _wrong_duration(reference, info):
+            refuse(wrong)
         return reference
 
 
@@ -239,17 +238,18 @@ class DecoupleConfig(Experiment):
     def _check_references(cls, runs: dict[str, DecoupleRun], info: ValidationInfo) -> dict[str, DecoupleRun]:
         with Problems() as problems:
             for name, run in runs.items():
-                _check_duration(run.reference, (name, "reference"), info, problems)
+                if wrong := _wrong_duration(run.reference, info):
+                    problems.add((name, "reference"), wrong)
         return runs
 
 
-def _check_duration(reference: ReferenceConfig, at: Key, info: ValidationInfo, problems: Problems) -> None:
-    """Note a duration that is not a whole number of samples."""
+def _wrong_duration(reference: ReferenceConfig, info: ValidationInfo) -> str | None:
+    """What is wrong with a duration that is not a whole number of samples, or too many."""
     period, duration = info.data.get("sampling_period"), reference.duration
     if period is None or duration is None:
-        return
+        return None
     if duration > MOST_SAMPLES * period.si:
-        problems.add(at, f"lasts {duration:g} s; a run has at most {MOST_SAMPLES:g} samples")
-    elif not is_multiple(duration, period.si):
-        message = f"lasts {duration:.9g} s, which must be a whole multiple of the sampling period, "
-        problems.add(at, f"{message}{period}")
+        return f"lasts {duration:g} s; a run has at most {MOST_SAMPLES:g} samples"
+    if not is_multiple(duration, period.si):
+        return f"lasts {duration:.9g} s, which must be a whole multiple of the sampling period, {period}"
+    return None
