@@ -85,6 +85,19 @@ def test_shape_needs_no_scale():
     assert found["distance"]["median"]["value"] == pytest.approx(wanted)
 
 
+def test_the_reverse_order_among_plants_with_errors_of_the_printed_size():
+    rng = np.random.default_rng(4)
+    factor, turned = rng.choice([0.4, 0.9, 1.3, 2.4], (PLANTS, 1)), rng.random((PLANTS, 1)) < 0.5
+    printed = [np.deg2rad(published().per_joint(f"table2.{run}.mae", JOINTS)) for run in RUNS[:3]]
+    sizes = {run: factor * np.where(turned, printed[2 - k], printed[k]) for k, run in enumerate(RUNS[:3])} | {
+        RUNS[3]: np.ones((PLANTS, 2))
+    }
+    found = reading_summary(ensemble(lambda run, *_: sizes[run], always_ok), "printed")
+    near = ((factor == 0.9) | (factor == 1.3)).ravel()
+    assert found["share_reverse_near_print"]["plants"] == near.sum()
+    assert found["share_reverse_near_print"]["share"] == turned.ravel()[near].mean()
+
+
 def test_both_metrics_together_is_the_intersection(mixed):
     found = reading_summary(mixed, "printed")["share_c1_best"]["all_ok"]
     ok = np.all([mixed.status(run, "printed") == OK for run in RUNS[:3]], axis=0)
@@ -137,6 +150,7 @@ def test_the_reverse_and_the_rise_equal_brute_force(mixed):
         "share_c1_smoother": smoother,
         "share_order_and_smoother": order & smoother,
         "share_order_and_rise": order & rising.all(axis=1),
+        "share_order_rise_and_smoother": order & rising.all(axis=1) & smoother,
     }.items():
         assert found[name]["share"] == hits.mean(), name
         assert found[name]["plants"] == ok.sum()

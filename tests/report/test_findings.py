@@ -73,11 +73,46 @@ def test_readings_that_do_not_mend_the_order_are_not_praised(stored: Results) ->
 
 
 def test_other_weights_alone_are_praised_only_where_they_put_controller_1_first(stored: Results) -> None:
-    praise = "Other weights alone put Controller 1 first; the whole printed order takes a second change"
+    praise = "Extrapolating weights put Controller 1 first on nearly every plant; for the printed order on "
+    praise += "most plants φ has to change too"
     assert praise in heads(stored)
     stored.readings["weights=extrapolating"]["first_best"] = share(0.5)  # type: ignore[index]
     assert praise not in heads(stored)
     assert "Two other readings together bring the order back" in heads(stored)
+
+
+def test_readings_with_the_printed_weights_that_put_controller_1_first_are_named(stored: Results) -> None:
+    head = "With the weights of Eq. (15) Controller 1 comes first under few readings, on few plants"
+    for reading in stored.readings.values():
+        reading["first_best"] = share(0.4)  # type: ignore[index]
+        reading["order_rise_and_smoother"] = share(0.0)  # type: ignore[index]
+    assert head not in heads(stored)
+    cold = stored.readings["start=cold"]
+    cold["first_best"], cold["order_rise_and_smoother"] = share(0.7), share(0.02)  # type: ignore[index]
+    cold["diverged_last"]["first_best"] = share(0.8, 900)
+    stored.readings["weights=swapped"]["first_best"] = share(0.9)  # type: ignore[index]
+    (line,) = [line for line in findings(stored) if head in line]
+    assert "on 70 % of the 500 plants that all three laws track under `start=cold`" in line
+    assert "ranked last on 80 % of 900" in line
+    assert f": 10 of {cold['in_order']['plants']} under `start=cold`." in line
+    assert "swapped" not in line
+
+
+def test_choices_where_the_print_is_silent_stand_beside_the_order(stored: Results) -> None:
+    for name, reading in stored.readings.items():
+        reading["in_reverse"] = share(0.3 if name == "start=cold" else 0.9)  # type: ignore[index]
+    stored.readings["feedback=motor"]["in_reverse"] = share(0.0, 0)  # type: ignore[index]
+    first = findings(stored)[0]
+    assert "the reverse order holds on 90 % to 90 % under" in first
+    assert "but not under `start=cold` (30 %); no plant tracks under `feedback=motor`." in first
+
+
+def test_plants_of_the_size_of_the_bench_are_told_where_there_are_enough(stored: Results) -> None:
+    sizes = "where all six MAE are within a factor of 2 of the print"
+    printed = stored.readings["printed"]
+    for plants, told in ((100, True), (99, False)):
+        printed["reverse_near_print"] = share(0.7, plants)  # type: ignore[index]
+        assert any(sizes in line for line in findings(stored)) is told
 
 
 def test_what_no_longer_holds_is_left_out(stored: Results) -> None:
@@ -89,9 +124,9 @@ def test_what_no_longer_holds_is_left_out(stored: Results) -> None:
         entry["evidence"]["also_passing"] = 0.1
     for held in stored.entries["C6"]["evidence"]["statements"]:
         held["share"] = 0.1
+    stored.entries["E2a"]["evidence"]["share"] = 0.4
     gone = {*before} - {*heads(stored)}
-    assert {head.split()[0] for head in gone} == {"With", "The", "One", "What", "S"}
-    assert len(gone) == 5
+    assert sorted(head.split()[0] for head in gone) == ["One", "S", "The", "What", "What", "With"]
 
 
 def test_theory_and_run_stand_side_by_side() -> None:
