@@ -150,13 +150,17 @@ def found_sources(out: Path, measured: Path | None, talk: Talk) -> Sources:
 
 
 def _ensemble(folder: Path, talk: Talk) -> EnsembleData | None:
-    """Results over the box; an unfinished ensemble counts as none, and is told of."""
+    """Results over the box; one that is unfinished or not of the paper counts as none, and is told of."""
     try:
-        return read_ensemble(folder)
+        data = read_ensemble(folder)
     except NotFinishedError as error:
         if folder.exists():
             talk.note(f"{error.where}: {error.message}; judging without it")
         return None
+    if not data.of_paper:
+        talk.note(f"{folder}: not drawn around the paper's arm, gains and payload; judging without it")
+        return None
+    return data
 
 
 def _baseline(path: Path, ids: Sequence[str]) -> dict[str, str]:

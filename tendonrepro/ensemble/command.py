@@ -27,6 +27,7 @@ from tendonrepro.errors import UsageError
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.results.folder import HeldFolder, claimed, refuse_others
 from tendonrepro.results.manifest import make_manifest
+from tendonrepro.results.paper import OTHER_BASE, base_of_paper
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.codegen.compiled import cache_is_empty
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
@@ -186,7 +187,7 @@ def _finish(
         "draws": draws,
         "scramblings": study.replicates,
         **next(iter(populations.values())),
-        "conclusions": conclusions(populations),
+        "conclusions": [OTHER_BASE] * (not base_of_paper(study.config)) + conclusions(populations),
         "spot_check": spot_checks(folder, study.blocks(draws)),
         "cost": study.cost(draws),
         **speed,

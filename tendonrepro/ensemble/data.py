@@ -46,6 +46,8 @@ class EnsembleData:
     ----------
     population : str
         ``box`` or ``firm``.
+    of_paper : bool
+        Whether draws start from the paper's arm, gains and payload.
     joints : tuple of int
         The paper's numbers of the n joints.
     alpha : tuple of float
@@ -62,6 +64,7 @@ class EnsembleData:
     """
 
     population: str
+    of_paper: bool
     joints: tuple[int, ...]
     alpha: tuple[float, ...]
     runs: tuple[str, ...]
@@ -185,6 +188,7 @@ def read_ensemble(folder: Path, population: str = "box", *, stride: int = 1) -> 
         names = tuple(json.loads(root.attrs["names"]))
     return EnsembleData(
         population=population,
+        of_paper=plan.get("of_paper", True),
         joints=tuple(plan["joints"]),
         alpha=tuple(plan["alpha"]),
         runs=tuple(plan["runs"]),

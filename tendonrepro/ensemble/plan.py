@@ -18,6 +18,7 @@ from tendonrepro.ensemble.box import Box
 from tendonrepro.ensemble.shards import SCHEMA_VERSION, Block, Case
 from tendonrepro.errors import UsageError
 from tendonrepro.files import digest_of
+from tendonrepro.results.paper import base_of_paper
 from tendonrepro.simulation.streaming import STATISTICS
 
 CHECK_EVERY = 8
@@ -150,6 +151,7 @@ class Study:
             "replicates": self.replicates,
             "seed": self.seed,
             "populations": {name: self.draws_of(name, draws) for name in self.boxes},
+            "of_paper": base_of_paper(self.config),
             "joints": list(self.config.joints),
             "alpha": self.config.control.gains.alpha.si.tolist(),
             "runs": list(RUNS),

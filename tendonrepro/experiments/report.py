@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tendonrepro.console import columns
-from tendonrepro.results.summary import LOADS
+from tendonrepro.results.summary import LOADS, ranking_rows
 
 
 def results_text(data: Mapping[str, Any]) -> str:
@@ -49,7 +49,8 @@ def _compare_parts(data: Mapping[str, Any]) -> list[str]:
             one["agrees"] is not None for found in data["ranking"].values() for one in found.values()
         )
         order = " (printed: 1, 2, 3)" if judged else ""
-        parts += [f"Controllers by error, smallest first{order}", _ranking(data["ranking"], status)]
+        rows = columns(ranking_rows(data["ranking"], status), left=True)
+        parts += [f"Controllers by error, smallest first{order}", rows]
     return (
         _fitted(data)
         + ["\n".join(pair) for pair in zip(parts[::2], parts[1::2], strict=True)]
@@ -115,19 +116,6 @@ def _triple(ours: float | None, printed: float) -> str:
     if math.isnan(printed):
         return f"{ours:.3f}"
     return f"{ours:.3f} | {printed:.3f} | {ours / printed:.2f}"
-
-
-def _ranking(ranking: Mapping[str, Any], status: Mapping[str, str]) -> str:
-    verdicts = {True: ["as printed"], False: ["not as printed"], None: []}
-    rows = []
-    for joint, metrics in ranking.items():
-        for metric, found in metrics.items():
-            names = {run: run.removeprefix("controller_") for run in found["order"]}
-            lost = [name for run, name in names.items() if status[run] == "diverged"]
-            # One that diverged comes last; between two there is no order.
-            verdict = [f"{' and '.join(lost)} diverged"] if len(lost) > 1 else verdicts[found["agrees"]]
-            rows.append((f"{joint.replace('_', ' ')} {metric.upper()}", ", ".join(names.values()), *verdict))
-    return columns(rows)
 
 
 def _decouple_parts(data: Mapping[str, Any]) -> list[str]:

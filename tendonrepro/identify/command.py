@@ -43,6 +43,7 @@ from tendonrepro.identify.report import CONFIG, conclusions, write_config, write
 from tendonrepro.identify.search import Effort, Evaluated, Found, load_arrays, save_arrays, search
 from tendonrepro.results.folder import HeldFolder, claimed, foretell_refusal
 from tendonrepro.results.manifest import make_manifest
+from tendonrepro.results.paper import OTHER_BASE, base_of_paper
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 
@@ -184,7 +185,7 @@ def _identified(task: Task, held: HeldFolder, identity: str, processors: int, ta
             readings.append(_reading_data(task, reading, *found[task.case(reading)]))
             progress(1)
     data = _outline(task, folder) | {"readings": readings, "config": str(folder / CONFIG)}
-    data["conclusions"] = conclusions(data)
+    data["conclusions"] = [OTHER_BASE] * (not base_of_paper(task.loaded.compare)) + conclusions(data)
     held.clear()
     place = int(np.argmin([entry["misfit_log"] for entry in readings]))
     best = task.readings[place]

@@ -23,7 +23,7 @@ from tendonrepro.report.sources import MISSING, RUN, Found
 from tendonrepro.results.comparison import made_tables
 from tendonrepro.results.figures.catalogue import FIGURES, available, draw
 from tendonrepro.results.records import TraceFile
-from tendonrepro.results.summary import ranking
+from tendonrepro.results.summary import ranking, ranking_rows
 from tendonrepro.results.tables import shown
 
 COMMANDS = {
@@ -212,18 +212,9 @@ def _measured(found: Found, number: int) -> Figure | None:
     return figure_of(draw_overlay(number, found.measured, models))
 
 
-def order(file: TraceFile | None) -> list[tuple[str, str, bool | None]]:
-    """Error, order of the controllers by it, best first, and whether it is the printed one."""
-    found = ranking(file) if file else {}
-    return [
-        (
-            f"{metric.upper()}, {joint.replace('_', ' ')}",
-            ", ".join(name.removeprefix("controller_") for name in held["order"]),
-            held["agrees"],
-        )
-        for joint, metrics in found.items()
-        for metric, held in metrics.items()
-    ]
+def order(file: TraceFile | None) -> list[tuple[str, str, str]]:
+    """Errors, orders of the controllers, best first, and what the print says; see `ranking_rows`."""
+    return ranking_rows(ranking(file), {name: run.status for name, run in file.runs.items()}) if file else []
 
 
 def configurations(found: Found) -> list[Any]:

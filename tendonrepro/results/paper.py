@@ -2,12 +2,25 @@
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Mapping
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tendonrepro.arrays import Array
+from tendonrepro.config.models.experiment import CompareConfig
+from tendonrepro.config.models.readings import RUNS
 from tendonrepro.config.published import COMPARED, PrintedText, coupling_of, published, table_1
+from tendonrepro.physics.kinematics import coupling_inverse
 from tendonrepro.results.records import Trace, TraceFile
 
 _ARM, _PAYLOAD = "hardware.arm", "hardware.payload"
+
+OTHER_BASE = (
+    "The base has not the paper's arm, gains and payload, so nothing here speaks of the paper, although its "
+    "numbers stand beside."
+)
+"""Conclusion of an ensemble or a search where `base_of_paper` does not hold."""
 
 
 def of_paper(file: TraceFile, trace: Trace | None = None) -> bool:
@@ -27,27 +40,50 @@ def of_paper(file: TraceFile, trace: Trace | None = None) -> bool:
     -------
     bool
     """
-    paper = published()
-    arm = paper.entries[_ARM]
-    assert isinstance(arm, PrintedText)
-    S_inv, plant = coupling_of(table_1(paper))[1], file.plant
-    if "S_inv" in plant.values:
-        # A record of the moving joints alone holds the trailing block.
-        ours = plant.values["S_inv"].value
-        block = S_inv[-len(ours) :, -len(ours) :]
-        if ours.shape != block.shape or not np.allclose(ours, block, rtol=1e-9, atol=1e-12):
-            return False
-    if plant.attributes.get("arm", arm.text) != arm.text:
+    plant = file.plant
+    S_inv = plant.values["S_inv"].value if "S_inv" in plant.values else None
+    if not _arm_of_paper(plant.attributes.get("arm"), S_inv):
         return False
     if trace is None or file.source == "measured":
         return True
-    loaded = paper.number(_PAYLOAD) if trace.name.endswith("_payload") else 0.0
-    gains = (
+    return trace.joint == COMPARED and _driven_as_paper(
+        trace.name, trace.attributes["gains"], trace.attributes["payload_mass"]
+    )
+
+
+def base_of_paper(config: CompareConfig) -> bool:
+    """Whether what plants are drawn around has the paper's arm, gains and payload; see `of_paper`."""
+    arm, gains = config.manipulator, {name: held.si for name, held in config.control.gains if held}
+    routing = arm.routing
+    S_inv = coupling_inverse(routing.winch_diameter.si, routing.pulley_diameter.si, routing.sign.si)
+    return _arm_of_paper(arm.name, S_inv) and all(
+        _driven_as_paper(name, gains, run.payload.si) for name, run in config.runs.items() if name in RUNS
+    )
+
+
+def _arm_of_paper(name: object, S_inv: Array | None) -> bool:
+    """By name and coupling, as far as they are known."""
+    paper = published()
+    arm = paper.entries[_ARM]
+    assert isinstance(arm, PrintedText)
+    if S_inv is not None:
+        # A record of the moving joints alone holds the trailing block.
+        block = coupling_of(table_1(paper))[1][-len(S_inv) :, -len(S_inv) :]
+        if S_inv.shape != block.shape or not np.allclose(S_inv, block, rtol=1e-9, atol=1e-12):
+            return False
+    return name in {None, arm.text}
+
+
+def _driven_as_paper(run: str, gains: Mapping[str, ArrayLike], payload: float) -> bool:
+    """By its gains, as far as they are printed, and its payload, kg."""
+    paper = published()
+    same = (
         np.allclose(ours, paper.per_joint(f"gain.{name}", COMPARED), rtol=1e-9)
-        for name, ours in trace.attributes["gains"].items()
+        for name, ours in gains.items()
         if f"gain.{name}.joint_{COMPARED[0]}" in paper.entries
     )
-    return trace.joint == COMPARED and np.isclose(trace.attributes["payload_mass"], loaded) and all(gains)
+    loaded = paper.number(_PAYLOAD) if run.endswith("_payload") else 0.0
+    return bool(np.isclose(payload, loaded)) and all(same)
 
 
 def printed_beside(file: TraceFile, trace: Trace, identifier: str) -> list[float]:

@@ -143,6 +143,24 @@ def ranking(file: TraceFile) -> dict[str, dict[str, dict[str, Any]]]:
     return result
 
 
+def ranking_rows(
+    ranking: Mapping[str, Mapping[str, Mapping[str, Any]]], status: Mapping[str, str]
+) -> list[tuple[str, str, str]]:
+    """Joint and metric, the controllers' numbers, and what the print says of it, of every order of `ranking`.
+
+    A run that diverged comes last; between two of them there is no order to speak of.
+    """
+    words = {True: "as printed", False: "not as printed", None: ""}
+    rows = []
+    for joint, metrics in ranking.items():
+        for metric, found in metrics.items():
+            names = {run: run.removeprefix("controller_") for run in found["order"]}
+            lost = [name for run, name in names.items() if status[run] == "diverged"]
+            verdict = f"{' and '.join(lost)} diverged" if len(lost) > 1 else words[found["agrees"]]
+            rows.append((f"{joint.replace('_', ' ')} {metric.upper()}", ", ".join(names.values()), verdict))
+    return rows
+
+
 def table_data_compare(file: TraceFile) -> dict[str, Any]:
     """Collect the data of ``compare --json``: Tables 2 and 3, other windows, status and ranking.
 

@@ -1,8 +1,10 @@
 """The verdicts that come with the package: where they stand in, what they say, what replaces them."""
 
 import json
+from dataclasses import replace
 
 import pytest
+from support.fake_batch import run_ensemble_of, small_study
 from support.made_claims import MadeEnsemble
 from support.synthetic import make_compare_file
 
@@ -11,10 +13,12 @@ from tendonrepro.claims.judge import Sources, judge_all
 from tendonrepro.claims.report import details_text
 from tendonrepro.claims.shipped import ShippedLedger, shipped_ledger, with_shipped
 from tendonrepro.claims.verdicts import EDITION
+from tendonrepro.config.ensemble import load_ensemble
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import shipped
 from tendonrepro.results.folder import TRACES
+from tendonrepro.results.paper import OTHER_BASE
 from tendonrepro.results.traces import write_traces
 
 QUIET = Talk(quiet=True)
@@ -64,6 +68,16 @@ def test_numbers_of_a_run_here_go_before_the_stored_ones(tmp_path):
     entry = entries(run_claims(tmp_path, [name], None, QUIET))[name]
     assert entry["ours"] == pytest.approx(without.ours)
     assert entry["evidence"]["box"] == shipped_ledger().entries[name]["evidence"]["box"]
+
+
+def test_an_ensemble_of_another_arm_does_not(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("tendonrepro.ensemble.command.draw_ensemble_figures", lambda *_: [])
+    base = load_ensemble(None, overrides=["base.manipulator.name=SYNTHETIC"]).base
+    summary = run_ensemble_of(tmp_path / "ensemble", study=replace(small_study(), base=base))
+    assert summary["conclusions"][0] == OTHER_BASE
+    ledger = run_claims(tmp_path, ["C2"], None, Talk())
+    assert "not drawn around the paper's arm" in capsys.readouterr().err
+    assert entries(ledger)["C2"]["shipped"]
 
 
 def test_an_ensemble_of_ones_own_replaces_them(tmp_path, monkeypatch):

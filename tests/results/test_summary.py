@@ -13,6 +13,7 @@ from tendonrepro.experiments.report import results_text
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import (
     ranking,
+    ranking_rows,
     sizes_deg,
     table_data_compare,
     table_data_decouple,
@@ -91,7 +92,11 @@ class TestRanking:
         assert not found["agrees"]
 
     def test_two_diverged_runs_agree_with_nothing_and_one_run_has_no_rank(self) -> None:
-        assert not ranking(make_compare_file(diverged={C2: 5.0, C3: 5.0}))["joint_2"]["mae"]["agrees"]
+        file = make_compare_file(diverged={C2: 5.0, C3: 5.0})
+        found = ranking(file)
+        assert not found["joint_2"]["mae"]["agrees"]
+        told = ranking_rows(found, {name: trace.status for name, trace in file.runs.items()})
+        assert told[0] == ("joint 2 MAE", "1, 2, 3", "2 and 3 diverged")
         assert ranking(make_compare_file(runs=[C1, "controller_1_payload"])) == {}
 
 

@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 from support.synthetic import S_INV, S, make_compare_file, make_decouple_file
 
+from tendonrepro.config.ensemble import load_ensemble
 from tendonrepro.experiments.report import results_text
 from tendonrepro.results.comparison import (
     COLUMNS,
@@ -23,6 +24,7 @@ from tendonrepro.results.comparison import (
     window_rows,
     write_tables,
 )
+from tendonrepro.results.paper import base_of_paper
 from tendonrepro.results.records import PlantRecord, Trace, TraceFile
 from tendonrepro.results.summary import ranking, table_data_compare, tracking_errors
 from tendonrepro.results.tables import csv_text, latex, markdown
@@ -75,6 +77,16 @@ def another(file: TraceFile, what: str) -> TraceFile:
 
     runs = {name: dataclasses.replace(trace, **change(trace)) for name, trace in file.runs.items()}
     return dataclasses.replace(file, runs=runs)
+
+
+@pytest.mark.parametrize(
+    "change",
+    ["", "manipulator.name=x", "manipulator.routing.winch_diameter=[37, 37, 38]", "control.gains.lam=[8, 9]",
+     "runs.controller_1_payload.payload=0.3"],
+)  # fmt: skip
+def test_plants_are_of_the_paper_when_their_base_is(change: str) -> None:
+    overrides = [f"base.{change}"] if change else ["base.sampling_period=2"]
+    assert base_of_paper(load_ensemble(None, overrides=overrides).compare) == (not change)
 
 
 @pytest.mark.parametrize("what", ["arm", "coupling", "joints", "gains"])

@@ -28,6 +28,7 @@ OK_NAMES = {"exact", "reproduced", "compatible"}
 
 
 class MadeEnsemble:
+    of_paper = True
     joints = (2, 3)
     names = ("size", "nothing")
 
