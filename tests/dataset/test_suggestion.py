@@ -178,13 +178,22 @@ ASKED: dict[str, tuple[list[Source], str]] = {
     ),
     "times beside each curve": (
         [source("c1.csv", {"X1": TIME, "q2_d": COURSE, "X2": 1.1 * TIME, "q2": LATE}, None)],
-        "controller_1: several columns can be times, 'X1' is taken for all; `time` beside an entry names",
+        "controller_1: several columns can be times, each is taken for those on its right; `time` beside",
     ),
     "slow samples since 1970": (
         [source("c1.csv", {"Time": 1.7e9 + 5.0 * np.arange(500.0), "q2": LATE}, None)],
         "no unit of the times is stated, ms is taken, which makes their step 5 ms",
     ),
 }
+
+
+def test_tables_side_by_side_keep_their_times() -> None:
+    """A second, slower table beside the first would be too fast by the times of that."""
+    slow = np.where(np.arange(TIME.size) < TIME.size // 2, 2.0 * TIME, np.nan)
+    sheet = {"Time": TIME, "q2_d": COURSE, "q2": LATE, "Time_2": slow, "q3_d": COURSE, "q3": LATE}
+    columns = understand([source("c1.csv", sheet, None)])
+    told = {column.label: column.time.signal for column in columns if column.time}
+    assert told == dict.fromkeys(("q2_d", "q2"), "Time") | dict.fromkeys(("q3_d", "q3"), "Time_2")
 
 
 @pytest.mark.parametrize("case", ASKED)

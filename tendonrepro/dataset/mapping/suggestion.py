@@ -11,12 +11,9 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
-from tendonrepro.arrays import Array
 from tendonrepro.config.fields.strict_yaml import Node, dump
 from tendonrepro.dataset.meaning.assignment import RUNS, places, runs_among, variable_of
-from tendonrepro.dataset.meaning.columns import SHORTEST, Address, Column, without_tail
+from tendonrepro.dataset.meaning.columns import SHORTEST, Address, Column, same_curve
 from tendonrepro.dataset.meaning.times import SAMPLING
 from tendonrepro.dataset.meaning.words import few, printable
 from tendonrepro.dataset.readers.units import FACTORS, kind_of_variable
@@ -91,20 +88,15 @@ def _picked(members: Sequence[Column]) -> tuple[list[Column], list[Column]]:
     for table in tables.values():
         found = places(table)
         if any(
-            not _same_curve(taken[place].values, found[place][0].values)
+            not same_curve(taken[place].values, found[place][0].values)
             for place in taken.keys() & found.keys()
         ):
             rivals += table
             continue
         for place, several in found.items():
             first = taken.setdefault(place, several[0])
-            rivals += [column for column in several if not _same_curve(first.values, column.values)]
+            rivals += [column for column in several if not same_curve(first.values, column.values)]
     return [taken[place] for place in sorted(taken)], rivals
-
-
-def _same_curve(a: Array, b: Array) -> bool:
-    """Whether two columns hold the same numbers, one perhaps with empty cells below."""
-    return np.array_equal(without_tail(a), without_tail(b), equal_nan=True)
 
 
 def _claimed(picked: Mapping[str, tuple[Sequence[Column], Sequence[Column]]]) -> Iterator[tuple[str, str]]:

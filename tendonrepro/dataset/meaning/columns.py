@@ -60,6 +60,11 @@ def without_tail(values: Array) -> Array:
     return values[: known[-1] + 1] if known.size else values[:0]
 
 
+def same_curve(a: Array, b: Array) -> bool:
+    """Whether two columns hold the same numbers, one perhaps with empty cells below."""
+    return np.array_equal(without_tail(a), without_tail(b), equal_nan=True)
+
+
 Group = tuple[str, str, int]
 """File, part of the file, number of samples: columns of one group are compared with each other."""
 

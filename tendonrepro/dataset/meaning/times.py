@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tendonrepro.dataset.meaning.columns import Column, sampling_step
+from tendonrepro.dataset.meaning.columns import Column, same_curve, sampling_step
 from tendonrepro.dataset.meaning.words import tokens
 from tendonrepro.dataset.readers.units import FACTORS
 
@@ -30,18 +30,26 @@ def find_times(group: Sequence[Column]) -> None:
     axis = next(iter([*(column for column in named if steps[column]), *named, *even]), None)
     if axis is None:
         return
-    if steps[axis] is None:
-        axis.because.append("although it does not increase evenly")
-    elif axis.quantity != "time":
-        axis.call("time", f"it increases evenly, by {steps[axis]:g}")
-    if axis.unit not in FACTORS["time"]:
-        _settle_unit(axis)
-    if {*even, *named} - {axis}:
+    rivals = [column for column in steps if not same_curve(column.values, axis.values)]
+    clocks = [axis, *(column for column in rivals if column in (named or even))]
+    if {*rivals} & {*named, *even}:
         way = "`time` beside an entry names another"
-        axis.doubts.append(f"several columns can be times, {axis.label!r} is taken for all; {way}")
+        axis.doubts.append(f"several columns can be times, each is taken for those on its right; {way}")
+    for clock in clocks:
+        if steps[clock] is None:
+            clock.because.append("although it does not increase evenly")
+        elif clock.quantity != "time":
+            clock.call("time", f"it increases evenly, by {steps[clock]:g}")
+        if clock.unit not in FACTORS["time"]:
+            _settle_unit(clock)
+    clock = before = axis
     for column in group:
-        if column is not axis and column.quantity != "index" and column.signal.time is None:
-            column.time = axis.address
+        # Tables side by side begin each with its times; of times side by side the first serve.
+        if column in clocks and before not in clocks:
+            clock = column
+        if column not in clocks and column.quantity != "index" and column.signal.time is None:
+            column.time = clock.address
+        before = column
 
 
 def _settle_unit(axis: Column) -> None:
