@@ -7,6 +7,7 @@ import logging
 import os
 import re
 import sys
+import threading
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -345,6 +346,7 @@ def main() -> None:
     # Matrices are small, so threads of the library would only wait for each other; and where the system
     # refuses it one, it interrupts the program.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    threading.excepthook = _end_with_thread
     try:
         _refuse_empty(sys.argv[1:])
         code = app(standalone_mode=False)
@@ -354,7 +356,7 @@ def main() -> None:
         code = _fail(1, *_refused_by_system(error))
     except Exception as error:
         # Neither Typer's own usage errors nor a thread that is refused have a class of their own.
-        if str(error) == "can't start new thread":
+        if _is_refused_thread(error):
             code = _fail(1, *_refused_by_system(error))
         elif hasattr(error, "format_message"):
             code = _fail(2, error.format_message(), None, "tendonrepro --help lists commands and options")
@@ -369,6 +371,20 @@ def main() -> None:
             # Python would try once more at its end, and leave with an exit code of its own.
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
     sys.exit(code)
+
+
+def _is_refused_thread(error: BaseException | None) -> bool:
+    """Whether an exception is that, or another came of it."""
+    return error is not None and (
+        str(error) == "can't start new thread" or _is_refused_thread(error.__context__)
+    )
+
+
+def _end_with_thread(died: threading.ExceptHookArgs) -> None:
+    """A library whose own thread was refused another would wait for it for ever."""
+    if _is_refused_thread(died.exc_value):
+        os._exit(_fail(1, *_refused_by_system(RuntimeError())))
+    threading.__excepthook__(died)
 
 
 def _refuse_empty(words: Sequence[str]) -> None:

@@ -18,12 +18,6 @@ MakeBlock: TypeAlias = Callable[[Block], tuple[Block, bytes]]
 """Makes the bytes of a block's shard; can be pickled."""
 
 
-def _for_parent(parent: int, make: Callable[[Item], Result], item: Item) -> Result:
-    """Make something in a process that ends with the one that wants it, even where that was killed."""
-    end_with_parent(parent)
-    return make(item)
-
-
 def here(make: Callable[[Item], Result], blocks: Sequence[Item], jobs: int) -> Generator[Result, None, None]:
     """Compute blocks, or other pieces of work, in processes of this machine, 1 being this one."""
     if jobs == 1 or len(blocks) < 2:
@@ -33,9 +27,11 @@ def here(make: Callable[[Item], Result], blocks: Sequence[Item], jobs: int) -> G
     from joblib.externals.loky import get_reusable_executor
     from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-    pool = Parallel(n_jobs=jobs, backend="loky", return_as="generator_unordered", batch_size=1)
+    # From its start on a process ends with this one, even where this one is killed.
+    begin = {"initializer": end_with_parent, "initargs": (os.getpid(),)}
+    pool = Parallel(n_jobs=jobs, backend="loky", return_as="generator_unordered", batch_size=1, **begin)
     try:
-        yield from pool(delayed(_for_parent)(os.getpid(), make, block) for block in blocks)
+        yield from pool(delayed(make)(block) for block in blocks)
     except TerminatedWorkerError as error:
         message = "a worker process died, perhaps for want of memory; finished blocks are kept"
         raise TendonreproError(message, hint="run it again with fewer --jobs") from error

@@ -299,6 +299,23 @@ def test_a_full_disk_behind_the_output(
         assert done.stderr.count("\n") == 2
 
 
+def test_a_library_s_thread_that_is_refused_another_ends_the_command(tmp_path: Path) -> None:
+    code = """
+import threading, time
+from tendonrepro.cli import app
+def refused():
+    raise RuntimeError("can't start new thread")
+def waits(**_):
+    threading.Thread(target=refused).start()
+    time.sleep(60.0)
+app.app = waits
+app.main()
+"""
+    done = run(sys.executable, "-c", code, cwd=tmp_path)
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[0] == "error: the system refused: a thread"
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="needs resource limits")
 @pytest.mark.parametrize(
     ("limit", "words", "reason"),
