@@ -12,6 +12,7 @@ from typing import Any
 
 from tendonrepro.config.models.readings import PRINTED
 from tendonrepro.config.published import published
+from tendonrepro.ensemble.shares import FEW, MOST
 from tendonrepro.physics.control import polynomial
 
 LEAST_PLANTS = 100
@@ -146,14 +147,13 @@ def _order(found: Results) -> str | None:
         f"the complete order is 3, 2, 1, in MAE and RMSE on both joints; the printed order 1, 2, 3 holds on {interval(forth)}. "
         "By chance either would come out on 2.8 %."
     )
-    last, firm = printed["diverged_last"], _firm(found)
-    text += (
-        f" With a diverged law ranked last it is {percent(last['in_reverse']['share'])} and {percent(last['in_order']['share'])} of "
-        f"{last['in_reverse']['plants']}"
-    )
+    text += f" {_ranked_last(printed)}."
+    firm = _firm(found)
     if firm and firm["in_reverse"]["plants"] >= LEAST_PLANTS:
-        text += f", on the firm rows {percent(firm['in_reverse']['share'])} of {firm['in_reverse']['plants']}"
-    text += "."
+        text += (
+            f" On the firm rows it is {percent(firm['in_reverse']['share'])} of the {firm['in_reverse']['plants']} plants on which all "
+            f"track; {_ranked_last(firm).lower()}."
+        )
     slips = ("phi_negative=even", "eta_in_controller_2=dropped")
     left = [found.readings.get(name) for name in (*slips, "+".join(slips))]
     if all(left):
@@ -162,23 +162,25 @@ def _order(found: Results) -> str | None:
             ' "As printed" mends two [slips](slips.md), that φ is not odd and that Controller 2\'s law lacks η; with either left '
             f"as it stands it is {one} and {other}, with both {both}.{_silent(found)}"
         )
-    likeliest = max(entry["evidence"].get("statements", ()), key=lambda row: row["share"], default=None)
-    if likeliest and entry["verdict"] == "depends_on_plant" and _mostly(back):
+    above = [row for row in entry["evidence"].get("statements", ()) if row["share"] > FEW]
+    if len(above) == 1 and entry["verdict"] == "depends_on_plant" and _mostly(back):
         text += (
-            f" Claim C2 is not called `contradicted` only because one of its statements, {_law(likeliest['statement'])}, holds on "
-            f"{percent(likeliest['share'])}; the limit is 5 %."
+            f" Claim C2 is not called `contradicted` only because one of its statements, {_law(above[0]['statement'])}, holds on "
+            f"{percent(above[0]['share'])}; the limit is {percent(FEW)}."
         )
+        later = entry["evidence"]["diverged_last"]["statements"]
+        text += f" With a diverged law ranked last {sum(row['share'] > FEW for row in later)} of the {len(later)} are above it."
     return text + " [Why the plant hardly matters](#why-the-plant-hardly-matters)."
+
+
+def _ranked_last(reading: Mapping[str, Any]) -> str:
+    back, forth = (reading["diverged_last"][key] for key in ("in_reverse", "in_order"))
+    return f"With a diverged law ranked last it is {percent(back['share'])} and {percent(forth['share'])} of {back['plants']}"
 
 
 def _silent(found: Results) -> str:
     """What becomes of the reverse order under other choices where the print is silent, one at a time."""
-    says = ("phi_", "weights", "eta_", PRINTED)
-    single = {
-        name: held["in_reverse"]
-        for name, held in found.readings.items()
-        if "+" not in name and not name.startswith(says)
-    }
+    single = {name: held["in_reverse"] for name, held in found.readings.items() if _is_silent(name)}
     enough = {name: share for name, share in single.items() if share["plants"] >= LEAST_PLANTS}
     kept = [share["share"] for share in enough.values() if share["share"] > 0.5]
     lost = [
@@ -193,6 +195,13 @@ def _silent(found: Results) -> str:
     )
     text += f", but not under {' and '.join(lost)}" if lost else ""
     return text + (f"; no plant tracks under {' and '.join(none)}." if none else ".")
+
+
+def _is_silent(name: str) -> bool:
+    """Whether a reading changes one choice where the print says nothing."""
+    return "+" not in name and not name.startswith(
+        ("phi_", "weights", "eta_", "differencing", "encoder", PRINTED)
+    )
 
 
 def _firm(found: Results) -> Mapping[str, Any] | None:
@@ -237,7 +246,8 @@ def _ratios(found: Results) -> str | None:
 
 
 def _from_to(shares: Sequence[float]) -> str:
-    return f"{percent(min(shares))} to {percent(max(shares))}"
+    low, high = percent(min(shares)), percent(max(shares))
+    return low if low == high else f"{low} to {high}"
 
 
 def _mended(found: Results) -> str | None:
@@ -253,12 +263,14 @@ def _mended(found: Results) -> str | None:
             f"`{best['name']}`, with {interval(best['in_order'])} of {best['in_order']['plants']} plants."
         )
     alone = readings.get(_WEIGHTS)
-    if alone and _mostly(alone["first_best"]):
+    if alone and _mostly(alone["first_best"]) and not _mostly(alone["in_order"]):
         text = (
-            "**Extrapolating weights put Controller 1 first on nearly every plant; for the printed order on most plants φ has to change "
-            "too.** Under weights (1 + α, −α) its "
+            f"**Extrapolating weights put Controller 1 first on {'nearly every plant' if _nearly(alone) else 'most plants'} that all three laws "
+            "track; for the printed order on most of them φ has to change too.** Under weights (1 + α, −α) its "
             f"errors are the smallest on {interval(alone['first_best'])} of {alone['first_best']['plants']} plants (as printed on "
-            f"{percent(readings['printed']['first_best']['share'])}), which is what the paper claims in words; Controller 3 stays before 2. "
+            f"{percent(readings['printed']['first_best']['share'])}, with a diverged law ranked last on "
+            f"{percent(alone['diverged_last']['first_best']['share'])} of {alone['diverged_last']['first_best']['plants']}{_in_degrees(found)}), "
+            "which is what the paper claims in words; Controller 3 stays before 2. "
             "With the power branch of φ near zero as well the printed order holds on "
         )
     else:
@@ -266,7 +278,11 @@ def _mended(found: Results) -> str | None:
             "**Two other readings together bring the order back**: weights (1 + α, −α) and the power branch of φ near zero. They give "
             "the printed order on "
         )
-    text += f"{interval(both['in_order'])} of {both['in_order']['plants']} plants"
+    last = both["diverged_last"]["in_order"]
+    text += (
+        f"{interval(both['in_order'])} of {both['in_order']['plants']} plants ({percent(last['share'])} of {last['plants']} with a diverged law "
+        "ranked last)"
+    )
     motors = readings.get(f"{_BOTH}+{_MOTOR}")
     if motors:
         text += (
@@ -295,14 +311,24 @@ def _mended(found: Results) -> str | None:
     )
 
 
+def _nearly(reading: Mapping[str, Any]) -> bool:
+    return float(reading["first_best"]["share"]) >= MOST
+
+
+def _in_degrees(found: Results) -> str:
+    """A silent choice on which the lead of Controller 1 under other weights hangs."""
+    held = found.readings.get(f"{_WEIGHTS}+gain_unit=phi_in_degrees")
+    if held is None or held["first_best"]["plants"] < LEAST_PLANTS or held["first_best"]["share"] > 0.5:
+        return ""
+    return f", with φ in degrees on {percent(held['first_best']['share'])} of {held['first_best']['plants']}"
+
+
 def _other_ways(found: Results) -> str | None:
     """Readings with the printed weights under which Controller 1 is first, and plants on which all comes back."""
     first = [
         held
         for name, held in found.readings.items()
-        if "weights" not in name
-        and held["first_best"]["plants"] >= LEAST_PLANTS
-        and held["first_best"]["share"] > 0.5
+        if "weights" not in name and max(map(_judged, _firsts(held))) > 0.5
     ]
     whole = {
         name: round(held["order_rise_and_smoother"]["share"] * held["order_rise_and_smoother"]["plants"])
@@ -311,15 +337,17 @@ def _other_ways(found: Results) -> str | None:
     }
     if not first:
         return None
-    most = sorted(first, key=lambda held: -float(held["first_best"]["share"]))
-    text = "**With the weights of Eq. (15) Controller 1 comes first under few readings, on few plants.** It has the smallest errors"
-    for held in most:
-        best, last = held["first_best"], held["diverged_last"]["first_best"]
+    text = f"**With the weights of Eq. (15) Controller 1 comes first under {len(first)} of the readings.** It has the smallest errors"
+    for held in sorted(first, key=lambda held: -float(held["diverged_last"]["first_best"]["share"])):
+        best, last = _firsts(held)
+        text += f" under `{held['name']}` on {percent(last['share'])} of {last['plants']} plants with a diverged law ranked last"
+        if best["plants"] < LEAST_PLANTS:
+            text += f", while all three laws track on {best['plants'] or 'none'};"
+            continue
         text += (
-            f" on {percent(best['share'])} of the {best['plants']} plants that all three laws track under `{held['name']}` (with a diverged law "
-            f"ranked last on {percent(last['share'])} of {last['plants']}; the printed order on {percent(held['in_order']['share'])}, the "
-            f"smoothest torque on {percent(held['smoother']['share'])}; C1/C2 in MAE on joint 2 from {held['c1_c2']['joint_2']['q05']:.2g} "
-            f"to {held['c1_c2']['joint_2']['q95']:.2g}),"
+            f" and on {percent(best['share'])} of the {best['plants']} that all three track (there the printed order on "
+            f"{percent(held['in_order']['share'])}, the smoothest torque on {percent(held['smoother']['share'])}, C1/C2 in MAE on joint 2 "
+            f"from {held['c1_c2']['joint_2']['q05']:.2g} to {held['c1_c2']['joint_2']['q95']:.2g});"
         )
     text = f"{text[:-1]}."
     if whole:
@@ -329,9 +357,18 @@ def _other_ways(found: Results) -> str | None:
         )
         text += (
             " Single plants have the printed order, the rise of RMSE/MAE on both joints and the smoothest torque of Controller 1 "
-            f"together: {cases}."
+            f"together, of all readings: {cases}."
         )
     return text
+
+
+def _firsts(held: Mapping[str, Any]) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
+    """Shares on which Controller 1 is first: where all track, and with a diverged law ranked last."""
+    return held["first_best"], held["diverged_last"]["first_best"]
+
+
+def _judged(share: Mapping[str, Any]) -> float:
+    return float(share["share"]) if share["plants"] >= LEAST_PLANTS else 0.0
 
 
 def _encoders(found: Results) -> str | None:
@@ -350,7 +387,7 @@ def _encoders(found: Results) -> str | None:
         f"{', which hangs on the damping of a tendon more than on any other single unknown' * damping}; with those of the motors on "
         f"{percent(tracking[_MOTOR] / found.plants)}, where the errors leave out the tendons' stretch."
     )
-    if "encoder=ideal" in tracking:
+    if tracking.get("encoder=ideal", found.plants) < 0.5 * tracking[_MOTOR]:
         text += f" Counting finer does not do it alone: ideal ones on the joints give {percent(tracking['encoder=ideal'] / found.plants)}."
     if _mostly(readings[_MOTOR]["in_reverse"]) and _mostly(readings["printed"]["in_reverse"]):
         text += f" With the motors' the order is reversed too, on {interval(readings[_MOTOR]['in_reverse'])}."
@@ -369,9 +406,21 @@ def _sizes(found: Results) -> str | None:
         "the plant."
     )
     if near["plants"] >= LEAST_PLANTS:
+        others = [
+            held["reverse_near_print"]["share"]
+            for name, held in found.readings.items()
+            if held["reverse_near_print"]["plants"] >= LEAST_PLANTS and _is_silent(name)
+        ]
         text += (
-            f" Plants of the bench's size are no exception: where all six MAE are within a factor of 2 of the print the complete reverse "
-            f"order holds on {interval(near)} of {near['plants']}."
+            " Where all six MAE of the three laws are within a factor of 2 of the print (a bound chosen after results) the complete reverse "
+            f"order holds on {interval(near)} of {near['plants']}"
+        )
+        text += f", under other choices where the print is silent on {_from_to(others)}" if others else ""
+        firm = _firm(found)
+        text += (
+            f"; of the firm rows {firm['reverse_near_print']['plants'] or 'no'} plants are that near."
+            if firm
+            else "."
         )
     return text
 
@@ -450,7 +499,7 @@ def _torque(found: Results) -> str | None:
         row["share"] for row in entries["E1"]["evidence"].get("beside", ()) if "both" in row["statement"]
     ]
     if len(beside) == 2:
-        text += f"; with an ideal encoder on {percent(beside[0])} and {percent(beside[1])}, so much of it is less shaking by encoder counts"
+        text += f"; with an ideal encoder on {percent(beside[0])} and {percent(beside[1])}, which counts do not shake"
     stored = found.readings.get(_STORED)
     if stored and stored["ok"]["controller_1"] > 2.0 * max(stored["ok"][f"controller_{k}"] for k in (2, 3)):
         one, two, three = (percent(stored["ok"][f"controller_{k}"]) for k in (1, 2, 3))
@@ -470,14 +519,22 @@ def _parts(found: Results) -> str | None:
         measure: shares("C5", measure, "moving up") + shares("C6", measure, "of torque of controller_1 below")
         for measure in ("RMS", "peak", "course below 3 Hz")
     }
-    down = shares("C5", "RMS", "moving down")
-    far = [shares("C6", "RMS", "moving up", f"joint {joint}") for joint in (2, 3)]
-    if not all((*smaller.values(), down, *far)):
+    measures = tuple(smaller)
+    down = [shares("C5", measure, "moving down") for measure in measures]
+    far = {
+        joint: [shares("C6", measure, "moving up", f"joint {joint}") for measure in measures]
+        for joint in (2, 3)
+    }
+    if not all((*smaller.values(), *down, *far[2], *far[3])):
         return None
+
+    def each(found: Sequence[Sequence[float]]) -> str:
+        return ", ".join(map(_from_to, found))
+
     return (
-        f'**C5 and C6 agree in part.** "Smaller" of them holds on each joint against each rival on {_from_to(smaller["RMS"])} by RMS, '
-        f'{_from_to(smaller["peak"])} by peak and {_from_to(smaller["course below 3 Hz"])} by course below 3 Hz; by RMS "similar moving '
-        f'down" on {_from_to(down)}, "significantly smaller moving up" on {_from_to(far[0])} on joint 2 and {_from_to(far[1])} on joint 3.'
+        f'**C5 and C6, part by part,** by RMS, by peak and by course below 3 Hz: "smaller" holds on each joint against each rival on '
+        f'{each(list(smaller.values()))}; "similar moving down" on {each(down)}; "significantly smaller moving up" on joint 2 on '
+        f"{each(far[2])}, on joint 3 on {each(far[3])}."
     )
 
 
@@ -485,17 +542,21 @@ def _others(found: Results) -> str | None:
     """What holds of the sampling period, of M_bar and of the payload."""
     period, inertia, payload = (found.entries[name]["evidence"] for name in ("E2", "E2a", "P1"))
     measured = {held["measure"]: held["share"] for held in period.get("by_measure", ())}
-    ideal, counted = (measured.get(f"MAE, {encoder}") for encoder in ("ideal encoder", "encoder as printed"))
+    ways = ("MAE, {}", "RMS of epsilon below 3 Hz, {}")
+    error, estimate = (
+        [measured.get(way.format(name)) for name in ("ideal encoder", "encoder as printed")] for way in ways
+    )
     cost = next(
         (text for text in period.get("remarks", ()) if text.startswith("Controller 2 is ok on")), None
     )
-    shares = (ideal, counted, inertia.get("share"), payload.get("share"))
-    if cost is None or any(share is None or share <= 0.5 for share in shares):
+    shares = (*error, inertia.get("share"), payload.get("share"))
+    if cost is None or None in estimate or any(share is None or share <= 0.5 for share in shares):
         return None
     return (
-        f"**What else agrees:** a smaller L gives a smaller error on {percent(ideal)} of {period['plants']} plants with an ideal encoder "
-        f"and on {percent(counted)} with the printed one, at a price: {cost.partition(':')[0]}. A smaller M̄ gives a calmer torque on "
-        f"{percent(inertia['share'])}. The payload makes every error larger on {percent(payload['share'])}."
+        f"**What else agrees:** a smaller L gives a smaller tracking error on {percent(error[0])} of {period['plants']} plants with an ideal "
+        f"encoder and on {percent(error[1])} with the printed one; the estimate itself, below 3 Hz, gets better on {percent(estimate[0])} and "
+        f"{percent(estimate[1])}. The price: {cost.partition(':')[0]}. A smaller M̄ gives a calmer torque on {percent(inertia['share'])}. The payload "
+        f"makes every error larger on {percent(payload['share'])}. Much of this could [hardly have failed](verdicts.md#power)."
     )
 
 

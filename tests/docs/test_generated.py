@@ -122,21 +122,30 @@ def test_readme_says_what_was_found(generate: Any, readings: dict[str, Any]) -> 
         if entry["verdict"] == "contradicted"
     ]
     assert printed["in_order"]["share"] == 0.0
-    back, late = (
-        printed["diverged_last"]["in_reverse"],
-        readings["stored_torque=applied+output_delay=1"],
+    late = readings["stored_torque=applied+output_delay=1"]
+    volt, later = (
+        readings["torque_unit=volt"]["first_best"],
+        readings["stored_torque=applied+output_delay=2"],
     )
-    volt = readings["torque_unit=volt"]["first_best"]
+    assert later["first_best"]["plants"] == 0
+
+    def last_of(reading: dict[str, Any], key: str, digits: int = 0) -> str:
+        held = reading["diverged_last"][key]
+        return f"{100.0 * held['share']:.{digits}f} % of {held['plants']}"
+
     assert round(1e3 * printed["diverged_last"]["in_order"]["share"]) == 3
     named = {entry["id"]: entry["ours"] for entry in entries}
     assert max(named[name] for name in ("C2", "C3", "E3")) < 0.02
     for phrase in (
         f"Controller 1 has the smallest errors on {100.0 * alone:.0f} % of the plants",
-        f"with a diverged law ranked last it is {100.0 * back['share']:.0f} % and 0.3 % of {back['plants']}",
-        f"on {100.0 * late['first_best']['share']:.0f} % of {late['first_best']['plants']} "
-        f"({100.0 * late['diverged_last']['first_best']['share']:.0f} % of "
-        f"{late['diverged_last']['first_best']['plants']} with a diverged law ranked last",
-        f"torque in volts on {100.0 * volt['share']:.0f} % of {volt['plants']}",
+        "with a diverged law ranked last it is "
+        + last_of(printed, "in_reverse").replace(" of", " and 0.3 % of"),
+        f"on {100.0 * late['first_best']['share']:.0f} % of the {late['first_best']['plants']} plants that",
+        f"on {last_of(late, 'first_best')} with a diverged law ranked last, for the others mostly diverge",
+        f"two samples late that is {last_of(later, 'first_best', 1)}, and none is left",
+        f"torque in volts it is {100.0 * volt['share']:.0f} % of {volt['plants']}",
+        f"({last_of(readings['weights=extrapolating'], 'first_best')} with a diverged law ranked last)",
+        f"({last_of(readings['phi_branch=power+weights=extrapolating'], 'in_order')})",
         f"there Controller 1 is ahead on {100.0 * min(last):.0f} % to {100.0 * max(last):.0f} %",
         f"{plants} plants and motions from a box of ranges, each with its reason",
         f"under {len(readings)} readings",
