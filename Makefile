@@ -5,6 +5,8 @@ BIN := $(VENV)/$(if $(filter Windows_NT,$(OS)),Scripts,bin)
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet install --constraint constraints.txt
 SPHINX := $(BIN)/python -m sphinx --quiet --keep-going --doctree-dir build/doctrees
 ARGS ?=
+# As the commands do for themselves: matrices are small here, and threads that wait for each other take most of the time.
+export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
 .PHONY: help figures test test-slow check format bench claims report data findings pages docs docs-links mutants clean
