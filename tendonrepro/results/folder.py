@@ -148,8 +148,9 @@ def locked(folder: Path) -> Iterator[None]:
         sweep_temporary(folder)
         yield
     finally:
-        # Workers that an interrupt ended cannot clean up after themselves.
-        sweep_temporary(folder)
+        # Workers that an interrupt ended cannot clean up after themselves; nor can we with too many files open.
+        with suppress(OSError):
+            sweep_temporary(folder)
         lock.release()
         # What failed before it wrote anything leaves nothing.
         with suppress(OSError):

@@ -339,7 +339,7 @@ def test_limits_of_the_system_are_one_sentence(
     )
     assert done.returncode == 1
     *_, message, hint = done.stderr.splitlines()
-    assert message.startswith("error: ")
+    assert message.startswith("error: "), done.stderr
     assert f"the system refused: {reason}" in message
     assert "ulimit" in hint
     assert "Traceback" not in done.stderr
