@@ -148,7 +148,7 @@ def locked(folder: Path) -> Iterator[None]:
         sweep_temporary(folder)
         yield
     finally:
-        # Workers that an interrupt ended cannot clean up after themselves; nor can we with too many files open.
+        # Workers that an interrupt ended cannot clean up after themselves; nor can we without files.
         with suppress(OSError):
             sweep_temporary(folder)
         lock.release()
