@@ -108,8 +108,10 @@ def _checked(law: UserLaw) -> CommandFunction:
     def command(
         memory: Memory, q: Array, q_d: Array, dq_d: Array, ddq_d: Array, gains: Law
     ) -> tuple[Array, Array, Array, Array]:
+        # What a law does to its arguments must not reach the run.
+        own = Memory(*(part.copy() for part in memory)), *(x.copy() for x in (q, q_d, dq_d, ddq_d)), gains
         try:
-            parts = tuple(np.asarray(part, float) for part in function(memory, q, q_d, dq_d, ddq_d, gains))
+            parts = tuple(np.array(part, float) for part in function(*own))
         except (Exception, SystemExit) as error:
             message = f"the law {law.name} failed: {type(error).__name__}: {error}"
             raise TendonreproError(message, where=law.place_of(error)) from error

@@ -180,6 +180,10 @@ ASKED: dict[str, tuple[list[Source], str]] = {
         [source("c1.csv", {"X1": TIME, "q2_d": COURSE, "X2": 1.1 * TIME, "q2": LATE}, None)],
         "controller_1: several columns can be times, each is taken for those on its right; `time` beside",
     ),
+    "a block that ends before its times": (
+        [source("c1.csv", {"Time": TIME, "q2": np.r_[LATE[:-50], np.full(50, np.nan)]}, None)],
+        "controller_1: ends on another row than its times; `time` beside its entry names",
+    ),
     "slow samples since 1970": (
         [source("c1.csv", {"Time": 1.7e9 + 5.0 * np.arange(500.0), "q2": LATE}, None)],
         "no unit of the times is stated, ms is taken, which makes their step 5 ms",
@@ -187,10 +191,13 @@ ASKED: dict[str, tuple[list[Source], str]] = {
 }
 
 
-def test_tables_side_by_side_keep_their_times() -> None:
+@pytest.mark.parametrize("order", ["Time q2_d q2 Time_2 q3_d q3", "q2_d q2 Time q3_d q3 Time_2"])
+def test_tables_side_by_side_keep_their_times(order: str) -> None:
     """A second, slower table beside the first would be too fast by the times of that."""
-    slow = np.where(np.arange(TIME.size) < TIME.size // 2, 2.0 * TIME, np.nan)
-    sheet = {"Time": TIME, "q2_d": COURSE, "q2": LATE, "Time_2": slow, "q3_d": COURSE, "q3": LATE}
+    half = np.where(np.arange(TIME.size) < TIME.size // 2, 1.0, np.nan)
+    held = {"Time": TIME, "q2_d": COURSE, "q2": LATE, "Time_2": 2.0 * half * TIME}
+    held |= {"q3_d": half * COURSE, "q3": half * LATE}
+    sheet = {name: held[name] for name in order.split()}
     columns = understand([source("c1.csv", sheet, None)])
     told = {column.label: column.time.signal for column in columns if column.time}
     assert told == dict.fromkeys(("q2_d", "q2"), "Time") | dict.fromkeys(("q3_d", "q3"), "Time_2")

@@ -7,6 +7,9 @@ import pytest
 
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.user_law import _checked, find_user_law
+from tendonrepro.physics.control import start_memory
+
+AT_REST = start_memory(np.zeros(2), np.zeros(2), 1)
 
 LAW = """import math
 
@@ -32,6 +35,16 @@ def test_a_mistake_has_its_line(tmp_path, monkeypatch, text, line, words):
     (tmp_path / "own.py").write_text(text)
     monkeypatch.chdir(tmp_path)
     with pytest.raises(TendonreproError) as caught:
-        _checked(find_user_law("own.py:mine"))(SimpleNamespace(), *np.zeros((4, 2)), SimpleNamespace())
+        _checked(find_user_law("own.py:mine"))(AT_REST, *np.zeros((4, 2)), SimpleNamespace())
     assert words in caught.value.message
     assert caught.value.where == (f"own.py:{line}" if line else "own.py")
+
+
+def test_what_a_law_does_to_its_arguments_stays_with_it(tmp_path):
+    body = "memory.q[:] = q[:] = q_d[:] = dq_d[:] = ddq_d[:] = 7.0; return q, q, q, q"
+    (tmp_path / "own.py").write_text(LAW.format(body=body))
+    given = np.zeros((4, 2))
+    parts = _checked(find_user_law(f"{tmp_path / 'own.py'}:mine"))(AT_REST, *given, SimpleNamespace())
+    assert np.all(np.stack(parts) == 7.0)
+    assert not given.any()
+    assert not AT_REST.q.any()

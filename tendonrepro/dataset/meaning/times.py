@@ -48,8 +48,20 @@ def find_times(group: Sequence[Column]) -> None:
         if column in clocks and before not in clocks:
             clock = column
         if column not in clocks and column.quantity != "index" and column.signal.time is None:
-            column.time = clock.address
+            # Of another length are tables of another run.
+            fitting = [one for one in clocks if _end_together(column, one)]
+            column.time = next(iter([clock] * (clock in fitting) + fitting), clock).address
+            if not fitting:
+                column.doubts.append(
+                    "ends on another row than its times; `time` beside its entry names others"
+                )
         before = column
+
+
+def _end_together(column: Column, clock: Column) -> bool:
+    """Whether two columns end on the same row, but for a sample in a hundred."""
+    rows = [int(np.flatnonzero(np.isfinite(one.values))[-1:].sum()) for one in (column, clock)]
+    return abs(rows[0] - rows[1]) <= 0.01 * max(rows)
 
 
 def _settle_unit(axis: Column) -> None:
