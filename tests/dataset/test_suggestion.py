@@ -178,7 +178,7 @@ ASKED: dict[str, tuple[list[Source], str]] = {
     ),
     "times beside each curve": (
         [source("c1.csv", {"X1": TIME, "q2_d": COURSE, "X2": 1.1 * TIME, "q2": LATE}, None)],
-        "controller_1: several columns can be times, each is taken for those on its right; `time` beside",
+        "controller_1: several columns can be times, each is taken for those that end with it, on its right",
     ),
     "a block that ends before its times": (
         [source("c1.csv", {"Time": TIME, "q2": np.r_[LATE[:-50], np.full(50, np.nan)]}, None)],

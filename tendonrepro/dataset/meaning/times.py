@@ -33,8 +33,8 @@ def find_times(group: Sequence[Column]) -> None:
     rivals = [column for column in steps if not same_curve(column.values, axis.values)]
     clocks = [axis, *(column for column in rivals if column in (named or even))]
     if {*rivals} & {*named, *even}:
-        way = "`time` beside an entry names another"
-        axis.doubts.append(f"several columns can be times, each is taken for those on its right; {way}")
+        each = "each is taken for those that end with it, on its right first"
+        axis.doubts.append(f"several columns can be times, {each}; `time` beside an entry names another")
     for clock in clocks:
         if steps[clock] is None:
             clock.because.append("although it does not increase evenly")
