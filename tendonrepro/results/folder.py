@@ -22,6 +22,8 @@ from tendonrepro.results.traces import read_traces
 MANIFEST = "manifest.json"
 TRACES = "traces.h5"
 LOCK = ".lock"
+RESULTS = (TRACES, "*.json", "figures/[!.]*", "tables/[!.]*")
+"""What commands write into a results folder."""
 
 MOST_LETTERS = 100
 """Of a name in a manifest, and of its folders: far more than ours have."""
@@ -104,20 +106,20 @@ class HeldFolder:
 
 
 @contextmanager
-def claimed(folder: Path, config_sha256: str, *, force: bool) -> Iterator[HeldFolder]:
+def claimed(folder: Path, config_sha256: str, *, force: bool, resumable: str = "") -> Iterator[HeldFolder]:
     """Hold a results folder, made if it is missing, while writing results of one configuration into it.
 
-    With `force` results of another configuration or version are overwritten.
+    See :func:`refuse_others` for what is not overwritten without `force`.
 
     Raises
     ------
     UsageError
-        If the folder holds results of another configuration or version, or someone else is writing there.
+        If the folder holds what this would overwrite, or someone else is writing there.
     TendonreproError
         If the folder cannot be made.
     """
     with locked(folder):
-        refuse_others(folder, config_sha256, force=force)
+        refuse_others(folder, config_sha256, force=force, resumable=resumable)
         yield HeldFolder(folder)
 
 
@@ -160,13 +162,24 @@ def locked(folder: Path) -> Iterator[None]:
                     one.rmdir()
 
 
-def refuse_others(folder: Path, config_sha256: str, *, force: bool = False) -> None:
-    """Refuse a folder, which may be missing, that holds results of another configuration or version.
+def refuse_others(folder: Path, config_sha256: str, *, force: bool = False, resumable: str = "") -> None:
+    """Refuse a folder, which may be missing, whose files are not those of an earlier run of the same.
+
+    Parameters
+    ----------
+    folder : Path
+    config_sha256 : str
+        Digest of what is to be written.
+    force : bool
+        Refuse nothing.
+    resumable : str
+        Name in the folder by which a command knows its own interrupted run.
 
     Raises
     ------
     UsageError
-        If it does, unless `force`.
+        If it holds results of another configuration or version, files that no manifest lists, or files
+        that were changed since.
     DataMissingError
         If its manifest cannot be read.
     """
@@ -174,8 +187,10 @@ def refuse_others(folder: Path, config_sha256: str, *, force: bool = False) -> N
         return
     hint = "choose another --out, or say --force to overwrite them"
     if not (folder / MANIFEST).exists():
-        if (folder / TRACES).exists():
-            message = f"holds {TRACES} without a {MANIFEST}, perhaps of an interrupted run"
+        unlisted = sorted(path for pattern in RESULTS for path in folder.glob(pattern))
+        if unlisted and not (resumable and (folder / resumable).exists()):
+            name = unlisted[0].relative_to(folder).as_posix()
+            message = f"holds {name} without a {MANIFEST}: of an interrupted run, or someone's own"
             raise UsageError(message, where=str(folder), hint=hint)
         return
     manifest = read_manifest(folder)
@@ -186,12 +201,19 @@ def refuse_others(folder: Path, config_sha256: str, *, force: bool = False) -> N
         if mine != theirs:
             message = f"holds results of another {what}: {str(theirs)[:12]}, not {mine[:12]}"
             raise UsageError(message, where=str(folder), hint=hint)
+    for name, digest in manifest.get("outputs", {}).items():
+        if (folder / name).is_file() and sha256_of(folder / name) != digest:
+            message = "was changed since tendonrepro wrote it"
+            hint = "move it elsewhere, or say --force to overwrite it"
+            raise UsageError(message, where=str(folder / name), hint=hint)
 
 
-def foretell_refusal(folder: Path, config_sha256: str, talk: Talk, *, force: bool) -> None:
+def foretell_refusal(
+    folder: Path, config_sha256: str, talk: Talk, *, force: bool, resumable: str = ""
+) -> None:
     """Say what :func:`refuse_others` would refuse; a dry run writes nothing, so it goes on."""
     try:
-        refuse_others(folder, config_sha256, force=force)
+        refuse_others(folder, config_sha256, force=force, resumable=resumable)
     except TendonreproError as error:
         talk.note(f"a run would be refused: {error}")
 

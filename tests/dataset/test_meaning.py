@@ -192,6 +192,18 @@ def test_a_time_apart_serves_columns_of_its_length() -> None:
     found.add("scope/q2", followed(2), group="scope")
     columns = understand([stored("c1.mat", found)])
     assert columns[1].time == columns[0].address
+    assert not columns[1].doubts
+
+
+def test_times_of_another_table_are_taken_and_asked_about() -> None:
+    found = Found("SYNTHETIC")
+    found.add("first/t", TIME, group="first")
+    found.add("first/q3", followed(3), group="first")
+    found.add("second/q2", followed(2), group="second")
+    columns = understand([stored("c1.mat", found)])
+    assert [column.time for column in columns[1:]] == [columns[0].address] * 2
+    assert not columns[1].doubts
+    assert any("those of 'first' are as long" in doubt for doubt in columns[2].doubts)
 
 
 def test_the_same_joint_under_several_controllers_is_no_motor() -> None:

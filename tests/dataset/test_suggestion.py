@@ -103,11 +103,26 @@ ALONE = "is not guessed; their lines stand at the end, take them under `signals`
 ASKED: dict[str, tuple[list[Source], str]] = {
     "a table in long form": (
         [source("tidy.csv", LONG, None)],
-        "this is a table in long form, take the rows of a run with `where` on 'controller', 'joint'",
+        "'controller', 'joint' may tell rows of several runs apart; `where` on it takes those of one",
     ),
     "a table in long form, by time": (
         [source("tidy.csv", {name: column[np.argsort(LONG["Time"])] for name, column in LONG.items()}, None)],
-        "`where` on 'controller', 'joint'",
+        "'controller', 'joint' may tell rows of several runs apart",
+    ),
+    "runs below each other, with a time that goes on": (
+        [
+            source(
+                "c1.csv",
+                {
+                    "Time": 1e-3 * np.arange(2 * len(TIME)),
+                    "controller": np.repeat([1.0, 3.0], len(TIME)),
+                    "q2_d": np.tile(COURSE, 2),
+                    "q2": np.tile(LATE, 2),
+                },
+                None,
+            )
+        ],
+        "'controller' may tell rows of several runs apart",
     ),
     "repetitions": (
         [source(f"c1_{k}.csv", {"Time": TIME, "q2_d": COURSE, "q2": LATE**k, "tau2": LATE}) for k in (1, 2)],

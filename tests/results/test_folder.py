@@ -13,7 +13,7 @@ import pytest
 
 from tendonrepro import __version__
 from tendonrepro.console import Talk
-from tendonrepro.errors import DataMissingError, TendonreproError
+from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.results.folder import MANIFEST, claimed, foretell_refusal, read_manifest, refuse_others
 
 CONTENT = b"somebody else's"
@@ -38,8 +38,26 @@ def test_files_of_the_earlier_result_are_removed(tmp_path: Path) -> None:
     (folder / "figures").mkdir()
     (folder / "figures/fig14.svg").write_bytes(CONTENT)
     (folder / "changed.csv").write_bytes(b"edited")
-    cleared(folder)
+    with pytest.raises(UsageError, match="was changed since") as caught:
+        cleared(folder)
+    assert caught.value.where == str(folder / "changed.csv")
+    assert (folder / "figures/fig14.svg").exists()
+    cleared(folder, force=True)
     assert {path.name for path in folder.rglob("*") if path.is_file()} == {"changed.csv", ".lock"}
+
+
+@pytest.mark.parametrize("name", ["traces.h5", "summary.json", "figures/mine.png", "tables/table2.csv"])
+def test_files_that_no_manifest_lists_are_not_overwritten(tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    path.parent.mkdir(exist_ok=True)
+    path.write_bytes(CONTENT)
+    with pytest.raises(UsageError, match=f"holds {name} without a {MANIFEST}"):
+        cleared(tmp_path)
+    cleared(tmp_path, force=True)
+    # A command that goes on where it was interrupted knows its folder.
+    (tmp_path / "begun").touch()
+    with claimed(tmp_path, "a", force=False, resumable="begun"):
+        assert path.read_bytes() == CONTENT
 
 
 @pytest.mark.parametrize(

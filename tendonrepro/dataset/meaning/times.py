@@ -85,7 +85,7 @@ def _settle_unit(axis: Column) -> None:
 
 
 def share_times(file: Sequence[Column]) -> None:
-    """Give columns without a time the only one of their file that is as long."""
+    """Give columns without a time the only one of their file that is as long; of another table, and ask."""
     axes: dict[int, list[Column]] = defaultdict(list)
     for column in file:
         if column.quantity == "time":
@@ -94,3 +94,10 @@ def share_times(file: Sequence[Column]) -> None:
         fitting = axes[len(column.values)]
         if len(fitting) == 1 and column.time is None and column.signal.time is None and column not in fitting:
             column.time = fitting[0].address
+            # Times beside or above a table are for all below; those of a sheet or struct are its own.
+            above = column.time.signal.rpartition("/")[0]
+            if above and not column.signal.path.startswith(f"{above}/"):
+                column.doubts.append(
+                    f"has no times of its own, those of {above!r} are as long and taken; "
+                    "`time` beside its entry names others, `step_s` there an even step"
+                )

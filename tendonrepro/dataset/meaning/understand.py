@@ -74,11 +74,10 @@ def _find_labels(group: Sequence[Column]) -> None:
             column.call("other", "a few whole numbers, which tell rows apart")
             column.joint = None
             labels.append(column)
-    clocks = [column.values for column in group if column.quantity == "time"]
-    if labels and any((np.diff(clock[np.isfinite(clock)]) <= 0.0).any() for clock in clocks):
+    if labels:
         names = ", ".join(repr(column.label) for column in labels)
         labels[0].doubts.append(
-            f"this is a table in long form, take the rows of a run with `where` on {names}"
+            f"{names} may tell rows of several runs apart; `where` on it takes those of one"
         )
 
 
