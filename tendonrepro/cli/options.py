@@ -33,9 +33,7 @@ _REQUEST = {
         str | None, Option("--controllers", metavar="1,3", help="Run only these controllers.")
     ],
     "dry_run": Annotated[bool, Option("--dry-run", help="Check everything, run nothing.")],
-    "force": Annotated[
-        bool, Option("--force", help="Overwrite results of another configuration or version.")
-    ],
+    "force": Annotated[bool, Option("--force", help="Overwrite other results, and files changed since.")],
 }
 Laws = Annotated[
     list[str] | None,

@@ -22,7 +22,6 @@ from tendonrepro.experiments.run import PRECISE, simulate_all, trace_file
 from tendonrepro.experiments.user_law import UserLaw, with_user_law
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.parallel import each
-from tendonrepro.results.comparison import write_tables
 from tendonrepro.results.figures import NUMBERS
 from tendonrepro.results.folder import (
     MANIFEST,
@@ -34,6 +33,7 @@ from tendonrepro.results.folder import (
     stored_traces,
 )
 from tendonrepro.results.manifest import make_manifest, with_outputs
+from tendonrepro.results.paper_tables import write_tables
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.summary import table_data_compare, table_data_decouple
 from tendonrepro.results.traces import write_traces

@@ -20,8 +20,8 @@ from tendonrepro.config.published import published, quotient
 from tendonrepro.report.figures import Figure, figure_of
 from tendonrepro.report.findings import percent
 from tendonrepro.report.sources import MISSING, RUN, Found
-from tendonrepro.results.comparison import made_tables
 from tendonrepro.results.figures.catalogue import FIGURES, available, draw
+from tendonrepro.results.paper_tables import made_tables
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.summary import ranking, ranking_rows
 from tendonrepro.results.tables import shown

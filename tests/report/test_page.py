@@ -13,8 +13,8 @@ from support.html_page import Element
 
 from tendonrepro.claims.report import details_text, reader_rows
 from tendonrepro.report.sources import Found
-from tendonrepro.results.comparison import paper_controller_rows
 from tendonrepro.results.figures.catalogue import FIGURES
+from tendonrepro.results.paper_tables import paper_controller_rows
 
 PARTS = ["answer", "claims", "figures", "readings", "assumed", "slips", "again", "rules"]
 

@@ -18,10 +18,10 @@ from tendonrepro.console import Talk
 from tendonrepro.dataset.measured_file import origin
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.experiments.command import redraw, rewrite_tables
-from tendonrepro.results.comparison import write_tables
 from tendonrepro.results.figures.catalogue import available
 from tendonrepro.results.folder import MANIFEST, TRACES, read_manifest, refuse_others
 from tendonrepro.results.manifest import with_outputs
+from tendonrepro.results.paper_tables import write_tables
 from tendonrepro.results.summary import table_data_compare, table_data_decouple
 from tendonrepro.results.traces import read_traces, write_traces
 

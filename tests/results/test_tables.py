@@ -13,7 +13,8 @@ from support.synthetic import S_INV, S, make_compare_file, make_decouple_file
 
 from tendonrepro.config.ensemble import load_ensemble
 from tendonrepro.experiments.report import results_text
-from tendonrepro.results.comparison import (
+from tendonrepro.results.paper import base_of_paper
+from tendonrepro.results.paper_tables import (
     COLUMNS,
     TableRow,
     change_rows,
@@ -24,7 +25,6 @@ from tendonrepro.results.comparison import (
     window_rows,
     write_tables,
 )
-from tendonrepro.results.paper import base_of_paper
 from tendonrepro.results.records import PlantRecord, Trace, TraceFile
 from tendonrepro.results.summary import ranking, table_data_compare, tracking_errors
 from tendonrepro.results.tables import csv_text, latex, markdown

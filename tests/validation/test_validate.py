@@ -21,9 +21,9 @@ from tendonrepro.dataset.motion.windows import PrintedTables, Tried
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.experiments.run import simulate_all, trace_file
 from tendonrepro.files import sha256_of
-from tendonrepro.results.comparison import write_tables
 from tendonrepro.results.figures.catalogue import available
 from tendonrepro.results.manifest import make_manifest
+from tendonrepro.results.paper_tables import write_tables
 from tendonrepro.results.records import PlantRecord, TraceFile
 from tendonrepro.results.summary import table_data_compare, tracking_errors
 from tendonrepro.results.traces import read_traces, write_traces
