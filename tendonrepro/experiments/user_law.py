@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import importlib.util
+import sys
 import traceback
 from collections.abc import Callable
+from contextlib import redirect_stdout
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
@@ -43,7 +45,9 @@ class UserLaw:
             raise UsageError(message, where="--law")
         module = importlib.util.module_from_spec(found)
         try:
-            found.loader.exec_module(module)
+            # What a law prints is no result.
+            with redirect_stdout(sys.stderr):
+                found.loader.exec_module(module)
         except (Exception, SystemExit) as error:
             message = f"cannot be run: {type(error).__name__}: {error}"
             raise UsageError(message, where=self.place_of(error)) from error
@@ -111,13 +115,17 @@ def _checked(law: UserLaw) -> CommandFunction:
         # What a law does to its arguments must not reach the run.
         own = Memory(*(part.copy() for part in memory)), *(x.copy() for x in (q, q_d, dq_d, ddq_d)), gains
         try:
-            parts = tuple(np.array(part, float) for part in function(*own))
+            with redirect_stdout(sys.stderr):
+                parts = tuple(np.array(part) for part in function(*own))
         except (Exception, SystemExit) as error:
             message = f"the law {law.name} failed: {type(error).__name__}: {error}"
             raise TendonreproError(message, where=law.place_of(error)) from error
-        if len(parts) != 4 or any(part.shape != q.shape for part in parts):
-            message = f"the law {law.name} must return tau, H_hat, s and de, each of shape {q.shape}"
+        if len(parts) != 4 or any(part.shape != q.shape or part.dtype.kind not in "biuf" for part in parts):
+            message = (
+                f"the law {law.name} must return tau, H_hat, s and de, each real numbers of shape {q.shape}"
+            )
             raise TendonreproError(message, where=law.place_of(function))
-        return parts
+        tau, H_hat, s, de = (part.astype(float) for part in parts)
+        return tau, H_hat, s, de
 
     return command

@@ -28,6 +28,7 @@ def mine(memory, q, q_d, dq_d, ddq_d, law):
         (LAW.format(body="return math.sqrt(-1.0)"), 5, "the law mine failed: ValueError"),
         (LAW.format(body="return np.linalg.inv(q)").replace("math", "numpy as np"), 5, "LinAlgError"),
         (LAW.format(body="return q"), 4, "the law mine must return tau"),
+        (LAW.format(body="return [q + 1j] * 4"), 4, "each real numbers of shape (2,)"),
         ("mine = abs\n", None, "the law mine failed: TypeError"),
     ],
 )
@@ -38,6 +39,14 @@ def test_a_mistake_has_its_line(tmp_path, monkeypatch, text, line, words):
         _checked(find_user_law("own.py:mine"))(AT_REST, *np.zeros((4, 2)), SimpleNamespace())
     assert words in caught.value.message
     assert caught.value.where == (f"own.py:{line}" if line else "own.py")
+
+
+def test_what_a_law_prints_is_no_result(tmp_path, capsys):
+    (tmp_path / "own.py").write_text(
+        "print('loaded')\n" + LAW.format(body="print('called'); return q, q, q, q")
+    )
+    _checked(find_user_law(f"{tmp_path / 'own.py'}:mine"))(AT_REST, *np.zeros((4, 2)), SimpleNamespace())
+    assert capsys.readouterr() == ("", "loaded\ncalled\n")
 
 
 def test_what_a_law_does_to_its_arguments_stays_with_it(tmp_path):
