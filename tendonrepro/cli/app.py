@@ -167,13 +167,10 @@ def _make_ready(request: Request) -> None:
 
 def _carry_out(orders: Sequence[Order], terminal: Terminal) -> int:
     """Carry out orders, print what they found, and return the exit code."""
-    from tendonrepro.experiments.command import diverged, plan, run_experiments
+    from tendonrepro.experiments.command import diverged, run_experiments
     from tendonrepro.experiments.report import results_text
 
-    # All orders are checked before the first is carried out.
-    found = {order.experiment: plan(order, terminal.talk) for order in orders}
-    if not orders[0].request.dry_run:
-        found = run_experiments(orders, terminal.talk)
+    found = run_experiments(orders, terminal.talk)
     alone = next(iter(found.values()))
     together: dict[str, Any] = {"schema_version": 1} | found
     terminal.show(alone if len(found) == 1 else together, "\n\n".join(map(results_text, found.values())))

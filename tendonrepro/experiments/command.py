@@ -29,7 +29,6 @@ from tendonrepro.results.folder import (
     claimed,
     foretell_refusal,
     read_manifest,
-    refuse_others,
     stored_traces,
 )
 from tendonrepro.results.manifest import make_manifest, with_outputs
@@ -70,18 +69,18 @@ class Order:
 def run_experiments(orders: Sequence[Order], talk: Talk) -> dict[ExperimentName, dict[str, Any]]:
     """Simulate experiments and write traces, figures, tables and manifest of each.
 
-    Their runs share the processors, and then their figures do.
+    Their runs share the processors, and then their figures do. Everything is checked before the first run.
 
     Parameters
     ----------
     orders : sequence of Order
-        Of different experiments and folders, with one stepper.
+        Of different experiments and folders, with one stepper; all or none a dry run.
     talk : Talk
 
     Returns
     -------
     dict
-        What ``--json`` prints of each experiment.
+        What ``--json`` prints of each experiment; of a dry run what would be done.
 
     Raises
     ------
@@ -89,6 +88,10 @@ def run_experiments(orders: Sequence[Order], talk: Talk) -> dict[ExperimentName,
         If a configuration cannot be used or results cannot be written.
     """
     asked = [_load(order) for order in orders]
+    for loaded, _ in asked:
+        _name_shipped(loaded, talk)
+    if orders[0].request.dry_run:
+        return {order.experiment: _plan(order, *one, talk) for order, one in zip(orders, asked, strict=True)}
     with ExitStack() as stack:
         folders = [
             stack.enter_context(claimed(order.folder, loaded.sha256, force=order.request.force))
@@ -136,34 +139,16 @@ def both_orders(configs: Path | None, request: Request) -> list[Order]:
     return [Order(name, replace(request, config=files[name], out=above / name)) for name in names]
 
 
-def plan(order: Order, talk: Talk) -> dict[str, Any]:
-    """Say what :func:`run_experiments` would do, after checking everything it needs.
-
-    Parameters
-    ----------
-    order : Order
-    talk : Talk
-        Told of what would make the run refuse.
-
-    Returns
-    -------
-    dict
-        Runs with their number of samples, digest of the configuration, and results folder.
-    """
-    loaded, law = _load(order)
-    _name_shipped(loaded, talk)
-    if order.request.dry_run:
-        foretell_refusal(order.folder, loaded.sha256, talk, force=order.request.force)
-    else:
-        refuse_others(order.folder, loaded.sha256, force=order.request.force)
-    samples = {name: int(loop.reference.time.size) for name, loop in all_loops(loaded, law).items()}
+def _plan(order: Order, loaded: LoadedConfig, law: UserLaw | None, talk: Talk) -> dict[str, Any]:
+    """Runs with their number of samples, digest of the configuration, and results folder."""
+    foretell_refusal(order.folder, loaded.sha256, talk, force=order.request.force)
     return {
         "schema_version": SCHEMA_VERSION,
         "experiment": order.experiment,
         "dry_run": True,
         "config": loaded.origin,
         "config_sha256": loaded.sha256,
-        "samples": samples,
+        "samples": {name: loop.reference.time.size for name, loop in all_loops(loaded, law).items()},
         "out": str(order.folder),
     }
 

@@ -32,10 +32,10 @@ def simulate_all(
     """Simulate every run of every configuration, each with its status; one that diverged ends early."""
     from tendonrepro.simulation.codegen.compiled import cache_is_empty
 
+    loops = [all_loops(loaded, law) for loaded, law in asked]
     if cache_is_empty():
         wait = "about ten" if solver == "scipy" else "some twenty"
         talk.note(f"compiling once for this machine, {wait} seconds")
-    loops = [all_loops(loaded, law) for loaded, law in asked]
     if solver == "compiled":
         return [
             _simulate_together(loaded, named, talk) for (loaded, _), named in zip(asked, loops, strict=True)

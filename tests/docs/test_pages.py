@@ -28,7 +28,7 @@ from tendonrepro.config.request import Request
 from tendonrepro.config.shipped import shipped_folder
 from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
-from tendonrepro.experiments.command import Order, plan, run_experiments
+from tendonrepro.experiments.command import Order, run_experiments
 from tendonrepro.experiments.loops import all_loops, build_loops
 from tendonrepro.experiments.rig import build_plant
 from tendonrepro.experiments.user_law import find_user_law
@@ -471,8 +471,9 @@ def test_law_in_a_file(results: Path) -> None:
 def test_law_with_memory_of_its_own(tmp_path: Path) -> None:
     law = tmp_path / "integral.py"
     law.write_text(blocks(page("laws.md"), "python")[1], encoding="utf-8")
-    order = Order("compare", Request(out=tmp_path, overrides=SHORT, controllers=[3]), f"{law}:integral")
-    assert list(plan(order, Talk())["samples"]) == ["controller_3", "integral"]
+    request = Request(out=tmp_path, overrides=SHORT, controllers=[3], dry_run=True)
+    plan = run_experiments([Order("compare", request, f"{law}:integral")], Talk())["compare"]
+    assert list(plan["samples"]) == ["controller_3", "integral"]
     loaded = load_config(None, "compare", overrides=SHORT, controllers=[3])
     loops = all_loops(loaded, find_user_law(f"{law}:integral"))
     run = simulate(loops["integral"])
