@@ -98,7 +98,7 @@ def claims(ledger: Mapping[str, Any]) -> rows.Table:
     about = (
         "`contradicted` is about the equations and not about the measurement: the paper measured hardware."
     )
-    return rows.Table(["claim", "printed", "verdict", "holds on", "readings that change it"], lines, about)
+    return rows.Table(["claim", "printed", "verdict", "holds on", "readings with another verdict"], lines, about)
 
 
 def holds_on(entry: Mapping[str, Any]) -> str:

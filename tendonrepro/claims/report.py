@@ -100,7 +100,7 @@ def details_text(verdict: Verdict) -> str:
         f"rule: {verdict.rule} ({verdict.kind}), see docs/verdicts.md",
         f"ours: {_ours(verdict)}",
         f"depends on: {', '.join(verdict.depends_on) or 'nothing else'}",
-        f"readings that change it: {', '.join(verdict.readings_that_change_it) or 'none of those run'}",
+        f"readings with another verdict: {', '.join(verdict.readings_that_change_it) or 'none of those run'}",
         "evidence:",
     ]
     return "\n".join([*head, *_tree(verdict.evidence, 1), *shipped_note([verdict])])

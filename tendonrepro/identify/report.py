@@ -68,7 +68,8 @@ def _head(data: Mapping[str, Any], held: Mapping[str, Any]) -> str:
         searched += " for 16 numbers"
     lines = (
         f"Fitted to {_numbers(data)} of the paper under the reading {held['name']},",
-        f"by tendonrepro identify --fit {data['fit']} --window {data['window']} --readings {held['name']}.",
+        f"by tendonrepro identify --fit {data['fit']} --window {data['window']} --readings {held['name']}",
+        f"--generations {data['generations']} --population {data['population']} --seeds {data['seeds']}.",
         f"Misfit {held['misfit_log']:.3g}, root mean square of log(ours/printed), by the compiled stepper. "
         f"{searched}",
         "were searched, the other rows of the box kept their nominal value. It proves nothing: what was",

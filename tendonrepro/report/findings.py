@@ -139,20 +139,20 @@ def _order(found: Results) -> str | None:
         )
     head = "As printed, the equations give no one order of the laws."
     if _mostly(back):
-        head = "As printed, the equations rank the laws the other way round."
+        head = "As printed, the equations mostly rank the laws the other way round."
     elif _mostly(forth):
-        head = "As printed, the equations rank the laws as the paper does."
+        head = "As printed, the equations mostly rank the laws as the paper does."
     text = (
         f"**{head}** On {interval(back)} of the {back['plants']} plants on which all three laws track, out of {found.plants} drawn, "
         f"the complete order is 3, 2, 1, in MAE and RMSE on both joints; the printed order 1, 2, 3 holds on {interval(forth)}. "
-        "By chance either would come out on 2.8 %."
+        "Laws that do not differ would give 2.8 % each."
     )
     text += f" {_ranked_last(printed)}."
     firm = _firm(found)
     if firm and firm["in_reverse"]["plants"] >= LEAST_PLANTS:
         text += (
             f" On the firm rows it is {percent(firm['in_reverse']['share'])} of the {firm['in_reverse']['plants']} plants on which all "
-            f"track; {_ranked_last(firm).lower()}."
+            f"track; {_ranked_last(firm)[0].lower()}{_ranked_last(firm)[1:]}."
         )
     slips = ("phi_negative=even", "eta_in_controller_2=dropped")
     left = [found.readings.get(name) for name in (*slips, "+".join(slips))]
@@ -175,7 +175,10 @@ def _order(found: Results) -> str | None:
 
 def _ranked_last(reading: Mapping[str, Any]) -> str:
     back, forth = (reading["diverged_last"][key] for key in ("in_reverse", "in_order"))
-    return f"With a diverged law ranked last it is {percent(back['share'])} and {percent(forth['share'])} of {back['plants']}"
+    return (
+        f"Of the {back['plants']} on which not all three diverge, a diverged law ranked last, it is {percent(back['share'])} and "
+        f"{percent(forth['share'])}"
+    )
 
 
 def _silent(found: Results) -> str:
@@ -190,11 +193,11 @@ def _silent(found: Results) -> str:
     if not kept:
         return ""
     text = (
-        f" It also holds our choices where the print is silent: with another one, one at a time, the reverse order holds on "
+        f" It also includes our choices where the print is silent: with another one, one at a time, the reverse order holds on "
         f"{_from_to(kept)} under {len(kept)} readings"
     )
     text += f", but not under {' and '.join(lost)}" if lost else ""
-    return text + (f"; no plant tracks under {' and '.join(none)}." if none else ".")
+    return text + (f"; on no plant all three track under {' and '.join(none)}." if none else ".")
 
 
 def _is_silent(name: str) -> bool:
@@ -235,14 +238,21 @@ def _ratios(found: Results) -> str | None:
     last = [entry for entry in against if "ranked last" not in " ".join(entry["evidence"].get("remarks", ()))]
     if "hardware=drawn" in found.readings:
         text += (
-            f" With encoder, output delay and filter as drawn the verdict stands for {len(drawn) or 'none'} of the {len(against)}, with a "
-            f"diverged law ranked last for {len(last) or 'none'}"
+            f" With encoder, output delay and filter as drawn the verdict stands for {len(drawn) or 'none'} of the {len(against)}"
+            f"{_overturned(found, against)}, with a diverged law ranked last for {len(last) or 'none'}"
         )
         ahead = [
             entry["evidence"]["direction"]["diverged_last"]["share"] for entry in against if entry not in last
         ]
         text += f": there Controller 1 is ahead on {_from_to(ahead)}." if ahead else "."
     return text + " They are one statement, that Controller 1 errs less, in several numbers."
+
+
+def _overturned(found: Results, against: Sequence[Mapping[str, Any]]) -> str:
+    """Single silent choices with which the verdict stands for none of the entries."""
+    changing = set.intersection(*(set(entry["readings_that_change_it"]) for entry in against))
+    names = [f"`{name}`" for name in found.readings if name in changing and _is_silent(name)]
+    return f", for none with {' or '.join(names)}" if names else ""
 
 
 def _from_to(shares: Sequence[float]) -> str:
@@ -267,10 +277,10 @@ def _mended(found: Results) -> str | None:
         text = (
             f"**Extrapolating weights put Controller 1 first on {'nearly every plant' if _nearly(alone) else 'most plants'} that all three laws "
             "track; for the printed order on most of them φ has to change too.** Under weights (1 + α, −α) its "
-            f"errors are the smallest on {interval(alone['first_best'])} of {alone['first_best']['plants']} plants (as printed on "
-            f"{percent(readings['printed']['first_best']['share'])}, with a diverged law ranked last on "
-            f"{percent(alone['diverged_last']['first_best']['share'])} of {alone['diverged_last']['first_best']['plants']}{_in_degrees(found)}), "
-            "which is what the paper claims in words; Controller 3 stays before 2. "
+            f"errors are the smallest on {interval(alone['first_best'])} of {alone['first_best']['plants']} plants, where as printed it is "
+            f"{percent(readings['printed']['first_best']['share'])}. That is what the paper claims in words; Controller 3 stays before 2. "
+            f"With a diverged law ranked last it is {percent(alone['diverged_last']['first_best']['share'])} of "
+            f"{alone['diverged_last']['first_best']['plants']}{_in_degrees(found)}. "
             "With the power branch of φ near zero as well the printed order holds on "
         )
     else:
@@ -320,7 +330,7 @@ def _in_degrees(found: Results) -> str:
     held = found.readings.get(f"{_WEIGHTS}+gain_unit=phi_in_degrees")
     if held is None or held["first_best"]["plants"] < LEAST_PLANTS or held["first_best"]["share"] > 0.5:
         return ""
-    return f", with φ in degrees on {percent(held['first_best']['share'])} of {held['first_best']['plants']}"
+    return f", with φ in degrees {percent(held['first_best']['share'])} of {held['first_best']['plants']}"
 
 
 def _other_ways(found: Results) -> str | None:
@@ -337,7 +347,10 @@ def _other_ways(found: Results) -> str | None:
     }
     if not first:
         return None
-    text = f"**With the weights of Eq. (15) Controller 1 comes first under {len(first)} of the readings.** It has the smallest errors"
+    text = (
+        f"**With the weights of Eq. (15) Controller 1 comes first under {len(first)} of the readings, by one count or the other.** It has the "
+        "smallest errors"
+    )
     for held in sorted(first, key=lambda held: -float(held["diverged_last"]["first_best"]["share"])):
         best, last = _firsts(held)
         text += f" under `{held['name']}` on {percent(last['share'])} of {last['plants']} plants with a diverged law ranked last"
@@ -451,7 +464,7 @@ def _shape(found: Results) -> str | None:
         text += f". It rises at all, on both joints, on {percent(share)} of the plants, by chance on 2.8 %"
     if reach:
         middle = max(found.readings[name]["growth"]["joint_2"]["median"] for name in reach) - 1.0
-        text += f". Under {len(reach)} other readings single plants reach the growth on joint 2, no median is above {percent(middle)}"
+        text += f". Under {len(reach)} other readings some plants reach the growth on joint 2, no median is above {percent(middle)}"
     return text + "."
 
 
@@ -532,7 +545,7 @@ def _parts(found: Results) -> str | None:
         return ", ".join(map(_from_to, found))
 
     return (
-        f'**C5 and C6, part by part,** by RMS, by peak and by course below 3 Hz: "smaller" holds on each joint against each rival on '
+        f'**C5 and C6, part by part,** by RMS, by peak and by course below 3 Hz, least to most over joints and rivals: "smaller" holds on '
         f'{each(list(smaller.values()))}; "similar moving down" on {each(down)}; "significantly smaller moving up" on joint 2 on '
         f"{each(far[2])}, on joint 3 on {each(far[3])}."
     )
@@ -577,7 +590,7 @@ def _kinematics(found: Results) -> str | None:
     if verdicts != ["exact", "reproduced", "not_reproduced", "not_reproduced"]:
         return None
     return (
-        "**S and its inverse follow from Table 1** to the printed digits. The description of Fig. 6 does not follow from Eq. (1) with "
+        "**In magnitude S and its inverse follow from Table 1**, to the printed digits. The description of Fig. 6 does not follow from Eq. (1) with "
         "section 3.3's signs."
     )
 
