@@ -179,6 +179,7 @@ def _carry_out(orders: Sequence[Order], terminal: Terminal) -> int:
 
 StoredTraces = Annotated[Path, Argument(help="Trace file, or a results folder with one.")]
 Overwrite = Annotated[bool, Option("--force", help="Overwrite a file that is there.")]
+OverwriteOwn = Annotated[bool, Option("--force", help="Overwrite files changed since, or your own.")]
 ResultsFolder = Annotated[Path, Option("--out", help="Results folder, or the folder above several.")]
 
 
@@ -187,20 +188,21 @@ def figures(
     terminal: Terminal,
     numbers: Annotated[list[int] | None, Argument(help="The paper's figure numbers [default: all].")] = None,
     out: ResultsFolder = Path("reports"),
+    force: OverwriteOwn = False,
 ) -> None:
     """Draw figures again from stored traces."""
     prepare(WORKERS)
     from tendonrepro.experiments.command import redraw
 
-    terminal.list_files(redraw(out, numbers))
+    terminal.list_files(redraw(out, numbers, force=force))
 
 
 @command(app, "tendonrepro tables --out reports/compare")
-def tables(terminal: Terminal, out: ResultsFolder = Path("reports")) -> None:
+def tables(terminal: Terminal, out: ResultsFolder = Path("reports"), force: OverwriteOwn = False) -> None:
     """Write tables again from stored traces."""
     from tendonrepro.experiments.command import rewrite_tables
 
-    terminal.list_files(rewrite_tables(out))
+    terminal.list_files(rewrite_tables(out, force=force))
 
 
 @command(app, "tendonrepro animate reports/decouple --speed 2")

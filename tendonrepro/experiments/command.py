@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any, Literal
 
 from tendonrepro.config.ensemble import LoadedEnsemble
@@ -29,6 +29,7 @@ from tendonrepro.results.folder import (
     claimed,
     foretell_refusal,
     read_manifest,
+    refuse_foreign,
     stored_traces,
 )
 from tendonrepro.results.manifest import make_manifest, with_outputs
@@ -193,7 +194,7 @@ def _name_shipped(loaded: LoadedConfig, talk: Talk) -> None:
             talk.note(f"no {path.name} in {loaded.folder}, so the shipped one is taken: {path}")
 
 
-def redraw(out: Path, numbers: Sequence[int] | None) -> list[Path]:
+def redraw(out: Path, numbers: Sequence[int] | None, *, force: bool = False) -> list[Path]:
     """Draw figures from stored traces again.
 
     Parameters
@@ -202,6 +203,8 @@ def redraw(out: Path, numbers: Sequence[int] | None) -> list[Path]:
         Results folder, or the folder above several.
     numbers : sequence of int, optional
         The paper's figure numbers; all that the traces allow if not given.
+    force : bool
+        Overwrite files that the manifest does not list, or that were changed since.
 
     Returns
     -------
@@ -212,6 +215,8 @@ def redraw(out: Path, numbers: Sequence[int] | None) -> list[Path]:
     ------
     DataMissingError
         If no stored traces hold what one of the figures shows.
+    UsageError
+        If something would be overwritten.
     """
     from tendonrepro.results.figures.catalogue import FIGURES, available
 
@@ -227,32 +232,44 @@ def redraw(out: Path, numbers: Sequence[int] | None) -> list[Path]:
             have = ", ".join(str(k) for k in sorted(set().union(*drawable.values()))) or "none"
             raise DataMissingError(message, where=str(out), hint=f"figures that can be drawn: {have}")
     with ExitStack() as stack:
-        written = {folder: stack.enter_context(_rewritten(folder, file)) for folder, file in files.items()}
         wanted = {
             folder: (file, [number for number in drawable[folder] if numbers is None or number in numbers])
             for folder, file in files.items()
+        }
+        written = {
+            folder: stack.enter_context(
+                _rewritten(folder, file, [f"figures/fig{number:02d}.*" for number in chosen], force=force)
+            )
+            for folder, (file, chosen) in wanted.items()
         }
         for folder, paths in _draw(wanted).items():
             written[folder] += paths
     return [path for paths in written.values() for path in paths]
 
 
-def rewrite_tables(out: Path) -> list[Path]:
+def rewrite_tables(out: Path, *, force: bool = False) -> list[Path]:
     """Make the tables from stored traces again.
 
     Parameters
     ----------
     out : Path
         Results folder, or the folder above several.
+    force : bool
+        Overwrite files that the manifest does not list, or that were changed since.
 
     Returns
     -------
     list of Path
         The files written.
+
+    Raises
+    ------
+    UsageError
+        If something would be overwritten.
     """
     found: list[Path] = []
     for folder, file in _stored(out).items():
-        with _rewritten(folder, file) as written:
+        with _rewritten(folder, file, ["tables/[!.]*"], force=force) as written:
             written.extend(write_tables(file, folder / "tables"))
         found += written
     return found
@@ -271,10 +288,16 @@ def _stored(out: Path) -> dict[Path, TraceFile]:
 
 
 @contextmanager
-def _rewritten(folder: Path, file: TraceFile) -> Iterator[list[Path]]:
+def _rewritten(
+    folder: Path, file: TraceFile, patterns: Sequence[str], *, force: bool
+) -> Iterator[list[Path]]:
     """Hold a result while files of it are written again; its manifest gets the digests of those listed."""
     with claimed(folder, file.config_sha256, force=True):
         manifest = read_manifest(folder) if (folder / MANIFEST).exists() else None
+        if not force:
+            listed = ({} if manifest is None else manifest.get("outputs", {})).items()
+            ours = {name: sha for name, sha in listed if any(map(PurePath(name).match, patterns))}
+            refuse_foreign(folder, patterns, ours)
         paths: list[Path] = []
         yield paths
         if manifest is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path, PurePath
 from typing import Any
@@ -185,27 +185,46 @@ def refuse_others(folder: Path, config_sha256: str, *, force: bool = False, resu
     """
     if force:
         return
-    hint = "choose another --out, or say --force to overwrite them"
-    if not (folder / MANIFEST).exists():
-        unlisted = sorted(path for pattern in RESULTS for path in folder.glob(pattern))
-        if unlisted and not (resumable and (folder / resumable).exists()):
-            name = unlisted[0].relative_to(folder).as_posix()
-            message = f"holds {name} without a {MANIFEST}: of an interrupted run, or someone's own"
-            raise UsageError(message, where=str(folder), hint=hint)
+    outputs: dict[str, str] = {}
+    if (folder / MANIFEST).exists():
+        manifest = read_manifest(folder)
+        outputs = manifest.get("outputs", {})
+        found = manifest.get("config", {}).get("sha256"), manifest.get("tendonrepro_version")
+        for what, mine, theirs in zip(
+            ("configuration", "version"), (config_sha256, __version__), found, strict=True
+        ):
+            if mine != theirs:
+                message = f"holds results of another {what}: {str(theirs)[:12]}, not {mine[:12]}"
+                hint = "choose another --out, or say --force to overwrite them"
+                raise UsageError(message, where=str(folder), hint=hint)
+    elif resumable and (folder / resumable).exists():
         return
-    manifest = read_manifest(folder)
-    found = manifest.get("config", {}).get("sha256"), manifest.get("tendonrepro_version")
-    for what, mine, theirs in zip(
-        ("configuration", "version"), (config_sha256, __version__), found, strict=True
-    ):
-        if mine != theirs:
-            message = f"holds results of another {what}: {str(theirs)[:12]}, not {mine[:12]}"
-            raise UsageError(message, where=str(folder), hint=hint)
-    for name, digest in manifest.get("outputs", {}).items():
-        if (folder / name).is_file() and sha256_of(folder / name) != digest:
+    refuse_foreign(folder, RESULTS, outputs, but=(MANIFEST, resumable))
+
+
+def refuse_foreign(
+    folder: Path, patterns: Sequence[str], outputs: Mapping[str, str], but: Sequence[str] = ()
+) -> None:
+    """Refuse files that `outputs`, names with their digests, do not list, or that were changed since.
+
+    Of those that are not listed only names by a pattern count, and not those of `but`.
+
+    Raises
+    ------
+    UsageError
+        If there is one.
+    """
+    found = {path.relative_to(folder).as_posix() for pattern in patterns for path in folder.glob(pattern)}
+    for name in sorted({*found, *outputs} - {*but}):
+        path = folder / name
+        if name not in outputs:
+            message = f"no {MANIFEST} lists it: of an interrupted run, or someone's own"
+        elif path.is_file() and sha256_of(path) != outputs[name]:
             message = "was changed since tendonrepro wrote it"
-            hint = "move it elsewhere, or say --force to overwrite it"
-            raise UsageError(message, where=str(folder / name), hint=hint)
+        else:
+            continue
+        hint = "move it elsewhere, choose another --out, or say --force to overwrite what is there"
+        raise UsageError(message, where=str(path), hint=hint)
 
 
 def foretell_refusal(

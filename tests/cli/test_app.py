@@ -363,7 +363,7 @@ def test_dry_run_writes_nothing(command: str, tmp_path: Path) -> None:
     (tmp_path / "other" / "traces.h5").write_text("of another run")
     done = run(command, "compare", "--dry-run", "--out", "other", cwd=tmp_path)
     assert done.returncode == 0
-    assert "a run would be refused: other: holds traces.h5" in done.stderr
+    assert "a run would be refused: other/traces.h5: no manifest.json lists it" in done.stderr
     shutil.rmtree(tmp_path / "other")
     plan = answer(command, "reproduce", "--dry-run", cwd=tmp_path)
     assert plan["compare"]["samples"]["controller_1"] == 15201

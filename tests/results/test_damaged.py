@@ -162,6 +162,26 @@ def test_traces_are_what_their_manifest_lists(tmp_path: Path) -> None:
             read(tmp_path)
 
 
+@pytest.mark.parametrize("beside", [True, False], ids=["manifest", "none"])
+def test_what_a_user_changed_is_not_written_over(tmp_path: Path, beside: bool) -> None:
+    write_traces(tmp_path / TRACES, FILES[0])
+    if beside:
+        (tmp_path / MANIFEST).write_text(json.dumps(with_outputs({}, tmp_path, [tmp_path / TRACES])))
+    makers = (rewrite_tables, lambda out, **force: redraw(out, [13], **force))
+    for make, name in zip(makers, ("tables/table2.md", "figures/fig13.svg"), strict=True):
+        make(tmp_path)
+        made = (tmp_path / name).read_bytes()
+        if beside:
+            make(tmp_path)  # they are still what the manifest lists
+        (tmp_path / name).write_bytes(b"mine")
+        with pytest.raises(UsageError, match="changed since" if beside else "no manifest.json lists it"):
+            make(tmp_path)
+        assert (tmp_path / name).read_bytes() == b"mine"
+        redraw(tmp_path, [14], force=True)  # is nobody's business
+        make(tmp_path, force=True)
+        assert (tmp_path / name).read_bytes() == made
+
+
 def test_an_unreadable_manifest_stops_before_anything_is_written(tmp_path: Path) -> None:
     write_traces(tmp_path / TRACES, FILES[0])
     # Traces alone are enough: they hold their configuration, and nothing is overwritten but what is theirs.

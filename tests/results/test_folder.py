@@ -46,17 +46,20 @@ def test_files_of_the_earlier_result_are_removed(tmp_path: Path) -> None:
     assert {path.name for path in folder.rglob("*") if path.is_file()} == {"changed.csv", ".lock"}
 
 
+@pytest.mark.parametrize("beside", [True, False], ids=["manifest", "none"])
 @pytest.mark.parametrize("name", ["traces.h5", "summary.json", "figures/mine.png", "tables/table2.csv"])
-def test_files_that_no_manifest_lists_are_not_overwritten(tmp_path: Path, name: str) -> None:
-    path = tmp_path / name
-    path.parent.mkdir(exist_ok=True)
+def test_files_that_no_manifest_lists_are_not_overwritten(tmp_path: Path, name: str, beside: bool) -> None:
+    folder = result(tmp_path / "out", "gone.csv") if beside else tmp_path / "out"
+    path = folder / name
+    path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(CONTENT)
-    with pytest.raises(UsageError, match=f"holds {name} without a {MANIFEST}"):
-        cleared(tmp_path)
-    cleared(tmp_path, force=True)
+    with pytest.raises(UsageError, match=f"no {MANIFEST} lists it") as caught:
+        cleared(folder)
+    assert caught.value.where == str(path)
+    cleared(folder, force=True)
     # A command that goes on where it was interrupted knows its folder.
-    (tmp_path / "begun").touch()
-    with claimed(tmp_path, "a", force=False, resumable="begun"):
+    (folder / "begun").touch()
+    with claimed(folder, "a", force=False, resumable="begun"):
         assert path.read_bytes() == CONTENT
 
 
