@@ -175,9 +175,9 @@ def _outlive_nobody(pid: int | None) -> None:
 
 
 def _start(done: Synchronized[int]) -> None:
-    end_with_parent()
-    # On Windows a process does not inherit that interrupts are ignored.
+    # A process inherits this neither on Windows nor where two interrupts come at once.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    end_with_parent()
 
     def count(steps: int) -> None:
         with done.get_lock():

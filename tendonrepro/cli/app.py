@@ -6,6 +6,7 @@ import json
 import logging
 import os
 import re
+import signal
 import sys
 import threading
 from collections.abc import Sequence
@@ -361,6 +362,8 @@ def main() -> None:
             code = _fail(2, error.format_message(), None, "tendonrepro --help lists commands and options")
         else:
             raise
+    # What is left is to end, which an interrupt would only fill with tracebacks.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     # Typer turns an interrupt into this exit code and says nothing.
     code = _fail(130, "interrupted", None, None) if code == 130 else code or 0
     for stream in filter(None, (sys.stdout, sys.stderr)):

@@ -94,7 +94,7 @@ def run_ensemble(
 
 def _ahead(study: Study, draws: int, folder: Path, *, force: bool) -> dict[str, int]:
     """Blocks that a run would need, and those of them that are on disk."""
-    refuse_others(folder, study.identity, force=force, resumable=PLAN)
+    refuse_others(folder, study.identity, force=force, begun=PLAN)
     if not force:
         refuse_shards(folder, study)
     blocks = study.blocks(draws)
@@ -134,7 +134,7 @@ def run_study(
 ) -> dict[str, Any]:
     """Compute the blocks that are not on disk yet, then tables and figures of all."""
     blocks = study.blocks(draws)
-    with claimed(folder, study.identity, force=force, resumable=PLAN) as held:
+    with claimed(folder, study.identity, force=force, begun=PLAN) as held:
         prepare(held, study, force=force)
         write_atomically(folder / PLAN, to_json(study.plan(draws)))
         missing = missing_blocks(folder, study, blocks, talk)

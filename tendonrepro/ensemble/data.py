@@ -237,15 +237,13 @@ def _files(
 
 
 def prepare(held: HeldFolder, study: Study, *, force: bool) -> None:
-    """Make the folder of shards ready: no half-written files, and none of another ensemble.
+    """Make the folder of shards ready: none of another ensemble.
 
     Those are removed with `force`, and else refused.
     """
     folder = held.path
     shards = folder / FOLDER
     try:
-        for leftover in shards.glob(".*.h5"):
-            leftover.unlink(missing_ok=True)
         others = _of_others(folder, study)
         if not force:
             refuse_shards(folder, study)

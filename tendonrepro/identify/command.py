@@ -127,9 +127,9 @@ def run_identify(
     )
     identity = task.identity([held.name for held in task.readings])
     if request.dry_run:
-        foretell_refusal(folder, identity, talk, force=request.force, resumable=STATES)
+        foretell_refusal(folder, identity, talk, force=request.force)
         return _outline(task, folder) | {"dry_run": True, "config_sha256": loaded.sha256}
-    with claimed(folder, identity, force=request.force, resumable=STATES) as held:
+    with claimed(folder, identity, force=request.force) as held:
         return _identified(task, held, identity, processors, talk)
 
 

@@ -43,6 +43,7 @@ class HeldFolder:
         self.path = path
         self.files: list[Path] = []
         self._started = time.perf_counter()
+        self._before: set[Path] | None = None
 
     @property
     def seconds(self) -> float:
@@ -60,23 +61,29 @@ class HeldFolder:
             If someone removed the folder itself.
         """
         self._require()
-        if not (self.path / MANIFEST).exists():
-            return
-        try:
-            outputs = read_manifest(self.path).get("outputs", {})
-        except DataMissingError:
-            outputs = {}
-        try:
-            (self.path / MANIFEST).unlink()
-        except OSError as error:
-            message = f"cannot remove the earlier result: {error.strerror}"
-            raise TendonreproError(message, where=str(self.path / MANIFEST)) from error
-        for name, digest in outputs.items():
-            path = self.path / name
-            # A link may lead out of the folder.
-            within = path.resolve().is_relative_to(self.path.resolve()) and not path.is_symlink()
-            if within and path.is_file() and sha256_of(path) == digest:
-                path.unlink()
+        if (self.path / MANIFEST).exists():
+            try:
+                outputs = read_manifest(self.path).get("outputs", {})
+            except DataMissingError:
+                outputs = {}
+            try:
+                (self.path / MANIFEST).unlink()
+            except OSError as error:
+                message = f"cannot remove the earlier result: {error.strerror}"
+                raise TendonreproError(message, where=str(self.path / MANIFEST)) from error
+            for name, digest in outputs.items():
+                path = self.path / name
+                # A link may lead out of the folder.
+                within = path.resolve().is_relative_to(self.path.resolve()) and not path.is_symlink()
+                if within and path.is_file() and sha256_of(path) == digest:
+                    path.unlink()
+        self._before = set(found_in(self.path, RESULTS))
+
+    def discard(self, but: str) -> None:
+        """Remove what was written since `clear`, `but` for a file: half a result is none."""
+        if self._before is not None and not (self.path / MANIFEST).exists():
+            for path in set(found_in(self.path, RESULTS)) - {*self._before, self.path / but}:
+                path.unlink(missing_ok=True)
 
     def write(self, name: str, content: bytes | str) -> None:
         """Write a file of the result."""
@@ -106,7 +113,7 @@ class HeldFolder:
 
 
 @contextmanager
-def claimed(folder: Path, config_sha256: str, *, force: bool, resumable: str = "") -> Iterator[HeldFolder]:
+def claimed(folder: Path, config_sha256: str, *, force: bool, begun: str = "") -> Iterator[HeldFolder]:
     """Hold a results folder, made if it is missing, while writing results of one configuration into it.
 
     See :func:`refuse_others` for what is not overwritten without `force`.
@@ -119,8 +126,14 @@ def claimed(folder: Path, config_sha256: str, *, force: bool, resumable: str = "
         If the folder cannot be made.
     """
     with locked(folder):
-        refuse_others(folder, config_sha256, force=force, resumable=resumable)
-        yield HeldFolder(folder)
+        refuse_others(folder, config_sha256, force=force, begun=begun)
+        held = HeldFolder(folder)
+        try:
+            yield held
+        except BaseException:
+            with suppress(OSError):
+                held.discard(but=begun)
+            raise
 
 
 @contextmanager
@@ -162,7 +175,7 @@ def locked(folder: Path) -> Iterator[None]:
                     one.rmdir()
 
 
-def refuse_others(folder: Path, config_sha256: str, *, force: bool = False, resumable: str = "") -> None:
+def refuse_others(folder: Path, config_sha256: str, *, force: bool = False, begun: str = "") -> None:
     """Refuse a folder, which may be missing, whose files are not those of an earlier run of the same.
 
     Parameters
@@ -172,8 +185,8 @@ def refuse_others(folder: Path, config_sha256: str, *, force: bool = False, resu
         Digest of what is to be written.
     force : bool
         Refuse nothing.
-    resumable : str
-        Name in the folder by which a command knows its own interrupted run.
+    begun : str
+        Name of the file by which a command knows its own interrupted run.
 
     Raises
     ------
@@ -197,9 +210,12 @@ def refuse_others(folder: Path, config_sha256: str, *, force: bool = False, resu
                 message = f"holds results of another {what}: {str(theirs)[:12]}, not {mine[:12]}"
                 hint = "choose another --out, or say --force to overwrite them"
                 raise UsageError(message, where=str(folder), hint=hint)
-    elif resumable and (folder / resumable).exists():
-        return
-    refuse_foreign(folder, RESULTS, outputs, but=(MANIFEST, resumable))
+    refuse_foreign(folder, RESULTS, outputs, but=(MANIFEST, begun))
+
+
+def found_in(folder: Path, patterns: Sequence[str]) -> list[Path]:
+    """What is in a folder by patterns."""
+    return [path for pattern in patterns for path in folder.glob(pattern)]
 
 
 def refuse_foreign(
@@ -214,7 +230,7 @@ def refuse_foreign(
     UsageError
         If there is one.
     """
-    found = {path.relative_to(folder).as_posix() for pattern in patterns for path in folder.glob(pattern)}
+    found = {path.relative_to(folder).as_posix() for path in found_in(folder, patterns)}
     for name in sorted({*found, *outputs} - {*but}):
         path = folder / name
         if name not in outputs:
@@ -227,12 +243,10 @@ def refuse_foreign(
         raise UsageError(message, where=str(path), hint=hint)
 
 
-def foretell_refusal(
-    folder: Path, config_sha256: str, talk: Talk, *, force: bool, resumable: str = ""
-) -> None:
+def foretell_refusal(folder: Path, config_sha256: str, talk: Talk, *, force: bool, begun: str = "") -> None:
     """Say what :func:`refuse_others` would refuse; a dry run writes nothing, so it goes on."""
     try:
-        refuse_others(folder, config_sha256, force=force, resumable=resumable)
+        refuse_others(folder, config_sha256, force=force, begun=begun)
     except TendonreproError as error:
         talk.note(f"a run would be refused: {error}")
 

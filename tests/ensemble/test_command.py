@@ -15,6 +15,7 @@ from tendonrepro.ensemble.command import load_study, run_ensemble
 from tendonrepro.ensemble.data import PLAN, read_ensemble
 from tendonrepro.ensemble.shards import FOLDER, shard_files
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
+from tendonrepro.results.folder import claimed
 
 QUIET = Talk(quiet=True)
 
@@ -80,10 +81,13 @@ def test_more_draws_reuse_what_is_there(tmp_path):
 
 
 def test_half_written_files_of_a_killed_process_are_removed(unbroken):
-    leftover = unbroken / FOLDER / ".box-r000-d00000000-n4.123-abcd.h5"
-    leftover.write_bytes(b"half")
+    leftover = unbroken / FOLDER / ".box-r000-d00000000-n4.99999999-0123abcd.h5"
+    mine = unbroken / FOLDER / ".mine.h5"
+    for path in (leftover, mine):
+        path.write_bytes(b"half")
     run_ensemble_of(unbroken)
     assert not leftover.exists()
+    assert mine.exists()
 
 
 @pytest.mark.parametrize(
@@ -194,7 +198,8 @@ def test_a_dry_run_counts_what_is_there_and_refuses_what_a_run_would(tmp_path, m
     monkeypatch.setattr("tendonrepro.ensemble.command.load_study", lambda *_: replace(study, seed=77))
     with pytest.raises(UsageError, match="another configuration"):
         run_ensemble(asked, QUIET, draws=2 * DRAWS)
-    (tmp_path / "manifest.json").unlink()
+    with claimed(tmp_path, "", force=True) as held:
+        held.clear()
     with pytest.raises(UsageError, match="holds 8 blocks of another configuration"):
         run_ensemble(asked, QUIET, draws=2 * DRAWS)
 

@@ -57,10 +57,32 @@ def test_files_that_no_manifest_lists_are_not_overwritten(tmp_path: Path, name: 
         cleared(folder)
     assert caught.value.where == str(path)
     cleared(folder, force=True)
-    # A command that goes on where it was interrupted knows its folder.
-    (folder / "begun").touch()
-    with claimed(folder, "a", force=False, resumable="begun"):
-        assert path.read_bytes() == CONTENT
+    assert path.read_bytes() == CONTENT
+
+
+def test_what_tells_of_an_interrupted_run_is_no_foreign_file(tmp_path: Path) -> None:
+    (tmp_path / "plan.json").touch()
+    with claimed(tmp_path, "a", force=False, begun="plan.json"), pytest.raises(UsageError):
+        refuse_others(tmp_path, "a")
+
+
+def test_half_a_result_is_none(tmp_path: Path) -> None:
+    (tmp_path / "figures").mkdir()
+    for name in ("notes.txt", "figures/mine.png"):
+        (tmp_path / name).write_bytes(CONTENT)
+
+    def interrupted() -> None:
+        with claimed(tmp_path, "a", force=True) as held:
+            held.clear()
+            held.write("traces.h5", "x")
+            held.write("tables/table2.md", "x")
+            (tmp_path / "figures" / "fig13.svg").touch()
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    left = {path.name for path in tmp_path.rglob("*") if path.is_file()}
+    assert left == {"notes.txt", "mine.png", ".lock"}
 
 
 @pytest.mark.parametrize(
