@@ -148,29 +148,33 @@ def _listen(report: Callable[[int], None] | None) -> None:
     _report = report
 
 
-def end_with_parent(pid: int | None = None) -> None:
+def end_with_parent(pid: int | None = None, leaving: Callable[[], None] | None = None) -> None:
     """End this process as soon as the one that started it is gone, even where that was killed.
 
     Parameters
     ----------
     pid : int, optional
         Number of that process, where :mod:`multiprocessing` did not start this one.
+    leaving : callable, optional
+        Called before.
     """
     if not any(thread.name == _outlive_nobody.__name__ for thread in threading.enumerate()):
         name = _outlive_nobody.__name__
         try:
-            threading.Thread(target=_outlive_nobody, args=(pid,), name=name, daemon=True).start()
+            threading.Thread(target=_outlive_nobody, args=(pid, leaving), name=name, daemon=True).start()
         except RuntimeError:
             # The system refuses a thread, and who started this process says so in a sentence.
             os._exit(1)
 
 
-def _outlive_nobody(pid: int | None) -> None:
+def _outlive_nobody(pid: int | None, leaving: Callable[[], None] | None) -> None:
     parent = multiprocessing.parent_process()
     if pid is None and parent is not None:
         connection.wait([parent.sentinel])
     while pid is not None and os.getppid() == pid:
         time.sleep(LOOK_SECONDS)
+    if leaving is not None:
+        leaving()
     os._exit(1)
 
 

@@ -128,7 +128,7 @@ def check_shard(path: Path, block: Block, identity: str) -> None:
             values.shape[:2] == size and values.dtype.kind in "fi" for values in held
         )
         if found != [*vars(block).values(), identity] or not fits:
-            raise DataMissingError("is not what its name says", where=str(path), hint=_HINT)
+            raise DataMissingError("is not what its name says", where=str(path), hint=_HINT_OTHER)
 
 
 @contextmanager
@@ -155,6 +155,7 @@ def _whole(path: Path) -> Iterator[h5py.File]:
         yield root
 
 
+_HINT_OTHER = "run the same tendonrepro ensemble again, with --force if it refuses what is of another one"
 _HINT = "run the same tendonrepro ensemble again: it makes what is missing and keeps the rest"
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from tendonrepro.arrays import Array
 from tendonrepro.config.load import CompareConfig, LoadedConfig
 from tendonrepro.config.models.experiment import MOST_SAMPLES
+from tendonrepro.config.models.readings import RUNS
 from tendonrepro.config.models.reference import (
     InTurns,
     MinimumJerk,
@@ -289,7 +290,8 @@ def all_loops(loaded: LoadedConfig, law: UserLaw | None) -> dict[str, Loop]:
         raise ConfigError(message, where=loaded.places[key], hint=error.hint) from None
     if law is None:
         return loops
-    if law.name in (*loops, RESERVED):
+    # A run that --controllers left out would be taken for that of the paper.
+    if law.name in (*loops, *RUNS, RESERVED):
         message = f"there is something else of the name {law.name!r} among the results"
         raise UsageError(message, where="--law", hint="give the function another name")
     return loops | {law.name: add_user_law(law, next(iter(loops.values())))}

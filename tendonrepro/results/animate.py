@@ -10,9 +10,8 @@ import numpy as np
 
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
-from tendonrepro.results.folder import refuse_existing, trace_path
+from tendonrepro.results.folder import named_traces, refuse_existing, trace_path
 from tendonrepro.results.scene import Scene, scene_of
-from tendonrepro.results.traces import read_traces
 
 RATE = 10
 """Pictures per second of a film."""
@@ -72,7 +71,7 @@ def animate(
         message = f"must be above zero, found {speed:g}"
         raise UsageError(message, where="--speed")
     path = trace_path(source)
-    file = read_traces(path)
+    file = named_traces(source)
     scene = scene_of(file, run, coupling=coupling)
     times = list(dict.fromkeys(times))
     target = out or path.with_name(f"{scene.name}{'.svg' if times else '.gif'}")

@@ -11,10 +11,9 @@ import numpy as np
 
 from tendonrepro.config.fields.strict_yaml import Node, load
 from tendonrepro.console import columns
-from tendonrepro.results.folder import trace_path
+from tendonrepro.results.folder import named_traces
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import tracking_errors
-from tendonrepro.results.traces import read_traces
 
 SHOWN = 20
 """Differences of one kind that the words name; ``--json`` has all."""
@@ -37,7 +36,7 @@ def difference(first: Path, second: Path) -> dict[str, Any]:
     DataMissingError
         If a trace file cannot be read.
     """
-    a, b = (read_traces(trace_path(path)) for path in (first, second))
+    a, b = map(named_traces, (first, second))
     shared = [name for name in a.runs if name in b.runs]
     found = {
         "config": list(_unequal(_leaves(_config(a)), _leaves(_config(b)))),

@@ -12,9 +12,8 @@ from scipy.io import savemat
 
 from tendonrepro.errors import UsageError
 from tendonrepro.files import atomic_path
-from tendonrepro.results.folder import refuse_existing, trace_path
+from tendonrepro.results.folder import named_traces, refuse_existing, trace_path
 from tendonrepro.results.records import VARIABLES, TraceFile
-from tendonrepro.results.traces import read_traces
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -53,7 +52,7 @@ def export_traces(source: Path, form: str, out: Path | None = None, *, force: bo
     path = trace_path(source)
     target = out or path.with_suffix(f".{form}")
     refuse_existing(target, force=force)
-    file = read_traces(path)
+    file = named_traces(source)
     with atomic_path(target) as temporary:
         _WRITERS[form](file, temporary)
     return target

@@ -293,6 +293,11 @@ def stored_traces(folder: Path) -> TraceFile:
     return read_traces(path)
 
 
+def named_traces(source: Path) -> TraceFile:
+    """Read the trace file that is named, or that of the results folder that is; see `stored_traces`."""
+    return stored_traces(source) if source.is_dir() else read_traces(source)
+
+
 def trace_path(source: Path) -> Path:
     """Trace file that is named, or that of the results folder that is."""
     return source / TRACES if source.is_dir() else source

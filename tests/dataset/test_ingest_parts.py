@@ -392,6 +392,27 @@ class TestDoubts:
         doubt = f"{name} reaches 195 deg, and no joint turns by more than half a turn"
         assert self.doubts(**{name: angle}) == [doubt] * doubtful
 
+    @pytest.mark.parametrize(
+        ("lag_deg", "begin_deg", "words"),
+        [
+            (1.0, 0.0, None),
+            (
+                4.0,
+                0.0,
+                "the error of joint 2 is 13% of the desired range on average: unit or sign of an angle",
+            ),
+            (0.3, 1.0, "the angles of joint 2 begin 1"),
+            (0.0, -0.2, None),
+        ],
+    )
+    def test_an_error_that_no_law_makes_does(
+        self, lag_deg: float, begin_deg: float, words: str | None
+    ) -> None:
+        phase = np.linspace(0.0, 2.0 * np.pi, len(TIME))
+        q_d, e = 15.0 * (1.0 - np.cos(phase)), lag_deg * np.sin(phase) ** 2 * 2.0 + begin_deg
+        doubts = self.doubts(**{name: np.deg2rad(x)[:, np.newaxis] for name, x in (("q_d", q_d), ("e", e))})
+        assert [doubt.startswith(str(words)) for doubt in doubts] == [True] * (words is not None)
+
     @pytest.mark.parametrize(("share", "doubtful"), [(0.19, False), (0.21, True)])
     def test_a_tendon_stretches_by_a_fifth_of_the_range_at_most(self, share: float, doubtful: bool) -> None:
         encoder = np.tile([0.0, 0.5], 50)[:, np.newaxis] + 1.0

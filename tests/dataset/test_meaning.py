@@ -192,7 +192,7 @@ def test_a_time_apart_serves_columns_of_its_length() -> None:
     found.add("scope/q2", followed(2), group="scope")
     columns = understand([stored("c1.mat", found)])
     assert columns[1].time == columns[0].address
-    assert not columns[1].doubts
+    assert not any("times" in doubt for doubt in columns[1].doubts)
 
 
 def test_times_of_another_table_are_taken_and_asked_about() -> None:
@@ -202,7 +202,7 @@ def test_times_of_another_table_are_taken_and_asked_about() -> None:
     found.add("second/q2", followed(2), group="second")
     columns = understand([stored("c1.mat", found)])
     assert [column.time for column in columns[1:]] == [columns[0].address] * 2
-    assert not columns[1].doubts
+    assert not any("times" in doubt for doubt in columns[1].doubts)
     assert any("those of 'first' are as long" in doubt for doubt in columns[2].doubts)
 
 

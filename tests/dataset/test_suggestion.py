@@ -97,6 +97,11 @@ LONG = {
     "joint": np.repeat([2.0, 3.0, 2.0, 3.0], len(TIME)),
     "measured": np.tile(LATE, 4),
 }
+BELOW = {"Time": 0.01 * np.arange(2 * len(TIME)), "q2_d": np.tile(COURSE, 2), "q2": np.tile(LATE, 2)}
+WORDED = Found("SYNTHETIC")
+for path, values in (BELOW | {"law": np.repeat([1, 2], len(TIME))}).items():
+    note = "words as numbers: 1 is 'Controller 1', 2 is 'Controller 3'" if path == "law" else ""
+    WORDED.add(path, values, label=path, group="log", note=note)
 TAKEN = "controller_1: several columns claim the same place, the first are taken, not"
 ALONE = "is not guessed; their lines stand at the end, take them under `signals` of a run"
 # What is no longer told from numbers: files, and what is asked with the key of the mapping that settles it.
@@ -110,19 +115,24 @@ ASKED: dict[str, tuple[list[Source], str]] = {
         "'controller', 'joint' may tell rows of several runs apart",
     ),
     "runs below each other, with a time that goes on": (
-        [
-            source(
-                "c1.csv",
-                {
-                    "Time": 1e-3 * np.arange(2 * len(TIME)),
-                    "controller": np.repeat([1.0, 3.0], len(TIME)),
-                    "q2_d": np.tile(COURSE, 2),
-                    "q2": np.tile(LATE, 2),
-                },
-                None,
-            )
-        ],
+        [source("c1.csv", BELOW | {"controller": np.repeat([1.0, 3.0], len(TIME))}, None)],
         "'controller' may tell rows of several runs apart",
+    ),
+    "runs below each other, told apart by words": (
+        [stored("c1.csv", WORDED)],
+        "(words as numbers: 1 is 'Controller 1', 2 is 'Controller 3') may tell rows of several runs apart",
+    ),
+    "runs below each other, nothing tells them apart": (
+        [source("c1.csv", BELOW | {"Time": np.tile(TIME, 2)}, None)],
+        f"times go back after sample {len(TIME)}: are several runs below each other?",
+    ),
+    "numbers of runs far apart": (
+        [source("c1.csv", BELOW | {"run_id": np.repeat([10.0, 20.0], len(TIME))}, None)],
+        "'run_id' may tell rows of several runs apart",
+    ),
+    "an error without a unit beside angles with one": (
+        [source("c1.csv", {"Time": TIME, "q2_d (deg)": COURSE, "e2": LATE}, None)],
+        "angles or errors without a known unit are taken to be in deg: `unit`",
     ),
     "repetitions": (
         [source(f"c1_{k}.csv", {"Time": TIME, "q2_d": COURSE, "q2": LATE**k, "tau2": LATE}) for k in (1, 2)],

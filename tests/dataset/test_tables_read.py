@@ -226,9 +226,16 @@ def test_gaps_and_words_among_numbers(tmp_path: Path) -> None:
     found = of_text("t,q,state\n0,1,idle\n1,,run\n2,ERR,run\n3,4,run\n", tmp_path)
     assert_array_equal(found.signals[1].values, [1.0, np.nan, np.nan, 4.0])
     assert "'ERR'" in found.signals[1].note
+    assert_array_equal(found.signals[2].values, [1.0, 2.0, 2.0, 2.0])
+    assert found.signals[2].note == "words as numbers: 1 is 'idle', 2 is 'run'"
+    assert not found.texts
+
+
+def test_a_column_of_one_word_describes_its_table(tmp_path: Path) -> None:
+    found = of_text("t,q,law\n0,1,NTSM\n1,2,NTSM\n2,3,\n", tmp_path)
     (left,) = found.skipped
-    assert (left.path, left.reason) == ("state", "4 cells of words, 2 different")
-    assert found.texts["state"] == "idle, run"
+    assert (left.path, left.reason) == ("law", "2 cells of words, 1 different")
+    assert found.texts == {"law": "NTSM"}
 
 
 def test_rows_of_other_lengths_are_noted(tmp_path: Path) -> None:

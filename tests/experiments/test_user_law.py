@@ -5,7 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tendonrepro.errors import TendonreproError
+from tendonrepro.config.load import load_config
+from tendonrepro.errors import TendonreproError, UsageError
+from tendonrepro.experiments.loops import all_loops
 from tendonrepro.experiments.user_law import _checked, find_user_law
 from tendonrepro.physics.control import start_memory
 
@@ -57,3 +59,10 @@ def test_what_a_law_does_to_its_arguments_stays_with_it(tmp_path):
     assert np.all(np.stack(parts) == 7.0)
     assert not given.any()
     assert not AT_REST.q.any()
+
+
+def test_no_law_takes_the_name_of_a_run_that_was_left_out(tmp_path):
+    (tmp_path / "own.py").write_text(LAW.format(body="return q, q, q, q").replace("mine", "controller_1"))
+    law = find_user_law(f"{tmp_path / 'own.py'}:controller_1")
+    with pytest.raises(UsageError, match="something else of the name 'controller_1'"):
+        all_loops(load_config(None, "compare", controllers=[2, 3]), law)

@@ -18,6 +18,9 @@ from tendonrepro.console import Talk
 from tendonrepro.dataset.measured_file import origin
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.experiments.command import redraw, rewrite_tables
+from tendonrepro.results.animate import animate
+from tendonrepro.results.difference import difference
+from tendonrepro.results.export import export_traces
 from tendonrepro.results.figures.catalogue import available
 from tendonrepro.results.folder import MANIFEST, TRACES, read_manifest, refuse_others
 from tendonrepro.results.manifest import with_outputs
@@ -157,7 +160,14 @@ def test_traces_are_what_their_manifest_lists(tmp_path: Path) -> None:
     with h5py.File(folder / TRACES, "r+") as root:
         # A number in its range, as a flipped bit leaves it.
         root["controller_1"].attrs["reference_period"] *= 0.5
-    for read in (rewrite_tables, lambda out: run_claims(out, (), None, Talk(quiet=True))):
+    readers = (
+        rewrite_tables,
+        lambda out: run_claims(out, (), None, Talk(quiet=True)),
+        lambda out: export_traces(out / "compare", "csv", None),
+        lambda out: difference(out / "compare", out / "compare"),
+        lambda out: animate(out / "compare", Talk(quiet=True)),
+    )
+    for read in readers:
         with pytest.raises(DataMissingError, match="not what its manifest lists"):
             read(tmp_path)
 

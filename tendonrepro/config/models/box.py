@@ -207,7 +207,7 @@ class BoxConfig(Model):
     torque_noise_acts: Annotated[Words, Among("whether torque is noisy", SWITCH)]
     torque_noise: Annotated[BoxRange, In("RMS noise of the torque at the winch", "N m")]
     encoder_count: Annotated[Choice, In("angle of one count of the joint encoders", "rad")]
-    output_delay: Annotated[Choice, In("delay of the command in samples", "1", 0.0, 1000.0)]
+    output_delay: Annotated[Choice, In("delay of the command in samples", "1", 0.0, 100.0)]
     error_rate: Annotated[Words, Among("how the error's rate is obtained", ERROR_RATES)]
     filter_cutoff: Annotated[BoxRange, In("cutoff of the low-pass error rate", "Hz", _EPS)]
     disturbance: Annotated[Words, Among("kind of the disturbance", DISTURBANCES)]

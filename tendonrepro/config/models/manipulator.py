@@ -166,7 +166,8 @@ class ActuatorConfig(Model):
     ]
     torque_noise: Annotated[Scalar, physical("N m", "RMS torque noise at the winch; 0 is off", at_least=0.0)]
     output_delay: Annotated[
-        Scalar, physical("1", "delay of the command in whole samples", at_least=0.0, whole=True)
+        Scalar,
+        physical("1", "delay of the command in samples", at_least=0.0, at_most=100.0, whole=True),
     ]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -22,6 +22,8 @@ from tendonrepro.results.records import Trace
 from tendonrepro.results.summary import MEASURED
 
 _MOST_TURN_DEG = 190.0
+_FAR_BEHIND = 0.1  # of the error, on average over the range: laws that track err by a hundredth
+_REST = 0.1  # before the motion begins, s
 _FAR_APART = 0.2  # of calculated and measured joint angle, over the range: no tendon stretches by so much
 _SAME_VALUE = 1e-6  # relative difference from the number of a `where`; single precision makes 1e-7 of it
 _LONGEST_STEP = 0.1  # s, beyond which the unit of the times is in doubt; the paper's is 1 ms
@@ -285,6 +287,8 @@ def doubts_about(trace: Trace) -> list[str]:
         turn = np.rad2deg(np.nanmax(np.abs(trace[name]), initial=0.0)) if name in trace else 0.0
         if turn > _MOST_TURN_DEG:
             doubts.append(f"{name} reaches {turn:.4g} deg, and no joint turns by more than half a turn")
+    if {"q_d", "e"} <= trace.variables.keys():
+        doubts += _doubts_about_error(trace)
     if {"q_calculated", "q_encoder"} <= trace.variables.keys():
         for k, joint in enumerate(trace.joint):
             calculated, encoder = (trace[name][:, k] for name in ("q_calculated", "q_encoder"))
@@ -298,6 +302,20 @@ def doubts_about(trace: Trace) -> list[str]:
                     "unit, sign, scale or number of a motor"
                 )
     return doubts
+
+
+def _doubts_about_error(trace: Trace) -> Iterator[str]:
+    """Joints whose angles begin apart, or whose error is no law's that tracks."""
+    rest = trace.time <= trace.time[0] + _REST
+    for joint, e, q_d in zip(trace.joint, trace["e"].T, trace["q_d"].T, strict=True):
+        begin, known, extent = e[rest & np.isfinite(e)], e[np.isfinite(e)], _span(q_d)
+        size = float(np.abs(known).mean()) if known.size else 0.0
+        apart = float(np.median(begin)) if begin.size else 0.0
+        if abs(apart) > max(0.5 * size, 10.0 * _COUNT):
+            yield f"the angles of joint {joint} begin {np.rad2deg(apart):.3g} deg apart: `offset` of one"
+        elif size > _FAR_BEHIND * extent > 0.0:
+            share = f"{size / extent:.0%} of the desired range on average"
+            yield f"the error of joint {joint} is {share}: unit or sign of an angle or of the error"
 
 
 def _span(values: Array) -> float:

@@ -25,6 +25,10 @@ class TimeProblem(Exception):
 
 _KEPT = 0.5
 """Least part of the longest signal that common times keep."""
+_SEVERAL = (
+    "It starts over: several runs below each other? `where` takes the rows of one from a table that holds "
+    "several; without a column that tells them apart save each in a file of its own."
+)
 _LOOK = (
     "Look at this column with `tendonrepro inspect`. "
     "`where` takes the rows of one run from a table that holds several; "
@@ -74,7 +78,9 @@ def checked(signal: Timed) -> tuple[Timed, int]:
     if late.size:
         k = int(late[0])
         step = f"from sample {k + 1} to {k + 2}: {in_seconds(time[k])} s, {in_seconds(time[k + 1])} s"
-        raise TimeProblem(f"the time of {signal.name} does not increase {step}", _LOOK)
+        starts_over = time[k + 1] - time[0] < 0.1 * (time[k] - time[0]) != 0.0
+        message = f"the time of {signal.name} does not increase {step}"
+        raise TimeProblem(message, _SEVERAL if starts_over else _LOOK)
     return Timed(signal.name, time, values), len(known) - len(time)
 
 

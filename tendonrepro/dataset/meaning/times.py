@@ -36,12 +36,7 @@ def find_times(group: Sequence[Column]) -> None:
         each = "each is taken for those that end with it, on its right first"
         axis.doubts.append(f"several columns can be times, {each}; `time` beside an entry names another")
     for clock in clocks:
-        if steps[clock] is None:
-            clock.because.append("although it does not increase evenly")
-        elif clock.quantity != "time":
-            clock.call("time", f"it increases evenly, by {steps[clock]:g}")
-        if clock.unit not in FACTORS["time"]:
-            _settle_unit(clock)
+        _accept(clock, steps[clock])
     clock = before = axis
     for column in group:
         # Tables side by side begin each with its times; of times side by side the first serve.
@@ -56,6 +51,22 @@ def find_times(group: Sequence[Column]) -> None:
                     "ends on another row than its times; `time` beside its entry names others"
                 )
         before = column
+
+
+def _accept(clock: Column, step: float | None) -> None:
+    """Call a column times, which increase evenly by a step, and ask where they go back."""
+    if step is None:
+        clock.because.append("although it does not increase evenly")
+        back = np.flatnonzero(np.diff(clock.values[np.isfinite(clock.values)]) < 0.0)
+        if back.size:
+            clock.doubts.append(
+                f"times go back after sample {back[0] + 1}: are several runs below each other? "
+                "`where` takes the rows of one, or save each in a file of its own"
+            )
+    elif clock.quantity != "time":
+        clock.call("time", f"it increases evenly, by {step:g}")
+    if clock.unit not in FACTORS["time"]:
+        _settle_unit(clock)
 
 
 def _end_together(column: Column, clock: Column) -> bool:

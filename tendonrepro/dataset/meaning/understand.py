@@ -70,12 +70,14 @@ def _find_labels(group: Sequence[Column]) -> None:
     labels = []
     for column in group:
         named = column.own.joint is not None or column.own.quantity not in {None, "measured"} or column.unit
-        if not named and column.quantity in {None, "measured"} and is_label(column.values):
-            column.call("other", "a few whole numbers, which tell rows apart")
-            column.joint = None
+        if not named and column.quantity in {None, "measured"} and _few_whole(column.values):
             labels.append(column)
+            if is_label(column.values):
+                column.call("other", "a few whole numbers, which tell rows apart")
+                column.joint = None
     if labels:
-        names = ", ".join(repr(column.label) for column in labels)
+        notes = (f" ({column.signal.note})" * bool(column.signal.note) for column in labels)
+        names = ", ".join(f"{column.label!r}{note}" for column, note in zip(labels, notes, strict=True))
         labels[0].doubts.append(
             f"{names} may tell rows of several runs apart; `where` on it takes those of one"
         )
@@ -99,10 +101,14 @@ def _refuse_still(group: Sequence[Column]) -> None:
 
 def is_label(values: Array) -> bool:
     """Whether numbers (N,) tell rows apart, as those of joints or trials do: few, whole, close together."""
+    return _few_whole(values) and float(np.ptp(values)) < _MOST_LABELS
+
+
+def _few_whole(values: Array) -> bool:
+    """Whether numbers are several but few, and whole; a motion in steps may be so too."""
     if not np.isfinite(values).all() or (values != np.round(values)).any():
         return False
-    kinds = np.unique(values)
-    return bool(0 < np.ptp(kinds) < _MOST_LABELS and len(values) >= SHORTEST * len(kinds))
+    return 1 < len(np.unique(values)) <= min(_MOST_LABELS, len(values) // SHORTEST)
 
 
 def _find_units(columns: Sequence[Column]) -> None:
@@ -115,6 +121,7 @@ def _find_units(columns: Sequence[Column]) -> None:
         if column.unit is None and column.quantity in _ANGLES:
             column.unit = shared
             column.because.append(f"{shared}: {reason}")
+            column.doubts.append(f"angles or errors without a known unit are taken to be in {shared}: `unit`")
         elif column.unit is None and column.quantity in _OTHERS:
             power = _OTHERS[column.quantity]
             column.unit = f"{shared}{power}" if power else "N m"

@@ -78,7 +78,7 @@ _CHINESE_LOAD = ("负载", "带载", "有载", "加载")
 _DECOUPLING = _these("decouple decoupled decoupling coupling kinematics")
 _CONTROLLER = _these("controller ctrl control con contr c cont")
 _NTSM = _these("ntsm tdentsm ntsmc")
-_TSM = _these("tsm tdetsm tsmc tdc tdepd pd")
+_TSM = _these("tsm tdetsm tsmc")
 
 
 @dataclass(frozen=True)

@@ -184,7 +184,7 @@ def add_table(
         path = prefix + (heading.name or f"column {position + 1}")
         read = _numbers(cells, decimal)
         if read is None:
-            _note_different(found, path, cells)
+            _add_words(found, path, cells, heading.label, group)
         elif not np.isnan(read[0]).all():
             values, how, unit = read
             text = "; ".join(filter(None, [how, note]))
@@ -207,9 +207,16 @@ def _numbers(cells: Cells, decimal: str) -> tuple[NDArray[Any], str, str | None]
     return np.array([math.nan if value is None else value for value in values]), how, None
 
 
-def _note_different(found: Found, path: str, cells: Cells) -> None:
-    """Note a column of words: a few different ones may say which run a row belongs to."""
-    words = [str(cell) for cell in cells if _is_filled(cell)]
-    different = list(dict.fromkeys(words))
-    found.skip(path, f"{len(words)} cells of words, {len(different)} different")
-    found.text(path, ", ".join(different[:_MOST_DIFFERENT]))
+def _add_words(found: Found, path: str, cells: Cells, label: str, group: str) -> None:
+    """Take a column of words: one describes the table, a few may say which run a row belongs to."""
+    words = [str(cell).strip() if _is_filled(cell) else "" for cell in cells]
+    different = [word for word in dict.fromkeys(words) if word]
+    if 1 < len(different) <= _MOST_DIFFERENT:
+        numbers = {word: place for place, word in enumerate(different, start=1)}
+        meaning = ", ".join(f"{place} is {word[:20]!r}" for word, place in numbers.items())
+        values = np.array([numbers.get(word, 0) for word in words])
+        found.add(path, values, label=label, group=group, note=f"words as numbers: {meaning}")
+        return
+    found.skip(path, f"{sum(map(bool, words))} cells of words, {len(different)} different")
+    if len(different) == 1:
+        found.text(path, different[0])

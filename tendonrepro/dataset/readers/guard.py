@@ -9,6 +9,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import pickle
+import shutil
 import signal
 import tempfile
 import time
@@ -202,10 +203,10 @@ def _serve(connection: Connection, read: Read, memory: int, folder: str) -> None
     """Read what is asked for until the pipe closes; the body of the process."""
     # Only the first process acts on an interrupt; this one ends with it.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    end_with_parent()
+    # Members of archives are unpacked where the first process cleans up, and this one where that was killed.
+    end_with_parent(leaving=lambda: shutil.rmtree(folder, ignore_errors=True))
     _hush()
     _bound(memory)
-    # Members of archives are unpacked where the first process cleans up, whatever happens here.
     tempfile.tempdir = folder
     connection.send(True)
     with suppress(EOFError, OSError):
