@@ -136,7 +136,7 @@ ASKED: dict[str, tuple[list[Source], str]] = {
     ),
     "repetitions": (
         [source(f"c1_{k}.csv", {"Time": TIME, "q2_d": COURSE, "q2": LATE**k, "tau2": LATE}) for k in (1, 2)],
-        f"{TAKEN} c1_2.csv: q2_d, c1_2.csv: q2, c1_2.csv: tau2; to keep another recording, give it a run",
+        f"{TAKEN} c1_2.csv: q2_d, c1_2.csv: q2, c1_2.csv: tau2; a desired angle is `variable: q_d`; another",
     ),
     "two columns for one place": (
         [source("c1.csv", {"Time": TIME, "q2": LATE, "angle 2": LATE**2})],

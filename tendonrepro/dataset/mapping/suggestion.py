@@ -106,7 +106,7 @@ def _claimed(picked: Mapping[str, tuple[Sequence[Column], Sequence[Column]]]) ->
             yield repr(name), "no name says which controller that is: rename it"
         if rivals:
             others = few([f"{column.source.name}: {column.address}" for column in rivals])
-            way = "to keep another recording, give it a run with a name of your own"
+            way = "a desired angle is `variable: q_d`; another recording is a run with a name of your own"
             yield name, f"several columns claim the same place, the first are taken, not {others}; {way}"
 
 
