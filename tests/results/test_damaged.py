@@ -109,7 +109,7 @@ def test_damaged_traces_are_one_sentence(tmp_path: Path, count: int, drawn: int)
                 used(tmp_path / TRACES, tmp_path / "tables")
                 read += 1
                 if seed < drawn:
-                    redraw(tmp_path, None)
+                    redraw(tmp_path, None, force=True)
             except DataMissingError as error:
                 messages.append(error.message)
     assert not [message for message in messages if "\n" in message]
