@@ -22,7 +22,7 @@ from tendonrepro.results.traces import read_traces
 MANIFEST = "manifest.json"
 TRACES = "traces.h5"
 LOCK = ".lock"
-RESULTS = (TRACES, "*.json", "figures/[!.]*", "tables/[!.]*")
+RESULTS = (TRACES, "*.json", "figures/**/[!.]*", "tables/**/[!.]*")
 """What commands write into a results folder."""
 
 MOST_LETTERS = 100
@@ -214,8 +214,8 @@ def refuse_others(folder: Path, config_sha256: str, *, force: bool = False, begu
 
 
 def found_in(folder: Path, patterns: Sequence[str]) -> list[Path]:
-    """What is in a folder by patterns."""
-    return [path for pattern in patterns for path in folder.glob(pattern)]
+    """Files in a folder by patterns."""
+    return [path for pattern in patterns for path in folder.glob(pattern) if not path.is_dir()]
 
 
 def refuse_foreign(

@@ -47,7 +47,7 @@ def test_files_of_the_earlier_result_are_removed(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("beside", [True, False], ids=["manifest", "none"])
-@pytest.mark.parametrize("name", ["traces.h5", "summary.json", "figures/mine.png", "tables/table2.csv"])
+@pytest.mark.parametrize("name", ["traces.h5", "summary.json", "figures/mine.png", "tables/best/table2.csv"])
 def test_files_that_no_manifest_lists_are_not_overwritten(tmp_path: Path, name: str, beside: bool) -> None:
     folder = result(tmp_path / "out", "gone.csv") if beside else tmp_path / "out"
     path = folder / name
@@ -66,6 +66,15 @@ def test_what_tells_of_an_interrupted_run_is_no_foreign_file(tmp_path: Path) -> 
         refuse_others(tmp_path, "a")
 
 
+def test_a_folder_in_a_result_is_no_file_of_it(tmp_path: Path) -> None:
+    folder = result(tmp_path / "out", "tables/best/table2.md")
+    (folder / "tables" / "best").mkdir(parents=True)
+    (folder / "tables/best/table2.md").write_bytes(CONTENT)
+    (folder / "figures" / "mine").mkdir(parents=True)
+    cleared(folder)
+    assert not (folder / "tables/best/table2.md").exists()
+
+
 def test_half_a_result_is_none(tmp_path: Path) -> None:
     (tmp_path / "figures").mkdir()
     for name in ("notes.txt", "figures/mine.png"):
@@ -76,7 +85,8 @@ def test_half_a_result_is_none(tmp_path: Path) -> None:
             held.clear()
             held.write("traces.h5", "x")
             held.write("tables/table2.md", "x")
-            (tmp_path / "figures" / "fig13.svg").touch()
+            (tmp_path / "figures" / "best").mkdir()
+            (tmp_path / "figures" / "best" / "fig13.svg").touch()
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):

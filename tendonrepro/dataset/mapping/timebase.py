@@ -78,7 +78,7 @@ def checked(signal: Timed) -> tuple[Timed, int]:
     if late.size:
         k = int(late[0])
         step = f"from sample {k + 1} to {k + 2}: {in_seconds(time[k])} s, {in_seconds(time[k + 1])} s"
-        starts_over = time[k + 1] - time[0] < 0.1 * (time[k] - time[0]) != 0.0
+        starts_over = k > 0 and time[k + 1] - time[0] < 0.1 * (time[k] - time[0])
         message = f"the time of {signal.name} does not increase {step}"
         raise TimeProblem(message, _SEVERAL if starts_over else _LOOK)
     return Timed(signal.name, time, values), len(known) - len(time)
