@@ -24,6 +24,8 @@ TRACES = "traces.h5"
 LOCK = ".lock"
 RESULTS = (TRACES, "*.json", "figures/**/[!.]*", "tables/**/[!.]*")
 """What commands write into a results folder."""
+DRAWN = ("figures/fig[0-9][0-9].*",)
+"""What other processes write there, so that an interrupted run does not know how far they came."""
 
 MOST_LETTERS = 100
 """Of a name in a manifest, and of its folders: far more than ours have."""
@@ -79,10 +81,10 @@ class HeldFolder:
                     path.unlink()
         self._before = set(found_in(self.path, RESULTS))
 
-    def discard(self, but: str) -> None:
-        """Remove what was written since `clear`, `but` for a file: half a result is none."""
+    def discard(self) -> None:
+        """Remove what was written since `clear`: half a result is none. Files of other names are not ours."""
         if self._before is not None and not (self.path / MANIFEST).exists():
-            for path in set(found_in(self.path, RESULTS)) - {*self._before, self.path / but}:
+            for path in {*self.files, *found_in(self.path, DRAWN)} - self._before:
                 path.unlink(missing_ok=True)
 
     def write(self, name: str, content: bytes | str) -> None:
@@ -132,7 +134,7 @@ def claimed(folder: Path, config_sha256: str, *, force: bool, begun: str = "") -
             yield held
         except BaseException:
             with suppress(OSError):
-                held.discard(but=begun)
+                held.discard()
             raise
 
 

@@ -85,14 +85,15 @@ def test_half_a_result_is_none(tmp_path: Path) -> None:
             held.clear()
             held.write("traces.h5", "x")
             held.write("tables/table2.md", "x")
-            (tmp_path / "figures" / "best").mkdir()
-            (tmp_path / "figures" / "best" / "fig13.svg").touch()
+            (tmp_path / "figures" / "fig13.svg").touch()
+            # Somebody's own, put there in the meantime.
+            (tmp_path / "figures" / "later.png").touch()
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         interrupted()
     left = {path.name for path in tmp_path.rglob("*") if path.is_file()}
-    assert left == {"notes.txt", "mine.png", ".lock"}
+    assert left == {"notes.txt", "mine.png", "later.png", ".lock"}
 
 
 @pytest.mark.parametrize(
