@@ -46,8 +46,9 @@ def of_paper(file: TraceFile, trace: Trace | None = None) -> bool:
         return False
     if trace is None or file.source == "measured":
         return True
+    held = trace.attributes
     return trace.joint == COMPARED and _driven_as_paper(
-        trace.name, trace.attributes["gains"], trace.attributes["payload_mass"]
+        trace.name, held["law"], held["gains"], held["payload_mass"]
     )
 
 
@@ -57,7 +58,9 @@ def base_of_paper(config: CompareConfig) -> bool:
     routing = arm.routing
     S_inv = coupling_inverse(routing.winch_diameter.si, routing.pulley_diameter.si, routing.sign.si)
     return _arm_of_paper(arm.name, S_inv) and all(
-        _driven_as_paper(name, gains, run.payload.si) for name, run in config.runs.items() if name in RUNS
+        _driven_as_paper(name, run.law, gains, run.payload.si)
+        for name, run in config.runs.items()
+        if name in RUNS
     )
 
 
@@ -74,8 +77,8 @@ def _arm_of_paper(name: object, S_inv: Array | None) -> bool:
     return name in {None, arm.text}
 
 
-def _driven_as_paper(run: str, gains: Mapping[str, ArrayLike], payload: float) -> bool:
-    """By its gains, as far as they are printed, and its payload, kg."""
+def _driven_as_paper(run: str, law: str, gains: Mapping[str, ArrayLike], payload: float) -> bool:
+    """By its law's name, its gains, as far as they are printed, and its payload, kg."""
     paper = published()
     same = (
         np.allclose(ours, paper.per_joint(f"gain.{name}", COMPARED), rtol=1e-9)
@@ -83,7 +86,7 @@ def _driven_as_paper(run: str, gains: Mapping[str, ArrayLike], payload: float) -
         if f"gain.{name}.joint_{COMPARED[0]}" in paper.entries
     )
     loaded = paper.number(_PAYLOAD) if run.endswith("_payload") else 0.0
-    return bool(np.isclose(payload, loaded)) and all(same)
+    return law == run.removesuffix("_payload") and bool(np.isclose(payload, loaded)) and all(same)
 
 
 def printed_beside(file: TraceFile, trace: Trace, identifier: str) -> list[float]:

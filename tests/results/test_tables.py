@@ -13,7 +13,7 @@ from support.synthetic import S_INV, S, make_compare_file, make_decouple_file
 
 from tendonrepro.config.ensemble import load_ensemble
 from tendonrepro.experiments.report import results_text
-from tendonrepro.results.paper import base_of_paper
+from tendonrepro.results.paper import base_of_paper, of_paper
 from tendonrepro.results.paper_tables import (
     COLUMNS,
     TableRow,
@@ -300,3 +300,10 @@ class TestTypesetting:
             "| 1.235 | yes | -- |",
             "| -- | -- | 1, 2 |",
         ]
+
+
+def test_no_printed_number_stands_beside_another_law() -> None:
+    file = make_compare_file()
+    trace = file.runs["controller_1"]
+    assert of_paper(file, trace)
+    assert not of_paper(file, dataclasses.replace(trace, attributes={**trace.attributes, "law": "tdc"}))
