@@ -17,7 +17,7 @@ from tendonrepro.console import Talk
 from tendonrepro.ensemble.block import Simulate, make_block
 from tendonrepro.ensemble.box import make_box
 from tendonrepro.ensemble.conclusions import conclusions
-from tendonrepro.ensemble.data import PLAN, missing_blocks, prepare, read_ensemble, refuse_shards
+from tendonrepro.ensemble.data import PLAN, begun_in, missing_blocks, prepare, read_ensemble, refuse_shards
 from tendonrepro.ensemble.figures import draw_ensemble_figures
 from tendonrepro.ensemble.plan import Study
 from tendonrepro.ensemble.report import cost_text, population_summary, spot_checks, write_ensemble_tables
@@ -94,7 +94,7 @@ def run_ensemble(
 
 def _ahead(study: Study, draws: int, folder: Path, *, force: bool) -> dict[str, int]:
     """Blocks that a run would need, and those of them that are on disk."""
-    refuse_others(folder, study.identity, force=force, begun=PLAN)
+    refuse_others(folder, study.identity, force=force, begun=begun_in(folder))
     if not force:
         refuse_shards(folder, study)
     blocks = study.blocks(draws)
@@ -134,7 +134,7 @@ def run_study(
 ) -> dict[str, Any]:
     """Compute the blocks that are not on disk yet, then tables and figures of all."""
     blocks = study.blocks(draws)
-    with claimed(folder, study.identity, force=force, begun=PLAN) as held:
+    with claimed(folder, study.identity, force=force, begun=begun_in(folder)) as held:
         prepare(held, study, force=force)
         write_atomically(folder / PLAN, to_json(study.plan(draws)))
         missing = missing_blocks(folder, study, blocks, talk)

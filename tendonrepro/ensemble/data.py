@@ -200,6 +200,15 @@ def read_ensemble(folder: Path, population: str = "box", *, stride: int = 1) -> 
     )
 
 
+def begun_in(folder: Path) -> str:
+    """Name of the plan in a folder, if it is one or stands beside blocks; a user's own file is neither."""
+    try:
+        _read_plan(folder)
+    except DataMissingError:
+        return PLAN if shard_files(folder / FOLDER) else ""
+    return PLAN
+
+
 def _read_plan(folder: Path) -> dict[str, Any]:
     path = folder / PLAN
     try:

@@ -217,3 +217,10 @@ def test_all_readings_need_a_yes(tmp_path, monkeypatch):
         run_ensemble(Request(out=tmp_path / "none"), QUIET, draws=4096, readings="all")
     assert "--yes" in str(caught.value.hint)
     assert not (tmp_path / "none").exists()
+
+
+def test_a_plan_of_the_users_own_is_not_overwritten(tmp_path):
+    (tmp_path / PLAN).write_text('{"my": "plan"}')
+    with pytest.raises(UsageError, match=r"no manifest\.json lists it"):
+        run_ensemble_of(tmp_path)
+    assert (tmp_path / PLAN).read_text() == '{"my": "plan"}'

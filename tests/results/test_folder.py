@@ -47,7 +47,9 @@ def test_files_of_the_earlier_result_are_removed(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("beside", [True, False], ids=["manifest", "none"])
-@pytest.mark.parametrize("name", ["traces.h5", "summary.json", "figures/mine.png", "tables/best/table2.csv"])
+@pytest.mark.parametrize(
+    "name", ["traces.h5", "identified.yaml", "summary.json", "figures/mine.png", "tables/best/table2.csv"]
+)
 def test_files_that_no_manifest_lists_are_not_overwritten(tmp_path: Path, name: str, beside: bool) -> None:
     folder = result(tmp_path / "out", "gone.csv") if beside else tmp_path / "out"
     path = folder / name
