@@ -35,7 +35,8 @@ def make_manifest(loaded: LoadedConfig, seconds: float) -> dict[str, Any]:
         "overrides": list(loaded.overrides),
         "seed": int(config.seed.si),
         "solver": {
-            "name": f"scipy.integrate.ode {config.solver.method}",
+            "name": f"scipy.integrate.ode {config.solver.method}"
+            + (", its steps compiled" if config.solver.method == "dop853" else ""),
             "rtol": config.solver.rtol.si,
             "atol": config.solver.atol.si,
             "max_step_s": config.solver.max_step.si,

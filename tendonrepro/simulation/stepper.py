@@ -1,4 +1,4 @@
-"""The closed loop in time: a sampled controller around a plant that SciPy integrates between samples.
+"""The closed loop in time: a sampled controller around a plant integrated between samples.
 
 At every sample the encoders are read, the controller decides, and the torque is held until the next sample.
 The integrator starts afresh each period, so it never steps across a jump of the torque, and each run is
@@ -21,9 +21,6 @@ from tendonrepro.physics.dynamics import Plant, holding_torque, link_acceleratio
 from tendonrepro.physics.instruments import Actuator, Encoder, applied_torque, noise_sequence, quantise
 from tendonrepro.simulation.controllers import Controller, DriveTorque, Measurement
 
-STEPS_PER_SAMPLE = 5000
-"""Integrator steps in one period after which a plant counts as one it cannot resolve."""
-
 LARGEST_TORQUE = 1e6
 """Torque, N m, beyond which a run has diverged even before its error shows it."""
 
@@ -36,12 +33,13 @@ PROGRESS_INTERVAL = 500
 
 @dataclass(frozen=True)
 class Solver:
-    """How SciPy integrates between two samples.
+    """How the plant is integrated between two samples.
 
     Attributes
     ----------
     method : str
-        ``dopri5``, ``dop853`` or ``lsoda`` of :class:`scipy.integrate.ode`.
+        ``dopri5``, ``dop853`` or ``lsoda`` of :class:`scipy.integrate.ode`; of the shipped ``dop853`` the
+        same steps are taken without calls of Python in them, see `tendonrepro.simulation.codegen.dop853`.
     rtol, atol : float
         Tolerances on the state, in rad and rad s⁻¹.
     max_step : float
@@ -229,17 +227,42 @@ def _torque_noise(loop: Loop) -> Array:
 
 
 def _integrator(loop: Loop) -> Callable[[float, float, Array, Array], Array]:
-    """SciPy's integrator, started afresh in every period: the torque jumps there."""
-    # Heavy, and the process that waits for runs needs neither.
+    """The plant's state at the end of a period, integrated afresh in every one: the torque jumps there."""
+    solver = loop.solver
+    steps = _compiled_steps(loop) if solver.method == "dop853" else _scipy_steps(loop)
+
+    def advance(start: float, end: float, state: Array, tau_m: Array) -> Array:
+        reached, successful = steps(start, end, state, tau_m)
+        # A state that overflowed is the run's result; its error shows it at the next sample.
+        if not successful and np.isfinite(reached).all():
+            message = f"{solver.method} cannot follow the plant beyond t = {start:.3f} s"
+            hint = "the plant is too stiff for this method: try solver.method=lsoda or looser tolerances"
+            raise TendonreproError(message, hint=hint)
+        return reached
+
+    return advance
+
+
+def _compiled_steps(loop: Loop) -> Callable[[float, float, Array, Array], tuple[Array, bool]]:
+    """SciPy's own steps without a call of Python in each."""
+    from tendonrepro.simulation.codegen import compiled
+
+    (code, p), solver = compiled.compiled_plant(loop.plant), loop.solver
+    tolerances = solver.rtol, solver.atol, solver.max_step
+    return lambda start, end, state, tau_m: compiled.advance(code, start, end, state, tau_m, p, *tolerances)
+
+
+def _scipy_steps(loop: Loop) -> Callable[[float, float, Array, Array], tuple[Array, bool]]:
+    """SciPy's integrators, whatever their method."""
     from scipy.integrate import ode
 
-    from tendonrepro.simulation.codegen.compiled import compiled_plant
+    from tendonrepro.simulation.codegen import compiled, dop853
 
-    solver, (fill, p) = loop.solver, compiled_plant(loop.plant)
+    (code, p), solver = compiled.compiled_plant(loop.plant), loop.solver
     result = np.empty(4 * loop.plant.preload.size)
 
     def derivative(t: float, state: Array, tau_m: Array) -> Array:
-        fill(t, state, tau_m, p, result)
+        compiled.derivative(code, t, state, tau_m, p, result)
         return result
 
     problem = ode(derivative).set_integrator(
@@ -247,22 +270,15 @@ def _integrator(loop: Loop) -> Callable[[float, float, Array, Array], Array]:
         rtol=solver.rtol,
         atol=solver.atol,
         max_step=solver.max_step,
-        # Most periods begin with a torque step, after which a full first step would be tried in vain.
-        first_step=0.5 * solver.max_step,
-        nsteps=STEPS_PER_SAMPLE,
+        first_step=dop853.FIRST_STEP * solver.max_step,
+        nsteps=dop853.MOST_STEPS,
     )
 
-    def advance(start: float, end: float, state: Array, tau_m: Array) -> Array:
+    def steps(start: float, end: float, state: Array, tau_m: Array) -> tuple[Array, bool]:
         problem.set_initial_value(state, start).set_f_params(tau_m)
-        reached = problem.integrate(end)
-        # A state that overflowed is the run's result; its error shows it at the next sample.
-        if not problem.successful() and np.isfinite(reached).all():
-            message = f"{solver.method} cannot follow the plant beyond t = {start:.3f} s"
-            hint = "the plant is too stiff for this method: try solver.method=lsoda or looser tolerances"
-            raise TendonreproError(message, hint=hint)
-        return np.asarray(reached)
+        return np.asarray(problem.integrate(end)), problem.successful()
 
-    return advance
+    return steps
 
 
 def trace_variables(recorded: dict[str, Array], loop: Loop) -> dict[str, Array]:

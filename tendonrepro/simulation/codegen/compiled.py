@@ -37,7 +37,7 @@ from tendonrepro.physics import control
 from tendonrepro.physics import linalg as matrices
 from tendonrepro.physics.control import Law, Memory
 from tendonrepro.physics.dynamics import Plant, state_derivative
-from tendonrepro.simulation.codegen import lane_loop
+from tendonrepro.simulation.codegen import dop853, lane_loop
 from tendonrepro.simulation.codegen.machine import LaneCode, assembled
 from tendonrepro.simulation.codegen.symbols import unrolled
 
@@ -55,10 +55,7 @@ LAW_FUNCTIONS = (
 )
 """Functions the compiled law calls, each after those it calls itself."""
 
-Derivative = Callable[[float, Array, Array, Array, Array], None]
-"""Compiled ``(t, state, tau_m, p, result)``, which fills the state's time derivative (4 n,)."""
-
-_plants: dict[str, Derivative] = {}
+_plants: dict[str, Any] = {}
 _lanes: dict[str, LaneCode] = {}
 
 
@@ -68,7 +65,7 @@ def cache_folder() -> Path:
     Where the user's cache cannot be written, a folder among the temporary files serves all processes, unless
     someone else made it: what lies here is run.
     """
-    modules = (*LAW_FUNCTIONS, arrays, lane_loop)
+    modules = (*LAW_FUNCTIONS, arrays, dop853, lane_loop)
     sources = {Path(inspect.getfile(module)) for module in modules} | {Path(__file__)}
     digest = hashlib.sha256()
     for source in sorted(sources):
@@ -105,16 +102,17 @@ def _is_writable(folder: Path) -> bool:
     return True
 
 
-def compiled_plant(plant: Plant) -> tuple[Derivative, Array]:
+def compiled_plant(plant: Plant) -> tuple[int, Array]:
     """Compile :func:`tendonrepro.physics.dynamics.state_derivative` for a plant.
 
-    The array (P,) holds the plant's numbers as that code reads them. Plants of one size with the same
-    features switched off share one piece of code.
+    Returns its address, for :func:`derivative` and :func:`advance`, and the plant's numbers (P,) as that code
+    reads them. Plants of one size with the same features switched off share one piece of code.
     """
     source, p = unrolled(state_derivative, plant, plant.preload.size)
     if source not in _plants:
-        _plants[source] = _compile(_load(source))
-    return _plants[source], p
+        signature = f"void(float64{4 * ', CPointer(float64)'})"
+        _plants[source] = _compile(_load(source), signature, build=numba.cfunc)
+    return _plants[source].address, p
 
 
 def compiled_lanes(source: str, name: str) -> LaneCode:
@@ -138,13 +136,12 @@ def _load(source: str) -> Any:
     return scope[name]
 
 
-def _compile(function: Any, *signature: Any, **options: Any) -> Any:
+def _compile(function: Any, *signature: Any, build: Any = numba.njit, **options: Any) -> Any:
     """Compile with our own cache folder; numba's setting is put back for other users of it."""
     settings: Any = numba.config
     before = settings.CACHE_DIR
     settings.CACHE_DIR = str(_cache)
     try:
-        build: Any = numba.njit
         return build(*signature, cache=True, error_model="numpy", **options)(function)
     finally:
         settings.CACHE_DIR = before
@@ -155,6 +152,34 @@ def command(
 ) -> tuple[Array, Array, Array, Array]:
     """:func:`tendonrepro.physics.control.command`, compiled."""
     return control.command(memory, q, q_d, dq_d, ddq_d, law)
+
+
+def derivative(code: int, t: float, state: Array, tau_m: Array, p: Array, result: Array) -> None:
+    """:func:`tendonrepro.simulation.codegen.dop853.derivative`, compiled."""
+    dop853.derivative(code, t, state, tau_m, p, result)
+
+
+@intrinsic
+def _derivative(context: Any, code: Any, t: Any, state: Any, tau_m: Any, p: Any, result: Any) -> Any:
+    """Call machine code with a time and the addresses of four arrays."""
+    del context, code, t, state, tau_m, p, result
+
+    def build(_: Any, builder: Any, __: Any, arguments: Any) -> Any:
+        code, t, *rows = arguments
+        row = ir.DoubleType().as_pointer()
+        function = ir.FunctionType(ir.VoidType(), [t.type, *[row] * len(rows)])
+        called = builder.inttoptr(code, function.as_pointer())
+        builder.call(called, [t, *(builder.inttoptr(address, row) for address in rows)])
+
+    return types.void(types.int64, types.float64, *[types.uintp] * 4), build
+
+
+@overload(dop853.derivative)
+def _overloaded(code, t, state, tau_m, p, result):  # type: ignore[no-untyped-def]
+    del code, t, state, tau_m, p, result
+    return lambda code, t, state, tau_m, p, result: _derivative(  # type: ignore[call-arg]
+        code, t, state.ctypes.data, tau_m.ctypes.data, p.ctypes.data, result.ctypes.data
+    )
 
 
 @intrinsic
@@ -170,7 +195,7 @@ def _call(context: Any, code: Any, rows: Any, k: Any) -> Any:
     return types.void(types.int64, types.int64, types.float64), build
 
 
-# Machine code for one run computes only the value it chooses. numba compares the signatures: both are bare.
+# Machine code for one run computes only the value it chooses. numba compares the signatures: all are bare.
 overload(arrays.choose)(
     lambda condition, then, otherwise: lambda condition, then, otherwise: then if condition else otherwise  # noqa: ARG005
 )
@@ -182,6 +207,9 @@ _began_empty = not any(_cache.glob("**/*.nbc"))
 for _function in LAW_FUNCTIONS:
     register_jitable(_function)
 command = _compile(command)
+derivative = _compile(derivative)
+register_jitable(dop853._step)
+advance = _compile(dop853.advance)
 
 
 @cache
