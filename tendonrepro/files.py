@@ -20,6 +20,9 @@ from tendonrepro.errors import DataMissingError, TendonreproError
 _TEMPORARY = re.compile(r"\..+\.([1-9][0-9]*)-[0-9a-f]{8}(\.[^.]+)?")
 """Names that `atomic_path` gives."""
 
+written: set[Path] = set()
+"""Files that this process has put in their place, so that half a result can be taken away again."""
+
 MOST_BYTES = 2**29
 """Of a stored file that is read as a whole."""
 MOST_JSON = 2**25
@@ -61,8 +64,12 @@ def atomic_path(path: Path) -> Iterator[Path]:
         if path.parent.exists() and not path.parent.is_dir():
             message = f"cannot write {path}: what should be its folder is a file"
             raise TendonreproError(message)
+        if path.exists() and not (path.is_file() or path.is_dir()):
+            message = f"cannot write {path}: it is no ordinary file"
+            raise TendonreproError(message)
         path.parent.mkdir(parents=True, exist_ok=True)
         yield temporary
+        written.add(path)
         temporary.replace(path)
     except OSError as error:
         message = f"cannot write {path}: {_reason(error)}"
@@ -90,6 +97,9 @@ def sweep_temporary(folder: Path) -> None:
 
 
 def _lives(pid: int) -> bool:
+    # This process writes nothing there while it asks; in a container its number may have been another's.
+    if pid == os.getpid():
+        return False
     # Windows has no such question, and there a file that someone holds open cannot be removed anyway.
     if sys.platform == "win32":
         return False

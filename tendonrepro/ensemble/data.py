@@ -200,6 +200,12 @@ def read_ensemble(folder: Path, population: str = "box", *, stride: int = 1) -> 
     )
 
 
+def is_summary_of(folder: Path, summary: Mapping[str, Any]) -> bool:
+    """Whether a summary is of the blocks in a folder; it is not while an ensemble is being extended."""
+    plan = _read_plan(folder)
+    return all(summary.get(key) == plan[key] for key in ("identity", "draws"))
+
+
 def begun_in(folder: Path) -> str:
     """Name of the plan in a folder, if it is one or stands beside blocks; a user's own file is neither."""
     try:

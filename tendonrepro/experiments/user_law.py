@@ -48,8 +48,8 @@ class UserLaw:
             # What a law prints is no result.
             with redirect_stdout(sys.stderr):
                 found.loader.exec_module(module)
-        except (Exception, SystemExit) as error:
-            message = f"cannot be run: {type(error).__name__}: {error}"
+        except BaseException as error:
+            message = f"cannot be run: {_described(error)}"
             raise UsageError(message, where=self.place_of(error)) from error
         function = getattr(module, self.name, None)
         if not callable(function):
@@ -105,6 +105,13 @@ def add_user_law(law: UserLaw, loop: Loop) -> Loop:
     return replace(loop, controller=replace(loop.controller, command=_checked(law)))
 
 
+def _described(error: BaseException) -> str:
+    """Kind and text of an error; an interrupt is the user's own and goes on."""
+    if isinstance(error, KeyboardInterrupt):
+        raise error
+    return "".join(traceback.format_exception_only(error)[-1:]).strip()
+
+
 def _checked(law: UserLaw) -> CommandFunction:
     """Explain what is wrong with a law instead of failing somewhere else."""
     function = law.load()
@@ -117,8 +124,8 @@ def _checked(law: UserLaw) -> CommandFunction:
         try:
             with redirect_stdout(sys.stderr):
                 parts = tuple(np.array(part) for part in function(*own))
-        except (Exception, SystemExit) as error:
-            message = f"the law {law.name} failed: {type(error).__name__}: {error}"
+        except BaseException as error:
+            message = f"the law {law.name} failed: {_described(error)}"
             raise TendonreproError(message, where=law.place_of(error)) from error
         if len(parts) != 4 or any(part.shape != q.shape or part.dtype.kind not in "biuf" for part in parts):
             message = (

@@ -48,9 +48,9 @@ def run_explain(request: Request, talk: Talk) -> dict[str, Any]:
 
     loaded, folder = request.load("compare"), request.folder("explain")
     if request.dry_run:
-        foretell_refusal(folder, loaded.sha256, talk, force=request.force)
+        foretell_refusal(folder, loaded.sha256, talk, force=request.force, command="explain")
         return _plan(loaded, folder)
-    with claimed(folder, loaded.sha256, force=request.force) as held:
+    with claimed(folder, loaded.sha256, force=request.force, command="explain") as held:
         found = explain(loaded)
         data = explanation_data(found)
         manifest = make_manifest(loaded, held.seconds) | {"command": "explain"}

@@ -17,6 +17,7 @@ from tendonrepro.claims.report import as_data
 from tendonrepro.claims.shipped import SHIPPED, shipped_ledger
 from tendonrepro.console import Talk
 from tendonrepro.dataset.measured_file import MEASURED
+from tendonrepro.ensemble.data import is_summary_of
 from tendonrepro.errors import DataMissingError, TendonreproError
 from tendonrepro.files import MOST_JSON, ordinary, sha256_of, shipped
 from tendonrepro.report import rows
@@ -100,7 +101,11 @@ def _add_results(found: Found, folder: Path, *, local: bool) -> None:
         _note(found, f"shipped {SHIPPED}", stored / Path(SHIPPED).name)
     found.origins["ensemble"] = RUN if local else OURS
     with _understood(path):
-        summary = keep(_json(found, path, local))
+        summary = keep(held := _json(found, path, local))
+    if local and not is_summary_of(path.parent, held):
+        message = "is of an earlier ensemble than the blocks beside it, which was extended and interrupted"
+        hint = "run the same tendonrepro ensemble again to finish it"
+        raise DataMissingError(message, where=str(path), hint=hint)
     found.origins["decides"] = MISSING
     if ranks.exists():
         with _understood(ranks):

@@ -49,6 +49,9 @@ def export_traces(source: Path, form: str, out: Path | None = None, *, force: bo
     if form not in _WRITERS:
         message = f"must be one of {', '.join(_WRITERS)}, found {form!r}"
         raise UsageError(message, where="--format")
+    if out is not None and out.suffix != f".{form}":
+        message = f"a file of the format {form} ends in .{form}, found {str(out)!r}"
+        raise UsageError(message, where="--out")
     path = trace_path(source)
     target = out or path.with_suffix(f".{form}")
     refuse_existing(target, force=force)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -14,7 +15,15 @@ from filelock import FileLock, Timeout
 from tendonrepro import __version__
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
-from tendonrepro.files import MOST_JSON, ordinary, sha256_of, sweep_temporary, to_json, write_atomically
+from tendonrepro.files import (
+    MOST_JSON,
+    ordinary,
+    sha256_of,
+    sweep_temporary,
+    to_json,
+    write_atomically,
+    written,
+)
 from tendonrepro.results.manifest import with_outputs
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.traces import read_traces
@@ -22,7 +31,7 @@ from tendonrepro.results.traces import read_traces
 MANIFEST = "manifest.json"
 TRACES = "traces.h5"
 LOCK = ".lock"
-RESULTS = (TRACES, "*.json", "identified.yaml", "figures/**/[!.]*", "tables/**/[!.]*")
+RESULTS = (TRACES, "[!.]*.json", "identified.yaml", "figures/**/[!.]*", "tables/**/[!.]*")
 """What commands write into a results folder."""
 DRAWN = ("figures/fig[0-9][0-9].*",)
 """What other processes write there, so that an interrupted run does not know how far they came."""
@@ -68,23 +77,31 @@ class HeldFolder:
                 outputs = read_manifest(self.path).get("outputs", {})
             except DataMissingError:
                 outputs = {}
+            listed = [self.path / name for name, digest in outputs.items() if self._is(name, digest)]
+            old = [self.path / MANIFEST, *listed]
+            for folder in dict.fromkeys(path.parent for path in old):
+                if not os.access(folder, os.W_OK):
+                    message, hint = "cannot remove the earlier result: no permission", "choose another --out"
+                    raise TendonreproError(message, where=str(folder), hint=hint)
             try:
-                (self.path / MANIFEST).unlink()
+                for path in old:
+                    path.unlink()
             except OSError as error:
                 message = f"cannot remove the earlier result: {error.strerror}"
-                raise TendonreproError(message, where=str(self.path / MANIFEST)) from error
-            for name, digest in outputs.items():
-                path = self.path / name
-                # A link may lead out of the folder.
-                within = path.resolve().is_relative_to(self.path.resolve()) and not path.is_symlink()
-                if within and path.is_file() and sha256_of(path) == digest:
-                    path.unlink()
+                raise TendonreproError(message, where=str(path), hint="choose another --out") from error
         self._before = set(found_in(self.path, RESULTS))
+
+    def _is(self, name: str, digest: str) -> bool:
+        """Whether a file of the folder is what a manifest lists; a link may lead out of it."""
+        path = self.path / name
+        within = path.resolve().is_relative_to(self.path.resolve()) and not path.is_symlink()
+        return within and path.is_file() and sha256_of(path) == digest
 
     def discard(self) -> None:
         """Remove what was written since `clear`: half a result is none. Files of other names are not ours."""
         if self._before is not None and not (self.path / MANIFEST).exists():
-            for path in {*self.files, *found_in(self.path, DRAWN)} - self._before:
+            ours = written.intersection(found_in(self.path, RESULTS))
+            for path in {*ours, *found_in(self.path, DRAWN)} - self._before:
                 path.unlink(missing_ok=True)
 
     def write(self, name: str, content: bytes | str) -> None:
@@ -115,7 +132,9 @@ class HeldFolder:
 
 
 @contextmanager
-def claimed(folder: Path, config_sha256: str, *, force: bool, begun: str = "") -> Iterator[HeldFolder]:
+def claimed(
+    folder: Path, config_sha256: str, *, force: bool, begun: str = "", command: str | None = None
+) -> Iterator[HeldFolder]:
     """Hold a results folder, made if it is missing, while writing results of one configuration into it.
 
     See :func:`refuse_others` for what is not overwritten without `force`.
@@ -128,7 +147,7 @@ def claimed(folder: Path, config_sha256: str, *, force: bool, begun: str = "") -
         If the folder cannot be made.
     """
     with locked(folder):
-        refuse_others(folder, config_sha256, force=force, begun=begun)
+        refuse_others(folder, config_sha256, force=force, begun=begun, command=command)
         held = HeldFolder(folder)
         try:
             yield held
@@ -177,7 +196,9 @@ def locked(folder: Path) -> Iterator[None]:
                     one.rmdir()
 
 
-def refuse_others(folder: Path, config_sha256: str, *, force: bool = False, begun: str = "") -> None:
+def refuse_others(
+    folder: Path, config_sha256: str, *, force: bool = False, begun: str = "", command: str | None = None
+) -> None:
     """Refuse a folder, which may be missing, whose files are not those of an earlier run of the same.
 
     Parameters
@@ -189,12 +210,14 @@ def refuse_others(folder: Path, config_sha256: str, *, force: bool = False, begu
         Refuse nothing.
     begun : str
         Name of the file by which a command knows its own interrupted run.
+    command : str, optional
+        What stands under ``command`` in the manifests of the command that writes.
 
     Raises
     ------
     UsageError
-        If it holds results of another configuration or version, files that no manifest lists, or files
-        that were changed since.
+        If it holds results of another configuration, version or command, files that no manifest lists, or
+        files that were changed since.
     DataMissingError
         If its manifest cannot be read.
     """
@@ -204,9 +227,12 @@ def refuse_others(folder: Path, config_sha256: str, *, force: bool = False, begu
     if (folder / MANIFEST).exists():
         manifest = read_manifest(folder)
         outputs = manifest.get("outputs", {})
-        found = manifest.get("config", {}).get("sha256"), manifest.get("tendonrepro_version")
-        for what, mine, theirs in zip(
-            ("configuration", "version"), (config_sha256, __version__), found, strict=True
+        made_of = manifest.get("config", {}).get("sha256"), manifest.get("tendonrepro_version")
+        made_by = manifest.get("command"), manifest.get("experiment", "")
+        for what, mine, theirs in (
+            ("configuration", config_sha256, made_of[0]),
+            ("version", __version__, made_of[1]),
+            ("command", command or made_by[1], made_by[0] or made_by[1]),
         ):
             if mine != theirs:
                 message = f"holds results of another {what}: {str(theirs)[:12]}, not {mine[:12]}"
@@ -245,10 +271,12 @@ def refuse_foreign(
         raise UsageError(message, where=str(path), hint=hint)
 
 
-def foretell_refusal(folder: Path, config_sha256: str, talk: Talk, *, force: bool, begun: str = "") -> None:
+def foretell_refusal(
+    folder: Path, config_sha256: str, talk: Talk, *, force: bool, command: str | None = None
+) -> None:
     """Say what :func:`refuse_others` would refuse; a dry run writes nothing, so it goes on."""
     try:
-        refuse_others(folder, config_sha256, force=force, begun=begun)
+        refuse_others(folder, config_sha256, force=force, command=command)
     except TendonreproError as error:
         talk.note(f"a run would be refused: {error}")
 
@@ -297,7 +325,8 @@ def stored_traces(folder: Path) -> TraceFile:
 
 def named_traces(source: Path) -> TraceFile:
     """Read the trace file that is named, or that of the results folder that is; see `stored_traces`."""
-    return stored_traces(source) if source.is_dir() else read_traces(source)
+    folder = source.parent if source.name == TRACES else source
+    return stored_traces(folder) if folder.is_dir() else read_traces(source)
 
 
 def trace_path(source: Path) -> Path:

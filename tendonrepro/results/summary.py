@@ -24,7 +24,7 @@ LOADS: Mapping[str, str] = {"no_load": "controller_1", "with_load": "controller_
 MEASURED = "measured"
 """Law of a run that was measured."""
 
-_IDENTIFIED = re.compile(r"""source: ['"]identified: """)
+_IDENTIFIED = re.compile(r"""source: ['"]identified: (?:Tables 2 and 3|Controller 2 of Table 2), misfit""")
 
 Sizes: TypeAlias = dict[str, Array]
 

@@ -135,8 +135,8 @@ def simulate(loop: Loop, progress: Callable[[int], None] | None = None) -> dict[
         If the integrator cannot follow the plant within its tolerances.
     """
     record = _allocate(loop)
-    # SciPy warns on standard error where advance() raises.
-    with warnings.catch_warnings():
+    # SciPy warns on standard error where advance() raises, and NumPy where a run diverges.
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore", UserWarning)
         done = _run(loop, record, progress or (lambda _: None))
     recorded = {name: rows[:done] for name, rows in record.items()}

@@ -109,6 +109,9 @@ CHANGED_LINE = [
     ("compare", "law: controller_3", "law: controller_4",
      "runs.controller_3.law: must be one of control.laws, controller_1, controller_2, controller_3, tdc, "
      "found 'controller_4'"),
+    ("compare", "controller_1: {surface: ntsm", "controller_1: {surface: tsm",
+     "control.laws.controller_1: is the paper's, surface ntsm and estimator alpha_tde: give yours "
+     "another name"),
     ("decouple", "drives: motors", "drives: tendons",
      "runs.pull_tendon_1.drives: must be joints or motors, found the text 'tendons'"),
     # units, sources, ranges

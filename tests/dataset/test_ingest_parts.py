@@ -413,6 +413,19 @@ class TestDoubts:
         doubts = self.doubts(**{name: np.deg2rad(x)[:, np.newaxis] for name, x in (("q_d", q_d), ("e", e))})
         assert [doubt.startswith(str(words)) for doubt in doubts] == [True] * (words is not None)
 
+    def test_a_record_that_begins_in_the_midst_of_a_motion_begins_with_an_error(self) -> None:
+        phase = np.linspace(0.5 * np.pi, 2.0 * np.pi, len(TIME))
+        q_d, e = 15.0 * (1.0 - np.cos(phase)), np.exp(-30.0 * (TIME - TIME[0]) / np.ptp(TIME))
+        assert not self.doubts(**{name: np.deg2rad(x)[:, np.newaxis] for name, x in (("q_d", q_d), ("e", e))})
+
+    @pytest.mark.parametrize(("lost", "doubtful"), [(0.0, True), (-99.0, True), (np.nan, False)])
+    def test_numbers_in_place_of_lost_samples_do(self, lost: float, doubtful: bool) -> None:
+        q = np.deg2rad(15.0 * (1.0 - np.cos(np.linspace(0.0, 2.0 * np.pi, len(TIME)))))[:, np.newaxis]
+        middle = len(TIME) // 2
+        q[middle : middle + 2] = np.deg2rad(lost)
+        found = self.doubts(q_encoder=q)
+        assert [f"at {TIME[middle]:.4g} s" in doubt for doubt in found] == [True] * doubtful
+
     @pytest.mark.parametrize(("share", "doubtful"), [(0.19, False), (0.21, True)])
     def test_a_tendon_stretches_by_a_fifth_of_the_range_at_most(self, share: float, doubtful: bool) -> None:
         encoder = np.tile([0.0, 0.5], 50)[:, np.newaxis] + 1.0

@@ -74,6 +74,9 @@ RUN_NAMES: dict[str, tuple[int | None, float | None]] = {
     "run_aTDE_NTSM": (1, None), "TDE-NTSM_noload": (2, 0.0), "TDE-TSM": (3, None), "控制器2": (2, None),
     "c1_200g": (1, 0.2), "ctrl1_0p2kg": (1, 0.2), "Controller1 0.2kg": (1, 0.2),
     "proposed_payload": (1, LOADED), "with payload": (None, LOADED), "有载荷": (None, LOADED),
+    "α–TDE–NTSM": (1, None), "TDE-NTSM with alpha": (1, None), "TDE-NTSM without alpha": (2, None),
+    "C1 wo load": (1, 0.0), "C1 w/o load": (1, 0.0), "C1 zero load": (1, 0.0), "C1 w load": (1, LOADED),
+    "load-side encoder 2": (None, None), "NTSM (no load)": (2, 0.0), "proposed without payload": (1, 0.0),
     "without load": (None, 0.0), "无载荷": (None, 0.0), "withoutload": (None, 0.0),
     "fig14": (None, None), "图14a": (None, None), "Sheet1!G4:K2304": (None, None),
 }  # fmt: skip
@@ -91,6 +94,20 @@ def test_names_of_runs(name: str) -> None:
     said = hints(name)
     assert said.controller == controller
     assert said.payload_mass == pytest.approx(payload, nan_ok=True)
+
+
+UNREAD = {
+    "q2_d (deg)": "", "time (s)": "", "Joint 2 desired angle (deg)": "", "关节2误差": "", "实验数据": "",
+    "C1_no_load": "", "controller 1, 0.2kg": "", "TDE-NTSM": "", "error2_deg": "", "2026-05-01_run_12": "",
+    "q2_take3": "take 3", "Integral error 2": "integral", "e2 (x10 deg)": "10", "C1_0.2": "0.2",
+    "3rd joint": "3 rd", "q2_law1": "law 1", "joint 2 (motor 3)": "2 3", "TSM (no NTSM)": "no",
+    "C1_sim": "sim", "Filtered q2": "filtered",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", UNREAD)
+def test_words_that_say_nothing_known_are_told(name: str) -> None:
+    assert " ".join(hints(name).unread) == UNREAD[name]
 
 
 @given(st.text(max_size=40))

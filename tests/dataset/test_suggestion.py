@@ -152,7 +152,7 @@ ASKED: dict[str, tuple[list[Source], str]] = {
     ),
     "the unit of s": (
         [source("c1.csv", {"Time": TIME, "q2": STEPS[1], "s2": LATE}, None)],
-        "controller_1: no unit of s is given, deg/s is taken: `unit` of its entries",
+        "controller_1: no unit of a surface is given, deg/s is taken: `unit`",
     ),
     "an error beside one angle": (
         [source("c1.csv", {"Time": TIME, "q2": STEPS[1], "e2": STEPS[1] - DEGREES[1]}, "deg")],
@@ -208,6 +208,46 @@ ASKED: dict[str, tuple[list[Source], str]] = {
     "a block that ends before its times": (
         [source("c1.csv", {"Time": TIME, "q2": np.r_[LATE[:-50], np.full(50, np.nan)]}, None)],
         "controller_1: ends on another row than its times; `time` beside its entry names",
+    ),
+    "a factor before the unit": (
+        [source("c1.csv", {"Time": TIME, "e2 (10^-3 deg)": LATE}, None)],
+        "controller_1: words that say nothing known: 10, 3 in 'e2 (10^-3 deg)'; does one change",
+    ),
+    "what was done to an error": (
+        [source("c1.csv", {"Time": TIME, "Squared error joint 2 (deg)": LATE}, None)],
+        "squared in 'Squared error joint 2",
+    ),
+    "a channel behind the joint": (
+        [source("c1.csv", {"Time": TIME, "q3 act (AI2)": COURSE, "q2 act (AI3)": LATE}, "deg")],
+        "ai, 3 in 'q2 act (AI3)', ai, 2 in 'q3 act (AI2)'",
+    ),
+    "a denied controller": (
+        [source("NTSM without alpha-TDE.csv", {"Time": TIME, "e2": LATE}, "deg")],
+        "controller_2: words that say nothing known: without in 'NTSM without alpha-TDE'",
+    ),
+    "a simulation": (
+        [source("simulation/c3.csv", {"Time": TIME, "e2": LATE}, "deg")],
+        "controller_3: words that say nothing known: simulation in 'simulation'",
+    ),
+    "a time as the unit of an error": (
+        [source("c1.csv", {"Time": TIME, "e2": LATE}, "min")],
+        "controller_1: angles or errors without a known unit are taken to be in deg: `unit`",
+    ),
+    "an angle as the unit of a rate": (
+        [source("c1.csv", {"Time": TIME, "dq2": LATE}, "deg")],
+        "controller_1: no unit of a rate is given, rad/s is taken: `unit`",
+    ),
+    "joints by their place": (
+        [source("c1.csv", {"Time": TIME, "elbow error": LATE, "shoulder error": COURSE}, "deg")],
+        "controller_1: no name says which joint, so columns are numbered from left to right: `joint`",
+    ),
+    "an experiment by its joints": (
+        [source("tracking.csv", {"Time": TIME, "q1": STEPS[1], "q2": COURSE, "q3": LATE}, "deg")],
+        "decouple: taken for the decoupling experiment for what is in it, no name says so",
+    ),
+    "sums at the foot": (
+        [source("c1.csv", {"sample": np.r_[np.arange(500.0), np.nan], "e2": np.r_[LATE, LATE.sum()]}, "deg")],
+        "controller_1: rows without a number under 'sample' are taken for samples; where they are sums",
     ),
     "slow samples since 1970": (
         [source("c1.csv", {"Time": 1.7e9 + 5.0 * np.arange(500.0), "q2": LATE}, None)],

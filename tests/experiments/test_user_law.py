@@ -31,6 +31,12 @@ def mine(memory, q, q_d, dq_d, ddq_d, law):
         (LAW.format(body="return np.linalg.inv(q)").replace("math", "numpy as np"), 5, "LinAlgError"),
         (LAW.format(body="return q"), 4, "the law mine must return tau"),
         (LAW.format(body="return [q + 1j] * 4"), 4, "each real numbers of shape (2,)"),
+        (LAW.format(body="raise GeneratorExit"), 5, "the law mine failed: GeneratorExit"),
+        (
+            LAW.format(body="raise type('Odd', (BaseException,), {'__str__': 0})"),
+            5,
+            "Odd: <exception str() failed>",
+        ),
         ("mine = abs\n", None, "the law mine failed: TypeError"),
     ],
 )

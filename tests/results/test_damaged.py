@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +18,13 @@ from tendonrepro.claims.command import run_claims
 from tendonrepro.console import Talk
 from tendonrepro.dataset.measured_file import origin
 from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.experiments import command
 from tendonrepro.experiments.command import redraw, rewrite_tables
 from tendonrepro.results.animate import animate
 from tendonrepro.results.difference import difference
 from tendonrepro.results.export import export_traces
 from tendonrepro.results.figures.catalogue import available
-from tendonrepro.results.folder import MANIFEST, TRACES, read_manifest, refuse_others
+from tendonrepro.results.folder import MANIFEST, TRACES, HeldFolder, claimed, read_manifest, refuse_others
 from tendonrepro.results.manifest import with_outputs
 from tendonrepro.results.paper_tables import write_tables
 from tendonrepro.results.summary import table_data_compare, table_data_decouple
@@ -164,12 +166,31 @@ def test_traces_are_what_their_manifest_lists(tmp_path: Path) -> None:
         rewrite_tables,
         lambda out: run_claims(out, (), None, Talk(quiet=True)),
         lambda out: export_traces(out / "compare", "csv", None),
+        lambda out: export_traces(out / "compare" / TRACES, "csv", out / "a.csv"),
         lambda out: difference(out / "compare", out / "compare"),
         lambda out: animate(out / "compare", Talk(quiet=True)),
     )
     for read in readers:
         with pytest.raises(DataMissingError, match="not what its manifest lists"):
             read(tmp_path)
+
+
+def test_a_result_made_while_its_traces_were_read_gets_no_old_tables(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_traces(tmp_path / TRACES, FILES[0])
+    later = {"created": "2099-01-01T00:00:00+00:00"}
+
+    @contextmanager
+    def slowly_claimed(*given: Any, **named: Any) -> Iterator[HeldFolder]:
+        (tmp_path / MANIFEST).write_text(json.dumps(with_outputs(later, tmp_path, [tmp_path / TRACES])))
+        with claimed(*given, **named) as held:
+            yield held
+
+    monkeypatch.setattr(command, "claimed", slowly_claimed)
+    with pytest.raises(UsageError, match="written anew while its traces were read"):
+        rewrite_tables(tmp_path)
+    assert not (tmp_path / "tables").exists()
 
 
 @pytest.mark.parametrize("beside", [True, False], ids=["manifest", "none"])

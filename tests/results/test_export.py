@@ -61,6 +61,8 @@ def test_what_is_refused(folder, monkeypatch):
     assert export_traces(folder, "csv", force=True).stat().st_size > 1000
     with pytest.raises(UsageError, match="must be one of csv, parquet, mat, found 'xlsx'"):
         export_traces(folder, "xlsx")
+    with pytest.raises(UsageError, match=r"of the format mat ends in \.mat, found"):
+        export_traces(folder, "mat", folder / "g.csv")
     with pytest.raises(DataMissingError, match="cannot read the trace file"):
         export_traces(folder / "nothing.h5", "csv")
     monkeypatch.setattr(export, "find_spec", lambda _: None)

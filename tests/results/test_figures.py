@@ -282,7 +282,9 @@ def test_a_picture_of_a_fitted_plant_says_so_and_under_which_reading() -> None:
         name: replace(trace, attributes=trace.attributes | {"readings": under})
         for name, trace in file.runs.items()
     }
-    fitted = replace(file, config_yaml="mass: {value: 1, source: 'identified: Tables 2 and 3'}", runs=runs)
+    fitted = replace(
+        file, config_yaml="mass: {value: 1, source: 'identified: Tables 2 and 3, misfit 0.04'}", runs=runs
+    )
     said = "fitted to the print under phi_branch=power+weights=extrapolating"
     assert said in draw(14, fitted).figure.get_supxlabel()
     head = {"experiment": "compare", "out": "out", "joints": (2, 3), "growing_hz": {}}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -14,6 +15,7 @@ import pytest
 from tendonrepro import __version__
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
+from tendonrepro.files import write_atomically
 from tendonrepro.results.folder import MANIFEST, claimed, foretell_refusal, read_manifest, refuse_others
 
 CONTENT = b"somebody else's"
@@ -77,6 +79,32 @@ def test_a_folder_in_a_result_is_no_file_of_it(tmp_path: Path) -> None:
     assert not (folder / "tables/best/table2.md").exists()
 
 
+def test_results_of_another_command_are_not_overwritten(tmp_path: Path) -> None:
+    """`explain` and `compare` are of one configuration, and so of one digest."""
+    folder = result(tmp_path / "out")
+    for name, mine, other in (("explain", "explain", None), (None, None, "explain")):
+        manifest = read_manifest(folder) | {"experiment": "compare", "command": name}
+        (folder / MANIFEST).write_text(json.dumps(manifest))
+        refuse_others(folder, "a", command=mine)
+        with pytest.raises(
+            UsageError, match=f"another command: {mine or 'compare'}, not {other or 'compare'}"
+        ):
+            refuse_others(folder, "a", command=other)
+
+
+def test_a_result_that_cannot_be_removed_stays_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = result(tmp_path / "out", "tables/table2.md", "figures/fig14.svg")
+    for name in ("tables", "figures"):
+        (folder / name).mkdir()
+        (folder / name / {"tables": "table2.md", "figures": "fig14.svg"}[name]).write_bytes(CONTENT)
+    monkeypatch.setattr(os, "access", lambda path, _: path != folder / "tables")
+    with pytest.raises(TendonreproError, match="cannot remove the earlier result: no permission") as caught:
+        cleared(folder)
+    assert caught.value.where == str(folder / "tables")
+    assert len(list(folder.glob("*/*"))) == 2
+    assert (folder / MANIFEST).exists()
+
+
 def test_half_a_result_is_none(tmp_path: Path) -> None:
     (tmp_path / "figures").mkdir()
     for name in ("notes.txt", "figures/mine.png"):
@@ -86,7 +114,7 @@ def test_half_a_result_is_none(tmp_path: Path) -> None:
         with claimed(tmp_path, "a", force=True) as held:
             held.clear()
             held.write("traces.h5", "x")
-            held.write("tables/table2.md", "x")
+            write_atomically(tmp_path / "tables" / "table2.md", "x")  # before its writer has returned
             (tmp_path / "figures" / "fig13.svg").touch()
             # Somebody's own, put there in the meantime.
             (tmp_path / "figures" / "later.png").touch()

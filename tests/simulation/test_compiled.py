@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import pickle
 import shutil
 import subprocess
 import sys
@@ -128,6 +129,15 @@ class TestCache:
         above.rename(tmp_path / "elsewhere")
         above.symlink_to(tmp_path / "elsewhere")
         assert not compiled.cache_folder().is_relative_to(above)
+
+    def test_code_that_was_cut_short_is_compiled_anew(self, tmp_path: Path) -> None:
+        whole, cut, empty = (tmp_path / "a" / name for name in ("whole.nbi", "cut.nbc", "empty.nbi"))
+        whole.parent.mkdir()
+        whole.write_bytes(pickle.dumps("code"))
+        cut.write_bytes(pickle.dumps("code")[:-3])
+        empty.touch()
+        compiled._drop_broken(tmp_path)
+        assert (whole.exists(), cut.exists(), empty.exists()) == (True, False, False)
 
     @pytest.mark.slow
     def test_a_second_process_compiles_nothing(self, tmp_path: Path) -> None:

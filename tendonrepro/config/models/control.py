@@ -31,6 +31,14 @@ class Gains(Model):
     K_p: Annotated[Vector, per_moving_joint("s-2", "error gain of Eq. (9)", above=0.0)] | None = None
 
 
+PRINTED_LAWS = {
+    "controller_1": ("ntsm", "alpha_tde"),
+    "controller_2": ("ntsm", "tde"),
+    "controller_3": ("tsm", "tde"),
+}
+"""Surface and estimator of the paper's controllers, section 5.4; under their names nothing else runs."""
+
+
 class LawChoice(Model):
     """A control law: a sliding surface (or plain PD) and an estimator."""
 
@@ -92,6 +100,11 @@ class Control(Model):
     @model_validator(mode="after")
     def _check_needs(self) -> Self:
         with Problems() as problems:
+            for name, law in self.laws.items():
+                printed = PRINTED_LAWS.get(name, held := (law.surface, law.estimator))
+                if held != printed:
+                    paper = "surface {} and estimator {}".format(*printed)
+                    problems.add(("laws", name), f"is the paper's, {paper}: give yours another name")
             plain = [name for name, law in self.laws.items() if law.surface == "pd"]
             for gain in ("K_d", "K_p"):
                 if plain and getattr(self.gains, gain) is None:

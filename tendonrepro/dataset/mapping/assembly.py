@@ -24,6 +24,7 @@ from tendonrepro.results.summary import MEASURED
 _MOST_TURN_DEG = 190.0
 _FAR_BEHIND = 0.1  # of the error, on average over the range: laws that track err by a hundredth
 _REST = 0.1  # before the motion begins, s
+_LEAP, _LEAPS = 0.1, 20.0  # of a value from one sample to the next, over the range and over nearly all others
 _FAR_APART = 0.2  # of calculated and measured joint angle, over the range: no tendon stretches by so much
 _SAME_VALUE = 1e-6  # relative difference from the number of a `where`; single precision makes 1e-7 of it
 _LONGEST_STEP = 0.1  # s, beyond which the unit of the times is in doubt; the paper's is 1 ms
@@ -287,6 +288,7 @@ def doubts_about(trace: Trace) -> list[str]:
         turn = np.rad2deg(np.nanmax(np.abs(trace[name]), initial=0.0)) if name in trace else 0.0
         if turn > _MOST_TURN_DEG:
             doubts.append(f"{name} reaches {turn:.4g} deg, and no joint turns by more than half a turn")
+    doubts += _doubts_about_jumps(trace)
     if {"q_d", "e"} <= trace.variables.keys():
         doubts += _doubts_about_error(trace)
     if {"q_calculated", "q_encoder"} <= trace.variables.keys():
@@ -304,6 +306,22 @@ def doubts_about(trace: Trace) -> list[str]:
     return doubts
 
 
+def _doubts_about_jumps(trace: Trace) -> Iterator[str]:
+    """Measured values that leap, as where a logger writes a nought or -99 for what it lost."""
+    for name in {"q_encoder", "e"} & trace.variables.keys():
+        for joint, values in zip(trace.joint, trace[name].T, strict=True):
+            leaps = np.abs(np.diff(values))
+            known = leaps[np.isfinite(leaps)]
+            if known.size and known.max() > max(
+                _LEAP * _span(values), _LEAPS * np.quantile(known, 0.99), _COUNT
+            ):
+                at = trace.time[1 + int(np.nanargmax(leaps))]
+                yield (
+                    f"{name} of joint {joint} leaps by {np.rad2deg(known.max()):.3g} deg at {at:.4g} s: "
+                    "lost samples are no numbers, `nan` or an empty cell"
+                )
+
+
 def _doubts_about_error(trace: Trace) -> Iterator[str]:
     """Joints whose angles begin apart, or whose error is no law's that tracks."""
     rest = trace.time <= trace.time[0] + _REST
@@ -311,7 +329,8 @@ def _doubts_about_error(trace: Trace) -> Iterator[str]:
         begin, known, extent = e[rest & np.isfinite(e)], e[np.isfinite(e)], _span(q_d)
         size = float(np.abs(known).mean()) if known.size else 0.0
         apart = float(np.median(begin)) if begin.size else 0.0
-        if abs(apart) > max(0.5 * size, 10.0 * _COUNT):
+        # A record that begins in the midst of a motion begins with an error.
+        if abs(apart) > max(0.5 * size, 10.0 * _COUNT, _span(q_d[rest])):
             yield f"the angles of joint {joint} begin {np.rad2deg(apart):.3g} deg apart: `offset` of one"
         elif size > _FAR_BEHIND * extent > 0.0:
             share = f"{size / extent:.0%} of the desired range on average"

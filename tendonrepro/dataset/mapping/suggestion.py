@@ -124,6 +124,15 @@ def _asked(
         if "q_motor_encoder" in variables:
             way = "before the reducer `scale: 0.01`, `sign` and `offset` where it counts otherwise"
             yield name, f"motor angles are taken for those of the winch; {way}"
+        unread = {
+            hint.name: ", ".join(hint.unread) for column in columns for hint in column.names if hint.unread
+        }
+        if unread:
+            said = few([f"{words} in {name!r}" for name, words in unread.items()])
+            yield (
+                name,
+                f"words that say nothing known: {said}; does one change a variable, joint, unit or run?",
+            )
         for column in columns:
             for doubt in (*column.doubts, *(clocks[column.time].doubts if column.time else ())):
                 yield name, doubt

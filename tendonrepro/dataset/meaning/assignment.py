@@ -25,6 +25,8 @@ Places: TypeAlias = dict[tuple[str, int], list[Column]]
 _NO_JOINTS = (None, "time", "index", "other")
 _FROM_ZERO = "joints are counted from 0 here, so 1 is added"
 _FROM_ONE = "only joints 1 and 2 appear, so they are taken for 2 and 3, as in section 5.4"
+_BY_PLACE = "no name says which joint, so columns are numbered from left to right: `joint`"
+_BY_JOINTS = "taken for the decoupling experiment for what is in it, no name says so: its name, or `joint`"
 _MIXED = "only joints 1 and 2 appear, but not everywhere: are they the paper's 2 and 3? `joint`"
 
 
@@ -45,6 +47,7 @@ def place_joints(group: Sequence[Column]) -> None:
             for joint, column in enumerate(alike, start=4 - len(alike)):
                 column.joint = joint
                 column.because.append(f"joint {joint} by its place among {len(alike)} like it")
+                column.doubts.append(_BY_PLACE)
 
 
 def count_as_paper(groups: Iterable[Sequence[Column]]) -> None:
@@ -105,6 +108,8 @@ def runs_among(columns: Sequence[Column]) -> dict[str, list[Column]]:
     found: dict[str, list[Column]] = {}
     for group in groups.values():
         decoupling = is_decoupling(group)
+        if decoupling and not any(column.decoupling for column in group):
+            group[0].doubts.append(_BY_JOINTS)
         of = {column: _run_of(column, decoupling=decoupling) for column in group}
         told = {column: column.controller is not None or column.payload_mass is not None for column in group}
         of_runs = list(dict.fromkeys(of[column] for column in group if told[column]))

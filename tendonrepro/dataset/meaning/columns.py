@@ -14,7 +14,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.dataset.meaning.words import NOT_JOINTS, Hints, Quantity, hints, tokens
-from tendonrepro.dataset.readers.signals import Signal, Source
+from tendonrepro.dataset.readers.signals import MISFIT, Signal, Source
 from tendonrepro.dataset.readers.units import plain_unit
 
 SHORTEST = 8
@@ -211,12 +211,14 @@ def _columns(source: Source) -> Iterator[Column]:
 
 
 def _read_names(column: Column) -> None:
-    """Take what names and a stored unit say; short words of a name could be anything else than a unit."""
+    """Take what names and a stored unit say; of a name's words the last can be a unit, if it is not short."""
     if len(column.values) < SHORTEST:
         column.because.append("too short for a record")
         return
     column.name_from()
-    words = (plain_unit(word) for word in tokens(column.label) if len(word) > 2)
-    column.unit = plain_unit(column.signal.unit) or next(filter(None, words), None)
+    if MISFIT in column.signal.note:
+        column.doubts.append(MISFIT)
+    *_, last = ["", *(word for word in tokens(column.label) if word.isalpha())]
+    column.unit = plain_unit(column.signal.unit) or (plain_unit(last) if len(last) > 2 else None)
     if column.unit:
         column.because.append(f"its unit is given as {column.signal.unit or column.unit}")

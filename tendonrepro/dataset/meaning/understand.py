@@ -25,12 +25,19 @@ from tendonrepro.dataset.meaning.assignment import count_as_paper, place_joints
 from tendonrepro.dataset.meaning.columns import SHORTEST, Column, columns_of
 from tendonrepro.dataset.meaning.times import find_times, share_times
 from tendonrepro.dataset.readers.signals import Source
+from tendonrepro.dataset.readers.units import FACTORS
 
 _MOST_LABELS = 8
 _HALF_TURN = 3.3  # no joint of the arm turns further, rad
 _WINCH_TURN = 7.0  # nor does a winch, which turns up to 77/37 times as far, rad
 _SMALL_RAD = 0.02  # a tracking error of some tenths of a degree, in either unit
 _ANGLES = ("desired", "measured", "error", "motor", "calculated")
+_KINDS = {
+    "rate": "rate",
+    "acceleration": "acceleration",
+    "torque": "torque",
+    "estimate": "torque",
+} | dict.fromkeys(_ANGLES, "angle")
 # What their units have behind that of the angles; nothing for torques.
 _OTHERS = {"rate": "/s", "surface": "/s", "acceleration": "/s^2", "torque": "", "estimate": ""}
 
@@ -47,6 +54,7 @@ def understand(sources: Iterable[Source]) -> list[Column]:
     files = _sorted_by(long, lambda column: column.source.name)
     for group in groups:
         find_times(group)
+        _find_feet(group)
         _find_labels(group)
         _refuse_still(group)
     for file in files:
@@ -63,6 +71,20 @@ def _sorted_by(columns: Iterable[Column], key: Callable[[Column], Key]) -> list[
     for column in columns:
         found[key(column)].append(column)
     return list(found.values())
+
+
+def _find_feet(group: Sequence[Column]) -> None:
+    """Ask about rows that hold numbers but no time or index, as sums at the foot of a sheet do."""
+    for clock in group:
+        if clock.quantity in {"time", "index"}:
+            missing = ~np.isfinite(clock.values)
+            for column in group:
+                of = column.time == clock.address or (clock.quantity == "index" and column.time is None)
+                if of and np.isfinite(column.values[missing]).any():
+                    column.doubts.append(
+                        f"rows without a number under {clock.label!r} are taken for samples; "
+                        "where they are sums or remarks, delete them in the file"
+                    )
 
 
 def _find_labels(group: Sequence[Column]) -> None:
@@ -114,6 +136,13 @@ def _few_whole(values: Array) -> bool:
 def _find_units(columns: Sequence[Column]) -> None:
     """Settle the units of all columns of a file but its times."""
     angles = [column for column in columns if column.quantity in _ANGLES]
+    for column in columns:
+        # An arc minute is no minute, and a "second joint" no second.
+        if column.unit and column.unit not in FACTORS.get(
+            _KINDS.get(column.quantity or "", ""), {column.unit}
+        ):
+            column.because.append(f"but {column.unit} is no unit of it")
+            column.unit = None
     told = {column.unit for column in angles if column.unit in {"deg", "rad"}}
     alike = "as the other angles of its file"
     shared, reason = (told.pop(), alike) if len(told) == 1 else _shared_unit(angles)
@@ -126,8 +155,10 @@ def _find_units(columns: Sequence[Column]) -> None:
             power = _OTHERS[column.quantity]
             column.unit = f"{shared}{power}" if power else "N m"
             column.because.append(f"{column.unit}: no unit is given")
-            if column.quantity == "surface":
-                column.doubts.append(f"no unit of s is given, {column.unit} is taken: `unit` of its entries")
+            if column.quantity in {"surface", "rate", "acceleration"}:
+                column.doubts.append(
+                    f"no unit of a {column.quantity} is given, {column.unit} is taken: `unit`"
+                )
 
 
 def _shared_unit(angles: Sequence[Column]) -> tuple[str, str]:

@@ -23,7 +23,9 @@ _TOKEN = re.compile(r"[a-z]+|\d+(?:\.\d+)?|[\u4e00-\u9fff]+")
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 _RANGE = re.compile(r"!\d+:\d+$")
 _MASS = re.compile(r"(?<![a-z0-9.])(\d+(?:[.p]\d+)?)\s*(kg|g)(?![a-z])")
-_ALPHA = re.compile(r"(?<![a-z])(a|alpha|α)[\s_-]*tde|proposed", re.I)
+_WITHOUT = re.compile(r"(?<![a-z])w/o(?![a-z])")
+_DASHES = re.compile(r"[\u2010-\u2015\u2212\ufe58\ufe63\uff0d]")
+_DAY = re.compile(r"(?<!\d)20\d\d([-_.]?)[01]\d\1[0-3]\d(?!\d)")
 
 
 def _these(words: str) -> frozenset[str]:
@@ -71,7 +73,7 @@ NOT_JOINTS = _these(
 )
 """Words that count something else than joints."""
 _FEW = 6  # names that a line shows
-_EMPTY = _these("no without un non free empty w")
+_EMPTY = _these("no without wo un non not free empty zero")
 _LOAD = _these("load loaded payload weight loading")
 _NO_LOAD = ("noload", "unload", "nopayload", "withoutload", "withoutpayload", "空载", "无负载", "无载")
 _CHINESE_LOAD = ("负载", "带载", "有载", "加载")
@@ -79,6 +81,21 @@ _DECOUPLING = _these("decouple decoupled decoupling coupling kinematics")
 _CONTROLLER = _these("controller ctrl control con contr c cont")
 _NTSM = _these("ntsm tdentsm ntsmc")
 _TSM = _these("tsm tdetsm tsmc")
+_ALPHA = _these("alpha atde alphatde proposed")
+_ABOUT = _these(
+    "tde tdc of the and in for to from by at on with is vs versus data result results log logs record "
+    "recorded recording measurement measurements experiment experiments experimental control tracking "
+    "trajectory motion signal signals value values robot arm manipulator tendon side kg"
+)
+"""Words that change nothing of what a column is."""
+_KNOWN = (
+    frozenset().union(*(known for known, _ in _WORDS.values())) | _LETTERS.keys() | _ANGLES | NOT_JOINTS
+    | _LOAD | _DECOUPLING | _CONTROLLER | _NTSM | _TSM | _ALPHA | _ABOUT
+)  # fmt: skip
+_CHINESE = (
+    "数据", "实验", "控制", "结果", "曲线", "跟踪", "机械臂", "图", "表", "第",
+    *_NO_LOAD, *_CHINESE_LOAD, "解耦", *(part for _, parts in _WORDS.values() for part in parts),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -88,7 +105,8 @@ class Hints:
     The `joint` is a number from 0 to 3, the paper's unless the data set counts otherwise. `payload_mass`,
     kg, is 0 where the name says that there is none, NaN where there is one but not how heavy. `of_motor` and
     `desired` are about motors and the desired motion whatever the quantity. A quantity that a single `letter`
-    tells is worth little but as a column's own name.
+    tells is worth little but as a column's own name. Words of the `name` of which nothing is known here are
+    `unread`: each may change what the others say.
     """
 
     quantity: Quantity | None = None
@@ -99,6 +117,8 @@ class Hints:
     of_motor: bool = False
     desired: bool = False
     letter: bool = False
+    name: str = ""
+    unread: tuple[str, ...] = ()
 
 
 def tokens(name: str) -> list[str]:
@@ -111,21 +131,47 @@ def hints(name: str) -> Hints:
     name = _RANGE.sub("", name)
     words, text = tokens(name), _plain(name)
     quantity, letter = _quantity(words)
+    joints = _joints(words)
+    unread = _unread(tokens(_DAY.sub(" ", name)))
     return Hints(
         quantity=quantity,
-        joint=_joint(words),
-        controller=_controller(words, name),
+        joint=joints[-1] if joints else None,
+        controller=_controller(words),
         decoupling=any(word in _DECOUPLING or "解耦" in word for word in words),
         payload_mass=_payload(words, text),
         of_motor=_about("motor", words) or _behind_angle(words, "m"),
         desired=_desired(words),
         letter=letter,
+        name=name,
+        unread=(*unread, *map(str, dict.fromkeys(joints) if len({*joints}) > 1 else ())),
     )
+
+
+def _unread(words: Sequence[str]) -> tuple[str, ...]:
+    """Words of a name that say nothing known, numbers that count nothing known, and what a "no" denies."""
+    found = []
+    for before, word, after in zip(["", *words], words, [*words[1:], ""], strict=False):
+        if word in _EMPTY:
+            known = after in _LOAD
+        elif word[0].isdigit():
+            counts = _KNOWN if word in {"0", "1", "2", "3"} else NOT_JOINTS - {"x", "y"}
+            known = before in counts or after in {"kg", "g"} or _is_chinese(before)
+        else:
+            known = len(word) == 1 or word in _KNOWN or plain_unit(word) is not None or _is_chinese(word)
+        if not known:
+            found.append(word)
+    return tuple(found)
+
+
+def _is_chinese(word: str) -> bool:
+    """Whether a word has a known part in Chinese."""
+    return any(part in word for part in _CHINESE)
 
 
 def _plain(name: str) -> str:
     """Lower case, Greek letters as words, wide forms as narrow ones."""
-    text = unicodedata.normalize("NFC", name).lower()
+    text = _DASHES.sub("-", unicodedata.normalize("NFC", name).lower())
+    text = _WITHOUT.sub("without", text)
     # Compatibility forms last: they would take the hat off its letter.
     for letter, word in _GREEK.items():
         text = text.replace(letter, word)
@@ -163,24 +209,26 @@ def _desired(words: Sequence[str]) -> bool:
     return behind or _about("desired", words) or bool({"dqd", "ddqd"}.intersection(words))
 
 
-def _joint(words: Sequence[str]) -> int | None:
-    """A number from 0 to 3 behind a word that can name a joint, the last one if there are several."""
+def _joints(words: Sequence[str]) -> list[int]:
+    """Numbers from 0 to 3 behind words that can name a joint; behind known ones if there are any."""
     counted = NOT_JOINTS | _CONTROLLER | _LOAD
     found = [
-        int(number)
+        (before in _KNOWN or _is_chinese(before), int(number))
         for before, number, after in zip(words, words[1:], [*words[2:], ""], strict=False)
         if number in {"0", "1", "2", "3"}
         and not (before in counted or before[0].isdigit() or after in {"kg", "g"})
         and not any(part in before for part in ("控制器", "图", "表"))
     ]
-    return found[-1] if found else None
+    return [number for known, number in found if known] or [number for _, number in found]
 
 
-def _controller(words: Sequence[str], name: str) -> int | None:
+def _controller(words: Sequence[str]) -> int | None:
     for before, number in pairwise(words):
         if number in {"1", "2", "3"} and (before in _CONTROLLER or "控制器" in before):
             return int(number)
-    if _ALPHA.search(name):
+    denied = any(before in _EMPTY and word not in _LOAD for before, word in pairwise(words))
+    alpha = ("a", "tde") in pairwise(words) or _ALPHA.intersection(words)
+    if alpha and not denied:
         return 1
     if _NTSM.intersection(words):
         return 2
@@ -196,7 +244,9 @@ def _payload(words: Sequence[str], text: str) -> float | None:
         before in _EMPTY and word in _LOAD for before, word in pairwise(words)
     ):
         return 0.0
-    loaded = _LOAD.intersection(words) or any(part in joined for part in _CHINESE_LOAD)
+    # The load side of a drive is a place.
+    loaded = any(word in _LOAD and after != "side" for word, after in pairwise([*words, ""]))
+    loaded = loaded or any(part in joined for part in _CHINESE_LOAD)
     return float("nan") if loaded else None
 
 

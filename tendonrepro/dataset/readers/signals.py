@@ -74,6 +74,8 @@ BEST_PACKING = 1032
 """Bytes that one compressed byte can stand for at most; deflate packs no better."""
 HARMLESS = 2**24
 """Bytes that a file may announce whatever it holds."""
+MISFIT = "the row of names has another number of cells than the rows below: is each above its column?"
+"""Note of signals whose names may be those of their neighbours."""
 _LONGEST_TEXT = 1000
 _MOST_TEXTS = 2000
 

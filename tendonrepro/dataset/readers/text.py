@@ -25,7 +25,7 @@ from tendonrepro.dataset.readers.cells import (
     settle_head,
 )
 from tendonrepro.dataset.readers.filetype import decoded
-from tendonrepro.dataset.readers.signals import Allowance, Found, Unreadable, is_full
+from tendonrepro.dataset.readers.signals import MISFIT, Allowance, Found, Unreadable, is_full
 
 _MOST_BYTES = 2**29
 """An hour of twenty columns at 1 kHz; a longer text takes minutes and gigabytes to read."""
@@ -123,7 +123,11 @@ def _add_block(found: Found, lines: Sequence[str], block: Rows, style: Style, pr
     if ragged:
         where = f"lines {block.data[0] + 1} to {block.data[-1] + 1}"
         found.skip(where, f"{ragged} rows have another number of cells than {width}", "check these rows")
-    add_table(found, block, head, columns, words_at, prefix=prefix, decimal=style.decimal)
+    # Rows that end with a separator have an empty cell more.
+    filled = width - (width > 1 and all(cell != cell or cell == "" for cell in columns[-1]))  # noqa: PLR0124
+    misfit = bool(head) and len(head[-1]) > 1 and len(head[-1]) not in {width, filled}
+    note = MISFIT if misfit else ""
+    add_table(found, block, head, columns, words_at, prefix=prefix, decimal=style.decimal, note=note)
 
 
 def _without_mark(line: str) -> str:

@@ -42,11 +42,11 @@ def run_statics(request: Request, talk: Talk) -> dict[str, Any]:
 
     loaded, folder = request.load("decouple"), request.folder("statics")
     if request.dry_run:
-        foretell_refusal(folder, loaded.sha256, talk, force=request.force)
+        foretell_refusal(folder, loaded.sha256, talk, force=request.force, command="statics")
         text = f"{loaded.origin} is valid (sha256 {loaded.sha256[:12]})\nwould write to {folder}"
         plan = {"dry_run": True, "config_sha256": loaded.sha256, "out": str(folder)}
         return {"schema_version": SCHEMA_VERSION, "command": "statics"} | plan | {"text": text}
-    with claimed(folder, loaded.sha256, force=request.force) as held:
+    with claimed(folder, loaded.sha256, force=request.force, command="statics") as held:
         found = survey(loaded)
         data = statics_data(found)
         manifest = make_manifest(loaded, held.seconds) | {"command": "statics", "solver": None}

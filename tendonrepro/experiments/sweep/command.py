@@ -86,12 +86,14 @@ def run_sweep(request: Request, over: Sequence[str], talk: Talk, law: str | None
 
     sweep, folder = load_sweep(request, over, law), request.folder("sweep")
     if request.dry_run:
-        foretell_refusal(folder, sweep.base.sha256, talk, force=request.force)
+        foretell_refusal(folder, sweep.base.sha256, talk, force=request.force, command="sweep")
         loops = (next(iter(all_loops(config, sweep.law).values())) for config in sweep.configs)
         samples = [int(loop.reference.time.size) for loop in loops]
         plan = dict(zip(map(sweep.label, sweep.points), samples, strict=True))
         return _head(sweep) | {"dry_run": True, "samples": plan, "out": str(folder)}
-    with claimed(folder, sweep.base.sha256, force=request.force) as held:
+    if sweep.law is None and any(axis.key.startswith("solver.") for axis in sweep.axes):
+        talk.note("the solver's settings change nothing here: the compiled stepper chooses its own steps")
+    with claimed(folder, sweep.base.sha256, force=request.force, command="sweep") as held:
         data = simulate_sweep(sweep, talk)
         runs = sweep.points[0].config.runs
         steps = [point["runs"][run]["steps_per_sample"] for point in data["points"] for run in runs]

@@ -14,6 +14,7 @@ import atexit
 import hashlib
 import inspect
 import os
+import pickle
 import shutil
 import stat
 import sys
@@ -102,6 +103,14 @@ def _is_writable(folder: Path) -> bool:
     return True
 
 
+def _drop_broken(folder: Path) -> None:
+    """Remove code that a power cut left cut short: numba would stop at it, each time anew."""
+    for path in (*folder.glob("**/*.nbi"), *folder.glob("**/*.nbc")):
+        with suppress(OSError):
+            if path.read_bytes()[-1:] != pickle.STOP:
+                path.unlink()
+
+
 def compiled_plant(plant: Plant) -> tuple[int, Array]:
     """Compile :func:`tendonrepro.physics.dynamics.state_derivative` for a plant.
 
@@ -128,11 +137,11 @@ def _load(source: str) -> Any:
     Its name gets a digest, since numba's own names for machine code must not collide.
     """
     name = f"compiled_{hashlib.sha256(source.encode()).hexdigest()[:16]}"
-    path = _cache / f"{name}.py"
-    if not path.exists():
-        write_atomically(path, source.replace("def compiled(", f"def {name}("))
+    path, text = _cache / f"{name}.py", source.replace("def compiled(", f"def {name}(")
+    if not path.exists() or path.read_text(encoding="utf-8") != text:
+        write_atomically(path, text)
     scope: dict[str, Any] = {"__name__": __name__}
-    exec(compile(path.read_text(encoding="utf-8"), str(path), "exec"), scope)
+    exec(compile(text, str(path), "exec"), scope)
     return scope[name]
 
 
@@ -203,6 +212,7 @@ overload(lane_loop.call)(
     lambda code, rows, k: lambda code, rows, k: _call(code, rows.ctypes.data, k)  # type: ignore[call-arg]  # noqa: ARG005
 )
 _cache = cache_folder()
+_drop_broken(_cache)
 _began_empty = not any(_cache.glob("**/*.nbc"))
 for _function in LAW_FUNCTIONS:
     register_jitable(_function)
