@@ -336,6 +336,9 @@ def _load(order: Order) -> tuple[LoadedConfig, UserLaw | None]:
     """Configuration and law; stepper and law are part of the digest."""
     loaded = order.request.load(order.experiment)
     if order.solver == "compiled":
+        if order.law is not None:
+            message = "only the paper's own control laws run by the compiled stepper"
+            raise UsageError(message, where="--law", hint="use --solver scipy")
         digest = hashlib.sha256(f"{loaded.sha256} compiled".encode()).hexdigest()
         loaded = replace(loaded, sha256=digest, overrides=(*loaded.overrides, "solver=compiled"))
     return with_user_law(loaded, order.law)

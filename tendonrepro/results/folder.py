@@ -296,7 +296,8 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         to_json(manifest).encode()
     except OSError as error:
         message = f"cannot read the manifest: {error.strerror}"
-        raise DataMissingError(message, where=str(path), hint="run the experiment first") from error
+        hint = "run the experiment first" if isinstance(error, FileNotFoundError) else "choose another --out"
+        raise DataMissingError(message, where=str(path), hint=hint) from error
     except (ValueError, RecursionError):
         manifest = None
     sections = ("config", "outputs")

@@ -236,7 +236,8 @@ def _integrator(loop: Loop) -> Callable[[float, float, Array, Array], Array]:
         # A state that overflowed is the run's result; its error shows it at the next sample.
         if not successful and np.isfinite(reached).all():
             message = f"{solver.method} cannot follow the plant beyond t = {start:.3f} s"
-            hint = "the plant is too stiff for this method: try solver.method=lsoda or looser tolerances"
+            other = "solver.method=lsoda with rtol 1e-7 and atol 1e-9" if solver.method != "lsoda" else ""
+            hint = f"the plant is too stiff for this method: try {other or 'softer tendons'}"
             raise TendonreproError(message, hint=hint)
         return reached
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from tendonrepro.dataset.readers.archive import DEEPEST, KINDS, UNPACK, members
 from tendonrepro.dataset.readers.filetype import FileType, kind_of
-from tendonrepro.dataset.readers.signals import Allowance, Found, Skipped, Source, Unreadable
+from tendonrepro.dataset.readers.signals import MOST_UNPACKED, Allowance, Found, Skipped, Source, Unreadable
 from tendonrepro.dataset.repository.lock import lock_path
 from tendonrepro.dataset.repository.names import Numbered, is_ours, printable
 from tendonrepro.errors import DataMissingError
@@ -170,7 +170,10 @@ def unread(path: Path, name: str, reason: str, advice: str = "", kind: str = "un
 
 
 def _digest(path: Path) -> tuple[int, str]:
-    """Bytes of a file and their md5."""
+    """Bytes of a file and their md5; none of what no reader would read, which may be empty space on end."""
+    size = path.stat().st_size
+    if size > MOST_UNPACKED:
+        return size, ""
     with path.open("rb") as stream:
         digest = hashlib.file_digest(stream, lambda: hashlib.md5(usedforsecurity=False)).hexdigest()
         return stream.tell(), digest
