@@ -308,12 +308,13 @@ def doubts_about(trace: Trace) -> list[str]:
 
 def _doubts_about_jumps(trace: Trace) -> Iterator[str]:
     """Measured values that leap, as where a logger writes a nought or -99 for what it lost."""
-    for name in {"q_encoder", "e"} & trace.variables.keys():
+    name = "q_encoder" if "q_encoder" in trace else "e"
+    if name in trace:
         for joint, values in zip(trace.joint, trace[name].T, strict=True):
             leaps = np.abs(np.diff(values))
             known = leaps[np.isfinite(leaps)]
             if known.size and known.max() > max(
-                _LEAP * _span(values), _LEAPS * np.quantile(known, 0.99), _COUNT
+                _LEAP * _span(values), _LEAPS * np.quantile(known, 0.9), _COUNT
             ):
                 at = trace.time[1 + int(np.nanargmax(leaps))]
                 yield (
