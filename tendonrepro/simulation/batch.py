@@ -20,7 +20,6 @@ from tendonrepro.errors import TendonreproError
 from tendonrepro.physics.control import Law, Surface
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation import streaming
-from tendonrepro.simulation.codegen import compiled
 from tendonrepro.simulation.codegen.machine import LANES
 from tendonrepro.simulation.controllers import TimeDelayController
 from tendonrepro.simulation.pack import Ended, run_pack
@@ -135,7 +134,7 @@ def _refuse_others(loops: Sequence[Loop]) -> None:
         raise TendonreproError(message)
     for loop in loops:
         controller = loop.controller
-        if not isinstance(controller, TimeDelayController) or controller.command is not compiled.command:
+        if not isinstance(controller, TimeDelayController) or not controller.is_compiled:
             message = "only the paper's own control laws run on lanes"
             raise TendonreproError(message, hint="use the SciPy stepper, --solver scipy")
 

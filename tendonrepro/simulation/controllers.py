@@ -98,6 +98,11 @@ class TimeDelayController:
     command: CommandFunction = field(default_factory=_compiled_command)
 
     @property
+    def is_compiled(self) -> bool:
+        """Whether its law is the package's own, as machine code."""
+        return self.command is _compiled_command()
+
+    @property
     def signals(self) -> tuple[str, ...]:
         """Names of the variables it adds to a trace."""
         return ("H_hat", "s")

@@ -23,7 +23,7 @@ from tendonrepro.simulation import streaming
 from tendonrepro.simulation.codegen.lanes import LaneRows, LaneTape, lane_code, remembered
 from tendonrepro.simulation.controllers import DriveTorque, Measurement, TimeDelayController
 from tendonrepro.simulation.resolution import demand
-from tendonrepro.simulation.stepper import LARGEST_TORQUE
+from tendonrepro.simulation.sampled import LARGEST_TORQUE
 
 AT_LIMIT = 1.0 - 1e-12
 """Share of the torque limit that counts as saturated."""

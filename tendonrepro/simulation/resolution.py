@@ -105,7 +105,8 @@ def _speeds(plant: Plant, pace: float) -> list[list[Array]]:
     if pace == 0.0:
         return [edge]
     steepest = [law.stribeck_velocity / np.sqrt(2.0) for law in laws]
-    return [edge, [np.maximum(*pair) for pair in zip(edge, steepest, strict=True)]]
+    faster = [np.maximum(*pair) for pair in zip(edge, steepest, strict=True)]
+    return [edge] if all(map(np.array_equal, edge, faster)) else [edge, faster]
 
 
 def _spread(record: Any) -> Any:

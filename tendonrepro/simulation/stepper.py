@@ -10,7 +10,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -19,10 +19,8 @@ from tendonrepro.errors import TendonreproError
 from tendonrepro.physics.drive import tendon_torque, to_joint_torque
 from tendonrepro.physics.dynamics import Plant, holding_torque, link_acceleration, rest_state
 from tendonrepro.physics.instruments import Actuator, Encoder, applied_torque, noise_sequence, quantise
-from tendonrepro.simulation.controllers import Controller, DriveTorque, Measurement
-
-LARGEST_TORQUE = 1e6
-"""Torque, N m, beyond which a run has diverged even before its error shows it."""
+from tendonrepro.simulation import sampled
+from tendonrepro.simulation.controllers import Controller, DriveTorque, Measurement, TimeDelayController
 
 JOINT_NOISE, MOTOR_NOISE, TORQUE_NOISE = range(3)
 """Random streams of the instruments."""
@@ -152,40 +150,65 @@ def _allocate(loop: Loop) -> dict[str, Array]:
 def _run(loop: Loop, record: Mapping[str, Array], progress: Callable[[int], None]) -> int:
     """Fill the record; return the number of samples done."""
     reference, controller, plant = loop.reference, loop.controller, loop.plant
-    S, S_inv = plant.drive.S, plant.drive.S_inv
     samples, n = reference.q_d.shape
-    measure, noise, advance = _instruments(loop), _torque_noise(loop), _integrator(loop)
-    state = rest_state(np.zeros(n), plant)
+    hardware, state = _hardware(loop), rest_state(np.zeros(n), plant)
+
+    def measure(k: int, state: Array) -> Measurement:
+        return Measurement(*sampled.measure(k, state, hardware, controller.motor_side))
+
     tau_before = np.zeros(n) if loop.cold else holding_torque(np.zeros(n), plant)
     memory = controller.init(measure(0, state), tau_before)
-    pending = [tau_before] * loop.actuator.delay
+    if (
+        isinstance(controller, TimeDelayController)
+        and controller.is_compiled
+        and loop.solver.method == "dop853"
+    ):
+        pending = np.tile(tau_before, (loop.actuator.delay, 1))
+        return _run_compiled(loop, (state, memory, pending, controller.law, hardware), record, progress)
+    advance, waiting = _integrator(loop), [tau_before] * loop.actuator.delay
     limits = loop.actuator._replace(resolution=0.0)
-    as_commanded = not loop.actuator.delay and not loop.actuator.resolution
     for k in range(samples):
         measured = measure(k, state)
         decision = controller.decide(
             memory, measured, reference.q_d[k], reference.dq_d[k], reference.ddq_d[k]
         )
-        pending.append(decision.tau)
-        tau_m = applied_torque(pending.pop(0), loop.actuator, S, S_inv)
+        waiting.append(decision.tau)
+        tau_m = applied_torque(waiting.pop(0), loop.actuator, hardware.S, hardware.S_inv)
         values = (state, measured.q, measured.q_motor, decision.tau, tau_m, *decision.signals)
         for rows, value in zip(record.values(), values, strict=True):
             rows[k] = value
-        if k + 1 == samples or not _bounded(reference.q_d[k] - measured.q, tau_m, loop.divergence_limit):
+        error = reference.q_d[k] - measured.q
+        if k + 1 == samples or not sampled.is_bounded(error, tau_m, loop.divergence_limit):
             break
-        commanded = tau_m if as_commanded else applied_torque(decision.tau, limits, S, S_inv)
+        commanded = applied_torque(decision.tau, limits, hardware.S, hardware.S_inv)
         memory = controller.remember(memory, measured, decision, DriveTorque(tau_m, commanded))
         # The noise acts on the plant alone: no controller can know it.
-        state = advance(reference.time[k], reference.time[k + 1], state, tau_m + noise[k])
+        state = advance(reference.time[k], reference.time[k + 1], state, tau_m + hardware.torque_noise[k])
         if k % PROGRESS_INTERVAL == PROGRESS_INTERVAL - 1:
             progress(PROGRESS_INTERVAL)
     progress((k + 1) % PROGRESS_INTERVAL)
     return k + 1
 
 
-def _bounded(error: Array, tau_m: Array, limit: float) -> bool:
-    """Whether a run can go on; comparisons with NaN are false."""
-    return bool(np.abs(error).max() <= limit and np.abs(tau_m).max() <= LARGEST_TORQUE)
+def _run_compiled(
+    loop: Loop, begin: tuple[Any, ...], record: Mapping[str, Array], progress: Callable[[int], None]
+) -> int:
+    """The same for the paper's own law, without a call of Python in each sample."""
+    from tendonrepro.simulation.codegen import compiled, run_loop
+
+    state, memory, *rest = begin
+    reference, solver = loop.reference, loop.solver
+    desired = reference.time, reference.q_d, reference.dq_d, reference.ddq_d
+    course, rows = run_loop.Course(*desired, loop.divergence_limit), run_loop.Rows(**record)
+    steps = run_loop.Steps(*compiled.compiled_plant(loop.plant), solver.rtol, solver.atol, solver.max_step)
+    k, how = 0, run_loop.GOES_ON
+    while how == run_loop.GOES_ON:
+        first, last = k, min(k + PROGRESS_INTERVAL, reference.time.size)
+        k, how, state, memory = compiled.run(first, last, state, memory, *rest, course, steps, rows)
+        progress(k - first)
+    if how == run_loop.STUCK:
+        raise _cannot_follow(solver, reference.time[k])
+    return k
 
 
 def random_stream(loop: Loop, stream: int) -> np.random.Generator:
@@ -193,23 +216,21 @@ def random_stream(loop: Loop, stream: int) -> np.random.Generator:
     return np.random.default_rng([loop.seed, stream])
 
 
-def _instruments(loop: Loop) -> Callable[[int, Array], Measurement]:
-    """Encoders, zeroed at the start posture."""
-    shape = loop.reference.q_d.shape
-    n = shape[1]
-    q_noise = noise_sequence(loop.joint_encoder.noise, shape, random_stream(loop, JOINT_NOISE))
-    motor_noise = noise_sequence(loop.motor_encoder.noise, shape, random_stream(loop, MOTOR_NOISE))
-    theta_start = rest_state(np.zeros(n), loop.plant)[2 * n : 3 * n]
-    S, S_inv = loop.plant.drive.S, loop.plant.drive.S_inv
-
-    def measure(k: int, state: Array) -> Measurement:
-        q_motor = S_inv @ (state[2 * n : 3 * n] - theta_start)
-        q_motor = quantise(q_motor + motor_noise[k], loop.motor_encoder.resolution)
-        if loop.controller.motor_side:
-            return Measurement(q=S @ q_motor, q_motor=q_motor)
-        return Measurement(quantise(state[:n] + q_noise[k], loop.joint_encoder.resolution), q_motor)
-
-    return measure
+def _hardware(loop: Loop) -> sampled.Hardware:
+    """Encoders, zeroed at the start posture, and drives, with all their noise."""
+    shape, drive = loop.reference.q_d.shape, loop.plant.drive
+    noise = noise_sequence(loop.actuator.noise, shape, random_stream(loop, TORQUE_NOISE))
+    return sampled.Hardware(
+        S=drive.S,
+        S_inv=drive.S_inv,
+        actuator=loop.actuator,
+        theta_start=np.split(rest_state(np.zeros(shape[1]), loop.plant), 4)[2],
+        q_step=loop.joint_encoder.resolution,
+        motor_step=loop.motor_encoder.resolution,
+        q_noise=noise_sequence(loop.joint_encoder.noise, shape, random_stream(loop, JOINT_NOISE)),
+        motor_noise=noise_sequence(loop.motor_encoder.noise, shape, random_stream(loop, MOTOR_NOISE)),
+        torque_noise=np.asarray(noise @ drive.S_inv),
+    )
 
 
 def motor_angles(theta: Array, loop: Loop) -> Array:
@@ -218,12 +239,6 @@ def motor_angles(theta: Array, loop: Loop) -> Array:
     noise = noise_sequence(loop.motor_encoder.noise, shape, random_stream(loop, MOTOR_NOISE))
     q_motor = (theta - theta[0]) @ loop.plant.drive.S_inv.T
     return np.asarray(quantise(q_motor + noise[: len(theta)], loop.motor_encoder.resolution))
-
-
-def _torque_noise(loop: Loop) -> Array:
-    """Noise of the motors' torque at every sample, in joint coordinates, N m, (T, n)."""
-    noise = noise_sequence(loop.actuator.noise, loop.reference.q_d.shape, random_stream(loop, TORQUE_NOISE))
-    return np.asarray(noise @ loop.plant.drive.S_inv)
 
 
 def _integrator(loop: Loop) -> Callable[[float, float, Array, Array], Array]:
@@ -235,13 +250,16 @@ def _integrator(loop: Loop) -> Callable[[float, float, Array, Array], Array]:
         reached, successful = steps(start, end, state, tau_m)
         # A state that overflowed is the run's result; its error shows it at the next sample.
         if not successful and np.isfinite(reached).all():
-            message = f"{solver.method} cannot follow the plant beyond t = {start:.3f} s"
-            other = "solver.method=lsoda with rtol 1e-7 and atol 1e-9" if solver.method != "lsoda" else ""
-            hint = f"the plant is too stiff for this method: try {other or 'softer tendons'}"
-            raise TendonreproError(message, hint=hint)
+            raise _cannot_follow(solver, start)
         return reached
 
     return advance
+
+
+def _cannot_follow(solver: Solver, start: float) -> TendonreproError:
+    other = "solver.method=lsoda with rtol 1e-7 and atol 1e-9" if solver.method != "lsoda" else ""
+    hint = f"the plant is too stiff for this method: try {other or 'softer tendons'}"
+    return TendonreproError(f"{solver.method} cannot follow the plant beyond t = {start:.3f} s", hint=hint)
 
 
 def _compiled_steps(loop: Loop) -> Callable[[float, float, Array, Array], tuple[Array, bool]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import pytest
@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 from tendonrepro.config.load import load_config
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import build_loops
+from tendonrepro.simulation.codegen import compiled
 from tendonrepro.simulation.stepper import DesiredMotion, simulate
 
 L = 1e-3
@@ -253,6 +254,27 @@ class TestEquivalence:
         first, second = (simulate(make_loop(zero, run=run)) for run in ("controller_1", "controller_2"))
         for name, values in first.items():
             np.testing.assert_array_equal(values, second[name], err_msg=name)
+
+    @pytest.mark.parametrize(
+        "overrides",
+        [
+            (),
+            ("manipulator.actuator.output_delay=2", "control.readings.stored_torque=applied"),
+            ("manipulator.actuator.output_delay=1", "manipulator.actuator.torque_resolution=0.016"),
+            ("manipulator.actuator.torque_limit=[1, 0.5, 0.5]", "control.readings.delay_time=two_periods"),
+            ("control.readings.feedback=motor", "manipulator.encoders.motor.noise=0.01"),
+            ("manipulator.encoders.joint.noise=0.01", "manipulator.actuator.torque_noise=0.02"),
+            ("control.readings.start=cold", "status.divergence_limit=0.5"),
+        ],
+    )
+    def test_the_compiled_loop_is_the_one_that_any_controller_goes_through(self, overrides):
+        """To the last bit, and to its end, where it diverges."""
+        loop = make_loop(*overrides)
+        called = replace(loop.controller, command=partial(compiled.command))
+        ours, theirs = simulate(loop), simulate(replace(loop, controller=called))
+        assert ours.keys() == theirs.keys()
+        for name, values in ours.items():
+            np.testing.assert_array_equal(values, theirs[name], err_msg=name)
 
     @pytest.mark.parametrize("method", ["dopri5", "lsoda"])
     def test_integrators_agree(self, method):

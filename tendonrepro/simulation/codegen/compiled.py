@@ -26,6 +26,7 @@ from pathlib import Path
 from typing import Any
 
 import numba
+import numpy as np
 import platformdirs
 from llvmlite import ir
 from numba import types
@@ -34,15 +35,16 @@ from numba.extending import intrinsic, overload, register_jitable
 from tendonrepro import arrays
 from tendonrepro.arrays import Array
 from tendonrepro.files import write_atomically
-from tendonrepro.physics import control
+from tendonrepro.physics import control, instruments
 from tendonrepro.physics import linalg as matrices
 from tendonrepro.physics.control import Law, Memory
 from tendonrepro.physics.dynamics import Plant, state_derivative
-from tendonrepro.simulation.codegen import dop853, lane_loop
+from tendonrepro.simulation import sampled
+from tendonrepro.simulation.codegen import dop853, lane_loop, run_loop
 from tendonrepro.simulation.codegen.machine import LaneCode, assembled
 from tendonrepro.simulation.codegen.symbols import unrolled
 
-LAW_FUNCTIONS = (
+FUNCTIONS: tuple[Any, ...] = (
     matrices.times,
     control.sig,
     control.polynomial,
@@ -53,8 +55,15 @@ LAW_FUNCTIONS = (
     control.time_delay_estimate,
     control.error_rate,
     control.command,
+    control._shifted,
+    control.remember,
+    instruments.applied_torque,
+    sampled.measure,
+    sampled.is_bounded,
+    dop853._step,
+    dop853.advance,
 )
-"""Functions the compiled law calls, each after those it calls itself."""
+"""Functions that compiled law and run call, each after those it calls itself."""
 
 _plants: dict[str, Any] = {}
 _lanes: dict[str, LaneCode] = {}
@@ -66,7 +75,7 @@ def cache_folder() -> Path:
     Where the user's cache cannot be written, a folder among the temporary files serves all processes, unless
     someone else made it: what lies here is run.
     """
-    modules = (*LAW_FUNCTIONS, arrays, dop853, lane_loop)
+    modules = (*FUNCTIONS, arrays, lane_loop, run_loop)
     sources = {Path(inspect.getfile(module)) for module in modules} | {Path(__file__)}
     digest = hashlib.sha256()
     for source in sorted(sources):
@@ -211,15 +220,18 @@ overload(arrays.choose)(
 overload(lane_loop.call)(
     lambda code, rows, k: lambda code, rows, k: _call(code, rows.ctypes.data, k)  # type: ignore[call-arg]  # noqa: ARG005
 )
+overload(instruments.quantise)(
+    lambda value, step: lambda value, step: value if step == 0.0 else step * np.floor(value / step + 0.5)  # noqa: ARG005
+)
 _cache = cache_folder()
 _drop_broken(_cache)
 _began_empty = not any(_cache.glob("**/*.nbc"))
-for _function in LAW_FUNCTIONS:
+for _function in FUNCTIONS:
     register_jitable(_function)
 command = _compile(command)
 derivative = _compile(derivative)
-register_jitable(dop853._step)
 advance = _compile(dop853.advance)
+run = _compile(run_loop.sweep)
 
 
 @cache
