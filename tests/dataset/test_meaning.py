@@ -77,6 +77,9 @@ RUN_NAMES: dict[str, tuple[int | None, float | None]] = {
     "α–TDE–NTSM": (1, None), "TDE-NTSM with alpha": (1, None), "TDE-NTSM without alpha": (2, None),
     "C1 wo load": (1, 0.0), "C1 w/o load": (1, 0.0), "C1 zero load": (1, 0.0), "C1 w load": (1, LOADED),
     "load-side encoder 2": (None, None), "NTSM (no load)": (2, 0.0), "proposed without payload": (1, 0.0),
+    "controller1_TDE-TSM": (3, None), "C1 payload 0": (1, 0.0), "C1_load0": (1, 0.0),
+    "Payload (kg): 0": (None, 0.0), "C1 0,2kg": (1, 0.2), "load torque 2": (None, None),
+    "Kinematic Decoupling and alpha-TDE-NTSM Control": (None, None),
     "without load": (None, 0.0), "无载荷": (None, 0.0), "withoutload": (None, 0.0),
     "fig14": (None, None), "图14a": (None, None), "Sheet1!G4:K2304": (None, None),
 }  # fmt: skip
@@ -101,7 +104,10 @@ UNREAD = {
     "C1_no_load": "", "controller 1, 0.2kg": "", "TDE-NTSM": "", "error2_deg": "", "2026-05-01_run_12": "",
     "q2_take3": "take 3", "Integral error 2": "integral", "e2 (x10 deg)": "10", "C1_0.2": "0.2",
     "3rd joint": "3 rd", "q2_law1": "law 1", "joint 2 (motor 3)": "2 3", "TSM (no NTSM)": "no",
-    "C1_sim": "sim", "Filtered q2": "filtered",
+    "controller1_TDE-TSM": "controller 3 or controller 1", "proposed_c2": "controller 1 or controller 2",
+    "decoupling of alpha-TDE": "decoupling or a controller", "payload 0-2 kg": "0", "C1_0_2kg": "0",
+    "load 1": "1", "C1_0.2kg": "", "C1 payload 0": "", "ctrl1_0p2kg": "", "C1_sim": "sim",
+    "Filtered q2": "filtered",
 }  # fmt: skip
 
 

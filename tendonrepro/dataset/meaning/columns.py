@@ -159,6 +159,8 @@ class Column:
         # Only beside other columns does a nought show that joints are counted from it.
         around = next((hint.joint for hint in self.around if hint.joint), None)
         self.joint = around if self.own.joint is None else self.own.joint
+        if around and self.own.joint and around != self.own.joint:
+            self.doubts.append("names within each other say different joints: `joint`")
         if self.own.quantity:
             self.call(self.own.quantity, f"the name {self.label!r} says {self.own.quantity}")
             return

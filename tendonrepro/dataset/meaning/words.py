@@ -22,7 +22,7 @@ _GREEK = {
 _TOKEN = re.compile(r"[a-z]+|\d+(?:\.\d+)?|[\u4e00-\u9fff]+")
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 _RANGE = re.compile(r"!\d+:\d+$")
-_MASS = re.compile(r"(?<![a-z0-9.])(\d+(?:[.p]\d+)?)\s*(kg|g)(?![a-z])")
+_MASS = re.compile(r"(?<![a-z0-9.,])(\d+(?:[.,p]\d+)?)\s*(kg|g)(?![a-z])")
 _WITHOUT = re.compile(r"(?<![a-z])w/o(?![a-z])")
 _DASHES = re.compile(r"[\u2010-\u2015\u2212\ufe58\ufe63\uff0d]")
 _DAY = re.compile(r"(?<!\d)20\d\d([-_.]?)[01]\d\1[0-3]\d(?!\d)")
@@ -88,6 +88,8 @@ _ABOUT = _these(
     "trajectory motion signal signals value values robot arm manipulator tendon side kg"
 )
 """Words that change nothing of what a column is."""
+_PLACES = frozenset().union(*(known for known, _ in _WORDS.values())) | {"side", "cell"}
+"""Words before which a "load" is where something is measured."""
 _KNOWN = (
     frozenset().union(*(known for known, _ in _WORDS.values())) | _LETTERS.keys() | _ANGLES | NOT_JOINTS
     | _LOAD | _DECOUPLING | _CONTROLLER | _NTSM | _TSM | _ALPHA | _ABOUT
@@ -131,31 +133,40 @@ def hints(name: str) -> Hints:
     name = _RANGE.sub("", name)
     words, text = tokens(name), _plain(name)
     quantity, letter = _quantity(words)
-    joints = _joints(words)
-    unread = _unread(tokens(_DAY.sub(" ", name)))
+    joints, controllers, unread = _joints(words), _controllers(words), _unread(text)
+    decoupling = any(word in _DECOUPLING or "解耦" in word for word in words)
+    if len({*joints}) > 1:
+        unread += tuple(map(str, dict.fromkeys(joints)))
+    if len({*controllers}) > 1:
+        unread += (" or ".join(f"controller {number}" for number in controllers),)
+    if controllers and decoupling:
+        # As in the paper's title, which says nothing of a file.
+        unread, controllers, decoupling = (*unread, "decoupling or a controller"), [], False
     return Hints(
         quantity=quantity,
         joint=joints[-1] if joints else None,
-        controller=_controller(words),
-        decoupling=any(word in _DECOUPLING or "解耦" in word for word in words),
+        controller=controllers[0] if controllers else None,
+        decoupling=decoupling,
         payload_mass=_payload(words, text),
         of_motor=_about("motor", words) or _behind_angle(words, "m"),
         desired=_desired(words),
         letter=letter,
         name=name,
-        unread=(*unread, *map(str, dict.fromkeys(joints) if len({*joints}) > 1 else ())),
+        unread=unread,
     )
 
 
-def _unread(words: Sequence[str]) -> tuple[str, ...]:
+def _unread(text: str) -> tuple[str, ...]:
     """Words of a name that say nothing known, numbers that count nothing known, and what a "no" denies."""
-    found = []
+    words, found = tokens(_MASS.sub(" ", _DAY.sub(" ", text))), []
+    weighed = _MASS.search(text) is not None
     for before, word, after in zip(["", *words], words, [*words[1:], ""], strict=False):
         if word in _EMPTY:
             known = after in _LOAD
         elif word[0].isdigit():
-            counts = _KNOWN if word in {"0", "1", "2", "3"} else NOT_JOINTS - {"x", "y"}
-            known = before in counts or after in {"kg", "g"} or _is_chinese(before)
+            counts = _KNOWN - _LOAD if word in {"0", "1", "2", "3"} else NOT_JOINTS - {"x", "y"}
+            known = before in counts or _is_chinese(before)
+            known = known or (word == "0" and before in _LOAD | {"kg"} and not weighed)
         else:
             known = len(word) == 1 or word in _KNOWN or plain_unit(word) is not None or _is_chinese(word)
         if not known:
@@ -222,32 +233,34 @@ def _joints(words: Sequence[str]) -> list[int]:
     return [number for known, number in found if known] or [number for _, number in found]
 
 
-def _controller(words: Sequence[str]) -> int | None:
-    for before, number in pairwise(words):
-        if number in {"1", "2", "3"} and (before in _CONTROLLER or "控制器" in before):
-            return int(number)
+def _controllers(words: Sequence[str]) -> list[int]:
+    """Controllers of a name: by the name of its law, which comes first, and by number."""
     denied = any(before in _EMPTY and word not in _LOAD for before, word in pairwise(words))
     alpha = ("a", "tde") in pairwise(words) or _ALPHA.intersection(words)
-    if alpha and not denied:
-        return 1
-    if _NTSM.intersection(words):
-        return 2
-    return 3 if _TSM.intersection(words) else None
+    laws = (1, alpha and not denied), (2, _NTSM.intersection(words)), (3, _TSM.intersection(words))
+    numbers = (
+        int(number)
+        for before, number in pairwise(words)
+        if number in {"1", "2", "3"} and (before in _CONTROLLER or "控制器" in before)
+    )
+    return [*[number for number, named in laws if named][:1], *numbers]
 
 
 def _payload(words: Sequence[str], text: str) -> float | None:
     mass = _MASS.search(text)
     if mass:
-        return float(mass[1].replace("p", ".")) * (1.0 if mass[2] == "kg" else 1e-3)
-    joined = "".join(words)
-    if any(part in joined for part in _NO_LOAD) or any(
-        before in _EMPTY and word in _LOAD for before, word in pairwise(words)
-    ):
+        return float(re.sub("[,p]", ".", mass[1])) * (1.0 if mass[2] == "kg" else 1e-3)
+    joined, followed = "".join(words), _loads(words)
+    denied = any(before in _EMPTY and word in _LOAD for before, word in pairwise(words))
+    if denied or any(part in joined for part in _NO_LOAD) or {"0", "0.0"}.intersection(followed):
         return 0.0
-    # The load side of a drive is a place.
-    loaded = any(word in _LOAD and after != "side" for word, after in pairwise([*words, ""]))
-    loaded = loaded or any(part in joined for part in _CHINESE_LOAD)
-    return float("nan") if loaded else None
+    return float("nan") if followed or any(part in joined for part in _CHINESE_LOAD) else None
+
+
+def _loads(words: Sequence[str]) -> list[str]:
+    """What follows the words for a load, but for its unit; "load side" and "load torque" are places."""
+    bare = [*(word for word in words if word not in {"kg", "g"}), ""]
+    return [after for word, after in pairwise(bare) if word in _LOAD and after not in _PLACES]
 
 
 def printable(text: str) -> str:
