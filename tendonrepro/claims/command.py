@@ -30,7 +30,7 @@ from tendonrepro.files import MOST_JSON, to_json, write_atomically
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.folder import TRACES, stored_traces
 from tendonrepro.results.paper import of_paper
-from tendonrepro.results.summary import CONTROLLERS
+from tendonrepro.results.summary import CONTROLLERS, fitted_under
 
 FOLDER = "claims"
 ENSEMBLE = "ensemble"
@@ -139,7 +139,9 @@ def found_sources(out: Path, measured: Path | None, talk: Talk) -> Sources:
         if (out / name / TRACES).exists():
             stored = stored_traces(out / name)
             judged = [stored.runs[run] for run in CONTROLLERS if run in stored.runs]
-            if of_paper(stored) and all(of_paper(stored, run) for run in judged):
+            if fitted_under(stored):
+                talk.note(f"{out / name / TRACES}: fitted to what the paper prints; judging without it")
+            elif of_paper(stored) and all(of_paper(stored, run) for run in judged):
                 runs[name] = stored
             else:
                 talk.note(f"{out / name / TRACES}: not the paper's arm, joints and gains; judging without it")

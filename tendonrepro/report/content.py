@@ -248,6 +248,12 @@ def made(file: TraceFile) -> dict[str, Any]:
     }
 
 
+def _option(change: str) -> list[str]:
+    """Words of a command line for what a manifest lists among the changes."""
+    key, _, value = change.partition("=")
+    return [f"--{key}", value] if key in {"solver", "law"} else ["--set", change]
+
+
 def again(found: Found) -> list[str]:
     """Commands that make this very page again, from nothing."""
     lines = []
@@ -255,7 +261,7 @@ def again(found: Found) -> list[str]:
         if file:
             held = made(file)
             config = [] if held["config"] in {"–", name, f"{name}.yaml"} else ["--config", held["config"]]
-            changes = [word for change in held["overrides"] for word in ("--set", change)]
+            changes = [word for change in held["overrides"] for word in _option(change)]
             lines.append(shlex.join(["tendonrepro", name, *config, *changes]))
     if lines == ["tendonrepro decouple", "tendonrepro compare"]:
         lines = ["tendonrepro reproduce"]

@@ -24,6 +24,7 @@ from tendonrepro.report import rows
 from tendonrepro.report.findings import Results, findings
 from tendonrepro.results.folder import MANIFEST, TRACES, read_manifest, stored_traces
 from tendonrepro.results.records import TraceFile
+from tendonrepro.results.summary import fitted_under
 from tendonrepro.results.traces import read_traces
 from tendonrepro.validation.command import SIMULATED
 
@@ -67,8 +68,10 @@ def found_under(folder: Path, measured: Path | None, talk: Talk) -> Found:
     """
     found = Found()
     for name in ("decouple", "compare"):
-        if (folder / name / TRACES).exists():
-            setattr(found, name, stored_traces(folder / name))
+        traces = stored_traces(folder / name) if (folder / name / TRACES).exists() else None
+        # What was fitted to the print agrees with it: beside it on this page that would look like a finding.
+        if traces and not fitted_under(traces):
+            setattr(found, name, traces)
             _note(found, f"{name}/{TRACES}", folder / name / TRACES)
         found.origins[name] = RUN if getattr(found, name) else MISSING
     sources = found_sources(folder, measured, talk)

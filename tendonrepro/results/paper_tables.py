@@ -19,6 +19,7 @@ from tendonrepro.results.summary import (
     LOADS,
     compared_runs,
     decoupling_errors,
+    fitted_under,
     loaded_runs,
     tension_sizes,
     tracking_errors,
@@ -99,6 +100,8 @@ class MadeTable:
 def made_tables(file: TraceFile) -> Iterator[MadeTable]:
     """Make every table the runs allow; tables without rows are left out."""
     origin = f"{file.source}, config {file.config_sha256[:12]}"
+    if under := fitted_under(file):
+        origin += f", fitted to the print under {under}"
     for experiment, tables in _TABLES.items():
         part = file.part(experiment)
         for stem, (make, caption) in tables.items() if part.runs else ():

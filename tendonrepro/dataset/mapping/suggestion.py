@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from tendonrepro.config.fields.strict_yaml import Node, dump
@@ -16,6 +16,7 @@ from tendonrepro.dataset.meaning.assignment import RUNS, places, runs_among, var
 from tendonrepro.dataset.meaning.columns import SHORTEST, Address, Column, same_curve
 from tendonrepro.dataset.meaning.times import SAMPLING
 from tendonrepro.dataset.meaning.words import few, printable
+from tendonrepro.dataset.readers.signals import WORDS
 from tendonrepro.dataset.readers.units import FACTORS, kind_of_variable
 from tendonrepro.results.records import VARIABLES
 
@@ -57,7 +58,7 @@ def suggest(columns: Sequence[Column], title: str) -> Suggestion:
     taken = {column for chosen in runs.values() for column in chosen}
     left = tuple(c for c in columns if c not in taken and c.quantity not in {"time", "index"})
     asked: dict[str, dict[str, None]] = defaultdict(dict)
-    for name, remark in (*_claimed(picked), *_asked(runs, clocks), *_not_guessed(left)):
+    for name, remark in (*_claimed(picked), *_asked(runs, clocks), *_not_guessed(left, taken)):
         asked[remark][name] = None
     remarks = tuple(f"{few(list(names))}: {remark}" for remark, names in asked.items())
     head = [
@@ -138,8 +139,13 @@ def _asked(
                 yield name, doubt
 
 
-def _not_guessed(left: Sequence[Column]) -> Iterator[tuple[str, str]]:
-    """Doubts of columns in no run, and files with columns that nothing tells."""
+def _not_guessed(left: Sequence[Column], taken: Iterable[Column]) -> Iterator[tuple[str, str]]:
+    """Doubts of columns in no run, and files with columns that nothing tells or of words."""
+    for source in dict.fromkeys(column.source for column in (*left, *taken)):
+        reasons = {one.path: one.reason for one in source.skipped if WORDS in one.reason}
+        words = [repr(path) for path, reason in reasons.items() if not reason.endswith(", 1 different")]
+        if words:
+            yield source.name, f"columns of words are no numbers and are left out: {few(words)}"
     for column in left:
         if column.joint is None or column.quantity is None:
             yield from ((column.source.name, doubt) for doubt in column.doubts)

@@ -73,7 +73,7 @@ NOT_JOINTS = _these(
 )
 """Words that count something else than joints."""
 _FEW = 6  # names that a line shows
-_EMPTY = _these("no without wo un non not free empty zero")
+_EMPTY = _these("no without wo un non not free empty zero 无 不 非")
 _LOAD = _these("load loaded payload weight loading")
 _NO_LOAD = ("noload", "unload", "nopayload", "withoutload", "withoutpayload", "空载", "无负载", "无载")
 _CHINESE_LOAD = ("负载", "带载", "有载", "加载")
@@ -83,9 +83,10 @@ _NTSM = _these("ntsm tdentsm ntsmc")
 _TSM = _these("tsm tdetsm tsmc")
 _ALPHA = _these("alpha atde alphatde proposed")
 _ABOUT = _these(
-    "tde tdc of the and in for to from by at on with is vs versus data result results log logs record "
+    "d r m tde tdc of the and in for to from by at on with is vs versus data result results log logs record "
     "recorded recording measurement measurements experiment experiments experimental control tracking "
-    "trajectory motion signal signals value values robot arm manipulator tendon side kg"
+    "trajectory motion signal signals value values robot arm manipulator tendon side kg j noload unload "
+    "nopayload"
 )
 """Words that change nothing of what a column is."""
 _PLACES = frozenset().union(*(known for known, _ in _WORDS.values())) | {"side", "cell"}
@@ -94,10 +95,14 @@ _KNOWN = (
     frozenset().union(*(known for known, _ in _WORDS.values())) | _LETTERS.keys() | _ANGLES | NOT_JOINTS
     | _LOAD | _DECOUPLING | _CONTROLLER | _NTSM | _TSM | _ALPHA | _ABOUT
 )  # fmt: skip
-_CHINESE = (
-    "数据", "实验", "控制", "结果", "曲线", "跟踪", "机械臂", "图", "表", "第",
-    *_NO_LOAD, *_CHINESE_LOAD, "解耦", *(part for _, parts in _WORDS.values() for part in parts),
-)  # fmt: skip
+_CHINESE_PARTS = {
+    *_CHINESE_LOAD, *(word for word in _NO_LOAD if not word.isascii()), "解耦",
+    *(part for _, parts in _WORDS.values() for part in parts),
+    *_these("数据 实验 控制 控制器 结果 曲线 跟踪 轨迹 位置 位移 机械臂"),
+    *_these("图 表 第 的 和 与 号 角 值 度 弧度 秒 毫秒"),
+}  # fmt: skip
+_CHINESE = re.compile("|".join(sorted(_CHINESE_PARTS, key=len, reverse=True)))
+"""Known parts of Chinese names; a word is known where nothing else is left of it."""
 
 
 @dataclass(frozen=True)
@@ -165,18 +170,23 @@ def _unread(text: str) -> tuple[str, ...]:
             known = after in _LOAD
         elif word[0].isdigit():
             counts = _KNOWN - _LOAD if word in {"0", "1", "2", "3"} else NOT_JOINTS - {"x", "y"}
-            known = before in counts or _is_chinese(before)
+            known = before in counts or (bool(before) and not _CHINESE.sub("", before))
             known = known or (word == "0" and before in _LOAD | {"kg"} and not weighed)
         else:
-            known = len(word) == 1 or word in _KNOWN or plain_unit(word) is not None or _is_chinese(word)
+            alone = len(words) == 1 == len(word)
+            known = alone or word in _KNOWN or not _CHINESE.sub("", word)
+            known = known or (len(word) > 1 and plain_unit(word) is not None)
+            # Behind an angle, as in q_s, a letter is none of those that stand alone.
+            known = known and not (word in _LETTERS and _behind_angle(words, word))
         if not known:
             found.append(word)
-    return tuple(found)
+    # Signs such as π, √ or ‰ stand in no word.
+    return (*found, *dict.fromkeys(sign for sign in _TOKEN.sub("", text) if _is_odd(sign)))
 
 
-def _is_chinese(word: str) -> bool:
-    """Whether a word has a known part in Chinese."""
-    return any(part in word for part in _CHINESE)
+def _is_odd(sign: str) -> bool:
+    """Whether a sign is neither of ASCII, nor white space, punctuation or brackets."""
+    return not sign.isascii() and unicodedata.category(sign)[0] in "LNSM"
 
 
 def _plain(name: str) -> str:
@@ -224,7 +234,7 @@ def _joints(words: Sequence[str]) -> list[int]:
     """Numbers from 0 to 3 behind words that can name a joint; behind known ones if there are any."""
     counted = NOT_JOINTS | _CONTROLLER | _LOAD
     found = [
-        (before in _KNOWN or _is_chinese(before), int(number))
+        (before in _KNOWN or not _CHINESE.sub("", before), int(number))
         for before, number, after in zip(words, words[1:], [*words[2:], ""], strict=False)
         if number in {"0", "1", "2", "3"}
         and not (before in counted or before[0].isdigit() or after in {"kg", "g"})

@@ -20,7 +20,7 @@ FACTORS: Mapping[str, Mapping[str, float]] = {
 _SPELLINGS = {
     "radian": "rad", "radians": "rad", "rads": "rad", "弧度": "rad",
     "degree": "deg", "degrees": "deg", "degs": "deg", "°": "deg", "º": "deg", "度": "deg",
-    "turn": "rev", "turns": "rev", "revolution": "rev", "revolutions": "rev", "r": "rev",
+    "turn": "rev", "turns": "rev", "revolution": "rev", "revolutions": "rev",
     "rad/sec": "rad/s", "rads-1": "rad/s", "rads^-1": "rad/s", "rad.s-1": "rad/s", "radpersecond": "rad/s",
     "deg/sec": "deg/s", "°/s": "deg/s", "degs-1": "deg/s", "degs^-1": "deg/s",
     "r/min": "rpm", "rev/min": "rpm",
