@@ -50,7 +50,10 @@ def prepare(module: str) -> None:
 
 
 def each(
-    function: Callable[[Item], Result], items: Sequence[Item], progress: Callable[[int], None] | None = None
+    function: Callable[[Item], Result],
+    items: Sequence[Item],
+    progress: Callable[[int], None] | None = None,
+    most: int = MOST_WORKERS,
 ) -> list[Result]:
     """Apply a function to every item, each in a process of its own while there are processors.
 
@@ -63,6 +66,8 @@ def each(
     items : sequence
     progress : callable, optional
         Called now and then with the number of steps that :func:`advance` was told of.
+    most : int
+        Processes at a time; with 1 all is done here.
 
     Returns
     -------
@@ -74,7 +79,7 @@ def each(
     TendonreproError
         If a worker process dies.
     """
-    count = min(len(items), os.cpu_count() or 1, MOST_WORKERS)
+    count = min(len(items), os.cpu_count() or 1, most)
     if count <= 1:
         _listen(progress)
         return [function(item) for item in items]

@@ -111,6 +111,12 @@ class Loop:
         """The encoders whose angles the controller is given."""
         return self.motor_encoder if self.controller.motor_side else self.joint_encoder
 
+    @property
+    def is_compiled(self) -> bool:
+        """Whether all of it is machine code, a matter of moments: the package's own law by `dop853`."""
+        own = isinstance(self.controller, TimeDelayController) and self.controller.is_compiled
+        return own and self.solver.method == "dop853"
+
 
 def simulate(loop: Loop, progress: Callable[[int], None] | None = None) -> dict[str, Array]:
     """Run a closed loop from rest to the end of its reference, or until it diverges.
@@ -158,11 +164,7 @@ def _run(loop: Loop, record: Mapping[str, Array], progress: Callable[[int], None
 
     tau_before = np.zeros(n) if loop.cold else holding_torque(np.zeros(n), plant)
     memory = controller.init(measure(0, state), tau_before)
-    if (
-        isinstance(controller, TimeDelayController)
-        and controller.is_compiled
-        and loop.solver.method == "dop853"
-    ):
+    if loop.is_compiled and isinstance(controller, TimeDelayController):
         pending = np.tile(tau_before, (loop.actuator.delay, 1))
         return _run_compiled(loop, (state, memory, pending, controller.law, hardware), record, progress)
     advance, waiting = _integrator(loop), [tau_before] * loop.actuator.delay

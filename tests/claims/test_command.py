@@ -13,6 +13,7 @@ from tendonrepro.claims.shipped import shipped_ledger, with_shipped
 from tendonrepro.console import Talk
 from tendonrepro.ensemble.data import PLAN
 from tendonrepro.errors import DataMissingError
+from tendonrepro.report.sources import found_under
 from tendonrepro.results.folder import TRACES
 from tendonrepro.results.traces import write_traces
 
@@ -41,12 +42,19 @@ def test_no_claim_is_judged_by_another_experiment(tmp_path, capsys):
     file = make_compare_file(step=0.05)
     gains = {"attributes": {**file.runs["controller_2"].attributes, "gains": {"lam": [8.0, 9.0]}}}
     runs = {**file.runs, "controller_2": replace(file.runs["controller_2"], **gains)}
-    for stored, told in ((file, ""), (replace(file, runs=runs), "not the paper's arm, joints and gains")):
+    fitted = replace(file, config_yaml="source: 'identified: Tables 2 and 3, misfit 0.04'")
+    for stored, told in (
+        (file, ""),
+        (replace(file, runs=runs), "not the paper's arm, joints and gains"),
+        (fitted, "fitted to what the paper prints; judging without it"),
+    ):
         write_traces(tmp_path / "compare" / TRACES, stored)
         ledger = run_claims(tmp_path, (), None, Talk())
         assert told in capsys.readouterr().err
         drawn = any("laws" in file for file in ledger.data["files"])
         assert drawn != bool(told)
+        shown = found_under(tmp_path, None, QUIET).compare
+        assert (shown is None) is (stored is fitted)
 
 
 def test_a_damaged_ensemble_is_no_missing_one(tmp_path):
