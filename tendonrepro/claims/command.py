@@ -6,12 +6,14 @@ import json
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tendonrepro import __version__
 from tendonrepro.arrays import Array
 from tendonrepro.claims.from_ensemble import outcome
 from tendonrepro.claims.judge import Sources, Verdict, changed, failing, judge_all
@@ -26,12 +28,14 @@ from tendonrepro.console import Talk
 from tendonrepro.dataset.measured_file import MEASURED, read_measured
 from tendonrepro.ensemble.data import EnsembleData, NotFinishedError, read_ensemble
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.files import MOST_JSON, to_json, write_atomically
+from tendonrepro.files import MOST_JSON, to_json
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.results.folder import TRACES, stored_traces
+from tendonrepro.results.folder import TRACES, HeldFolder, claimed, stored_traces
+from tendonrepro.results.manifest import environment
 from tendonrepro.results.paper import of_paper
 from tendonrepro.results.summary import CONTROLLERS, fitted_under
 
+SCHEMA_VERSION = 1
 FOLDER = "claims"
 ENSEMBLE = "ensemble"
 DECIDES = "decides.json"
@@ -55,7 +59,13 @@ class Ledger:
 
 
 def run_claims(
-    out: Path, ids: Sequence[str], baseline: Path | None, talk: Talk, measured: Path | None = None
+    out: Path,
+    ids: Sequence[str],
+    baseline: Path | None,
+    talk: Talk,
+    measured: Path | None = None,
+    *,
+    force: bool = False,
 ) -> Ledger:
     """Judge the claims from what has been run, and write the ledger.
 
@@ -72,6 +82,8 @@ def run_claims(
     talk : Talk
     measured : Path or None
         Measured trace file; None is ``data/measured.h5`` where there is one.
+    force : bool
+        Overwrite what no earlier ledger wrote, or what was changed since.
 
     Returns
     -------
@@ -82,7 +94,7 @@ def run_claims(
     DataMissingError
         If the baseline, the measured file or the shipped verdicts cannot be read.
     UsageError
-        For an unknown id, or a baseline together with ids.
+        For an unknown id, a baseline together with ids, or where something would be overwritten.
     """
     before = None if baseline is None else _baseline(baseline, ids)
     sources = found_sources(out, measured, talk)
@@ -92,11 +104,31 @@ def run_claims(
     data = as_data(verdicts, judged_by) | ({} if before is None else {"changed": changes})
     if ids:
         return Ledger(tuple(verdicts), failed, "\n\n".join(map(details_text, verdicts)), data)
-    files = write_claims(verdicts, out / FOLDER, judged_by)
+    with claimed(out / FOLDER, FOLDER, force=force, command=FOLDER) as held:
+        held.clear()
+        held.files += write_claims(verdicts, held.path, judged_by)
+        _write_figures(sources, held)
+        held.finish(_manifest(), talk)
+    data["files"] = [str(path) for path in held.files]
+    parts = [table_text(verdicts), f"The ledger is in {out / FOLDER}"]
+    if before is not None:
+        parts.insert(1, changes_text(changes))
+    return Ledger(tuple(verdicts), failed, "\n\n".join(parts), data)
+
+
+def _manifest() -> dict[str, Any]:
+    """What vouches for a ledger; whatever lies under the results, it is the same command's."""
+    head = {"schema_version": SCHEMA_VERSION, "tendonrepro_version": __version__, "command": FOLDER}
+    created = datetime.now(UTC).isoformat(timespec="seconds")
+    return head | {"created": created, "config": {"sha256": FOLDER}, "environment": environment()}
+
+
+def _write_figures(sources: Sources, held: HeldFolder) -> None:
+    """Draw what decides the claims over an ensemble, and the laws of a comparison."""
     if sources.ensemble is not None:
         rankings = _rankings(sources.ensemble)
-        write_atomically(out / FOLDER / DECIDES, to_json(rankings))
-        files += [out / FOLDER / DECIDES, *_draw(sources.ensemble, rankings, out / FOLDER / "figures")]
+        held.write(DECIDES, to_json(rankings))
+        held.files += _draw(sources.ensemble, rankings, held.path / "figures")
     if sources.compare is not None:
         from tendonrepro.claims.figures import draw_laws
         from tendonrepro.results.figures.catalogue import origin_of
@@ -106,12 +138,7 @@ def run_claims(
             "Torque and estimation error over frequency, distribution of the error, error at a reversal."
         )
         drawn, origin = draw_laws(sources.compare), origin_of(sources.compare)
-        files += save_figure(drawn, out / FOLDER / "figures", "laws", "laws", caption, origin)
-    data["files"] = [str(path) for path in files]
-    parts = [table_text(verdicts), f"The ledger is in {out / FOLDER}"]
-    if before is not None:
-        parts.insert(1, changes_text(changes))
-    return Ledger(tuple(verdicts), failed, "\n\n".join(parts), data)
+        held.files += save_figure(drawn, held.path / "figures", "laws", "laws", caption, origin)
 
 
 def judged(
@@ -127,7 +154,7 @@ def judged(
     with talk.bar("judging", readings) as progress:
         verdicts = judge_all(sources, only=ids, decided_by=bool(ids), progress=progress)
     if sources.ensemble is not None:
-        return verdicts, local_origin(out / ENSEMBLE, len(sources.ensemble.draws))
+        return verdicts, local_origin(out / ENSEMBLE, sources.ensemble.identity, len(sources.ensemble.draws))
     ledger = shipped_ledger()
     return with_shipped(verdicts, ledger), ledger.ensemble
 

@@ -11,7 +11,7 @@ from tendonrepro.claims.from_ensemble import COMMAND, judge, outcome
 from tendonrepro.claims.from_measurement import judge_measured
 from tendonrepro.claims.from_print import FROM_THE_PRINT, Judged, missing
 from tendonrepro.claims.measured import measured_of
-from tendonrepro.claims.plants import Ensemble, Plants
+from tendonrepro.claims.plants import Ensemble, Plants, StoredEnsemble
 from tendonrepro.claims.sensitivity import Ranking, ranked
 from tendonrepro.claims.tension import tension
 from tendonrepro.claims.verdicts import FAILURES, NAMES, VerdictName
@@ -40,7 +40,7 @@ class Sources:
 
     decouple: TraceFile | None = None
     compare: TraceFile | None = None
-    ensemble: Ensemble | None = None
+    ensemble: StoredEnsemble | None = None
     measured: TraceFile | None = None
 
 

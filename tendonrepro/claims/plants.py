@@ -54,6 +54,18 @@ class Ensemble(Protocol):
         """One statistic, SI, (N, n)."""
 
 
+class StoredEnsemble(Ensemble, Protocol):
+    """One that was drawn and lies in a results folder."""
+
+    @property
+    def identity(self) -> str:
+        """Digest of what it is of, all but the number of draws."""
+
+    @property
+    def planned(self) -> int:
+        """How many draws it was to have."""
+
+
 class Plants:
     """All plants of an ensemble under one reading; a variation of a run is called ``run@variation``."""
 

@@ -51,10 +51,12 @@ def shipped_ledger() -> ShippedLedger:
     return ShippedLedger(entries, ensemble)
 
 
-def local_origin(folder: Path, draws: int) -> dict[str, Any]:
+def local_origin(folder: Path, identity: str, draws: int) -> dict[str, Any]:
     """What is known of an ensemble in a results folder, as `ShippedLedger.ensemble`."""
     manifest = read_manifest(folder) if (folder / MANIFEST).exists() else {}
-    known = manifest | {"draws": draws, "rules_edition": EDITION}
+    # While an ensemble is extended the manifest of the earlier one stands there.
+    ours = manifest.get("config", {}).get("sha256") == identity
+    known = (manifest if ours else {}) | {"draws": draws, "rules_edition": EDITION}
     return {"source": "local"} | {key: known.get(key) for key in _ORIGIN}
 
 

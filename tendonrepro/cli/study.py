@@ -137,11 +137,14 @@ def claims(
         Path | None, Option("--baseline", help="Earlier claims.json: only changes count for --check.")
     ] = None,
     measured: MeasuredFile = None,
+    force: Annotated[
+        bool, Option("--force", help="Overwrite a ledger that was edited, or is another's.")
+    ] = False,
 ) -> int:
     """The verdict on every printed number and claim."""
     from tendonrepro.claims.command import run_claims
 
-    found = run_claims(out, ids or (), baseline, terminal.talk, measured)
+    found = run_claims(out, ids or (), baseline, terminal.talk, measured, force=force)
     terminal.show(found.data, found.text)
     return 3 if check and found.failed else 0
 

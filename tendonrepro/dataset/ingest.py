@@ -65,8 +65,6 @@ def run_ingest(
     loaded = load_mapping(mapping)
     if confirm:
         loaded = confirmed(loaded, mapping)
-        if not dry_run:
-            write_atomically(mapping, loaded.text)
     # Of an archive the mapping may name a member: then it is read whole.
     wanted = loaded.mapping.files()
     files = [(path, name) for path, name in files_below(paths) if any(_may_hold(name, w) for w in wanted)]
@@ -96,6 +94,8 @@ def run_ingest(
         _refuse_others(out, file, manifest)
     if not dry_run:
         write_traces(out, file)
+        if confirm:
+            write_atomically(mapping.resolve(), loaded.text)
     head = {"schema_version": SCHEMA_VERSION, "out": str(out), "dry_run": dry_run, "title": file.title}
     described = {name: _described(trace) for name, trace in runs.items()}
     return head | {"runs": described} | told | {"inputs": manifest["inputs"]}

@@ -61,6 +61,8 @@ class EnsembleData:
         ``(run, reading or variation)`` -> place of its case.
     files : tuple of (Path, Block, int)
         Shards, their blocks, and how many of the block's draws are taken.
+    identity, planned
+        Of the ensemble, and how many draws it was to have.
     """
 
     population: str
@@ -73,6 +75,8 @@ class EnsembleData:
     variations: tuple[str, ...]
     lookup: Mapping[Case, int]
     files: tuple[tuple[Path, Block, int], ...]
+    identity: str
+    planned: int
     _kept: dict[str, list[NDArray[Any]]] = field(default_factory=dict, repr=False)
 
     def __len__(self) -> int:
@@ -197,13 +201,9 @@ def read_ensemble(folder: Path, population: str = "box", *, stride: int = 1) -> 
         variations=tuple(plan["variations"]),
         lookup={(run, name): place for run, name, place in plan["lookup"]},
         files=files,
+        identity=plan["identity"],
+        planned=plan["draws"],
     )
-
-
-def is_summary_of(folder: Path, summary: Mapping[str, Any]) -> bool:
-    """Whether a summary is of the blocks in a folder; it is not while an ensemble is being extended."""
-    plan = _read_plan(folder)
-    return all(summary.get(key) == plan[key] for key in ("identity", "draws"))
 
 
 def begun_in(folder: Path) -> str:

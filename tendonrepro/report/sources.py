@@ -13,11 +13,11 @@ from typing import Any
 
 from tendonrepro.claims.command import DECIDES, ENSEMBLE, FOLDER, found_sources, judged
 from tendonrepro.claims.judge import Verdict
+from tendonrepro.claims.plants import StoredEnsemble
 from tendonrepro.claims.report import as_data
 from tendonrepro.claims.shipped import SHIPPED, shipped_ledger
 from tendonrepro.console import Talk
 from tendonrepro.dataset.measured_file import MEASURED
-from tendonrepro.ensemble.data import is_summary_of
 from tendonrepro.errors import DataMissingError, TendonreproError
 from tendonrepro.files import MOST_JSON, ordinary, sha256_of, shipped
 from tendonrepro.report import rows
@@ -84,15 +84,15 @@ def found_under(folder: Path, measured: Path | None, talk: Talk) -> Found:
         found.simulated = read_traces(path)
     found.origins["measured"] = RUN if sources.measured else MISSING
     found.verdicts, found.judged_by = judged(sources, folder, (), talk)
-    _add_results(found, folder, local=sources.ensemble is not None)
+    _add_results(found, folder, sources.ensemble)
     _add_closest(found, folder)
     _add_statics(found, folder)
     return found
 
 
-def _add_results(found: Found, folder: Path, *, local: bool) -> None:
+def _add_results(found: Found, folder: Path, ensemble: StoredEnsemble | None) -> None:
     """Sentences and tables of the ensemble, and the ledger of the same ensemble."""
-    stored = shipped(_STORED)
+    stored, local = shipped(_STORED), ensemble is not None
     if local:
         path, ranks = folder / ENSEMBLE / "summary.json", folder / FOLDER / DECIDES
         ledger: Mapping[str, Any] = as_data(found.verdicts)
@@ -104,11 +104,13 @@ def _add_results(found: Found, folder: Path, *, local: bool) -> None:
         _note(found, f"shipped {SHIPPED}", stored / Path(SHIPPED).name)
     found.origins["ensemble"] = RUN if local else OURS
     with _understood(path):
-        summary = keep(held := _json(found, path, local))
-    if local and not is_summary_of(path.parent, held):
-        message = "is of an earlier ensemble than the blocks beside it, which was extended and interrupted"
+        held = _json(found, path, local)
+    if ensemble and (held.get("identity"), held.get("draws")) != (ensemble.identity, ensemble.planned):
+        message = "is of another ensemble than the blocks beside it, which was extended or is being written"
         hint = "run the same tendonrepro ensemble again to finish it"
         raise DataMissingError(message, where=str(path), hint=hint)
+    with _understood(path):
+        summary = keep(held)
     found.origins["decides"] = MISSING
     if ranks.exists():
         with _understood(ranks):

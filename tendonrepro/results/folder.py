@@ -31,7 +31,7 @@ from tendonrepro.results.traces import read_traces
 MANIFEST = "manifest.json"
 TRACES = "traces.h5"
 LOCK = ".lock"
-RESULTS = (TRACES, "[!.]*.json", "identified.yaml", "figures/**/[!.]*", "tables/**/[!.]*")
+RESULTS = (TRACES, "[!.]*.json", "identified.yaml", "claims.*", "figures/**/[!.]*", "tables/**/[!.]*")
 """What commands write into a results folder."""
 DRAWN = ("figures/fig[0-9][0-9].*",)
 """What other processes write there, so that an interrupted run does not know how far they came."""

@@ -12,7 +12,7 @@ from tendonrepro.claims.report import write_claims
 from tendonrepro.claims.shipped import shipped_ledger, with_shipped
 from tendonrepro.console import Talk
 from tendonrepro.ensemble.data import PLAN
-from tendonrepro.errors import DataMissingError
+from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.report.sources import found_under
 from tendonrepro.results.folder import TRACES
 from tendonrepro.results.traces import write_traces
@@ -55,6 +55,22 @@ def test_no_claim_is_judged_by_another_experiment(tmp_path, capsys):
         assert drawn != bool(told)
         shown = found_under(tmp_path, None, QUIET).compare
         assert (shown is None) is (stored is fitted)
+
+
+def test_a_ledger_that_somebody_edited_is_not_written_over(tmp_path):
+    for _ in range(2):
+        run_claims(tmp_path, (), None, QUIET)
+    path = tmp_path / "claims" / "claims.md"
+    for content, said in ((b"with my notes", "was changed since"), (None, "no manifest.json lists it")):
+        if content:
+            path.write_bytes(content)
+        else:
+            (tmp_path / "claims" / "manifest.json").unlink()
+        with pytest.raises(UsageError, match=said):
+            run_claims(tmp_path, (), None, QUIET)
+    assert path.read_bytes() == b"with my notes"
+    run_claims(tmp_path, ("C1",), None, QUIET)  # writes nothing
+    run_claims(tmp_path, (), None, QUIET, force=True)
 
 
 def test_a_damaged_ensemble_is_no_missing_one(tmp_path):

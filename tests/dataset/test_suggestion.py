@@ -249,6 +249,14 @@ ASKED: dict[str, tuple[list[Source], str]] = {
         [source("c1.csv", {"sample": np.r_[np.arange(500.0), np.nan], "e2": np.r_[LATE, LATE.sum()]}, "deg")],
         "controller_1: rows without a number under 'sample' are taken for samples; where they are sums",
     ),
+    "nothing that was understood": (
+        [source("c1.csv", {"Time": TIME, "current error 2": LATE}, "A")],
+        "no run: no column was taken for a variable of a run: write runs, or give columns and files plainer",
+    ),
+    "a torque that is called a time": (
+        [source("c1.csv", {"Time": TIME, "time delay estimate 2": LATE, "q2": COURSE}, "N m")],
+        "controller_1: angles or errors without a known unit are taken to be in rad",
+    ),
     "slow samples since 1970": (
         [source("c1.csv", {"Time": 1.7e9 + 5.0 * np.arange(500.0), "q2": LATE}, None)],
         "no unit of the times is stated, ms is taken, which makes their step 5 ms",

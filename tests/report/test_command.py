@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
+from support import ROOT
+from support.made_claims import MadeEnsemble
 
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
@@ -14,6 +17,10 @@ from tendonrepro.report.command import report_text, run_report
 from tendonrepro.report.sources import Found, found_under
 
 QUIET = Talk(quiet=True)
+
+
+def shipped_summary() -> dict[str, Any]:
+    return dict(json.loads((ROOT / "docs" / "results" / "ensemble.json").read_text()))
 
 
 @pytest.fixture
@@ -61,6 +68,16 @@ def test_damage_is_named(tmp_path: Path, content: str) -> None:
         found_under(tmp_path, None, QUIET)
     assert caught.value.where == str(path)
     assert caught.value.exit_code == 4
+
+
+def test_a_summary_of_another_ensemble_than_its_blocks_is_told(tmp_path: Path) -> None:
+    """As where one was extended and stopped, or is being written anew."""
+    path = tmp_path / "ensemble" / "summary.json"
+    path.parent.mkdir()
+    for held in ({"identity": "other", "draws": 400}, {"identity": "made", "draws": 200}):
+        path.write_text(json.dumps(shipped_summary() | held))
+        with pytest.raises(DataMissingError, match="is of another ensemble than the blocks beside it"):
+            sources._add_results(Found(), tmp_path, MadeEnsemble())
 
 
 def test_what_a_manifest_does_not_vouch_for_is_damaged(tmp_path: Path) -> None:

@@ -31,6 +31,8 @@ class MadeEnsemble:
     of_paper = True
     joints = (2, 3)
     names = ("size", "nothing")
+    identity = "made"
+    planned = 400
 
     def __init__(self, per_replicate=50, replicates=8, readings=(PRINTED,)):
         self.readings = readings

@@ -249,6 +249,12 @@ class Assembly:
         """Doubt desired angles without measured ones, and say which line of the mapping brings these."""
         absent = np.full((1, len(joints)), np.nan)
         q_d, q = (np.isfinite(variables.get(key, absent)).any(axis=0) for key in ("q_d", "q_encoder"))
+        judged = name.startswith("controller_") and "e" not in variables
+        if judged and (alone := q & ~q_d).any():
+            self.doubts.append(
+                f"{name}: joint {_listed(joints, alone)} has a measured angle and no desired one, so there "
+                "is no error: `variable: q_d` under `signals` names its column"
+            )
         if (alone := q_d & ~q).any():
             self.doubts.append(
                 f"{name}: joint {_listed(joints, alone)} has a desired angle and no measured one, so there "

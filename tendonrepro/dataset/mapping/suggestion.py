@@ -34,6 +34,9 @@ _NOT_GUESSED = (
 )
 
 
+_NO_RUN = "no column was taken for a variable of a run: write runs, or give columns and files plainer names"
+
+
 @dataclass(frozen=True)
 class Suggestion:
     """A mapping to begin with, YAML with comments: how many columns each run has, and which are in none.
@@ -58,6 +61,8 @@ def suggest(columns: Sequence[Column], title: str) -> Suggestion:
     taken = {column for chosen in runs.values() for column in chosen}
     left = tuple(c for c in columns if c not in taken and c.quantity not in {"time", "index"})
     asked: dict[str, dict[str, None]] = defaultdict(dict)
+    if not runs:
+        asked[_NO_RUN]["no run"] = None
     for name, remark in (*_claimed(picked), *_asked(runs, clocks), *_not_guessed(left, taken)):
         asked[remark][name] = None
     remarks = tuple(f"{few(list(names))}: {remark}" for remark, names in asked.items())

@@ -15,7 +15,7 @@ import numpy as np
 from tendonrepro.arrays import Array
 from tendonrepro.dataset.meaning.words import NOT_JOINTS, Hints, Quantity, hints, tokens
 from tendonrepro.dataset.readers.signals import LOST, MISFIT, Signal, Source
-from tendonrepro.dataset.readers.units import plain_unit
+from tendonrepro.dataset.readers.units import FACTORS, plain_unit
 
 SHORTEST = 8
 """Fewest samples of a record; what is shorter is a table of settings."""
@@ -224,5 +224,7 @@ def _read_names(column: Column) -> None:
         column.doubts.append(f"{column.label!r}: {column.signal.note}")
     *_, last = ["", *(word for word in tokens(column.label) if word.isalpha())]
     column.unit = plain_unit(column.signal.unit) or (plain_unit(last) if len(last) > 2 else None)
+    if column.quantity == "time" and column.unit not in {None, *FACTORS["time"]}:
+        column.quantity = None
     if column.unit:
         column.because.append(f"its unit is given as {column.signal.unit or column.unit}")

@@ -20,6 +20,7 @@ _GREEK = {
     "α": " alpha ", "θ": " theta ", "τ": " tau ", "ω": " omega ", "σ": " sigma ", "ĥ": " hhat ", "°": " ",
 }  # fmt: skip
 _TOKEN = re.compile(r"[a-z]+|\d+(?:\.\d+)?|[\u4e00-\u9fff]+")
+_OTHER_SIGNS = re.compile(r"[^\W\d_]+|[√∫∑‰∂±×÷∞²³]")
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 _RANGE = re.compile(r"!\d+:\d+$")
 _MASS = re.compile(r"(?<![a-z0-9.,])(\d+(?:[.,p]\d+)?)\s*(kg|g)(?![a-z])")
@@ -62,6 +63,17 @@ _WORDS: Mapping[Quantity, tuple[frozenset[str], Sequence[str]]] = {
         ("实际", "测量", "编码器", "关节", "角度", "转角"),
     ),
 }
+_OF_ERRORS: Sequence[Quantity] = (
+    "other",
+    "surface",
+    "estimate",
+    "torque",
+    "acceleration",
+    "rate",
+    "calculated",
+    "motor",
+)
+"""Quantities whose error is none of tracking."""
 # Letters that mean something only when they stand alone.
 _LETTERS: Mapping[str, Quantity] = {
     "t": "time", "e": "error", "s": "surface", "h": "estimate", "u": "torque", "n": "index", "k": "index",
@@ -140,6 +152,8 @@ def hints(name: str) -> Hints:
     quantity, letter = _quantity(words)
     joints, controllers, unread = _joints(words), _controllers(words), _unread(text)
     decoupling = any(word in _DECOUPLING or "解耦" in word for word in words)
+    if quantity == "error" and any(_about(other, words) for other in _OF_ERRORS):
+        unread += ("error of what",)
     if len({*joints}) > 1:
         unread += tuple(map(str, dict.fromkeys(joints)))
     if len({*controllers}) > 1:
@@ -180,13 +194,8 @@ def _unread(text: str) -> tuple[str, ...]:
             known = known and not (word in _LETTERS and _behind_angle(words, word))
         if not known:
             found.append(word)
-    # Signs such as π, √ or ‰ stand in no word.
-    return (*found, *dict.fromkeys(sign for sign in _TOKEN.sub("", text) if _is_odd(sign)))
-
-
-def _is_odd(sign: str) -> bool:
-    """Whether a sign is neither of ASCII, nor white space, punctuation or brackets."""
-    return not sign.isascii() and unicodedata.category(sign)[0] in "LNSM"
+    # Words in other letters, and signs such as π, √ or ‰.
+    return (*found, *dict.fromkeys(_OTHER_SIGNS.findall(_TOKEN.sub(" ", text))))
 
 
 def _plain(name: str) -> str:

@@ -9,6 +9,7 @@ from concurrent.futures import Future
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
+from http.client import HTTPException
 from threading import Thread
 from typing import NamedTuple, TypeVar
 from urllib.parse import urlsplit
@@ -220,7 +221,7 @@ def _chunks(response: Response, size: int, seconds: float) -> Iterator[bytes]:
     try:
         while chunk := _within(seconds, partial(response.raw.read, size, decode_content=True)):
             yield chunk
-    except (HTTPError, OSError) as error:
+    except (HTTPError, HTTPException, OSError, ValueError) as error:
         # A thread may still be reading; without this it could not be closed.
         with suppress(OSError, RuntimeError, ValueError):
             response.raw.shutdown()
