@@ -374,6 +374,7 @@ def test_nobody_waits_for_ever(fetch: Fetch, waits: list[float], retry_after: st
         ("slow_json", "cut short"),
         ("slow_body", "ended again and again"),
         ("slow_chunks", "ended again and again"),
+        ("odd_chunks", "ended again and again"),
     ],
 )
 def test_a_trickle_does_not_keep_us(fetch: Fetch, tmp_path: Path, mode: str, words: str) -> None:

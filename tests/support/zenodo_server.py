@@ -30,6 +30,7 @@ TRICKLES = {
     "slow_json": b"HTTP/1.1 200 OK\r\nContent-Type: application/json\r\nContent-Length: 1000\r\n\r\n",
     "slow_body": b"HTTP/1.1 200 OK\r\nContent-Length: 204800\r\n\r\n",
     "slow_chunks": b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\n",
+    "odd_chunks": b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\n-5\r\nabc\r\n",
 }
 """How an answer begins whose rest comes as one byte now and then."""
 
@@ -109,7 +110,7 @@ class Handler(BaseHTTPRequestHandler):
         headers = {key.lower(): value for key, value in self.headers.items()}
         repository.log.append((self.path, headers))
         agent = headers.get("user-agent", "")
-        about = {"slow_body", "slow_chunks"} if "/files/" in self.path else {"slow_headers", "slow_json"}
+        about = {"slow_body", "slow_chunks", "odd_chunks"} if "/files/" in self.path else {"slow_headers", "slow_json"}
         path = unquote(urlsplit(self.path).path)
         if not agent or agent.startswith("python-requests") or "refused" in repository.modes:
             self.send(403, PAGE, "text/html")
