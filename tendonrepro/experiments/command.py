@@ -294,7 +294,9 @@ def _rewritten(
     """Hold a result while files of it are written again; its manifest gets the digests of those listed."""
     with claimed(folder, file.config_sha256, force=True):
         manifest = read_manifest(folder) if (folder / MANIFEST).exists() else None
-        if manifest is not None and manifest.get("created", file.created) != file.created:
+        held = manifest or {}
+        made = held.get("created", file.created), held.get("config", {}).get("sha256", file.config_sha256)
+        if made != (file.created, file.config_sha256):
             message = "was written anew while its traces were read"
             raise UsageError(message, where=str(folder), hint="run it again")
         if not force:

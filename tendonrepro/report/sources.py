@@ -23,6 +23,7 @@ from tendonrepro.files import MOST_JSON, ordinary, sha256_of, shipped
 from tendonrepro.report import rows
 from tendonrepro.report.findings import Results, findings
 from tendonrepro.results.folder import MANIFEST, TRACES, read_manifest, stored_traces
+from tendonrepro.results.paper import OTHER_BASE
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.summary import fitted_under
 from tendonrepro.results.traces import read_traces
@@ -85,8 +86,8 @@ def found_under(folder: Path, measured: Path | None, talk: Talk) -> Found:
     found.origins["measured"] = RUN if sources.measured else MISSING
     found.verdicts, found.judged_by = judged(sources, folder, (), talk)
     _add_results(found, folder, sources.ensemble)
-    _add_closest(found, folder)
-    _add_statics(found, folder)
+    _add_closest(found, folder, talk)
+    _add_statics(found, folder, talk)
     return found
 
 
@@ -122,25 +123,32 @@ def _add_results(found: Found, folder: Path, ensemble: StoredEnsemble | None) ->
         found.about, found.readings, found.summary = rows.head(summary), rows.readings(summary), summary
 
 
-def _add_closest(found: Found, folder: Path) -> None:
+def _add_closest(found: Found, folder: Path, talk: Talk) -> None:
     own, stored = folder / _CLOSEST / "identify.json", shipped(_STORED) / "identify.json"
     found.origins["closest"] = MISSING
     for path, origin in ((own, RUN), (stored, OURS)):
         if path.exists():
             with _understood(path):
                 held = _json(found, path, origin == RUN)
+                if origin == RUN and (held["fit"] != "all" or OTHER_BASE in held["conclusions"]):
+                    talk.note(f"{path}: not the paper's arm, or not fitted to all its numbers; left out")
+                    continue
                 found.closest = rows.closest(rows.thinned_closest(held) if origin == RUN else held)
             found.origins["closest"] = origin
             return
 
 
-def _add_statics(found: Found, folder: Path) -> None:
+def _add_statics(found: Found, folder: Path, talk: Talk) -> None:
     path = folder / _STATICS / "summary.json"
     found.origins["statics"] = MISSING
     if not path.exists():
         return
     with _understood(path):
-        table = rows.statics(_json(found, path, local=True))
+        held = _json(found, path, local=True)
+        table, ours = rows.statics(held), held["of_paper"]
+    if not ours:
+        talk.note(f"{path}: not the paper's arm; left out")
+        return
     pictures = []
     for picture in sorted((folder / _STATICS / "figures").glob("statics_*.svg")):
         _note(found, f"{_STATICS}/figures/{picture.name}", _vouched(picture))

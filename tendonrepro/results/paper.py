@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from tendonrepro.arrays import Array
 from tendonrepro.config.models.experiment import CompareConfig
+from tendonrepro.config.models.manipulator import Manipulator
 from tendonrepro.config.models.readings import RUNS
 from tendonrepro.config.published import COMPARED, PrintedText, coupling_of, published, table_1
 from tendonrepro.physics.kinematics import coupling_inverse
@@ -54,14 +55,19 @@ def of_paper(file: TraceFile, trace: Trace | None = None) -> bool:
 
 def base_of_paper(config: CompareConfig) -> bool:
     """Whether what plants are drawn around has the paper's arm, gains and payload; see `of_paper`."""
-    arm, gains = config.manipulator, {name: held.si for name, held in config.control.gains if held}
-    routing = arm.routing
-    S_inv = coupling_inverse(routing.winch_diameter.si, routing.pulley_diameter.si, routing.sign.si)
-    return _arm_of_paper(arm.name, S_inv) and all(
+    gains = {name: held.si for name, held in config.control.gains if held}
+    return is_arm_of_paper(config.manipulator) and all(
         _driven_as_paper(name, run.law, gains, run.payload.si)
         for name, run in config.runs.items()
         if name in RUNS
     )
+
+
+def is_arm_of_paper(arm: Manipulator) -> bool:
+    """Whether an arm has the paper's name and coupling."""
+    routing = arm.routing
+    S_inv = coupling_inverse(routing.winch_diameter.si, routing.pulley_diameter.si, routing.sign.si)
+    return _arm_of_paper(arm.name, S_inv)
 
 
 def _arm_of_paper(name: object, S_inv: Array | None) -> bool:

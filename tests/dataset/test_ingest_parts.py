@@ -351,6 +351,13 @@ def test_a_file_is_found_whatever_folders_stand_before_it() -> None:
     refused(make_mapping(entry()), "could be several", *twice)
 
 
+def test_one_column_under_two_names_is_doubted() -> None:
+    mapping = make_mapping(entry(), entry(variable="q_d"))
+    assembly = assemble(mapping, make_source(t=TIME, q=ANGLE))
+    assembly.runs()
+    assert any("q_encoder of joint" in doubt and "are one column of" in doubt for doubt in assembly.doubts)
+
+
 def test_only_the_files_that_were_taken_count_as_used() -> None:
     sources = [make_source(name, t=TIME, q=ANGLE) for name in ("SYNTHETIC_c1.mat", "old/SYNTHETIC_c1.mat")]
     assembly = assemble(make_mapping(entry()), *sources)

@@ -19,6 +19,7 @@ HOSTILE = "<script>alert(1)</script><img src=//evil.example/x onerror=alert(2)>\
 """What must stand on the page as it stands here, and do nothing."""
 
 STATICS = {
+    "of_paper": True,
     "postures": 10,
     "tensioner_force_N": 17.0,
     "payload_kg": 0.2,

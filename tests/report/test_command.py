@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from report.conftest import STATICS
 from support import ROOT
 from support.made_claims import MadeEnsemble
 
@@ -15,6 +16,7 @@ from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.report import page, sources
 from tendonrepro.report.command import report_text, run_report
 from tendonrepro.report.sources import Found, found_under
+from tendonrepro.results.paper import OTHER_BASE
 
 QUIET = Talk(quiet=True)
 
@@ -78,6 +80,22 @@ def test_a_summary_of_another_ensemble_than_its_blocks_is_told(tmp_path: Path) -
         path.write_text(json.dumps(shipped_summary() | held))
         with pytest.raises(DataMissingError, match="is of another ensemble than the blocks beside it"):
             sources._add_results(Found(), tmp_path, MadeEnsemble())
+
+
+def test_parts_that_are_not_of_the_paper_are_left_out_and_told_of(tmp_path, capsys) -> None:
+    said = "not the paper's arm"
+    for name, file, held in (
+        ("statics", "summary.json", STATICS | {"of_paper": False}),
+        ("identify_all", "identify.json", {"fit": "all", "conclusions": [OTHER_BASE]}),
+        ("identify_all", "identify.json", {"fit": "controller_2", "conclusions": []}),
+    ):
+        path = tmp_path / name / file
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(json.dumps(held))
+        found = found_under(tmp_path, None, Talk())
+        assert found.origins["statics"] == "missing"
+        assert found.origins["closest"] == "shipped"
+        assert f"{path}: {said}" in capsys.readouterr().err
 
 
 def test_what_a_manifest_does_not_vouch_for_is_damaged(tmp_path: Path) -> None:

@@ -110,7 +110,11 @@ class Handler(BaseHTTPRequestHandler):
         headers = {key.lower(): value for key, value in self.headers.items()}
         repository.log.append((self.path, headers))
         agent = headers.get("user-agent", "")
-        about = {"slow_body", "slow_chunks", "odd_chunks"} if "/files/" in self.path else {"slow_headers", "slow_json"}
+        about = (
+            {"slow_body", "slow_chunks", "odd_chunks"}
+            if "/files/" in self.path
+            else {"slow_headers", "slow_json"}
+        )
         path = unquote(urlsplit(self.path).path)
         if not agent or agent.startswith("python-requests") or "refused" in repository.modes:
             self.send(403, PAGE, "text/html")

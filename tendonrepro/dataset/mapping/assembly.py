@@ -99,8 +99,12 @@ class Assembly:
         """Time base, variables by name, and the joints in order."""
         timed = {}
         without: dict[int, list[str]] = defaultdict(list)
+        seen: dict[tuple[str, str, int, str], str] = {}
         for entry in run.signals:
             label = f"{entry.variable} of joint {entry.joint}"
+            first = seen.setdefault((entry.file, entry.signal, entry.column, str(entry.where)), label)
+            if first != label:
+                self.doubts.append(f"{name}: {first} and {label} are one column of {entry.file}")
             signal, lost = timebase.checked(self._timed(entry, run, label))
             without[lost].append(label)
             timed[entry] = timebase.within(signal, run.from_s, run.to_s)

@@ -14,7 +14,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.dataset.meaning.words import NOT_JOINTS, Hints, Quantity, hints, tokens
-from tendonrepro.dataset.readers.signals import LOST, MISFIT, Signal, Source
+from tendonrepro.dataset.readers.signals import MISFIT, Signal, Source
 from tendonrepro.dataset.readers.units import FACTORS, plain_unit
 
 SHORTEST = 8
@@ -218,10 +218,8 @@ def _read_names(column: Column) -> None:
         column.because.append("too short for a record")
         return
     column.name_from()
-    if MISFIT in column.signal.note:
-        column.doubts.append(MISFIT)
-    if LOST in column.signal.note:
-        column.doubts.append(f"{column.label!r}: {column.signal.note}")
+    asked = [note for note in column.signal.note.split("; ") if note.endswith("?")]
+    column.doubts += [note if note == MISFIT else f"{column.label!r}: {note}" for note in asked]
     *_, last = ["", *(word for word in tokens(column.label) if word.isalpha())]
     column.unit = plain_unit(column.signal.unit) or (plain_unit(last) if len(last) > 2 else None)
     if column.quantity == "time" and column.unit not in {None, *FACTORS["time"]}:

@@ -31,6 +31,7 @@ _MOST_OBJECTS = 50_000
 """Links followed; a group may hold millions that lead nowhere."""
 _MOST_WORDS = 64
 _PACKING = ("scale_factor", "add_offset")
+_SCALES = frozenset({"scale", "gain", "factor", "multiplier", "conversion", "offset"})
 _ELSEWHERE = "copy that file's data into this one with h5repack or h5copy"
 
 
@@ -149,13 +150,19 @@ def _add(found: Found, path: str, dataset: h5py.Dataset) -> None:
         add_array(found, path, values)
         return
     group, _, name = path.rpartition("/")
+    notes = ["not applied: _FillValue"] * ("_FillValue" in dataset.attrs)
+    notes += [
+        f"its attribute {name} is not applied: should it be?"
+        for name in dataset.attrs
+        if name.lower() in _SCALES
+    ]
     found.add(
         path,
         np.asarray(values),
         label=_text_attribute(dataset, "long_name") or name,
         unit=_text_attribute(dataset, "units") or None,
         group=group,
-        note="not applied: _FillValue" if "_FillValue" in dataset.attrs else "",
+        note="; ".join(notes),
     )
 
 

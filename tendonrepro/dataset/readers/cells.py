@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.dataset.readers.heading import headings
-from tendonrepro.dataset.readers.signals import LOST, WORDS, Found, is_full, note_rest, seconds
+from tendonrepro.dataset.readers.signals import WORDS, Found, is_full, note_rest, seconds
 
 MOST_TABLES = 100
 """Tables of one text or sheet that are read; a log that restarts more often is rare."""
@@ -203,7 +203,7 @@ def _numbers(cells: Cells, decimal: str) -> tuple[NDArray[Any], str, str | None]
         times = _times(cells)
         return (*times, "s") if times else None
     some = ", ".join(sorted({repr(str(cell)[:20]) for cell in odd})[:3])
-    how = f"{len(odd)} cells {LOST} ({some}) and became NaN" if odd else ""
+    how = f"{len(odd)} cells are no numbers ({some}) and became NaN: meant so?" if odd else ""
     return np.array([math.nan if value is None else value for value in values]), how, None
 
 

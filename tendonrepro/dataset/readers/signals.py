@@ -75,9 +75,7 @@ BEST_PACKING = 1032
 HARMLESS = 2**24
 """Bytes that a file may announce whatever it holds."""
 MISFIT = "the row of names has another number of cells than the rows below: is each above its column?"
-"""Note of signals whose names may be those of their neighbours."""
-LOST = "are no numbers"
-"""What a note says of cells that were to be numbers."""
+"""Note of signals whose names may be those of their neighbours. A note that asks is put to the user."""
 WORDS = "cells of words"
 """Why a column is no signal."""
 _LONGEST_TEXT = 1000

@@ -13,11 +13,14 @@ from pathlib import Path
 from tendonrepro.dataset.repository.names import LABEL, PART, shown
 from tendonrepro.dataset.repository.web import BY_HAND, Body, CutShortError, Web, WebError
 from tendonrepro.dataset.repository.zenodo import RemoteFile
-from tendonrepro.errors import DataMissingError, TendonreproError
+from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.files import md5_of, write_atomically
 
 GAIN = 2**20
 """Bytes that make an attempt worth another one, however often the connection ends."""
+
+_LABELLED = {"record", "key", "size", "md5"}
+"""What is said of the bytes so far."""
 
 Advance = Callable[[int], None]
 
@@ -27,7 +30,9 @@ def download(web: Web, record_id: str, remote: RemoteFile, target: Path, advance
 
     `advance` is told the bytes just won, also those already on disk; negative when they are lost again. After
     a WebError what came stays in ``<name>.part`` for the next time; of bytes with another digest nothing is.
+    A file of that name that no earlier try left is a UsageError.
     """
+    _refuse_foreign(target)
     try:
         _open(record_id, remote, target)
         advance(part_size(target))
@@ -72,6 +77,18 @@ def remove_part(target: Path) -> None:
             path.unlink()
     with suppress(OSError):
         os.removedirs(target.parent)
+
+
+def _refuse_foreign(target: Path) -> None:
+    """Browsers too call ``.part`` what they have not finished."""
+    found = [path for path in (_part(target), _label(target)) if path.exists()]
+    try:
+        ours = not found or set(json.loads(_label(target).read_bytes())) == _LABELLED
+    except (OSError, ValueError, TypeError):
+        ours = False
+    if not ours:
+        message = "is in the way, and no download of tendonrepro left it"
+        raise UsageError(message, where=str(found[0]), hint="move it elsewhere, or choose another --out")
 
 
 def _open(record_id: str, remote: RemoteFile, target: Path) -> None:

@@ -65,6 +65,7 @@ def statics_data(found: Survey) -> dict[str, Any]:
     return {
         "schema_version": SCHEMA_VERSION,
         "command": "statics",
+        "of_paper": found.of_paper,
         "joints": list(found.joints),
         "held_joints": list(found.held),
         "start_link_angles_deg": np.rad2deg(found.posture).tolist(),

@@ -30,6 +30,7 @@ from tendonrepro.physics.statics import (
     tensioner_stretch,
     tensioner_torque,
 )
+from tendonrepro.results.paper import is_arm_of_paper
 
 COURSES = tuple(TENSIONER_SIDES)
 """Ways in which tendon 4 may pass the joints: values of the reading `tensioner`."""
@@ -116,6 +117,7 @@ class Survey:
     nearest_edge: float
     courses: Mapping[str, Course]
     origin: str
+    of_paper: bool
 
 
 def survey(loaded: LoadedConfig) -> Survey:
@@ -156,6 +158,7 @@ def survey(loaded: LoadedConfig) -> Survey:
         nearest_edge=float(postures[1].min()),
         courses=found,
         origin=f"{loaded.origin} (sha256 {loaded.sha256[:12]})",
+        of_paper=is_arm_of_paper(config.manipulator),
     )
 
 
