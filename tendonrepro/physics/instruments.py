@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tendonrepro.arrays import Array, choose
+from tendonrepro.physics.linalg import times
 
 
 class Encoder(NamedTuple):
@@ -100,9 +101,9 @@ def applied_torque(command: Array, actuator: Actuator, S: Array, S_inv: Array) -
     -------
     array (n,)
     """
-    winch = S.T @ command
+    winch = times(S.T, command)
     change = np.empty_like(command)
     for i in range(command.shape[0]):
         output = quantise(winch[i], actuator.resolution)
         change[i] = np.minimum(np.maximum(output, -actuator.limit[i]), actuator.limit[i]) - winch[i]
-    return command + S_inv.T @ change
+    return command + times(S_inv.T, change)
