@@ -50,10 +50,7 @@ def prepare(module: str) -> None:
 
 
 def each(
-    function: Callable[[Item], Result],
-    items: Sequence[Item],
-    progress: Callable[[int], None] | None = None,
-    most: int = MOST_WORKERS,
+    function: Callable[[Item], Result], items: Sequence[Item], progress: Callable[[int], None] | None = None
 ) -> list[Result]:
     """Apply a function to every item, each in a process of its own while there are processors.
 
@@ -66,8 +63,6 @@ def each(
     items : sequence
     progress : callable, optional
         Called now and then with the number of steps that :func:`advance` was told of.
-    most : int
-        Processes at a time; with 1 all is done here.
 
     Returns
     -------
@@ -79,7 +74,7 @@ def each(
     TendonreproError
         If a worker process dies.
     """
-    count = min(len(items), os.cpu_count() or 1, most)
+    count = min(len(items), os.cpu_count() or 1, MOST_WORKERS)
     if count <= 1:
         _listen(progress)
         return [function(item) for item in items]

@@ -14,7 +14,7 @@ from tendonrepro.experiments.loops import all_loops
 from tendonrepro.experiments.plant_record import plant_record
 from tendonrepro.experiments.user_law import UserLaw
 from tendonrepro.files import to_json
-from tendonrepro.parallel import MOST_WORKERS, advance, each
+from tendonrepro.parallel import advance, each
 from tendonrepro.physics.metrics import status_of
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.simulation.controllers import TimeDelayController
@@ -42,10 +42,8 @@ def simulate_all(
         ]
     runs = [(*one, name) for one, named in zip(asked, loops, strict=True) for name in named]
     total = sum(loop.reference.time.size for named in loops for loop in named.values())
-    # Processes take longer to start than such runs take.
-    alone = all(loop.is_compiled for named in loops for loop in named.values())
     with talk.bar(f"simulating {len(runs)} runs", total) as progress:
-        traces = each(_simulated, runs, progress, most=1 if alone else MOST_WORKERS)
+        traces = each(_simulated, runs, progress)
     for trace in traces:
         talk.detail(f"{trace.name}: {trace.status}, {trace.time.size} samples")
     rest = iter(traces)
