@@ -107,6 +107,7 @@ UNREAD = {
     "controller1_TDE-TSM": "controller 3 or controller 1", "proposed_c2": "controller 1 or controller 2",
     "decoupling of alpha-TDE": "decoupling or a controller", "payload 0-2 kg": "0", "C1_0_2kg": "0",
     "load 1": "1", "C1_0.2kg": "", "C1 payload 0": "", "ctrl1_0p2kg": "", "C1_sim": "sim",
+    "q2_c": "c",
     "Filtered q2": "filtered", "q2_s": "s", "q2_d": "", "q2_m": "", "a": "", "e2 (π rad)": "π", "∫e2": "∫",
     "关节2误差平方": "误差平方", "关节2仿真角度": "仿真角度", "无α的NTSM": "无", "关节2期望角度(°)": "",
     "控制器1空载": "", "q2 модель": "модель", "error 2 적분": "적분", "velocity error 2": "error of what",

@@ -245,6 +245,10 @@ ASKED: dict[str, tuple[list[Source], str]] = {
         [source("tracking.csv", {"Time": TIME, "q1": STEPS[1], "q2": COURSE, "q3": LATE}, "deg")],
         "decouple: taken for the decoupling experiment for what is in it, no name says so",
     ),
+    "a joint in a file of another": (
+        [source("TDE-TSM_joint2.csv", {"Time": TIME, "error 2": LATE, "error 3": COURSE}, "deg")],
+        "controller_3: names within each other say different joints: `joint`",
+    ),
     "sums at the foot": (
         [source("c1.csv", {"sample": np.r_[np.arange(500.0), np.nan], "e2": np.r_[LATE, LATE.sum()]}, "deg")],
         "controller_1: rows without a number under 'sample' are taken for samples; where they are sums",

@@ -146,8 +146,8 @@ class Column:
 
     @property
     def decoupling(self) -> bool:
-        """Whether a name speaks of the decoupling experiment."""
-        return any(name.decoupling for name in self.names)
+        """Whether the nearest name that speaks of that experiment or of a controller speaks of it."""
+        return next((name.decoupling for name in self.names if name.decoupling or name.controller), False)
 
     def call(self, quantity: Quantity, reason: str) -> None:
         """Settle what it is."""
@@ -159,7 +159,7 @@ class Column:
         # Only beside other columns does a nought show that joints are counted from it.
         around = next((hint.joint for hint in self.around if hint.joint), None)
         self.joint = around if self.own.joint is None else self.own.joint
-        if around and self.own.joint and around != self.own.joint:
+        if len({hint.joint for hint in self.names if hint.joint}) > 1:
             self.doubts.append("names within each other say different joints: `joint`")
         if self.own.quantity:
             self.call(self.own.quantity, f"the name {self.label!r} says {self.own.quantity}")

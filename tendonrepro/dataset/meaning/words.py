@@ -191,7 +191,8 @@ def _unread(text: str) -> tuple[str, ...]:
             known = alone or word in _KNOWN or not _CHINESE.sub("", word)
             known = known or (len(word) > 1 and plain_unit(word) is not None)
             # Behind an angle, as in q_s, a letter is none of those that stand alone.
-            known = known and not (word in _LETTERS and _behind_angle(words, word))
+            letter = len(word) == 1 and word not in _ANGLES and word not in "drm"
+            known = known and not (letter and _behind_angle(words, word))
         if not known:
             found.append(word)
     # Words in other letters, and signs such as π, √ or ‰.
