@@ -1,7 +1,7 @@
 """SciPy's `dop853` over one sampling period: plain Python, compiled in `compiled`.
 
-SciPy calls Python for each of some thirty evaluations of the plant in a period, which takes six times as long
-as the evaluations and the steps themselves. The steps here are those of :class:`scipy.integrate.ode` in SciPy
+SciPy calls Python for each of some thirty evaluations of the plant in a period, and takes some five times as
+long for it as this does. The steps here are those of :class:`scipy.integrate.ode` in SciPy
 1.17 to the last bit, which a test holds: its method of order eight with its coefficients, and its choice of
 steps, but for the notice that a thousand steps in one period mean a stiff plant.
 """
