@@ -133,7 +133,7 @@ class HeldFolder:
 
 @contextmanager
 def claimed(
-    folder: Path, config_sha256: str, *, force: bool, begun: str = "", command: str | None = None
+    folder: Path, config_sha256: str, *, force: bool, begun: Sequence[str] = (), command: str | None = None
 ) -> Iterator[HeldFolder]:
     """Hold a results folder, made if it is missing, while writing results of one configuration into it.
 
@@ -197,7 +197,12 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def refuse_others(
-    folder: Path, config_sha256: str, *, force: bool = False, begun: str = "", command: str | None = None
+    folder: Path,
+    config_sha256: str,
+    *,
+    force: bool = False,
+    begun: Sequence[str] = (),
+    command: str | None = None,
 ) -> None:
     """Refuse a folder, which may be missing, whose files are not those of an earlier run of the same.
 
@@ -208,8 +213,8 @@ def refuse_others(
         Digest of what is to be written.
     force : bool
         Refuse nothing.
-    begun : str
-        Name of the file by which a command knows its own interrupted run.
+    begun : sequence of str
+        Names of files that a command knows as its own interrupted run's.
     command : str, optional
         What stands under ``command`` in the manifests of the command that writes.
 
@@ -238,7 +243,7 @@ def refuse_others(
                 message = f"holds results of another {what}: {str(theirs)[:12]}, not {mine[:12]}"
                 hint = "choose another --out, or say --force to overwrite them"
                 raise UsageError(message, where=str(folder), hint=hint)
-    refuse_foreign(folder, RESULTS, outputs, but=(MANIFEST, begun))
+    refuse_foreign(folder, RESULTS, outputs, but=(MANIFEST, *begun))
 
 
 def found_in(folder: Path, patterns: Sequence[str]) -> list[Path]:

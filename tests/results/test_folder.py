@@ -66,7 +66,7 @@ def test_files_that_no_manifest_lists_are_not_overwritten(tmp_path: Path, name: 
 
 def test_what_tells_of_an_interrupted_run_is_no_foreign_file(tmp_path: Path) -> None:
     (tmp_path / "plan.json").touch()
-    with claimed(tmp_path, "a", force=False, begun="plan.json"), pytest.raises(UsageError):
+    with claimed(tmp_path, "a", force=False, begun=["plan.json"]), pytest.raises(UsageError):
         refuse_others(tmp_path, "a")
 
 
