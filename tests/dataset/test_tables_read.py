@@ -18,7 +18,7 @@ from support import seed_files
 
 from tendonrepro.dataset.readers.arrays import read_hdf5, read_npy, read_npz
 from tendonrepro.dataset.readers.filetype import FileType, kind_of
-from tendonrepro.dataset.readers.signals import Found, Unreadable
+from tendonrepro.dataset.readers.signals import BELOW, Found, Unreadable
 from tendonrepro.dataset.readers.text import read_text_table
 from tendonrepro.dataset.readers.workbook import read_workbook
 
@@ -251,6 +251,14 @@ def test_several_tables(tmp_path: Path) -> None:
     names = ["t", "q", "t", "q", "column 1", "column 2"]
     assert list(columns(found)) == [f"block {k // 2 + 1}/{name}" for k, name in enumerate(names)]
     assert found.texts == {"block 2/title": "Controller 2", "block 2/line 7": "Payload, 0.2"}
+
+
+@pytest.mark.parametrize(
+    ("text", "asked"), [("{0}A\n\n{0}B\n", True), ("A\n{0}B\n{0}", False), ("{0}A\n", False)]
+)
+def test_captions_below_tables_are_asked_about(text: str, asked: bool, tmp_path: Path) -> None:
+    found = of_text(text.format("t,q\n0,1\n1,2\n2,3\n"), tmp_path)
+    assert {signal.note for signal in found.signals} == {BELOW if asked else ""}
 
 
 def test_many_tables_are_left_out_and_noted(tmp_path: Path) -> None:

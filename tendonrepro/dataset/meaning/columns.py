@@ -14,7 +14,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.dataset.meaning.words import NOT_JOINTS, Hints, Quantity, hints, tokens
-from tendonrepro.dataset.readers.signals import MISFIT, Signal, Source
+from tendonrepro.dataset.readers.signals import BELOW, MISFIT, Signal, Source
 from tendonrepro.dataset.readers.units import FACTORS, plain_unit
 
 SHORTEST = 8
@@ -219,7 +219,7 @@ def _read_names(column: Column) -> None:
         return
     column.name_from()
     asked = [note for note in column.signal.note.split("; ") if note.endswith("?")]
-    column.doubts += [note if note == MISFIT else f"{column.label!r}: {note}" for note in asked]
+    column.doubts += [note if note in {BELOW, MISFIT} else f"{column.label!r}: {note}" for note in asked]
     *_, last = ["", *(word for word in tokens(column.label) if word.isalpha())]
     column.unit = plain_unit(column.signal.unit) or (plain_unit(last) if len(last) > 2 else None)
     if column.quantity == "time" and column.unit not in {None, *FACTORS["time"]}:

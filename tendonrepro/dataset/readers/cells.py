@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.dataset.readers.heading import headings
-from tendonrepro.dataset.readers.signals import WORDS, Found, is_full, note_rest, seconds
+from tendonrepro.dataset.readers.signals import BELOW, WORDS, Found, is_full, note_rest, seconds
 
 MOST_TABLES = 100
 """Tables of one text or sheet that are read; a log that restarts more often is rare."""
@@ -55,12 +55,14 @@ class Mark(Enum):
 class Rows:
     """Rows of numbers that belong together, by their positions.
 
-    `head` holds the rows right above them, `above` the words further up, down from the block before.
+    `head` holds the rows right above them, `above` the words further up, down from the block before, and
+    `note` is of all their columns.
     """
 
     head: list[int] = field(default_factory=list)
     data: list[int] = field(default_factory=list)
     above: list[int] = field(default_factory=list)
+    note: str = ""
 
 
 def number(cell: Any, decimal: str = ".") -> float | None:
@@ -137,6 +139,9 @@ def blocks_of(marks: Iterable[Mark]) -> list[Rows]:
             tables.append(block)
         else:
             words += block.head + block.data
+    if blocks[-1].head and len(tables) > 1 and blocks[-1] is not tables[-1]:
+        for block in tables:
+            block.note = BELOW
     return tables
 
 
@@ -187,7 +192,7 @@ def add_table(
             _add_words(found, path, cells, heading.label, group)
         elif not np.isnan(read[0]).all():
             values, how, unit = read
-            text = "; ".join(filter(None, [how, note]))
+            text = "; ".join(filter(None, [how, note, block.note]))
             found.add(path, values, label=heading.label, unit=unit or heading.unit, group=group, note=text)
         elif heading.name:
             found.skip(path, "no number in it", _NO_RESULT)

@@ -76,6 +76,8 @@ HARMLESS = 2**24
 """Bytes that a file may announce whatever it holds."""
 MISFIT = "the row of names has another number of cells than the rows below: is each above its column?"
 """Note of signals whose names may be those of their neighbours. A note that asks is put to the user."""
+BELOW = "words stand below the last of several tables: is a caption of the table above, not of the next?"
+"""Note of signals whose tables may have their captions below them."""
 WORDS = "cells of words"
 """Why a column is no signal."""
 _LONGEST_TEXT = 1000
