@@ -271,11 +271,11 @@ def build_loops(
             yield name, _loop(config, run.payload.si, controller, reference, cold=cold)
         return
     loop = config.position_loop
-    servo = Servo(loop.stiffness.si, loop.damping.si, config.sampling_period.si)
+    servo = Servo(loop.stiffness.si, loop.damping.si, S_inv, config.sampling_period.si)
     for name, choice in config.runs.items():
         mapped = S if choice.drives == "motors" else None
         reference = build_reference(choice.reference, config, folder, mapped, f"runs.{name}.reference")
-        yield name, _loop(config, choice.payload.si, PositionController(servo, S_inv), reference, cold=False)
+        yield name, _loop(config, choice.payload.si, PositionController(servo), reference, cold=False)
 
 
 def all_loops(loaded: LoadedConfig, law: UserLaw | None) -> dict[str, Loop]:

@@ -441,26 +441,27 @@ class Servo(NamedTuple):
         Torque per winch angle, N m rad⁻¹.
     damping : array (n,)
         Torque per winch velocity, N m s rad⁻¹.
+    S_inv : array (n, n)
+        Coupling of Eq. (2), by which alone the loops know the joints.
     L : float
         Sampling period, s.
     """
 
     stiffness: Array
     damping: Array
+    S_inv: Array
     L: float
 
 
-def servo_torque(
-    q_motor: Array, q_motor_before: Array, q_motor_d: Array, dq_motor_d: Array, servo: Servo
-) -> Array:
-    """Winch torque beyond the one that held the arm at the start, N m.
+def servo_torque(q_motor: Array, q_motor_before: Array, q_d: Array, dq_d: Array, servo: Servo) -> Array:
+    """Torque beyond the one that held the arm at the start, in joint coordinates, N m.
 
     Parameters
     ----------
     q_motor, q_motor_before : array (n,)
         Motor encoder values now and one sample ago, rad at the winch.
-    q_motor_d, dq_motor_d : array (n,)
-        Commanded winch angle, rad, and velocity, rad s⁻¹.
+    q_d, dq_d : array (n,)
+        Desired joint angles, rad, and velocities, rad s⁻¹.
     servo : Servo
 
     Returns
@@ -468,4 +469,5 @@ def servo_torque(
     array (n,)
     """
     rate = (q_motor - q_motor_before) / servo.L
-    return servo.stiffness * (q_motor_d - q_motor) + servo.damping * (dq_motor_d - rate)
+    error, de = times(servo.S_inv, q_d) - q_motor, times(servo.S_inv, dq_d) - rate
+    return times(servo.S_inv.T, servo.stiffness * error + servo.damping * de)

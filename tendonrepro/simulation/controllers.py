@@ -13,8 +13,9 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.physics.control import Law, Memory, Servo, remember, servo_torque, start_memory
+from tendonrepro.physics.control import Law, Memory, Servo, start_memory
 from tendonrepro.physics.dynamics import Plant
+from tendonrepro.simulation.sampled import decide_by_position, keep_estimate, keep_position
 
 CommandFunction = Callable[[Memory, Array, Array, Array, Array, Law], tuple[Array, Array, Array, Array]]
 """Signature of :func:`tendonrepro.physics.control.command`."""
@@ -59,6 +60,10 @@ class Controller(Protocol):
     @property
     def motor_side(self) -> bool:
         """Whether ``measured.q`` has to be ``S q_motor`` of the motors' encoders."""
+
+    @property
+    def machine_law(self) -> Law | Servo | None:
+        """Numbers by which machine code takes it through a run, see `codegen.run_loop`; None for a user's."""
 
     def init(self, measured: Measurement, tau_before: Array) -> Any:
         """Memory at the first sample, given the torque that acted until then."""
@@ -112,6 +117,11 @@ class TimeDelayController:
         """Whether its angles come from the motors' encoders."""
         return self.law.motor_side
 
+    @property
+    def machine_law(self) -> Law | None:
+        """The law, unless its command is a user's."""
+        return self.law if self.is_compiled else None
+
     def init(self, measured: Measurement, tau_before: Array) -> Memory:
         """Memory by the start-up rule."""
         return start_memory(measured.q, tau_before, self.law.lag)
@@ -121,15 +131,14 @@ class TimeDelayController:
     ) -> ControlDecision:
         """Torque by Eq. (17)."""
         tau, H_hat, s, de = self.command(memory, measured.q, q_d, dq_d, ddq_d, self.law)
-        return ControlDecision(tau, (H_hat, s), (q_d, de))
+        return ControlDecision(tau, (H_hat, s), (memory, q_d, de, H_hat))
 
     def remember(
         self, memory: Memory, measured: Measurement, decision: ControlDecision, tau: DriveTorque
     ) -> Memory:
         """Shift the delay lines."""
-        known = tau.applied if self.law.stores_applied else tau.commanded
-        q_d, de = decision.carry
-        return remember(memory, measured.q, q_d, de, decision.signals[0], known, self.law)
+        del memory
+        return keep_estimate(measured, tau, decision.carry, self.law)
 
     def derived(self, variables: Mapping[str, Array], plant: Plant) -> dict[str, Array]:
         """Lumped dynamics by Eq. (6) and estimation error by Eq. (19), in joint coordinates."""
@@ -147,12 +156,9 @@ class PositionController:
     Attributes
     ----------
     servo : Servo
-    S_inv : array (n, n)
-        Coupling of Eq. (2).
     """
 
     servo: Servo
-    S_inv: Array
 
     @property
     def signals(self) -> tuple[str, ...]:
@@ -164,6 +170,11 @@ class PositionController:
         """It reads the motors' angles themselves."""
         return False
 
+    @property
+    def machine_law(self) -> Servo:
+        """The loops."""
+        return self.servo
+
     def init(self, measured: Measurement, tau_before: Array) -> tuple[Array, Array]:
         """Return the motor angles one sample ago and the torque until now, which stays as an offset."""
         return measured.q_motor, tau_before
@@ -172,17 +183,15 @@ class PositionController:
         self, memory: tuple[Array, Array], measured: Measurement, q_d: Array, dq_d: Array, ddq_d: Array
     ) -> ControlDecision:
         """Torque of the position loops."""
-        del ddq_d
-        before, offset = memory
-        torque = servo_torque(measured.q_motor, before, self.S_inv @ q_d, self.S_inv @ dq_d, self.servo)
-        return ControlDecision(offset + self.S_inv.T @ torque, (), None)
+        tau, _, offset = decide_by_position(memory, measured, (q_d, dq_d, ddq_d), self.servo)
+        return ControlDecision(tau, (), offset)
 
     def remember(
         self, memory: tuple[Array, Array], measured: Measurement, decision: ControlDecision, tau: DriveTorque
     ) -> tuple[Array, Array]:
         """Keep this sample's motor angles."""
-        del decision, tau
-        return measured.q_motor, memory[1]
+        del memory
+        return keep_position(measured, tau, decision.carry, self.servo)
 
     def derived(self, variables: Mapping[str, Array], plant: Plant) -> dict[str, Array]:
         """Motor angles since the start, and the joint angles that ``S`` calculates from their encoders."""

@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tendonrepro.arrays import Array, choose
-from tendonrepro.physics import control
 from tendonrepro.physics.arm import mass_matrix
 from tendonrepro.physics.control import Law, packed_memory
 from tendonrepro.physics.drive import tendon_torque, to_winch_angle, to_winch_torque
@@ -21,9 +20,8 @@ from tendonrepro.physics.instruments import Actuator, Encoder, applied_torque, q
 from tendonrepro.physics.linalg import solve_positive_definite, times
 from tendonrepro.simulation import streaming
 from tendonrepro.simulation.codegen.lanes import LaneRows, LaneTape, lane_code, remembered
-from tendonrepro.simulation.controllers import DriveTorque, Measurement, TimeDelayController
 from tendonrepro.simulation.resolution import demand
-from tendonrepro.simulation.sampled import LARGEST_TORQUE
+from tendonrepro.simulation.sampled import LARGEST_TORQUE, decide_by_estimate, keep_estimate
 
 AT_LIMIT = 1.0 - 1e-12
 """Share of the torque limit that counts as saturated."""
@@ -201,25 +199,23 @@ def sample_code(numbers: LoopNumbers) -> tuple[str, LaneRows]:
 
     x = rows.parameters(tape, "loop", numbers)
     k, q_d, dq_d, ddq_d = tape.write("argument", "k"), read("q_d", n), read("dq_d", n), read("ddq_d", n)
-    controller = TimeDelayController(x.law, control.command)
     memory = packed_memory(read("memory", (6 * x.law.lag + 3) * n), n, x.law.lag)
     pending = list(read("pending", x.actuator.delay * n).reshape(-1, n))
     state, noise = read("state", 4 * n), x.encoder.noise * read("noise_q", n)
     q = x.S_inv @ (state[2 * n : 3 * n] - x.theta_start) if x.law.motor_side else state[:n]
     q = np.array([quantise(angle, x.encoder.resolution) for angle in q + noise], dtype=object)
-    measured = Measurement(x.S @ q if x.law.motor_side else q, q)
-    decision = controller.decide(memory, measured, q_d, dq_d, ddq_d)
-    tau_m = applied_torque((queue := [*pending, decision.tau])[0], x.actuator, x.S, x.S_inv)
-    commanded = applied_torque(decision.tau, x.actuator._replace(resolution=0.0), x.S, x.S_inv)
-    after = controller.remember(memory, measured, decision, DriveTorque(tau_m, commanded))
+    measured = (x.S @ q if x.law.motor_side else q), q
+    tau, (H_hat, s), carry = decide_by_estimate(memory, measured, (q_d, dq_d, ddq_d), x.law)
+    tau_m = applied_torque((queue := [*pending, tau])[0], x.actuator, x.S, x.S_inv)
+    commanded = applied_torque(tau, x.actuator._replace(resolution=0.0), x.S, x.S_inv)
+    after = keep_estimate(measured, (tau_m, commanded), carry, x.law)
 
-    H_hat, s = decision.signals
     tau_before, live = read("tau_m", n), read("live", 1)[0]
     epsilon = (x.law.from_joint @ (tau_before - read("H_hat", n))) / x.law.M_bar - read("ddq_sample", n)
     winch = x.S.T @ tau_m
     sample = streaming.Sample(
-        e=q_d - measured.q,
-        de=decision.carry[1],
+        e=q_d - measured[0],
+        de=carry[2],
         dq_d=dq_d,
         ddq_d=ddq_d,
         s=s,
@@ -241,8 +237,8 @@ def sample_code(numbers: LoopNumbers) -> tuple[str, LaneRows]:
     write("live", [live * bounded * (k + 1.0 < x.samples)])
     write("memory", np.concatenate([np.ravel(part) for part in after]))
     write("pending", np.concatenate(queue[1:]) if pending else [])
-    write("q_encoder", measured.q)
-    write("tau_cmd", decision.tau)
+    write("q_encoder", measured[0])
+    write("tau_cmd", tau)
     write("tau_m", tau_m)
     write("H_hat", H_hat)
     write("s", s)

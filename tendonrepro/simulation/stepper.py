@@ -20,7 +20,7 @@ from tendonrepro.physics.drive import tendon_torque, to_joint_torque
 from tendonrepro.physics.dynamics import Plant, holding_torque, link_acceleration, rest_state
 from tendonrepro.physics.instruments import Actuator, Encoder, applied_torque, noise_sequence, quantise
 from tendonrepro.simulation import sampled
-from tendonrepro.simulation.controllers import Controller, DriveTorque, Measurement, TimeDelayController
+from tendonrepro.simulation.controllers import Controller, DriveTorque, Measurement
 
 JOINT_NOISE, MOTOR_NOISE, TORQUE_NOISE = range(3)
 """Random streams of the instruments."""
@@ -114,8 +114,7 @@ class Loop:
     @property
     def is_compiled(self) -> bool:
         """Whether all of it is machine code, a matter of moments: the package's own law by `dop853`."""
-        own = isinstance(self.controller, TimeDelayController) and self.controller.is_compiled
-        return own and self.solver.method == "dop853"
+        return self.controller.machine_law is not None and self.solver.method == "dop853"
 
 
 def simulate(loop: Loop, progress: Callable[[int], None] | None = None) -> dict[str, Array]:
@@ -143,14 +142,17 @@ def simulate(loop: Loop, progress: Callable[[int], None] | None = None) -> dict[
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore", UserWarning)
         done = _run(loop, record, progress or (lambda _: None))
+    signals = np.moveaxis(record.pop("signals"), 1, 0)
+    record |= zip(loop.controller.signals, map(np.ascontiguousarray, signals), strict=True)
     recorded = {name: rows[:done] for name, rows in record.items()}
     return {"time": loop.reference.time[:done]} | trace_variables(recorded, loop)
 
 
 def _allocate(loop: Loop) -> dict[str, Array]:
     samples, n = loop.reference.q_d.shape
-    names = ("q_encoder", "q_motor_encoder", "tau_cmd", "tau_m", *loop.controller.signals)
-    return {"state": np.empty((samples, 4 * n))} | {name: np.empty((samples, n)) for name in names}
+    record = {name: np.empty((samples, n)) for name in ("q_encoder", "q_motor_encoder", "tau_cmd", "tau_m")}
+    signals = np.empty((samples, len(loop.controller.signals), n))
+    return {"state": np.empty((samples, 4 * n)), "signals": signals} | record
 
 
 def _run(loop: Loop, record: Mapping[str, Array], progress: Callable[[int], None]) -> int:
@@ -160,13 +162,14 @@ def _run(loop: Loop, record: Mapping[str, Array], progress: Callable[[int], None
     hardware, state = _hardware(loop), rest_state(np.zeros(n), plant)
 
     def measure(k: int, state: Array) -> Measurement:
-        return Measurement(*sampled.measure(k, state, hardware, controller.motor_side))
+        return Measurement(*sampled.measure(k, state, hardware))
 
     tau_before = np.zeros(n) if loop.cold else holding_torque(np.zeros(n), plant)
     memory = controller.init(measure(0, state), tau_before)
-    if loop.is_compiled and isinstance(controller, TimeDelayController):
+    if loop.is_compiled:
         pending = np.tile(tau_before, (loop.actuator.delay, 1))
-        return _run_compiled(loop, (state, memory, pending, controller.law, hardware), record, progress)
+        begin = state, memory, pending, controller.machine_law, hardware
+        return _run_compiled(loop, begin, record, progress)
     advance, waiting = _integrator(loop), [tau_before] * loop.actuator.delay
     limits = loop.actuator._replace(resolution=0.0)
     for k in range(samples):
@@ -176,7 +179,8 @@ def _run(loop: Loop, record: Mapping[str, Array], progress: Callable[[int], None
         )
         waiting.append(decision.tau)
         tau_m = applied_torque(waiting.pop(0), loop.actuator, hardware.S, hardware.S_inv)
-        values = (state, measured.q, measured.q_motor, decision.tau, tau_m, *decision.signals)
+        signals = np.reshape(decision.signals, (-1, n))
+        values = (state, signals, measured.q, measured.q_motor, decision.tau, tau_m)
         for rows, value in zip(record.values(), values, strict=True):
             rows[k] = value
         error = reference.q_d[k] - measured.q
@@ -195,7 +199,7 @@ def _run(loop: Loop, record: Mapping[str, Array], progress: Callable[[int], None
 def _run_compiled(
     loop: Loop, begin: tuple[Any, ...], record: Mapping[str, Array], progress: Callable[[int], None]
 ) -> int:
-    """The same for the paper's own law, without a call of Python in each sample."""
+    """The same for the package's own laws, without a call of Python in each sample."""
     from tendonrepro.simulation.codegen import compiled, run_loop
 
     state, memory, *rest = begin
@@ -232,6 +236,7 @@ def _hardware(loop: Loop) -> sampled.Hardware:
         q_noise=noise_sequence(loop.joint_encoder.noise, shape, random_stream(loop, JOINT_NOISE)),
         motor_noise=noise_sequence(loop.motor_encoder.noise, shape, random_stream(loop, MOTOR_NOISE)),
         torque_noise=np.asarray(noise @ drive.S_inv),
+        motor_side=loop.controller.motor_side,
     )
 
 

@@ -115,7 +115,7 @@ class TestActuator:
 
 
 class TestServo:
-    servo = Servo(stiffness=np.array([10.0, 20.0]), damping=np.array([1.0, 2.0]), L=0.5)
+    servo = Servo(stiffness=np.array([10.0, 20.0]), damping=np.array([1.0, 2.0]), S_inv=np.eye(2), L=0.5)
 
     def test_drives_towards_the_command(self) -> None:
         still = np.zeros(2)
@@ -126,6 +126,14 @@ class TestServo:
         here, before = np.array([0.1, 0.2]), np.array([0.0, 0.3])
         torque = servo_torque(here, before, here, np.zeros(2), self.servo)
         assert torque == pytest.approx([-0.2, 0.4])
+
+    def test_knows_joints_by_their_coupling_alone(self) -> None:
+        """Winches follow ``S_inv q_d``, and their torques act on joints through its transpose."""
+        coupled = self.servo._replace(S_inv=np.array([[2.0, 0.0], [-1.0, 3.0]]))
+        still = np.zeros(2)
+        torque = servo_torque(still, still, np.array([0.1, 0.2]), np.array([0.3, 0.0]), coupled)
+        winch = [10.0 * 0.2 + 1.0 * 0.6, 20.0 * 0.5 - 2.0 * 0.3]
+        assert torque == pytest.approx([2.0 * winch[0] - winch[1], 3.0 * winch[1]])
 
     def test_does_nothing_on_the_commanded_motion(self) -> None:
         here, rate = np.array([0.1, 0.2]), np.array([0.4, -0.6])

@@ -130,6 +130,19 @@ READINGS = (
 
 
 @pytest.mark.slow
+def test_runs_of_all_readings_do_not_mix() -> None:
+    """No switch of one law is taken for its neighbour's; code for parts that others have rounds otherwise."""
+    found = [loaded(IDEAL, *override.split(";")) for override in READINGS]
+    config, many = found[0][0], [cut(loops["controller_1"], 0.3) for _, loops in found]
+    together = simulate_batch(many, config.status)
+    for k, loop in enumerate(many):
+        alone = simulate_batch([loop], config.status)
+        for name in ("mae", "rmse", "torque_rms", "H_hat_rms"):
+            ours, theirs = together.statistics[name][k], alone.statistics[name][0]
+            np.testing.assert_allclose(ours, theirs, rtol=1e-11, err_msg=f"{name} {READINGS[k]}")
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("override", READINGS)
 def test_every_reading_and_feature_runs_as_in_the_reference_stepper(override: str) -> None:
     config, loops = loaded(IDEAL, *override.split(";"))

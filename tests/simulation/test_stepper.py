@@ -13,6 +13,7 @@ from tendonrepro.config.load import load_config
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.simulation.codegen import compiled
+from tendonrepro.simulation.controllers import PositionController
 from tendonrepro.simulation.stepper import DesiredMotion, simulate
 
 L = 1e-3
@@ -273,6 +274,25 @@ class TestEquivalence:
         called = replace(loop.controller, command=partial(compiled.command))
         ours, theirs = simulate(loop), simulate(replace(loop, controller=called))
         assert ours.keys() == theirs.keys()
+        for name, values in ours.items():
+            np.testing.assert_array_equal(values, theirs[name], err_msg=name)
+
+    @pytest.mark.parametrize("limit", ["[1.8, 0.58, 0.29]", "[0.6, 0.3, 0.1]"], ids=["shipped", "saturated"])
+    def test_position_loops_too(self, limit):
+        overrides = f"manipulator.actuator.torque_limit={limit}", "manipulator.actuator.output_delay=1"
+        loaded = load_config(None, "decouple", overrides=overrides)
+        loop = dict(build_loops(loaded.config, loaded.folder))["decouple"]
+        desired = loop.reference
+        some = DesiredMotion(desired.time[:400], desired.q_d[:400], desired.dq_d[:400], desired.ddq_d[:400])
+
+        class Called(PositionController):
+            machine_law = None
+
+        ours, theirs = (
+            simulate(replace(loop, reference=some, controller=kind(loop.controller.servo)))
+            for kind in (PositionController, Called)
+        )
+        assert np.ptp(ours["q_motor_encoder"], axis=0).max() > 0.01
         for name, values in ours.items():
             np.testing.assert_array_equal(values, theirs[name], err_msg=name)
 

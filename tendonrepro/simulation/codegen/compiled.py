@@ -57,11 +57,13 @@ FUNCTIONS: tuple[Any, ...] = (
     control.command,
     control._shifted,
     control.remember,
+    control.servo_torque,
     instruments.applied_torque,
     sampled.measure,
     sampled.is_bounded,
     dop853._step,
     dop853.advance,
+    *(function for law in sampled.LAWS.values() for function in law),
 )
 """Functions that compiled law and run call, each after those it calls itself."""
 
@@ -211,6 +213,20 @@ def _call(context: Any, code: Any, rows: Any, k: Any) -> Any:
         builder.call(builder.inttoptr(code, function.as_pointer()), [rows, k])
 
     return types.void(types.int64, types.int64, types.float64), build
+
+
+@overload(sampled.decide)
+def _decided(memory, measured, desired, law):  # type: ignore[no-untyped-def]
+    del memory, measured, desired
+    of_law, _ = sampled.LAWS[law.instance_class]
+    return lambda memory, measured, desired, law: of_law(memory, measured, desired, law)  # noqa: PLW0108
+
+
+@overload(sampled.keep)
+def _kept(measured, torques, carry, law):  # type: ignore[no-untyped-def]
+    del measured, torques, carry
+    _, of_law = sampled.LAWS[law.instance_class]
+    return lambda measured, torques, carry, law: of_law(measured, torques, carry, law)  # noqa: PLW0108
 
 
 # Machine code for one run computes only the value it chooses. numba compares the signatures: all are bare.

@@ -1,19 +1,18 @@
-"""The time loop of one run of the paper's own law: plain Python, compiled in `compiled`.
+"""The time loop of one run of the package's own laws: plain Python, compiled in `compiled`.
 
 What `stepper` does with any controller and integrator, without a call of Python in each sample.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.physics.control import Law, Memory, command, remember
 from tendonrepro.physics.instruments import Actuator, applied_torque
 from tendonrepro.simulation.codegen.dop853 import advance
-from tendonrepro.simulation.sampled import Hardware, is_bounded, measure
+from tendonrepro.simulation.sampled import Hardware, decide, is_bounded, keep, measure
 
 GOES_ON, ENDED, STUCK = range(3)
 """How :func:`sweep` left a run: at the end of its slice, at its own end, or where the integrator gave up."""
@@ -40,29 +39,28 @@ class Course(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """What is recorded at each sample, (T, 4 n) and (T, n)."""
+    """What is recorded at each sample, (T, 4 n), the law's K signals, (T, K, n), and (T, n)."""
 
     state: Array
+    signals: Array
     q_encoder: Array
     q_motor_encoder: Array
     tau_cmd: Array
     tau_m: Array
-    H_hat: Array
-    s: Array
 
 
 def sweep(
     first: int,
     last: int,
     state: Array,
-    memory: Memory,
+    memory: Any,
     pending: Array,
-    law: Law,
+    law: Any,
     hardware: Hardware,
     course: Course,
     steps: Steps,
     rows: Rows,
-) -> tuple[int, int, Array, Memory]:
+) -> tuple[int, int, Array, Any]:
     """Take a run from one sample to another, or to its end.
 
     Parameters
@@ -70,10 +68,11 @@ def sweep(
     first, last : int
         Samples.
     state : array (4 n,)
-    memory : Memory
+    memory : tuple
+        Of the law.
     pending : array (delay, n)
         Commands on their way to the motors.
-    law : Law
+    law : Law or Servo
     hardware : Hardware
     course : Course
     steps : Steps
@@ -87,24 +86,25 @@ def sweep(
     how : int
         `GOES_ON`, `ENDED` or `STUCK`.
     state : array (4 n,)
-    memory : Memory
+    memory : tuple
     """
     S, S_inv, actuator = hardware.S, hardware.S_inv, hardware.actuator
     limits = Actuator(actuator.limit, 0.0, actuator.noise, actuator.delay)
     for k in range(first, last):
-        q, q_motor = measure(k, state, hardware, law.motor_side)
-        tau, H_hat, s, de = command(memory, q, course.q_d[k], course.dq_d[k], course.ddq_d[k], law)
+        q, q_motor = measure(k, state, hardware)
+        desired = course.q_d[k], course.dq_d[k], course.ddq_d[k]
+        tau, signals, carry = decide(memory, (q, q_motor), desired, law)
         due = tau
         if actuator.delay > 0:
             due = pending[k % actuator.delay].copy()
             pending[k % actuator.delay] = tau
         tau_m = applied_torque(due, actuator, S, S_inv)
         rows.state[k], rows.q_encoder[k], rows.q_motor_encoder[k] = state, q, q_motor
-        rows.tau_cmd[k], rows.tau_m[k], rows.H_hat[k], rows.s[k] = tau, tau_m, H_hat, s
+        rows.tau_cmd[k], rows.tau_m[k], rows.signals[k] = tau, tau_m, signals
         if k + 1 == course.time.size or not is_bounded(course.q_d[k] - q, tau_m, course.limit):
             return k + 1, ENDED, state, memory
-        known = tau_m if law.stores_applied else applied_torque(tau, limits, S, S_inv)
-        memory = remember(memory, q, course.q_d[k], de, H_hat, known, law)
+        commanded = applied_torque(tau, limits, S, S_inv)
+        memory = keep((q, q_motor), (tau_m, commanded), carry, law)
         # The noise acts on the plant alone: no controller can know it.
         torque, start, end = tau_m + hardware.torque_noise[k], course.time[k], course.time[k + 1]
         tolerances = steps.rtol, steps.atol, steps.max_step
