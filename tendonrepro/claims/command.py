@@ -17,7 +17,7 @@ from tendonrepro import __version__
 from tendonrepro.arrays import Array
 from tendonrepro.claims.from_ensemble import outcome
 from tendonrepro.claims.judge import Sources, Verdict, changed, failing, judge_all
-from tendonrepro.claims.plants import Ensemble, Plants
+from tendonrepro.claims.plants import Ensemble, Plants, StoredEnsemble
 from tendonrepro.claims.report import as_data, changes_text, details_text, table_text, write_claims
 from tendonrepro.claims.sensitivity import Ranking, ranked
 from tendonrepro.claims.shipped import local_origin, shipped_ledger, with_shipped
@@ -108,12 +108,18 @@ def run_claims(
         held.clear()
         held.files += write_claims(verdicts, held.path, judged_by)
         _write_figures(sources, held)
-        held.finish(_manifest(), talk)
+        of = ensemble_of(sources.ensemble)
+        held.finish(_manifest() | ({"ensemble": of} if of else {}), talk)
     data["files"] = [str(path) for path in held.files]
     parts = [table_text(verdicts), f"The ledger is in {out / FOLDER}"]
     if before is not None:
         parts.insert(1, changes_text(changes))
     return Ledger(tuple(verdicts), failed, "\n\n".join(parts), data)
+
+
+def ensemble_of(ensemble: StoredEnsemble | None) -> list[str | int] | None:
+    """What a ledger's manifest says of the ensemble that it was judged from: identity and number of draws."""
+    return None if ensemble is None else [ensemble.identity, ensemble.planned]
 
 
 def _manifest() -> dict[str, Any]:

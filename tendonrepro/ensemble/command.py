@@ -134,11 +134,8 @@ def run_study(
 ) -> dict[str, Any]:
     """Compute the blocks that are not on disk yet, then tables and figures of all."""
     blocks = study.blocks(draws)
-    begun = begun_in(folder)
-    with claimed(folder, study.identity, force=force, begun=begun) as held:
+    with claimed(folder, study.identity, force=force, begun=begun_in(folder)) as held:
         prepare(held, study, force=force)
-        for name in begun[1:]:
-            (folder / name).unlink(missing_ok=True)
         write_atomically(folder / PLAN, to_json(study.plan(draws)))
         missing = missing_blocks(folder, study, blocks, talk)
         resumed = len(blocks) - len(missing)
@@ -197,7 +194,6 @@ def _finish(
         "out": str(folder),
         "populations": populations,
     }
-    write_atomically(folder / PLAN, to_json(study.plan(draws, finishing=True)))
     held.clear()
     held.files += write_ensemble_tables(summary, folder / "tables")
     held.files += draw_ensemble_figures(summary, folder / "figures")

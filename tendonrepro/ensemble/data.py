@@ -22,7 +22,7 @@ from tendonrepro.ensemble.plan import Study
 from tendonrepro.ensemble.shards import FOLDER, Block, Case, check_shard, identity_of, opened, shard_files
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.files import MOST_JSON, digest_of, ordinary
-from tendonrepro.results.folder import MANIFEST, RESULTS, HeldFolder, found_in
+from tendonrepro.results.folder import HeldFolder
 from tendonrepro.simulation.streaming import STATISTICS
 
 KEPT_BYTES = 64e6
@@ -141,6 +141,9 @@ class EnsembleData:
         """Part of a dataset from shard after shard, and how many of its draws are taken."""
         for path, _, taken in self.files:
             with opened(path) as root:
+                if root.attrs["identity"] != self.identity:
+                    message = "was written anew, of another ensemble, while the others were read"
+                    raise DataMissingError(message, where=str(path), hint="run it again")
                 if dataset not in root:
                     message = f"was stored by an older version, which did not keep {dataset}"
                     raise DataMissingError(
@@ -206,17 +209,13 @@ def read_ensemble(folder: Path, population: str = "box", *, stride: int = 1) -> 
     )
 
 
-def begun_in(folder: Path) -> list[str]:
-    """Names of what an interrupted ensemble left in a folder beside blocks, its plan first.
-
-    A user's own file of that name is none; one that was killed while it wrote its results left those too.
-    """
+def begun_in(folder: Path) -> str:
+    """Name of the plan in a folder, if it is one or stands beside blocks; a user's own file is neither."""
     try:
-        finishing = _read_plan(folder).get("finishing") and not (folder / MANIFEST).exists()
+        _read_plan(folder)
     except DataMissingError:
-        return [PLAN] if shard_files(folder / FOLDER) else []
-    left = found_in(folder, RESULTS) if finishing else []
-    return [PLAN, *(path.relative_to(folder).as_posix() for path in left)]
+        return PLAN if shard_files(folder / FOLDER) else ""
+    return PLAN
 
 
 def _read_plan(folder: Path) -> dict[str, Any]:

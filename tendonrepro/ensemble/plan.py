@@ -142,16 +142,12 @@ class Study:
             raise UsageError(message, where="--draws", hint=f"{needed} would do")
         return int(draws * self.shares[population])
 
-    def plan(self, draws: int, *, finishing: bool = False) -> dict[str, Any]:
-        """Describe the ensemble as the plain values one needs to read its results, with their digest.
-
-        `finishing` says that its tables and figures are being written.
-        """
+    def plan(self, draws: int) -> dict[str, Any]:
+        """Describe the ensemble as the plain values one needs to read its results, with their digest."""
         content = {
             "schema_version": SCHEMA_VERSION,
             "identity": self.identity,
             "draws": draws,
-            "finishing": finishing,
             "replicates": self.replicates,
             "seed": self.seed,
             "populations": {name: self.draws_of(name, draws) for name in self.boxes},

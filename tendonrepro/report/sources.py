@@ -11,7 +11,7 @@ from html import unescape
 from pathlib import Path
 from typing import Any
 
-from tendonrepro.claims.command import DECIDES, ENSEMBLE, FOLDER, found_sources, judged
+from tendonrepro.claims.command import DECIDES, ENSEMBLE, FOLDER, ensemble_of, found_sources, judged
 from tendonrepro.claims.judge import Verdict
 from tendonrepro.claims.plants import StoredEnsemble
 from tendonrepro.claims.report import as_data
@@ -113,7 +113,7 @@ def _add_results(found: Found, folder: Path, ensemble: StoredEnsemble | None) ->
     with _understood(path):
         summary = keep(held)
     found.origins["decides"] = MISSING
-    if ranks.exists():
+    if ranks.exists() and (not local or _manifest_of(ranks).get("ensemble") == ensemble_of(ensemble)):
         with _understood(ranks):
             found.rankings = rows.thinned_decides(_json(found, ranks, local))
             found.decides = rows.decides(found.rankings)
@@ -171,6 +171,10 @@ def _json(found: Found, path: Path, local: bool) -> Any:
 def _note(found: Found, name: str, path: Path) -> None:
     with suppress(DataMissingError):  # who reads it says so better
         found.inputs[name] = sha256_of(path)
+
+
+def _manifest_of(path: Path) -> dict[str, Any]:
+    return read_manifest(path.parent) if (path.parent / MANIFEST).exists() else {}
 
 
 def _vouched(path: Path) -> Path:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from importlib.util import find_spec
 from pathlib import Path
@@ -17,6 +18,10 @@ from tendonrepro.results.records import VARIABLES, TraceFile
 
 if TYPE_CHECKING:
     from pandas import DataFrame
+
+_UNITS = "units"
+_VARIABLE = re.compile("[A-Za-z][A-Za-z0-9_]{0,62}")
+"""Names of MATLAB."""
 
 
 def export_traces(source: Path, form: str, out: Path | None = None, *, force: bool = False) -> Path:
@@ -44,7 +49,8 @@ def export_traces(source: Path, form: str, out: Path | None = None, *, force: bo
     DataMissingError
         If the trace file cannot be read.
     UsageError
-        For an unknown format, a file that is there, or a format whose library is not installed.
+        For an unknown format, a file that is there, a format whose library is not installed, or a run that
+        MATLAB cannot name.
     """
     if form not in _WRITERS:
         message = f"must be one of {', '.join(_WRITERS)}, found {form!r}"
@@ -85,13 +91,17 @@ def _parquet(file: TraceFile, path: Path) -> None:
 
 
 def _mat(file: TraceFile, path: Path) -> None:
+    for name in file.runs:
+        if name == _UNITS or not _VARIABLE.fullmatch(name):
+            message = f"{name!r} can be no variable of MATLAB beside {_UNITS!r}"
+            raise UsageError(message, where=name, hint="rename the run, or use --format csv")
     held = {
         name: {"time": trace.time, "joint": np.array(trace.joint), **trace.variables}
         | {key: trace.attributes[key] for key in ("law", "status", "payload_mass")}
         for name, trace in file.runs.items()
     }
     used = {name for trace in file.runs.values() for name in trace.variables}
-    held["units"] = {"time": "s"} | {name: unit for name, (unit, _) in VARIABLES.items() if name in used}
+    held[_UNITS] = {"time": "s"} | {name: unit for name, (unit, _) in VARIABLES.items() if name in used}
     savemat(str(path), held, long_field_names=True, do_compression=True, oned_as="column")
 
 

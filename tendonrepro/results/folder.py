@@ -54,6 +54,7 @@ class HeldFolder:
         self.path = path
         self.files: list[Path] = []
         self._started = time.perf_counter()
+        self._lock = (path / LOCK).stat()
         self._before: set[Path] | None = None
 
     @property
@@ -125,15 +126,17 @@ class HeldFolder:
 
     def _require(self) -> None:
         """Stop where what is being written is taken away: a new folder would hold half a result."""
-        for path in (self.path / LOCK, *self.files):
-            if not path.exists():
+        lock = self.path / LOCK
+        for path in (lock, *self.files):
+            # Another command may have made the folder again, and hold it now.
+            if not path.exists() or (path == lock and not os.path.samestat(path.stat(), self._lock)):
                 message = "was removed while results were written, so they are not complete"
                 raise TendonreproError(message, where=str(path), hint="run it again with --force")
 
 
 @contextmanager
 def claimed(
-    folder: Path, config_sha256: str, *, force: bool, begun: Sequence[str] = (), command: str | None = None
+    folder: Path, config_sha256: str, *, force: bool, begun: str = "", command: str | None = None
 ) -> Iterator[HeldFolder]:
     """Hold a results folder, made if it is missing, while writing results of one configuration into it.
 
@@ -197,12 +200,7 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def refuse_others(
-    folder: Path,
-    config_sha256: str,
-    *,
-    force: bool = False,
-    begun: Sequence[str] = (),
-    command: str | None = None,
+    folder: Path, config_sha256: str, *, force: bool = False, begun: str = "", command: str | None = None
 ) -> None:
     """Refuse a folder, which may be missing, whose files are not those of an earlier run of the same.
 
@@ -213,8 +211,8 @@ def refuse_others(
         Digest of what is to be written.
     force : bool
         Refuse nothing.
-    begun : sequence of str
-        Names of files that a command knows as its own interrupted run's.
+    begun : str
+        Name of the file by which a command knows its own interrupted run.
     command : str, optional
         What stands under ``command`` in the manifests of the command that writes.
 
@@ -243,7 +241,7 @@ def refuse_others(
                 message = f"holds results of another {what}: {str(theirs)[:12]}, not {mine[:12]}"
                 hint = "choose another --out, or say --force to overwrite them"
                 raise UsageError(message, where=str(folder), hint=hint)
-    refuse_foreign(folder, RESULTS, outputs, but=(MANIFEST, *begun))
+    refuse_foreign(folder, RESULTS, outputs, but=(MANIFEST, begun))
 
 
 def found_in(folder: Path, patterns: Sequence[str]) -> list[Path]:

@@ -111,6 +111,11 @@ UNREAD = {
     "Filtered q2": "filtered", "q2_s": "s", "q2_d": "", "q2_m": "", "a": "", "e2 (π rad)": "π", "∫e2": "∫",
     "关节2误差平方": "误差平方", "关节2仿真角度": "仿真角度", "无α的NTSM": "无", "关节2期望角度(°)": "",
     "控制器1空载": "", "q2 модель": "модель", "error 2 적분": "적분", "velocity error 2": "error of what",
+    "e_dot2": "e", "e_joint2": "e", "error e2": "", "fig15e joint 2 torque": "", "q̃2": "\u0303",
+    "q̇2": "\u0307",
+    "qd2-q2 (deg)": "desired or measured", "Joint 2 desired - actual": "desired or measured",
+    "dq2_hat": "estimate of what", "q2_hat": "estimate of what", "H_hat2": "",
+    "torque estimate 2": "estimate of what", "s_dot2": "s", "vel2 rad/s": "",
 }  # fmt: skip
 
 
@@ -172,6 +177,17 @@ def test_a_named_table_is_understood() -> None:
     assert told == [("time", None), ("desired", 2), ("measured", 2), ("desired", 3), ("measured", 3)]
     assert [column.unit for column in found.values()] == ["s", "deg", "deg", "deg", "deg"]
     assert found["q2"].time == found["t"].address
+
+
+def test_numbers_that_readers_give_to_columns_of_one_name_are_no_joints() -> None:
+    found = Found("SYNTHETIC")
+    for _ in range(3):
+        found.add("Position", np.arange(20.0) ** 2, label="Position")
+    columns = understand([Source("c1.csv", "SYNTHETIC", 0, "0" * 32, tuple(found.signals))])
+    assert [column.signal.path for column in columns] == ["Position", "Position (2)", "Position (3)"]
+    assert all("by its place" in column.because[-1] or "rad" in column.because[-1] for column in columns)
+    assert [column.own.joint for column in columns] == [None] * 3
+    assert {hint.joint for column in columns for hint in column.around} == {None}
 
 
 def test_a_stored_unit_wins() -> None:

@@ -237,6 +237,22 @@ ASKED: dict[str, tuple[list[Source], str]] = {
         [source("c1.csv", {"Time": TIME, "dq2": LATE}, "deg")],
         "controller_1: no unit of a rate is given, rad/s is taken: `unit`",
     ),
+    "a torque in volts": (
+        [source("c1.csv", {"Time": TIME, "u2": LATE}, "V")],
+        "controller_1: 'u2': 'V' is no known unit of a torque: `scale`, `variable`",
+    ),
+    "a torque without a unit": (
+        [source("c1.csv", {"Time": TIME, "tau2": LATE}, None)],
+        "controller_1: no unit of a torque is given, N m is taken: `unit`",
+    ),
+    "torques of motors": (
+        [source("c1.csv", {"Time": TIME, "motor torque 2": LATE}, "N m")],
+        "controller_1: torques of motors are taken for those of joints; leave them out if they are",
+    ),
+    "the rate of an error": (
+        [source("c1.csv", {"Time": TIME, "e_dot2": LATE}, "rad/s")],
+        "controller_1: words that say nothing known: e in 'e_dot2'",
+    ),
     "joints by their place": (
         [source("c1.csv", {"Time": TIME, "elbow error": LATE, "shoulder error": COURSE}, "deg")],
         "controller_1: no name says which joint, so columns are numbered from left to right: `joint`",

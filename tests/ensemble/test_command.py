@@ -15,7 +15,7 @@ from tendonrepro.ensemble.command import load_study, run_ensemble
 from tendonrepro.ensemble.data import PLAN, read_ensemble
 from tendonrepro.ensemble.shards import FOLDER, shard_files
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
-from tendonrepro.results.folder import HeldFolder, claimed
+from tendonrepro.results.folder import claimed
 
 QUIET = Talk(quiet=True)
 
@@ -58,38 +58,6 @@ def test_an_interrupted_run_resumes_to_the_same_results(unbroken, tmp_path, caps
     summary = run_ensemble_of(tmp_path)
     assert summary["resumed_from"] == 5
     assert results(tmp_path) == results(unbroken)
-
-
-def test_a_run_killed_while_it_writes_its_tables_resumes(unbroken, tmp_path, monkeypatch):
-    """Nobody took away what it wrote; the second is killed when it has hardly begun."""
-
-    def killed(*_):
-        raise Stop
-
-    monkeypatch.setattr(HeldFolder, "discard", lambda _: None)
-    for place, tables in (
-        ("tendonrepro.results.folder.HeldFolder.finish", {path.name for path in unbroken.glob("*/*.csv")}),
-        ("tendonrepro.ensemble.command.missing_blocks", set()),
-    ):
-        with monkeypatch.context() as patched:
-            patched.setattr(place, killed)
-            with pytest.raises(Stop):
-                run_ensemble_of(tmp_path)
-        assert {path.name for path in tmp_path.glob("*/*.csv")} == tables
-    run_ensemble_of(tmp_path)
-    assert results(tmp_path) == results(unbroken)
-    (tmp_path / "tables" / "mine.csv").touch()
-    with pytest.raises(UsageError, match="json lists it"):
-        run_ensemble_of(tmp_path)
-
-
-def test_a_table_among_blocks_is_not_overwritten(tmp_path):
-    with pytest.raises(Stop):
-        run_ensemble_of(tmp_path, simulate=stop_after(2))
-    (tmp_path / "tables").mkdir()
-    (tmp_path / "tables" / "readings.csv").touch()
-    with pytest.raises(UsageError, match="json lists it"):
-        run_ensemble_of(tmp_path)
 
 
 def test_a_finished_run_is_not_computed_again(unbroken):

@@ -1,9 +1,12 @@
 """What is read of an ensemble on disk stands in canonical order, and what is not there is named."""
 
+import shutil
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support.damage import by_chance, of_another_shape
-from support.fake_batch import DRAWS, read_shard, small_study
+from support.fake_batch import DRAWS, read_shard, run_ensemble_of, small_study
 
 from tendonrepro.ensemble.data import PLAN, NotFinishedError, read_ensemble
 from tendonrepro.ensemble.shards import FOLDER, shard_files
@@ -57,6 +60,16 @@ def test_shards_of_an_older_version_say_so(unbroken, monkeypatch):
         data.statistic("controller_1", "printed", "later")
     assert "run tendonrepro ensemble --force" in caught.value.hint
     assert np.isfinite(data.statistic("controller_1", "printed", "mae")).all()
+
+
+def test_blocks_that_are_replaced_while_they_are_read_are_told(unbroken, tmp_path):
+    shutil.copytree(unbroken, tmp_path / "first")
+    run_ensemble_of(tmp_path / "other", replace(small_study(), seed=77))
+    data = read_ensemble(tmp_path / "first")
+    shutil.rmtree(tmp_path / "first" / FOLDER)
+    shutil.copytree(tmp_path / "other" / FOLDER, tmp_path / "first" / FOLDER)
+    with pytest.raises(DataMissingError, match="was written anew, of another ensemble"):
+        data.statistic("controller_1", "printed", "mae")
 
 
 def test_what_is_not_finished_is_no_damage(tmp_path):

@@ -82,6 +82,26 @@ def test_a_summary_of_another_ensemble_than_its_blocks_is_told(tmp_path: Path) -
             sources._add_results(Found(), tmp_path, MadeEnsemble())
 
 
+def test_what_decides_is_of_the_ensemble_beside_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not of one that stood there when `claims` was run."""
+    monkeypatch.setattr(sources, "findings", lambda _: ())
+    monkeypatch.setattr(sources.rows, "thinned", dict)
+    shown = {}
+    for name, of in (("its own", ["made", 400]), ("another", ["other", 400]), ("none", None)):
+        folder = tmp_path / name
+        for inner, file, held in (
+            ("ensemble", "summary.json", shipped_summary() | {"identity": "made", "draws": 400}),
+            ("claims", "decides.json", json.loads((ROOT / "docs" / "results" / "decides.json").read_text())),
+            ("claims", "manifest.json", {"ensemble": of}),
+        ):
+            (folder / inner).mkdir(parents=True, exist_ok=True)
+            (folder / inner / file).write_text(json.dumps(held))
+        found = Found()
+        sources._add_results(found, folder, MadeEnsemble())
+        shown[name] = found.origins["decides"], found.decides is None
+    assert shown == {"its own": ("run", False), "another": ("missing", True), "none": ("missing", True)}
+
+
 def test_parts_that_are_not_of_the_paper_are_left_out_and_told_of(tmp_path, capsys) -> None:
     said = "not the paper's arm"
     for name, file, held in (

@@ -66,7 +66,7 @@ def test_files_that_no_manifest_lists_are_not_overwritten(tmp_path: Path, name: 
 
 def test_what_tells_of_an_interrupted_run_is_no_foreign_file(tmp_path: Path) -> None:
     (tmp_path / "plan.json").touch()
-    with claimed(tmp_path, "a", force=False, begun=["plan.json"]), pytest.raises(UsageError):
+    with claimed(tmp_path, "a", force=False, begun="plan.json"), pytest.raises(UsageError):
         refuse_others(tmp_path, "a")
 
 
@@ -165,6 +165,20 @@ def test_links_lead_nowhere(tmp_path: Path, through: str) -> None:
         (folder / "link").symlink_to(victim.parent, target_is_directory=True)
     cleared(folder)
     assert victim.read_bytes() == CONTENT
+
+
+def test_a_folder_that_another_command_made_anew_is_its_own(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    with claimed(out, "a", force=False) as held:
+        held.write("traces.h5", "x")
+        out.rename(tmp_path / "moved")
+        with claimed(out, "b", force=False) as other:
+            other.write("traces.h5", "y")
+            for late in (held.clear, lambda: held.finish({}, Talk())):
+                with pytest.raises(TendonreproError, match="was removed while results were written"):
+                    late()
+            other.finish({}, Talk())
+    assert (out / "traces.h5").read_text() == "y"
 
 
 @pytest.mark.parametrize("gone", ["folder", "file"])

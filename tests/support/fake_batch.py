@@ -82,11 +82,15 @@ def slow_batch(loops, limits):
 
 
 def run_small(folder, jobs):
-    """Body of a process that may be killed: figures left out, for they are no part of what is resumed."""
+    """Body of a process that may be killed: figures left out, for they are no part of what is resumed.
+
+    After one that was killed among its tables it takes `--force`, which keeps what is computed.
+    """
     from tendonrepro.ensemble import command as ensemble
 
     ensemble.draw_ensemble_figures = lambda *_: []
-    ensemble.run_study(small_study(), DRAWS, folder, jobs=jobs, talk=Talk(quiet=True), simulate=fake_batch)
+    force, talk = (folder / "tables").exists(), Talk(quiet=True)
+    ensemble.run_study(small_study(), DRAWS, folder, jobs=jobs, talk=talk, force=force, simulate=fake_batch)
 
 
 def run_ensemble_of(folder, study=None, draws=DRAWS, **options):

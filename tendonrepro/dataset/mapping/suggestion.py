@@ -130,6 +130,11 @@ def _asked(
         if "q_motor_encoder" in variables:
             way = "before the reducer `scale: 0.01`, `sign` and `offset` where it counts otherwise"
             yield name, f"motor angles are taken for those of the winch; {way}"
+        if any(column.quantity == "torque" and column.own.of_motor for column in columns):
+            yield (
+                name,
+                "torques of motors are taken for those of joints; leave them out if they are at the winch",
+            )
         unread = {
             hint.name: ", ".join(hint.unread) for column in columns for hint in column.names if hint.unread
         }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
@@ -23,6 +24,7 @@ _UNEVEN = 0.5
 _REGULAR = 0.95  # share of steps that are even; a logger drops a cycle now and then
 _MOST_JOINTS = 3  # columns of a matrix that can be one quantity of all joints; a wider one is a table
 _LONGEST_NAME = 80  # letters of a line of text that can be a name
+_NUMBERED = re.compile(r" \([0-9]+\)$")
 # Words that say where a column is from, not what it is.
 _WHERE = frozenset({"joint", "j", "link", "关节", "deg", "rad"})
 
@@ -195,8 +197,11 @@ def _columns(source: Source) -> Iterator[Column]:
     # A dot in a folder's name, as in 0.2kg, begins no suffix.
     above = [PurePosixPath(file).stem, *(folder.removesuffix(".zip") for folder in reversed(folders))]
     outside = [*map(read, above), *titles[""]]
+    paths = {signal.path for signal in source.signals}
     for signal in source.signals:
-        *parents, last = signal.path.split("/")
+        # Of columns of one name readers number all but the first.
+        bare = _NUMBERED.sub("", signal.path)
+        *parents, last = (bare if bare in paths else signal.path).split("/")
         inside = [read(last)] if signal.label and signal.label != last else []
         # A text describes all that lies beside or below it.
         scopes = ["/".join([*parents, last][:depth]) for depth in range(len(parents) + 1, 0, -1)]

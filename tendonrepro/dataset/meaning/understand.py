@@ -143,6 +143,9 @@ def _find_units(columns: Sequence[Column]) -> None:
         ):
             column.because.append(f"but {column.unit} is no unit of it")
             column.unit = None
+        if column.unit is None and column.signal.unit and column.quantity in _KINDS:
+            what = f"no known unit of a {column.quantity}: `scale`, `variable`"
+            column.doubts.append(f"{column.label!r}: {column.signal.unit!r} is {what}")
     told = {column.unit for column in angles if column.unit in {"deg", "rad"}}
     alike = "as the other angles of its file"
     shared, reason = (told.pop(), alike) if len(told) == 1 else _shared_unit(angles)
@@ -155,10 +158,7 @@ def _find_units(columns: Sequence[Column]) -> None:
             power = _OTHERS[column.quantity]
             column.unit = f"{shared}{power}" if power else "N m"
             column.because.append(f"{column.unit}: no unit is given")
-            if column.quantity in {"surface", "rate", "acceleration"}:
-                column.doubts.append(
-                    f"no unit of a {column.quantity} is given, {column.unit} is taken: `unit`"
-                )
+            column.doubts.append(f"no unit of a {column.quantity} is given, {column.unit} is taken: `unit`")
 
 
 def _shared_unit(angles: Sequence[Column]) -> tuple[str, str]:

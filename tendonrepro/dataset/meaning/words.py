@@ -6,6 +6,7 @@ import re
 import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from typing import Literal, TypeAlias
 
@@ -20,7 +21,7 @@ _GREEK = {
     "α": " alpha ", "θ": " theta ", "τ": " tau ", "ω": " omega ", "σ": " sigma ", "ĥ": " hhat ", "°": " ",
 }  # fmt: skip
 _TOKEN = re.compile(r"[a-z]+|\d+(?:\.\d+)?|[\u4e00-\u9fff]+")
-_OTHER_SIGNS = re.compile(r"[^\W\d_]+|[√∫∑‰∂±×÷∞²³]")
+_OTHER_SIGNS = re.compile(r"[^\W\d_]+|[√∫∑‰∂±×÷∞²³\u0300-\u036f]")
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 _RANGE = re.compile(r"!\d+:\d+$")
 _MASS = re.compile(r"(?<![a-z0-9.,])(\d+(?:[.,p]\d+)?)\s*(kg|g)(?![a-z])")
@@ -74,11 +75,17 @@ _OF_ERRORS: Sequence[Quantity] = (
     "motor",
 )
 """Quantities whose error is none of tracking."""
+_OF_ESTIMATES: Sequence[Quantity] = ("torque", "acceleration", "rate", "motor")
+"""Those whose estimate is not that of the lumped dynamics."""
 # Letters that mean something only when they stand alone.
 _LETTERS: Mapping[str, Quantity] = {
     "t": "time", "e": "error", "s": "surface", "h": "estimate", "u": "torque", "n": "index", "k": "index",
 }  # fmt: skip
+_QUANTITIES = _these("e s h u")
+_JOINTS = _these("0 1 2 3")
 _ANGLES = _these("q th theta")
+_OF_JOINTS = _ANGLES | _these("qd qr thetad thd")
+_REACHED = _these("act actual meas measured real feedback")
 NOT_JOINTS = _these(
     "fig figure table tab exp experiment test run trial case sheet column col curve line axes subplot data "
     "file block v version ver no x y var untitled scope port out"
@@ -150,10 +157,16 @@ def hints(name: str) -> Hints:
     name = _RANGE.sub("", name)
     words, text = tokens(name), _plain(name)
     quantity, letter = _quantity(words)
-    joints, controllers, unread = _joints(words), _controllers(words), _unread(text)
+    joints, controllers, unread = _joints(words), _controllers(words), _unread(text, quantity)
     decoupling = any(word in _DECOUPLING or "解耦" in word for word in words)
     if quantity == "error" and any(_about(other, words) for other in _OF_ERRORS):
         unread += ("error of what",)
+    of_angle = _ANGLES.intersection(words) or any(map(partial(_about, words=words), _OF_ESTIMATES))
+    if quantity == "estimate" and of_angle:
+        unread += ("estimate of what",)
+    if sum(word in _OF_JOINTS for word in words) > 1 or (_desired(words) and _REACHED.intersection(words)):
+        # As in qd2-q2: a difference of two.
+        unread += ("desired or measured",)
     if len({*joints}) > 1:
         unread += tuple(map(str, dict.fromkeys(joints)))
     if len({*controllers}) > 1:
@@ -175,7 +188,7 @@ def hints(name: str) -> Hints:
     )
 
 
-def _unread(text: str) -> tuple[str, ...]:
+def _unread(text: str, quantity: Quantity | None) -> tuple[str, ...]:
     """Words of a name that say nothing known, numbers that count nothing known, and what a "no" denies."""
     words, found = tokens(_MASS.sub(" ", _DAY.sub(" ", text))), []
     weighed = _MASS.search(text) is not None
@@ -183,7 +196,7 @@ def _unread(text: str) -> tuple[str, ...]:
         if word in _EMPTY:
             known = after in _LOAD
         elif word[0].isdigit():
-            counts = _KNOWN - _LOAD if word in {"0", "1", "2", "3"} else NOT_JOINTS - {"x", "y"}
+            counts = _KNOWN - _LOAD if word in _JOINTS else NOT_JOINTS - {"x", "y"}
             known = before in counts or (bool(before) and not _CHINESE.sub("", before))
             known = known or (word == "0" and before in _LOAD | {"kg"} and not weighed)
         else:
@@ -193,6 +206,11 @@ def _unread(text: str) -> tuple[str, ...]:
             # Behind an angle, as in q_s, a letter is none of those that stand alone.
             letter = len(word) == 1 and word not in _ANGLES and word not in "drm"
             known = known and not (letter and _behind_angle(words, word))
+            # Nor is one beside a word that says something else, as in e_dot; the panel in fig15e is.
+            panel = before[:1].isdigit() and before not in _JOINTS
+            second = word == "s" and (quantity == "time" or plain_unit(before) is not None)
+            if quantity and word in _QUANTITIES and not panel and not second:
+                known = _LETTERS[word] == quantity
         if not known:
             found.append(word)
     # Words in other letters, and signs such as π, √ or ‰.
@@ -246,7 +264,7 @@ def _joints(words: Sequence[str]) -> list[int]:
     found = [
         (before in _KNOWN or not _CHINESE.sub("", before), int(number))
         for before, number, after in zip(words, words[1:], [*words[2:], ""], strict=False)
-        if number in {"0", "1", "2", "3"}
+        if number in _JOINTS
         and not (before in counted or before[0].isdigit() or after in {"kg", "g"})
         and not any(part in before for part in ("控制器", "图", "表"))
     ]
