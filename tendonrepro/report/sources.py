@@ -196,6 +196,9 @@ def _understood(path: Path) -> Iterator[None]:
         yield
     except TendonreproError:
         raise
+    except FileNotFoundError as error:
+        message = "is missing: what should have written it was interrupted"
+        raise DataMissingError(message, where=str(path), hint="run its command again with --force") from error
     except Exception as error:
         # Damage may be of any type: a text for a number, a missing key, a list without an end.
         message = f"is damaged or of another version ({type(error).__name__})"

@@ -33,7 +33,7 @@ TRACES = "traces.h5"
 LOCK = ".lock"
 RESULTS = (TRACES, "[!.]*.json", "identified.yaml", "claims.*", "figures/**/[!.]*", "tables/**/[!.]*")
 """What commands write into a results folder."""
-DRAWN = ("figures/fig[0-9][0-9].*",)
+DRAWN = tuple(f"figures/fig[0-9][0-9].{form}" for form in ("pdf", "svg", "png"))
 """What other processes write there, so that an interrupted run does not know how far they came."""
 
 MOST_LETTERS = 100
@@ -72,7 +72,7 @@ class HeldFolder:
         TendonreproError
             If someone removed the folder itself.
         """
-        self._require()
+        self.require()
         if (self.path / MANIFEST).exists():
             try:
                 outputs = read_manifest(self.path).get("outputs", {})
@@ -118,14 +118,20 @@ class HeldFolder:
         TendonreproError
             If someone removed the folder or a file of the result.
         """
-        self._require()
+        self.require()
         path = self.path / MANIFEST
         write_atomically(path, to_json(with_outputs(manifest, self.path, self.files)))
         talk.detail(f"{len(self.files)} files in {self.seconds:.1f} s")
         return str(path)
 
-    def _require(self) -> None:
-        """Stop where what is being written is taken away: a new folder would hold half a result."""
+    def require(self) -> None:
+        """Stop where what is being written is taken away: a new folder would hold half a result.
+
+        Raises
+        ------
+        TendonreproError
+            If someone removed the folder or a file of the result, or made the folder anew.
+        """
         lock = self.path / LOCK
         for path in (lock, *self.files):
             # Another command may have made the folder again, and hold it now.

@@ -257,6 +257,10 @@ ASKED: dict[str, tuple[list[Source], str]] = {
         [source("c1.csv", {"Time": TIME, "elbow error": LATE, "shoulder error": COURSE}, "deg")],
         "controller_1: no name says which joint, so columns are numbered from left to right: `joint`",
     ),
+    "joints by name for some": (
+        [source("c1.csv", {"Time": TIME, "Actual": COURSE, "Actual 1": LATE}, "deg")],
+        "c1.csv: some columns like 'Actual' have a joint in their names, some none: `joint`",
+    ),
     "an experiment by its joints": (
         [source("tracking.csv", {"Time": TIME, "q1": STEPS[1], "q2": COURSE, "q3": LATE}, "deg")],
         "decouple: taken for the decoupling experiment for what is in it, no name says so",

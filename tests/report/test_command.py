@@ -82,6 +82,11 @@ def test_a_summary_of_another_ensemble_than_its_blocks_is_told(tmp_path: Path) -
             sources._add_results(Found(), tmp_path, MadeEnsemble())
 
 
+def test_an_ensemble_killed_among_its_tables_is_no_damage(tmp_path: Path) -> None:
+    with pytest.raises(DataMissingError, match="is missing: what should have written it was interrupted"):
+        sources._add_results(Found(), tmp_path, MadeEnsemble())
+
+
 def test_what_decides_is_of_the_ensemble_beside_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Not of one that stood there when `claims` was run."""
     monkeypatch.setattr(sources, "findings", lambda _: ())

@@ -181,6 +181,16 @@ def test_a_folder_that_another_command_made_anew_is_its_own(tmp_path: Path) -> N
     assert (out / "traces.h5").read_text() == "y"
 
 
+def test_an_interrupted_run_leaves_figures_of_other_names(tmp_path: Path) -> None:
+    with claimed(tmp_path, "a", force=False) as held:
+        held.clear()
+        (tmp_path / "figures").mkdir()
+        for name in ("fig14.svg", "fig14.paper.png", "fig01.jpg"):
+            (tmp_path / "figures" / name).touch()
+        held.discard()
+    assert {path.name for path in (tmp_path / "figures").iterdir()} == {"fig14.paper.png", "fig01.jpg"}
+
+
 @pytest.mark.parametrize("gone", ["folder", "file"])
 def test_what_is_removed_while_results_are_written_is_not_made_again(tmp_path: Path, gone: str) -> None:
     out = tmp_path / "out"

@@ -48,6 +48,11 @@ def place_joints(group: Sequence[Column]) -> None:
                 column.joint = joint
                 column.because.append(f"joint {joint} by its place among {len(alike)} like it")
                 column.doubts.append(_BY_PLACE)
+        elif not of_matrix and len({column.joint is None for column in alike}) > 1:
+            for column in alike:
+                column.doubts.append(
+                    f"some columns like {column.label!r} have a joint in their names, some none: `joint`"
+                )
 
 
 def count_as_paper(groups: Iterable[Sequence[Column]]) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.dataset.meaning.words import NOT_JOINTS, Hints, Quantity, hints, tokens
+from tendonrepro.dataset.readers.heading import split_unit
 from tendonrepro.dataset.readers.signals import BELOW, MISFIT, Signal, Source
 from tendonrepro.dataset.readers.units import FACTORS, plain_unit
 
@@ -202,7 +203,7 @@ def _columns(source: Source) -> Iterator[Column]:
         # Of columns of one name readers number all but the first.
         bare = _NUMBERED.sub("", signal.path)
         *parents, last = (bare if bare in paths else signal.path).split("/")
-        inside = [read(last)] if signal.label and signal.label != last else []
+        inside = [read(split_unit(last)[0])] if signal.label and signal.label != last else []
         # A text describes all that lies beside or below it.
         scopes = ["/".join([*parents, last][:depth]) for depth in range(len(parents) + 1, 0, -1)]
         inside += [title for scope in scopes for title in titles.get(scope, ())]

@@ -87,8 +87,8 @@ _ANGLES = _these("q th theta")
 _OF_JOINTS = _ANGLES | _these("qd qr thetad thd")
 _REACHED = _these("act actual meas measured real feedback")
 NOT_JOINTS = _these(
-    "fig figure table tab exp experiment test run trial case sheet column col curve line axes subplot data "
-    "file block v version ver no x y var untitled scope port out"
+    "fig figure table tab tabelle feuil hoja exp experiment test run trial case sheet column col curve line "
+    "axes subplot data file block v version ver no x y var untitled scope port out"
 )
 """Words that count something else than joints."""
 _FEW = 6  # names that a line shows
@@ -162,6 +162,8 @@ def hints(name: str) -> Hints:
     if quantity == "error" and any(_about(other, words) for other in _OF_ERRORS):
         unread += ("error of what",)
     of_angle = _ANGLES.intersection(words) or any(map(partial(_about, words=words), _OF_ESTIMATES))
+    if quantity == "torque" and (_desired(words) or _LOAD.intersection(words)):
+        unread += ("torque of what",)
     if quantity == "estimate" and of_angle:
         unread += ("estimate of what",)
     if sum(word in _OF_JOINTS for word in words) > 1 or (_desired(words) and _REACHED.intersection(words)):
