@@ -356,7 +356,9 @@ def main() -> None:
         code = _fail(1, *_refused_by_system(error))
     except Exception as error:
         # Neither Typer's own usage errors nor a thread that is refused have a class of their own.
-        if _is_refused_thread(error):
+        if _is_interrupt(error):
+            code = 130
+        elif _is_refused_thread(error):
             code = _fail(1, *_refused_by_system(error))
         elif hasattr(error, "format_message"):
             code = _fail(2, error.format_message(), None, "tendonrepro --help lists commands and options")
@@ -373,6 +375,11 @@ def main() -> None:
             # Python would try once more at its end, and leave with an exit code of its own.
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
     sys.exit(code)
+
+
+def _is_interrupt(error: BaseException | None) -> bool:
+    """Whether an exception is one, or came of it: Python wraps those within the making of a class."""
+    return isinstance(error, KeyboardInterrupt) or (error is not None and _is_interrupt(error.__cause__))
 
 
 def _is_refused_thread(error: BaseException | None) -> bool:

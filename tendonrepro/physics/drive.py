@@ -255,5 +255,7 @@ def theta_at_rest(q: Array, tau_s: Array, drive: Drive) -> Array:
     winch = target = to_winch_angle(q, drive) + stretch
     # The transmission error's slope is far below one, so a few fixed-point steps reach rounding.
     for _ in range(60):
-        winch = target - drive.wobble * np.sin(drive.wobble_rate * winch)
+        before, winch = winch, target - drive.wobble * np.sin(drive.wobble_rate * winch)
+        if np.array_equal(before, winch):
+            break
     return times(drive.S, winch)

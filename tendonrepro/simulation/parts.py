@@ -16,7 +16,7 @@ from tendonrepro.physics.dynamics import Plant, holding_torque, rest_state
 from tendonrepro.physics.instruments import quantise
 from tendonrepro.simulation import streaming
 from tendonrepro.simulation.codegen import compiled, lane_loop
-from tendonrepro.simulation.codegen.lanes import LaneRows, bundled, columns, stacked
+from tendonrepro.simulation.codegen.lanes import LaneRows, bundled, columns, part_of, stacked
 from tendonrepro.simulation.codegen.machine import LaneCode
 from tendonrepro.simulation.kernel import LoopNumbers, sample_code, step_code
 from tendonrepro.simulation.resolution import HIGHEST, PACES, plant_modes, steps_by_demand
@@ -68,8 +68,9 @@ def plant_parts(
     single = {key[place]: loop for place, loop in loops.items()}
     motions = {id(loop.reference): loop.reference for loop in single.values()}
     far = {name: np.abs(motion.q_d).max(axis=0) for name, motion in motions.items()}
-    strokes = [(loop.plant, far[id(loop.reference)]) for loop in single.values()]
-    chunks = [strokes[first : first + CHUNK] for first in range(0, len(strokes), CHUNK)]
+    plant, stroke = stacked([(loop.plant, far[id(loop.reference)]) for loop in single.values()])
+    slices = [slice(first, first + CHUNK) for first in range(0, len(single), CHUNK)]
+    chunks = [part_of((plant, stroke), chosen) for chosen in slices]
     periods = {loop.L for loop in loops.values()}
     found = list(for_each(partial(_steps, periods=periods, tolerance=tolerance), chunks))
     counts = {
@@ -77,7 +78,6 @@ def plant_parts(
     }
     column = {name: k for k, name in enumerate(single)}
     places = {place: column[name] for place, name in key.items()}
-    plant = stacked([plant for plant, _ in strokes])
     still, once = np.zeros_like(plant.preload), np.ones((1, len(single)))
     torque = holding_torque(still, plant)
     start = {"state": rest_state(still, plant), "live": once, "demand": HIGHEST * once}
@@ -95,11 +95,10 @@ def plant_parts(
 
 
 def _steps(
-    strokes: Sequence[tuple[Plant, Array]], *, periods: Collection[float], tolerance: float
+    plants: tuple[Plant, Array], *, periods: Collection[float], tolerance: float
 ) -> dict[float, tuple[NDArray[np.int64], NDArray[np.bool_]]]:
-    """Integration steps of plants along their strokes by sampling period, see `steps_by_demand`."""
-    plants, far = (stacked(list(column)) for column in zip(*strokes, strict=True))
-    modes = [plant_modes(plants, far, pace) for pace in PACES]
+    """Integration steps of stacked plants along their strokes by sampling period, see `steps_by_demand`."""
+    modes = [plant_modes(*plants, pace) for pace in PACES]
     return {L: steps_by_demand(modes, L, tolerance) for L in periods}
 
 

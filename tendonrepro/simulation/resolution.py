@@ -137,7 +137,7 @@ def steps_needed(modes: NDArray[np.complex128], L: float, tolerance: float = TOL
     """
     z = modes.reshape(modes.shape[0], -1) * L
     # The fall of the Stribeck rise may let a mode of a moving plant grow, and then it shall.
-    growth = np.maximum(1.0, np.exp(np.minimum(z.real, 100.0)))
+    truth, growth = np.exp(z), np.maximum(1.0, np.exp(np.minimum(z.real, 100.0)))
     weight = 1.0 / (np.maximum(1.0, np.abs(z)) ** 2 * growth)
     needed = np.zeros(z.shape[0], dtype=np.int64)
     # A plant at rest may drift away slowly, upright ones do; what must not grow is the fast end.
@@ -146,7 +146,7 @@ def steps_needed(modes: NDArray[np.complex128], L: float, tolerance: float = TOL
         ratio = _amplification(z / steps)
         # A step far too long grows beyond all numbers, and then it is not within the tolerance.
         with np.errstate(over="ignore", invalid="ignore"):
-            error = weight * np.abs(ratio**steps - np.exp(z))
+            error = weight * np.abs(ratio**steps - truth)
             growing = (fast & (growth == 1.0) & (np.abs(ratio) > 1.0)).any(axis=1)
         needed[(error.max(axis=1) <= tolerance) & ~growing] = steps
     return needed

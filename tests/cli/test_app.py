@@ -325,6 +325,22 @@ app.main()
     assert done.stderr.splitlines()[0] == "error: the system refused: a thread"
 
 
+def test_an_interrupt_while_a_class_is_made_is_one(tmp_path: Path) -> None:
+    """Python 3.11 makes a RuntimeError of it, and imports make many classes."""
+    code = """
+from tendonrepro.cli import app
+class Odd:
+    def __set_name__(self, owner, name):
+        raise KeyboardInterrupt
+def making(**_):
+    type("Made", (), {"odd": Odd()})
+app.app = making
+app.main()
+"""
+    done = run(sys.executable, "-c", code, cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (130, "error: interrupted\n")
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="needs resource limits")
 @pytest.mark.parametrize(
     ("limit", "words", "reason"),

@@ -116,8 +116,9 @@ UNREAD = {
     "qd2-q2 (deg)": "desired or measured", "Joint 2 desired - actual": "desired or measured",
     "dq2_hat": "estimate of what", "q2_hat": "estimate of what", "H_hat2": "",
     "torque estimate 2": "estimate of what", "s_dot2": "s", "vel2 rad/s": "",
-    "desired torque 2": "torque of what", "load torque 2 (Nm)": "torque of what", "Tabelle1": "",
-    "torque 2 (Nm)": "",
+    "desired torque 2": "torque of what", "load torque 2 (Nm)": "load torque of what",
+    "C1_load_q2": "load", "load-side angle 2": "", "q2 (º)": "",
+    "Estimated joint angle 2": "estimate of what", "Tabelle1": "", "torque 2 (Nm)": "",
 }  # fmt: skip
 
 

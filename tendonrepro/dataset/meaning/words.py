@@ -18,7 +18,8 @@ Quantity: TypeAlias = Literal[
 ]  # fmt: skip
 
 _GREEK = {
-    "α": " alpha ", "θ": " theta ", "τ": " tau ", "ω": " omega ", "σ": " sigma ", "ĥ": " hhat ", "°": " ",
+    "α": " alpha ", "θ": " theta ", "τ": " tau ", "ω": " omega ", "σ": " sigma ", "ĥ": " hhat ",
+    "°": " ", "º": " ",
 }  # fmt: skip
 _TOKEN = re.compile(r"[a-z]+|\d+(?:\.\d+)?|[\u4e00-\u9fff]+")
 _OTHER_SIGNS = re.compile(r"[^\W\d_]+|[√∫∑‰∂±×÷∞²³\u0300-\u036f]")
@@ -105,7 +106,7 @@ _ABOUT = _these(
     "d r m tde tdc of the and in for to from by at on with is vs versus data result results log logs record "
     "recorded recording measurement measurements experiment experiments experimental control tracking "
     "trajectory motion signal signals value values robot arm manipulator tendon side kg j noload unload "
-    "nopayload"
+    "nopayload array all final comparison paper"
 )
 """Words that change nothing of what a column is."""
 _PLACES = frozenset().union(*(known for known, _ in _WORDS.values())) | {"side", "cell"}
@@ -161,7 +162,9 @@ def hints(name: str) -> Hints:
     decoupling = any(word in _DECOUPLING or "解耦" in word for word in words)
     if quantity == "error" and any(_about(other, words) for other in _OF_ERRORS):
         unread += ("error of what",)
-    of_angle = _ANGLES.intersection(words) or any(map(partial(_about, words=words), _OF_ESTIMATES))
+    of_angle = (_ANGLES | _these("angle angles pos position")).intersection(words) or any(
+        map(partial(_about, words=words), _OF_ESTIMATES)
+    )
     if quantity == "torque" and (_desired(words) or _LOAD.intersection(words)):
         unread += ("torque of what",)
     if quantity == "estimate" and of_angle:
@@ -211,6 +214,8 @@ def _unread(text: str, quantity: Quantity | None) -> tuple[str, ...]:
             # Nor is one beside a word that says something else, as in e_dot; the panel in fig15e is.
             panel = before[:1].isdigit() and before not in _JOINTS
             second = word == "s" and (quantity == "time" or plain_unit(before) is not None)
+            # C1_load_q may be q under load, or at the side of the load.
+            known = known and not (word in _LOAD and after in _PLACES - {"side", "cell"})
             if quantity and word in _QUANTITIES and not panel and not second:
                 known = _LETTERS[word] == quantity
         if not known:

@@ -205,7 +205,15 @@ def stacked(records: list[Any]) -> Any:
         return type(first)(*parts) if hasattr(first, "_fields") else tuple(parts)
     if isinstance(first, bool | int):
         return first
-    return np.stack([np.asarray(record, dtype=np.float64) for record in records], axis=-1)
+    return np.ascontiguousarray(np.moveaxis(np.array(records, dtype=np.float64), 0, -1))
+
+
+def part_of(record: Any, chosen: slice) -> Any:
+    """Some experiments of a stacked record."""
+    if isinstance(record, tuple):
+        parts = [part_of(leaf, chosen) for leaf in record]
+        return type(record)(*parts) if hasattr(record, "_fields") else tuple(parts)
+    return record[..., chosen] if isinstance(record, np.ndarray) else record
 
 
 def bundled(values: NDArray[Any], spare: NDArray[Any] | None = None) -> NDArray[Any]:
