@@ -28,7 +28,7 @@ from tendonrepro.simulation.parts import CompiledPart, plant_parts, sample_part
 from tendonrepro.simulation.resolution import TOLERANCE
 from tendonrepro.simulation.stepper import Loop, motor_angles, trace_variables
 
-PACK = 1024
+PACK = 1536
 """Most experiments that are taken through time together: the more, the fuller the lanes of rare laws."""
 
 LINES_PER_RINGING = 32
@@ -117,14 +117,14 @@ def simulate_batch(
         pack, first = {place: loops[place] for place in places}, places[0]
         block = results.block(loops[first].L)
         counts = {place: steps[place] for place in places}
-        results.keep(pack, run_pack(pack, samples, plants[first], counts, block, record=record))
+        results.keep(pack, run_pack(pack, samples, plants, counts, block, record=record))
         return len(places)
 
     size = LANES if record else max(LANES, min(PACK, len(loops) // (4 * threads)))
     with ThreadPoolExecutor(threads) as pool:
         samples, plants, steps = _parts(loops, tolerance, pool.map)
         results.steps[:] = np.where((steps > 0).all(axis=1), steps.max(axis=1), 0)
-        for done in pool.map(run, _packs(loops, plants, steps, size)):
+        for done in pool.map(run, _packs(loops, steps, size)):
             report(done)
     return results.batch()
 
@@ -182,14 +182,12 @@ def _branches(loop: Loop) -> Hashable:
     return loop.plant.preload.size, loop.actuator.delay, switches
 
 
-def _packs(
-    loops: Sequence[Loop], plants: Mapping[int, CompiledPart], steps: NDArray[np.int64], size: int
-) -> Iterator[list[int]]:
-    """Places of each pack: plants of one code, those that move alike side by side."""
-    found: dict[Hashable, list[int]] = {}
+def _packs(loops: Sequence[Loop], steps: NDArray[np.int64], size: int) -> Iterator[list[int]]:
+    """Places of each pack: loops of one sampling period, those that move alike side by side."""
+    found: dict[float, list[int]] = {}
     motions = {id(loop.reference): k for k, loop in enumerate(reversed(loops))}
     for place in np.flatnonzero((steps > 0).all(axis=1)).tolist():
-        found.setdefault((id(plants[place]), loops[place].L), []).append(place)
+        found.setdefault(loops[place].L, []).append(place)
     for places in found.values():
         places.sort(key=lambda place: (motions[id(loops[place].reference)], *steps[place][::-1]))
         for start in range(0, len(places), size):

@@ -48,101 +48,126 @@ class Ended:
 def run_pack(
     loops: Mapping[int, Loop],
     controllers: Mapping[int, CompiledPart],
-    plant: CompiledPart,
+    plants: Mapping[int, CompiledPart],
     steps: Mapping[int, NDArray[np.int64]],
     block: int,
     *,
     record: bool,
 ) -> Ended:
-    """Run experiments whose plants share code and sampling period, by place in the batch.
+    """Run experiments of one sampling period, by place in the batch.
 
-    Plants are bundled in the order given, controllers by their code; a lane of the one knows its lane of the
-    other. ``steps`` (levels,) are the integration steps per sample of each, ``block`` is the number of
-    samples of a block, see `Ended`; with ``record`` traces are kept.
+    Plants and controllers are each bundled by their code, in the order given; a lane of the one knows its
+    lane of the other. ``steps`` (levels,) are the integration steps per sample of each, ``block`` is the
+    number of samples of a block, see `Ended`; with ``record`` traces are kept.
     """
     n, L = (first := next(iter(loops.values()))).plant.preload.size, first.L
     samples, signals = max(loop.reference.time.size for loop in loops.values()), _Signals([*loops.values()])
     blocks = np.zeros((-(-samples // block), n, len(loops)))
     trace = np.empty((samples if record else 0, 9 * n, len(loops)))
-    pack = _pack(loops, controllers, plant, steps, signals.of)
+    about = np.array([range(len(loops)), *signals.of])
+    counts = np.stack([steps[place] for place in loops], axis=-1)
+    pack = _bundle_up(
+        [(code, rows, about[:, of]) for code, rows, of in _by_code(loops, controllers)],
+        [(code, rows, counts[:, of], of) for code, rows, of in _by_code(loops, plants)],
+    )
     live, left = sample_rows(n).named["live"], np.empty((pack.v.shape[1], len(loops)))
     for start, (desired, noise) in zip(range(0, samples, SLICE), signals.slices(samples), strict=True):
         span = desired, noise, start, L, block, blocks, trace
-        compiled.compiled_lane_loop()(
-            pack.v, pack.code, pack.lanes, pack.w, plant.code.run, pack.counts, *span
-        )
+        compiled.compiled_lane_loop()(pack.v, pack.code, pack.lanes, pack.w, pack.step, pack.counts, *span)
         members, values = pack.lanes[:, 0].reshape(-1), columns(pack.v)
         left[:, members[members >= 0]] = values[:, members >= 0]
-        going = members[(members >= 0) & (values[live] > 0.0)]
-        if going.size == 0:
+        going = np.zeros(len(loops), dtype=np.bool_)
+        going[members[members >= 0]] = values[live, members >= 0] > 0.0
+        if not going.any():
             break
-        pack = pack.without_ended(set(going.tolist()))
+        pack = pack.without_ended(going)
     return _ended(left, n, blocks, trace)
 
 
 @dataclass(frozen=True)
 class _Pack:
-    """Bundles as `lane_loop.sweep` takes them; ``members`` are the experiments of the plants' lanes."""
+    """Bundles as `lane_loop.sweep` takes them; ``members`` (C, lanes) are the experiments of `w`, or -1."""
 
     v: Array
     code: NDArray[np.int64]
     lanes: NDArray[np.int64]
     w: Array
+    step: NDArray[np.int64]
     counts: NDArray[np.int64]
     members: NDArray[np.int64]
 
-    def without_ended(self, going: set[int]) -> _Pack:
+    def without_ended(self, going: NDArray[np.bool_]) -> _Pack:
         """Only experiments that still go on, if they need fewer bundles."""
-        if -(-len(going) // LANES) == len(self.w):
+        controllers = _staying(self.code, self.lanes[:, 0], going)
+        plants = _staying(self.step, self.members, going)
+        needed = sum(-(-stay.size // LANES) for _, _, stay in (*controllers, *plants))
+        if needed == len(self.v) + len(self.w):
             return self
-        kept = [k for k, member in enumerate(self.members.tolist()) if member in going]
-        parts = []
-        for code in dict.fromkeys(self.code.tolist()):
-            lanes = columns(self.lanes[self.code == code])
-            stay = [k for k, member in enumerate(lanes[0].tolist()) if member in going]
-            parts.append((code, columns(self.v[self.code == code])[:, stay], lanes[:3, stay]))
-        plants = columns(self.w)[:, kept], columns(self.counts)[:, kept], self.members[kept]
-        return _bundle_up(parts, *plants)
+        return _bundle_up(
+            [
+                (code, columns(self.v[of])[:, stay], columns(self.lanes[of])[:3, stay])
+                for code, of, stay in controllers
+            ],
+            [
+                (
+                    code,
+                    columns(self.w[of])[:, stay],
+                    columns(self.counts[of])[:, stay],
+                    self.members[of].reshape(-1)[stay],
+                )
+                for code, of, stay in plants
+            ],
+        )
 
 
-def _pack(
-    loops: Mapping[int, Loop],
-    controllers: Mapping[int, CompiledPart],
-    plant: CompiledPart,
-    steps: Mapping[int, NDArray[np.int64]],
-    signals: tuple[list[int], list[int]],
-) -> _Pack:
-    """All experiments at their start."""
-    places = np.array([*loops])
-    about = np.array([range(places.size), *signals])
-    parts = []
-    for part in {id(controllers[place]): controllers[place] for place in loops}.values():
-        members = [k for k, place in enumerate(loops) if controllers[place] is part]
-        parts.append((part.code.run, part.filled(places[members].tolist()), about[:, members]))
-    most = max(len(rows) for _, rows, _ in parts)
-    padded = [(code, np.pad(rows, ((0, most - len(rows)), (0, 0))), lanes) for code, rows, lanes in parts]
-    counts = np.stack([steps[place] for place in loops], axis=-1)
-    return _bundle_up(padded, plant.filled(places.tolist()), counts, about[0])
+def _by_code(
+    loops: Mapping[int, Loop], parts: Mapping[int, CompiledPart]
+) -> list[tuple[int, Array, NDArray[np.int64]]]:
+    """Address of each code, rows of the experiments at their start, (R, M), and which those are."""
+    found = []
+    for part in {id(parts[place]): parts[place] for place in loops}.values():
+        members = {k: place for k, place in enumerate(loops) if parts[place] is part}
+        found.append((part.code.run, part.filled([*members.values()]), np.array([*members])))
+    most = max(len(rows) for _, rows, _ in found)
+    return [(code, np.pad(rows, ((0, most - len(rows)), (0, 0))), members) for code, rows, members in found]
+
+
+def _staying(
+    codes: NDArray[np.int64], members: NDArray[np.int64], going: NDArray[np.bool_]
+) -> list[tuple[int, NDArray[np.bool_], NDArray[np.int64]]]:
+    """Every code with its bundles, and which of their lanes go on."""
+    kept = (members >= 0) & going[members]
+    return [
+        (code, codes == code, np.flatnonzero(kept[codes == code])) for code in dict.fromkeys(codes.tolist())
+    ]
 
 
 def _bundle_up(
-    parts: Sequence[tuple[int, Array, NDArray[np.int64]]],
-    plants: Array,
-    counts: NDArray[np.int64],
-    members: NDArray[np.int64],
+    controllers: Sequence[tuple[int, Array, NDArray[np.int64]]],
+    plants: Sequence[tuple[int, Array, NDArray[np.int64], NDArray[np.int64]]],
 ) -> _Pack:
-    """Columns of controllers by code, with their experiment, motion and noise, and of plants, as bundles."""
-    seat = np.empty(members.max() + 1, dtype=np.int64)
-    seat[members] = np.arange(members.size)
-    empty, full = np.array([[-1], [0], [-1], [0], [0]]), [part for part in parts if part[1].shape[1]]
+    """Bundles of columns: controllers by code, with their experiment, motion and noise, and plants by code.
+
+    Of plants also the steps, (levels, M), and which experiments they are.
+    """
+    controllers = [part for part in controllers if part[1].shape[1]]
+    plants = [part for part in plants if part[1].shape[1]]
+    members = np.concatenate([bundled(of[np.newaxis], np.array([[-1]]))[:, 0] for *_, of in plants])
+    seat = np.zeros(members.max() + 1, dtype=np.int64)
+    seat[members[members >= 0]] = np.flatnonzero(members >= 0)
+    empty = np.array([[-1], [0], [-1], [0], [0]])
     return _Pack(
-        v=np.concatenate([bundled(values) for _, values, _ in full]),
-        code=np.repeat([code for code, _, _ in full], [-(-v.shape[1] // LANES) for _, v, _ in full]),
+        v=np.concatenate([bundled(rows) for _, rows, _ in controllers]),
+        code=np.repeat(*np.transpose([(code, -(-rows.shape[1] // LANES)) for code, rows, _ in controllers])),
         lanes=np.concatenate(
-            [bundled(np.vstack([about, *divmod(seat[about[0]], LANES)]), empty) for _, _, about in full]
+            [
+                bundled(np.vstack([about, *divmod(seat[about[0]], LANES)]), empty)
+                for _, _, about in controllers
+            ]
         ),
-        w=bundled(plants, np.zeros((len(plants), 1))),
-        counts=bundled(counts),
+        w=np.concatenate([bundled(rows, np.zeros((len(rows), 1))) for _, rows, _, _ in plants]),
+        step=np.repeat(*np.transpose([(code, -(-of.size // LANES)) for code, _, _, of in plants])),
+        counts=np.concatenate([bundled(counts) for _, _, counts, _ in plants]),
         members=members,
     )
 

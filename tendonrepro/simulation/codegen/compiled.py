@@ -256,7 +256,7 @@ def compiled_lane_loop() -> Callable[..., None]:
     for function in lane_loop.PARTS:
         register_jitable(function)
     rows, whole, number = types.float64[:, :, ::1], types.int64[:, :, ::1], types.float64
-    controllers, plants = (rows, types.int64[::1], whole), (rows, types.int64, whole)
+    controllers = plants = rows, types.int64[::1], whole
     loop: Callable[..., None] = _compile(
         lane_loop.sweep,
         types.void(*controllers, *plants, rows, rows, types.int64, number, types.int64, rows, rows),

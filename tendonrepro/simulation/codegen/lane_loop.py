@@ -25,7 +25,7 @@ def sweep(
     code: Whole,
     lanes: Whole,
     w: Array,
-    step: int,
+    step: Whole,
     counts: Whole,
     desired: Array,
     noise: Array,
@@ -47,8 +47,8 @@ def sweep(
         Which experiment a lane holds, its motion, its noise, and its bundle and lane in `w`; -1 for none.
     w : array (C, rows, lanes)
         Bundles of plants.
-    step : int
-        Address of their code.
+    step : array (C,)
+        Address of the code of each.
     counts : array (C, levels, lanes)
         Integration steps per sample at each level of `tendonrepro.simulation.resolution.demand`.
     desired : array (motions, T, 3 n)
@@ -79,7 +79,7 @@ def sweep(
         if now % LOOK_AGAIN == 0 and not any_live(w, n):
             break
         for b in range(w.shape[0]):
-            advance(w, b, counts, k * L, L, start, left, step)
+            advance(w, b, counts, k * L, L, start, left, step[b])
 
 
 def measure(v: Array, w: Array, b: int, lanes: Whole, desired: Array, noise: Array, now: int, n: int) -> None:
