@@ -259,7 +259,7 @@ ASKED: dict[str, tuple[list[Source], str]] = {
     ),
     "joints by name for some": (
         [source("c1.csv", {"Time": TIME, "Actual": COURSE, "Actual 1": LATE}, "deg")],
-        "c1.csv: some columns like 'Actual' have a joint in their names, some none: `joint`",
+        "c1.csv: of columns alike some have a joint in their names, some none: `joint`",
     ),
     "an experiment by its joints": (
         [source("tracking.csv", {"Time": TIME, "q1": STEPS[1], "q2": COURSE, "q3": LATE}, "deg")],

@@ -26,6 +26,7 @@ _NO_JOINTS = (None, "time", "index", "other")
 _FROM_ZERO = "joints are counted from 0 here, so 1 is added"
 _FROM_ONE = "only joints 1 and 2 appear, so they are taken for 2 and 3, as in section 5.4"
 _BY_PLACE = "no name says which joint, so columns are numbered from left to right: `joint`"
+_NOT_ALL = "of columns alike some have a joint in their names, some none: `joint`"
 _BY_JOINTS = "taken for the decoupling experiment for what is in it, no name says so: its name, or `joint`"
 _MIXED = "only joints 1 and 2 appear, but not everywhere: are they the paper's 2 and 3? `joint`"
 
@@ -50,9 +51,7 @@ def place_joints(group: Sequence[Column]) -> None:
                 column.doubts.append(_BY_PLACE)
         elif not of_matrix and len({column.joint is None for column in alike}) > 1:
             for column in alike:
-                column.doubts.append(
-                    f"some columns like {column.label!r} have a joint in their names, some none: `joint`"
-                )
+                column.doubts.append(_NOT_ALL)
 
 
 def count_as_paper(groups: Iterable[Sequence[Column]]) -> None:
