@@ -23,6 +23,9 @@ _TEMPORARY = re.compile(r"\..+\.([1-9][0-9]*)-[0-9a-f]{8}(\.[^.]+)?")
 written: set[Path] = set()
 """Files that this process has put in their place, so that half a result can be taken away again."""
 
+guards: list[Callable[[], None]] = []
+"""Asked before any file is put in its place; one raises where the folder is no longer this process's."""
+
 MOST_BYTES = 2**29
 """Of a stored file that is read as a whole."""
 MOST_JSON = 2**25
@@ -67,8 +70,12 @@ def atomic_path(path: Path) -> Iterator[Path]:
         if path.exists() and not (path.is_file() or path.is_dir()):
             message = f"cannot write {path}: it is no ordinary file"
             raise TendonreproError(message)
+        for guard in guards:
+            guard()
         path.parent.mkdir(parents=True, exist_ok=True)
         yield temporary
+        for guard in guards:
+            guard()
         written.add(path)
         temporary.replace(path)
     except OSError as error:

@@ -150,7 +150,6 @@ def run_study(
         with talk.resumable(), talk.bar("simulating", experiments) as progress, closing(stream):
             # This process is the only writer.
             for block, image in stream:
-                held.require()
                 write_atomically(folder / FOLDER / block.file_name, image)
                 progress(block.count * len(study.cases))
         seconds = time.perf_counter() - started

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
@@ -24,10 +25,12 @@ from tendonrepro.files import to_json, write_atomically
 from tendonrepro.parallel import each
 from tendonrepro.results.figures import NUMBERS
 from tendonrepro.results.folder import (
+    LOCK,
     MANIFEST,
     TRACES,
     claimed,
     foretell_refusal,
+    guarded,
     read_manifest,
     refuse_foreign,
     stored_traces,
@@ -316,22 +319,23 @@ def _draw(wanted: Mapping[Path, tuple[TraceFile, Sequence[int]]]) -> dict[Path, 
     # One pool for all folders: to start its processes takes as long as to draw two figures. The later ones
     # have more panels: begun first, they keep no processor waiting at the end.
     pieces = [
-        (file, folder / "figures", number)
+        (file, folder / "figures", number, (folder / LOCK).stat())
         for folder, (file, numbers) in reversed(list(wanted.items()))
         for number in reversed(numbers)
     ]
     drawn: dict[Path, list[Path]] = {folder: [] for folder in wanted}
-    for (_, folder, _), paths in reversed(list(zip(pieces, each(_drawn, pieces), strict=True))):
+    for (_, folder, _, _), paths in reversed(list(zip(pieces, each(_drawn, pieces), strict=True))):
         drawn[folder.parent] += paths
     return drawn
 
 
-def _drawn(piece: tuple[TraceFile, Path, int]) -> list[Path]:
+def _drawn(piece: tuple[TraceFile, Path, int, os.stat_result]) -> list[Path]:
     """Draw one figure of a file into a folder, by the paper's number, if its traces allow it."""
     from tendonrepro.results.figures.catalogue import FIGURES, redrawn
 
-    file, _, number = piece
-    return redrawn(*piece) if FIGURES[number].traces(file) else []
+    file, folder, number, lock = piece
+    with guarded(folder.parent, lock):
+        return redrawn(file, folder, number) if FIGURES[number].traces(file) else []
 
 
 def _load(order: Order) -> tuple[LoadedConfig, UserLaw | None]:

@@ -7,6 +7,7 @@ import os
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -17,6 +18,7 @@ from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.files import (
     MOST_JSON,
+    guards,
     ordinary,
     sha256_of,
     sweep_temporary,
@@ -48,13 +50,15 @@ class HeldFolder:
     path : Path
     files : list of Path
         What the result consists of so far, without the manifest.
+    lock : os.stat_result
+        By which the folder is known, whatever is made in its place.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.files: list[Path] = []
         self._started = time.perf_counter()
-        self._lock = (path / LOCK).stat()
+        self.lock = (path / LOCK).stat()
         self._before: set[Path] | None = None
 
     @property
@@ -72,7 +76,7 @@ class HeldFolder:
         TendonreproError
             If someone removed the folder itself.
         """
-        self.require()
+        self._require()
         if (self.path / MANIFEST).exists():
             try:
                 outputs = read_manifest(self.path).get("outputs", {})
@@ -100,9 +104,10 @@ class HeldFolder:
 
     def discard(self) -> None:
         """Remove what was written since `clear`: half a result is none. Files of other names are not ours."""
-        if self._before is not None and not (self.path / MANIFEST).exists():
-            ours = written.intersection(found_in(self.path, RESULTS))
-            for path in {*ours, *found_in(self.path, DRAWN)} - self._before:
+        ours = _is_same(self.path / LOCK, self.lock)
+        if ours and self._before is not None and not (self.path / MANIFEST).exists():
+            made = written.intersection(found_in(self.path, RESULTS))
+            for path in {*made, *found_in(self.path, DRAWN)} - self._before:
                 path.unlink(missing_ok=True)
 
     def write(self, name: str, content: bytes | str) -> None:
@@ -118,26 +123,54 @@ class HeldFolder:
         TendonreproError
             If someone removed the folder or a file of the result.
         """
-        self.require()
+        self._require()
         path = self.path / MANIFEST
         write_atomically(path, to_json(with_outputs(manifest, self.path, self.files)))
         talk.detail(f"{len(self.files)} files in {self.seconds:.1f} s")
         return str(path)
 
-    def require(self) -> None:
-        """Stop where what is being written is taken away: a new folder would hold half a result.
+    def _require(self) -> None:
+        """Stop where what is being written is taken away: a new folder would hold half a result."""
+        _require_lock(self.path, self.lock)
+        for path in self.files:
+            if not path.exists():
+                raise _removed(path)
 
-        Raises
-        ------
-        TendonreproError
-            If someone removed the folder or a file of the result, or made the folder anew.
-        """
-        lock = self.path / LOCK
-        for path in (lock, *self.files):
-            # Another command may have made the folder again, and hold it now.
-            if not path.exists() or (path == lock and not os.path.samestat(path.stat(), self._lock)):
-                message = "was removed while results were written, so they are not complete"
-                raise TendonreproError(message, where=str(path), hint="run it again with --force")
+
+def _require_lock(folder: Path, lock: os.stat_result) -> None:
+    """Stop where a folder was removed, or is one that somebody made anew."""
+    if not _is_same(folder / LOCK, lock):
+        raise _removed(folder / LOCK)
+
+
+@contextmanager
+def guarded(folder: Path, lock: os.stat_result) -> Iterator[None]:
+    """Write no file while a results folder is not the one whose lock is given; its workers do so too.
+
+    Raises
+    ------
+    TendonreproError
+        From whoever writes, if someone removed the folder, or made it anew.
+    """
+    guard = partial(_require_lock, folder, lock)
+    guards.append(guard)
+    try:
+        yield
+    finally:
+        guards.remove(guard)
+
+
+def _is_same(path: Path, before: os.stat_result) -> bool:
+    """Whether a file is still the one that it was; another may have its name."""
+    try:
+        return os.path.samestat(path.stat(), before)
+    except OSError:
+        return False
+
+
+def _removed(path: Path) -> TendonreproError:
+    message = "was removed while results were written, so they are not complete"
+    return TendonreproError(message, where=str(path), hint="run it again with --force")
 
 
 @contextmanager
@@ -159,7 +192,8 @@ def claimed(
         refuse_others(folder, config_sha256, force=force, begun=begun, command=command)
         held = HeldFolder(folder)
         try:
-            yield held
+            with guarded(folder, held.lock):
+                yield held
         except BaseException:
             with suppress(OSError):
                 held.discard()
@@ -182,6 +216,7 @@ def locked(folder: Path) -> Iterator[None]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         lock.acquire(timeout=0)
+        mine = path.stat()
     except Timeout as error:
         message = "another tendonrepro is writing here"
         raise UsageError(message, where=str(folder), hint="wait for it, or choose another --out") from error
@@ -199,7 +234,7 @@ def locked(folder: Path) -> Iterator[None]:
         lock.release()
         # What failed before it wrote anything leaves nothing.
         with suppress(OSError):
-            if made and all(one == path for one in folder.iterdir()):
+            if made and _is_same(path, mine) and all(one == path for one in folder.iterdir()):
                 path.unlink(missing_ok=True)
                 for one in made:
                     one.rmdir()

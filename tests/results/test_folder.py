@@ -167,18 +167,44 @@ def test_links_lead_nowhere(tmp_path: Path, through: str) -> None:
     assert victim.read_bytes() == CONTENT
 
 
-def test_a_folder_that_another_command_made_anew_is_its_own(tmp_path: Path) -> None:
-    out = tmp_path / "out"
+def replaced(out: Path, own: dict[str, str]) -> None:
+    """A run whose folder is moved away among its writing, and files of somebody else put in its place."""
     with claimed(out, "a", force=False) as held:
+        held.clear()
         held.write("traces.h5", "x")
-        out.rename(tmp_path / "moved")
-        with claimed(out, "b", force=False) as other:
-            other.write("traces.h5", "y")
-            for late in (held.clear, lambda: held.finish({}, Talk())):
-                with pytest.raises(TendonreproError, match="was removed while results were written"):
-                    late()
-            other.finish({}, Talk())
-    assert (out / "traces.h5").read_text() == "y"
+        held.write("tables/table2.csv", "x")
+        out.rename(out.with_name("moved"))
+        for name, content in own.items():
+            (out / name).parent.mkdir(parents=True, exist_ok=True)
+            (out / name).write_text(content)
+        for late in (
+            held.clear,
+            lambda: held.finish({}, Talk()),
+            lambda: held.write("traces.h5", "x"),
+            lambda: write_atomically(out / "tables" / "table2.md", "x"),
+        ):
+            with pytest.raises(TendonreproError, match="was removed while results were written"):
+                late()
+        held.finish({}, Talk())
+
+
+def test_a_folder_that_another_command_made_anew_is_its_own(tmp_path: Path) -> None:
+    """Nothing is written there, and nothing taken away, whatever it is called."""
+    out = tmp_path / "out"
+    own = {".lock": "", "traces.h5": "y", "figures/fig14.png": "y", "tables/table2.csv": "y"}
+    with pytest.raises(TendonreproError, match="was removed"):
+        replaced(out, own)
+    left = {path.relative_to(out).as_posix(): path.read_text() for path in out.rglob("*") if path.is_file()}
+    assert left == own
+    write_atomically(tmp_path / "later.txt", "x")
+
+
+def test_a_folder_that_is_removed_is_not_made_again(tmp_path: Path) -> None:
+    with claimed(tmp_path / "out", "a", force=False) as held:
+        shutil.rmtree(held.path)
+        with pytest.raises(TendonreproError, match="was removed"):
+            held.write("tables/table2.csv", "x")
+    assert not held.path.exists()
 
 
 def test_an_interrupted_run_leaves_figures_of_other_names(tmp_path: Path) -> None:
