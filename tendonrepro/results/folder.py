@@ -54,8 +54,9 @@ class HeldFolder:
         By which the folder is known, whatever is made in its place.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, own: Sequence[str] = ()) -> None:
         self.path = path
+        self._patterns = *RESULTS, *own
         self.files: list[Path] = []
         self._started = time.perf_counter()
         self.lock = (path / LOCK).stat()
@@ -94,7 +95,7 @@ class HeldFolder:
             except OSError as error:
                 message = f"cannot remove the earlier result: {error.strerror}"
                 raise TendonreproError(message, where=str(path), hint="choose another --out") from error
-        self._before = set(found_in(self.path, RESULTS))
+        self._before = set(found_in(self.path, self._patterns))
 
     def _is(self, name: str, digest: str) -> bool:
         """Whether a file of the folder is what a manifest lists; a link may lead out of it."""
@@ -106,7 +107,7 @@ class HeldFolder:
         """Remove what was written since `clear`: half a result is none. Files of other names are not ours."""
         ours = _is_same(self.path / LOCK, self.lock)
         if ours and self._before is not None and not (self.path / MANIFEST).exists():
-            made = written.intersection(found_in(self.path, RESULTS))
+            made = written.intersection(found_in(self.path, self._patterns))
             for path in {*made, *found_in(self.path, DRAWN)} - self._before:
                 path.unlink(missing_ok=True)
 
@@ -175,7 +176,13 @@ def _removed(path: Path) -> TendonreproError:
 
 @contextmanager
 def claimed(
-    folder: Path, config_sha256: str, *, force: bool, begun: str = "", command: str | None = None
+    folder: Path,
+    config_sha256: str,
+    *,
+    force: bool,
+    begun: str = "",
+    command: str | None = None,
+    own: Sequence[str] = (),
 ) -> Iterator[HeldFolder]:
     """Hold a results folder, made if it is missing, while writing results of one configuration into it.
 
@@ -189,8 +196,8 @@ def claimed(
         If the folder cannot be made.
     """
     with locked(folder):
-        refuse_others(folder, config_sha256, force=force, begun=begun, command=command)
-        held = HeldFolder(folder)
+        refuse_others(folder, config_sha256, force=force, begun=begun, command=command, own=own)
+        held = HeldFolder(folder, own)
         try:
             with guarded(folder, held.lock):
                 yield held
@@ -241,7 +248,13 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def refuse_others(
-    folder: Path, config_sha256: str, *, force: bool = False, begun: str = "", command: str | None = None
+    folder: Path,
+    config_sha256: str,
+    *,
+    force: bool = False,
+    begun: str = "",
+    command: str | None = None,
+    own: Sequence[str] = (),
 ) -> None:
     """Refuse a folder, which may be missing, whose files are not those of an earlier run of the same.
 
@@ -256,6 +269,8 @@ def refuse_others(
         Name of the file by which a command knows its own interrupted run.
     command : str, optional
         What stands under ``command`` in the manifests of the command that writes.
+    own : sequence of str
+        Patterns of what it alone writes, besides `RESULTS`.
 
     Raises
     ------
@@ -282,7 +297,7 @@ def refuse_others(
                 message = f"holds results of another {what}: {str(theirs)[:12]}, not {mine[:12]}"
                 hint = "choose another --out, or say --force to overwrite them"
                 raise UsageError(message, where=str(folder), hint=hint)
-    refuse_foreign(folder, RESULTS, outputs, but=(MANIFEST, begun))
+    refuse_foreign(folder, (*RESULTS, *own), outputs, but=(MANIFEST, begun))
 
 
 def found_in(folder: Path, patterns: Sequence[str]) -> list[Path]:
@@ -316,11 +331,17 @@ def refuse_foreign(
 
 
 def foretell_refusal(
-    folder: Path, config_sha256: str, talk: Talk, *, force: bool, command: str | None = None
+    folder: Path,
+    config_sha256: str,
+    talk: Talk,
+    *,
+    force: bool,
+    command: str | None = None,
+    own: Sequence[str] = (),
 ) -> None:
     """Say what :func:`refuse_others` would refuse; a dry run writes nothing, so it goes on."""
     try:
-        refuse_others(folder, config_sha256, force=force, command=command)
+        refuse_others(folder, config_sha256, force=force, command=command, own=own)
     except TendonreproError as error:
         talk.note(f"a run would be refused: {error}")
 

@@ -26,11 +26,23 @@ from tendonrepro.results.summary import CONTROLLERS, LOADS
 from tendonrepro.results.tables import write_table
 from tendonrepro.results.traces import write_traces
 from tendonrepro.validation.report import table_data, window_rows, write_measured_tables
-from tendonrepro.validation.rerun import Work, rerun_compare, rerun_decouple, runnable, together
+from tendonrepro.validation.rerun import (
+    COMPARE,
+    DECOUPLE,
+    FILE,
+    MOTION,
+    Work,
+    rerun_compare,
+    rerun_decouple,
+    runnable,
+    together,
+)
 from tendonrepro.validation.residuals import comparison_rows, coupling_rows
 
 SCHEMA_VERSION = 1
 RESULTS, SIMULATED = "validation.json", "simulated.h5"
+_OWN = (SIMULATED, "windows.csv", "residuals.*", "coupling.*", COMPARE, FILE, DECOUPLE, MOTION)
+"""What it writes at the top of its folder."""
 
 RARE = 0.01
 """Chance below which a window that gives some of the printed numbers is shown."""
@@ -70,14 +82,14 @@ def run_validate(measured: Path, request: Request, talk: Talk) -> dict[str, Any]
     base = replace(base, sha256=digest, inputs=(*base.inputs, measured))
     head = {"schema_version": SCHEMA_VERSION, "measured": str(measured), "out": str(folder)}
     if request.dry_run:
-        foretell_refusal(folder, digest, talk, force=request.force)
+        foretell_refusal(folder, digest, talk, force=request.force, own=_OWN)
         return head | {
             "dry_run": True,
             "runs": list(file.runs),
             "config": base.origin,
             "config_sha256": digest,
         }
-    with claimed(folder, digest, force=request.force) as held:
+    with claimed(folder, digest, force=request.force, own=_OWN) as held:
         held.clear()
         data = head | _validated(file, measured.name, base, Work(held), talk)
         data["files"] = [str(one) for one in (*held.files, folder / RESULTS)]

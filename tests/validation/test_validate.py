@@ -199,6 +199,21 @@ class TestValidate:
         assert validate(shipped, Path(found["out"]), "manipulator.gravity=9.8", dry_run=True)["dry_run"]
         assert sha256_of(Path(found["out"]) / RESULTS) == before
 
+    def test_files_of_the_users_own_are_not_overwritten(
+        self, found: dict[str, Any], shipped: Path, tmp_path: Path
+    ) -> None:
+        """Whatever stands at the top of its folder."""
+        made = {Path(one) for one in found["files"]}
+        names = sorted(path.name for path in made if path.parent == Path(found["out"]))
+        assert {"compare.yaml", "reference.csv", "residuals.md", "simulated.h5", "windows.csv"} <= set(names)
+        for name in names:
+            out = tmp_path / name
+            out.mkdir()
+            (out / name).write_text("mine")
+            with pytest.raises(UsageError, match=r"no manifest\.json lists it"):
+                validate(shipped, out)
+            assert (out / name).read_text() == "mine"
+
     def test_a_dry_run_writes_nothing(self, shipped: Path, tmp_path: Path) -> None:
         plan = validate(shipped, tmp_path / "out", dry_run=True)
         assert plan["dry_run"]
