@@ -33,7 +33,7 @@ FLOOR = {room: level for level, rooms in enumerate(FLOORS) for room in rooms}
 OWNERS = {
     "numba": ["simulation/codegen/compiled.py"],
     "llvmlite": ["simulation/codegen/compiled.py", "simulation/codegen/machine.py"],
-    "platformdirs": ["simulation/codegen/compiled.py"],
+    "platformdirs": ["simulation/codegen/cache.py"],
     "matplotlib": ["results/figures/*", "*/figure*.py"],
     "PIL": ["results/figures/animation.py"],
     "pydantic": ["config/*", "dataset/mapping/model.py", "dataset/repository/lock.py"],

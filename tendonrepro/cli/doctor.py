@@ -68,6 +68,6 @@ def _published() -> str:
 
 
 def _compiled() -> str:
-    from tendonrepro.simulation.codegen.compiled import cache_is_empty
+    from tendonrepro.simulation.codegen.cache import NOTHING_COMPILED
 
-    return "will be compiled at the first run, about ten seconds" if cache_is_empty() else "ok"
+    return "will be compiled at the first run, about ten seconds" if NOTHING_COMPILED else "ok"

@@ -29,7 +29,7 @@ from tendonrepro.results.folder import HeldFolder, claimed, refuse_others
 from tendonrepro.results.manifest import make_manifest
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
 from tendonrepro.simulation.batch import simulate_batch
-from tendonrepro.simulation.codegen.compiled import cache_is_empty
+from tendonrepro.simulation.codegen.cache import NOTHING_COMPILED
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 
 SUMMARY = "summary.json"
@@ -165,7 +165,7 @@ def _announce(study: Study, draws: int, missing: Sequence[Block], talk: Talk) ->
     """Say what is ahead: nothing is counted before the first blocks are done, minutes later."""
     share = sum(block.count for block in missing) / sum(block.count for block in study.blocks(draws))
     text = cost_text({key: share * value for key, value in study.cost(draws).items()})
-    if cache_is_empty():
+    if NOTHING_COMPILED:
         talk.note("compiling once for this machine, some twenty seconds")
     talk.note(f"{text}, counted in blocks of {missing[0].count * len(study.cases):,}")
 

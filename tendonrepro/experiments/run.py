@@ -30,10 +30,10 @@ def simulate_all(
     solver: Literal["scipy", "compiled"] = "scipy",
 ) -> list[list[Trace]]:
     """Simulate every run of every configuration, each with its status; one that diverged ends early."""
-    from tendonrepro.simulation.codegen.compiled import cache_is_empty
+    from tendonrepro.simulation.codegen.cache import NOTHING_COMPILED
 
     loops = [all_loops(loaded, law) for loaded, law in asked]
-    if cache_is_empty():
+    if NOTHING_COMPILED:
         wait = "about ten" if solver == "scipy" else "some twenty"
         talk.note(f"compiling once for this machine, {wait} seconds")
     if solver == "compiled":

@@ -135,7 +135,7 @@ def _refuse_others(loops: Sequence[Loop]) -> None:
         raise TendonreproError(message)
     for loop in loops:
         controller = loop.controller
-        if not isinstance(controller, TimeDelayController) or not controller.is_compiled:
+        if not isinstance(controller, TimeDelayController) or controller.machine_law is None:
             message = "only the paper's own control laws run on lanes"
             raise TendonreproError(message, hint="use the SciPy stepper, --solver scipy")
 

@@ -7,7 +7,7 @@ Its memory is a value that it returns, never state of its own.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -82,13 +82,6 @@ class Controller(Protocol):
         """Further variables of a trace, each (T, n), that follow from the run's own."""
 
 
-def _compiled_command() -> CommandFunction:
-    """The law as machine code; imported where a loop is built, for whoever reads results needs none."""
-    from tendonrepro.simulation.codegen import compiled
-
-    return compiled.command
-
-
 @dataclass(frozen=True)
 class TimeDelayController:
     """Controllers 1 to 3, plain TDC, and any law with the signature of `tendonrepro.physics.control.command`.
@@ -96,16 +89,12 @@ class TimeDelayController:
     Attributes
     ----------
     law : Law
-    command : CommandFunction
+    command : CommandFunction, optional
+        A user's; the package's own, as machine code, if there is none.
     """
 
     law: Law
-    command: CommandFunction = field(default_factory=_compiled_command)
-
-    @property
-    def is_compiled(self) -> bool:
-        """Whether its law is the package's own, as machine code."""
-        return self.command is _compiled_command()
+    command: CommandFunction | None = None
 
     @property
     def signals(self) -> tuple[str, ...]:
@@ -120,7 +109,7 @@ class TimeDelayController:
     @property
     def machine_law(self) -> Law | None:
         """The law, unless its command is a user's."""
-        return self.law if self.is_compiled else None
+        return self.law if self.command is None else None
 
     def init(self, measured: Measurement, tau_before: Array) -> Memory:
         """Memory by the start-up rule."""
@@ -130,7 +119,11 @@ class TimeDelayController:
         self, memory: Memory, measured: Measurement, q_d: Array, dq_d: Array, ddq_d: Array
     ) -> ControlDecision:
         """Torque by Eq. (17)."""
-        tau, H_hat, s, de = self.command(memory, measured.q, q_d, dq_d, ddq_d, self.law)
+        # Where nothing is run, whoever builds a loop needs no compiler.
+        from tendonrepro.simulation.codegen import compiled
+
+        command = self.command or compiled.command
+        tau, H_hat, s, de = command(memory, measured.q, q_d, dq_d, ddq_d, self.law)
         return ControlDecision(tau, (H_hat, s), (memory, q_d, de, H_hat))
 
     def remember(

@@ -38,6 +38,23 @@ def test_help_imports_nothing_heavy() -> None:
     assert not heavy & set(done.stdout.split())
 
 
+def test_what_only_workers_need_is_not_loaded_beside_them(tmp_path: Path) -> None:
+    """A command that builds its loops and hands them on holds neither compiler, integrator nor canvas."""
+    code = (
+        "import sys\n"
+        "from tendonrepro.cli.app import app\n"
+        "try:\n"
+        "    app(['compare', '--dry-run', '-q'])\n"
+        "except SystemExit:\n"
+        "    print(*sys.modules)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path
+    )
+    assert not {"numba", "scipy.integrate", "matplotlib", "pandas"} & set(done.stdout.split())
+    assert "tendonrepro.experiments.loops" in done.stdout.split()
+
+
 def test_every_command_has_help_with_an_example(command: str, tmp_path: Path) -> None:
     top = run(command, "--help", cwd=tmp_path, COLUMNS="80")
     assert "Exit codes" in top.stdout

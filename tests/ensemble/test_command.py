@@ -44,7 +44,7 @@ def stop_after(blocks):
 
 
 def test_an_interrupted_run_resumes_to_the_same_results(unbroken, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("tendonrepro.ensemble.command.cache_is_empty", lambda: True)
+    monkeypatch.setattr("tendonrepro.ensemble.command.NOTHING_COMPILED", True)
     with pytest.raises(Stop):
         run_ensemble_of(tmp_path, simulate=stop_after(5), talk=Talk())
     told = capsys.readouterr().err.splitlines()

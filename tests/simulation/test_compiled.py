@@ -19,7 +19,7 @@ from tendonrepro.experiments.loops import build_law
 from tendonrepro.physics import control
 from tendonrepro.physics.control import remember, start_memory
 from tendonrepro.physics.dynamics import state_derivative
-from tendonrepro.simulation.codegen import compiled, dop853
+from tendonrepro.simulation.codegen import cache, compiled, dop853
 from tendonrepro.simulation.codegen.symbols import unrolled
 
 # Only sin, cos, tanh and exp may differ, in the last bit; the acceleration of a light last link under a stiff
@@ -90,45 +90,43 @@ class TestCache:
         plant = random_plant(2, 1, PAPER).plant
         source, _ = unrolled(state_derivative, plant, 2)
         compiled.compiled_plant(plant)
-        path = compiled.cache_folder() / f"compiled_{hashlib.sha256(source.encode()).hexdigest()[:16]}.py"
+        path = cache.cache_folder() / f"compiled_{hashlib.sha256(source.encode()).hexdigest()[:16]}.py"
         assert path.read_text(encoding="utf-8") == source.replace("def compiled(", f"def {path.stem}(")
 
     def test_folder_follows_the_sources(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-        monkeypatch.setattr(compiled.platformdirs, "user_cache_dir", lambda _: str(tmp_path))
-        now = compiled.cache_folder()
+        monkeypatch.setattr(cache.platformdirs, "user_cache_dir", lambda _: str(tmp_path))
+        now = cache.cache_folder()
         assert now.is_dir()
         assert now.is_relative_to(tmp_path)
-        assert compiled.cache_folder() == now
+        assert cache.cache_folder() == now
         changed = Path(shutil.copy(control.__file__, tmp_path / "control.py"))
         with changed.open("a", encoding="utf-8") as file:
             file.write("# changed\n")
-        real = compiled.inspect.getfile
-        monkeypatch.setattr(
-            compiled.inspect,
-            "getfile",
-            lambda function: str(changed) if real(function) == control.__file__ else real(function),
-        )
-        assert compiled.cache_folder() != now
+        real = cache.sources()
+        assert Path(control.__file__) in real
+        sources = [changed if one == Path(control.__file__) else one for one in real]
+        monkeypatch.setattr(cache, "sources", lambda: sources)
+        assert cache.cache_folder() != now
 
     def test_without_a_usable_cache_a_temporary_folder_serves(
         self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
     ) -> None:
         blocked = tmp_path / "file"
         blocked.write_text("not a folder", encoding="utf-8")
-        monkeypatch.setattr(compiled.platformdirs, "user_cache_dir", lambda _: str(blocked))
+        monkeypatch.setattr(cache.platformdirs, "user_cache_dir", lambda _: str(blocked))
         monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-        folder = compiled.cache_folder()
+        folder = cache.cache_folder()
         assert folder.is_dir()
         assert folder.is_relative_to(tmp_path)
-        assert compiled.cache_folder() == folder, "one folder serves all processes"
+        assert cache.cache_folder() == folder, "one folder serves all processes"
         # Who else can write there could have code of theirs run.
         above = folder.parents[1]
         for mode, ours in ((0o777, False), (0o755, True)):
             above.chmod(mode)
-            assert (compiled.cache_folder() == folder) is ours
+            assert (cache.cache_folder() == folder) is ours
         above.rename(tmp_path / "elsewhere")
         above.symlink_to(tmp_path / "elsewhere")
-        assert not compiled.cache_folder().is_relative_to(above)
+        assert not cache.cache_folder().is_relative_to(above)
 
     def test_code_that_was_cut_short_is_compiled_anew(self, tmp_path: Path) -> None:
         whole, cut, empty = (tmp_path / "a" / name for name in ("whole.nbi", "cut.nbc", "empty.nbi"))
@@ -136,7 +134,7 @@ class TestCache:
         whole.write_bytes(pickle.dumps("code"))
         cut.write_bytes(pickle.dumps("code")[:-3])
         empty.touch()
-        compiled._drop_broken(tmp_path)
+        cache._drop_broken(tmp_path)
         assert (whole.exists(), cut.exists(), empty.exists()) == (True, False, False)
 
     @pytest.mark.slow

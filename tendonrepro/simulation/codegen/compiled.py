@@ -4,30 +4,18 @@ For one run the plant is unrolled to straight-line code (`symbols`), and the con
 stands: its functions stay plain Python and are registered with numba, so that the entry point calls the very
 same source. For many runs at once plant, law and statistics are all unrolled, onto lanes (`lanes`).
 
-Compiled code is kept on disk. The plant's file is named after its own content; the law's folder after a hash
-of the sources, because numba itself would not notice a change in a function of another module.
+Compiled code is kept on disk (`cache`). The plant's file is named after its own content.
 """
 
 from __future__ import annotations
 
-import atexit
 import hashlib
-import inspect
-import os
-import pickle
-import shutil
-import stat
-import sys
-import tempfile
 from collections.abc import Callable
-from contextlib import suppress
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numba
 import numpy as np
-import platformdirs
 from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic, overload, register_jitable
@@ -41,6 +29,7 @@ from tendonrepro.physics.control import Law, Memory
 from tendonrepro.physics.dynamics import Plant, state_derivative
 from tendonrepro.simulation import sampled
 from tendonrepro.simulation.codegen import dop853, lane_loop, run_loop
+from tendonrepro.simulation.codegen.cache import CACHE
 from tendonrepro.simulation.codegen.machine import LaneCode, assembled
 from tendonrepro.simulation.codegen.symbols import unrolled
 
@@ -71,57 +60,6 @@ _plants: dict[str, Any] = {}
 _lanes: dict[str, LaneCode] = {}
 
 
-def cache_folder() -> Path:
-    """Folder for compiled code of exactly these sources; made if it is missing.
-
-    Where the user's cache cannot be written, a folder among the temporary files serves all processes, unless
-    someone else made it: what lies here is run.
-    """
-    modules = (*FUNCTIONS, arrays, lane_loop, run_loop)
-    sources = {Path(inspect.getfile(module)) for module in modules} | {Path(__file__)}
-    digest = hashlib.sha256()
-    for source in sorted(sources):
-        digest.update(source.read_bytes())
-    name = Path("compiled", digest.hexdigest()[:16])
-    temporary = Path(tempfile.gettempdir(), f"tendonrepro-{getattr(os, 'getuid', lambda: 0)()}")
-    own = Path(platformdirs.user_cache_dir("tendonrepro")) / name
-    if _is_writable(own):
-        return own
-    with suppress(OSError):
-        temporary.mkdir(mode=0o700, exist_ok=True)
-        if _is_ours(temporary) and _is_writable(temporary / name):
-            return temporary / name
-    last = Path(tempfile.mkdtemp(prefix="tendonrepro-"))
-    atexit.register(shutil.rmtree, last, ignore_errors=True)
-    return last
-
-
-def _is_ours(folder: Path) -> bool:
-    """Whether nobody else can put anything into a folder; on Windows temporary files are each user's own."""
-    if sys.platform == "win32":
-        return True
-    held = folder.lstat()
-    return stat.S_ISDIR(held.st_mode) and held.st_uid == os.getuid() and not held.st_mode & 0o022
-
-
-def _is_writable(folder: Path) -> bool:
-    try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder) as probe:
-            probe.write(bytes(2**20))
-    except OSError:
-        return False
-    return True
-
-
-def _drop_broken(folder: Path) -> None:
-    """Remove code that a power cut left cut short: numba would stop at it, each time anew."""
-    for path in (*folder.glob("**/*.nbi"), *folder.glob("**/*.nbc")):
-        with suppress(OSError):
-            if path.read_bytes()[-1:] != pickle.STOP:
-                path.unlink()
-
-
 def compiled_plant(plant: Plant) -> tuple[int, Array]:
     """Compile :func:`tendonrepro.physics.dynamics.state_derivative` for a plant.
 
@@ -138,7 +76,7 @@ def compiled_plant(plant: Plant) -> tuple[int, Array]:
 def compiled_lanes(source: str, name: str) -> LaneCode:
     """Compile what `lanes.lane_code` wrote."""
     if source not in _lanes:
-        _lanes[source] = assembled(source, name, _cache)
+        _lanes[source] = assembled(source, name, CACHE)
     return _lanes[source]
 
 
@@ -148,7 +86,7 @@ def _load(source: str) -> Any:
     Its name gets a digest, since numba's own names for machine code must not collide.
     """
     name = f"compiled_{hashlib.sha256(source.encode()).hexdigest()[:16]}"
-    path, text = _cache / f"{name}.py", source.replace("def compiled(", f"def {name}(")
+    path, text = CACHE / f"{name}.py", source.replace("def compiled(", f"def {name}(")
     if not path.exists() or path.read_text(encoding="utf-8") != text:
         write_atomically(path, text)
     scope: dict[str, Any] = {"__name__": __name__}
@@ -160,7 +98,7 @@ def _compile(function: Any, *signature: Any, build: Any = numba.njit, **options:
     """Compile with our own cache folder; numba's setting is put back for other users of it."""
     settings: Any = numba.config
     before = settings.CACHE_DIR
-    settings.CACHE_DIR = str(_cache)
+    settings.CACHE_DIR = str(CACHE)
     try:
         return build(*signature, cache=True, error_model="numpy", **options)(function)
     finally:
@@ -239,9 +177,6 @@ overload(lane_loop.call)(
 overload(instruments.quantise)(
     lambda value, step: lambda value, step: value if step == 0.0 else step * np.floor(value / step + 0.5)  # noqa: ARG005
 )
-_cache = cache_folder()
-_drop_broken(_cache)
-_began_empty = not any(_cache.glob("**/*.nbc"))
 for _function in FUNCTIONS:
     register_jitable(_function)
 command = _compile(command)
@@ -263,8 +198,3 @@ def compiled_lane_loop() -> Callable[..., None]:
         nogil=True,
     )
     return loop
-
-
-def cache_is_empty() -> bool:
-    """Whether there was nothing compiled for this machine and these sources when this process began."""
-    return _began_empty
