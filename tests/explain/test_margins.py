@@ -11,7 +11,7 @@ from tendonrepro.experiments.loops import build_law, build_loops
 from tendonrepro.experiments.rig import build_plant
 from tendonrepro.explain.margins import channel, channel_margins, disk_margin, response, scaled_norm
 from tendonrepro.physics.linear_loop import open_loop, spectral_radius
-from tendonrepro.physics.slow_error import error_ratio, estimate_age, stiffness
+from tendonrepro.physics.slow_error import error_ratio
 from tendonrepro.simulation.stepper import simulate
 
 L = 1e-3
@@ -196,19 +196,6 @@ class TestSlowError:
         for a, b in ((0, 1), (1, 2)):
             predicted = error_ratio(laws[a], laws[b], 1e-7, delay)
             np.testing.assert_allclose(np.divide(gains[b], gains[a]), predicted, rtol=1e-3)
-
-    def test_printed_gains(self):
-        c1, c2, c3 = (build_law(config(), f"controller_{k}") for k in (1, 2, 3))
-        np.testing.assert_allclose(error_ratio(c1, c2, 1e-3), [1.1, 1.2])
-        np.testing.assert_allclose(error_ratio(c2, c3, 1e-9), 1.032, atol=5e-4)
-        np.testing.assert_allclose(estimate_age(c1), [1.1, 1.2])
-        np.testing.assert_allclose(estimate_age(c1, 1), [1.1, 1.2])
-        np.testing.assert_allclose(estimate_age(c1._replace(stores_applied=True), 1), [2.1, 2.2])
-        np.testing.assert_allclose(stiffness(c3, 0.01), 16.0)
-        np.testing.assert_allclose(error_ratio(build_law(config(), "tdc"), c3, 0.01), 1.0)
-        np.testing.assert_allclose(error_ratio(c3._replace(M_bar=0.5 * c3.M_bar), c3, 0.01), 2.0)
-        inside = build_law(config("control.readings.phi_branch=power"), "controller_2")
-        np.testing.assert_allclose(stiffness(inside, 0.005), 8.0 * 1.5 * 0.005**-0.1)
 
     @pytest.mark.parametrize(
         ("changes", "pair", "tolerance"),

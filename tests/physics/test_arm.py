@@ -13,6 +13,7 @@ from tendonrepro.physics.arm import (
     bias_torque,
     coriolis_matrix,
     gravity_torque,
+    joint_angles,
     kinetic_energy,
     link_angles,
     mass_matrix,
@@ -173,6 +174,8 @@ class TestConvention:
     def test_link_angles_add_up_from_the_start_posture(self) -> None:
         q = np.array([0.1, 0.2, -0.5])
         assert link_angles(q, np.array([1.0, 2.0, 3.0])) == pytest.approx([1.1, 2.3, 2.8], rel=1e-15)
+        back = joint_angles(link_angles(q, np.array([1.0, 2.0, 3.0])), np.array([1.0, 2.0, 3.0]))
+        assert back == pytest.approx(q, rel=1e-14)
 
 
 class TestLanes:

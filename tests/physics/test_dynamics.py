@@ -25,9 +25,10 @@ from support.oracles import (
 )
 
 from tendonrepro.physics.disturbance import no_disturbance, step_disturbance
-from tendonrepro.physics.drive import tendon_torque, to_joint_torque
+from tendonrepro.physics.drive import tendon_torque, to_joint_torque, to_winch_torque
 from tendonrepro.physics.dynamics import (
     Plant,
+    both_ways,
     frictionless,
     holding_torque,
     link_acceleration,
@@ -271,6 +272,17 @@ class TestRest:
         weight = lagrangian(n).torque(state[:n], still, still, subject.links)
         expected = weight - subject.plant.preload
         assert holding_torque(state[:n], subject.plant) == pytest.approx(expected, rel=1e-12, abs=1e-14)
+
+    @each_size
+    @each_seed
+    def test_a_tendon_that_would_have_to_push_holds_nothing(self, n: int, seed: int) -> None:
+        subject, state, _ = drawn(n, seed, PAPER)
+        plant = subject.plant
+        pulling = to_winch_torque(holding_torque(state[:n], plant), plant.drive)
+        drive = plant.drive._replace(one_way=np.ones(n))
+        held = to_winch_torque(holding_torque(state[:n], plant._replace(drive=drive)), drive)
+        assert held == pytest.approx(np.maximum(pulling, 0.0), rel=1e-12, abs=1e-12)
+        assert (both_ways(plant._replace(drive=drive)).drive.one_way == 0.0).all()
 
     def test_frictionless_stands_where_the_whole_plant_does(self) -> None:
         subject, state, _ = drawn(3, 1, FEATURES)

@@ -9,6 +9,7 @@ from tendonrepro.physics.statics import (
     Spring,
     force_window,
     sign_of_side,
+    slack_time,
     spring_force,
     tendon_tension,
     tension_with_losses,
@@ -45,6 +46,12 @@ def test_the_outermost_link_alone_by_hand():
     row = np.array([-35 / 77 + 35 * 35 / 77**2, 35 / 77, 1.0])
     found = tendon_tension(np.array([0.0, 0.0, 1.0]), S, D)
     assert found == pytest.approx(row / 0.0185, rel=1e-12)
+
+
+def test_a_tendon_is_slack_from_a_sample_without_tension_to_the_next():
+    time = np.array([0.0, 1.0, 3.0, 6.0])
+    tension = np.array([[0.0, 5.0, -1.0, 0.0], [5.0, 5.0, 5.0, -5.0]])
+    assert (slack_time(time, tension) == [4.0, 0.0]).all()
 
 
 class TestTensioner:
