@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_EXCEPTION, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from multiprocessing import connection, forkserver
+from multiprocessing import connection, forkserver, resource_tracker
 from multiprocessing.sharedctypes import Synchronized
 from typing import Any, TypeVar
 
@@ -45,6 +45,8 @@ def prepare(module: str) -> None:
     """
     if _METHOD == "forkserver" and (os.cpu_count() or 1) > 1:
         forkserver.set_forkserver_preload([module])
+        # It begins to hear interrupts again when it has started; the other process is not to.
+        resource_tracker.ensure_running()
         with interrupts_held():
             forkserver.ensure_running()
 
@@ -133,8 +135,9 @@ def interrupts_held() -> Iterator[None]:
         if mask:
             mask(signal.SIG_SETMASK, blocked)
         signal.signal(signal.SIGINT, before)
-    if heard:
-        before(heard[0], None)
+        # Whatever else went wrong in the block came of it.
+        if heard:
+            before(heard[0], None)
 
 
 def advance(steps: int) -> None:

@@ -14,6 +14,7 @@ from unittest.mock import Mock
 
 import psutil
 import pytest
+from support.command import hear_interrupts
 
 from tendonrepro.errors import ConfigError, TendonreproError
 from tendonrepro.parallel import advance, each, interrupts_held
@@ -103,6 +104,14 @@ def test_an_interrupt_while_processes_start_is_late_not_lost_and_ignored_ones_st
     with pytest.raises(KeyboardInterrupt):
         interrupted()
     assert done
+
+    def interrupted_and_failed() -> None:
+        with interrupts_held():
+            os.kill(os.getpid(), signal.SIGINT)
+            raise EOFError
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted_and_failed()
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     with interrupts_held():
         done.append("nothing without one")
@@ -111,6 +120,26 @@ def test_an_interrupt_while_processes_start_is_late_not_lost_and_ignored_ones_st
         os.kill(os.getpid(), signal.SIGINT)
         time.sleep(0.01)
     assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+def test_the_process_that_workers_fork_from_hears_no_interrupt() -> None:
+    """Not even while it imports: at a terminal it is sent one too."""
+    code = """
+import os
+from multiprocessing import forkserver
+from pathlib import Path
+from tendonrepro.parallel import prepare
+if __name__ == "__main__":
+    os.cpu_count = lambda: 2
+    prepare("colorsys")
+    status = Path(f"/proc/{forkserver._forkserver._forkserver_pid}/status").read_text()
+    print(int(status.partition("SigBlk:")[2].split()[0], 16) & 2)
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, preexec_fn=hear_interrupts
+    )
+    assert done.stdout == "2\n"
 
 
 ORPHAN = """

@@ -347,23 +347,21 @@ def main() -> None:
     # refuses it one, it interrupts the program.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     threading.excepthook = _end_with_thread
+    heard: list[int] = []
+
+    def hear(number: int, _: object) -> None:
+        heard.append(number)
+        raise KeyboardInterrupt
+
+    # In the background of a shell interrupts are ignored.
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, hear)
     try:
         _refuse_empty(sys.argv[1:])
         code = app(standalone_mode=False)
-    except TendonreproError as error:
-        code = _fail(error.exit_code, error.message, error.where, error.hint)
-    except (OSError, MemoryError, ImportError) as error:
-        code = _fail(1, *_refused_by_system(error))
     except Exception as error:
-        # Neither Typer's own usage errors nor a thread that is refused have a class of their own.
-        if _is_interrupt(error):
-            code = 130
-        elif _is_refused_thread(error):
-            code = _fail(1, *_refused_by_system(error))
-        elif hasattr(error, "format_message"):
-            code = _fail(2, error.format_message(), None, "tendonrepro --help lists commands and options")
-        else:
-            raise
+        # Libraries wrap an interrupt into errors of their own, or die of it elsewhere.
+        code = 130 if heard else _told(error)
     # What is left is to end, which an interrupt would only fill with tracebacks.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     # Typer turns an interrupt into this exit code and says nothing.
@@ -377,9 +375,16 @@ def main() -> None:
     sys.exit(code)
 
 
-def _is_interrupt(error: BaseException | None) -> bool:
-    """Whether an exception is one, or came of it: Python wraps those within the making of a class."""
-    return isinstance(error, KeyboardInterrupt) or (error is not None and _is_interrupt(error.__cause__))
+def _told(error: Exception) -> int:
+    """Exit code of an error once its message is out; what nobody foresaw is raised again."""
+    if isinstance(error, TendonreproError):
+        return _fail(error.exit_code, error.message, error.where, error.hint)
+    # Neither a thread that is refused nor Typer's own usage errors have a class of their own.
+    if isinstance(error, (OSError, MemoryError, ImportError)) or _is_refused_thread(error):
+        return _fail(1, *_refused_by_system(error))
+    if hasattr(error, "format_message"):
+        return _fail(2, error.format_message(), None, "tendonrepro --help lists commands and options")
+    raise error
 
 
 def _is_refused_thread(error: BaseException | None) -> bool:
@@ -406,6 +411,8 @@ def _refuse_empty(words: Sequence[str]) -> None:
 def _refused_by_system(error: Exception) -> tuple[str, str | None, str]:
     """Message, place and hint for what the operating system does not give: space, memory, open files."""
     hint = "look at free disk space and memory, and at the limits that ulimit -a shows"
+    if isinstance(error, PermissionError):
+        hint = "look at whose it is, and at its permissions"
     if isinstance(error, OSError) and error.strerror:
         return f"the system refused: {error.strerror}", error.filename and str(error.filename), hint
     if isinstance(error, ImportError):

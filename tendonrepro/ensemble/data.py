@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -30,6 +31,8 @@ KEPT_BYTES = 64e6
 
 PLAN = "plan.json"
 """File that says which blocks make up the ensemble in a folder."""
+
+_HINT = "run the same tendonrepro ensemble again: it writes a new one and keeps what is computed"
 
 
 class NotFinishedError(DataMissingError):
@@ -86,7 +89,7 @@ class EnsembleData:
     @cached_property
     def draws(self) -> Array:
         """Numbers drawn, (N, P), in the units of the box."""
-        return np.concatenate([values[()] for values in self._pieces("draws")])
+        return self._joined("draws", np.float64)
 
     @cached_property
     def replicate(self) -> NDArray[np.int64]:
@@ -107,7 +110,7 @@ class EnsembleData:
         DataMissingError
             When that was not simulated.
         """
-        return np.concatenate(self._pieces("status", self._place(run, reading))).astype(np.int8)
+        return self._joined("status", np.int8, self._place(run, reading))
 
     def statistic(self, run: str, reading: str, name: str) -> Array:
         """One of `tendonrepro.simulation.batch.STATISTICS`, SI units, (N, n).
@@ -120,14 +123,17 @@ class EnsembleData:
         if name not in STATISTICS:
             message = f"the ensemble holds no statistic {name!r}"
             raise DataMissingError(message, hint=f"It holds {', '.join(STATISTICS)}.")
-        pieces = self._pieces(f"statistics/{name}", self._place(run, reading))
-        return np.concatenate(pieces).astype(np.float64)
+        return self._joined(f"statistics/{name}", np.float64, self._place(run, reading))
 
     def _place(self, run: str, reading: str) -> int:
         if not self.has(run, reading):
             message = f"the ensemble holds no run {run!r} under {reading!r}"
             raise DataMissingError(message, hint=f"It holds {', '.join((*self.readings, *self.variations))}.")
         return self.lookup[run, reading]
+
+    def _joined(self, dataset: str, kind: type, place: int | None = None) -> NDArray[Any]:
+        with _fitting(self.files[0][0].parent):
+            return np.concatenate(self._pieces(dataset, place)).astype(kind)
 
     def _pieces(self, dataset: str, place: int | None = None) -> list[NDArray[Any]]:
         """Read one dataset, or one case of it, from shard after shard."""
@@ -183,6 +189,12 @@ def read_ensemble(folder: Path, population: str = "box", *, stride: int = 1) -> 
         When it cannot be thinned so far.
     """
     plan = _read_plan(folder)
+    with _fitting(folder / PLAN):
+        return _planned(folder, plan, population, stride)
+
+
+def _planned(folder: Path, plan: Mapping[str, Any], population: str, stride: int) -> EnsembleData:
+    """Population of an ensemble by its plan, thinned."""
     if population not in plan["populations"]:
         message = f"holds no population {population!r}"
         raise DataMissingError(message, where=str(folder), hint=f"It holds {', '.join(plan['populations'])}.")
@@ -209,6 +221,17 @@ def read_ensemble(folder: Path, population: str = "box", *, stride: int = 1) -> 
     )
 
 
+@contextmanager
+def _fitting(path: Path) -> Iterator[None]:
+    """Tell what does not fit together, although its digests are right: it was not written by this package."""
+    try:
+        yield
+    except (AttributeError, ArithmeticError, LookupError, TypeError, ValueError) as error:
+        raise DataMissingError(
+            "is not of an ensemble of this version", where=str(path), hint=_HINT
+        ) from error
+
+
 def begun_in(folder: Path) -> str:
     """Name of the plan in a folder, if it is one or stands beside blocks; a user's own file is neither."""
     try:
@@ -231,8 +254,7 @@ def _read_plan(folder: Path) -> dict[str, Any]:
         plan = None
     if not isinstance(plan, dict) or plan.pop("sha256", None) != digest_of(plan):
         message = "is damaged or not the plan of an ensemble"
-        hint = "run the same tendonrepro ensemble again: it writes a new one and keeps what is computed"
-        raise DataMissingError(message, where=str(path), hint=hint)
+        raise DataMissingError(message, where=str(path), hint=_HINT)
     return plan
 
 
@@ -265,6 +287,12 @@ def prepare(held: HeldFolder, study: Study, *, force: bool) -> None:
         others = _of_others(folder, study)
         if not force:
             refuse_shards(folder, study)
+        if others and shards.is_symlink():
+            message, hint = (
+                "leads elsewhere, so the blocks of another ensemble in it are kept",
+                "remove the link",
+            )
+            raise UsageError(message, where=str(shards), hint=hint)
         for path in others:
             path.unlink()
         if others:
@@ -293,6 +321,9 @@ def missing_blocks(folder: Path, study: Study, blocks: Sequence[Block], talk: Ta
     missing = []
     for block in blocks:
         path = folder / FOLDER / block.file_name
+        if path.is_dir():
+            message = "is a folder, where a block is to be written"
+            raise TendonreproError(message, where=str(path), hint="move it elsewhere")
         reason = _fault(path, block, study) if path.exists() else ""
         if reason is None:
             continue

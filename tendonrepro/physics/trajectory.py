@@ -45,7 +45,7 @@ def motion(time: Array, joints: Sequence[Motion]) -> tuple[Array, Array, Array]:
     Parameters
     ----------
     time : array (T,)
-        s, from 0. After its last turn a joint stays where it is.
+        s, from 0, increasing. After its last turn a joint stays where it is.
     joints : sequence of Motion
 
     Returns
@@ -62,8 +62,9 @@ def _follow(time: Array, joint: Motion) -> tuple[Array, Array, Array]:
     # The offset keeps a sample that rounding put just before a turn's end in the turn it begins.
     turn = np.clip(np.floor(time / joint.period + 1e-9).astype(int), 0, len(joint.turns) - 1)
     values = np.zeros((3, time.size))
+    edges = np.searchsorted(turn, np.arange(len(joint.turns) + 1))
     for number, shape in enumerate(joint.turns):
-        inside = turn == number
+        inside = slice(edges[number], edges[number + 1])
         since = np.clip(time[inside] - number * joint.period, 0.0, joint.period)
         values[:, inside] = shape(since)
     over = time > joint.duration

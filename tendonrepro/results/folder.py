@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import time
@@ -224,6 +225,8 @@ def locked(folder: Path) -> Iterator[None]:
         folder.mkdir(parents=True, exist_ok=True)
         lock.acquire(timeout=0)
         mine = path.stat()
+        if not os.access(folder, os.W_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(folder))
     except Timeout as error:
         message = "another tendonrepro is writing here"
         raise UsageError(message, where=str(folder), hint="wait for it, or choose another --out") from error
@@ -322,7 +325,7 @@ def refuse_foreign(
         path = folder / name
         if name not in outputs:
             message = f"no {MANIFEST} lists it: of an interrupted run, or someone's own"
-        elif path.is_file() and sha256_of(path) != outputs[name]:
+        elif os.path.lexists(path) and not (path.is_file() and sha256_of(path) == outputs[name]):
             message = "was changed since tendonrepro wrote it"
         else:
             continue

@@ -17,6 +17,7 @@ from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import (
     CONTROLLERS,
     LOADS,
+    Sizes,
     compared_runs,
     decoupling_errors,
     fitted_under,
@@ -146,30 +147,36 @@ def coupling_rows(file: TraceFile) -> Iterator[TableRow]:
             yield _coupling_row(f"{matrix}_{place}", f"{matrix}.{place}", value[i, j], beside=beside)
 
 
-def controller_rows(file: TraceFile, window: str = "whole") -> Iterator[TableRow]:
+def controller_rows(file: TraceFile) -> Iterator[TableRow]:
     """Yield a row of Table 2 per run and joint, the payload run left out.
 
     Columns: ``run``, ``joint``, ``status``, and for ``mae`` and ``rmse`` ``<metric>_deg``,
     ``<metric>_printed_deg`` and ``<metric>_ratio``, ours over printed. A diverged run has its errors up to
-    the end, and its status says when that was; one that ended before the window has no row.
+    the end, and its status says when that was.
     """
     for name, trace in compared_runs(file).items():
-        for row in _error_rows(file, trace, window, f"table2.{name}"):
+        for row in _error_rows(file, trace, tracking_errors(trace)["whole"], f"table2.{name}"):
             yield {"run": name} | row
 
 
 def window_rows(file: TraceFile) -> Iterator[TableRow]:
-    """Yield Table 2 over every window of `metrics.windows`: the paper does not say what it averages over."""
-    names = dict.fromkeys(chain.from_iterable(map(tracking_errors, compared_runs(file).values())))
-    for name in names:
-        for row in controller_rows(file, name):
-            yield {"window": name} | row
+    """Yield Table 2 over every window of `metrics.windows`: the paper does not say what it averages over.
+
+    A run that ended before a window has no row of it.
+    """
+    runs = compared_runs(file)
+    errors = {name: tracking_errors(trace) for name, trace in runs.items()}
+    for window in dict.fromkeys(chain.from_iterable(errors.values())):
+        for name, sizes in errors.items():
+            if window in sizes:
+                for row in _error_rows(file, runs[name], sizes[window], f"table2.{name}"):
+                    yield {"window": window, "run": name} | row
 
 
 def load_rows(file: TraceFile) -> Iterator[TableRow]:
     """Yield a row of Table 3 per load and joint: as `controller_rows`, with ``load`` in place of ``run``."""
     for load, trace in loaded_runs(file).items():
-        for row in _error_rows(file, trace, "whole", f"table3.{load}"):
+        for row in _error_rows(file, trace, tracking_errors(trace)["whole"], f"table3.{load}"):
             yield {"load": load} | row
 
 
@@ -256,10 +263,7 @@ def _coupling_row(quantity: str, identifier: str, ours: float, *, beside: bool) 
     }
 
 
-def _error_rows(file: TraceFile, trace: Trace, window: str, identifier: str) -> Iterator[TableRow]:
-    sizes = tracking_errors(trace).get(window)
-    if sizes is None:
-        return
+def _error_rows(file: TraceFile, trace: Trace, sizes: Sizes, identifier: str) -> Iterator[TableRow]:
     columns: dict[str, Array] = {}
     for metric in ("mae", "rmse"):
         printed = np.array(printed_beside(file, trace, f"{identifier}.{metric}"))

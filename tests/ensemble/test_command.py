@@ -106,6 +106,28 @@ def test_a_corrupt_shard_is_computed_again(unbroken, harm, capsys):
     assert digests(unbroken) == before
 
 
+def test_a_folder_in_the_place_of_a_block_is_told_before_anything_runs(unbroken):
+    block = shard_files(unbroken / FOLDER)[2]
+    kept = block.rename(block.with_suffix(".kept"))
+    block.mkdir()
+    with pytest.raises(TendonreproError, match="is a folder, where a block is to be written") as caught:
+        run_ensemble_of(unbroken, simulate=stop_after(0))
+    assert caught.value.where == str(block)
+    block.rmdir()
+    kept.rename(block)
+
+
+def test_blocks_of_others_behind_a_link_are_kept_even_by_force(tmp_path):
+    with pytest.raises(Stop):
+        run_ensemble_of(tmp_path / "theirs", simulate=stop_after(2))
+    before = digests(tmp_path / "theirs")
+    (tmp_path / "ours").mkdir()
+    (tmp_path / "ours" / FOLDER).symlink_to(tmp_path / "theirs" / FOLDER)
+    with pytest.raises(UsageError, match="leads elsewhere, so the blocks of another ensemble in it are kept"):
+        run_ensemble_of(tmp_path / "ours", replace(small_study(), seed=77), force=True)
+    assert digests(tmp_path / "theirs") == before
+
+
 def test_another_configuration_is_refused_and_kept(tmp_path):
     other = replace(small_study(), seed=77)
     with pytest.raises(Stop):

@@ -1,5 +1,6 @@
 """What is read of an ensemble on disk stands in canonical order, and what is not there is named."""
 
+import json
 import shutil
 from dataclasses import replace
 
@@ -11,6 +12,7 @@ from support.fake_batch import DRAWS, read_shard, run_ensemble_of, small_study
 from tendonrepro.ensemble.data import PLAN, NotFinishedError, read_ensemble
 from tendonrepro.ensemble.shards import FOLDER, shard_files
 from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.files import digest_of
 
 
 def test_data_stand_in_canonical_order(unbroken):
@@ -88,6 +90,26 @@ def everything(folder):
     except DataMissingError as error:
         return error.where if error.exit_code == 4 and "run the same" in error.hint else None
     return data.names, data.alpha, data.lookup, *map(np.ndarray.tolist, [data.draws, *codes, *sizes])
+
+
+@pytest.mark.parametrize(
+    "forged",
+    [
+        {"blocks": "abc"},
+        {"blocks": []},
+        {"replicates": 0},
+        {"lookup": [["controller_1", "printed", 100_000]]},
+        {"lookup": "abc"},
+        {"populations": None},
+        {"joints": 2},
+    ],
+)
+def test_a_plan_that_does_not_fit_is_refused_though_its_digest_does(unbroken, forged):
+    plan = json.loads((unbroken / PLAN).read_text()) | forged
+    del plan["sha256"]
+    (unbroken / PLAN).write_text(json.dumps(plan | {"sha256": digest_of(plan)}))
+    with pytest.raises(DataMissingError, match="is not of an ensemble of this version"):
+        read_ensemble(unbroken).status("controller_1", "printed")
 
 
 def test_a_damaged_file_is_named_and_never_read_as_something_else(unbroken):

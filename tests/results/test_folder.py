@@ -48,6 +48,28 @@ def test_files_of_the_earlier_result_are_removed(tmp_path: Path) -> None:
     assert {path.name for path in folder.rglob("*") if path.is_file()} == {"changed.csv", ".lock"}
 
 
+def test_what_no_file_can_replace_is_told_before_the_earlier_result_is_gone(tmp_path: Path) -> None:
+    """A folder, a link that leads nowhere or a pipe in the place of a file that the manifest lists."""
+    folder = result(tmp_path / "out", "traces.h5", "figures/fig14.svg")
+    (folder / "figures").mkdir()
+    (folder / "figures/fig14.svg").write_bytes(CONTENT)
+    for put in (Path.mkdir, os.mkfifo, lambda path: path.symlink_to(tmp_path / "nowhere")):
+        put(folder / "traces.h5")
+        with pytest.raises(UsageError, match="was changed since") as caught:
+            cleared(folder)
+        assert caught.value.where == str(folder / "traces.h5")
+        assert (folder / "figures/fig14.svg").exists()
+        (folder / "traces.h5").rename(tmp_path / f"moved {len(list(tmp_path.iterdir()))}")
+    cleared(folder)
+    assert not (folder / "figures/fig14.svg").exists()
+
+
+def test_a_folder_that_takes_no_file_is_told_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    with pytest.raises(TendonreproError, match="cannot write into the results folder: Permission denied"):
+        cleared(tmp_path)
+
+
 @pytest.mark.parametrize("beside", [True, False], ids=["manifest", "none"])
 @pytest.mark.parametrize(
     "name", ["traces.h5", "identified.yaml", "summary.json", "figures/mine.png", "tables/best/table2.csv"]

@@ -52,7 +52,7 @@ def _leaves(value):
     if isinstance(value, (tuple, list)):
         for item in value:
             yield from _leaves(item)
-    elif not callable(value):
+    elif value is not None and not callable(value):
         yield np.asarray(value).tobytes() if not isinstance(value, str) else value.encode()
 
 
