@@ -11,7 +11,7 @@ from tendonrepro.config.load import load_config
 from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
-from tendonrepro.explain.analysis import explain, run_margins, run_views, stroke, worst
+from tendonrepro.explain.analysis import explain, run_margins, run_views, worst
 from tendonrepro.explain.command import explanation_data, run_explain
 from tendonrepro.explain.maps import border_distance, root_locus, scaled
 from tendonrepro.explain.margins import ChannelMargins
@@ -49,8 +49,6 @@ class TestMargins:
 
     def test_postures_are_those_of_the_stroke(self):
         np.testing.assert_allclose(np.rad2deg(found().postures), [[0, 0], [16.5, 16.5], [33, 33]], atol=1e-9)
-        q_d = np.array([[0.1, 0.0], [0.3, -0.5], [0.2, 0.1]])
-        np.testing.assert_allclose(stroke(q_d), [[0.1, 0.0], [0.2, -0.25], [0.3, -0.5]])
 
     def test_delay_leaves_plain_estimation_alternating(self):
         """docs/findings.md: at 500 Hz 0.13 1/s with Controller 2, and no such mode with Controller 1."""

@@ -4,6 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 from scipy.optimize import brentq
 from scipy.signal import cont2discrete
 
@@ -32,9 +33,13 @@ from tendonrepro.physics.linear_loop import (
     hold_discretised,
     law_matrices,
     loop_matrix,
+    modes,
     open_loop,
     plant_matrices,
+    slowest,
     spectral_radius,
+    stroke,
+    without_unread,
 )
 from tendonrepro.simulation.controllers import TimeDelayController
 from tendonrepro.simulation.stepper import DesiredMotion, Loop, Solver, simulate
@@ -394,3 +399,47 @@ class TestFlexibleLimit:
         ringing = np.diff(q[:, 0], n=2)  # leaves out the slow approach
         early, late = np.abs(ringing[1200:1600]).max(), np.abs(ringing[-400:]).max()
         assert (late > early) == grows
+
+
+class TestModes:
+    L = 2e-3
+
+    def test_rates_and_frequencies_of_known_roots(self):
+        """Two oscillations, a root that decays, one that grows, one dead, one nobody reads."""
+        roots = np.exp(self.L * np.array([-3.0 + 40.0j, -1.0 + 90.0j, -7.0, 0.5]))
+        blocks = [np.array([[z.real, z.imag], [-z.imag, z.real]]) for z in roots[:2]]
+        matrix = block_diag(*blocks, roots[2].real, roots[3].real, 1e-13, 0.0)
+        matrix[-1, 0] = 5.0
+        found = modes(matrix, self.L)
+        np.testing.assert_allclose(found, [0.5, -1.0 + 90.0j, -3.0 + 40.0j, -7.0], atol=1e-9)
+        growth, hertz = slowest([found[:2], found[2:]], 0.0)
+        assert (growth, hertz) == (pytest.approx(0.5), 0.0)
+        assert slowest([found], 40.0 / 2.0 / np.pi + 1e-9) == pytest.approx((-1.0, 90.0 / 2.0 / np.pi))
+        assert slowest([found], found[2].imag / (2.0 * np.pi)) == pytest.approx((-1.0, 90.0 / 2.0 / np.pi))
+        assert slowest([found[2:]], found[2].imag / (2.0 * np.pi)) == pytest.approx(
+            (-3.0, 40.0 / 2.0 / np.pi)
+        )
+        assert np.isnan(slowest([found], 100.0)).all()
+
+    def test_states_that_nothing_reads_are_left_out_and_what_only_they_read(self):
+        A = np.array([[0.5, 0.1, 0.0, 0.0], [0.0, 0.4, 0.0, 0.0], [1.0, 1.0, 0.0, 0.0], [1.0, 0.0, 2.0, 0.0]])
+        np.testing.assert_array_equal(without_unread(A), A[:2, :2])
+        both = np.stack([A, 0.0 * A])
+        both[1, 0, 2] = 3.0  # read in one of them
+        np.testing.assert_array_equal(without_unread(both), both[:, :3, :3])
+        np.testing.assert_allclose(spectral_radius(both), [0.5, 0.0])
+
+    def test_plants_and_laws_join_one_by_one_or_many_with_one(self):
+        rng = np.random.default_rng(4)
+        Phi, Gamma = rng.normal(size=(3, 4, 4)), rng.normal(size=(3, 4, 2))
+        output, memory = rng.normal(size=(2, 9)), rng.normal(size=(3, 5, 9))
+        for place, matrix in enumerate(closed(Phi, Gamma, output, memory)):
+            np.testing.assert_array_equal(matrix, closed(Phi[place], Gamma[place], output, memory[place]))
+        for place, matrix in enumerate(closed(Phi[0], Gamma[0], output, memory)):
+            np.testing.assert_array_equal(matrix, closed(Phi[0], Gamma[0], output, memory[place]))
+        one = closed(Phi[0], Gamma[0], output, memory[0])
+        np.testing.assert_allclose(one[:4], Gamma[0] @ output + np.pad(Phi[0], ((0, 0), (0, 5))))
+
+    def test_a_stroke_is_start_middle_and_farthest_sample(self):
+        q_d = np.array([[1.0, 0.0], [2.0, -3.0], [4.0, -1.0], [1.0, 0.0]])
+        np.testing.assert_array_equal(stroke(q_d), [[1.0, 0.0], [1.5, -1.5], [2.0, -3.0]])
