@@ -11,6 +11,7 @@ import numpy as np
 
 from tendonrepro.config.fields.strict_yaml import Node, load
 from tendonrepro.console import columns
+from tendonrepro.errors import ConfigError, DataMissingError
 from tendonrepro.results.folder import named_traces
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import tracking_errors
@@ -39,7 +40,7 @@ def difference(first: Path, second: Path) -> dict[str, Any]:
     a, b = map(named_traces, (first, second))
     shared = [name for name in a.runs if name in b.runs]
     found = {
-        "config": list(_unequal(_leaves(_config(a)), _leaves(_config(b)))),
+        "config": list(_unequal(_leaves(_config(a, first)), _leaves(_config(b, second)))),
         "versions": list(_unequal(_versions(a), _versions(b))),
         "runs": list(_unequal(_statuses(a), _statuses(b))),
         "metrics": [row for name in shared for row in _metrics(a.runs[name], b.runs[name])],
@@ -53,8 +54,12 @@ def difference(first: Path, second: Path) -> dict[str, Any]:
     } | found
 
 
-def _config(file: TraceFile) -> Node:
-    return load(file.config_yaml, "config_yaml").tree
+def _config(file: TraceFile, path: Path) -> Node:
+    try:
+        return load(file.config_yaml, "config_yaml").tree
+    except ConfigError as error:
+        message = f"its configuration is damaged: {error.where}: {error.message}"
+        raise DataMissingError(message, where=str(path), hint="run the experiment again") from error
 
 
 def _leaves(node: Node, path: str = "") -> dict[str, Any]:

@@ -84,7 +84,9 @@ class HeldFolder:
                 outputs = read_manifest(self.path).get("outputs", {})
             except DataMissingError:
                 outputs = {}
-            listed = [self.path / name for name, digest in outputs.items() if self._is(name, digest)]
+            listed = [
+                self.path / name for name, digest in outputs.items() if _is_whole(self.path, name, digest)
+            ]
             old = [self.path / MANIFEST, *listed]
             for folder in dict.fromkeys(path.parent for path in old):
                 if not os.access(folder, os.W_OK):
@@ -97,12 +99,6 @@ class HeldFolder:
                 message = f"cannot remove the earlier result: {error.strerror}"
                 raise TendonreproError(message, where=str(path), hint="choose another --out") from error
         self._before = set(found_in(self.path, self._patterns))
-
-    def _is(self, name: str, digest: str) -> bool:
-        """Whether a file of the folder is what a manifest lists; a link may lead out of it."""
-        path = self.path / name
-        within = path.resolve().is_relative_to(self.path.resolve()) and not path.is_symlink()
-        return within and path.is_file() and sha256_of(path) == digest
 
     def discard(self) -> None:
         """Remove what was written since `clear`: half a result is none. Files of other names are not ours."""
@@ -160,6 +156,13 @@ def guarded(folder: Path, lock: os.stat_result) -> Iterator[None]:
         yield
     finally:
         guards.remove(guard)
+
+
+def _is_whole(folder: Path, name: str, digest: str) -> bool:
+    """Whether a file of a folder is what its manifest lists; one behind a link is somebody's own."""
+    path = folder / name
+    within = path.resolve().is_relative_to(folder.resolve()) and not path.is_symlink()
+    return within and path.is_file() and sha256_of(path) == digest
 
 
 def _is_same(path: Path, before: os.stat_result) -> bool:
@@ -325,7 +328,7 @@ def refuse_foreign(
         path = folder / name
         if name not in outputs:
             message = f"no {MANIFEST} lists it: of an interrupted run, or someone's own"
-        elif os.path.lexists(path) and not (path.is_file() and sha256_of(path) == outputs[name]):
+        elif os.path.lexists(path) and not _is_whole(folder, name, outputs[name]):
             message = "was changed since tendonrepro wrote it"
         else:
             continue

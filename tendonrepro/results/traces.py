@@ -167,6 +167,7 @@ def read_traces(path: Path) -> TraceFile:
     """
     with _opened(path) as root:
         _check_schema(path, root)
+        _require(all(isinstance(root.get(name, getlink=True), h5py.HardLink) for name in root))
         texts = {name: _text(root.attrs[name]) for name in _ROOT_TEXTS}
         runs = {name: _read_run(name, group) for name, group in root.items() if name != "plant"}
         _require(all(texts[name] in known for name, known in _KNOWN.items()))

@@ -66,8 +66,11 @@ def draw_overlay(number: int, measured: TraceFile, models: Mapping[str, Trace]) 
 
 def _lay_over(sheet: Canvas, over: Canvas, model: Trace) -> None:
     """Add the curves of a simulated run to those measured; it follows the measured motion, drawn already."""
+    # Letters count panels, and a measurement may have joints that the model has not.
+    letters = {place: letter for letter, place in sheet.places.items()}
     measured = sheet.lines
-    for (letter, name), line in over.lines.items():
+    for (there, name), line in over.lines.items():
+        letter = letters.get(over.places[there], "")
         if (letter, name) not in measured or "desired" in name.lower():
             continue
         below = measured[letter, name]

@@ -219,6 +219,18 @@ def test_an_array_that_is_too_large_is_not_read(tmp_path: Path, monkeypatch: pyt
     assert "bytes are too many" in source.skipped[0].reason
 
 
+def test_a_chunk_counts_before_it_is_unpacked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A hundred samples in a chunk of 32 MiB take 32 MiB to read."""
+    monkeypatch.setattr(signals, "MOST_NUMBERS", 2**25 - 1)
+    with h5py.File(tmp_path / "SYNTHETIC.h5", "w") as file:
+        packed = {"chunks": (2**22,), "maxshape": (None,), "compression": "gzip"}
+        file.create_dataset("few", data=np.arange(100.0), **packed)
+        file["plain"] = np.arange(100.0)
+    (source,) = read_file(tmp_path / "SYNTHETIC.h5", "x")
+    assert [signal.path for signal in source.signals] == ["plain"]
+    assert source.skipped[0].reason == f"{2**25} bytes are too many"
+
+
 def test_what_was_read_of_an_archive_is_kept(tmp_path: Path) -> None:
     names = ["first", "second", "hang", "last"]
     path = tmp_path / "SYNTHETIC.zip"

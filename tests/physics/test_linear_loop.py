@@ -441,5 +441,5 @@ class TestModes:
         np.testing.assert_allclose(one[:4], Gamma[0] @ output + np.pad(Phi[0], ((0, 0), (0, 5))))
 
     def test_a_stroke_is_start_middle_and_farthest_sample(self):
-        q_d = np.array([[1.0, 0.0], [2.0, -3.0], [4.0, -1.0], [1.0, 0.0]])
-        np.testing.assert_array_equal(stroke(q_d), [[1.0, 0.0], [1.5, -1.5], [2.0, -3.0]])
+        q_d = np.array([[2.0, 0.0], [-2.0, 1.0], [4.0, 2.0], [2.0, 0.0]])
+        np.testing.assert_array_equal(stroke(q_d), [[2.0, 0.0], [0.0, 0.5], [-2.0, 1.0]])

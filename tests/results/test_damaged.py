@@ -228,6 +228,26 @@ def test_an_unreadable_manifest_stops_before_anything_is_written(tmp_path: Path)
     assert not (tmp_path / "figures").exists()
 
 
+def test_a_run_in_another_file_is_not_followed(tmp_path: Path) -> None:
+    for name in ("one.h5", "other.h5"):
+        write_traces(tmp_path / name, FILES[0])
+    with h5py.File(tmp_path / "one.h5", "r+") as root:
+        del root["controller_1"]
+        root["controller_1"] = h5py.ExternalLink("other.h5", "/controller_1")
+    with pytest.raises(DataMissingError, match="damaged or incomplete"):
+        read_traces(tmp_path / "one.h5")
+
+
+def test_a_damaged_configuration_within_traces_is_told_with_its_file(tmp_path: Path) -> None:
+    for name in ("one.h5", "other.h5"):
+        write_traces(tmp_path / name, FILES[0])
+    with h5py.File(tmp_path / "other.h5", "r+") as root:
+        root.attrs["config_yaml"] = "a: ["
+    with pytest.raises(DataMissingError, match="its configuration is damaged") as caught:
+        difference(tmp_path / "one.h5", tmp_path / "other.h5")
+    assert caught.value.where == str(tmp_path / "other.h5")
+
+
 def test_damaged_manifests_are_one_sentence(tmp_path: Path) -> None:
     write_traces(tmp_path / TRACES, FILES[0])
     whole = {"config": {"sha256": "a"}, "tendonrepro_version": "0", "outputs": {"tables/table2.md": "b"}}

@@ -77,6 +77,34 @@ def test_curves_are_the_measured_and_the_simulated_values(file: TraceFile) -> No
     assert drawn.max() == pytest.approx(angle.max())
 
 
+def test_a_joint_that_the_model_has_not_moves_no_curve_to_another(file: TraceFile) -> None:
+    """Joint 1 was recorded while it was held; the model has joints 2 and 3."""
+
+    def with_joint_1(trace: Trace) -> Trace:
+        wider = {key: np.pad(values, ((0, 0), (1, 0))) for key, values in trace.variables.items()}
+        return replace(trace, joint=(1, *trace.joint), variables=wider)
+
+    runs = {name: with_joint_1(trace) for name, trace in file.runs.items() if name in (*CONTROLLERS, LOADED)}
+    wide = replace(file, experiment="compare", runs=runs)
+    for number in (14, 15, 16):
+        narrow, drawn = (draw_overlay(number, one, models(file)) for one in (file, wide))
+        shown = {axes.get_title(loc="left")[4:]: letter for letter, axes in narrow.axes.items()}
+        assert shown
+        letters = [letter for letter, name in drawn.lines if name.endswith("simulated")]
+        joints = {drawn.axes[letter].get_title(loc="left")[4:11] for letter in letters}
+        assert joints == {"Joint 2", "Joint 3"}
+        rows = len(narrow.axes) // 2
+        for row, column in np.ndindex(rows, 2):
+            old, new = "abcdefghijklmno"[2 * row + column], "abcdefghijklmno"[3 * row + column + 1]
+            names = {name for letter, name in narrow.lines if letter == old}
+            assert names == {name for letter, name in drawn.lines if letter == new}
+            for name in (name for name in names if name.endswith("simulated")):
+                ours, theirs = (
+                    np.asarray(one.get_ydata()) for one in (drawn.lines[new, name], narrow.lines[old, name])
+                )
+                np.testing.assert_array_equal(ours, theirs)
+
+
 def test_without_a_simulation_the_measurement_stands_alone(file: TraceFile) -> None:
     drawn = draw_overlay(16, file, {})
     assert not any(name.endswith("simulated") for _, name in drawn.lines)

@@ -22,6 +22,7 @@ from tendonrepro.dataset.readers.signals import (
     is_full,
     note_rest,
     seconds,
+    unpacked_size,
 )
 
 _BROKEN = "copy or download it again; if it stays broken, export it again"
@@ -138,7 +139,7 @@ def _why_not(found: Found, dataset: h5py.Dataset) -> tuple[str, str]:
         return "no numbers in it", ""
     if packed := [name for name in _PACKING if name in dataset.attrs]:
         return f"packed with {' and '.join(packed)}", "write it unpacked, such as with xarray"
-    size, stored = dataset.nbytes, dataset.id.get_storage_size()
+    size, stored = unpacked_size(dataset), dataset.id.get_storage_size()
     if not dataset.is_virtual and size > BEST_PACKING * stored and (size > HARMLESS or not stored):
         return f"announces {size} bytes but holds {stored}, so most were never written", ""
     return found.refusal(max(dataset.size, size // 8), max(dataset.shape, default=0))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,11 @@ RATIO_FROM = 2**26
 
 class TooMuch(Exception):
     """An archive unpacks into more than anyone would publish."""
+
+
+def unpacked_size(dataset: Any) -> int:
+    """Bytes that reading an HDF5 dataset takes: its numbers, or its chunk, which is unpacked whole."""
+    return max(int(dataset.nbytes), prod(dataset.chunks or (0,)) * int(dataset.dtype.itemsize))
 
 
 @dataclass

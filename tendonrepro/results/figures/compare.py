@@ -94,7 +94,7 @@ def draw_law(_file: TraceFile, traces: list[Trace], *, bands: bool = True) -> Ca
     near = {name: f"{rows[name].replace('Torque ', '')}" for name in ("s", "tau_m")}
     joints, runs = _joints(traces), _controller_runs(traces)
     labels = [[(f"Joint {joint}", label) for joint in joints] for label in rows.values()]
-    raw = f"{ZOOM * 1e3:g} ms of raw samples"
+    raw = f"{ZOOM * 1e3:g} ms of raw samples" if len(joints) < 3 else f"{ZOOM * 1e3:g} ms raw"
     labels += [[(f"Joint {joint}, {raw}", label) for joint in joints] for label in near.values()]
     canvas = Canvas(PAGE_MM, 205.0, labels, apart=("", "Time (s)"))
     letters = iter(canvas.letters)
@@ -167,7 +167,9 @@ def _tracking(file: TraceFile, runs: list[_DrawnRun], printed: Mapping[str, str]
     for letter, (variable, joint) in zip(canvas.letters, product(rows, joints), strict=True):
         if variable == "e":
             canvas.zero_line(letter)
-            canvas.note(letter, _errors_note(file, runs, joint, printed))
+            # Beside a title there is room for it where panels are wide.
+            note = _errors_note(file, runs, joint, printed)
+            canvas.note(letter, note if len(joints) < 3 or not note else f"{note}\n")
         else:
             _desired(canvas, letter, runs, joint)
         _curves(canvas, letter, runs, variable, joint, averaged=variable == "e" and joint in fuzzy)

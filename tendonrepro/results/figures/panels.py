@@ -99,6 +99,14 @@ class Canvas:
         }
         for axes, y_label in zip(grid.flat, y_labels, strict=True):
             axes.set_ylabel(y_label)
+        self.places = dict(
+            zip(
+                self._panels,
+                ((row, text.partition(",")[0]) for row, rows in enumerate(labels) for text, _ in rows),
+                strict=True,
+            )
+        )
+        """Row and title, up to a comma, of every panel by letter: what it shows."""
 
     @property
     def letters(self) -> list[str]:

@@ -19,7 +19,14 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.dataset.readers.matlab.values import EXPORT, brief, flat_samples
-from tendonrepro.dataset.readers.signals import BEST_PACKING, HARMLESS, MOST_SIGNALS, Found, Unreadable
+from tendonrepro.dataset.readers.signals import (
+    BEST_PACKING,
+    HARMLESS,
+    MOST_SIGNALS,
+    Found,
+    Unreadable,
+    unpacked_size,
+)
 
 STREAMS = "#sigstream#"
 """Group with the samples of streamed logs."""
@@ -65,7 +72,7 @@ def _sizes(group: Any, name: str, depth: int) -> Iterator[int | None]:
         return
     node = group[name]
     if isinstance(node, h5py.Dataset):
-        yield None if node.is_virtual or node.external else node.nbytes
+        yield None if node.is_virtual or node.external else unpacked_size(node)
     else:
         for inner in node if isinstance(node, h5py.Group) else ():
             yield from _sizes(node, inner, depth + 1)
