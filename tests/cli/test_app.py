@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import signal
 import subprocess
@@ -369,7 +370,10 @@ app.main()
         # Enough to start the server of processes and not the processes.
         pytest.param("NOFILE, (20, 20)", ["compare", *SHORT], "Too many open files", marks=pytest.mark.slow),
         pytest.param("FSIZE, (10**5, 10**5)", ["compare", *SHORT], "File too large", marks=pytest.mark.slow),
-        pytest.param("AS, (3 * 10**8, 3 * 10**8)", ["compare", *SHORT], "", marks=pytest.mark.slow),
+        # Who is refused first, the command or its workers, hangs on the size of the libraries.
+        pytest.param(
+            "AS, (3 * 10**8, 3 * 10**8)", ["compare", *SHORT], "|for want of memory", marks=pytest.mark.slow
+        ),
     ],
 )
 def test_limits_of_the_system_are_one_sentence(
@@ -384,7 +388,7 @@ def test_limits_of_the_system_are_one_sentence(
     assert done.returncode == 1
     *_, message, hint = done.stderr.splitlines()
     assert message.startswith("error: "), done.stderr
-    assert f"the system refused: {reason}" in message
+    assert re.search(f"the system refused: {reason}", message)
     assert "ulimit" in hint
     assert "Traceback" not in done.stderr
 
