@@ -11,6 +11,7 @@ import numpy as np
 from tendonrepro.config.load import LoadedConfig
 from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
+from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.linear import View
 from tendonrepro.explain.analysis import PAIRS, Explanation, RunMargins, explain
 from tendonrepro.explain.margins import LOW_FREQUENCY, ChannelMargins
@@ -42,7 +43,7 @@ def run_explain(request: Request, talk: Talk) -> dict[str, Any]:
     Raises
     ------
     TendonreproError
-        If the configuration has no controllers or results cannot be written.
+        If the configuration has no controllers or no linear loop, or results cannot be written.
     """
     from tendonrepro.explain.figures import draw_explanation
 
@@ -51,7 +52,12 @@ def run_explain(request: Request, talk: Talk) -> dict[str, Any]:
         foretell_refusal(folder, loaded.sha256, talk, force=request.force, command="explain")
         return _plan(loaded, folder)
     with claimed(folder, loaded.sha256, force=request.force, command="explain") as held:
-        found = explain(loaded)
+        try:
+            found = explain(loaded)
+        except ValueError as error:
+            # NumPy's and SciPy's words for matrices that numbers cannot hold.
+            message, hint = f"the loop cannot be linearised: {error}", "look at masses and stiffness"
+            raise TendonreproError(message, where=loaded.origin, hint=hint) from error
         data = explanation_data(found)
         manifest = make_manifest(loaded, held.seconds) | {"command": "explain"}
         held.clear()

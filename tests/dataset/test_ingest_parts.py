@@ -448,7 +448,7 @@ class TestDoubts:
         assert [doubt.split(" is ")[0] for doubt in holed] == [doubt.split(" is ")[0] for doubt in whole]
         assert self.doubts(q_encoder=np.full_like(q, np.nan), q_calculated=3.0 * q) == []
 
-    @pytest.mark.parametrize(("step", "count"), [(0.01, 0), (0.1, 0), (10.0, 1)])
+    @pytest.mark.parametrize(("step", "count"), [(1e-6, 1), (1e-4, 0), (0.01, 0), (0.1, 0), (10.0, 1)])
     def test_a_step_in_the_wrong_unit_gives_one(self, step: float, count: int) -> None:
         found = self.doubts(100.0 * step * TIME, q_encoder=0.01 * ANGLE[:, :1])
         assert ["unit of the time" in doubt for doubt in found] == [True] * count

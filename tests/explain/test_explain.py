@@ -10,7 +10,7 @@ import pytest
 from tendonrepro.config.load import load_config
 from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
-from tendonrepro.errors import UsageError
+from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.explain.analysis import explain, run_margins, run_views, worst
 from tendonrepro.explain.command import explanation_data, run_explain
 from tendonrepro.explain.maps import border_distance, root_locus, scaled
@@ -210,6 +210,12 @@ class TestFiles:
         assert data["out"] == str(tmp_path)
         with pytest.raises(UsageError, match="another configuration"):
             run_explain(Request(out=tmp_path, controllers=[2]), Talk(quiet=True))
+
+    def test_an_arm_that_numbers_cannot_hold_is_told_in_a_sentence(self, tmp_path):
+        heavy = Request(out=tmp_path / "out", overrides=["manipulator.links.mass.value.2=1e17"])
+        with pytest.raises(TendonreproError, match="cannot be linearised: Singular"):
+            run_explain(heavy, Talk(quiet=True))
+        assert not (tmp_path / "out").exists()
 
     def test_decoupling_has_no_controllers(self):
         with pytest.raises(UsageError, match="compare"):

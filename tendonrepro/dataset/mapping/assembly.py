@@ -27,7 +27,7 @@ _REST = 0.1  # before the motion begins, s
 _LEAP, _LEAPS = 0.1, 20.0  # of a value from one sample to the next, over the range and over nearly all others
 _FAR_APART = 0.2  # of calculated and measured joint angle, over the range: no tendon stretches by so much
 _SAME_VALUE = 1e-6  # relative difference from the number of a `where`; single precision makes 1e-7 of it
-_LONGEST_STEP = 0.1  # s, beyond which the unit of the times is in doubt; the paper's is 1 ms
+_STEPS = 5e-5, 0.1  # s, beyond which the unit of the times is in doubt; the paper's is 1 ms
 # RMS of recorded error less difference, over that of the difference, from which on the error is not believed;
 # fewer samples prove nothing.
 _CONTRADICTS, _FEWEST = 0.5, 8
@@ -292,7 +292,7 @@ def doubts_about(trace: Trace) -> list[str]:
     """What makes a run implausible: a wrong unit, a motor taken for a joint, a wrong sign or gear."""
     doubts = []
     step = float(np.median(np.diff(trace.time)))
-    if step > _LONGEST_STEP:
+    if not _STEPS[0] <= step <= _STEPS[1]:
         doubts.append(f"it has a sample every {step:.4g} s: check the unit of the time")
     for name in ("q_encoder", "q_d", "q_calculated"):
         turn = np.rad2deg(np.nanmax(np.abs(trace[name]), initial=0.0)) if name in trace else 0.0
