@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import ast
+import io
+import tokenize
+from collections import Counter
 from collections.abc import Iterator
 from fnmatch import fnmatchcase
 from graphlib import TopologicalSorter
@@ -55,6 +58,24 @@ OWNERS = {
     "markdown_it": ["report/page.py"],
     "typer": ["cli/*"],
 }
+
+BUDGETS = {
+    "ground": 332,
+    "physics": 902,
+    "simulation": 2272,
+    "config": 2263,
+    "results": 2684,
+    "experiments": 2095,
+    "explain": 787,
+    "ensemble": 1745,
+    "identify": 1092,
+    "dataset": 5530,
+    "claims": 2119,
+    "validation": 687,
+    "report": 1435,
+    "cli": 702,
+}
+"""Code lines that a package may have: no comment, docstring or blank. What one needs, another gives."""
 
 FILES = sorted(path.relative_to(PACKAGE).as_posix() for path in PACKAGE.rglob("*.py"))
 INNER = [file for file in FILES if file != "__init__.py"]
@@ -133,6 +154,29 @@ def test_functions_fit_a_screen(file: str) -> None:
             assert node.end_lineno is not None
             lines = node.end_lineno - node.lineno + 1 - len(doc.splitlines())
             assert lines <= 60, f"{file}: {node.name} has {lines} lines"
+
+
+def code_lines(path: Path) -> int:
+    """Lines with code on them: neither docstring nor comment nor blank."""
+    text = path.read_text(encoding="utf-8")
+    documented: set[int] = set()
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node):
+            documented.update(range(node.body[0].lineno, (node.body[0].end_lineno or 0) + 1))
+    layout = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT}
+    lines: set[int] = set()
+    for token in tokenize.generate_tokens(io.StringIO(text).readline):
+        if token.type not in {*layout, tokenize.ENDMARKER}:
+            lines.update(range(token.start[0], token.end[0] + 1))
+    return len(lines - documented)
+
+
+def test_each_package_keeps_its_budget() -> None:
+    sizes: Counter[str] = Counter()
+    for file in FILES:
+        sizes[file.split("/")[0] if "/" in file else "ground"] += code_lines(PACKAGE / file)
+    over = {name: (size, BUDGETS[name]) for name, size in sizes.items() if size > BUDGETS[name]}
+    assert not over, f"package: (code lines, budget) {over}"
 
 
 def test_the_house_is_small_enough_to_know() -> None:
