@@ -139,7 +139,7 @@ def _add_closest(found: Found, folder: Path, talk: Talk) -> None:
 
 
 def _add_statics(found: Found, folder: Path, talk: Talk) -> None:
-    path = folder / _STATICS / "summary.json"
+    path = folder / _STATICS / "statics.json"
     found.origins["statics"] = MISSING
     if not path.exists():
         return

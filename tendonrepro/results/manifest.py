@@ -20,7 +20,7 @@ SCHEMA_VERSION = 1
 LIBRARIES = ("numpy", "scipy", "numba", "h5py", "matplotlib", "pandas", "pydantic", "pyyaml", "typer")
 
 
-def make_manifest(loaded: LoadedConfig, seconds: float) -> dict[str, Any]:
+def make_manifest(loaded: LoadedConfig, seconds: float, command: str | None = None) -> dict[str, Any]:
     """Describe how a result came about, ready for JSON; what cannot be found out is None.
 
     `seconds` is the wall time of the simulation; outputs are added by :func:`with_outputs` once they exist.
@@ -30,6 +30,7 @@ def make_manifest(loaded: LoadedConfig, seconds: float) -> dict[str, Any]:
         "schema_version": SCHEMA_VERSION,
         "tendonrepro_version": __version__,
         "experiment": config.experiment,
+        "command": command or config.experiment,
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "config": {"origin": loaded.origin, "sha256": loaded.sha256, "tree": loaded.tree},
         "overrides": list(loaded.overrides),

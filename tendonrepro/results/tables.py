@@ -6,6 +6,7 @@ import csv
 import io
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -20,6 +21,8 @@ TableColumns: TypeAlias = Mapping[str, tuple[str, str]]
 NOTHING = "--"
 """What a reader finds where there is no value."""
 
+SUFFIXES = ("csv", "md", "tex")
+
 _ROUNDED = ".4g"
 _TEX = {character: f"\\{character}" for character in "&%$#_{}"} | {
     "\\": r"\textbackslash{}",
@@ -28,6 +31,59 @@ _TEX = {character: f"\\{character}" for character in "&%$#_{}"} | {
     "<": r"\textless{}",
     ">": r"\textgreater{}",
 }
+
+
+@dataclass(frozen=True)
+class Table:
+    """Numbers of a study, from which its files and what the terminal shows follow.
+
+    Attributes
+    ----------
+    name : str
+        Of its files; its LaTeX label too.
+    caption : str
+        What it shows, and of what.
+    rows : sequence of mapping
+        Numbers, texts, booleans, None, and lists of these, by column name.
+    columns : mapping, optional
+        Columns in order; every key of any row under its own name if not given.
+    terminal : sequence of str, optional
+        Columns that the terminal shows: all if not given, nothing of the table if empty.
+    suffixes : sequence of str
+        Files to write: ``csv``, ``md`` and ``tex``.
+    """
+
+    name: str
+    caption: str
+    rows: TableRows
+    columns: TableColumns | None = None
+    terminal: Sequence[str] | None = None
+    suffixes: Sequence[str] = SUFFIXES
+
+    def write(self, folder: Path) -> list[Path]:
+        """Write its files into a folder.
+
+        Raises
+        ------
+        TendonreproError
+            When a file cannot be written.
+        """
+        return write_table(self.rows, folder, self.name, self.caption, self.columns, self.suffixes)
+
+    def text(self) -> str:
+        """Caption and columns for a terminal."""
+        held = _columns(self.rows, self.columns)
+        kept = held if self.terminal is None else {name: held[name] for name in self.terminal}
+        heads, cells, numeric = shown(self.rows, kept)
+        widths = [max(map(len, column)) for column in zip(heads, *cells, strict=True)]
+        lines = [
+            "  ".join(
+                cell.rjust(width) if number else cell.ljust(width)
+                for cell, width, number in zip(line, widths, numeric, strict=True)
+            ).rstrip()
+            for line in (heads, *cells)
+        ]
+        return "\n".join([self.caption, *lines])
 
 
 def write_table(

@@ -43,7 +43,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_traces(folder / "compare" / "traces.h5", compare)
     write_traces(folder / "decouple" / "traces.h5", make_decouple_file(step=0.01))
     (folder / "statics" / "figures").mkdir(parents=True)
-    (folder / "statics" / "summary.json").write_text(json.dumps(STATICS), encoding="utf-8")
+    (folder / "statics" / "statics.json").write_text(json.dumps(STATICS), encoding="utf-8")
     drawing = f"<svg xmlns='http://www.w3.org/2000/svg'><script>alert(3)</script><desc>{HOSTILE}</desc></svg>"
     (folder / "statics" / "figures" / "statics_map.svg").write_text(drawing, encoding="utf-8")
     return folder

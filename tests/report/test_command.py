@@ -63,7 +63,7 @@ def test_folders_in_the_way_and_missing_ones(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("content", ["", "[]", "{", '{"courses": 3}', '{"courses": {"a": {}}}', "\ud800"])
 def test_damage_is_named(tmp_path: Path, content: str) -> None:
-    path = tmp_path / "statics" / "summary.json"
+    path = tmp_path / "statics" / "statics.json"
     path.parent.mkdir()
     path.write_bytes(content.encode("utf-8", "surrogatepass"))
     with pytest.raises(DataMissingError, match="is damaged or of another version") as caught:
@@ -110,7 +110,7 @@ def test_what_decides_is_of_the_ensemble_beside_it(tmp_path: Path, monkeypatch: 
 def test_parts_that_are_not_of_the_paper_are_left_out_and_told_of(tmp_path, capsys) -> None:
     said = "not the paper's arm"
     for name, file, held in (
-        ("statics", "summary.json", STATICS | {"of_paper": False}),
+        ("statics", "statics.json", STATICS | {"of_paper": False}),
         ("identify_all", "identify.json", {"fit": "all", "conclusions": [OTHER_BASE]}),
         ("identify_all", "identify.json", {"fit": "controller_2", "conclusions": []}),
     ):

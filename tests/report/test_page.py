@@ -162,7 +162,7 @@ def test_inputs_stand_with_their_digests(made: Element, found: Found, results: P
     shown = dict(made.one(id="again").all("table")[-1].cells()[1:])
     assert shown == found.inputs
     assert shown["compare/traces.h5"] == sha256_of(results / "compare" / "traces.h5")
-    assert {"statics/summary.json", "shipped docs/results/claims.json"} <= shown.keys()
+    assert {"statics/statics.json", "shipped docs/results/claims.json"} <= shown.keys()
 
 
 @pytest.mark.slow

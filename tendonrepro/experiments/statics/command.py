@@ -6,18 +6,15 @@ from typing import Any
 
 import numpy as np
 
+from tendonrepro.config.load import LoadedConfig
 from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.experiments.statics.report import statics_text
 from tendonrepro.experiments.statics.survey import RESERVE, STRETCH, Survey, survey
-from tendonrepro.files import to_json
-from tendonrepro.results.folder import claimed, foretell_refusal
-from tendonrepro.results.manifest import make_manifest
-from tendonrepro.results.tables import write_table
+from tendonrepro.results.study import Outcome, run_study
+from tendonrepro.results.tables import Table
 
 SCHEMA_VERSION = 1
-
-DATA = "summary.json"
 
 
 def run_statics(request: Request, talk: Talk) -> dict[str, Any]:
@@ -38,26 +35,19 @@ def run_statics(request: Request, talk: Talk) -> dict[str, Any]:
     TendonreproError
         If fewer than two joints move or results cannot be written.
     """
-    from tendonrepro.experiments.statics.figures import draw_statics
+    loaded = request.load("decouple")
+    return run_study("statics", loaded, request, lambda: study_statics(loaded), talk)
 
-    loaded, folder = request.load("decouple"), request.folder("statics")
-    if request.dry_run:
-        foretell_refusal(folder, loaded.sha256, talk, force=request.force, command="statics")
-        text = f"{loaded.origin} is valid (sha256 {loaded.sha256[:12]})\nwould write to {folder}"
-        plan = {"dry_run": True, "config_sha256": loaded.sha256, "out": str(folder)}
-        return {"schema_version": SCHEMA_VERSION, "command": "statics"} | plan | {"text": text}
-    with claimed(folder, loaded.sha256, force=request.force, command="statics") as held:
-        found = survey(loaded)
-        data = statics_data(found)
-        manifest = make_manifest(loaded, held.seconds) | {"command": "statics", "solver": None}
-        held.clear()
-        caption = f"Tensions at rest over the working half-plane, {found.postures} postures ({found.origin})."
-        rows = list(statics_rows(data))
-        held.files += write_table(rows, folder / "tables", "statics", caption)
-        held.files += draw_statics(found, folder / "figures")
-        held.write(DATA, to_json(data))
-        path = held.finish(manifest, talk)
-    return data | {"text": statics_text(data), "out": str(folder), "manifest": path}
+
+def study_statics(loaded: LoadedConfig) -> Outcome:
+    """Survey the tensions of a configuration."""
+    from tendonrepro.experiments.statics.figures import figures
+
+    found = survey(loaded)
+    data = statics_data(found)
+    caption = f"Tensions at rest over the working half-plane, {found.postures} postures ({found.origin})."
+    table = Table("statics", caption, list(statics_rows(data)), suffixes=("csv", "md"), terminal=())
+    return Outcome(data, [table, statics_text(data)], figures(found), {"solver": None})
 
 
 def statics_data(found: Survey) -> dict[str, Any]:

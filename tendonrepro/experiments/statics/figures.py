@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from pathlib import Path
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,13 +19,10 @@ from tendonrepro.results.figures.style import (
     COLUMN_MM,
     PAGE_MM,
     Drawing,
-    imprint,
     journal_style,
     letter_panels,
     open_figure,
     paler,
-    save_drawing,
-    settle,
     stroke_of,
 )
 
@@ -44,18 +41,14 @@ _PUSH = "#B5405A"
 _NEVER = "#DDDDDD"
 
 
-def draw_statics(found: Survey, folder: Path) -> list[Path]:
-    """Draw and save every picture as PDF, SVG and PNG; the folder is made when missing."""
-    everywhere = "all link angles from 0 to 180°, at rest"
+def figures(found: Survey) -> dict[str, Callable[[], Drawing]]:
+    """Every picture of a survey, by name."""
     maps = posture_text(found)
-    drawn = ((draw_margin(found), maps), (draw_force(found), maps), (draw_spring(found), everywhere))
-    paths = []
-    with journal_style():
-        for drawing, text in drawn:
-            imprint(drawing.figure, text)
-            settle(drawing.figure)
-            paths += save_drawing(drawing, folder)
-    return paths
+    return {
+        "margin": lambda: replace(draw_margin(found), origin=maps),
+        "force": lambda: replace(draw_force(found), origin=maps),
+        "spring": lambda: replace(draw_spring(found), origin="all link angles from 0 to 180°, at rest"),
+    }
 
 
 def posture_text(found: Survey) -> str:

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 from string import ascii_lowercase
@@ -138,17 +138,24 @@ class Drawing:
         Its panels, for whoever looks into them.
     caption : str
         What is shown and where it comes from; kept in the files.
+    origin : str
+        Printed below the panels.
     """
 
     stem: str
     figure: Figure
     axes: Any
     caption: str
+    origin: str = field(default="", kw_only=True)
 
 
 def save_drawing(drawn: Drawing, folder: Path, origin: str = "") -> list[Path]:
     """Write a figure that brings its name and caption, as :func:`save_figure` does."""
-    return save_figure(drawn.figure, folder, drawn.stem, drawn.stem, drawn.caption, origin)
+    with journal_style():
+        if origin or drawn.origin:
+            imprint(drawn.figure, origin or drawn.origin)
+        settle(drawn.figure)
+    return save_figure(drawn.figure, folder, drawn.stem, drawn.stem, drawn.caption)
 
 
 def save_figure(

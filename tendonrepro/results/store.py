@@ -1,0 +1,262 @@
+"""Results folders: written beside their place, and put there whole.
+
+A result is made in ``.<name>.partial`` beside its folder. When it is complete, the old folder is renamed to
+``.<name>.old``, the new one takes its place, and the old one is removed. A command that is killed leaves the
+old result or the new one; what else it leaves, the next command into that folder removes.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from filelock import FileLock, Timeout
+
+from tendonrepro import __version__
+from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
+from tendonrepro.files import sha256_of, to_json
+from tendonrepro.results.records import TraceFile
+from tendonrepro.results.traces import read_traces
+
+MANIFEST = "manifest.json"
+TRACES = "traces.h5"
+_LOCK = ".lock"
+
+
+class NewResult:
+    """A result while it is made.
+
+    Attributes
+    ----------
+    path : Path
+        Where to write its files; they are part of the result because they are there.
+    manifest : dict
+        What made it. Has to be set; the digests of the files are added.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.manifest: dict[str, Any] = {}
+        self._started = time.perf_counter()
+
+    @property
+    def seconds(self) -> float:
+        """Wall time since the result was begun."""
+        return time.perf_counter() - self._started
+
+    def write(self, name: str, content: bytes | str) -> None:
+        """Write one file of the result."""
+        path = self.path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content.encode() if isinstance(content, str) else content)
+
+
+@contextmanager
+def replaced(
+    folder: Path, digest: str, *, command: str, force: bool = False, keep: str = "", update: bool = False
+) -> Iterator[NewResult]:
+    """Make a result in a fresh folder, and put it in the place of an earlier one when the block ends well.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the result shall be; made if it is missing.
+    digest : str
+        Of the configuration; see :func:`refuse_others`.
+    command : str
+        That makes the result.
+    force : bool
+        Replace results of another configuration, version or command. Files that are somebody's own move over
+        into the new folder, unless the result has a file of that name.
+    keep : str
+        Name of a folder in the unfinished result that survives an interruption, to go on from there.
+    update : bool
+        Begin with a copy of the earlier result.
+
+    Yields
+    ------
+    NewResult
+
+    Raises
+    ------
+    UsageError
+        If something would be overwritten that this result does not replace, or another process writes there.
+    TendonreproError
+        If the folder cannot be written.
+    """
+    target = folder.resolve()
+    partial, aside = _beside(target)
+    if Path.cwd().is_relative_to(target):
+        message = "is the folder you are in, and a results folder is replaced as a whole"
+        raise UsageError(message, where=str(folder), hint="name a folder below it with --out")
+    try:
+        partial.mkdir(parents=True, exist_ok=True)
+        with _only_writer(partial, folder, keep):
+            put_back(target)
+            refuse_others(target, digest, command=command, force=force)
+            if update:
+                shutil.copytree(target, partial, dirs_exist_ok=True)
+            result = NewResult(partial)
+            yield result
+            _finish(result, target, copied=update)
+        if target.exists():
+            target.rename(aside)
+        partial.rename(target)
+        shutil.rmtree(aside, ignore_errors=True)
+    except OSError as error:
+        message = f"cannot write the result: {error.strerror or error}"
+        place = str(error.filename or folder)
+        raise TendonreproError(message, where=place, hint="choose another --out") from error
+
+
+def _beside(target: Path) -> tuple[Path, Path]:
+    """Folders beside a results folder: the unfinished result, and the old one while it is replaced."""
+    return target.with_name(f".{target.name}.partial"), target.with_name(f".{target.name}.old")
+
+
+@contextmanager
+def _only_writer(partial: Path, folder: Path, keep: str) -> Iterator[None]:
+    """Be the only process in an unfinished result, which begins empty and goes when the block fails."""
+    lock = FileLock(partial / _LOCK)
+    try:
+        lock.acquire(timeout=0)
+    except Timeout as error:
+        message = "another tendonrepro is writing here"
+        raise UsageError(message, where=str(folder), hint="wait for it, or choose another --out") from error
+    try:
+        _clear(partial, keep)
+        yield
+    except BaseException:
+        _clear(partial, keep)
+        raise
+    finally:
+        lock.release()
+        (partial / _LOCK).unlink(missing_ok=True)
+        if not any(partial.iterdir()):
+            partial.rmdir()
+
+
+def _clear(partial: Path, keep: str) -> None:
+    for path in partial.iterdir():
+        if path.name not in (_LOCK, keep):
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
+
+
+def put_back(target: Path) -> None:
+    """Undo a replacement that was interrupted between its two renames, and remove what it left."""
+    aside = _beside(target.resolve())[1]
+    if aside.exists():
+        if target.exists():
+            shutil.rmtree(aside)
+        else:
+            aside.rename(target.resolve())
+
+
+def _finish(result: NewResult, target: Path, *, copied: bool) -> None:
+    """Write the manifest with the digests of all files, and copy over what is somebody's own."""
+    own = set(own_files(target))
+    files = sorted(path for path in result.path.rglob("*") if path.is_file() and path.name != _LOCK)
+    names = {path.relative_to(result.path).as_posix() for path in files} - {MANIFEST}
+    names -= own if copied else set()
+    for name in sorted(own - names):
+        (result.path / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(target / name, result.path / name)
+    outputs = {name: sha256_of(result.path / name) for name in sorted(names)}
+    result.write(MANIFEST, to_json(result.manifest | {"outputs": outputs}))
+
+
+def own_files(folder: Path) -> list[str]:
+    """Names of files in a results folder that its manifest does not list."""
+    listed = {MANIFEST, *_outputs(folder)}
+    names = (path.relative_to(folder).as_posix() for path in sorted(folder.rglob("*")) if path.is_file())
+    return [name for name in names if name not in listed]
+
+
+def _outputs(folder: Path) -> Mapping[str, str]:
+    return read_manifest(folder).get("outputs", {}) if (folder / MANIFEST).exists() else {}
+
+
+def refuse_others(folder: Path, digest: str, *, command: str, force: bool = False) -> None:
+    """Refuse to replace a folder that is not an earlier, unchanged result of the same.
+
+    Parameters
+    ----------
+    folder : Path
+        It may be missing.
+    digest : str
+        Of what is to be written.
+    command : str
+        That writes.
+    force : bool
+        Refuse nothing.
+
+    Raises
+    ------
+    UsageError
+        If it holds results of another configuration, version or command, files that no manifest lists, or
+        files that were changed since. Hidden files are left out.
+    """
+    if force or not folder.exists():
+        return
+    hint = "choose another --out, or say --force to replace them"
+    if (folder / MANIFEST).exists():
+        manifest = read_manifest(folder)
+        found = {
+            "configuration": (digest, manifest["config"]["sha256"]),
+            "version": (__version__, manifest["tendonrepro_version"]),
+            "command": (command, manifest.get("command", "")),
+        }
+        for what, (mine, theirs) in found.items():
+            if mine != theirs:
+                message = f"holds results of another {what}: {theirs[:12]}, not {mine[:12]}"
+                raise UsageError(message, where=str(folder), hint=hint)
+    for name in own_files(folder):
+        if not name.startswith("."):
+            message = f"is not a file of this result: no {MANIFEST} lists it"
+            keep = "move it, choose another --out, or say --force: it is kept, in the new folder"
+            raise UsageError(message, where=str(folder / name), hint=keep)
+    for name, sha256 in _outputs(folder).items():
+        if (folder / name).exists() and sha256_of(folder / name) != sha256:
+            message = "was changed since tendonrepro wrote it"
+            raise UsageError(message, where=str(folder / name), hint=hint)
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """Read the manifest of a results folder.
+
+    Raises
+    ------
+    DataMissingError
+        If there is none or it cannot be read.
+    """
+    path = folder / MANIFEST
+    try:
+        manifest: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        message = "there is no manifest"
+        raise DataMissingError(message, where=str(path), hint="run the experiment first") from error
+    except (OSError, ValueError) as error:
+        message = f"cannot read the manifest: {error}"
+        raise DataMissingError(message, where=str(path), hint="run the experiment with --force") from error
+    return manifest
+
+
+def stored_traces(source: Path) -> TraceFile:
+    """Read the trace file that is named, or that of the results folder that is.
+
+    Raises
+    ------
+    DataMissingError
+        If it cannot be read, or is not what the manifest beside it lists.
+    """
+    path = source / TRACES if source.is_dir() else source
+    listed = _outputs(path.parent).get(path.name)
+    if listed and listed != sha256_of(path):
+        message = f"is damaged: it is not what its {MANIFEST} lists"
+        raise DataMissingError(message, where=str(path), hint="run the experiment again with --force")
+    return read_traces(path)

@@ -1,0 +1,122 @@
+"""A study: from a configuration to numbers, and from these to every file and to the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tendonrepro.config.load import LoadedConfig
+from tendonrepro.config.request import Request
+from tendonrepro.console import Talk
+from tendonrepro.errors import TendonreproError
+from tendonrepro.files import to_json
+from tendonrepro.results.manifest import make_manifest
+from tendonrepro.results.store import MANIFEST, NewResult, refuse_others, replaced
+from tendonrepro.results.tables import Table
+
+if TYPE_CHECKING:
+    from tendonrepro.results.figures.style import Drawing
+
+SCHEMA_VERSION = 1
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a study found.
+
+    Attributes
+    ----------
+    data : mapping
+        Plain numbers with the keys of ``--json``; what is not finite becomes null there.
+    parts : sequence of Table or str
+        What the terminal shows, in order. Every table is written to files, too.
+    figures : mapping
+        Name -> function that draws it.
+    manifest : mapping
+        What the manifest says besides what it says of any study.
+    """
+
+    data: Mapping[str, Any]
+    parts: Sequence[Table | str] = ()
+    figures: Mapping[str, Callable[[], Drawing]] = field(default_factory=dict)
+    manifest: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def tables(self) -> dict[str, Table]:
+        """The tables by name."""
+        return {part.name: part for part in self.parts if isinstance(part, Table)}
+
+    def text(self) -> str:
+        """What the terminal shows."""
+        shown = (part if isinstance(part, str) else part.text() for part in self.parts if _is_shown(part))
+        return "\n\n".join(shown)
+
+    def save(self, result: NewResult, name: str) -> None:
+        """Write numbers as ``<name>.json``, tables and figures into a result."""
+        result.write(f"{name}.json", to_json(dict(self.data)))
+        for table in self.tables.values():
+            table.write(result.path / "tables")
+        if self.figures:
+            from tendonrepro.results.figures.style import save_drawing
+
+            for draw in self.figures.values():
+                save_drawing(draw(), result.path / "figures")
+
+
+def _is_shown(part: Table | str) -> bool:
+    return isinstance(part, str) or part.terminal is None or len(part.terminal) > 0
+
+
+def run_study(
+    name: str, loaded: LoadedConfig, request: Request, study: Callable[[], Outcome], talk: Talk
+) -> dict[str, Any]:
+    """Carry out a study and put its results into their folder.
+
+    Parameters
+    ----------
+    name : str
+        Of the command.
+    loaded : LoadedConfig
+        Its digest tells results of one study from those of another.
+    request : Request
+        A dry run says what would be done.
+    study : callable
+        Finds the numbers.
+    talk : Talk
+
+    Returns
+    -------
+    dict
+        What ``--json`` prints: the numbers, ``text``, ``out`` and ``manifest``.
+
+    Raises
+    ------
+    TendonreproError
+        If the study fails or results cannot be written.
+    """
+    folder = request.folder(name)
+    if request.dry_run:
+        return _plan(name, loaded, folder, request, talk)
+    with replaced(folder, loaded.sha256, command=name, force=request.force) as result:
+        outcome = study()
+        outcome.save(result, name)
+        result.manifest = make_manifest(loaded, result.seconds, name) | dict(outcome.manifest)
+    talk.detail(f"results in {folder}")
+    return {**outcome.data, "text": outcome.text(), "out": str(folder), "manifest": str(folder / MANIFEST)}
+
+
+def _plan(name: str, loaded: LoadedConfig, folder: Path, request: Request, talk: Talk) -> dict[str, Any]:
+    foretell(folder, loaded.sha256, name, request, talk)
+    text = f"{loaded.origin} is valid (sha256 {loaded.sha256[:12]})\nwould write to {folder}"
+    plan = {"dry_run": True, "config_sha256": loaded.sha256, "out": str(folder), "text": text}
+    return {"schema_version": SCHEMA_VERSION, "command": name, **plan}
+
+
+def foretell(folder: Path, digest: str, command: str, request: Request, talk: Talk) -> None:
+    """Say what would be refused; a dry run writes nothing, so it goes on."""
+    try:
+        refuse_others(folder, digest, command=command, force=request.force)
+    except TendonreproError as error:
+        talk.note(f"a run would be refused: {error}")
