@@ -64,7 +64,7 @@ BUDGETS = {
     "physics": 902,
     "simulation": 2272,
     "config": 2263,
-    "results": 2960,
+    "results": 3070,
     "experiments": 2080,
     "explain": 787,
     "ensemble": 1745,

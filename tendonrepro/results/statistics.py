@@ -1,0 +1,174 @@
+"""Statistics of a recorded run, simulated or measured, under the names that the batch stepper sums up.
+
+:mod:`tendonrepro.simulation.streaming` says what each name means. Samples that are missing or not finite are
+left out one by one, so a diverged run is described up to its end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from tendonrepro.arrays import Array
+from tendonrepro.physics.metrics import periodogram
+from tendonrepro.results.records import Trace
+from tendonrepro.simulation.streaming import MOVING, PHASES, RESTING, SIGNALS, Thresholds, thresholds
+
+VARIABLES = {"torque": "tau_m", "H_hat": "H_hat"}
+"""Recorded variables of the signals whose size is asked for in every way."""
+
+Rates = tuple[Array, Array]
+"""Desired velocity and acceleration, (T, n) each."""
+
+assert VARIABLES.keys() == SIGNALS.keys()
+
+
+def statistics(
+    trace: Trace, rates: Rates | None = None, ringing_frequency: float = np.nan
+) -> dict[str, Array]:
+    """Statistics that the signals of a run allow, SI, (n,) each; NaN where a phase has no sample.
+
+    Parameters
+    ----------
+    trace : Trace
+    rates : tuple of array (T, n), optional
+        Desired velocity and acceleration, if they are not those of the run. Without any there are no phases.
+    ringing_frequency : float
+        Hz; above it lies the ``fast_share`` of the error's power.
+
+    Returns
+    -------
+    dict
+        By those names of `streaming.STATISTICS` for which the run has the signals.
+    """
+    if rates is None and "dq_d" in trace and "ddq_d" in trace:
+        rates = trace["dq_d"], trace["ddq_d"]
+    L = float(np.median(np.diff(trace.time))) if len(trace.time) > 1 else np.inf
+    phases = thresholds(*(rates or (np.zeros((1, 1)), np.zeros((1, 1)))), L)
+    newest = float(phases.newest)
+    found: dict[str, Array] = {}
+    if "e" in trace:
+        found |= _of_the_error(trace["e"], rates, phases, L, ringing_frequency)
+    for name in ("s", "epsilon"):
+        if name in trace:
+            # The estimation error of a sample is known one sample later.
+            values = trace[name] if name == "s" else trace[name][:-1]
+            found |= {f"{name}_rms": rms(values), f"{name}_slow_rms": rms(slow(values, newest))}
+    if "tau_m" in trace:
+        found["torque_step_rms"] = rms(np.diff(trace["tau_m"], axis=0))
+    for name, variable in VARIABLES.items():
+        if variable in trace:
+            found |= _sizes(name, trace[variable], _ways(trace[variable], rates, phases), newest)
+    return found
+
+
+def saturated(trace: Trace, S: Array, limit: Array) -> Array:
+    """Share of the samples in which a motor gives its largest torque, (n,).
+
+    Parameters
+    ----------
+    trace : Trace
+    S : array (n, n)
+        Coupling matrix of the run's joints.
+    limit : array (n,)
+        Largest torque of each winch, N m.
+    """
+    return np.asarray((np.abs(trace["tau_m"] @ S) >= (1.0 - 1e-9) * limit).mean(axis=0))
+
+
+def error_sizes(e: Array) -> dict[str, Array]:
+    """Mean absolute, root mean square and largest error of each joint, in the unit of `e`, (T, n).
+
+    Returns
+    -------
+    dict
+        ``mae``, ``rmse`` and ``max``, (n,) each; NaN where no sample is left.
+    """
+    return {"mae": mean(np.abs(e)), "rmse": rms(e), "max": peak(np.abs(e))}
+
+
+def _of_the_error(
+    e: Array, rates: Rates | None, phases: Thresholds, L: float, ringing_frequency: float
+) -> dict[str, Array]:
+    size = error_sizes(e)
+    found = {"mae": size["mae"], "rmse": size["rmse"], "max_error": size["max"]}
+    if rates is not None:
+        rapid = np.abs(rates[1]) > phases.acceleration
+        found |= {"mae_rapid": mean(np.abs(e), rapid), "mae_calm": mean(np.abs(e), ~rapid)}
+        found["overshoot"] = _overshoot(e, rates[0], phases.speed / MOVING)
+    if np.isfinite(ringing_frequency) and len(e) > 1 and np.isfinite(e).all():
+        frequency, power = periodogram(e, L)
+        found["fast_share"] = power[frequency > ringing_frequency].sum(axis=0) / power.sum(axis=0)
+    return found
+
+
+def _overshoot(e: Array, dq_d: Array, fastest: Array) -> Array:
+    """Largest error past the target, in the direction of the last stroke, while the reference rests."""
+    samples = np.arange(len(e))[:, np.newaxis]
+    last = np.maximum.accumulate(np.where(np.abs(dq_d) > MOVING * fastest, samples, 0), axis=0)
+    direction = np.sign(np.take_along_axis(dq_d, last, axis=0))
+    resting = (np.abs(dq_d) <= RESTING * fastest) & np.isfinite(e)
+    return np.asarray(np.where(resting, -direction * e, 0.0).max(axis=0))
+
+
+def _ways(values: Array, rates: Rates | None, phases: Thresholds) -> dict[str, NDArray[np.bool_]]:
+    """Samples of the whole run, and those moving up and down where that is known, by end of a name."""
+    every = {PHASES[0]: np.ones(values.shape, dtype=bool)}
+    if rates is None:
+        return every
+    return every | dict(zip(PHASES[1:], (rates[0] > phases.speed, rates[0] < -phases.speed), strict=True))
+
+
+def _sizes(
+    name: str, values: Array, ways: Mapping[str, NDArray[np.bool_]], newest: float
+) -> dict[str, Array]:
+    """RMS, peak and mean magnitude of the low-passed course in every phase."""
+    course = np.abs(slow(values, newest))
+    found: dict[str, Array] = {}
+    for way, inside in ways.items():
+        found |= {
+            f"{name}_rms{way}": np.sqrt(mean(np.square(values), inside)),
+            f"{name}_peak{way}": peak(np.abs(values), inside),
+            f"{name}_slow{way}": mean(course, inside),
+        }
+    return found
+
+
+def slow(values: Array, newest: float) -> Array:
+    """Columns after the first-order low-pass of `streaming.SLOW`; over missing samples it waits.
+
+    Parameters
+    ----------
+    values : array (T, n)
+    newest : float
+        Weight of the newest sample.
+    """
+    found = np.full_like(values, np.nan)
+    for i, column in enumerate(values.T):
+        there = np.isfinite(column)
+        if there.any():
+            start = [(1.0 - newest) * column[there][0]]
+            found[there, i], _ = lfilter([newest], [1.0, newest - 1.0], column[there], zi=start)
+    return found
+
+
+def mean(values: Array, inside: NDArray[np.bool_] | bool = True) -> Array:
+    """Mean over the finite samples inside, (n,)."""
+    kept = inside & np.isfinite(values)
+    count = kept.sum(axis=0)
+    total = np.where(kept, values, 0.0).sum(axis=0)
+    return np.asarray(np.divide(total, count, out=np.full(values.shape[1], np.nan), where=count > 0))
+
+
+def rms(values: Array) -> Array:
+    """Root mean square of the finite samples, (n,)."""
+    return np.sqrt(mean(np.square(values)))
+
+
+def peak(sizes: Array, inside: NDArray[np.bool_] | bool = True) -> Array:
+    """Largest of the finite samples inside, (n,)."""
+    there = np.where(inside & np.isfinite(sizes), sizes, -np.inf).max(axis=0, initial=-np.inf)
+    return np.where(np.isfinite(there), there, np.nan)
