@@ -8,15 +8,20 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from tendonrepro.files import digest_of
 from tendonrepro.report import rows
-from tendonrepro.report.findings import Results, findings, percent
+from tendonrepro.report.answer import filled, numbers as slots, percent
+from tendonrepro.report.figure_orders import draw_orders
+from tendonrepro.report.orders import HEADS, robustness
+from tendonrepro.results.figures.style import save_drawing
 
 DOCS = Path(__file__).parent
 RESULTS = DOCS / "results"
@@ -44,8 +49,16 @@ def main(reports: Path) -> None:
     _store("decides.json", rows.thinned_decides(decides))
     if (reports / "identify_all").exists():
         take_closest(reports / "identify_all")
+    write_pages()
+
+
+def write_pages() -> None:
+    """Fill the made parts of the pages, and draw the picture of the orders."""
     for page in PAGES:
         page.write_text(fresh(page.read_text(encoding="utf-8")), encoding="utf-8")
+    with TemporaryDirectory() as folder:
+        save_drawing(draw_orders(stored("ensemble.json")), Path(folder))
+        shutil.copy(Path(folder) / "orders.png", DOCS / "orders.png")
 
 
 def take_closest(folder: Path) -> None:
@@ -61,7 +74,13 @@ def take_closest(folder: Path) -> None:
 
 def fresh(text: str) -> str:
     """A page with its made parts made again."""
-    makers = {"the answer": answer, "the closest plant": closest, "all results": generated}
+    values = slots(stored("ensemble.json"), stored("claims.json"))
+    makers = {
+        "the answer": lambda: filled("answer", values),
+        "why": lambda: filled("why", values),
+        "robustness": lambda: table(rows.Table(HEADS, robustness(stored("ensemble.json")))),
+        "all results": generated,
+    }
     return PART.sub(lambda part: f"{part[1]}\n{makers[part[2]]().strip()}\n\n{part[3]}", text)
 
 
@@ -139,70 +158,6 @@ def _also_passing(entries: Sequence[Mapping[str, Any]]) -> str:
     return f"{percent(min(known))} to {percent(max(known))}" if known else "–"
 
 
-def together(data: Mapping[str, Any]) -> str:
-    """What would bring order, ratios and RMSE/MAE together, of what `rows.thinned_closest` kept."""
-    # What is above is a penalty.
-    searched = [held for held in data["readings"] if held["misfit_log"] <= 1.0]
-    best = min(searched, key=lambda held: held["misfit_log"])
-    ordered, rising = (
-        [held["name"] for held in searched if all(has(shape) for shape in held["best_shape"])]
-        for has in (_in_order, _rises)
-    )
-    row = best["largest"]
-    off = f"{100.0 * abs(row['ratio'] - 1.0):.0f} % too {'large' if row['ratio'] > 1.0 else 'small'}"
-    leans = ", ".join(f"`{name}` ({end})" for name, end in best["at_bound"].items())
-    return (
-        f"A plant that all laws track was found under {len(searched)} of the {len(data['readings'])} readings searched. The closest one has "
-        "the printed order, in MAE and RMSE on both joints, under "
-        f"{_names(ordered)}; RMSE/MAE rises from Controller 1 to 3 on both joints under {_names(rising)}{_rise(searched, rising)}; "
-        f"so both under {_names([name for name in ordered if name in rising])}. The searches of a reading agree under "
-        f"{sum(held['seeds_agree'] for held in searched)} of the {len(searched)}; under the others a closer plant is likely, and the ranks of "
-        f"neighbours mean little. The closest plant found, misfit {best['misfit_log']:.3f}, is that under `{best['name']}`. "
-        f"Of its sixteen numbers {row['run'].replace('_', ' ')}'s {row['metric'].upper()} on joint {row['joint']} is farthest off, {off}. "
-        f"At a bound of the box it has {leans or 'no row'}. `tendonrepro compare --config closest` runs it."
-    )
-
-
-def _names(names: Sequence[str]) -> str:
-    return ", ".join(f"`{name}`" for name in names) or "none of them"
-
-
-def _rise(searched: Sequence[Mapping[str, Any]], rising: Sequence[str]) -> str:
-    """By how much RMSE/MAE rises on joint 2 where it does on both."""
-    ends = [
-        [held["best_shape"][0][f"{whose}_rmse_over_mae_controller_{k}"] for k in (1, 3)]
-        for held in searched
-        if held["name"] in rising
-        for whose in ("ours", "printed")
-    ]
-    if not ends:
-        return ""
-    grown = [100.0 * (last / first - 1.0) for first, last in ends]
-    return f", there on joint 2 by {max(grown[::2]):.2g} % at most, where the print has {grown[1]:.2g} %"
-
-
-def _in_order(shape: Mapping[str, Any]) -> bool:
-    return all(
-        shape[f"ours_order_{metric}"] == shape[f"printed_order_{metric}"] for metric in ("mae", "rmse")
-    )
-
-
-def _rises(shape: Mapping[str, Any]) -> bool:
-    one, two, three = (shape[f"ours_rmse_over_mae_controller_{k}"] for k in (1, 2, 3))
-    return bool(one < two < three)
-
-
-def answer() -> str:
-    """What a reader should take away, the strongest first."""
-    found = Results(stored("ensemble.json"), stored("claims.json"), stored("decides.json"))
-    return "\n".join(f"- {line}" for line in findings(found))
-
-
-def closest() -> str:
-    """What the closest plants say together."""
-    return together(stored("identify.json"))
-
-
 def generated() -> str:
     """All stored results as tables."""
     summary, ledger = stored("ensemble.json"), stored("claims.json")
@@ -232,4 +187,7 @@ def table(held: rows.Table) -> str:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else "reports"))
+    if len(sys.argv) > 1:
+        main(Path(sys.argv[1]))
+    else:
+        write_pages()

@@ -9,7 +9,7 @@ from typing import Any
 from tendonrepro.config.ensemble import load_ensemble
 from tendonrepro.config.models.control import Readings
 from tendonrepro.config.models.readings import AXES, RUNS
-from tendonrepro.report.findings import percent
+from tendonrepro.report.answer import percent
 from tendonrepro.report.rows import Table, above_chance, decided
 
 

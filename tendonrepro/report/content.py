@@ -17,8 +17,8 @@ from tendonrepro.claims.report import details_text, reader_rows
 from tendonrepro.config.fields.strict_yaml import load
 from tendonrepro.config.load import load_config
 from tendonrepro.config.published import published, quotient
+from tendonrepro.report.answer import percent
 from tendonrepro.report.figures import Figure, figure_of
-from tendonrepro.report.findings import percent
 from tendonrepro.report.sources import MISSING, RUN, Found
 from tendonrepro.results.figures.catalogue import FIGURES, available, draw
 from tendonrepro.results.paper_tables import made_tables

@@ -14,6 +14,7 @@ from tendonrepro.config.models.readings import PRINTED
 from tendonrepro.config.published import published
 from tendonrepro.ensemble.shares import FEW, MOST
 from tendonrepro.physics.control import polynomial
+from tendonrepro.report.answer import percent
 
 LEAST_PLANTS = 100
 """Fewer say nothing, by the rules in docs/verdicts.md."""
@@ -98,23 +99,6 @@ def why(ours: Mapping[str, float]) -> list[str]:
         "The plant cancels in both ratios as long as the loop is well damped, the load changes slowly, the joint does not stick and an "
         "encoder count is small against the error.",
     ]
-
-
-def percent(share: float | None) -> str:
-    """Share in per cent, two digits of a small one; only all of it is 100 %.
-
-    Examples
-    --------
-    >>> percent(0.8917), percent(0.0085), percent(0.0), percent(None), percent(0.9997), percent(0.999999)
-    ('89 %', '0.85 %', '0 %', '–', '99.97 %', 'over 99.99 %')
-    """
-    if share is None:
-        return "–"
-    value = 100.0 * share
-    if 99.5 <= value < 100.0:
-        texts = (f"{value:.{digits}g} %" for digits in (3, 4))
-        return next((text for text in texts if text != "100 %"), "over 99.99 %")
-    return f"{value:.0f} %" if value >= 10.0 or value == 0.0 else f"{value:.2g} %"
 
 
 def interval(share: Mapping[str, Any]) -> str:

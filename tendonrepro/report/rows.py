@@ -8,7 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from tendonrepro.report.findings import interval, percent
+from tendonrepro.report.answer import percent
+from tendonrepro.report.findings import interval
 
 
 @dataclass(frozen=True)

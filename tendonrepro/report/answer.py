@@ -1,0 +1,49 @@
+"""The words that findings.md and the report share: written by a person, with slots for stored numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+TEMPLATES = Path(__file__).with_name("templates")
+
+
+def numbers(summary: Mapping[str, Any], ledger: Mapping[str, Any]) -> dict[str, str]:
+    """Numbers of the answer as text, by slot; from a stored ensemble and the verdicts on it."""
+    box = summary["populations"]["box"]
+    readings = {reading["name"]: reading for reading in box["readings"]}
+    claims = {entry["id"]: entry for entry in ledger["claims"]}
+    printed, extrapolating = readings["printed"], readings["weights=extrapolating"]
+    ahead = claims["share.controller_1_of_2.mae.joint_2"]["evidence"]["direction"]["share"]
+    return {
+        "plants": f"{box['plants']:,}",
+        "stable": f"{printed['in_order']['plants']:,}",
+        "behind": percent(1.0 - ahead),
+        "reverse": percent(printed["in_reverse"]["share"]),
+        "first_extrapolating": percent(extrapolating["first_best"]["share"]),
+        "ratio": f"{printed['c1_c2']['joint_2']['median']:.2f}",
+        "ratio_surfaces": f"{printed['c2_c3']['joint_2']['median']:.2f}",
+    }
+
+
+def filled(name: str, values: Mapping[str, str]) -> str:
+    """Text of a template of words, ``answer`` or ``why``, with numbers in its slots."""
+    return (TEMPLATES / f"{name}.md").read_text(encoding="utf-8").format_map(values).strip()
+
+
+def percent(share: float | None) -> str:
+    """Share in per cent, two digits of a small one; only all of it is 100 %.
+
+    Examples
+    --------
+    >>> percent(0.8917), percent(0.0085), percent(0.0), percent(None), percent(0.9997), percent(0.999999)
+    ('89 %', '0.85 %', '0 %', '–', '99.97 %', 'over 99.99 %')
+    """
+    if share is None:
+        return "–"
+    value = 100.0 * share
+    if 99.5 <= value < 100.0:
+        texts = (f"{value:.{digits}g} %" for digits in (3, 4))
+        return next((text for text in texts if text != "100 %"), "over 99.99 %")
+    return f"{value:.0f} %" if value >= 10.0 or value == 0.0 else f"{value:.2g} %"

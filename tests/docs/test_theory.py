@@ -1,0 +1,125 @@
+"""The numbers of docs/theory.md and docs/slips.md, computed again."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import numpy as np
+import pytest
+from support import ROOT
+
+from tendonrepro.config.load import CompareConfig, load_config
+from tendonrepro.experiments.loops import build_law, build_loops
+from tendonrepro.experiments.rig import build_plant
+from tendonrepro.physics.linear_loop import decay_rate
+from tendonrepro.physics.slow_error import error_ratio
+from tendonrepro.simulation.batch import simulate_batch
+
+DOCS = ROOT / "docs"
+pytestmark = pytest.mark.skipif(not DOCS.is_dir(), reason="no docs folder beside the package")
+CONTROLLERS = ("controller_1", "controller_2", "controller_3")
+EXTRAPOLATING = "control.readings.weights=extrapolating"
+APPLIED = "control.readings.stored_torque=applied"
+
+
+def stated(pattern: str, page: str) -> list[float]:
+    """Numbers in the groups of a pattern; a space in it stands for any white space of the text."""
+    text = " ".join((DOCS / page).read_text(encoding="utf-8").split())
+    match = re.search(pattern, text)
+    assert match, pattern
+    return [float(group.replace("−", "-")) for group in match.groups()]
+
+
+def cells_starting(first: str) -> list[str]:
+    """Cells behind the first of the one table row of the theory that begins so."""
+    lines = (DOCS / "theory.md").read_text(encoding="utf-8").splitlines()
+    (line,) = (line for line in lines if line.startswith(f"| {first}"))
+    return [cell.strip() for cell in line.strip("|").split("|")][1:]
+
+
+def test_white_noise_factors_quoted() -> None:
+    alpha = np.array([0.1, 0.2])
+    factors = np.sqrt((1.0 - alpha) ** 2 + alpha**2)
+    said = stated(r"= ([\d.]+) and ([\d.]+), for noise that is white in the angle", "theory.md")
+    assert said == pytest.approx(list(factors), abs=6e-4)
+    # Second differences of what is white have the correlation -2/3 from one to the next.
+    steps = np.array([1.0, -2.0, 1.0])
+    lag = (steps[1:] @ steps[:-1]) / (steps @ steps)
+    angle = np.sqrt((1.0 - alpha) ** 2 + alpha**2 + 2.0 * lag * alpha * (1.0 - alpha))
+    said = stated(r"\(1 − α\)\) = ([\d.]+) and ([\d.]+); counts", "theory.md")
+    assert said == pytest.approx(list(angle), abs=6e-3)
+
+
+@pytest.mark.parametrize(
+    ("row", "settings", "delay"),
+    [
+        ("extrapolating weights", ["weights=extrapolating"], 0),
+        ("weights swapped", ["weights=swapped"], 0),
+        ("delay time of two", ["delay_time=four_periods"], 0),
+        ("applied torque stored", ["stored_torque=applied"], 1),
+        ("estimate through a low-pass", ["estimate_filter=estimate"], 0),
+    ],
+)
+def test_ratios_of_other_readings_in_the_theory(row: str, settings: list[str], delay: int) -> None:
+    cells = cells_starting(f"Controller 1 / Controller 2, {row}")
+    config = load_config(None, "compare", overrides=[f"control.readings.{one}" for one in settings]).config
+    assert isinstance(config, CompareConfig)
+    first, second = (build_law(config, name) for name in CONTROLLERS[:2])
+    assert cells[1:] == [f"{ratio:.2f}" for ratio in error_ratio(first, second, 1e-3, delay)]
+
+
+@pytest.mark.parametrize("delay", [0, 1, 2])
+def test_a_delay_changes_little_where_the_command_is_stored(delay: int) -> None:
+    for name in CONTROLLERS:
+        assert slowest(name, delay=delay) == pytest.approx(2.0, abs=0.1)
+
+
+def test_one_sample_of_output_delay_leaves_only_controller_1_well_damped_with_applied_torque() -> None:
+    rates = [slowest(name, APPLIED, delay=1) for name in CONTROLLERS]
+    assert rates[0] > 1.5
+    assert rates[1:] == pytest.approx([0.13] * 2, abs=0.006)
+    assert slowest("controller_1", APPLIED, EXTRAPOLATING, delay=1) < 0.0
+
+
+def slowest(name: str, *overrides: str, delay: int) -> float:
+    """Slowest decay of a law at the start posture, s⁻¹."""
+    config = load_config(None, "compare", overrides=overrides).config
+    assert isinstance(config, CompareConfig)
+    return decay_rate([np.zeros(2)], build_plant(config, 0.0), build_law(config, name), delay=delay)
+
+
+def test_joint_1_held_by_its_motor_changes_little() -> None:
+    """The command of docs/slips.md, by the batch stepper."""
+    text = (DOCS / "slips.md").read_text(encoding="utf-8")
+    (line,) = (line for line in text.splitlines() if "--out reports/joint_1" in line)
+    held, rigid = (
+        [batch_errors(metric, *overrides) for metric in ("mae", "rmse")] for overrides in (set_in(line), [])
+    )
+    (given,) = stated(r"it gives by ([\d.]+)° on average", "slips.md")
+    pattern = r"joints 2 and 3 changes by some ([\d.]+) % at most, the RMSE by some ([\d.]+) %, and the order"
+    most = stated(pattern, "slips.md")
+    assert held[0][0, 0] == pytest.approx(given, abs=6e-3)
+    changes = [100.0 * np.abs(one[:, 1:] / other - 1.0).max() for one, other in zip(held, rigid, strict=True)]
+    assert changes == pytest.approx(most, abs=0.2)
+    assert all((np.diff(one[:, 1:], axis=0) < 0.0).all() for one in held)
+
+
+def set_in(line: str) -> list[str]:
+    return re.findall(r"--set \"?([^\s\"]+)", line)
+
+
+def batch_errors(metric: str, *overrides: str) -> np.ndarray:
+    """MAE or RMSE of Controllers 1 to 3 in degrees, (3, joints)."""
+    loaded = load_config(None, "compare", overrides=overrides)
+    loops = dict(build_loops(loaded.config, loaded.folder))
+    batch = simulate_batch([loops[name] for name in CONTROLLERS], loaded.config.status)
+    assert not batch.status.any()
+    return np.rad2deg(batch.statistics[metric])
+
+
+def test_median_omega_of_the_slips() -> None:
+    ledger = json.loads((DOCS / "results" / "claims.json").read_text(encoding="utf-8"))
+    (entry,) = [entry for entry in ledger["claims"] if entry["id"] == "L1"]
+    found = entry["evidence"]["remarks"][1].removeprefix("the median Omega is ").replace(", ", " and ")
+    assert f"is {found} (joints 2 and 3)" in (DOCS / "slips.md").read_text(encoding="utf-8")
