@@ -169,12 +169,11 @@ def _make_ready(request: Request) -> None:
 def _carry_out(orders: Sequence[Order], terminal: Terminal) -> int:
     """Carry out orders, print what they found, and return the exit code."""
     from tendonrepro.experiments.command import diverged, run_experiments
-    from tendonrepro.experiments.report import results_text
 
     found = run_experiments(orders, terminal.talk)
     alone = next(iter(found.values()))
     together: dict[str, Any] = {"schema_version": 1} | found
-    terminal.show(alone if len(found) == 1 else together, "\n\n".join(map(results_text, found.values())))
+    terminal.show(alone if len(found) == 1 else together, "\n\n".join(one["text"] for one in found.values()))
     return 5 if any(map(diverged, found.values())) else 0
 
 

@@ -177,7 +177,7 @@ def _described(trace: Trace) -> dict[str, Any]:
         "variables": list(trace.variables),
     }
     if "e" in trace:
-        found |= {f"{key}_deg": value.tolist() for key, value in sizes_deg(trace["e"], gaps=True).items()}
+        found |= {f"{key}_deg": value.tolist() for key, value in sizes_deg(trace["e"]).items()}
     return found
 
 

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import Any, Literal
 
 from tendonrepro.config.ensemble import LoadedEnsemble
@@ -15,34 +14,22 @@ from tendonrepro.config.kinds import checked
 from tendonrepro.config.load import ExperimentName, LoadedConfig
 from tendonrepro.config.request import Request
 from tendonrepro.config.shipped import shipped_folder
-from tendonrepro.console import Talk
+from tendonrepro.console import Talk, columns
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.experiments.linear import growing
 from tendonrepro.experiments.loops import all_loops
+from tendonrepro.experiments.report import SCHEMA_VERSION, outcome_of
 from tendonrepro.experiments.run import PRECISE, simulate_all, trace_file
 from tendonrepro.experiments.user_law import UserLaw, with_user_law
-from tendonrepro.files import to_json, write_atomically
 from tendonrepro.parallel import each
 from tendonrepro.results.figures import NUMBERS
-from tendonrepro.results.folder import (
-    LOCK,
-    MANIFEST,
-    TRACES,
-    claimed,
-    foretell_refusal,
-    guarded,
-    read_manifest,
-    refuse_foreign,
-    stored_traces,
-)
-from tendonrepro.results.manifest import make_manifest, with_outputs
-from tendonrepro.results.paper_tables import write_tables
+from tendonrepro.results.manifest import make_manifest
+from tendonrepro.results.paper_tables import made_tables
 from tendonrepro.results.records import TraceFile
-from tendonrepro.results.summary import table_data_compare, table_data_decouple
+from tendonrepro.results.store import MANIFEST, TRACES, read_manifest, replaced, stored_traces
+from tendonrepro.results.study import foretell
 from tendonrepro.results.traces import write_traces
 from tendonrepro.simulation.resolution import COMPILED_STEPPER
-
-SCHEMA_VERSION = 1
 
 
 @dataclass(frozen=True)
@@ -84,7 +71,7 @@ def run_experiments(orders: Sequence[Order], talk: Talk) -> dict[ExperimentName,
     Returns
     -------
     dict
-        What ``--json`` prints of each experiment; of a dry run what would be done.
+        What ``--json`` prints of each experiment, and ``text``; of a dry run what would be done.
 
     Raises
     ------
@@ -96,30 +83,28 @@ def run_experiments(orders: Sequence[Order], talk: Talk) -> dict[ExperimentName,
         _name_shipped(loaded, talk)
     if orders[0].request.dry_run:
         return {order.experiment: _plan(order, *one, talk) for order, one in zip(orders, asked, strict=True)}
+    found: dict[ExperimentName, dict[str, Any]] = {}
     with ExitStack() as stack:
-        folders = [
-            stack.enter_context(claimed(order.folder, loaded.sha256, force=order.request.force))
+        results = [
+            stack.enter_context(
+                replaced(order.folder, loaded.sha256, command=order.experiment, force=order.request.force)
+            )
             for order, (loaded, _) in zip(orders, asked, strict=True)
         ]
         simulated = simulate_all(asked, talk, orders[0].solver)
-        manifests, files = [], {}
-        for order, (loaded, _), traces, held in zip(orders, asked, simulated, folders, strict=True):
-            manifest = make_manifest(loaded, held.seconds)
+        files = {}
+        for order, (loaded, _), traces, result in zip(orders, asked, simulated, results, strict=True):
+            result.manifest = make_manifest(loaded, result.seconds)
             if order.solver == "compiled":
-                manifest["solver"] = {"name": COMPILED_STEPPER, "tolerance": PRECISE}
-            manifests.append(manifest)
-            files[held.path] = trace_file(loaded, traces, manifest)
-            held.clear()
-            write_traces(held.path / TRACES, files[held.path])
-            held.files.append(held.path / TRACES)
-        drawn = _draw({path: (file, NUMBERS[file.experiment]) for path, file in files.items()})
-        for manifest, held in zip(manifests, folders, strict=True):
-            held.files += [*drawn[held.path], *write_tables(files[held.path], held.path / "tables")]
-            held.finish(manifest, talk)
-    return {
-        order.experiment: _results(files[order.folder], loaded, order.folder)
-        for order, (loaded, _) in zip(orders, asked, strict=True)
-    }
+                result.manifest["solver"] = {"name": COMPILED_STEPPER, "tolerance": PRECISE}
+            file = files[result.path] = trace_file(loaded, traces, result.manifest)
+            write_traces(result.path / TRACES, file)
+            outcome = outcome_of(file, growing(loaded))
+            outcome.write_tables(result.path)
+            ends = {"out": str(order.folder), "manifest": str(order.folder / MANIFEST)}
+            found[order.experiment] = {**outcome.data, "text": outcome.text(), **ends}
+        _draw({path: (file, NUMBERS[file.experiment]) for path, file in files.items()})
+    return found
 
 
 def diverged(found: dict[str, Any]) -> bool:
@@ -145,15 +130,19 @@ def both_orders(configs: Path | None, request: Request) -> list[Order]:
 
 def _plan(order: Order, loaded: LoadedConfig, law: UserLaw | None, talk: Talk) -> dict[str, Any]:
     """Runs with their number of samples, digest of the configuration, and results folder."""
-    foretell_refusal(order.folder, loaded.sha256, talk, force=order.request.force)
+    foretell(order.folder, loaded.sha256, order.experiment, order.request, talk)
+    samples = {name: loop.reference.time.size for name, loop in all_loops(loaded, law).items()}
+    rows = columns((name, f"{count} samples") for name, count in samples.items())
+    head = f"{order.experiment}: {loaded.origin} is valid (sha256 {loaded.sha256[:12]})"
     return {
         "schema_version": SCHEMA_VERSION,
         "experiment": order.experiment,
         "dry_run": True,
         "config": loaded.origin,
         "config_sha256": loaded.sha256,
-        "samples": {name: loop.reference.time.size for name, loop in all_loops(loaded, law).items()},
+        "samples": samples,
         "out": str(order.folder),
+        "text": f"{head}\n{rows}\nwould write to {order.folder}",
     }
 
 
@@ -207,7 +196,7 @@ def redraw(out: Path, numbers: Sequence[int] | None, *, force: bool = False) -> 
     numbers : sequence of int, optional
         The paper's figure numbers; all that the traces allow if not given.
     force : bool
-        Overwrite files that the manifest does not list, or that were changed since.
+        Go on where files are somebody's own, which are kept, or were changed, which are made again.
 
     Returns
     -------
@@ -236,18 +225,15 @@ def redraw(out: Path, numbers: Sequence[int] | None, *, force: bool = False) -> 
             raise DataMissingError(message, where=str(out), hint=f"figures that can be drawn: {have}")
     with ExitStack() as stack:
         wanted = {
-            folder: (file, [number for number in drawable[folder] if numbers is None or number in numbers])
+            stack.enter_context(_updated(folder, file, force=force)): (
+                file,
+                [number for number in drawable[folder] if numbers is None or number in numbers],
+            )
             for folder, file in files.items()
         }
-        written = {
-            folder: stack.enter_context(
-                _rewritten(folder, file, [f"figures/fig{number:02d}.*" for number in chosen], force=force)
-            )
-            for folder, (file, chosen) in wanted.items()
-        }
-        for folder, paths in _draw(wanted).items():
-            written[folder] += paths
-    return [path for paths in written.values() for path in paths]
+        drawn = _draw(wanted)
+    pairs = zip(files, drawn.items(), strict=True)
+    return [folder / one.relative_to(path) for folder, (path, paths) in pairs for one in paths]
 
 
 def rewrite_tables(out: Path, *, force: bool = False) -> list[Path]:
@@ -258,7 +244,7 @@ def rewrite_tables(out: Path, *, force: bool = False) -> list[Path]:
     out : Path
         Results folder, or the folder above several.
     force : bool
-        Overwrite files that the manifest does not list, or that were changed since.
+        Go on where files are somebody's own, which are kept, or were changed, which are made again.
 
     Returns
     -------
@@ -272,46 +258,30 @@ def rewrite_tables(out: Path, *, force: bool = False) -> list[Path]:
     """
     found: list[Path] = []
     for folder, file in _stored(out).items():
-        with _rewritten(folder, file, ["tables/[!.]*"], force=force) as written:
-            written.extend(write_tables(file, folder / "tables"))
-        found += written
+        with _updated(folder, file, force=force) as path:
+            written = [one for table in made_tables(file) for one in table.write(path / "tables")]
+        found += [folder / one.relative_to(path) for one in written]
     return found
 
 
 def _stored(out: Path) -> dict[Path, TraceFile]:
     """Traces in the given folder, or in those directly below it."""
-    folders = [out] if (out / TRACES).exists() else sorted(path.parent for path in out.glob(f"*/{TRACES}"))
+    folders = (
+        [out] if (out / TRACES).exists() else sorted(path.parent for path in out.glob(f"[!.]*/{TRACES}"))
+    )
     if not folders:
-        message, hint = (
-            f"holds no {TRACES}, nor does a folder in it",
-            "run tendonrepro reproduce, or name another --out",
-        )
+        message = f"holds no {TRACES}, and no folder in it does"
+        hint = "run tendonrepro reproduce, or name another --out"
         raise DataMissingError(message, where=str(out), hint=hint)
     return {folder: stored_traces(folder) for folder in folders}
 
 
 @contextmanager
-def _rewritten(
-    folder: Path, file: TraceFile, patterns: Sequence[str], *, force: bool
-) -> Iterator[list[Path]]:
-    """Hold a result while files of it are written again; its manifest gets the digests of those listed."""
-    with claimed(folder, file.config_sha256, force=True):
-        manifest = read_manifest(folder) if (folder / MANIFEST).exists() else None
-        held = manifest or {}
-        made = held.get("created", file.created), held.get("config", {}).get("sha256", file.config_sha256)
-        if made != (file.created, file.config_sha256):
-            message = "was written anew while its traces were read"
-            raise UsageError(message, where=str(folder), hint="run it again")
-        if not force:
-            listed = ({} if manifest is None else manifest.get("outputs", {})).items()
-            ours = {name: sha for name, sha in listed if any(map(PurePath(name).match, patterns))}
-            refuse_foreign(folder, patterns, ours)
-        paths: list[Path] = []
-        yield paths
-        if manifest is not None:
-            fresh = with_outputs(manifest, folder, paths)["outputs"]
-            updated = manifest | {"outputs": manifest.get("outputs", {}) | fresh}
-            write_atomically(folder / MANIFEST, to_json(updated))
+def _updated(folder: Path, file: TraceFile, *, force: bool) -> Iterator[Path]:
+    """Copy of a result, in which files are made again, and which then takes its place."""
+    with replaced(folder, file.config_sha256, command=file.experiment, force=force, update=True) as result:
+        result.manifest = read_manifest(folder)
+        yield result.path
 
 
 def _draw(wanted: Mapping[Path, tuple[TraceFile, Sequence[int]]]) -> dict[Path, list[Path]]:
@@ -319,23 +289,22 @@ def _draw(wanted: Mapping[Path, tuple[TraceFile, Sequence[int]]]) -> dict[Path, 
     # One pool for all folders: to start its processes takes as long as to draw two figures. The later ones
     # have more panels: begun first, they keep no processor waiting at the end.
     pieces = [
-        (file, folder / "figures", number, (folder / LOCK).stat())
+        (file, folder / "figures", number)
         for folder, (file, numbers) in reversed(list(wanted.items()))
         for number in reversed(numbers)
     ]
     drawn: dict[Path, list[Path]] = {folder: [] for folder in wanted}
-    for (_, folder, _, _), paths in reversed(list(zip(pieces, each(_drawn, pieces), strict=True))):
+    for (_, folder, _), paths in reversed(list(zip(pieces, each(_drawn, pieces), strict=True))):
         drawn[folder.parent] += paths
     return drawn
 
 
-def _drawn(piece: tuple[TraceFile, Path, int, os.stat_result]) -> list[Path]:
+def _drawn(piece: tuple[TraceFile, Path, int]) -> list[Path]:
     """Draw one figure of a file into a folder, by the paper's number, if its traces allow it."""
     from tendonrepro.results.figures.catalogue import FIGURES, redrawn
 
-    file, folder, number, lock = piece
-    with guarded(folder.parent, lock):
-        return redrawn(file, folder, number) if FIGURES[number].traces(file) else []
+    file, folder, number = piece
+    return redrawn(file, folder, number) if FIGURES[number].traces(file) else []
 
 
 def _load(order: Order) -> tuple[LoadedConfig, UserLaw | None]:
@@ -348,13 +317,3 @@ def _load(order: Order) -> tuple[LoadedConfig, UserLaw | None]:
         digest = hashlib.sha256(f"{loaded.sha256} compiled".encode()).hexdigest()
         loaded = replace(loaded, sha256=digest, overrides=(*loaded.overrides, "solver=compiled"))
     return with_user_law(loaded, order.law)
-
-
-def _results(file: TraceFile, loaded: LoadedConfig, folder: Path) -> dict[str, Any]:
-    """Results stored in a folder as plain numbers, with the keys of ``--json``."""
-    joints = list(next(iter(file.runs.values())).joint)
-    head = {"schema_version": SCHEMA_VERSION, "experiment": file.experiment, "joints": joints}
-    end = {"out": str(folder), "manifest": str(folder / MANIFEST)}
-    if file.experiment == "decouple":
-        return head | table_data_decouple(file) | end
-    return head | table_data_compare(file) | end | {"growing_hz": growing(loaded)}

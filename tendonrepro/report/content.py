@@ -21,9 +21,8 @@ from tendonrepro.report.answer import percent
 from tendonrepro.report.figures import Figure, figure_of
 from tendonrepro.report.sources import MISSING, RUN, Found
 from tendonrepro.results.figures.catalogue import FIGURES, available, draw
-from tendonrepro.results.paper_tables import made_tables
+from tendonrepro.results.paper_tables import made_tables, ranking_rows
 from tendonrepro.results.records import TraceFile
-from tendonrepro.results.summary import ranking, ranking_rows
 from tendonrepro.results.tables import shown
 
 COMMANDS = {
@@ -185,7 +184,7 @@ RATIO = Scale(0.5, 2.0, True)
 def tables(found: Found) -> dict[str, dict[str, Any]]:
     """Tables 1 to 3 and their companions, of the runs there are."""
     return {
-        table.stem: {"stem": table.stem, "about": table.about}
+        table.name: {"stem": table.name, "about": table.caption}
         | dict(zip(("heads", "rows", "numeric"), shown(table.rows, table.columns), strict=True))
         for file in (found.decouple, found.compare)
         if file
@@ -214,7 +213,9 @@ def _measured(found: Found, number: int) -> Figure | None:
 
 def order(file: TraceFile | None) -> list[tuple[str, str, str]]:
     """Errors, orders of the controllers, best first, and what the print says; see `ranking_rows`."""
-    return ranking_rows(ranking(file), {name: run.status for name, run in file.runs.items()}) if file else []
+    names = ("errors", "order", "as_published")
+    rows = ranking_rows(file) if file else ()
+    return [tuple(str(row[name] or "") for name in names) for row in rows]  # type: ignore[misc]
 
 
 def configurations(found: Found) -> list[Any]:

@@ -1,12 +1,10 @@
-"""Tables 1 to 3 and their companions: ours, beside the printed values where it is the paper's experiment."""
+"""Tables 1 to 3 and their companions; published values stand beside the paper's own experiment alone."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import chain
-from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -22,10 +20,11 @@ from tendonrepro.results.summary import (
     decoupling_errors,
     fitted_under,
     loaded_runs,
+    ranking,
     tension_sizes,
     tracking_errors,
 )
-from tendonrepro.results.tables import NOTHING, TableColumns, rounded, write_table
+from tendonrepro.results.tables import NOTHING, Table, TableColumns, rounded
 
 TableRow: TypeAlias = dict[str, object]
 """A table row by column name; a column without a value may be left out."""
@@ -52,6 +51,9 @@ COLUMNS: TableColumns = {
     "change_percent": ("Change (%)", "z.1f"),
     "change_printed_percent": ("printed", "z.1f"),
     "status": ("Status", ""),
+    "errors": ("Controllers by", ""),
+    "order": ("smallest first", ""),
+    "as_published": ("Order 1, 2, 3 of the paper", ""),
     "tendon": ("Tendon", ""),
     "least_tension_N": ("Least tension (N)", "z.2f"),
     "least_tension_at_s": ("at (s)", ".3f"),
@@ -67,53 +69,89 @@ COLUMNS: TableColumns = {
 
 ``{joints}`` in a heading are the numbers of the joints, as in ``2/3``.
 """
-_BESIDE = {name for name in COLUMNS if "printed" in name or name.endswith("_ratio")} | {"difference"}
+_BESIDE = {name for name in COLUMNS if "printed" in name or name.endswith("_ratio")} | {
+    "difference",
+    "as_published",
+}
 """Columns of the print, and of its comparison with ours."""
 
 
-def write_tables(file: TraceFile, folder: Path) -> list[Path]:
-    """Write every table the runs allow, as csv, Markdown and LaTeX; tables without rows are left out.
-
-    Raises
-    ------
-    TendonreproError
-        When a file cannot be written.
-    """
-    return [
-        path
-        for table in made_tables(file)
-        for path in write_table(
-            table.rows, folder, table.stem, table.about, table.columns, ("csv", "md", "tex")
-        )
-    ]
-
-
-@dataclass(frozen=True)
-class MadeTable:
-    """A table before it is written: name of its files, caption with origin, rows, and columns that stand."""
-
-    stem: str
-    about: str
-    rows: Sequence[TableRow]
-    columns: TableColumns
-
-
-def made_tables(file: TraceFile) -> Iterator[MadeTable]:
-    """Make every table the runs allow; tables without rows are left out."""
+def made_tables(file: TraceFile) -> list[Table]:
+    """Make every table that the runs allow; tables without rows are left out."""
     origin = f"{file.source}, config {file.config_sha256[:12]}"
     if under := fitted_under(file):
         origin += f", fitted to the print under {under}"
+    found = []
     for experiment, tables in _TABLES.items():
         part = file.part(experiment)
-        for stem, (make, caption) in tables.items() if part.runs else ():
+        for name, (make, caption) in tables.items() if part.runs else ():
             if rows := list(make(part)):
                 joints = "/".join(map(str, next(iter(part.runs.values())).joint))
                 columns = {
-                    name: (heading.replace("{joints}", joints), form)
-                    for name, (heading, form) in COLUMNS.items()
-                    if _stands(name, rows)
+                    column: (heading.replace("{joints}", joints), form)
+                    for column, (heading, form) in COLUMNS.items()
+                    if _stands(column, rows)
                 }
-                yield MadeTable(stem, f"{caption} ({origin}).", rows, columns)
+                terminal = None if name in _IN_THE_TERMINAL else ()
+                found.append(Table(name, f"{caption} ({origin}).", rows, columns, terminal))
+    return found
+
+
+def table_data(file: TraceFile) -> dict[str, Any]:
+    """Collect the numbers of an experiment's tables under the keys of ``--json``.
+
+    Returns
+    -------
+    dict
+        Of the comparison: ``table2`` run -> ``mae_deg``, ``rmse_deg``, ``max_deg``, lists in the order of the
+        run's joints, over the whole run; ``table3`` ``no_load``, ``with_load`` likewise; ``windows``
+        window -> run -> likewise, payload run included; ``printed`` with both tables, NaN where nothing
+        stands beside a run; ``ranking``; `fitted_under`. Of the decoupling experiment: ``S`` and ``S_inv``,
+        lists of rows, as far as the plant record has them; ``errors`` ``joint_<number>`` -> ``mae_deg``,
+        ``rmse_deg``, ``max_deg``. Of both: ``status`` per run; ``tension`` run -> ``least_N``, ``at_s``,
+        ``slack_s`` of each joint's tendon. Runs that are missing leave their keys out.
+    """
+    tension = {"least_N": "least_tension_N", "at_s": "least_tension_at_s", "slack_s": "slack_s"}
+    both = {
+        "status": {name: trace.status for name, trace in file.runs.items()},
+        "tension": _pivot(tension_rows(file), "run", tension),
+    }
+    if file.experiment == "decouple":
+        plant = file.plant.values
+        errors = {
+            f"joint_{row['joint']}": {name: row[name] for name in _ERRORS} for row in decoupling_rows(file)
+        }
+        matrices = {name: plant[name].value.tolist() for name in ("S", "S_inv") if name in plant}
+        return {**matrices, "errors": errors, **both}
+    windows: dict[str, list[TableRow]] = {}
+    for row in window_rows(file, file.runs):
+        windows.setdefault(str(row["window"]), []).append(row)
+    windows.pop("whole")
+    printed = {"mae_deg": "mae_printed_deg", "rmse_deg": "rmse_printed_deg"}
+    return both | {
+        "table2": _pivot(controller_rows(file), "run", _ERRORS),
+        "table3": _pivot(load_rows(file), "load", _ERRORS),
+        "windows": {name: _pivot(rows, "run", _ERRORS) for name, rows in windows.items()},
+        "printed": {
+            "table2": _pivot(controller_rows(file), "run", printed),
+            "table3": _pivot(load_rows(file), "load", printed),
+        },
+        "ranking": ranking(file),
+        "fitted_under": fitted_under(file),
+    }
+
+
+_ERRORS = {name: name for name in ("mae_deg", "rmse_deg", "max_deg")}
+
+
+def _pivot(rows: Iterable[TableRow], key: str, columns: Mapping[str, str]) -> dict[str, dict[str, list[Any]]]:
+    """Lists over the joints, by what stands under a key and then by new names of columns."""
+    found: dict[str, dict[str, list[Any]]] = {}
+    for row in rows:
+        held = found.setdefault(str(row[key]), {name: [] for name in columns})
+        for name, column in columns.items():
+            held[name].append(row[column])
+    return found
 
 
 def _stands(name: str, rows: Sequence[TableRow]) -> bool:
@@ -159,12 +197,12 @@ def controller_rows(file: TraceFile) -> Iterator[TableRow]:
             yield {"run": name} | row
 
 
-def window_rows(file: TraceFile) -> Iterator[TableRow]:
+def window_rows(file: TraceFile, runs: Mapping[str, Trace] | None = None) -> Iterator[TableRow]:
     """Yield Table 2 over every window of `metrics.windows`: the paper does not say what it averages over.
 
-    A run that ended before a window has no row of it.
+    A run that ended before a window has no row of it. `runs` are those of Table 2 if not given.
     """
-    runs = compared_runs(file)
+    runs = compared_runs(file) if runs is None else runs
     errors = {name: tracking_errors(trace) for name, trace in runs.items()}
     for window in dict.fromkeys(chain.from_iterable(errors.values())):
         for name, sizes in errors.items():
@@ -228,8 +266,24 @@ def decoupling_rows(file: TraceFile) -> Iterator[TableRow]:
         return
     sizes = decoupling_errors(trace)
     for index, joint in enumerate(trace.joint):
-        errors = {f"{name}_deg": values[index] for name, values in sizes.items()}
+        errors = {f"{name}_deg": float(values[index]) for name, values in sizes.items()}
         yield {"joint": joint, "status": _status(trace)} | errors
+
+
+def ranking_rows(file: TraceFile) -> Iterator[TableRow]:
+    """Yield ``errors``, ``order``, ``as_published`` of each joint and metric.
+
+    A run that diverged comes last; where two of them did there is no order to speak of.
+    """
+    for joint, metrics in ranking(file).items():
+        for metric, found in metrics.items():
+            lost = [run for run in found["order"] if file.runs[run].status == "diverged"]
+            words = {True: "holds", False: "does not hold", None: None}[found["agrees"]]
+            yield {
+                "errors": f"{metric.upper()}, {joint.replace('_', ' ')}",
+                "order": ", ".join(run.removeprefix("controller_") for run in found["order"]),
+                "as_published": f"{len(lost)} diverged" if len(lost) > 1 else words,
+            }
 
 
 def tension_rows(file: TraceFile) -> Iterator[TableRow]:
@@ -243,9 +297,9 @@ def tension_rows(file: TraceFile) -> Iterator[TableRow]:
             yield {
                 "run": name,
                 "tendon": tendon,
-                "least_tension_N": sizes["least"][index],
-                "least_tension_at_s": sizes["at"][index],
-                "slack_s": sizes["slack"][index],
+                "least_tension_N": float(sizes["least"][index]),
+                "least_tension_at_s": float(sizes["at"][index]),
+                "slack_s": float(sizes["slack"][index]),
                 "status": _status(trace),
             }
 
@@ -270,8 +324,9 @@ def _error_rows(file: TraceFile, trace: Trace, sizes: Sizes, identifier: str) ->
         columns[f"{metric}_deg"] = sizes[metric]
         columns[f"{metric}_printed_deg"] = printed
         columns[f"{metric}_ratio"] = sizes[metric] / printed
+    columns["max_deg"] = sizes["max"]
     for index, joint in enumerate(trace.joint):
-        numbers = {name: values[index] for name, values in columns.items()}
+        numbers = {name: float(values[index]) for name, values in columns.items()}
         yield {"joint": joint, "status": _status(trace)} | numbers
 
 
@@ -306,6 +361,9 @@ _TABLES: Mapping[str, Mapping[str, tuple[Callable[[TraceFile], Iterator[TableRow
         "table3": (load_rows, "Table 3, tracking errors of Controller 1 without and with payload"),
         "table3_paper": (paper_load_rows, "Table 3 as the paper lays it out"),
         "table3_change": (change_rows, "Change of the tracking errors with the payload, section 5.4"),
+        "ranking": (ranking_rows, "Controllers by size of error"),
         "tension": (tension_rows, "Tension of the tendons along the runs"),
     },
 }
+
+_IN_THE_TERMINAL = {"table2_paper", "table3_paper", "ranking", "decoupling_errors"}

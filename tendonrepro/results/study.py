@@ -53,11 +53,15 @@ class Outcome:
         shown = (part if isinstance(part, str) else part.text() for part in self.parts if _is_shown(part))
         return "\n\n".join(shown)
 
+    def write_tables(self, folder: Path) -> None:
+        """Write the tables below a results folder."""
+        for table in self.tables.values():
+            table.write(folder / "tables")
+
     def save(self, result: NewResult, name: str) -> None:
         """Write numbers as ``<name>.json``, tables and figures into a result."""
         result.write(f"{name}.json", to_json(dict(self.data)))
-        for table in self.tables.values():
-            table.write(result.path / "tables")
+        self.write_tables(result.path)
         if self.figures:
             from tendonrepro.results.figures.style import save_drawing
 

@@ -1,4 +1,4 @@
-"""What a trace file shows, as plain numbers: sizes of errors in degrees, rankings, the data of ``--json``."""
+"""What a trace file shows, as plain numbers: sizes of errors in degrees, tensions, rankings."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.config.models.readings import AXES, PRINTED
-from tendonrepro.physics.metrics import mae, max_abs, rmse, windows
+from tendonrepro.physics.metrics import windows
 from tendonrepro.physics.statics import slack_time, tendon_tension
-from tendonrepro.results.paper import of_paper, printed_beside
+from tendonrepro.results.paper import of_paper
 from tendonrepro.results.records import Trace, TraceFile
+from tendonrepro.results.statistics import error_sizes
 
 CONTROLLERS = ("controller_1", "controller_2", "controller_3")
 """The compared runs, in the order in which the paper ranks them."""
@@ -38,31 +39,15 @@ def fitted_under(file: TraceFile) -> str | None:
     return "+".join(f"{axis.name}={readings[axis.name]}" for axis in changed) or PRINTED
 
 
-def sizes_deg(e: Array, *, gaps: bool = False) -> Sizes:
-    """Mean absolute, root mean square and largest error of each joint, in degrees.
-
-    Samples from the first one on that is not finite are left out: a diverged run is judged up to there.
+def sizes_deg(e: Array) -> Sizes:
+    """Mean absolute, root mean square and largest error of each joint, degrees; see `error_sizes`.
 
     Parameters
     ----------
     e : array (T, n)
         Error, rad.
-    gaps : bool
-        Of a measured run, which goes on after a missing sample: leave out such samples alone, joint by joint.
-
-    Returns
-    -------
-    dict
-        ``mae``, ``rmse`` and ``max``, each an array (n,) in degrees; NaN where no sample is left.
     """
-    if gaps:
-        each = [sizes_deg(column[np.isfinite(column), np.newaxis]) for column in e.T]
-        return {name: np.concatenate([sizes[name] for sizes in each]) for name in ("mae", "rmse", "max")}
-    broken = ~np.isfinite(e).all(axis=1)
-    kept = np.rad2deg(e[: np.argmax(broken)] if broken.any() else e)
-    if len(kept) == 0:
-        return {name: np.full(e.shape[1], np.nan) for name in ("mae", "rmse", "max")}
-    return {"mae": mae(kept), "rmse": rmse(kept), "max": max_abs(kept)}
+    return error_sizes(np.rad2deg(e))
 
 
 def tracking_errors(trace: Trace) -> dict[str, Sizes]:
@@ -70,16 +55,13 @@ def tracking_errors(trace: Trace) -> dict[str, Sizes]:
 
     ``whole`` is always there.
     """
-    e = trace["e"]
     spans = windows(trace.time, trace.attributes["reference_period"])
-    gaps = trace.attributes["law"] == MEASURED
-    return {name: sizes_deg(e[span], gaps=gaps) for name, span in spans.items()}
+    return {name: sizes_deg(trace["e"][span]) for name, span in spans.items()}
 
 
 def decoupling_errors(trace: Trace) -> Sizes:
     """Sizes of ``q_calculated - q_encoder``, as `sizes_deg`: the difference shown in Figs 10 to 12."""
-    gaps = trace.attributes["law"] == MEASURED
-    return sizes_deg(trace["q_calculated"] - trace["q_encoder"], gaps=gaps)
+    return sizes_deg(trace["q_calculated"] - trace["q_encoder"])
 
 
 def tensions(file: TraceFile, trace: Trace) -> Array | None:
@@ -141,110 +123,3 @@ def ranking(file: TraceFile) -> dict[str, dict[str, dict[str, Any]]]:
             agrees = all(bool(better < worse) for better, worse in pairwise(column)) if papers else None
             result.setdefault(f"joint_{joint}", {})[metric] = {"order": order, "agrees": agrees}
     return result
-
-
-def ranking_rows(
-    ranking: Mapping[str, Mapping[str, Mapping[str, Any]]], status: Mapping[str, str]
-) -> list[tuple[str, str, str]]:
-    """Joint and metric, the controllers' numbers, and what the print says of it, of every order of `ranking`.
-
-    A run that diverged comes last; between two of them there is no order to speak of.
-    """
-    words = {True: "as printed", False: "not as printed", None: ""}
-    rows = []
-    for joint, metrics in ranking.items():
-        for metric, found in metrics.items():
-            names = {run: run.removeprefix("controller_") for run in found["order"]}
-            lost = [name for run, name in names.items() if status[run] == "diverged"]
-            verdict = f"{' and '.join(lost)} diverged" if len(lost) > 1 else words[found["agrees"]]
-            rows.append((f"{joint.replace('_', ' ')} {metric.upper()}", ", ".join(names.values()), verdict))
-    return rows
-
-
-def table_data_compare(file: TraceFile) -> dict[str, Any]:
-    """Collect the data of ``compare --json``: Tables 2 and 3, other windows, status and ranking.
-
-    Returns
-    -------
-    dict
-        ``table2`` run -> ``mae_deg``, ``rmse_deg``, ``max_deg``, lists in the order of the run's joints, over
-        the whole run; ``table3`` ``no_load``, ``with_load`` likewise; ``windows`` window -> run -> likewise,
-        payload run included; ``status`` per run; ``ranking``; ``printed`` with both tables, NaN where nothing
-        is; ``tension`` run -> ``least_N``, ``at_s``, ``slack_s`` of each joint's tendon; `fitted_under`. Our
-        numbers that are not finite are None; runs that are missing leave their keys out.
-    """
-    errors = {name: tracking_errors(trace) for name, trace in file.runs.items()}
-    others = dict.fromkeys(window for found in errors.values() for window in found if window != "whole")
-    return {
-        "table2": {name: _numbers(errors[name]["whole"]) for name in compared_runs(file)},
-        "table3": {load: _numbers(errors[run.name]["whole"]) for load, run in loaded_runs(file).items()},
-        "windows": {
-            window: {name: _numbers(found[window]) for name, found in errors.items() if window in found}
-            for window in others
-        },
-        "status": _statuses(file),
-        "ranking": ranking(file),
-        "printed": _printed_tables(file),
-        "tension": _tensions(file),
-        "fitted_under": fitted_under(file),
-    }
-
-
-def _printed_tables(file: TraceFile) -> dict[str, Any]:
-    """Tables 2 and 3 as printed, under the keys of ours; NaN where the print does not stand beside a run."""
-
-    def sizes(trace: Trace, identifier: str) -> dict[str, list[float]]:
-        return {
-            f"{metric}_deg": printed_beside(file, trace, f"{identifier}.{metric}")
-            for metric in ("mae", "rmse")
-        }
-
-    return {
-        "table2": {name: sizes(trace, f"table2.{name}") for name, trace in compared_runs(file).items()},
-        "table3": {load: sizes(trace, f"table3.{load}") for load, trace in loaded_runs(file).items()},
-    }
-
-
-def table_data_decouple(file: TraceFile) -> dict[str, Any]:
-    """Collect the data of ``decouple --json``: coupling matrices, errors of the calculated joint angles.
-
-    Returns
-    -------
-    dict
-        ``S`` and ``S_inv``, lists of rows, as far as the plant record has them; ``errors``
-        ``joint_<number>`` -> ``mae_deg``, ``rmse_deg``, ``max_deg`` of the run ``decouple``; ``status`` per
-        run; ``tension`` as of the comparison. Numbers that are not finite are None.
-    """
-    plant = file.plant.values
-    data: dict[str, Any] = {name: plant[name].value.tolist() for name in ("S", "S_inv") if name in plant}
-    data["errors"] = {}
-    if "decouple" in file.runs:
-        trace = file.runs["decouple"]
-        lists = _numbers(decoupling_errors(trace))
-        for index, joint in enumerate(trace.joint):
-            data["errors"][f"joint_{joint}"] = {key: values[index] for key, values in lists.items()}
-    return data | {"status": _statuses(file), "tension": _tensions(file)}
-
-
-def _numbers(sizes: Sizes) -> dict[str, list[float | None]]:
-    return {
-        f"{name}_deg": [float(x) if np.isfinite(x) else None for x in values]
-        for name, values in sizes.items()
-    }
-
-
-def _tensions(file: TraceFile) -> dict[str, dict[str, list[float]]]:
-    sizes = {name: tension_sizes(file, trace) for name, trace in file.runs.items()}
-    return {
-        name: {
-            "least_N": found["least"].tolist(),
-            "at_s": found["at"].tolist(),
-            "slack_s": found["slack"].tolist(),
-        }
-        for name, found in sizes.items()
-        if found
-    }
-
-
-def _statuses(file: TraceFile) -> dict[str, str]:
-    return {name: trace.status for name, trace in file.runs.items()}

@@ -1,23 +1,19 @@
-"""Trace files: runs on disk as netCDF-4 flavoured HDF5."""
+"""Trace files: runs on disk as netCDF-4, which xarray, h5py, MATLAB and HDFView open."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
-from numpy.typing import NDArray
+import xarray as xr
 
 from tendonrepro.arrays import Array
 from tendonrepro.errors import DataMissingError
-from tendonrepro.files import ordinary, write_atomically
-from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.records import (
     EVERY_RUN,
+    RESERVED,
     SCHEMA_VERSION,
     VARIABLES,
     PlantRecord,
@@ -26,21 +22,13 @@ from tendonrepro.results.records import (
     TraceFile,
 )
 
-# Mappings among a run's attributes are stored flat, since HDF5 attributes do not nest.
+# Mappings among a run's attributes are stored flat, since netCDF attributes do not nest.
 _NESTED = {"gains": "gain_", "readings": "reading_"}
 
 UNDEFINED = "not defined in this run; all values are missing (NaN)"
 """Comment on a variable that a run's controller does not have, such as the sliding variable of a servo."""
 
-NEEDED = ("law", "payload_mass", "status", "status_time", "reference_period")
-"""Attributes that figures and tables need of every run."""
-
-MOST_BYTES = 2**30
-"""Of one array of numbers: far more than any run has, and what a damaged size soon exceeds."""
-
-_KNOWN = {"experiment": ("compare", "decouple", "both"), "source": ("simulated", "measured")}
-_SQUARE = ("S", "S_inv", "pulley_diameter")
-
+_PACKED = {"zlib": True, "complevel": 1, "shuffle": True}
 _ROOT_TEXTS = (
     "experiment",
     "source",
@@ -54,107 +42,76 @@ _ROOT_TEXTS = (
 
 
 def write_traces(path: Path, file: TraceFile) -> None:
-    """Write a trace file, whole or not at all; equal contents give equal bytes.
+    """Write a trace file.
 
     Raises
     ------
-    TendonreproError
+    OSError
         When it cannot be written.
     """
-    # The file is built in memory, because the HDF5 library does not survive a disk that fills up under it.
-    # Attributes beyond 64 KiB need the 1.8 format or later; the upper bound keeps old readers working.
-    with h5py.File(
-        path.name,
-        "w",
-        driver="core",
-        backing_store=False,
-        block_size=2**20,
-        libver=("earliest", "v110"),
-        track_order=True,
-    ) as root:
-        _write_root(root, file)
-        root.flush()
-        image = root.id.get_file_image()
-    write_atomically(path, image)
+    tree = tree_of(file)
+    encoding = {f"/{name}": dict.fromkeys(tree[name].data_vars, _PACKED) for name in file.runs}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    tree.to_netcdf(path, engine="h5netcdf", encoding=encoding)
 
 
-def _write_root(root: h5py.File, file: TraceFile) -> None:
-    root.attrs["Conventions"] = "CF-1.11"
-    for name in _ROOT_TEXTS:
-        root.attrs[name] = getattr(file, name)
-    root.attrs["schema_version"] = np.int32(file.schema_version)
-    for trace in file.runs.values():
-        _write_run(root.create_group(trace.name, track_order=True), trace)
+def tree_of(file: TraceFile) -> xr.DataTree:
+    """The same as an xarray tree: a node per run, and the node ``plant``."""
+    attributes = {name: getattr(file, name) for name in _ROOT_TEXTS}
+    root = xr.Dataset(attrs={"Conventions": "CF-1.11", **attributes, "schema_version": file.schema_version})
     moving = next(iter(file.runs.values())).joint if file.runs else ()
-    _write_plant(root.create_group("plant", track_order=True), file.plant, moving)
+    nodes = {name: dataset_of(trace) for name, trace in file.runs.items()}
+    return xr.DataTree.from_dict({"/": root, **nodes, RESERVED: _plant_dataset(file.plant, moving)})
 
 
-def _write_run(group: h5py.Group, trace: Trace) -> None:
-    scales = [
-        _write_scale(group, "time", trace.time, "s", "time"),
-        _write_scale(group, "joint", np.array(trace.joint, np.int32), "1", "joint number"),
-    ]
+def dataset_of(trace: Trace) -> xr.Dataset:
+    """One run as an xarray dataset with the dimensions ``time`` and ``joint``."""
     absent = {name: np.full((len(trace.time), len(trace.joint)), np.nan) for name in EVERY_RUN}
-    for name, value in (absent | dict(trace.variables)).items():
-        dataset = _write_values(group, name, value, scales)
-        dataset.attrs["units"], dataset.attrs["long_name"] = VARIABLES[name]
+    variables = {}
+    for name, values in (absent | dict(trace.variables)).items():
+        units, meaning = VARIABLES[name]
+        attributes = {"units": units, "long_name": meaning}
         if name not in trace.variables:
-            dataset.attrs["comment"] = UNDEFINED
-    for name, value in trace.attributes.items():
+            attributes["comment"] = UNDEFINED
+        variables[name] = (("time", "joint"), values, attributes)
+    coordinates = {
+        "time": ("time", trace.time, {"units": "s", "long_name": "time"}),
+        "joint": ("joint", np.array(trace.joint, np.int32), {"units": "1", "long_name": "joint number"}),
+    }
+    return xr.Dataset(variables, coordinates, _flat(trace.attributes))
+
+
+def _flat(attributes: Mapping[str, Any]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for name, value in attributes.items():
         if name in _NESTED:
-            for key, entry in value.items():
-                group.attrs[_NESTED[name] + key] = entry
+            found |= {_NESTED[name] + key: entry for key, entry in value.items()}
         else:
-            group.attrs[name] = value
+            found[name] = value
+    return found
 
 
-def _write_plant(group: h5py.Group, plant: PlantRecord, moving: tuple[int, ...]) -> None:
+def _plant_dataset(plant: PlantRecord, moving: tuple[int, ...]) -> xr.Dataset:
     largest = max((size for item in plant.values.values() for size in item.value.shape), default=0)
+    variables, coordinates = {}, {}
     for name, item in plant.values.items():
-        shape = item.value.shape
-        scales = [_plant_scale(group, size, axis, moving, largest) for axis, size in enumerate(shape)]
-        dataset = _write_values(group, name, item.value, scales)
-        for key in ("units", "source", "long_name"):
-            dataset.attrs[key] = getattr(item, key)
-    for key, text in plant.attributes.items():
-        group.attrs[key] = text
+        dimensions = []
+        for axis, size in enumerate(item.value.shape):
+            dimension, numbers = _dimension(size, moving, largest)
+            # A variable has a dimension once, so the columns of a matrix have their own.
+            dimensions.append(dimension + "_other" * axis)
+            coordinates[dimensions[-1]] = np.array(numbers, np.int32)
+        attributes = {key: getattr(item, key) for key in ("units", "source", "long_name")}
+        variables[name] = (dimensions, np.asarray(item.value, np.float64), attributes)
+    return xr.Dataset(variables, coordinates, dict(plant.attributes))
 
 
-def _plant_scale(
-    group: h5py.Group, size: int, axis: int, moving: tuple[int, ...], largest: int
-) -> h5py.Dataset:
+def _dimension(size: int, moving: tuple[int, ...], largest: int) -> tuple[str, tuple[int, ...]]:
     """Dimension of a plant value, told by its length: the moving joints, all joints, or a bare index."""
     every = tuple(range(1, size + 1))
     if size == len(moving) and moving != every:
-        name, numbers, long_name = "moving_joint", moving, "joint number"
-    elif size in (len(moving), largest):
-        name, numbers, long_name = "joint", every, "joint number"
-    else:
-        name, numbers, long_name = f"index_{size}", every, "index"
-    # CF allows a dimension once a variable, so the columns of a matrix have their own.
-    name += "_other" * axis
-    if name in group:
-        return group[name]
-    return _write_scale(group, name, np.array(numbers, np.int32), "1", long_name)
-
-
-def _write_scale(
-    group: h5py.Group, name: str, values: NDArray[Any], units: str, long_name: str
-) -> h5py.Dataset:
-    scale = group.create_dataset(name, data=values)
-    scale.make_scale(name)
-    scale.attrs["units"] = units
-    scale.attrs["long_name"] = long_name
-    return scale
-
-
-def _write_values(group: h5py.Group, name: str, value: Array, scales: list[h5py.Dataset]) -> h5py.Dataset:
-    # Chunks cost more than they save on the few numbers of a plant value.
-    packing = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if value.size > 1024 else {}
-    dataset = group.create_dataset(name, data=np.asarray(value, np.float64), **packing)
-    for axis, scale in enumerate(scales):
-        dataset.dims[axis].attach_scale(scale)
-    return dataset
+        return "moving_joint", moving
+    return ("joint" if size in (len(moving), largest) else f"index_{size}"), every
 
 
 def read_traces(path: Path) -> TraceFile:
@@ -163,109 +120,68 @@ def read_traces(path: Path) -> TraceFile:
     Raises
     ------
     DataMissingError
-        When the file is absent, not HDF5, damaged, not a trace file, or of another schema version.
+        When the file is absent, damaged, not a trace file, or of another schema version.
     """
-    with _opened(path) as root:
-        _check_schema(path, root)
-        _require(all(isinstance(root.get(name, getlink=True), h5py.HardLink) for name in root))
-        texts = {name: _text(root.attrs[name]) for name in _ROOT_TEXTS}
-        runs = {name: _read_run(name, group) for name, group in root.items() if name != "plant"}
-        _require(all(texts[name] in known for name, known in _KNOWN.items()))
-        return TraceFile(**texts, runs=runs, plant=_read_plant(root["plant"]))  # type: ignore[arg-type]
-
-
-@contextmanager
-def _opened(path: Path) -> Iterator[h5py.File]:
-    hint = "Run `tendonrepro compare` or `tendonrepro decouple` to make one."
+    hint = "run tendonrepro compare or tendonrepro decouple to make one"
+    if not path.is_file():
+        message = "there is no trace file"
+        raise DataMissingError(message, where=str(path), hint=hint)
     try:
-        ordinary(path, None).open("rb").close()
-    except OSError as error:
-        message = f"cannot read the trace file {path}: {error.strerror}"
-        raise DataMissingError(message, hint=hint) from error
-    if not h5py.is_hdf5(path):
-        message = f"{path} is not an HDF5 file"
-        raise DataMissingError(message, hint=hint)
-    try:
-        with h5py.File(path, "r") as root:
-            yield root
+        with xr.open_datatree(path, engine="h5netcdf", decode_times=False) as tree:
+            return _file_of(tree.load())
     except DataMissingError:
         raise
     except Exception as error:
-        # What the library says of damage is of any type, so nothing but reading stands in this block.
-        message = f"{path} is damaged or incomplete and cannot be read"
-        raise DataMissingError(message, hint=hint) from error
+        # What the library says of damage is of any type, and nothing but reading stands in this block.
+        message = f"is not a sound trace file of tendonrepro: {error}"
+        raise DataMissingError(message, where=str(path), hint=hint) from error
 
 
-def _check_schema(path: Path, root: h5py.File) -> None:
-    if "schema_version" not in root.attrs or "tendonrepro_version" not in root.attrs:
-        message = f"{path} is an HDF5 file, but not a trace file of tendonrepro"
-        raise DataMissingError(message)
-    found = int(root.attrs["schema_version"])
+def _file_of(tree: xr.DataTree) -> TraceFile:
+    found = int(tree.attrs["schema_version"])
     if found != SCHEMA_VERSION:
-        message = f"{path} has layout version {found}; this tendonrepro reads version {SCHEMA_VERSION}"
-        raise DataMissingError(message, hint="Make the traces again with this version.")
+        message = f"a trace file of layout version {found}; this tendonrepro reads version {SCHEMA_VERSION}"
+        raise DataMissingError(message, hint="make the traces again with this version")
+    texts = {name: tree.attrs[name] for name in _ROOT_TEXTS}
+    runs = {name: _trace_of(name, node) for name, node in tree.children.items() if name != RESERVED}
+    return TraceFile(**texts, runs=runs, plant=_plant_of(tree[RESERVED]))
 
 
-def _require(holds: bool) -> None:
-    """Take a file for damaged unless something holds that is true of every file that was written."""
-    if not holds:
-        raise ValueError
-
-
-def _text(stored: object) -> str:
-    _require(isinstance(stored, str))
-    return str(stored)
-
-
-def _numbers(item: Any, dimensions: int | None = None) -> NDArray[Any]:
-    """Numbers of a dataset, as many dimensions as a run's have or any up to two."""
-    _require(isinstance(item, h5py.Dataset) and item.dtype.kind in "iuf" and item.nbytes <= MOST_BYTES)
-    _require(item.ndim <= 2 if dimensions is None else item.ndim == dimensions)
-    return np.asarray(item[()])
-
-
-def _read_run(name: str, group: h5py.Group) -> Trace:
-    time, joint = _numbers(group["time"], 1), _numbers(group["joint"], 1)
-    _require(bool(np.isfinite(time).all() and (np.diff(time) > 0.0).all()))
-    _require(joint.dtype.kind in "iu" and joint.min() > 0 and len(set(joint.tolist())) == len(joint))
+def _trace_of(name: str, node: Any) -> Trace:
     variables = {
-        key: _numbers(item, 2)
-        for key, item in group.items()
-        if key not in ("time", "joint") and item.attrs.get("comment") != UNDEFINED
+        str(key): _array(item)
+        for key, item in node.data_vars.items()
+        if item.attrs.get("comment") != UNDEFINED
     }
-    attributes = _read_attributes(group)
-    missing = [key for key in NEEDED if key not in attributes]
-    if missing:
-        message = f"the run {name!r} in {group.file.filename} lacks the attribute {missing[0]!r}"
-        raise DataMissingError(message)
-    _text(attributes["law"])
-    _require(attributes["status"] in STATUSES)
-    _require(all(math.isfinite(attributes[key]) for key in NEEDED if key not in ("law", "status")))
-    return Trace(name, time, tuple(joint.tolist()), variables, attributes)
+    joint = tuple(int(number) for number in node["joint"].values)
+    return Trace(name, _array(node["time"]), joint, variables, _attributes_of(node))
 
 
-def _read_attributes(group: h5py.Group) -> dict[str, Any]:
+def _attributes_of(node: Any) -> dict[str, Any]:
     attributes: dict[str, Any] = {name: {} for name in _NESTED}
-    for key, stored in group.attrs.items():
-        # numpy scalars and arrays become the plain numbers and lists they were written from.
+    for key, stored in node.attrs.items():
+        # NumPy's scalars and arrays become the plain numbers and lists they were written from.
         value = stored.tolist() if isinstance(stored, np.generic | np.ndarray) else stored
-        for name, prefix in _NESTED.items():
-            if key.startswith(prefix):
-                attributes[name][key.removeprefix(prefix)] = value
-                break
+        nested = next((name for name, prefix in _NESTED.items() if key.startswith(prefix)), None)
+        if nested == "gains":
+            # A netCDF attribute of one number is that number.
+            value = np.atleast_1d(stored).tolist()
+        if nested:
+            attributes[nested][key.removeprefix(_NESTED[nested])] = value
         else:
             attributes[key] = value
     return attributes
 
 
-def _read_plant(group: h5py.Group) -> PlantRecord:
-    values = {}
-    for name, item in group.items():
-        if not item.is_scale:
-            units, source, long_name = (_text(item.attrs[key]) for key in ("units", "source", "long_name"))
-            values[name] = PlantValue(_numbers(item), units, source, long_name)
-    shapes = {name: values[name].value.shape for name in (*_SQUARE, "winch_diameter") if name in values}
-    sizes = {shape[:1] for name, shape in shapes.items() if name.endswith("_diameter")}
-    _require(all(len(shape) and shape == shape[:1] * 2 for name, shape in shapes.items() if name in _SQUARE))
-    _require(len(sizes) < 2 and () not in sizes)
-    return PlantRecord(values, {key: _text(text) for key, text in group.attrs.items()})
+def _plant_of(node: Any) -> PlantRecord:
+    values = {
+        str(name): PlantValue(
+            _array(item), item.attrs["units"], item.attrs["source"], item.attrs["long_name"]
+        )
+        for name, item in node.data_vars.items()
+    }
+    return PlantRecord(values, dict(node.attrs))
+
+
+def _array(item: Any) -> Array:
+    return np.asarray(item.values, dtype=np.float64)

@@ -23,8 +23,8 @@ from tendonrepro.dataset.inspection import inspect_text, run_inspect
 from tendonrepro.errors import ConfigError, DataMissingError, UsageError
 from tendonrepro.experiments.command import Order, run_experiments
 from tendonrepro.results.figures.catalogue import available
+from tendonrepro.results.paper_tables import table_data
 from tendonrepro.results.records import Trace, TraceFile
-from tendonrepro.results.summary import table_data_compare
 from tendonrepro.results.traces import read_traces, write_traces
 
 Array = NDArray[np.float64]
@@ -106,7 +106,7 @@ def test_simulated_runs_come_back_from_every_format(
         for variable in ("q_d", "q_encoder", "e"):
             np.testing.assert_allclose(back.runs[name][variable], run[variable], rtol=0.0, atol=1e-14)
         assert back.runs[name].status == run.status
-    before, after = table_data_compare(simulated), table_data_compare(back)
+    before, after = table_data(simulated), table_data(back)
     for table in ("table2", "table3"):
         assert set(before[table]) == set(after[table])
         for run_name, sizes in before[table].items():

@@ -18,7 +18,7 @@ from tendonrepro.experiments.run import simulate_all, trace_file
 from tendonrepro.report.answer import numbers
 from tendonrepro.report.figure_orders import draw_orders
 from tendonrepro.report.orders import AS_PUBLISHED, CHANGED, orders
-from tendonrepro.results.summary import table_data_compare
+from tendonrepro.results.paper_tables import table_data
 
 DOCS = ROOT / "docs"
 pytestmark = pytest.mark.skipif(not DOCS.is_dir(), reason="no docs folder beside the package")
@@ -166,7 +166,7 @@ def errors_of(experiment: Any, *overrides: str) -> list[list[float]]:
     """MAE of Controllers 1 to 3 on joints 2 and 3, degrees; all of them have to be stable."""
     loaded = load_config(experiment, None, overrides=overrides)
     created = {"created": "2026-01-01T00:00:00+00:00"}
-    found: Mapping[str, Any] = table_data_compare(
+    found: Mapping[str, Any] = table_data(
         trace_file(loaded, simulate_all([(loaded, None)], Talk(quiet=True))[0], created)
     )
     assert {found["status"][name] for name in CONTROLLERS} == {"ok"}

@@ -11,7 +11,7 @@ from tendonrepro.config.load import load_config
 from tendonrepro.config.shipped import shipped_file
 from tendonrepro.console import Talk
 from tendonrepro.experiments.run import simulate_all, trace_file
-from tendonrepro.results.summary import table_data_compare
+from tendonrepro.results.paper_tables import table_data
 
 # Tables 2 and 3, typed from the paper: MAE of joints 2 and 3, RMSE of joints 2 and 3, deg.
 TABLE_2 = {
@@ -73,7 +73,7 @@ def test_misfit_is_the_one_that_its_heading_states(heading):
     file = trace_file(
         loaded, simulate_all([(loaded, None)], Talk(quiet=True))[0], {"created": "2026-01-01T00:00:00+00:00"}
     )
-    data = table_data_compare(file)
+    data = table_data(file)
     assert set(data["status"].values()) == {"ok"}
     pairs = [(data["table2"][run], printed) for run, printed in TABLE_2.items()]
     pairs.append((data["table3"]["with_load"], WITH_LOAD))

@@ -72,7 +72,7 @@ def test_what_is_refused(folder, monkeypatch):
         export_traces(folder, "xlsx")
     with pytest.raises(UsageError, match=r"of the format mat ends in \.mat, found"):
         export_traces(folder, "mat", folder / "g.csv")
-    with pytest.raises(DataMissingError, match="cannot read the trace file"):
+    with pytest.raises(DataMissingError, match=r"nothing\.h5"):
         export_traces(folder / "nothing.h5", "csv")
     monkeypatch.setattr(export, "find_spec", lambda _: None)
     with pytest.raises(UsageError, match="pyarrow") as caught:

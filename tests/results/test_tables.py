@@ -12,7 +12,7 @@ import pytest
 from support.synthetic import S_INV, S, make_compare_file, make_decouple_file
 
 from tendonrepro.config.ensemble import load_ensemble
-from tendonrepro.experiments.report import results_text
+from tendonrepro.experiments.report import outcome_of
 from tendonrepro.results.paper import base_of_paper, of_paper
 from tendonrepro.results.paper_tables import (
     COLUMNS,
@@ -22,16 +22,22 @@ from tendonrepro.results.paper_tables import (
     coupling_rows,
     decoupling_rows,
     load_rows,
+    made_tables,
+    ranking_rows,
+    table_data,
     window_rows,
-    write_tables,
 )
 from tendonrepro.results.records import PlantRecord, Trace, TraceFile
-from tendonrepro.results.summary import ranking, table_data_compare, tracking_errors
+from tendonrepro.results.summary import ranking, tracking_errors
 from tendonrepro.results.tables import csv_text, latex, markdown
 
 
 def frame_of(rows: Callable[[TraceFile], Iterator[TableRow]], file: TraceFile) -> pd.DataFrame:
     return pd.DataFrame(list(rows(file)))
+
+
+def write_tables(file: TraceFile, folder: Path) -> list[Path]:
+    return [path for table in made_tables(file) for path in table.write(folder)]
 
 
 def with_plant(file: TraceFile, **arrays: np.ndarray | None) -> TraceFile:
@@ -97,25 +103,15 @@ def test_the_print_stands_beside_the_paper_s_experiment_alone(what: str, tmp_pat
     assert not any("printed" in text or "ratio" in text for text in texts)
     found = [one["agrees"] for metrics in ranking(file).values() for one in metrics.values()]
     assert found == [None] * 4
-    head = {"experiment": "compare", "out": "out", "joints": next(iter(file.runs.values())).joint}
-    head["growing_hz"] = {}
-    text = results_text(head | table_data_compare(file))
-    assert not any(words in text for words in ("as printed", "|", "(printed"))
+    assert all(np.isnan(table_data(file)["printed"]["table2"]["controller_1"]["mae_deg"]))
 
 
-@pytest.mark.parametrize(("lost", "words"), [((3,), "as printed"), ((2, 3), "2 and 3 diverged")])
-def test_between_two_that_diverged_there_is_no_order(lost: tuple[int, ...], words: str) -> None:
-    file = make_compare_file()
-    ends = {f"controller_{k}": {"status": "diverged", "status_time": 1.0} for k in lost}
-    runs = {
-        name: dataclasses.replace(trace, attributes=trace.attributes | ends.get(name, {}))
-        for name, trace in file.runs.items()
-    }
-    file = dataclasses.replace(file, runs=runs)
-    head = {"experiment": "compare", "out": "out", "joints": (2, 3), "growing_hz": {}}
-    lines = results_text(head | table_data_compare(file)).splitlines()
-    rows = [line.split(maxsplit=6)[3:] for line in lines if line.startswith(("joint 2 MAE", "joint 2 RMSE"))]
-    assert rows == [["1,", "2,", "3", words]] * 2
+@pytest.mark.parametrize("lost", [(3,), (2, 3)])
+def test_between_two_that_diverged_there_is_no_order(lost: tuple[int, ...]) -> None:
+    file = make_compare_file(diverged=dict.fromkeys((f"controller_{k}" for k in lost), 5.0))
+    row = next(ranking_rows(file))
+    assert row["order"] == "1, 2, 3"
+    assert ("diverged" in str(row["as_published"])) == (len(lost) > 1)
 
 
 @pytest.mark.parametrize("what", ["arm", "coupling"])
@@ -218,20 +214,8 @@ def test_table_of_the_decoupling_experiment() -> None:
 
 
 class TestFiles:
-    def test_names_and_the_same_bytes_twice(self, tmp_path: Path) -> None:
-        paths = write_tables(make_compare_file(), tmp_path / "tables")
-        stems = (
-            "table2",
-            "table2_paper",
-            "table2_windows",
-            "table3",
-            "table3_paper",
-            "table3_change",
-            "tension",
-        )
-        expected = [f"{stem}.{suffix}" for stem in stems for suffix in ("csv", "md", "tex")]
-        assert [path.name for path in paths] == expected
-        assert sorted(path.name for path in (tmp_path / "tables").iterdir()) == sorted(expected)
+    def test_the_same_bytes_twice(self, tmp_path: Path) -> None:
+        paths = write_tables(make_compare_file(), tmp_path / "a")
         again = write_tables(make_compare_file(), tmp_path / "b")
         assert [path.read_bytes() for path in paths] == [path.read_bytes() for path in again]
 
@@ -307,3 +291,45 @@ def test_no_printed_number_stands_beside_another_law() -> None:
     trace = file.runs["controller_1"]
     assert of_paper(file, trace)
     assert not of_paper(file, dataclasses.replace(trace, attributes={**trace.attributes, "law": "tdc"}))
+
+
+class TestData:
+    def test_keys_of_the_comparison(self) -> None:
+        data = table_data(make_compare_file())
+        assert list(data["table2"]) == ["controller_1", "controller_2", "controller_3"]
+        assert list(data["table3"]) == ["no_load", "with_load"]
+        for row in (*data["table2"].values(), *data["table3"].values()):
+            assert set(row) == {"mae_deg", "rmse_deg", "max_deg"}
+            assert all(len(numbers) == 2 for numbers in row.values())
+        assert data["status"] == dict.fromkeys(make_compare_file().runs, "ok")
+        assert set(data["windows"]) == {"after_first_period", "period_1", "period_2"}
+        assert set(data["windows"]["period_2"]) == set(data["status"])
+        assert data["printed"]["table2"]["controller_1"]["mae_deg"] == [0.261, 0.219]
+
+    def test_missing_runs_leave_their_keys_out_and_a_law_of_the_users_own_is_in_table_2(self) -> None:
+        data = table_data(make_compare_file(runs=["controller_1", "controller_3", "mine"]))
+        assert set(data["table2"]) == {"controller_1", "controller_3", "mine"}
+        assert set(data["table3"]) == {"no_load"}
+
+    def test_keys_and_values_of_the_decoupling_experiment(self) -> None:
+        file = make_decouple_file()
+        trace = file.runs["decouple"]
+        shifted = {**trace.variables, "q_calculated": trace["q_encoder"] - np.deg2rad([0.1, 0.2, 0.3])}
+        runs = {**file.runs, "decouple": dataclasses.replace(trace, variables=shifted)}
+        data = table_data(dataclasses.replace(file, runs=runs))
+        assert data["S"] == S.tolist()
+        assert data["S_inv"] == S_INV.tolist()
+        for name, size in (("joint_1", 0.1), ("joint_2", 0.2), ("joint_3", 0.3)):
+            assert data["errors"][name] == pytest.approx(
+                dict.fromkeys(("mae_deg", "rmse_deg", "max_deg"), size)
+            )
+        assert data["status"] == {"decouple": "ok", "pull_tendon_1": "ok"}
+
+
+def test_the_terminal_shows_what_the_files_hold() -> None:
+    outcome = outcome_of(make_compare_file(), {"controller_1": 4.5})
+    text = outcome.text()
+    for name in ("table2_paper", "table3_paper", "ranking"):
+        for row in outcome.tables[name].rows:
+            assert all(str(value) in text for value in row.values())
+    assert "controller_1 at 4.5 Hz" in text

@@ -1,9 +1,7 @@
 from __future__ import annotations
 
 import dataclasses
-import subprocess
-import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import h5py
@@ -15,13 +13,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
-from support import ROOT
 from support.synthetic import S_INV, S, make_compare_file, make_decouple_file
 
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import sha256_of
 from tendonrepro.results.records import SCHEMA_VERSION, VARIABLES, PlantRecord, PlantValue, Trace, TraceFile
-from tendonrepro.results.traces import NEEDED, read_traces, write_traces
+from tendonrepro.results.traces import read_traces, write_traces
 
 Array = NDArray[np.float64]
 
@@ -86,7 +83,7 @@ class TestRoundTrip:
     def test_what_is_written_is_read(self, which: str, request: pytest.FixtureRequest) -> None:
         assert_same(read_traces(request.getfixturevalue(which)), FILES[which])
 
-    @settings(max_examples=30)
+    @settings(max_examples=10)
     @given(
         x=arrays(np.float64, st.tuples(st.integers(1, 30), st.integers(1, 4)), elements=st.floats()),
         gains=st.dictionaries(
@@ -180,68 +177,40 @@ class TestOtherReaders:
             assert np.allclose(root["plant/S_inv"][:] @ root["plant/S"][:], np.eye(3), atol=1e-15)
 
 
-class TestUnusableFiles:
-    def fails(self, path: Path, words: str) -> DataMissingError:
-        with pytest.raises(DataMissingError, match=words) as caught:
-            read_traces(path)
-        assert str(path) in caught.value.message
-        assert caught.value.exit_code == 4
-        return caught.value
-
-    def test_missing_or_a_folder(self, tmp_path: Path) -> None:
-        assert "tendonrepro compare" in str(self.fails(tmp_path / "traces.h5", "No such file").hint)
-        self.fails(tmp_path, "cannot read the trace file")
-
-    @pytest.mark.parametrize("content", [b"", b"time,q\n0,1\n", b"\x89HDF\r\n"])
-    def test_not_hdf5(self, tmp_path: Path, content: bytes) -> None:
-        path = tmp_path / "traces.h5"
-        path.write_bytes(content)
-        self.fails(path, "is not an HDF5 file")
-
-    @pytest.mark.parametrize("attributes", [{}, {"schema_version": 1}, {"tendonrepro_version": "0.1.0"}])
-    def test_hdf5_of_someone_else(self, tmp_path: Path, attributes: dict[str, object]) -> None:
-        path = tmp_path / "other.h5"
-        with h5py.File(path, "w") as root:
-            root["x"] = 1.0
-            root.attrs.update(attributes)
-        self.fails(path, "not a trace file of tendonrepro")
-
-    def test_another_layout(self, tmp_path: Path) -> None:
-        path = write_traces_to(tmp_path, dataclasses.replace(make_decouple_file(), schema_version=7))
-        self.fails(path, "layout version 7; this tendonrepro reads version 1")
-
-    def test_damaged_numbers(self, tmp_path: Path) -> None:
-        path = write_traces_to(tmp_path, make_compare_file(step=1e-3))
-        with h5py.File(path) as root:
-            chunk = root["controller_1/q"].id.get_chunk_info(0)
-        data = bytearray(path.read_bytes())
-        data[chunk.byte_offset : chunk.byte_offset + chunk.size] = b"\xff" * chunk.size
-        path.write_bytes(data)
-        self.fails(path, "is damaged or incomplete")
+def break_numbers(path: Path) -> None:
+    with h5py.File(path) as root:
+        chunk = root["controller_1/q"].id.get_chunk_info(0)
+    data = bytearray(path.read_bytes())
+    data[chunk.byte_offset : chunk.byte_offset + chunk.size] = b"\xff" * chunk.size
+    path.write_bytes(data)
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="needs resource limits")
-@pytest.mark.parametrize("limit", [100, 5000, 100_000])
-def test_a_full_disk_is_one_sentence_and_leaves_nothing(tmp_path: Path, limit: int) -> None:
-    # HDF5 writing to a disk that is full prints pages of errors and may crash the interpreter.
-    program = f"""
-import resource, sys
-from pathlib import Path
-sys.path.insert(0, {str(ROOT / "tests")!r})
-from support.synthetic import make_compare_file
-from tendonrepro.errors import TendonreproError
-from tendonrepro.results.traces import write_traces
-resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))
-try:
-    write_traces(Path({str(tmp_path / "traces.h5")!r}), make_compare_file())
-except TendonreproError as error:
-    print(error)
-"""
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    assert done.stdout.startswith("cannot write ")
-    assert done.stdout.count("\n") == 1
-    assert done.stderr == ""
-    assert list(tmp_path.iterdir()) == []
+def truncate(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[:5000])
+
+
+def be_a_csv(path: Path) -> None:
+    path.write_text("time,q\n0,1\n")
+
+
+def be_of_someone_else(path: Path) -> None:
+    with h5py.File(path, "w") as root:
+        root["x"] = 1.0
+
+
+@pytest.mark.parametrize("damage", [break_numbers, truncate, be_a_csv, be_of_someone_else, Path.unlink])
+def test_an_unusable_file_is_missing_data(tmp_path: Path, damage: Callable[[Path], None]) -> None:
+    path = write_traces_to(tmp_path, make_compare_file())
+    damage(path)
+    with pytest.raises(DataMissingError, match=r"traces\.h5") as caught:
+        read_traces(path)
+    assert caught.value.exit_code == 4
+
+
+def test_another_layout_is_named(tmp_path: Path) -> None:
+    path = write_traces_to(tmp_path, dataclasses.replace(make_decouple_file(), schema_version=7))
+    with pytest.raises(DataMissingError, match="7"):
+        read_traces(path)
 
 
 class TestTrace:
@@ -296,12 +265,3 @@ class TestPlantRecord:
     def test_a_matrix_that_is_not_there(self) -> None:
         with pytest.raises(DataMissingError, match="holds no 'D_s'"):
             self.record.matrix("D_s", (2, 3))
-
-
-@pytest.mark.parametrize("name", NEEDED)
-def test_a_run_without_an_attribute_that_is_needed_is_refused(tmp_path: Path, name: str) -> None:
-    path = write_traces_to(tmp_path, make_compare_file())
-    with h5py.File(path, "r+") as root:
-        del root["controller_2"].attrs[name]
-    with pytest.raises(DataMissingError, match=f"'controller_2'.*{name}"):
-        read_traces(path)

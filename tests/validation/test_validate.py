@@ -21,11 +21,12 @@ from tendonrepro.dataset.motion.windows import PrintedTables, Tried
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.experiments.run import simulate_all, trace_file
 from tendonrepro.files import sha256_of
+from tendonrepro.results import paper_tables
 from tendonrepro.results.figures.catalogue import available
 from tendonrepro.results.manifest import make_manifest
-from tendonrepro.results.paper_tables import write_tables
+from tendonrepro.results.paper_tables import made_tables
 from tendonrepro.results.records import PlantRecord, TraceFile
-from tendonrepro.results.summary import table_data_compare, tracking_errors
+from tendonrepro.results.summary import tracking_errors
 from tendonrepro.results.traces import read_traces, write_traces
 from tendonrepro.validation.command import RESULTS, run_validate
 from tendonrepro.validation.report import table_data, validate_text, window_rows, write_measured_tables
@@ -91,12 +92,12 @@ class TestBoth:
         assert set(file.part("compare").runs) == {*CONTROLLERS, LOADED}
         assert set(file.part("decouple").runs) == {"decouple", "pull_tendon_1"}
         assert not file.part("compare").part("decouple").runs
-        assert table_data_compare(file.part("compare"))["table2"].keys() == set(CONTROLLERS)
+        assert paper_tables.table_data(file.part("compare"))["table2"].keys() == set(CONTROLLERS)
 
-    def test_its_figures_and_tables_are_those_of_both(self, tmp_path: Path) -> None:
+    def test_its_figures_and_tables_are_those_of_both(self) -> None:
         file = self.file()
         assert available(file) == [6, 9, 10, 11, 12, 13, 14, 15, 16]
-        stems = {path.stem for path in write_tables(file, tmp_path)}
+        stems = {table.name for table in made_tables(file)}
         assert {"table1", "table2", "table3", "decoupling_errors"} <= stems
 
     def test_gaps_do_not_end_a_measured_run(self) -> None:
@@ -152,7 +153,7 @@ class TestValidate:
             assert max(abs(row[name]) for row in rows) < 1e-9
 
     def test_tables_are_those_of_the_errors(self, found: dict[str, Any], shipped: Path) -> None:
-        data = table_data_compare(read_traces(shipped))
+        data = paper_tables.table_data(read_traces(shipped))
         for table, run, size in (
             ("table2", "controller_1", "mae_deg"),
             ("table2", "controller_2", "mae_deg"),

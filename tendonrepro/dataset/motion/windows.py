@@ -195,7 +195,7 @@ def _tried(
         e = trace["e"][parts[name]]
         if removed:
             e = np.stack([column - _mean(column[np.isfinite(column)]) for column in e.T], axis=1)
-        found = sizes_deg(e, gaps=True)
+        found = sizes_deg(e)
         for metric in _METRICS:
             for joint, size in zip(trace.joint, found[metric], strict=True):
                 identifier = f"{_TABLE[name]}.{metric}.joint_{joint}"
