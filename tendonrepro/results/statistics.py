@@ -10,7 +10,6 @@ from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from tendonrepro.arrays import Array
 from tendonrepro.physics.metrics import periodogram
@@ -146,6 +145,8 @@ def slow(values: Array, newest: float) -> Array:
     newest : float
         Weight of the newest sample.
     """
+    from scipy.signal import lfilter
+
     found = np.full_like(values, np.nan)
     for i, column in enumerate(values.T):
         there = np.isfinite(column)

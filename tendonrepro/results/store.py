@@ -110,8 +110,7 @@ def replaced(
         shutil.rmtree(aside, ignore_errors=True)
     except OSError as error:
         message = f"cannot write the result: {error.strerror or error}"
-        place = str(error.filename or folder)
-        raise TendonreproError(message, where=place, hint="choose another --out") from error
+        raise TendonreproError(message, where=str(folder), hint="choose another --out") from error
 
 
 def _beside(target: Path) -> tuple[Path, Path]:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from tendonrepro.arrays import Array
 from tendonrepro.errors import DataMissingError
@@ -21,6 +20,9 @@ from tendonrepro.results.records import (
     Trace,
     TraceFile,
 )
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # Mappings among a run's attributes are stored flat, since netCDF attributes do not nest.
 _NESTED = {"gains": "gain_", "readings": "reading_"}
@@ -57,6 +59,8 @@ def write_traces(path: Path, file: TraceFile) -> None:
 
 def tree_of(file: TraceFile) -> xr.DataTree:
     """The same as an xarray tree: a node per run, and the node ``plant``."""
+    import xarray as xr
+
     attributes = {name: getattr(file, name) for name in _ROOT_TEXTS}
     root = xr.Dataset(attrs={"Conventions": "CF-1.11", **attributes, "schema_version": file.schema_version})
     moving = next(iter(file.runs.values())).joint if file.runs else ()
@@ -66,6 +70,8 @@ def tree_of(file: TraceFile) -> xr.DataTree:
 
 def dataset_of(trace: Trace) -> xr.Dataset:
     """One run as an xarray dataset with the dimensions ``time`` and ``joint``."""
+    import xarray as xr
+
     absent = {name: np.full((len(trace.time), len(trace.joint)), np.nan) for name in EVERY_RUN}
     variables = {}
     for name, values in (absent | dict(trace.variables)).items():
@@ -92,6 +98,8 @@ def _flat(attributes: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _plant_dataset(plant: PlantRecord, moving: tuple[int, ...]) -> xr.Dataset:
+    import xarray as xr
+
     largest = max((size for item in plant.values.values() for size in item.value.shape), default=0)
     variables, coordinates = {}, {}
     for name, item in plant.values.items():
@@ -122,6 +130,8 @@ def read_traces(path: Path) -> TraceFile:
     DataMissingError
         When the file is absent, damaged, not a trace file, or of another schema version.
     """
+    import xarray as xr
+
     hint = "run tendonrepro compare or tendonrepro decouple to make one"
     if not path.is_file():
         message = "there is no trace file"
