@@ -24,4 +24,4 @@ def test_only_runs_that_ended_well_are_said_to_grow():
     status = {"controller_1": "ok", "controller_2": "ringing", "controller_3": "ok"}
     (line,) = _growing({"growing_hz": {"controller_1": 4.31, "controller_2": 4.3}, "status": status})
     assert "controller_1 at 4.3 Hz" in line
-    assert _growing({"growing_hz": {"controller_2": 4.3}, "status": status}) == []
+    assert list(_growing({"growing_hz": {"controller_2": 4.3}, "status": status})) == []
