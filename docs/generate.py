@@ -1,55 +1,99 @@
-"""Copy what an ensemble and the ledger found beside this file, and write findings.md and tables.md from it.
+"""Take stored results over from a reports folder, and write from them what docs are made of.
 
-``make findings`` runs it after ``tendonrepro ensemble`` and ``tendonrepro claims``. Every number between the
-marks in these pages comes from ``docs/results``; a test makes the text again and compares.
+``make findings`` runs it after ``tendonrepro ensemble`` and ``tendonrepro claims``: it writes ``docs/results``, the made
+parts of findings.md and tables.md, and the picture ``orders.png``. Without results it makes the pages again.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import re
 import shutil
 import sys
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 from tendonrepro.files import digest_of
-from tendonrepro.report import rows
-from tendonrepro.report.answer import filled, numbers as slots, percent
+from tendonrepro.report import claims, orders
+from tendonrepro.report.answer import filled, numbers, percent
 from tendonrepro.report.figure_orders import draw_orders
-from tendonrepro.report.orders import HEADS, robustness
+from tendonrepro.report.stored import thinned
 from tendonrepro.results.figures.style import save_drawing
 
 DOCS = Path(__file__).parent
 RESULTS = DOCS / "results"
 PAGES = (DOCS / "findings.md", DOCS / "tables.md")
 CLOSEST = DOCS.parent / "configs" / "closest.yaml"
-CLAIMS = (
-    *("C1", "C2", "F1", "C3", "C4", "C5", "C6", "P1", "E1", "E1a", "E2", "E2a", "E3", "L1", "T1"),
-    *("K1", "K2", "K2a", "K2b", "K3", "K4", "K5", "K6", "A1"),
-)
-"""Claims in the order in which they are shown."""
 PART = re.compile(r"(<!-- made by generate.py: ([a-z ]+) -->\n).*?(<!-- end -->)", re.S)
 
+Column = Callable[[Mapping[str, Any]], str]
 
-def main(reports: Path) -> None:
-    """Take results over from a reports folder and rewrite the pages."""
+
+# ---- from reports to docs/results --------------------------------------------------------------------------
+
+
+def take(reports: Path) -> None:
+    """Take results over from a reports folder."""
     RESULTS.mkdir(exist_ok=True)
-    summary = json.loads((reports / "ensemble" / "summary.json").read_text(encoding="utf-8"))
-    ledger = json.loads((reports / "claims" / "claims.json").read_text(encoding="utf-8"))
+    ledger = read(reports / "claims" / "claims.json")
     if (ledger.get("ensemble") or {}).get("source") != "local":
         sys.exit("these verdicts are the shipped ones; run tendonrepro claims again, beside the ensemble")
-    _store("ensemble.json", rows.thinned(summary))
-    ledger = _rounded(ledger)
-    _store("claims.json", ledger | {"sha256": digest_of(ledger)})
-    decides = json.loads((reports / "claims" / "decides.json").read_text(encoding="utf-8"))
-    _store("decides.json", rows.thinned_decides(decides))
+    store("ensemble.json", thinned(read(reports / "ensemble" / "summary.json")))
+    ledger = rounded(ledger)
+    store("claims.json", ledger | {"sha256": digest_of(ledger)})
+    decides = read(reports / "claims" / "decides.json")
+    store("decides.json", {name: held | {"rows": held["rows"][:5]} for name, held in decides.items()})
     if (reports / "identify_all").exists():
         take_closest(reports / "identify_all")
-    write_pages()
+
+
+def take_closest(folder: Path) -> None:
+    """Add what `tendonrepro identify --fit all` found to what is stored, and ship the best plant of all."""
+    found = read(folder / "identify.json")
+    kept = ["name", "misfit_log", "misfit_by_seed", "seeds_agree", "rows_searched", "best_shape"]
+    fresh = {
+        reading["name"]: {key: reading[key] for key in kept}
+        | {
+            "evaluations": found["evaluations"],
+            "largest": max(reading["numbers"], key=lambda row: abs(math.log(row["ratio"]))),
+            "at_bound": {row["name"]: row["at_bound"] for row in reading["parameters"] if row["at_bound"]},
+        }
+        for reading in found["readings"]
+    }
+    readings = {reading["name"]: reading for reading in stored("identify")["readings"]} | fresh
+    store("identify.json", {key: found[key] for key in ("fit", "window")} | {"readings": list(readings.values())})
+    if min(readings.values(), key=lambda reading: reading["misfit_log"])["name"] in fresh:
+        text = (folder / "identified.yaml").read_text(encoding="utf-8")
+        CLOSEST.write_text(f"# yaml-language-server: $schema=schema.json\n#\n{text}", encoding="utf-8")
+
+
+def read(path: Path) -> Any:
+    return json.loads(path.read_text(encoding="utf-8"))
+
+
+def stored(name: str) -> Any:
+    """Stored results."""
+    return read(RESULTS / f"{name}.json")
+
+
+def store(name: str, content: Any) -> None:
+    text = json.dumps(rounded(content), indent=1, ensure_ascii=False) + "\n"
+    (RESULTS / name).write_text(text, encoding="utf-8")
+
+
+def rounded(content: Any) -> Any:
+    """Six digits are more than any of these numbers is worth, and keep the file small."""
+    if isinstance(content, dict):
+        return {key: rounded(value) for key, value in content.items()}
+    if isinstance(content, list):
+        return [rounded(value) for value in content]
+    return float(f"{content:.6g}") if isinstance(content, float) else content
+
+
+# ---- from docs/results to pages ----------------------------------------------------------------------------
 
 
 def write_pages() -> None:
@@ -57,137 +101,95 @@ def write_pages() -> None:
     for page in PAGES:
         page.write_text(fresh(page.read_text(encoding="utf-8")), encoding="utf-8")
     with TemporaryDirectory() as folder:
-        save_drawing(draw_orders(stored("ensemble.json")), Path(folder))
+        save_drawing(draw_orders(stored("ensemble")), Path(folder))
         shutil.copy(Path(folder) / "orders.png", DOCS / "orders.png")
-
-
-def take_closest(folder: Path) -> None:
-    """Add what `tendonrepro identify --fit all` found to what is stored, and ship the best plant of all."""
-    found = rows.thinned_closest(json.loads((folder / "identify.json").read_text(encoding="utf-8")))
-    fresh = {reading["name"]: reading for reading in found["readings"]}
-    readings = {reading["name"]: reading for reading in stored("identify.json")["readings"]} | fresh
-    _store("identify.json", found | {"readings": list(readings.values())})
-    if min(readings.values(), key=lambda reading: reading["misfit_log"])["name"] in fresh:
-        text = (folder / "identified.yaml").read_text(encoding="utf-8")
-        CLOSEST.write_text(f"# yaml-language-server: $schema=schema.json\n#\n{text}", encoding="utf-8")
 
 
 def fresh(text: str) -> str:
     """A page with its made parts made again."""
-    values = slots(stored("ensemble.json"), stored("claims.json"))
-    makers = {
-        "the answer": lambda: filled("answer", values),
-        "why": lambda: filled("why", values),
-        "robustness": lambda: table(rows.Table(HEADS, robustness(stored("ensemble.json")))),
-        "all results": generated,
-    }
-    return PART.sub(lambda part: f"{part[1]}\n{makers[part[2]]().strip()}\n\n{part[3]}", text)
+    return PART.sub(lambda part: f"{part[1]}\n{MAKERS[part[2]]().strip()}\n\n{part[3]}", text)
 
 
-def _store(name: str, content: Any) -> None:
-    text = json.dumps(_rounded(content), indent=1, ensure_ascii=False) + "\n"
-    (RESULTS / name).write_text(text, encoding="utf-8")
+def words(name: str) -> str:
+    return filled(name, numbers(stored("ensemble"), stored("claims")))
 
 
-def _rounded(content: Any) -> Any:
-    """Six digits are more than any of these numbers is worth, and keep the file small."""
-    if isinstance(content, dict):
-        return {key: _rounded(value) for key, value in content.items()}
-    if isinstance(content, list):
-        return [_rounded(value) for value in content]
-    return float(f"{content:.6g}") if isinstance(content, float) else content
+def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Pipe table."""
+    lines = [heads, ["---"] * len(heads), *rows]
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
 
 
-def stored(name: str) -> Any:
-    """Stored results."""
-    return json.loads((RESULTS / name).read_text(encoding="utf-8"))
+def records(found: Sequence[Mapping[str, Any]], columns: Mapping[str, Column]) -> str:
+    """Pipe table of stored records."""
+    return table([*columns], [[column(record) for column in columns.values()] for record in found])
 
 
-def claims(ledger: Mapping[str, Any]) -> rows.Table:
-    """Claims, the most discussed first."""
-    entries = {entry["id"]: entry for entry in ledger["claims"]}
-    lines = []
-    for name in [name for name in CLAIMS if name in entries]:
-        entry = entries[name]
-        others = entry["readings_that_change_it"]
-        more = f" and {len(others) - 4} more" if others[4:] else ""
-        shown = ", ".join(f"`{other}`" for other in others[:4]) + more
-        mark = " (borderline)" if entry["borderline"] else ""
-        lines.append((name, entry["printed"], f"`{entry['verdict']}`{mark}", holds_on(entry), shown or "–"))
-    about = (
-        "`contradicted` is about the equations and not about the measurement: the paper measured hardware."
-    )
-    return rows.Table(["claim", "printed", "verdict", "holds on", "readings with another verdict"], lines, about)
+def entries(number: bool) -> list[Mapping[str, Any]]:
+    """Published numbers, or the claims; what is published twice stands once."""
+    held = stored("claims")["claims"]
+    return [entry for entry in held if ("." in entry["id"]) == number and entry["repeats"] is None]
 
 
-def holds_on(entry: Mapping[str, Any]) -> str:
-    """On which share of the plants a claim holds, by which measure, and on how much by the others."""
-    evidence = entry["evidence"]
-    share, best, measures = evidence.get("share"), evidence.get("measure"), evidence.get("by_measure", ())
-    text = percent(share) if isinstance(share, float | int) else "–"
-    if not measures:
-        return text
-    others = ", ".join(
-        f"{row['measure']} {percent(row['share'])}" for row in measures if row["measure"] != best
-    )
-    return f"{text} by {best}; {others}"
+def deciding(ranking: Mapping[str, Any]) -> str:
+    """The unknowns that explain most of the variance alone, where that is above chance."""
+    floor = ranking["noise_floor"]
+    rows = [row for row in ranking["rows"] if row["index"] > max(row["half_width"], floor)]
+    return ", ".join(f"`{row['name']}` {percent(row['index'])}" for row in rows[:3]) or "none above chance"
 
 
-def numbers(ledger: Mapping[str, Any]) -> rows.Table:
-    """How many numbers of each table have which verdict, and what else would have passed."""
-    families: dict[str, list[Mapping[str, Any]]] = {}
-    for entry in ledger["claims"]:
-        if entry["id"] not in CLAIMS:
-            families.setdefault(entry["id"].partition(".")[0], []).append(entry)
-    lines = [(family, _counted(held), _also_passing(held)) for family, held in families.items()]
-    about = (
-        "Would also pass: how much of the decade around the printed value lies inside the central 90 % of the plants too, over "
-        "the numbers of that family; 0 means that no other number would have been inside, 100 % that being inside says nothing."
-    )
-    return rows.Table(("numbers", "verdicts", "would also pass"), lines, about)
+def shapes(reading: Mapping[str, Any], key: str) -> str:
+    return " / ".join(str(shape[key]) for shape in reading["best_shape"])
 
 
-def _counted(entries: Sequence[Mapping[str, Any]]) -> str:
-    names = Counter(f"`{entry['verdict']}`{' (borderline)' * entry['borderline']}" for entry in entries)
-    return ", ".join(f"{count} {name}" for name, count in names.items())
+def ratio(reading: Mapping[str, Any], key: str) -> str:
+    values = (reading[key][f"joint_{joint}"]["median"] for joint in (2, 3))
+    return " / ".join("–" if value is None else f"{value:.2f}" for value in values)
 
 
-def _also_passing(entries: Sequence[Mapping[str, Any]]) -> str:
-    power = [entry["evidence"].get("also_passing") for entry in entries]
-    known = [share for share in power if share is not None]
-    return f"{percent(min(known))} to {percent(max(known))}" if known else "–"
-
-
-def generated() -> str:
-    """All stored results as tables."""
-    summary, ledger = stored("ensemble.json"), stored("claims.json")
-    parts = [
-        rows.head(summary),
-        "## In sentences",
-        "\n".join(f"- {line}" for line in summary["conclusions"]),
-        "## Reading by reading",
-        table(rows.readings(summary)),
-        "## Claim by claim",
-        table(claims(ledger)),
-        "## Number by number",
-        table(numbers(ledger)),
-        "## Which unknowns decide",
-        table(rows.decides(stored("decides.json"))),
-        "## The closest plants",
-        table(rows.closest(stored("identify.json"))),
-    ]
-    return "\n\n".join(parts) + "\n"
-
-
-def table(held: rows.Table) -> str:
-    """Pipe table, and below it what has to be known to read it."""
-    lines = [f"| {' | '.join(cells)} |" for cells in (held.heads, *held.rows)]
-    text = "\n".join([lines[0], "|---" * len(held.heads) + "|", *lines[1:]])
-    return f"{text}\n\n{held.about}" if held.about else text
+READINGS: Mapping[str, Column] = {
+    "interpretation": lambda held: f"`{held['name']}`",
+    "plants": lambda held: f"{held['in_order']['plants']:,}",
+    "order 1, 2, 3": lambda held: percent(held["in_order"]["share"]),
+    "1 first": lambda held: percent(held["first_best"]["share"]),
+    "order 3, 2, 1": lambda held: percent(held["in_reverse"]["share"]),
+    "1 over 2": lambda held: ratio(held, "c1_c2"),
+    "2 over 3": lambda held: ratio(held, "c2_c3"),
+    "1 smoothest": lambda held: percent(held["smoother"]["share"]),
+    "RMSE/MAE rises": lambda held: percent(held["rmse_over_mae_rises"]["share"]),
+}
+CLAIMS: Mapping[str, Column] = {
+    "claim": lambda entry: entry["id"],
+    "the paper": claims.named,
+    "here": claims.ours,
+    "verdict": lambda entry: f"`{entry['verdict']}`",
+    "other verdict under": lambda entry: str(len(entry["readings_that_change_it"])),
+}
+CLOSEST_PLANTS: Mapping[str, Column] = {
+    "interpretation": lambda held: f"`{held['name']}`",
+    "misfit": lambda held: f"{held['misfit_log']:.3f}",
+    "worst of its searches": lambda held: f"{max(held['misfit_by_seed']):.3f}",
+    "order in MAE, joint 2 / 3": lambda held: shapes(held, "ours_order_mae"),
+    "in RMSE": lambda held: shapes(held, "ours_order_rmse"),
+}
+MAKERS: Mapping[str, Callable[[], str]] = {
+    "the answer": lambda: words("answer"),
+    "why": lambda: words("why"),
+    "robustness": lambda: table(orders.HEADS, orders.robustness(stored("ensemble"))),
+    "readings": lambda: records(stored("ensemble")["populations"]["box"]["readings"], READINGS),
+    "claims": lambda: records(entries(number=False), CLAIMS),
+    "numbers": lambda: records(entries(number=True), CLAIMS),
+    "deciding unknowns": lambda: table(
+        ["of", "share of the variance that an unknown explains alone"],
+        [(name, deciding(held)) for name, held in stored("decides").items()],
+    ),
+    "closest plants": lambda: records(
+        sorted(stored("identify")["readings"], key=lambda held: held["misfit_log"]), CLOSEST_PLANTS
+    ),
+}
 
 
 if __name__ == "__main__":
     if len(sys.argv) > 1:
-        main(Path(sys.argv[1]))
-    else:
-        write_pages()
+        take(Path(sys.argv[1]))
+    write_pages()

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from tendonrepro.report import assumed, rows
+from tendonrepro.report import assumed
 
 DOCS = Path(__file__).parent
 PART = re.compile(r"(<!-- made from ([\w ]+) -->\n).*?(<!-- end -->)", re.S)
@@ -47,9 +47,24 @@ def unprinted(wanted: Callable[[str, bool], bool]) -> str:
     return table("Key|Value|Unit|Origin|Why", kept)
 
 
-def whole(held: rows.Table) -> str:
-    """A table of the package."""
-    return table("|".join(held.heads), held.rows)
+def readings() -> str:
+    """Places of the paper that can be read in more than one way."""
+
+    from tendonrepro.config.models.control import Readings
+    from tendonrepro.config.models.readings import AXES, RUNS
+
+    def runs(affects: Mapping[str, tuple[str, ...]]) -> str:
+        named = {value: "all" if held == RUNS else ", ".join(held) for value, held in affects.items()}
+        each = [f"{value}: {held}" for value, held in named.items()]
+        return named.popitem()[1] if len(set(named.values())) == 1 else "; ".join(each)
+
+    rows = []
+    for axis in AXES.values():
+        key = f"`control.readings.{axis.name}`" if axis.name in Readings.model_fields else f"`{axis.name}`"
+        rows.append(
+            (key, axis.printed, ", ".join(axis.alternatives), runs(axis.affects), axis.place, axis.about)
+        )
+    return table("Reading|Default|Alternatives|Changes the runs|Place|About", rows)
 
 
 def of_compare(key: str, both: bool) -> bool:
@@ -130,8 +145,8 @@ def variables() -> str:
 
 
 MAKERS: Mapping[str, Callable[[], str]] = {
-    "the box": lambda: whole(assumed.box()),
-    "the readings": lambda: whole(assumed.readings()),
+    "the box": lambda: table("|".join(assumed.BOX), assumed.box()),
+    "the readings": readings,
     "the keys": keys,
     "the pairs of readings": pairs,
     "the manipulator": lambda: unprinted(lambda key, _: key.startswith("manipulator.")),

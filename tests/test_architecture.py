@@ -73,7 +73,7 @@ BUDGETS = {
     "dataset": 5530,
     "claims": 2119,
     "validation": 687,
-    "report": 1591,
+    "report": 505,
     "cli": 702,
 }
 """Code lines that a package may have: no comment, docstring or blank. What one needs, another gives."""

@@ -156,11 +156,10 @@ def report(
     out: Annotated[
         Path | None, Option("--out", help="HTML file to write [default: report.html in that folder].")
     ] = None,
-    measured: MeasuredFile = None,
-    force: Annotated[bool, Option("--force", help="Overwrite a file that is no report, or edited.")] = False,
+    force: Annotated[bool, Option("--force", help="Overwrite a file that is no report.")] = False,
 ) -> None:
     """One HTML file for a reviewer, of all that was run."""
     from tendonrepro.report.command import report_text, run_report
 
-    found = run_report(results, out, terminal.talk, measured=measured, force=force)
+    found = run_report(results, out, terminal.talk, force=force)
     terminal.show(found, report_text)

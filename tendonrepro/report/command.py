@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import re
 from pathlib import Path
 from typing import Any
 
@@ -13,15 +12,14 @@ from tendonrepro.files import MOST_JSON, ordinary, write_atomically
 
 SCHEMA_VERSION = 1
 NAME = "report.html"
-_SEAL = re.compile(rb"<!-- tendonrepro report, sha256 ([0-9a-f]{64}) -->\n\Z")
+_MARK = b'<meta name="generator" content="tendonrepro'
+"""What every page has near its beginning."""
 
 
-def run_report(
-    folder: Path, out: Path | None, talk: Talk, *, measured: Path | None, force: bool
-) -> dict[str, Any]:
+def run_report(folder: Path, out: Path | None, talk: Talk, *, force: bool) -> dict[str, Any]:
     """Write the page of a results folder.
 
-    A page that stands there already is replaced; any other file, or a page that someone edited, is not.
+    An earlier page is replaced, any other file is not.
 
     Parameters
     ----------
@@ -30,8 +28,6 @@ def run_report(
     out : Path or None
         File to write; None is ``report.html`` in that folder.
     talk : Talk
-    measured : Path or None
-        Measured trace file; None is ``data/measured.h5`` where there is one.
     force : bool
         Replace whatever is there.
 
@@ -43,50 +39,30 @@ def run_report(
     Raises
     ------
     UsageError
-        If a file that this command has not written is in the way.
+        If a file that is no report is in the way.
     DataMissingError
         If there is no such folder, or something in it is damaged.
     """
     path = folder / NAME if out is None else out
     if not folder.is_dir():
         message = "there is no such folder"
-        raise DataMissingError(
-            message, where=str(folder), hint="run tendonrepro reproduce, or name another one"
-        )
-    _refuse_others(path, force=force)
+        hint = "run tendonrepro reproduce, or name another one"
+        raise DataMissingError(message, where=str(folder), hint=hint)
+    if path.is_dir():
+        raise UsageError("is a folder", where=str(path), hint="name the file to write, such as report.html")
+    if path.exists() and not force and _MARK not in ordinary(path, MOST_JSON).read_bytes()[:1000]:
+        message = "exists and is no report of tendonrepro"
+        raise UsageError(message, where=str(path), hint="choose another --out, or say --force")
     from tendonrepro.report.page import page
-    from tendonrepro.report.sources import found_under
+    from tendonrepro.report.stored import stored_under
 
-    found = found_under(folder, measured, talk)
-    talk.detail("drawing figures, writing the page")
-    content = sealed(page(found))
+    found = stored_under(folder)
+    talk.detail("writing the page")
+    content = page(found).encode()
     write_atomically(path, content)
     digest = hashlib.sha256(content).hexdigest()
     head = {"schema_version": SCHEMA_VERSION, "path": str(path), "bytes": len(content), "sha256": digest}
-    return head | {"parts": dict(found.origins), "inputs": dict(found.inputs)}
-
-
-def sealed(text: str) -> bytes:
-    """Page with its digest behind it, by which a later run knows that nobody edited it."""
-    content = text.encode()
-    return content + f"<!-- tendonrepro report, sha256 {hashlib.sha256(content).hexdigest()} -->\n".encode()
-
-
-def _refuse_others(path: Path, *, force: bool) -> None:
-    if path.is_dir():
-        raise UsageError("is a folder", where=str(path), hint="name the file to write, such as report.html")
-    if force or not path.exists():
-        return
-    try:
-        content = ordinary(path, MOST_JSON).read_bytes()
-    except OSError:
-        content = b""
-    seal = _SEAL.search(content)
-    if seal is None or hashlib.sha256(content[: seal.start()]).hexdigest().encode() != seal[1]:
-        message = "exists and is no report of tendonrepro, or was edited"
-        raise UsageError(
-            message, where=str(path), hint="choose another --out, or say --force to overwrite it"
-        )
+    return head | {"parts": found.origins, "inputs": found.inputs}
 
 
 def report_text(found: dict[str, Any]) -> str:

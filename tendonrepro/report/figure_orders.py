@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from io import BytesIO
 from typing import Any
 
 from matplotlib.axes import Axes
@@ -70,3 +71,12 @@ def _draw_row(panel: Axes, place: float, found: Orders) -> None:
                 middle, place, f"{100.0 * share:.0f} %", ha="center", va="center", color=ink, fontsize=7
             )
         left += share
+
+
+def orders_svg(summary: Mapping[str, Any]) -> bytes:
+    """The same picture as SVG."""
+    drawn = draw_orders(summary)
+    content = BytesIO()
+    with journal_style():
+        drawn.figure.savefig(content, format="svg", metadata={"Title": drawn.stem, "Date": None})
+    return content.getvalue()

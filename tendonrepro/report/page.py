@@ -1,39 +1,37 @@
-"""The page: one HTML file that needs nothing else, from what `content` says."""
+"""The page: one HTML file that needs nothing else, of what `stored` found."""
 
 from __future__ import annotations
 
 import base64
-import json
 import re
-from pathlib import Path
+from collections.abc import Iterator
+from html import unescape
 from typing import Any
 
 import jinja2
 from markdown_it import MarkdownIt
-from markdown_it.token import Token
 from markupsafe import Markup
 
 from tendonrepro import __version__
-from tendonrepro.claims.report import shipped_note
 from tendonrepro.files import shipped
-from tendonrepro.report import assumed, content
-from tendonrepro.report.findings import why
-from tendonrepro.report.sources import MISSING, OURS, Found
+from tendonrepro.report import assumed, claims, orders
+from tendonrepro.report.answer import TEMPLATES, filled, numbers
+from tendonrepro.report.figure_orders import orders_svg
+from tendonrepro.report.stored import SHIPPED, Stored
 
-TEMPLATES = Path(__file__).with_name("templates")
-_INLINED = ("style.css", "page.js", "uPlot.min.css", "uPlot.iife.min.js")
+TABLES = {"decouple": ("table1", "decoupling_errors"), "compare": ("table2_paper", "table3_paper")}
+"""Tables of each experiment that stand on the page."""
 
-_PLACES = {
-    "slips.md": "slips",
-    "verdicts.md": "rules",
-    "assumptions.md": "assumed",
-    "findings.md": "answer",
-    "#why-the-plant-hardly-matters": "why",
+_COLUMN_PT = 300.0
+
+TITLES = {
+    "decouple": "Decoupling: Figures 6 and 9 to 12, Table 1",
+    "compare": "Controllers: Figures 13 to 16, Tables 2 and 3",
+    "validate": "The authors' data beside the model",
 }
-"""Where on the page links of our own texts lead; links to other pages of docs become text."""
 
 
-def page(found: Found) -> str:
+def page(found: Stored) -> str:
     """Make the page; equal contents give equal text."""
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES),
@@ -42,123 +40,86 @@ def page(found: Found) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"md": line, "embedded": embedded, "picture": picture, "nb": unbroken}
-    verdicts = found.verdicts
-    entries = content.ledger(verdicts)
+    environment.filters |= {"md": line}
+    slots = numbers(found.summary, found.ledger)
+    entries = {entry["id"]: entry for entry in found.ledger["claims"]}
+    trees = [held["config"]["tree"] for name, held in found.manifests.items() if name in TABLES]
     return environment.get_template("page.html").render(
         found=found,
+        shipped=SHIPPED,
         version=__version__,
-        commands=content.COMMANDS,
-        MISSING=MISSING,
-        OURS=OURS,
-        inlined={name: Markup((TEMPLATES / name).read_text(encoding="utf-8")) for name in _INLINED},
-        why=why(content.run_numbers(verdicts)),
-        agreement=content.agreement(found.summary),
-        RATIO=content.RATIO,
-        groups=list(content.overview(verdicts)),
-        claims=[entry for entry in entries if not content.is_number(entry["verdict"].id)],
-        numbers=[entry for entry in entries if content.is_number(entry["verdict"].id)],
-        standing=content.standing,
-        notes=shipped_note(verdicts),
-        plates=list(content.plates(found)),
-        tables=content.tables(found),
-        order=content.order(found.compare),
-        sizes=content.Bars.of(verdicts, "table2."),
-        ratios=content.Bars.of(verdicts, "share."),
-        shapes=content.Bars.of(verdicts, "rmse_over_mae."),
-        loaded=content.Bars.of(verdicts, "table3.with_load."),
-        increases=content.Bars.of(verdicts, "increase."),
-        axes=assumed.readings(),
-        values=assumed.values(content.configurations(found)),
-        box=assumed.box(found.rankings),
-        slips=document("slips.md", "slips"),
-        rules=document("verdicts.md", "rules"),
-        again=content.again(found),
-        made=[content.made(file) for file in (found.decouple, found.compare) if file],
+        date=dated(found),
+        style=Markup((TEMPLATES / "style.css").read_text(encoding="utf-8")),
+        answer=text(filled("answer", slots)),
+        why=text(filled("why", slots)),
+        picture=address(orders_svg(found.summary)),
+        main=[entries[name] for name in claims.MAIN if name in entries],
+        others=[entry for entry in entries.values() if entry["repeats"] is None],
+        claims=claims,
+        orders=orders,
+        parts=[part(found, name, title) for name, title in TITLES.items()],
+        inconsistencies=list(inconsistencies()),
+        assumptions=text((TEMPLATES / "assumed.md").read_text(encoding="utf-8")),
+        assumed=assumed,
+        values=assumed.values(trees),
     )
 
 
-def unbroken(text: str) -> str:
+def dated(found: Stored) -> str:
+    """Day of the newest result."""
+    ensemble = found.ledger.get("ensemble") or {}
+    days = [held.get("created") for held in (*found.manifests.values(), ensemble)]
+    return max(filter(None, days), default="")[:10]
+
+
+def part(found: Stored, name: str, title: str) -> dict[str, Any]:
+    """Figures and tables of an experiment; none where it was not run."""
+    pictures = [plate(path.read_text(encoding="utf-8"), path.stem) for path in found.pictures(name)]
+    tables = [text(path.read_text(encoding="utf-8")) for path in found.tables(name, TABLES.get(name, ()))]
+    return {"name": name, "title": title, "pictures": pictures, "tables": tables}
+
+
+def plate(svg: str, name: str) -> dict[str, Any]:
+    """A figure with the caption that it holds; narrow ones, of a journal's column, stand side by side."""
+    kept = re.search(r"<dc:description>([^<]*)<", svg)
+    width = re.search(r'<svg[^>]* width="([\d.]+)pt"', svg)
+    return {
+        "address": address(svg.encode()),
+        "caption": unescape(kept[1]) if kept else name,
+        "narrow": width is not None and float(width[1]) < _COLUMN_PT,
+    }
+
+
+def address(svg: bytes) -> str:
+    """Address of a picture that is the picture itself; as one it can neither run nor load anything."""
+    return f"data:image/svg+xml;base64,{base64.b64encode(svg).decode('ascii')}"
+
+
+def inconsistencies() -> Iterator[tuple[str, Markup]]:
+    """Yield those of the paper as docs list them, ``**1. Title.** Text``: title and text of each."""
+    paragraphs = (shipped("docs") / "slips.md").read_text(encoding="utf-8").split("\n\n")
+    for paragraph in paragraphs:
+        if entry := re.fullmatch(r"\*\*(\d+\. .*?)\*\*(.*)", paragraph.strip(), re.S):
+            yield entry[1].rstrip("."), text(entry[2])
+
+
+def text(markdown: str) -> Markup:
+    """Markdown as HTML; what is HTML in it is shown, not obeyed, and links to pages of docs become text."""
+    html = _unbroken(_reader().render(re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", markdown)))
+    return Markup(html.replace("<table>", '<div class="wide"><table>').replace("</table>", "</table></div>"))
+
+
+def line(markdown: str) -> Markup:
+    """One line of Markdown as HTML; long names may break at a plus."""
+    html = _unbroken(_reader().renderInline(markdown))
+    return Markup(re.sub(r"<code>[^<]*", lambda code: code[0].replace("+", "+<wbr>"), html))
+
+
+def _unbroken(html: Any) -> str:
     """Text in which a per cent sign stays with its number."""
-    return text.replace(" %", "\u00a0%")
-
-
-def line(text: str) -> Markup:
-    """One line of Markdown as HTML; what is HTML in it is shown, not obeyed."""
-    reader = _reader()
-    tokens = reader.parseInline(text)
-    _lead_links(tokens, "")
-    return _rendered(reader, tokens)
-
-
-def document(name: str, prefix: str) -> Markup:
-    """A page of docs that comes with the package, without its title; ids begin with `prefix`."""
-    reader = _reader()
-    tokens = reader.parse((shipped("docs") / name).read_text(encoding="utf-8"))
-    title = next(place for place, token in enumerate(tokens) if token.type == "heading_close")
-    tokens = tokens[title + 1 :]
-    taken = set()
-    for place, token in enumerate(tokens[:-2]):
-        text = tokens[place + 1].content
-        if token.type.startswith("heading"):
-            token.tag = f"h{int(token.tag[1]) + 1}"
-        numbered, coded = re.match(r"\*\*(\d+)\. ", text), re.fullmatch(r"`(\w+)`", tokens[place + 2].content)
-        names = {
-            "heading_open": _slug(text),
-            "paragraph_open": numbered[1] if numbered else "",
-            "tr_open": coded[1] if coded else "",
-        }
-        name = str(names.get(token.type, ""))
-        if name and name not in taken:
-            taken.add(name)
-            token.attrSet("id", f"{prefix}-{name}")
-    _lead_links(tokens, prefix)
-    # Of Markup a replacement would be escaped.
-    html = str(_rendered(reader, tokens)).replace("<table>", '<div class="wide" tabindex="0"><table>')
-    return Markup(html.replace("</table>", "</table></div>"))
-
-
-def _rendered(reader: MarkdownIt, tokens: list[Token]) -> Markup:
-    """HTML in which a per cent sign stays with its number, and long names may break at a plus."""
-    text = reader.renderer.render(tokens, reader.options, {})
-    return Markup(re.sub(r"<code>[^<]*", lambda code: code[0].replace("+", "+<wbr>"), unbroken(text)))
+    return str(html).replace(" %", "\u00a0%")
 
 
 def _reader() -> MarkdownIt:
     # A picture could be a request to a server.
     return MarkdownIt("commonmark", {"html": False}).enable("table").disable("image")
-
-
-def _slug(heading: str) -> str:
-    return re.sub(r"[^\w-]", "", heading.lower().replace(" ", "-"))
-
-
-def _lead_links(tokens: list[Token], prefix: str) -> None:
-    """Let links lead to places of the page; what has none there becomes text."""
-    for token in tokens:
-        open_links = []
-        for child in token.children or ():
-            if child.type == "link_open":
-                target = str(child.attrGet("href"))
-                file = target.partition("#")[0]
-                place = _PLACES.get(target) or _PLACES.get(file)
-                if target.startswith("#") and prefix and not place:
-                    place = f"{prefix}-{target[1:]}"
-                open_links.append(place or target.startswith("https://"))
-                if place:
-                    child.attrSet("href", f"#{place}")
-                elif not open_links[-1]:
-                    child.type, child.tag, child.attrs = "text", "", {}
-            elif child.type == "link_close" and not open_links.pop():
-                child.type, child.tag = "text", ""
-
-
-def embedded(value: Any) -> Markup:
-    """Value as JSON that no text in it can end."""
-    text = json.dumps(value, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
-    return Markup(text.replace("<", "\\u003c"))
-
-
-def picture(svg: bytes) -> str:
-    """Address of a picture that is the picture itself; as one it can neither run nor load anything."""
-    return f"data:image/svg+xml;base64,{base64.b64encode(svg).decode('ascii')}"

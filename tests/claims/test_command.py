@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 from support.damage import by_chance, of_another_shape
 from support.synthetic import make_compare_file
+from tendonrepro.report.sources import found_under
 
 from tendonrepro.claims.command import run_claims
 from tendonrepro.claims.judge import Sources, judge_all
@@ -13,7 +14,6 @@ from tendonrepro.claims.shipped import shipped_ledger, with_shipped
 from tendonrepro.console import Talk
 from tendonrepro.ensemble.data import PLAN
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.report.sources import found_under
 from tendonrepro.results.folder import TRACES
 from tendonrepro.results.traces import write_traces
 

@@ -61,7 +61,7 @@ def test_made_parts_are_what_the_stored_results_say() -> None:
     spec.loader.exec_module(generate)
     texts = [page.read_text(encoding="utf-8") for page in generate.PAGES]
     assert [generate.fresh(text) for text in texts] == texts, "run make findings"
-    assert [len(generate.PART.findall(text)) for text in texts] == [3, 1]
+    assert [len(generate.PART.findall(text)) for text in texts] == [3, 5]
 
 
 def test_numbers_in_the_words(readings: dict[str, Any]) -> None:
@@ -94,7 +94,7 @@ def test_words_for_shares(readings: dict[str, Any], claims: dict[str, Any]) -> N
             assert behind["share"] < 0.05
     assert extrapolating["first_best"]["share"] > 0.95
     assert printed["first_best"]["share"] < 0.001
-    assert printed["smoother"]["share"] == claims["E2a"]["evidence"]["share"] == 1.0
+    assert printed["smoother"]["share"] == 1.0
     assert extrapolating["smoother"]["share"] < 0.01
     assert readings["delay_time=two_periods"]["smoother"]["share"] < 0.25
     assert printed["ok"]["controller_1"] > max(printed["ok"][name] for name in CONTROLLERS[1:])

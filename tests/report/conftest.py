@@ -3,61 +3,54 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from support.html_page import Element, read_page
-from support.synthetic import make_compare_file, make_decouple_file
 
-from tendonrepro.console import Talk
 from tendonrepro.report.page import page
-from tendonrepro.report.sources import Found, found_under
-from tendonrepro.results.traces import write_traces
+from tendonrepro.report.stored import Stored, stored_under
 
-HOSTILE = "<script>alert(1)</script><img src=//evil.example/x onerror=alert(2)>\"'&"
+HOSTILE = "<script>alert(1)</script><img src=//evil.example/x onerror=alert(2)>"
 """What must stand on the page as it stands here, and do nothing."""
 
-STATICS = {
-    "of_paper": True,
-    "postures": 10,
-    "tensioner_force_N": 17.0,
-    "payload_kg": 0.2,
-    "courses": {
-        HOSTILE: {
-            "change_of_length_mm": 61.2,
-            "half_plane": {"motor": {"share_tense": 0.5, "least_tension_N": 3.25, "tendon": 2}},
-        }
-    },
-}
+
+def write_experiment(folder: Path, name: str, figures: tuple[str, ...]) -> None:
+    """What the page reads of an experiment."""
+    (folder / name / "figures").mkdir(parents=True)
+    (folder / name / "tables").mkdir()
+    for figure in figures:
+        about = f"<dc:description>About {figure}</dc:description>"
+        svg = f"<svg xmlns='http://www.w3.org/2000/svg'><script/>{about}</svg>"
+        (folder / name / "figures" / f"{figure}.svg").write_text(svg, encoding="utf-8")
+    for table in ("table1", "table2_paper", "table3_paper"):
+        text = f"Caption of {table}\n\n| a | b |\n| --- | ---: |\n| {HOSTILE} | 2 |\n"
+        (folder / name / "tables" / f"{table}.md").write_text(text, encoding="utf-8")
+    mass = {"value": 1, "unit": "kg", "source": f"assumed: {HOSTILE}"}
+    manifest = {
+        "config": {"origin": name, "sha256": "0" * 64, "tree": {"mass": mass}},
+        "overrides": [f"title={HOSTILE}"],
+        "created": "2027-01-02T03:04:05+00:00",
+        "tendonrepro_version": "0.1.0",
+    }
+    (folder / name / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
 
 
 @pytest.fixture(scope="session")
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("results")
-    compare = replace(
-        make_compare_file(step=0.01),
-        config_yaml=f"note: {{value: 1, unit: '1', source: 'assumed: {HOSTILE.replace(chr(39), '')}'}}\n",
-        manifest_json=json.dumps({"overrides": [HOSTILE], "config": {"origin": "compare.yaml"}}),
-    )
-    write_traces(folder / "compare" / "traces.h5", compare)
-    write_traces(folder / "decouple" / "traces.h5", make_decouple_file(step=0.01))
-    (folder / "statics" / "figures").mkdir(parents=True)
-    (folder / "statics" / "statics.json").write_text(json.dumps(STATICS), encoding="utf-8")
-    drawing = f"<svg xmlns='http://www.w3.org/2000/svg'><script>alert(3)</script><desc>{HOSTILE}</desc></svg>"
-    (folder / "statics" / "figures" / "statics_map.svg").write_text(drawing, encoding="utf-8")
+    write_experiment(folder, "decouple", ("fig06", "fig09", "fig10"))
+    write_experiment(folder, "compare", ("fig13", "fig14"))
     return folder
 
 
 @pytest.fixture(scope="session")
-def found(results: Path) -> Found:
-    held = found_under(results, None, Talk(quiet=True))
-    held.verdicts = [replace(one, printed=HOSTILE) if one.id == "C4" else one for one in held.verdicts]
-    return held
+def found(results: Path) -> Stored:
+    return stored_under(results)
 
 
 @pytest.fixture(scope="session")
-def text(found: Found) -> str:
+def text(found: Stored) -> str:
     return page(found)
 
 

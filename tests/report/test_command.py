@@ -1,138 +1,98 @@
-"""What the command refuses, and what it says of damage."""
+"""What the command reads, replaces and refuses."""
 
 from __future__ import annotations
 
+import hashlib
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
 import pytest
-from report.conftest import STATICS
 from support import ROOT
-from support.made_claims import MadeEnsemble
+from support.made_ensemble import PLANTS, always_ok, ensemble, random_errors, whole
 
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.report import page, sources
-from tendonrepro.report.command import report_text, run_report
-from tendonrepro.report.sources import Found, found_under
+from tendonrepro.report.command import run_report
+from tendonrepro.report.stored import stored_under, thinned
 from tendonrepro.results.paper import OTHER_BASE
 
 QUIET = Talk(quiet=True)
 
 
-def shipped_summary() -> dict[str, Any]:
-    return dict(json.loads((ROOT / "docs" / "results" / "ensemble.json").read_text()))
-
-
-@pytest.fixture
-def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A page that takes no time."""
-    monkeypatch.setattr(page, "page", lambda found: f"<p>{found.origins}</p>\n")
-    origins = {"compare": "run", "ensemble": "shipped", "statics": "missing"}
-    monkeypatch.setattr(sources, "found_under", lambda *_: Found(origins=origins, inputs={"a": "b"}))
-
-
-@pytest.mark.usefixtures("quick")
-def test_a_page_is_replaced_and_nothing_else_is(tmp_path: Path) -> None:
-    first = run_report(tmp_path, None, QUIET, measured=None, force=False)
+def test_a_report_is_replaced_and_nothing_else_is(results: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "reports"
+    shutil.copytree(results, folder)
+    first = run_report(folder, None, QUIET, force=False)
     path = Path(first["path"])
-    assert path == tmp_path / "report.html"
+    assert path == folder / "report.html"
     assert first["bytes"] == path.stat().st_size
-    assert first["parts"] == {"compare": "run", "ensemble": "shipped", "statics": "missing"}
-    assert run_report(tmp_path, None, QUIET, measured=None, force=False) == first
-    assert report_text(first).splitlines()[1:] == [
-        "as shipped with the package: ensemble",
-        "not run, the page says how: statics",
-    ]
-    for edited in (path.read_bytes().replace(b"run", b"ran"), b"", b"mine", path.read_bytes() + b"\n"):
-        path.write_bytes(edited)
-        with pytest.raises(UsageError, match="no report of tendonrepro, or was edited"):
-            run_report(tmp_path, None, QUIET, measured=None, force=False)
-        assert path.read_bytes() == edited
-    assert run_report(tmp_path, None, QUIET, measured=None, force=True) == first
+    assert first["sha256"] == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert first["parts"] == {
+        **{"decouple": "run", "compare": "run", "validate": "missing"},
+        **{"claims": "shipped", "ensemble": "shipped"},
+    }
+    assert first["inputs"]["compare/figures/fig14.svg"]
+    assert run_report(folder, None, QUIET, force=False) == first
+    path.write_text("mine", encoding="utf-8")
+    with pytest.raises(UsageError):
+        run_report(folder, None, QUIET, force=False)
+    assert path.read_text(encoding="utf-8") == "mine"
+    assert run_report(folder, None, QUIET, force=True) == first
 
 
-@pytest.mark.usefixtures("quick")
 def test_folders_in_the_way_and_missing_ones(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="is a folder"):
-        run_report(tmp_path, tmp_path, QUIET, measured=None, force=True)
-    with pytest.raises(DataMissingError, match="no such folder"):
-        run_report(tmp_path / "none", None, QUIET, measured=None, force=False)
+    with pytest.raises(UsageError):
+        run_report(tmp_path, tmp_path, QUIET, force=True)
+    with pytest.raises(DataMissingError):
+        run_report(tmp_path / "none", None, QUIET, force=False)
 
 
-@pytest.mark.parametrize("content", ["", "[]", "{", '{"courses": 3}', '{"courses": {"a": {}}}', "\ud800"])
-def test_damage_is_named(tmp_path: Path, content: str) -> None:
-    path = tmp_path / "statics" / "statics.json"
+@pytest.mark.parametrize("content", ["", "[1]", '{"a": ', "\0"])
+@pytest.mark.parametrize("name", ["compare/manifest.json", "claims/claims.json"])
+def test_damage_is_one_error_that_names_the_file(name: str, content: str, tmp_path: Path) -> None:
+    path = tmp_path / name
     path.parent.mkdir()
-    path.write_bytes(content.encode("utf-8", "surrogatepass"))
-    with pytest.raises(DataMissingError, match="is damaged or of another version") as caught:
-        found_under(tmp_path, None, QUIET)
+    path.write_text(content, encoding="utf-8")
+    with pytest.raises(DataMissingError) as caught:
+        run_report(tmp_path, None, QUIET, force=False)
     assert caught.value.where == str(path)
-    assert caught.value.exit_code == 4
 
 
-def test_a_summary_of_another_ensemble_than_its_blocks_is_told(tmp_path: Path) -> None:
-    """As where one was extended and stopped, or is being written anew."""
-    path = tmp_path / "ensemble" / "summary.json"
-    path.parent.mkdir()
-    for held in ({"identity": "other", "draws": 400}, {"identity": "made", "draws": 200}):
-        path.write_text(json.dumps(shipped_summary() | held))
-        with pytest.raises(DataMissingError, match="is of another ensemble than the blocks beside it"):
-            sources._add_results(Found(), tmp_path, MadeEnsemble())
+def summary_of_256() -> dict[str, Any]:
+    summary = whole(ensemble(random_errors, always_ok))
+    rest = {"tendonrepro_version": "0", "config_sha256": "0", "spot_check": {}, "cost": {}}
+    return json.loads(json.dumps(summary | rest))
 
 
-def test_an_ensemble_killed_among_its_tables_is_no_damage(tmp_path: Path) -> None:
-    with pytest.raises(DataMissingError, match="is missing: what should have written it was interrupted"):
-        sources._add_results(Found(), tmp_path, MadeEnsemble())
+def test_what_is_kept_of_an_ensemble_is_what_is_stored() -> None:
+    stored = json.loads((ROOT / "docs" / "results" / "ensemble.json").read_text(encoding="utf-8"))
+    kept = thinned(summary_of_256())
+    assert kept.keys() == stored.keys()
+    one, other = (held["populations"]["box"]["readings"][0] for held in (kept, stored))
+    assert one.keys() == other.keys()
+    assert one["in_order"].keys() == other["in_order"].keys()
+    assert one["c1_c2"].keys() == other["c1_c2"].keys()
 
 
-def test_what_decides_is_of_the_ensemble_beside_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Not of one that stood there when `claims` was run."""
-    monkeypatch.setattr(sources, "findings", lambda _: ())
-    monkeypatch.setattr(sources.rows, "thinned", dict)
-    shown = {}
-    for name, of in (("its own", ["made", 400]), ("another", ["other", 400]), ("none", None)):
-        folder = tmp_path / name
-        for inner, file, held in (
-            ("ensemble", "summary.json", shipped_summary() | {"identity": "made", "draws": 400}),
-            ("claims", "decides.json", json.loads((ROOT / "docs" / "results" / "decides.json").read_text())),
-            ("claims", "manifest.json", {"ensemble": of}),
-        ):
-            (folder / inner).mkdir(parents=True, exist_ok=True)
-            (folder / inner / file).write_text(json.dumps(held))
-        found = Found()
-        sources._add_results(found, folder, MadeEnsemble())
-        shown[name] = found.origins["decides"], found.decides is None
-    assert shown == {"its own": ("run", False), "another": ("missing", True), "none": ("missing", True)}
-
-
-def test_parts_that_are_not_of_the_paper_are_left_out_and_told_of(tmp_path, capsys) -> None:
-    said = "not the paper's arm"
-    for name, file, held in (
-        ("statics", "statics.json", STATICS | {"of_paper": False}),
-        ("identify_all", "identify.json", {"fit": "all", "conclusions": [OTHER_BASE]}),
-        ("identify_all", "identify.json", {"fit": "controller_2", "conclusions": []}),
-    ):
-        path = tmp_path / name / file
-        path.parent.mkdir(exist_ok=True)
-        path.write_text(json.dumps(held))
-        found = found_under(tmp_path, None, Talk())
-        assert found.origins["statics"] == "missing"
-        assert found.origins["closest"] == "shipped"
-        assert f"{path}: {said}" in capsys.readouterr().err
-
-
-def test_what_a_manifest_does_not_vouch_for_is_damaged(tmp_path: Path) -> None:
-    folder = tmp_path / "statics"
-    folder.mkdir()
-    (folder / "summary.json").write_text("{}", encoding="utf-8")
-    manifest = {"config": {}, "outputs": {"summary.json": "0" * 64}}
-    (folder / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
-    with pytest.raises(DataMissingError, match="not what its manifest lists"):
-        found_under(tmp_path, None, QUIET)
-
-
-def test_a_measured_file_that_is_asked_for_has_to_be_there(tmp_path: Path) -> None:
-    with pytest.raises(DataMissingError, match="no measured trace file"):
-        found_under(tmp_path, tmp_path / "measured.h5", QUIET)
+@pytest.mark.parametrize(
+    ("source", "conclusions", "origin"),
+    [("local", [], "run"), ("local", [OTHER_BASE], "shipped"), ("shipped", [], "shipped")],
+)
+def test_an_ensemble_is_shown_with_its_own_verdicts(
+    source: str, conclusions: list[str], origin: str, tmp_path: Path
+) -> None:
+    """Not one of another arm, nor one on which no claim was judged."""
+    ledger = json.loads((ROOT / "docs" / "results" / "claims.json").read_text(encoding="utf-8"))
+    files = {
+        "claims/claims.json": ledger | {"ensemble": {"source": source}},
+        "ensemble/summary.json": summary_of_256() | {"conclusions": conclusions},
+    }
+    for name, content in files.items():
+        (tmp_path / name).parent.mkdir()
+        (tmp_path / name).write_text(json.dumps(content), encoding="utf-8")
+    found = stored_under(tmp_path)
+    assert found.origins["claims"] == "run"
+    assert found.origins["ensemble"] == origin
+    assert (found.summary["populations"]["box"]["plants"] == PLANTS) == (origin == "run")
