@@ -10,8 +10,8 @@ import numpy as np
 
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
-from tendonrepro.results.folder import named_traces, refuse_existing, trace_path
 from tendonrepro.results.scene import Scene, scene_of
+from tendonrepro.results.store import refuse_existing, stored_traces
 
 RATE = 10
 """Pictures per second of a film."""
@@ -25,7 +25,6 @@ def animate(
     talk: Talk,
     *,
     run: str | None = None,
-    coupling: bool = False,
     times: Sequence[float] = (),
     speed: float = 1.0,
     out: Path | None = None,
@@ -40,8 +39,6 @@ def animate(
     talk : Talk
     run : str, optional
         Name of a run; the first one if not given.
-    coupling : bool
-        Figure 6 in motion instead: the run in which motor 1 alone turns, in the postures of Eq. (1).
     times : sequence of float
         Single pictures at these times, s, as SVG, instead of a film.
     speed : float
@@ -64,23 +61,18 @@ def animate(
     DataMissingError
         If the traces cannot be read or do not say where the joints are.
     """
-    if coupling and run is not None:
-        message = "--coupling has a run of its own"
-        raise UsageError(message, where="--run", hint="leave one of them out")
     if not 0.0 < speed < np.inf:
         message = f"must be above zero, found {speed:g}"
         raise UsageError(message, where="--speed")
-    path = trace_path(source)
-    file = named_traces(source)
-    scene = scene_of(file, run, coupling=coupling)
+    file = stored_traces(source)
+    scene = scene_of(file, run)
     times = list(dict.fromkeys(times))
-    target = out or path.with_name(f"{scene.name}{'.svg' if times else '.gif'}")
+    folder = source if source.is_dir() else source.parent
+    target = out or folder / f"{scene.name}{'.svg' if times else '.gif'}"
     places = _places(scene, times) if times else _film_places(scene, speed)
     files = _targets(target, times)
     for one in files:
         refuse_existing(one, force=force)
-    if scene.missing:
-        talk.note(scene.missing)
 
     from tendonrepro.results.figures.animation import save_film, save_frames
     from tendonrepro.results.figures.catalogue import origin_of
@@ -90,8 +82,8 @@ def animate(
     else:
         with talk.bar(f"{scene.name}: pictures", len(places)) as advance:
             save_film(scene, origin_of(file), target, places, RATE, advance)
-    written = {"schema_version": 1, "files": [str(one) for one in files]}
-    return written | {"run": scene.name, "pictures": len(places), "missing": scene.missing or None}
+    names = [str(one) for one in files]
+    return {"schema_version": 1, "files": names, "run": scene.name, "pictures": len(places)}
 
 
 def _film_places(scene: Scene, speed: float) -> list[int]:

@@ -10,16 +10,13 @@ from typing import Any
 import numpy as np
 
 from tendonrepro.config.fields.strict_yaml import Node, load
-from tendonrepro.console import columns
-from tendonrepro.errors import ConfigError, DataMissingError
-from tendonrepro.results.folder import named_traces
 from tendonrepro.results.records import Trace, TraceFile
+from tendonrepro.results.store import stored_traces
 from tendonrepro.results.summary import tracking_errors
+from tendonrepro.results.tables import Table
 
 SHOWN = 20
 """Differences of one kind that the words name; ``--json`` has all."""
-WIDEST = 36
-"""Characters of a cell in words."""
 
 
 def difference(first: Path, second: Path) -> dict[str, Any]:
@@ -37,10 +34,10 @@ def difference(first: Path, second: Path) -> dict[str, Any]:
     DataMissingError
         If a trace file cannot be read.
     """
-    a, b = map(named_traces, (first, second))
+    a, b = map(stored_traces, (first, second))
     shared = [name for name in a.runs if name in b.runs]
     found = {
-        "config": list(_unequal(_leaves(_config(a, first)), _leaves(_config(b, second)))),
+        "config": list(_unequal(*(_leaves(load(file.config_yaml, "config_yaml").tree) for file in (a, b)))),
         "versions": list(_unequal(_versions(a), _versions(b))),
         "runs": list(_unequal(_statuses(a), _statuses(b))),
         "metrics": [row for name in shared for row in _metrics(a.runs[name], b.runs[name])],
@@ -52,14 +49,6 @@ def difference(first: Path, second: Path) -> dict[str, Any]:
         "second": str(second),
         "same": not any(found.values()),
     } | found
-
-
-def _config(file: TraceFile, path: Path) -> Node:
-    try:
-        return load(file.config_yaml, "config_yaml").tree
-    except ConfigError as error:
-        message = f"its configuration is damaged: {error.where}: {error.message}"
-        raise DataMissingError(message, where=str(path), hint="run the experiment again") from error
 
 
 def _leaves(node: Node, path: str = "") -> dict[str, Any]:
@@ -121,19 +110,11 @@ def _traces(first: Trace, second: Trace) -> Iterator[dict[str, Any]]:
 def difference_text(found: Mapping[str, Any]) -> str:
     """Words for a terminal."""
     if found["same"]:
-        both = f"{found['first']} and {found['second']}"
-        return f"{both} have the same configuration, versions, metrics and traces"
+        return "The two results have the same configuration, versions, metrics and traces."
     parts = []
     for kind in ("config", "versions", "runs", "metrics", "traces"):
         rows = found[kind]
         if rows:
-            names = list(dict.fromkeys(name for row in rows for name in row))
-            cells = [[_cell(row.get(name, "")) for name in names] for row in rows[:SHOWN]]
-            more = [f"and {len(rows) - SHOWN} more; --json has all"] * (len(rows) > SHOWN)
-            parts.append("\n".join([f"{kind}: {len(rows)}", columns([names, *cells]), *more]))
+            more = f", of which {SHOWN} are shown; --json has all" if len(rows) > SHOWN else ""
+            parts.append(Table(kind, f"{kind}: {len(rows)}{more}", rows[:SHOWN]).text())
     return "\n\n".join(parts)
-
-
-def _cell(value: Any) -> str:
-    text = f"{value:.6g}" if isinstance(value, float) else str(value)
-    return text if len(text) <= WIDEST else f"{text[: WIDEST - 1]}…"

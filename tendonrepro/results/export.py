@@ -13,8 +13,8 @@ from scipy.io import savemat
 
 from tendonrepro.errors import UsageError
 from tendonrepro.files import atomic_path
-from tendonrepro.results.folder import named_traces, refuse_existing, trace_path
 from tendonrepro.results.records import VARIABLES, TraceFile
+from tendonrepro.results.store import TRACES, refuse_existing, stored_traces
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -49,8 +49,7 @@ def export_traces(source: Path, form: str, out: Path | None = None, *, force: bo
     DataMissingError
         If the trace file cannot be read.
     UsageError
-        For an unknown format, a file that is there, a format whose library is not installed, or a run that
-        MATLAB cannot name.
+        For an unknown format, a file that is there, a format whose library is not installed.
     """
     if form not in _WRITERS:
         message = f"must be one of {', '.join(_WRITERS)}, found {form!r}"
@@ -58,10 +57,10 @@ def export_traces(source: Path, form: str, out: Path | None = None, *, force: bo
     if out is not None and out.suffix != f".{form}":
         message = f"a file of the format {form} ends in .{form}, found {str(out)!r}"
         raise UsageError(message, where="--out")
-    path = trace_path(source)
+    path = source / TRACES if source.is_dir() else source
     target = out or path.with_suffix(f".{form}")
     refuse_existing(target, force=force)
-    file = named_traces(source)
+    file = stored_traces(source)
     with atomic_path(target) as temporary:
         _WRITERS[form](file, temporary)
     return target
@@ -91,10 +90,6 @@ def _parquet(file: TraceFile, path: Path) -> None:
 
 
 def _mat(file: TraceFile, path: Path) -> None:
-    for name in file.runs:
-        if name == _UNITS or not _VARIABLE.fullmatch(name):
-            message = f"{name!r} can be no variable of MATLAB beside {_UNITS!r}"
-            raise UsageError(message, where=name, hint="rename the run, or use --format csv")
     held = {
         name: {"time": trace.time, "joint": np.array(trace.joint), **trace.variables}
         | {key: trace.attributes[key] for key in ("law", "status", "payload_mass")}

@@ -259,3 +259,11 @@ def stored_traces(source: Path) -> TraceFile:
         message = f"is damaged: it is not what its {MANIFEST} lists"
         raise DataMissingError(message, where=str(path), hint="run the experiment again with --force")
     return read_traces(path)
+
+
+def refuse_existing(path: Path, *, force: bool) -> None:
+    """Raise a UsageError where a file is in the way, unless `force`."""
+    if path.exists() and not force:
+        message = "is there already"
+        hint = "choose another name with --out, or overwrite it with --force"
+        raise UsageError(message, where=str(path), hint=hint)

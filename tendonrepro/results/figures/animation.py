@@ -46,7 +46,7 @@ DPI = 110
 _HEIGHT_MM = 98.0
 _COLOURS = 64
 _LINK, _GHOST, _EDGE = "#D8D8D8", "#EFEFEF", "#777777"
-_UNKNOWN, _PUSHES, _CARRIED = "#BDBDBD", "#2E6FBB", "#228833"
+_UNKNOWN, _PUSHES = "#BDBDBD", "#2E6FBB"
 _OUTLINE = [patheffects.Stroke(linewidth=2.5, foreground="#444444"), patheffects.Normal()]
 
 
@@ -82,10 +82,6 @@ class Picture:
             arm.plot([], [], linewidth=1.7, path_effects=_OUTLINE, solid_capstyle="round", zorder=4)[0]
             for _ in scene.paths
         ]
-        self._carried = arm.plot([], [], color=_CARRIED, linewidth=1.2, linestyle=(0, (3, 1.5)), zorder=5)[0]
-        if scene.carried is not None:
-            self._carried.set_label("Link 2, were it only translated")
-            arm.legend(loc="lower right", borderaxespad=0.0)
         self._cursors = [
             _draw_plot(axes, plot, scene.time) for axes, plot in zip((upper, lower), scene.plots, strict=True)
         ]
@@ -94,9 +90,9 @@ class Picture:
         first, last = scene.time[[0, -1]]
         lower.set_xlim(first, last if last > first else first + 1.0)
         _draw_legend(self.figure.add_subplot(grid[2, 1]), upper, lower)
-        imprint(self.figure, f"{origin}; arm of the shipped configuration" if scene.assumed else origin)
+        imprint(self.figure, origin)
         marks = [mark for cursor, dots in self._cursors for mark in (cursor, *(dot for dot, _ in dots))]
-        moving = [self._links, *self._winches, *chain(*self._pulleys), *self.tendons, self._carried]
+        moving = [self._links, *self._winches, *chain(*self._pulleys), *self.tendons]
         self.moving: list[Artist] = [*moving, *marks, *self._pointers, self._clock]
         self.show(0)
         settle(self.figure)
@@ -121,8 +117,6 @@ class Picture:
         for pointer, force in zip(self._pointers, tension, strict=False):
             pointer.set_visible(bool(np.isfinite(force)))
             pointer.set_x(force)
-        if scene.carried is not None:
-            self._carried.set_data(*scene.carried[place].T)
         for cursor, dots in self._cursors:
             cursor.set_xdata([scene.time[place]] * 2)
             for dot, values in dots:
@@ -240,10 +234,6 @@ def _draw_plot(axes: Axes, plot: Plot, time: Array) -> tuple[Line2D, list[tuple[
                 line.set_linestyle(look.linestyle)
         dot = axes.plot([], [], "o", color=stroke.colour, markersize=3.0, zorder=5)[0]
         dots.append((dot, curve.values))
-    if not plot.curves:
-        axes.text(
-            0.5, 0.5, "not recorded", transform=axes.transAxes, ha="center", va="center", color="#666666"
-        )
     return axes.axvline(time[0], color="#444444", linewidth=0.7, zorder=4), dots
 
 
