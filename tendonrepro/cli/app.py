@@ -210,9 +210,6 @@ def animate(
     terminal: Terminal,
     file: StoredTraces,
     run: Annotated[str | None, Option("--run", help="Run to show [default: the first].")] = None,
-    coupling: Annotated[
-        bool, Option("--coupling", help="Figure 6: motor 1 alone turns, postures by Eq. (1).")
-    ] = False,
     at: Annotated[
         list[float] | None,
         Option("--at", metavar="SECONDS", help="A single picture as SVG, no film; repeatable."),
@@ -227,8 +224,7 @@ def animate(
     from tendonrepro.results.animate import animate as make
     from tendonrepro.results.animate import animate_text
 
-    options = {"run": run, "coupling": coupling, "times": at or (), "speed": speed, "out": out}
-    found = make(file, terminal.talk, **options, force=force)  # type: ignore[arg-type]
+    found = make(file, terminal.talk, run=run, times=at or (), speed=speed, out=out, force=force)
     terminal.show(found, animate_text)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping
 from importlib.util import find_spec
 from pathlib import Path
@@ -18,10 +17,6 @@ from tendonrepro.results.store import TRACES, refuse_existing, stored_traces
 
 if TYPE_CHECKING:
     from pandas import DataFrame
-
-_UNITS = "units"
-_VARIABLE = re.compile("[A-Za-z][A-Za-z0-9_]{0,62}")
-"""Names of MATLAB."""
 
 
 def export_traces(source: Path, form: str, out: Path | None = None, *, force: bool = False) -> Path:
@@ -96,7 +91,7 @@ def _mat(file: TraceFile, path: Path) -> None:
         for name, trace in file.runs.items()
     }
     used = {name for trace in file.runs.values() for name in trace.variables}
-    held[_UNITS] = {"time": "s"} | {name: unit for name, (unit, _) in VARIABLES.items() if name in used}
+    held["units"] = {"time": "s"} | {name: unit for name, (unit, _) in VARIABLES.items() if name in used}
     savemat(str(path), held, long_field_names=True, do_compression=True, oned_as="column")
 
 

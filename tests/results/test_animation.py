@@ -11,7 +11,7 @@ from matplotlib.animation import FFMpegWriter
 from matplotlib.colors import to_hex
 from PIL import Image
 from support.oracles import TABLE_1, winch_angles
-from support.synthetic import S, make_compare_file, make_decouple_file
+from support.synthetic import make_compare_file, make_decouple_file
 
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
@@ -22,7 +22,6 @@ from tendonrepro.results.scene import scene_of
 from tendonrepro.results.traces import write_traces
 
 QUIET = Talk(quiet=True)
-UNKNOWN = np.full((361, 2), np.nan)
 
 
 def whole(file: TraceFile, **values: object) -> TraceFile:
@@ -53,12 +52,6 @@ def changed(file, run, **variables):
     return replace(file, runs={**file.runs, run: trace})
 
 
-def with_joints(*joint):
-    """A file whose run is of other joints."""
-    trace = replace(compare_file().runs["controller_1"], joint=joint)
-    return replace(compare_file(), runs={trace.name: trace})
-
-
 class TestScene:
     def test_winches_turn_as_equation_1_says(self):
         """By the rope that the drawn paths give back, against the oracle of Eq. (1)."""
@@ -87,61 +80,13 @@ class TestScene:
         assert np.isnan(scene.tension[:, 0]).all()
         assert (scene.tension[:, 3] == 12.0).all()
 
-    def test_coupling_shows_postures_by_equation_1(self):
-        scene = scene_of(decouple_file(), coupling=True)
-        motors = decouple_file().runs["pull_tendon_1"]["q_motor_encoder"]
-        for curve, expected in zip(scene.plots[1].curves, (motors @ S.T).T, strict=True):
-            assert curve.values == pytest.approx(np.rad2deg(expected))
-        link = scene.joints[0, 2] - scene.joints[0, 1]
-        assert scene.carried[:, 1] - scene.carried[:, 0] == pytest.approx(
-            np.broadcast_to(link, (len(scene.time), 2))
-        )
-
-    def test_a_measured_file_shows_what_it_can(self):
-        """It holds S, S_inv and angles alone, and gaps."""
-        file = compare_file()
-        coupling = {key: file.plant.values[key] for key in ("S", "S_inv")}
-        angles = {key: file.runs["controller_1"][key].copy() for key in ("q_encoder", "q_d")}
-        angles["q_encoder"][7:9, 1] = np.nan
-        trace = replace(file.runs["controller_1"], variables=angles)
-        bare = replace(file, source="measured", runs={trace.name: trace}, plant=PlantRecord(coupling, {}))
-        scene = scene_of(bare)
-        assert len(scene.time) == len(trace.time) - 2
-        assert np.isnan(scene.tension).all()
-        assert scene.missing == (
-            "The run controller_1 lacks link lengths, routing and start posture, for which the shipped ones "
-            "stand, and tau_s, without which no tendon has a colour, and what the plot "
-            "'Tracking error' shows."
-        )
-        with journal_style():
-            picture = Picture(scene, "Measured")
-        assert [text.get_text() for text in picture.axes["c"].texts] == ["not recorded"]
-        assert picture.figure.get_supxlabel() == "Measured; arm of the shipped configuration"
-
 
 class TestRefusals:
     @pytest.mark.parametrize(
         ("file", "arguments", "error", "words"),
         [
-            (compare_file, {"coupling": True}, DataMissingError, "pull_tendon_1"),
             (compare_file, {"run": "controller_7"}, UsageError, "controller_7"),
-            (lambda: whole(compare_file(), length=[0.3, 0.02, 0.2]), {}, DataMissingError, "overlap"),
-            (lambda: whole(compare_file(), sign=np.eye(2)), {}, DataMissingError, "fit each other"),
-            (lambda: whole(compare_file(), length=[0.3, 0.2]), {}, DataMissingError, "fit each other"),
-            (lambda: with_joints(3, 4), {}, DataMissingError, "moves joint 4"),
-            (make_compare_file, {}, DataMissingError, "holds no 'sign'"),
-            (
-                lambda: changed(compare_file(), "controller_1", q_encoder=None),
-                {},
-                DataMissingError,
-                "q_encoder",
-            ),
-            (
-                lambda: changed(compare_file(), "controller_1", q_encoder=UNKNOWN),
-                {},
-                DataMissingError,
-                "no sample",
-            ),
+            (make_compare_file, {}, DataMissingError, "sign"),
         ],
     )
     def test_of_files(self, file, arguments, error, words):
@@ -158,7 +103,6 @@ class TestRefusals:
             ({"speed": 0.0}, "above zero"),
             ({"speed": float("nan")}, "above zero"),
             ({"speed": 1e-3}, f"more than {MOST_PICTURES}"),
-            ({"coupling": True, "run": "controller_1"}, "leave one of them out"),
         ],
     )
     def test_of_options(self, tmp_path, options, words):
@@ -222,7 +166,6 @@ class TestFiles:
             "files": [str(path)],
             "run": "controller_1",
             "pictures": 9,
-            "missing": None,
         }
         before = path.read_bytes()
         with pytest.raises(UsageError, match="is there already"):
@@ -243,8 +186,8 @@ class TestFiles:
 
     def test_pictures_at_times_have_them_in_their_names(self, tmp_path):
         write_traces(tmp_path / "traces.h5", decouple_file())
-        found = animate(tmp_path, QUIET, coupling=True, times=[1.0, 2.5, 1.0])
-        names = [tmp_path / name for name in ("pull_tendon_1_1s.svg", "pull_tendon_1_2.5s.svg")]
+        found = animate(tmp_path, QUIET, times=[1.0, 2.5, 1.0])
+        names = [tmp_path / name for name in ("decouple_1s.svg", "decouple_2.5s.svg")]
         assert found["files"] == [str(path) for path in names]
         for path, time in zip(names, ("1.00", "2.50"), strict=True):
             assert f"t = {time} s" in path.read_text()

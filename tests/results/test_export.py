@@ -52,15 +52,6 @@ def test_matlab_structures(folder):
     assert held["units"]["tau_m"] == "N m"
 
 
-@pytest.mark.parametrize("name", ["units", "_steep", "π", "größe", "a" * 64, "2nd"])
-def test_runs_that_matlab_cannot_name_are_refused(tmp_path, name):
-    trace = replace(next(iter(FILE.runs.values())), name=name)
-    write_traces(tmp_path / "traces.h5", replace(FILE, runs={name: trace}))
-    with pytest.raises(UsageError, match="can be no variable of MATLAB"):
-        export_traces(tmp_path, "mat")
-    assert [path.name for path in tmp_path.iterdir()] == ["traces.h5"]
-
-
 def test_what_is_refused(folder, monkeypatch):
     target = export_traces(folder, "csv")
     target.write_text("mine")
