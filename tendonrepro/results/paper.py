@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tendonrepro.arrays import Array
+from tendonrepro.config.fields.strict_yaml import load
 from tendonrepro.config.models.experiment import CompareConfig
 from tendonrepro.config.models.manipulator import Manipulator
 from tendonrepro.config.models.readings import RUNS
 from tendonrepro.config.published import COMPARED, PrintedText, coupling_of, published, table_1
+from tendonrepro.config.shipped import shipped_folder
 from tendonrepro.physics.kinematics import coupling_inverse
 from tendonrepro.results.records import Trace, TraceFile
 
@@ -25,11 +29,11 @@ OTHER_BASE = (
 
 
 def of_paper(file: TraceFile, trace: Trace | None = None) -> bool:
-    """Whether a run has the paper's arm, joints, gains and payload; without a run, whether it is the arm.
+    """Whether a run is the paper's own experiment; without a run, whether its arm is the paper's.
 
-    An arm is known by its name and its coupling; what the paper does not print, such as masses and motions,
-    may differ, and so may readings. Of a measurement more joints may have been recorded, and gains are not
-    known.
+    That is: the paper's arm, joints, gains and payload, and a motion that stands for the paper's. An arm is
+    known by its name and its coupling. Masses and readings may differ. Of a measurement more joints may have
+    been recorded, and gains and motion are not known.
 
     Parameters
     ----------
@@ -48,8 +52,10 @@ def of_paper(file: TraceFile, trace: Trace | None = None) -> bool:
     if trace is None or file.source == "measured":
         return True
     held = trace.attributes
-    return trace.joint == COMPARED and _driven_as_paper(
-        trace.name, held["law"], held["gains"], held["payload_mass"]
+    return (
+        trace.joint == COMPARED
+        and _driven_as_paper(trace.name, held["law"], held["gains"], held["payload_mass"])
+        and _motion_of_paper(file.config_yaml)
     )
 
 
@@ -93,6 +99,39 @@ def _driven_as_paper(run: str, law: str, gains: Mapping[str, ArrayLike], payload
     )
     loaded = paper.number(_PAYLOAD) if run.endswith("_payload") else 0.0
     return law == run.removesuffix("_payload") and bool(np.isclose(payload, loaded)) and all(same)
+
+
+@cache
+def _motion_of_paper(config_yaml: str) -> bool:
+    """Whether the desired motion is a shipped one, or one that was fitted to the print."""
+    motion = _section(config_yaml, "the stored configuration").get("reference")
+    if motion is None:
+        return False
+    quantities = [value for value in motion.values() if isinstance(value, dict)]
+    if any(str(quantity["source"]).startswith("identified") for quantity in quantities):
+        return True
+    return _values(motion) in _shipped_motions()
+
+
+@cache
+def _shipped_motions() -> list[dict[str, Any]]:
+    """Values of the motions of all shipped comparisons."""
+    trees = [
+        _section(path.read_text(encoding="utf-8"), str(path)) for path in shipped_folder().glob("*.yaml")
+    ]
+    return [_values(tree["reference"]) for tree in trees if tree.get("experiment") == "compare"]
+
+
+def _section(text: str, name: str) -> dict[str, Any]:
+    tree = load(text, name).tree
+    return tree if isinstance(tree, dict) else {}
+
+
+def _values(motion: Mapping[str, Any]) -> dict[str, Any]:
+    """A motion without what its values are taken from."""
+    return {
+        key: (held["value"], held["unit"]) if isinstance(held, dict) else held for key, held in motion.items()
+    }
 
 
 def printed_beside(file: TraceFile, trace: Trace, identifier: str) -> list[float]:

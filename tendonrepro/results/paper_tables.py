@@ -22,11 +22,12 @@ from tendonrepro.results.summary import (
     loaded_runs,
     ranking,
     tension_sizes,
+    torque_sizes,
     tracking_errors,
 )
 from tendonrepro.results.tables import NOTHING, Table, TableColumns, rounded
 
-TableRow: TypeAlias = dict[str, object]
+TableRow: TypeAlias = dict[str, Any]
 """A table row by column name; a column without a value may be left out."""
 
 COLUMNS: TableColumns = {
@@ -48,6 +49,10 @@ COLUMNS: TableColumns = {
     "rmse_printed_deg": ("printed", "z.3f"),
     "rmse_ratio": ("ours/printed", "z.3f"),
     "max_deg": ("Max (deg)", "z.3f"),
+    "torque_rms_Nm": ("Torque RMS (N m)", "z.3f"),
+    "torque_peak_Nm": ("peak", "z.3f"),
+    "torque_step_rms_Nm": ("RMS of step", "z.4f"),
+    "torque_at_limit": ("Share at limit", "z.3f"),
     "change_percent": ("Change (%)", "z.1f"),
     "change_printed_percent": ("printed", "z.1f"),
     "status": ("Status", ""),
@@ -109,12 +114,14 @@ def table_data(file: TraceFile) -> dict[str, Any]:
         stands beside a run; ``ranking``; `fitted_under`. Of the decoupling experiment: ``S`` and ``S_inv``,
         lists of rows, as far as the plant record has them; ``errors`` ``joint_<number>`` -> ``mae_deg``,
         ``rmse_deg``, ``max_deg``. Of both: ``status`` per run; ``tension`` run -> ``least_N``, ``at_s``,
-        ``slack_s`` of each joint's tendon. Runs that are missing leave their keys out.
+        ``slack_s`` of each joint's tendon; ``torque`` run -> `torque_sizes`, in N m.
+        Runs that are missing leave their keys out.
     """
     tension = {"least_N": "least_tension_N", "at_s": "least_tension_at_s", "slack_s": "slack_s"}
     both = {
         "status": {name: trace.status for name, trace in file.runs.items()},
         "tension": _pivot(tension_rows(file), "run", tension),
+        "torque": _pivot(torque_rows(file), "run", {name.removeprefix("torque_"): name for name in _TORQUE}),
     }
     if file.experiment == "decouple":
         plant = file.plant.values
@@ -141,6 +148,7 @@ def table_data(file: TraceFile) -> dict[str, Any]:
     }
 
 
+_TORQUE = ("torque_rms_Nm", "torque_peak_Nm", "torque_step_rms_Nm", "torque_at_limit")
 _ERRORS = {name: name for name in ("mae_deg", "rmse_deg", "max_deg")}
 
 
@@ -150,7 +158,7 @@ def _pivot(rows: Iterable[TableRow], key: str, columns: Mapping[str, str]) -> di
     for row in rows:
         held = found.setdefault(str(row[key]), {name: [] for name in columns})
         for name, column in columns.items():
-            held[name].append(row[column])
+            held[name].append(row.get(column))
     return found
 
 
@@ -189,12 +197,12 @@ def controller_rows(file: TraceFile) -> Iterator[TableRow]:
     """Yield a row of Table 2 per run and joint, the payload run left out.
 
     Columns: ``run``, ``joint``, ``status``, and for ``mae`` and ``rmse`` ``<metric>_deg``,
-    ``<metric>_printed_deg`` and ``<metric>_ratio``, ours over printed. A diverged run has its errors up to
-    the end, and its status says when that was.
+    ``<metric>_printed_deg`` and ``<metric>_ratio``, ours over printed, and the columns of `torque_rows`. A
+    diverged run has no errors, and its status says when it diverged.
     """
     for name, trace in compared_runs(file).items():
         for row in _error_rows(file, trace, tracking_errors(trace)["whole"], f"table2.{name}"):
-            yield {"run": name} | row
+            yield {"run": name} | row | _torque(file, trace, row["joint"])
 
 
 def window_rows(file: TraceFile, runs: Mapping[str, Trace] | None = None) -> Iterator[TableRow]:
@@ -304,6 +312,20 @@ def tension_rows(file: TraceFile) -> Iterator[TableRow]:
             }
 
 
+def torque_rows(file: TraceFile) -> Iterator[TableRow]:
+    """Yield ``run``, ``joint``, the columns of `_TORQUE` as far as they are known, and ``status``."""
+    for name, trace in file.runs.items():
+        for joint in trace.joint if "tau_m" in trace else ():
+            yield {"run": name, "joint": joint, "status": _status(trace)} | _torque(file, trace, joint)
+
+
+def _torque(file: TraceFile, trace: Trace, joint: int) -> TableRow:
+    """Torque of one joint by column."""
+    place = trace.joint.index(joint)
+    sizes = torque_sizes(file, trace)
+    return {column: float(values[place]) for column, values in zip(_TORQUE, sizes.values(), strict=False)}
+
+
 def _coupling_row(quantity: str, identifier: str, ours: float, *, beside: bool) -> TableRow:
     found = published().entries.get(identifier) if beside else None
     entry = found if isinstance(found, PrintedNumber | PrintedRatio) else None
@@ -352,6 +374,7 @@ _TABLES: Mapping[str, Mapping[str, tuple[Callable[[TraceFile], Iterator[TableRow
     "decouple": {
         "table1": (coupling_rows, "Table 1 and the coupling matrices of section 5.2"),
         "decoupling_errors": (decoupling_rows, "Calculated minus measured joint angles, Figs 10 to 12"),
+        "decoupling_torque": (torque_rows, "Torque of the motors along the runs, in joint coordinates"),
         "decoupling_tension": (tension_rows, "Tension of the tendons along the runs"),
     },
     "compare": {
@@ -362,8 +385,9 @@ _TABLES: Mapping[str, Mapping[str, tuple[Callable[[TraceFile], Iterator[TableRow
         "table3_paper": (paper_load_rows, "Table 3 as the paper lays it out"),
         "table3_change": (change_rows, "Change of the tracking errors with the payload, section 5.4"),
         "ranking": (ranking_rows, "Controllers by size of error"),
+        "torque": (torque_rows, "Torque of the motors along the runs, in joint coordinates"),
         "tension": (tension_rows, "Tension of the tendons along the runs"),
     },
 }
 
-_IN_THE_TERMINAL = {"table2_paper", "table3_paper", "ranking", "decoupling_errors"}
+_IN_THE_TERMINAL = {"table2_paper", "table3_paper", "ranking", "torque", "decoupling_errors"}

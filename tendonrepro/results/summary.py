@@ -15,7 +15,7 @@ from tendonrepro.physics.metrics import windows
 from tendonrepro.physics.statics import slack_time, tendon_tension
 from tendonrepro.results.paper import of_paper
 from tendonrepro.results.records import Trace, TraceFile
-from tendonrepro.results.statistics import error_sizes
+from tendonrepro.results.statistics import error_sizes, peak, rms, saturated
 
 CONTROLLERS = ("controller_1", "controller_2", "controller_3")
 """The compared runs, in the order in which the paper ranks them."""
@@ -53,10 +53,15 @@ def sizes_deg(e: Array) -> Sizes:
 def tracking_errors(trace: Trace) -> dict[str, Sizes]:
     """Sizes of the tracking error `e`, as `sizes_deg`, by every window of `metrics.windows` that is reached.
 
-    ``whole`` is always there.
+    ``whole`` is always there. Where the run diverged, windows that go on to its end are NaN: what it did up
+    to there is no tracking.
     """
     spans = windows(trace.time, trace.attributes["reference_period"])
-    return {name: sizes_deg(trace["e"][span]) for name, span in spans.items()}
+    found = {name: sizes_deg(trace["e"][span]) for name, span in spans.items()}
+    if trace.status == "diverged":
+        unknown = dict.fromkeys(("mae", "rmse", "max"), np.full(len(trace.joint), np.nan))
+        found |= {name: unknown for name in spans if not name.startswith("period")}
+    return found
 
 
 def decoupling_errors(trace: Trace) -> Sizes:
@@ -96,6 +101,27 @@ def tension_sizes(file: TraceFile, trace: Trace) -> Sizes:
     }
 
 
+def torque_sizes(file: TraceFile, trace: Trace) -> Sizes:
+    """Sizes of the applied torque, by which a rough command shows whatever the error is.
+
+    Returns
+    -------
+    dict
+        ``rms``, ``peak`` and ``step_rms``, the RMS of the step from sample to sample, N m; ``at_limit``, the
+        share of samples in which the joint's motor gives all it can. Each an array (n,); without keys where
+        the torque or, for the last one, the limit is unknown.
+    """
+    if "tau_m" not in trace:
+        return {}
+    torque = trace["tau_m"]
+    sizes = {"rms": rms(torque), "peak": peak(np.abs(torque)), "step_rms": rms(np.diff(torque, axis=0))}
+    limit = file.plant.values.get("actuator_torque_limit")
+    if limit is not None:
+        S = file.plant.matrix("S", trace.joint)
+        sizes["at_limit"] = saturated(trace, S, limit.value[np.array(trace.joint) - 1])
+    return sizes
+
+
 def loaded_runs(file: TraceFile) -> dict[str, Trace]:
     """Return the runs of Table 3 by the names of its rows."""
     return {load: file.runs[run] for load, run in LOADS.items() if run in file.runs}
@@ -117,7 +143,7 @@ def ranking(file: TraceFile) -> dict[str, dict[str, dict[str, Any]]]:
     result: dict[str, dict[str, dict[str, Any]]] = {}
     for metric in ("mae", "rmse") if len(runs) > 1 else ():
         sizes = np.array([tracking_errors(trace)["whole"][metric] for trace in runs])
-        sizes[[trace.status == "diverged" for trace in runs]] = np.inf
+        sizes[np.isnan(sizes)] = np.inf
         for joint, column in zip(runs[0].joint, sizes.T, strict=True):
             order = [runs[place].name for place in np.argsort(column, kind="stable")]
             agrees = all(bool(better < worse) for better, worse in pairwise(column)) if papers else None

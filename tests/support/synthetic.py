@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from tendonrepro.config.shipped import shipped_folder
 from tendonrepro.results.records import VARIABLES, PlantRecord, PlantValue, Trace, TraceFile
 
 Array = NDArray[np.float64]
@@ -18,6 +19,8 @@ S_INV = np.array([[77.0, 0.0, 0.0], [-35.0, 77.0, 0.0], [35.0, -35.0, 37.0]]) / 
 S = np.linalg.inv(S_INV)
 K_S = np.array([[150.0, -20.0], [-20.0, 50.0]])
 RUNS = ("controller_1", "controller_2", "controller_3", "controller_1_payload")
+SHIPPED = (shipped_folder() / "compare.yaml").read_text()
+"""Configuration that the files carry, so that their motion is the paper's."""
 # Size of the error in degrees; deliberately not in the printed order on joint 3.
 ERROR_DEG = {
     "controller_1": (0.20, 0.18),
@@ -55,7 +58,7 @@ def _file(experiment: str, source: str, runs: dict[str, Trace]) -> TraceFile:
         title=f"synthetic {experiment}",
         runs=runs,
         plant=_plant(),
-        config_yaml="schema_version: 1\n",
+        config_yaml=SHIPPED,
         config_sha256="0" * 64,
         manifest_json='{"seed": 1}',
         created="2026-01-01T00:00:00Z",

@@ -196,11 +196,7 @@ def _errors_note(file: TraceFile, runs: list[_DrawnRun], joint: int, printed: Ma
         if trace.name in printed and run.holds("e", joint):
             column = trace.joint.index(joint)
             names.append(run.name.rpartition(", ")[2].replace("Controller ", "C"))
-            # What a diverged run did up to its end is no error of tracking.
-            ours = (
-                float("nan") if trace.status == "diverged" else tracking_errors(trace)["whole"]["mae"][column]
-            )
-            rows["here"].append(float(ours))
+            rows["here"].append(float(tracking_errors(trace)["whole"]["mae"][column]))
             rows["printed"].append(printed_beside(file, trace, printed[trace.name])[column])
     if np.isnan(rows["printed"]).all():
         del rows["printed"]
