@@ -65,7 +65,7 @@ BUDGETS = {
     "physics": 902,
     "simulation": 2272,
     "config": 2263,
-    "results": 2829,
+    "results": 5770,
     "experiments": 1980,
     "explain": 787,
     "ensemble": 1745,
