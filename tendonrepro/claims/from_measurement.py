@@ -18,7 +18,7 @@ from tendonrepro.claims.statements import CLAIMS, FIRST, LOADED, Findings, large
 from tendonrepro.claims.verdicts import of_model
 from tendonrepro.config.models.readings import PRINTED
 from tendonrepro.config.published import COMPARED, PrintedQuotient, Published
-from tendonrepro.dataset.motion.windows import prints_as
+from tendonrepro.dataset.windows import prints_as
 from tendonrepro.errors import DataMissingError
 from tendonrepro.physics.metrics import mae, start_level
 from tendonrepro.results.records import Trace, TraceFile

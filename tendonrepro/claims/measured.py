@@ -15,8 +15,8 @@ from tendonrepro.arrays import Array
 from tendonrepro.claims.statements import LOADED
 from tendonrepro.config.models.readings import PRINTED
 from tendonrepro.config.published import COMPARED, Published
-from tendonrepro.dataset.motion.recover import Reference, derivatives, recover, timing_of
-from tendonrepro.dataset.motion.windows import PrintedTables, try_windows
+from tendonrepro.dataset.motion import Reference, derivatives, recover, timing_of
+from tendonrepro.dataset.windows import PrintedTables, try_windows
 from tendonrepro.errors import DataMissingError
 from tendonrepro.physics.control import Law, surface_and_feedback
 from tendonrepro.physics.metrics import STATUSES

@@ -37,7 +37,7 @@ def fetch(
 
     A second run needs no network.
     """
-    from tendonrepro.dataset.repository.fetch import fetch_text, run_fetch
+    from tendonrepro.dataset.fetch import fetch_text, run_fetch
 
     found = run_fetch(record, out, base_url, from_dir, force, dry_run, terminal.talk)
     terminal.show(found, fetch_text)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,23 +15,22 @@ from tendonrepro.arrays import Array
 from tendonrepro.config.load import load_config
 from tendonrepro.config.published import coupling_of, published, table_1
 from tendonrepro.console import Talk
-from tendonrepro.dataset.mapping.assembly import Assembly, doubts_about
-from tendonrepro.dataset.mapping.model import LoadedMapping, confirmed, load_mapping
-from tendonrepro.dataset.meaning.words import printable
+from tendonrepro.dataset.mapping import confirmed, parse_mapping, read_mapping
 from tendonrepro.dataset.measured_file import origin
-from tendonrepro.dataset.readers.guard import read_guarded
-from tendonrepro.dataset.readers.read import files_below
-from tendonrepro.dataset.readers.signals import Source
+from tendonrepro.dataset.read import read_files
+from tendonrepro.dataset.runs import Assembly
+from tendonrepro.dataset.source import Source
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.files import sha256_of, to_json, write_atomically
+from tendonrepro.files import to_json, write_atomically
 from tendonrepro.physics.metrics import status_of
 from tendonrepro.results.manifest import environment
-from tendonrepro.results.records import DECOUPLING_RUNS, PlantRecord, PlantValue, Trace, TraceFile, of_joints
+from tendonrepro.results.records import DECOUPLING_RUNS, PlantRecord, PlantValue, Trace, TraceFile
 from tendonrepro.results.summary import sizes_deg
 from tendonrepro.results.traces import read_traces, write_traces
 
 SCHEMA_VERSION = 1
 _PRINTED = "printed: Table 1, signs of section 3.3"
+_PAYLOAD = "hardware.payload"
 
 
 def run_ingest(
@@ -43,10 +43,22 @@ def run_ingest(
     talk: Talk,
     confirm: bool = False,
 ) -> dict[str, Any]:
-    """Convert measured files, folders and archives to the trace file `out`.
+    """Convert measured files, folders and archives to a trace file.
 
-    `force` overwrites one made by another mapping or from other data; `dry_run` writes nothing; `confirm`
-    deletes every `because` of the mapping first.
+    Parameters
+    ----------
+    paths : sequence of Path
+    mapping : Path
+        Which column is which variable.
+    out : Path
+        Trace file to write.
+    force : bool
+        Overwrite one made by another mapping or from other data.
+    dry_run : bool
+        Write nothing.
+    talk : Talk
+    confirm : bool
+        Take every guess in the mapping for right, and delete its mark.
 
     Returns
     -------
@@ -56,36 +68,34 @@ def run_ingest(
     Raises
     ------
     ConfigError
-        When the mapping is wrong or does not fit the files.
+        If the mapping is wrong or does not fit the files.
     UsageError
-        When `out` holds something else and `force` is not given.
+        If `out` holds something else.
     DataMissingError
-        When a path is missing.
+        If a path is missing.
     """
-    loaded = load_mapping(mapping)
+    payload = published().number(_PAYLOAD)
+    loaded = read_mapping(mapping, payload)
     if confirm:
-        loaded = confirmed(loaded, mapping)
-    # Of an archive the mapping may name a member: then it is read whole.
-    wanted = loaded.mapping.files()
-    files = [(path, name) for path, name in files_below(paths) if any(_may_hold(name, w) for w in wanted)]
-    sources = read_guarded(files, talk)
+        loaded = parse_mapping(confirmed(loaded.text), str(mapping), payload)
+    sources, unread = read_files(paths, talk)
     S, S_inv = coupling_of(table_1(published()))
-    assembly = Assembly(sources, loaded.mapping, str(mapping), S, _judge)
+    assembly = Assembly(sources, loaded, S, _judge)
     runs = assembly.runs()
-    doubts = [f"{name}: {doubt}" for name, trace in runs.items() for doubt in doubts_about(trace)]
-    doubts += assembly.doubts
-    for doubt in doubts:
+    notes = [*assembly.notes, *(f"{file} was not read: {reason}" for file, reason in unread.items())]
+    for doubt in assembly.doubts:
         talk.note(f"check {doubt}")
-    told = {"guesses": list(loaded.mapping.guesses()), "notes": assembly.notes, "doubts": doubts}
-    manifest = _manifest(mapping, loaded, assembly.used()) | told
+    told = {"guesses": loaded.guesses, "notes": notes, "doubts": assembly.doubts}
+    digest = hashlib.sha256(loaded.text.encode()).hexdigest()
+    manifest = _manifest(mapping, digest, assembly.used()) | told
     file = TraceFile(
         experiment=_experiment(runs),
         source="measured",
-        title=loaded.mapping.title,
+        title=loaded.title,
         runs=runs,
         plant=_coupling_record(S, S_inv),
         config_yaml=loaded.text,
-        config_sha256=loaded.sha256,
+        config_sha256=digest,
         manifest_json=to_json(manifest),
         created=manifest["created"],
         tendonrepro_version=__version__,
@@ -95,17 +105,10 @@ def run_ingest(
     if not dry_run:
         write_traces(out, file)
         if confirm:
-            write_atomically(mapping.resolve(), loaded.text)
+            write_atomically(mapping, loaded.text)
     head = {"schema_version": SCHEMA_VERSION, "out": str(out), "dry_run": dry_run, "title": file.title}
     described = {name: _described(trace) for name, trace in runs.items()}
     return head | {"runs": described} | told | {"inputs": manifest["inputs"]}
-
-
-def _may_hold(name: str, wanted: str) -> bool:
-    """Whether a file is the wanted one or an archive around it, whatever folders were left out of a name."""
-    parts = wanted.split("/")
-    ways = ["/".join(parts[i:j]) for i in range(len(parts)) for j in range(i + 1, len(parts) + 1)]
-    return any(f"/{name}".endswith(f"/{way}") for way in ways)
 
 
 def _judge(time: Array, e: Array) -> tuple[str, float]:
@@ -129,16 +132,14 @@ def _coupling_record(S: Array, S_inv: Array) -> PlantRecord:
     )
 
 
-def _manifest(path: Path, loaded: LoadedMapping, sources: Sequence[Source]) -> dict[str, Any]:
+def _manifest(mapping: Path, digest: str, sources: Sequence[Source]) -> dict[str, Any]:
+    files = {source.name.partition(":")[0]: source for source in sources}
     return {
         "schema_version": SCHEMA_VERSION,
         "tendonrepro_version": __version__,
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
-        "mapping": {"origin": str(path), "sha256": loaded.sha256, "file_sha256": sha256_of(path)},
-        "inputs": [
-            {"name": source.name, "kind": source.kind, "size": source.size, "md5": source.md5}
-            for source in sources
-        ],
+        "mapping": {"origin": str(mapping), "sha256": digest},
+        "inputs": [{"name": name, "size": one.size, "md5": one.md5} for name, one in files.items()],
         "environment": environment(),
     }
 
@@ -154,22 +155,16 @@ def _refuse_others(out: Path, file: TraceFile, manifest: Mapping[str, Any]) -> N
         message = "is something else than a trace file of this version"
         raise UsageError(message, where=str(out), hint=hint) from None
     if before.source != "measured":
-        message = "holds simulated traces"
-    elif before.config_sha256 != file.config_sha256:
-        message = "was made by another mapping"
-    elif origin(before)["inputs"] != manifest["inputs"]:
-        message = "was made from other data"
-    else:
-        return
-    raise UsageError(message, where=str(out), hint=hint)
+        raise UsageError("holds simulated traces", where=str(out), hint=hint)
+    if (before.config_sha256, origin(before)["inputs"]) != (file.config_sha256, manifest["inputs"]):
+        raise UsageError("was made by another mapping or from other data", where=str(out), hint=hint)
 
 
 def _described(trace: Trace) -> dict[str, Any]:
-    steps = np.diff(trace.time)
     found: dict[str, Any] = {
         "joints": list(trace.joint),
         "samples": len(trace.time),
-        "step_s": float(np.median(steps)) if steps.size else None,
+        "step_s": float(np.median(np.diff(trace.time))),
         "duration_s": float(trace.time[-1]),
         "payload_mass_kg": trace.attributes["payload_mass"],
         "status": trace.status,
@@ -182,13 +177,12 @@ def _described(trace: Trace) -> dict[str, Any]:
 
 
 def ingest_text(found: Mapping[str, Any]) -> str:
-    """What a terminal shows of an ingestion, `found` by `run_ingest`."""
+    """What a terminal shows of an ingestion."""
     lines = [found["title"]]
     for name, run in found["runs"].items():
         joints = ", ".join(map(str, run["joints"]))
-        step = "one sample" if run["step_s"] is None else f"every {run['step_s'] * 1e3:g} ms"
-        status = of_joints(run["status"], run["status_joints"])
-        lines.append(f"  {name}: joints {joints}, {run['samples']} samples {step}, {status}")
+        step = f"every {run['step_s'] * 1e3:g} ms"
+        lines.append(f"  {name}: joints {joints}, {run['samples']} samples {step}, {run['status']}")
         lines.append(f"    {', '.join(run['variables'])}")
         if "mae_deg" in run:
             sizes = (
@@ -198,6 +192,6 @@ def ingest_text(found: Mapping[str, Any]) -> str:
             lines.append(f"    error in deg: {', '.join(sizes)}")
     lines += [f"  note: {note}" for note in found["notes"]]
     if found["guesses"]:
-        lines.append(f"  {len(found['guesses'])} columns are guessed: check the mapping, then say --confirm")
+        lines.append(f"  {len(found['guesses'])} guesses: check the mapping, then say --confirm")
     lines.append(f"would write {found['out']}" if found["dry_run"] else f"wrote {found['out']}")
-    return "\n".join(map(printable, lines))
+    return "\n".join(lines)

@@ -278,7 +278,13 @@ def _stored(out: Path) -> dict[Path, TraceFile]:
 
 @contextmanager
 def _updated(folder: Path, file: TraceFile, *, force: bool) -> Iterator[Path]:
-    """Copy of a result, in which files are made again, and which then takes its place."""
+    """Copy of a result, in which files are made again, and which then takes its place.
+
+    A folder without a manifest holds traces that were put there, as measured ones are: it is written into.
+    """
+    if not (folder / MANIFEST).exists():
+        yield folder
+        return
     with replaced(folder, file.config_sha256, command=file.experiment, force=force, update=True) as result:
         result.manifest = read_manifest(folder)
         yield result.path

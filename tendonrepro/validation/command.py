@@ -16,7 +16,6 @@ from tendonrepro.config.published import Published, published
 from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.dataset.measured_file import origin, read_measured
-from tendonrepro.dataset.motion.recover import Reference
 from tendonrepro.files import sha256_of, to_json
 from tendonrepro.parallel import each
 from tendonrepro.results.folder import MANIFEST, claimed, foretell_refusal
@@ -34,7 +33,6 @@ from tendonrepro.validation.rerun import (
     Work,
     rerun_compare,
     rerun_decouple,
-    runnable,
     together,
 )
 from tendonrepro.validation.residuals import comparison_rows, coupling_rows
@@ -111,11 +109,8 @@ def _validated(file: TraceFile, name: str, base: LoadedConfig, work: Work, talk:
     found = judge_measured(measured, paper)
     work.missing += [f"the run {run}" for run in EXPECTED if run not in file.runs]
     tables = _tables(measured, paper, name, work)
-    reference = measured.reference
-    if reference is not None:
-        reference = runnable(reference, base.config.sampling_period.si)
     if measured.compare.runs:
-        rerun_compare(measured, reference, name, base, work, talk)
+        rerun_compare(measured, measured.reference, name, base, work, talk)
     decouple = file.part("decouple").runs.get("decouple")
     if decouple is not None:
         rerun_decouple(decouple, name, base, work, talk)
@@ -131,7 +126,7 @@ def _validated(file: TraceFile, name: str, base: LoadedConfig, work: Work, talk:
         "window": measured.tables.deciding.name if measured.tables.deciding else None,
         **tables,
         "windows": measured.tables.as_dict(),
-        "reference": _motion(measured.reference, reference),
+        "reference": None if measured.reference is None else measured.reference.as_dict(),
         "claims": [
             {"id": identifier, "where": paper.entries[identifier].where}
             | {"rule": paper.judgements[identifier].rule, "kind": "measured"}
@@ -162,15 +157,6 @@ def _tables(measured: Measured, paper: Published, name: str, work: Work) -> dict
     closest = table_data(best, paper)
     held.files += write_measured_tables(closest, best.name, name, held.path / "tables" / "best")
     return data | {"best": {"window": best.name, **closest}}
-
-
-def _motion(found: Reference | None, written: Reference | None) -> dict[str, Any] | None:
-    """What was recovered, as the configuration holds it; as found where that holds samples alone."""
-    if found is None or written is None:
-        return None
-    if written.shape:
-        return written.as_dict() | {"written_as": "shape"}
-    return found.as_dict() | {"written_as": "samples"}
 
 
 def _residuals(file: TraceFile, work: Work) -> dict[str, Any]:

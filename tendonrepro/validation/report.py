@@ -9,7 +9,7 @@ from typing import Any
 from tendonrepro.config.published import COMPARED, Published
 from tendonrepro.console import columns
 from tendonrepro.dataset.measured_file import resting_on
-from tendonrepro.dataset.motion.windows import PrintedTables, Tried
+from tendonrepro.dataset.windows import PrintedTables, Tried
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.results.tables import NOTHING, write_table
 
@@ -57,26 +57,15 @@ def _reference(reference: Mapping[str, Any] | None) -> Iterator[str]:
         return
     amplitude = ", ".join(f"{size:.4g}" for size in reference["amplitude_deg"])
     period = reference["period_s"]
-    repeats = f"period {period:.5g} s, begun {reference['periods']} times" if period else "no repetition"
+    repeats = f"period {period:.5g} s" if period else "no repetition"
     start = ", ".join(f"{angle:z.4g}" for angle in reference["start_angle_deg"])
-    spacing, deviation = reference["spacing_s"], reference["deviation_deg"]
-    samples = f"samples every {spacing:.4g} s, {deviation:.2g} deg from the record at most"
-    if reference["kind"] == "sampled":
-        kind = f"no shape of the simulator, so {samples}"
-    else:
-        largest = reference["shapes"][0]["largest_residual_deg"]
-        kind = f"{reference['kind']}, {largest:.2g} deg from the record at most"
-        if reference["written_as"] == "samples":
-            kind += f" (written as {samples}: it lasts no whole number of sampling periods)"
-    words = (
-        f"Reference of {reference['run']}: {kind}; joints {reference['joints']} move {amplitude} deg, "
-        f"{repeats}; start angles {start} deg were taken off"
+    rest = "; it ends in mid-motion, and is brought to rest" if reference["brought_to_rest"] else ""
+    yield (
+        f"Reference of {reference['run']}: samples every {reference['spacing_s']:.4g} s, "
+        f"{reference['deviation_deg']:.2g} deg from the record at most; joints {reference['joints']} move "
+        f"{amplitude} deg from {reference['begin_s']:.4g} s on, {repeats}; start angles {start} deg were "
+        f"taken off{rest}"
     )
-    if reference["written_as"] == "samples" and reference["faded_in_s"]:
-        words += f"; it begins in mid-motion, and is faded in from rest over {reference['faded_in_s']:g} s"
-    if reference["written_as"] == "samples" and reference["brought_to_rest"]:
-        words += "; it ends in mid-motion, and is brought to rest"
-    yield words
 
 
 def _claims(claims: Sequence[Mapping[str, Any]]) -> str:

@@ -14,14 +14,11 @@ from typing import Any
 import numpy as np
 
 from tendonrepro.claims.measured import Measured
-from tendonrepro.config.fields.model import is_multiple
 from tendonrepro.config.fields.strict_yaml import Node, dump
 from tendonrepro.config.load import LoadedConfig, load_config
 from tendonrepro.config.published import COMPARED
 from tendonrepro.console import Talk
-from tendonrepro.dataset.motion.fit import UNITS, cycle_of, judged, limit
-from tendonrepro.dataset.motion.knots import Knots, thinned
-from tendonrepro.dataset.motion.recover import Reference, recorded_motion, zero_of
+from tendonrepro.dataset.motion import Knots, Reference, recorded, thinned, zero_of
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.experiments.run import simulate_run, trace_file
@@ -119,7 +116,7 @@ def write_compare(
 
     All of `base` is kept but its reference, and payloads that were measured with other masses, kg by run.
     """
-    tree = config_tree(base.tree, reference, measured)
+    tree = config_tree(base.tree, measured)
     runs: Any = dict(tree["runs"])  # type: ignore[arg-type]
     for name, run in runs.items():
         mass = masses.get(name, run["payload"]["value"])
@@ -138,7 +135,7 @@ def write_decouple(base: LoadedConfig, trace: Trace, measured: str, folder: Path
     """
     motors = "q_motor_encoder" in trace
     drives, variable = ("motors", "q_motor_encoder") if motors else ("joints", "q_encoder")
-    knots = thinned(recorded_motion(trace, variable))
+    knots = thinned(recorded(trace, variable))
     tree: dict[str, Any] = dict(base.tree)
     run = {"drives": drives, "reference": {"kind": "sampled", "file": MOTION}}
     tree["runs"] = {"decouple": run | {"payload": tree["runs"]["decouple"]["payload"]}}
@@ -170,9 +167,8 @@ def departure(trace: Trace, reference: Reference) -> float:
     It is 0 where rounding, noise and one sample of time explain it, or it was not recorded.
     """
     record = reference.record
-    time = trace.time - zero_of(trace, reference) + reference.delay
-    # What bridges a gap of the other record is no evidence.
-    inside = np.interp(time, record.time, record.known, left=0.0, right=0.0) == 1.0
+    time = trace.time - zero_of(trace, reference)
+    inside = (time >= 0.0) & (time <= record.time[-1])
     late = max(record.step, float(np.median(np.diff(time))))
     largest = beyond = 0.0
     for place, joint in enumerate(record.joint):
@@ -244,52 +240,7 @@ def csv_text(knots: Knots, joint: Sequence[int]) -> str:
     return "\n".join([",".join(["time_s", *(f"q{number}_deg" for number in joint)]), *lines]) + "\n"
 
 
-def runnable(reference: Reference, sampling_period: float) -> Reference:
-    """Recovered motion as a configuration with a sampling period, s, can hold it.
-
-    A shape lasts a whole number of sampling periods; where its residual does not allow that there is none, so
-    the motion is written as samples.
-    """
-    shape = reference.shape
-    if shape is None:
-        return reference
-    cycle, cycles = cycle_of(shape.values), _cycles(reference)
-    if is_multiple(cycles * cycle, sampling_period):
-        return reference
-    later = sampling_period * round(cycles * cycle / sampling_period) / cycles - cycle
-    longer = {"hold": 0.5 * later} if "hold" in shape.values else {"period": later}
-    values = shape.values | {name: shape.values[name] + more for name, more in longer.items()}
-    fit = judged(reference.record, shape.kind, reference.turns, values)
-    if fit.largest > limit(reference.record):
-        return replace(reference, fitted=(), turns=None)
-    period = cycle_of(values) * round(reference.period / cycle)
-    return replace(reference, fitted=(fit, *reference.fitted[1:]), period=period)
-
-
-def _cycles(reference: Reference) -> int:
-    """How often a named motion goes out and back, or a sine repeats."""
-    if reference.turns:
-        return len(reference.turns.joints)
-    left = float(reference.record.time[-1]) - reference.delay
-    return max(int(np.ceil(left / reference.period - 0.02)), 1)
-
-
-def config_tree(tree: Mapping[str, Node], reference: Reference, measured: str) -> dict[str, Node]:
-    """Whole configuration of a comparison, `tree`, on the recovered motion.
-
-    `measured` is the name of the measured file, for the title and the source of each value.
-    """
+def config_tree(tree: Mapping[str, Node], measured: str) -> dict[str, Node]:
+    """Whole configuration of a comparison, `tree`, on the recovered motion of a measured file."""
     title = f"{tree['title']}, on the reference measured in {measured}"
-    shape, source = reference.shape, f"identified: {measured}"
-    if shape is None:
-        return dict(tree) | {"title": title, "reference": {"kind": "sampled", "file": FILE}}
-    motion: dict[str, Node] = {"kind": shape.kind}
-    for name, value in shape.parameters().items():
-        motion[name] = {"value": value, "unit": UNITS[name], "source": source}
-    periods = _cycles(reference)
-    if reference.turns:
-        pattern, periods = reference.turns.pattern()
-        if len(pattern) > 1:
-            motion["turns"] = [[reference.record.joint[i] for i in turn] for turn in pattern]
-    motion["periods"] = {"value": periods, "unit": "1", "source": source}
-    return dict(tree) | {"title": title, "reference": motion}
+    return dict(tree) | {"title": title, "reference": {"kind": "sampled", "file": FILE}}

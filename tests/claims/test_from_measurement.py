@@ -16,7 +16,7 @@ from tendonrepro.claims.report import table_text
 from tendonrepro.config.models.readings import PRINTED
 from tendonrepro.config.published import published
 from tendonrepro.console import Talk
-from tendonrepro.dataset.motion.windows import PrintedTables, Timing, try_windows
+from tendonrepro.dataset.windows import PrintedTables, Timing, try_windows
 from tendonrepro.errors import DataMissingError
 from tendonrepro.results.traces import write_traces
 

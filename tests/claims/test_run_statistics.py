@@ -8,7 +8,7 @@ import pytest
 from support.synthetic import make_compare_file
 
 from tendonrepro.claims.measured import sliding_variable, statistics_of
-from tendonrepro.dataset.motion.recover import derivatives
+from tendonrepro.dataset.motion import derivatives
 from tendonrepro.physics.control import polynomial
 from tendonrepro.simulation.streaming import Sample, Sums, add_sample, finished, thresholds
 

@@ -23,7 +23,7 @@ from tendonrepro.claims.verdicts import (
     with_values,
 )
 from tendonrepro.config.published import published
-from tendonrepro.dataset.motion.windows import SPREAD
+from tendonrepro.dataset.windows import SPREAD
 from tendonrepro.ensemble.shares import LEAST_PLANTS, LEAST_SCRAMBLINGS, QUANTILES, Share, Spread
 from tendonrepro.simulation.streaming import SLOW
 

@@ -84,7 +84,8 @@ def test_compare_json_has_the_promised_keys(compared: tuple[Path, Any]) -> None:
     assert data["table3"]["no_load"] == data["table2"]["controller_1"]
     assert set(data["table3"]) == {"no_load", "with_load"}
     assert set(data["status"]) == {"controller_1", "controller_2", "controller_3", "controller_1_payload"}
-    assert data["printed"]["table2"]["controller_1"]["mae_deg"] == [0.261, 0.219]
+    # Another motion than the shipped ones has no print beside it.
+    assert data["printed"]["table2"]["controller_1"]["mae_deg"] == [None, None]
     assert data["out"] == "out"
     assert data["manifest"] == str(Path("out") / "manifest.json")
 

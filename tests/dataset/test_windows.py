@@ -10,7 +10,7 @@ from support.measured_synthetic import CONTROLLERS, LOADED, measured_trace, prin
 from support.synthetic import PERIOD, make_compare_file
 
 from tendonrepro.config.published import published
-from tendonrepro.dataset.motion.windows import (
+from tendonrepro.dataset.windows import (
     NUMBERS,
     Timing,
     _tail,

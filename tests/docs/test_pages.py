@@ -542,6 +542,6 @@ def test_exit_codes_agree_with_the_command_line() -> None:
 
 def test_tables_and_figures_of_the_page_are_written(results: Path) -> None:
     written = {path.stem for path in (results / "tables").iterdir()}
-    tables = {f"table{name}" for name in ("2", "2_paper", "2_windows", "3", "3_paper", "3_change")}
-    assert written == tables | {"tension"}
+    page = (DOCS / "traces.md").read_text(encoding="utf-8")
+    assert all(stem in page or f"{stem}.*" in page for stem in written)
     assert {path.suffix for path in (results / "figures").iterdir()} == {".pdf", ".svg", ".png"}

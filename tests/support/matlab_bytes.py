@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,8 +11,6 @@ import h5py
 import numpy as np
 import pytest
 from scipy.io import savemat
-
-from tendonrepro.dataset.readers.matlab.objects import quiet
 
 NOTE = b"SYNTHETIC, made by the tests"
 
@@ -72,7 +71,8 @@ def thing(kind: str, **properties: Any) -> Any:
     """An object of a class, to be written by `objects`."""
     # Some machines have no build of it.
     pytest.importorskip("matio")
-    with quiet():
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
         from matio.utils.matclass import MatlabOpaque
     return MatlabOpaque(properties, kind)
 
@@ -80,7 +80,8 @@ def thing(kind: str, **properties: Any) -> Any:
 def objects(path: Path, variables: Mapping[str, Any], version: str) -> Path:
     """A file with objects; `version` is ``v7`` or ``v7.3``."""
     matio = pytest.importorskip("matio")
-    with quiet():
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
         matio.save_to_mat(str(path), dict(variables), version=version)
     return _headed(path, b"MATLAB MAT-file, ")
 

@@ -19,9 +19,7 @@ from tendonrepro.config.load import load_config
 from tendonrepro.config.request import Request
 from tendonrepro.config.trajectory_file import read_samples
 from tendonrepro.console import Talk
-from tendonrepro.dataset.motion.knots import thinned
-from tendonrepro.dataset.motion.record import recorded
-from tendonrepro.dataset.motion.recover import Reference, recover, zero_of
+from tendonrepro.dataset.motion import Reference, recorded, recover, thinned, zero_of
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.traces import write_traces
 from tendonrepro.validation import command as validate

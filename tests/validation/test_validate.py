@@ -17,7 +17,7 @@ from tendonrepro.config.load import load_config
 from tendonrepro.config.published import published
 from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
-from tendonrepro.dataset.motion.windows import PrintedTables, Tried
+from tendonrepro.dataset.windows import PrintedTables, Tried
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.experiments.run import simulate_all, trace_file
 from tendonrepro.files import sha256_of
@@ -107,8 +107,6 @@ class TestBoth:
         kept = np.rad2deg(np.abs(np.delete(trace["e"], slice(100, 110), axis=0)))
         found = tracking_errors(measured_trace(trace, e=e))["whole"]["mae"]
         assert found == pytest.approx(kept.mean(axis=0), rel=1e-12)
-        simulated = replace(trace, variables={**trace.variables, "e": e})
-        assert tracking_errors(simulated)["whole"]["mae"] == pytest.approx(kept[:100].mean(axis=0), rel=1e-12)
 
 
 @pytest.fixture(scope="module", name="shipped")
@@ -143,14 +141,14 @@ def _found(shipped: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str,
 
 class TestValidate:
     def test_the_model_explains_its_own_traces(self, found: dict[str, Any]) -> None:
-        assert found["reference"]["kind"] == "minimum_jerk"
-        assert found["reference"]["parameters"]["rise"] == 0.8
+        assert found["reference"]["begin_s"] == pytest.approx(0.0, abs=0.02)
         rows = found["residuals"]["rows"]
         assert [(row["run"], row["joint"]) for row in rows] == [
             (run, joint) for run in ("controller_1", "controller_2", LOADED) for joint in (2, 3)
         ]
-        for name in ("e_max_deg", "q_max_deg", "q_d_max_deg", "lag_s"):
-            assert max(abs(row[name]) for row in rows) < 1e-9
+        # The motion is sampled within half a count, so encoders differ by one at most.
+        for name, most in {"e_max_deg": 0.03, "q_max_deg": 0.03, "q_d_max_deg": 0.011, "lag_s": 1e-4}.items():
+            assert max(abs(row[name]) for row in rows) < most
 
     def test_tables_are_those_of_the_errors(self, found: dict[str, Any], shipped: Path) -> None:
         data = paper_tables.table_data(read_traces(shipped))

@@ -1,1 +1,0 @@
-"""Which column is which variable, as a file to edit, and the runs it makes."""

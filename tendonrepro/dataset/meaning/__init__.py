@@ -1,1 +1,0 @@
-"""What columns seem to mean; enter by `understand`."""

@@ -1,0 +1,427 @@
+"""The desired motion behind measured runs: where it begins, when it repeats, and samples to run it again."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tendonrepro.arrays import Array
+from tendonrepro.config.published import COMPARED
+from tendonrepro.config.trajectory_file import FEWEST
+from tendonrepro.dataset.windows import Timing
+from tendonrepro.errors import DataMissingError
+from tendonrepro.physics.trajectory import sampled
+from tendonrepro.results.records import Trace, TraceFile
+from tendonrepro.results.summary import CONTROLLERS
+
+HALF_COUNT = float(np.deg2rad(0.011))
+"""Half of the encoder's printed resolution, rad."""
+SPACINGS = (1.0, 0.7, 0.5, 0.3, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002)
+"""Spacings of knots that are tried, widest first, s."""
+
+_STILL = 0.05
+"""Share of the peak speed below which a motion that begins or ends counts as at rest."""
+_FIRST = 0.05
+"""Stretch that tells whether a record begins at rest, s."""
+_BRAKE = 0.5
+"""Duration of the stroke that brings a motion to rest where the record ends in mid-motion, s."""
+_ONSET = 1e-3
+"""Share of the range at which a motion is first seen to have begun."""
+_SAME, _DIFFERENT = 0.05, 0.5
+"""Difference of a motion from itself, over its size: of a repeat at most, and once before it at least."""
+_MOVES = 0.4
+"""Share of the whole range that a stretch has to move through before it can tell a repeat."""
+_LAGS = 600
+"""Samples of a record that are compared at every lag."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """Joint angles of a run on an even time grid.
+
+    Attributes
+    ----------
+    time : array (T,)
+        s, 0 at the run's first sample.
+    q : array (T, n)
+        Displacement from the first angles, rad; gaps are bridged.
+    joint : tuple of int
+    start_angle : array (n,)
+        rad.
+    rounding : float
+        Step to which the record itself is rounded, rad; 0 if it is not.
+    """
+
+    time: Array
+    q: Array
+    joint: tuple[int, ...]
+    start_angle: Array
+    rounding: float
+
+    @property
+    def step(self) -> float:
+        """Sampling step, s."""
+        return float(self.time[1] - self.time[0])
+
+    def moving(self) -> tuple[int, int]:
+        """First and last sample of the motion: rest before it and after it are left out."""
+        tolerance = max(1.5 * self.rounding, noise_peak(self), _ONSET * float(np.ptp(self.q, axis=0).max()))
+        left = np.flatnonzero((np.abs(self.q - self.q[0]) > tolerance).any(axis=1))
+        ahead = np.flatnonzero((np.abs(self.q - self.q[-1]) > tolerance).any(axis=1))
+        if not left.size:
+            return 0, len(self.time) - 1
+        return max(int(left[0]) - 1, 0), min(int(ahead[-1]) + 1, len(self.time) - 1)
+
+
+@dataclass(frozen=True, eq=False)
+class Knots:
+    """Samples for a trajectory file.
+
+    Attributes
+    ----------
+    time : array (N,)
+        s, from 0.
+    angle : array (N, n)
+        rad, from 0.
+    spacing : float
+        s.
+    tolerance, deviation : float
+        Largest deviation of their spline from the record, allowed and found, rad.
+    braked : bool
+        A stroke to rest was added after the end of the record.
+    """
+
+    time: Array
+    angle: Array
+    spacing: float
+    tolerance: float
+    deviation: float
+    braked: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """A recovered reference.
+
+    Attributes
+    ----------
+    run : str
+        Run it was read from.
+    record : Recorded
+        The desired angles.
+    knots : Knots
+        What a trajectory file holds.
+    period : float
+        s; 0 where it does not repeat.
+    begin, end : float
+        First and last instant of the motion, s after the first sample.
+    """
+
+    run: str
+    record: Recorded
+    knots: Knots
+    period: float
+    begin: float
+    end: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data, angles in degrees."""
+        return {
+            "run": self.run,
+            "joints": list(self.record.joint),
+            "period_s": round(self.period, 9) or None,
+            "begin_s": round(self.begin, 9),
+            "end_s": self.end,
+            "start_angle_deg": np.rad2deg(self.record.start_angle).tolist(),
+            "amplitude_deg": np.rad2deg(np.ptp(self.record.q, axis=0)).tolist(),
+            "rounding_deg": math.degrees(self.record.rounding),
+            "spacing_s": self.knots.spacing,
+            "deviation_deg": math.degrees(self.knots.deviation),
+            "tolerance_deg": math.degrees(self.knots.tolerance),
+            "brought_to_rest": self.knots.braked,
+        }
+
+
+def recorded(trace: Trace, name: str = "q_d") -> Recorded:
+    """Put a recorded angle on an even grid.
+
+    Raises
+    ------
+    DataMissingError
+        If there are too few samples of it, it pauses for most of its time, or it does not move.
+    """
+    values = trace[name]
+    there = np.isfinite(values).all(axis=1)
+    time, kept = trace.time[there], values[there]
+    if len(time) < FEWEST:
+        message = f"run {trace.name!r} holds {len(time)} samples of {name}, {FEWEST} are needed"
+        raise DataMissingError(message)
+    time = time - time[0]
+    step = float(np.median(np.diff(time)))
+    if time[-1] > 10.0 * step * len(time):
+        message = f"run {trace.name!r} pauses: {len(time)} samples of {name} in {time[-1]:.4g} s"
+        raise DataMissingError(message, hint="cut pauses off with from_s and to_s in the mapping")
+    if not np.ptp(kept, axis=0).any():
+        raise DataMissingError(f"run {trace.name!r}: {name} does not move")
+    even = step * np.arange(round(float(time[-1]) / step) + 1.0)
+    filled = np.column_stack([np.interp(even, time, column) for column in kept.T])
+    return Recorded(even, filled - filled[0], trace.joint, filled[0], rounding_step(kept))
+
+
+def rounding_step(angles: Array) -> float:
+    """Step to which angles are rounded, rad; 0 if they are not."""
+    values = np.unique(angles)
+    gaps = np.diff(values)
+    gaps = gaps[gaps > 1e-7]
+    if len(gaps) < FEWEST or gaps.min() > 0.02 * np.ptp(values):
+        return 0.0
+    whole = np.round((values - values[0]) / gaps.min())
+    step = float(whole @ (values - values[0]) / (whole @ whole))
+    apart = np.abs(values - values[0] - step * whole).max()
+    return step if apart < 1e-3 * step else 0.0
+
+
+def noise(record: Recorded) -> float:
+    """Standard deviation of white noise, from the median fourth difference, rad; 0 where it is rounding."""
+    fourth = np.median(np.abs(np.diff(record.q, 4, axis=0)), axis=0)
+    found = float(fourth.max() / (0.6745 * np.sqrt(70.0)))
+    return found if found > 0.6 * record.rounding else 0.0
+
+
+def noise_peak(record: Recorded) -> float:
+    """Largest deviation that noise is expected to cause among all samples, that of the first added, rad."""
+    return float(noise(record) * (1.0 + np.sqrt(2.0 * np.log(record.q.size))))
+
+
+def recover(file: TraceFile) -> Reference:
+    """Recover the reference of a measured comparison from the first run that recorded it for both joints.
+
+    Raises
+    ------
+    DataMissingError
+        If no run holds the desired angles, or they do not move.
+    """
+    holding = [trace for trace in file.part("compare").runs.values() if "q_d" in trace]
+    if not holding:
+        raise DataMissingError("no run of the comparison holds the desired joint angles q_d")
+    problems = []
+    for trace in sorted(holding, key=lambda trace: (not _complete(trace), trace.name not in CONTROLLERS)):
+        try:
+            record = recorded(trace.of_joints(COMPARED))
+        except DataMissingError as problem:
+            problems.append(problem)
+            continue
+        _, last = record.moving()
+        end = float(record.time[last])
+        return Reference(trace.name, record, thinned(record), repeat_after(record), onset(record), end)
+    raise problems[0]
+
+
+def _complete(trace: Trace) -> bool:
+    """Whether a run recorded the desired angles of both joints of the comparison."""
+    columns = zip(trace.joint, trace["q_d"].T, strict=True)
+    return {*COMPARED} <= {joint for joint, values in columns if np.isfinite(values).any()}
+
+
+def onset(record: Recorded) -> float:
+    """When a motion begins, s: earlier than it is first seen, since it begins slowly.
+
+    A motion from rest leaves its start by a power of time, the second or the third. When it passes three
+    levels tells which, and when it began.
+    """
+    size = np.abs(record.q).max(axis=0)
+    q = np.abs(record.q[:, int(np.argmax(size))])
+    level = max(_ONSET * float(size.max()), 3.0 * record.rounding, noise_peak(record))
+    found: list[tuple[float, float]] = []
+    for power in (2, 3):
+        passes = [_passes(record.time, q, level * factor) for factor in (1.0, 2.0**power, 4.0**power)]
+        # Distances from the beginning are as 1 to 2 to 4.
+        begin = 2.0 * passes[0] - passes[1]
+        found.append((abs(2.0 * passes[1] - passes[2] - begin), begin))
+    return max(min(found)[1], 0.0)
+
+
+def _passes(time: Array, q: Array, level: float) -> float:
+    """When an angle first passes a level, between two samples, s."""
+    after = int(np.argmax(q > level))
+    before = max(after - 1, 0)
+    share = (level - q[before]) / (q[after] - q[before]) if q[after] > q[before] else 0.0
+    return float(time[before] + share * (time[after] - time[before]))
+
+
+def timing_of(file: TraceFile, reference: Reference | None) -> dict[str, Timing]:
+    """Start and period of the motion of every run of a comparison.
+
+    A run's own start is told by its desired angles against those of the reference. The period is the one a
+    run states, else that of the reference.
+    """
+    found = {}
+    for name, trace in file.part("compare").runs.items():
+        start, period = float(trace.time[0]), float(trace.attributes["reference_period"])
+        if reference is not None:
+            start, period = zero_of(trace, reference) + reference.begin, period or reference.period
+        found[name] = Timing(start, period)
+    return found
+
+
+def zero_of(trace: Trace, reference: Reference) -> float:
+    """Time on a run's own axis at which a rerun on the recovered reference begins, s."""
+    return float(trace.time[0]) + _later(trace, reference)
+
+
+def _later(trace: Trace, reference: Reference) -> float:
+    """How much later than in the reference's run a run's desired angles move, s."""
+    from scipy.optimize import minimize_scalar
+
+    if "q_d" not in trace or trace.name == reference.run:
+        return 0.0
+    try:
+        ours = recorded(trace.of_joints(COMPARED))
+    except DataMissingError:
+        return 0.0
+    other = reference.record
+    if ours.joint != other.joint:
+        return 0.0
+
+    def apart(late: float) -> float:
+        moved = _at(other, np.clip(ours.time - late, 0.0, other.time[-1]))
+        return float((ours.q - moved).var(axis=0).sum())
+
+    guess = onset(ours) - reference.begin
+    tried = guess + np.linspace(-0.5, 0.5, 41)
+    best = float(tried[np.argmin([apart(late) for late in tried])])
+    late = float(minimize_scalar(apart, bounds=(best - 0.05, best + 0.05), method="bounded").x)
+    return late if abs(late) > 0.05 * ours.step else 0.0
+
+
+def _at(record: Recorded, time: Array) -> Array:
+    return np.column_stack([np.interp(time, record.time, column) for column in record.q.T])
+
+
+def derivatives(trace: Trace) -> tuple[Array, Array]:
+    """Desired velocity and acceleration at a run's samples, (T, n): recorded, else of the smoothed motion.
+
+    Raises
+    ------
+    DataMissingError
+        If the run holds no desired angles.
+    """
+    if all(name in trace and np.isfinite(trace[name]).all() for name in ("dq_d", "ddq_d")):
+        return trace["dq_d"], trace["ddq_d"]
+    spline, _ = smoothed(recorded(trace))
+    time = trace.time - trace.time[0]
+    return spline(time, 1), spline(time, 2)
+
+
+def repeat_after(record: Recorded) -> float:
+    """Time after which the motion repeats, s; 0 if it does not.
+
+    It is the first lag, after the motion has once been unlike itself, at which all of it, or at least its
+    last half period, is like itself a lag earlier.
+    """
+    first, last = record.moving()
+    q = record.q[first : last + 1]
+    every = max(len(q) // _LAGS, 1)
+    lags = np.arange(every, len(q), every)
+    misfit = np.array([_misfit(q, int(lag), every) for lag in lags])
+    far, near = np.flatnonzero(misfit > _DIFFERENT), np.flatnonzero(misfit < _SAME)
+    near = near[near > far[0]] if len(far) else near[:0]
+    if not len(near):
+        return 0.0
+    run = np.split(near, np.flatnonzero(np.diff(near) > 1) + 1)[0]
+    lag = int(lags[run[np.argmin(misfit[run])]])
+    fine = np.arange(max(lag - every, 1), lag + every + 1)
+    squares = np.array([_misfit(q, int(late), 1) ** 2 for late in fine])
+    best = int(fine[np.argmin(squares)])
+    # A parabola through the neighbours tells a part of a sample.
+    left, here, right = (_misfit(q, late, 1) ** 2 for late in (best - 1, best, best + 1))
+    bend = left - 2.0 * here + right
+    return (best + (0.5 * (left - right) / bend if np.isfinite(bend) and bend > 0.0 else 0.0)) * record.step
+
+
+def _misfit(x: Array, lag: int, every: int) -> float:
+    """Difference of a motion from itself a lag earlier, over its size; infinite where nothing tells."""
+    late = x[lag::every]
+    difference = late - x[: len(x) - lag : every]
+    size, span = np.sqrt(2.0 * x[::every].var(axis=0).sum()), np.ptp(x[::every], axis=0).max()
+    tail = min(len(late), max(lag // (2 * every), 1))
+    found = [
+        float(np.sqrt((difference[-count:] ** 2).sum(axis=1).mean()) / size)
+        for count in (len(late), tail)
+        if 3 * len(late) * every >= lag and np.ptp(late[-count:], axis=0).max() >= _MOVES * span
+    ]
+    return min(found, default=np.inf)
+
+
+def smoothed(record: Recorded) -> tuple[Callable[..., Array], float]:
+    """Lay a quintic least-squares spline through a recorded motion, and say the spacing of its knots, s.
+
+    Of all spacings the one with the smallest Bayesian information criterion is taken. A residual as small as
+    the record's rounding or noise is not reduced any further.
+    """
+    from scipy.interpolate import make_lsq_spline
+
+    level = max(0.1 * HALF_COUNT, 0.3 * record.rounding, 0.9 * noise(record))
+    time, q = record.time, record.q
+    found = []
+    for spacing in _tried(record):
+        # Without the outermost inner knots an end rests on three spacings: its curvature is noisy otherwise.
+        inner = _places(record, spacing)[3:-3]
+        knots = np.concatenate([np.repeat(time[:1], 6), inner, np.repeat(time[-1:], 6)])
+        spline = make_lsq_spline(time, q, knots, k=5, method="norm-eq")
+        residual = np.maximum(np.mean((spline(time) - q) ** 2, axis=0), level**2)
+        found.append((len(inner) * np.log(len(time)) + len(time) * np.log(residual).mean(), spline, spacing))
+    _, spline, spacing = min(found, key=lambda one: one[0])
+    return spline, spacing
+
+
+def _tried(record: Recorded) -> list[float]:
+    """Spacings of at least two samples that leave enough of them."""
+    end = float(record.time[-1])
+    tried = [spacing for spacing in SPACINGS if 1.99 * record.step <= spacing <= end / (FEWEST - 1)]
+    return tried or [2.0 * record.step]
+
+
+def _places(record: Recorded, spacing: float) -> Array:
+    """Multiples of a spacing, the last one moved to the end of the record, s."""
+    end = float(record.time[-1])
+    places = spacing * np.arange(max(round(end / spacing), FEWEST - 1) + 1.0)
+    places[-1] = end
+    return places
+
+
+def thinned(record: Recorded) -> Knots:
+    """Choose samples of a recorded motion, as it is smoothed.
+
+    The spacing is the widest whose spline stays within half an encoder count, or one standard deviation of
+    the record's noise, of the smoothed motion.
+
+    Raises
+    ------
+    DataMissingError
+        If the record begins in mid-motion: a trajectory file begins at rest.
+    """
+    spline, spacing = smoothed(record)
+    rate = spline(record.time, 1)
+    still = _STILL * np.abs(rate).max()
+    early = min(round(_FIRST / record.step), len(record.time) - 1) or 1
+    if np.abs(record.q[early]).max() / record.time[early] > still:
+        raise DataMissingError("the record begins in mid-motion", hint="give from_s in the mapping")
+    braked = bool(np.abs(rate[-1]).max() > still)
+    first, target = spline(record.time[:1]), spline(record.time)
+    for narrower in (one for one in _tried(record) if one <= spacing):
+        time = _places(record, narrower)
+        angle = spline(time) - first
+        if braked:
+            u = np.arange(1, 11)[:, np.newaxis] / 10.0
+            angle = np.vstack([angle, angle[-1] + rate[-1] * _BRAKE * (u - u**3 + 0.5 * u**4)])
+            time = np.append(time, time[-1] + _BRAKE * u[:, 0])
+        q = np.column_stack([sampled(time, column)(record.time)[0] for column in angle.T]) + first
+        if np.abs(q - target).max() <= max(HALF_COUNT, noise(record)):
+            break
+    tolerance = max(record.rounding, HALF_COUNT + noise_peak(record))
+    return Knots(time, angle, narrower, tolerance, float(np.abs(q - record.q).max()), braked)

@@ -1,1 +1,0 @@
-"""The desired motion and the averaging window behind measured runs."""

@@ -1,0 +1,162 @@
+"""Files, folders and archives as tables of named columns.
+
+One process of its own reads, since a damaged file can crash the HDF5 library.
+"""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+import shutil
+import tarfile
+import tempfile
+import zipfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from tendonrepro.console import Talk
+from tendonrepro.dataset.source import Columns, Source, Unreadable
+from tendonrepro.errors import DataMissingError
+
+MOST_BYTES = 2**31
+"""Of a file, and of all that an archive unpacks into."""
+
+_BOOKS = {".xlsx", ".xlsm", ".xlsb", ".xls", ".ods"}
+_ARCHIVES = {".zip", ".tar", ".tgz", ".gz", ".bz2", ".xz"}
+_TEXTS = {".csv", ".tsv", ".txt", ".dat", ".asc", ""}
+
+
+def read_files(paths: Sequence[Path], talk: Talk) -> tuple[list[Source], dict[str, str]]:
+    """Read every table below some paths.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        Files, folders, archives.
+    talk : Talk
+
+    Returns
+    -------
+    sources : list of Source
+    unread : dict
+        File -> why nothing was read of it.
+
+    Raises
+    ------
+    DataMissingError
+        If a path is missing.
+    """
+    from joblib.externals.loky import get_reusable_executor
+    from joblib.externals.loky.process_executor import BrokenProcessPool
+
+    for path in paths:
+        if not path.exists():
+            raise DataMissingError("is not there", where=str(path), hint="tendonrepro fetch gets the record")
+    sources: list[Source] = []
+    unread: dict[str, str] = {}
+    with tempfile.TemporaryDirectory() as scratch:
+        files = [one for path in paths for one in _files(path, Path(scratch), unread)]
+        with talk.bar("reading", len(files)) as advance:
+            for path, name in files:
+                try:
+                    reader = get_reusable_executor(max_workers=1, timeout=60)
+                    sources += reader.submit(read_file, path, name).result()
+                except Unreadable as error:
+                    unread[name] = str(error)
+                except BrokenProcessPool:
+                    unread[name] = "reading it crashed: the file is damaged"
+                advance(1)
+    return sources, unread
+
+
+def _files(path: Path, scratch: Path, unread: dict[str, str]) -> Iterator[tuple[Path, str]]:
+    """Files to read with their names, below the path; archives unpacked once."""
+    members = sorted(path.rglob("*")) if path.is_dir() else [path]
+    for member in members:
+        name = member.relative_to(path).as_posix() if path.is_dir() else member.name
+        if not member.is_file() or any(part.startswith(".") for part in Path(name).parts):
+            continue
+        if member.suffix.lower() not in _ARCHIVES:
+            yield member, name
+            continue
+        folder = Path(tempfile.mkdtemp(dir=scratch))
+        try:
+            _unpack(member, folder)
+        except (Unreadable, OSError, EOFError, zipfile.BadZipFile, tarfile.TarError, RuntimeError) as error:
+            unread[name] = f"cannot be unpacked: {error}"
+            continue
+        for inner in sorted(folder.rglob("*")):
+            if inner.is_file() and not inner.name.startswith("."):
+                yield inner, f"{name}/{inner.relative_to(folder).as_posix()}"
+
+
+def _unpack(path: Path, folder: Path) -> None:
+    """Unpack an archive; its size is checked first, and the standard library keeps it in its folder."""
+    if zipfile.is_zipfile(path):
+        with zipfile.ZipFile(path) as archive:
+            _refuse_larger(sum(info.file_size for info in archive.infolist()))
+            archive.extractall(folder)
+    elif tarfile.is_tarfile(path):
+        with tarfile.open(path) as archive:
+            _refuse_larger(sum(info.size for info in archive))
+            archive.extractall(folder, filter="data")
+    elif path.suffix.lower() == ".gz":
+        with gzip.open(path) as packed, (folder / path.stem).open("wb") as plain:
+            shutil.copyfileobj(packed, plain)
+    else:
+        raise Unreadable("neither zip, tar nor gz")
+
+
+def _refuse_larger(size: int) -> None:
+    if size > MOST_BYTES:
+        raise Unreadable(f"{size / 2**30:.1f} GiB, more than {MOST_BYTES >> 30} GiB")
+
+
+def read_file(path: Path, name: str) -> list[Source]:
+    """Read the tables of one file.
+
+    Raises
+    ------
+    Unreadable
+        If there are none or the file is damaged.
+    """
+    size = path.stat().st_size
+    _refuse_larger(size)
+    try:
+        tables = _tables(path)
+    except (Unreadable, MemoryError):
+        raise
+    except Exception as error:
+        raise Unreadable(f"damaged, or not what its name says: {error}"[:200]) from error
+    with path.open("rb") as stream:
+        md5 = hashlib.file_digest(stream, lambda: hashlib.md5(usedforsecurity=False)).hexdigest()
+    found = [
+        Source(f"{name}:{inner}" if inner else name, columns, md5, size)
+        for inner, columns in tables.items()
+        if columns
+    ]
+    if not found:
+        raise Unreadable("holds no columns of numbers")
+    return found
+
+
+def _tables(path: Path) -> dict[str, Columns]:
+    """Tables of a file by their place in it; what it is, its first bytes say before its name does."""
+    from tendonrepro.dataset.arrays import read_hdf5, read_numpy, tables_of
+    from tendonrepro.dataset.matlab import read_matlab
+    from tendonrepro.dataset.tables import read_text_table, read_workbook
+
+    with path.open("rb") as stream:
+        head = stream.read(512)
+    suffix = path.suffix.lower()
+    if suffix == ".mat" or head.startswith(b"MATLAB"):
+        return dict(tables_of(read_matlab(path)))
+    if head.startswith(b"\x89HDF"):
+        return dict(tables_of(read_hdf5(path)))
+    if suffix in {".npy", ".npz"}:
+        return dict(tables_of(read_numpy(path)))
+    if suffix in _BOOKS or head.startswith(b"PK\x03\x04"):
+        return read_workbook(path)
+    if suffix in _TEXTS:
+        return read_text_table(path)
+    raise Unreadable(f"a format that is not read: {suffix or 'no suffix'}")

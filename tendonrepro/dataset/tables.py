@@ -1,0 +1,232 @@
+"""Tables of numbers in texts and workbooks: columns by the names in the rows above them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from tendonrepro.arrays import Array
+from tendonrepro.dataset.source import FEWEST, Columns, Unreadable
+from tendonrepro.dataset.words import plain_unit
+
+_COMMENT = ("#", "%", "//")
+_NUMBER = re.compile(r"[-+−]?(\d+\.?\d*|\.\d+)([eEdD][-+]?\d+)?|nan|inf", re.IGNORECASE)
+_MOST_HEAD = 60
+"""Lines above the numbers that are looked through."""
+
+
+def read_text_table(path: Path) -> dict[str, Columns]:
+    """Read a table from a text file, by whatever separator, decimal mark and encoding.
+
+    Raises
+    ------
+    Unreadable
+        If it holds no table of numbers.
+    """
+    lines = [line for line in decoded(path.read_bytes()).splitlines() if line.strip()]
+    lines = [line for line in lines if not line.casefold().startswith("sep=")]
+    separator, comma = _spelling([line for line in lines[-_MOST_HEAD:] if not line.startswith(_COMMENT)])
+    told = [k for k, line in enumerate(lines) if not line.startswith(_COMMENT)]
+    first = _first_numbers([_cells(lines[k], separator, comma=comma) for k in told[:_MOST_HEAD]])
+    if first is None:
+        raise Unreadable("a text without a table of numbers")
+    cells = [_cells(lines[k], separator, comma=comma) for k in told[first:]]
+    width = max(map(len, cells))
+    head = [_head_cells(line, separator, width) for line in lines[: told[first]]]
+    return {"": _columns(head, pd.DataFrame([row + [""] * (width - len(row)) for row in cells]))}
+
+
+def _head_cells(line: str, separator: str | None, width: int) -> list[str]:
+    """Cells of a line above the numbers, which may have another separator than these."""
+    text = line.lstrip("#%/") if line.startswith(_COMMENT) else line
+    cells = _cells(text, separator, comma=False)
+    others = (_cells(text, other, comma=False) for other in ("\t", ";", ","))
+    return cells if len(cells) == width else next((one for one in others if len(one) == width), cells)
+
+
+def decoded(content: bytes) -> str:
+    """Text of bytes: Unicode, or Chinese where that makes common words, else Western.
+
+    >>> decoded("Winkel [°]".encode("cp1252"))
+    'Winkel [°]'
+    """
+    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return content.decode("utf-16")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("gb18030" if _is_chinese(content) else "cp1252", errors="replace")
+
+
+def _is_chinese(content: bytes) -> bool:
+    """Whether most bytes beyond ASCII are pairs of GB 2312's first level, its common characters."""
+    beyond = sum(byte >= 0x80 for byte in content)
+    common = re.findall(rb"[\xa1-\xa3\xb0-\xd7][\xa1-\xfe]", content)
+    words = re.findall(rb"(?:[\xb0-\xd7][\xa1-\xfe]){2,}", content)
+    return bool(words) and 2 * len(common) > 0.5 * beyond
+
+
+def _spelling(lines: Sequence[str]) -> tuple[str | None, bool]:
+    """Separator, None for blanks, and whether decimals have a comma: what makes most numbers."""
+
+    def numbers(spelling: tuple[str | None, bool]) -> int:
+        cells = [_cells(line, spelling[0], comma=spelling[1]) for line in lines]
+        return sum(1 if _is_number(cell) else -1 for row in cells for cell in row if cell)
+
+    ways: list[tuple[str | None, bool]] = [
+        ("\t", False),
+        (";", False),
+        (",", False),
+        ("|", False),
+        (None, False),
+    ]
+    ways += [("\t", True), (";", True), (None, True)]
+    return max(ways, key=numbers)
+
+
+def _cells(line: str, separator: str | None, *, comma: bool) -> list[str]:
+    text = line.replace("−", "-")
+    if separator is None:
+        # Names with blanks stand further apart than their words.
+        wide = re.split(r"\s{2,}|\t", text.strip())
+        parts = wide if len(wide) > 1 and not _is_number(wide[0].split()[0]) else text.split()
+    else:
+        parts = text.split(separator)
+    cells = [part.strip().strip('"').strip() for part in parts]
+    return [re.sub(r"^([-+]?\d+),(\d+)", r"\1.\2", cell) for cell in cells] if comma else cells
+
+
+def _is_number(cell: str) -> bool:
+    return bool(_NUMBER.fullmatch(cell))
+
+
+def _first_numbers(rows: Sequence[Sequence[str]]) -> int | None:
+    """First of three rows of one width with numbers; half of its own cells are, or more."""
+    for place, row in enumerate(rows):
+        block = rows[place : place + 3]
+        share = sum(map(_is_number, row)) / max(len([cell for cell in row if cell]), 1)
+        numbers = all(any(map(_is_number, one)) for one in block)
+        if share >= 0.5 and numbers and len(block) > 1 and len({len(one) for one in block}) == 1:
+            return place
+    return None
+
+
+def read_workbook(path: Path) -> dict[str, Columns]:
+    """Read every sheet that holds a table of numbers.
+
+    Raises
+    ------
+    Unreadable
+        If none does.
+    """
+    sheets = pd.read_excel(path, sheet_name=None, header=None, engine="calamine")
+    found = {str(name): _sheet(sheet) for name, sheet in sheets.items()}
+    held = {name: columns for name, columns in found.items() if columns}
+    if not held:
+        raise Unreadable("a workbook without a table of numbers")
+    return held if len(held) > 1 or not _is_default(next(iter(held))) else {"": next(iter(held.values()))}
+
+
+def _is_default(sheet: str) -> bool:
+    """Whether a sheet has the name that a program gives it."""
+    return bool(re.fullmatch(r"(sheet|tabelle|工作表|feuil)\s*\d*", sheet, re.IGNORECASE))
+
+
+def _sheet(sheet: pd.DataFrame) -> Columns:
+    sheet = sheet.dropna(how="all").reset_index(drop=True)
+    head = sheet.iloc[:_MOST_HEAD].map(lambda cell: "" if pd.isna(cell) else str(cell).strip())
+    rows: list[list[str]] = head.to_numpy().tolist()
+    first = _first_numbers(rows)
+    return _columns(rows[:first], sheet.iloc[first:]) if first is not None else Columns()
+
+
+def _columns(head: Sequence[Sequence[str]], table: pd.DataFrame) -> Columns:
+    """Columns of a table under the names that the rows above give them."""
+    names = _names([list(row) for row in head], table.shape[1])
+    found = Columns()
+    for place, name in enumerate(names):
+        values, is_clock = _values(table.iloc[:, place])
+        if values is not None and (values.dtype.kind != "f" or np.isfinite(values).sum() >= FEWEST):
+            found.add(name, values, "s" if is_clock else "")
+    return found
+
+
+def _names(head: list[list[str]], width: int) -> list[str]:
+    """Names of columns: the last row of words, the group above it, and the unit below it."""
+    lengths = [len(row) for row in head]
+    rows = [(row + [""] * width)[:width] for row in head]
+    units = [""] * width
+    while rows and _are_units(rows[-1]):
+        units = rows.pop()
+    if not rows:
+        return [f"column {place + 1}" for place in range(width)]
+    names, above = rows[-1], rows[-2] if len(rows) > 1 else [""] * width
+    if len(rows) > 1 and lengths[len(rows) - 2] == width and _are_groups(above):
+        names = [f"{group} {name}".strip() for group, name in zip(_spread(above), names, strict=True)]
+    named = [name or f"column {place + 1}" for place, name in enumerate(names)]
+    return [f"{name} ({unit})" if unit else name for name, unit in zip(named, units, strict=True)]
+
+
+def _are_units(row: Sequence[str]) -> bool:
+    held = [cell for cell in row if cell.strip("()[]-")]
+    return bool(held) and all(plain_unit(cell) for cell in held) and not all(cell in "st" for cell in held)
+
+
+def _are_groups(row: Sequence[str]) -> bool:
+    """Whether cells name groups of columns: a title stands alone at the left, and numbers are settings."""
+    filled = [cell for cell in row if cell]
+    return not any(map(_is_number, filled)) and (len(filled) > 1 or (len(filled) == 1 and not row[0]))
+
+
+def _spread(row: Sequence[str]) -> list[str]:
+    """Give empty cells the name before them."""
+    last, spread = "", []
+    for cell in row:
+        last = cell or last
+        spread.append(last)
+    return spread
+
+
+def _values(column: pd.Series) -> tuple[NDArray[Any] | None, bool]:
+    """Numbers of a column, or seconds since its first date; words as they are; None of an empty one."""
+    held = column[column.notna() & (column.astype(str).str.strip() != "")]
+    if held.empty:
+        return None, False
+    tries: tuple[tuple[Callable[[], Array], bool], ...] = (
+        (lambda: _numbers(column), False),
+        (lambda: _clock(column), True),
+    )
+    for attempt, is_clock in tries:
+        try:
+            values = attempt()
+        except (ValueError, TypeError):
+            continue
+        if np.isfinite(values).sum() > 0.5 * len(held):
+            return values, is_clock
+    return column.astype(str).to_numpy(), False
+
+
+def _numbers(column: pd.Series) -> Array:
+    if not pd.api.types.is_numeric_dtype(column):
+        column = column.map(_number_text)
+    return np.asarray(pd.to_numeric(column, errors="coerce"), np.float64)
+
+
+def _number_text(cell: object) -> object:
+    """A number of Fortran as others write it."""
+    return re.sub(r"(?<=[\d.])[dD](?=[-+\d])", "e", cell) if isinstance(cell, str) else cell
+
+
+def _clock(column: pd.Series) -> Array:
+    """Seconds of dates since the first one, or of times of day."""
+    text = column.astype(str).str.replace("/", "-")
+    if text.str.fullmatch(r"\d{1,2}:\d{2}:\d{2}(\.\d+)?").mean() > 0.5:
+        return np.asarray(pd.to_timedelta(text, errors="coerce").dt.total_seconds(), np.float64)
+    dates = pd.to_datetime(text, format="ISO8601", errors="coerce", utc=True)
+    return np.asarray((dates - dates.iloc[0]).dt.total_seconds(), np.float64)

@@ -1,0 +1,63 @@
+"""The mapping file: what its lines mean, and which line is wrong."""
+
+from __future__ import annotations
+
+import pytest
+
+from tendonrepro.dataset.mapping import Use, confirmed, parse_mapping
+from tendonrepro.errors import ConfigError
+
+GOOD = """schema_version: 2
+title: SYNTHETIC
+columns:
+  t: time ms
+  q2: q_encoder 2 deg  # CHECK: measured?
+  e2: e 2 deg * -1
+  m1: q_motor_encoder 1 deg * 0.01 - 3.5
+  tau2: tau_m 2 N m
+runs:
+  controller_1: "a.xlsx:C1"
+  controller_1_payload: {sources: [b.csv, c.csv], from_s: 2, columns: {"b.csv:q2": q_d 2 rad}}
+"""
+
+
+def test_what_lines_mean() -> None:
+    found = parse_mapping(GOOD, "m.yaml", 0.2)
+    first, second = found.runs.values()
+    assert first.columns == {
+        "t": Use("time", 0, "ms"),
+        "q2": Use("q_encoder", 2, "deg"),
+        "e2": Use("e", 2, "deg", -1.0),
+        "m1": Use("q_motor_encoder", 1, "deg", 0.01, -3.5),
+        "tau2": Use("tau_m", 2, "N m"),
+    }
+    assert (first.sources, first.payload_mass) == (("a.xlsx:C1",), 0.0)
+    assert (second.sources, second.payload_mass, second.first) == (("b.csv", "c.csv"), 0.2, 2.0)
+    assert list(second.columns) == ["b.csv:q2"]
+
+
+def test_a_confirmed_guess_is_none() -> None:
+    assert len(parse_mapping(GOOD, "m.yaml", 0.2).guesses) == 1
+    assert parse_mapping(confirmed(GOOD), "m.yaml", 0.2).guesses == []
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line"),
+    [
+        ("q_encoder 2 deg", "q_encoder 2 furlong", 5),
+        ("q_encoder 2 deg", "q_measured 2 deg", 5),
+        ("q_encoder 2 deg", "q_encoder deg", 5),
+        ("q_encoder 2 deg", "q_encoder 4 deg", 5),
+        ("time ms", "time", 4),
+        ("e 2 deg * -1", "[e, 2]", 6),
+        ("title:", "titel:", 2),
+        ("from_s: 2", "from_s: two", 11),
+        ("from_s: 2", "form_s: 2", 11),
+        ('"a.xlsx:C1"', "3", 10),
+        ("controller_1:", "controller 1:", 10),
+    ],
+)
+def test_the_line_of_a_mistake_is_named(old: str, new: str, line: int) -> None:
+    with pytest.raises(ConfigError) as caught:
+        parse_mapping(GOOD.replace(old, new, 1), "m.yaml", 0.2)
+    assert f"m.yaml:{line}" in str(caught.value)

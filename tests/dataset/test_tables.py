@@ -1,0 +1,138 @@
+"""Tables in texts and workbooks: what is written comes back under the names above it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import openpyxl
+import pytest
+from numpy.testing import assert_array_equal
+
+from tendonrepro.dataset.source import FEWEST, Columns, Unreadable
+from tendonrepro.dataset.tables import decoded, read_text_table, read_workbook
+
+
+def of_text(content: str | bytes, folder: Path) -> Columns:
+    path = folder / "SYNTHETIC.txt"
+    path.write_bytes(content.encode() if isinstance(content, str) else content)
+    return read_text_table(path)[""]
+
+
+TABLE = {"t": [0.0, 1.0, 2.0], "q": [1.5, 2.5, 3.5]}
+SPELLINGS = {
+    "pipe": "t | q\n0 | 1.5\n1 | 2.5\n2 | 3.5\n",
+    "blanks": "  t   q\n  0   1.5\n  1   2.5\n 2   3.5\n",
+    "comma and blank": "t, q\n0, 1.5\n1, 2.5\n2, 3.5\n",
+    "decimal comma, blanks": "t q\n0,0 1,5\n1,0 2,5\n2,0 3,5\n",
+    "line ends of Windows": "t,q\r\n0,1.5\r\n1,2.5\r\n2,3.5\r\n",
+    "line ends of old Macs": "t,q\r0,1.5\r1,2.5\r2,3.5",
+    "separator at the end": "t,q,\n0,1.5,\n1,2.5,\n2,3.5,\n",
+    "quoted": '"t";"q"\n"0";"1,5"\n"1";"2,5"\n"2";"3,5"\n',
+    "quotation mark left open": 't,q\n0,1.5"\n1,2.5\n2,3.5\n',
+    "exponents of Fortran": "t q\n0.0D+00 0.15D+01\n0.1D+01 0.25D+01\n0.2D+01 0.35D+01\n",
+    "comments": "% made up\n// nothing\nt,q\n0,1.5\n# pause\n1,2.5\n2,3.5\n",
+    "names in a comment": "# t q\n0 1.5\n1 2.5\n2 3.5\n",
+    "names by comma over blanks": "t,q\n0 1.5\n1 2.5\n2 3.5\n",
+    "preamble": "SYNTHETIC\nDate: today\n\nt,q\n0,1.5\n1,2.5\n2,3.5\n",
+    "settings above": "Rate,1000\nGain,2.5\n\nt,q\n0,1.5\n1,2.5\n2,3.5\n",
+    "LabVIEW": "LabVIEW Measurement\t\n"
+    "Samples\t1000\t1000\n***End_of_Header***\t\nt\tq\tComment\n0\t1.5\n1\t2.5\n2\t3.5\n",
+    "hint of Excel": "sep=;\nt;q\n0;1.5\n1;2.5\n2;3.5\n",
+    "byte order mark": "\ufefft,q\n0,1.5\n1,2.5\n2,3.5\n",
+    "minus sign of typesetters": "t,q\n−0,1.5\n1,2.5\n2,3.5\n",
+}  # fmt: skip
+
+
+def lengthened(text: str) -> str:
+    """The text with rows enough for a signal."""
+    last = text.replace("\r\n", "\n").replace("\r", "\n").rstrip("\n").rsplit("\n", 1)[1]
+    end = "\r" if "\n" not in text else "\n"
+    return text.rstrip("\r\n") + end + end.join([last] * FEWEST) + end
+
+
+@pytest.mark.parametrize("spelling", SPELLINGS)
+def test_a_table_is_the_same_however_it_is_spelt(spelling: str, tmp_path: Path) -> None:
+    found = of_text(lengthened(SPELLINGS[spelling]), tmp_path)
+    assert {name: values[:3].tolist() for name, values in found.items() if name in TABLE} == TABLE
+
+
+CHINESE = "时间(s),期望角度（deg）,角度(°)\n" + "0,1,2\n" * FEWEST
+GERMAN = "Zeit / s;Größe des Winkels (deg);M [N·m]\n" + "0,0;1,5;2,25\n" * FEWEST
+DEGREE = "t;q [°]\n" + "0;1\n" * FEWEST
+
+
+@pytest.mark.parametrize(
+    ("table", "encoding"),
+    [
+        *((CHINESE, encoding) for encoding in ("utf-8", "utf-8-sig", "utf-16", "gbk", "gb18030")),
+        *((GERMAN, encoding) for encoding in ("utf-8", "cp1252")),
+        *((DEGREE, encoding) for encoding in ("utf-8", "cp1252")),
+    ],
+)
+def test_names_come_through_in_every_encoding(table: str, encoding: str, tmp_path: Path) -> None:
+    separator = ";" if ";" in table else ","
+    assert list(of_text(table.encode(encoding), tmp_path)) == table.split("\n", maxsplit=1)[0].split(
+        separator
+    )
+
+
+def test_a_degree_sign_of_a_western_file_is_no_chinese() -> None:
+    for text in ("q2 [°]", "q2 [°];q3 [°];M [µNm]", "Gelenk (°) soll; Größe"):
+        assert decoded(text.encode("cp1252")) == text
+
+
+NUMBERS = "0,1,2\n" * FEWEST
+
+
+@pytest.mark.parametrize(
+    ("head", "names"),
+    [
+        ("", ["column 1", "column 2", "column 3"]),
+        ("t,q2,q3\ns,deg,rad\n", ["t (s)", "q2 (deg)", "q3 (rad)"]),
+        (",Controller 1,\nt,q2,q3\n", ["t", "Controller 1 q2", "Controller 1 q3"]),
+        ("C1,,C2\nt,q2,q2\n", ["C1 t", "C1 q2", "C2 q2"]),
+        ("Run 1\nOperator,Yan\nt,q2,q3\n", ["t", "q2", "q3"]),
+        ("t,q2,q2\n", ["t", "q2", "q2 #2"]),
+    ],
+)
+def test_rows_above_the_numbers(head: str, names: list[str], tmp_path: Path) -> None:
+    assert list(of_text(head + NUMBERS, tmp_path)) == names
+
+
+@pytest.mark.parametrize(
+    ("stamps", "first"),
+    [
+        (("12:00:00.000", "12:00:00.500"), 43200.0),
+        (("2026-01-01T12:00:00", "2026-01-01T12:00:00.5"), 0.0),
+        (("2026/1/31 23:59:59.5", "2026/2/1 00:00:00.0"), 0.0),
+    ],
+)
+def test_clock_times_become_seconds(stamps: tuple[str, str], first: float, tmp_path: Path) -> None:
+    rows = ["when;q", *(f"{stamp};{k}" for k, stamp in enumerate(stamps * 4))]
+    assert of_text("\n".join(rows), tmp_path)["when (s)"][:2] == pytest.approx([first, first + 0.5])
+
+
+def test_gaps_are_gaps_and_words_stay_words(tmp_path: Path) -> None:
+    found = of_text("t,q,law\n" + "0,1,a\n1,,b\n2,ERR,b\n" + "3,4,b\n" * FEWEST, tmp_path)
+    assert_array_equal(found["q"][:4], [1.0, np.nan, np.nan, 4.0])
+    assert found["law"][:2].tolist() == ["a", "b"]
+
+
+@pytest.mark.parametrize("text", ["SYNTHETIC\nPayload: 0.2 kg", "rate,1000\nSYNTHETIC", ""])
+def test_a_text_for_people_is_no_table(text: str, tmp_path: Path) -> None:
+    with pytest.raises(Unreadable):
+        of_text(text, tmp_path)
+
+
+def test_sheets_of_a_workbook(tmp_path: Path) -> None:
+    book = openpyxl.Workbook()
+    for title in ("Controller 1", "Notes", "C2"):
+        sheet = book.create_sheet(title)
+        for row in [["A title"], [], ["t", None, "q2"], *([k, None, 2.0 * k] for k in range(FEWEST))]:
+            sheet.append(row if title != "Notes" else ["words", "and more"])
+    path = tmp_path / "SYNTHETIC.xlsx"
+    book.save(path)
+    found = read_workbook(path)
+    assert list(found) == ["Controller 1", "C2"]
+    assert_array_equal(found["C2"]["q2"], 2.0 * found["C2"]["t"])
