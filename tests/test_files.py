@@ -6,8 +6,8 @@ import sys
 from pathlib import Path
 
 import pytest
-
 from tendonrepro.dataset.repository.lock import read_lock
+
 from tendonrepro.ensemble.data import PLAN, read_ensemble
 from tendonrepro.errors import DataMissingError, TendonreproError
 from tendonrepro.files import (
