@@ -43,9 +43,6 @@ VARIABLES: dict[str, tuple[str, str]] = {
 }
 """Unit (UDUNITS) and meaning of every variable a run can hold."""
 
-EVERY_RUN = tuple(VARIABLES)[: tuple(VARIABLES).index("tau_s") + 1]
-"""Variables for which every run in a file has a place, defined or not."""
-
 
 @dataclass(frozen=True, eq=False)
 class Trace:

@@ -11,7 +11,6 @@ import numpy as np
 from tendonrepro.arrays import Array
 from tendonrepro.errors import DataMissingError
 from tendonrepro.results.records import (
-    EVERY_RUN,
     RESERVED,
     SCHEMA_VERSION,
     VARIABLES,
@@ -26,9 +25,6 @@ if TYPE_CHECKING:
 
 # Mappings among a run's attributes are stored flat, since netCDF attributes do not nest.
 _NESTED = {"gains": "gain_", "readings": "reading_"}
-
-UNDEFINED = "not defined in this run; all values are missing (NaN)"
-"""Comment on a variable that a run's controller does not have, such as the sliding variable of a servo."""
 
 _PACKED = {"zlib": True, "complevel": 1, "shuffle": True}
 _ROOT_TEXTS = (
@@ -72,14 +68,10 @@ def dataset_of(trace: Trace) -> xr.Dataset:
     """One run as an xarray dataset with the dimensions ``time`` and ``joint``."""
     import xarray as xr
 
-    absent = {name: np.full((len(trace.time), len(trace.joint)), np.nan) for name in EVERY_RUN}
-    variables = {}
-    for name, values in (absent | dict(trace.variables)).items():
-        units, meaning = VARIABLES[name]
-        attributes = {"units": units, "long_name": meaning}
-        if name not in trace.variables:
-            attributes["comment"] = UNDEFINED
-        variables[name] = (("time", "joint"), values, attributes)
+    variables = {
+        name: (("time", "joint"), values, dict(zip(("units", "long_name"), VARIABLES[name], strict=True)))
+        for name, values in trace.variables.items()
+    }
     coordinates = {
         "time": ("time", trace.time, {"units": "s", "long_name": "time"}),
         "joint": ("joint", np.array(trace.joint, np.int32), {"units": "1", "long_name": "joint number"}),
@@ -158,11 +150,7 @@ def _file_of(tree: xr.DataTree) -> TraceFile:
 
 
 def _trace_of(name: str, node: Any) -> Trace:
-    variables = {
-        str(key): _array(item)
-        for key, item in node.data_vars.items()
-        if item.attrs.get("comment") != UNDEFINED
-    }
+    variables = {str(key): _array(item) for key, item in node.data_vars.items()}
     joint = tuple(int(number) for number in node["joint"].values)
     return Trace(name, _array(node["time"]), joint, variables, _attributes_of(node))
 
