@@ -64,7 +64,7 @@ BUDGETS = {
     "physics": 902,
     "simulation": 2272,
     "config": 2263,
-    "results": 2885,
+    "results": 2923,
     "experiments": 1982,
     "explain": 787,
     "ensemble": 1745,

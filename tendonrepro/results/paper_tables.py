@@ -11,6 +11,7 @@ import numpy as np
 from tendonrepro.arrays import Array
 from tendonrepro.config.published import PrintedNumber, PrintedRatio, published
 from tendonrepro.results.paper import of_paper, printed_beside
+from tendonrepro.results.plausible import plausible_beside
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import (
     CONTROLLERS,
@@ -39,15 +40,21 @@ COLUMNS: TableColumns = {
     "paper_row": ("", ""),
     "mae_pair": ("MAE (deg), joint {joints}", ""),
     "mae_printed_pair": ("printed", ""),
+    "mae_plausible_pair": ("plausible", ""),
     "rmse_pair": ("RMSE (deg), joint {joints}", ""),
     "rmse_printed_pair": ("printed", ""),
+    "rmse_plausible_pair": ("plausible", ""),
     # "z" keeps a rounded zero from having a sign; as many digits as the paper.
     "mae_deg": ("MAE (deg)", "z.3f"),
     "mae_printed_deg": ("printed", "z.3f"),
     "mae_ratio": ("ours/printed", "z.3f"),
+    "mae_low_deg": ("plausible from", ".2g"),
+    "mae_high_deg": ("to", ".2g"),
     "rmse_deg": ("RMSE (deg)", "z.3f"),
     "rmse_printed_deg": ("printed", "z.3f"),
     "rmse_ratio": ("ours/printed", "z.3f"),
+    "rmse_low_deg": ("plausible from", ".2g"),
+    "rmse_high_deg": ("to", ".2g"),
     "max_deg": ("Max (deg)", "z.3f"),
     "torque_rms_Nm": ("Torque RMS (N m)", "z.3f"),
     "torque_peak_Nm": ("peak", "z.3f"),
@@ -74,11 +81,10 @@ COLUMNS: TableColumns = {
 
 ``{joints}`` in a heading are the numbers of the joints, as in ``2/3``.
 """
-_BESIDE = {name for name in COLUMNS if "printed" in name or name.endswith("_ratio")} | {
-    "difference",
-    "as_published",
-}
-"""Columns of the print, and of its comparison with ours."""
+_BESIDE = {
+    name for name in COLUMNS if any(word in name for word in ("printed", "ratio", "plausible", "low", "high"))
+} | {"difference", "as_published"}
+"""Columns of the print, of its comparison with ours, and of plausible plants."""
 
 
 def made_tables(file: TraceFile) -> list[Table]:
@@ -110,11 +116,11 @@ def table_data(file: TraceFile) -> dict[str, Any]:
     dict
         Of the comparison: ``table2`` run -> ``mae_deg``, ``rmse_deg``, ``max_deg``, lists in the order of the
         run's joints, over the whole run; ``table3`` ``no_load``, ``with_load`` likewise; ``windows``
-        window -> run -> likewise, payload run included; ``printed`` with both tables, NaN where nothing
-        stands beside a run; ``ranking``; `fitted_under`. Of the decoupling experiment: ``S`` and ``S_inv``,
-        lists of rows, as far as the plant record has them; ``errors`` ``joint_<number>`` -> ``mae_deg``,
-        ``rmse_deg``, ``max_deg``. Of both: ``status`` per run; ``tension`` run -> ``least_N``, ``at_s``,
-        ``slack_s`` of each joint's tendon; ``torque`` run -> `torque_sizes`, in N m.
+        window -> run -> likewise, payload run included; ``printed`` and ``plausible`` with both tables, NaN
+        where nothing stands beside a run; ``ranking``; `fitted_under`. Of the decoupling experiment: ``S``
+        and ``S_inv``, lists of rows, as far as the plant record has them; ``errors`` ``joint_<number>`` ->
+        ``mae_deg``, ``rmse_deg``, ``max_deg``. Of both: ``status`` per run; ``tension`` run ->
+        ``least_N``, ``at_s``, ``slack_s`` of each joint's tendon; ``torque`` run -> `torque_sizes`, in N m.
         Runs that are missing leave their keys out.
     """
     tension = {"least_N": "least_tension_N", "at_s": "least_tension_at_s", "slack_s": "slack_s"}
@@ -143,6 +149,10 @@ def table_data(file: TraceFile) -> dict[str, Any]:
             "table2": _pivot(controller_rows(file), "run", printed),
             "table3": _pivot(load_rows(file), "load", printed),
         },
+        "plausible": {
+            "table2": _pivot(controller_rows(file), "run", _RANGE),
+            "table3": _pivot(load_rows(file), "load", _RANGE),
+        },
         "ranking": ranking(file),
         "fitted_under": fitted_under(file),
     }
@@ -150,6 +160,7 @@ def table_data(file: TraceFile) -> dict[str, Any]:
 
 _TORQUE = ("torque_rms_Nm", "torque_peak_Nm", "torque_step_rms_Nm", "torque_at_limit")
 _ERRORS = {name: name for name in ("mae_deg", "rmse_deg", "max_deg")}
+_RANGE = {name: name for name in ("mae_low_deg", "mae_high_deg", "rmse_low_deg", "rmse_high_deg")}
 
 
 def _pivot(rows: Iterable[TableRow], key: str, columns: Mapping[str, str]) -> dict[str, dict[str, list[Any]]]:
@@ -216,7 +227,13 @@ def window_rows(file: TraceFile, runs: Mapping[str, Trace] | None = None) -> Ite
         for name, sizes in errors.items():
             if window in sizes:
                 for row in _error_rows(file, runs[name], sizes[window], f"table2.{name}"):
-                    yield {"window": window, "run": name} | row
+                    # The range of plausible plants is that of the whole run.
+                    kept = {
+                        key: value
+                        for key, value in row.items()
+                        if not key.endswith(("_low_deg", "_high_deg"))
+                    }
+                    yield {"window": window, "run": name} | kept
 
 
 def load_rows(file: TraceFile) -> Iterator[TableRow]:
@@ -346,6 +363,10 @@ def _error_rows(file: TraceFile, trace: Trace, sizes: Sizes, identifier: str) ->
         columns[f"{metric}_deg"] = sizes[metric]
         columns[f"{metric}_printed_deg"] = printed
         columns[f"{metric}_ratio"] = sizes[metric] / printed
+        ranges = [
+            ends or (np.nan, np.nan) for ends in plausible_beside(file, trace, f"{identifier}.{metric}")
+        ]
+        columns[f"{metric}_low_deg"], columns[f"{metric}_high_deg"] = np.array(ranges).T
     columns["max_deg"] = sizes["max"]
     for index, joint in enumerate(trace.joint):
         numbers = {name: float(values[index]) for name, values in columns.items()}
@@ -361,6 +382,10 @@ def _pairs(file: TraceFile, trace: Trace, identifier: str) -> TableRow:
         cells[f"{metric}_pair"] = "/".join(rounded(float(size), form) for size in sizes[metric])
         found = None if np.isnan(printed).all() else "/".join(rounded(size, form) for size in printed)
         cells[f"{metric}_printed_pair"] = found
+        ranges = plausible_beside(file, trace, f"{identifier}.{metric}")
+        if all(ranges):
+            ends = ("-".join(f"{end:.2g}" for end in held) for held in ranges if held)
+            cells[f"{metric}_plausible_pair"] = "/".join(ends)
     return cells | {"status": _status(trace)}
 
 
@@ -370,6 +395,8 @@ def _status(trace: Trace) -> str:
     return trace.status
 
 
+_PLAUSIBLE = "; plausible: central 90 % of the stable plants"
+
 _TABLES: Mapping[str, Mapping[str, tuple[Callable[[TraceFile], Iterator[TableRow]], str]]] = {
     "decouple": {
         "table1": (coupling_rows, "Table 1 and the coupling matrices of section 5.2"),
@@ -378,11 +405,14 @@ _TABLES: Mapping[str, Mapping[str, tuple[Callable[[TraceFile], Iterator[TableRow
         "decoupling_tension": (tension_rows, "Tension of the tendons along the runs"),
     },
     "compare": {
-        "table2": (controller_rows, "Table 2, tracking errors over the whole run"),
-        "table2_paper": (paper_controller_rows, "Table 2 as the paper lays it out"),
+        "table2": (controller_rows, f"Table 2, tracking errors over the whole run{_PLAUSIBLE}"),
+        "table2_paper": (paper_controller_rows, f"Table 2 as the paper lays it out{_PLAUSIBLE}"),
         "table2_windows": (window_rows, "Table 2 over other windows"),
-        "table3": (load_rows, "Table 3, tracking errors of Controller 1 without and with payload"),
-        "table3_paper": (paper_load_rows, "Table 3 as the paper lays it out"),
+        "table3": (
+            load_rows,
+            f"Table 3, tracking errors of Controller 1 without and with payload{_PLAUSIBLE}",
+        ),
+        "table3_paper": (paper_load_rows, f"Table 3 as the paper lays it out{_PLAUSIBLE}"),
         "table3_change": (change_rows, "Change of the tracking errors with the payload, section 5.4"),
         "ranking": (ranking_rows, "Controllers by size of error"),
         "torque": (torque_rows, "Torque of the motors along the runs, in joint coordinates"),

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -13,6 +14,7 @@ from support.synthetic import S_INV, S, make_compare_file, make_decouple_file
 
 from tendonrepro.config.ensemble import load_ensemble
 from tendonrepro.experiments.report import outcome_of
+from tendonrepro.files import shipped
 from tendonrepro.results.paper import base_of_paper, of_paper
 from tendonrepro.results.paper_tables import (
     COLUMNS,
@@ -192,19 +194,31 @@ def test_tables_2_and_3_in_the_paper_s_layout(tmp_path: Path) -> None:
         "With load": ("controller_1_payload", "0.264/0.227", "0.325/0.265", "ok"),
     }
     for stem, expected in (("table2_paper", table2), ("table3_paper", table3)):
-        rows = [
-            [title, *(part for pair in zip(ours, printed, strict=True) for part in pair), status]
-            for title, (run, *printed, status) in expected.items()
-            for ours in [
-                ["/".join(rounded(float(x), ".3f") for x in sizes[run][metric]) for metric in ("mae", "rmse")]
-            ]
-        ]
-        data, md, tex = ((tmp_path / f"{stem}.{suffix}").read_text() for suffix in ("csv", "md", "tex"))
-        assert [line.split(",") for line in data.splitlines()[1:]] == rows
-        assert [line.strip("| ").split(" | ") for line in md.splitlines()[4:]] == rows
-        assert r" & MAE (deg), joint 2/3 & printed & RMSE (deg), joint 2/3 & printed & Status \\" in tex
-        for row in rows:
-            assert rf"{' & '.join(row)} \\" in tex
+        frame = pd.read_csv(tmp_path / f"{stem}.csv", index_col="paper_row")
+        assert list(frame.index) == list(expected)
+        md, tex = ((tmp_path / f"{stem}.{suffix}").read_text() for suffix in ("md", "tex"))
+        for title, (run, mae, rmse, status) in expected.items():
+            row = frame.loc[title]
+            assert (row["mae_printed_pair"], row["rmse_printed_pair"], row["status"]) == (mae, rmse, status)
+            for metric in ("mae", "rmse"):
+                ours = "/".join(rounded(float(x), ".3f") for x in sizes[run][metric])
+                assert row[f"{metric}_pair"] == ours
+            assert f"| {title} | {' | '.join(row)} |" in md
+            assert rf"{title} & {' & '.join(row)} \\" in tex
+
+
+def test_the_range_of_plausible_plants_is_that_of_the_ledger() -> None:
+    stored = json.loads((shipped("docs") / "results" / "claims.json").read_text())
+    boxes = {claim["id"]: claim["evidence"].get("box") for claim in stored["claims"]}
+    file = make_compare_file()
+    for row in controller_rows(file):
+        for metric in ("mae", "rmse"):
+            box = boxes[f"table2.{row['run']}.{metric}.joint_{row['joint']}"]
+            assert (row[f"{metric}_low_deg"], row[f"{metric}_high_deg"]) == (box["low"], box["high"])
+    # Table 3 prints Controller 1 of Table 2 again.
+    of_2, of_3 = next(controller_rows(file)), next(load_rows(file))
+    assert of_2["mae_low_deg"] == of_3["mae_low_deg"]
+    assert all(np.isnan(row["mae_low_deg"]) for row in controller_rows(another(file, "motion")))
 
 
 def test_table_of_the_decoupling_experiment() -> None:
