@@ -6,21 +6,14 @@ import sys
 from pathlib import Path
 
 import pytest
-from tendonrepro.dataset.repository.lock import read_lock
 
-from tendonrepro.ensemble.data import PLAN, read_ensemble
 from tendonrepro.errors import DataMissingError, TendonreproError
 from tendonrepro.files import (
-    MOST_BYTES,
     atomic_path,
-    ordinary,
     sha256_of,
     sweep_temporary,
-    unsealed,
     write_atomically,
 )
-from tendonrepro.results.folder import MANIFEST, read_manifest
-from tendonrepro.results.traces import read_traces
 
 
 def test_content_is_written_as_it_is_and_the_folder_is_made(tmp_path: Path) -> None:
@@ -130,29 +123,3 @@ def test_sha256_of_a_known_text_and_of_a_missing_file(tmp_path: Path) -> None:
     with pytest.raises(DataMissingError, match=r"cannot read .*nowhere") as caught:
         sha256_of(tmp_path / "nowhere")
     assert caught.value.exit_code == 4
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="needs pipes and devices among files")
-def test_what_never_ends_is_not_read(tmp_path: Path) -> None:
-    pipe, device, huge = (tmp_path / name for name in ("pipe", "device", "huge"))
-    os.mkfifo(pipe)
-    device.symlink_to("/dev/zero")
-    with huge.open("wb") as stream:
-        stream.truncate(MOST_BYTES + 1)
-    endless = "no ordinary file"
-    for path, why in ((pipe, endless), (device, endless), (huge, "larger than 512 MiB")):
-        with pytest.raises(OSError, match=why):
-            ordinary(path)
-        with pytest.raises(DataMissingError, match=why):
-            unsealed(path)
-    for path in (pipe, device):
-        with pytest.raises(TendonreproError, match=endless):
-            write_atomically(path, "x")
-        for read in (sha256_of, read_traces, read_lock):
-            with pytest.raises(DataMissingError, match=endless):
-                read(path)
-        for name, read_below in ((MANIFEST, read_manifest), (PLAN, read_ensemble)):
-            (tmp_path / name).unlink(missing_ok=True)
-            (tmp_path / name).symlink_to(path)
-            with pytest.raises(DataMissingError, match=endless):
-                read_below(tmp_path)

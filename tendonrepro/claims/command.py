@@ -26,7 +26,7 @@ from tendonrepro.config.models.readings import PRINTED
 from tendonrepro.config.published import published
 from tendonrepro.console import Talk
 from tendonrepro.dataset.measured_file import MEASURED, read_measured
-from tendonrepro.ensemble.data import EnsembleData, NotFinishedError, read_ensemble
+from tendonrepro.ensemble.data import PLAN, EnsembleData, read_ensemble
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import MOST_JSON, to_json
 from tendonrepro.physics.metrics import STATUSES
@@ -186,12 +186,9 @@ def found_sources(out: Path, measured: Path | None, talk: Talk) -> Sources:
 
 def _ensemble(folder: Path, talk: Talk) -> EnsembleData | None:
     """Results over the box; one that is unfinished or not of the paper counts as none, and is told of."""
-    try:
-        data = read_ensemble(folder)
-    except NotFinishedError as error:
-        if folder.exists():
-            talk.note(f"{error.where}: {error.message}; judging without it")
+    if not (folder / PLAN).exists():
         return None
+    data = read_ensemble(folder)
     if not data.of_paper:
         talk.note(f"{folder}: not drawn around the paper's arm, gains and payload; judging without it")
         return None

@@ -49,18 +49,17 @@ def ensemble(
         str | None, Option("--dask", metavar="ADDRESS", help="Scheduler to send the work to.")
     ] = None,
     readings: Annotated[
-        Literal["default", "all"], Option("--readings", help="Alternatives and pairs, or all together.")
+        str, Option("--readings", help="default, all, or names with commas between.")
     ] = "default",
     yes: Annotated[bool, Option("--yes", help="The cost of all readings has been seen.")] = False,
 ) -> None:
     """Many plausible plants under many readings of the text."""
     from tendonrepro.ensemble.command import run_ensemble
-    from tendonrepro.ensemble.report import ensemble_text
 
     found = run_ensemble(
         request, terminal.talk, draws=draws, jobs=jobs, dask=dask, readings=readings, yes=yes
     )
-    terminal.show(found, ensemble_text)
+    terminal.show(found, found["text"])
 
 
 @command(study_app, "tendonrepro identify --readings printed,weights=extrapolating")

@@ -2,37 +2,43 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 import time
 from collections.abc import Sequence
 from contextlib import closing
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from tendonrepro import __version__
 from tendonrepro.config.ensemble import load_ensemble
-from tendonrepro.config.models.readings import default_readings, every_pair, parse_reading
+from tendonrepro.config.models.readings import (
+    PRINTED,
+    default_readings,
+    every_pair,
+    named_readings,
+    parse_reading,
+)
 from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.ensemble.block import Simulate, make_block
 from tendonrepro.ensemble.box import make_box
-from tendonrepro.ensemble.conclusions import conclusions
-from tendonrepro.ensemble.data import PLAN, begun_in, missing_blocks, prepare, read_ensemble, refuse_shards
+from tendonrepro.ensemble.data import PLAN, read_ensemble
 from tendonrepro.ensemble.figures import draw_ensemble_figures
 from tendonrepro.ensemble.plan import Study
-from tendonrepro.ensemble.report import cost_text, population_summary, spot_checks, write_ensemble_tables
-from tendonrepro.ensemble.shards import FOLDER, SCHEMA_VERSION, Block
+from tendonrepro.ensemble.report import cost_text, ensemble_tables, population_summary, spot_checks
+from tendonrepro.ensemble.shards import FOLDER, SCHEMA_VERSION, Block, identity_of, shard_files
 from tendonrepro.ensemble.workers import here, on_cluster
 from tendonrepro.errors import UsageError
 from tendonrepro.files import to_json, write_atomically
-from tendonrepro.results.folder import HeldFolder, claimed, refuse_others
 from tendonrepro.results.manifest import make_manifest
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
+from tendonrepro.results.store import refuse_others, replaced, unfinished
+from tendonrepro.results.study import Outcome
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.codegen.cache import NOTHING_COMPILED
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
-
-SUMMARY = "summary.json"
 
 
 def run_ensemble(
@@ -42,7 +48,7 @@ def run_ensemble(
     draws: int,
     jobs: int = 1,
     dask: str | None = None,
-    readings: Literal["default", "all"] = "default",
+    readings: str = "default",
     yes: bool = False,
 ) -> dict[str, Any]:
     """Simulate many plausible plants under many readings, and write tables and figures.
@@ -50,7 +56,7 @@ def run_ensemble(
     Parameters
     ----------
     request : Request
-        `force` removes the shards of another configuration or version.
+        `force` gives up the blocks of another configuration or version.
     talk : Talk
     draws : int
         Of each population; a power of two.
@@ -58,8 +64,9 @@ def run_ensemble(
         Processes; results do not depend on it.
     dask : str or None
         Address of a dask.distributed scheduler to send the blocks to.
-    readings : {'default', 'all'}
-        As printed, alternatives and the configuration's pairs; or every combination, which needs `yes`.
+    readings : str
+        ``default``: as printed, alternatives and the configuration's pairs. ``all``: every pair of settings,
+        which needs `yes`. Else names with commas between, beside which the printed reading is run.
     yes : bool
         The cost of all readings has been seen.
 
@@ -71,7 +78,8 @@ def run_ensemble(
     Raises
     ------
     UsageError
-        For impossible draws or jobs, shards of another configuration, or all readings without `yes`.
+        For impossible draws, jobs or readings, results of another configuration, or all readings without
+        `yes`.
     TendonreproError
         When results cannot be written; whole blocks stay and are not computed again.
     """
@@ -81,39 +89,52 @@ def run_ensemble(
     study = load_study(request.config, request.overrides, request.seed, readings)
     folder = request.folder("ensemble")
     cost = study.cost(draws)
-    outline = {"schema_version": SCHEMA_VERSION, "experiment": "ensemble", "draws": draws, "out": str(folder)}
-    outline |= {"readings_count": len(study.readings), "cases": len(study.cases), "cost": cost}
     if request.dry_run:
-        outline |= {"dry_run": True, "config_sha256": study.sha256}
-        return outline | _ahead(study, draws, folder, force=request.force)
+        return _plan(study, draws, folder, force=request.force)
     if readings == "all" and not yes:
         message = f"all {len(study.readings)} readings mean {cost_text(cost)}"
         raise UsageError(message, where="--readings all", hint="say --yes if that is what you want")
     return run_study(study, draws, folder, jobs=jobs, force=request.force, dask=dask, talk=talk)
 
 
-def _ahead(study: Study, draws: int, folder: Path, *, force: bool) -> dict[str, int]:
-    """Blocks that a run would need, and those of them that are on disk."""
-    refuse_others(folder, study.identity, force=force, begun=begun_in(folder))
-    if not force:
-        refuse_shards(folder, study)
-    blocks = study.blocks(draws)
-    missing = missing_blocks(folder, study, blocks, Talk(quiet=True))
-    return {"resumed_from": len(blocks) - len(missing), "blocks": len(blocks)}
+def _plan(study: Study, draws: int, folder: Path, *, force: bool) -> dict[str, Any]:
+    """What a run would do, and how many of its blocks are on disk."""
+    refuse_others(folder, study.identity, command="ensemble", force=force)
+    blocks, cost = study.blocks(draws), study.cost(draws)
+    there = {path.name for above in (folder, unfinished(folder)) for path in _ours(above / FOLDER, study)}
+    found = sum(block.file_name in there for block in blocks)
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "experiment": "ensemble",
+        "dry_run": True,
+        "config_sha256": study.sha256,
+        "draws": draws,
+        "readings_count": len(study.readings),
+        "cases": len(study.cases),
+        "cost": cost,
+        "resumed_from": found,
+        "blocks": len(blocks),
+        "out": str(folder),
+        "text": f"ensemble: {draws} draws, {len(study.readings)} readings: {cost_text(cost)}; "
+        f"{found} of {len(blocks)} blocks are on disk already",
+    }
 
 
-def load_study(
-    source: str | None, overrides: Sequence[str], seed: int | None, readings: Literal["default", "all"]
-) -> Study:
-    """Read a configuration of an ensemble."""
+def load_study(source: str | None, overrides: Sequence[str], seed: int | None, readings: str) -> Study:
+    """Read a configuration of an ensemble; `readings` as for :func:`run_ensemble`."""
     loaded = load_ensemble(source, overrides=overrides, seed=seed)
     config, box = loaded.config, make_box(loaded.config)
+    named = readings not in ("default", "all")
+    if named:
+        chosen = named_readings(f"{PRINTED},{readings}")
+    else:
+        chosen = every_pair() if readings == "all" else default_readings(config.pairs)
     return Study(
         base=loaded.base,
         boxes={name: box.only(held.confidences) for name, held in config.populations.items()},
         shares={name: held.share.si for name, held in config.populations.items()},
-        readings=every_pair() if readings == "all" else default_readings(config.pairs),
-        variations=tuple(parse_reading(name) for name in config.variations),
+        readings=chosen,
+        variations=() if named else tuple(parse_reading(name) for name in config.variations),
         sha256=loaded.sha256,
         seed=int(config.seed.si),
         replicates=int(config.scramblings.si),
@@ -134,31 +155,62 @@ def run_study(
 ) -> dict[str, Any]:
     """Compute the blocks that are not on disk yet, then tables and figures of all."""
     blocks = study.blocks(draws)
-    with claimed(folder, study.identity, force=force, begun=begun_in(folder)) as held:
-        prepare(held, study, force=force)
-        write_atomically(folder / PLAN, to_json(study.plan(draws)))
-        missing = missing_blocks(folder, study, blocks, talk)
+    with replaced(folder, study.identity, command="ensemble", force=force, keep=FOLDER) as result:
+        shards = result.path / FOLDER
+        _take_over(folder / FOLDER, shards, study, force=force)
+        there = {path.name for path in shard_files(shards)}
+        missing = [block for block in blocks if block.file_name not in there]
         resumed = len(blocks) - len(missing)
         if resumed:
             talk.note(f"{resumed} of {len(blocks)} blocks are on disk already")
-        started = time.perf_counter()
         make = partial(make_block, study, simulate=simulate)
         stream = on_cluster(make, missing, dask) if dask else here(make, missing, jobs)
         experiments = sum(block.count for block in missing) * len(study.cases)
         if missing:
             _announce(study, draws, missing, talk)
+        started = time.perf_counter()
         with talk.resumable(), talk.bar("simulating", experiments) as progress, closing(stream):
             # This process is the only writer.
             for block, image in stream:
-                write_atomically(folder / FOLDER / block.file_name, image)
+                write_atomically(shards / block.file_name, image)
                 progress(block.count * len(study.cases))
         seconds = time.perf_counter() - started
+        result.write(PLAN, to_json(study.plan(draws)))
         speed = {
             "experiments_per_second": experiments / seconds if experiments else None,
             "resumed_from": resumed,
             "blocks": len(blocks),
         }
-        return _finish(study, draws, held, speed, seconds, talk)
+        outcome = _outcome(study, draws, result.path, speed)
+        outcome.save(result, "summary")
+        draw_ensemble_figures(outcome.data, result.path / "figures")
+        result.manifest = _manifest(study, seconds)
+    return {**outcome.data, "text": outcome.text(), "out": str(folder)}
+
+
+def _ours(shards: Path, study: Study) -> list[Path]:
+    """Shards of an ensemble in a folder."""
+    return [path for path in shard_files(shards) if identity_of(path) == study.identity]
+
+
+def _take_over(earlier: Path, shards: Path, study: Study, *, force: bool) -> None:
+    """Begin with the blocks of an interrupted run and of the earlier result; those of others give way."""
+    shards.mkdir(exist_ok=True)
+    kept = set(_ours(shards, study))
+    others = [path for path in shards.iterdir() if path not in kept]
+    strangers = [path for path in others if identity_of(path) is not None]
+    if strangers and not force:
+        message = f"an interrupted run of another configuration or version left {len(strangers)} blocks here"
+        hint = "choose another --out, or say --force to give them up"
+        raise UsageError(message, where=str(shards), hint=hint)
+    for path in others:
+        path.unlink()
+    for path in _ours(earlier, study):
+        if not (shards / path.name).exists():
+            try:
+                os.link(path, shards / path.name)
+            except OSError:
+                shutil.copy2(path, shards / path.name)
 
 
 def _announce(study: Study, draws: int, missing: Sequence[Block], talk: Talk) -> None:
@@ -170,37 +222,32 @@ def _announce(study: Study, draws: int, missing: Sequence[Block], talk: Talk) ->
     talk.note(f"{text}, counted in blocks of {missing[0].count * len(study.cases):,}")
 
 
-def _finish(
-    study: Study, draws: int, held: HeldFolder, speed: dict[str, Any], seconds: float, talk: Talk
-) -> dict[str, Any]:
-    """Write tables, figures, summary and manifest of a complete ensemble."""
-    folder = held.path
-    data = {name: read_ensemble(folder, name) for name in study.boxes}
-    populations = {name: population_summary(one) for name, one in data.items()}
+def _outcome(study: Study, draws: int, folder: Path, speed: dict[str, Any]) -> Outcome:
+    """Numbers and tables of a complete ensemble."""
+    populations = {name: population_summary(read_ensemble(folder, name)) for name in study.boxes}
+    of_paper = base_of_paper(study.config)
     summary: dict[str, Any] = {
         "schema_version": SCHEMA_VERSION,
         "experiment": "ensemble",
         "tendonrepro_version": __version__,
         "config_sha256": study.sha256,
         "identity": study.identity,
+        "of_paper": of_paper,
         "seed": study.seed,
         "draws": draws,
         "scramblings": study.replicates,
         **next(iter(populations.values())),
-        "conclusions": [OTHER_BASE] * (not base_of_paper(study.config)) + conclusions(populations),
         "spot_check": spot_checks(folder, study.blocks(draws)),
         "cost": study.cost(draws),
         **speed,
-        "out": str(folder),
         "populations": populations,
     }
-    held.clear()
-    held.files += write_ensemble_tables(summary, folder / "tables")
-    held.files += draw_ensemble_figures(summary, folder / "figures")
-    held.write(SUMMARY, to_json(summary))
-    manifest = make_manifest(study.base, seconds)
+    return Outcome(summary, [*ensemble_tables(summary), *([] if of_paper else [OTHER_BASE])])
+
+
+def _manifest(study: Study, seconds: float) -> dict[str, Any]:
+    manifest = make_manifest(study.base, seconds, "ensemble")
     stepper = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE}
     manifest |= {"experiment": "ensemble", "seed": study.seed, "solver": stepper}
     manifest["config"] = manifest["config"] | {"sha256": study.identity, "ensemble_sha256": study.sha256}
-    held.finish(manifest, talk)
-    return summary
+    return manifest

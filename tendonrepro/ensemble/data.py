@@ -1,4 +1,4 @@
-"""What an ensemble left on disk: which blocks are whole and whose they are, and what they hold.
+"""What an ensemble left on disk: which blocks are there, and what they hold.
 
 Data are read piece by piece: memory holds only what is asked for. Opening shards takes longer than reading
 them, so of a small ensemble a whole dataset is kept once one of its cases was asked for.
@@ -7,8 +7,7 @@ them, so of a small ensemble a whole dataset is kept once one of its cases was a
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -18,12 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.console import Talk
-from tendonrepro.ensemble.plan import Study
-from tendonrepro.ensemble.shards import FOLDER, Block, Case, check_shard, identity_of, opened, shard_files
-from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
-from tendonrepro.files import MOST_JSON, digest_of, ordinary
-from tendonrepro.results.folder import HeldFolder
+from tendonrepro.ensemble.shards import FOLDER, Block, Case, opened
+from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.simulation.streaming import STATISTICS
 
 KEPT_BYTES = 64e6
@@ -31,12 +26,6 @@ KEPT_BYTES = 64e6
 
 PLAN = "plan.json"
 """File that says which blocks make up the ensemble in a folder."""
-
-_HINT = "run the same tendonrepro ensemble again: it writes a new one and keeps what is computed"
-
-
-class NotFinishedError(DataMissingError):
-    """There is no ensemble in a folder, or it was interrupted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,8 +121,7 @@ class EnsembleData:
         return self.lookup[run, reading]
 
     def _joined(self, dataset: str, kind: type, place: int | None = None) -> NDArray[Any]:
-        with _fitting(self.files[0][0].parent):
-            return np.concatenate(self._pieces(dataset, place)).astype(kind)
+        return np.concatenate(self._pieces(dataset, place)).astype(kind)
 
     def _pieces(self, dataset: str, place: int | None = None) -> list[NDArray[Any]]:
         """Read one dataset, or one case of it, from shard after shard."""
@@ -147,19 +135,11 @@ class EnsembleData:
         """Part of a dataset from shard after shard, and how many of its draws are taken."""
         for path, _, taken in self.files:
             with opened(path) as root:
-                if root.attrs["identity"] != self.identity:
-                    message = "was written anew, of another ensemble, while the others were read"
-                    raise DataMissingError(message, where=str(path), hint="run it again")
-                if dataset not in root:
-                    message = f"was stored by an older version, which did not keep {dataset}"
-                    raise DataMissingError(
-                        message, where=str(path), hint="run tendonrepro ensemble --force again"
-                    )
                 yield root[dataset][index], taken
 
     def _is_small(self, dataset: str) -> bool:
         with opened(self.files[0][0]) as root:
-            return dataset in root and bool(root[dataset].nbytes * len(self.files) <= KEPT_BYTES)
+            return bool(root[dataset].nbytes * len(self.files) <= KEPT_BYTES)
 
 
 def read_ensemble(folder: Path, population: str = "box", *, stride: int = 1) -> EnsembleData:
@@ -181,20 +161,16 @@ def read_ensemble(folder: Path, population: str = "box", *, stride: int = 1) -> 
 
     Raises
     ------
-    NotFinishedError
-        When there is none, or it was interrupted.
     DataMissingError
-        When its plan or a shard is damaged.
+        When there is none, it has no such population, or a shard is missing or damaged.
     UsageError
         When it cannot be thinned so far.
     """
-    plan = _read_plan(folder)
-    with _fitting(folder / PLAN):
-        return _planned(folder, plan, population, stride)
-
-
-def _planned(folder: Path, plan: Mapping[str, Any], population: str, stride: int) -> EnsembleData:
-    """Population of an ensemble by its plan, thinned."""
+    path = folder / PLAN
+    if not path.exists():
+        message = "holds no finished ensemble"
+        raise DataMissingError(message, where=str(folder), hint="run tendonrepro ensemble first")
+    plan = json.loads(path.read_text(encoding="utf-8"))
     if population not in plan["populations"]:
         message = f"holds no population {population!r}"
         raise DataMissingError(message, where=str(folder), hint=f"It holds {', '.join(plan['populations'])}.")
@@ -207,7 +183,7 @@ def _planned(folder: Path, plan: Mapping[str, Any], population: str, stride: int
         names = tuple(json.loads(root.attrs["names"]))
     return EnsembleData(
         population=population,
-        of_paper=plan.get("of_paper", True),
+        of_paper=plan["of_paper"],
         joints=tuple(plan["joints"]),
         alpha=tuple(plan["alpha"]),
         runs=tuple(plan["runs"]),
@@ -221,122 +197,11 @@ def _planned(folder: Path, plan: Mapping[str, Any], population: str, stride: int
     )
 
 
-@contextmanager
-def _fitting(path: Path) -> Iterator[None]:
-    """Tell what does not fit together, although its digests are right: it was not written by this package."""
-    try:
-        yield
-    except (AttributeError, ArithmeticError, LookupError, TypeError, ValueError) as error:
-        raise DataMissingError(
-            "is not of an ensemble of this version", where=str(path), hint=_HINT
-        ) from error
-
-
-def begun_in(folder: Path) -> str:
-    """Name of the plan in a folder, if it is one or stands beside blocks; a user's own file is neither."""
-    try:
-        _read_plan(folder)
-    except DataMissingError:
-        return PLAN if shard_files(folder / FOLDER) else ""
-    return PLAN
-
-
-def _read_plan(folder: Path) -> dict[str, Any]:
-    path = folder / PLAN
-    try:
-        plan = json.loads(ordinary(path, MOST_JSON).read_bytes())
-    except FileNotFoundError as error:
-        message = "holds no ensemble"
-        raise NotFinishedError(message, where=str(folder), hint="run tendonrepro ensemble first") from error
-    except OSError as error:
-        raise DataMissingError(f"cannot be read: {error.strerror or error}", where=str(path)) from error
-    except (ValueError, RecursionError):
-        plan = None
-    if not isinstance(plan, dict) or plan.pop("sha256", None) != digest_of(plan):
-        message = "is damaged or not the plan of an ensemble"
-        raise DataMissingError(message, where=str(path), hint=_HINT)
-    return plan
-
-
 def _files(
     folder: Path, plan: Mapping[str, Any], population: str, wanted: int
 ) -> tuple[tuple[Path, Block, int], ...]:
-    files = tuple(
+    return tuple(
         (folder / FOLDER / block.file_name, block, min(block.count, wanted - block.first))
         for block in sorted(Block(*entry) for entry in plan["blocks"])
         if block.population == population and block.first < wanted
     )
-    missing = sum(not path.exists() for path, _, _ in files)
-    if missing:
-        message = f"{missing} of {len(files)} blocks are missing; the ensemble was interrupted"
-        hint = "run the same tendonrepro ensemble again to finish it"
-        raise NotFinishedError(message, where=str(folder), hint=hint)
-    for path, block, _ in files:
-        check_shard(path, block, plan["identity"])
-    return files
-
-
-def prepare(held: HeldFolder, study: Study, *, force: bool) -> None:
-    """Make the folder of shards ready: none of another ensemble.
-
-    Those are removed with `force`, and else refused.
-    """
-    folder = held.path
-    shards = folder / FOLDER
-    try:
-        others = _of_others(folder, study)
-        if not force:
-            refuse_shards(folder, study)
-        if others and shards.is_symlink():
-            message, hint = (
-                "leads elsewhere, so the blocks of another ensemble in it are kept",
-                "remove the link",
-            )
-            raise UsageError(message, where=str(shards), hint=hint)
-        for path in others:
-            path.unlink()
-        if others:
-            # Tables of shards that are gone would make an interrupted run look like another one's results.
-            held.clear()
-    except OSError as error:
-        message = f"cannot clear the folder of shards: {error.strerror or error}"
-        raise TendonreproError(message, where=str(shards)) from error
-
-
-def refuse_shards(folder: Path, study: Study) -> None:
-    """Refuse a folder that holds shards of another ensemble."""
-    others = _of_others(folder, study)
-    if others:
-        message = f"holds {len(others)} blocks of another configuration, version or set of readings"
-        hint = "choose another --out, or say --force to remove them"
-        raise UsageError(message, where=str(folder / FOLDER), hint=hint)
-
-
-def _of_others(folder: Path, study: Study) -> list[Path]:
-    return [path for path in shard_files(folder / FOLDER) if identity_of(path) not in {study.identity, None}]
-
-
-def missing_blocks(folder: Path, study: Study, blocks: Sequence[Block], talk: Talk) -> list[Block]:
-    """Blocks that are not whole on disk, in their order; every shard is read and checked."""
-    missing = []
-    for block in blocks:
-        path = folder / FOLDER / block.file_name
-        if path.is_dir():
-            message = "is a folder, where a block is to be written"
-            raise TendonreproError(message, where=str(path), hint="move it elsewhere")
-        reason = _fault(path, block, study) if path.exists() else ""
-        if reason is None:
-            continue
-        missing.append(block)
-        if reason:
-            talk.note(f"{path}: {reason}; it will be computed again")
-    return missing
-
-
-def _fault(path: Path, block: Block, study: Study) -> str | None:
-    """What is wrong with a shard; None when nothing is."""
-    try:
-        check_shard(path, block, study.identity)
-    except DataMissingError as error:
-        return error.message
-    return None

@@ -143,8 +143,8 @@ class Study:
         return int(draws * self.shares[population])
 
     def plan(self, draws: int) -> dict[str, Any]:
-        """Describe the ensemble as the plain values one needs to read its results, with their digest."""
-        content = {
+        """Describe the ensemble as the plain values one needs to read its results."""
+        return {
             "schema_version": SCHEMA_VERSION,
             "identity": self.identity,
             "draws": draws,
@@ -162,7 +162,6 @@ class Study:
                 [block.population, block.replicate, block.first, block.count] for block in self.blocks(draws)
             ],
         }
-        return content | {"sha256": digest_of(content)}
 
     def cost(self, draws: int) -> dict[str, float]:
         """Estimate experiments, processor hours and disk space of an ensemble."""

@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from tendonrepro.config.models.readings import PRINTED, parse_reading
-from tendonrepro.console import columns
+from tendonrepro.config.models.readings import parse_reading
 from tendonrepro.ensemble.data import EnsembleData
 from tendonrepro.ensemble.shards import FOLDER, Block, read_check
 from tendonrepro.ensemble.shares import METRICS, PLANT_SETS, QUANTILES, RATIO_NAMES, RATIOS, reading_summary
-from tendonrepro.files import write_atomically
 from tendonrepro.physics.control import estimator_weights
 from tendonrepro.results.summary import CONTROLLERS
-from tendonrepro.results.tables import NOTHING, csv_text, markdown
+from tendonrepro.results.tables import NOTHING, Table
+
+_OK, _ORDER, _BEST = "ok C1 / C2 / C3 (%)", "C1 < C2 < C3 MAE (%)", "C1 best, MAE (%)"
 
 _RANKINGS = ("share_c1_lt_c2_lt_c3", "share_c3_lt_c2_lt_c1", "share_c1_best")
 
@@ -115,16 +115,14 @@ def reader_row(reading: Mapping[str, Any], joints: Sequence[int]) -> dict[str, s
     alone = ordered["all_ok"]["mae"]
     return {
         "Reading": reading["name"],
-        "ok C1 / C2 / C3 (%)": " / ".join(
-            percent(reading["status"][run]["ok"]["share"], "") for run in CONTROLLERS
-        ),
+        _OK: " / ".join(percent(reading["status"][run]["ok"]["share"], "") for run in CONTROLLERS),
         "plants all ok": str(alone["both"]["plants"]),
-        "C1 < C2 < C3 MAE (%)": share_text(alone["both"]),
+        _ORDER: share_text(alone["both"]),
         **{f"joint {joint}": percent(alone[f"joint_{joint}"]["share"], "") for joint in joints},
         "RMSE (%)": share_text(ordered["all_ok"]["rmse"]["both"]),
         "diverged last, MAE (%)": share_text(ordered["diverged_last"]["mae"]["both"]),
         "C3 < C2 < C1 MAE (%)": share_text(reading["share_c3_lt_c2_lt_c1"]["all_ok"]["mae"]["both"]),
-        "C1 best, MAE (%)": share_text(reading["share_c1_best"]["all_ok"]["mae"]["both"]),
+        _BEST: share_text(reading["share_c1_best"]["all_ok"]["mae"]["both"]),
         **{
             f"{RATIO_NAMES[key]} joint {joint}": quantile_text(ratio[f"joint_{joint}"])
             for key, ratio in ratios.items()
@@ -159,30 +157,27 @@ def quantile_text(ratio: Mapping[str, Any]) -> str:
     return "{:.3f} ({:.3f} to {:.3f})".format(*values)
 
 
-def write_ensemble_tables(summary: Mapping[str, Any], folder: Path) -> list[Path]:
-    """Write ``readings.csv`` and ``statuses.csv`` with all digits, and ``readings.md`` for a reader."""
+def ensemble_tables(summary: Mapping[str, Any]) -> Iterator[Table]:
+    """Yield ``readings`` and ``statuses`` with all digits, and a table for a reader of each population."""
     held = summary["populations"].items()
-    texts = {
-        "readings.csv": csv_text([row for name, one in held for row in flat_rows(name, one)]),
-        "statuses.csv": csv_text([row for name, one in held for row in status_rows(name, one)]),
-        "readings.md": _markdown(summary),
-    }
-    for name, text in texts.items():
-        write_atomically(folder / name, text)
-    return [folder / name for name in texts]
-
-
-def _markdown(summary: Mapping[str, Any]) -> str:
-    parts = ["\n".join(f"- {line}" for line in summary["conclusions"]) + "\n"]
-    for name, held in summary["populations"].items():
+    for name, rows_of in (("readings", flat_rows), ("statuses", status_rows)):
+        every = [row for population, one in held for row in rows_of(population, one)]
+        yield Table(name, "", every, terminal=(), suffixes=("csv",))
+    for place, (name, one) in enumerate(held):
         caption = (
-            f"Population {name}, {held['plants']} plants. Shares are shares of the box, with 95 % intervals "
+            f"Population {name}, {one['plants']} plants. Shares are shares of the box, with 95 % intervals "
             f"from {summary['scramblings']} scramblings; ratios are medians of the ratio of MAE over plants "
             f"on which all three laws are ok, with their central 90 %."
         )
-        rows = [reader_row(reading, held["joints"]) for reading in held["readings"]]
-        parts.append(markdown(rows, caption))
-    return "\n".join(parts)
+        rows = [reader_row(reading, one["joints"]) for reading in one["readings"]]
+        shown = _terminal(one["joints"]) if place == 0 else ()
+        yield Table(f"readings_{name}", caption, rows, {key: (key, "") for key in rows[0]}, shown, ("md",))
+
+
+def _terminal(joints: Sequence[int]) -> list[str]:
+    """Columns that fit a terminal."""
+    ratios = [f"{name} joint {joints[0]}" for name in RATIO_NAMES.values()]
+    return ["Reading", _OK, _ORDER, _BEST, *ratios, "verdict"]
 
 
 def cost_text(cost: Mapping[str, float]) -> str:
@@ -199,43 +194,3 @@ def cost_text(cost: Mapping[str, float]) -> str:
     lasts = f"{hours:,.0f} hours" if hours >= 2.0 else f"{max(60.0 * hours, 1.0):.0f} minutes"
     takes = f"{size:.0f} GB" if size >= 2.0 else f"{max(1e3 * size, 1.0):.0f} MB"
     return f"{cost['experiments']:,.0f} experiments, about {lasts} of one processor and {takes}"
-
-
-def ensemble_text(summary: Mapping[str, Any]) -> str:
-    """Text of an ensemble for the terminal."""
-    if summary.get("dry_run"):
-        return (
-            f"ensemble: {summary['draws']} draws, {summary['readings_count']} readings: "
-            f"{cost_text(summary['cost'])}; {summary['resumed_from']} of {summary['blocks']} blocks are in "
-            f"{summary['out']} already"
-        )
-    rows = [("reading", "ok C1/C2/C3 %", "C1<C2<C3 MAE %", "C1 best %", "C1/C2", "C2/C3", "verdict")]
-    joint = f"joint_{summary['joints'][0]}"
-    for reading in summary["readings"]:
-        rows.append(
-            (
-                reading["name"],
-                "/".join(f"{100.0 * reading['status'][run]['ok']['share']:.0f}" for run in CONTROLLERS),
-                share_text(reading["share_c1_lt_c2_lt_c3"]["all_ok"]["mae"]["both"]),
-                percent(reading["share_c1_best"]["all_ok"]["mae"]["both"]["share"], ""),
-                *(_median(reading[key]["all_ok"]["mae"][joint]) for key in RATIOS),
-                reading["agreement"]["verdict"],
-            )
-        )
-    head = f"{summary['draws']} draws; shares of the box; ratios of MAE, {joint.replace('_', ' ')}, medians"
-    rate = summary["experiments_per_second"]
-    tail = f"{rate:.0f} experiments a second; " if rate else ""
-    return "\n\n".join(
-        [head, columns(rows), "\n".join(summary["conclusions"]), f"{tail}results are in {summary['out']}"]
-    )
-
-
-def _median(ratio: Mapping[str, Any]) -> str:
-    value = ratio["median"]["value"]
-    return NOTHING if value is None else f"{value:.3f}"
-
-
-def printed_reading(summary: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return the printed reading of a population's summary."""
-    found: Mapping[str, Any] = next(entry for entry in summary["readings"] if entry["name"] == PRINTED)
-    return found

@@ -1,8 +1,7 @@
-"""Shards: one block of an ensemble in one HDF5 file, written whole or not at all and checked when read."""
+"""Shards: one block of an ensemble in one HDF5 file, which is written whole or not at all."""
 
 from __future__ import annotations
 
-import hashlib
 import json
 import re
 from collections.abc import Iterator, Mapping
@@ -17,7 +16,6 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.errors import DataMissingError
-from tendonrepro.files import sealed, unsealed
 
 SCHEMA_VERSION = 1
 
@@ -60,8 +58,7 @@ class Shard:
     All shards of one ensemble share an `identity`, see `plan.Study`. `draws` is (B, P); `status` and the
     integrator's `steps` per sample are (C, B), and so is `status_time`, s; `statistics` are (C, B, n) by
     name, SI. `check` is what the spot check found, empty where there was none; `provenance` is for a
-    reader: versions, processor, seed, digest of the configuration. The `seconds` that the block took are no
-    part of the digest.
+    reader: versions, processor, seed, digest of the configuration.
     """
 
     block: Block
@@ -77,25 +74,14 @@ class Shard:
     provenance: Mapping[str, str | int] = field(default_factory=dict)
     seconds: float = 0.0
 
-    def digest(self) -> str:
-        """SHA-256 of the results, without the times and the machine they were made with."""
-        head = [vars(self.block), self.identity, self.names, self.cases, dict(self.check)]
-        found = hashlib.sha256(json.dumps(head, sort_keys=True).encode())
-        arrays = {name: getattr(self, name) for name in _ARRAYS} | dict(self.statistics)
-        for name in sorted(arrays):
-            found.update(f"{name} {arrays[name].dtype.str} {arrays[name].shape}".encode())
-            found.update(np.ascontiguousarray(arrays[name]).tobytes())
-        return found.hexdigest()
-
 
 def shard_image(shard: Shard) -> bytes:
-    """Bytes of a shard's file, sealed; made in memory: the HDF5 library does not survive a full disk."""
+    """Bytes of a shard's file; made in memory, so that a worker can send them to the only writer."""
     with h5py.File(
         "shard.h5", "w", driver="core", backing_store=False, block_size=2**20, libver=("earliest", "v110")
     ) as root:
         root.attrs["schema_version"] = np.int32(SCHEMA_VERSION)
         root.attrs["identity"] = shard.identity
-        root.attrs["digest"] = shard.digest()
         root.attrs["seconds"] = shard.seconds
         texts = {"names": shard.names, "cases": shard.cases, "check": dict(shard.check)}
         for name, value in texts.items():
@@ -107,7 +93,7 @@ def shard_image(shard: Shard) -> bytes:
         for name, values in shard.statistics.items():
             _put(root, f"statistics/{name}", values)
         root.flush()
-        return sealed(root.id.get_file_image())
+        return bytes(root.id.get_file_image())
 
 
 def _put(root: h5py.File, name: str, values: NDArray[Any]) -> None:
@@ -118,45 +104,15 @@ def _put(root: h5py.File, name: str, values: NDArray[Any]) -> None:
     root.create_dataset(name, data=values, chunks=chunks, **packed)
 
 
-def check_shard(path: Path, block: Block, identity: str) -> None:
-    """Refuse a file that is not, as it was written, the shard of this block of this ensemble."""
-    with _whole(path) as root:
-        found = [root.attrs[key] for key in (*vars(block), "identity")]
-        size = len(json.loads(root.attrs["cases"])), block.count
-        held = [*(root[name] for name in _ARRAYS[1:]), *root["statistics"].values()]
-        fits = root["draws"].shape[0] == block.count and all(
-            values.shape[:2] == size and values.dtype.kind in "fi" for values in held
-        )
-        if found != [*vars(block).values(), identity] or not fits:
-            raise DataMissingError("is not what its name says", where=str(path), hint=_HINT_OTHER)
-
-
 @contextmanager
 def opened(path: Path) -> Iterator[h5py.File]:
-    """Open a shard that was checked, to read parts of it; what went wrong since is told as missing data."""
+    """Open a shard to read parts of it; what is missing or damaged is told as missing data."""
     try:
         with h5py.File(path, "r") as root:
             yield root
-    except DataMissingError:
-        raise
-    except Exception as error:
-        # What the library says of damage is of any type, so nothing but reading stands in this block.
-        raise DataMissingError("is damaged or not a shard", where=str(path), hint=_HINT) from error
-
-
-@contextmanager
-def _whole(path: Path) -> Iterator[h5py.File]:
-    """Open a shard that is as it was written; the HDF5 library may hang in what is not."""
-    try:
-        unsealed(path)
-    except DataMissingError as error:
-        raise DataMissingError(error.message, where=error.where, hint=_HINT) from error
-    with opened(path) as root:
-        yield root
-
-
-_HINT_OTHER = "run the same tendonrepro ensemble again, with --force if it refuses what is of another one"
-_HINT = "run the same tendonrepro ensemble again: it makes what is missing and keeps the rest"
+    except (OSError, LookupError, RuntimeError) as error:
+        hint = "run the same tendonrepro ensemble again, with --force"
+        raise DataMissingError("is missing, damaged or no shard", where=str(path), hint=hint) from error
 
 
 def shard_files(folder: Path) -> list[Path]:
@@ -165,9 +121,9 @@ def shard_files(folder: Path) -> list[Path]:
 
 
 def identity_of(path: Path) -> str | None:
-    """Identity that a shard claims; None when it is damaged."""
+    """Identity of the ensemble that a shard belongs to; None when it cannot be read."""
     try:
-        with _whole(path) as root:
+        with opened(path) as root:
             return str(root.attrs["identity"])
     except DataMissingError:
         return None

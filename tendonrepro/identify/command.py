@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.config.ensemble import LoadedEnsemble, load_ensemble
-from tendonrepro.config.models.readings import AXES, RUNS, Reading, default_readings, parse_reading
+from tendonrepro.config.models.readings import RUNS, Reading, default_readings, named_readings
 from tendonrepro.config.published import Published, published
 from tendonrepro.config.request import Request
 from tendonrepro.console import Talk
@@ -145,13 +145,7 @@ def _check(fit: str, window: str, generations: int, population: int, seeds: int)
 
 
 def _readings(text: str, loaded: LoadedEnsemble) -> tuple[Reading, ...]:
-    if text == "default":
-        return default_readings(loaded.config.pairs)
-    found = tuple(dict.fromkeys(parse_reading(name.strip()) for name in text.split(",")))
-    for held in found:
-        if any(axis not in AXES for axis, _ in held.settings):
-            raise UsageError(f"{held.name} is a variation, not a reading", where="--readings")
-    return found
+    return default_readings(loaded.config.pairs) if text == "default" else named_readings(text)
 
 
 def _outline(task: Task, folder: Path) -> dict[str, Any]:

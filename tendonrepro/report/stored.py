@@ -10,8 +10,7 @@ from typing import Any
 
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import MOST_JSON, ordinary, sha256_of, shipped
-from tendonrepro.results.folder import MANIFEST
-from tendonrepro.results.paper import OTHER_BASE
+from tendonrepro.results.store import MANIFEST
 
 RUN, SHIPPED, MISSING = "run", "shipped", "missing"
 """Where a part comes from: run here, the package's own, or nowhere."""
@@ -104,7 +103,7 @@ def stored_under(folder: Path) -> Stored:
     if (own.get("ensemble") or {}).get("source") == "local" and (folder / _SUMMARY).exists():
         summary = found.read(_SUMMARY)
         names = {reading["name"] for reading in summary["populations"]["box"]["readings"]}
-        if {"printed", "weights=extrapolating"} <= names and OTHER_BASE not in summary["conclusions"]:
+        if {"printed", "weights=extrapolating"} <= names and summary["of_paper"]:
             found.summary, found.origins["ensemble"] = thinned(summary), RUN
     found.summary = found.summary or found.read("docs/results/ensemble.json")
     found.ledger = own or found.read("docs/results/claims.json")
@@ -118,7 +117,6 @@ def thinned(summary: Mapping[str, Any]) -> dict[str, Any]:
         "config_sha256",
         "draws",
         "scramblings",
-        "conclusions",
         "spot_check",
         "cost",
     )

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 from support.damage import by_chance, of_another_shape
+from support.fake_batch import run_ensemble_of
 from support.synthetic import make_compare_file
 
 from tendonrepro.claims.command import run_claims
@@ -11,7 +12,8 @@ from tendonrepro.claims.judge import Sources, judge_all
 from tendonrepro.claims.report import write_claims
 from tendonrepro.claims.shipped import shipped_ledger, with_shipped
 from tendonrepro.console import Talk
-from tendonrepro.ensemble.data import PLAN
+from tendonrepro.ensemble.shards import FOLDER as SHARDS
+from tendonrepro.ensemble.shards import shard_files
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.results.folder import TRACES
 from tendonrepro.results.traces import write_traces
@@ -71,8 +73,10 @@ def test_a_ledger_that_somebody_edited_is_not_written_over(tmp_path):
 
 
 def test_a_damaged_ensemble_is_no_missing_one(tmp_path):
-    (tmp_path / "ensemble").mkdir()
     assert run_claims(tmp_path, (), None, QUIET).data["summary"]["not_testable"] > 0
-    (tmp_path / "ensemble" / PLAN).write_text("{}")
-    with pytest.raises(DataMissingError, match="is damaged or not the plan"):
-        run_claims(tmp_path, (), None, QUIET)
+    run_ensemble_of(tmp_path / "ensemble")
+    path = shard_files(tmp_path / "ensemble" / SHARDS)[0]
+    path.write_bytes(path.read_bytes()[:-100])
+    with pytest.raises(DataMissingError) as caught:
+        run_claims(tmp_path, ("C2",), None, QUIET)
+    assert caught.value.where == str(path)

@@ -15,10 +15,10 @@ from tendonrepro.claims.shipped import ShippedLedger, shipped_ledger, with_shipp
 from tendonrepro.claims.verdicts import EDITION
 from tendonrepro.config.ensemble import load_ensemble
 from tendonrepro.console import Talk
+from tendonrepro.ensemble.data import PLAN
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import shipped
-from tendonrepro.results.folder import TRACES
-from tendonrepro.results.paper import OTHER_BASE
+from tendonrepro.results.store import TRACES
 from tendonrepro.results.traces import write_traces
 
 QUIET = Talk(quiet=True)
@@ -74,7 +74,7 @@ def test_an_ensemble_of_another_arm_does_not(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("tendonrepro.ensemble.command.draw_ensemble_figures", lambda *_: [])
     base = load_ensemble(None, overrides=["base.manipulator.name=SYNTHETIC"]).base
     summary = run_ensemble_of(tmp_path / "ensemble", study=replace(small_study(), base=base))
-    assert summary["conclusions"][0] == OTHER_BASE
+    assert not summary["of_paper"]
     ledger = run_claims(tmp_path, ["C2"], None, Talk())
     assert "not drawn around the paper's arm" in capsys.readouterr().err
     assert entries(ledger)["C2"]["shipped"]
@@ -82,6 +82,8 @@ def test_an_ensemble_of_another_arm_does_not(tmp_path, capsys, monkeypatch):
 
 def test_an_ensemble_of_ones_own_replaces_them(tmp_path, monkeypatch):
     own = MadeEnsemble()
+    (tmp_path / "ensemble").mkdir()
+    (tmp_path / "ensemble" / PLAN).touch()
     monkeypatch.setattr("tendonrepro.claims.command.read_ensemble", lambda _: own)
     monkeypatch.setattr("tendonrepro.claims.command._rankings", lambda _: {})
     monkeypatch.setattr("tendonrepro.claims.command._draw", lambda *_: [])

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from support.fake_batch import DRAWS, digests, fake_batch, results, run_ensemble_of, small_study
+from support.fake_batch import DRAWS, contents, fake_batch, results, run_ensemble_of, shards_in, small_study
 
 from tendonrepro import files
 from tendonrepro.config.request import Request
@@ -15,7 +15,6 @@ from tendonrepro.ensemble.command import load_study, run_ensemble
 from tendonrepro.ensemble.data import PLAN, read_ensemble
 from tendonrepro.ensemble.shards import FOLDER, shard_files
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
-from tendonrepro.results.folder import claimed
 
 QUIET = Talk(quiet=True)
 
@@ -43,23 +42,6 @@ def stop_after(blocks):
     return simulate
 
 
-def test_an_interrupted_run_resumes_to_the_same_results(unbroken, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("tendonrepro.ensemble.command.NOTHING_COMPILED", True)
-    with pytest.raises(Stop):
-        run_ensemble_of(tmp_path, simulate=stop_after(5), talk=Talk())
-    told = capsys.readouterr().err.splitlines()
-    assert told[0] == "compiling once for this machine, some twenty seconds"
-    assert told[1].startswith("704 experiments, about ")
-    assert told[1].endswith(", counted in blocks of 44")
-    assert told[2:] == ["what is finished is kept: the same command goes on from there"]
-    assert len(shard_files(tmp_path / FOLDER)) == 5
-    with pytest.raises(DataMissingError, match="11 of 16 blocks are missing"):
-        read_ensemble(tmp_path)
-    summary = run_ensemble_of(tmp_path)
-    assert summary["resumed_from"] == 5
-    assert results(tmp_path) == results(unbroken)
-
-
 def test_a_finished_run_is_not_computed_again(unbroken):
     def never(*_):
         raise AssertionError
@@ -78,110 +60,6 @@ def test_more_draws_reuse_what_is_there(tmp_path):
     assert run_ensemble_of(tmp_path, study)["resumed_from"] == 8
     assert len(read_ensemble(tmp_path)) == DRAWS
     assert len(shard_files(tmp_path / FOLDER)) == 16
-
-
-def test_half_written_files_of_a_killed_process_are_removed(unbroken):
-    leftover = unbroken / FOLDER / ".box-r000-d00000000-n4.99999999-0123abcd.h5"
-    mine = unbroken / FOLDER / ".mine.h5"
-    for path in (leftover, mine):
-        path.write_bytes(b"half")
-    run_ensemble_of(unbroken)
-    assert not leftover.exists()
-    assert mine.exists()
-
-
-@pytest.mark.parametrize(
-    "harm",
-    [lambda own, _: own[:-100], lambda *_: b"no shard", lambda _, other: other],
-    ids=["truncated", "text", "swapped"],
-)
-def test_a_corrupt_shard_is_computed_again(unbroken, harm, capsys):
-    before = digests(unbroken)
-    first, second = shard_files(unbroken / FOLDER)[2:4]
-    first.write_bytes(harm(first.read_bytes(), second.read_bytes()))
-    (unbroken / PLAN).write_text("{")
-    summary = run_ensemble_of(unbroken, talk=Talk())
-    assert summary["resumed_from"] == 15
-    assert f"{first.name}: " in capsys.readouterr().err
-    assert digests(unbroken) == before
-
-
-def test_a_folder_in_the_place_of_a_block_is_told_before_anything_runs(unbroken):
-    block = shard_files(unbroken / FOLDER)[2]
-    kept = block.rename(block.with_suffix(".kept"))
-    block.mkdir()
-    with pytest.raises(TendonreproError, match="is a folder, where a block is to be written") as caught:
-        run_ensemble_of(unbroken, simulate=stop_after(0))
-    assert caught.value.where == str(block)
-    block.rmdir()
-    kept.rename(block)
-
-
-def test_blocks_of_others_behind_a_link_are_kept_even_by_force(tmp_path):
-    with pytest.raises(Stop):
-        run_ensemble_of(tmp_path / "theirs", simulate=stop_after(2))
-    before = digests(tmp_path / "theirs")
-    (tmp_path / "ours").mkdir()
-    (tmp_path / "ours" / FOLDER).symlink_to(tmp_path / "theirs" / FOLDER)
-    with pytest.raises(UsageError, match="leads elsewhere, so the blocks of another ensemble in it are kept"):
-        run_ensemble_of(tmp_path / "ours", replace(small_study(), seed=77), force=True)
-    assert digests(tmp_path / "theirs") == before
-
-
-def test_another_configuration_is_refused_and_kept(tmp_path):
-    other = replace(small_study(), seed=77)
-    with pytest.raises(Stop):
-        run_ensemble_of(tmp_path, simulate=stop_after(2))
-    before = digests(tmp_path)
-    assert len(before) == 2
-    with pytest.raises(UsageError, match="2 blocks of another configuration"):
-        run_ensemble_of(tmp_path, other)
-    assert digests(tmp_path) == before
-    summary = run_ensemble_of(tmp_path, other, force=True)
-    assert summary["resumed_from"] == 0
-    assert not set(digests(tmp_path).values()) & set(before.values())
-
-
-def test_a_finished_ensemble_of_another_configuration_is_refused(unbroken):
-    before = digests(unbroken)
-    with pytest.raises(UsageError, match="another configuration"):
-        run_ensemble_of(unbroken, replace(small_study(), seed=77))
-    assert digests(unbroken) == before
-
-
-def test_a_full_disk_loses_nothing(tmp_path, unbroken, monkeypatch):
-    write = Path.write_bytes
-    left = 4
-
-    def write_until_full(path, data):
-        nonlocal left
-        if path.suffix == ".h5":
-            left -= 1
-            if left < 0:
-                write(path, data[:100])
-                raise OSError(errno.ENOSPC, "No space left on device")
-        return write(path, data)
-
-    with monkeypatch.context() as patched:
-        patched.setattr(files.Path, "write_bytes", write_until_full)
-        with pytest.raises(TendonreproError, match="No space left on device") as caught:
-            run_ensemble_of(tmp_path)
-    assert caught.value.exit_code == 1
-    assert len(digests(tmp_path)) == 4
-    assert not list((tmp_path / FOLDER).glob(".*"))
-    assert run_ensemble_of(tmp_path)["resumed_from"] == 4
-    assert digests(tmp_path) == digests(unbroken)
-
-
-def test_a_folder_that_cannot_be_written_is_refused(tmp_path):
-    blocked = tmp_path / "file"
-    blocked.write_text("in the way")
-    with pytest.raises(TendonreproError, match="cannot write into the results folder"):
-        run_ensemble_of(blocked / "ensemble")
-    (tmp_path / "ensemble").mkdir()
-    (tmp_path / "ensemble" / FOLDER).write_text("in the way")
-    with pytest.raises(TendonreproError, match="cannot"):
-        run_ensemble_of(tmp_path / "ensemble")
 
 
 def test_the_summary_holds_what_the_contract_names(unbroken):
@@ -210,22 +88,6 @@ def test_a_dry_run_writes_nothing_and_states_the_cost(tmp_path):
     assert not out.exists()
 
 
-def test_a_dry_run_counts_what_is_there_and_refuses_what_a_run_would(tmp_path, monkeypatch):
-    study = replace(small_study(), block_draws=8)
-    run_ensemble_of(tmp_path, study)
-    asked = Request(out=tmp_path, dry_run=True)
-    monkeypatch.setattr("tendonrepro.ensemble.command.load_study", lambda *_: study)
-    found = run_ensemble(asked, QUIET, draws=2 * DRAWS)
-    assert (found["resumed_from"], found["blocks"]) == (8, 16)
-    monkeypatch.setattr("tendonrepro.ensemble.command.load_study", lambda *_: replace(study, seed=77))
-    with pytest.raises(UsageError, match="another configuration"):
-        run_ensemble(asked, QUIET, draws=2 * DRAWS)
-    with claimed(tmp_path, "", force=True) as held:
-        held.clear()
-    with pytest.raises(UsageError, match="holds 8 blocks of another configuration"):
-        run_ensemble(asked, QUIET, draws=2 * DRAWS)
-
-
 def test_no_processes_are_refused(tmp_path):
     with pytest.raises(UsageError, match="found 0"):
         run_ensemble(Request(out=tmp_path / "none"), QUIET, draws=256, jobs=0)
@@ -246,3 +108,96 @@ def test_a_plan_of_the_users_own_is_not_overwritten(tmp_path):
     with pytest.raises(UsageError, match=r"no manifest\.json lists it"):
         run_ensemble_of(tmp_path)
     assert (tmp_path / PLAN).read_text() == '{"my": "plan"}'
+
+
+def test_an_interrupted_run_resumes_to_the_same_results(unbroken, tmp_path):
+    with pytest.raises(Stop):
+        run_ensemble_of(tmp_path / "new", simulate=stop_after(5))
+    assert len(shards_in(tmp_path / "new")) == 5
+    assert not (tmp_path / "new").exists()
+    with pytest.raises(DataMissingError, match="new"):
+        read_ensemble(tmp_path / "new")
+    assert run_ensemble_of(tmp_path / "new")["resumed_from"] == 5
+    assert results(tmp_path / "new") == results(unbroken)
+
+
+def test_a_block_that_cannot_be_read_is_computed_again(unbroken, tmp_path):
+    with pytest.raises(Stop):
+        run_ensemble_of(tmp_path / "new", simulate=stop_after(5))
+    first, second = shards_in(tmp_path / "new")[2:4]
+    first.write_bytes(first.read_bytes()[:-100])
+    second.write_bytes(b"no shard")
+    assert run_ensemble_of(tmp_path / "new")["resumed_from"] == 3
+    assert results(tmp_path / "new") == results(unbroken)
+
+
+def test_blocks_of_an_interrupted_run_of_others_are_refused_and_kept(tmp_path):
+    other = replace(small_study(), seed=77)
+    with pytest.raises(Stop):
+        run_ensemble_of(tmp_path / "new", simulate=stop_after(2))
+    before = contents(tmp_path / "new")
+    with pytest.raises(UsageError):
+        run_ensemble_of(tmp_path / "new", other)
+    assert contents(tmp_path / "new") == before
+    assert run_ensemble_of(tmp_path / "new", other, force=True)["resumed_from"] == 0
+
+
+def test_a_finished_ensemble_of_another_configuration_is_refused(unbroken):
+    before = contents(unbroken)
+    with pytest.raises(UsageError):
+        run_ensemble_of(unbroken, replace(small_study(), seed=77))
+    assert contents(unbroken) == before
+
+
+def test_a_full_disk_loses_nothing(tmp_path, unbroken, monkeypatch):
+    write = Path.write_bytes
+    left = 4
+
+    def write_until_full(path, data):
+        nonlocal left
+        if path.suffix == ".h5":
+            left -= 1
+            if left < 0:
+                write(path, data[:100])
+                raise OSError(errno.ENOSPC, "No space left on device")
+        return write(path, data)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(files.Path, "write_bytes", write_until_full)
+        with pytest.raises(TendonreproError) as caught:
+            run_ensemble_of(tmp_path / "new")
+    assert caught.value.exit_code == 1
+    assert len(contents(tmp_path / "new")) == 4
+    assert run_ensemble_of(tmp_path / "new")["resumed_from"] == 4
+    assert results(tmp_path / "new") == results(unbroken)
+
+
+def test_a_dry_run_counts_what_is_there_and_refuses_what_a_run_would(tmp_path, monkeypatch):
+    study = replace(small_study(), block_draws=8)
+    run_ensemble_of(tmp_path, study)
+    asked = Request(out=tmp_path, dry_run=True)
+    monkeypatch.setattr("tendonrepro.ensemble.command.load_study", lambda *_: study)
+    found = run_ensemble(asked, QUIET, draws=2 * DRAWS)
+    assert (found["resumed_from"], found["blocks"]) == (8, 16)
+    monkeypatch.setattr("tendonrepro.ensemble.command.load_study", lambda *_: replace(study, seed=77))
+    with pytest.raises(UsageError):
+        run_ensemble(asked, QUIET, draws=2 * DRAWS)
+
+
+@pytest.mark.parametrize(
+    ("asked", "expected"),
+    [
+        ("printed", ["printed"]),
+        ("weights=extrapolating,output_delay=1", ["printed", "weights=extrapolating", "output_delay=1"]),
+    ],
+)
+def test_readings_are_run_by_name(asked, expected):
+    study = load_study(None, (), None, asked)
+    assert [reading.name for reading in study.readings] == expected
+    assert len(study.cases) < 12
+
+
+def test_what_is_no_reading_of_the_paper_is_refused():
+    for name in ("weights=sideways", "M_bar=halved"):
+        with pytest.raises(UsageError):
+            load_study(None, (), None, name)

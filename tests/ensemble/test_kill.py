@@ -10,12 +10,20 @@ from functools import partial
 
 import numpy as np
 import pytest
-from support.fake_batch import DRAWS, fake_batch, read_shard, results, run_small, slow_batch, small_study
+from support.fake_batch import (
+    DRAWS,
+    contents,
+    fake_batch,
+    results,
+    run_small,
+    shards_in,
+    slow_batch,
+    small_study,
+)
 
 from tendonrepro.console import Talk
 from tendonrepro.ensemble.block import make_block
 from tendonrepro.ensemble.command import run_study
-from tendonrepro.ensemble.shards import FOLDER, shard_files
 from tendonrepro.ensemble.workers import here
 from tendonrepro.errors import TendonreproError
 
@@ -36,7 +44,7 @@ def context():
 def finished(process, seconds, folder=None, kept=0):
     """Wait so long, from the next shard on where a folder is given, then kill; whether it ended before."""
     process.start()
-    while folder and process.is_alive() and len(shard_files(folder)) <= kept:
+    while folder and process.is_alive() and len(shards_in(folder)) <= kept:
         time.sleep(0.002)
     process.join(seconds)
     if process.exitcode is None:
@@ -66,13 +74,14 @@ def test_kills_at_random_instants_change_nothing(context, tmp_path, jobs, kills)
         while not finished(
             context.Process(target=run_small, args=(folder, jobs)),
             float(rng.uniform(0.0, 0.1 if done % 2 else 1.1 * whole)),
-            folder / FOLDER if done % 2 else None,
+            folder if done % 2 else None,
             kept,
         ):
             done += 1
             # Whatever is there is whole, and nothing that was there is lost.
-            whole_shards = [read_shard(path) for path in shard_files(folder / FOLDER)]
+            whole_shards = contents(folder)
             assert len(whole_shards) >= kept
+            assert whole_shards.items() <= expected.items()
             resumed += len(whole_shards) > kept
             kept = len(whole_shards)
         assert results(folder) == expected
@@ -87,7 +96,7 @@ def test_a_cluster_that_loses_a_worker_gives_the_same(tmp_path, monkeypatch):
     killed = []
 
     def kill_one():
-        while len(shard_files(folder / FOLDER)) < 2:
+        while len(shards_in(folder)) < 2:
             time.sleep(0.02)
         pid = next(iter(cluster.workers.values())).pid
         os.kill(pid, signal.SIGKILL)

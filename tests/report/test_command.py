@@ -16,7 +16,6 @@ from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.report.command import run_report
 from tendonrepro.report.stored import stored_under, thinned
-from tendonrepro.results.paper import OTHER_BASE
 
 QUIET = Talk(quiet=True)
 
@@ -77,17 +76,17 @@ def test_what_is_kept_of_an_ensemble_is_what_is_stored() -> None:
 
 
 @pytest.mark.parametrize(
-    ("source", "conclusions", "origin"),
-    [("local", [], "run"), ("local", [OTHER_BASE], "shipped"), ("shipped", [], "shipped")],
+    ("source", "of_paper", "origin"),
+    [("local", True, "run"), ("local", False, "shipped"), ("shipped", True, "shipped")],
 )
 def test_an_ensemble_is_shown_with_its_own_verdicts(
-    source: str, conclusions: list[str], origin: str, tmp_path: Path
+    source: str, of_paper: bool, origin: str, tmp_path: Path
 ) -> None:
     """Not one of another arm, nor one on which no claim was judged."""
     ledger = json.loads((ROOT / "docs" / "results" / "claims.json").read_text(encoding="utf-8"))
     files = {
         "claims/claims.json": ledger | {"ensemble": {"source": source}},
-        "ensemble/summary.json": summary_of_256() | {"conclusions": conclusions},
+        "ensemble/summary.json": summary_of_256() | {"of_paper": of_paper},
     }
     for name, content in files.items():
         (tmp_path / name).parent.mkdir()

@@ -1,7 +1,5 @@
 """A stand-in for the batch stepper: numbers that depend on everything in a loop and cost next to nothing."""
 
-import io
-import json
 import time
 import zlib
 from dataclasses import fields, is_dataclass, replace
@@ -12,9 +10,9 @@ import numpy as np
 
 from tendonrepro.console import Talk
 from tendonrepro.ensemble.command import load_study, run_study
-from tendonrepro.ensemble.shards import FOLDER, Block, Shard, shard_files
-from tendonrepro.files import unsealed
+from tendonrepro.ensemble.shards import FOLDER, shard_files
 from tendonrepro.physics.metrics import STATUSES
+from tendonrepro.results.store import unfinished
 from tendonrepro.simulation.batch import Batch
 from tendonrepro.simulation.streaming import STATISTICS
 
@@ -82,15 +80,11 @@ def slow_batch(loops, limits):
 
 
 def run_small(folder, jobs):
-    """Body of a process that may be killed: figures left out, for they are no part of what is resumed.
-
-    After one that was killed among its tables it takes `--force`, which keeps what is computed.
-    """
+    """Body of a process that may be killed: figures left out, for they are no part of what is resumed."""
     from tendonrepro.ensemble import command as ensemble
 
     ensemble.draw_ensemble_figures = lambda *_: []
-    force, talk = (folder / "tables").exists(), Talk(quiet=True)
-    ensemble.run_study(small_study(), DRAWS, folder, jobs=jobs, talk=talk, force=force, simulate=fake_batch)
+    ensemble.run_study(small_study(), DRAWS, folder, jobs=jobs, talk=Talk(quiet=True), simulate=fake_batch)
 
 
 def run_ensemble_of(folder, study=None, draws=DRAWS, **options):
@@ -100,30 +94,26 @@ def run_ensemble_of(folder, study=None, draws=DRAWS, **options):
 
 
 def read_shard(path):
-    """All of a shard, as it was before it was stored."""
-    with h5py.File(io.BytesIO(unsealed(path))) as root:
-        attributes = dict(root.attrs)
-        place = (int(attributes[key]) for key in ("replicate", "first", "count"))
-        shard = Shard(
-            block=Block(attributes["population"], *place),
-            identity=attributes["identity"],
-            names=tuple(json.loads(attributes["names"])),
-            cases=tuple(map(tuple, json.loads(attributes["cases"]))),
-            check=json.loads(attributes["check"]),
-            statistics={name: values[()] for name, values in root["statistics"].items()},
-            seconds=float(attributes["seconds"]),
-            **{name: root[name][()] for name in ("draws", "status", "status_time", "steps")},
+    """Everything of a shard but the time it took, as bytes by name."""
+    with h5py.File(path) as root:
+        found = {name: str(value) for name, value in root.attrs.items() if name != "seconds"}
+        root.visititems(
+            lambda name, item: found.update({name: item[()].tobytes()} if hasattr(item, "dtype") else {})
         )
-    assert attributes["digest"] == shard.digest()
-    return shard
+    return found
 
 
-def digests(folder):
-    """Digest of every shard in a folder of results, by name."""
-    return {path.name: read_shard(path).digest() for path in shard_files(folder / FOLDER)}
+def shards_in(folder):
+    """Shards of a result, and of one that is not finished."""
+    return [path for above in (folder, unfinished(folder)) for path in shard_files(above / FOLDER)]
+
+
+def contents(folder):
+    """What every shard holds, by its name."""
+    return {path.name: read_shard(path) for path in shards_in(folder)}
 
 
 def results(folder):
-    """Digest of every shard, and the tables byte for byte."""
+    """What the shards hold, and the tables byte for byte."""
     tables = {path.name: path.read_bytes() for path in sorted((folder / "tables").iterdir())}
-    return digests(folder) | tables
+    return contents(folder) | tables

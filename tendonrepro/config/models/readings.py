@@ -156,6 +156,21 @@ def parse_reading(text: str) -> Reading:
     return reading(settings)
 
 
+def named_readings(text: str) -> tuple[Reading, ...]:
+    """Read the names of readings, with commas between.
+
+    Raises
+    ------
+    UsageError
+        When one is no reading of the paper.
+    """
+    found = tuple(dict.fromkeys(parse_reading(name.strip()) for name in text.split(",")))
+    for held in found:
+        if any(axis not in AXES for axis, _ in held.settings):
+            raise UsageError(f"{held.name} is a variation, not a reading", where="--readings")
+    return found
+
+
 def _check_setting(name: str, value: str) -> None:
     axis = _EVERY_AXIS.get(name)
     if axis is None:
