@@ -30,10 +30,9 @@ def sweep(
 ) -> int:
     """The comparison over values of one or two keys."""
     from tendonrepro.experiments.sweep.command import run_sweep
-    from tendonrepro.experiments.sweep.report import sweep_text
 
     found = run_sweep(request, over, terminal.talk, only_law(law))
-    terminal.show(found, sweep_text)
+    terminal.show(found, found["text"])
     return 5 if found.get("diverged") else 0
 
 

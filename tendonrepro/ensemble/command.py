@@ -185,7 +185,8 @@ def run_study(
         outcome.save(result, "summary")
         draw_ensemble_figures(outcome.data, result.path / "figures")
         result.manifest = _manifest(study, seconds)
-    return {**outcome.data, "text": outcome.text(), "out": str(folder)}
+    text = f"{outcome.text()}\n\nResults are in {folder}"
+    return {**outcome.data, "text": text, "out": str(folder)}
 
 
 def _ours(shards: Path, study: Study) -> list[Path]:

@@ -102,7 +102,8 @@ def run_experiments(orders: Sequence[Order], talk: Talk) -> dict[ExperimentName,
             outcome = outcome_of(file, growing(loaded))
             outcome.write_tables(result.path)
             ends = {"out": str(order.folder), "manifest": str(order.folder / MANIFEST)}
-            found[order.experiment] = {**outcome.data, "text": outcome.text(), **ends}
+            text = f"{outcome.text()}\n\nFigures, tables and traces are in {order.folder}"
+            found[order.experiment] = {**outcome.data, "text": text, **ends}
         _draw({path: (file, NUMBERS[file.experiment]) for path, file in files.items()})
     return found
 

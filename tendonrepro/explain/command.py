@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,16 +14,11 @@ from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.linear import View
 from tendonrepro.explain.analysis import PAIRS, Explanation, RunMargins, explain
 from tendonrepro.explain.margins import LOW_FREQUENCY, ChannelMargins
-from tendonrepro.explain.report import explanation_text
-from tendonrepro.files import to_json
+from tendonrepro.explain.report import explanation_parts
 from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, estimate_age
-from tendonrepro.results.folder import claimed, foretell_refusal
-from tendonrepro.results.manifest import make_manifest
-from tendonrepro.results.tables import write_table
+from tendonrepro.results.study import Outcome, run_study
 
 SCHEMA_VERSION = 1
-
-DATA = "explain.json"
 
 
 def run_explain(request: Request, talk: Talk) -> dict[str, Any]:
@@ -45,36 +39,21 @@ def run_explain(request: Request, talk: Talk) -> dict[str, Any]:
     TendonreproError
         If the configuration has no controllers or no linear loop, or results cannot be written.
     """
-    from tendonrepro.explain.figures import draw_explanation
-
-    loaded, folder = request.load("compare"), request.folder("explain")
-    if request.dry_run:
-        foretell_refusal(folder, loaded.sha256, talk, force=request.force, command="explain")
-        return _plan(loaded, folder)
-    with claimed(folder, loaded.sha256, force=request.force, command="explain") as held:
-        try:
-            found = explain(loaded)
-        except ValueError as error:
-            # NumPy's and SciPy's words for matrices that numbers cannot hold.
-            message, hint = f"the loop cannot be linearised: {error}", "look at masses and stiffness"
-            raise TendonreproError(message, where=loaded.origin, hint=hint) from error
-        data = explanation_data(found)
-        manifest = make_manifest(loaded, held.seconds) | {"command": "explain"}
-        held.clear()
-        rows = list(margin_rows(found))
-        caption = f"Stability of the sampled loop, worst of {len(found.postures)} postures ({found.origin})."
-        columns = {name: (name, ".6g") for name in rows[0]}
-        held.files += write_table(rows, folder / "tables", "explain", caption, columns)
-        held.files += draw_explanation(found, folder / "figures")
-        held.write(DATA, to_json(data))
-        path = held.finish(manifest, talk)
-    return data | {"text": explanation_text(found), "out": str(folder), "manifest": path}
+    loaded = request.load("compare")
+    return run_study("explain", loaded, request, lambda: study_explain(loaded), talk)
 
 
-def _plan(loaded: LoadedConfig, folder: Path) -> dict[str, Any]:
-    plan = {"dry_run": True, "config_sha256": loaded.sha256, "out": str(folder)}
-    text = f"{loaded.origin} is valid (sha256 {loaded.sha256[:12]})\nwould write to {folder}"
-    return {"schema_version": SCHEMA_VERSION, "command": "explain"} | plan | {"text": text}
+def study_explain(loaded: LoadedConfig) -> Outcome:
+    """Explain a configuration."""
+    from tendonrepro.explain.figures import figures
+
+    try:
+        found = explain(loaded)
+    except ValueError as error:
+        # NumPy's and SciPy's words for matrices that numbers cannot hold.
+        message, hint = f"the loop cannot be linearised: {error}", "look at masses and stiffness"
+        raise TendonreproError(message, where=loaded.origin, hint=hint) from error
+    return Outcome(explanation_data(found), explanation_parts(found), figures(found))
 
 
 def explanation_data(found: Explanation) -> dict[str, Any]:
@@ -136,26 +115,3 @@ def _run_data(view: View, margin: RunMargins) -> dict[str, Any]:
         "estimate_age": estimate_age(view.law, view.delay).tolist(),
         "torque": lists(margin.channels),
     }
-
-
-def margin_rows(found: Explanation) -> Iterator[dict[str, Any]]:
-    """One row per run and joint for a table: run, joint and all numbers about them."""
-    for run, margin in found.margins.items():
-        for k, joint in enumerate(found.joints):
-            channel = margin.channels[k]
-            yield {
-                "run": run,
-                "joint": joint,
-                "spectral_radius": margin.spectral_radius,
-                "decay_per_s": margin.decay,
-                "ringing_decay_per_s": margin.ringing_decay,
-                "ringing_hz": margin.ringing_frequency,
-                "gain_margin": channel.gain_up,
-                "gain_margin_hz": channel.gain_up_hz,
-                "gain_reduction_margin": channel.gain_down,
-                "phase_margin_deg": _deg(channel.phase),
-                "crossover_hz": channel.crossover_hz,
-                "delay_margin_ms": 1e3 * channel.delay,
-                "disk_margin": margin.disk,
-                "loop_gain": channel.loop_gain,
-            }

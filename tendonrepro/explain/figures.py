@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from string import ascii_lowercase
 from typing import Any
 
@@ -20,12 +20,10 @@ from tendonrepro.arrays import Array
 from tendonrepro.explain.analysis import Explanation, Map
 from tendonrepro.results.figures.style import (
     PAGE_MM,
+    Drawing,
     Stroke,
-    imprint,
     journal_style,
     open_figure,
-    save_figure,
-    settle,
     stroke_of,
 )
 
@@ -42,22 +40,21 @@ _FASTEST_GROWTH = 10.0
 _PALE = "#E4EAF1"
 
 
-def draw_explanation(found: Explanation, folder: Path) -> list[Path]:
-    """Draw and save every picture as PDF, SVG and PNG; the folder is made when missing."""
+def figures(found: Explanation) -> dict[str, Callable[[], Drawing]]:
+    """Every picture of an explanation, by name."""
     drawn = {
         "explain_margins": (draw_margins, "Open loops of every joint, the other loops closed"),
         "explain_locus": (draw_locus, "Modes of the loop while one parameter is multiplied"),
         "explain_map": (draw_map, "Borders of stability"),
     }
-    paths = []
-    with journal_style():
-        for stem, (draw, caption) in drawn.items():
-            figure = draw(found)
-            imprint(figure, f"Computed from the linear model, {found.origin}")
-            settle(figure)
-            text = f"{caption}; tendonrepro {__version__}, {found.origin}."
-            paths += save_figure(figure, folder, stem, stem, text)
-    return paths
+    return {stem: partial(_drawing, stem, draw, caption, found) for stem, (draw, caption) in drawn.items()}
+
+
+@journal_style()
+def _drawing(stem: str, draw: Callable[[Explanation], Figure], caption: str, found: Explanation) -> Drawing:
+    figure = draw(found)
+    text = f"{caption}; tendonrepro {__version__}, {found.origin}."
+    return Drawing(stem, figure, figure.axes, text, origin=f"Computed from the linear model, {found.origin}")
 
 
 def draw_margins(found: Explanation) -> Figure:

@@ -1,125 +1,115 @@
-"""What was found about the loops of a configuration, as tables for a terminal."""
+"""What was found about the loops of a configuration, as tables."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
-from tendonrepro.arrays import Array
-from tendonrepro.console import columns
-from tendonrepro.explain.analysis import PAIRS, Explanation, WhatIf, first_views, slow_ratio, view_pairs
+from tendonrepro.explain.analysis import PAIRS, Explanation, WhatIf, view_pairs
 from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, estimate_age, stiffness
+from tendonrepro.results.tables import Table
+
+_MARGINS = {
+    "run": "Run",
+    "joint": "Joint",
+    "spectral_radius": "Spectral radius",
+    "decay_per_s": "Decay (1/s)",
+    "ringing_decay_per_s": "Ringing decays (1/s)",
+    "ringing_hz": "Rings at (Hz)",
+    "gain_margin": "Gain margin",
+    "gain_margin_hz": "at (Hz)",
+    "gain_reduction_margin": "Gain reduction margin",
+    "phase_margin_deg": "Phase margin (deg)",
+    "crossover_hz": "Crossover (Hz)",
+    "delay_margin_ms": "Delay margin (ms)",
+    "disk_margin": "Disk margin",
+    "loop_gain": "Loop gain",
+}
+_SHOWN = (
+    "run",
+    "joint",
+    "spectral_radius",
+    "decay_per_s",
+    "ringing_hz",
+    "gain_margin",
+    "phase_margin_deg",
+    "disk_margin",
+    "loop_gain",
+)
 
 
-def explanation_text(found: Explanation) -> str:
-    """Why the runs behave as they do: margins, slow errors, reserve and changes; every number is computed."""
-    parts = [_margins(found), *_unstable(found), *_slow_errors(found), *_reserve(found), *_changes(found)]
-    return "\n\n".join(parts)
-
-
-def _margins(found: Explanation) -> str:
-    rows = [["", "radius", "decay", "rings at", "disk"]]
-    for joint in found.joints:
-        rows[0] += [f"gain {joint}", f"phase {joint}"]
-    rows[0] += [f"loop gain {joint}" for joint in found.joints]
-    for run, m in found.margins.items():
-        ringing = f"{_number_cell(m.ringing_frequency, '.1f')} Hz"
-        row = [run, f"{m.spectral_radius:.6f}", f"{m.decay:.2f}/s", ringing, _number_cell(m.disk, ".2f")]
-        for channel in m.channels:
-            row.append(_number_cell(channel.gain_up, ".2f"))
-            row.append(_number_cell(float(np.rad2deg(channel.phase)), ".1f"))
-        rows.append([*row, *(f"{channel.loop_gain:.3g}" for channel in m.channels)])
-    head = "Sampled loop, linearised; gain margin as a factor, phase in deg, the other joints' loops closed"
-    return f"{head}\n{columns(rows)}"
-
-
-def _number_cell(value: float, form: str) -> str:
-    return "-" if np.isnan(value) else format(value, form)
-
-
-def _joints_cell(values: Array, form: str = ".3f") -> str:
-    return " | ".join(format(value, form) for value in values)
-
-
-def _unstable(found: Explanation) -> Iterator[str]:
-    lines = [
-        f"{run} is unstable: a mode at {margin.frequency:.1f} Hz grows by the factor e in "
-        f"{-1e3 / margin.decay:.3g} ms. It has no margin, and the ratios of slow errors do not apply to it."
-        for run, margin in found.margins.items()
-        if not margin.stable
+def explanation_parts(found: Explanation) -> list[Table | str]:
+    """Margins of every run, its slow errors against its neighbour's, and what changes would do."""
+    parts: list[Table | str] = [
+        Table(
+            "explain",
+            f"Stability of the sampled loop, worst of {len(found.postures)} postures ({found.origin}); "
+            "margins with the other joints' loops closed, gain as a factor.",
+            list(margin_rows(found)),
+            {name: (_MARGINS[name], ".6f" if name == "spectral_radius" else ".4g") for name in _MARGINS},
+            _SHOWN,
+        )
     ]
-    if lines:
-        yield "\n".join(lines)
+    unstable = [run for run, margin in found.margins.items() if not margin.stable]
+    if unstable:
+        parts.append(f"Unstable, so without margins or slow errors: {', '.join(unstable)}.")
+    if slow := list(slow_rows(found)):
+        caption = f"Errors near {TYPICAL_ERROR_DEG:g} deg under slow loads; no plant enters while loops are "
+        parts.append(Table("slow_errors", f"{caption}stable and well damped. Ages in periods.", slow))
+    caption = "What a change would do: slowest decay of each run, 1/s (negative: unstable), and slow errors"
+    parts.append(Table("changes", caption, list(change_rows(found))))
+    return parts
 
 
-def _slow_errors(found: Explanation) -> Iterator[str]:
-    """Ratio of neighbouring laws' errors, and its two factors: age of the estimate, slope of the surface."""
-    e = float(np.deg2rad(TYPICAL_ERROR_DEG))
-    rows = [["slow errors of", "ratio", "age of its estimate", "of the other's", "surface softer by"]]
-    for pair, a, b in view_pairs(found.views):
-        ages = [_joints_cell(estimate_age(view.law, view.delay)) for view in (a, b)]
-        softer = _joints_cell(stiffness(b.law, e) / stiffness(a.law, e))
-        ratio = _joints_cell(found.ratios[pair][TYPICAL_ERROR_DEG])
-        rows.append([f"{a.law_name} / {b.law_name}", ratio, *ages, softer])
-    if len(rows) == 1:
-        return
-    stable = all(margin.stable for margin in found.margins.values())
-    head = "Prediction" if stable else "Were the loops stable"
-    head += f": errors near {TYPICAL_ERROR_DEG:g} deg under slow loads, joint by joint; ages in periods.\n"
-    head += "No plant enters while the loops are stable and quiet and dry friction does not hold the arm."
-    views = first_views(found.views)
-    against = next(iter(views.values()))
-    sizes = {name: slow_ratio(view, against, TYPICAL_ERROR_DEG) for name, view in views.items()}
-    ranked = [
-        f"joint {joint}: {', '.join(sorted(sizes, key=lambda name: float(sizes[name][k])))}"
-        for k, joint in enumerate(found.joints)
-    ]
-    yield f"{head}\n{columns(rows)}\nSmallest error first: {'; '.join(ranked)}."
-
-
-def _reserve(found: Explanation) -> Iterator[str]:
-    """How much more torque than commanded the weakest joint of each stable run bears."""
-    rows = [["", "torque times", "at joint", "rings up at", "fast mode", "decays at"]]
+def margin_rows(found: Explanation) -> Iterator[dict[str, Any]]:
+    """Yield one row per run and joint: all numbers about them."""
     for run, margin in found.margins.items():
-        if not margin.stable:
-            continue
-        k = int(np.argmin([np.nan_to_num(c.gain_up, nan=np.inf) for c in margin.channels]))
-        up = margin.channels[k]
-        cells = [
-            _number_cell(up.gain_up, ".2f"),
-            str(found.joints[k]),
-            f"{_number_cell(up.gain_up_hz, '.1f')} Hz",
-            f"{_number_cell(margin.ringing_frequency, '.3g')} Hz",
-            f"{_number_cell(margin.ringing_decay, '.3g')}/s",
-        ]
-        rows.append([run, *cells])
-    if len(rows) > 1:
-        head = "Reserve of stability: how much larger than commanded a torque makes the weakest joint ring"
-        yield f"{head}; slowest mode above slow motion\n{columns(rows)}"
+        for joint, channel in zip(found.joints, margin.channels, strict=True):
+            yield {
+                "run": run,
+                "joint": joint,
+                "spectral_radius": margin.spectral_radius,
+                "decay_per_s": margin.decay,
+                "ringing_decay_per_s": margin.ringing_decay,
+                "ringing_hz": margin.ringing_frequency,
+                "gain_margin": channel.gain_up,
+                "gain_margin_hz": channel.gain_up_hz,
+                "gain_reduction_margin": channel.gain_down,
+                "phase_margin_deg": float(np.rad2deg(channel.phase)),
+                "crossover_hz": channel.crossover_hz,
+                "delay_margin_ms": 1e3 * channel.delay,
+                "disk_margin": margin.disk,
+                "loop_gain": channel.loop_gain,
+            }
 
 
-def _changes(found: Explanation) -> Iterator[str]:
-    pairs = [pair.replace("_", "/") if pair in PAIRS else pair for pair in found.ratios]
-    rows = [["", *found.margins, *pairs]]
+def slow_rows(found: Explanation) -> Iterator[dict[str, Any]]:
+    """Yield the ratio of neighbouring laws' errors on each joint, and its factors: ages and slopes."""
+    e = float(np.deg2rad(TYPICAL_ERROR_DEG))
+    for pair, a, b in view_pairs(found.views):
+        ages = [estimate_age(view.law, view.delay) for view in (a, b)]
+        softer = stiffness(b.law, e) / stiffness(a.law, e)
+        for k, joint in enumerate(found.joints):
+            yield {
+                "laws": f"{a.law_name} / {b.law_name}",
+                "joint": joint,
+                "ratio": float(found.ratios[pair][TYPICAL_ERROR_DEG][k]),
+                "age_of_the_first": float(ages[0][k]),
+                "age_of_the_second": float(ages[1][k]),
+                "surface_softer_by": float(softer[k]),
+            }
+
+
+def change_rows(found: Explanation) -> Iterator[dict[str, Any]]:
+    """Yield a row for the configuration and for every change to it."""
     now = WhatIf(
         {run: margin.decay for run, margin in found.margins.items()},
         {pair: sizes[TYPICAL_ERROR_DEG] for pair, sizes in found.ratios.items()},
     )
     for name, what in {"as configured": now, **found.what_if}.items():
-        decays = [f"{value:.2f}" for value in what.decay.values()]
-        rows.append([name, *decays, *(_joints_cell(ratio, ".2f") for ratio in what.ratios.values())])
-    head = "What a change would do: slowest decay of each run, 1/s (negative: unstable); ratio of slow errors"
-    yield f"{head}\n{columns(rows)}"
-    lost = []
-    for name, what in found.what_if.items():
-        if runs := [run for run, value in what.decay.items() if value <= 0.0 and found.margins[run].stable]:
-            lost.append(f"{name} ({', '.join(runs)})")
-    if lost:
-        yield f"Changes that make a run unstable which is stable now: {'; '.join(lost)}."
-    if turned := [name for name, what in found.what_if.items() if _order_turned(now.ratios, what.ratios)]:
-        yield f"Changes that turn the predicted order of neighbours: {', '.join(turned)}."
-
-
-def _order_turned(now: Mapping[str, Array], then: Mapping[str, Array]) -> bool:
-    return any(bool(np.any((now[pair] - 1.0) * (then[pair] - 1.0) < 0.0)) for pair in now)
+        row: dict[str, Any] = {"change": name} | dict(what.decay)
+        for pair, ratio in what.ratios.items():
+            row[pair.replace("_", "/") if pair in PAIRS else pair] = ratio.tolist()
+        yield row

@@ -63,8 +63,8 @@ COLUMNS: TableColumns = {
     "change_percent": ("Change (%)", "z.1f"),
     "change_printed_percent": ("printed", "z.1f"),
     "status": ("Status", ""),
-    "errors": ("Controllers by", ""),
-    "order": ("smallest first", ""),
+    "errors": ("Error", ""),
+    "order": ("Controllers, smallest first", ""),
     "as_published": ("Order 1, 2, 3 of the paper", ""),
     "tendon": ("Tendon", ""),
     "least_tension_N": ("Least tension (N)", "z.2f"),
@@ -420,4 +420,4 @@ _TABLES: Mapping[str, Mapping[str, tuple[Callable[[TraceFile], Iterator[TableRow
     },
 }
 
-_IN_THE_TERMINAL = {"table2_paper", "table3_paper", "ranking", "torque", "decoupling_errors"}
+_IN_THE_TERMINAL = {"table1", "table2_paper", "table3_paper", "ranking", "torque", "decoupling_errors"}

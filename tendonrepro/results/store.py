@@ -98,7 +98,7 @@ def replaced(
         partial.mkdir(parents=True, exist_ok=True)
         with _only_writer(partial, folder, keep):
             put_back(target)
-            refuse_others(target, digest, command=command, force=force)
+            refuse_others(folder, digest, command=command, force=force)
             if update:
                 shutil.copytree(target, partial, dirs_exist_ok=True)
             result = NewResult(partial)

@@ -107,8 +107,8 @@ def run_study(
         outcome = study()
         outcome.save(result, name)
         result.manifest = make_manifest(loaded, result.seconds, name) | dict(outcome.manifest)
-    talk.detail(f"results in {folder}")
-    return {**outcome.data, "text": outcome.text(), "out": str(folder), "manifest": str(folder / MANIFEST)}
+    text = f"{outcome.text()}\n\nResults are in {folder}"
+    return {**outcome.data, "text": text, "out": str(folder), "manifest": str(folder / MANIFEST)}
 
 
 def _plan(name: str, loaded: LoadedConfig, folder: Path, request: Request, talk: Talk) -> dict[str, Any]:

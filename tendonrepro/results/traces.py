@@ -69,8 +69,9 @@ def dataset_of(trace: Trace) -> xr.Dataset:
     import xarray as xr
 
     variables = {
-        name: (("time", "joint"), values, dict(zip(("units", "long_name"), VARIABLES[name], strict=True)))
-        for name, values in trace.variables.items()
+        name: (("time", "joint"), trace[name], {"units": units, "long_name": meaning})
+        for name, (units, meaning) in VARIABLES.items()
+        if name in trace
     }
     coordinates = {
         "time": ("time", trace.time, {"units": "s", "long_name": "time"}),

@@ -7,6 +7,7 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ import numpy as np
 from tendonrepro.config.load import CompareConfig, LoadedConfig
 from tendonrepro.config.overrides import parse_override
 from tendonrepro.config.request import Request
-from tendonrepro.console import Talk
+from tendonrepro.console import Talk, columns
 from tendonrepro.experiments.loops import all_loops, build_law
 from tendonrepro.experiments.sweep.own_law import own_run
 from tendonrepro.experiments.sweep.points import (
@@ -25,19 +26,17 @@ from tendonrepro.experiments.sweep.points import (
     sweep_points,
     unit_of,
 )
-from tendonrepro.experiments.sweep.report import COLUMNS, PAIRS, write_sweep_table
+from tendonrepro.experiments.sweep.report import COLUMNS, PAIRS, sweep_tables
 from tendonrepro.experiments.user_law import UserLaw, with_user_law
-from tendonrepro.files import sha256_of, to_json
+from tendonrepro.files import sha256_of
 from tendonrepro.parallel import each
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, error_ratio
-from tendonrepro.results.folder import claimed, foretell_refusal
-from tendonrepro.results.manifest import make_manifest
+from tendonrepro.results.study import Outcome, foretell, run_study
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.resolution import COMPILED_STEPPER
 
 SCHEMA_VERSION = 1
-DATA = "sweep.json"
 
 
 @dataclass(frozen=True)
@@ -82,33 +81,41 @@ def run_sweep(request: Request, over: Sequence[str], talk: Talk, law: str | None
     TendonreproError
         When a value cannot be used or results cannot be written.
     """
-    from tendonrepro.experiments.sweep.figures import draw_sweep
-
     sweep, folder = load_sweep(request, over, law), request.folder("sweep")
     if request.dry_run:
-        foretell_refusal(folder, sweep.base.sha256, talk, force=request.force, command="sweep")
-        loops = (next(iter(all_loops(config, sweep.law).values())) for config in sweep.configs)
-        samples = [int(loop.reference.time.size) for loop in loops]
-        plan = dict(zip(map(sweep.label, sweep.points), samples, strict=True))
-        return _head(sweep) | {"dry_run": True, "samples": plan, "out": str(folder)}
+        foretell(folder, sweep.base.sha256, "sweep", request, talk)
+        return _plan(sweep, folder)
     if sweep.law is None and any(axis.key.startswith("solver.") for axis in sweep.axes):
         talk.note("the solver's settings change nothing here: the compiled stepper chooses its own steps")
-    with claimed(folder, sweep.base.sha256, force=request.force, command="sweep") as held:
-        data = simulate_sweep(sweep, talk)
-        runs = sweep.points[0].config.runs
-        steps = [point["runs"][run]["steps_per_sample"] for point in data["points"] for run in runs]
-        manifest = make_manifest(sweep.base, held.seconds) | {
-            "command": "sweep",
-            "solver": {"name": COMPILED_STEPPER, "steps_per_sample": [min(steps), max(steps)]},
-            "over": list(over),
-            "points": len(sweep.points),
-        }
-        held.clear()
-        held.write(DATA, to_json(data))
-        held.files += write_sweep_table(data, folder / "tables")
-        held.files += draw_sweep(data, folder / "figures")
-        path = held.finish(manifest, talk)
-    return data | {"out": str(folder), "manifest": path}
+    return run_study("sweep", sweep.base, request, lambda: study_sweep(sweep, over, talk), talk)
+
+
+def study_sweep(sweep: Sweep, over: Sequence[str], talk: Talk) -> Outcome:
+    """Simulate a sweep."""
+    from tendonrepro.experiments.sweep.figures import draw_sweep
+
+    data = simulate_sweep(sweep, talk)
+    runs = sweep.points[0].config.runs
+    steps = [point["runs"][run]["steps_per_sample"] for point in data["points"] for run in runs]
+    manifest = {
+        "solver": {"name": COMPILED_STEPPER, "steps_per_sample": [min(steps), max(steps)]},
+        "over": list(over),
+        "points": len(sweep.points),
+    }
+    return Outcome(data, sweep_tables(data), {"sweep": lambda: draw_sweep(data)}, manifest)
+
+
+def _plan(sweep: Sweep, folder: Path) -> dict[str, Any]:
+    """Points with the number of samples of their runs."""
+    loops = (next(iter(all_loops(config, sweep.law).values())) for config in sweep.configs)
+    labels = map(sweep.label, sweep.points)
+    samples = {label: int(loop.reference.time.size) for label, loop in zip(labels, loops, strict=True)}
+    head = _head(sweep)
+    keys = " and ".join(axis.key for axis in sweep.axes)
+    lines = columns((label, f"{count} samples") for label, count in samples.items())
+    text = f"sweep over {keys}: {len(samples)} points of {len(head['runs'])} runs are valid\n{lines}"
+    plan = {"dry_run": True, "samples": samples, "out": str(folder)}
+    return head | plan | {"text": f"{text}\nwould write to {folder}"}
 
 
 def load_sweep(request: Request, over: Sequence[str], law: str | None = None) -> Sweep:

@@ -17,7 +17,7 @@ from matplotlib.ticker import LogLocator
 
 from tendonrepro.arrays import Array
 from tendonrepro.experiments.sweep.report import PAIRS, pair_name
-from tendonrepro.results.figures.style import PAGE_MM, journal_style, open_figure, save_figure, stroke_of
+from tendonrepro.results.figures.style import PAGE_MM, Drawing, journal_style, open_figure, stroke_of
 from tendonrepro.results.summary import CONTROLLERS, LOADS
 
 GONE = ("diverged", "unresolved")
@@ -39,12 +39,12 @@ _NO_VALUE = "#E4E4E4"
 _EXPONENTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def draw_sweep(data: Mapping[str, Any], folder: Path) -> list[Path]:
-    """Draw the figure of a sweep and save it as pdf, svg and png."""
-    with journal_style():
-        figure = draw_lines(data) if len(data["keys"]) == 1 else draw_map(data)
+@journal_style()
+def draw_sweep(data: Mapping[str, Any]) -> Drawing:
+    """Draw the figure of a sweep."""
+    figure = draw_lines(data) if len(data["keys"]) == 1 else draw_map(data)
     origin = f"Simulated, configuration {Path(data['config']).name} ({data['config_sha256'][:8]})"
-    return save_figure(figure, folder, "sweep", "sweep", _caption(data), origin)
+    return Drawing("sweep", figure, figure.axes, _caption(data), origin=origin)
 
 
 def draw_lines(data: Mapping[str, Any]) -> Figure:

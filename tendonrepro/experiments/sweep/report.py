@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from pathlib import Path
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from tendonrepro.console import columns
 from tendonrepro.results.summary import CONTROLLERS
-from tendonrepro.results.tables import write_table
+from tendonrepro.results.tables import Table
 
 PAIRS = {"c1_c2": CONTROLLERS[:2], "c2_c3": CONTROLLERS[1:]}
 """Ratios by their keys, and the runs they compare."""
@@ -31,37 +29,38 @@ COLUMNS: Mapping[str, tuple[str, str, float]] = {
 """What is kept of each run: name, statistic of the batch, heading, and factor from SI units."""
 
 
-def sweep_text(data: Mapping[str, Any]) -> str:
-    """Text of what a sweep found.
-
-    Parameters
-    ----------
-    data : mapping
-        As :func:`tendonrepro.experiments.sweep.command.run_sweep` returns it.
-
-    Returns
-    -------
-    str
-    """
+def sweep_tables(data: Mapping[str, Any]) -> list[Table]:
+    """A row per point for the terminal, and a row per point, run and joint with every number."""
     keys = " and ".join(axis["key"] for axis in data["keys"])
-    if data.get("dry_run"):
-        plan = columns([(label, f"{samples} samples") for label, samples in data["samples"].items()])
-        head = f"sweep over {keys}: {len(data['samples'])} points of {len(data['runs'])} runs are valid"
-        return f"{head}\n{plan}\nwould write to {data['out']}"
-    joints, points = data["joints"], data["points"]
-    sizes = [f"{short_name(run)} {joint}" for run in data["runs"] for joint in joints]
-    ratios = [f"{pair_name(pair)} {joint}" for pair in points[0]["ratio"] for joint in joints]
-    lines = [["", *sizes, *ratios, "status"]]
-    for point in points:
-        numbers = [x for found in point["runs"].values() for x in found["mae_deg"]]
-        numbers += [x for ratio in point["ratio"].values() for x in ratio]
-        cells = [f"{x:.3f}" if np.isfinite(x) else "-" for x in numbers]
+    rows = list(table_rows(data))
+    headings = {"run": "Run", "joint": "Joint", "status": "Status", "status_time_s": "Until (s)"}
+    headings |= {name: heading for name, (_, heading, _) in COLUMNS.items()}
+    caption = f"{data['config']} over values of {keys} (sweep {data['config_sha256'][:12]}). "
+    caption += "A diverged run has its numbers up to its end."
+    every = {name: (headings.get(name, name), ".4g") for name in rows[0]}
+    points = list(point_rows(data))
+    short = {name: (name, ".3f") for name in points[0]}
+    return [
+        Table("points", f"Sweep over {keys}: MAE of each joint, deg, and ratios of MAE", points, short),
+        Table("sweep", caption, rows, every, terminal=()),
+    ]
+
+
+def point_rows(data: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """One row per point: MAE of every run and joint, ratios, and the statuses."""
+    for point in data["points"]:
+        row: dict[str, Any] = {"point": point["label"]}
+        for run, found in point["runs"].items():
+            row |= _joined(short_name(run), data["joints"], found["mae_deg"])
+        for pair, ratio in point["ratio"].items():
+            row |= _joined(pair_name(pair), data["joints"], ratio)
         ended = {short_name(run): found["status"] for run, found in point["runs"].items()}
-        several = ", ".join(f"{run} {status}" for run, status in ended.items() if status != "ok")
-        status = several if len({*ended.values()}) > 1 else next(iter(ended.values()))
-        lines.append([point["label"], *cells, status])
-    head = f"Sweep over {keys}: MAE of each joint, deg, and ratios of MAE"
-    return f"{head}\n{columns(lines)}\n\nTable and figure are in {data['out']}"
+        several = [f"{run} {status}" for run, status in ended.items() if status != "ok"]
+        yield row | {"status": several if len({*ended.values()}) > 1 else next(iter(ended.values()))}
+
+
+def _joined(name: str, joints: Sequence[int], values: Sequence[float]) -> dict[str, float]:
+    return {f"{name} {joint}": value for joint, value in zip(joints, values, strict=True)}
 
 
 def short_name(run: str) -> str:
@@ -84,14 +83,3 @@ def table_rows(data: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
                 row = dict(zip(keys, texts, strict=True)) | {"run": run, "joint": joint}
                 row |= {name: found[name] for name in ("status", "status_time_s")}
                 yield row | {name: found[name][k] for name in COLUMNS}
-
-
-def write_sweep_table(data: Mapping[str, Any], folder: Path) -> list[Path]:
-    """Write the table of a sweep as csv (full digits) and Markdown (rounded)."""
-    rows = list(table_rows(data))
-    headings = {"run": "Run", "joint": "Joint", "status": "Status", "status_time_s": "Until (s)"}
-    headings |= {name: heading for name, (_, heading, _) in COLUMNS.items()}
-    keys = " and ".join(axis["key"] for axis in data["keys"])
-    caption = f"{data['config']} over values of {keys} (sweep {data['config_sha256'][:12]}). "
-    caption += "A diverged run has its numbers up to its end."
-    return write_table(rows, folder, "sweep", caption, {x: (headings.get(x, x), ".4g") for x in rows[0]})
