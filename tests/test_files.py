@@ -11,7 +11,6 @@ from tendonrepro.errors import DataMissingError, TendonreproError
 from tendonrepro.files import (
     atomic_path,
     sha256_of,
-    sweep_temporary,
     write_atomically,
 )
 
@@ -48,22 +47,6 @@ def test_nothing_is_seen_at_the_path_before_the_block_ends(tmp_path: Path) -> No
         assert temporary.parent == path.parent
         assert temporary.suffix == ".svg"
     assert path.read_text() == "<svg/>"
-
-
-def test_what_a_dead_process_left_is_swept_and_nothing_else(tmp_path: Path) -> None:
-    dead = subprocess.Popen([sys.executable, "-c", ""])
-    dead.wait()
-    left = [f".fig13.{dead.pid}-0123abcd.pdf", f"figures/.fig13.{dead.pid}-0123abcd.pdf"]
-    left += [f".fig14.{os.getpid()}-0123abcd.pdf"]  # in a container all have one number
-    kept = [f"fig13.{dead.pid}-0123abcd.pdf", f".fig13.{dead.pid}.pdf", f".{dead.pid}-0123abcd", ".lock"]
-    kept += [f"figures/mine/.fig13.{dead.pid}-0123abcd.pdf"]
-    if sys.platform != "win32":
-        kept += [f"figures/.fig13.{os.getppid()}-0123abcd.pdf"]
-    (tmp_path / "figures" / "mine").mkdir(parents=True)
-    for name in (*left, *kept):
-        (tmp_path / name).touch()
-    sweep_temporary(tmp_path)
-    assert {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*.*")} == set(kept)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no permission bits")

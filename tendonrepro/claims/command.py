@@ -28,11 +28,11 @@ from tendonrepro.console import Talk
 from tendonrepro.dataset.measured_file import MEASURED, read_measured
 from tendonrepro.ensemble.data import PLAN, EnsembleData, read_ensemble
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.files import MOST_JSON, to_json
+from tendonrepro.files import to_json
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.results.folder import TRACES, HeldFolder, claimed, stored_traces
 from tendonrepro.results.manifest import environment
 from tendonrepro.results.paper import of_paper
+from tendonrepro.results.store import TRACES, NewResult, read_manifest, replaced, stored_traces
 from tendonrepro.results.summary import CONTROLLERS, fitted_under
 
 SCHEMA_VERSION = 1
@@ -104,13 +104,12 @@ def run_claims(
     data = as_data(verdicts, judged_by) | ({} if before is None else {"changed": changes})
     if ids:
         return Ledger(tuple(verdicts), failed, "\n\n".join(map(details_text, verdicts)), data)
-    with claimed(out / FOLDER, FOLDER, force=force, command=FOLDER) as held:
-        held.clear()
-        held.files += write_claims(verdicts, held.path, judged_by)
-        _write_figures(sources, held)
+    with replaced(out / FOLDER, FOLDER, command=FOLDER, force=force) as result:
+        write_claims(verdicts, result.path, judged_by)
+        _write_figures(sources, result)
         of = ensemble_of(sources.ensemble)
-        held.finish(_manifest() | ({"ensemble": of} if of else {}), talk)
-    data["files"] = [str(path) for path in held.files]
+        result.manifest = _manifest() | ({"ensemble": of} if of else {})
+    data["files"] = [str(out / FOLDER / name) for name in read_manifest(out / FOLDER)["outputs"]]
     parts = [table_text(verdicts), f"The ledger is in {out / FOLDER}"]
     if before is not None:
         parts.insert(1, changes_text(changes))
@@ -129,12 +128,12 @@ def _manifest() -> dict[str, Any]:
     return head | {"created": created, "config": {"sha256": FOLDER}, "environment": environment()}
 
 
-def _write_figures(sources: Sources, held: HeldFolder) -> None:
+def _write_figures(sources: Sources, result: NewResult) -> None:
     """Draw what decides the claims over an ensemble, and the laws of a comparison."""
     if sources.ensemble is not None:
         rankings = _rankings(sources.ensemble)
-        held.write(DECIDES, to_json(rankings))
-        held.files += _draw(sources.ensemble, rankings, held.path / "figures")
+        result.write(DECIDES, to_json(rankings))
+        _draw(sources.ensemble, rankings, result.path / "figures")
     if sources.compare is not None:
         from tendonrepro.claims.figures import draw_laws
         from tendonrepro.results.figures.catalogue import origin_of
@@ -144,7 +143,7 @@ def _write_figures(sources: Sources, held: HeldFolder) -> None:
             "Torque and estimation error over frequency, distribution of the error, error at a reversal."
         )
         drawn, origin = draw_laws(sources.compare), origin_of(sources.compare)
-        held.files += save_figure(drawn, held.path / "figures", "laws", "laws", caption, origin)
+        save_figure(drawn, result.path / "figures", "laws", "laws", caption, origin)
 
 
 def judged(
@@ -200,10 +199,7 @@ def _baseline(path: Path, ids: Sequence[str]) -> dict[str, str]:
     if ids:
         raise UsageError("a baseline is of the whole ledger, not of single claims", where="--baseline")
     try:
-        # It may come through a pipe, such as from another commit.
-        with path.open("rb") as stream:
-            raw = stream.read(MOST_JSON + 1)
-        found = json.loads(raw if len(raw) <= MOST_JSON else "")
+        found = json.loads(path.read_bytes())
         before = {str(entry["id"]): str(entry["verdict"]) for entry in found["claims"]}
     except OSError as error:
         raise DataMissingError(f"cannot be read: {error.strerror or error}", where=str(path)) from error
@@ -239,17 +235,16 @@ def _ratio(data: Ensemble) -> tuple[NDArray[np.bool_], Array]:
     return ok, np.divide(first, second, out=np.ones_like(first), where=second > 0.0)
 
 
-def _draw(data: Ensemble, rankings: Mapping[str, Ranking], folder: Path) -> list[Path]:
+def _draw(data: Ensemble, rankings: Mapping[str, Ranking], folder: Path) -> None:
     """Draw which unknowns decide, and the ratio against the unknowns that explain most of it."""
     from tendonrepro.claims.figures import draw_ratio_against_unknowns, draw_tornado
     from tendonrepro.results.figures.style import save_figure
 
-    written: list[Path] = []
     origin = f"Simulated, {len(data.draws)} plants of the box"
     for claim in [name for name in rankings if name in TORNADOES]:
         caption = f"Share of the variance of claim {claim} that each unknown explains alone."
         figure = draw_tornado(f"What decides claim {claim}", rankings[claim])
-        written += save_figure(figure, folder, f"decides_{claim}", f"decides_{claim}", caption, origin)
+        save_figure(figure, folder, f"decides_{claim}", f"decides_{claim}", caption, origin)
     ok, ratio = _ratio(data)
     for i, joint in enumerate(data.joints):
         name = f"ratio_joint_{joint}"
@@ -263,5 +258,4 @@ def _draw(data: Ensemble, rankings: Mapping[str, Ranking], folder: Path) -> list
         label, line = f"MAE of Controller 1 / 2, joint {joint}", 1.0 + data.alpha[i]
         figure = draw_ratio_against_unknowns(names, chosen, ratio[ok, i], line, label, log=wide)
         caption = f"{label}, against the unknowns that explain most of it; dashed: 1 + alpha."
-        written += save_figure(figure, folder, name, name, caption, origin)
-    return written
+        save_figure(figure, folder, name, name, caption, origin)

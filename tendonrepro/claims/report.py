@@ -34,17 +34,15 @@ def as_data(verdicts: Sequence[Verdict], ensemble: Mapping[str, Any] | None = No
 
 def write_claims(
     verdicts: Sequence[Verdict], folder: Path, ensemble: Mapping[str, Any] | None = None
-) -> list[Path]:
+) -> None:
     """Write ``claims.json``, ``claims.csv`` and ``claims.md``; `ensemble` as in `as_data`."""
     texts = {
         "json": to_json(as_data(verdicts, ensemble)),
         "csv": csv_text(_csv_rows(verdicts)),
         "md": markdown(reader_rows(verdicts), " ".join([CAPTION, *shipped_note(verdicts)])),
     }
-    paths = [folder / f"claims.{suffix}" for suffix in texts]
-    for path, text in zip(paths, texts.values(), strict=True):
-        write_atomically(path, text)
-    return paths
+    for suffix, text in texts.items():
+        write_atomically(folder / f"claims.{suffix}", text)
 
 
 def table_text(verdicts: Sequence[Verdict]) -> str:

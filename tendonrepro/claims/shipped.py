@@ -12,7 +12,7 @@ from tendonrepro.claims.judge import Verdict
 from tendonrepro.claims.verdicts import EDITION
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import digest_of, shipped
-from tendonrepro.results.folder import MANIFEST, read_manifest
+from tendonrepro.results.store import MANIFEST, read_manifest
 
 SHIPPED = "docs/results/claims.json"
 """The stored ledger, from which docs/findings.md is made too."""

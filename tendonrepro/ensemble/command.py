@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 import time
 from collections.abc import Sequence
 from contextlib import closing
@@ -34,7 +32,7 @@ from tendonrepro.errors import UsageError
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.results.manifest import make_manifest
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
-from tendonrepro.results.store import refuse_others, replaced, unfinished
+from tendonrepro.results.store import refuse_others, replaced, take_over, unfinished
 from tendonrepro.results.study import Outcome
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.codegen.cache import NOTHING_COMPILED
@@ -206,12 +204,7 @@ def _take_over(earlier: Path, shards: Path, study: Study, *, force: bool) -> Non
         raise UsageError(message, where=str(shards), hint=hint)
     for path in others:
         path.unlink()
-    for path in _ours(earlier, study):
-        if not (shards / path.name).exists():
-            try:
-                os.link(path, shards / path.name)
-            except OSError:
-                shutil.copy2(path, shards / path.name)
+    take_over(earlier, shards, [path.name for path in _ours(earlier, study)])
 
 
 def _announce(study: Study, draws: int, missing: Sequence[Block], talk: Talk) -> None:

@@ -41,9 +41,10 @@ from tendonrepro.identify.misfit import (
 )
 from tendonrepro.identify.report import CONFIG, conclusions, write_config, write_identify_tables
 from tendonrepro.identify.search import Effort, Evaluated, Found, load_arrays, save_arrays, search
-from tendonrepro.results.folder import HeldFolder, claimed, foretell_refusal
 from tendonrepro.results.manifest import make_manifest
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
+from tendonrepro.results.store import MANIFEST, NewResult, replaced, take_over
+from tendonrepro.results.study import foretell
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 
@@ -127,10 +128,12 @@ def run_identify(
     )
     identity = task.identity([held.name for held in task.readings])
     if request.dry_run:
-        foretell_refusal(folder, identity, talk, force=request.force)
+        foretell(folder, identity, "identify", request, talk)
         return _outline(task, folder) | {"dry_run": True, "config_sha256": loaded.sha256}
-    with claimed(folder, identity, force=request.force) as held:
-        return _identified(task, held, identity, processors, talk)
+    with replaced(folder, identity, command="identify", force=request.force, keep=STATES) as result:
+        names = [path.name for path in (folder / STATES).glob("*.npz")]
+        take_over(folder / STATES, result.path / STATES, names)
+        return _identified(task, folder, result, identity, processors, talk)
 
 
 def _check(fit: str, window: str, generations: int, population: int, seeds: int) -> None:
@@ -168,32 +171,34 @@ def _outline(task: Task, folder: Path) -> dict[str, Any]:
     }
 
 
-def _identified(task: Task, held: HeldFolder, identity: str, processors: int, talk: Talk) -> dict[str, Any]:
+def _identified(
+    task: Task, out: Path, result: NewResult, identity: str, processors: int, talk: Talk
+) -> dict[str, Any]:
     from tendonrepro.identify.figures import draw_identify_figures
 
-    folder = held.path
+    folder = result.path
     found = _searches(task, folder, processors, talk)
     with talk.bar("judging", len(task.readings)) as progress:
         readings = []
         for reading in task.readings:
             readings.append(_reading_data(task, reading, *found[task.case(reading)]))
             progress(1)
-    data = _outline(task, folder) | {"readings": readings, "config": str(folder / CONFIG)}
+    data = _outline(task, out) | {"readings": readings, "config": str(out / CONFIG)}
     data["conclusions"] = [OTHER_BASE] * (not base_of_paper(task.loaded.compare)) + conclusions(data)
-    held.clear()
     place = int(np.argmin([entry["misfit_log"] for entry in readings]))
     best = task.readings[place]
     rows, state = found[task.case(best)]
     config = task.bench.searching(rows).config(_whole(task, rows, state.closest[np.newaxis])[0], best)
     write_config(folder / CONFIG, config, data, readings[place])
-    held.files += [folder / CONFIG, *write_identify_tables(data, folder / "tables")]
-    held.files += draw_identify_figures(data, folder / "figures")
-    held.write(DATA, to_json(data))
-    manifest = make_manifest(task.loaded.base, held.seconds)
+    write_identify_tables(data, folder / "tables")
+    draw_identify_figures(data, folder / "figures")
+    result.write(DATA, to_json(data))
+    manifest = make_manifest(task.loaded.base, result.seconds, "identify")
     stepper = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE}
     manifest |= {"experiment": "identify", "seed": task.seed, "solver": stepper}
     manifest["config"] = manifest["config"] | {"sha256": identity, "ensemble_sha256": task.loaded.sha256}
-    return data | {"manifest": held.finish(manifest, talk)}
+    result.manifest = manifest
+    return data | {"manifest": str(out / MANIFEST)}
 
 
 def _searches(task: Task, folder: Path, processors: int, talk: Talk) -> dict[Reading, Searched]:

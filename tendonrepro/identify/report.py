@@ -163,7 +163,7 @@ def identify_text(data: Mapping[str, Any]) -> str:
     parts.append(_shape_text(shown))
     parts.append(
         f"Tables and figures are in {data['out']}; run "
-        f"tendonrepro compare --config {data['config']} --out {data['out']}/compare"
+        f"tendonrepro compare --config {data['config']} --out {data['out']}_compare"
     )
     return "\n\n".join(parts)
 

@@ -18,14 +18,14 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.console import Talk
-from tendonrepro.errors import DataMissingError
-from tendonrepro.files import sealed, unsealed, write_atomically
+from tendonrepro.files import write_atomically
 
 
 class Evaluated(NamedTuple):
@@ -222,14 +222,7 @@ def _remembered(path: Path, identity: str, talk: Talk) -> tuple[Array, Evaluated
     stored = load_arrays(path, identity, talk)
     if stored is None:
         return None
-    with suppress(LookupError, TypeError, ValueError):
-        names = ("units", "misfits", "residuals")
-        units, misfits, residuals = (stored[name].astype(np.float64, casting="safe") for name in names)
-        fits = len(units) == len(misfits) == len(residuals)
-        if fits and (units.ndim, misfits.ndim, residuals.ndim) == (2, 1, 2):
-            return units, Evaluated(misfits, residuals)
-    talk.note(f"{path}: {_NONE}")
-    return None
+    return stored["units"], Evaluated(stored["misfits"], stored["residuals"])
 
 
 def _search(
@@ -357,28 +350,20 @@ def _reflected(units: Array) -> Array:
     return np.asarray(1.0 - np.abs(1.0 - np.minimum(np.abs(units), 2.0)))
 
 
-_NONE = "is of another search; the search starts anew"
-
-
 def save_arrays(path: Path, identity: str, **content: Any) -> None:
     """Store arrays, whole or not at all."""
     stream = io.BytesIO()
     np.savez(stream, allow_pickle=False, identity=identity, **content)
-    write_atomically(path, sealed(stream.getvalue()))
+    write_atomically(path, stream.getvalue())
 
 
 def load_arrays(path: Path, identity: str, talk: Talk) -> dict[str, NDArray[Any]] | None:
     """Read arrays of this search; None when there are none to go on from, and why is told."""
     if not path.exists():
         return None
-    try:
-        content = unsealed(path)
-    except DataMissingError as error:
-        talk.note(f"{error}; the search starts anew")
-        return None
-    # What the library says of something else under our seal is of any type.
-    with suppress(Exception), np.load(io.BytesIO(content), allow_pickle=False) as stored:
+    damage = suppress(OSError, EOFError, ValueError, LookupError, BadZipFile)
+    with damage, path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
         if str(stored["identity"]) == identity:
             return {name: stored[name] for name in stored.files}
-    talk.note(f"{path}: {_NONE}")
+    talk.note(f"{path}: is damaged or of another search; the search starts anew")
     return None

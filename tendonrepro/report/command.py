@@ -8,7 +8,7 @@ from typing import Any
 
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.files import MOST_JSON, ordinary, write_atomically
+from tendonrepro.files import write_atomically
 
 SCHEMA_VERSION = 1
 NAME = "report.html"
@@ -50,7 +50,7 @@ def run_report(folder: Path, out: Path | None, talk: Talk, *, force: bool) -> di
         raise DataMissingError(message, where=str(folder), hint=hint)
     if path.is_dir():
         raise UsageError("is a folder", where=str(path), hint="name the file to write, such as report.html")
-    if path.exists() and not force and _MARK not in ordinary(path, MOST_JSON).read_bytes()[:1000]:
+    if path.exists() and not force and _MARK not in path.read_bytes()[:1000]:
         message = "exists and is no report of tendonrepro"
         raise UsageError(message, where=str(path), hint="choose another --out, or say --force")
     from tendonrepro.report.page import page

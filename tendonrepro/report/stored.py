@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from tendonrepro.errors import DataMissingError
-from tendonrepro.files import MOST_JSON, ordinary, sha256_of, shipped
+from tendonrepro.files import sha256_of, shipped
 from tendonrepro.results.store import MANIFEST
 
 RUN, SHIPPED, MISSING = "run", "shipped", "missing"
@@ -58,7 +58,7 @@ class Stored:
         ours = name.startswith("docs/")
         path = shipped("docs") / name.removeprefix("docs/") if ours else self.folder / name
         try:
-            content = json.loads(ordinary(path, MOST_JSON).read_text(encoding="utf-8"))
+            content = json.loads(path.read_text(encoding="utf-8"))
             if not isinstance(content, dict):
                 raise TypeError
         except (OSError, ValueError, TypeError) as error:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import platform
 import subprocess
-from collections.abc import Sequence
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
@@ -23,7 +22,7 @@ LIBRARIES = ("numpy", "scipy", "numba", "h5py", "matplotlib", "pandas", "pydanti
 def make_manifest(loaded: LoadedConfig, seconds: float, command: str | None = None) -> dict[str, Any]:
     """Describe how a result came about, ready for JSON; what cannot be found out is None.
 
-    `seconds` is the wall time of the simulation; outputs are added by :func:`with_outputs` once they exist.
+    `seconds` is the wall time of the simulation; digests of the outputs are added once they exist.
     """
     config = loaded.config
     return {
@@ -46,12 +45,6 @@ def make_manifest(loaded: LoadedConfig, seconds: float, command: str | None = No
         "environment": environment(),
         "inputs": {str(path): sha256_of(path) for path in loaded.inputs},
     }
-
-
-def with_outputs(manifest: dict[str, Any], folder: Path, outputs: Sequence[Path]) -> dict[str, Any]:
-    """Add the digests of the files a result consists of, named relative to its folder."""
-    digests = {path.relative_to(folder).as_posix(): sha256_of(path) for path in sorted(outputs)}
-    return manifest | {"outputs": digests}
 
 
 def environment() -> dict[str, Any]:

@@ -8,9 +8,10 @@ old result or the new one; what else it leaves, the next command into that folde
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -172,6 +173,17 @@ def _finish(result: NewResult, target: Path, *, copied: bool) -> None:
         shutil.copy2(target / name, result.path / name)
     outputs = {name: sha256_of(result.path / name) for name in sorted(names)}
     result.write(MANIFEST, to_json(result.manifest | {"outputs": outputs}))
+
+
+def take_over(earlier: Path, fresh: Path, names: Iterable[str]) -> None:
+    """Give an unfinished result those files of an earlier one that it does not have."""
+    fresh.mkdir(parents=True, exist_ok=True)
+    for name in names:
+        if not (fresh / name).exists():
+            try:
+                os.link(earlier / name, fresh / name)
+            except OSError:
+                shutil.copy2(earlier / name, fresh / name)
 
 
 def own_files(folder: Path) -> list[str]:

@@ -18,18 +18,15 @@ from tendonrepro.console import Talk
 from tendonrepro.dataset.measured_file import origin, read_measured
 from tendonrepro.files import sha256_of, to_json
 from tendonrepro.parallel import each
-from tendonrepro.results.folder import MANIFEST, claimed, foretell_refusal
 from tendonrepro.results.manifest import make_manifest
 from tendonrepro.results.records import TraceFile
+from tendonrepro.results.store import MANIFEST, read_manifest, replaced
+from tendonrepro.results.study import foretell
 from tendonrepro.results.summary import CONTROLLERS, LOADS
 from tendonrepro.results.tables import write_table
 from tendonrepro.results.traces import write_traces
 from tendonrepro.validation.report import table_data, window_rows, write_measured_tables
 from tendonrepro.validation.rerun import (
-    COMPARE,
-    DECOUPLE,
-    FILE,
-    MOTION,
     Work,
     rerun_compare,
     rerun_decouple,
@@ -39,8 +36,6 @@ from tendonrepro.validation.residuals import comparison_rows, coupling_rows
 
 SCHEMA_VERSION = 1
 RESULTS, SIMULATED = "validation.json", "simulated.h5"
-_OWN = (SIMULATED, "windows.csv", "residuals.*", "coupling.*", COMPARE, FILE, DECOUPLE, MOTION)
-"""What it writes at the top of its folder."""
 
 RARE = 0.01
 """Chance below which a window that gives some of the printed numbers is shown."""
@@ -80,21 +75,19 @@ def run_validate(measured: Path, request: Request, talk: Talk) -> dict[str, Any]
     base = replace(base, sha256=digest, inputs=(*base.inputs, measured))
     head = {"schema_version": SCHEMA_VERSION, "measured": str(measured), "out": str(folder)}
     if request.dry_run:
-        foretell_refusal(folder, digest, talk, force=request.force, own=_OWN)
+        foretell(folder, digest, "validate", request, talk)
         return head | {
             "dry_run": True,
             "runs": list(file.runs),
             "config": base.origin,
             "config_sha256": digest,
         }
-    with claimed(folder, digest, force=request.force, own=_OWN) as held:
-        held.clear()
-        data = head | _validated(file, measured.name, base, Work(held), talk)
-        data["files"] = [str(one) for one in (*held.files, folder / RESULTS)]
+    with replaced(folder, digest, command="validate", force=request.force) as result:
+        data = head | _validated(file, measured.name, base, Work(result.path), talk)
         data["manifest"] = str(folder / MANIFEST)
-        held.write(RESULTS, to_json(data))
-        held.finish(make_manifest(base, held.seconds) | {"experiment": "validate"}, talk)
-    return data
+        result.write(RESULTS, to_json(data))
+        result.manifest = make_manifest(base, result.seconds, "validate") | {"experiment": "validate"}
+    return data | {"files": [str(folder / name) for name in read_manifest(folder)["outputs"]]}
 
 
 def model_diverged(found: Mapping[str, Any]) -> bool:
@@ -149,13 +142,12 @@ def _tables(measured: Measured, paper: Published, name: str, work: Work) -> dict
     data = table_data(deciding, paper)
     if deciding is None or best is None:
         return data | {"best": None}
-    held, windows = work.held, window_rows(measured.tables, paper)
-    held.files += write_measured_tables(data, deciding.name, name, held.path / "tables")
-    held.files += write_table(windows, held.path, "windows", "", suffixes=["csv"])
+    write_measured_tables(data, deciding.name, name, work.folder / "tables")
+    write_table(window_rows(measured.tables, paper), work.folder, "windows", "", suffixes=["csv"])
     if best is deciding or measured.tables.chance > RARE:
         return data | {"best": None}
     closest = table_data(best, paper)
-    held.files += write_measured_tables(closest, best.name, name, held.path / "tables" / "best")
+    write_measured_tables(closest, best.name, name, work.folder / "tables" / "best")
     return data | {"best": {"window": best.name, **closest}}
 
 
@@ -169,11 +161,10 @@ def _residuals(file: TraceFile, work: Work) -> dict[str, Any]:
         ("coupling", "Measured joint and motor angles through the coupling matrices.", coupling),
     ):
         if found:
-            work.held.files += write_table(found, work.held.path, stem, caption)
+            write_table(found, work.folder, stem, caption)
     traces = together(work.simulated)
     if traces is not None:
-        write_traces(work.held.path / SIMULATED, traces)
-        work.held.files.append(work.held.path / SIMULATED)
+        write_traces(work.folder / SIMULATED, traces)
     return {
         "rows": rows,
         "coupling": coupling,
@@ -184,5 +175,4 @@ def _residuals(file: TraceFile, work: Work) -> dict[str, Any]:
 def _draw(file: TraceFile, work: Work) -> None:
     from tendonrepro.validation.figures import available_overlays, saved_overlay
 
-    draw = partial(saved_overlay, file, work.runs(file), work.held.path / "figures")
-    work.held.files += [path for paths in each(draw, available_overlays(file)) for path in paths]
+    each(partial(saved_overlay, file, work.runs(file), work.folder / "figures"), available_overlays(file))

@@ -24,7 +24,6 @@ from tendonrepro.experiments.loops import build_loops
 from tendonrepro.experiments.run import simulate_run, trace_file
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.parallel import each
-from tendonrepro.results.folder import HeldFolder
 from tendonrepro.results.manifest import make_manifest
 from tendonrepro.results.records import Trace, TraceFile
 
@@ -40,10 +39,10 @@ _OF_DECOUPLE = {name: name for name in ("q_encoder", "q_motor_encoder", "q_calcu
 class Work:
     """What has been done of a validation: reruns, one file an experiment, and what could not be done.
 
-    `zeros` has the measured time at which the rerun of each run begins, s.
+    Files go into `folder`. `zeros` has the measured time at which the rerun of each run begins, s.
     """
 
-    held: HeldFolder
+    folder: Path
     simulated: list[TraceFile] = field(default_factory=list)
     zeros: dict[str, float] = field(default_factory=dict)
     missing: list[str] = field(default_factory=list)
@@ -75,8 +74,8 @@ def rerun_compare(
     ]
     try:
         masses = {run: float(trace.attributes["payload_mass"]) for run, trace in runs.items()}
-        work.held.files += write_compare(base, reference, masses, name, work.held.path)
-        simulated = rerun(work.held.path / COMPARE, [run for run in runs if not apart[run]], talk)
+        write_compare(base, reference, masses, name, work.folder)
+        simulated = rerun(work.folder / COMPARE, [run for run in runs if not apart[run]], talk)
     except TendonreproError as error:
         work.missing.append(f"a rerun of the comparison: {_with_hint(error)}")
         return
@@ -97,8 +96,8 @@ def rerun_decouple(trace: Trace, name: str, base: LoadedConfig, work: Work, talk
         if base.config.experiment != "decouple":
             both = [text for text in base.overrides if text.startswith(("manipulator.", "seed="))]
             base = load_config(None, "decouple", overrides=both)
-        work.held.files += write_decouple(base, trace, name, work.held.path)
-        work.simulated.append(rerun(work.held.path / DECOUPLE, [trace.name], talk))
+        write_decouple(base, trace, name, work.folder)
+        work.simulated.append(rerun(work.folder / DECOUPLE, [trace.name], talk))
     except TendonreproError as error:
         work.missing.append(f"a rerun of the run decouple: {_with_hint(error)}")
         return
@@ -111,7 +110,7 @@ def _with_hint(error: TendonreproError) -> str:
 
 def write_compare(
     base: LoadedConfig, reference: Reference, masses: Mapping[str, float], measured: str, folder: Path
-) -> list[Path]:
+) -> None:
     """Write the recovered reference as a trajectory file and as a complete configuration.
 
     All of `base` is kept but its reference, and payloads that were measured with other masses, kg by run.
@@ -123,12 +122,11 @@ def write_compare(
         if run["payload"]["unit"] == "kg" and mass != run["payload"]["value"]:
             source = f"identified: the mass stated for {measured}"
             runs[name] = run | {"payload": {"value": mass, "unit": "kg", "source": source}}
-    return _written(
-        folder, FILE, csv_text(reference.knots, reference.record.joint), COMPARE, tree | {"runs": runs}
-    )
+    write_atomically(folder / FILE, csv_text(reference.knots, reference.record.joint))
+    write_atomically(folder / COMPARE, dump(tree | {"runs": runs}))
 
 
-def write_decouple(base: LoadedConfig, trace: Trace, measured: str, folder: Path) -> list[Path]:
+def write_decouple(base: LoadedConfig, trace: Trace, measured: str, folder: Path) -> None:
     """Write the measured motion of the decoupling experiment in the same way.
 
     The motors' angles drive the rerun where they were recorded, else the joints' encoders.
@@ -140,19 +138,14 @@ def write_decouple(base: LoadedConfig, trace: Trace, measured: str, folder: Path
     run = {"drives": drives, "reference": {"kind": "sampled", "file": MOTION}}
     tree["runs"] = {"decouple": run | {"payload": tree["runs"]["decouple"]["payload"]}}
     tree["title"] = f"{tree['title']}, on the {drives}' angles measured in {measured}"
-    return _written(folder, MOTION, csv_text(knots, trace.joint), DECOUPLE, tree)
-
-
-def _written(folder: Path, motion: str, samples: str, config: str, tree: Node) -> list[Path]:
-    """Paths of a trajectory file and of a configuration, both written."""
-    write_atomically(folder / motion, samples)
-    write_atomically(folder / config, dump(tree))
-    return [folder / motion, folder / config]
+    write_atomically(folder / MOTION, csv_text(knots, trace.joint))
+    write_atomically(folder / DECOUPLE, dump(tree))
 
 
 def rerun(path: Path, names: Sequence[str], talk: Talk) -> TraceFile:
     """Simulate those of some runs that a configuration has."""
-    loaded = load_config(path, None)
+    # The folder it lies in has another name once the result is whole.
+    loaded = replace(load_config(path, None), origin=path.name)
     loops = dict(build_loops(loaded.config, loaded.folder))
     chosen = [name for name in names if name in loops]
     total = sum(loops[name].reference.time.size for name in chosen)

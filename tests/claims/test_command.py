@@ -15,7 +15,7 @@ from tendonrepro.console import Talk
 from tendonrepro.ensemble.shards import FOLDER as SHARDS
 from tendonrepro.ensemble.shards import shard_files
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.results.folder import TRACES
+from tendonrepro.results.store import TRACES
 from tendonrepro.results.traces import write_traces
 
 QUIET = Talk(quiet=True)
@@ -23,7 +23,8 @@ QUIET = Talk(quiet=True)
 
 def test_a_damaged_baseline_is_named(tmp_path, monkeypatch):
     verdicts = with_shipped(judge_all(Sources()), shipped_ledger())
-    path = write_claims(verdicts, tmp_path)[0]
+    write_claims(verdicts, tmp_path)
+    path = tmp_path / "claims.json"
     content = path.read_bytes()
     monkeypatch.setattr("tendonrepro.claims.command.judge_all", lambda *_, **__: verdicts)
     assert run_claims(tmp_path / "none", (), path, QUIET).data["changed"] == {}

@@ -141,8 +141,8 @@ class TestLedger:
         assert changed({}, now[:1]) == {now[0].id: (None, "exact")}
 
     def test_files(self, found, tmp_path):
-        paths = write_claims(found, tmp_path)
-        assert [path.name for path in paths] == ["claims.json", "claims.csv", "claims.md"]
+        write_claims(found, tmp_path)
+        paths = [tmp_path / f"claims.{suffix}" for suffix in ("json", "csv", "md")]
         content = json.loads(paths[0].read_text(encoding="utf-8"))
         assert [claim["id"] for claim in content["claims"]] == [v.id for v in found]
         with paths[1].open(encoding="utf-8", newline="") as file:

@@ -19,7 +19,7 @@ from tendonrepro.experiments.sweep.figures import draw_lines, draw_map
 from tendonrepro.experiments.sweep.points import parse_over, split_values, unit_of
 from tendonrepro.experiments.sweep.report import COLUMNS, point_rows, table_rows
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.results.folder import read_manifest
+from tendonrepro.results.store import read_manifest
 from tendonrepro.simulation.batch import simulate_batch
 
 ALPHA = "control.gains.alpha=[0,0],[0.1,0.2],[0.3,0.4]"
