@@ -46,26 +46,27 @@ def read_files(paths: Sequence[Path], talk: Talk) -> tuple[list[Source], dict[st
     DataMissingError
         If a path is missing.
     """
-    from joblib.externals.loky import get_reusable_executor
-    from joblib.externals.loky.process_executor import BrokenProcessPool
+    from joblib.externals.loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
 
     for path in paths:
         if not path.exists():
             raise DataMissingError("is not there", where=str(path), hint="tendonrepro fetch gets the record")
     sources: list[Source] = []
     unread: dict[str, str] = {}
+    reader = ProcessPoolExecutor(max_workers=1)
     with tempfile.TemporaryDirectory() as scratch:
         files = [one for path in paths for one in _files(path, Path(scratch), unread)]
         with talk.bar("reading", len(files)) as advance:
             for path, name in files:
                 try:
-                    reader = get_reusable_executor(max_workers=1, timeout=60)
                     sources += reader.submit(read_file, path, name).result()
                 except Unreadable as error:
                     unread[name] = str(error)
                 except BrokenProcessPool:
                     unread[name] = "reading it crashed: the file is damaged"
+                    reader = ProcessPoolExecutor(max_workers=1)
                 advance(1)
+    reader.shutdown()
     return sources, unread
 
 

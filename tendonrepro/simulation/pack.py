@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tendonrepro.arrays import Array
 from tendonrepro.simulation import streaming
 from tendonrepro.simulation.codegen import compiled
-from tendonrepro.simulation.codegen.lanes import bundled, columns
+from tendonrepro.simulation.codegen.lanes import aligned, bundled, columns
 from tendonrepro.simulation.codegen.machine import LANES
 from tendonrepro.simulation.kernel import RECORDED, sample_rows
 from tendonrepro.simulation.parts import CompiledPart, unit_noise
@@ -157,7 +157,7 @@ def _bundle_up(
     seat[members[members >= 0]] = np.flatnonzero(members >= 0)
     empty = np.array([[-1], [0], [-1], [0], [0]])
     return _Pack(
-        v=np.concatenate([bundled(rows) for _, rows, _ in controllers]),
+        v=aligned(np.concatenate([bundled(rows) for _, rows, _ in controllers])),
         code=np.repeat(*np.transpose([(code, -(-rows.shape[1] // LANES)) for code, rows, _ in controllers])),
         lanes=np.concatenate(
             [
@@ -165,7 +165,7 @@ def _bundle_up(
                 for _, _, about in controllers
             ]
         ),
-        w=np.concatenate([bundled(rows, np.zeros((len(rows), 1))) for _, rows, _, _ in plants]),
+        w=aligned(np.concatenate([bundled(rows, np.zeros((len(rows), 1))) for _, rows, _, _ in plants])),
         step=np.repeat(*np.transpose([(code, -(-of.size // LANES)) for code, _, _, of in plants])),
         counts=np.concatenate([bundled(counts) for _, _, counts, _ in plants]),
         members=members,

@@ -40,7 +40,7 @@ HERE = {"cpu": cpu_name(), "system": platform.system(), "numpy": np.__version__,
 AS_MADE = MADE_ON.exists() and json.loads(MADE_ON.read_text(encoding="utf-8")) == HERE
 
 NOT_KEPT = re.compile(
-    "out|manifest|files?|size|text|evidence|conclusions|sources?|identity|created|md5|cost|resumed_from"
+    "out|manifest|files?|size|spot_check|text|evidence|conclusions|sources?|identity|created|md5|cost|resumed_from"
     "|populations|blocks|.*(version|sha256|per_second|because|_at_s|^at_s)"
 )
 SENTENCE = 4

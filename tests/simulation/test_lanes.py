@@ -12,14 +12,14 @@ from support.oracles import FEATURES, random_plant, random_state
 from tendonrepro.arrays import Array, choose
 from tendonrepro.physics.dynamics import Plant, frictionless, state_derivative
 from tendonrepro.simulation.codegen import compiled, lane_loop
-from tendonrepro.simulation.codegen.lanes import LaneRows, LaneTape, lane_code, signature, stacked
+from tendonrepro.simulation.codegen.lanes import LaneRows, LaneTape, aligned, lane_code, signature, stacked
 from tendonrepro.simulation.codegen.machine import LANES, assembled
 from tendonrepro.simulation.kernel import damped, rosenbrock, runge_kutta, step_code
 from tendonrepro.simulation.resolution import demand
 
 
 def filled(rows: LaneRows) -> Array:
-    w = np.zeros((rows.count, LANES))
+    w = aligned(np.zeros((rows.count, LANES)))
     for row, values in rows.constants.items():
         w[row] = values
     return w
@@ -181,7 +181,7 @@ def test_machine_code_on_disk_is_used_only_as_it_was_written(tmp_path: Path) -> 
     for folder, damage in ((tmp_path, None), (tmp_path, b"x"), (tmp_path / "full", None)):
         for file in tmp_path.glob("twice_*.o") if damage else ():
             file.write_bytes(file.read_bytes()[:-1] + damage)
-        w = np.full((1, LANES), 3.0)
+        w = aligned(np.full((1, LANES), 3.0))
         lane_loop.call(assembled(source, "twice", folder).run, w, 0.0)
         assert w.tolist() == [[6.0] * LANES]
     (file,) = tmp_path.glob("twice_*.o")

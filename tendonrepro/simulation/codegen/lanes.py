@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.simulation.codegen import elementary, machine
-from tendonrepro.simulation.codegen.machine import LANES
+from tendonrepro.simulation.codegen.machine import ALIGNED, LANES
 from tendonrepro.simulation.codegen.symbols import Symbol, Tape
 
 EXPANDED = {
@@ -221,7 +221,17 @@ def bundled(values: NDArray[Any], spare: NDArray[Any] | None = None) -> NDArray[
     missing = -values.shape[1] % LANES
     filler = np.repeat(values[:, -1:] if spare is None else spare, missing, axis=1)
     filled = np.hstack([values, filler])
-    return np.ascontiguousarray(filled.reshape(len(values), -1, LANES).swapaxes(0, 1))
+    return aligned(filled.reshape(len(values), -1, LANES).swapaxes(0, 1))
+
+
+def aligned(values: NDArray[Any]) -> NDArray[Any]:
+    """Copy an array, rows of lanes last, to where machine code may load a row at once."""
+    size = values.size * values.itemsize
+    room = np.empty(size + ALIGNED, dtype=np.uint8)
+    first = -room.ctypes.data % ALIGNED
+    copy = room[first : first + size].view(values.dtype).reshape(values.shape)
+    copy[...] = values
+    return copy
 
 
 def columns(bundles: NDArray[Any]) -> NDArray[Any]:

@@ -21,8 +21,11 @@ from tendonrepro.errors import TendonreproError
 from tendonrepro.files import write_atomically
 from tendonrepro.simulation.codegen.symbols import COMPARISONS, Line, needed
 
-LANES = 16 if binding.get_host_cpu_features().get("avx512f") else 8
-"""Experiments in a bundle: two vectors of the widest registers there are."""
+LANES = 8
+"""Experiments in a bundle: one vector of the widest registers there are, so that few values leave them."""
+
+ALIGNED = 8 * LANES
+"""Bytes on whose multiples a row begins."""
 
 V, WORDS, BITS = (f"<{LANES} x {kind}>" for kind in ("double", "i64", "i1"))
 
@@ -51,7 +54,7 @@ def vector_code(name: str, lines: Mapping[str, Line], results: Mapping[int, str 
     for row, value in results.items():
         body += [
             f"%end{row} = getelementptr {V}, ptr %rows, i64 {row}",
-            f"store {V} {_text(value)}, ptr %end{row}, align 8",
+            f"store {V} {_text(value)}, ptr %end{row}, align {ALIGNED}",
         ]
     head = f"define void @{name}(ptr noalias %rows, double %k) {{"
     return "\n".join([head, *(f"  {line}" for line in body), "  ret void", "}", ""])
@@ -97,7 +100,7 @@ _INSTRUCTIONS: dict[str, tuple[str, ...]] = {
     "negative": (f"%{{x}} = fneg {V} {{a}}",),
     "row": (
         f"%{{x}}.place = getelementptr {V}, ptr %rows, i64 {{row}}",
-        f"%{{x}} = load {V}, ptr %{{x}}.place, align 8",
+        f"%{{x}} = load {V}, ptr %{{x}}.place, align {ALIGNED}",
     ),
     # Of the arguments only the number is read.
     "argument": (
@@ -124,7 +127,7 @@ def assembled(source: str, name: str, folder: Path) -> LaneCode:
     code = _stored(path)
     if code is None:
         module = binding.parse_assembly(_DECLARED + source)
-        code = _target().emit_object(module)
+        code = _simplified(module)
         with suppress(TendonreproError):
             write_atomically(path, hashlib.sha256(code).digest() + code)
     engine = binding.create_mcjit_compiler(binding.parse_assembly(""), _target())
@@ -132,6 +135,16 @@ def assembled(source: str, name: str, folder: Path) -> LaneCode:
     engine.finalize_object()
     _engines.append(engine)
     return LaneCode(engine.get_function_address(f"prepare_{name}"), engine.get_function_address(name))
+
+
+def _simplified(module: Any) -> bytes:
+    """Machine code of a module, its instructions combined: the symbols write many that undo each other."""
+    target = _target()
+    passes = binding.create_new_module_pass_manager()
+    passes.add_instruction_combine_pass()
+    passes.run(module, binding.create_pass_builder(target, binding.PipelineTuningOptions()))
+    code: bytes = target.emit_object(module)
+    return code
 
 
 def _stored(path: Path) -> bytes | None:
