@@ -64,8 +64,8 @@ BUDGETS = {
     "physics": 902,
     "simulation": 2288,
     "config": 2269,
-    "results": 2677,
-    "experiments": 1980,
+    "results": 2680,
+    "experiments": 2004,
     "explain": 739,
     "ensemble": 1457,
     "identify": 1079,
@@ -73,7 +73,7 @@ BUDGETS = {
     "claims": 2109,
     "validation": 615,
     "report": 498,
-    "cli": 694,
+    "cli": 697,
 }
 """Code lines that a package may have: no comment, docstring or blank. What one needs, another gives."""
 

@@ -127,11 +127,11 @@ def reproduce(
         Path | None, Option("--config", help="Folder with decouple.yaml and compare.yaml.")
     ] = None,
 ) -> int:
-    """Both experiments: every figure and table of section 5."""
+    """Every figure and table of section 5, and the fitted plant."""
     _make_ready(request)
-    from tendonrepro.experiments.command import both_orders
+    from tendonrepro.experiments.command import paper_orders
 
-    return _carry_out(both_orders(config, request), terminal)
+    return _carry_out(paper_orders(config, request), terminal)
 
 
 @command(app, 'tendonrepro compare --set "control.gains.alpha=[0, 0]" --out reports/no_alpha', without=())
@@ -168,12 +168,15 @@ def _make_ready(request: Request) -> None:
 
 def _carry_out(orders: Sequence[Order], terminal: Terminal) -> int:
     """Carry out orders, print what they found, and return the exit code."""
-    from tendonrepro.experiments.command import diverged, run_experiments
+    from tendonrepro.experiments.command import diverged, run_experiments, summary_of
 
     found = run_experiments(orders, terminal.talk)
     alone = next(iter(found.values()))
     together: dict[str, Any] = {"schema_version": 1} | found
-    terminal.show(alone if len(found) == 1 else together, "\n\n".join(one["text"] for one in found.values()))
+    terminal.show(
+        alone if len(found) == 1 else together,
+        "\n\n".join(filter(None, (*(one["text"] for one in found.values()), summary_of(found)))),
+    )
     return 5 if any(map(diverged, found.values())) else 0
 
 

@@ -28,8 +28,13 @@ from tendonrepro.results.paper_tables import made_tables
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.store import MANIFEST, TRACES, read_manifest, replaced, stored_traces
 from tendonrepro.results.study import foretell
+from tendonrepro.results.summary import CONTROLLERS
+from tendonrepro.results.tables import Table
 from tendonrepro.results.traces import write_traces
 from tendonrepro.simulation.resolution import COMPILED_STEPPER
+
+CLOSEST = "closest"
+"""Name of the shipped configuration that was fitted to Tables 2 and 3."""
 
 
 @dataclass(frozen=True)
@@ -52,12 +57,17 @@ class Order:
     solver: Literal["scipy", "compiled"] = "scipy"
 
     @property
+    def name(self) -> str:
+        """What its results are called: the shipped configuration's name, or the experiment's."""
+        return CLOSEST if self.request.config == CLOSEST else self.experiment
+
+    @property
     def folder(self) -> Path:
         """Results folder."""
         return self.request.folder(self.experiment)
 
 
-def run_experiments(orders: Sequence[Order], talk: Talk) -> dict[ExperimentName, dict[str, Any]]:
+def run_experiments(orders: Sequence[Order], talk: Talk) -> dict[str, dict[str, Any]]:
     """Simulate experiments and write traces, figures, tables and manifest of each.
 
     Their runs share the processors, and then their figures do. Everything is checked before the first run.
@@ -65,13 +75,13 @@ def run_experiments(orders: Sequence[Order], talk: Talk) -> dict[ExperimentName,
     Parameters
     ----------
     orders : sequence of Order
-        Of different experiments and folders, with one stepper; all or none a dry run.
+        Of different names and folders, with one stepper; all or none a dry run.
     talk : Talk
 
     Returns
     -------
     dict
-        What ``--json`` prints of each experiment, and ``text``; of a dry run what would be done.
+        What ``--json`` prints of each order, by its name, and ``text``; of a dry run what would be done.
 
     Raises
     ------
@@ -82,8 +92,8 @@ def run_experiments(orders: Sequence[Order], talk: Talk) -> dict[ExperimentName,
     for loaded, _ in asked:
         _name_shipped(loaded, talk)
     if orders[0].request.dry_run:
-        return {order.experiment: _plan(order, *one, talk) for order, one in zip(orders, asked, strict=True)}
-    found: dict[ExperimentName, dict[str, Any]] = {}
+        return {order.name: _plan(order, *one, talk) for order, one in zip(orders, asked, strict=True)}
+    found: dict[str, dict[str, Any]] = {}
     with ExitStack() as stack:
         results = [
             stack.enter_context(
@@ -103,7 +113,7 @@ def run_experiments(orders: Sequence[Order], talk: Talk) -> dict[ExperimentName,
             outcome.write_tables(result.path)
             ends = {"out": str(order.folder), "manifest": str(order.folder / MANIFEST)}
             text = f"{outcome.text()}\n\nFigures, tables and traces are in {order.folder}"
-            found[order.experiment] = {**outcome.data, "text": text, **ends}
+            found[order.name] = {**outcome.data, "text": text, **ends}
         _draw({path: (file, NUMBERS[file.experiment]) for path, file in files.items()})
     return found
 
@@ -113,20 +123,42 @@ def diverged(found: dict[str, Any]) -> bool:
     return "diverged" in found.get("status", {}).values()
 
 
-def both_orders(configs: Path | None, request: Request) -> list[Order]:
-    """Orders for the two experiments of the paper.
+def paper_orders(configs: Path | None, request: Request) -> list[Order]:
+    """Orders for the two experiments of the paper, and for the comparison fitted to its tables.
+
+    The fitted plant is run as it is shipped, so not with other configurations or changes.
 
     Parameters
     ----------
     configs : Path or None
         Folder with ``decouple.yaml`` and ``compare.yaml``; None is the shipped ones.
     request : Request
-        For both; its results folder is the one above theirs.
+        For all; its results folder is the one above theirs.
     """
     names: tuple[ExperimentName, ...] = ("decouple", "compare")
     above = request.out or Path("reports")
     files = {name: None if configs is None else str(configs / f"{name}.yaml") for name in names}
-    return [Order(name, replace(request, config=files[name], out=above / name)) for name in names]
+    orders = [Order(name, replace(request, config=files[name], out=above / name)) for name in names]
+    if configs is None and not request.overrides and request.seed is None:
+        orders.append(Order("compare", replace(request, config=CLOSEST, out=above / CLOSEST)))
+    return orders
+
+
+def summary_of(found: Mapping[str, Mapping[str, Any]]) -> str:
+    """Mean errors as published, fitted, and of the paper, where both comparisons were run."""
+    if not {"compare", CLOSEST} <= found.keys() or "table2" not in found[CLOSEST]:
+        return ""
+    tables = {
+        "as published, on our nominal arm": found["compare"]["table2"],
+        "fitted to the paper's tables": found[CLOSEST]["table2"],
+        "paper": found[CLOSEST]["printed"]["table2"],
+    }
+    rows = [
+        {"MAE of joint 2 / joint 3, degrees": name}
+        | {run: " / ".join(f"{size:.3f}" for size in table[run]["mae_deg"]) for run in CONTROLLERS}
+        for name, table in tables.items()
+    ]
+    return Table("summary", "The fit used the paper's tables, so its agreement proves nothing.", rows).text()
 
 
 def _plan(order: Order, loaded: LoadedConfig, law: UserLaw | None, talk: Talk) -> dict[str, Any]:

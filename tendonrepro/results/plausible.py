@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping
 from functools import cache
 
+from tendonrepro.config.models.readings import AXES
 from tendonrepro.files import shipped
 from tendonrepro.results.paper import of_paper
 from tendonrepro.results.records import Trace, TraceFile
@@ -18,9 +19,11 @@ def plausible_beside(file: TraceFile, trace: Trace, identifier: str) -> list[Ran
     """Range of ``<identifier>.joint_<number>`` of each joint of a run, deg; None where none stands beside it.
 
     The plants are those of the shipped box that are stable under all three controllers, with the equations as
-    printed (docs/verdicts.md).
+    printed (docs/verdicts.md); nothing stands beside a run under another reading.
     """
-    ranges: Mapping[str, Range] = _ranges() if of_paper(file, trace) else {}
+    readings = trace.attributes["readings"]
+    as_printed = all(readings.get(axis.name, axis.printed) == axis.printed for axis in AXES.values())
+    ranges: Mapping[str, Range] = _ranges() if as_printed and of_paper(file, trace) else {}
     return [ranges.get(f"{identifier}.joint_{joint}") for joint in trace.joint]
 
 

@@ -416,6 +416,9 @@ def test_dry_run_writes_nothing(command: str, tmp_path: Path) -> None:
     shutil.rmtree(tmp_path / "other")
     plan = answer(command, "reproduce", "--dry-run", cwd=tmp_path)
     assert plan["compare"]["samples"]["controller_1"] == 15201
+    assert plan["closest"]["out"] == "reports/closest"
+    changed = answer(command, "reproduce", "--dry-run", "--set", "sampling_period=2", cwd=tmp_path)
+    assert "closest" not in changed
     assert list(tmp_path.iterdir()) == []
 
 

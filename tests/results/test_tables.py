@@ -219,6 +219,13 @@ def test_the_range_of_plausible_plants_is_that_of_the_ledger() -> None:
     of_2, of_3 = next(controller_rows(file)), next(load_rows(file))
     assert of_2["mae_low_deg"] == of_3["mae_low_deg"]
     assert all(np.isnan(row["mae_low_deg"]) for row in controller_rows(another(file, "motion")))
+    other = {"readings": {"weights": "extrapolating"}}
+    runs = {
+        name: dataclasses.replace(trace, attributes={**trace.attributes, **other})
+        for name, trace in file.runs.items()
+    }
+    read_otherwise = controller_rows(dataclasses.replace(file, runs=runs))
+    assert all(np.isnan(row["mae_low_deg"]) and row["mae_printed_deg"] > 0.0 for row in read_otherwise)
 
 
 def test_table_of_the_decoupling_experiment() -> None:
