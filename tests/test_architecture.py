@@ -63,7 +63,7 @@ BUDGETS = {
     "ground": 269,
     "physics": 902,
     "simulation": 2288,
-    "config": 2269,
+    "config": 2273,
     "results": 2680,
     "experiments": 2004,
     "explain": 739,

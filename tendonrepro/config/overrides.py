@@ -104,13 +104,20 @@ def _set(node: Node, last: str | int, override: Override) -> None:
     if isinstance(node, dict) and isinstance(last, str):
         current = node.get(last)
         if _is_quantity(current) and not isinstance(override.value, dict):
-            current |= {"value": override.value, "source": COMMAND_LINE}
+            current |= {"value": _for_all(current["value"], override.value), "source": COMMAND_LINE}
         else:
-            node[last] = override.value
+            node[last] = _for_all(current, override.value)
     elif isinstance(node, list) and isinstance(last, int) and last < len(node):
         node[last] = override.value
     else:
         raise ConfigError(_unknown(node, last), where=override.option)
+
+
+def _for_all(current: Node, value: Node) -> Node:
+    """One number in place of one a joint means all of them."""
+    numbers = isinstance(current, list) and all(isinstance(one, int | float) for one in current)
+    one = isinstance(value, int | float) and not isinstance(value, bool)
+    return [value] * len(current) if numbers and one and isinstance(current, list) else value
 
 
 def _unknown(node: Node, part: str | int) -> str:

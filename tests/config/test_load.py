@@ -532,3 +532,16 @@ def test_schema_describes_every_quantity() -> None:
         for name, field in definition["properties"].items():
             if "value" in field.get("properties", {}):
                 assert re.search(r"; unit \S", field["description"]), name
+
+
+@pytest.mark.parametrize("key", ["control.gains.lam", "control.gains.lam.value"])
+def test_one_number_means_all_joints(key: str) -> None:
+    loaded = load_config(None, "compare", overrides=[f"{key}=6"])
+    assert isinstance(loaded.config, CompareConfig)
+    assert loaded.config.control.gains.lam.si.tolist() == [6.0, 6.0]
+    assert loaded.sha256 == load_config(None, "compare", overrides=[f"{key}=[6, 6]"]).sha256
+
+
+def test_one_number_means_no_matrix() -> None:
+    with pytest.raises(ConfigError):
+        load_config(None, "compare", overrides=["manipulator.routing.pulley_diameter=30"])
