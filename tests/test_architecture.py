@@ -28,6 +28,7 @@ FLOORS = [
     {"identify", "claims"},
     {"validation"},
     {"report"},
+    {"api"},
     {"cli"},
     {"__main__"},
 ]
@@ -37,13 +38,13 @@ OWNERS = {
     "numba": ["simulation/codegen/compiled.py"],
     "llvmlite": ["simulation/codegen/compiled.py", "simulation/codegen/machine.py"],
     "platformdirs": ["simulation/codegen/cache.py"],
-    "matplotlib": ["results/figures/*", "*/figure*.py"],
+    "matplotlib": ["results/figures/*", "*/figure*.py", "api.py"],
     "PIL": ["results/figures/animation.py"],
     "pydantic": ["config/*"],
     "yaml": ["config/fields/strict_yaml.py"],
-    "xarray": ["results/traces.py"],
+    "xarray": ["results/traces.py", "api.py"],
     "h5py": ["ensemble/shards.py", "dataset/arrays.py", "dataset/matlab.py"],
-    "pandas": ["dataset/tables.py", "dataset/matlab.py", "results/export.py"],
+    "pandas": ["dataset/tables.py", "dataset/matlab.py", "results/export.py", "api.py"],
     "pyarrow": ["results/export.py"],
     "matio": ["dataset/matlab.py"],
     "requests": ["dataset/fetch.py"],
@@ -60,7 +61,7 @@ OWNERS = {
 }
 
 BUDGETS = {
-    "ground": 269,
+    "ground": 281,
     "physics": 902,
     "simulation": 2288,
     "config": 2273,
@@ -73,6 +74,7 @@ BUDGETS = {
     "claims": 2109,
     "validation": 615,
     "report": 498,
+    "api": 138,
     "cli": 697,
 }
 """Code lines that a package may have: no comment, docstring or blank. What one needs, another gives."""
@@ -174,7 +176,7 @@ def code_lines(path: Path) -> int:
 def test_each_package_keeps_its_budget() -> None:
     sizes: Counter[str] = Counter()
     for file in FILES:
-        sizes[file.split("/")[0] if "/" in file else "ground"] += code_lines(PACKAGE / file)
+        sizes[room_of(file) if "/" in file or file == "api.py" else "ground"] += code_lines(PACKAGE / file)
     over = {name: (size, BUDGETS[name]) for name, size in sizes.items() if size > BUDGETS[name]}
     assert not over, f"package: (code lines, budget) {over}"
 
@@ -182,4 +184,4 @@ def test_each_package_keeps_its_budget() -> None:
 def test_the_house_is_small_enough_to_know() -> None:
     """Folder names say where things are; a reader keeps this many in mind."""
     assert len([path for path in PACKAGE.iterdir() if (path / "__init__.py").exists()]) <= 14
-    assert len([*PACKAGE.glob("*.py")]) <= 7
+    assert len([*PACKAGE.glob("*.py")]) <= 8

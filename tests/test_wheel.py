@@ -66,6 +66,6 @@ def test_the_wheel_works_in_an_empty_folder(wheel: Path, tmp_path: Path) -> None
             *("--set", "reference.periods=1", "--set", "reference.amplitude=[2,2]"),
         )
     )
-    assert data["printed"]["table2"]["controller_2"]["rmse_deg"] == [0.375, 0.292]
+    assert data["printed"]["table2"]["controller_2"]["rmse_deg"] == [None, None]
     assert run("report", ".", "--json", "--out", "out/report.html")
     assert [path.name for path in empty.iterdir()] == ["out"]

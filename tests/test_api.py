@@ -1,0 +1,107 @@
+"""The commands as functions, as a script uses them."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support import ROOT
+
+import tendonrepro as tr
+from tendonrepro.errors import UsageError
+from tendonrepro.files import to_json
+from tendonrepro.results.store import read_manifest
+
+PAGE = ROOT / "docs" / "python.md"
+SHORT = {"reference.periods": 1, "control.gains.lam": 6}
+
+
+@pytest.fixture(scope="module")
+def found() -> tr.Result:
+    return tr.compare(set=SHORT, controllers=[1, 2])
+
+
+def test_every_public_name_is_there() -> None:
+    for name in tr.__all__:
+        assert getattr(tr, name) is not None
+    with pytest.raises(AttributeError):
+        _ = tr.no_such_name  # type: ignore[attr-defined]
+
+
+def test_runs_are_datasets_with_units(found: tr.Result) -> None:
+    assert list(found) == ["controller_1", "controller_2", "controller_1_payload"]
+    run = found["controller_1"]
+    assert run["e"].dims == ("time", "joint")
+    assert run["tau_m"].attrs["units"] == "N m"
+    with pytest.raises(KeyError):
+        found["controller_3"]
+
+
+def test_tables_hold_the_numbers_of_the_runs(found: tr.Result) -> None:
+    table = found.tables["table2"].set_index(["run", "joint"])
+    for run in ("controller_1", "controller_2"):
+        mae = np.rad2deg(np.abs(found[run]["e"]).mean("time"))
+        assert table.loc[(run, 2), "mae_deg"] == pytest.approx(float(mae.sel(joint=2)))
+        assert found.data["table2"][run]["mae_deg"][1] == pytest.approx(float(mae.sel(joint=3)))
+
+
+def test_figures_are_drawn_by_number(found: tr.Result) -> None:
+    assert found.figures == ["13", "14", "15", "16"]
+    assert len(found.plot(14).axes) >= 4
+    with pytest.raises(UsageError):
+        found.plot(9)
+
+
+def test_what_is_saved_is_opened_again(found: tr.Result, tmp_path: Path) -> None:
+    folder = found.save(tmp_path / "mine")
+    assert {"traces.h5", "tables/table2.csv", "figures/fig14.svg"} <= read_manifest(folder)["outputs"].keys()
+    again = tr.open(str(folder))
+    assert to_json(again.data) == to_json(found.data)
+    assert (again["controller_2"]["e"] == found["controller_2"]["e"]).all()
+    with pytest.raises(UsageError):
+        tr.compare(set=SHORT, controllers=[2]).save(folder)
+
+
+def test_a_result_tells_itself_in_a_line(found: tr.Result) -> None:
+    assert len(repr(found)) < 100
+    assert "\n" not in repr(found)
+    assert "<table" in found._repr_html_()
+
+
+def test_a_study_is_a_result(tmp_path: Path) -> None:
+    found = tr.statics()
+    assert found.tables["statics"]["course"].unique().tolist() == list(found.data["courses"])
+    assert (found.save(tmp_path / "statics") / "statics.json").exists()
+
+
+def test_a_plain_script_needs_no_main_guard(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import tendonrepro as tr\n"
+        "found = tr.compare(set={'reference.periods': 1}, controllers=[2])\n"
+        "print(found.data['status']['controller_2'])\n"
+    )
+    done = subprocess.run(
+        [sys.executable, str(script)], capture_output=True, text=True, check=False, cwd=tmp_path
+    )
+    assert (done.returncode, done.stdout) == (0, "ok\n"), done.stderr
+
+
+def test_importing_the_package_loads_nothing_heavy() -> None:
+    code = "import sys, tendonrepro; print([x for x in ('numpy', 'scipy', 'xarray') if x in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not PAGE.exists(), reason="no docs folder beside the package")
+def test_the_examples_of_the_page_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    for block in re.findall(r"^```python\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.S | re.M):
+        exec(block, names)
+    assert (tmp_path / "reports" / "mine" / "manifest.json").exists()
