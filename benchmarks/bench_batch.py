@@ -57,7 +57,7 @@ class Stated:
     """Plants of one case: our closed loops and the same numbers for the baselines."""
 
     def __init__(self, duration, overrides, count):
-        from tendonrepro.config.load import load_config
+        from tendonrepro.configuration.load import load_config
 
         self.loop, self.parameters, self.reference = stated_case(duration, overrides)
         self.limits = load_config(None, "compare").config.status
@@ -200,9 +200,9 @@ def entries(found, errors, what, stated, default):
 
 def mix_case(draws=MIX_DRAWS, turns=TURNS):
     """Experiments per second of what an ensemble runs: draws of the shipped box under all its readings."""
-    from tendonrepro.ensemble.block import loops_of
-    from tendonrepro.ensemble.box import scrambled_sobol
-    from tendonrepro.ensemble.command import load_study
+    from tendonrepro.monte_carlo.block import loops_of
+    from tendonrepro.monte_carlo.box import scrambled_sobol
+    from tendonrepro.monte_carlo.command import load_study
     from tendonrepro.simulation.batch import simulate_batch
 
     study = load_study(None, (), None, "default")

@@ -19,7 +19,7 @@ def stated_case(duration, overrides=IDEAL_ENCODER):
     """Closed loop of Controller 1, the baselines' parameters and reference, all of one shortened run."""
     from dataclasses import replace
 
-    from tendonrepro.config.load import load_config
+    from tendonrepro.configuration.load import load_config
     from tendonrepro.experiments.loops import build_loops
     from tendonrepro.simulation.stepper import DesiredMotion
 

@@ -17,10 +17,10 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from tendonrepro.files import digest_of
-from tendonrepro.report import claims, orders
-from tendonrepro.report.answer import filled, numbers, percent
-from tendonrepro.report.figure_orders import draw_orders
-from tendonrepro.report.stored import thinned
+from tendonrepro.reporting import claims, orders
+from tendonrepro.reporting.answer import filled, numbers, percent
+from tendonrepro.reporting.figure_orders import draw_orders
+from tendonrepro.reporting.stored import thinned
 from tendonrepro.results.figures.style import save_drawing
 
 DOCS = Path(__file__).parent

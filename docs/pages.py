@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from tendonrepro.report import assumed
+from tendonrepro.reporting import assumed
 
 DOCS = Path(__file__).parent
 PART = re.compile(r"(<!-- made from ([\w ]+) -->\n).*?(<!-- end -->)", re.S)
@@ -28,14 +28,14 @@ def table(heads: str, rows: Iterable[Sequence[str]]) -> str:
 
 
 def pairs() -> str:
-    from tendonrepro.config.ensemble import load_ensemble
+    from tendonrepro.configuration.ensemble import load_ensemble
 
     return "\n".join(f"- `{'+'.join(pair)}`" for pair in load_ensemble(None).config.pairs)
 
 
 def unprinted(wanted: Callable[[str, bool], bool]) -> str:
     """Values of the shipped experiments that the paper does not print, by key and whether both hold them."""
-    from tendonrepro.config.load import load_config
+    from tendonrepro.configuration.load import load_config
 
     trees = [load_config(None, name).tree for name in ("compare", "decouple")]
     keys = [dict(assumed.quantities(tree)) for tree in trees]
@@ -50,8 +50,8 @@ def unprinted(wanted: Callable[[str, bool], bool]) -> str:
 def readings() -> str:
     """Places of the paper that can be read in more than one way."""
 
-    from tendonrepro.config.models.control import Readings
-    from tendonrepro.config.models.readings import AXES, RUNS
+    from tendonrepro.configuration.models.control import Readings
+    from tendonrepro.configuration.models.readings import AXES, RUNS
 
     def runs(affects: Mapping[str, tuple[str, ...]]) -> str:
         named = {value: "all" if held == RUNS else ", ".join(held) for value, held in affects.items()}
@@ -77,7 +77,7 @@ def of_decouple(key: str, both: bool) -> bool:
 
 def keys() -> str:
     """Every key of experiments and arm as the schema has it; readings have a table of their own."""
-    from tendonrepro.config.kinds import json_schema
+    from tendonrepro.configuration.kinds import json_schema
 
     rows: dict[str, tuple[str, str]] = {}
     for kind, above in (("compare", ()), ("decouple", ()), ("manipulator", ("manipulator",))):

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tendonrepro.config.load import ExperimentName, LoadedConfig, load_config
+from tendonrepro.configuration.load import ExperimentName, LoadedConfig, load_config
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.results.manifest import make_manifest

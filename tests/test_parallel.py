@@ -53,7 +53,7 @@ def test_errors_arrive_whole(monkeypatch: pytest.MonkeyPatch, processors: int) -
 
 
 def test_runs_do_not_depend_on_the_number_of_processes(monkeypatch: pytest.MonkeyPatch) -> None:
-    from tendonrepro.config.load import load_config
+    from tendonrepro.configuration.load import load_config
     from tendonrepro.console import Talk
     from tendonrepro.experiments.run import simulate_all
 

@@ -22,7 +22,7 @@ from tendonrepro import __version__
 from tendonrepro.cli.data import data_app
 from tendonrepro.cli.options import Laws, Terminal, command, only_law
 from tendonrepro.cli.study import study_app
-from tendonrepro.config.request import Request
+from tendonrepro.configuration.request import Request
 from tendonrepro.console import brief, printable
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.parallel import prepare
@@ -283,7 +283,7 @@ Changes = Annotated[
 @command(config_app, "tendonrepro config list", name="list")
 def config_list(terminal: Terminal) -> None:
     """Names of the shipped configurations."""
-    from tendonrepro.config.shipped import shipped_folder, shipped_names
+    from tendonrepro.configuration.shipped import shipped_folder, shipped_names
 
     names = shipped_names()
     terminal.talk.detail(f"in {shipped_folder()}")
@@ -293,7 +293,7 @@ def config_list(terminal: Terminal) -> None:
 @command(config_app, "tendonrepro config show compare", name="show")
 def config_show(terminal: Terminal, config: ConfigFile, overrides: Changes = None) -> None:
     """A configuration as it is used: complete, changes applied."""
-    from tendonrepro.config.kinds import shown
+    from tendonrepro.configuration.kinds import shown
 
     tree, text = shown(config, overrides or ())
     terminal.talk.detail(f"{config} is valid")
@@ -307,7 +307,7 @@ def config_init(
     out: Annotated[Path, Option("--out", help="Folder for the copy.")] = Path(),
 ) -> None:
     """Copy a shipped configuration and what it names, to be edited."""
-    from tendonrepro.config.shipped import init_config
+    from tendonrepro.configuration.shipped import init_config
 
     terminal.list_files(init_config(name, out))
 
@@ -331,7 +331,7 @@ def config_schema(
     ] = None,
 ) -> None:
     """JSON schema of configuration files, for editors."""
-    from tendonrepro.config.kinds import json_schema
+    from tendonrepro.configuration.kinds import json_schema
     from tendonrepro.files import to_json
 
     terminal.talk.detail(f"for {kind or 'any'} configuration")

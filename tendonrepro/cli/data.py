@@ -10,7 +10,7 @@ import typer
 from typer import Argument, Option
 
 from tendonrepro.cli.options import Terminal, command
-from tendonrepro.config.request import Request
+from tendonrepro.configuration.request import Request
 
 data_app = typer.Typer(rich_help_panel="Your data, or the paper's", rich_markup_mode=None)
 

@@ -54,7 +54,7 @@ def _outcome(check: Callable[[], str]) -> str:
 
 
 def _configurations() -> str:
-    from tendonrepro.config.load import load_config
+    from tendonrepro.configuration.load import load_config
 
     for experiment in ("compare", "decouple"):
         load_config(None, experiment)
@@ -62,7 +62,7 @@ def _configurations() -> str:
 
 
 def _published() -> str:
-    from tendonrepro.config.published import published
+    from tendonrepro.configuration.published import published
 
     return "ok" if published().entries else f"{WRONG} empty"
 

@@ -11,7 +11,7 @@ from typing import Annotated, Any, get_type_hints
 import typer
 from typer import Option
 
-from tendonrepro.config.request import Request
+from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk, printable
 from tendonrepro.errors import UsageError
 

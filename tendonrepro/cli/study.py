@@ -9,7 +9,7 @@ import typer
 from typer import Argument, Option
 
 from tendonrepro.cli.options import Laws, Terminal, command, only_law
-from tendonrepro.config.request import Request
+from tendonrepro.configuration.request import Request
 
 study_app = typer.Typer(rich_help_panel="Explore", rich_markup_mode=None)
 
@@ -53,7 +53,7 @@ def ensemble(
     yes: Annotated[bool, Option("--yes", help="The cost of all readings has been seen.")] = False,
 ) -> None:
     """Many plausible plants under many readings of the text."""
-    from tendonrepro.ensemble.command import run_ensemble
+    from tendonrepro.monte_carlo.command import run_ensemble
 
     found = run_ensemble(
         request, terminal.talk, draws=draws, jobs=jobs, dask=dask, readings=readings, yes=yes
@@ -84,8 +84,8 @@ def identify(
 
     An interrupted search goes on.
     """
-    from tendonrepro.identify.command import run_identify
-    from tendonrepro.identify.report import identify_text
+    from tendonrepro.identification.command import run_identify
+    from tendonrepro.identification.report import identify_text
 
     found = run_identify(
         request,
@@ -104,7 +104,7 @@ def identify(
 @command(study_app, "tendonrepro explain --set manipulator.actuator.output_delay=1", without=())
 def explain(request: Request, terminal: Terminal) -> None:
     """Stability margins and error ratios of the sampled loop."""
-    from tendonrepro.explain.command import run_explain
+    from tendonrepro.analysis.command import run_explain
 
     found = run_explain(request, terminal.talk)
     text = found.pop("text")
@@ -140,7 +140,7 @@ def claims(
     ] = False,
 ) -> int:
     """The verdict on every printed number and claim."""
-    from tendonrepro.claims.command import run_claims
+    from tendonrepro.verdicts.command import run_claims
 
     found = run_claims(out, ids or (), baseline, terminal.talk, measured, force=force)
     terminal.show(found.data, found.text)
@@ -157,7 +157,7 @@ def report(
     force: Annotated[bool, Option("--force", help="Overwrite a file that is no report.")] = False,
 ) -> None:
     """One HTML file for a reviewer, of all that was run."""
-    from tendonrepro.report.command import report_text, run_report
+    from tendonrepro.reporting.command import report_text, run_report
 
     found = run_report(results, out, terminal.talk, force=force)
     terminal.show(found, report_text)

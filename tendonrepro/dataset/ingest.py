@@ -12,8 +12,8 @@ import numpy as np
 
 from tendonrepro import __version__
 from tendonrepro.arrays import Array
-from tendonrepro.config.load import load_config
-from tendonrepro.config.published import coupling_of, published, table_1
+from tendonrepro.configuration.load import load_config
+from tendonrepro.configuration.published import coupling_of, published, table_1
 from tendonrepro.console import Talk
 from tendonrepro.dataset.mapping import confirmed, parse_mapping, read_mapping
 from tendonrepro.dataset.measured_file import origin

@@ -22,7 +22,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NoReturn
 
-from tendonrepro.config.fields.strict_yaml import Document, load, read_text
+from tendonrepro.configuration.fields.strict_yaml import Document, load, read_text
 from tendonrepro.dataset.words import FACTORS
 from tendonrepro.errors import ConfigError
 from tendonrepro.results.records import VARIABLES

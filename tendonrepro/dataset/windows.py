@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.config.published import Published, rounding
+from tendonrepro.configuration.published import Published, rounding
 from tendonrepro.physics.metrics import windows
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import CONTROLLERS, LOADS, sizes_deg

@@ -9,11 +9,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from tendonrepro.config.ensemble import LoadedEnsemble
-from tendonrepro.config.kinds import checked
-from tendonrepro.config.load import ExperimentName, LoadedConfig
-from tendonrepro.config.request import Request
-from tendonrepro.config.shipped import shipped_folder
+from tendonrepro.configuration.ensemble import LoadedEnsemble
+from tendonrepro.configuration.kinds import checked
+from tendonrepro.configuration.load import ExperimentName, LoadedConfig
+from tendonrepro.configuration.request import Request
+from tendonrepro.configuration.shipped import shipped_folder
 from tendonrepro.console import Talk, columns
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.experiments.linear import growing

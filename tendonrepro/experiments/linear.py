@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from tendonrepro.config.load import CompareConfig, LoadedConfig
+from tendonrepro.configuration.load import CompareConfig, LoadedConfig
 from tendonrepro.experiments.loops import build_law, build_reference
 from tendonrepro.experiments.rig import build_plant
 from tendonrepro.physics.control import Law

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.config.load import CompareConfig, LoadedConfig
-from tendonrepro.config.models.experiment import MOST_SAMPLES
-from tendonrepro.config.models.readings import RUNS
-from tendonrepro.config.models.reference import (
+from tendonrepro.configuration.load import CompareConfig, LoadedConfig
+from tendonrepro.configuration.models.experiment import MOST_SAMPLES
+from tendonrepro.configuration.models.readings import RUNS
+from tendonrepro.configuration.models.reference import (
     InTurns,
     MinimumJerk,
     PerJoint,
@@ -21,8 +21,8 @@ from tendonrepro.config.models.reference import (
     Sine,
     Single,
 )
-from tendonrepro.config.published import published
-from tendonrepro.config.trajectory_file import read_samples
+from tendonrepro.configuration.published import published
+from tendonrepro.configuration.trajectory_file import read_samples
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.experiments.rig import (
     Experiment,

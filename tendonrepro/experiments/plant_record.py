@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.config.fields.quantity import Matrix, Scalar, Vector
+from tendonrepro.configuration.fields.quantity import Matrix, Scalar, Vector
 from tendonrepro.experiments.rig import Experiment, build_drive
 from tendonrepro.physics.kinematics import to_joint_matrix
 from tendonrepro.results.records import PlantRecord, PlantValue

@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.config.load import CompareConfig, DecoupleConfig
-from tendonrepro.config.models.experiment import NoDisturbance, SineDisturbance, StepDisturbance
-from tendonrepro.config.models.manipulator import EncoderConfig, Manipulator
+from tendonrepro.configuration.load import CompareConfig, DecoupleConfig
+from tendonrepro.configuration.models.experiment import NoDisturbance, SineDisturbance, StepDisturbance
+from tendonrepro.configuration.models.manipulator import EncoderConfig, Manipulator
 from tendonrepro.physics.arm import Arm, make_arm
 from tendonrepro.physics.disturbance import (
     Disturbance,

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from tendonrepro import __version__
 from tendonrepro.arrays import Array
-from tendonrepro.config.load import CompareConfig, LoadedConfig
+from tendonrepro.configuration.load import CompareConfig, LoadedConfig
 from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import all_loops

@@ -15,7 +15,7 @@ from typing import Any, cast
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.config.load import LoadedConfig
+from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.files import sha256_of
 from tendonrepro.physics.control import Law, Memory

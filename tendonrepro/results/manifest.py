@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from tendonrepro import __version__
-from tendonrepro.config.load import LoadedConfig
+from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.files import sha256_of
 
 SCHEMA_VERSION = 1

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tendonrepro.arrays import Array
-from tendonrepro.config.fields.strict_yaml import load
-from tendonrepro.config.models.experiment import CompareConfig
-from tendonrepro.config.models.manipulator import Manipulator
-from tendonrepro.config.models.readings import RUNS
-from tendonrepro.config.published import COMPARED, PrintedText, coupling_of, published, table_1
-from tendonrepro.config.shipped import shipped_folder
+from tendonrepro.configuration.fields.strict_yaml import load
+from tendonrepro.configuration.models.experiment import CompareConfig
+from tendonrepro.configuration.models.manipulator import Manipulator
+from tendonrepro.configuration.models.readings import RUNS
+from tendonrepro.configuration.published import COMPARED, PrintedText, coupling_of, published, table_1
+from tendonrepro.configuration.shipped import shipped_folder
 from tendonrepro.physics.kinematics import coupling_inverse
 from tendonrepro.results.records import Trace, TraceFile
 

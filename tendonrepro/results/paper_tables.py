@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.config.published import PrintedNumber, PrintedRatio, published
+from tendonrepro.configuration.published import PrintedNumber, PrintedRatio, published
 from tendonrepro.results.paper import of_paper, printed_beside
 from tendonrepro.results.plausible import plausible_beside
 from tendonrepro.results.records import Trace, TraceFile

@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from functools import cache
 
-from tendonrepro.config.models.readings import AXES
+from tendonrepro.configuration.models.readings import AXES
 from tendonrepro.files import shipped
 from tendonrepro.results.paper import of_paper
 from tendonrepro.results.records import Trace, TraceFile

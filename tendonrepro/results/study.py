@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tendonrepro.config.load import LoadedConfig
-from tendonrepro.config.request import Request
+from tendonrepro.configuration.load import LoadedConfig
+from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
 from tendonrepro.files import to_json

@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.config.models.readings import AXES, PRINTED
+from tendonrepro.configuration.models.readings import AXES, PRINTED
 from tendonrepro.physics.metrics import windows
 from tendonrepro.physics.statics import slack_time, tendon_tension
 from tendonrepro.results.paper import of_paper

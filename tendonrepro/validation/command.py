@@ -9,11 +9,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
-from tendonrepro.claims.from_measurement import JUDGED, judge_measured
-from tendonrepro.claims.measured import Measured, measured_of
-from tendonrepro.config.load import LoadedConfig
-from tendonrepro.config.published import Published, published
-from tendonrepro.config.request import Request
+from tendonrepro.configuration.load import LoadedConfig
+from tendonrepro.configuration.published import Published, published
+from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.dataset.measured_file import origin, read_measured
 from tendonrepro.files import sha256_of, to_json
@@ -33,6 +31,8 @@ from tendonrepro.validation.rerun import (
     together,
 )
 from tendonrepro.validation.residuals import comparison_rows, coupling_rows
+from tendonrepro.verdicts.from_measurement import JUDGED, judge_measured
+from tendonrepro.verdicts.measured import Measured, measured_of
 
 SCHEMA_VERSION = 1
 RESULTS, SIMULATED = "validation.json", "simulated.h5"

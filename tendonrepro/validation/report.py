@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from tendonrepro.config.published import COMPARED, Published
+from tendonrepro.configuration.published import COMPARED, Published
 from tendonrepro.console import columns
 from tendonrepro.dataset.measured_file import resting_on
 from tendonrepro.dataset.windows import PrintedTables, Tried

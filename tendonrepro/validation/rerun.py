@@ -13,10 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from tendonrepro.claims.measured import Measured
-from tendonrepro.config.fields.strict_yaml import Node, dump
-from tendonrepro.config.load import LoadedConfig, load_config
-from tendonrepro.config.published import COMPARED
+from tendonrepro.configuration.fields.strict_yaml import Node, dump
+from tendonrepro.configuration.load import LoadedConfig, load_config
+from tendonrepro.configuration.published import COMPARED
 from tendonrepro.console import Talk
 from tendonrepro.dataset.motion import Knots, Reference, recorded, thinned, zero_of
 from tendonrepro.errors import TendonreproError
@@ -26,6 +25,7 @@ from tendonrepro.files import to_json, write_atomically
 from tendonrepro.parallel import each
 from tendonrepro.results.manifest import make_manifest
 from tendonrepro.results.records import Trace, TraceFile
+from tendonrepro.verdicts.measured import Measured
 
 COMPARE, DECOUPLE = "compare.yaml", "decouple.yaml"
 MOTION = "decouple_reference.csv"

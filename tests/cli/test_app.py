@@ -17,7 +17,7 @@ from support.command import SHORT, SHORT_DECOUPLE, answer, hear_interrupts, run
 from typer.testing import CliRunner
 
 from tendonrepro.cli.app import app
-from tendonrepro.config.shipped import shipped_folder
+from tendonrepro.configuration.shipped import shipped_folder
 
 
 @pytest.fixture(scope="module")

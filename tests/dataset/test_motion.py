@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from tendonrepro.arrays import Array
-from tendonrepro.config.fields.strict_yaml import dump
-from tendonrepro.config.load import CompareConfig, load_config
-from tendonrepro.config.trajectory_file import read_samples
+from tendonrepro.configuration.fields.strict_yaml import dump
+from tendonrepro.configuration.load import CompareConfig, load_config
+from tendonrepro.configuration.trajectory_file import read_samples
 from tendonrepro.dataset.motion import (
     derivatives,
     onset,

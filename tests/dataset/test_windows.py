@@ -9,7 +9,7 @@ import pytest
 from support.measured_synthetic import CONTROLLERS, LOADED, measured_trace, printed_file
 from support.synthetic import PERIOD, make_compare_file
 
-from tendonrepro.config.published import published
+from tendonrepro.configuration.published import published
 from tendonrepro.dataset.windows import (
     NUMBERS,
     Timing,

@@ -10,15 +10,15 @@ from typing import Any
 import pytest
 from support import ROOT
 
-from tendonrepro.claims.judge import Sources, judge_all
-from tendonrepro.config.load import load_config
-from tendonrepro.config.published import published
+from tendonrepro.configuration.load import load_config
+from tendonrepro.configuration.published import published
 from tendonrepro.console import Talk
 from tendonrepro.experiments.run import simulate_all, trace_file
-from tendonrepro.report.answer import numbers
-from tendonrepro.report.figure_orders import draw_orders
-from tendonrepro.report.orders import AS_PUBLISHED, CHANGED, orders
+from tendonrepro.reporting.answer import numbers
+from tendonrepro.reporting.figure_orders import draw_orders
+from tendonrepro.reporting.orders import AS_PUBLISHED, CHANGED, orders
 from tendonrepro.results.paper_tables import table_data
+from tendonrepro.verdicts.judge import Sources, judge_all
 
 DOCS = ROOT / "docs"
 pytestmark = pytest.mark.skipif(not DOCS.is_dir(), reason="no docs folder beside the package")

@@ -19,13 +19,13 @@ from typer.main import get_command
 
 import tendonrepro
 from tendonrepro.cli.app import app
-from tendonrepro.config.ensemble import load_ensemble
-from tendonrepro.config.fields.quantity import UNITS
-from tendonrepro.config.kinds import json_schema
-from tendonrepro.config.load import ExperimentName, LoadedConfig, load_config
-from tendonrepro.config.published import published
-from tendonrepro.config.request import Request
-from tendonrepro.config.shipped import shipped_folder
+from tendonrepro.configuration.ensemble import load_ensemble
+from tendonrepro.configuration.fields.quantity import UNITS
+from tendonrepro.configuration.kinds import json_schema
+from tendonrepro.configuration.load import ExperimentName, LoadedConfig, load_config
+from tendonrepro.configuration.published import published
+from tendonrepro.configuration.request import Request
+from tendonrepro.configuration.shipped import shipped_folder
 from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.command import Order, run_experiments
@@ -34,7 +34,7 @@ from tendonrepro.experiments.rig import build_plant
 from tendonrepro.experiments.user_law import find_user_law
 from tendonrepro.physics.linear_loop import decay_rate, plant_matrices
 from tendonrepro.physics.metrics import mae, status_of
-from tendonrepro.report.assumed import quantities
+from tendonrepro.reporting.assumed import quantities
 from tendonrepro.results.traces import read_traces
 from tendonrepro.simulation.stepper import simulate
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from support import ROOT
 
-from tendonrepro.config.load import CompareConfig, load_config
+from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.experiments.loops import build_law, build_loops
 from tendonrepro.experiments.rig import build_plant
 from tendonrepro.physics.linear_loop import decay_rate

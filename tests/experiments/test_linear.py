@@ -1,6 +1,6 @@
 """A run may end well although its linear loop grows; the comparison says so."""
 
-from tendonrepro.config.load import load_config
+from tendonrepro.configuration.load import load_config
 from tendonrepro.experiments.linear import growing, run_views
 from tendonrepro.experiments.loops import build_reference
 from tendonrepro.experiments.report import _growing

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.oracles import TABLE_1, coupling_by_columns
 
-from tendonrepro.config.load import load_config
+from tendonrepro.configuration.load import load_config
 from tendonrepro.experiments.rig import (
     build_actuator,
     build_arm,

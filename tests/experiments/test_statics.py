@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from support.oracles import TABLE_1, coupling_by_columns
 
-from tendonrepro.config.load import load_config
-from tendonrepro.config.request import Request
+from tendonrepro.configuration.load import load_config
+from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import ConfigError
 from tendonrepro.experiments.statics.command import run_statics, statics_data, statics_rows

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from support.overrides import SMOOTH, one_stroke, quantity
 
-from tendonrepro.config.load import load_config
-from tendonrepro.config.request import Request
+from tendonrepro.configuration.load import load_config
+from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.experiments.loops import build_loops
@@ -51,7 +51,7 @@ class TestTheory:
     def test_alpha_makes_the_error_larger_by_one_plus_alpha(self):
         data = swept(ALPHA, overrides=SLOW)
         w = 1.0 + np.array(data["keys"][0]["numbers"])
-        # As tests/explain/test_small_signal.py: of first order in 1/T, and 6 % of w - 1, common to both.
+        # As tests/analysis/test_small_signal.py: of first order in 1/T, and 6 % of w - 1, common to both.
         np.testing.assert_array_less(np.abs(ratios(data) - w), 0.025 / 8.0 + 0.06 * (w - 1.0) + 1e-12)
         assert np.all(ratios(data)[0] == 1.0)
         np.testing.assert_allclose([p["predicted_ratio"]["c1_c2"] for p in data["points"]], w, rtol=1e-12)

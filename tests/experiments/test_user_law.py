@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tendonrepro.config.load import load_config
+from tendonrepro.configuration.load import load_config
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.experiments.loops import all_loops
 from tendonrepro.experiments.user_law import _checked, find_user_law

@@ -8,7 +8,7 @@ from scipy.linalg import block_diag
 from scipy.optimize import brentq
 from scipy.signal import cont2discrete
 
-from tendonrepro.config.load import load_config
+from tendonrepro.configuration.load import load_config
 from tendonrepro.experiments.loops import build_law
 from tendonrepro.experiments.rig import build_plant
 from tendonrepro.physics.arm import Arm, gravity_torque

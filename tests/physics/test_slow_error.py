@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tendonrepro.config.load import load_config
+from tendonrepro.configuration.load import load_config
 from tendonrepro.experiments.loops import build_law
 from tendonrepro.physics.slow_error import error_ratio, estimate_age, stiffness
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tendonrepro.config.trajectory_file import MOST_BYTES, read_samples
+from tendonrepro.configuration.trajectory_file import MOST_BYTES, read_samples
 from tendonrepro.errors import ConfigError
 from tendonrepro.physics.trajectory import (
     Motion,

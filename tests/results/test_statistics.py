@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tendonrepro.config.load import load_config
+from tendonrepro.configuration.load import load_config
 from tendonrepro.experiments.loops import all_loops
 from tendonrepro.results.records import Trace
 from tendonrepro.results.statistics import error_sizes, saturated, statistics

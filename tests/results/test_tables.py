@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 from support.synthetic import S_INV, S, make_compare_file, make_decouple_file
 
-from tendonrepro.config.ensemble import load_ensemble
+from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.experiments.report import outcome_of
 from tendonrepro.files import shipped
 from tendonrepro.results.paper import base_of_paper, of_paper

@@ -10,11 +10,11 @@ import pytest
 from scipy.signal import lfilter
 
 from tendonrepro.arrays import Array
-from tendonrepro.config.ensemble import load_ensemble
-from tendonrepro.config.load import CompareConfig, load_config
-from tendonrepro.ensemble.box import configured, make_box, scrambled_sobol
+from tendonrepro.configuration.ensemble import load_ensemble
+from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import build_loops
+from tendonrepro.monte_carlo.box import configured, make_box, scrambled_sobol
 from tendonrepro.physics.disturbance import no_disturbance
 from tendonrepro.physics.dynamics import frictionless
 from tendonrepro.physics.linear_loop import decay_rate, plant_matrices

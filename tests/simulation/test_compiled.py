@@ -14,7 +14,7 @@ import pytest
 from support import ROOT
 from support.oracles import FEATURES, PAPER, random_plant, random_state
 
-from tendonrepro.config.load import CompareConfig, load_config
+from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.experiments.loops import build_law
 from tendonrepro.physics import control
 from tendonrepro.physics.control import remember, start_memory

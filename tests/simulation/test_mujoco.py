@@ -19,7 +19,7 @@ import pytest
 from numpy.typing import NDArray
 from support.oracles import Routing, rope_used, winch_angles
 
-from tendonrepro.config.load import load_config
+from tendonrepro.configuration.load import load_config
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.simulation.stepper import simulate
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from tendonrepro.config.load import load_config
+from tendonrepro.configuration.load import load_config
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.physics import drive, dynamics
 from tendonrepro.physics.dynamics import holding_torque, rest_state

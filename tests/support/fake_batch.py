@@ -9,8 +9,8 @@ import h5py
 import numpy as np
 
 from tendonrepro.console import Talk
-from tendonrepro.ensemble.command import load_study, run_study
-from tendonrepro.ensemble.shards import FOLDER, shard_files
+from tendonrepro.monte_carlo.command import load_study, run_study
+from tendonrepro.monte_carlo.shards import FOLDER, shard_files
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.store import unfinished
 from tendonrepro.simulation.batch import Batch
@@ -81,7 +81,7 @@ def slow_batch(loops, limits):
 
 def run_small(folder, jobs):
     """Body of a process that may be killed: figures left out, for they are no part of what is resumed."""
-    from tendonrepro.ensemble import command as ensemble
+    from tendonrepro.monte_carlo import command as ensemble
 
     ensemble.draw_ensemble_figures = lambda *_: []
     ensemble.run_study(small_study(), DRAWS, folder, jobs=jobs, talk=Talk(quiet=True), simulate=fake_batch)

@@ -4,12 +4,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from support.other_print import with_numbers
-from tendonrepro.claims.judge import Sources, judge_all
-from tendonrepro.claims.sensitivity import ranked
-from tendonrepro.claims.statements import HALVED, IDEAL, LONGER, SHORTER, SIZES
-from tendonrepro.config.models.readings import PRINTED
-from tendonrepro.config.published import published
+from tendonrepro.configuration.models.readings import PRINTED
+from tendonrepro.configuration.published import published
 from tendonrepro.results.summary import CONTROLLERS
+from tendonrepro.verdicts.judge import Sources, judge_all
+from tendonrepro.verdicts.sensitivity import ranked
+from tendonrepro.verdicts.statements import HALVED, IDEAL, LONGER, SHORTER, SIZES
 
 Array = NDArray[np.float64]
 

@@ -4,8 +4,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from tendonrepro.ensemble.report import population_summary
-from tendonrepro.ensemble.shares import printed_ratios
+from tendonrepro.monte_carlo.report import population_summary
+from tendonrepro.monte_carlo.shares import printed_ratios
 
 RUNS = ("controller_1", "controller_2", "controller_3", "controller_1_payload")
 READINGS = ("printed", "weights=extrapolating", "start=cold")

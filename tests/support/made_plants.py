@@ -5,11 +5,11 @@ from functools import cache
 import numpy as np
 
 from support.other_print import with_numbers
-from tendonrepro.config.ensemble import load_ensemble
-from tendonrepro.config.models.readings import RUNS
-from tendonrepro.config.published import published
+from tendonrepro.configuration.ensemble import load_ensemble
+from tendonrepro.configuration.models.readings import RUNS
+from tendonrepro.configuration.published import published
 from tendonrepro.console import Talk
-from tendonrepro.identify.misfit import Outcome, printed_numbers
+from tendonrepro.identification.misfit import Outcome, printed_numbers
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.batch import Batch
 from tendonrepro.simulation.streaming import STATISTICS

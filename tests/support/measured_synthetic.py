@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from support.synthetic import make_compare_file
-from tendonrepro.config.published import published
+from tendonrepro.configuration.published import published
 from tendonrepro.results.records import Trace, TraceFile
 
 Array = NDArray[np.float64]

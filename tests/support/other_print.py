@@ -3,7 +3,7 @@
 from dataclasses import replace
 from types import MappingProxyType
 
-from tendonrepro.config.published import PrintedNumber
+from tendonrepro.configuration.published import PrintedNumber
 
 
 def with_numbers(paper, values, decimals=None):

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from support.matlab_bytes import classic, objects, record, records, timeseries
-from tendonrepro.config.published import coupling_of, published, table_1
+from tendonrepro.configuration.published import coupling_of, published, table_1
 
 Array = NDArray[np.float64]
 

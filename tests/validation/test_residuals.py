@@ -15,9 +15,9 @@ from support.measured_synthetic import measured_trace, moved, with_runs
 from support.synthetic import COUNT, S, make_compare_file, make_decouple_file
 
 from tendonrepro.arrays import Array
-from tendonrepro.config.load import load_config
-from tendonrepro.config.request import Request
-from tendonrepro.config.trajectory_file import read_samples
+from tendonrepro.configuration.load import load_config
+from tendonrepro.configuration.request import Request
+from tendonrepro.configuration.trajectory_file import read_samples
 from tendonrepro.console import Talk
 from tendonrepro.dataset.motion import Reference, recorded, recover, thinned, zero_of
 from tendonrepro.results.records import Trace, TraceFile

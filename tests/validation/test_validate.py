@@ -13,9 +13,9 @@ import pytest
 from support.measured_synthetic import CONTROLLERS, LOADED, measured_trace, printed_file
 from support.synthetic import PERIOD, make_compare_file, make_decouple_file
 
-from tendonrepro.config.load import load_config
-from tendonrepro.config.published import published
-from tendonrepro.config.request import Request
+from tendonrepro.configuration.load import load_config
+from tendonrepro.configuration.published import published
+from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.dataset.windows import PrintedTables, Tried
 from tendonrepro.errors import DataMissingError, UsageError

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from tendonrepro.config.load import LoadedConfig
-from tendonrepro.config.request import Request
+from tendonrepro.configuration.load import LoadedConfig
+from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.experiments.statics.report import statics_text
 from tendonrepro.experiments.statics.survey import RESERVE, STRETCH, Survey, survey

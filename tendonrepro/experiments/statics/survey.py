@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.config.ensemble import load_ensemble
-from tendonrepro.config.load import LoadedConfig
-from tendonrepro.config.models.box import BoxRange
-from tendonrepro.config.published import published
+from tendonrepro.configuration.ensemble import load_ensemble
+from tendonrepro.configuration.load import LoadedConfig
+from tendonrepro.configuration.models.box import BoxRange
+from tendonrepro.configuration.published import published
 from tendonrepro.errors import ConfigError
 from tendonrepro.experiments.rig import Experiment, build_arm, coupling
 from tendonrepro.physics.arm import Arm, gravity_torque, joint_angles

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from tendonrepro.config.load import CompareConfig, LoadedConfig
-from tendonrepro.config.overrides import parse_override
-from tendonrepro.config.request import Request
+from tendonrepro.configuration.load import CompareConfig, LoadedConfig
+from tendonrepro.configuration.overrides import parse_override
+from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk, columns
 from tendonrepro.experiments.loops import all_loops, build_law
 from tendonrepro.experiments.sweep.own_law import own_run

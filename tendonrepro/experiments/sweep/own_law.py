@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.config.load import LoadedConfig
+from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.experiments.loops import all_loops
 from tendonrepro.experiments.run import simulate_run
 from tendonrepro.experiments.sweep.report import COLUMNS

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 
-from tendonrepro.config.draft import ConfigSource, Draft
-from tendonrepro.config.fields.strict_yaml import Node, load
-from tendonrepro.config.load import CompareConfig, LoadedConfig
-from tendonrepro.config.models.reference import Sampled
-from tendonrepro.config.overrides import Override
+from tendonrepro.configuration.draft import ConfigSource, Draft
+from tendonrepro.configuration.fields.strict_yaml import Node, load
+from tendonrepro.configuration.load import CompareConfig, LoadedConfig
+from tendonrepro.configuration.models.reference import Sampled
+from tendonrepro.configuration.overrides import Override
 from tendonrepro.errors import ConfigError, UsageError
 
 MOST_KEYS = 2

@@ -1,0 +1,160 @@
+"""Numbers that carry their unit and where they come from."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated, Any, TypeAlias
+
+import numpy as np
+from pydantic import AfterValidator, BeforeValidator, WithJsonSchema
+
+from tendonrepro.arrays import Array
+from tendonrepro.configuration.fields.model import Model, Problems, describe, refuse
+from tendonrepro.configuration.fields.strict_yaml import Key
+
+_SOURCE = r"^(printed|derived|datasheet|assumed|identified): \S"
+
+
+@dataclass(frozen=True)
+class _Unit:
+    """A unit as ``value * factor / divisor`` of its SI unit; dividing keeps 77 mm the float nearest .077."""
+
+    si: str
+    factor: float = 1.0
+    divisor: float = 1.0
+
+
+_SI_UNITS = (
+    "1", "s", "Hz", "s-1", "s-2", "m", "m s-1", "m s-2", "rad", "rad s-1", "rad s-2", "kg", "kg m2",
+    "N", "N m", "N m-1", "N s m-1", "N m rad-1", "N m s rad-1",
+)  # fmt: skip
+_DEGREE = math.pi / 180.0
+UNITS = {unit: _Unit(unit) for unit in _SI_UNITS} | {
+    "ms": _Unit("s", divisor=1000.0),
+    "mm": _Unit("m", divisor=1000.0),
+    "deg": _Unit("rad", _DEGREE),
+    "deg s-1": _Unit("rad s-1", _DEGREE),
+    "deg s-2": _Unit("rad s-2", _DEGREE),
+    "N m s": _Unit("N m s rad-1"),
+}
+
+
+def _check_source(text: str) -> str:
+    if not re.match(_SOURCE, text):
+        origins = "printed:, derived:, datasheet:, assumed: or identified:"
+        refuse(f"must begin with {origins} and then say where from, found {describe(text)}")
+    return text
+
+
+Source: TypeAlias = Annotated[
+    str, AfterValidator(_check_source), WithJsonSchema({"type": "string", "pattern": _SOURCE})
+]
+"""``origin: words`` with origin printed, derived, datasheet, assumed or identified."""
+
+
+def to_si(value: Any, unit: str) -> Any:
+    """A number or an array of them in its SI unit and radians."""
+    known = UNITS[unit]
+    return value * known.factor / known.divisor
+
+
+class Quantity(Model):
+    """A value as written, with unit (UDUNITS spelling) and source; use `Scalar`, `Vector` or `Matrix`."""
+
+    value: Any
+    unit: str
+    source: Source
+
+    def entries(self) -> Iterator[tuple[tuple[int, ...], float]]:
+        """Every single number with its index below `value`."""
+        yield from ((index, float(number)) for index, number in np.ndenumerate(np.asarray(self.value)))
+
+    @property
+    def si_unit(self) -> str:
+        """Unit of `si`."""
+        return UNITS[self.unit].si
+
+
+def _number(raw: object, at: Key, problems: Problems) -> float:
+    if isinstance(raw, bool) or not isinstance(raw, int | float):
+        problems.add(at, f"must be a number, found {describe(raw)}")
+        return math.nan
+    try:
+        value = float(raw)
+    except OverflowError:
+        value = math.inf
+    if not math.isfinite(value):
+        problems.add(at, f"must be a finite number, found {describe(raw)}")
+    return value
+
+
+def _list(raw: object, what: str, at: Key, problems: Problems) -> list[object]:
+    if isinstance(raw, list | tuple) and raw:
+        return list(raw)
+    found = "an empty list" if isinstance(raw, list | tuple) else describe(raw)
+    problems.add(at, f"must be a list of {what}, found {found}")
+    return []
+
+
+def _read_scalar(raw: object) -> float:
+    with Problems() as problems:
+        return _number(raw, (), problems)
+
+
+def _read_vector(raw: object) -> tuple[float, ...]:
+    with Problems() as problems:
+        items = _list(raw, "numbers", (), problems)
+        return tuple(_number(item, (i,), problems) for i, item in enumerate(items))
+
+
+def _read_matrix(raw: object) -> tuple[tuple[float, ...], ...]:
+    with Problems() as problems:
+        rows = [
+            _list(row, "numbers", (i,), problems)
+            for i, row in enumerate(_list(raw, "rows of numbers", (), problems))
+        ]
+        for i, row in enumerate(rows):
+            if row and len(row) != len(rows[0]):
+                problems.add((i,), f"has {len(row)} entries where the first row has {len(rows[0])}")
+        return tuple(
+            tuple(_number(item, (i, j), problems) for j, item in enumerate(row)) for i, row in enumerate(rows)
+        )
+
+
+class Scalar(Quantity):
+    """One number."""
+
+    value: Annotated[float, BeforeValidator(_read_scalar)]
+
+    def __str__(self) -> str:
+        """Value and unit, as written."""
+        return f"{self.value:.12g} {self.unit}"
+
+    @property
+    def si(self) -> float:
+        """The value in SI units and radians."""
+        return float(to_si(self.value, self.unit))
+
+
+class _Several(Quantity):
+    @property
+    def si(self) -> Array:
+        """The values in SI units and radians, read-only, shape (n,) or (rows, columns)."""
+        array = np.asarray(to_si(np.array(self.value, dtype=np.float64), self.unit))
+        array.setflags(write=False)
+        return array
+
+
+class Vector(_Several):
+    """A list of numbers, one per joint unless said otherwise."""
+
+    value: Annotated[tuple[float, ...], BeforeValidator(_read_vector)]
+
+
+class Matrix(_Several):
+    """A list of rows of numbers."""
+
+    value: Annotated[tuple[tuple[float, ...], ...], BeforeValidator(_read_matrix)]

@@ -1,0 +1,71 @@
+"""Any configuration, whatever it is for: an experiment, an ensemble, or a manipulator."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, TypeAlias
+
+from pydantic import TypeAdapter
+
+from tendonrepro.configuration.draft import MANIPULATOR, Draft, find_source
+from tendonrepro.configuration.ensemble import EnsembleConfig, LoadedEnsemble, load_ensemble
+from tendonrepro.configuration.fields.strict_yaml import dump, load
+from tendonrepro.configuration.load import CompareConfig, DecoupleConfig, LoadedConfig, load_config
+from tendonrepro.configuration.models.manipulator import Manipulator
+from tendonrepro.configuration.overrides import parse_override
+from tendonrepro.errors import UsageError
+
+Held: TypeAlias = LoadedConfig | LoadedEnsemble | Manipulator
+
+_KINDS: dict[str, Any] = {
+    "compare": CompareConfig,
+    "decouple": DecoupleConfig,
+    "ensemble": EnsembleConfig,
+    MANIPULATOR: Manipulator,
+}
+
+
+def checked(source: str, overrides: Sequence[str]) -> Held:
+    """Read and validate whatever a file, standard input (``-``) or a shipped configuration holds.
+
+    Raises
+    ------
+    ConfigError
+        When it is not valid.
+    """
+    found = find_source(source, None)
+    draft = Draft(found, None)
+    if draft.experiment == MANIPULATOR:
+        draft.apply([parse_override(text) for text in overrides])
+        return draft.validate(Manipulator)
+    if draft.experiment == "ensemble":
+        return load_ensemble(found, overrides=overrides)
+    return load_config(found, None, overrides=overrides)
+
+
+def shown(source: str, overrides: Sequence[str]) -> tuple[dict[str, Any], str]:
+    """Plain values and YAML text of a configuration as it is used, valid or refused as by `checked`."""
+    held = checked(source, overrides)
+    text = dump(held.model_dump(mode="json")) if isinstance(held, Manipulator) else held.yaml_text
+    tree = load(text, source).tree
+    assert isinstance(tree, dict)
+    return tree, text
+
+
+def json_schema(kind: str | None = None) -> dict[str, Any]:
+    """JSON schema of a configuration file of a kind, of any kind when None.
+
+    Raises
+    ------
+    UsageError
+        When there is no such kind.
+    """
+    if kind is not None and kind not in _KINDS:
+        raise UsageError(f"no schema {kind!r}; there are {', '.join(_KINDS)}")
+    anything = CompareConfig | DecoupleConfig | EnsembleConfig | Manipulator
+    model: Any = anything if kind is None else _KINDS[kind]
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **TypeAdapter(model).json_schema(),
+        "title": "tendonrepro configuration" if kind is None else f"tendonrepro configuration: {kind}",
+    }

@@ -1,0 +1,255 @@
+"""The two experiments of a configuration, and the checks that span their sections."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, TypeAlias, TypeVar
+
+from pydantic import (
+    Field,
+    GetJsonSchemaHandler,
+    StrictInt,
+    ValidationInfo,
+    field_validator,
+)
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
+
+from tendonrepro.configuration.fields.model import (
+    Model,
+    Outline,
+    Problems,
+    RootModel,
+    RunName,
+    SchemaVersion,
+    is_multiple,
+    refuse,
+)
+from tendonrepro.configuration.fields.physical import per_joint, per_moving_joint, physical
+from tendonrepro.configuration.fields.quantity import Scalar, Vector
+from tendonrepro.configuration.models.control import Control
+from tendonrepro.configuration.models.manipulator import Manipulator
+from tendonrepro.configuration.models.reference import ReferenceConfig
+
+_T = TypeVar("_T")
+
+MOST_SAMPLES = 1e6
+"""Longest run; ten times as much would not fit into the memory of a small machine."""
+
+MOST_STEPS = 1e3
+"""Steps of the integrator in a sampling period; five times as many count as a plant it cannot follow."""
+
+
+class NoDisturbance(Model):
+    """No disturbance torque."""
+
+    kind: Literal["none"]
+
+
+class StepDisturbance(Model):
+    """A constant torque from a start time on."""
+
+    kind: Literal["step"]
+    torque: Annotated[Vector, per_moving_joint("N m", "torque on each joint")]
+    start: Annotated[Scalar, physical("s", "time of the step", at_least=0.0)]
+
+
+class SineDisturbance(Model):
+    """A sine that is zero at the start."""
+
+    kind: Literal["sine"]
+    torque: Annotated[Vector, per_moving_joint("N m", "amplitude on each joint")]
+    frequency: Annotated[Scalar, physical("Hz", "frequency", above=0.0)]
+
+
+class NoiseDisturbance(Model):
+    """Band-limited noise drawn from the seed."""
+
+    kind: Literal["noise"]
+    torque: Annotated[Vector, per_moving_joint("N m", "RMS torque on each joint", at_least=0.0)]
+    band: Annotated[Vector, physical("Hz", "lowest and highest frequency", at_least=0.0, size="pair")]
+    components: Annotated[Scalar, physical("1", "number of sines", at_least=1.0, at_most=100.0, whole=True)]
+
+    @field_validator("band")
+    @classmethod
+    def _check_band(cls, band: Vector) -> Vector:
+        low, high = band.value
+        if low >= high:
+            refuse(f"must rise from low to high, found {low:g} to {high:g} Hz", "value")
+        return band
+
+
+DisturbanceConfig: TypeAlias = Annotated[
+    NoDisturbance | StepDisturbance | SineDisturbance | NoiseDisturbance, Field(discriminator="kind")
+]
+
+
+class SolverConfig(Model):
+    """Integrator of the plant between two samples."""
+
+    method: Literal["dopri5", "dop853", "lsoda"]
+    rtol: Annotated[Scalar, physical("1", "relative tolerance", above=0.0, below=1.0)]
+    atol: Annotated[Scalar, physical("1", "absolute tolerance, rad and rad/s", above=0.0, below=1.0)]
+    max_step: Annotated[Scalar, physical("s", "longest step; divides the sampling period", above=0.0)]
+
+
+class StatusLimits(Model):
+    """When a run counts as diverged or ringing."""
+
+    divergence_limit: Annotated[Scalar, physical("rad", "error at which a run has diverged", above=0.0)]
+    ringing_frequency: Annotated[Scalar, physical("Hz", "frequency above which error is ringing", above=0.0)]
+    ringing_share: Annotated[
+        Scalar, physical("1", "share of the error's power that is ringing", above=0.0, below=1.0)
+    ]
+
+
+class _OrFile:
+    """States in the JSON schema that a file may name the manipulator instead of holding it."""
+
+    def __get_pydantic_json_schema__(
+        self, core: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        name = {"type": "string", "description": "file beside this one, or a shipped one"}
+        return {"anyOf": [name, handler(core)]}
+
+
+class Experiment(RootModel):
+    """What both experiments state."""
+
+    schema_version: SchemaVersion
+    title: Annotated[str, Field(min_length=1, description="title of figures and files")]
+    manipulator: Annotated[Manipulator, _OrFile()]
+    joints: Annotated[
+        tuple[StrictInt, ...], Field(min_length=1, description="moving joints: the last ones, in order")
+    ]
+    posture: Annotated[Vector, per_joint("rad", "joint angles at which the encoders read zero")]
+    sampling_period: Annotated[Scalar, physical("s", "sampling period L, also the delay time", above=0.0)]
+    seed: Annotated[
+        Scalar, physical("1", "seed of all random numbers", at_least=0.0, at_most=2.0**32 - 1.0, whole=True)
+    ]
+    disturbance: DisturbanceConfig
+    solver: SolverConfig
+    status: StatusLimits
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        """State that a file may name a base, of which it then says only what differs."""
+        reference = handler(core)
+        schema = handler.resolve_ref_schema(reference)
+        schema["properties"]["base"] = {"type": "string", "description": "file that has the other keys"}
+        with_base = {"required": ["schema_version", "experiment", "base"]}
+        schema["anyOf"] = [{"required": schema.pop("required")}, with_base]
+        return reference
+
+    @field_validator("joints")
+    @classmethod
+    def _check_joints(cls, joints: tuple[int, ...], info: ValidationInfo) -> tuple[int, ...]:
+        last = Outline.known(info).joints
+        if last is not None and joints != tuple(range(last - len(joints) + 1, last + 1)):
+            message = (
+                f"must be the last joints in order, up to {last} of the manipulator, found {list(joints)}"
+            )
+            refuse(message)
+        return joints
+
+    @field_validator("disturbance")
+    @classmethod
+    def _check_start(cls, disturbance: _T, info: ValidationInfo) -> _T:
+        period: Scalar | None = info.data.get("sampling_period")
+        if period is not None and isinstance(disturbance, StepDisturbance):
+            start = disturbance.start
+            if start.si > 0.0 and not is_multiple(start.si, period.si):
+                message = f"must be a whole multiple of the sampling period, {period}, found {start}"
+                refuse(message, "start", "value")
+        return disturbance
+
+    @field_validator("solver")
+    @classmethod
+    def _check_step(cls, solver: SolverConfig, info: ValidationInfo) -> SolverConfig:
+        period: Scalar | None = info.data.get("sampling_period")
+        if period is not None and not is_multiple(period.si, solver.max_step.si):
+            message = f"must divide the sampling period, {period}, found {solver.max_step}"
+            refuse(message, "max_step", "value")
+        if period is not None and solver.max_step.si * MOST_STEPS < period.si * (1.0 - 1e-9):
+            message = (
+                f"must be at least a thousandth of the sampling period, {period}, found {solver.max_step}"
+            )
+            refuse(message, "max_step", "value")
+        return solver
+
+
+class CompareRun(Model):
+    """One run of the comparison."""
+
+    law: Annotated[str, Field(description="name of one of the laws")]
+    payload: Annotated[Scalar, physical("kg", "point mass at the tool", at_least=0.0)]
+
+    @field_validator("law")
+    @classmethod
+    def _check_law(cls, law: str, info: ValidationInfo) -> str:
+        laws = Outline.known(info).laws
+        if laws is not None and law not in laws:
+            refuse(f"must be one of control.laws, {', '.join(map(str, laws))}, found {law!r}")
+        return law
+
+
+class CompareConfig(Experiment):
+    """Controllers on the same reference, sections 5.3 and 5.4."""
+
+    experiment: Literal["compare"]
+    reference: ReferenceConfig
+    control: Control
+    runs: Annotated[dict[RunName, CompareRun], Field(min_length=1, description="runs by name")]
+
+    @field_validator("reference")
+    @classmethod
+    def _check_reference(cls, reference: ReferenceConfig, info: ValidationInfo) -> ReferenceConfig:
+        if wrong := _wrong_duration(reference, info):
+            refuse(wrong)
+        return reference
+
+
+class PositionLoop(Model):
+    """The stiff loop that makes motors follow their commands; the paper does not describe it."""
+
+    stiffness: Annotated[Vector, per_moving_joint("N m rad-1", "stiffness at the winch", above=0.0)]
+    damping: Annotated[Vector, per_moving_joint("N m s rad-1", "damping at the winch", at_least=0.0)]
+
+
+class DecoupleRun(Model):
+    """One run of the decoupling experiment."""
+
+    drives: Annotated[
+        Literal["joints", "motors"],
+        Field(description="whether the reference is of joints, mapped by S_inv, or of the motors themselves"),
+    ]
+    reference: ReferenceConfig
+    payload: Annotated[Scalar, physical("kg", "point mass at the tool", at_least=0.0)]
+
+
+class DecoupleConfig(Experiment):
+    """Motors follow a command and joints follow the motors, section 5.2."""
+
+    experiment: Literal["decouple"]
+    position_loop: PositionLoop
+    runs: Annotated[dict[RunName, DecoupleRun], Field(min_length=1, description="runs by name")]
+
+    @field_validator("runs")
+    @classmethod
+    def _check_references(cls, runs: dict[str, DecoupleRun], info: ValidationInfo) -> dict[str, DecoupleRun]:
+        with Problems() as problems:
+            for name, run in runs.items():
+                if wrong := _wrong_duration(run.reference, info):
+                    problems.add((name, "reference"), wrong)
+        return runs
+
+
+def _wrong_duration(reference: ReferenceConfig, info: ValidationInfo) -> str | None:
+    """What is wrong with a duration that is not a whole number of samples, or too many."""
+    period, duration = info.data.get("sampling_period"), reference.duration
+    if period is None or duration is None:
+        return None
+    if duration > MOST_SAMPLES * period.si:
+        return f"lasts {duration:g} s; a run has at most {MOST_SAMPLES:g} samples"
+    if not is_multiple(duration, period.si):
+        return f"lasts {duration:.9g} s, which must be a whole multiple of the sampling period, {period}"
+    return None

@@ -1,0 +1,289 @@
+"""Readings of the paper's ambiguous places, one named axis each, and what-ifs that are addressed like them.
+
+A reading changes a configuration that stands as printed; a drawn plant stays the same under all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import TypeVar
+
+from tendonrepro.configuration.fields.model import Model
+from tendonrepro.configuration.fields.quantity import Scalar
+from tendonrepro.configuration.models.experiment import CompareConfig
+from tendonrepro.errors import UsageError
+
+PRINTED = "printed"
+"""Name of the reading that leaves every axis as printed."""
+
+RUNS = ("controller_1", "controller_2", "controller_3", "controller_1_payload")
+_ALPHA = ("controller_1", "controller_1_payload")
+_TERMINAL = ("controller_1", "controller_2", "controller_1_payload")  # runs whose surface holds phi
+
+ERROR_RATES = ("backward_difference", "low_pass")
+"""Error rates in the order that a draw numbers them."""
+
+_SOURCE = "assumed: the reading that is being run"
+_M = TypeVar("_M", bound=Model)
+
+
+@dataclass(frozen=True)
+class ReadingAxis:
+    """One place that can be read in more than one way.
+
+    `printed` is the value that stands in the paper, or is assumed where it is silent; `affects` holds the
+    runs that an alternative changes, by alternative; `place` is where in the paper, `about` one sentence.
+    """
+
+    name: str
+    printed: str
+    affects: Mapping[str, tuple[str, ...]]
+    place: str
+    about: str
+
+    @property
+    def alternatives(self) -> tuple[str, ...]:
+        """The other values."""
+        return tuple(self.affects)
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A choice on every axis: axis and value in the order of `AXES`, printed values left out.
+
+    The name is ``printed``, or the settings as ``axis=value`` joined by ``+``.
+    """
+
+    name: str
+    settings: tuple[tuple[str, str], ...]
+
+
+def _axis(name: str, printed: str, others: str, runs: tuple[str, ...], place: str, about: str) -> ReadingAxis:
+    return ReadingAxis(name, printed, dict.fromkeys(others.split(), runs), place, about)
+
+
+_AXES = (
+    _axis("phi_negative", "odd", "even", _TERMINAL, "Eq. (12)",
+          "Whether the polynomial of φ is odd, or even in its square as printed, for negative errors."),
+    _axis("phi_branch", "printed", "power", _TERMINAL, "Eq. (12)",
+          "Whether φ is the polynomial near zero, or the power everywhere."),
+    _axis("weights", "interpolating", "extrapolating swapped", _ALPHA, "Eq. (15)",
+          "Whether the two delayed estimates weigh (1−α, α), (1+α, −α) or (α, 1−α)."),
+    _axis("differencing", "lagging", "centred", RUNS, "Eq. (16)",
+          "Whether the second difference lags its label by one period or is centred on it."),
+    ReadingAxis("gain_unit", "radian", {"phi_in_degrees": _TERMINAL, "law_in_degrees": RUNS}, "Section 5.3",
+         "Whether gains mean radians, or degrees inside φ, or degrees in the whole law."),
+    _axis("eta_in_controller_2", "kept", "dropped", ("controller_2",), "Section 5.3",
+          "Whether Controller 2 keeps the η that its printed law lacks."),
+    _axis("torque_coordinates", "joint", "winch motor_shaft", RUNS, "Eqs. (3), (17)",
+          "Whether the law's torque is of the joints, the winches or the motor shafts."),
+    _axis("torque_unit", "newton_metre", "percent_of_rated volt", RUNS, "Section 5.3",
+          "Whether the law's torque, and so M̄, is in N m, in percent of the rated torque or in volts."),
+    _axis("stored_torque", "commanded", "applied", RUNS, "Eqs. (8), (15)",
+          "Whether the estimator remembers the torque it commanded, or the one the drive put out."),
+    _axis("delay_time", "one_period", "two_periods four_periods", RUNS, "Remark 2",
+          "How many sampling periods the delay time L is."),
+    _axis("estimate_filter", "none", "acceleration estimate", RUNS, "Eqs. (8), (15), (16)",
+          "Whether the acceleration, or the whole estimate, is low-pass filtered at the drawn cutoff."),
+    _axis("feedback", "joint", "motor", RUNS, "Section 5.1",
+          "Whether the law looks at the joints' encoders, or at S times the motors'."),
+    _axis("start", "filled", "cold", RUNS, "Eqs. (8), (15)",
+          "Whether the delay lines hold the state at rest or zeros before the first sample."),
+    _axis("hardware", "printed", "drawn", RUNS, "Section 5.1",
+          "Whether encoder, output delay and filter are as printed or as the draw has them."),
+    _axis("error_rate", "backward_difference", "low_pass difference_of_error", RUNS, "Eqs. (11), (18)",
+          "Whether the error's rate is the desired one less a plain difference of the encoder, that low-pass "
+          "filtered at the drawn cutoff, or the difference of the error."),
+    _axis("output_delay", "0", "1 2", RUNS, "Eq. (17)",
+          "Samples between a command and its torque; the equations hold none."),
+    _axis("encoder", "0.022", "0.045 0.088 ideal", RUNS, "Section 5.1",
+          "Count of the joint encoders in degrees; parts of the named family give 0.045 or 0.088."),
+    _axis("tensioner", "negative", "distal_only alternating absent", RUNS, "Section 2.2",
+          "On which side tendon 4 passes the joints; absent as in Eqs. (3) to (5)."),
+)  # fmt: skip
+AXES: Mapping[str, ReadingAxis] = {axis.name: axis for axis in _AXES}
+"""The axes of readings, by name."""
+
+_WHAT_IFS = (
+    _axis("sampling_period", "1ms", "0.5ms 2ms", ("controller_2",), "Remark 2",
+          "Sampling period and delay time of the law."),
+    _axis("M_bar", "printed", "halved", ("controller_2",), "Section 4.2",
+          "Constant inertia of the law."),
+)  # fmt: skip
+_EVERY_AXIS: Mapping[str, ReadingAxis] = {axis.name: axis for axis in (*_AXES, *_WHAT_IFS)}
+_ORDER = {name: place for place, name in enumerate(_EVERY_AXIS)}
+
+
+def reading(settings: Mapping[str, str]) -> Reading:
+    """Make a reading of values by axis; values as printed are left out.
+
+    Raises
+    ------
+    UsageError
+        For an unknown axis or value.
+    """
+    for name, value in settings.items():
+        _check_setting(name, value)
+    kept = tuple(
+        (name, value)
+        for name, value in sorted(settings.items(), key=lambda setting: _ORDER[setting[0]])
+        if value != _EVERY_AXIS[name].printed
+    )
+    return Reading("+".join(f"{name}={value}" for name, value in kept) or PRINTED, kept)
+
+
+def parse_reading(text: str) -> Reading:
+    """Read the name of a reading: ``printed``, or settings like ``weights=extrapolating`` joined by ``+``.
+
+    Raises
+    ------
+    UsageError
+        When it is no reading.
+    """
+    if text == PRINTED:
+        return reading({})
+    settings: dict[str, str] = {}
+    for setting in text.split("+"):
+        name, equals, value = (part.strip() for part in setting.partition("="))
+        if not equals:
+            message = f"a reading is {PRINTED!r} or axis=value, found {setting!r}"
+            raise UsageError(message, hint=f"Axes: {', '.join(_EVERY_AXIS)}")
+        if name in settings:
+            raise UsageError(f"the reading {text!r} sets {name!r} twice")
+        settings[name] = value
+    return reading(settings)
+
+
+def named_readings(text: str) -> tuple[Reading, ...]:
+    """Read the names of readings, with commas between.
+
+    Raises
+    ------
+    UsageError
+        When one is no reading of the paper.
+    """
+    found = tuple(dict.fromkeys(parse_reading(name.strip()) for name in text.split(",")))
+    for held in found:
+        if any(axis not in AXES for axis, _ in held.settings):
+            raise UsageError(f"{held.name} is a variation, not a reading", where="--readings")
+    return found
+
+
+def _check_setting(name: str, value: str) -> None:
+    axis = _EVERY_AXIS.get(name)
+    if axis is None:
+        raise UsageError(f"no axis of readings is called {name!r}", hint=f"Axes: {', '.join(_EVERY_AXIS)}")
+    if value != axis.printed and value not in axis.affects:
+        raise UsageError(f"{name} is {axis.printed}, {' or '.join(axis.alternatives)}, not {value!r}")
+
+
+def default_readings(pairs: Sequence[Sequence[str]]) -> tuple[Reading, ...]:
+    """As printed, each alternative alone, and settings ``axis=value`` that are run together."""
+    single = [reading({axis.name: value}) for axis in _AXES for value in axis.alternatives]
+    together = [parse_reading("+".join(pair)) for pair in pairs]
+    return tuple(dict.fromkeys([reading({}), *single, *together]))
+
+
+def every_pair() -> tuple[Reading, ...]:
+    """As printed, each alternative alone, and every two alternatives of different axes together."""
+    alone = [{axis.name: value} for axis in _AXES for value in axis.alternatives]
+    pairs = [first | second for first, second in combinations(alone, 2) if first.keys() != second.keys()]
+    return tuple(reading(settings) for settings in ({}, *alone, *pairs))
+
+
+VARIATIONS: tuple[Reading, ...] = (
+    *(reading({axis.name: value}) for axis in _WHAT_IFS for value in axis.alternatives),
+    *(reading({"sampling_period": value, "encoder": "ideal"}) for value in ("0.5ms", "2ms")),
+)
+"""What-ifs that are no readings, for Controller 2: sampling period, also without counts, and M_bar."""
+
+
+def case_of(reading_: Reading, run: str) -> Reading:
+    """Reduce a reading to what changes one run; runs whose cases are equal are one simulation."""
+    return reading(
+        {name: value for name, value in reading_.settings if run in _EVERY_AXIS[name].affects[value]}
+    )
+
+
+def under(reading_: Reading, config: CompareConfig, draw: Mapping[str, float]) -> CompareConfig:
+    """Apply a reading or a variation to a configuration that stands as printed, without validating it.
+
+    What does not change is shared. `draw` holds the value of every row of the box, SI, for
+    ``hardware=drawn``.
+    """
+    for name, value in reading_.settings:
+        change = _CHANGES.get(name)
+        config = change(config, value, draw) if change else _with_reading(config, name, value)
+    return config
+
+
+def as_printed(config: CompareConfig) -> CompareConfig:
+    """Set the axes that the configuration's readings and instruments hold to their printed values."""
+    values = {name: AXES[name].printed for name in type(config.control.readings).model_fields}
+    config = _replaced(config, "control.readings", **values)
+    config = _with_delay(config, AXES["output_delay"].printed, {})
+    return _with_encoder(config, AXES["encoder"].printed, {})
+
+
+def _replaced(model: _M, path: str, **values: object) -> _M:
+    """Copy a model with fields of the part at a dotted path changed."""
+    first, _, rest = path.partition(".")
+    part = getattr(model, first)
+    return model.model_copy(
+        update={first: _replaced(part, rest, **values) if rest else part.model_copy(update=values)}
+    )
+
+
+def _with_reading(config: CompareConfig, name: str, value: str) -> CompareConfig:
+    return _replaced(config, "control.readings", **{name: value})
+
+
+def _scalar(value: float, unit: str) -> Scalar:
+    return Scalar.model_construct(value=value, unit=unit, source=_SOURCE)
+
+
+def _with_hardware(config: CompareConfig, _: str, draw: Mapping[str, float]) -> CompareConfig:
+    config = _with_reading(config, "error_rate", ERROR_RATES[int(draw["error_rate"])])
+    config = _with_delay(config, str(int(draw["output_delay"])), draw)
+    return _with_count(config, _scalar(draw["encoder_count"], "rad"))
+
+
+def _with_delay(config: CompareConfig, value: str, _: Mapping[str, float]) -> CompareConfig:
+    return _replaced(config, "manipulator.actuator", output_delay=_scalar(float(value), "1"))
+
+
+def _with_encoder(config: CompareConfig, value: str, _: Mapping[str, float]) -> CompareConfig:
+    return _with_count(config, _scalar(0.0 if value == "ideal" else float(value), "deg"))
+
+
+def _with_count(config: CompareConfig, count: Scalar) -> CompareConfig:
+    return _replaced(config, "manipulator.encoders.joint", resolution=count)
+
+
+def _with_tensioner(config: CompareConfig, value: str, _: Mapping[str, float]) -> CompareConfig:
+    change = {"force": _scalar(0.0, "N")} if value == "absent" else {"side": value}
+    return _replaced(config, "manipulator.tensioner", **change)
+
+
+def _with_period(config: CompareConfig, value: str, _: Mapping[str, float]) -> CompareConfig:
+    period = _scalar(float(value.removesuffix("ms")), "ms")
+    return _replaced(config, "solver", max_step=period).model_copy(update={"sampling_period": period})
+
+
+def _with_inertia(config: CompareConfig, _: str, __: Mapping[str, float]) -> CompareConfig:
+    M_bar = config.control.gains.M_bar
+    half = M_bar.model_copy(update={"value": tuple(entry / 2.0 for entry in M_bar.value), "source": _SOURCE})
+    return _replaced(config, "control.gains", M_bar=half)
+
+
+_Change = Callable[[CompareConfig, str, Mapping[str, float]], CompareConfig]
+_CHANGES: Mapping[str, _Change] = {
+    "hardware": _with_hardware,
+    "output_delay": _with_delay,
+    "encoder": _with_encoder,
+    "tensioner": _with_tensioner,
+    "sampling_period": _with_period,
+    "M_bar": _with_inertia,
+}

@@ -1,0 +1,77 @@
+"""The configurations that come with the package."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tendonrepro.configuration.fields.strict_yaml import load, read_text
+from tendonrepro.configuration.messages import nearest
+from tendonrepro.errors import UsageError
+from tendonrepro.files import shipped, write_atomically
+
+SCHEMA_FILE = "schema.json"
+
+
+def shipped_folder() -> Path:
+    """Folder of the shipped configurations."""
+    return shipped("configs")
+
+
+def shipped_names() -> list[str]:
+    """Names of the shipped experiments and manipulators, in alphabetical order."""
+    return sorted(path.stem for path in shipped_folder().glob("*.yaml"))
+
+
+def shipped_file(name: str) -> Path:
+    """Path of a shipped configuration; a UsageError names what there is."""
+    names = shipped_names()
+    if name not in names:
+        meant = nearest(name, names)
+        hint = "" if meant is None else f", did you mean {meant!r}?"
+        raise UsageError(f"no shipped configuration {name!r}{hint}", hint=f"There are: {', '.join(names)}")
+    return shipped_folder() / f"{name}.yaml"
+
+
+def init_config(name: str, folder: Path) -> list[Path]:
+    """Copy a shipped configuration, its manipulator and the JSON schema, to be edited.
+
+    A companion file that is already there with the same content is left alone, so that both experiments
+    can share a folder.
+
+    Returns
+    -------
+    list of Path
+        The files written.
+
+    Raises
+    ------
+    UsageError
+        When the name is unknown or a file would be overwritten.
+    """
+    source = shipped_file(name)
+    companions = [source.with_name(SCHEMA_FILE), *_named(source)]
+    texts = {path.name: read_text(path) for path in [source, *companions]}
+    if (folder / source.name).exists():
+        _refuse(folder / source.name)
+    for companion in list(texts)[1:]:
+        target = folder / companion
+        if target.exists():
+            if not target.is_file() or target.read_bytes() != texts[companion].encode():
+                _refuse(target)
+            del texts[companion]
+    for file, text in texts.items():
+        write_atomically(folder / file, text)
+    return [folder / file for file in texts]
+
+
+def _named(source: Path) -> list[Path]:
+    """Files that a configuration names, those that they name included."""
+    tree = load(read_text(source), str(source)).tree
+    keys = [tree.get(key) for key in ("base", "manipulator")] if isinstance(tree, dict) else []
+    files = [source.with_name(file) for file in keys if isinstance(file, str)]
+    return [path for file in files for path in (file, *_named(file))]
+
+
+def _refuse(target: Path) -> None:
+    message = f"{target} exists and is not overwritten"
+    raise UsageError(message, hint="Give another folder, or move the file away.")

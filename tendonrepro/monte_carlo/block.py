@@ -1,0 +1,191 @@
+"""One block of an ensemble: from its place in the plan to a finished shard, whatever other blocks do."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from importlib import metadata
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonrepro import __version__
+from tendonrepro.arrays import Array
+from tendonrepro.configuration.fields.model import Model
+from tendonrepro.configuration.load import CompareConfig
+from tendonrepro.configuration.models.readings import under
+from tendonrepro.errors import TendonreproError
+from tendonrepro.experiments.loops import build_law, build_loops
+from tendonrepro.experiments.rig import build_actuator, build_encoder
+from tendonrepro.monte_carlo.box import configured, scrambled_sobol
+from tendonrepro.monte_carlo.plan import Study
+from tendonrepro.monte_carlo.shards import Block, Shard, shard_image
+from tendonrepro.physics.instruments import Encoder
+from tendonrepro.physics.metrics import STATUSES, mae, rmse, status_of
+from tendonrepro.results.manifest import cpu_name
+from tendonrepro.simulation.batch import Batch, simulate_batch
+from tendonrepro.simulation.controllers import TimeDelayController
+from tendonrepro.simulation.stepper import Loop, simulate
+
+Simulate: TypeAlias = Callable[[Sequence[Loop], Any], Batch]
+"""Signature of `tendonrepro.simulation.batch.simulate_batch`."""
+
+DRAWS_AT_ONCE = 32
+"""Draws simulated together; more fill the lanes better; each has motions of some 3 MB."""
+
+_MOTION = {"joints", "posture", "reference", "sampling_period"}
+"""Sections that the desired motion depends on."""
+
+IDEAL = Encoder(resolution=0.0, noise=0.0)
+
+
+def make_block(study: Study, block: Block, simulate: Simulate = simulate_batch) -> tuple[Block, bytes]:
+    """Compute a block and put it into the form in which it is stored."""
+    return block, shard_image(compute_block(study, block, simulate))
+
+
+def compute_block(study: Study, block: Block, simulate: Simulate = simulate_batch) -> Shard:
+    """Simulate every case of every draw of a block; a box whose draws cannot be run is to be mended."""
+    started = time.perf_counter()
+    box = study.boxes[block.population]
+    values = box.values(scrambled_sobol(box, study.seed, block.replicate, block.first, block.count))
+    limits = study.config.status
+    batches = [
+        simulate([loop for row in group for loop in loops_of(study, block, row)], limits)
+        for group in np.split(values, range(DRAWS_AT_ONCE, len(values), DRAWS_AT_ONCE))
+    ]
+    count = len(study.cases)
+
+    def by_case(parts: list[Any], kind: type) -> Any:
+        """Batches go draw by draw; a reader asks case by case."""
+        # What overflows single precision is of a diverged run, and infinite for every purpose.
+        with np.errstate(over="ignore"):
+            joined: NDArray[Any] = np.concatenate(parts).astype(kind)
+        return np.ascontiguousarray(joined.reshape(-1, count, *joined.shape[1:]).swapaxes(0, 1))
+
+    most_steps = np.iinfo(np.int16).max
+    return Shard(
+        block=block,
+        identity=study.identity,
+        names=tuple(box.names),
+        cases=tuple((run, case.name) for run, case in study.cases),
+        draws=values,
+        status=by_case([batch.status for batch in batches], np.int8),
+        status_time=by_case([batch.status_time for batch in batches], np.float32),
+        steps=by_case([np.minimum(batch.steps, most_steps) for batch in batches], np.int16),
+        statistics={
+            name: by_case([batch.statistics[name] for batch in batches], np.float32)
+            for name in batches[0].statistics
+        },
+        check=spot_check(study, block, values, simulate),
+        provenance=_provenance(study),
+        seconds=time.perf_counter() - started,
+    )
+
+
+def loops_of(study: Study, block: Block, row: Array) -> Iterator[Loop]:
+    """Yield the loops of one draw (P,), in the order of the cases; what readings do not change is shared."""
+    box, folder = study.boxes[block.population], study.base.folder
+    draw = box.named(row)
+    try:
+        config = configured(study.base, box, row)
+        printed = dict(build_loops(config, folder))
+        others: dict[tuple[tuple[str, str], ...], Mapping[str, Loop]] = {}
+        for run, case in study.cases:
+            changed = under(case, config, draw)
+            sections = _differing(changed, config)
+            parts = _differing(changed.manipulator, config.manipulator)
+            if sections <= {"control", "manipulator"} and parts <= {"actuator", "encoders"}:
+                yield _refitted(printed[run], changed, run)
+                continue
+            if case.settings not in others:
+                reference = None if sections & _MOTION else printed[run].reference
+                others[case.settings] = dict(build_loops(changed, folder, reference))
+            yield others[case.settings][run]
+    except TendonreproError as error:
+        message = f"a draw of {block.file_name} cannot be run: {error.message}"
+        raise TendonreproError(message, where=error.where, hint=json.dumps(draw)) from error
+
+
+def _differing(changed: Model, before: Model) -> set[str]:
+    """Sections of a model that are not the very same objects."""
+    return {name for name in type(before).model_fields if getattr(changed, name) is not getattr(before, name)}
+
+
+def _refitted(loop: Loop, changed: CompareConfig, run: str) -> Loop:
+    """Build only the law and the instruments of a loop anew."""
+    encoders = changed.manipulator.encoders
+    return replace(
+        loop,
+        controller=TimeDelayController(build_law(changed, changed.runs[run].law)),
+        cold=changed.control.readings.start == "cold",
+        joint_encoder=build_encoder(encoders.joint),
+        motor_encoder=build_encoder(encoders.motor),
+        actuator=build_actuator(changed),
+    )
+
+
+def _provenance(study: Study) -> dict[str, str | int]:
+    libraries = {name: metadata.version(name) for name in ("numpy", "numba", "h5py")}
+    return {
+        "config_sha256": study.sha256,
+        "tendonrepro_version": __version__,
+        "versions": json.dumps({"python": platform.python_version()} | libraries),
+        "cpu": cpu_name() or "",
+        "seed": study.seed,
+    }
+
+
+def spot_check(
+    study: Study, block: Block, values: Array, simulate_together: Simulate = simulate_batch
+) -> dict[str, float | int | str]:
+    """Rerun one experiment of one block in `Study.check_every` with the SciPy stepper.
+
+    Which block, draw and case is settled by a hash, so it does not depend on how the work is done; for other
+    blocks the answer is empty. ``ideal`` and ``quantised`` are the largest relative difference of MAE and of
+    RMSE with an ideal and with the drawn encoder, 0 for a run that diverged or was not resolved in both;
+    ``disagreements`` counts statuses that differ.
+    """
+    digest = hashlib.sha256(f"{study.identity} {block.file_name}".encode()).digest()
+    chosen, place, at = (int.from_bytes(digest[k : k + 8], "big") for k in (0, 8, 16))
+    if study.check_every == 0 or chosen % study.check_every:
+        return {}
+    place, at = place % len(study.cases), at % len(values)
+    run, case = study.cases[place]
+    loop = list(loops_of(study, block, values[at]))[place]
+    found: dict[str, float | int | str] = {"run": run, "reading": case.name, "draw": at, "disagreements": 0}
+    for name, checked in (("ideal", replace(loop, joint_encoder=IDEAL)), ("quantised", loop)):
+        batch = simulate_together([checked], study.config.status)
+        difference = _difference(checked, batch, study)
+        found[name] = difference or 0.0
+        found["disagreements"] = int(found["disagreements"]) + (difference is None)
+    return found
+
+
+def _difference(loop: Loop, batch: Batch, study: Study) -> float | None:
+    """Largest relative difference of the errors' sizes; None when the steppers disagree on the status."""
+    limits = study.config.status
+    status = STATUSES[int(batch.status[0])]
+    try:
+        variables = simulate(loop)
+    except TendonreproError:
+        return 0.0 if status == "unresolved" else None
+    e, t = variables["e"], variables["time"]
+    expected, _ = status_of(
+        t, e, limits.divergence_limit.si, limits.ringing_frequency.si, limits.ringing_share.si
+    )
+    if t.size < loop.reference.time.size:
+        expected = "diverged"
+    if status == "unresolved":
+        return 0.0
+    if status != expected:
+        return None
+    if status == "diverged":
+        return 0.0
+    sizes = {"mae": mae(e), "rmse": rmse(e)}
+    return max(float(np.max(np.abs(batch.statistics[name][0] / size - 1.0))) for name, size in sizes.items())

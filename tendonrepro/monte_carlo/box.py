@@ -1,0 +1,170 @@
+"""Draws from the box of plausible plants, and the configuration that each draw stands for."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonrepro.arrays import Array
+from tendonrepro.configuration.ensemble import EnsembleConfig
+from tendonrepro.configuration.fields.quantity import to_si
+from tendonrepro.configuration.load import CompareConfig, LoadedConfig
+from tendonrepro.configuration.models.box import Among, BoxRange, BoxRow, Words, rule_of
+from tendonrepro.configuration.models.readings import as_printed
+from tendonrepro.monte_carlo.draw import drawn_tree
+
+_CHOICE = "choice"
+
+
+@dataclass(frozen=True)
+class Box:
+    """The unknowns; arrays have one entry per row and are in SI units and radians.
+
+    Attributes
+    ----------
+    names, units : tuple of str
+        Name and SI unit of each row.
+    low, nominal, high : array (P,)
+        Bounds and middle; a choice among words is the place of the word, from 0.
+    scale : tuple of str
+        ``linear``, ``log`` or ``choice``.
+    confidence, source : tuple of str
+    choices : tuple of array
+        Values of a ``choice``, empty for other rows.
+    words : tuple of tuple of str
+        Names of a choice's values where it is among words, empty for other rows.
+    free : array (P,) of bool
+        Rows that vary; the others keep `nominal`.
+    shortest_run : float
+        Periods of the motion are repeated, at least twice, until a run lasts this long, s.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    low: Array
+    nominal: Array
+    high: Array
+    scale: tuple[str, ...]
+    confidence: tuple[str, ...]
+    source: tuple[str, ...]
+    choices: tuple[Array, ...]
+    words: tuple[tuple[str, ...], ...]
+    free: NDArray[np.bool_]
+    shortest_run: float
+
+    def values(self, unit: Array) -> Array:
+        """Map points of the unit cube, (N, P), to values, (N, P); choices take equal slices."""
+        columns = [self._column(i, unit[:, i]) for i in range(len(self.names))]
+        return np.stack(columns, axis=1)
+
+    def _column(self, i: int, unit: Array) -> Array:
+        if not self.free[i]:
+            return np.full_like(unit, self.nominal[i])
+        if self.scale[i] == _CHOICE:
+            place = np.minimum(unit * self.choices[i].size, self.choices[i].size - 1.0).astype(int)
+            return np.asarray(self.choices[i][place])
+        low, high = self.low[i], self.high[i]
+        value = low * (high / low) ** unit if self.scale[i] == "log" else low + (high - low) * unit
+        return np.asarray(np.clip(value, low, high), dtype=np.float64)
+
+    def only(self, confidences: Collection[str]) -> Box:
+        """Box in which only rows of these confidences vary; the others keep their nominal value."""
+        kept = np.array([confidence in confidences for confidence in self.confidence])
+        return replace(self, free=self.free & kept)
+
+    def named(self, values: Array) -> dict[str, float]:
+        """One draw (P,) by row name."""
+        return dict(zip(self.names, values.tolist(), strict=True))
+
+
+def make_box(config: EnsembleConfig) -> Box:
+    """Box of a configuration, all rows free.
+
+    Parameters
+    ----------
+    config : EnsembleConfig
+    """
+    items = dict(config.box.items())
+    rules = [rule_of(name) for name in items]
+    numbers = [_si_numbers(name, row) for name, row in items.items()]
+    low, nominal, high, choices = zip(*numbers, strict=True)
+    return Box(
+        names=tuple(items),
+        units=tuple("1" if isinstance(rule, Among) else rule.unit for rule in rules),
+        low=np.array(low),
+        nominal=np.array(nominal),
+        high=np.array(high),
+        scale=tuple(row.scale if isinstance(row, BoxRange) else _CHOICE for row in items.values()),
+        confidence=tuple(row.confidence for row in items.values()),
+        source=tuple(row.source for row in items.values()),
+        choices=choices,
+        words=tuple(rule.words if isinstance(rule, Among) else () for rule in rules),
+        free=np.ones(len(items), dtype=np.bool_),
+        shortest_run=config.shortest_run.si,
+    )
+
+
+def _si_numbers(name: str, row: BoxRow) -> tuple[float, float, float, Array]:
+    """Low, nominal, high and choices of a row in SI; a word counts as its place among the known ones."""
+    if isinstance(row, BoxRange):
+        low, nominal, high = (to_si(value, row.unit) for value in (row.low, row.nominal, row.high))
+        return low, nominal, high, np.zeros(0)
+    if isinstance(row, Words):
+        rule = rule_of(name)
+        assert isinstance(rule, Among)
+        nominal, *choices = (float(rule.words.index(word)) for word in (row.nominal, *row.choices))
+    else:
+        nominal, *choices = (to_si(value, row.unit) for value in (row.nominal, *row.choices))
+    return min(choices), nominal, max(choices), np.array(choices)
+
+
+def scrambled_sobol(box: Box, seed: int, replicate: int, first: int, count: int) -> Array:
+    """Points of a scrambled Sobol sequence; a point depends on its number alone, not on how blocks are cut.
+
+    Parameters
+    ----------
+    box : Box
+    seed, replicate : int
+        Each pair has its own scrambling.
+    first, count : int
+        Number of the first point, from 0, and how many.
+
+    Returns
+    -------
+    array (count, P)
+        In the unit cube.
+    """
+    from scipy.stats import qmc
+
+    rng = np.random.default_rng([seed, replicate])
+    engine = qmc.Sobol(len(box.names), scramble=True, seed=rng)
+    if first > 0:
+        engine.fast_forward(first)
+    with warnings.catch_warnings():
+        # A block is a part of a power of two, not one itself.
+        warnings.filterwarnings("ignore", message="The balance properties", category=UserWarning)
+        return np.asarray(engine.random(count), dtype=np.float64)
+
+
+def configured(base: LoadedConfig, box: Box, values: Array) -> CompareConfig:
+    """Configuration of one draw, with every axis of readings as printed.
+
+    Parameters
+    ----------
+    base : LoadedConfig
+        Of `compare`; gives what is not drawn.
+    box : Box
+    values : array (P,)
+        A row of what `Box.values` returns.
+
+    Returns
+    -------
+    CompareConfig
+        Validated; what was drawn says so in its source.
+    """
+    tree = drawn_tree(base.tree, box.named(values), box.shortest_run)
+    return as_printed(CompareConfig.model_validate(tree))

@@ -1,0 +1,247 @@
+"""The ensemble: blocks computed on this machine or a cluster, stored as they come, and resumed by itself."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from contextlib import closing
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from tendonrepro import __version__
+from tendonrepro.configuration.ensemble import load_ensemble
+from tendonrepro.configuration.models.readings import (
+    PRINTED,
+    default_readings,
+    every_pair,
+    named_readings,
+    parse_reading,
+)
+from tendonrepro.configuration.request import Request
+from tendonrepro.console import Talk
+from tendonrepro.errors import UsageError
+from tendonrepro.files import to_json, write_atomically
+from tendonrepro.monte_carlo.block import Simulate, make_block
+from tendonrepro.monte_carlo.box import make_box
+from tendonrepro.monte_carlo.data import PLAN, read_ensemble
+from tendonrepro.monte_carlo.figures import draw_ensemble_figures
+from tendonrepro.monte_carlo.plan import Study
+from tendonrepro.monte_carlo.report import cost_text, ensemble_tables, population_summary, spot_checks
+from tendonrepro.monte_carlo.shards import FOLDER, SCHEMA_VERSION, Block, identity_of, shard_files
+from tendonrepro.monte_carlo.workers import here, on_cluster
+from tendonrepro.results.manifest import make_manifest
+from tendonrepro.results.paper import OTHER_BASE, base_of_paper
+from tendonrepro.results.store import refuse_others, replaced, take_over, unfinished
+from tendonrepro.results.study import Outcome
+from tendonrepro.simulation.batch import simulate_batch
+from tendonrepro.simulation.codegen.cache import NOTHING_COMPILED
+from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
+
+
+def run_ensemble(
+    request: Request,
+    talk: Talk,
+    *,
+    draws: int,
+    jobs: int = 1,
+    dask: str | None = None,
+    readings: str = "default",
+    yes: bool = False,
+) -> dict[str, Any]:
+    """Simulate many plausible plants under many readings, and write tables and figures.
+
+    Parameters
+    ----------
+    request : Request
+        `force` gives up the blocks of another configuration or version.
+    talk : Talk
+    draws : int
+        Of each population; a power of two.
+    jobs : int
+        Processes; results do not depend on it.
+    dask : str or None
+        Address of a dask.distributed scheduler to send the blocks to.
+    readings : str
+        ``default``: as printed, alternatives and the configuration's pairs. ``all``: every pair of settings,
+        which needs `yes`. Else names with commas between, beside which the printed reading is run.
+    yes : bool
+        The cost of all readings has been seen.
+
+    Returns
+    -------
+    dict
+        What ``--json`` prints.
+
+    Raises
+    ------
+    UsageError
+        For impossible draws, jobs or readings, results of another configuration, or all readings without
+        `yes`.
+    TendonreproError
+        When results cannot be written; whole blocks stay and are not computed again.
+    """
+    if not jobs:
+        message = "must be a number of processes, or -1 for one for each processor, found 0"
+        raise UsageError(message, where="--jobs")
+    study = load_study(request.config, request.overrides, request.seed, readings)
+    folder = request.folder("ensemble")
+    cost = study.cost(draws)
+    if request.dry_run:
+        return _plan(study, draws, folder, force=request.force)
+    if readings == "all" and not yes:
+        message = f"all {len(study.readings)} readings mean {cost_text(cost)}"
+        raise UsageError(message, where="--readings all", hint="say --yes if that is what you want")
+    return run_study(study, draws, folder, jobs=jobs, force=request.force, dask=dask, talk=talk)
+
+
+def _plan(study: Study, draws: int, folder: Path, *, force: bool) -> dict[str, Any]:
+    """What a run would do, and how many of its blocks are on disk."""
+    refuse_others(folder, study.identity, command="ensemble", force=force)
+    blocks, cost = study.blocks(draws), study.cost(draws)
+    there = {path.name for above in (folder, unfinished(folder)) for path in _ours(above / FOLDER, study)}
+    found = sum(block.file_name in there for block in blocks)
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "experiment": "ensemble",
+        "dry_run": True,
+        "config_sha256": study.sha256,
+        "draws": draws,
+        "readings_count": len(study.readings),
+        "cases": len(study.cases),
+        "cost": cost,
+        "resumed_from": found,
+        "blocks": len(blocks),
+        "out": str(folder),
+        "text": f"ensemble: {draws} draws, {len(study.readings)} readings: {cost_text(cost)}; "
+        f"{found} of {len(blocks)} blocks are on disk already",
+    }
+
+
+def load_study(source: str | None, overrides: Sequence[str], seed: int | None, readings: str) -> Study:
+    """Read a configuration of an ensemble; `readings` as for :func:`run_ensemble`."""
+    loaded = load_ensemble(source, overrides=overrides, seed=seed)
+    config, box = loaded.config, make_box(loaded.config)
+    named = readings not in ("default", "all")
+    if named:
+        chosen = named_readings(f"{PRINTED},{readings}")
+    else:
+        chosen = every_pair() if readings == "all" else default_readings(config.pairs)
+    return Study(
+        base=loaded.base,
+        boxes={name: box.only(held.confidences) for name, held in config.populations.items()},
+        shares={name: held.share.si for name, held in config.populations.items()},
+        readings=chosen,
+        variations=() if named else tuple(parse_reading(name) for name in config.variations),
+        sha256=loaded.sha256,
+        seed=int(config.seed.si),
+        replicates=int(config.scramblings.si),
+        block_draws=int(config.block.si),
+    )
+
+
+def run_study(
+    study: Study,
+    draws: int,
+    folder: Path,
+    *,
+    jobs: int,
+    talk: Talk,
+    force: bool = False,
+    dask: str | None = None,
+    simulate: Simulate = simulate_batch,
+) -> dict[str, Any]:
+    """Compute the blocks that are not on disk yet, then tables and figures of all."""
+    blocks = study.blocks(draws)
+    with replaced(folder, study.identity, command="ensemble", force=force, keep=FOLDER) as result:
+        shards = result.path / FOLDER
+        _take_over(folder / FOLDER, shards, study, force=force)
+        there = {path.name for path in shard_files(shards)}
+        missing = [block for block in blocks if block.file_name not in there]
+        resumed = len(blocks) - len(missing)
+        if resumed:
+            talk.note(f"{resumed} of {len(blocks)} blocks are on disk already")
+        make = partial(make_block, study, simulate=simulate)
+        stream = on_cluster(make, missing, dask) if dask else here(make, missing, jobs)
+        experiments = sum(block.count for block in missing) * len(study.cases)
+        if missing:
+            _announce(study, draws, missing, talk)
+        started = time.perf_counter()
+        with talk.resumable(), talk.bar("simulating", experiments) as progress, closing(stream):
+            # This process is the only writer.
+            for block, image in stream:
+                write_atomically(shards / block.file_name, image)
+                progress(block.count * len(study.cases))
+        seconds = time.perf_counter() - started
+        result.write(PLAN, to_json(study.plan(draws)))
+        speed = {
+            "experiments_per_second": experiments / seconds if experiments else None,
+            "resumed_from": resumed,
+            "blocks": len(blocks),
+        }
+        outcome = _outcome(study, draws, result.path, speed)
+        outcome.save(result, "summary")
+        draw_ensemble_figures(outcome.data, result.path / "figures")
+        result.manifest = _manifest(study, seconds)
+    text = f"{outcome.text()}\n\nResults are in {folder}"
+    return {**outcome.data, "text": text, "out": str(folder)}
+
+
+def _ours(shards: Path, study: Study) -> list[Path]:
+    """Shards of an ensemble in a folder."""
+    return [path for path in shard_files(shards) if identity_of(path) == study.identity]
+
+
+def _take_over(earlier: Path, shards: Path, study: Study, *, force: bool) -> None:
+    """Begin with the blocks of an interrupted run and of the earlier result; those of others give way."""
+    shards.mkdir(exist_ok=True)
+    kept = set(_ours(shards, study))
+    others = [path for path in shards.iterdir() if path not in kept]
+    strangers = [path for path in others if identity_of(path) is not None]
+    if strangers and not force:
+        message = f"an interrupted run of another configuration or version left {len(strangers)} blocks here"
+        hint = "choose another --out, or say --force to give them up"
+        raise UsageError(message, where=str(shards), hint=hint)
+    for path in others:
+        path.unlink()
+    take_over(earlier, shards, [path.name for path in _ours(earlier, study)])
+
+
+def _announce(study: Study, draws: int, missing: Sequence[Block], talk: Talk) -> None:
+    """Say what is ahead: nothing is counted before the first blocks are done, minutes later."""
+    share = sum(block.count for block in missing) / sum(block.count for block in study.blocks(draws))
+    text = cost_text({key: share * value for key, value in study.cost(draws).items()})
+    if NOTHING_COMPILED:
+        talk.note("compiling once for this machine, some twenty seconds")
+    talk.note(f"{text}, counted in blocks of {missing[0].count * len(study.cases):,}")
+
+
+def _outcome(study: Study, draws: int, folder: Path, speed: dict[str, Any]) -> Outcome:
+    """Numbers and tables of a complete ensemble."""
+    populations = {name: population_summary(read_ensemble(folder, name)) for name in study.boxes}
+    of_paper = base_of_paper(study.config)
+    summary: dict[str, Any] = {
+        "schema_version": SCHEMA_VERSION,
+        "experiment": "ensemble",
+        "tendonrepro_version": __version__,
+        "config_sha256": study.sha256,
+        "identity": study.identity,
+        "of_paper": of_paper,
+        "seed": study.seed,
+        "draws": draws,
+        "scramblings": study.replicates,
+        **next(iter(populations.values())),
+        "spot_check": spot_checks(folder, study.blocks(draws)),
+        "cost": study.cost(draws),
+        **speed,
+        "populations": populations,
+    }
+    return Outcome(summary, [*ensemble_tables(summary), *([] if of_paper else [OTHER_BASE])])
+
+
+def _manifest(study: Study, seconds: float) -> dict[str, Any]:
+    manifest = make_manifest(study.base, seconds, "ensemble")
+    stepper = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE}
+    manifest |= {"experiment": "ensemble", "seed": study.seed, "solver": stepper}
+    manifest["config"] = manifest["config"] | {"sha256": study.identity, "ensemble_sha256": study.sha256}
+    return manifest

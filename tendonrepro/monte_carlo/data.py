@@ -1,0 +1,207 @@
+"""What an ensemble left on disk: which blocks are there, and what they hold.
+
+Data are read piece by piece: memory holds only what is asked for. Opening shards takes longer than reading
+them, so of a small ensemble a whole dataset is kept once one of its cases was asked for.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonrepro.arrays import Array
+from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.monte_carlo.shards import FOLDER, Block, Case, opened
+from tendonrepro.simulation.streaming import STATISTICS
+
+KEPT_BYTES = 64e6
+"""Largest dataset, over all shards, that is kept in memory; an ensemble has some 25."""
+
+PLAN = "plan.json"
+"""File that says which blocks make up the ensemble in a folder."""
+
+
+@dataclass(frozen=True, eq=False)
+class EnsembleData:
+    """One population of one ensemble; N draws of P numbers, n joints.
+
+    Draws stand in canonical order, scrambling after scrambling, whatever the order they were made in.
+
+    Attributes
+    ----------
+    population : str
+        ``box`` or ``firm``.
+    of_paper : bool
+        Whether draws start from the paper's arm, gains and payload.
+    joints : tuple of int
+        The paper's numbers of the n joints.
+    alpha : tuple of float
+        Weights of Controller 1's estimator as configured, one a joint.
+    runs : tuple of str
+    names : tuple of str
+        Of the P numbers drawn.
+    readings, variations : tuple of str
+        Names that `status` and `statistic` take; variations are no readings of the paper.
+    lookup : mapping
+        ``(run, reading or variation)`` -> place of its case.
+    files : tuple of (Path, Block, int)
+        Shards, their blocks, and how many of the block's draws are taken.
+    identity, planned
+        Of the ensemble, and how many draws it was to have.
+    """
+
+    population: str
+    of_paper: bool
+    joints: tuple[int, ...]
+    alpha: tuple[float, ...]
+    runs: tuple[str, ...]
+    names: tuple[str, ...]
+    readings: tuple[str, ...]
+    variations: tuple[str, ...]
+    lookup: Mapping[Case, int]
+    files: tuple[tuple[Path, Block, int], ...]
+    identity: str
+    planned: int
+    _kept: dict[str, list[NDArray[Any]]] = field(default_factory=dict, repr=False)
+
+    def __len__(self) -> int:
+        """Return the number of draws."""
+        return sum(taken for _, _, taken in self.files)
+
+    @cached_property
+    def draws(self) -> Array:
+        """Numbers drawn, (N, P), in the units of the box."""
+        return self._joined("draws", np.float64)
+
+    @cached_property
+    def replicate(self) -> NDArray[np.int64]:
+        """Number of the scrambling of each draw, (N,)."""
+        return np.repeat(
+            np.array([block.replicate for _, block, _ in self.files]), [taken for _, _, taken in self.files]
+        )
+
+    def has(self, run: str, reading: str) -> bool:
+        """Whether a run was simulated under a reading or variation."""
+        return (run, reading) in self.lookup
+
+    def status(self, run: str, reading: str) -> NDArray[np.int8]:
+        """Status codes of a run under a reading or variation, (N,); see `physics.metrics.STATUSES`.
+
+        Raises
+        ------
+        DataMissingError
+            When that was not simulated.
+        """
+        return self._joined("status", np.int8, self._place(run, reading))
+
+    def statistic(self, run: str, reading: str, name: str) -> Array:
+        """One of `tendonrepro.simulation.batch.STATISTICS`, SI units, (N, n).
+
+        Raises
+        ------
+        DataMissingError
+            When that was not simulated, or there is no such statistic.
+        """
+        if name not in STATISTICS:
+            message = f"the ensemble holds no statistic {name!r}"
+            raise DataMissingError(message, hint=f"It holds {', '.join(STATISTICS)}.")
+        return self._joined(f"statistics/{name}", np.float64, self._place(run, reading))
+
+    def _place(self, run: str, reading: str) -> int:
+        if not self.has(run, reading):
+            message = f"the ensemble holds no run {run!r} under {reading!r}"
+            raise DataMissingError(message, hint=f"It holds {', '.join((*self.readings, *self.variations))}.")
+        return self.lookup[run, reading]
+
+    def _joined(self, dataset: str, kind: type, place: int | None = None) -> NDArray[Any]:
+        return np.concatenate(self._pieces(dataset, place)).astype(kind)
+
+    def _pieces(self, dataset: str, place: int | None = None) -> list[NDArray[Any]]:
+        """Read one dataset, or one case of it, from shard after shard."""
+        if place is not None and self._is_small(dataset):
+            if dataset not in self._kept:
+                self._kept[dataset] = [values[:, :taken] for values, taken in self._read(dataset, ())]
+            return [values[place] for values in self._kept[dataset]]
+        return [values[:taken] for values, taken in self._read(dataset, () if place is None else place)]
+
+    def _read(self, dataset: str, index: int | tuple[()]) -> Iterator[tuple[NDArray[Any], int]]:
+        """Part of a dataset from shard after shard, and how many of its draws are taken."""
+        for path, _, taken in self.files:
+            with opened(path) as root:
+                yield root[dataset][index], taken
+
+    def _is_small(self, dataset: str) -> bool:
+        with opened(self.files[0][0]) as root:
+            return bool(root[dataset].nbytes * len(self.files) <= KEPT_BYTES)
+
+
+def read_ensemble(folder: Path, population: str = "box", *, stride: int = 1) -> EnsembleData:
+    """Open a finished ensemble.
+
+    Parameters
+    ----------
+    folder : Path
+        Results folder.
+    population : str
+        ``box``, or ``firm`` for the one where only rows of high and medium confidence vary.
+    stride : int
+        Thin to this part of the draws, a power of two. The first draws of every scrambling are kept, which
+        are themselves evenly spread; every second one would fill only one half of the box.
+
+    Returns
+    -------
+    EnsembleData
+
+    Raises
+    ------
+    DataMissingError
+        When there is none, it has no such population, or a shard is missing or damaged.
+    UsageError
+        When it cannot be thinned so far.
+    """
+    path = folder / PLAN
+    if not path.exists():
+        message = "holds no finished ensemble"
+        raise DataMissingError(message, where=str(folder), hint="run tendonrepro ensemble first")
+    plan = json.loads(path.read_text(encoding="utf-8"))
+    if population not in plan["populations"]:
+        message = f"holds no population {population!r}"
+        raise DataMissingError(message, where=str(folder), hint=f"It holds {', '.join(plan['populations'])}.")
+    per_replicate = plan["populations"][population] // plan["replicates"]
+    if stride < 1 or stride & (stride - 1) or stride > per_replicate:
+        message = f"cannot thin {per_replicate} draws a scrambling to one in {stride}; a power of two can"
+        raise UsageError(message)
+    files = _files(folder, plan, population, per_replicate // stride)
+    with opened(files[0][0]) as root:
+        names = tuple(json.loads(root.attrs["names"]))
+    return EnsembleData(
+        population=population,
+        of_paper=plan["of_paper"],
+        joints=tuple(plan["joints"]),
+        alpha=tuple(plan["alpha"]),
+        runs=tuple(plan["runs"]),
+        names=names,
+        readings=tuple(plan["readings"]),
+        variations=tuple(plan["variations"]),
+        lookup={(run, name): place for run, name, place in plan["lookup"]},
+        files=files,
+        identity=plan["identity"],
+        planned=plan["draws"],
+    )
+
+
+def _files(
+    folder: Path, plan: Mapping[str, Any], population: str, wanted: int
+) -> tuple[tuple[Path, Block, int], ...]:
+    return tuple(
+        (folder / FOLDER / block.file_name, block, min(block.count, wanted - block.first))
+        for block in sorted(Block(*entry) for entry in plan["blocks"])
+        if block.population == population and block.first < wanted
+    )

@@ -1,0 +1,174 @@
+"""What an ensemble consists of: populations, scramblings, readings, and the blocks that they are cut into."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache, cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tendonrepro import __version__
+from tendonrepro.configuration.load import CompareConfig, LoadedConfig
+from tendonrepro.configuration.models.readings import RUNS, Reading, case_of
+from tendonrepro.errors import UsageError
+from tendonrepro.files import digest_of
+from tendonrepro.monte_carlo.box import Box
+from tendonrepro.monte_carlo.shards import SCHEMA_VERSION, Block, Case
+from tendonrepro.results.paper import base_of_paper
+from tendonrepro.simulation.streaming import STATISTICS
+
+CHECK_EVERY = 8
+"""One block in so many reruns one of its experiments with the SciPy stepper, which takes seconds."""
+
+FEWEST_PER_SCRAMBLING = 8
+
+MOST_DRAWS = 2**20
+"""Weeks of work, and as many blocks as memory holds with ease."""
+
+SECONDS_PER_EXPERIMENT = 6e-3
+"""Time on a fast processor, for estimates before anything has run; of the same order is all that is needed.
+
+Measured: 17 ms on slow processors that had other work too (docs/ensemble.md).
+"""
+
+_COMPRESSION = 0.9
+
+
+@cache
+def code_digest() -> str:
+    """SHA-256 of the code that makes numbers of draws: between two versions it changes, and results with it.
+
+    Comments and layout do not count.
+    """
+    package = Path(__file__).parents[1]
+    files = [path for room in ("physics", "simulation") for path in sorted((package / room).rglob("*.py"))]
+    return digest_of(
+        {path.relative_to(package).as_posix(): ast.dump(ast.parse(path.read_text("utf-8"))) for path in files}
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """Everything that determines an ensemble's numbers but how many draws there are.
+
+    Every draw starts from the comparison `base`. Populations are `boxes` by name, the first of which claims
+    are judged by, with their `shares` of the number asked for. `sha256` is the digest of the ensemble's
+    configuration; `replicates` are independent scramblings; a block of `block_draws`, a power of two, is
+    the most work that a kill can cost each process. Of `check_every` see `CHECK_EVERY`; 0 checks nothing.
+    """
+
+    base: LoadedConfig
+    boxes: Mapping[str, Box]
+    shares: Mapping[str, float]
+    readings: tuple[Reading, ...]
+    variations: tuple[Reading, ...]
+    sha256: str
+    seed: int
+    replicates: int
+    block_draws: int
+    check_every: int = CHECK_EVERY
+
+    @property
+    def config(self) -> CompareConfig:
+        """The validated base."""
+        config = self.base.config
+        assert isinstance(config, CompareConfig)
+        return config
+
+    @cached_property
+    def _table(self) -> tuple[tuple[tuple[str, Reading], ...], dict[Case, int]]:
+        """Cases, each simulated once a draw, and the case of every run under every reading."""
+        cases: dict[tuple[str, Reading], int] = {}
+        lookup: dict[Case, int] = {}
+        for reading in (*self.readings, *self.variations):
+            for run in RUNS:
+                case = case_of(reading, run)
+                # A variation is asked of the runs that all of it changes, a reading of all.
+                if case == reading or reading in self.readings:
+                    lookup[run, reading.name] = cases.setdefault((run, case), len(cases))
+        return tuple(cases), lookup
+
+    @property
+    def cases(self) -> tuple[tuple[str, Reading], ...]:
+        """Distinct runs under distinct readings; what one draw costs."""
+        return self._table[0]
+
+    @property
+    def lookup(self) -> Mapping[Case, int]:
+        """``(run, reading or variation)`` -> place among `cases`."""
+        return self._table[1]
+
+    @cached_property
+    def identity(self) -> str:
+        """SHA-256 of all that a stored number depends on, version included."""
+        content = {
+            "schema": SCHEMA_VERSION,
+            "version": __version__,
+            "code": code_digest(),
+            "config": self.sha256,
+            "base": self.base.sha256,
+            "seed": self.seed,
+            "replicates": self.replicates,
+            "check_every": self.check_every,
+            "cases": [[run, case.name] for run, case in self.cases],
+            "statistics": STATISTICS,
+        }
+        return digest_of(content)
+
+    def blocks(self, draws: int) -> list[Block]:
+        """Cut the draws of every population, so many of each at a share of 1, into blocks.
+
+        Blocks depend on nothing else. Too few draws, or not a power of two of them, are refused.
+        """
+        return [
+            Block(population, replicate, first, min(each, self.block_draws))
+            for population in self.boxes
+            for each in [self.draws_of(population, draws) // self.replicates]
+            for replicate in range(self.replicates)
+            for first in range(0, each, self.block_draws)
+        ]
+
+    def draws_of(self, population: str, draws: int) -> int:
+        """Draws of one population when so many are asked for."""
+        share = min(self.shares.values())
+        fewest = FEWEST_PER_SCRAMBLING * self.replicates / share
+        if not fewest <= draws <= MOST_DRAWS or draws & (draws - 1) or (draws * share) % self.replicates:
+            needed = 2 ** int(np.ceil(np.log2(min(max(draws, fewest), MOST_DRAWS))))
+            message = f"the number of draws is a power of two from {fewest:g} to {MOST_DRAWS}, not {draws}"
+            raise UsageError(message, where="--draws", hint=f"{needed} would do")
+        return int(draws * self.shares[population])
+
+    def plan(self, draws: int) -> dict[str, Any]:
+        """Describe the ensemble as the plain values one needs to read its results."""
+        return {
+            "schema_version": SCHEMA_VERSION,
+            "identity": self.identity,
+            "draws": draws,
+            "replicates": self.replicates,
+            "seed": self.seed,
+            "populations": {name: self.draws_of(name, draws) for name in self.boxes},
+            "of_paper": base_of_paper(self.config),
+            "joints": list(self.config.joints),
+            "alpha": self.config.control.gains.alpha.si.tolist(),
+            "runs": list(RUNS),
+            "readings": [reading.name for reading in self.readings],
+            "variations": [reading.name for reading in self.variations],
+            "lookup": [[run, name, place] for (run, name), place in self.lookup.items()],
+            "blocks": [
+                [block.population, block.replicate, block.first, block.count] for block in self.blocks(draws)
+            ],
+        }
+
+    def cost(self, draws: int) -> dict[str, float]:
+        """Estimate experiments, processor hours and disk space of an ensemble."""
+        experiments = sum(self.draws_of(name, draws) for name in self.boxes) * len(self.cases)
+        numbers = len(STATISTICS) * len(self.config.joints) * 4 + 7
+        return {
+            "experiments": experiments,
+            "processor_hours": experiments * SECONDS_PER_EXPERIMENT / 3600.0,
+            "gigabytes": experiments * numbers * _COMPRESSION / 1e9,
+        }

@@ -1,0 +1,203 @@
+"""The table of readings: what each makes of the printed ranking, as numbers, rows, text and words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tendonrepro.configuration.models.readings import parse_reading
+from tendonrepro.monte_carlo.data import EnsembleData
+from tendonrepro.monte_carlo.shards import FOLDER, Block, read_check
+from tendonrepro.monte_carlo.shares import (
+    METRICS,
+    PLANT_SETS,
+    QUANTILES,
+    RATIO_NAMES,
+    RATIOS,
+    reading_summary,
+)
+from tendonrepro.physics.control import estimator_weights
+from tendonrepro.results.summary import CONTROLLERS
+from tendonrepro.results.tables import NOTHING, Table
+
+_OK, _ORDER, _BEST = "ok C1 / C2 / C3 (%)", "C1 < C2 < C3 MAE (%)", "C1 best, MAE (%)"
+
+_RANKINGS = ("share_c1_lt_c2_lt_c3", "share_c3_lt_c2_lt_c1", "share_c1_best")
+
+
+def population_summary(data: EnsembleData) -> dict[str, Any]:
+    """Everything the table says about one population.
+
+    ``laws`` counts statuses under the printed reading; a reading's ``theory`` is the ratio C1/C2 of slowly
+    changing errors per joint, beside what `shares.reading_summary` finds.
+    """
+    found = [reading_summary(data, name) | {"theory": _slow_ratio(data, name)} for name in data.readings]
+    laws = {
+        run: {status: share["count"] for status, share in shares.items()}
+        for run, shares in found[0]["status"].items()
+    }
+    return {"plants": len(data), "joints": list(data.joints), "laws": laws, "readings": found}
+
+
+def _slow_ratio(data: EnsembleData, name: str) -> dict[str, float]:
+    """Ratio C1/C2 of slowly changing errors per joint, docs/theory.md; NaN where a drawn number enters."""
+    settings = dict(parse_reading(name).settings)
+    applied, drawn = settings.get("stored_torque") == "applied", settings.get("hardware") == "drawn"
+    waited = float(settings.get("output_delay", 0)) if applied else 0.0
+    if settings.get("estimate_filter") == "estimate" or (applied and drawn):
+        waited = float("nan")
+    ages = (1.0, 2.0) @ estimator_weights(np.array(data.alpha), settings.get("weights", "interpolating"))
+    return {
+        f"joint_{joint}": float(age)
+        for joint, age in zip(data.joints, (ages + waited) / (1.0 + waited), strict=True)
+    }
+
+
+def spot_checks(folder: Path, blocks: Sequence[Block]) -> dict[str, Any]:
+    """Largest differences from the SciPy stepper among the blocks that were checked, and where they were.
+
+    ``compared`` are those that ran to their end in both steppers, so that sizes could be compared.
+    """
+    found = [(block, read_check(folder / FOLDER / block.file_name)) for block in blocks]
+    checks = [(block, check) for block, check in found if check]
+    result: dict[str, Any] = {
+        "experiments": len(checks),
+        # Two steppers never agree to the last bit; a difference of nothing stands for a run without an end.
+        "compared": sum(float(check["ideal"]) > 0.0 for _, check in checks),
+        "disagreements": sum(int(check["disagreements"]) for _, check in checks),
+    }
+    for kind in ("ideal", "quantised"):
+        worst = max(checks, key=lambda entry: float(entry[1][kind]), default=None)
+        result[kind] = {"largest": None, "where": None}
+        if worst is not None:
+            block, check = worst
+            where = f"{check['run']}, {check['reading']}, {block.file_name}, draw {check['draw']}"
+            result[kind] = {"largest": float(check[kind]), "where": where}
+    return result
+
+
+def flat_rows(population: str, summary: Mapping[str, Any]) -> Iterator[dict[str, object]]:
+    """Yield a row per reading, set of plants, metric and joint (or both), with every number of the table."""
+    for reading in summary["readings"]:
+        for plants in PLANT_SETS:
+            for metric in (*METRICS, "mae_and_rmse"):
+                for joint in reading["share_c1_best"][plants][metric]:
+                    start = {"population": population, "reading": reading["name"], "plants": plants}
+                    row = {"metric": metric, "joint": joint} | _row_numbers(reading, plants, metric, joint)
+                    yield start | row
+
+
+def _row_numbers(reading: Mapping[str, Any], plants: str, metric: str, joint: str) -> dict[str, object]:
+    row: dict[str, object] = {}
+    for key in _RANKINGS:
+        share = reading[key][plants][metric][joint]
+        row |= {"count": share["plants"], key: share["share"]}
+        row |= {f"{key}_low": share["low"], f"{key}_high": share["high"]}
+    for key in RATIOS:
+        ratio = reading[key][plants].get(metric, {}).get(joint)
+        for name in QUANTILES:
+            value = ratio[name] if ratio else {"value": None, "low": None, "high": None}
+            ends = {f"{key}_{name}_{end}": value[end] for end in ("low", "high")}
+            row |= {f"{key}_{name}": value["value"]} | ends
+        row[f"{key}_printed"] = ratio["printed"] if ratio else None
+    return row
+
+
+def status_rows(population: str, summary: Mapping[str, Any]) -> Iterator[dict[str, object]]:
+    """Yield a row per reading, run and status: count and share with its interval."""
+    for reading in summary["readings"]:
+        for run, shares in reading["status"].items():
+            for status, share in shares.items():
+                start = {"population": population, "reading": reading["name"], "run": run, "status": status}
+                yield start | {key: share[key] for key in ("count", "share", "low", "high")}
+
+
+def reader_row(reading: Mapping[str, Any], joints: Sequence[int]) -> dict[str, str]:
+    """One reading in the table for a reader."""
+    ordered, ratios = reading["share_c1_lt_c2_lt_c3"], {key: reading[key]["all_ok"]["mae"] for key in RATIOS}
+    inside, outside = (len(reading["agreement"][key]) for key in ("inside", "outside"))
+    alone = ordered["all_ok"]["mae"]
+    return {
+        "Reading": reading["name"],
+        _OK: " / ".join(percent(reading["status"][run]["ok"]["share"], "") for run in CONTROLLERS),
+        "plants all ok": str(alone["both"]["plants"]),
+        _ORDER: share_text(alone["both"]),
+        **{f"joint {joint}": percent(alone[f"joint_{joint}"]["share"], "") for joint in joints},
+        "RMSE (%)": share_text(ordered["all_ok"]["rmse"]["both"]),
+        "diverged last, MAE (%)": share_text(ordered["diverged_last"]["mae"]["both"]),
+        "C3 < C2 < C1 MAE (%)": share_text(reading["share_c3_lt_c2_lt_c1"]["all_ok"]["mae"]["both"]),
+        _BEST: share_text(reading["share_c1_best"]["all_ok"]["mae"]["both"]),
+        **{
+            f"{RATIO_NAMES[key]} joint {joint}": quantile_text(ratio[f"joint_{joint}"])
+            for key, ratio in ratios.items()
+            for joint in joints
+        },
+        "RMSE/MAE rises (%)": share_text(reading["share_rmse_over_mae_rises"]["both"]),
+        "distance from the print": quantile_text(reading["distance"]),
+        "printed ratios inside": f"{inside} of {inside + outside}",
+        "verdict": reading["agreement"]["verdict"],
+    }
+
+
+def percent(share: float | None, unit: str = " %") -> str:
+    """Share as per cent with one digit behind the point."""
+    return NOTHING if share is None else f"{100.0 * share:.1f}{unit}"
+
+
+def share_text(share: Mapping[str, Any]) -> str:
+    """Share and interval in per cent."""
+    if share["share"] is None:
+        return NOTHING
+    if share["low"] is None:
+        return percent(share["share"], "")
+    return f"{percent(share['share'], '')} ({percent(share['low'], '')} to {percent(share['high'], '')})"
+
+
+def quantile_text(ratio: Mapping[str, Any]) -> str:
+    """Median and the central 90 % of a ratio."""
+    values = [ratio[name]["value"] for name in ("median", "q05", "q95")]
+    if None in values:
+        return NOTHING
+    return "{:.3f} ({:.3f} to {:.3f})".format(*values)
+
+
+def ensemble_tables(summary: Mapping[str, Any]) -> Iterator[Table]:
+    """Yield ``readings`` and ``statuses`` with all digits, and a table for a reader of each population."""
+    held = summary["populations"].items()
+    for name, rows_of in (("readings", flat_rows), ("statuses", status_rows)):
+        every = [row for population, one in held for row in rows_of(population, one)]
+        yield Table(name, "", every, terminal=(), suffixes=("csv",))
+    for place, (name, one) in enumerate(held):
+        caption = (
+            f"Population {name}, {one['plants']} plants. Shares are shares of the box, with 95 % intervals "
+            f"from {summary['scramblings']} scramblings; ratios are medians of the ratio of MAE over plants "
+            f"on which all three laws are ok, with their central 90 %."
+        )
+        rows = [reader_row(reading, one["joints"]) for reading in one["readings"]]
+        shown = _terminal(one["joints"]) if place == 0 else ()
+        yield Table(f"readings_{name}", caption, rows, {key: (key, "") for key in rows[0]}, shown, ("md",))
+
+
+def _terminal(joints: Sequence[int]) -> list[str]:
+    """Columns that fit a terminal."""
+    ratios = [f"{name} joint {joints[0]}" for name in RATIO_NAMES.values()]
+    return ["Reading", _OK, _ORDER, _BEST, *ratios, "verdict"]
+
+
+def cost_text(cost: Mapping[str, float]) -> str:
+    """What an ensemble costs, in words.
+
+    Examples
+    --------
+    >>> cost_text({"experiments": 130560, "processor_hours": 0.29, "gigabytes": 0.0243})
+    '130,560 experiments, about 17 minutes of one processor and 24 MB'
+    >>> cost_text({"experiments": 1.3e9, "processor_hours": 2900.0, "gigabytes": 243.2})
+    '1,300,000,000 experiments, about 2,900 hours of one processor and 243 GB'
+    """
+    hours, size = cost["processor_hours"], cost["gigabytes"]
+    lasts = f"{hours:,.0f} hours" if hours >= 2.0 else f"{max(60.0 * hours, 1.0):.0f} minutes"
+    takes = f"{size:.0f} GB" if size >= 2.0 else f"{max(1e3 * size, 1.0):.0f} MB"
+    return f"{cost['experiments']:,.0f} experiments, about {lasts} of one processor and {takes}"

@@ -1,0 +1,101 @@
+"""Claims of the paper and the verdicts on them, in a reader's words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from tendonrepro.reporting.answer import percent
+
+MAIN = {
+    "K1": "The coupling matrix S and its inverse are inverses of each other.",
+    "K3": "Joint angles calculated from the motors agree with the encoders.",
+    "C1": "All three controllers track stably.",
+    "C2": "Controller 1 is better than 2, and 2 than 3, in MAE and RMSE on both joints.",
+    "share.controller_1_of_2.mae.joint_2": "Controller 1's MAE on joint 2 is 90.3 % of Controller 2's.",
+    "C3": "The advantage of Controller 1 is largest in rapid motion.",
+    "C6": "Controller 1's torque is much smaller moving up, and lower and smoother overall.",
+    "E1": "α can improve the estimate of the lumped uncertainty.",
+    "E3": "Data from t − 2L reduce the overshoot that time-delay estimation causes.",
+    "increase.with_load.mae.joint_2": "A payload of 0.2 kg raises Controller 1's MAE on joint 2 by 1.1 %.",
+}
+"""The ten claims of the first screen, in the order of the paper's argument, and what the paper says."""
+
+VERDICTS = {
+    "exact": "follows, to the published digits",
+    "reproduced": "follows from the equations",
+    "compatible": "agrees",
+    "no_power": "agrees, but so would most values",
+    "direction_only": "agrees in direction, not in size",
+    "depends_on_plant": "depends on the plant",
+    "not_met": "holds on almost no plant",
+    "contradicted": "the equations say the opposite",
+    "outside_model": "outside the range of the plants",
+    "not_reproduced": "does not follow from the equations",
+    "not_testable": "not testable",
+}
+"""What each verdict of `claims` means."""
+
+_SHARE = "share of the box"
+_FEW = 0.05
+_POWER = 0.5
+_WORDS = {
+    "table1": "ratio of diameters",
+    "table2": "error",
+    "table3": "error",
+    "S_inv": "inverse coupling matrix S⁻¹",
+    "S": "coupling matrix S",
+    "rmse_over_mae": "RMSE over MAE",
+    "share": "error in per cent of another controller's",
+    "increase": "change of Controller 1's error",
+    "mae": "MAE",
+    "rmse": "RMSE",
+}
+
+
+def named(entry: Mapping[str, Any]) -> str:
+    """What the paper says, in its words; of a number its name and value."""
+    name, _, rest = entry["id"].partition(".")
+    if not rest:
+        return str(entry["printed"])
+    words = [
+        _WORDS.get(part) or part.replace("_over_", "/").replace("_", " ") for part in (name, *rest.split("."))
+    ]
+    unit = {"%": " %", "deg": "°"}.get(entry["unit"], "")
+    return f"{', '.join(words).replace('controller', 'Controller')}: {entry['printed']}{unit}"
+
+
+def ours(entry: Mapping[str, Any]) -> str:
+    """What came out here."""
+    evidence, value = entry["evidence"], entry["ours"]
+    unit = {"%": " %", "deg": "°"}.get(entry["unit"], "")
+    if evidence.get("missing"):
+        return f"missing: {evidence['missing']}"
+    if entry["unit"] == _SHARE and value is not None:
+        favoured = ", by the measure that favours it most" if len(evidence.get("by_measure", ())) > 1 else ""
+        return f"holds on {percent(value)} of {evidence['plants']:,} plants{favoured}"
+    if box := evidence.get("box"):
+        return f"median {box['median']:.3g}{unit}, central 90 % {box['low']:.3g} to {box['high']:.3g}{unit}"
+    if value is None:
+        return "yes" if entry["verdict"] in {"exact", "reproduced"} else "–"
+    return f"{value:.4g}{unit}"
+
+
+def verdict(entry: Mapping[str, Any]) -> str:
+    """Name of the verdict in `VERDICTS`; what holds almost nowhere does not depend on the plant."""
+    name, share, power = entry["verdict"], entry["ours"], entry["evidence"].get("also_passing")
+    if name == "depends_on_plant" and entry["unit"] == _SHARE and share is not None and share <= _FEW:
+        name = "not_met"
+    if name == "compatible" and power is not None and power > _POWER:
+        name = "no_power"
+    return str(name)
+
+
+def statements(entry: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """The parts of a claim, each with the share of the plants on which it holds."""
+    evidence = entry["evidence"]
+    held = [
+        *evidence.get("statements", ()),
+        *filter(None, [evidence.get("direction"), evidence.get("opposite")]),
+    ]
+    return [(one["statement"].replace("controller_", "Controller "), percent(one["share"])) for one in held]

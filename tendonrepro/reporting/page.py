@@ -1,0 +1,125 @@
+"""The page: one HTML file that needs nothing else, of what `stored` found."""
+
+from __future__ import annotations
+
+import base64
+import re
+from collections.abc import Iterator
+from html import unescape
+from typing import Any
+
+import jinja2
+from markdown_it import MarkdownIt
+from markupsafe import Markup
+
+from tendonrepro import __version__
+from tendonrepro.files import shipped
+from tendonrepro.reporting import assumed, claims, orders
+from tendonrepro.reporting.answer import TEMPLATES, filled, numbers
+from tendonrepro.reporting.figure_orders import orders_svg
+from tendonrepro.reporting.stored import SHIPPED, Stored
+
+TABLES = {"decouple": ("table1", "decoupling_errors"), "compare": ("table2_paper", "table3_paper")}
+"""Tables of each experiment that stand on the page."""
+
+_COLUMN_PT = 300.0
+
+TITLES = {
+    "decouple": "Decoupling: Figures 6 and 9 to 12, Table 1",
+    "compare": "Controllers: Figures 13 to 16, Tables 2 and 3",
+    "validate": "The authors' data beside the model",
+}
+
+
+def page(found: Stored) -> str:
+    """Make the page; equal contents give equal text."""
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"md": line}
+    slots = numbers(found.summary, found.ledger)
+    entries = {entry["id"]: entry for entry in found.ledger["claims"]}
+    trees = [held["config"]["tree"] for name, held in found.manifests.items() if name in TABLES]
+    return environment.get_template("page.html").render(
+        found=found,
+        shipped=SHIPPED,
+        version=__version__,
+        date=dated(found),
+        style=Markup((TEMPLATES / "style.css").read_text(encoding="utf-8")),
+        answer=text(filled("answer", slots)),
+        why=text(filled("why", slots)),
+        picture=address(orders_svg(found.summary)),
+        main=[entries[name] for name in claims.MAIN if name in entries],
+        others=[entry for entry in entries.values() if entry["repeats"] is None],
+        claims=claims,
+        orders=orders,
+        parts=[part(found, name, title) for name, title in TITLES.items()],
+        inconsistencies=list(inconsistencies()),
+        assumptions=text((TEMPLATES / "assumed.md").read_text(encoding="utf-8")),
+        assumed=assumed,
+        values=assumed.values(trees),
+    )
+
+
+def dated(found: Stored) -> str:
+    """Day of the newest result."""
+    ensemble = found.ledger.get("ensemble") or {}
+    days = [held.get("created") for held in (*found.manifests.values(), ensemble)]
+    return max(filter(None, days), default="")[:10]
+
+
+def part(found: Stored, name: str, title: str) -> dict[str, Any]:
+    """Figures and tables of an experiment; none where it was not run."""
+    pictures = [plate(path.read_text(encoding="utf-8"), path.stem) for path in found.pictures(name)]
+    tables = [text(path.read_text(encoding="utf-8")) for path in found.tables(name, TABLES.get(name, ()))]
+    return {"name": name, "title": title, "pictures": pictures, "tables": tables}
+
+
+def plate(svg: str, name: str) -> dict[str, Any]:
+    """A figure with the caption that it holds; narrow ones, of a journal's column, stand side by side."""
+    kept = re.search(r"<dc:description>([^<]*)<", svg)
+    width = re.search(r'<svg[^>]* width="([\d.]+)pt"', svg)
+    return {
+        "address": address(svg.encode()),
+        "caption": unescape(kept[1]) if kept else name,
+        "narrow": width is not None and float(width[1]) < _COLUMN_PT,
+    }
+
+
+def address(svg: bytes) -> str:
+    """Address of a picture that is the picture itself; as one it can neither run nor load anything."""
+    return f"data:image/svg+xml;base64,{base64.b64encode(svg).decode('ascii')}"
+
+
+def inconsistencies() -> Iterator[tuple[str, Markup]]:
+    """Yield those of the paper as docs list them, ``**1. Title.** Text``: title and text of each."""
+    paragraphs = (shipped("docs") / "slips.md").read_text(encoding="utf-8").split("\n\n")
+    for paragraph in paragraphs:
+        if entry := re.fullmatch(r"\*\*(\d+\. .*?)\*\*(.*)", paragraph.strip(), re.S):
+            yield entry[1].rstrip("."), text(entry[2])
+
+
+def text(markdown: str) -> Markup:
+    """Markdown as HTML; what is HTML in it is shown, not obeyed, and links to pages of docs become text."""
+    html = _unbroken(_reader().render(re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", markdown)))
+    return Markup(html.replace("<table>", '<div class="wide"><table>').replace("</table>", "</table></div>"))
+
+
+def line(markdown: str) -> Markup:
+    """One line of Markdown as HTML; long names may break at a plus."""
+    html = _unbroken(_reader().renderInline(markdown))
+    return Markup(re.sub(r"<code>[^<]*", lambda code: code[0].replace("+", "+<wbr>"), html))
+
+
+def _unbroken(html: Any) -> str:
+    """Text in which a per cent sign stays with its number."""
+    return str(html).replace(" %", "\u00a0%")
+
+
+def _reader() -> MarkdownIt:
+    # A picture could be a request to a server.
+    return MarkdownIt("commonmark", {"html": False}).enable("table").disable("image")

@@ -1,0 +1,247 @@
+"""Claims and numbers of the paper judged on a measurement, by "On the measurement" in docs/verdicts.md."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from tendonrepro.arrays import Array
+from tendonrepro.configuration.models.readings import PRINTED
+from tendonrepro.configuration.published import COMPARED, PrintedQuotient, Published
+from tendonrepro.dataset.windows import prints_as
+from tendonrepro.errors import DataMissingError
+from tendonrepro.physics.metrics import mae, start_level
+from tendonrepro.results.records import Trace, TraceFile
+from tendonrepro.results.summary import CONTROLLERS
+from tendonrepro.verdicts.arithmetic import cut, printed_percentages, size_behind
+from tendonrepro.verdicts.from_print import Evidence, Judged, missing
+from tendonrepro.verdicts.measured import RATE_WINDOW, Measured, OneArm
+from tendonrepro.verdicts.plants import Plants
+from tendonrepro.verdicts.rules import of_model
+from tendonrepro.verdicts.statements import CLAIMS, FIRST, LOADED, Findings, larger_with_load
+
+JUDGED = ("K3", "K5", "C1", "C2", "F1", "C3", "C4", "C5", "C6", "P1")
+"""Claims that a measurement is asked about."""
+
+TINY, AGREES = 0.01, 0.05
+"""Largest errors of K3 and K5 as shares of a joint's or motor's range."""
+LEAST_RANGE = float(np.deg2rad(1.0))
+"""Range below which a joint or motor counts as at rest, rad."""
+
+_FAMILIES = ("table2.", "table3.", "rmse_over_mae.", "share.", "increase.")
+
+
+def judge_measured(measured: Measured, paper: Published) -> dict[str, Judged]:
+    """Judge every claim and number that a measurement can speak about.
+
+    Parameters
+    ----------
+    measured : Measured
+    paper : Published
+
+    Returns
+    -------
+    dict
+        By id: the claims `JUDGED`, the numbers of Tables 2 and 3, their quotients, and those of sections 5.3
+        and 5.4.
+    """
+    numbers = [name for name in paper.entries if name.startswith(_FAMILIES)]
+    found = {name: _number(measured, paper, name) for name in numbers}
+    for name in JUDGED:
+        try:
+            found[name] = _claim(measured, paper, name, found)
+        except DataMissingError as error:
+            found[name] = missing(error.message)
+    return found
+
+
+def _number(measured: Measured, paper: Published, identifier: str) -> Judged:
+    deciding = measured.tables.deciding
+    judge = {"rmse_over_mae": _quotient, "share": _percentage, "increase": _percentage}
+    family = identifier.partition(".")[0]
+    found = judge.get(family, _size)(deciding.sizes if deciding else {}, paper, identifier)
+    return replace(found, evidence=found.evidence | {"window": deciding.name if deciding else None})
+
+
+def _size(sizes: Mapping[str, float], paper: Published, identifier: str) -> Judged:
+    """Judge a number of Table 2 or 3 by whether the measured one would be printed so."""
+    ours = sizes.get(size_behind(identifier))
+    if ours is None:
+        return missing(f"the measured errors of {_run_of(identifier)}")
+    return Judged(of_model(prints_as(paper, identifier, ours)), ours)
+
+
+def _run_of(identifier: str) -> str:
+    family, what, _, joint = identifier.split(".")
+    run = what if family == "table2" else {"no_load": CONTROLLERS[0], "with_load": LOADED}[what]
+    return f"{run}, {joint.replace('_', ' ')}"
+
+
+def _percentage(sizes: Mapping[str, float], paper: Published, identifier: str) -> Judged:
+    """Judge a percentage from the measured numbers as the tables would print them."""
+    names = [size_behind(name) for name in printed_percentages(paper)[identifier]]
+    absent = [_run_of(name) for name in names if not np.isfinite(sizes.get(name, np.nan))]
+    if absent:
+        return missing(f"the measured errors of {absent[0]}")
+    part, whole = (Fraction(f"{sizes[name]:.{paper.digits(name).decimals}f}") for name in names)
+    if whole == 0:
+        return missing(f"an error of {_run_of(names[1])} that is not zero")
+    value = 100 * part / whole - (100 if identifier.startswith("increase.") else 0)
+    holds = cut(value, paper.digits(identifier)) != "neither"
+    return Judged(of_model(holds), float(value))
+
+
+def _quotient(sizes: Mapping[str, float], paper: Published, identifier: str) -> Judged:
+    """Judge RMSE over MAE by what the rounding of both printed numbers allows."""
+    entry = paper.entries[identifier]
+    assert isinstance(entry, PrintedQuotient)
+    root, mean = (sizes.get(name, np.nan) for name in (entry.numerator, entry.denominator))
+    if not (np.isfinite(root) and mean > 0.0):
+        return missing(f"the measured errors of {_run_of(entry.numerator)}")
+    low, high = paper.interval(identifier)
+    return Judged(of_model(low <= root / mean <= high), root / mean)
+
+
+def _claim(measured: Measured, paper: Published, identifier: str, numbers: Mapping[str, Judged]) -> Judged:
+    if identifier == "K3":
+        return decoupling(measured.file)
+    if identifier == "K5":
+        return motor_angles(measured.file)
+    if identifier == "C1":
+        _need_errors(measured.compare)
+    arm = OneArm(measured)
+    plants = Plants(arm, PRINTED)
+    rule = paper.judgements[identifier].rule
+    if rule == "payload":
+        found = Findings(larger_with_load(plants), plants.ok(FIRST, LOADED), None)
+    else:
+        found = CLAIMS[rule](plants, paper)
+    _all_judged(measured.compare, identifier, found)
+    holds = any(all(statement.holds[0] for statement in held) for held in found.measures.values())
+    evidence: Evidence = {
+        "statements": [
+            {"statement": statement.text, "holds": bool(statement.holds[0])} for statement in found.statements
+        ],
+        "statistics": arm.asked,
+    }
+    remarks = _remarks(measured, identifier)
+    if identifier in ("C2", "F1", "P1") and measured.tables.deciding:
+        evidence["window"] = measured.tables.deciding.name
+    if identifier == "P1":
+        values = {name: one for name, one in numbers.items() if name.startswith("increase.")}
+        evidence["percentages"] = {name: one.decision.verdict for name, one in values.items()}
+        holds = holds and all(one.decision.verdict == "reproduced" for one in values.values())
+    return Judged(of_model(holds), None, evidence | ({"remarks": remarks} if remarks else {}))
+
+
+def _need_errors(file: TraceFile) -> None:
+    """A status judged without the error of a joint says nothing about it."""
+    for trace in [file.runs[run] for run in CONTROLLERS if run in file.runs]:
+        for joint in OneArm.joints:
+            known = joint in trace.joint and "e" in trace
+            if not known or bool(np.isnan(trace["e"][:, trace.joint.index(joint)]).all()):
+                raise DataMissingError(f"the measured error of {trace.name}, joint {joint}")
+
+
+def _all_judged(file: TraceFile, identifier: str, found: Findings) -> None:
+    """Refuse to compare laws that were not ``ok``; claim C1 is about just that."""
+    if identifier != "C1" and not found.judged[0]:
+        laws = (FIRST, LOADED) if identifier == "P1" else CONTROLLERS
+        wrong = next(name for name in laws if file.runs[name].status != "ok")
+        message = f"a run of {wrong} that is ok; the one measured is {file.runs[wrong].told_status}"
+        raise DataMissingError(message)
+
+
+def _remarks(measured: Measured, identifier: str) -> list[str]:
+    if identifier == "C1":
+        runs = (measured.compare.runs[name] for name in CONTROLLERS)
+        return [f"{trace.name} is {trace.told_status}" for trace in runs if trace.status != "ok"]
+    if identifier != "C4":
+        return []
+    computed = [name for name in CONTROLLERS if "s" not in measured.compare.runs[name]]
+    if not computed:
+        return []
+    return [
+        f"s of {', '.join(computed)} was not recorded: computed from e by Eq. (11) with the printed gains, "
+        f"the rate of e by its difference over {1e3 * RATE_WINDOW:g} ms"
+    ]
+
+
+def decoupling(file: TraceFile) -> Judged:
+    """K3: joint angles calculated from the motors against the encoders."""
+    trace = file.part("decouple").runs.get("decouple")
+    if trace is None:
+        raise DataMissingError("a measured run decouple")
+    places = [trace.joint.index(joint) for joint in (1, 2, 3) if joint in trace.joint]
+    if len(places) < 3:
+        raise DataMissingError("all of joints 1 to 3 in the run decouple")
+    encoder = _needed(trace, "q_encoder")[:, places]
+    apart = calculated_angles(file, trace)[:, places] - encoder
+    known = np.isfinite(apart).all(axis=1)
+    time, apart = trace.time[known], apart[known]
+    reach = np.nanmax(encoder, axis=0) - np.nanmin(encoder, axis=0)
+    if not len(apart) or (reach < LEAST_RANGE).any():
+        raise DataMissingError("a run decouple in which joints 1 to 3 all move")
+    ways = {"start_offset_removed": apart - start_level(time, apart), "as_recorded": apart}
+    rows = {name: _agreement(mae(difference), reach) for name, difference in ways.items()}
+    decided, other = (all(row["holds"] for row in rows[name]["statements"]) for name in ways)
+    remarks = [] if decided == other else ["with the start offset left in, the verdict is the other one"]
+    return Judged(of_model(decided), None, rows | {"remarks": remarks})
+
+
+def _agreement(size: Array, reach: Array) -> dict[str, Any]:
+    statements = {
+        "joint 3's error is the largest": size[2] > size[:2].max(),
+        f"joint 1's error is below {100 * TINY:g} % of its range": size[0] < TINY * reach[0],
+        f"every error is below {100 * AGREES:g} % of the joint's range": (size < AGREES * reach).all(),
+    }
+    return {
+        "mae_deg": np.rad2deg(size).tolist(),
+        "share_of_range": (size / reach).tolist(),
+        "statements": [{"statement": text, "holds": bool(held)} for text, held in statements.items()],
+    }
+
+
+def calculated_angles(file: TraceFile, trace: Trace) -> Array:
+    """Joint angles calculated from the motors, (T, n): recorded, else ``S q_motor_encoder``."""
+    if "q_calculated" in trace:
+        return trace["q_calculated"]
+    return np.asarray(_needed(trace, "q_motor_encoder") @ file.plant.matrix("S", trace.joint).T)
+
+
+def motor_angles(file: TraceFile) -> Judged:
+    """K5: motor angles from measured against those from desired joint angles."""
+    rows = []
+    for name in CONTROLLERS:
+        trace = file.part("compare").runs.get(name)
+        if trace is None or not {"q_d", "q_encoder"} <= trace.variables.keys():
+            continue
+        # An encoder at rest may have been recorded without a desired angle.
+        there = zip(trace.joint, (trace["q_d"] + trace["q_encoder"]).T, strict=True)
+        trace = trace.of_joints([joint for joint, both in there if np.isfinite(both).any()])
+        if not {*COMPARED} <= {*trace.joint}:
+            continue
+        S_inv = file.plant.matrix("S_inv", trace.joint)
+        desired, angles = (trace[variable] @ S_inv.T for variable in ("q_d", "q_encoder"))
+        known = np.isfinite(desired + angles).all(axis=1)
+        # Motor 3 hardly turns where joints 2 and 3 move alike, so its own range is no measure.
+        reach = np.ptp(desired[known], axis=0).max() if known.any() else 0.0
+        if reach < LEAST_RANGE:
+            continue
+        for motor, apart in zip(trace.joint, mae(angles[known] - desired[known]), strict=True):
+            text = f"{name}, motor {motor}: MAE is below {100 * AGREES:g} % of the largest range of a motor"
+            sizes = {"mae_deg": float(np.rad2deg(apart)), "share_of_range": float(apart / reach)}
+            rows.append({"statement": text, "holds": bool(apart < AGREES * reach)} | sizes)
+    if not rows:
+        raise DataMissingError("q_encoder and q_d of joints 2 and 3 of a controller whose motors move")
+    return Judged(of_model(all(row["holds"] for row in rows)), None, {"statements": rows})
+
+
+def _needed(trace: Trace, variable: str) -> Array:
+    if variable not in trace:
+        raise DataMissingError(f"{variable} of the run {trace.name}")
+    return trace[variable]

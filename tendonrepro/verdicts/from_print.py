@@ -1,0 +1,204 @@
+"""Every rule of docs/verdicts.md as a function from what is known to a judgement with its evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from tendonrepro.configuration.published import (
+    COMPARED,
+    SIGN,
+    Interval,
+    Published,
+    coupling_of,
+    exact,
+    rounding,
+    table_1,
+)
+from tendonrepro.physics.control import polynomial
+from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix
+from tendonrepro.verdicts.arithmetic import (
+    cut,
+    inverse,
+    meets,
+    percentage,
+    printed_inverse,
+    printed_percentages,
+    size_behind,
+    slopes_of_coupling,
+)
+from tendonrepro.verdicts.rules import Decision, VerdictName, of_arithmetic, of_model
+
+FAR_LESS = 0.1
+"""Motor 3 against motor 2 in claim K4."""
+NEARLY = 0.1
+"""Largest relative difference of angles that are nearly equal in claim K6."""
+SMOOTH = 1e-12
+
+Evidence: TypeAlias = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Outcome of a rule."""
+
+    decision: Decision
+    ours: float | None = None
+    evidence: Evidence = field(default_factory=dict)
+    other_readings: Mapping[str, VerdictName] = field(default_factory=dict)
+
+
+def missing(what: str, command: str | None = None, **evidence: Any) -> Judged:
+    """Not testable, with what is missing and the command that supplies it."""
+    return Judged(Decision("not_testable"), None, {"missing": what, "run": command} | evidence)
+
+
+def lengths(paper: Published, identifier: str) -> Judged:
+    """Compare an entry of S_inv with the ratio of Table 1 that Eq. (2) puts there, or the other way round."""
+    if identifier.startswith("S_inv."):
+        n, i = tuple(identifier.removeprefix("S_inv."))
+        other = f"table1.D_{i}{n}_over_D_{n}"
+    else:
+        i, n = tuple(identifier.removeprefix("table1.D_").partition("_")[0])
+        other = f"S_inv.{n}{i}"
+    return _against(paper, identifier, rounding(paper.quantity(other)), paper.number(other), other)
+
+
+def matrix_entry(paper: Published, identifier: str) -> Judged:
+    """Compare an entry of S with the inverse of S_inv, magnitudes."""
+    n, i = (int(digit) - 1 for digit in identifier.removeprefix("S."))
+    ours = abs(inverse(printed_inverse(paper))[n][i])
+    return _against(paper, identifier, (ours, ours), float(ours), "S_inv")
+
+
+def both_matrices(paper: Published, _: str) -> Judged:
+    """K1: all entries of S."""
+    names = [name for name in paper.entries if name.startswith("S.")]
+    wrong = [name for name in names if matrix_entry(paper, name).decision.verdict != "exact"]
+    return Judged(of_arithmetic(not wrong), None, {"entries": names, "inconsistent": wrong})
+
+
+def all_percentages(paper: Published, _: str) -> Judged:
+    """A1: the percentages of sections 5.3 and 5.4 against what the rounding of the tables allows."""
+    rows, wrong = [], []
+    for name, (part, whole) in printed_percentages(paper).items():
+        printed = paper.digits(name)
+        change = name.startswith("increase.")
+        value, interval = percentage(paper.digits(part), paper.digits(whole), change=change)
+        consistent = meets(interval, rounding(printed))
+        rows.append(
+            {
+                "id": name,
+                "printed": printed.as_printed,
+                "from_digits": float(value),
+                "allowed": [float(interval[0]), float(interval[1])],
+                "printed_is": cut(value, printed),
+                "consistent": consistent,
+            }
+        )
+        wrong += [] if consistent else [name]
+    return Judged(of_arithmetic(not wrong), None, {"percentages": rows, "inconsistent": wrong})
+
+
+def same_as(paper: Published, identifier: str) -> Judged:
+    """Table 3 without load against Controller 1 in Table 2."""
+    other = size_behind(identifier)
+    return _against(paper, identifier, rounding(paper.quantity(other)), paper.number(other), other)
+
+
+def resolution(paper: Published, identifier: str) -> Judged:
+    """Encoder resolution against 360 degrees over four counts a pulse."""
+    ours = 90 / exact(paper.quantity("hardware.encoder_pulses"))
+    return _against(paper, identifier, (ours, ours), float(ours), "hardware.encoder_pulses")
+
+
+def _against(paper: Published, identifier: str, allowed: Interval, ours: float, origin: str) -> Judged:
+    """Compare a printed number with what another part of the print allows."""
+    consistent = meets(allowed, rounding(paper.quantity(identifier)))
+    return Judged(of_arithmetic(consistent), ours, {"from": [origin]})
+
+
+def tendon_1_moves_joint_2(paper: Published, _: str) -> Judged:
+    """K2: joint 2 turns when tendon 1 alone is pulled."""
+    S, _S_inv = coupling_of(table_1(paper))
+    ours = float(S[1, 0] / S[0, 0])
+    return Judged(of_model(ours != 0.0), ours, {"remarks": [_TURN]})
+
+
+def opposite_direction(paper: Published, _: str) -> Judged:
+    """K2a: joint 2 turns against joint 1 when tendon 1 alone is pulled."""
+    return _by_turn(paper, lambda turn: turn < 0.0)
+
+
+def pure_translation(paper: Published, _: str) -> Judged:
+    """K2b: joint 2 turns back as far as joint 1 turns, so that link 2 keeps its direction."""
+    return _by_turn(paper, lambda turn: abs(turn + 1.0) < NEARLY)
+
+
+_TURN = "joint 2 over joint 1; a pure translation of link 2, as Fig. 6 is described, would need -1"
+
+
+def _by_turn(paper: Published, holds: Callable[[float], bool]) -> Judged:
+    """Judge the turn of joint 2 over that of joint 1, by the printed signs and with c12 and c13 turned round.
+
+    Both leave the magnitudes of S as printed.
+    """
+    turns = []
+    for flip in (1.0, -1.0):
+        sign = SIGN * np.array([[1.0, flip, flip], [1.0, 1.0, 1.0], [1.0, 1.0, 1.0]])
+        S = coupling_matrix(coupling_inverse(np.ones(3), table_1(paper), sign))
+        turns.append(float(S[1, 0] / S[0, 0]))
+    printed, other = (of_model(holds(turn)) for turn in turns)
+    evidence: Evidence = {"with_other_signs": turns[1], "remarks": [_TURN]}
+    return Judged(printed, turns[0], evidence, {"signs=c12=-1,c13=+1": other.verdict})
+
+
+def motor_3_turns_less(paper: Published, _: str) -> Judged:
+    """K4: motor 3 over motor 2 at equal angles of joints 2 and 3, joint 1 at rest."""
+    _S, S_inv = coupling_of(table_1(paper))
+    turns = S_inv @ np.array([0.0, 1.0, 1.0])
+    ours = float(abs(turns[2] / turns[1]))
+    return Judged(of_model(ours < FAR_LESS), ours, {"motor_over_joint": turns.tolist()})
+
+
+def coupling_terms(paper: Published, _: str) -> Judged:
+    """K6: terms fall with the winch and rise with the guide pulley; joint 3's coupling angle."""
+    ratio = table_1(paper)
+    winch, pulley = slopes_of_coupling(ratio)
+    ours = float(ratio[1, 2])
+    holds = bool((winch < 0.0).all() and (pulley > 0.0).all()) and abs(ours - 1.0) < NEARLY
+    evidence = {"larger_winch": winch.tolist(), "larger_pulley": pulley.tolist()}
+    return Judged(of_model(holds), ours, evidence)
+
+
+def smooth_branch(paper: Published, _: str) -> Judged:
+    """Eq. (13): value and slope of both branches of phi agree at Delta."""
+    apart = []
+    for joint in COMPARED:
+        b, Delta = (paper.number(f"gain.{name}.joint_{joint}") for name in ("b", "Delta"))
+        gamma_1, gamma_2 = polynomial(b, Delta)
+        apart += [
+            abs(gamma_1 * Delta + gamma_2 * Delta**2 - Delta**b),
+            abs(gamma_1 + 2.0 * gamma_2 * Delta - b * Delta ** (b - 1.0)),
+        ]
+    return Judged(of_model(max(apart) < SMOOTH), None, {"differences": apart})
+
+
+FROM_THE_PRINT: Mapping[str, Callable[[Published, str], Judged]] = {
+    "lengths": lengths,
+    "inverse": matrix_entry,
+    "inverses": both_matrices,
+    "percentage": all_percentages,
+    "same_as": same_as,
+    "resolution": resolution,
+    "tendon_1_moves_joint_2": tendon_1_moves_joint_2,
+    "opposite_direction": opposite_direction,
+    "pure_translation": pure_translation,
+    "motor_3_turns_less": motor_3_turns_less,
+    "coupling_terms": coupling_terms,
+    "smooth_branch": smooth_branch,
+}
+"""Rules that need nothing but the print, by their names in docs/verdicts.md."""

@@ -1,0 +1,257 @@
+"""The ledger of verdicts: every printed result and claim, judged from what has been run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from tendonrepro.configuration.models.readings import PRINTED
+from tendonrepro.configuration.published import (
+    Judgement,
+    PrintedEntry,
+    PrintedQuotient,
+    PrintedText,
+    Published,
+    published,
+)
+from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.results.records import TraceFile
+from tendonrepro.results.summary import LOADS, decoupling_errors, tracking_errors
+from tendonrepro.verdicts.arithmetic import printed_percentages, size_behind
+from tendonrepro.verdicts.from_ensemble import COMMAND, judge, outcome
+from tendonrepro.verdicts.from_measurement import judge_measured
+from tendonrepro.verdicts.from_print import FROM_THE_PRINT, Judged, missing
+from tendonrepro.verdicts.measured import measured_of
+from tendonrepro.verdicts.plants import Ensemble, Plants, StoredEnsemble
+from tendonrepro.verdicts.rules import FAILURES, NAMES, VerdictName
+from tendonrepro.verdicts.sensitivity import Ranking, ranked
+from tendonrepro.verdicts.tension import tension
+
+SCHEMA_VERSION = 1
+SHARE = "share of the box"
+FETCH = "tendonrepro fetch, then inspect --suggest and ingest"
+_DATA = "the measured motor and joint angles of the paper's data set"
+
+
+@dataclass(frozen=True)
+class Sources:
+    """What has been run; None where nothing has."""
+
+    decouple: TraceFile | None = None
+    compare: TraceFile | None = None
+    ensemble: StoredEnsemble | None = None
+    measured: TraceFile | None = None
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One line of the ledger; the fields are the keys of ``claims --json``.
+
+    `printed` is the number, fraction or claim as printed; `ours` the share of a claim, or the number of the
+    shipped run, else its median over the box. What `repeats` another entry is not counted. `shipped` verdicts
+    come from the package's stored ensemble.
+    """
+
+    id: str
+    where: str
+    kind: str
+    printed: str
+    ours: float | None
+    unit: str | None
+    rule: str
+    verdict: VerdictName
+    borderline: bool
+    evidence: Mapping[str, Any]
+    depends_on: tuple[str, ...]
+    readings_that_change_it: tuple[str, ...]
+    repeats: str | None = None
+    shipped: bool = False
+
+
+def judge_all(
+    sources: Sources,
+    paper: Published | None = None,
+    only: Sequence[str] = (),
+    *,
+    decided_by: bool = False,
+    progress: Callable[[int], None] | None = None,
+) -> list[Verdict]:
+    """Judge every printed result and claim, or `only` those with some ids, in the order of the print.
+
+    `decided_by` ranks the unknowns that decide verdicts, which takes about a second each; `progress` is
+    called with 1 after each reading of the ensemble. An id that is not printed, or is an input, is refused.
+    """
+    paper = paper or published()
+    judged = [name for name, rule in paper.judgements.items() if rule.kind != "input"]
+    for name in only:
+        if name not in judged:
+            message = f"no claim or number {name!r} is judged"
+            raise UsageError(message, hint=f"Claims: {', '.join(n for n in judged if '.' not in n)}")
+    wanted = list(only) or judged
+    report = progress or (lambda _: None)
+    found = _under_every_reading(sources.ensemble, paper, wanted, report, decided_by=decided_by)
+    for name in wanted:
+        found.setdefault(name, _without_ensemble(sources, paper, name))
+    if sources.measured is not None:
+        _add_measured(found, sources.measured, paper)
+    shipped = _shipped_numbers(sources.compare, paper)
+    return [_verdict(paper, name, found[name], shipped.get(name)) for name in wanted]
+
+
+def _add_measured(found: dict[str, Judged], file: TraceFile, paper: Published) -> None:
+    """Give the measurement's verdict to what only a measurement can tell, and note it beside all others."""
+    measured = judge_measured(measured_of(file, paper), paper)
+    for name in found.keys() & measured.keys():
+        one = measured[name]
+        if paper.judgements[name].kind == "measured":
+            found[name] = one
+        else:
+            beside = {"verdict": one.decision.verdict, "ours": one.ours} | one.evidence
+            found[name].evidence["measured"] = beside
+
+
+def _under_every_reading(
+    data: Ensemble | None,
+    paper: Published,
+    wanted: Sequence[str],
+    report: Callable[[int], None],
+    *,
+    decided_by: bool,
+) -> dict[str, Judged]:
+    """Judge what an ensemble can tell; one reading is held in memory at a time."""
+    if data is None or PRINTED not in data.readings:
+        return {}
+    rules = {
+        name: paper.judgements[name].rule for name in wanted if paper.judgements[name].kind == "ensemble"
+    }
+    printed = Plants(data, PRINTED)
+    found = {name: judge(printed, paper, rule, name) for name, rule in rules.items()}
+    if decided_by:
+        for name, rule in rules.items():
+            found[name].evidence["decided_by"] = _decided_by(printed, paper, rule, name)
+    others: dict[str, dict[str, VerdictName]] = {name: {} for name in rules}
+    for reading in data.readings if rules else ():
+        report(1)
+        if reading == PRINTED:
+            continue
+        plants = Plants(data, reading)
+        for name, rule in rules.items():
+            others[name][reading] = judge(plants, paper, rule, name).decision.verdict
+    return {name: replace(judged, other_readings=others[name]) for name, judged in found.items()}
+
+
+def _decided_by(plants: Plants, paper: Published, rule: str, identifier: str) -> Ranking | None:
+    try:
+        values, judged = outcome(plants, paper, rule, identifier)
+    except DataMissingError:
+        return None
+    return ranked(plants.data.names, plants.data.draws[judged], values[judged])
+
+
+def _without_ensemble(sources: Sources, paper: Published, identifier: str) -> Judged:
+    rule = paper.judgements[identifier]
+    if rule.rule == "tension":
+        return tension(sources.ensemble)
+    if rule.rule in FROM_THE_PRINT:
+        return FROM_THE_PRINT[rule.rule](paper, identifier)
+    if rule.kind == "measured":
+        return _needs_data(rule.rule, sources.decouple)
+    return missing("the ensemble", COMMAND)
+
+
+def _verdict(paper: Published, identifier: str, found: Judged, shipped: float | None) -> Verdict:
+    entry, rule = paper.entries[identifier], paper.judgements[identifier]
+    verdict, evidence = found.decision.verdict, dict(found.evidence)
+    if shipped is not None:
+        evidence["shipped_run"] = shipped
+    others = found.other_readings
+    unknown = [name for name, other in others.items() if other == "not_testable"]
+    if unknown and verdict != "not_testable":
+        evidence["not_testable_under"] = unknown
+    printed, unit = _as_printed(paper, entry, rule)
+    return Verdict(
+        id=identifier,
+        where=entry.where,
+        kind=rule.kind,
+        printed=printed,
+        ours=found.ours if shipped is None else shipped,
+        unit=unit,
+        rule=rule.rule,
+        verdict=verdict,
+        borderline=found.decision.borderline,
+        evidence=evidence,
+        depends_on=rule.depends_on,
+        readings_that_change_it=tuple(
+            name for name, other in others.items() if other not in {verdict, "not_testable"}
+        ),
+        repeats=rule.repeats,
+    )
+
+
+def _shipped_numbers(compare: TraceFile | None, paper: Published) -> dict[str, float]:
+    """Numbers of Tables 2, 3 and sections 5.3, 5.4 from the traces of one run, in printed units."""
+    found: dict[str, float] = {}
+    runs = compare.runs if compare else {}
+    for run, trace in runs.items():
+        table = "table3.with_load" if run == LOADS["with_load"] else f"table2.{run}"
+        sizes = tracking_errors(trace)["whole"]
+        for metric in ("mae", "rmse"):
+            for joint, size in zip(trace.joint, sizes[metric], strict=True):
+                found[f"{table}.{metric}.joint_{joint}"] = float(size)
+        for joint in trace.joint:
+            mean, root = (found[f"{table}.{metric}.joint_{joint}"] for metric in ("mae", "rmse"))
+            if mean > 0.0:
+                found[f"rmse_over_mae.{run}.joint_{joint}"] = root / mean
+    for name, pair in printed_percentages(paper).items():
+        part, whole = (found.get(size_behind(one)) for one in pair)
+        if part is not None and whole:
+            found[name] = (
+                100.0 * (part / whole - 1.0) if name.startswith("increase.") else 100.0 * part / whole
+            )
+    return found
+
+
+def _needs_data(rule: str, decouple: TraceFile | None) -> Judged:
+    """K3, K5: only measured angles can tell; the errors of the one simulated plant are shown."""
+    if rule == "measured_only" or decouple is None or "decouple" not in decouple.runs:
+        return missing(_DATA, FETCH)
+    trace = decouple.runs["decouple"]
+    sizes = zip(trace.joint, decoupling_errors(trace)["mae"], strict=True)
+    errors = {f"joint_{joint}": float(size) for joint, size in sizes}
+    remark = (
+        "one simulated plant; the order of its joints hangs on gravity and stiffness, which are unpublished"
+    )
+    return missing(_DATA, FETCH, mae_deg=errors, remarks=[remark])
+
+
+def _as_printed(paper: Published, entry: PrintedEntry, rule: Judgement) -> tuple[str, str | None]:
+    if isinstance(entry, PrintedText):
+        return entry.text, SHARE if rule.kind == "ensemble" else None
+    if isinstance(entry, PrintedQuotient):
+        low, high = paper.interval(entry.id)
+        return f"{float(low):.3f} to {float(high):.3f}", entry.unit
+    return entry.as_printed, entry.unit
+
+
+def summary(verdicts: Iterable[Verdict]) -> dict[str, int]:
+    """Count each verdict, what is printed twice once; all names are there."""
+    counts = dict.fromkeys(map(str, NAMES), 0)
+    for verdict in verdicts:
+        counts[verdict.verdict] += verdict.repeats is None
+    return counts
+
+
+def failing(verdicts: Iterable[Verdict]) -> list[str]:
+    """Ids whose verdict makes ``claims --check`` fail."""
+    return [verdict.id for verdict in verdicts if verdict.verdict in FAILURES]
+
+
+def changed(before: Mapping[str, str], now: Iterable[Verdict]) -> dict[str, tuple[str | None, str | None]]:
+    """Id -> verdict before and now; None where it was not, or is no longer, judged."""
+    after = {verdict.id: verdict.verdict for verdict in now}
+    return {
+        name: (before.get(name), after.get(name))
+        for name in dict.fromkeys((*before, *after))
+        if before.get(name) != after.get(name)
+    }

@@ -1,0 +1,116 @@
+"""An ensemble as the rules see it: all plants under one reading, statistics by run and name."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonrepro.arrays import Array
+from tendonrepro.configuration.models.readings import PRINTED
+from tendonrepro.errors import DataMissingError
+from tendonrepro.physics.metrics import STATUSES
+from tendonrepro.verdicts.rules import Mask
+
+OK, DIVERGED, UNRESOLVED = (STATUSES.index(name) for name in ("ok", "diverged", "unresolved"))
+"""Status codes that the rules tell apart."""
+
+
+class Ensemble(Protocol):
+    """What the rules ask of an ensemble: N draws of P numbers, n joints."""
+
+    @property
+    def joints(self) -> tuple[int, ...]:
+        """The paper's joint numbers."""
+
+    @property
+    def alpha(self) -> tuple[float, ...]:
+        """Weight of the older estimate on each joint, as printed."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the numbers drawn."""
+
+    @property
+    def readings(self) -> tuple[str, ...]:
+        """Readings that were run."""
+
+    @property
+    def draws(self) -> Array:
+        """Numbers drawn, (N, P)."""
+
+    @property
+    def replicate(self) -> NDArray[np.int64]:
+        """Scrambling of each draw, (N,)."""
+
+    def has(self, run: str, reading: str) -> bool:
+        """Whether a run was simulated under a reading or variation."""
+
+    def status(self, run: str, reading: str) -> NDArray[np.int8]:
+        """Status codes, (N,)."""
+
+    def statistic(self, run: str, reading: str, name: str) -> Array:
+        """One statistic, SI, (N, n)."""
+
+
+class StoredEnsemble(Ensemble, Protocol):
+    """One that was drawn and lies in a results folder."""
+
+    @property
+    def identity(self) -> str:
+        """Digest of what it is of, all but the number of draws."""
+
+    @property
+    def planned(self) -> int:
+        """How many draws it was to have."""
+
+
+class Plants:
+    """All plants of an ensemble under one reading; a variation of a run is called ``run@variation``."""
+
+    def __init__(self, data: Ensemble, reading: str) -> None:
+        self.data = data
+        self.reading = reading
+        self.joints = data.joints
+        self._kept: dict[tuple[str, str], Array] = {}
+        self._codes: dict[str, NDArray[np.int8]] = {}
+
+    def status(self, run: str) -> NDArray[np.int8]:
+        """Status codes of a run, (N,)."""
+        if run not in self._codes:
+            self._codes[run] = self.data.status(*self._address(run))
+        return self._codes[run]
+
+    def __getitem__(self, key: tuple[str, str]) -> Array:
+        """Statistic of a run, (N, n), by (run, name)."""
+        if key not in self._kept:
+            run, name = key
+            self._kept[key] = self.data.statistic(*self._address(run), name)
+        return self._kept[key]
+
+    def ranked(self, run: str, values: Array) -> Array:
+        """Sizes of a run, (N, n), made larger than anything where it diverged."""
+        return np.where((self.status(run) == DIVERGED)[:, np.newaxis], np.inf, values)
+
+    def ok(self, *runs: str) -> Mask:
+        """Plants on which all of some runs are ``ok``."""
+        return np.asarray(np.logical_and.reduce([self.status(run) == OK for run in runs]))
+
+    def none(self, code: int, *runs: str) -> Mask:
+        """Plants on which none of some runs has a status."""
+        return np.asarray(np.logical_and.reduce([self.status(run) != code for run in runs]))
+
+    def rankable(self, *runs: str) -> Mask:
+        """Plants on which some runs can be ranked with a diverged one last: resolved, not all diverged."""
+        lost = np.logical_and.reduce([self.status(run) == DIVERGED for run in runs])
+        return np.asarray(self.none(UNRESOLVED, *runs) & ~lost)
+
+    def _address(self, run: str) -> tuple[str, str]:
+        name, _, variation = run.partition("@")
+        reading = variation or self.reading
+        if variation and self.reading != PRINTED:
+            raise DataMissingError(f"variations of {name} are run under reading {PRINTED!r} alone")
+        if not self.data.has(name, reading):
+            raise DataMissingError(f"the ensemble holds no run {name!r} under {reading!r}")
+        return name, reading

@@ -1,0 +1,126 @@
+"""Rules of docs/verdicts.md: shares of the box, ranges, and the verdicts that follow from them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, TypeAlias, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonrepro.monte_carlo.shares import FEW, MOST, Ends, Share, Spread
+from tendonrepro.verdicts.arithmetic import meets
+
+VerdictName: TypeAlias = Literal[
+    "exact",
+    "reproduced",
+    "compatible",
+    "direction_only",
+    "depends_on_plant",
+    "contradicted",
+    "outside_model",
+    "not_reproduced",
+    "not_testable",
+]
+NAMES: tuple[VerdictName, ...] = get_args(VerdictName)
+FAILURES = frozenset({"not_reproduced", "contradicted", "outside_model"})
+"""Verdicts for which ``claims --check`` ends with exit code 3."""
+
+EDITION = 2
+"""Of the rules; stored verdicts of another one are shown as such."""
+
+SIMILAR = 0.05
+"""Largest relative difference of what is called similar."""
+MOST_UNRESOLVED = 0.05
+
+Mask: TypeAlias = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Decision:
+    """A verdict, and whether a threshold behind it lies inside an interval."""
+
+    verdict: VerdictName
+    borderline: bool = False
+
+
+def of_number(printed: Ends, found: Spread, direction: Share | None) -> Decision:
+    """Judge a printed number's rounding interval by its spread over the plants, else by its direction."""
+    edges = [found.low_interval, found.high_interval]
+    near = any(edge is not None and meets(printed, edge) for edge in edges)
+    if meets(printed, (found.low, found.high)):
+        return Decision("compatible", near)
+    if direction is None:
+        return Decision("outside_model", near)
+    by_direction = of_share(direction)
+    verdict: VerdictName = "direction_only" if by_direction.verdict == "compatible" else by_direction.verdict
+    return Decision(verdict, near or by_direction.borderline)
+
+
+def power_of(printed: Ends, found: Spread, least: float = 0.0) -> float:
+    """Share of the decade around a printed number that would also be inside, 0 to 1; 1 says nothing.
+
+    Of a number that cannot be below `least` it is the decade around what it has beyond that.
+    """
+    low, high = printed
+    value, half = 0.5 * (low + high) - least, 0.5 * (high - low)
+    ends = np.array([found.low - half, found.high + half]) - least
+    decades = np.log10(np.clip(ends, value / 10**0.5, value * 10**0.5) / value)
+    return float(decades[1] - decades[0])
+
+
+def of_share(share: Share) -> Decision:
+    """Judge one statement without a value by its share."""
+    return of_claim(share, [share])
+
+
+def of_claim(whole: Share, parts: Sequence[Share]) -> Decision:
+    """Judge a claim without a value by the share on which all holds, and by those of its statements.
+
+    Only what holds of every statement contradicts a claim.
+    """
+    likeliest = max(parts, key=lambda part: part.value)
+    near = _near(whole, MOST) or _near(likeliest, FEW)
+    if whole.value >= MOST:
+        return Decision("compatible", near)
+    return Decision("contradicted" if likeliest.value <= FEW else "depends_on_plant", near)
+
+
+def _near(share: Share, limit: float) -> bool:
+    return share.interval is not None and meets(share.interval, (limit, limit))
+
+
+def with_values(claim: Decision, values: Sequence[Decision]) -> Decision:
+    """Judge a claim that also prints values, from its statements and from the verdicts on the values."""
+    if claim.verdict != "compatible":
+        return claim
+    near = claim.borderline or any(value.borderline for value in values)
+    fits = all(value.verdict == "compatible" for value in values)
+    return Decision("compatible" if fits else "direction_only", near)
+
+
+def of_values(claim: Decision, values: Sequence[Decision]) -> Decision:
+    """Judge a claim that is its values: compatible when all are, else by its direction."""
+    near = any(value.borderline for value in values)
+    if all(value.verdict == "compatible" for value in values):
+        return Decision("compatible", near)
+    verdict: VerdictName = "direction_only" if claim.verdict == "compatible" else claim.verdict
+    return Decision(verdict, near or claim.borderline)
+
+
+def of_arithmetic(consistent: bool) -> Decision:
+    """Judge what follows from other printed numbers."""
+    return Decision("exact" if consistent else "not_reproduced")
+
+
+def of_courses(ways: Sequence[Decision]) -> Decision:
+    """Judge what has a verdict for each way in which an unprinted part can be: theirs where all agree."""
+    near = any(way.borderline for way in ways)
+    verdicts = {way.verdict for way in ways}
+    return Decision(verdicts.pop() if len(verdicts) == 1 else "depends_on_plant", near)
+
+
+def of_model(holds: bool) -> Decision:
+    """Judge what follows from the printed equations without any unknown."""
+    return Decision("reproduced" if holds else "not_reproduced")

@@ -1,0 +1,172 @@
+"""Claim T1: whether every tendon stays in tension, per course of tendon 4, over the plants of the box."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from itertools import product
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonrepro.arrays import Array
+from tendonrepro.configuration.ensemble import load_ensemble
+from tendonrepro.configuration.load import load_config
+from tendonrepro.experiments.statics.survey import COURSES, Mechanism, mechanism
+from tendonrepro.monte_carlo.box import make_box, scrambled_sobol
+from tendonrepro.monte_carlo.draw import put_links
+from tendonrepro.monte_carlo.shares import share_of
+from tendonrepro.physics.arm import weight_moment
+from tendonrepro.physics.statics import (
+    SLACK,
+    tendon_tension,
+    tension_with_losses,
+    tensioner_stretch,
+    tensioner_torque,
+)
+from tendonrepro.verdicts.from_print import Judged
+from tendonrepro.verdicts.plants import Ensemble
+from tendonrepro.verdicts.rules import Decision, Mask, of_claim, of_courses
+
+MARGINS = (5.0, 10.0, 20.0)
+"""How far every link stays away from the edges of the half-plane, deg; a verdict has to hold for all."""
+
+DRAWS = 1024
+"""Plants drawn where no ensemble is at hand, as many as `tendonrepro ensemble` draws."""
+
+
+class Machines(NamedTuple):
+    """N draws as far as they matter at rest.
+
+    ``moment`` (3, N), N m, of horizontal links; ``force`` (N,) of tendon 4, N; ``loss`` (N,) of a guide
+    pulley; ``replicate`` (N,) the scrambling.
+    """
+
+    moment: Array
+    force: Array
+    loss: Array
+    replicate: NDArray[np.int64]
+
+
+def tension(data: Ensemble | None) -> Judged:
+    """T1 on the draws of an ensemble, or on as many of the shipped box where there is none.
+
+    Rows that an ensemble must hold to be used are those of the shipped box.
+    """
+    machines = _machines(data)
+    rows = [_course(course, mechanism(_arm(), course), machines) for course in COURSES]
+    verdicts = {f"tensioner={row['course']}": row["verdict"] for row in rows}
+    decision = of_courses([Decision(row["verdict"], row["borderline"]) for row in rows])
+    remarks = [
+        "the course of tendon 4 is not printed; at rest",
+        "that a motor's pull is constant is an input of the model, no result",
+    ]
+    # The claim is about tendon 4, so a machine without it can tell nothing.
+    readings = verdicts | {"tensioner=absent": "not_testable"}
+    alone = _tense(_corner_torque(MARGINS[0], machines), 0.0 * machines.force, mechanism(_arm(), COURSES[0]))
+    if alone.all():
+        remarks.append("the weight alone keeps all tendons tense there, so this hardly asks for tendon 4")
+    evidence = {
+        "courses": rows,
+        "weight_alone": share_of(alone, machines.replicate).as_dict(),
+        "link_angles_deg": [[margin, 180.0 - margin] for margin in MARGINS],
+        "remarks": remarks,
+    }
+    return Judged(decision, None, evidence, readings)
+
+
+def _course(course: str, route: Mechanism, machines: Machines) -> dict[str, Any]:
+    side, diameter = route.side[:, -1], route.diameter[:, -1]
+    corners = np.array(list(product((0.0, np.pi), repeat=len(side)))).T
+    joints = np.diff(corners, axis=0, prepend=0.0)
+    travel = float(np.ptp(tensioner_stretch(joints, side, diameter)))
+    per_newton = tendon_tension(-tensioner_torque(1.0, side, diameter), route.S, route.winch)
+    varies = np.full(len(machines.force), travel > 0.0)
+    shares, decisions = {}, []
+    for margin in MARGINS:
+        tense = _tense(_corner_torque(margin, machines), machines.force, route)
+        whole, *parts = (share_of(hits, machines.replicate) for hits in (tense & varies, tense, varies))
+        decisions.append(of_claim(whole, parts))
+        shares[f"at_{margin:g}_deg"] = parts[0].as_dict() | {"verdict": decisions[-1].verdict}
+    edges = _tense(_corner_torque(0.0, machines), machines.force, route)
+    rubbed = _tense_with_friction(_corner_torque(MARGINS[0], machines), machines, route)
+    decision = of_courses(decisions)
+    return {
+        "course": course,
+        "verdict": decision.verdict,
+        "borderline": decision.borderline,
+        "every_tendon_tense": shares,
+        "at_the_edges": share_of(edges, machines.replicate).as_dict(),
+        "with_friction_of_the_pulleys": share_of(rubbed, machines.replicate).as_dict(),
+        "tension_per_newton": np.where(np.abs(per_newton) < SLACK, 0.0, per_newton).tolist(),
+        "spring_varies": travel > 0.0,
+        "length_change_mm": 1e3 * travel,
+    }
+
+
+def _corner_torque(margin: float, machines: Machines) -> Array:
+    """Joint torque of the weight, N m, (3, corners, N), where tensions are extreme.
+
+    Tension is linear in the sine of every link's angle, so over all postures at least `margin` deg from the
+    edges it is least where each sine is either its least or one: no grid in between can be lower.
+    """
+    sines = np.array(list(product((np.sin(np.deg2rad(margin)), 1.0), repeat=3))).T
+    moments = machines.moment[:, np.newaxis] * sines[:, :, np.newaxis]
+    return np.cumsum(moments[::-1], axis=0)[::-1]
+
+
+def _tense(weight: Array, force: Array, route: Mechanism) -> Mask:
+    """Whether every tendon pulls at all of some postures, (N,)."""
+    net = weight - tensioner_torque(force, route.side[:, -1], route.diameter[:, -1])[:, np.newaxis]
+    return np.asarray((tendon_tension(net, route.S, route.winch) > SLACK).all(axis=(0, 1)))
+
+
+def _tense_with_friction(weight: Array, machines: Machines, route: Mechanism) -> Mask:
+    """The same however the guide pulleys hold the ropes."""
+    tense = np.ones(len(machines.force), dtype=np.bool_)
+    force = np.broadcast_to(machines.force, weight.shape[1:])
+    for senses in product((-1.0, 1.0), repeat=route.side.shape[1]):
+        passed_on = 1.0 + np.multiply.outer(senses, machines.loss)
+        found = tension_with_losses(weight, force, route.side, route.diameter, passed_on)
+        tense &= (found > SLACK).all(axis=(0, 1))
+    return tense
+
+
+def _machines(data: Ensemble | None) -> Machines:
+    names = _shipped_names()
+    if data is None or not set(names) <= set(data.names):
+        return _shipped_machines()
+    return _made(data.names, data.draws, data.replicate)
+
+
+@cache
+def _arm() -> Any:
+    return load_config(None, "decouple").config
+
+
+@cache
+def _shipped_names() -> tuple[str, ...]:
+    return make_box(load_ensemble(None).config).names
+
+
+@cache
+def _shipped_machines() -> Machines:
+    config = load_ensemble(None).config
+    box, seed, replicates = make_box(config), int(config.seed.si), int(config.scramblings.si)
+    each = DRAWS // replicates
+    draws = [box.values(scrambled_sobol(box, seed, k, 0, each)) for k in range(replicates)]
+    return _made(box.names, np.concatenate(draws), np.repeat(np.arange(replicates), each))
+
+
+def _made(names: Sequence[str], draws: Array, replicate: NDArray[np.int64]) -> Machines:
+    draw, manipulator = dict(zip(names, draws.T, strict=True)), _arm().manipulator
+    tree: dict[str, Any] = {}
+    put_links(tree, draw)
+    links = {key: np.array(tree[key]["value"]) for key in ("length", "mass", "com")}
+    for key, values in links.items():
+        # The box has no link 1, which is held in the comparison.
+        values[0] = getattr(manipulator.links, key).si[0]
+    moment = weight_moment(**links, payload_mass=0.0, gravity=manipulator.gravity.si)
+    loss = draw["pulley_loss_acts"] * draw["pulley_loss"]
+    return Machines(moment, draw["tensioner_force"], loss, replicate)

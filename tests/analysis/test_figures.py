@@ -1,0 +1,79 @@
+"""The pictures of `explain`, by their artists."""
+
+from functools import cache
+
+import numpy as np
+from matplotlib.colors import to_hex
+
+from tendonrepro.analysis.analysis import explain
+from tendonrepro.analysis.figures import draw_locus, draw_map, draw_margins
+from tendonrepro.configuration.load import load_config
+from tendonrepro.results.figures.style import journal_style, stroke_of
+
+RUNS = ["Controller 1", "Controller 2", "Controller 1 payload"]
+
+
+@cache
+def found():
+    delayed = "manipulator.actuator.output_delay=1", "control.readings.stored_torque=applied"
+    return explain(load_config(None, "compare", overrides=delayed, controllers=(1, 2)))
+
+
+@cache
+def drawn(draw):
+    with journal_style():
+        figure = draw(found())
+        figure.draw_without_rendering()
+    return figure
+
+
+def legend(figure):
+    return [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+class TestMargins:
+    def test_curves_are_the_responses(self):
+        axes = drawn(draw_margins).axes
+        for k, joint in enumerate((2, 3)):
+            assert axes[k].get_title("left") == f"({'ab'[k]}) Joint {joint}, gain"
+            line = next(line for line in axes[k].lines if line.get_label() == "controller_2")
+            np.testing.assert_array_equal(
+                line.get_ydata(), np.abs(found().curves["controller_2"].channels[k])
+            )
+            assert line.get_color() == stroke_of(2).colour
+
+    def test_circles_lie_where_the_phase_crosses(self):
+        axes = drawn(draw_margins).axes[0]
+        places = sorted(line.get_xdata()[0] for line in axes.lines if line.get_marker() == "o")
+        wanted = sorted(margin.channels[0].gain_up_hz for margin in found().margins.values())
+        np.testing.assert_allclose(places, wanted)
+
+
+class TestLocus:
+    def test_configured_modes_are_circled(self):
+        """Controller 2's alternating mode, at 500 Hz on the border."""
+        axes = drawn(draw_locus).axes[2]
+        assert axes.get_xlabel() == r"Growth (s$^{-1}$)"
+        circles = [line for line in axes.lines if line.get_marker() == "o"]
+        points = np.concatenate([np.column_stack(line.get_data()) for line in circles])
+        near = points[(np.abs(points[:, 0] + 0.13) < 0.01) & (np.abs(points[:, 1] - 500.0) < 1e-6)]
+        assert len(near) == 1
+
+
+class TestMap:
+    def test_borders_are_drawn_in_their_strokes(self):
+        axes = drawn(draw_map).axes[0]
+        colours = {
+            to_hex(collection.get_edgecolor()[0]).upper()
+            for collection in axes.collections
+            if len(collection.get_edgecolor())
+        }
+        assert {stroke_of(number).colour.upper() for number in (1, 2, 3)} <= colours
+        assert legend(drawn(draw_map)) == [*RUNS, "as configured", "all stable"]
+        assert axes.get_xlabel() == "Factor on tendon stiffness $K_s$"
+
+    def test_nothing_stable(self):
+        overrides = ("control.readings.torque_coordinates=motor_shaft",)
+        lost = explain(load_config(None, "compare", overrides=overrides, controllers=(2,)))
+        with journal_style():
+            draw_map(lost).draw_without_rendering()

@@ -1,0 +1,222 @@
+"""Margins against the loops they speak of: closed with the factor, the loop is on its limit."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from support.overrides import SMOOTH, one_stroke
+
+from tendonrepro.analysis.margins import channel, channel_margins, disk_margin, response, scaled_norm
+from tendonrepro.configuration.load import load_config
+from tendonrepro.experiments.loops import build_law, build_loops
+from tendonrepro.experiments.rig import build_plant
+from tendonrepro.physics.linear_loop import open_loop, spectral_radius
+from tendonrepro.physics.slow_error import error_ratio
+from tendonrepro.simulation.stepper import simulate
+
+L = 1e-3
+POSTURE = np.deg2rad([30.0, 30.0])
+CASES = [
+    ("controller_1", 0.0, 0, False),
+    ("controller_1", 0.2, 0, False),
+    ("controller_3", 0.0, 1, False),
+    ("controller_2", 0.0, 1, True),
+    ("controller_1", 0.0, 0, True),
+    ("controller_2", 0.2, 2, False),
+]
+APPLIED = "control.readings.stored_torque=applied"
+every_case = pytest.mark.parametrize("case", CASES)
+both_joints = pytest.mark.parametrize("joint", [0, 1])
+
+
+@cache
+def config(*overrides):
+    return load_config(None, "compare", overrides=overrides).config
+
+
+@cache
+def cut(name, payload, delay, applied):
+    plant, law = build_plant(config(), payload), build_law(config(), name)
+    return open_loop(POSTURE, plant, law._replace(stores_applied=applied), delay)
+
+
+def radius(single, factor):
+    A, b, c = single
+    return spectral_radius(A + factor * b @ c)
+
+
+def stable_case(case):
+    A, B, C = cut(*case)
+    return spectral_radius(A + B @ C) < 1.0
+
+
+@every_case
+@both_joints
+class TestChannelMargins:
+    def test_loop_is_lost_at_the_gain_margin_and_not_before(self, case, joint):
+        single, found = channel(cut(*case), joint), channel_margins(cut(*case), joint, L)
+        A, b, c = single
+        if not stable_case(case):
+            assert not found.stable
+            assert np.isnan([found.gain_up, found.gain_down]).all()
+            return
+        for margin, hertz, end in (
+            (found.gain_up, found.gain_up_hz, 300.0),
+            (found.gain_down, found.gain_down_hz, 1e-5),
+        ):
+            limit = end if np.isnan(margin) else 1.0 + (margin - 1.0) * (1.0 - 1e-3)
+            for factor in np.geomspace(1.0, limit, 60):
+                assert radius(single, factor) < 1.0
+            if not np.isnan(margin):
+                assert radius(single, 1.0 + (margin - 1.0) * (1.0 + 1e-3)) > 1.0
+                z = np.linalg.eigvals(A + margin * b @ c)
+                assert np.abs(z - np.exp(2j * np.pi * hertz * L)).min() < 1e-6
+
+    def test_loop_is_lost_at_the_phase_margin_and_not_before(self, case, joint):
+        single, found = channel(cut(*case), joint), channel_margins(cut(*case), joint, L)
+        if not np.isfinite(found.phase):
+            assert np.isnan(found.phase)
+            return
+        G = response(single, 2.0 * np.pi * L * np.array([found.crossover_hz]))
+        assert np.abs(G) == pytest.approx(1.0, rel=1e-8)
+        if not stable_case(case):
+            return
+        for sign in (1.0, -1.0):
+            for phase in np.linspace(0.0, found.phase * (1.0 - 1e-3), 40):
+                assert radius(single, np.exp(sign * 1j * phase)) < 1.0
+        beyond = found.phase * (1.0 + 1e-3)
+        assert max(radius(single, np.exp(sign * 1j * beyond)) for sign in (1.0, -1.0)) > 1.0
+
+
+class TestKnownLoop:
+    """Closed forms: an integrator under proportional feedback."""
+
+    @pytest.mark.parametrize("k", [0.1, 0.7, 1.6])
+    def test_margins(self, k):
+        loop = np.eye(1), np.eye(1), np.array([[-k]])
+        found = channel_margins(loop, 0, L)
+        crossover = 2.0 * np.arcsin(0.5 * k)
+        assert found.gain_up == pytest.approx(2.0 / k, rel=1e-9)
+        assert found.gain_up_hz == pytest.approx(500.0)
+        assert np.isnan(found.gain_down)
+        assert found.phase == pytest.approx(0.5 * np.pi - 0.5 * crossover, rel=1e-8)
+        assert found.delay == pytest.approx(found.phase / crossover * L, rel=1e-8)
+        assert found.loop_gain == pytest.approx(k / (2.0 * np.sin(np.pi * 0.1 * L)), rel=1e-9)
+        margin, hertz = disk_margin(loop, L)
+        assert margin == pytest.approx(2.0 * (2.0 - k) / (2.0 + k), rel=1e-6)
+        assert hertz == pytest.approx(500.0)
+
+    def test_growing_loop_has_none(self):
+        loop = np.eye(1), np.eye(1), np.array([[-2.1]])
+        found = channel_margins(loop, 0, L)
+        assert not found.stable
+        assert np.isnan([found.gain_up, found.gain_down, found.phase, found.delay]).all()
+        assert np.isnan(disk_margin(loop, L)).all()
+
+
+class TestDiskMargin:
+    @staticmethod
+    def closed(loop, d):
+        A, B, C = loop
+        return spectral_radius(A + B @ np.diag((2.0 + d) / (2.0 - d)) @ C)
+
+    @pytest.mark.parametrize("case", CASES[:3])
+    def test_nothing_inside_is_lost(self, case):
+        loop = cut(*case)
+        margin, _ = disk_margin(loop, L)
+        rng = np.random.default_rng(7)
+        for _ in range(300):
+            d = 0.999 * margin * np.sqrt(rng.uniform(0.5, 1.0, 2)) * np.exp(2j * np.pi * rng.uniform(size=2))
+            assert self.closed(loop, d) < 1.0
+
+    @pytest.mark.parametrize("case", CASES[:3])
+    def test_border_is_lost(self, case):
+        """For every phase of the first factor the second that loses the loop; the nearest is on the disk."""
+        loop = cut(*case)
+        margin, hertz = disk_margin(loop, L)
+        G = response(loop, 2.0 * np.pi * L * np.array([hertz]))[0]
+        d1 = margin * np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 20001))
+        f1 = (2.0 + d1) / (2.0 - d1)
+        left = 1.0 - G[0, 0] * f1
+        f2 = left / (G[1, 1] * left + G[0, 1] * G[1, 0] * f1)
+        d2 = 2.0 * (f2 - 1.0) / (f2 + 1.0)
+        best = np.abs(d2).argmin()
+        assert np.abs(d2[best]) == pytest.approx(margin, rel=1e-3)
+        assert self.closed(loop, 1.01 * np.array([d1[best], d2[best]])) > 1.0
+
+    def test_scaling_is_the_best_there_is_for_two(self):
+        rng = np.random.default_rng(3)
+        M = rng.normal(size=(20, 2, 2)) + 1j * rng.normal(size=(20, 2, 2))
+        scales = np.geomspace(1e-2, 1e2, 4001)
+        D = np.stack([np.ones_like(scales), scales], axis=1)
+        for matrix, ours in zip(M, scaled_norm(M), strict=True):
+            tried = np.linalg.norm(D[:, :, None] * matrix / D[:, None, :], 2, axis=(1, 2))
+            assert ours == pytest.approx(tried.min(), rel=1e-5)
+            assert ours <= tried.min() * (1.0 + 1e-12)
+
+    def test_bound_for_three_lies_between_its_own_bounds(self):
+        rng = np.random.default_rng(5)
+        M = rng.normal(size=(50, 3, 3)) + 1j * rng.normal(size=(50, 3, 3))
+        phases = np.exp(2j * np.pi * rng.uniform(size=(400, 3)))
+        turned = np.abs(np.linalg.eigvals(phases[None, :, :, None] * M[:, None])).max(axis=(1, 2))
+        bound = scaled_norm(M)
+        assert np.all(bound >= turned * (1.0 - 1e-9))
+        assert np.all(bound <= np.linalg.norm(M, 2, axis=(1, 2)) * 1.05)
+
+    def test_one_joint_needs_no_scaling(self):
+        np.testing.assert_allclose(scaled_norm(np.array([[[3.0 + 4.0j]]])), 5.0)
+
+
+class TestSlowError:
+    @pytest.mark.parametrize("delay", [0, 1, 2])
+    @pytest.mark.parametrize(
+        "reading",
+        [
+            "weights=interpolating",
+            "weights=extrapolating",
+            "weights=swapped",
+            "stored_torque=applied",
+            "delay_time=two_periods",
+            "estimate_filter=estimate",
+            "estimate_filter=acceleration",
+        ],
+    )
+    def test_is_the_inverse_ratio_of_loop_gains(self, reading, delay):
+        """The linear loop, frequency towards zero, says the same as the closed form."""
+        changed, plant = config(f"control.readings.{reading}"), build_plant(config(), 0.0)
+        laws = [build_law(changed, f"controller_{k}") for k in (1, 2, 3)]
+        angle = 2.0 * np.pi * L * np.array([2e-4])
+        gains = [
+            [
+                np.abs(response(channel(open_loop(POSTURE, plant, law, delay), joint), angle)).item()
+                for joint in (0, 1)
+            ]
+            for law in laws
+        ]
+        for a, b in ((0, 1), (1, 2)):
+            predicted = error_ratio(laws[a], laws[b], 1e-7, delay)
+            np.testing.assert_allclose(np.divide(gains[b], gains[a]), predicted, rtol=1e-3)
+
+    @pytest.mark.parametrize(
+        ("changes", "pair", "tolerance"),
+        [
+            ((APPLIED, "manipulator.actuator.output_delay=1"), (1, 2), 0.006),
+            # A term that all laws share is 5 % of joint 3's load and takes part in 1.2 as well as in 1.
+            (("manipulator.actuator.output_delay=1",), (1, 2), 0.015),
+            (("control.readings.phi_branch=power",), (2, 3), 0.02),
+        ],
+    )
+    def test_nonlinear_simulation_agrees(self, changes, pair, tolerance):
+        """One slow stroke of the full plant with an ideal encoder and viscous friction."""
+        found = load_config(None, "compare", overrides=(*SMOOTH, *changes, one_stroke(8)), controllers=pair)
+        loops = dict(build_loops(found.config, found.folder))
+        names = [f"controller_{k}" for k in pair]
+        a, b = (simulate(loops[name])["e"][1000:] for name in names)
+        sizes = np.sqrt((b * b).mean(axis=0))
+        laws = [build_law(found.config, name) for name in names]
+        delay = int(found.config.manipulator.actuator.output_delay.si)
+        # The power branch bends, so each joint is judged at the size of its own error.
+        predicted = [error_ratio(*laws, float(size), delay)[i] for i, size in enumerate(sizes)]
+        fitted = (a * b).sum(axis=0) / (b * b).sum(axis=0)
+        np.testing.assert_allclose(fitted, predicted, atol=tolerance)
+        assert np.all(np.abs(fitted - 1.0) > 3.0 * tolerance)

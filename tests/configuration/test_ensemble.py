@@ -1,0 +1,156 @@
+"""The ensemble's configuration: every mistake with its line, and a hash of all that matters."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tendonrepro.configuration.ensemble import load_ensemble
+from tendonrepro.configuration.load import CompareConfig
+from tendonrepro.configuration.shipped import init_config, shipped_folder
+from tendonrepro.errors import ConfigError, UsageError
+
+TEXT = (shipped_folder() / "ensemble.yaml").read_text(encoding="utf-8")
+
+
+def written(folder: Path, *changes: tuple[str, str]) -> Path:
+    text = TEXT
+    for old, new in changes:
+        assert TEXT.count(old) == 1, old
+        text = text.replace(old, new)
+    path = folder / "ensemble.yaml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def line_of(old: str) -> int:
+    return TEXT[: TEXT.index(old)].count("\n") + 1
+
+
+def test_shipped_file_loads() -> None:
+    loaded = load_ensemble(None)
+    assert loaded.origin == "ensemble"
+    assert loaded.base.overrides == ()
+    assert [path.name for path in loaded.base.inputs] == [
+        "ensemble.yaml",
+        "compare.yaml",
+        "lumidouce_ii.yaml",
+    ]
+    assert loaded.config.scramblings.si >= 8
+    assert isinstance(loaded.base.config, CompareConfig)
+    assert list(loaded.config.populations) == ["box", "firm"]
+
+
+def test_yaml_text_loads_to_the_same(tmp_path: Path) -> None:
+    loaded = load_ensemble(None, overrides=["box.posture.high=60"])
+    copy = tmp_path / "copy.yaml"
+    copy.write_text(loaded.yaml_text, encoding="utf-8")
+    again = load_ensemble(copy)
+    assert again.config == loaded.config
+    assert again.sha256 == loaded.sha256
+
+
+@pytest.mark.parametrize(
+    "override",
+    ["seed=2", "box.posture.high=60", "populations.firm.share=0.5", "base.control.gains.lam=[7, 8]"],
+)
+def test_hash_covers_what_determines_results(override: str) -> None:
+    changed = load_ensemble(None, overrides=[override])
+    assert changed.sha256 != load_ensemble(None).sha256
+    assert changed.base.overrides == (override,)
+
+
+def test_a_copy_is_complete_and_the_same(tmp_path: Path) -> None:
+    written = [path.name for path in init_config("ensemble", tmp_path)]
+    assert written == ["ensemble.yaml", "schema.json", "compare.yaml", "lumidouce_ii.yaml"]
+    copied = load_ensemble(tmp_path / "ensemble.yaml")
+    assert copied.sha256 == load_ensemble(None).sha256
+    assert {path.parent for path in copied.base.inputs} == {tmp_path}
+
+
+def test_seed_and_overrides_of_the_base() -> None:
+    loaded = load_ensemble(None, overrides=["base.control.gains.lam=[7, 8]"], seed=5)
+    assert loaded.config.seed.si == 5
+    assert loaded.base.overrides == ("base.control.gains.lam=[7, 8]", "seed=5")
+    assert loaded.compare.control.gains.lam.value == (7.0, 8.0)
+
+
+def with_base(folder: Path, old: str, new: str) -> Path:
+    mine = (shipped_folder() / "compare.yaml").read_text(encoding="utf-8").replace(old, new)
+    (folder / "mine.yaml").write_text(mine, encoding="utf-8")
+    return written(folder, ("base: compare.yaml ", "base: mine.yaml "))
+
+
+def test_base_may_stand_beside_the_file(tmp_path: Path) -> None:
+    loaded = load_ensemble(with_base(tmp_path, "[8, 8]", "[6, 6]"))
+    assert loaded.compare.control.gains.lam.value == (6.0, 6.0)
+
+
+MISTAKES = [
+    ("link_mass_2:", "link_mas_2:", "unknown key 'link_mas_2', did you mean 'link_mass_2'"),
+    ("low: 40, ", "low: 4000, ", "tendon_stiffness_2.low: must be below high, 2000, found 4000"),
+    ("nominal: 280,", "nominal: 15,", "nominal: must be from 40 to 2000, found 15"),
+    ("low: 5, nominal: 17", "low: 0, nominal: 17", "above 0 on a log scale"),
+    ("12, scale: linear, unit: s", "12, scale: linear, unit: m", "box.period.unit: must be s or ms, found"),
+    ("low: 0.55,", "low: -1,", "reducer_efficiency.low: must be at least"),
+    ("high: 0.85,", "high: 1.85,", "reducer_efficiency.high: must be at least"),
+    ("[none, sine, noise]", "[none, sinus]", "must be one of none, sine, noise, found 'sinus'"),
+    ("[0, 1, 2], nominal: 0", "[1, 2], nominal: 0", "one of the choices, 1.0, 2.0"),
+    ("choices: [0, 1, 2]", "choices: [0, 1, 1]", "must not name a choice twice"),
+    ("differencing=centred, output_delay=1", "difference=x, output_delay=1", "no axis of readings"),
+    ("error_rate=low_pass, encoder=0.088", "error_rate=low, encoder=0.088", "not 'low'"),
+    ("[error_rate=low_pass, encoder=0.088]", "[M_bar=halved]", "variation, not a reading"),
+    ("- sampling_period=0.5ms", "- sampling_period=3ms", "must be one of"),
+    ("value:  32", "value:  33", "block.value: must be a power of two, found 33"),
+    ("high: 45, scale", "high: 46, scale", "must keep link 3 below 180 deg from hanging, it would reach 181"),
+    ("value:  30\n", "value:  20\n", "longest_run.value: must cover every motion"),
+    ("datasheet: 4.4e-4", "somewhere: 4.4e-4", "must begin with printed:"),
+    ("experiment: ensemble", "experiment: ensembel", "experiment: must be ensemble, found"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "message"), MISTAKES, ids=[new for _, new, _ in MISTAKES])
+def test_mistakes_name_their_line(tmp_path: Path, old: str, new: str, message: str) -> None:
+    path = written(tmp_path, (old, new))
+    with pytest.raises(ConfigError, match=message) as raised:
+        load_ensemble(path)
+    assert f"{path}:{line_of(old)}: " in str(raised.value)
+    assert "1 mistake" in str(raised.value)
+
+
+def test_a_missing_row_is_named(tmp_path: Path) -> None:
+    start = TEXT.index("  tensioner_force:")
+    end = TEXT.index("  transmission_error_acts:")
+    path = tmp_path / "ensemble.yaml"
+    path.write_text(TEXT[:start] + TEXT[end:], encoding="utf-8")
+    with pytest.raises(ConfigError, match="box: missing key 'tensioner_force'"):
+        load_ensemble(path)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (["base=missing.yaml"], "base: no file 'missing.yaml'"),
+        (["base=decouple.yaml"], "is for the experiment 'decouple'"),
+        (["base.control.gains.lam=[-1, 8]"], "control.gains.lam.value.0: must be above 0"),
+        (["box.posture.low=70"], "box.posture.nominal: must be from 70 to 89"),
+    ],
+)
+def test_mistakes_on_the_command_line(overrides: list[str], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        load_ensemble(None, overrides=overrides)
+
+
+def test_base_must_have_the_four_runs(tmp_path: Path) -> None:
+    path = with_base(tmp_path, "  controller_1_payload:", "  loaded:")
+    with pytest.raises(ConfigError, match="has no run 'controller_1_payload'") as raised:
+        load_ensemble(path)
+    assert raised.value.where == f"{path}:{line_of('base: compare')}"
+
+
+def test_what_is_no_ensemble_or_no_override_is_refused() -> None:
+    with pytest.raises(ConfigError, match="for the experiment 'compare', not 'ensemble'"):
+        load_ensemble("compare")
+    with pytest.raises(UsageError, match="is not of the form key=VALUE"):
+        load_ensemble(None, overrides=["seed"])

@@ -1,0 +1,547 @@
+"""Loading: the shipped files, where a configuration comes from, overrides, hashes, copies and the schema."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tendonrepro.configuration.fields.quantity import Quantity
+from tendonrepro.configuration.fields.strict_yaml import Node, load, read_text
+from tendonrepro.configuration.kinds import json_schema
+from tendonrepro.configuration.load import CompareConfig, DecoupleConfig, load_config
+from tendonrepro.configuration.shipped import init_config, shipped_folder, shipped_names
+from tendonrepro.errors import ConfigError, UsageError
+
+EXPERIMENTS = ("compare", "decouple")
+SHIPPED_FILES = ("closest", "compare", "compare_cosine", "decouple", "ensemble", "lumidouce_ii")
+
+
+@pytest.fixture(scope="module")
+def compare() -> CompareConfig:
+    config = load_config(None, "compare").config
+    assert isinstance(config, CompareConfig)
+    return config
+
+
+@pytest.fixture(scope="module")
+def decouple() -> DecoupleConfig:
+    config = load_config(None, "decouple").config
+    assert isinstance(config, DecoupleConfig)
+    return config
+
+
+def shipped_tree(name: str) -> dict[str, Any]:
+    path = shipped_folder() / f"{name}.yaml"
+    tree = load(read_text(path), str(path)).tree
+    assert isinstance(tree, dict)
+    return tree
+
+
+def quantities(tree: Node) -> Iterator[dict[str, Any]]:
+    if isinstance(tree, dict):
+        if "value" in tree:
+            yield tree
+        else:
+            for item in tree.values():
+                yield from quantities(item)
+
+
+# ---- what the shipped files say ----------------------------------------------------------------------------
+
+
+def test_printed_numbers(compare: CompareConfig) -> None:
+    routing, gains = compare.manipulator.routing, compare.control.gains
+    assert routing.winch_diameter.value == (37, 37, 37)
+    assert routing.pulley_diameter.value == ((77, 35, 35), (0, 77, 35), (0, 0, 37))
+    printed = {"M_bar": (0.01,) * 2, "lam": (8, 8), "b": (0.9,) * 2, "eta": (1.5,) * 2, "Delta": (0.2,) * 2,
+               "alpha": (0.1, 0.2), "beta": (2, 2)}  # fmt: skip
+    assert {name: getattr(gains, name).value for name in printed} == printed
+    assert all(getattr(gains, name).source.startswith("printed: ") for name in printed)
+    c = routing.sign.si
+    assert (c[0, 1], c[0, 2], c[1, 2]) == (1, -1, 1)
+    assert compare.sampling_period.si == 0.001
+    assert compare.manipulator.encoders.joint.resolution.value == 0.022
+    assert [compare.runs[name].payload.si for name in compare.runs] == [0, 0, 0, 0.2]
+
+
+def test_numbers_follow_from_what_their_sources_state(compare: CompareConfig) -> None:
+    """Those of the arm do in tests/monte_carlo/test_nominal.py."""
+    manipulator, gains = compare.manipulator, compare.control.gains
+    assert manipulator.encoders.motor.resolution.value == 360 / (2048 * 4 * 100)
+    assert gains.K_d is not None
+    assert gains.K_p is not None
+    np.testing.assert_array_equal(gains.K_d.si, gains.beta.si + gains.lam.si)
+    np.testing.assert_array_equal(gains.K_p.si, gains.beta.si * gains.lam.si)
+
+
+def test_reference_stays_below_the_rated_motor_speed(compare: CompareConfig) -> None:
+    reference = compare.reference
+    assert reference.kind == "minimum_jerk"
+    assert reference.duration == pytest.approx(15.2, rel=1e-12)
+    peak_deg = 1.875 * 33 / reference.rise.si
+    assert peak_deg == pytest.approx(26.9, abs=0.05)
+    assert peak_deg * 77 / 37 == pytest.approx(56.0, abs=0.05)
+
+
+def test_readings_are_the_first_choice(compare: CompareConfig) -> None:
+    schema = json_schema("compare")["$defs"]["Readings"]["properties"]
+    first = {name: choices["enum"][0] for name, choices in schema.items()}
+    assert compare.control.readings.model_dump() == first
+
+
+def test_decoupling_moves_the_same_arm_joint_by_joint(
+    compare: CompareConfig, decouple: DecoupleConfig
+) -> None:
+    assert compare.manipulator == decouple.manipulator
+    assert compare.posture.value == decouple.posture.value
+    assert (compare.joints, decouple.joints) == ((2, 3), (1, 2, 3))
+    reference, pull = decouple.runs["decouple"].reference, decouple.runs["pull_tendon_1"]
+    assert reference.kind == "minimum_jerk"
+    assert reference.turns == ((1,), (2,), (3,), (1, 2, 3))
+    assert (reference.cycle, reference.duration) == pytest.approx((7.6, 30.4), rel=1e-12)
+    assert pull.drives == "motors"
+    assert pull.reference.duration == pytest.approx(7.6, rel=1e-12)
+
+
+# ---- where a configuration comes from ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("experiment", EXPERIMENTS)
+def test_every_way_to_the_same_configuration(
+    experiment: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    shipped = load_config(None, experiment)
+    path = shipped_folder() / f"{experiment}.yaml"
+    monkeypatch.chdir(tmp_path)
+    copy = tmp_path / "copy.yaml"
+    copy.write_text(shipped.yaml_text, encoding="utf-8")
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(shipped.yaml_text.encode())))
+    ways = [load_config(source, experiment) for source in (experiment, path, str(path), copy, "-")]
+    assert [way.config for way in ways] == [shipped.config] * 5
+    assert {way.sha256 for way in ways} == {shipped.sha256}
+    assert {way.yaml_text for way in ways} == {shipped.yaml_text}
+    assert shipped.origin == experiment
+    assert [way.origin for way in ways] == [experiment, str(path), str(path), str(copy), "<stdin>"]
+    assert shipped.inputs == (path, shipped_folder() / "lumidouce_ii.yaml")
+    assert [way.inputs for way in ways[3:]] == [(copy,), ()]
+    assert [way.folder for way in ways[3:]] == [tmp_path, tmp_path]
+
+
+def test_file_comes_before_the_shipped_name(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "compare").mkdir()
+    assert load_config("compare", "compare").origin == "compare"
+    (tmp_path / "compare").rmdir()
+    (tmp_path / "compare").write_text("experiment: [")
+    with pytest.raises(ConfigError, match="not valid YAML"):
+        load_config("compare", "compare")
+
+
+def test_manipulator_beside_the_file_comes_before_the_shipped_one(tmp_path: Path) -> None:
+    init_config("compare", tmp_path)
+    own = tmp_path / "lumidouce_ii.yaml"
+    own.write_text(own.read_text().replace("value:  9.81", "value:  1.62"))
+    loaded = load_config(tmp_path / "compare.yaml", "compare")
+    assert loaded.config.manipulator.gravity.si == 1.62
+    assert loaded.inputs == (tmp_path / "compare.yaml", own)
+    own.unlink()
+    assert load_config(tmp_path / "compare.yaml", "compare").config.manipulator.gravity.si == 9.81
+
+
+def test_hash_sees_values_and_sources_but_not_layout(tmp_path: Path) -> None:
+    init_config("compare", tmp_path)
+    path = tmp_path / "compare.yaml"
+    before = load_config(path, "compare").sha256
+    text = path.read_text()
+    path.write_text("# a remark\n" + text.replace("value:  [33, 33]", "value: [33.0, 3.3e1]"))
+    assert load_config(path, "compare").sha256 == before
+    path.write_text(text.replace("value:  [33, 33]", "value:  [33, 31]"))
+    assert load_config(path, "compare").sha256 != before
+    path.write_text(text.replace("equal angles from", "angles from"))
+    assert load_config(path, "compare").sha256 != before
+
+
+def test_sampled_trajectory_counts_by_its_content_and_is_missed_with_its_line(tmp_path: Path) -> None:
+    init_config("compare", tmp_path)
+    path, csv = tmp_path / "compare.yaml", tmp_path / "motion.csv"
+    text = path.read_text()
+    before, after = text.index("  kind: minimum_jerk"), text.index("# ---- Control laws")
+    path.write_text(f"{text[:before]}  kind: sampled\n  file: motion.csv\n\n{text[after:]}")
+    with pytest.raises(ConfigError, match="no file") as raised:
+        load_config(path, "compare")
+    assert raised.value.where == f"{path}:{text[:before].count(chr(10)) + 2}"
+    csv.write_text("time_s,q2_deg,q3_deg\n")
+    first = load_config(path, "compare")
+    assert first.inputs[-1] == csv
+    csv.write_text("time_s,q2_deg,q3_deg\n0,0,0\n")
+    assert load_config(path, "compare").sha256 != first.sha256
+
+
+# ---- base --------------------------------------------------------------------------------------------------
+
+
+def test_a_base_has_the_keys_that_a_file_leaves_out(compare: CompareConfig) -> None:
+    loaded = load_config("compare_cosine", None)
+    config = loaded.config
+    assert isinstance(config, CompareConfig)
+    assert config.reference.kind == "raised_cosine"
+    assert config.title != compare.title
+    same = {"title": compare.title, "reference": compare.reference}
+    assert config.model_copy(update=same) == compare
+    assert [path.name for path in loaded.inputs] == [
+        "compare_cosine.yaml",
+        "compare.yaml",
+        "lumidouce_ii.yaml",
+    ]
+
+
+def with_base(folder: Path, text: str) -> Path:
+    for name in ("compare", "decouple"):
+        init_config(name, folder)
+    path = folder / "mine.yaml"
+    path.write_text(f"schema_version: 1\nexperiment: compare\n{text}", encoding="utf-8")
+    return path
+
+
+def test_mistakes_of_a_base_have_its_own_lines(tmp_path: Path) -> None:
+    path = with_base(tmp_path, "base: compare.yaml\ntitle: ''\n")
+    base = tmp_path / "compare.yaml"
+    text = base.read_text(encoding="utf-8")
+    base.write_text(text.replace("value:  [8, 8]", "value:  [-8, 8]"), encoding="utf-8")
+    line = text[: text.index("value:  [8, 8]")].count("\n") + 1
+    with pytest.raises(ConfigError) as raised:
+        load_config(path, "compare")
+    assert f"{path}:4: title: must not be empty" in str(raised.value)
+    assert f"{base}:{line}: control.gains.lam.value.0: must be above 0" in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("base: decouple.yaml\n", "base: 'decouple.yaml' is not for the experiment 'compare'"),
+        ("base: lumidouce_ii.yaml\n", "base: 'lumidouce_ii.yaml' is not for the experiment 'compare'"),
+        ("base: none.yaml\n", "base: no file 'none.yaml'"),
+        ("base: ../compare.yaml\n", "base: must be a file beside this one or a shipped one"),
+        ("base: /etc/passwd\n", "base: must be a file beside this one or a shipped one"),
+        ("base: mine.yaml\n", "base: 'mine.yaml' has a base itself"),
+        ("base: 3\n", "base: must be the name of a file, found 3"),
+    ],
+)
+def test_a_base_that_cannot_be(tmp_path: Path, text: str, message: str) -> None:
+    path = with_base(tmp_path, text)
+    with pytest.raises(ConfigError, match=message) as raised:
+        load_config(path, "compare")
+    assert raised.value.where == f"{path}:3"
+
+
+# ---- overrides ---------------------------------------------------------------------------------------------
+
+
+def changed(*overrides: str, **options: Any) -> CompareConfig:
+    config = load_config(None, "compare", overrides=overrides, **options).config
+    assert isinstance(config, CompareConfig)
+    return config
+
+
+@pytest.mark.parametrize(("override", "path", "value"), [
+    ("control.gains.lam=[6, 7]", "control.gains.lam", (6, 7)),
+    ("control.gains.lam.value=[6, 7]", "control.gains.lam", (6, 7)),
+    ("control.gains.lam.value.1=7", "control.gains.lam", (8, 7)),
+    ("manipulator.gravity=1e-3", "manipulator.gravity", 1e-3),
+    ("manipulator.routing.pulley_diameter.value.0.2=30", "manipulator.routing.pulley_diameter",
+     ((77, 35, 30), (0, 77, 35), (0, 0, 37))),
+    (" control.gains.b = [.5, .6]", "control.gains.b", (0.5, 0.6)),
+])  # fmt: skip
+def test_value_set_on_the_command_line_says_so(override: str, path: str, value: object) -> None:
+    quantity: Any = changed(override)
+    for key in path.split("."):
+        quantity = getattr(quantity, key)
+    assert isinstance(quantity, Quantity)
+    assert quantity.value == value
+    assert quantity.source == "assumed: set on the command line"
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_source_given_by_hand_is_kept_and_a_unit_loses_it(order: int) -> None:
+    overrides = ["manipulator.gravity=1.62", "manipulator.gravity.source='assumed: on the Moon'"][::order]
+    gravity = changed(*overrides).manipulator.gravity
+    assert (gravity.si, gravity.source) == (1.62, "assumed: on the Moon")
+    posture = changed(*["posture.unit=rad", "posture.value.0=0.5"][::order]).posture
+    assert (posture.si[0], posture.source) == (0.5, "assumed: set on the command line")
+
+
+def test_whole_sections_and_words() -> None:
+    config = changed(
+        "control.readings.phi_branch=power",
+        "control.filter_cutoff=50",
+        "disturbance={kind: sine, torque: {value: [1, 1], unit: N m, source: 'assumed: x'}, "
+        "frequency: {value: 2, unit: Hz, source: 'assumed: x'}}",
+        "runs.extra={law: tdc, payload: {value: 1, unit: kg, source: 'assumed: x'}}",
+    )
+    assert config.control.readings.phi_branch == "power"
+    assert config.control.filter_cutoff is not None
+    assert config.control.filter_cutoff.si == 50.0
+    assert config.disturbance.kind == "sine"
+    assert list(config.runs)[-1] == "extra"
+
+
+def test_another_manipulator_comes_before_changes_inside_it(tmp_path: Path) -> None:
+    other = tmp_path / "other.yaml"
+    other.write_text(read_text(shipped_folder() / "lumidouce_ii.yaml").replace("Lumidouce II", "Other"))
+    manipulator = changed("manipulator.gravity=5", f"manipulator={other}").manipulator
+    assert (manipulator.name, manipulator.gravity.si) == ("Other", 5.0)
+
+
+@pytest.mark.parametrize(("override", "where", "message"), [
+    ("control.gians.lam=9", "--set control.gians.lam", "unknown key 'gians', did you mean 'gains'?"),
+    ("alpha=[0, 0]", "--set alpha", "unknown key 'alpha', did you mean 'control.gains.alpha'?"),
+    ("gains.lam=9", "--set gains.lam", "unknown key 'gains.lam', did you mean 'control.gains.lam'?"),
+    ("control.gains.lam.value.2=9", "--set control.gains.lam.value.2", "no entry 2 in a list of 2"),
+    ("control.gains.lam.value.x=9", "--set control.gains.lam.value.x", "no entry x in a list of 2"),
+    (f"joints.{'9' * 5000}=9", "--set joints", "in a list of 2"),
+    ("title.x=9", "--set title.x", "nothing below it can be set"),
+    ("title=", "--set title", "is empty"),
+    ("title=[1", "--set title:", "not valid YAML"),
+    ("posture=[.nan, 0, 0]", "--set posture:1:2", ".nan is not a finite number"),
+    ("manipulator=nowhere.yaml", "--set manipulator", "no file 'nowhere.yaml'"),
+    (f"manipulator={'x' * 5000}", "--set manipulator", "no file 'xxx"),
+])  # fmt: skip
+def test_override_that_cannot_be_applied(override: str, where: str, message: str) -> None:
+    with pytest.raises(ConfigError) as raised:
+        changed(override)
+    assert str(raised.value.where).startswith(where)
+    assert message in raised.value.message
+
+
+@pytest.mark.parametrize(("override", "line"), [
+    ("control.gains.lma=9", "--set control.gains.lma: control.gains: unknown key 'lma', did you mean 'lam'?"),
+    ("control.gains.b=[2, .5]",
+     "--set control.gains.b: control.gains.b.value.0: must be above 0 and below 1, found 2"),
+    ("control.readings.start=warm",
+     "--set control.readings.start: control.readings.start: must be filled or cold, found the text 'warm'"),
+])  # fmt: skip
+def test_mistake_made_by_an_override_is_placed_there(override: str, line: str) -> None:
+    with pytest.raises(ConfigError) as raised:
+        changed(override)
+    assert str(raised.value).splitlines() == ["1 mistake in the configuration", line]
+
+
+@pytest.mark.parametrize("override", ["title", "=3", "a..b=3", ".a=3", ""])
+def test_override_of_the_wrong_form(override: str) -> None:
+    with pytest.raises(UsageError, match="not of the form key=VALUE"):
+        changed(override)
+
+
+def test_everything_set_is_recorded_and_reproduced_by_the_text(tmp_path: Path) -> None:
+    before = load_config(None, "compare").sha256
+    loaded = load_config(None, "compare", overrides=["manipulator.gravity=1"], seed=7, controllers=[3, 1])
+    assert loaded.overrides == ("manipulator.gravity=1", "seed=7", "controllers=3,1")
+    assert loaded.config.seed.value == 7
+    assert loaded.config.seed.source == "assumed: set on the command line"
+    assert list(loaded.config.runs) == ["controller_1", "controller_3", "controller_1_payload"]
+    path = tmp_path / "again.yaml"
+    path.write_text(loaded.yaml_text, encoding="utf-8")
+    assert load_config(path, "compare").sha256 == loaded.sha256
+    assert load_config(None, "compare").sha256 == before, "the shipped tree is not changed"
+
+
+@pytest.mark.parametrize("controllers", [[4], [1, 4], []])
+def test_controller_without_a_run(controllers: list[int]) -> None:
+    with pytest.raises(UsageError) as raised:
+        changed(controllers=controllers)
+    assert raised.value.hint == "Laws with a run: controller_1, controller_2, controller_3"
+
+
+def test_controllers_where_there_are_none() -> None:
+    with pytest.raises(UsageError, match="has no controllers"):
+        load_config(None, "decouple", controllers=[1])
+    with pytest.raises(ConfigError, match="runs: must be a mapping of keys, found a list"):
+        changed("runs=[]", controllers=[1])
+
+
+@pytest.mark.parametrize("seed", [-1, 2**32, 10**400])
+def test_seed_out_of_range(seed: int) -> None:
+    with pytest.raises(ConfigError, match=r"--seed: seed\.value: must be"):
+        changed(seed=seed)
+
+
+@settings(max_examples=40)
+@given(
+    gains=st.lists(st.floats(1e-6, 1e6), min_size=2, max_size=2),
+    posture=st.lists(
+        st.floats(-360, 360).filter(lambda x: x == 0.0 or abs(x) > 1e-9) | st.integers(-360, 360),
+        min_size=3,
+        max_size=3,
+    ),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_any_valid_numbers_survive_the_round_trip(
+    gains: list[float], posture: list[float], seed: int
+) -> None:
+    overrides = [f"control.gains.lam={gains}", f"posture={posture}"]
+    loaded = load_config(None, "compare", overrides=overrides, seed=seed)
+    assert isinstance(loaded.config, CompareConfig)
+    assert loaded.config.control.gains.lam.si.tolist() == gains
+    assert loaded.config.posture.si.tolist() == np.deg2rad(posture).tolist()
+    assert loaded.config.seed.si == seed
+    assert load(loaded.yaml_text, "x").tree == loaded.tree
+
+
+SOURCE = "source: 'assumed: x'"
+PERIODS = f"periods: {{value: 2, unit: '1', {SOURCE}}}"
+HOLD = f"hold: {{value: 1, unit: s, {SOURCE}}}"
+AMPLITUDE = f"amplitude: {{value: [30, -10], unit: deg, {SOURCE}}}"
+PERIOD = f"period: {{value: 5, unit: s, {SOURCE}}}"
+
+
+@pytest.mark.parametrize(("reference", "duration"), [
+    (f"kind: raised_cosine, {AMPLITUDE}, {PERIOD}", 10.0),
+    (f"kind: raised_cosine, {AMPLITUDE}, {PERIOD}, turns: [[2], [3], [2, 3]]", 30.0),
+    (f"kind: minimum_jerk, {AMPLITUDE}, rise: {{value: 500, unit: ms, {SOURCE}}}, {HOLD}", 6.0),
+    # 30 deg at 20 deg/s with ramps of 0.5 s: a stroke of 2 s, which the shorter one waits for
+    (f"kind: trapezoidal, {AMPLITUDE}, {HOLD}, velocity: {{value: 20, unit: deg s-1, {SOURCE}}}, "
+     f"acceleration: {{value: 40, unit: deg s-2, {SOURCE}}}", 12.0),
+    (f"kind: sine, {AMPLITUDE}, {PERIOD}, offset: {{value: [0, 5], unit: deg, {SOURCE}}}, "
+     f"blend: {{value: 10, unit: s, {SOURCE}}}", 10.0),
+])  # fmt: skip
+def test_duration_of_a_reference(reference: str, duration: float) -> None:
+    found = changed(f"reference={{{reference}, {PERIODS}}}").reference.duration
+    assert found == pytest.approx(duration, rel=1e-12)
+
+
+# ---- copies and schema -------------------------------------------------------------------------------------
+
+
+def test_copies_are_complete_and_load(tmp_path: Path) -> None:
+    folder = tmp_path / "new" / "folder"
+    written = init_config("compare", folder)
+    assert [path.name for path in written] == ["compare.yaml", "schema.json", "lumidouce_ii.yaml"]
+    assert sorted(folder.iterdir()) == sorted(written)
+    assert all(path.read_bytes() == (shipped_folder() / path.name).read_bytes() for path in written)
+    assert load_config(folder / "compare.yaml", "compare").sha256 == load_config(None, "compare").sha256
+
+
+def test_experiments_share_a_folder_and_nothing_is_overwritten(tmp_path: Path) -> None:
+    init_config("compare", tmp_path)
+    assert [path.name for path in init_config("decouple", tmp_path)] == ["decouple.yaml"]
+    for name in ("compare", "decouple", "lumidouce_ii"):
+        with pytest.raises(UsageError, match="exists and is not overwritten"):
+            init_config(name, tmp_path)
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "lumidouce_ii.yaml").write_text("mine")
+    with pytest.raises(UsageError, match="exists and is not overwritten"):
+        init_config("compare", other)
+    assert [path.name for path in other.iterdir()] == ["lumidouce_ii.yaml"]
+
+
+def test_unknown_names(tmp_path: Path) -> None:
+    assert shipped_names() == sorted(SHIPPED_FILES)
+    with pytest.raises(UsageError, match="no shipped configuration 'compair', did you mean 'compare'"):
+        init_config("compair", tmp_path)
+    with pytest.raises(UsageError, match=r"no schema .experiment."):
+        json_schema("experiment")
+
+
+def test_schema_file_is_up_to_date() -> None:
+    text = json.dumps(json_schema(), indent=2, ensure_ascii=False) + "\n"
+    shipped = (shipped_folder() / "schema.json").read_text(encoding="utf-8")
+    assert hashlib.sha256(shipped.encode()).hexdigest() == hashlib.sha256(text.encode()).hexdigest(), (
+        "write json_schema() to configs/schema.json again, with an indent of 2"
+    )
+
+
+def accepts(schema: dict[str, Any], value: Any, root: dict[str, Any]) -> bool:
+    """Whether a value satisfies the part of JSON schema that pydantic writes here."""
+    if "$ref" in schema:
+        return accepts(root["$defs"][schema["$ref"].removeprefix("#/$defs/")], value, root)
+    for choice in ("anyOf", "oneOf"):
+        if choice in schema and not any(accepts(option, value, root) for option in schema[choice]):
+            return False
+    types = {
+        "object": dict,
+        "array": list,
+        "string": str,
+        "null": type(None),
+        "number": (int, float),
+        "integer": int,
+    }
+    if "type" in schema and (not isinstance(value, types[schema["type"]]) or isinstance(value, bool)):
+        return False
+    checks = {
+        "const": lambda limit: value == limit, "enum": lambda limit: value in limit,
+        "minimum": lambda limit: value >= limit, "exclusiveMinimum": lambda limit: value > limit,
+        "maximum": lambda limit: value <= limit, "exclusiveMaximum": lambda limit: value < limit,
+        "minItems": lambda limit: len(value) >= limit, "maxItems": lambda limit: len(value) <= limit,
+        "minLength": lambda limit: len(value) >= limit, "minProperties": lambda limit: len(value) >= limit,
+        "pattern": lambda limit: re.search(limit, value) is not None,
+        "items": lambda item: all(accepts(item, entry, root) for entry in value),
+        "required": lambda keys: set(keys) <= set(value),
+        "properties": lambda keys: all(accepts(keys[key], value[key], root) for key in keys if key in value),
+        "additionalProperties": lambda rest: all(
+            rest is not False and accepts(rest, value[key], root)
+            for key in set(value) - set(schema.get("properties", {}))
+        ),
+        "patternProperties": lambda patterns: all(
+            accepts(patterns[pattern], value[key], root)
+            for pattern in patterns for key in value if re.search(pattern, key)
+        ),
+    }  # fmt: skip
+    known = {"type", "title", "description", "default", "discriminator", "anyOf", "oneOf", "$defs", "$schema"}
+    assert set(schema) <= known | set(checks), f"the test does not know {set(schema) - known - set(checks)}"
+    return all(check(schema[keyword]) for keyword, check in checks.items() if keyword in schema)
+
+
+@pytest.mark.parametrize("name", SHIPPED_FILES)
+def test_schema_accepts_the_shipped_files_and_not_much_else(name: Any) -> None:
+    kind = {"lumidouce_ii": "manipulator", "compare_cosine": "compare", "closest": "compare"}.get(name, name)
+    tree = shipped_tree(name)
+    if name in EXPERIMENTS:  # also with the manipulator inside
+        assert accepts(json_schema(name), load_config(None, name).tree, json_schema(name))
+    for schema in (json_schema(), json_schema(kind)):
+        assert accepts(schema, tree, schema)
+        assert not accepts(schema, tree | {"unknown": 1}, schema)
+        assert not accepts(schema, tree | {"schema_version": 2}, schema)
+        for key in tree:
+            left_to_base = name == "compare_cosine" and key in ("title", "reference")
+            rest = {other: tree[other] for other in tree if other != key}
+            assert accepts(schema, rest, schema) == left_to_base
+        for quantity in list(quantities(tree))[::4]:
+            kept = dict(quantity)
+            wrongs = ("unit", "furlong"), ("source", "somewhere"), ("value", "text"), ("value", [[[1]]])
+            for key, wrong in wrongs:
+                quantity[key] = wrong
+                assert not accepts(schema, tree, schema)
+                quantity[key] = kept[key]
+
+
+def test_schema_describes_every_quantity() -> None:
+    for definition in json_schema()["$defs"].values():
+        assert definition["description"]
+        for name, field in definition["properties"].items():
+            if "value" in field.get("properties", {}):
+                assert re.search(r"; unit \S", field["description"]), name
+
+
+@pytest.mark.parametrize("key", ["control.gains.lam", "control.gains.lam.value"])
+def test_one_number_means_all_joints(key: str) -> None:
+    loaded = load_config(None, "compare", overrides=[f"{key}=6"])
+    assert isinstance(loaded.config, CompareConfig)
+    assert loaded.config.control.gains.lam.si.tolist() == [6.0, 6.0]
+    assert loaded.sha256 == load_config(None, "compare", overrides=[f"{key}=[6, 6]"]).sha256
+
+
+def test_one_number_means_no_matrix() -> None:
+    with pytest.raises(ConfigError):
+        load_config(None, "compare", overrides=["manipulator.routing.pulley_diameter=30"])

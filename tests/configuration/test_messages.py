@@ -1,0 +1,417 @@
+"""Bad input of every kind: one message, the right lines, exit code 2, and never a traceback."""
+
+from __future__ import annotations
+
+import copy
+import io
+import os
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from pydantic import BaseModel, ValidationError
+
+from tendonrepro.configuration.fields.strict_yaml import Key, Node, dump, read_text
+from tendonrepro.configuration.load import CompareConfig, DecoupleConfig, load_config
+from tendonrepro.configuration.messages import MOST_NAMED, Place, explain
+from tendonrepro.configuration.shipped import shipped_folder
+from tendonrepro.errors import ConfigError
+
+TEXTS = {
+    name: read_text(shipped_folder() / f"{name}.yaml") for name in ("compare", "decouple", "lumidouce_ii")
+}
+MODELS: dict[Any, type[BaseModel]] = {"compare": CompareConfig, "decouple": DecoupleConfig}
+
+PER_JOINT = """\
+  kind: per_joint
+  references:
+    - kind: sine
+      amplitude: {value: [10], unit: deg, source: "assumed: x"}
+      offset:    {value: [10], unit: deg, source: "assumed: x"}
+      period:    {value: 10, unit: s, source: "assumed: x"}
+      blend:     {value: 2, unit: s, source: "assumed: x"}
+      periods:   {value: 2, unit: "1", source: "assumed: x"}
+    - kind: raised_cosine
+      amplitude: {value: [10], unit: deg, source: "assumed: x"}
+      period:    {value: 5, unit: s, source: "assumed: x"}
+      periods:   {value: 4, unit: "1", source: "assumed: x"}
+"""
+STEP = "  kind: step\n  torque: {value: [1, 1], unit: N m, source: 'assumed: x'}\n" \
+       "  start: {value: 1.5, unit: s, source: 'assumed: x'}\n"  # fmt: skip
+NOISE = "  kind: noise\n  torque: {value: [1, 1], unit: N m, source: 'assumed: x'}\n" \
+        "  band: {value: [1, 9], unit: Hz, source: 'assumed: x'}\n" \
+        "  components: {value: 20, unit: '1', source: 'assumed: x'}\n"  # fmt: skip
+
+
+class Files:
+    """The three shipped files in a folder of their own, to be spoilt."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        for name, text in TEXTS.items():
+            self.path(name).write_text(text, encoding="utf-8")
+
+    def path(self, name: str) -> Path:
+        return self.folder / f"{name}.yaml"
+
+    def replace(self, name: str, old: str, new: str) -> None:
+        text = self.path(name).read_text(encoding="utf-8")
+        assert old in text
+        self.path(name).write_text(text.replace(old, new, 1), encoding="utf-8")
+
+    def replace_reference(self, new: str) -> None:
+        text = TEXTS["compare"]
+        start, end = text.index("  kind: minimum_jerk"), text.index("\n# ---- Control laws")
+        self.replace("compare", text[start:end], new)
+
+    def mistakes(self, experiment: Any = "compare") -> list[str]:
+        """Lines of the message, without the folder; the first one must count the others."""
+        with pytest.raises(ConfigError) as raised:
+            load_config(self.path(experiment), experiment)
+        assert raised.value.exit_code == 2
+        count, *lines = str(raised.value).replace(f"{self.folder}{os.sep}", "").splitlines()
+        assert count == f"{len(lines)} mistake{'s' if len(lines) > 1 else ''} in the configuration"
+        return lines
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> Files:
+    return Files(tmp_path)
+
+
+# Each replaces `old` by `new` in one file and gives a single mistake, on the line that was changed.
+CHANGED_LINE = [
+    # keys
+    ("compare", "    alpha:", "    alhpa:", "control.gains: unknown key 'alhpa', did you mean 'alpha'?"),
+    ("compare", "  controller_3:\n    law", "  Controller 3:\n    law",
+     "runs.Controller 3: a name must be lower-case"),
+    # types
+    ("compare", "title: Controllers", "title: '' #", "title: must not be empty"),
+    ("compare", "joints: [2, 3]", "joints: 3", "joints: must be a list, found 3"),
+    ("compare", "joints: [2, 3]", "joints: [2, x]", "joints.1: must be a whole number, found the text 'x'"),
+    ("compare", "    law: controller_3", "    law: []", "runs.controller_3.law: must be text, found a list"),
+    # choices
+    ("compare", "schema_version: 1", "schema_version: 2", "schema_version: must be 1, found 2"),
+    ("compare", "experiment: compare", "experiment: comprae",
+     "experiment: must be compare, found the text 'comprae', did you mean 'compare'?"),
+    ("compare", "phi_branch:          printed", "phi_branch: pwoer",
+     "control.readings.phi_branch: must be printed or power, found the text 'pwoer', did you mean 'power'?"),
+    ("compare", "kind: minimum_jerk", "kind: min_jerk",
+     "reference.kind: must be one of raised_cosine, minimum_jerk, trapezoidal, sine, sampled, per_joint, "
+     "found the text 'min_jerk', did you mean 'minimum_jerk'?"),
+    ("compare", "  controller_1_payload:", "  plant:",
+     "runs.plant: is the name of something else among the results"),
+    ("compare", "law: controller_3", "law: controller_4",
+     "runs.controller_3.law: must be one of control.laws, controller_1, controller_2, controller_3, tdc, "
+     "found 'controller_4'"),
+    ("compare", "controller_1: {surface: ntsm", "controller_1: {surface: tsm",
+     "control.laws.controller_1: is the paper's, surface ntsm and estimator alpha_tde: give yours "
+     "another name"),
+    ("decouple", "drives: motors", "drives: tendons",
+     "runs.pull_tendon_1.drives: must be joints or motors, found the text 'tendons'"),
+    # units, sources, ranges
+    ("compare", '"printed: section 5.1"', "measured",
+     "sampling_period.source: must begin with printed:, derived:"),
+    ("compare", "value:  [0.9, 0.9]", "value: [0.9, 1]",
+     "control.gains.b.value.1: must be above 0 and below 1, found 1"),
+    ("compare", "value:  [8, 8]", "value: [8, 8, 8]",
+     "control.gains.lam.value: must have 2 entries, one per moving joint, found 3"),
+    ("lumidouce_ii", "[0.77, 0.47, 0.22]", "[0.7, -0.47, 0.2]",
+     "manipulator.links.mass.value.1: must be above 0 kg, found -0.47 kg"),
+    # singular or impossible mechanisms
+    ("lumidouce_ii", "value:  [37, 37, 37]", "value: [37, 37, 0]",
+     "manipulator.routing.winch_diameter.value.2: must be above 0 mm, found 0 mm"),
+    ("lumidouce_ii", "[ 0,  0, 37]", "[ 0,  0, 0]",
+     "manipulator.routing.pulley_diameter.value.2.2: must be above 0 for joint 3 and tendon 3, else"),
+    ("lumidouce_ii", "[ 0, 77, 35]", "[ 1, 77, 35]",
+     "manipulator.routing.pulley_diameter.value.1.0: must be 0 for joint 2 and tendon 1"),
+    ("lumidouce_ii", "[0, 1,  1]", "[0, 0,  1]",
+     "manipulator.routing.sign.value.1.1: must be 1 or -1 for joint 2 and tendon 2"),
+    # checks across sections
+    ("compare", "joints: [2, 3]", "joints: [1, 2]",
+     "joints: must be the last joints in order, up to 3 of the manipulator, found [1, 2]"),
+    ("decouple", "turns: [[1], [2]", "turns: [[1], [4]",
+     "runs.decouple.reference.turns.1: must name joints that move, [1, 2, 3], found [4]"),
+    ("decouple", "turns: [[1],", "turns: [[1, 1],",
+     "runs.decouple.reference.turns.0: names a joint twice, [1, 1]"),
+    ("decouple", "turns: [[1], [2], [3], [1, 2, 3]]", "turns: []",
+     "runs.decouple.reference.turns: must not be empty"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "old", "new", "message"), CHANGED_LINE)
+def test_mistake_on_the_changed_line(files: Files, name: str, old: str, new: str, message: str) -> None:
+    files.replace(name, old, new)
+    line = TEXTS[name][: TEXTS[name].index(old)].count("\n") + 1
+    (mistake,) = files.mistakes("decouple" if name == "decouple" else "compare")
+    assert mistake.startswith(f"{name}.yaml:{line}: {message}")
+
+
+# The mistake is noticed on another line than the one that was changed.
+OTHER_LINE = [
+    ("compare", "seed:\n  value:  1\n", "seed:\n", "seed:", "seed: missing key 'value'"),
+    ("compare", "    law: controller_3\n", "", "  controller_3:\n", "runs.controller_3: missing key 'law'"),
+    ("compare", "  kind: none ", "  kind: step ", "disturbance:", "disturbance: missing key 'torque'"),
+    ("compare", "    value:  2.3\n", "    value:  2.3001\n", "reference:",
+     "reference: lasts 15.2004 s, which must be a whole multiple of the sampling period, 1 ms"),
+    ("decouple", "        value:  2.3\n", "        value:  2.3001\n", "    reference:",
+     "runs.decouple.reference: lasts 30.4008 s, which must be a whole multiple"),
+    ("compare", "  max_step:\n    value:  1\n", "  max_step:\n    value:  0.3\n", "    value:  0.3",
+     "solver.max_step.value: must divide the sampling period, 1 ms, found 0.3 ms"),
+    ("compare", "  max_step:\n    value:  1\n", "  max_step:\n    value:  1e-6\n", "    value:  1e-6",
+     "solver.max_step.value: must be at least a thousandth of the sampling period, 1 ms, found 1e-06 ms"),
+    ("compare", "  kind: none ", STEP.replace("1.5", "1.0005"), "  start: {",
+     "disturbance.start.value: must be a whole multiple of the sampling period, 1 ms, found 1.0005 s"),
+    ("compare", "  kind: none ", NOISE.replace("[1, 9]", "[9, 1]"), "  band:",
+     "disturbance.band.value: must rise from low to high, found 9 to 1 Hz"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "old", "new", "at", "message"), OTHER_LINE)
+def test_mistake_on_another_line(files: Files, name: str, old: str, new: str, at: str, message: str) -> None:
+    files.replace(name, old, new)
+    text = files.path(name).read_text(encoding="utf-8")
+    line = text[: text.index(at)].count("\n") + 1
+    first, *_ = files.mistakes("decouple" if name == "decouple" else "compare")
+    assert first.startswith(f"{name}.yaml:{line}: {message}")
+
+
+def test_many_mistakes_are_counted_and_the_first_are_named(files: Files) -> None:
+    text = "".join(f"alpha_{k}: 1\n" for k in range(3000))
+    files.replace("compare", "seed:", f"{text}seed:")
+    started = time.perf_counter()
+    with pytest.raises(ConfigError) as raised:
+        load_config(files.path("compare"), "compare")
+    assert time.perf_counter() - started < 5.0
+    count, *lines = str(raised.value).splitlines()
+    assert count == "3000 mistakes in the configuration"
+    assert len(lines) == MOST_NAMED + 1
+    assert lines[-1] == f"... and {3000 - MOST_NAMED} more"
+    assert "unknown key 'alpha_0'" in lines[0]
+
+
+def test_all_mistakes_at_once_in_reading_order(files: Files) -> None:
+    files.replace("lumidouce_ii", "[0.77, 0.47, 0.22]", "[-0.7, 0.45, -0.2]")
+    files.replace("lumidouce_ii", "side: negative", "side: left")
+    files.replace("compare", "joints: [2, 3]", "joints: [3]")
+    files.replace("compare", "    alpha:", "    alhpa:")
+    files.replace("compare", "value:  [0.9, 0.9]", "value:  [1.9]")
+    files.replace("compare", "phi_branch:          printed", "phi_branch: pwoer")
+    files.replace("compare", "law: controller_3", "law: controller_4")
+    files.replace("compare", "  max_step:\n    value:  1\n", "  max_step:\n    value:  0.3\n")
+    places = [line.split(": ", 2)[:2] for line in files.mistakes()]
+    assert [path for _, path in places] == [
+        "reference.amplitude.value", "control.gains.M_bar.value", "control.gains.lam.value",
+        "control.gains.b.value.0", "control.gains.eta.value", "control.gains.Delta.value", "control.gains",
+        "control.gains.beta.value", "control.gains.K_d.value", "control.gains.K_p.value",
+        "control.readings.phi_branch", "runs.controller_3.law", "solver.max_step.value",
+        "manipulator.links.mass.value.0", "manipulator.links.mass.value.2", "manipulator.tensioner.side",
+    ]  # fmt: skip
+    lines = [(place.split(":")[0], int(place.split(":")[1])) for place, _ in places]
+    assert lines == sorted(lines)
+
+
+def test_gains_a_law_needs(files: Files) -> None:
+    text = TEXTS["compare"]
+    start, end = text.index("    K_d:"), text.index("  laws:")
+    files.replace("compare", text[start:end], "")
+    assert files.mistakes() == [
+        "compare.yaml:53: control.gains: missing key 'K_d', which the law 'tdc' needs",
+        "compare.yaml:53: control.gains: missing key 'K_p', which the law 'tdc' needs",
+    ]
+    files.replace("compare", "    tdc:          {surface: pd,   estimator: tde}\n", "")
+    config = load_config(files.path("compare"), "compare").config
+    assert config.model_dump()["control"]["gains"]["K_d"] is None
+
+
+def test_cutoff_that_the_low_pass_needs(files: Files) -> None:
+    text = TEXTS["compare"]
+    start, end = text.index("  filter_cutoff:"), text.index("# ---- Runs")
+    files.replace("compare", text[start:end], "")
+    load_config(files.path("compare"), "compare")
+    files.replace("compare", "backward_difference ", "low_pass ")
+    (mistake,) = files.mistakes()
+    assert "control: missing key 'filter_cutoff', which the reading error_rate: low_pass needs" in mistake
+
+
+def test_each_joint_may_have_its_own_motion(files: Files) -> None:
+    files.replace_reference(PER_JOINT)
+    reference = load_config(files.path("compare"), "compare").config.model_dump()["reference"]
+    assert [motion["kind"] for motion in reference["references"]] == ["sine", "raised_cosine"]
+
+
+@pytest.mark.parametrize(("old", "new", "message"), [
+    ("{value: 2, unit: s", "{value: 20.5, unit: s",
+     "references.0.blend.value: must end within the motion, which lasts 20"),
+    ("{value: 4,", "{value: 5,", "references.1: lasts 25 s, the first one 20 s; make them equal"),
+    ("{value: [10]", "{value: [10, 10]",
+     "references.0.amplitude.value: must have 1 entry, one per moving joint, found 2"),
+    ("{value: 4, unit: \"1\"", "{value: 4, unit: \"2\"",
+     "references.1.periods.unit: must be 1, found the text '2'"),
+    ("blend:", "blnd:", "references.0: unknown key 'blnd', did you mean 'blend'?"),
+    ("kind: raised_cosine", "kind: sampled",
+     "references.1.kind: must be one of raised_cosine, minimum_jerk,"),
+    ("kind: raised_cosine", "kind: raised_cosine\n      turns: [[3]]",
+     "references.1.turns: one joint cannot take turns"),
+    (PER_JOINT[PER_JOINT.index("    - kind: raised") :], "",
+     "references: must have one motion per moving joint, 2, found 1"),
+])  # fmt: skip
+def test_motion_of_one_joint_that_does_not_fit(files: Files, old: str, new: str, message: str) -> None:
+    files.replace_reference(PER_JOINT.replace(old, new, 1))
+    (mistake,) = files.mistakes()
+    assert f": reference.{message}" in mistake
+
+
+@pytest.mark.parametrize(("content", "message"), [
+    (b"", "is empty"),
+    (b"[1, 2]", "a configuration is a mapping of keys"),
+    (b"\x89HDF\r\n\x1a\n\0\0", "is a binary file"),
+    (b"a: 1\na: 2", "key 'a' is given twice"),
+    (b"[" * 100_000, "nested more than 32 levels"),
+    (b"#" * (1 << 21), "is larger than 1 MiB"),
+])  # fmt: skip
+@pytest.mark.parametrize("way", ["file", "stdin", "manipulator"])
+def test_text_that_is_no_configuration(
+    files: Files, content: bytes, message: str, way: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = files.path("lumidouce_ii" if way == "manipulator" else "compare")
+    path.write_bytes(content)
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(content)))
+    with pytest.raises(ConfigError) as raised:
+        load_config("-" if way == "stdin" else files.path("compare"), "compare")
+    assert raised.value.exit_code == 2
+    named = "<stdin>" if way == "stdin" else str(path)
+    assert named in str(raised.value)
+    if way != "manipulator" or "mapping" not in message:
+        assert message in raised.value.message
+
+
+@pytest.mark.parametrize(("name", "message"), [
+    ("decouple", "this configuration is for the experiment 'decouple', not 'compare'"),
+    ("lumidouce_ii", "this is a manipulator, not an experiment"),
+])  # fmt: skip
+def test_configuration_of_another_kind(files: Files, name: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        load_config(files.path(name), "compare")
+
+
+def test_file_that_is_not_there(files: Files) -> None:
+    with pytest.raises(ConfigError, match="no such file") as raised:
+        load_config(files.folder / "nowhere.yaml", "compare")
+    names = "closest, compare, compare_cosine, decouple, ensemble, lumidouce_ii"
+    assert raised.value.hint == f"Shipped configurations, by name: {names}"
+    for folder in (files.folder, ""):
+        with pytest.raises(ConfigError, match="is a folder"):
+            load_config(folder, "compare")
+    files.replace("compare", "manipulator: lumidouce_ii.yaml", "manipulator: lumidouce.yaml")
+    with pytest.raises(ConfigError, match=r"no file 'lumidouce\.yaml'") as raised:
+        load_config(files.path("compare"), "compare")
+    line = TEXTS["compare"][: TEXTS["compare"].index("manipulator: lumi")].count("\n") + 1
+    assert raised.value.where == f"{files.path('compare')}:{line}"
+    for folder in (files.folder, shipped_folder()):
+        assert str(folder / "lumidouce.yaml") in str(raised.value.hint)
+
+
+# ---- every key and every number of the shipped files -------------------------------------------------------
+
+
+def mappings(node: Node, path: Key = ()) -> Iterator[tuple[Key, dict[str, Node]]]:
+    if isinstance(node, dict):
+        yield path, node
+        for key, item in node.items():
+            yield from mappings(item, (*path, key))
+
+
+TREES: dict[Any, dict[str, Any]] = {experiment: load_config(None, experiment).tree for experiment in MODELS}
+
+
+def mistakes_in(tree: Node, experiment: Any) -> str:
+    """Message about a spoilt tree, empty when it is still valid; much quicker than by way of a file."""
+    try:
+        MODELS[experiment].model_validate(tree)
+    except ValidationError as error:
+        return str(explain(error, MODELS[experiment], tree, lambda _: Place(1, 1, "file:1")))
+    return ""
+
+
+@pytest.mark.parametrize("experiment", MODELS)
+def test_unknown_key_at_every_level(experiment: str) -> None:
+    tree = copy.deepcopy(TREES[experiment])
+    free = {"control.laws", "runs"}  # keys are names here
+    for path, mapping in list(mappings(tree)):
+        dotted = ".".join(map(str, path))
+        if dotted in free:
+            continue
+        key = list(mapping)[-1]
+        mapping[f"{key}x"] = mapping.pop(key)
+        words = f"unknown key '{key}x', did you mean {key!r}?"
+        if key == "kind":  # without it nothing is known about the other keys
+            words = "missing key 'kind'"
+        assert mistakes_in(tree, experiment).splitlines()[1:] == [
+            f"file:1: {dotted}: {words}" if dotted else f"file:1: {words}"
+        ]
+        mapping[key] = mapping.pop(f"{key}x")
+
+
+@pytest.mark.parametrize("experiment", MODELS)
+def test_every_quantity_refuses_what_is_not_a_number_or_cannot_be_negative(experiment: str) -> None:
+    tree = copy.deepcopy(TREES[experiment])
+    signed = {"posture", "amplitude", "sign"}
+    checked = 0
+    for path, quantity in mappings(tree):
+        if "value" in quantity:
+            kept, dotted = quantity["value"], ".".join(map(str, path))
+            negative = [] if path[-1] in signed else [negated(kept)]
+            for wrong in ("text", True, None, {"value": 1}, float("nan"), [float("inf")], *negative):
+                quantity["value"] = wrong
+                assert f": {dotted}.value" in mistakes_in(tree, experiment)
+            quantity["value"] = kept
+            checked += len(negative)
+    assert checked > 40
+
+
+def negated(value: Any) -> Any:
+    """The value with its last number replaced by a negative one."""
+    return [*value[:-1], negated(value[-1])] if isinstance(value, list) else -1
+
+
+def places(node: Node, path: Key = ()) -> Iterator[Key]:
+    entries = node.items() if isinstance(node, dict) else enumerate(node if isinstance(node, list) else ())
+    for key, item in entries:
+        yield (*path, key)
+        yield from places(item, (*path, key))
+
+
+def descend(tree: Any, path: Key) -> Any:
+    for key in path:
+        tree = tree[key]
+    return tree
+
+
+WRONG = (
+    st.none() | st.booleans() | st.integers(-(10**300), 10**300) | st.text("aé'\" :", max_size=5)
+    | st.floats(allow_nan=False, allow_infinity=False)
+    | st.recursive(st.just(1), lambda inner: st.lists(inner, max_size=3), max_leaves=5)
+    | st.dictionaries(st.sampled_from(["value", "unit", "source", "kind", "x"]), st.integers() | st.text())
+)  # fmt: skip
+
+
+@settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@given(data=st.data())
+def test_no_spoilt_file_ends_in_a_traceback(data: st.DataObject, tmp_path: Path) -> None:
+    experiment = data.draw(st.sampled_from(list(MODELS)))
+    tree = copy.deepcopy(TREES[experiment])
+    for _ in range(data.draw(st.integers(1, 3))):
+        path = data.draw(st.sampled_from(list(places(tree))))
+        descend(tree, path[:-1])[path[-1]] = data.draw(WRONG)
+    file = tmp_path / "spoilt.yaml"
+    file.write_text(dump(tree), encoding="utf-8")
+    try:
+        load_config(file, experiment)
+    except ConfigError as error:
+        assert "Input should" not in str(error), "pydantic's own words have slipped through"  # noqa: PT017

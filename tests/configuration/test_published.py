@@ -1,0 +1,160 @@
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from fractions import Fraction
+
+import pytest
+
+from tendonrepro.configuration.fields.strict_yaml import load
+from tendonrepro.configuration.published import (
+    PrintedNumber,
+    PrintedRatio,
+    PrintedText,
+    parse_published,
+    published,
+)
+from tendonrepro.errors import ConfigError
+
+JOINTS = (2, 3)
+
+
+def test_a_root_mean_square_is_never_below_the_mean() -> None:
+    names = [name for name in published().entries if ".mae." in name and name.startswith("table")]
+    assert len(names) == 10
+    for name in names:
+        assert published().number(name.replace(".mae.", ".rmse.")) > published().number(name)
+
+
+class TestShippedFile:
+    def test_table_2_as_printed(self) -> None:
+        table = {1: "0.261 0.219 0.311 0.261", 2: "0.289 0.240 0.375 0.292", 3: "0.305 0.266 0.436 0.349"}
+        for controller, printed in table.items():
+            for k, text in enumerate(printed.split()):
+                name = f"table2.controller_{controller}.{('mae', 'rmse')[k // 2]}.joint_{JOINTS[k % 2]}"
+                entry = published().entries[name]
+                assert isinstance(entry, PrintedNumber)
+                assert (entry.as_printed, entry.unit) == (text, "deg")
+
+    def test_ratios_and_texts(self) -> None:
+        ratio, motor = published().entries["S_inv.21"], published().entries["hardware.motor"]
+        assert isinstance(ratio, PrintedRatio)
+        assert (ratio.as_printed, ratio.value) == ("35/37", 35.0 / 37.0)
+        assert isinstance(motor, PrintedText)
+        assert (motor.where, motor.text) == ("section 5.1", "SDGA-01C11BD")
+        for read, name in ((published().number, "hardware.motor"), (published().quantity, "C2")):
+            with pytest.raises(KeyError, match="is not printed as a number"):
+                read(name)
+
+    def test_units_and_joints_without_a_printed_value(self) -> None:
+        units = {"table2": "deg", "table3": "deg", "share": "%", "increase": "%", "S": "1", "S_inv": "1"}
+        for name, entry in published().entries.items():
+            if isinstance(entry, PrintedNumber):
+                assert entry.unit == units.get(name.split(".")[0], entry.unit)
+        values = published().per_joint("table2.controller_1.mae", (1, 3))
+        assert math.isnan(values[0])
+        assert values[1] == 0.219
+
+    def test_rmse_over_mae_is_what_the_rounding_of_both_tables_allows(self) -> None:
+        low, high = published().interval("rmse_over_mae.controller_3.joint_2")
+        assert (low, high) == (
+            Fraction("0.4355") / Fraction("0.3055"),
+            Fraction("0.4365") / Fraction("0.3045"),
+        )
+        printed = {"controller_1": (1.19, 1.19), "controller_2": (1.30, 1.22), "controller_3": (1.43, 1.31)}
+        for run, sizes in (printed | {"controller_1_payload": (1.23, 1.17)}).items():
+            for joint, size in zip((2, 3), sizes, strict=True):
+                low, high = published().interval(f"rmse_over_mae.{run}.joint_{joint}")
+                assert low < high < low + 0.02
+                assert 0.5 * float(low + high) == pytest.approx(size, abs=0.006)
+        with pytest.raises(KeyError, match="is not printed as a number"):
+            published().number("rmse_over_mae.controller_3.joint_2")
+
+    def test_claims(self) -> None:
+        claims = {name for name, entry in published().entries.items() if entry.kind == "claim"}
+        assert claims == {
+            *(f"K{k}" for k in range(1, 7)),
+            *(f"C{k}" for k in range(1, 7)),
+            *(f"E{k}" for k in range(1, 4)),
+            *("T1", "P1", "L1", "A1", "eq13", "F1", "K2a", "K2b", "E1a", "E2a"),
+        }
+
+    def test_inputs_are_gains_and_hardware(self) -> None:
+        inputs = {name for name, judged in published().judgements.items() if judged.kind == "input"}
+        assert {name.split(".")[0] for name in inputs} == {"gain", "hardware"}
+        assert "hardware.encoder_resolution" not in inputs
+        judged = published().judgements["S.21"]
+        assert (judged.rule, judged.depends_on) == ("inverse", ("S_inv", "signs of the routing"))
+
+
+GOOD = "{id: a, kind: number, where: Table 2, value: 0.24, unit: deg, decimals: 3}"
+QUOTIENT = "{id: a, kind: quotient, where: Table 2, numerator: first, denominator: a}"
+JUDGED = "{ids: '*', rule: value, kind: ensemble, depends_on: [plant]}"
+
+
+def text(*entries: str, judged: Sequence[str] = (JUDGED,)) -> str:
+    lists = {"entries": entries, "judged": judged}
+    return "schema_version: 2\n" + "".join(
+        f"{name}:\n" + "".join(f"  - {item}\n" for item in items) for name, items in lists.items()
+    )
+
+
+class TestParsing:
+    def test_a_good_entry(self) -> None:
+        parsed = parse_published(load(text(GOOD), "x.yaml"))
+        entry, judgement = parsed.entries["a"], parsed.judgements["a"]
+        assert isinstance(entry, PrintedNumber)
+        assert (entry.where, entry.as_printed, entry.unit) == ("Table 2", "0.240", "deg")
+        assert judgement.model_dump() == {
+            "ids": "*", "rule": "value", "kind": "ensemble", "depends_on": ("plant",),
+            "repeats": None,
+        }  # fmt: skip
+
+    @pytest.mark.parametrize(
+        ("entry", "words"),
+        [
+            (GOOD.replace("kind: number", "kind: guess"), r"x.yaml:4: entries.1.kind: must be one of number"),
+            ("just words", "x.yaml:4: entries.1: must be a mapping"),
+            (GOOD.replace("unit:", "units:"), "unknown key 'units', did you mean 'unit'"),
+            (GOOD.replace("0.24", "true"), "x.yaml:4: entries.1.value: .*valid number"),
+            (GOOD.replace("decimals: 3", "decimals: 3.0"), "entries.1.decimals: must be a whole number"),
+            (GOOD.replace("decimals: 3", "decimals: 1"), "has more than 1 decimals, found 0.24"),
+            (GOOD.replace("id: a", "id: first"), "'first' is used twice"),
+            (
+                QUOTIENT.replace("numerator: first", "numerator: b"),
+                "'a' rests on 'b', which is no printed number",
+            ),
+            (QUOTIENT, "'a' rests on 'a', which is no printed number"),
+        ],
+    )
+    def test_bad_entries_are_placed(self, entry: str, words: str) -> None:
+        with pytest.raises(ConfigError, match=words):
+            parse_published(load(text(GOOD.replace("id: a", "id: first"), entry), "x.yaml"))
+
+    @pytest.mark.parametrize(
+        ("judged", "words"),
+        [
+            ([JUDGED.replace("ensemble", "guess")], "x.yaml:5: judged.0.kind: must be one of arithmetic"),
+            ([JUDGED.replace("[plant]", "plant")], "x.yaml:5: judged.0.depends_on: must be a list"),
+            ([JUDGED.replace("rule: value, ", "")], "x.yaml:5: judged.0: missing key 'rule'"),
+            ([JUDGED.replace("rule:", "more: x, rule:")], "x.yaml:5: judged.0: unknown key 'more'"),
+            ([JUDGED.replace("*", "b*")], "'a' is covered by 0 judgements"),
+            ([JUDGED, JUDGED.replace("*", "a")], "'a' is covered by 2 judgements"),
+        ],
+    )
+    def test_bad_judgements_are_refused(self, judged: list[str], words: str) -> None:
+        with pytest.raises(ConfigError, match=words):
+            parse_published(load(text(GOOD, judged=judged), "x.yaml"))
+
+    @pytest.mark.parametrize(
+        ("frame", "words"),
+        [
+            ("schema_version: 1\nentries: []\njudged: []\n", "x.yaml:1: schema_version: must be 2"),
+            ("schema_version: 2\nentries: {a: 1}\n", "missing key 'judged'"),
+            ("schema_version: 2\nentries: {a: 1}\njudged: []\n", "entries: must be a list"),
+            ("- 1\n", "must be a mapping"),
+        ],
+    )
+    def test_a_bad_frame(self, frame: str, words: str) -> None:
+        with pytest.raises(ConfigError, match=words):
+            parse_published(load(frame, "x.yaml"))

@@ -1,0 +1,124 @@
+"""Units, ranges and sizes of quantities, each by a model with one field."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import numpy as np
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+from pydantic import BaseModel, ValidationError
+
+from tendonrepro.configuration.fields.model import Outline
+from tendonrepro.configuration.fields.physical import physical
+from tendonrepro.configuration.fields.quantity import UNITS, Matrix, Scalar, Vector
+
+SOURCE = "assumed: for a test"
+
+
+class Sample(BaseModel):
+    angle: Annotated[Scalar, physical("rad", "an angle", at_least=-np.pi, at_most=np.pi)] | None = None
+    count: Annotated[Scalar, physical("1", "a count", above=0.0, whole=True)] | None = None
+    lengths: Annotated[Vector, physical("m", "lengths", above=0.0, size="joints")] | None = None
+    torques: Annotated[Vector, physical("N m", "torques", size="moving")] | None = None
+    band: Annotated[Vector, physical("Hz", "a band", below=100.0, size="pair")] | None = None
+    table: Annotated[Matrix, physical("m", "a table", size="joints")] | None = None
+
+
+def sample(field: str, value: Any, unit: str, source: str = SOURCE) -> Any:
+    tree = {field: {"value": value, "unit": unit, "source": source}}
+    return getattr(Sample.model_validate(tree, context=Outline(joints=3, moving=(2, 3))), field)
+
+
+def mistakes(field: str, value: Any, unit: str, source: str = SOURCE) -> dict[tuple[int | str, ...], str]:
+    with pytest.raises(ValidationError) as raised:
+        sample(field, value, unit, source)
+    return {detail["loc"][1:]: detail["msg"] for detail in raised.value.errors()}
+
+
+@given(st.floats(-180.0, 180.0).filter(lambda value: not 0.0 < abs(value) < 1e-27))
+@example(180.0)
+@example(-180.0)
+def test_degrees_become_radians_exactly_as_numpy_does(value: float) -> None:
+    assert sample("angle", value, "deg").si == np.deg2rad(value)
+    assert sample("angle", np.deg2rad(value), "rad").si == np.deg2rad(value)
+
+
+@given(st.integers(1, 10**6))
+def test_millimetres_give_the_float_nearest_the_written_decimal(value: int) -> None:
+    assert sample("lengths", [value] * 3, "mm").si.tolist() == [float(f"{value}e-3")] * 3
+
+
+@pytest.mark.parametrize(("unit", "si", "factor"), [
+    ("ms", "s", 1e-3), ("mm", "m", 1e-3), ("deg", "rad", np.pi / 180), ("deg s-1", "rad s-1", np.pi / 180),
+    ("deg s-2", "rad s-2", np.pi / 180), ("N m s", "N m s rad-1", 1.0), ("kg m2", "kg m2", 1.0),
+])  # fmt: skip
+def test_units(unit: str, si: str, factor: float) -> None:
+    assert UNITS[unit].si == si
+    assert UNITS[unit].factor / UNITS[unit].divisor == factor
+
+
+def test_si_arrays_cannot_be_changed() -> None:
+    for quantity in (sample("lengths", [1, 2, 3], "m"), sample("table", [[1, 2, 3]] * 3, "mm")):
+        with pytest.raises(ValueError, match="read-only"):
+            quantity.si[0] = 5.0
+
+
+def test_rank_follows_the_type_not_the_size() -> None:
+    one = Outline(joints=1, moving=(1,))
+    tree = {"lengths": {"value": [2], "unit": "m", "source": SOURCE}}
+    lengths = Sample.model_validate(tree, context=one).lengths
+    assert lengths is not None
+    assert lengths.si.shape == (1,)
+    assert isinstance(sample("count", 2, "1").si, float)
+
+
+@pytest.mark.parametrize(("field", "value", "unit", "at", "message"), [
+    ("angle", 181, "deg", ("value",), "must be at least -180 deg and at most 180 deg, found 181 deg"),
+    ("angle", 1, "m", ("unit",), "must be rad or deg, found the text 'm'"),
+    ("angle", True, "rad", ("value",), "must be a number, found true"),
+    ("angle", "1e-3", "rad", ("value",), "must be a number, found the text '1e-3'"),
+    ("angle", [1], "rad", ("value",), "must be a number, found a list"),
+    ("angle", float("nan"), "rad", ("value",), "must be a finite number, found nan"),
+    ("count", 10**400, "1", ("value",), f"must be a finite number, found 1{'0' * 59}..."),
+    ("count", 0, "1", ("value",), "must be above 0, found 0"),
+    ("count", 1.5, "1", ("value",), "must be a whole number, found 1.5"),
+    ("angle", 1e-300, "rad", ("value",), "is too near to 0 or too large to compute with: 1e-300"),
+    ("torques", [1, -1e300], "N m", ("value", 1), "is too near to 0 or too large to compute with: -1e+300"),
+    ("lengths", [1, -2, 3], "mm", ("value", 1), "must be above 0 mm, found -2 mm"),
+    ("lengths", 1, "m", ("value",), "must be a list of numbers, found 1"),
+    ("lengths", [], "m", ("value",), "must be a list of numbers, found an empty list"),
+    ("lengths", [1, 2], "m", ("value",), "must have 3 entries, one per joint of the manipulator, found 2"),
+    ("torques", [1], "N m", ("value",), "must have 2 entries, one per moving joint, found 1"),
+    ("band", [1, 2, 3], "Hz", ("value",), "must have 2 entries, lowest first, found 3"),
+    ("band", [1, 100], "Hz", ("value", 1), "must be below 100 Hz, found 100 Hz"),
+    ("table", [[1, 2], [3, 4]], "m", ("value",),
+     "must be 3 by 3, one per joint of the manipulator, found 2 by 2"),
+    ("table", [[1, 2], [3]], "m", ("value", 1), "has 1 entries where the first row has 2"),
+    ("table", [1, 2, 3], "m", ("value", 0), "must be a list of numbers, found 1"),
+])  # fmt: skip
+def test_refused(field: str, value: Any, unit: str, at: tuple[int | str, ...], message: str) -> None:
+    assert mistakes(field, value, unit)[at] == message
+
+
+def test_all_wrong_entries_are_named() -> None:
+    assert set(mistakes("lengths", [0, 1, -1], "m")) == {("value", 0), ("value", 2)}
+    assert set(mistakes("lengths", ["a", 1, None], "m")) == {("value", 0), ("value", 2)}
+
+
+@pytest.mark.parametrize("source", ["printed", "printed:", "printed: ", "Printed: x", "guessed: x", ""])
+def test_source_must_say_where_from(source: str) -> None:
+    origins = ("printed", "derived", "datasheet", "assumed", "identified")
+    assert (
+        "printed:, derived:, datasheet:, assumed: or identified:"
+        in mistakes("count", 1, "1", source)["source",]
+    )
+    assert [sample("count", 1, "1", f"{origin}: x").source for origin in origins] == [
+        f"{o}: x" for o in origins
+    ]
+
+
+def test_bare_number_is_told_what_is_missing() -> None:
+    with pytest.raises(ValidationError, match=r"as in {value: \.\.\., unit: rad, source:"):
+        Sample.model_validate({"angle": 3}, context=Outline())

@@ -1,0 +1,200 @@
+"""Readings: every axis changes the runs it says and no other, and names lead back to readings."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tendonrepro.configuration.ensemble import load_ensemble
+from tendonrepro.configuration.load import CompareConfig
+from tendonrepro.configuration.models.readings import (
+    AXES,
+    RUNS,
+    VARIATIONS,
+    Reading,
+    as_printed,
+    case_of,
+    default_readings,
+    every_pair,
+    parse_reading,
+    reading,
+    under,
+)
+from tendonrepro.configuration.shipped import shipped_folder
+from tendonrepro.errors import UsageError
+from tendonrepro.experiments.loops import build_loops
+from tendonrepro.monte_carlo.box import configured, make_box, scrambled_sobol
+from tendonrepro.physics.control import Law, Surface
+from tendonrepro.simulation.stepper import Loop
+
+ALONE = [reading({axis.name: value}) for axis in AXES.values() for value in axis.alternatives]
+UNREAD_BY_TSM = ("eta", "b", "Delta", "phi_is_odd", "power_inside", "power_floor", "angle_scale", "rate_gain")
+
+
+@cache
+def drawing() -> tuple[CompareConfig, dict[str, float]]:
+    """A draw whose hardware differs from the printed one in everything."""
+    ensemble = load_ensemble(None)
+    box = make_box(ensemble.config)
+    values = box.values(scrambled_sobol(box, 1, 0, 0, 8))[3]
+    for name, value in {"encoder_count": np.deg2rad(0.088), "output_delay": 2.0, "error_rate": 1.0}.items():
+        values[box.names.index(name)] = value
+    return configured(ensemble.base, box, values), box.named(values)
+
+
+@cache
+def loops_under(choice: Reading) -> dict[str, Loop]:
+    config, draw = drawing()
+    return dict(build_loops(under(choice, config, draw), shipped_folder()))
+
+
+def printed_loops() -> dict[str, Loop]:
+    return loops_under(reading({}))
+
+
+def content(value: Any) -> Any:
+    """What a loop consists of as plain values; what its law does not read is left out."""
+    if isinstance(value, np.ndarray):
+        return value.shape, (value + 0.0).tobytes()  # -0.0 is 0.0
+    if isinstance(value, Law):
+        unread = UNREAD_BY_TSM if value.surface == Surface.TSM else ()
+        return {name: content(getattr(value, name)) for name in value._fields if name not in unread}
+    if hasattr(value, "_fields"):
+        return {name: content(getattr(value, name)) for name in value._fields}
+    if hasattr(value, "__dataclass_fields__"):
+        return {name: content(getattr(value, name)) for name in value.__dataclass_fields__}
+    return None if callable(value) else value
+
+
+@pytest.mark.parametrize("choice", [*ALONE, *VARIATIONS], ids=lambda choice: choice.name)
+def test_a_reading_changes_the_runs_it_says_and_no_other(choice: Reading) -> None:
+    (name, value), loops = choice.settings[-1], loops_under(choice)
+    changed = {run for run in RUNS if content(loops[run]) != content(printed_loops()[run])}
+    if choice in VARIATIONS:
+        assert "controller_2" in changed
+        assert case_of(choice, "controller_2") == choice
+        assert case_of(choice, "controller_1") in {reading({}), reading({"encoder": "ideal"})}
+    else:
+        assert changed == set(AXES[name].affects[value])
+
+
+@pytest.mark.parametrize("choice", ALONE, ids=lambda choice: choice.name)
+def test_the_case_of_a_run_is_the_same_loop(choice: Reading) -> None:
+    loops = loops_under(choice)
+    for run in RUNS:
+        case = case_of(choice, run)
+        alone = printed_loops() if case == reading({}) else loops_under(case)
+        assert content(alone[run]) == content(loops[run])
+
+
+@pytest.mark.parametrize(
+    ("pair", "run", "case"),
+    [
+        ("phi_branch=power+weights=extrapolating", "controller_1", "phi_branch=power+weights=extrapolating"),
+        ("phi_branch=power+weights=extrapolating", "controller_2", "phi_branch=power"),
+        ("phi_branch=power+weights=extrapolating", "controller_3", "printed"),
+        ("gain_unit=phi_in_degrees", "controller_3", "printed"),
+        ("gain_unit=law_in_degrees", "controller_3", "gain_unit=law_in_degrees"),
+    ],
+)
+def test_the_case_of_a_pair_keeps_what_matters(pair: str, run: str, case: str) -> None:
+    assert case_of(parse_reading(pair), run) == parse_reading(case)
+
+
+@pytest.mark.parametrize(
+    ("choice", "count_deg", "delay"),
+    [("printed", 0.022, 0), ("hardware=drawn", 0.088, 2), ("hardware=drawn+encoder=ideal", 0.0, 2)],
+)
+def test_hardware_is_the_papers_or_that_of_the_draw(choice: str, count_deg: float, delay: int) -> None:
+    loop = loops_under(parse_reading(choice))["controller_1"]
+    assert loop.joint_encoder.resolution == pytest.approx(np.deg2rad(count_deg))
+    assert loop.actuator.delay == delay
+    rate_filter = loop.controller.law.rate_filter  # type: ignore[attr-defined]
+    assert rate_filter == 1.0 if choice == "printed" else 0.0 < rate_filter < 1.0
+
+
+def test_low_pass_uses_the_drawn_cutoff() -> None:
+    loop = loops_under(parse_reading("error_rate=low_pass"))["controller_3"]
+    expected = 1.0 - np.exp(-2.0 * np.pi * drawing()[1]["filter_cutoff"] * 1e-3)
+    assert loop.controller.law.rate_filter == pytest.approx(expected)  # type: ignore[attr-defined]
+
+
+def test_sides_of_the_tensioner() -> None:
+    _, draw = drawing()
+    torque = draw["tensioner_force"] * np.array([35.0, 37.0]) / 2000.0
+    signs = {"negative": [-1, -1], "distal_only": [0, -1], "alternating": [1, -1], "absent": [0, 0]}
+    for side, sign in signs.items():
+        preload = loops_under(reading({"tensioner": side}))["controller_1"].plant.preload
+        np.testing.assert_allclose(preload, torque * sign, atol=1e-15)
+
+
+def test_variations_change_period_and_inertia() -> None:
+    half = loops_under(parse_reading("sampling_period=0.5ms"))["controller_2"]
+    assert half.L == half.solver.max_step == half.controller.law.L == 5e-4  # type: ignore[attr-defined]
+    assert half.reference.time[-1] == pytest.approx(printed_loops()["controller_2"].reference.time[-1])
+    law = loops_under(parse_reading("M_bar=halved"))["controller_2"].controller.law  # type: ignore[attr-defined]
+    np.testing.assert_allclose(law.M_bar, 0.005)
+
+
+def test_under_shares_what_does_not_change_and_stays_valid() -> None:
+    config, draw = drawing()
+    changed = under(parse_reading("weights=extrapolating"), config, draw)
+    assert changed.manipulator is config.manipulator
+    assert config.control.readings.weights == "interpolating"
+    assert under(reading({}), config, draw) is config
+    for choice in default_readings(load_ensemble(None).config.pairs) + VARIATIONS:
+        changed = under(choice, config, draw)
+        assert CompareConfig.model_validate(changed.model_dump()) == changed
+
+
+def test_as_printed_undoes_other_readings() -> None:
+    config, draw = drawing()
+    other = under(
+        parse_reading("weights=extrapolating+output_delay=2+encoder=0.088+start=cold"), config, draw
+    )
+    assert content(as_printed(other).control) == content(config.control)
+    assert as_printed(other).manipulator.encoders.joint.resolution.si == np.deg2rad(0.022)
+
+
+def test_default_readings_are_printed_alternatives_and_pairs() -> None:
+    chosen = default_readings([["weights=extrapolating", "phi_branch=power"]])
+    names = [choice.name for choice in chosen]
+    assert names[0] == "printed"
+    assert names[-1] == "phi_branch=power+weights=extrapolating"
+    assert len(names) == len(set(names)) == 2 + len(ALONE)
+
+
+def test_every_pair_is_there_once() -> None:
+    names = {choice.name for choice in every_pair()}
+    sizes = np.array([len(axis.alternatives) for axis in AXES.values()])
+    pairs = (sizes.sum() ** 2 - (sizes**2).sum()) // 2
+    assert len(names) == len(every_pair()) == 1 + sizes.sum() + pairs
+    assert {"printed", "weights=swapped", "weights=swapped+start=cold"} < names
+
+
+@pytest.mark.parametrize("choice", ALONE + list(VARIATIONS), ids=lambda choice: choice.name)
+def test_a_name_leads_back_to_its_reading(choice: Reading) -> None:
+    assert parse_reading(choice.name) == choice
+
+
+def test_order_and_printed_values_do_not_matter() -> None:
+    pair = parse_reading("phi_branch=power+weights=extrapolating")
+    assert parse_reading("weights=extrapolating+phi_branch=power+start=filled") == pair
+    assert parse_reading("weights=interpolating") == reading({})
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("weight=extrapolating", "no axis of readings is called 'weight'"),
+        ("weights=both", "weights is interpolating, extrapolating or swapped, not 'both'"),
+        ("extrapolating", "a reading is 'printed' or axis=value, found 'extrapolating'"),
+        ("start=cold+start=cold", "sets 'start' twice"),
+    ],
+)
+def test_what_is_no_reading(text: str, message: str) -> None:
+    with pytest.raises(UsageError, match=message):
+        parse_reading(text)

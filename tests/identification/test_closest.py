@@ -1,0 +1,88 @@
+"""The shipped closest plant says what it is, and compares with the print as it says."""
+
+import math
+import re
+from statistics import fmean
+
+import pytest
+
+from tendonrepro.configuration.fields.strict_yaml import read_text
+from tendonrepro.configuration.load import load_config
+from tendonrepro.configuration.shipped import shipped_file
+from tendonrepro.console import Talk
+from tendonrepro.experiments.run import simulate_all, trace_file
+from tendonrepro.results.paper_tables import table_data
+
+# Tables 2 and 3, typed from the paper: MAE of joints 2 and 3, RMSE of joints 2 and 3, deg.
+TABLE_2 = {
+    "controller_1": ([0.261, 0.219], [0.311, 0.261]),
+    "controller_2": ([0.289, 0.240], [0.375, 0.292]),
+    "controller_3": ([0.305, 0.266], [0.436, 0.349]),
+}
+WITH_LOAD = ([0.264, 0.227], [0.325, 0.265])
+FITTED = ("posture", "reference", "seed", "disturbance")
+NOT_DRAWN = {
+    "routing",
+    "gravity",
+    "encoders",
+    "cycles_per_turn",
+    "clearance",
+    "reduction",
+    "diameter",
+    "output_delay",
+}
+
+
+@pytest.fixture(scope="module")
+def heading():
+    lines = read_text(shipped_file("closest")).splitlines()
+    return " ".join(line.lstrip("# ") for line in lines[: lines.index("")])
+
+
+def sources(tree, path=()):
+    if isinstance(tree, dict) and "source" in tree:
+        yield path, tree["source"]
+    elif isinstance(tree, dict):
+        for key, value in tree.items():
+            yield from sources(value, (*path, str(key)))
+
+
+def test_heading_says_that_it_is_fitted_and_proves_nothing(heading):
+    assert "Fitted to Tables 2 and 3 of the paper under the reading " in heading
+    assert "proves nothing" in heading
+    assert "At a bound of the box: " in heading
+
+
+def test_every_number_of_plant_and_motion_is_identified(heading):
+    (misfit,) = re.findall(r"Misfit ([\d.]+),", heading)
+    found = list(sources(load_config("closest", "compare").tree))
+    drawn = [
+        source for path, source in found if path[0] in ("manipulator", *FITTED) and NOT_DRAWN.isdisjoint(path)
+    ]
+    assert len(drawn) > 30
+    start = f"identified: Tables 2 and 3, misfit {float(misfit):.2g}, "
+    assert all(source.startswith(start) for source in drawn)
+    gains = [source for path, source in found if "gains" in path and path[-1] not in ("K_d", "K_p")]
+    assert {source.partition(":")[0] for source in gains} == {"printed"}
+
+
+@pytest.mark.slow
+def test_misfit_is_the_one_that_its_heading_states(heading):
+    """By the other stepper, and by arithmetic of its own."""
+    loaded = load_config("closest", "compare")
+    file = trace_file(
+        loaded, simulate_all([(loaded, None)], Talk(quiet=True))[0], {"created": "2026-01-01T00:00:00+00:00"}
+    )
+    data = table_data(file)
+    assert set(data["status"].values()) == {"ok"}
+    pairs = [(data["table2"][run], printed) for run, printed in TABLE_2.items()]
+    pairs.append((data["table3"]["with_load"], WITH_LOAD))
+    logs = [
+        math.log(ours / theirs)
+        for held, printed in pairs
+        for metric, numbers in zip(("mae_deg", "rmse_deg"), printed, strict=True)
+        for ours, theirs in zip(held[metric], numbers, strict=True)
+    ]
+    assert len(logs) == 16
+    (misfit,) = re.findall(r"Misfit ([\d.]+),", heading)
+    assert math.sqrt(fmean(log**2 for log in logs)) == pytest.approx(float(misfit), abs=0.003)

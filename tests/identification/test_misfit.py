@@ -1,0 +1,84 @@
+"""Misfits by hand, and what a bench simulates."""
+
+import numpy as np
+import pytest
+from support.made_plants import DIVERGED, OK, PRINTED, RINGING, UNRESOLVED, loaded, made_up, measured
+
+from tendonrepro.configuration.models.readings import RUNS, reading
+from tendonrepro.identification.misfit import Bench, Outcome, acting_units, log_misfit, rounding_misfit
+from tendonrepro.monte_carlo.box import make_box, scrambled_sobol
+
+
+class TestMisfit:
+    def test_printed_numbers_stand_in_their_places(self):
+        assert PRINTED.values.shape == (4, 2, 2)
+        np.testing.assert_array_equal(
+            PRINTED.values[RUNS.index("controller_2")], [[0.289, 0.240], [0.375, 0.292]]
+        )
+        np.testing.assert_array_equal(
+            PRINTED.values[RUNS.index("controller_1_payload")], [[0.264, 0.227], [0.325, 0.265]]
+        )
+        np.testing.assert_allclose(PRINTED.half, 0.0005)
+
+    def test_both_units(self):
+        """Ten per cent more on every number, and on one of two: log 1.1 and its root mean square."""
+        ours = measured([1.1 * PRINTED.values, PRINTED.values])
+        np.testing.assert_allclose(log_misfit(ours, PRINTED.values), [np.log(1.1), 0.0], atol=1e-12)
+        one = PRINTED.values.copy()
+        one[0, 0, 0] += 0.004
+        units = rounding_misfit(one[np.newaxis], PRINTED.values, PRINTED.half)
+        assert units[0] == pytest.approx(8.0 / 4.0)
+
+    def test_what_ends_badly_is_worse_than_any_that_ends_well_and_is_ordered(self):
+        poor = measured([30.0 * PRINTED.values])
+        nothing = np.full((1, 4, 2, 2), np.nan)
+        rising = [
+            log_misfit(poor, PRINTED.values),
+            log_misfit(measured([PRINTED.values], RINGING), PRINTED.values),
+            log_misfit(measured([30.0 * PRINTED.values], RINGING), PRINTED.values),
+            log_misfit(measured([PRINTED.values], DIVERGED, 0.9), PRINTED.values),
+            log_misfit(measured(nothing, DIVERGED, 0.1), PRINTED.values),
+            log_misfit(measured(nothing, UNRESOLVED, 0.0), PRINTED.values),
+        ]
+        assert np.isfinite(rising).all()
+        assert (np.diff(np.concatenate(rising)) > 0.0).all()
+
+    def test_one_run_out_of_four_counts_by_its_end(self):
+        status = np.array([[OK, OK, DIVERGED, OK]], dtype=np.int8)
+        mixed = Outcome(PRINTED.values[np.newaxis], status, np.full((1, 4), 0.5))
+        assert log_misfit(mixed, PRINTED.values)[0] == pytest.approx(25.0 / 2.0)
+
+
+class TestBench:
+    def test_everything_acts_in_the_stubs(self):
+        """Else a population that agrees on a row needs code of its own, which takes a minute to compile."""
+        box = make_box(loaded().config)
+        found = box.values(acting_units(box))
+        names = list(box.names)
+        switches = [
+            k for k, name in enumerate(names) if name.endswith("_acts") and name != "torque_resolution_acts"
+        ]
+        assert (found[:, switches] == 1.0).all()
+        assert {
+            box.words[names.index("friction_sides")][int(k)] for k in found[:, names.index("friction_sides")]
+        } == {"both"}
+        branches = found[:, [names.index("disturbance"), names.index("torque_resolution_acts")]]
+        assert len(np.unique(branches, axis=0)) == 6
+
+    def test_large_batches_are_cut_and_stubs_left_out(self, monkeypatch):
+        sizes = []
+
+        def counting(loops, limits):
+            sizes.append(len(loops))
+            return made_up(loops, limits)
+
+        monkeypatch.setattr("tendonrepro.identification.misfit._PLANTS_AT_ONCE", 16)
+        box = make_box(loaded().config)
+        bench = Bench(loaded().base, box, "whole", counting)
+        found = bench.measure(
+            scrambled_sobol(box, 1, 0, 0, 20), reading({}), ("controller_2", "controller_3")
+        )
+        assert found.sizes.shape == (20, 2, 2, 2)
+        assert found.status.shape == (20, 2)
+        stubs = 2 * len(acting_units(box))
+        assert sizes == [16 * 2 + stubs, 4 * 2 + stubs]

@@ -1,0 +1,249 @@
+"""The box: draws within bounds whatever the blocks, and plants that mean what the rows say."""
+
+import re
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from support import ROOT
+
+from tendonrepro.configuration.ensemble import load_ensemble
+from tendonrepro.configuration.load import CompareConfig
+from tendonrepro.configuration.models.box import MOTIONS, BoxRange
+from tendonrepro.configuration.models.readings import RUNS, VARIATIONS, default_readings, under
+from tendonrepro.configuration.models.reference import MinimumJerk
+from tendonrepro.experiments.loops import build_law, build_loops
+from tendonrepro.experiments.rig import build_actuator, build_drive, build_encoder, build_plant, build_preload
+from tendonrepro.monte_carlo.box import configured, make_box, scrambled_sobol
+
+PAGE = ROOT / "docs" / "assumptions.md"
+DRAWS = 256
+
+
+@cache
+def ensemble():
+    return load_ensemble(None)
+
+
+@cache
+def box():
+    return make_box(ensemble().config)
+
+
+@cache
+def draws():
+    return box().values(scrambled_sobol(box(), 1, 0, 0, DRAWS))
+
+
+@cache
+def drawn(k):
+    return configured(ensemble().base, box(), draws()[k])
+
+
+def column(name):
+    return draws()[:, box().names.index(name)]
+
+
+def nominal_with(**rows):
+    values = box().nominal.copy()
+    for name, value in rows.items():
+        values[box().names.index(name)] = value
+    return configured(ensemble().base, box(), values)
+
+
+def test_corners_of_the_unit_cube_are_the_bounds():
+    corners = box().values(np.array([np.zeros(len(box().names)), np.ones(len(box().names))]))
+    ranges = [i for i, scale in enumerate(box().scale) if scale != "choice"]
+    np.testing.assert_array_equal(corners[:, ranges], np.array([box().low, box().high])[:, ranges])
+
+
+@pytest.mark.parametrize("scale", ["linear", "log"])
+def test_ranges_are_even_on_their_scale(scale):
+    for i, name in enumerate(box().names):
+        if box().scale[i] != scale:
+            continue
+        bend = np.log if scale == "log" else np.asarray
+        low, high, values = bend(box().low[i]), bend(box().high[i]), bend(column(name))
+        counts, _ = np.histogram((values - low) / (high - low), bins=8, range=(0.0, 1.0))
+        # A Sobol sequence puts the same number into each eighth; an edge may round either way.
+        assert abs(counts - DRAWS / 8).max() <= 1, name
+        assert counts.sum() == DRAWS
+
+
+def test_choices_are_equally_frequent():
+    for i, choices in enumerate(box().choices):
+        counts = [np.count_nonzero(draws()[:, i] == value) for value in choices]
+        assert sum(counts) == (DRAWS if choices.size else 0)
+        assert all(abs(count - DRAWS / choices.size) <= 2 for count in counts), box().names[i]
+
+
+def test_wide_rows_are_on_a_log_scale():
+    for name, row in ensemble().config.box.items():
+        if isinstance(row, BoxRange) and row.low > 0.0 and row.high >= 5.0 * row.low and name != "posture":
+            assert row.scale == "log", name
+
+
+@pytest.mark.parametrize("cuts", [[0, 32, 64, 96, 128], [0, 1, 7, 100, 128], [0, 127, 128]])
+def test_points_do_not_depend_on_how_blocks_are_cut(cuts):
+    whole = scrambled_sobol(box(), 3, 2, 0, 128)
+    blocks = [scrambled_sobol(box(), 3, 2, first, last - first) for first, last in pairwise(cuts)]
+    np.testing.assert_array_equal(np.concatenate(blocks), whole)
+
+
+def test_replicates_and_seeds_are_scrambled_on_their_own():
+    points = [scrambled_sobol(box(), seed, replicate, 0, 8) for seed, replicate in [(1, 0), (1, 1), (2, 0)]]
+    assert not np.isclose(points[0], points[1]).any(axis=1).all()
+    assert not np.isclose(points[0], points[2]).any(axis=1).all()
+    np.testing.assert_array_equal(points[0], scrambled_sobol(box(), 1, 0, 0, 8))
+
+
+def test_firm_population_holds_rows_of_low_confidence():
+    firm = box().only(ensemble().config.populations["firm"].confidences)
+    values = firm.values(scrambled_sobol(firm, 1, 0, 0, 64))
+    for i, confidence in enumerate(firm.confidence):
+        if confidence == "low":
+            np.testing.assert_array_equal(values[:, i], firm.nominal[i])
+        else:
+            assert np.unique(values[:, i]).size > 1, firm.names[i]
+    assert firm.confidence.count("low") > 0
+
+
+@pytest.mark.parametrize("first", range(0, DRAWS, 32))
+def test_every_draw_builds_its_loops(first):
+    for k in range(first, first + 32):
+        loops = dict(build_loops(drawn(k), ensemble().base.folder))  # refuses what leaves the workspace
+        duration = loops["controller_1"].reference.time[-1]
+        shortest, longest = ensemble().config.shortest_run.si, ensemble().config.longest_run.si
+        assert shortest - 1e-6 <= duration <= longest + 1e-6
+
+
+@pytest.mark.parametrize("first", range(0, DRAWS, 64))
+def test_every_other_draw_takes_every_reading(first):
+    choices = default_readings(ensemble().config.pairs) + VARIATIONS
+    for k in range(first, first + 64, 2):
+        for place, choice in enumerate(choices):
+            config = under(choice, drawn(k), box().named(draws()[k]))
+            if place % 32 == k // 2 % 32:  # the motion is the same under all of them, so some are enough
+                assert len(list(build_loops(config, ensemble().base.folder))) == len(RUNS)
+            else:
+                laws = [build_law(config, law) for law in ("controller_1", "controller_2", "controller_3")]
+                assert {law.L for law in laws} == {config.sampling_period.si}
+                assert np.isfinite(build_preload(config)).all()
+                assert build_actuator(config).delay in (0, 1, 2)
+                assert build_encoder(config.manipulator.encoders.joint).resolution >= 0.0
+
+
+def test_times_fit_every_sampling_period():
+    for k in range(0, DRAWS, 4):
+        for choice in VARIATIONS:
+            config = under(choice, drawn(k), box().named(draws()[k]))
+            assert CompareConfig.model_validate(config.model_dump()) == config
+
+
+def test_widest_draws_stay_in_the_workspace():
+    for motion in range(len(MOTIONS)):
+        for posture in (box().low, box().high):
+            config = nominal_with(
+                motion=motion,
+                posture=posture[box().names.index("posture")],
+                amplitude=box().high[box().names.index("amplitude")],
+            )
+            list(build_loops(config, ensemble().base.folder))
+
+
+def test_stiffness_at_the_joints_is_what_was_drawn():
+    config = nominal_with(tendon_stiffness_2=111.0, tendon_stiffness_3=22.0, tendon_damping_3=0.7)
+    drive = build_drive(config)
+    # S_invᵀ diag(k) S_inv: joint 2 feels its own tendon, and tendon 3 at a radius of 17.5 mm.
+    stiffness = drive.S_inv.T @ np.diag(drive.stiffness) @ drive.S_inv
+    assert stiffness[1, 1] == pytest.approx(22.0)
+    assert stiffness[0, 0] == pytest.approx(111.0 + 22.0 * (35.0 / 37.0) ** 2)
+    assert drive.damping[1] == pytest.approx(0.7)
+
+
+def test_inertias_and_links_follow_from_what_was_drawn():
+    config = nominal_with(rotor_inertia=4e-6, reducer_inertia=5e-6, drum_inertia=3e-5)
+    np.testing.assert_allclose(build_drive(config).inertia, 0.09 + 3e-5)
+    config = nominal_with(link_length_2=0.3, link_mass_2=0.5, link_com_2=0.4, link_inertia_2=0.1)
+    links = config.manipulator.links
+    assert links.com.si[1] == pytest.approx(0.12)
+    assert links.inertia.si[1] == pytest.approx(0.1 * 0.5 * 0.09)
+
+
+@pytest.mark.parametrize(("sides", "link", "winch"), [(0, 0, 0), (1, 1, 0), (2, 0, 1), (3, 1, 1)])
+def test_sides_of_friction(sides, link, winch):
+    plant = build_plant(nominal_with(friction_sides=sides, link_coulomb=0.1, winch_coulomb=2.0), 0.0)
+    np.testing.assert_allclose(plant.link_friction.coulomb, 0.1 * link)
+    assert (plant.link_friction.viscous > 0.0).all() == bool(link)
+    np.testing.assert_allclose(plant.drive.friction.coulomb, 2.0 * winch)
+    assert (plant.drive.friction.viscous > 0.0).all()
+
+
+def test_effects_outside_the_equations_are_off_unless_drawn():
+    switches = ("pulley_loss_acts", "reducer_loss_acts", "torque_noise_acts", "transmission_error_acts")
+    for config, values in (
+        (nominal_with(), [0.0, 1.0, 0.0, 0.0]),
+        (nominal_with(**dict.fromkeys(switches, 1)), [0.032, 0.7, 0.1, 3e-4]),
+    ):
+        friction, actuator = config.manipulator.friction, config.manipulator.actuator
+        wobble = config.manipulator.transmission_error.peak_to_peak
+        found = [friction.per_pulley, friction.reducer_efficiency, actuator.torque_noise, wobble]
+        assert [quantity.si for quantity in found] == pytest.approx(values)
+    assert nominal_with().manipulator.actuator.torque_resolution.si == 0.0
+
+
+def test_unequal_motion_moves_joint_2_two_thirds_as_far():
+    config = nominal_with(motion=MOTIONS.index("unequal"))
+    loops = dict(build_loops(config, ensemble().base.folder))
+    peak = np.rad2deg(loops["controller_1"].reference.q_d.max(axis=0))
+    np.testing.assert_allclose(peak, [22.0, 33.0], rtol=1e-3)
+
+
+def test_nominal_draw_moves_as_the_comparison_does():
+    reference, printed = nominal_with().reference, ensemble().base.config
+    assert isinstance(reference, MinimumJerk)
+    assert isinstance(printed, CompareConfig)
+    np.testing.assert_allclose(reference.amplitude.si, printed.reference.amplitude.si)
+    assert reference.duration == pytest.approx(printed.reference.duration)
+
+
+def test_everything_drawn_says_so():
+    config = drawn(0)
+    for quantity in (
+        config.manipulator.links.mass,
+        config.manipulator.tendons.axial_stiffness,
+        config.manipulator.friction.winch.coulomb,
+        config.posture,
+        config.manipulator.tensioner.force,
+    ):
+        assert quantity.source.startswith("assumed: draw from the box, ")
+    assert config.control.gains.lam.source.startswith("printed:")
+
+
+def test_noise_differs_between_draws_and_repeats_within_one():
+    again = configured(ensemble().base, box(), draws()[0])
+    assert again == drawn(0)
+    assert len({drawn(k).seed.si for k in range(64)}) == 64
+
+
+def table(heading, page):
+    """Cells of the first table below a heading, by the name in its first column."""
+    section = page.split(f"\n{heading}\n", 1)[1]
+    block = re.search(r"(?:^\|.*\n)+", section, flags=re.MULTILINE)
+    assert block is not None
+    lines = [[cell.strip() for cell in line.strip("|\n ").split(" | ")] for line in block[0].splitlines()[2:]]
+    return {line[0].strip("` "): line[1:] for line in lines}
+
+
+def test_the_page_names_every_motion_and_variation():
+    page = PAGE.read_text(encoding="utf-8")
+    assert list(table("#### Motions", page)) == list(MOTIONS)
+    ensemble_page = (ROOT / "docs" / "ensemble.md").read_text(encoding="utf-8")
+    assert all(f"`{variation.name}`" in ensemble_page for variation in VARIATIONS)
+
+
+def test_no_struck_row_is_drawn():
+    struck = table("### Struck rows", PAGE.read_text(encoding="utf-8"))
+    assert not set(struck) & set(box().names)
+    assert all(cells[0] for cells in struck.values())

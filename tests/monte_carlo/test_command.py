@@ -1,0 +1,203 @@
+"""The run: its results depend on the plan alone, and no shard is lost or trusted blindly."""
+
+import errno
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from support.fake_batch import DRAWS, contents, fake_batch, results, run_ensemble_of, shards_in, small_study
+
+from tendonrepro import files
+from tendonrepro.configuration.request import Request
+from tendonrepro.console import Talk
+from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
+from tendonrepro.monte_carlo.command import load_study, run_ensemble
+from tendonrepro.monte_carlo.data import PLAN, read_ensemble
+from tendonrepro.monte_carlo.shards import FOLDER, shard_files
+
+QUIET = Talk(quiet=True)
+
+
+def test_jobs_do_not_matter(unbroken, tmp_path):
+    summary = run_ensemble_of(tmp_path, jobs=2)
+    assert results(tmp_path) == results(unbroken)
+    assert summary["resumed_from"] == 0
+
+
+class Stop(KeyboardInterrupt):
+    """An interrupt, at a known place."""
+
+
+def stop_after(blocks):
+    left = blocks
+
+    def simulate(loops, limits):
+        nonlocal left
+        left -= 1
+        if left < 0:
+            raise Stop
+        return fake_batch(loops, limits)
+
+    return simulate
+
+
+def test_a_finished_run_is_not_computed_again(unbroken):
+    def never(*_):
+        raise AssertionError
+
+    summary = run_ensemble_of(unbroken, simulate=never)
+    assert (summary["resumed_from"], summary["experiments_per_second"]) == (16, None)
+
+
+def test_more_draws_reuse_what_is_there(tmp_path):
+    study = replace(small_study(), block_draws=8)
+    run_ensemble_of(tmp_path, study)
+    summary = run_ensemble_of(tmp_path, study, draws=2 * DRAWS)
+    assert (summary["resumed_from"], summary["blocks"]) == (8, 16)
+    assert len(read_ensemble(tmp_path)) == 2 * DRAWS
+    # And fewer again leave the rest on disk.
+    assert run_ensemble_of(tmp_path, study)["resumed_from"] == 8
+    assert len(read_ensemble(tmp_path)) == DRAWS
+    assert len(shard_files(tmp_path / FOLDER)) == 16
+
+
+def test_the_summary_holds_what_the_contract_names(unbroken):
+    summary = json.loads((unbroken / "summary.json").read_text())
+    assert {"schema_version", "draws", "readings", "experiments_per_second", "resumed_from"} <= summary.keys()
+    assert summary["draws"] == DRAWS
+    assert set(summary["laws"]["controller_1"]) >= {"ok", "ringing", "diverged"}
+    assert sum(summary["laws"]["controller_1"].values()) == DRAWS
+    for reading in summary["readings"]:
+        for key in ("share_c1_lt_c2_lt_c3", "share_c1_best", "ratio_c1_c2", "ratio_c2_c3"):
+            assert set(reading[key]) == {"all_ok", "diverged_last"}
+    manifest = json.loads((unbroken / "manifest.json").read_text())
+    assert manifest["experiment"] == "ensemble"
+    assert "ensemble.yaml" in {Path(name).name for name in manifest["inputs"]}
+    assert "compiled" in manifest["solver"]["name"]
+    assert all((unbroken / name).exists() for name in manifest["outputs"])
+
+
+def test_a_dry_run_writes_nothing_and_states_the_cost(tmp_path):
+    out = tmp_path / "none"
+    found = run_ensemble(Request(out=out, dry_run=True), QUIET, draws=4096)
+    study = load_study(None, (), None, "default")
+    draws = sum(4096 * share for share in study.shares.values())
+    assert found["cost"]["experiments"] == draws * len(study.cases)
+    assert (found["resumed_from"], found["blocks"]) == (0, len(study.blocks(4096)))
+    assert not out.exists()
+
+
+def test_no_processes_are_refused(tmp_path):
+    with pytest.raises(UsageError, match="found 0"):
+        run_ensemble(Request(out=tmp_path / "none"), QUIET, draws=256, jobs=0)
+    assert not (tmp_path / "none").exists()
+
+
+def test_all_readings_need_a_yes(tmp_path, monkeypatch):
+    readings = load_study(None, (), None, "default").readings
+    monkeypatch.setattr("tendonrepro.monte_carlo.command.every_pair", lambda: readings)
+    with pytest.raises(UsageError, match=r"minutes of one processor and .* MB") as caught:
+        run_ensemble(Request(out=tmp_path / "none"), QUIET, draws=4096, readings="all")
+    assert "--yes" in str(caught.value.hint)
+    assert not (tmp_path / "none").exists()
+
+
+def test_a_plan_of_the_users_own_is_not_overwritten(tmp_path):
+    (tmp_path / PLAN).write_text('{"my": "plan"}')
+    with pytest.raises(UsageError, match=r"no manifest\.json lists it"):
+        run_ensemble_of(tmp_path)
+    assert (tmp_path / PLAN).read_text() == '{"my": "plan"}'
+
+
+def test_an_interrupted_run_resumes_to_the_same_results(unbroken, tmp_path):
+    with pytest.raises(Stop):
+        run_ensemble_of(tmp_path / "new", simulate=stop_after(5))
+    assert len(shards_in(tmp_path / "new")) == 5
+    assert not (tmp_path / "new").exists()
+    with pytest.raises(DataMissingError, match="new"):
+        read_ensemble(tmp_path / "new")
+    assert run_ensemble_of(tmp_path / "new")["resumed_from"] == 5
+    assert results(tmp_path / "new") == results(unbroken)
+
+
+def test_a_block_that_cannot_be_read_is_computed_again(unbroken, tmp_path):
+    with pytest.raises(Stop):
+        run_ensemble_of(tmp_path / "new", simulate=stop_after(5))
+    first, second = shards_in(tmp_path / "new")[2:4]
+    first.write_bytes(first.read_bytes()[:-100])
+    second.write_bytes(b"no shard")
+    assert run_ensemble_of(tmp_path / "new")["resumed_from"] == 3
+    assert results(tmp_path / "new") == results(unbroken)
+
+
+def test_blocks_of_an_interrupted_run_of_others_are_refused_and_kept(tmp_path):
+    other = replace(small_study(), seed=77)
+    with pytest.raises(Stop):
+        run_ensemble_of(tmp_path / "new", simulate=stop_after(2))
+    before = contents(tmp_path / "new")
+    with pytest.raises(UsageError):
+        run_ensemble_of(tmp_path / "new", other)
+    assert contents(tmp_path / "new") == before
+    assert run_ensemble_of(tmp_path / "new", other, force=True)["resumed_from"] == 0
+
+
+def test_a_finished_ensemble_of_another_configuration_is_refused(unbroken):
+    before = contents(unbroken)
+    with pytest.raises(UsageError):
+        run_ensemble_of(unbroken, replace(small_study(), seed=77))
+    assert contents(unbroken) == before
+
+
+def test_a_full_disk_loses_nothing(tmp_path, unbroken, monkeypatch):
+    write = Path.write_bytes
+    left = 4
+
+    def write_until_full(path, data):
+        nonlocal left
+        if path.suffix == ".h5":
+            left -= 1
+            if left < 0:
+                write(path, data[:100])
+                raise OSError(errno.ENOSPC, "No space left on device")
+        return write(path, data)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(files.Path, "write_bytes", write_until_full)
+        with pytest.raises(TendonreproError) as caught:
+            run_ensemble_of(tmp_path / "new")
+    assert caught.value.exit_code == 1
+    assert len(contents(tmp_path / "new")) == 4
+    assert run_ensemble_of(tmp_path / "new")["resumed_from"] == 4
+    assert results(tmp_path / "new") == results(unbroken)
+
+
+def test_a_dry_run_counts_what_is_there_and_refuses_what_a_run_would(tmp_path, monkeypatch):
+    study = replace(small_study(), block_draws=8)
+    run_ensemble_of(tmp_path, study)
+    asked = Request(out=tmp_path, dry_run=True)
+    monkeypatch.setattr("tendonrepro.monte_carlo.command.load_study", lambda *_: study)
+    found = run_ensemble(asked, QUIET, draws=2 * DRAWS)
+    assert (found["resumed_from"], found["blocks"]) == (8, 16)
+    monkeypatch.setattr("tendonrepro.monte_carlo.command.load_study", lambda *_: replace(study, seed=77))
+    with pytest.raises(UsageError):
+        run_ensemble(asked, QUIET, draws=2 * DRAWS)
+
+
+@pytest.mark.parametrize(
+    ("asked", "expected"),
+    [
+        ("printed", ["printed"]),
+        ("weights=extrapolating,output_delay=1", ["printed", "weights=extrapolating", "output_delay=1"]),
+    ],
+)
+def test_readings_are_run_by_name(asked, expected):
+    study = load_study(None, (), None, asked)
+    assert [reading.name for reading in study.readings] == expected
+    assert len(study.cases) < 12
+
+
+def test_what_is_no_reading_of_the_paper_is_refused():
+    for name in ("weights=sideways", "M_bar=halved"):
+        with pytest.raises(UsageError):
+            load_study(None, (), None, name)

@@ -1,0 +1,66 @@
+"""What is read of an ensemble on disk stands in canonical order, and what is not there is named."""
+
+import h5py
+import numpy as np
+import pytest
+from support.fake_batch import DRAWS, small_study
+
+from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.monte_carlo.data import read_ensemble
+from tendonrepro.monte_carlo.shards import FOLDER, shard_files
+
+
+def test_data_stand_in_canonical_order(unbroken):
+    data, study = read_ensemble(unbroken), small_study()
+    assert len(data) == DRAWS
+    assert (np.diff(data.replicate) >= 0).all()
+    held = {"draws": [], "status": [], "statistics/mae": []}
+    for path in shard_files(unbroken / FOLDER):
+        with h5py.File(path) as root:
+            for name, values in held.items():
+                values.append(root[name][()])
+    np.testing.assert_array_equal(data.draws, np.concatenate(held["draws"]))
+    for (name, reading), place in study.lookup.items():
+        codes, sizes = ([values[place] for values in held[key]] for key in ("status", "statistics/mae"))
+        np.testing.assert_array_equal(data.status(name, reading), np.concatenate(codes))
+        expected = np.concatenate(sizes).astype(np.float64)
+        np.testing.assert_array_equal(data.statistic(name, reading, "mae"), expected)
+
+
+def test_thinning_keeps_the_first_draws_of_every_scrambling(unbroken):
+    data, thin = read_ensemble(unbroken), read_ensemble(unbroken, stride=4)
+    kept = np.concatenate([np.flatnonzero(data.replicate == r)[:2] for r in range(8)])
+    np.testing.assert_array_equal(thin.draws, data.draws[kept])
+    np.testing.assert_array_equal(
+        thin.statistic("controller_2", "printed", "rmse"),
+        data.statistic("controller_2", "printed", "rmse")[kept],
+    )
+    for stride in (0, 3, 16):
+        with pytest.raises(UsageError, match="cannot thin"):
+            read_ensemble(unbroken, stride=stride)
+
+
+def test_what_is_not_there_is_missing(unbroken):
+    with pytest.raises(DataMissingError, match="no population 'firm'"):
+        read_ensemble(unbroken, "firm")
+    with pytest.raises(DataMissingError, match="no statistic 'mean'"):
+        read_ensemble(unbroken).statistic("controller_1", "printed", "mean")
+    with pytest.raises(DataMissingError, match="under 'start=cold'"):
+        read_ensemble(unbroken).status("controller_1", "start=cold")
+
+
+def test_what_is_not_finished_is_missing(tmp_path):
+    with pytest.raises(DataMissingError) as caught:
+        read_ensemble(tmp_path)
+    assert caught.value.exit_code == 4
+
+
+@pytest.mark.parametrize("harm", [lambda image: image[:-100], lambda _: b"text", lambda _: b""])
+def test_a_damaged_shard_is_named(unbroken, harm):
+    path = shard_files(unbroken / FOLDER)[3]
+    image = path.read_bytes()
+    path.write_bytes(harm(image))
+    with pytest.raises(DataMissingError) as caught:
+        read_ensemble(unbroken).statistic("controller_1", "printed", "mae")
+    path.write_bytes(image)
+    assert caught.value.where == str(path)

@@ -1,0 +1,56 @@
+"""Figures show the numbers of the summary at their places."""
+
+import numpy as np
+from support.made_ensemble import DIVERGED, JOINTS, PLANTS, ensemble, random_errors, whole
+
+from tendonrepro.monte_carlo.figures import draw_ensemble_figures, draw_ratios, draw_shares
+from tendonrepro.monte_carlo.report import population_summary
+from tendonrepro.monte_carlo.shares import printed_ratios
+
+
+def test_ratios_show_median_print_and_theory(mixed):
+    summary = population_summary(mixed)
+    drawn = draw_ratios("box", summary)
+    assert [panel.get_title(loc="left") for panel in drawn.axes] == [
+        f"{ratio}, joint {joint}" for ratio in ("C1/C2", "C2/C3") for joint in JOINTS
+    ]
+    for i, panel in enumerate(drawn.axes[:2]):
+        held = {
+            (float(x), float(y))
+            for line in panel.lines
+            for x, y in zip(np.atleast_1d(line.get_xdata()), np.atleast_1d(line.get_ydata()), strict=True)
+        }
+        for row, reading in enumerate(summary["readings"]):
+            joint = f"joint_{JOINTS[i]}"
+            assert (reading["ratio_c1_c2"]["all_ok"]["mae"][joint]["median"]["value"], row) in held
+            assert (reading["theory"][joint], row) in held
+        assert printed_ratios((0, 1), "mae", JOINTS)[i] in {x for x, _ in held}
+    (legend,) = drawn.axes[0].figure.legends
+    told = {text.get_text() for text in legend.get_texts()}
+    assert told == {"central 90 %", "central 50 %", "median", "slow errors", "printed"}
+    # The first reading is on top.
+    low, high = drawn.axes[0].get_ylim()
+    assert low > high
+
+
+def test_shares_stand_at_their_values(mixed):
+    summary = population_summary(mixed)
+    panel = draw_shares("box", summary).axes[0]
+    marks = np.concatenate([container.lines[0].get_xdata() for container in panel.containers])
+    wanted = [
+        100.0 * reading["share_c1_lt_c2_lt_c3"][plants]["mae"]["both"]["share"]
+        for plants in ("all_ok", "diverged_last")
+        for reading in summary["readings"]
+    ]
+    np.testing.assert_allclose(marks, wanted)
+
+
+def test_figures_are_drawn_without_plants_too(tmp_path):
+    data = ensemble(random_errors, lambda *_: np.full(PLANTS, DIVERGED, np.int8))
+    paths = draw_ensemble_figures(whole(data), tmp_path)
+    assert {path.name for path in paths} == {
+        f"{stem}_box.{suffix}"
+        for stem in ("ratios", "shares", "statuses")
+        for suffix in ("pdf", "svg", "png")
+    }
+    assert all(path.stat().st_size > 1000 for path in paths)

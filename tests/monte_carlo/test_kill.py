@@ -1,0 +1,134 @@
+"""Killed at any instant, an ensemble resumes to the identical result; a cluster may lose a worker."""
+
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+import time
+from functools import partial
+
+import numpy as np
+import pytest
+from support.fake_batch import (
+    DRAWS,
+    contents,
+    fake_batch,
+    results,
+    run_small,
+    shards_in,
+    slow_batch,
+    small_study,
+)
+
+from tendonrepro.console import Talk
+from tendonrepro.errors import TendonreproError
+from tendonrepro.monte_carlo.block import make_block
+from tendonrepro.monte_carlo.command import run_study
+from tendonrepro.monte_carlo.workers import here
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(sys.platform == "win32", reason="needs SIGKILL and a fork server"),
+]
+
+
+@pytest.fixture(scope="module")
+def context():
+    """Processes that start with everything imported, so that kills hit the work and not the imports."""
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["support.fake_batch", "tendonrepro.monte_carlo.command"])
+    return context
+
+
+def finished(process, seconds, folder=None, kept=0):
+    """Wait so long, from the next shard on where a folder is given, then kill; whether it ended before."""
+    process.start()
+    while folder and process.is_alive() and len(shards_in(folder)) <= kept:
+        time.sleep(0.002)
+    process.join(seconds)
+    if process.exitcode is None:
+        assert process.pid is not None
+        os.kill(process.pid, signal.SIGKILL)
+    process.join()
+    assert process.exitcode in {0, -signal.SIGKILL}
+    return process.exitcode == 0
+
+
+@pytest.mark.parametrize(("jobs", "kills"), [(1, 50), (2, 4)])
+def test_kills_at_random_instants_change_nothing(context, tmp_path, jobs, kills):
+    run_small(tmp_path / "unbroken", 1)
+    expected = results(tmp_path / "unbroken")
+    # The first run starts the fork server as well; the second shows how long one takes.
+    for name in ("first", "second"):
+        started = time.monotonic()
+        assert finished(context.Process(target=run_small, args=(tmp_path / name, jobs)), 300.0)
+        whole = time.monotonic() - started
+    assert results(tmp_path / "second") == expected
+    rng = np.random.default_rng(11)
+    done = resumed = 0
+    while done < kills:
+        folder = tmp_path / f"after_{done}"
+        kept = 0
+        # On a loaded machine most of a run is its start, so every other kill waits for the work to begin.
+        while not finished(
+            context.Process(target=run_small, args=(folder, jobs)),
+            float(rng.uniform(0.0, 0.1 if done % 2 else 1.1 * whole)),
+            folder if done % 2 else None,
+            kept,
+        ):
+            done += 1
+            # Whatever is there is whole, and nothing that was there is lost.
+            whole_shards = contents(folder)
+            assert len(whole_shards) >= kept
+            assert whole_shards.items() <= expected.items()
+            resumed += len(whole_shards) > kept
+            kept = len(whole_shards)
+        assert results(folder) == expected
+    assert resumed > kills // 5, "the kills came too early to try anything"
+
+
+def test_a_cluster_that_loses_a_worker_gives_the_same(tmp_path, monkeypatch):
+    distributed = pytest.importorskip("distributed")
+    monkeypatch.setattr("tendonrepro.monte_carlo.command.draw_ensemble_figures", lambda *_: [])
+    run_small(tmp_path / "unbroken", 1)
+    folder = tmp_path / "cluster"
+    killed = []
+
+    def kill_one():
+        while len(shards_in(folder)) < 2:
+            time.sleep(0.02)
+        pid = next(iter(cluster.workers.values())).pid
+        os.kill(pid, signal.SIGKILL)
+        killed.append(pid)
+
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+    ) as cluster:
+        killer = threading.Thread(target=kill_one, daemon=True)
+        killer.start()
+        summary = run_study(
+            small_study(),
+            DRAWS,
+            folder,
+            jobs=1,
+            talk=Talk(quiet=True),
+            dask=cluster.scheduler_address,
+            simulate=slow_batch,
+        )
+        killer.join(10.0)
+    assert killed
+    assert summary["resumed_from"] == 0
+    assert results(folder) == results(tmp_path / "unbroken")
+
+
+def deadly(study, block):
+    if block.replicate == 3:
+        os._exit(9)
+    return make_block(study, block, fake_batch)
+
+
+def test_a_dead_worker_is_reported():
+    study = small_study()
+    with pytest.raises(TendonreproError, match="a worker process died"):
+        list(here(partial(deadly, study), study.blocks(DRAWS), 2))

@@ -1,0 +1,95 @@
+"""Tables say what the numbers are."""
+
+import csv
+import io
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from support.made_ensemble import (
+    DIVERGED,
+    JOINTS,
+    PLANTS,
+    READINGS,
+    RUNS,
+    always_ok,
+    ensemble,
+    printed_like,
+    random_errors,
+    whole,
+)
+
+from tendonrepro.monte_carlo.report import (
+    _slow_ratio,
+    ensemble_tables,
+    flat_rows,
+    population_summary,
+    reader_row,
+    status_rows,
+)
+from tendonrepro.physics.metrics import STATUSES
+
+
+def test_theory_follows_the_weights(mixed):
+    readings = {entry["name"]: entry["theory"] for entry in population_summary(mixed)["readings"]}
+    assert readings["printed"] == pytest.approx({"joint_2": 1.1, "joint_3": 1.2})
+    assert readings["weights=extrapolating"] == pytest.approx({"joint_2": 0.9, "joint_3": 0.8})
+
+
+@pytest.mark.parametrize(
+    ("reading", "joint_2"),
+    [
+        ("weights=swapped", 1.9),
+        ("output_delay=1", 1.1),
+        ("stored_torque=applied+output_delay=2", 3.1 / 3.0),
+        ("stored_torque=applied+hardware=drawn", np.nan),
+        ("estimate_filter=estimate", np.nan),
+    ],
+)
+def test_theory_knows_what_makes_the_estimate_older(mixed, reading, joint_2):
+    """Against the age that the law itself says, see tests/explain."""
+    mixed = SimpleNamespace(joints=mixed.joints, alpha=mixed.alpha)
+    assert _slow_ratio(mixed, reading)["joint_2"] == pytest.approx(joint_2, nan_ok=True)
+
+
+def test_files_hold_every_number(mixed, tmp_path):
+    summary = whole(mixed)
+    tables = list(ensemble_tables(summary))
+    for table in tables:
+        table.write(tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == {"readings.csv", "statuses.csv", "readings_box.md"}
+    rows = list(csv.DictReader(io.StringIO((tmp_path / "readings.csv").read_text())))
+    assert len(rows) == len(list(flat_rows("box", summary))) == len(READINGS) * 2 * 3 * 3
+    first = summary["readings"][0]["share_c1_lt_c2_lt_c3"]["all_ok"]["mae"]["both"]
+    assert float(rows[0]["share_c1_lt_c2_lt_c3"]) == first["share"]
+    assert len(list(status_rows("box", summary))) == len(READINGS) * len(RUNS) * len(STATUSES)
+    text, terminal = (tmp_path / "readings_box.md").read_text(), tables[-1].text()
+    assert all(f"| {name} |" in text and name in terminal for name in READINGS)
+
+
+def test_a_table_without_plants_has_dashes():
+    data = ensemble(random_errors, lambda *_: np.full(PLANTS, DIVERGED, np.int8))
+    assert list(reader_row(whole(data)["readings"][0], JOINTS).values())[3] == "--"
+
+
+@pytest.mark.parametrize(
+    ("factor", "ok", "verdict"),
+    [(1.0, 1, "agrees"), (2.0, 1, "cannot"), (2.0, 8, "too few")],
+)
+def test_a_reading_is_judged_by_the_printed_ratios(factor, ok, verdict):
+    data = printed_like(factor)
+    # 32 of 256 are too few to say anything.
+    codes = np.where(np.arange(PLANTS) % ok == 0, 0, DIVERGED).astype(np.int8)
+    data.status = lambda *_: codes
+    assert whole(data)["readings"][0]["agreement"]["verdict"] == verdict
+
+
+@pytest.mark.parametrize(
+    ("sizes", "printed", "reverse"),
+    [((1.0, 2.0, 3.0, 1.0), 1.0, 0.0), ((3.0, 2.0, 1.0, 3.0), 0.0, 1.0), ((2.0, 1.0, 3.0, 2.0), 0.0, 0.0)],
+)
+def test_shares_of_the_orders(sizes, printed, reverse):
+    size = dict(zip(RUNS, sizes, strict=True))
+    reading = whole(ensemble(lambda run, *_: np.full((PLANTS, 2), size[run]), always_ok))["readings"][0]
+    for key, share in (("share_c1_lt_c2_lt_c3", printed), ("share_c3_lt_c2_lt_c1", reverse)):
+        assert reading[key]["all_ok"]["mae_and_rmse"]["both"]["share"] == share

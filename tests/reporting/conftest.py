@@ -1,0 +1,59 @@
+"""One folder of made-up results, hostile texts in it, and the page of it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from support.html_page import Element, read_page
+
+from tendonrepro.reporting.page import page
+from tendonrepro.reporting.stored import Stored, stored_under
+
+HOSTILE = "<script>alert(1)</script><img src=//evil.example/x onerror=alert(2)>"
+"""What must stand on the page as it stands here, and do nothing."""
+
+
+def write_experiment(folder: Path, name: str, figures: tuple[str, ...]) -> None:
+    """What the page reads of an experiment."""
+    (folder / name / "figures").mkdir(parents=True)
+    (folder / name / "tables").mkdir()
+    for figure in figures:
+        about = f"<dc:description>About {figure}</dc:description>"
+        svg = f"<svg xmlns='http://www.w3.org/2000/svg'><script/>{about}</svg>"
+        (folder / name / "figures" / f"{figure}.svg").write_text(svg, encoding="utf-8")
+    for table in ("table1", "table2_paper", "table3_paper"):
+        text = f"Caption of {table}\n\n| a | b |\n| --- | ---: |\n| {HOSTILE} | 2 |\n"
+        (folder / name / "tables" / f"{table}.md").write_text(text, encoding="utf-8")
+    mass = {"value": 1, "unit": "kg", "source": f"assumed: {HOSTILE}"}
+    manifest = {
+        "config": {"origin": name, "sha256": "0" * 64, "tree": {"mass": mass}},
+        "overrides": [f"title={HOSTILE}"],
+        "created": "2027-01-02T03:04:05+00:00",
+        "tendonrepro_version": "0.1.0",
+    }
+    (folder / name / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
+
+
+@pytest.fixture(scope="session")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("results")
+    write_experiment(folder, "decouple", ("fig06", "fig09", "fig10"))
+    write_experiment(folder, "compare", ("fig13", "fig14"))
+    return folder
+
+
+@pytest.fixture(scope="session")
+def found(results: Path) -> Stored:
+    return stored_under(results)
+
+
+@pytest.fixture(scope="session")
+def text(found: Stored) -> str:
+    return page(found)
+
+
+@pytest.fixture(scope="session")
+def made(text: str) -> Element:
+    return read_page(text)

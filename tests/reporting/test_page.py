@@ -1,0 +1,129 @@
+"""The page: its structure, that its numbers are those of the results, that it asks nobody for anything."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import pytest
+from reporting.conftest import HOSTILE
+from support.html_page import Element
+
+from tendonrepro.reporting import claims, orders
+from tendonrepro.reporting.page import page
+from tendonrepro.reporting.stored import Stored, stored_under
+from tendonrepro.verdicts.judge import Sources, judge_all
+
+PARTS = ["answer", "why", "decouple", "compare", "claims", "inconsistencies", "assumptions", "again"]
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+
+
+@pytest.fixture(scope="module")
+def ledger(found: Stored) -> dict[str, Any]:
+    return {entry["id"]: entry for entry in found.ledger["claims"]}
+
+
+def test_the_parts_stand_in_order(made: Element, results: Path) -> None:
+    main = made.one("main")
+    assert [part.attributes["id"] for part in main.children] == PARTS
+    captions = [figure.one("figcaption").text for figure in main.all("figure")][1:]
+    assert captions == [
+        f"About {path.stem}" for path in sorted(results.glob("*/figures/*.svg"), key=lambda path: path.name)
+    ]
+    assert "results of 2027-01-02" in made.one("header").text
+
+
+def test_the_ten_claims(made: Element, ledger: dict[str, Any]) -> None:
+    head, *rows = made.one(id="answer").one("table").cells()
+    assert len(head) == 3
+    assert len(rows) == len(claims.MAIN) == 10
+    for row, name in zip(rows, claims.MAIN, strict=True):
+        said = [f"{claims.MAIN[name]} {ledger[name]['where']}", claims.ours(ledger[name])]
+        assert [plain(cell) for cell in row[:2]] == said
+        assert row[2].startswith(claims.VERDICTS[claims.verdict(ledger[name])])
+
+
+def plain(text: str) -> str:
+    return text.replace("\u00a0", " ")
+
+
+def test_every_verdict_stands_once_with_its_evidence(made: Element, ledger: dict[str, Any]) -> None:
+    entries = [entry for entry in ledger.values() if entry["repeats"] is None]
+    verdicts, evidence = made.one(id="claims").all("details")
+    _, *rows = verdicts.one("table").cells()
+    assert [plain(row[1]) for row in rows] == [claims.ours(entry) for entry in entries]
+    assert len(evidence.all("table")) == sum(bool(claims.statements(entry)) for entry in entries)
+
+
+def test_every_verdict_has_words(ledger: dict[str, Any]) -> None:
+    assert {one.verdict for one in judge_all(Sources())} <= claims.VERDICTS.keys()
+    assert {claims.verdict(entry) for entry in ledger.values()} <= claims.VERDICTS.keys()
+    assert claims.verdict(ledger["C2"]) == "not_met"
+    assert claims.verdict(ledger["table2.controller_1.mae.joint_2"]) == "no_power"
+    assert (
+        claims.named(ledger["table2.controller_1.mae.joint_2"]) == "error, Controller 1, MAE, joint 2: 0.261°"
+    )
+    assert "controller_" not in " ".join(claims.named(entry) for entry in ledger.values())
+
+
+def test_the_table_of_what_it_depends_on(made: Element, found: Stored) -> None:
+    head, *rows = made.one(id="why").one("table").cells()
+    assert tuple(head) == orders.HEADS
+    assert [tuple(map(plain, row)) for row in rows] == orders.robustness(found.summary)
+
+
+def test_nothing_is_asked_of_anyone(made: Element, text: str) -> None:
+    policy = made.one("meta", **{"http-equiv": "Content-Security-Policy"}).attributes["content"]
+    assert policy.startswith("default-src 'none'")
+    for element in made.all():
+        for name in ("src", "srcset", "data", "poster", "xlink:href"):
+            assert element.attributes.get(name, "data:").startswith("data:"), element.tag
+        assert element.tag not in {"script", "iframe", "object", "embed", "base", "form", "a"}
+        assert not [name for name in element.attributes if name.startswith("on")]
+    assert [link.attributes["href"] for link in made.all("link")] == ["data:,"]
+    assert "url(" not in made.one("style").text
+    assert len(text.encode()) < 5e6
+
+
+def test_hostile_text_stands_as_text(made: Element) -> None:
+    assert HOSTILE in made.one(id="compare").text
+    assert HOSTILE in made.one(id="assumptions").text
+    assert HOSTILE in made.one(id="again").text
+
+
+def test_equal_contents_give_equal_text(results: Path, text: str) -> None:
+    assert page(stored_under(results)) == text
+
+
+def test_what_was_not_run_names_its_command(tmp_path: Path) -> None:
+    text = page(stored_under(tmp_path))
+    for command in ("tendonrepro decouple", "tendonrepro compare"):
+        assert f"<code>{command}</code>" in text
+    assert 'id="validate"' not in text
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(BROWSER is None, reason="no chromium on the path")
+def test_a_phone_shows_all_without_scrolling_sideways(text: str, tmp_path: Path) -> None:
+    frame = (
+        '<iframe id=f style="width:390px;height:844px;border:0"></iframe><p id=out></p><script>'
+        "f.onload = () => {const page = f.contentDocument; const all = [...page.querySelectorAll('main *')];"
+        "const right = (one) => one.closest('.wide') ? 0 : one.getBoundingClientRect().right;"
+        "const outside = all.filter((one) => right(one) > 391).length;"
+        "out.textContent = page.documentElement.scrollWidth + ' ' + outside}</script>"
+    ).replace("id=f", f'id=f srcdoc="{escape(text)}"')
+    (tmp_path / "frame.html").write_text(frame, encoding="utf-8")
+    words = [
+        "--headless=new",
+        "--no-sandbox",
+        "--disable-gpu",
+        "--dump-dom",
+        (tmp_path / "frame.html").as_uri(),
+    ]
+    done = subprocess.run([str(BROWSER), *words], capture_output=True, text=True, check=True, timeout=120)
+    width, outside = done.stdout.rpartition('<p id="out">')[2].partition("<")[0].split()
+    assert int(width) <= 390
+    assert int(outside) == 0

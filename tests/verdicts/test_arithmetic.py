@@ -1,0 +1,113 @@
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tendonrepro.configuration.published import (
+    PrintedNumber,
+    coupling_of,
+    exact,
+    published,
+    quotient,
+    rounding,
+    table_1,
+)
+from tendonrepro.verdicts.arithmetic import (
+    cut,
+    inverse,
+    meets,
+    percentage,
+    printed_inverse,
+    printed_percentages,
+    slopes_of_coupling,
+)
+
+
+def printed(digits):
+    return PrintedNumber(
+        id="x",
+        kind="number",
+        where="here",
+        value=float(digits),
+        unit="1",
+        decimals=len(digits.partition(".")[2]),
+    )
+
+
+class TestIntervals:
+    def test_rounding_keeps_trailing_zeros(self):
+        assert rounding(printed("0.240")) == (Fraction("0.2395"), Fraction("0.2405"))
+        assert exact(printed("0.1")) == Fraction(1, 10)
+
+    def test_a_fraction_of_lengths_is_exact(self):
+        entry = published().quantity("S_inv.21")
+        assert rounding(entry) == (Fraction(35, 37), Fraction(35, 37))
+
+    def test_touching_intervals_meet(self):
+        one, two, three = Fraction(1), Fraction(2), Fraction(3)
+        assert meets((one, two), (two, three))
+        assert meets((two, three), (one, two))
+        assert not meets((one, two - Fraction(1, 10**9)), (two, three))
+
+    @given(*[st.integers(1, 10**6)] * 4)
+    def test_every_quotient_of_two_numbers_lies_in_the_interval(self, a, b, c, d):
+        numerator, denominator = sorted(map(Fraction, (a, b))), sorted(map(Fraction, (c, d)))
+        low, high = quotient((numerator[0], numerator[1]), (denominator[0], denominator[1]))
+        found = [x / y for x in numerator for y in denominator]
+        assert (low, high) == (min(found), max(found))
+
+
+class TestPercentages:
+    @pytest.mark.parametrize(
+        ("value", "digits", "way"),
+        [
+            ("85.57", "85.5", "cut off"),
+            ("85.57", "85.6", "rounded"),
+            ("85.52", "85.5", "rounded or cut off"),
+            ("85.57", "85.4", "neither"),
+            ("91.25", "91.2", "cut off"),
+            ("91.25", "91.3", "rounded"),
+        ],
+    )
+    def test_how_a_value_was_printed(self, value, digits, way):
+        assert cut(Fraction(value), printed(digits)) == way
+
+    def test_which_of_the_paper_are_cut_off(self):
+        ways = {}
+        for name, (part, whole) in printed_percentages(published()).items():
+            entries = [published().quantity(key) for key in (name, part, whole)]
+            assert all(isinstance(entry, PrintedNumber) for entry in entries)
+            value, interval = percentage(*entries[1:], change=name.startswith("increase"))
+            assert meets(interval, rounding(entries[0]))
+            ways.setdefault(cut(value, entries[0]), []).append(entries[0].as_printed)
+        assert ways == {
+            "rounded or cut off": ["90.3", "82.9", "82.3", "71.3", "1.1", "4.5", "1.5"],
+            "cut off": ["91.2", "89.3", "85.5", "74.7"],
+            "rounded": ["3.7"],
+        }
+
+    def test_a_change(self):
+        value, (low, high) = percentage(printed("0.264"), printed("0.261"), change=True)
+        assert float(value) == pytest.approx(100.0 * (0.264 / 0.261 - 1.0))
+        assert float(low) == pytest.approx(100.0 * (0.2635 / 0.2615 - 1.0))
+        assert float(high) == pytest.approx(100.0 * (0.2645 / 0.2605 - 1.0))
+
+
+class TestMatrices:
+    def test_exact_inverse_against_numpy(self):
+        lower = printed_inverse(published())
+        full = np.zeros((3, 3))
+        for n, row in enumerate(lower):
+            full[n, : n + 1] = [float(x) for x in row]
+        for n, row in enumerate(inverse(lower)):
+            assert [float(x) for x in row] == pytest.approx(np.linalg.inv(full)[n, : n + 1])
+        S, S_inv = coupling_of(table_1(published()))
+        assert pytest.approx(full) == S_inv
+        assert pytest.approx(np.linalg.inv(full)) == S
+
+    def test_slopes(self):
+        winch, pulley = slopes_of_coupling(table_1(published()))
+        assert winch == pytest.approx(np.full(3, 35.0 / 37.0 * (1.0 / 1.01 - 1.0)))
+        assert pulley == pytest.approx(np.full(3, 35.0 / 37.0 * 0.01))

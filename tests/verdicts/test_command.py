@@ -1,0 +1,83 @@
+"""What the command reads again: a damaged file is named, never taken for something else."""
+
+from dataclasses import replace
+
+import pytest
+from support.damage import by_chance, of_another_shape
+from support.fake_batch import run_ensemble_of
+from support.synthetic import make_compare_file
+
+from tendonrepro.console import Talk
+from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.monte_carlo.shards import FOLDER as SHARDS
+from tendonrepro.monte_carlo.shards import shard_files
+from tendonrepro.results.store import TRACES
+from tendonrepro.results.traces import write_traces
+from tendonrepro.verdicts.command import run_claims
+from tendonrepro.verdicts.judge import Sources, judge_all
+from tendonrepro.verdicts.report import write_claims
+from tendonrepro.verdicts.shipped import shipped_ledger, with_shipped
+
+QUIET = Talk(quiet=True)
+
+
+def test_a_damaged_baseline_is_named(tmp_path, monkeypatch):
+    verdicts = with_shipped(judge_all(Sources()), shipped_ledger())
+    write_claims(verdicts, tmp_path)
+    path = tmp_path / "claims.json"
+    content = path.read_bytes()
+    monkeypatch.setattr("tendonrepro.verdicts.command.judge_all", lambda *_, **__: verdicts)
+    assert run_claims(tmp_path / "none", (), path, QUIET).data["changed"] == {}
+    for image in [*of_another_shape(content), *(by_chance(content, seed) for seed in range(60))]:
+        path.write_bytes(image)
+        try:
+            # What is damaged but still a ledger has changed verdicts, or the same.
+            run_claims(tmp_path / "none", (), path, QUIET)
+        except DataMissingError as error:
+            named = error.where
+        else:
+            named = str(path)
+        assert named == str(path)
+
+
+def test_no_claim_is_judged_by_another_experiment(tmp_path, capsys):
+    file = make_compare_file(step=0.05)
+    gains = {"attributes": {**file.runs["controller_2"].attributes, "gains": {"lam": [8.0, 9.0]}}}
+    runs = {**file.runs, "controller_2": replace(file.runs["controller_2"], **gains)}
+    fitted = replace(file, config_yaml="source: 'identified: Tables 2 and 3, misfit 0.04'")
+    for stored, told in (
+        (file, ""),
+        (replace(file, runs=runs), "not the paper's arm, joints and gains"),
+        (fitted, "fitted to what the paper prints; judging without it"),
+    ):
+        write_traces(tmp_path / "compare" / TRACES, stored)
+        ledger = run_claims(tmp_path, (), None, Talk())
+        assert told in capsys.readouterr().err
+        drawn = any("laws" in file for file in ledger.data["files"])
+        assert drawn != bool(told)
+
+
+def test_a_ledger_that_somebody_edited_is_not_written_over(tmp_path):
+    for _ in range(2):
+        run_claims(tmp_path, (), None, QUIET)
+    path = tmp_path / "claims" / "claims.md"
+    for content, said in ((b"with my notes", "was changed since"), (None, "no manifest.json lists it")):
+        if content:
+            path.write_bytes(content)
+        else:
+            (tmp_path / "claims" / "manifest.json").unlink()
+        with pytest.raises(UsageError, match=said):
+            run_claims(tmp_path, (), None, QUIET)
+    assert path.read_bytes() == b"with my notes"
+    run_claims(tmp_path, ("C1",), None, QUIET)  # writes nothing
+    run_claims(tmp_path, (), None, QUIET, force=True)
+
+
+def test_a_damaged_ensemble_is_no_missing_one(tmp_path):
+    assert run_claims(tmp_path, (), None, QUIET).data["summary"]["not_testable"] > 0
+    run_ensemble_of(tmp_path / "ensemble")
+    path = shard_files(tmp_path / "ensemble" / SHARDS)[0]
+    path.write_bytes(path.read_bytes()[:-100])
+    with pytest.raises(DataMissingError) as caught:
+        run_claims(tmp_path, ("C2",), None, QUIET)
+    assert caught.value.where == str(path)

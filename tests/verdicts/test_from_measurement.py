@@ -1,0 +1,430 @@
+"""Claims on a measurement: the definitions are the ensemble's, and every verdict can go both ways."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.measured_synthetic import LOADED, measured_trace, printed_file
+from support.synthetic import PERIOD, make_compare_file, make_decouple_file
+
+from tendonrepro.configuration.models.readings import PRINTED
+from tendonrepro.configuration.published import published
+from tendonrepro.console import Talk
+from tendonrepro.dataset.windows import PrintedTables, Timing, try_windows
+from tendonrepro.errors import DataMissingError
+from tendonrepro.results.traces import write_traces
+from tendonrepro.verdicts.command import run_claims
+from tendonrepro.verdicts.from_measurement import decoupling, judge_measured, motor_angles
+from tendonrepro.verdicts.judge import Sources, judge_all
+from tendonrepro.verdicts.measured import Measured, OneArm, measured_of, sliding_variable, statistics_of
+from tendonrepro.verdicts.report import table_text
+
+
+def comparison(sizes=None, **options):
+    """SYNTHETIC comparison whose errors are one signal times a size a run."""
+    file = make_compare_file(step=0.02, source="measured", **options)
+    runs = {}
+    for name, trace in file.runs.items():
+        e = trace["e"] if sizes is None else sizes[name] * file.runs["controller_1"]["e"]
+        runs[name] = measured_trace(trace, e=e)
+    return replace(file, runs=runs)
+
+
+def judged(file):
+    """Without recovering the reference, which the tests of its own module do."""
+    timing = {name: Timing(0.0, PERIOD) for name in file.part("compare").runs}
+    paper = published()
+    tables = try_windows(file.part("compare"), paper, timing)
+    return judge_measured(Measured(file, tables, None), paper)
+
+
+def with_joint_1(trace):
+    """The run with the encoder of joint 1 too, and of nothing else."""
+    gap, rest = np.full((len(trace.time), 1), np.nan), np.zeros((len(trace.time), 1))
+    variables = {
+        name: np.hstack([rest if name == "q_encoder" else gap, values])
+        for name, values in trace.variables.items()
+    }
+    return replace(trace, joint=(1, *trace.joint), variables=variables)
+
+
+def with_run(file, run):
+    return replace(file, runs={**file.runs, run.name: run})
+
+
+def with_values(file, name, **variables):
+    return with_run(file, measured_trace(file.runs[name], **variables))
+
+
+def without(trace, *names):
+    return replace(trace, variables={name: v for name, v in trace.variables.items() if name not in names})
+
+
+def verdict(file, claim):
+    return judged(file)[claim].decision.verdict
+
+
+DECOUPLE_FILE = make_decouple_file(source="measured")
+DECOUPLED = DECOUPLE_FILE.runs["decouple"]
+EMPTY = PrintedTables((), {}, 0.0)
+RUNS = ("controller_1", "controller_2", "controller_3")
+NO_MOTION = {"without": ("q_d", "dq_d", "ddq_d")}
+NO_ERRORS = "the measured errors of controller_1, joint 2"
+NOT_ZERO = "an error of controller_1, joint 2 that is not zero"
+GROWING = {"controller_1": 1.0, "controller_2": 1.2, "controller_3": 1.5, LOADED: 1.1}
+
+
+class TestComparison:
+    def test_the_order_holds_and_fails_when_reversed(self):
+        assert verdict(comparison(GROWING), "C2") == "reproduced"
+        reverse = GROWING | {"controller_1": 1.5, "controller_3": 1.0}
+        found = judged(comparison(reverse))["C2"]
+        assert found.decision.verdict == "not_reproduced"
+        assert sum(not row["holds"] for row in found.evidence["statements"]) == 8
+
+    def test_one_signal_times_a_size_has_one_shape(self):
+        found = judged(comparison(GROWING))
+        assert found["F1"].decision.verdict == "not_reproduced"
+        shape = found["rmse_over_mae.controller_3.joint_2"]
+        assert shape.ours == pytest.approx(found["rmse_over_mae.controller_1.joint_2"].ours)
+        assert shape.decision.verdict == "not_reproduced"
+
+    def test_stability_is_the_status_of_the_runs(self):
+        assert verdict(comparison(), "C1") == "reproduced"
+        found = judged(comparison(diverged={"controller_3": 7.0}))["C1"]
+        assert found.decision.verdict == "not_reproduced"
+        assert found.evidence["remarks"] == ["controller_3 is diverged"]
+
+    @pytest.mark.parametrize(
+        ("claim", "sizes", "options", "missing"),
+        [
+            ("C2", None, {"diverged": {"controller_3": 7.0}}, ".*controller_3.*diverged.*"),
+            (
+                "C5",
+                None,
+                {"without": ("H_hat",)},
+                "H_hat of the runs controller_1, controller_2, controller_3",
+            ),
+            ("C6", None, {"without": ("tau_m",)}, ".*tau_m.*"),
+            *((claim, None, NO_MOTION, "q_d of the run.*") for claim in ("C3", "C5", "C6")),
+            (
+                "P1",
+                None,
+                {"diverged": {"controller_2": 7.0, LOADED: 7.0}},
+                f".*a run of {LOADED} that is ok.*",
+            ),
+            ("C4", None, {"runs": RUNS[:2]}, "a measured run controller_3"),
+            ("P1", None, {"runs": RUNS[:2]}, f".*{LOADED}"),
+            ("table2.controller_3.mae.joint_2", None, {"runs": RUNS[:2]}, ".*controller_3.*"),
+            # The row without load is Controller 1.
+            ("table3.no_load.mae.joint_2", None, {"runs": RUNS[1:2]}, NO_ERRORS),
+            ("share.controller_1_of_2.mae.joint_2", None, {"runs": RUNS[1:2]}, NO_ERRORS),
+            ("rmse_over_mae.controller_1.joint_2", None, {"runs": RUNS[1:2]}, NO_ERRORS),
+            ("rmse_over_mae.controller_1.joint_2", {"controller_1": 0.0}, {}, NO_ERRORS),
+            *(
+                (f"increase.with_load.{metric}.joint_2", {"controller_1": 0.0}, {}, NOT_ZERO)
+                for metric in ("mae", "rmse")
+            ),
+        ],
+    )
+    def test_what_lacks_is_named(self, claim, sizes, options, missing):
+        found = judged(comparison(sizes and GROWING | sizes, **options))[claim]
+        assert found.decision.verdict == "not_testable"
+        assert re.fullmatch(missing, found.evidence["missing"])
+
+    def test_what_a_surface_is_computed_from_is_named_where_it_lacks(self):
+        file = comparison()
+        lacking = without(file.runs["controller_3"], "s", "e")
+        bare = replace(file, runs={name: without(trace, "s") for name, trace in file.runs.items()})
+        for held, message in ((file, "^s of all controllers"), (bare, "^s or e of the run controller_3$")):
+            arm = OneArm(Measured(with_run(held, lacking), EMPTY, None))
+            with pytest.raises(DataMissingError, match=message):
+                arm.statistic("controller_3", PRINTED, "s_rms")
+
+    def test_joint_1_at_rest_without_a_desired_angle_changes_nothing(self):
+        file = replace(comparison(GROWING), plant=make_decouple_file().plant)
+        runs = {name: with_joint_1(trace) for name, trace in file.runs.items()}
+        two, three = judged(file), judged(replace(file, runs=runs))
+        assert two["K5"].decision.verdict != "not_testable"
+        assert {name: one.decision.verdict for name, one in three.items()} == {
+            name: one.decision.verdict for name, one in two.items()
+        }
+        assert three["C5"].evidence["statements"] == two["C5"].evidence["statements"]
+
+    @pytest.mark.parametrize("joint", [2, 3])
+    @pytest.mark.parametrize("claim", ["C1", "C2", "C3", "C4", "C5", "C6", "P1"])
+    def test_a_joint_that_was_not_recorded_is_no_failure(self, claim, joint):
+        """All compare numbers, and what is missing is smaller than none."""
+        variable = {"C4": "s", "C5": "H_hat", "C6": "tau_m"}.get(claim, "e")
+        file = comparison(GROWING)
+        name = LOADED if claim == "P1" else "controller_2"
+        gone = file.runs[name][variable].copy()
+        gone[:, joint - 2] = np.nan
+        found = judged(with_values(file, name, **{variable: gone}))[claim]
+        assert found.decision.verdict == "not_testable"
+        assert name in found.evidence["missing"]
+        assert found.evidence["missing"].startswith((variable, "the measured error", "the tracking error"))
+
+    def test_a_joint_alone_still_has_its_numbers(self):
+        file = printed_file(lambda time: time >= 0.0)
+        runs = {}
+        for name, trace in file.runs.items():
+            e = trace["e"].copy()
+            e[:, 1] = np.nan
+            runs[name] = measured_trace(trace, e=e)
+        found = judged(replace(file, runs=runs))
+        assert found["table2.controller_1.mae.joint_2"].decision.verdict == "reproduced"
+        assert found["table2.controller_1.mae.joint_3"].decision.verdict == "not_testable"
+        tables = try_windows(replace(file, runs=runs), published(), dict.fromkeys(runs, Timing(0.0, 0.0)))
+        assert tables.compared == 8
+        assert tables.winner is not None
+
+    @pytest.mark.parametrize("step", [0.001, 0.01])
+    def test_a_computed_surface_is_that_of_the_error_and_not_of_the_encoder(self, step):
+        """Errors three and ten times as large are no similar surfaces, whatever the sampling."""
+        time = step * np.arange(round(12.0 / step))
+        wave = np.deg2rad(0.3) * np.sin(2.0 * np.pi * 0.4 * time)[:, np.newaxis] * np.ones(2)
+        count = np.deg2rad(0.022)
+        sizes = []
+        for factor in (1.0, 3.0, 10.0):
+            e = count * np.round(factor * wave / count)
+            run = make_compare_file(runs=("controller_2",)).runs["controller_2"]
+            bare = replace(measured_trace(run), time=time, variables={"e": e})
+            sizes.append(statistics_of(bare, None)["s_rms"])
+        assert sizes[1] / sizes[0] == pytest.approx(3.0, rel=0.05)
+        assert sizes[2] / sizes[0] == pytest.approx(10.0, rel=0.05)
+
+    @pytest.mark.parametrize("step", [0.001, 0.008, 0.01, 0.015, 0.025])
+    def test_its_rate_is_taken_over_the_same_time_whatever_the_sampling(self, step):
+        time = step * np.arange(round(3.0 / step))
+        e = 0.01 * np.sin(7.0 * time)[:, np.newaxis] * np.ones(2)
+        run = make_compare_file(runs=("controller_3",)).runs["controller_3"]
+        found = sliding_variable(replace(measured_trace(run), time=time, variables={"e": e}))
+        assert found is not None
+        rate = found - 2.0 * e
+        expected = 0.01 * (np.sin(7.0 * (time + 0.025)) - np.sin(7.0 * (time - 0.025))) / 0.05
+        inside = (time > 0.03) & (time < time[-1] - 0.03)
+        assert np.abs(rate[inside, 0] - expected[inside]).max() < 0.01 * 0.07
+        assert np.isnan(found[[0, -1]]).all()
+
+    def test_a_smaller_rival_torque_turns_c6(self):
+        larger = comparison()
+        wave = larger.runs["controller_1"]["tau_m"]
+        for name, size in GROWING.items():
+            larger = with_values(larger, name, tau_m=size * wave)
+        assert verdict(larger, "C6") == "reproduced"
+        assert verdict(with_values(larger, "controller_2", tau_m=0.5 * wave), "C6") == "not_reproduced"
+        # High samples turn the peak alone, up and down, and another measure is enough; but smooth it is not.
+        wave, high = wave.copy(), 2.0 * np.abs(wave).max()
+        for sign in (-1.0, 1.0):
+            wave[np.flatnonzero((sign * larger.runs["controller_1"]["dq_d"] > 0.1).all(axis=1))[20]] = high
+        found = judged(with_values(larger, "controller_1", tau_m=wave))["C6"].evidence["statements"]
+        held = {row["statement"]: row["holds"] for row in found}
+        assert not any(holds for text, holds in held.items() if "moving up peak" in text)
+        assert all(holds for text, holds in held.items() if "moving up course" in text)
+
+    def test_steps_of_the_torque_are_compared_between_equal_samplings_alone(self):
+        file = comparison()
+        one = file.runs["controller_2"]
+        thin = replace(one, time=one.time[::2], variables={k: v[::2] for k, v in one.variables.items()})
+        found = judged(with_run(file, thin))
+        assert "sampled alike" in found["C6"].evidence["missing"]
+        assert found["C2"].decision.verdict != "not_testable"
+        paused = one.time + np.where(np.arange(len(one.time)) < 100, 0.0, 0.5)
+        for time, alike in ((1.005 * one.time, True), (1.1 * one.time, False), (paused, True)):
+            found = judged(with_run(file, replace(one, time=time)))
+            assert ("missing" not in found["C6"].evidence) is alike
+            assert "missing" not in found["C5"].evidence
+
+    def test_a_run_of_one_joint_or_without_its_error_says_nothing_of_stability(self):
+        file = comparison()
+        one = file.runs["controller_2"]
+        single = replace(one, joint=(2,), variables={name: v[:, :1] for name, v in one.variables.items()})
+        bare = replace(one, variables={"q_d": one["q_d"]})
+        for run, joint in ((single, 3), (bare, 2)):
+            found = judged(with_run(file, run))["C1"]
+            assert found.evidence["missing"] == f"the measured error of controller_2, joint {joint}"
+
+    def test_a_gap_in_an_error_says_nothing_against_stability(self):
+        file = comparison()
+        e = file.runs["controller_2"]["e"].copy()
+        e[40:60] = np.nan
+        assert verdict(with_values(file, "controller_2", e=e), "C1") == "reproduced"
+
+    def test_surfaces_computed_from_e_are_said_to_be(self):
+        found = judged(comparison(dict.fromkeys(GROWING, 1.0), without=("s",)))["C4"]
+        assert found.decision.verdict != "not_testable"
+        (remark,) = found.evidence["remarks"][:1]
+        assert "Eq. (11)" in remark
+        assert "over 50 ms" in remark
+
+    def test_the_payload_is_its_percentages(self):
+        found = judged(comparison(GROWING))["P1"]
+        assert found.decision.verdict == "not_reproduced"
+        assert all(row["holds"] for row in found.evidence["statements"])
+        assert set(found.evidence["percentages"].values()) == {"not_reproduced"}
+
+    def test_the_payload_needs_controller_1_alone(self):
+        whole = printed_file(lambda time: time < np.inf)
+        kept = {name: whole.runs[name] for name in ("controller_1", LOADED)}
+        assert verdict(replace(whole, runs=kept), "P1") == "reproduced"
+        stopped = dict(kept[LOADED].attributes) | {"status": "ringing", "status_joints": [3]}
+        kept[LOADED] = replace(kept[LOADED], attributes=stopped)
+        found = judged(replace(whole, runs=kept))["P1"]
+        assert "ringing on joint 3" in found.evidence["missing"]
+
+
+def test_the_printed_numbers_are_reproduced_with_all_percentages():
+    found = judged(printed_file(lambda time: time < np.inf))
+    families = ("table2.", "table3.", "rmse_over_mae.", "share.", "increase.")
+    numbers = {name: one.decision.verdict for name, one in found.items() if name.startswith(families)}
+    assert len(numbers) == 40
+    assert set(numbers.values()) == {"reproduced"}
+    assert {found[name].decision.verdict for name in ("P1", "C2", "F1")} == {"reproduced"}
+    assert found["C2"].evidence["window"] == "whole"
+
+
+def decoupled(trace=DECOUPLED, **variables):
+    return replace(DECOUPLE_FILE, runs={"decouple": measured_trace(trace, **variables)})
+
+
+class TestAngles:
+    def file(self, *sizes, start=0.0):
+        """SYNTHETIC decoupling run with an error of a size a joint, as a share of its range."""
+        encoder = DECOUPLED["q_encoder"]
+        return decoupled(q_calculated=encoder + np.array(sizes) * np.abs(encoder) + start)
+
+    def test_a_start_offset_is_taken_off_and_said(self):
+        found = decoupling(self.file(0.005, 0.02, 0.04, start=0.1))
+        assert found.decision.verdict == "reproduced"
+        assert found.evidence["remarks"]
+        assert found.evidence["as_recorded"]["mae_deg"][0] > np.rad2deg(0.1) * 0.99
+        assert not decoupling(self.file(0.005, 0.02, 0.04)).evidence["remarks"]
+
+    def test_calculated_angles_follow_from_the_motors(self):
+        bare = decoupled(without(DECOUPLED, "q_calculated"))
+        assert decoupling(bare).evidence == decoupling(DECOUPLE_FILE).evidence
+
+    def test_k3_names_what_is_missing(self):
+        still = decoupled(q_encoder=np.zeros_like(DECOUPLED["q"]))
+        for file, word in [(replace(still, runs={}), "decouple"), (still, "all move")]:
+            with pytest.raises(DataMissingError, match=word):
+                decoupling(file)
+
+    @pytest.mark.parametrize(("desired", "measured"), [(1.0, np.nan), (0.0, 0.0)], ids=["lost", "still"])
+    def test_k5_needs_samples_of_motors_that_move(self, desired, measured):
+        file = make_compare_file(step=0.02, source="measured", runs=("controller_2",))
+        trace = file.runs["controller_2"]
+        run = measured_trace(trace, q_d=desired * trace["q_d"], q_encoder=measured * trace["q_d"])
+        with pytest.raises(DataMissingError, match="motors move"):
+            motor_angles(replace(file, runs={"controller_2": run}))
+
+    def on_ranges(self, sizes_deg, ranges_deg):
+        """SYNTHETIC decoupling run with an MAE and a range of a size a joint, at angles far from zero."""
+        moves = DECOUPLED["q_encoder"] / np.ptp(DECOUPLED["q_encoder"], axis=0)
+        encoder = np.deg2rad(ranges_deg) * moves + np.deg2rad([100.0, -150.0, 50.0])
+        apart = np.deg2rad(sizes_deg) * (DECOUPLED.time > 0.1)[:, np.newaxis]
+        encoder[7, 1] = apart[8, 2] = np.nan
+        return decoupled(q_encoder=encoder, q_calculated=encoder + apart)
+
+    @pytest.mark.parametrize("joint", [1, 2, 3])
+    def test_a_degree_is_the_least_motion(self, joint):
+        small, enough = (
+            tuple(size if number == joint else 40.0 for number in (1, 2, 3)) for size in (0.9, 1.1)
+        )
+        assert decoupling(self.on_ranges((0.1, 0.2, 0.3), enough)).evidence
+        with pytest.raises(DataMissingError, match="all move"):
+            decoupling(self.on_ranges((0.1, 0.2, 0.3), small))
+
+    @pytest.mark.parametrize("joint", [1, 2, 3])
+    def test_k3_needs_all_joints(self, joint):
+        kept = [place for place, number in enumerate(DECOUPLED.joint) if number != joint]
+        variables = {name: DECOUPLED[name][:, kept] for name in ("q_encoder", "q_calculated")}
+        fewer = tuple(DECOUPLED.joint[place] for place in kept)
+        with pytest.raises(DataMissingError, match="all of joints 1 to 3"):
+            decoupling(decoupled(replace(DECOUPLED, joint=fewer, variables=variables)))
+
+    @pytest.mark.parametrize("share", [0.049, 0.051])
+    def test_k5_is_the_mae_of_each_motor_over_the_largest_range(self, share):
+        file = make_compare_file(step=0.02, source="measured", runs=("controller_2",))
+        trace = file.runs["controller_2"]
+        S_inv = file.plant.matrix("S_inv", trace.joint)
+        q_d = trace["q_d"].copy()
+        reach = np.ptp(q_d @ S_inv.T, axis=0).max()
+        apart = reach * np.array([0.5 * share, -share])
+        shaken = np.where(np.arange(len(q_d)) % 2, 0.5, 1.5)[:, np.newaxis] * apart
+        q_encoder = q_d + shaken @ np.linalg.inv(S_inv).T
+        q_d[5:7] = q_encoder[8:10, 1] = np.nan
+        q_d, q_encoder = q_d[: len(q_d) // 2 * 2], q_encoder[: len(q_d) // 2 * 2]
+        variables = {"q_d": q_d, "q_encoder": q_encoder}
+        run = replace(measured_trace(trace), time=trace.time[: len(q_d)], variables=variables)
+        found = motor_angles(replace(file, runs={"controller_2": run}))
+        assert found.decision.verdict == ("reproduced" if share < 0.05 else "not_reproduced")
+        rows = found.evidence["statements"]
+        assert [row["share_of_range"] for row in rows] == pytest.approx([0.5 * share, share], rel=1e-9)
+        assert [row["mae_deg"] for row in rows] == pytest.approx(np.rad2deg(np.abs(apart)), rel=1e-9)
+        assert [row["holds"] for row in rows] == [True, share < 0.05]
+        assert all("below 5 % of the largest range" in row["statement"] for row in rows)
+
+    @pytest.mark.parametrize(
+        ("sizes_deg", "held"),
+        [
+            ((0.39, 0.5, 0.9), [True, True, True]),
+            ((0.39, 0.3, 0.9), [True, True, True]),
+            ((0.30, 0.9, 0.5), [False, True, True]),
+            ((0.42, 0.5, 0.9), [True, False, True]),
+            ((0.30, 1.1, 1.2), [True, True, False]),
+            ((0.30, 0.5, 3.1), [True, True, False]),
+        ],
+    )
+    def test_k3_is_the_mae_over_the_range_of_each_joint(self, sizes_deg, held):
+        ranges_deg = (40.0, 20.0, 60.0)
+        judgement = decoupling(self.on_ranges(sizes_deg, ranges_deg))
+        assert judgement.decision.verdict == ("reproduced" if all(held) else "not_reproduced")
+        found = judgement.evidence["start_offset_removed"]
+        assert found["mae_deg"] == pytest.approx(sizes_deg, rel=5e-3)
+        assert found["share_of_range"] == pytest.approx(np.divide(sizes_deg, ranges_deg), rel=5e-3)
+        assert [row["holds"] for row in found["statements"]] == held
+        assert "below 1 % of its range" in found["statements"][1]["statement"]
+        assert "below 5 % of the joint's range" in found["statements"][2]["statement"]
+
+    def test_the_start_offset_is_the_median_of_the_first_tenth_of_a_second(self):
+        apart = np.deg2rad([0.1, 0.2, 0.4]) * (2.0 + np.sin(DECOUPLED.time))[:, np.newaxis]
+        level = np.median(apart[DECOUPLED.time <= 0.1], axis=0)
+        found = decoupling(decoupled(q_calculated=DECOUPLED["q_encoder"] + apart)).evidence
+        for name, first in (("start_offset_removed", level), ("as_recorded", 0.0)):
+            expected = np.rad2deg(np.abs(apart - first).mean(axis=0))
+            assert found[name]["mae_deg"] == pytest.approx(expected, rel=1e-9)
+
+
+class TestLedger:
+    def both(self):
+        compare, decouple = comparison(GROWING), make_decouple_file(source="measured")
+        return replace(compare, experiment="both", runs={**compare.runs, **decouple.runs})
+
+    def test_k3_and_k5_take_the_measured_verdict_and_others_keep_theirs(self):
+        only = ["K3", "K5", "C2", "table2.controller_1.mae.joint_2", "K1"]
+        without = {one.id: one for one in judge_all(Sources(), only=only)}
+        found = {one.id: one for one in judge_all(Sources(measured=self.both()), only=only)}
+        assert {found["K3"].verdict, found["K5"].verdict} <= {"reproduced", "not_reproduced"}
+        assert found["K3"].kind == "measured"
+        assert without["K3"].evidence["run"].startswith("tendonrepro fetch")
+        assert found["C2"].verdict == without["C2"].verdict == "not_testable"
+        assert found["C2"].evidence["measured"]["verdict"] == "reproduced"
+        assert found["table2.controller_1.mae.joint_2"].evidence["measured"]["window"] == "whole"
+        assert "measured" not in found["K1"].evidence
+        assert "on the measurement" in table_text(list(found.values()))
+        assert "on the measurement" not in table_text(list(without.values()))
+
+    def test_the_command_reads_the_measured_file(self, tmp_path):
+        path = tmp_path / "SYNTHETIC.h5"
+        write_traces(path, self.both())
+        ledger = run_claims(tmp_path, ["C2"], None, Talk(quiet=True), path)
+        assert ledger.verdicts[0].evidence["measured"]["verdict"] == "reproduced"
+        assert "measured" not in run_claims(tmp_path, ["C2"], None, Talk(quiet=True)).verdicts[0].evidence
+
+    def test_the_reference_is_recovered_once_for_all(self):
+        found = measured_of(comparison(), published())
+        assert found.reference is not None
+        assert found.reference.period == pytest.approx(PERIOD, abs=1e-3)

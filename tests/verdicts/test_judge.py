@@ -1,0 +1,173 @@
+"""The ledger: what changes a verdict, what is missing, what decides, and how it is written."""
+
+import csv
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.made_claims import ESTIMATES, MadeEnsemble, one, paper_of, spoil, verdicts
+from support.synthetic import make_compare_file, make_decouple_file
+
+from tendonrepro.configuration.models.readings import PRINTED
+from tendonrepro.errors import UsageError
+from tendonrepro.verdicts.judge import Sources, changed, failing, judge_all
+from tendonrepro.verdicts.report import as_data, write_claims
+from tendonrepro.verdicts.statements import CLAIMS, IDEAL, LONGER
+
+
+class TestReadings:
+    def test_those_that_change_a_verdict_are_named(self):
+        data = MadeEnsemble(readings=(PRINTED, "a=b", "c=d", "a=b+c=d"))
+        paper = paper_of(data)
+        spoil(data, "controller_1", ESTIMATES, 2.0, "a=b+c=d")
+        del data.codes["controller_1", "c=d"]
+        assert one(data, paper, "E1").readings_that_change_it == ("a=b+c=d",)
+        found = one(data, paper, "C4")
+        assert found.readings_that_change_it == ()
+        assert found.evidence["not_testable_under"] == ["c=d"]
+
+    def test_variations_are_compared_under_the_printed_reading_alone(self):
+        data = MadeEnsemble(readings=(PRINTED, "a=b"))
+        spoil(data, "controller_2", ["mae", *ESTIMATES], 9.0, "a=b")
+        found = one(data, paper_of(data), "E2")
+        assert (found.verdict, found.readings_that_change_it) == ("compatible", ())
+        assert found.evidence["not_testable_under"] == ["a=b"]
+
+    def test_course_of_tendon_4(self, paper):
+        found = one(None, paper, "T1")
+        assert found.verdict == "depends_on_plant", "the course is not printed"
+        assert found.readings_that_change_it == ("tensioner=negative", "tensioner=alternating")
+        assert found.evidence["not_testable_under"] == ["tensioner=absent"]
+
+    def test_the_turn_of_joint_2(self, paper):
+        turns = {name: one(None, paper, name) for name in ("K2", "K2a", "K2b")}
+        assert {name: found.verdict for name, found in turns.items()} == {
+            "K2": "reproduced",
+            "K2a": "not_reproduced",
+            "K2b": "not_reproduced",
+        }
+        for found in turns.values():
+            assert found.ours == pytest.approx(35.0 / 77.0)
+        assert turns["K2a"].readings_that_change_it == ("signs=c12=-1,c13=+1",)
+        assert turns["K2b"].readings_that_change_it == (), "35 mm against 77 mm is no translation"
+
+
+class TestWhatIsMissing:
+    def test_the_print_alone(self):
+        found = judge_all(Sources())
+        assert {v.verdict for v in found if v.kind == "arithmetic"} == {"exact"}
+        judged = {v.verdict for v in found if v.kind == "model"}
+        assert judged == {"reproduced", "not_reproduced", "depends_on_plant"}
+        for verdict in found:
+            if verdict.kind == "ensemble":
+                assert verdict.verdict == "not_testable"
+                assert verdict.evidence["run"] == "tendonrepro ensemble"
+
+    def test_a_variation_or_reading(self, data, paper):
+        del data.codes["controller_2", LONGER]
+        assert LONGER in one(data, paper, "E2").evidence["missing"]
+        assert one(data, paper, "E2a").verdict == "compatible"
+        data.codes["controller_2", LONGER] = data.codes["controller_2", PRINTED]
+        del data.codes["controller_2", f"{IDEAL}+{LONGER}"]
+        assert f"{IDEAL}+{LONGER}" in one(data, paper, "E2").evidence["missing"]
+        assert one(data, paper, "C2").verdict == "compatible"
+
+    def test_one_plant_is_no_box(self):
+        (without,) = judge_all(Sources(), only=["K3"])
+        assert without.evidence["run"].startswith("tendonrepro fetch")
+        (found,) = judge_all(Sources(decouple=make_decouple_file()), only=["K3"])
+        assert found.verdict == "not_testable"
+        assert set(found.evidence["mae_deg"]) == {"joint_1", "joint_2", "joint_3"}
+        assert found.evidence["run"] == without.evidence["run"]
+
+    def test_an_id_that_is_not_judged(self):
+        for name in ("C7", "gain.eta.joint_2"):
+            with pytest.raises(UsageError, match="no claim or number"):
+                judge_all(Sources(), only=[name])
+
+    def test_every_rule_named_in_the_ledger_exists(self, data, paper):
+        assert len(verdicts(data, paper)) == sum(j.kind != "input" for j in paper.judgements.values())
+        assert {j.rule for j in paper.judgements.values()} >= set(CLAIMS)
+
+
+class TestShippedRun:
+    def test_its_numbers_stand_beside_the_printed_ones(self, data, paper):
+        file = make_compare_file()
+        name = "table2.controller_2.mae.joint_3"
+        without = one(data, paper, name)
+        assert without.ours == without.evidence["box"]["median"]
+        found = {v.id: v for v in judge_all(Sources(compare=file, ensemble=data), paper)}
+        first, second, loaded = (
+            np.rad2deg(np.abs(file.runs[run]["e"]).mean(axis=0))[1]
+            for run in ("controller_1", "controller_2", "controller_1_payload")
+        )
+        assert found[name].ours == pytest.approx(second)
+        assert found["table3.with_load.mae.joint_3"].ours == pytest.approx(loaded)
+        assert found["share.controller_1_of_2.mae.joint_3"].ours == pytest.approx(100.0 * first / second)
+        assert found["increase.with_load.mae.joint_3"].ours == pytest.approx(100.0 * (loaded / first - 1.0))
+
+
+class TestLedger:
+    @pytest.fixture
+    def found(self, data, paper):
+        spoil(data, "controller_1", ESTIMATES, 2.0)
+        return judge_all(Sources(ensemble=data), paper)
+
+    def test_keys_are_those_promised(self, found):
+        content = as_data(found)
+        promised = {
+            *("id", "where", "kind", "printed", "ours", "unit", "rule", "verdict", "evidence"),
+            *("depends_on", "readings_that_change_it"),
+        }
+        for claim in content["claims"]:
+            assert promised <= claim.keys()
+            assert claim["kind"] in {"arithmetic", "model", "ensemble", "measured"}
+        repeats = {v.id.partition(".")[0]: v.repeats for v in found if v.repeats}
+        assert repeats == {"S_inv": "Table 1", "S": "K1", "table3": "Table 2"}
+        once = [claim for claim in content["claims"] if claim["repeats"] is None]
+        assert sum(content["summary"].values()) == len(once) == len(found) - 16
+        assert content["summary"]["exact"] == 6 + len(["K1", "A1", "encoder"])
+        assert content["summary"]["contradicted"] == 1
+
+    def test_check_names_what_fails(self, found):
+        assert failing(found) == ["K2a", "K2b", "E1"]
+
+    def test_baseline(self, found):
+        baseline = {verdict.id: verdict.verdict for verdict in found}
+        assert changed(baseline, found) == {}
+        now = [replace(v, verdict="compatible") if v.id == "E1" else v for v in found if v.id != "K1"]
+        assert changed(baseline, now) == {"K1": ("exact", None), "E1": ("contradicted", "compatible")}
+        assert changed({}, now[:1]) == {now[0].id: (None, "exact")}
+
+    def test_files(self, found, tmp_path):
+        write_claims(found, tmp_path)
+        paths = [tmp_path / f"claims.{suffix}" for suffix in ("json", "csv", "md")]
+        content = json.loads(paths[0].read_text(encoding="utf-8"))
+        assert [claim["id"] for claim in content["claims"]] == [v.id for v in found]
+        with paths[1].open(encoding="utf-8", newline="") as file:
+            rows = {row["id"]: row for row in csv.DictReader(file)}
+        assert rows["E1"]["verdict"] == "contradicted"
+        assert float(rows["table2.controller_1.mae.joint_2"]["also_passing"]) > 0.0
+        assert (rows["S.21"]["repeats"], rows["K1"]["repeats"]) == ("K1", "")
+        assert "| E1 | section 4.2 |" in paths[2].read_text(encoding="utf-8")
+
+
+def test_which_unknown_decides(data, paper):
+    half = data.draws[:, 0] > 0.5
+    for name in ESTIMATES:
+        data.values["controller_1", PRINTED, name][half] *= 2.0
+    (found,) = judge_all(Sources(ensemble=data), paper, ["E1"], decided_by=True)
+    assert found.verdict == "depends_on_plant"
+    first, second = found.evidence["decided_by"]["rows"]
+    assert (first["name"], second["name"]) == ("size", "nothing")
+    assert first["index"] > found.evidence["decided_by"]["noise_floor"] > second["index"]
+
+
+def test_a_number_is_decided_too(data, paper):
+    name = "table2.controller_1.mae.joint_2"
+    (found,) = judge_all(Sources(ensemble=data), paper, [name], decided_by=True)
+    assert found.evidence["decided_by"]["rows"][0]["name"] == "size"
+    del data.codes["controller_1", PRINTED]
+    (found,) = judge_all(Sources(ensemble=data), paper, [name], decided_by=True)
+    assert found.evidence["decided_by"] is None

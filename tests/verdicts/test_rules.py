@@ -1,0 +1,225 @@
+import re
+
+import numpy as np
+import pytest
+from support import ROOT
+
+from tendonrepro.configuration.published import published
+from tendonrepro.dataset.windows import SPREAD
+from tendonrepro.monte_carlo.shares import LEAST_PLANTS, LEAST_SCRAMBLINGS, QUANTILES, Share, Spread
+from tendonrepro.simulation.streaming import SLOW
+from tendonrepro.verdicts import from_print as claim_rules
+from tendonrepro.verdicts import rules
+from tendonrepro.verdicts.from_measurement import AGREES, LEAST_RANGE, TINY
+from tendonrepro.verdicts.rules import (
+    FAILURES,
+    NAMES,
+    Decision,
+    of_arithmetic,
+    of_claim,
+    of_courses,
+    of_model,
+    of_number,
+    of_share,
+    of_values,
+    power_of,
+    with_values,
+)
+from tendonrepro.verdicts.statements import CLAIMS
+
+PAGE = ROOT / "docs" / "verdicts.md"
+
+
+def share(value, reach=None):
+    return Share(value, None if reach is None else (value - reach, value + reach), 1000)
+
+
+def found(low, high, reach=None):
+    ends = [None if reach is None else (end - reach, end + reach) for end in (low, high)]
+    return Spread(0.5 * (low + high), low, high, ends[0], ends[1], 1000)
+
+
+class TestNumbers:
+    INSIDE, OUTSIDE = (1.4, 1.5), (3.0, 3.1)
+
+    @pytest.mark.parametrize(
+        ("printed", "expected"),
+        [
+            ((0.9, 1.0), True),
+            ((0.9, 0.999), False),
+            ((2.0, 2.1), True),
+            ((2.001, 2.1), False),
+            ((0.0, 3.0), True),
+        ],
+    )
+    def test_inside_includes_the_ends(self, printed, expected):
+        assert (of_number(printed, found(1.0, 2.0), None).verdict == "compatible") is expected
+
+    @pytest.mark.parametrize(
+        ("direction", "verdict"),
+        [
+            (None, "outside_model"),
+            (1.0, "direction_only"),
+            (0.95, "direction_only"),
+            (0.9499, "depends_on_plant"),
+            (0.0501, "depends_on_plant"),
+            (0.05, "contradicted"),
+            (0.0, "contradicted"),
+        ],
+    )
+    def test_outside_goes_by_direction(self, direction, verdict):
+        given_share = None if direction is None else share(direction)
+        assert of_number(self.OUTSIDE, found(1.0, 2.0), given_share).verdict == verdict
+        assert of_number(self.INSIDE, found(1.0, 2.0), given_share).verdict == "compatible"
+
+    @pytest.mark.parametrize(
+        ("printed", "near"),
+        [((1.05, 1.06), True), ((0.95, 0.96), True), ((1.2, 1.21), False), ((2.0, 2.0), True)],
+    )
+    def test_borderline_at_the_ends(self, printed, near):
+        assert of_number(printed, found(1.0, 2.0, 0.1), None).borderline is near
+
+    @pytest.mark.parametrize(
+        ("printed", "range_"),
+        [
+            ((0.995, 1.005), (0.5, 2.0)),
+            ((0.9, 1.1), (-3.0, 1.5)),
+            ((1.0, 1.01), (1.2, 90.0)),
+            ((1, 1), (2, 3)),
+        ],
+    )
+    def test_power_is_the_part_of_a_decade_that_would_pass(self, printed, range_):
+        value, half = 0.5 * sum(printed), 0.5 * (printed[1] - printed[0])
+        decade = value * 10 ** np.linspace(-0.5, 0.5, 20001)
+        passing = [
+            of_number((x - half, x + half), found(*range_), None).verdict == "compatible" for x in decade
+        ]
+        assert power_of(printed, found(*range_)) == pytest.approx(np.mean(passing), abs=1e-4)
+
+    def test_power_ends_where_it_says_all_or_nothing(self):
+        assert power_of((0.9, 1.1), found(0.01, 100.0)) == pytest.approx(1.0)
+        assert power_of((0.9, 1.1), found(10.0, 100.0)) == 0.0
+
+    def test_borderline_by_direction_only_where_it_decides(self):
+        assert of_number(self.OUTSIDE, found(1.0, 2.0, 0.1), share(0.94, 0.02)).borderline
+        assert not of_number(self.INSIDE, found(1.0, 2.0, 0.1), share(0.94, 0.02)).borderline
+
+
+class TestClaims:
+    @pytest.mark.parametrize(
+        ("value", "verdict"),
+        [
+            (0.95, "compatible"),
+            (0.9499, "depends_on_plant"),
+            (0.0501, "depends_on_plant"),
+            (0.05, "contradicted"),
+        ],
+    )
+    def test_one_statement(self, value, verdict):
+        assert of_share(share(value)).verdict == verdict
+
+    @pytest.mark.parametrize(
+        ("value", "reach", "near"),
+        [(0.96, 0.02, True), (0.96, 0.01, True), (0.96, 0.009, False), (0.06, 0.02, True), (0.5, 0.1, False)],
+    )
+    def test_borderline(self, value, reach, near):
+        one = share(value, reach)
+        assert of_share(one).borderline is near
+
+    @pytest.mark.parametrize(
+        ("whole", "parts", "verdict"),
+        [
+            (0.95, (0.96, 0.98), "compatible"),
+            (0.9499, (0.96, 0.98), "depends_on_plant"),
+            (0.0, (0.05, 0.06), "depends_on_plant"),
+            (0.0, (0.05, 0.0), "contradicted"),
+        ],
+    )
+    def test_several_statements_are_contradicted_one_by_one(self, whole, parts, verdict):
+        assert of_claim(share(whole), [share(part) for part in parts]).verdict == verdict
+
+    def test_borderline_by_all_or_by_the_likeliest_statement(self):
+        low, near, high = share(0.0, 0.01), share(0.06, 0.02), share(0.5, 0.01)
+        assert of_claim(low, [low, near]).borderline
+        assert not of_claim(low, [near, high]).borderline
+        assert of_claim(share(0.94, 0.02), [high]).borderline
+        assert not of_claim(near, [high]).borderline, "how seldom all hold decides nothing"
+
+    @pytest.mark.parametrize("by", ["compatible", "depends_on_plant", "contradicted"])
+    def test_printed_values_of_an_order_turn_it_where_it_holds(self, by):
+        good, bad = Decision("compatible"), Decision("outside_model")
+        assert with_values(Decision(by), [good, good]).verdict == by
+        expected = "direction_only" if by == "compatible" else by
+        assert with_values(Decision(by), [good, bad]).verdict == expected
+
+    def test_a_claim_that_is_its_values(self):
+        good, bad = Decision("compatible"), Decision("direction_only")
+        assert of_values(Decision("contradicted"), [good]).verdict == "compatible"
+        assert of_values(Decision("compatible"), [bad]).verdict == "direction_only"
+        assert of_values(Decision("depends_on_plant"), [good, bad]).verdict == "depends_on_plant"
+
+    def test_values_near_an_end_make_the_claim_borderline(self):
+        near = Decision("compatible", borderline=True)
+        assert with_values(Decision("compatible"), [near]).borderline
+        assert not with_values(Decision("contradicted"), [near]).borderline
+        assert of_values(Decision("compatible"), [near]).borderline
+
+    def test_arithmetic_and_model(self):
+        assert [of_arithmetic(x).verdict for x in (True, False)] == ["exact", "not_reproduced"]
+        assert [of_model(x).verdict for x in (True, False)] == ["reproduced", "not_reproduced"]
+
+    def test_ways_that_agree_have_their_verdict(self):
+        good, bad, near = (
+            Decision("compatible"),
+            Decision("contradicted"),
+            Decision("compatible", borderline=True),
+        )
+        assert of_courses([good, good]) == good
+        assert of_courses([good, near]) == near
+        assert of_courses([bad, bad]) == bad
+        assert of_courses([good, bad]) == Decision("depends_on_plant")
+
+
+@pytest.mark.skipif(not PAGE.is_file(), reason="no docs folder beside the package")
+class TestPage:
+    """The page of rules says what the code does."""
+
+    @pytest.fixture(name="text")
+    def _text(self):
+        return " ".join(PAGE.read_text(encoding="utf-8").split())
+
+    def test_every_verdict_and_rule_is_there(self):
+        rows = set(re.findall(r"^\| `(\w+)` \|", PAGE.read_text(encoding="utf-8"), re.M))
+        rules = {judgement.rule for judgement in published().judgements.values()} - {"input"}
+        assert rows == set(NAMES) | rules
+        assert rules >= set(CLAIMS) | set(claim_rules.FROM_THE_PRINT)
+
+    def test_failures(self, text):
+        (names,) = re.findall(r"exit code 3 when a verdict is (.*?)\. With", text)
+        assert set(re.findall(r"`(\w+)`", names)) == FAILURES
+
+    @pytest.mark.parametrize(
+        ("pattern", "value"),
+        [
+            (r"at least (\d+) %: its direction is confirmed", 100 * rules.MOST),
+            (r"by itself holds on at most (\d+) %: `contradicted`", 100 * rules.FEW),
+            (r"low-pass at (\d+) Hz", SLOW),
+            (r"with fewer than (\d+) plants judged", LEAST_PLANTS),
+            (r"more than (\d+) % of the box, claim C1", 100 * rules.MOST_UNRESOLVED),
+            (r"t intervals at (\d+) %", 95),
+            (r"With fewer than (\d+) scramblings", LEAST_SCRAMBLINGS),
+            (r"similar \| differ by at most (\d+) %", 100 * rules.SIMILAR),
+            (r"range from the (\d+) %", 100 * QUANTILES["q05"]),
+            (r"to the (\d+) % quantile of the plants", 100 * QUANTILES["q95"]),
+            (r"is more than (\d+) % and less", 100 * (1 - claim_rules.NEARLY)),
+            (r"less than (\d+) % of its expected", 100 * (1 + claim_rules.NEARLY)),
+            (r"on joint 1 below (\d+) %", 100 * TINY),
+            (r"on every joint below (\d+) %", 100 * AGREES),
+            (r"MAE of each motor below (\d+) % of the desired range", 100 * AGREES),
+            (r"moves less than (\d+)°", np.rad2deg(LEAST_RANGE)),
+            (r"spread evenly within (\d+) % of the print", 100 * SPREAD),
+        ],
+    )
+    def test_thresholds(self, text, pattern, value):
+        (stated,) = re.findall(pattern, text)
+        assert float(stated) == pytest.approx(value)

@@ -1,0 +1,72 @@
+"""Indices of functions whose answer is known, and the floor of chance."""
+
+import numpy as np
+import pytest
+from support.made_claims import NAMES, ranking_of
+
+from tendonrepro.verdicts.sensitivity import ranked
+
+
+def index(ranking, name):
+    (value,) = [row["index"] for row in ranking["rows"] if row["name"] == name]
+    return value
+
+
+class TestKnownIndices:
+    def test_a_sum(self, draws):
+        ranking = ranking_of(draws, 3.0 * draws[:, 0] + draws[:, 2])
+        assert [row["name"] for row in ranking["rows"][:2]] == ["a", "c"]
+        assert index(ranking, "a") == pytest.approx(0.9, abs=0.03)
+        assert index(ranking, "c") == pytest.approx(0.1, abs=0.03)
+        assert max(index(ranking, "b"), index(ranking, "d")) < ranking["noise_floor"] < 0.06
+        assert ranking["unexplained"] < 0.05
+
+    def test_a_verdict_that_one_unknown_decides(self, draws):
+        ranking = ranking_of(draws, draws[:, 1] > 0.3)
+        assert ranking["rows"][0]["name"] == "b"
+        # Six harmonics of a step leave out the sharpness of its edge.
+        assert 0.85 < index(ranking, "b") <= 1.0
+
+    def test_only_the_order_of_an_unknown_counts(self, draws):
+        outcome = draws[:, 0] + draws[:, 3]
+        stretched = draws.copy()
+        stretched[:, 0] = 10.0 ** (3.0 * stretched[:, 0])
+        assert index(ranking_of(stretched, outcome), "a") == pytest.approx(
+            index(ranking_of(draws, outcome), "a")
+        )
+
+    def test_together_is_not_alone(self, draws):
+        ranking = ranking_of(draws, (draws[:, 0] > 0.5) ^ (draws[:, 1] > 0.5))
+        assert ranking["unexplained"] > 0.9
+        assert ranking["rows"][0]["index"] < 0.1
+
+    def test_a_discrete_unknown(self, draws):
+        coarse = draws.copy()
+        coarse[:, 2] = np.floor(3.0 * coarse[:, 2])
+        assert index(ranking_of(coarse, coarse[:, 2] == 1.0), "c") > 0.8
+        assert index(ranking_of(coarse, coarse[:, 0]), "c") < 0.05
+
+
+def test_chance_stays_below_the_floor(draws):
+    rng = np.random.default_rng(8)
+    above = 0
+    for _ in range(20):
+        ranking = ranking_of(draws[:128], rng.random(128))
+        above += ranking["rows"][0]["index"] > ranking["noise_floor"]
+    # One in 20 is expected.
+    assert above <= 4
+
+
+def test_bootstrap_intervals_narrow_with_more_draws(draws):
+    noise = np.random.default_rng(2).normal(size=1024)
+    outcome = draws[:, 0] + 0.3 * noise
+    few, many = (ranking_of(draws[:n], outcome[:n])["rows"][0]["half_width"] for n in (128, 1024))
+    assert 0.0 < many < few
+
+
+def test_nothing_to_rank(draws):
+    assert ranked(NAMES, draws, np.ones(1024)) is None
+    assert ranked(NAMES, draws[:99], draws[:99, 0]) is None
+    holes = draws[:150, 0].copy()
+    holes[:60] = np.nan
+    assert ranked(NAMES, draws[:150], holes) is None
