@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import logging
 import os
 import re
 import signal
 import sys
-import threading
 from collections.abc import Sequence
 from contextlib import suppress
+from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -23,18 +22,15 @@ from tendonrepro.cli.data import data_app
 from tendonrepro.cli.options import Laws, Terminal, command, only_law
 from tendonrepro.cli.study import study_app
 from tendonrepro.configuration.request import Request
-from tendonrepro.console import brief, printable
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.parallel import prepare
 
 if TYPE_CHECKING:
     from tendonrepro.experiments.command import Order
 
-# What libraries say of an unwritable home is for those who program with them. Not in main(): the processes
-# that draw import this module and never run that.
-logging.getLogger("matplotlib").setLevel(logging.ERROR)
-
 WORKERS = "tendonrepro.cli.workers"
+INTERRUPTED = 130
+"""Exit code into which Typer turns an interrupt, without a word."""
 
 EPILOG = (
     "Exit codes: 0 done, 1 error, 2 usage or configuration, 3 a verdict is against the print "
@@ -88,9 +84,8 @@ def _print_version(wanted: bool) -> None:
 
 def _print_citation(wanted: bool) -> None:
     if wanted:
-        from tendonrepro.cli.citation import bibtex
-
-        typer.echo(bibtex())
+        text = files("tendonrepro.cli").joinpath("citation.bib").read_text(encoding="utf-8")
+        typer.echo(text.rstrip().replace("VERSION", __version__))
         raise typer.Exit
 
 
@@ -341,62 +336,32 @@ def config_schema(
 
 def main() -> None:
     """Run the command line and leave with its exit code."""
-    # Matrices are small, so threads of the library would only wait for each other; and where the system
-    # refuses it one, it interrupts the program.
+    # Matrices are small: threads of the library would only wait for each other.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    threading.excepthook = _end_with_thread
-    heard: list[int] = []
-
-    def hear(number: int, _: object) -> None:
-        heard.append(number)
-        raise KeyboardInterrupt
-
-    # In the background of a shell interrupts are ignored.
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        signal.signal(signal.SIGINT, hear)
     try:
         _refuse_empty(sys.argv[1:])
-        code = app(standalone_mode=False)
+        code = app(standalone_mode=False) or 0
+    except TendonreproError as error:
+        code = _fail(error.exit_code, error.message, error.where, error.hint)
+    except OSError as error:
+        place = error.filename and str(error.filename)
+        code = _fail(1, f"the system refused: {error.strerror}", place, "look at permissions and free space")
     except Exception as error:
-        # Libraries wrap an interrupt into errors of their own, or die of it elsewhere.
-        code = 130 if heard else _told(error)
-    # What is left is to end, which an interrupt would only fill with tracebacks.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # Typer turns an interrupt into this exit code and says nothing.
-    code = _fail(130, "interrupted", None, None) if code == 130 else code or 0
-    for stream in filter(None, (sys.stdout, sys.stderr)):
+        # Typer's errors of usage have no class that it exports.
+        if not hasattr(error, "format_message"):
+            raise
+        code = _fail(2, error.format_message(), None, "tendonrepro --help lists commands and options")
+    if code == INTERRUPTED:
+        # What is left is to end, which another interrupt would only fill with tracebacks.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        _fail(code, "interrupted", None, None)
+    for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
         except OSError:
-            # Python would try once more at its end, and leave with an exit code of its own.
+            # A closed pipe: Python would try once more at its end, and leave with an exit code of its own.
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
     sys.exit(code)
-
-
-def _told(error: Exception) -> int:
-    """Exit code of an error once its message is out; what nobody foresaw is raised again."""
-    if isinstance(error, TendonreproError):
-        return _fail(error.exit_code, error.message, error.where, error.hint)
-    # Neither a thread that is refused nor Typer's own usage errors have a class of their own.
-    if isinstance(error, (OSError, MemoryError, ImportError)) or _is_refused_thread(error):
-        return _fail(1, *_refused_by_system(error))
-    if hasattr(error, "format_message"):
-        return _fail(2, error.format_message(), None, "tendonrepro --help lists commands and options")
-    raise error
-
-
-def _is_refused_thread(error: BaseException | None) -> bool:
-    """Whether an exception is that, or another came of it."""
-    return error is not None and (
-        str(error) == "can't start new thread" or _is_refused_thread(error.__context__)
-    )
-
-
-def _end_with_thread(died: threading.ExceptHookArgs) -> None:
-    """A library whose own thread was refused another would wait for it for ever."""
-    if _is_refused_thread(died.exc_value):
-        os._exit(_fail(1, *_refused_by_system(RuntimeError())))
-    threading.__excepthook__(died)
 
 
 def _refuse_empty(words: Sequence[str]) -> None:
@@ -406,29 +371,13 @@ def _refuse_empty(words: Sequence[str]) -> None:
             raise UsageError(f"{word or 'an argument'} is empty", hint="name a file, a folder or a value")
 
 
-def _refused_by_system(error: Exception) -> tuple[str, str | None, str]:
-    """Message, place and hint for what the operating system does not give: space, memory, open files."""
-    hint = "look at free disk space and memory, and at the limits that ulimit -a shows"
-    if isinstance(error, PermissionError):
-        hint = "look at whose it is, and at its permissions"
-    if isinstance(error, OSError) and error.strerror:
-        return f"the system refused: {error.strerror}", error.filename and str(error.filename), hint
-    if isinstance(error, ImportError):
-        return f"the system refused: a library ({error})", None, hint
-    what = "memory" if isinstance(error, MemoryError) else "a thread"
-    return f"the system refused: {what}", None, hint
-
-
 def _fail(code: int, message: str, where: str | None, hint: str | None) -> int:
-    message, where, hint = brief(message), where and brief(where), hint and brief(hint)
+    """Tell of an error on standard error, or as JSON where that is asked for, and return its code."""
+    error = {"code": code, "message": message, "where": where, "hint": hint}
     head = f"{where}: {message}" if where else message
-    words = "\n".join(["error: " + head, *([hint] if hint else [])])
-    # Where standard output takes nothing the words still say why, and where nothing does the code remains.
     with suppress(OSError):
         if "--json" in sys.argv:
-            error = {"code": code, "message": message, "where": where, "hint": hint}
-            typer.echo(printable(json.dumps({"error": error}, ensure_ascii=False)))
-            return code
-    with suppress(OSError):
-        typer.echo(printable(words), err=True)
+            typer.echo(json.dumps({"error": error}, ensure_ascii=False))
+        else:
+            typer.echo("\n".join(["error: " + head, *([hint] if hint else [])]), err=True)
     return code

@@ -12,7 +12,7 @@ import typer
 from typer import Option
 
 from tendonrepro.configuration.request import Request
-from tendonrepro.console import Talk, printable
+from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
 
 _TERMINAL = {
@@ -60,9 +60,9 @@ class Terminal:
         if self.as_json:
             from tendonrepro.files import to_json
 
-            typer.echo(printable(to_json(data)), nl=False)
+            typer.echo(to_json(data), nl=False)
         elif not self.quiet:
-            typer.echo(printable(text if isinstance(text, str) else text(data)))
+            typer.echo(text if isinstance(text, str) else text(data))
 
     def list_files(self, paths: list[Path]) -> None:
         """Print the files a command wrote."""

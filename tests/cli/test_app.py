@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import shutil
 import signal
 import subprocess
@@ -220,15 +219,6 @@ def test_figures_and_tables_are_made_again_from_traces(command: str, compared: t
     assert run(command, "figures", "99", "--out", "out", cwd=folder).returncode == 2
 
 
-def test_libraries_say_nothing_of_a_home_that_cannot_be_written(
-    command: str, compared: tuple[Path, Any]
-) -> None:
-    nowhere = dict.fromkeys(("HOME", "XDG_CONFIG_HOME", "XDG_CACHE_HOME", "MPLCONFIGDIR"), "/dev/null/home")
-    done = run(command, "figures", "9", "--out", "out", cwd=compared[0], **nowhere)
-    assert done.returncode == 4
-    assert done.stderr.startswith("error: ")
-
-
 def test_usage_errors_are_one_message_and_code_2(command: str, tmp_path: Path) -> None:
     usage = ["compare --bogus", "nonsense", "compare --controllers x", "compare --seed a"]
     for words in [*usage, "compare --law a.py:f --law b.py:g"]:
@@ -247,16 +237,6 @@ def test_an_empty_word_is_not_the_current_folder(command: str, tmp_path: Path) -
         assert done.returncode == 2
         assert "is empty\n" in done.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["q.csv"]
-
-
-def test_an_endless_word_leaves_room_for_the_message(command: str, tmp_path: Path) -> None:
-    long = "x" * 100_000
-    text = f"schema_version: 1\nexperiment: compare\nmanipulator: {long}\n"
-    for words in (["config", "check", "-"], ["config", "check", "compare", "--set", f"{long}=1"], [long]):
-        for done in (run(command, *words, *more, cwd=tmp_path, stdin=text) for more in ([], ["--json"])):
-            assert done.returncode == 2
-            assert 3000 < len(done.stderr + done.stdout) < 10_000
-            assert "Traceback" not in done.stderr
 
 
 def test_config_errors_name_file_and_line(command: str, tmp_path: Path) -> None:
@@ -290,106 +270,6 @@ def test_a_shipped_arm_that_stands_in_is_named(command: str, tmp_path: Path) -> 
     assert done.returncode == 0
     assert done.stderr.endswith(f"so the shipped one is taken: {shipped_folder() / 'lumidouce_ii.yaml'}\n")
     assert run(command, "config", "check", "compare", cwd=tmp_path).stderr == ""
-
-
-@pytest.mark.parametrize("words", [(), ("--json",)])
-def test_nothing_in_a_file_steers_the_terminal(command: str, tmp_path: Path, words: tuple[str, ...]) -> None:
-    steering = '"a\\e[31m\\x7F\\x9b\\u202E.yaml"'
-    text = f"schema_version: 1\nexperiment: compare\nmanipulator: {steering}\n"
-    done = run(command, "config", "check", "-", *words, cwd=tmp_path, stdin=text)
-    shown = done.stdout + done.stderr
-    assert done.returncode == 2
-    assert not set(shown) & set("\x1b\x7f\x9b\u202e")
-    assert r"a\u001b[31m\u007f\u009b\u202e.yaml" in shown
-    if words:
-        assert "a\x1b[31m\x7f\x9b\u202e.yaml" in json.loads(done.stdout)["error"]["hint"]
-
-
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-@pytest.mark.parametrize(
-    ("words", "full", "code"),
-    [
-        (["config", "list"], "stdout", 1),
-        (["config", "list", "--json"], "stdout", 1),
-        (["nonsense"], "stderr", 2),
-    ],
-)
-def test_a_full_disk_behind_the_output(
-    command: str, tmp_path: Path, words: list[str], full: str, code: int
-) -> None:
-    streams: dict[str, Any] = dict.fromkeys(("stdout", "stderr"), subprocess.PIPE)
-    with Path("/dev/full").open("w") as nowhere:
-        streams[full] = nowhere
-        done = subprocess.run([command, *words], cwd=tmp_path, text=True, check=False, **streams)
-    assert done.returncode == code
-    if full == "stdout":
-        assert done.stderr.startswith("error: the system refused: No space left on device\n")
-        assert done.stderr.count("\n") == 2
-
-
-def test_a_library_s_thread_that_is_refused_another_ends_the_command(tmp_path: Path) -> None:
-    code = """
-import threading, time
-from tendonrepro.cli import app
-def refused():
-    raise RuntimeError("can't start new thread")
-def waits(**_):
-    threading.Thread(target=refused).start()
-    time.sleep(60.0)
-app.app = waits
-app.main()
-"""
-    done = run(sys.executable, "-c", code, cwd=tmp_path)
-    assert done.returncode == 1
-    assert done.stderr.splitlines()[0] == "error: the system refused: a thread"
-
-
-def test_an_interrupt_that_a_library_wraps_is_one(tmp_path: Path) -> None:
-    """Python 3.11 makes a RuntimeError of it within the making of a class, pydantic an error of its own."""
-    code = """
-import signal
-from tendonrepro.cli import app
-def making(**_):
-    try:
-        signal.raise_signal(signal.SIGINT)
-    except KeyboardInterrupt:
-        raise ValueError("of a library") from None
-app.app = making
-signal.signal(signal.SIGINT, signal.default_int_handler)
-app.main()
-"""
-    done = run(sys.executable, "-c", code, cwd=tmp_path)
-    assert (done.returncode, done.stderr) == (130, "error: interrupted\n")
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="needs resource limits")
-@pytest.mark.parametrize(
-    ("limit", "words", "reason"),
-    [
-        ("NOFILE, (9, 9)", ["inspect", "file.csv"], "Too many open files"),
-        # Enough to start the server of processes and not the processes.
-        pytest.param("NOFILE, (20, 20)", ["compare", *SHORT], "Too many open files", marks=pytest.mark.slow),
-        pytest.param("FSIZE, (10**5, 10**5)", ["compare", *SHORT], "File too large", marks=pytest.mark.slow),
-        # Who is refused first, the command or its workers, hangs on the size of the libraries.
-        pytest.param(
-            "AS, (3 * 10**8, 3 * 10**8)", ["compare", *SHORT], "|for want of memory", marks=pytest.mark.slow
-        ),
-    ],
-)
-def test_limits_of_the_system_are_one_sentence(
-    command: str, tmp_path: Path, limit: str, words: list[str], reason: str
-) -> None:
-    (tmp_path / "file.csv").write_text("time,q\n0,1\n1,2\n")
-    start = f"import os, resource, sys; resource.setrlimit(resource.RLIMIT_{limit}); "
-    start += "os.execv(sys.argv[1], sys.argv[1:])"
-    done = run(
-        sys.executable, "-c", start, command, *words, cwd=tmp_path, XDG_CACHE_HOME=str(tmp_path / "cache")
-    )
-    assert done.returncode == 1
-    *_, message, _ = done.stderr.splitlines()
-    assert message.startswith("error: "), done.stderr
-    assert re.search(reason, message)
-    assert "Traceback" not in done.stderr
 
 
 @pytest.mark.slow
