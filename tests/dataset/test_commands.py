@@ -59,7 +59,7 @@ def test_the_record_is_fetched_and_understood_without_being_told(
     folder, said = workplace
     assert {file["action"] for file in said["fetch"]["files"]} == {"downloaded"}
     lock = json.loads((folder / "data/zenodo.lock.json").read_text())
-    assert {file["key"] for file in lock["files"]} == {file["path"] for file in said["fetch"]["files"]}
+    assert {file["key"] for file in lock["files"]} == {file["key"] for file in said["fetch"]["files"]}
     assert (folder / "data/zenodo/SYNTHETIC controller1.mat").is_file()
     assert said["inspect"]["runs"] == dict.fromkeys(synthetic_record.SIZES, 4) | {"decouple": 6}
     assert said["inspect"]["left"] == []
