@@ -29,11 +29,8 @@ SPELLINGS = {
     "line ends of old Macs": "t,q\r0,1.5\r1,2.5\r2,3.5",
     "separator at the end": "t,q,\n0,1.5,\n1,2.5,\n2,3.5,\n",
     "quoted": '"t";"q"\n"0";"1,5"\n"1";"2,5"\n"2";"3,5"\n',
-    "quotation mark left open": 't,q\n0,1.5"\n1,2.5\n2,3.5\n',
-    "exponents of Fortran": "t q\n0.0D+00 0.15D+01\n0.1D+01 0.25D+01\n0.2D+01 0.35D+01\n",
     "comments": "% made up\n// nothing\nt,q\n0,1.5\n# pause\n1,2.5\n2,3.5\n",
     "names in a comment": "# t q\n0 1.5\n1 2.5\n2 3.5\n",
-    "names by comma over blanks": "t,q\n0 1.5\n1 2.5\n2 3.5\n",
     "preamble": "SYNTHETIC\nDate: today\n\nt,q\n0,1.5\n1,2.5\n2,3.5\n",
     "settings above": "Rate,1000\nGain,2.5\n\nt,q\n0,1.5\n1,2.5\n2,3.5\n",
     "LabVIEW": "LabVIEW Measurement\t\n"
