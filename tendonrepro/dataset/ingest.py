@@ -80,7 +80,7 @@ def run_ingest(
         loaded = parse_mapping(confirmed(loaded.text), str(mapping), payload)
     sources, unread = read_files(paths, talk)
     S, S_inv = coupling_of(table_1(published()))
-    assembly = Assembly(sources, loaded, S, _judge)
+    assembly = Assembly(sources, unread, loaded, S, _judge)
     runs = assembly.runs()
     notes = [*assembly.notes, *(f"{file} was not read: {reason}" for file, reason in unread.items())]
     for doubt in assembly.doubts:

@@ -14,6 +14,8 @@ import zipfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from joblib.externals.loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
+
 from tendonrepro.console import Talk
 from tendonrepro.dataset.source import Columns, Source, Unreadable
 from tendonrepro.errors import DataMissingError
@@ -44,10 +46,8 @@ def read_files(paths: Sequence[Path], talk: Talk) -> tuple[list[Source], dict[st
     Raises
     ------
     DataMissingError
-        If a path is missing.
+        If a path is missing, or nothing can be read.
     """
-    from joblib.externals.loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
-
     for path in paths:
         if not path.exists():
             raise DataMissingError("is not there", where=str(path), hint="tendonrepro fetch gets the record")
@@ -67,6 +67,9 @@ def read_files(paths: Sequence[Path], talk: Talk) -> tuple[list[Source], dict[st
                     reader = ProcessPoolExecutor(max_workers=1)
                 advance(1)
     reader.shutdown()
+    if not sources:
+        reasons = "; ".join(f"{file}: {reason}" for file, reason in unread.items()) or "no files"
+        raise DataMissingError(f"nothing to read: {reasons}"[:500], where=", ".join(map(str, paths)))
     return sources, unread
 
 
@@ -150,7 +153,8 @@ def _tables(path: Path) -> dict[str, Columns]:
     with path.open("rb") as stream:
         head = stream.read(512)
     suffix = path.suffix.lower()
-    if suffix == ".mat" or head.startswith(b"MATLAB"):
+    # A figure of MATLAB is a file of MATLAB, and its tables are of colours.
+    if suffix == ".mat" or (head.startswith(b"MATLAB") and suffix != ".fig"):
         return dict(tables_of(read_matlab(path)))
     if head.startswith(b"\x89HDF"):
         return dict(tables_of(read_hdf5(path)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tendonrepro.arrays import Array
 from tendonrepro.dataset.mapping import MappingFile, Run, Use
 from tendonrepro.dataset.source import Source
-from tendonrepro.errors import ConfigError
+from tendonrepro.errors import ConfigError, DataMissingError
 from tendonrepro.results.records import Trace
 from tendonrepro.results.summary import MEASURED
 
@@ -38,6 +38,8 @@ class Assembly:
     Attributes
     ----------
     sources : sequence of Source
+    unread : mapping
+        File that could not be read -> why.
     mapping : MappingFile
     S : array (3, 3)
         Coupling matrix.
@@ -47,6 +49,7 @@ class Assembly:
     """
 
     sources: Sequence[Source]
+    unread: Mapping[str, str]
     mapping: MappingFile
     S: Array
     status_of: StatusOf
@@ -60,6 +63,8 @@ class Assembly:
         ------
         ConfigError
             Where the mapping does not fit the tables.
+        DataMissingError
+            If a file that it names was not read.
         """
         found = {}
         for name, run in self.mapping.runs.items():
@@ -131,6 +136,9 @@ class Assembly:
         found = exact or [source for source in self.sources if source.name.endswith(f"/{name}")]
         if len(found) != 1:
             message = f"there is no table {name!r}" if not found else f"{name!r} could be several tables"
+            for file, reason in self.unread.items():
+                if f"/{file}".endswith(f"/{name.partition(':')[0]}"):
+                    raise DataMissingError(f"was not read: {reason}", where=file)
             held = ", ".join(source.name for source in self.sources) or "none"
             raise ConfigError(message, hint=f"tables: {held}")
         return found[0]
