@@ -1,21 +1,61 @@
-"""Nested arrays, as MATLAB, HDF5 and NumPy files hold them, as tables of columns."""
+"""What is read: tables of named columns, and nested arrays of MATLAB, HDF5 and NumPy files as such."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonrepro.dataset.source import FEWEST, Columns, Series, Unreadable
-
 Tree: TypeAlias = dict[str, Any]
 """Arrays, `Columns` and further trees by name."""
 
 MOST_COLUMNS = 40
 """Of an array whose columns are signals."""
+FEWEST = 8
+"""Samples of a column that may be a signal."""
+
+
+class Unreadable(Exception):
+    """A file that holds no signals, or cannot be read; its text says why."""
+
+
+class Columns(dict[str, NDArray[Any]]):
+    """Columns of N rows by name, numbers or words; a unit that is stored apart stands behind its name."""
+
+    def add(self, name: str, values: NDArray[Any], unit: str = "") -> None:
+        """Add a column; of those of one name all but the first are numbered."""
+        full = f"{name} ({unit})" if unit and f"({unit})" not in name and f"[{unit}]" not in name else name
+        number, free = 1, full
+        while free in self:
+            number += 1
+            free = f"{full} #{number}"
+        self[free] = values
+
+
+class Series(Columns):
+    """Samples of one signal behind their times; those of one clock that lie together are one table."""
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """One table.
+
+    Attributes
+    ----------
+    name : str
+        As the mapping names it: the file, and within it after a colon the sheet or struct.
+    columns : Columns
+    file : dict
+        ``name``, ``size`` in bytes and ``md5`` of its file.
+    """
+
+    name: str
+    columns: Columns
+    file: dict[str, Any]
 
 
 def tables_of(tree: Tree, path: str = "") -> Iterator[tuple[str, Columns]]:
@@ -97,22 +137,6 @@ def read_hdf5(path: Path) -> Tree:
 
 
 def read_numpy(path: Path) -> Tree:
-    """Read an npy or npz file; one that holds Python objects is refused.
-
-    Raises
-    ------
-    Unreadable
-        If it does.
-    """
-    try:
-        loaded = np.load(path, allow_pickle=False)
-        held = {"": loaded} if isinstance(loaded, np.ndarray) else dict(loaded)
-    except ValueError as error:
-        raise Unreadable(f"no arrays of numbers: {error}") from error
-    tree: Tree = {}
-    for name, array in held.items():
-        if array.dtype.names is None:
-            tree[name or "column"] = array
-        else:
-            tree |= {field: array[field] for field in array.dtype.names}
-    return tree
+    """Read an npy or npz file; NumPy refuses one that holds Python objects."""
+    loaded = np.load(path, allow_pickle=False)
+    return {"column": loaded} if isinstance(loaded, np.ndarray) else dict(loaded)

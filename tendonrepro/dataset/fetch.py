@@ -22,6 +22,7 @@ from tendonrepro import __version__
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.files import md5_of, to_json, write_atomically
+from tendonrepro.results.tables import Table
 
 SITE = "https://zenodo.org"
 VARIABLE = "TENDONREPRO_ZENODO_URL"
@@ -38,13 +39,6 @@ _CHUNK = 2**14
 """Bytes; those of an unfinished one are lost when the connection ends."""
 _TRIES = 10
 """Of a download that is cut off."""
-_SAID = {
-    404: "there is no such record or file",
-    410: "the record was deleted",
-    401: "it is not open to everyone",
-    403: "it is not open to everyone",
-    429: "too many requests: try again in an hour",
-}
 
 
 def run_fetch(
@@ -89,13 +83,14 @@ def run_fetch(
         If the disk is full or cannot be written.
     """
     number = record_number(record)
-    lock = _read_lock(lock_path(out))
-    is_known = lock is not None and number in {lock["record"], lock["requested"]}
-    if lock is not None and not is_known and not force:
-        message = f"holds record {lock['record']}, not {number}"
-        raise UsageError(message, where=str(out), hint="choose another --out, or say --force")
-    if lock is None or not is_known:
-        lock = _described(base_url or os.environ.get(VARIABLE) or SITE, number)
+    held = lock_path(out)
+    lock = json.loads(held.read_text(encoding="utf-8")) if held.exists() else None
+    if lock is not None and number not in {lock["record"], lock["requested"]}:
+        if not force:
+            message = f"holds record {lock['record']}, not {number}"
+            raise UsageError(message, where=str(out), hint="choose another --out, or say --force")
+        lock = None
+    lock = lock or _described(base_url or os.environ.get(VARIABLE) or SITE, number)
     wanted = [file for file in lock["files"] if not _is_same(out / file["key"], file)]
     for file in wanted:
         path = out / file["key"]
@@ -107,28 +102,15 @@ def run_fetch(
     if not dry_run:
         _obtain(wanted, out, from_dir, lock, talk)
     action = "copied" if from_dir else "downloaded"
-    return lock | {
-        "out": str(out),
-        "lock": str(lock_path(out)),
-        "network": not is_known or bool(wanted and from_dir is None),
-        "dry_run": dry_run,
-        "files": [file | {"action": action if file in wanted else "present"} for file in lock["files"]],
-    }
+    files = [file | {"action": action if file in wanted else "present"} for file in lock["files"]]
+    return lock | {"out": str(out), "lock": str(lock_path(out)), "dry_run": dry_run, "files": files}
 
 
 def fetch_text(found: dict[str, Any]) -> str:
     """Title, version, licence and the files of a record, for a terminal."""
-    files = found["files"]
-    rows = [f"  {file['key']}  {file['size']:,} bytes  {file['action']}" for file in files]
-    foot = f"{len(files)} files, {sum(file['size'] for file in files):,} bytes, in {found['out']}"
-    return "\n".join(
-        [
-            f"{found['title'] or 'record'} ({found['doi'] or found['record']})",
-            f"version {found['version'] or 'not given'}, licence {found['licence'] or 'not given'}",
-            *rows,
-            "nothing written (--dry-run)" if found["dry_run"] else foot,
-        ]
-    )
+    head = f"{found['title']} ({found['doi']}), version {found['version']}, licence {found['licence']}"
+    columns = {name: (name, "") for name in ("key", "size", "action")}
+    return Table("files", f"{head}; in {found['out']}", found["files"], columns).text()
 
 
 def record_number(text: str) -> str:
@@ -148,17 +130,6 @@ def lock_path(out: Path) -> Path:
     """Where the lock of a data folder stands: beside it, under its name."""
     folder = out.resolve()
     return folder.with_name(f"{folder.name}.lock.json")
-
-
-def _read_lock(path: Path) -> dict[str, Any] | None:
-    if not path.exists():
-        return None
-    with suppress(ValueError, TypeError, KeyError):
-        lock: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-        if lock["schema_version"] == SCHEMA_VERSION:
-            return lock
-    hint = "remove it and fetch again: files that are right are kept"
-    raise DataMissingError("is not a data lock of this version", where=str(path), hint=hint)
 
 
 def _is_same(path: Path, file: Entry) -> bool:
@@ -189,7 +160,6 @@ def _described(site: str, number: str) -> dict[str, Any]:
         "requested": number,
         "base_url": site,
         "doi": data.get("doi"),
-        "concept_doi": data.get("conceptdoi"),
         "title": meta.get("title"),
         "version": meta.get("version"),
         "licence": (meta.get("license") or {}).get("id"),
@@ -217,14 +187,13 @@ def _asked(session: Session, url: str, start: int = 0) -> Response:
     except (RequestException, ValueError) as error:
         hint = f"look at the network and at HTTPS_PROXY, {BY_HAND}"
         raise DataMissingError("cannot be reached", where=urlsplit(url).netloc, hint=hint) from error
-    status = response.status_code
     is_page = "text/html" in response.headers.get("Content-Type", "")
     if response.ok and not is_page:
         return response
     response.close()
-    other = "a web page came instead" if response.ok else f"the site answers {status}: try again later"
-    hint = f"check the number and --base-url, {BY_HAND}"
-    raise DataMissingError(_SAID.get(status, other), where=url, hint=hint)
+    said = "with a web page" if response.ok else f"{response.status_code} {response.reason}"
+    hint = f"check the number and --base-url, try again later, {BY_HAND}"
+    raise DataMissingError(f"the site answers {said}", where=url, hint=hint)
 
 
 def _obtain(files: list[Entry], out: Path, from_dir: Path | None, lock: dict[str, Any], talk: Talk) -> None:

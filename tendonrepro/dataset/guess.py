@@ -15,8 +15,8 @@ from typing import TypeAlias
 import numpy as np
 
 from tendonrepro.arrays import Array
+from tendonrepro.dataset.arrays import Source
 from tendonrepro.dataset.mapping import CHECK, SCHEMA_VERSION, Use, kind_of
-from tendonrepro.dataset.source import Source
 from tendonrepro.dataset.words import FACTORS, KINDS, ROLES, Meaning, meaning_of, variable_of
 
 Lines: TypeAlias = dict[str, tuple[str, str]]
@@ -59,7 +59,7 @@ class Guessed:
     runs : mapping
         Number of columns by run, times not counted.
     left : list of str
-        Columns that nobody could tell, each with its reason and the line that would use it.
+        Columns that nobody could tell: the line that would use each, and why it is not there.
     """
 
     text: str
@@ -74,17 +74,14 @@ def guess_mapping(sources: Sequence[Source], title: str) -> Guessed:
     for source in sources:
         for found in _of_table(source):
             if isinstance(found, str):
-                left.append(f"{source.name}: {found}")
+                left.append(found)
                 continue
             run = runs.setdefault(found.run, [])
             same = next((one for one in run if one.line == found.line and found.use.joint), None)
             if same is None:
                 run.append(found)
             else:
-                left.append(
-                    f"{source.name}: {same.column} is {found.line} already. "
-                    f"To use this instead: {_scalar(found.column)}: {found.use}"
-                )
+                left.append(f"{_scalar(found.column)}: {found.use}  # {source.name}: so is {same.column}")
     counts = {run: sum(one.use.joint > 0 for one in guesses) for run, guesses in runs.items()}
     runs = {run: guesses for run, guesses in runs.items() if counts[run]}
     text = "\n".join(_lines(runs, left, title)) + "\n"
@@ -96,35 +93,32 @@ def _of_table(source: Source) -> Iterator[Guess | str]:
     around = [meaning_of(part) for part in _around(source.name)]
     said = {column: meaning_of(re.sub(r"\[\d+\]| #\d+$", "", column)) for column in source.columns}
     variables = {column: variable_of(_with_context(one, around)) for column, one in said.items()}
-    places = {column: re.search(r"\[(\d+)\]", column) for column in source.columns}
-    numbers: dict[str, int | None] = {}
-    for column, one in said.items():
-        place = places[column]
-        numbers[column] = next((m.joint for m in (one, *around) if m.joint is not None), None)
-        if numbers[column] is None and place:
-            numbers[column] = int(place[1])
+    numbers = {column: _number_of(column, [one, *around]) for column, one in said.items()}
     counted = {numbers[column] for column, variable in variables.items() if variable not in (None, "time")}
     is_compared = any(one.controller for one in (*said.values(), *around))
     # The comparison moves the paper's joints 2 and 3, which a lab may count from 1.
     shift = int(is_compared and counted == {1, 2})
     for column, values in source.columns.items():
-        variable, one, joint = variables[column], said[column], (numbers[column] or 0) + shift
+        variable, one, joint = variables[column], said[column], numbers[column] + shift
         problem = _problem(one, variable, joint, values.dtype.kind)
-        if problem:
+        if problem or variable is None:
             line = f"{variable or 'q_encoder'} {joint if joint in (1, 2, 3) else 2} {one.unit or 'deg'}"
-            yield f"{column}: {problem}. To use it: {_scalar(column)}: {line}"
-        elif variable:
-            unit, checks = _unit(variable, one.unit, values)
-            use = Use(variable, 0 if variable == "time" else joint, unit)
-            checks += _checks(one, use)
-            if variable != "time" and shift:
-                checks.append(
-                    f"the file's joint {joint - 1}, taken as {joint}; else {variable} {joint - 1} {unit}"
-                )
-            elif variable != "time" and places[column] and one.joint is None:
-                checks.append(f"joint by the place of the column; else {variable} N {unit}")
-            run, payload = _run_of(source.name, one, around)
-            yield Guess(source, column, use, run, payload, "; ".join(checks))
+            yield f"{_scalar(column)}: {line}  # {source.name}: {problem}"
+            continue
+        unit, checks = _unit(variable, one.unit, values)
+        use = Use(variable, 0 if variable == "time" else joint, unit)
+        checks += _checks(one, use)
+        if use.joint and (shift or one.joint is None):
+            checks.append(f"joint {numbers[column]} of the file, taken as {joint}; else {variable} N {unit}")
+        run, payload = _run_of(source.name, one, around)
+        yield Guess(source, column, use, run, payload, "; ".join(checks))
+
+
+def _number_of(column: str, telling: Sequence[Meaning]) -> int:
+    """Number of a column's joint: of the nearest name that has one, else its place in an array, else 0."""
+    place = re.search(r"\[(\d+)\]", column)
+    said = next((meaning.joint for meaning in telling if meaning.joint is not None), None)
+    return said if said is not None else int(place[1]) if place else 0
 
 
 def _around(name: str) -> list[str]:
@@ -148,18 +142,13 @@ def _with_context(said: Meaning, around: Sequence[Meaning]) -> frozenset[str]:
 def _problem(said: Meaning, variable: str | None, joint: int, kind: str) -> str:
     """What keeps a column from being guessed; empty where nothing does."""
     if kind != "f":
-        return "it holds words; `where` of a run can choose rows by it"
+        return "words, by which `where` of a run can choose rows"
     if said.unknown:
         return f"not known: {', '.join(said.unknown)}"
     if variable is None:
         return "its words do not go together" if said.says & (KINDS | ROLES) else "no word says what it is"
-    if variable != "time" and joint not in (1, 2, 3):
-        return (
-            f"there is no joint {joint}, the paper counts 1 to 3"
-            if said.joint is not None
-            else "no joint named"
-        )
-    return ""
+    is_joint = variable == "time" or joint in (1, 2, 3)
+    return "" if is_joint else "its name has no joint from 1 to 3"
 
 
 def _unit(variable: str, said: str | None, values: Array) -> tuple[str, list[str]]:
@@ -231,8 +220,8 @@ def _lines(runs: Mapping[str, Sequence[Guess]], left: Sequence[str], title: str)
     for run, guesses in runs.items():
         yield from _run_lines(run, guesses, apart.get(run))
     if left:
-        yield "# Left out. To use a column, put the line that stands after it under columns."
-        yield from (f"#   {_printable(line)}" for line in left)
+        yield "# Left out, and why. To use a column, move its line under columns."
+        yield from (f"#   {line}" for line in left)
 
 
 def _columns_of(guesses: Sequence[Guess]) -> Lines:
@@ -249,9 +238,9 @@ def _run_lines(run: str, guesses: Sequence[Guess], columns: Lines | None) -> Ite
     names = list(dict.fromkeys(guess.source.name for guess in guesses))
     sources = _scalar(names[0]) if len(names) == 1 else f"[{', '.join(map(_scalar, names))}]"
     check = _check_of_run(run, guesses)
-    mark = f"  {CHECK} {_printable(check)}" if check else ""
+    mark = f"  {CHECK} {check}" if check else ""
     mass = guesses[0].payload or math.nan
-    is_usual = math.isnan(mass) or not run.endswith("_payload") or mass == _PAPERS_PAYLOAD
+    is_usual = math.isnan(mass) or mass == _PAPERS_PAYLOAD
     if columns is None and is_usual:
         yield f"  {run}: {sources}{mark}"
         return
@@ -274,16 +263,9 @@ def _check_of_run(run: str, guesses: Sequence[Guess]) -> str:
 
 def _column_lines(columns: Lines, indent: str) -> Iterator[str]:
     for name, (use, check) in columns.items():
-        mark = f"  {CHECK} {check}" if check else ""
-        yield f"{indent}{_scalar(name)}: {use}{mark}"
+        yield f"{indent}{_scalar(name)}: {use}" + (f"  {CHECK} {check}" if check else "")
 
 
 def _scalar(text: str) -> str:
-    """A text as YAML: in quotes unless it is plainly a text."""
-    plain = re.fullmatch(r"[^\W\d_][\w ()./°-]*", text) and not text.endswith((" ", "."))
-    words = {"yes", "no", "on", "off", "true", "false", "null", "y", "n", "nan", "inf"}
-    return text if plain and text.lower() not in words else json.dumps(text, ensure_ascii=False)
-
-
-def _printable(text: str) -> str:
-    return "".join(letter if letter.isprintable() else "\ufffd" for letter in text)
+    """A text as YAML takes it whatever it holds."""
+    return json.dumps(text, ensure_ascii=False)

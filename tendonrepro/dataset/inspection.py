@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from tendonrepro.console import Talk
+from tendonrepro.dataset.arrays import Source
 from tendonrepro.dataset.guess import guess_mapping
 from tendonrepro.dataset.read import read_files
-from tendonrepro.dataset.source import Source
 from tendonrepro.errors import UsageError
 from tendonrepro.files import write_atomically
 from tendonrepro.results.tables import Table

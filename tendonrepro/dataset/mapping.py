@@ -133,7 +133,6 @@ class _Tree(Model):
     title: str = "Measured data"
     columns: Uses = Field(default_factory=dict)
     runs: dict[Annotated[str, Field(pattern=r"^\w+$")], Run]
-    resample_s: Number | None = None
 
 
 @dataclass(frozen=True)
@@ -142,7 +141,6 @@ class MappingFile:
 
     title: str
     runs: Mapping[str, Run]
-    resample: float | None
     text: str
     guesses: list[str]
     places: Mapping[str, str]
@@ -183,7 +181,7 @@ def parse_mapping(text: str, name: str, payload: float) -> MappingFile:
         runs[run] = entry.model_copy(update={"columns": columns, "payload_mass_kg": mass})
     guesses = [line.strip() for line in text.splitlines() if CHECK in line]
     places = {run: document.where(("runs", run)) for run in runs}
-    return MappingFile(tree.title, runs, tree.resample_s, text, guesses, places)
+    return MappingFile(tree.title, runs, text, guesses, places)
 
 
 def confirmed(text: str) -> str:

@@ -12,8 +12,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from tendonrepro.dataset.arrays import Tree
-from tendonrepro.dataset.source import Columns, Series, Unreadable
+from tendonrepro.dataset.arrays import Columns, Series, Tree, Unreadable
 
 _SECONDS = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9, "minutes": 60.0, "hours": 3600.0}
 _DAMAGED = 0xDD000000

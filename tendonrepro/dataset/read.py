@@ -5,9 +5,6 @@ One process of its own reads, since a damaged file can crash the HDF5 library.
 
 from __future__ import annotations
 
-import gzip
-import hashlib
-import shutil
 import tarfile
 import tempfile
 import zipfile
@@ -17,8 +14,9 @@ from pathlib import Path
 from joblib.externals.loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
 
 from tendonrepro.console import Talk
-from tendonrepro.dataset.source import Columns, Source, Unreadable
+from tendonrepro.dataset.arrays import Columns, Source, Unreadable
 from tendonrepro.errors import DataMissingError
+from tendonrepro.files import md5_of
 
 MOST_BYTES = 2**31
 """Of a file, and of all that an archive unpacks into."""
@@ -104,11 +102,8 @@ def _unpack(path: Path, folder: Path) -> None:
         with tarfile.open(path) as archive:
             _refuse_larger(sum(info.size for info in archive))
             archive.extractall(folder, filter="data")
-    elif path.suffix.lower() == ".gz":
-        with gzip.open(path) as packed, (folder / path.stem).open("wb") as plain:
-            shutil.copyfileobj(packed, plain)
     else:
-        raise Unreadable("neither zip, tar nor gz")
+        raise Unreadable("neither zip nor tar")
 
 
 def _refuse_larger(size: int) -> None:
@@ -132,16 +127,11 @@ def read_file(path: Path, name: str) -> list[Source]:
         raise
     except Exception as error:
         raise Unreadable(f"damaged, or not what its name says: {error}"[:200]) from error
-    with path.open("rb") as stream:
-        md5 = hashlib.file_digest(stream, lambda: hashlib.md5(usedforsecurity=False)).hexdigest()
-    found = [
-        Source(f"{name}:{inner}" if inner else name, columns, md5, size)
-        for inner, columns in tables.items()
-        if columns
-    ]
-    if not found:
+    file = {"name": name, "size": size, "md5": md5_of(path)}
+    named = {f"{name}:{inner}" if inner else name: columns for inner, columns in tables.items() if columns}
+    if not named:
         raise Unreadable("holds no columns of numbers")
-    return found
+    return [Source(table, columns, file) for table, columns in named.items()]
 
 
 def _tables(path: Path) -> dict[str, Columns]:

@@ -2,33 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+import pandas as pd
 
 from tendonrepro.arrays import Array
+from tendonrepro.configuration.load import load_config
+from tendonrepro.dataset.arrays import Source
 from tendonrepro.dataset.mapping import MappingFile, Run, Use
-from tendonrepro.dataset.source import Source
 from tendonrepro.errors import ConfigError, DataMissingError
+from tendonrepro.physics.metrics import status_of
 from tendonrepro.results.records import Trace
 from tendonrepro.results.summary import MEASURED
 
-SAME_TIME = 1e-3
-"""Largest difference of times that count as equal, as a share of the step."""
 _MOST_TURN_DEG = 190.0
 _STEPS = 5e-5, 0.1
 """s, beyond which the unit of the times is in doubt."""
-_CONTRADICTS = 0.5
-"""RMS of recorded error less difference, over that of the difference: more is not believed."""
 _HELD = float(np.deg2rad(0.03))
 """Range of a desired angle, rad, below which a joint is held: the dither of its encoder is no ringing."""
 _SEVERITY = ("ok", "ringing", "diverged")
-
-StatusOf = Callable[[Array, Array], tuple[str, float]]
-"""Time and error without gaps to status and its time."""
 
 
 @dataclass
@@ -43,7 +38,6 @@ class Assembly:
     mapping : MappingFile
     S : array (3, 3)
         Coupling matrix.
-    status_of : callable
     notes, doubts : list of str
         What was done to the numbers on the way, and what looks wrong.
     """
@@ -52,7 +46,6 @@ class Assembly:
     unread: Mapping[str, str]
     mapping: MappingFile
     S: Array
-    status_of: StatusOf
     notes: list[str] = field(default_factory=list)
     doubts: list[str] = field(default_factory=list)
 
@@ -80,7 +73,7 @@ class Assembly:
         return [source for source in self.sources if source.name in names]
 
     def _run(self, name: str, run: Run) -> Trace:
-        time, found = self._signals(run)
+        time, found = self._signals(name, run)
         joints = tuple(sorted({use.joint for use in found}))
         variables: dict[str, Array] = {}
         for use, values in found.items():
@@ -90,7 +83,7 @@ class Assembly:
             self.notes.append(f"{name}: time starts at {time[0]:.6g} s in the files, at 0 here")
             time = time - time[0]
         if len(variables.keys() & {"q_d", "q_encoder", "e"}) > 1:
-            self._complete(name, variables, joints)
+            _complete(variables)
         if (
             "q_motor_encoder" in variables
             and "q_calculated" not in variables
@@ -105,30 +98,29 @@ class Assembly:
             "readings": {},
             "payload_mass": run.payload_mass_kg,
             "reference_period": run.period_s or 0.0,
-            **self._status(time, variables, joints),
+            **_status(time, variables, joints),
         }
         trace = Trace(name, time, joints, variables, attributes)
         self.doubts += [f"{name}: {doubt}" for doubt in doubts_about(trace)]
         return trace
 
-    def _signals(self, run: Run) -> tuple[Array, dict[Use, Array]]:
+    def _signals(self, name: str, run: Run) -> tuple[Array, dict[Use, Array]]:
         """Common times, s, and values, SI, of all columns of a run."""
         series: dict[Use, tuple[Array, Array]] = {}
-        for name in run.sources:
-            source = self._source(name)
+        for table in run.sources:
+            source = self._source(table)
             uses = {column: use for column, use in _uses(source, run).items() if use not in series}
             if all(use.variable == "time" for use in uses.values()):
                 continue
             rows = _rows(source, run)
-            time = _times(source, uses, run, rows)
-            kept = (time >= run.from_s) & (time <= run.to_s)
-            _check_times(time[kept], source)
+            time = _times(rows, uses, source, run)
+            kept = np.isfinite(time)
             for column, use in uses.items():
                 if use.variable != "time":
-                    series[use] = time[kept], _in_si(source.columns[column], use)[rows][kept]
+                    series[use] = time[kept], _in_si(rows[column], use)[kept]
         if not series:
             raise ConfigError("none of its tables has a column that the mapping knows")
-        return self._common(series)
+        return self._common(name, series)
 
     def _source(self, name: str) -> Source:
         """Find a table by its name, or by the only one that ends with it."""
@@ -143,53 +135,45 @@ class Assembly:
             raise ConfigError(message, hint=f"tables: {held}")
         return found[0]
 
-    def _common(self, series: dict[Use, tuple[Array, Array]]) -> tuple[Array, dict[Use, Array]]:
-        """All on the times they share, or on even ones if the mapping says so."""
-        times, step = [time for time, _ in series.values()], self.mapping.resample
+    def _common(self, name: str, series: dict[Use, tuple[Array, Array]]) -> tuple[Array, dict[Use, Array]]:
+        """All on the times of the first table, as far as the others go."""
+        times = [time for time, _ in series.values()]
         first = times[0]
-        if step is None:
-            late = SAME_TIME * np.median(np.diff(first))
-            if any(len(time) != len(first) or np.abs(time - first).max() > late for time in times):
-                hint = "`resample_s: 0.001` at the top of the mapping puts all on common times"
-                raise ConfigError("its tables have different times", hint=hint)
-            return first, {use: values for use, (_, values) in series.items()}
-        start, end = max(time[0] for time in times), min(time[-1] for time in times)
-        if end <= start + step:
+        time = first[(first >= max(one[0] for one in times)) & (first <= min(one[-1] for one in times))]
+        if len(time) < 2:
             hint = "two clocks? 'time us - OFFSET' moves one of them"
             raise ConfigError("its tables have no time in common", hint=hint)
-        even = start + step * np.arange(int((end - start) / step + 1e-6) + 1)
-        self.notes.append(f"resampled every {step:g} s: {len(even)} samples of up to {max(map(len, times))}")
-        return even, {use: np.interp(even, time, values) for use, (time, values) in series.items()}
+        if not all(np.array_equal(one, first) for one in times):
+            self.notes.append(f"{name}: tables with other times were interpolated to those of the first")
+        return time, {use: np.interp(time, *one) for use, one in series.items()}
 
-    def _complete(self, name: str, variables: dict[str, Array], joints: tuple[int, ...]) -> None:
-        """Of desired angle, measured angle and error find the third; the difference counts."""
-        absent = np.full_like(next(iter(variables.values())), np.nan)
-        q_d, q, e = (variables.get(key, absent) for key in ("q_d", "q_encoder", "e"))
-        # A joint is filled whole or not at all: gaps stay gaps.
-        filled = np.where(np.isnan(q_d).all(axis=0), q + e, q_d)
-        q = np.where(np.isnan(q).all(axis=0), q_d - e, q)
-        variables |= {"q_d": filled, "q_encoder": q, "e": filled - q}
-        for k, joint in enumerate(joints):
-            known = np.isfinite(e[:, k] - variables["e"][:, k])
-            apart = (e[:, k] - variables["e"][:, k])[known]
-            if np.linalg.norm(apart) > _CONTRADICTS * np.linalg.norm(variables["e"][known, k]):
-                off = np.rad2deg(np.abs(apart).max())
-                said = f"is up to {off:.3g} deg off q_d - q_encoder: look at unit and sign"
-                self.doubts.append(f"{name}: e of joint {joint} {said}")
 
-    def _status(self, time: Array, variables: dict[str, Array], joints: tuple[int, ...]) -> dict[str, Any]:
-        """Worst status of a joint by its error; gaps are bridged, they are not divergence."""
-        found: dict[int, tuple[str, float]] = {}
-        for k, joint in enumerate(joints if "e" in variables else ()):
-            e = variables["e"][:, k]
-            known = np.isfinite(e)
-            if known.any() and np.ptp(variables.get("q_d", variables["e"])[known, k]) > _HELD:
-                found[joint] = self.status_of(time, np.interp(time, time[known], e[known])[:, np.newaxis])
-        worst = max((status for status, _ in found.values()), key=_SEVERITY.index, default="ok")
-        of = [joint for joint, (status, _) in found.items() if status == worst]
-        end = min((found[joint][1] for joint in of), default=float(time[-1]))
-        judged = {"status": worst, "status_time": end}
-        return judged if worst == "ok" else judged | {"status_joints": of}
+def _complete(variables: dict[str, Array]) -> None:
+    """Of desired angle, measured angle and error find the third; the difference counts."""
+    absent = np.full_like(next(iter(variables.values())), np.nan)
+    q_d, q, e = (variables.get(key, absent) for key in ("q_d", "q_encoder", "e"))
+    # A joint is filled whole or not at all: gaps stay gaps.
+    filled = np.where(np.isnan(q_d).all(axis=0), q + e, q_d)
+    q = np.where(np.isnan(q).all(axis=0), q_d - e, q)
+    variables |= {"q_d": filled, "q_encoder": q, "e": filled - q}
+
+
+def _status(time: Array, variables: dict[str, Array], joints: tuple[int, ...]) -> dict[str, Any]:
+    """Worst status of a joint by its error, by the limits of the shipped comparison; gaps are bridged."""
+    limits = load_config(None, "compare").config.status
+    ringing = limits.ringing_frequency.si, limits.ringing_share.si
+    found: dict[int, tuple[str, float]] = {}
+    for k, joint in enumerate(joints if "e" in variables else ()):
+        e = variables["e"][:, k]
+        known = np.isfinite(e)
+        if known.any() and np.ptp(variables.get("q_d", variables["e"])[known, k]) > _HELD:
+            bridged = np.interp(time, time[known], e[known])[:, np.newaxis]
+            found[joint] = status_of(time, bridged, limits.divergence_limit.si, *ringing)
+    worst = max((status for status, _ in found.values()), key=_SEVERITY.index, default="ok")
+    of = [joint for joint, (status, _) in found.items() if status == worst]
+    end = min((found[joint][1] for joint in of), default=float(time[-1]))
+    judged = {"status": worst, "status_time": end}
+    return judged if worst == "ok" else judged | {"status_joints": of}
 
 
 def _uses(source: Source, run: Run) -> dict[str, Use]:
@@ -202,42 +186,43 @@ def _uses(source: Source, run: Run) -> dict[str, Use]:
     return found
 
 
-def _rows(source: Source, run: Run) -> NDArray[np.bool_]:
-    """Rows that meet the conditions of a run."""
-    rows = np.ones(len(next(iter(source.columns.values()))), bool)
-    for column, wanted in run.where.items():
-        if column not in source.columns:
-            raise ConfigError(f"{source.name} has no column {column!r}")
-        values = source.columns[column]
-        rows &= np.isclose(values, wanted) if values.dtype.kind == "f" else values == str(wanted)
-    if not rows.any():
+def _rows(source: Source, run: Run) -> pd.DataFrame:
+    """Columns of a table in the rows that meet the conditions of a run."""
+    table = pd.DataFrame(source.columns)
+    if absent := run.where.keys() - set(table):
+        raise ConfigError(f"{source.name} has no column {absent.pop()!r}")
+    rows = table[(table[list(run.where)] == pd.Series(run.where, dtype=object)).all(axis=1)]
+    if rows.empty:
         raise ConfigError(f"no row of {source.name} meets {run.where}")
     return rows
 
 
-def _times(source: Source, uses: dict[str, Use], run: Run, rows: NDArray[np.bool_]) -> Array:
-    for column, use in uses.items():
-        if use.variable == "time":
-            return _in_si(source.columns[column], use)[rows]
-    if run.step_s is None:
+def _times(rows: pd.DataFrame, uses: dict[str, Use], source: Source, run: Run) -> Array:
+    """Times of some rows, s, NaN beyond the part to keep; they have to increase."""
+    column = next((column for column, use in uses.items() if use.variable == "time"), None)
+    if column is None and run.step_s is None:
         hint = "give its column of times the line 'NAME: time s', or the run 'step_s: 0.001'"
         raise ConfigError(f"{source.name} has no times", hint=hint)
-    return np.asarray(run.step_s * np.arange(rows.sum()))
-
-
-def _check_times(time: Array, source: Source) -> None:
-    if len(time) < 2:
+    step = run.step_s or 0.0
+    time: Array = (
+        step * np.arange(len(rows), dtype=float) if column is None else _in_si(rows[column], uses[column])
+    )
+    time[(time < run.from_s) | (time > run.to_s)] = np.nan
+    kept = time[np.isfinite(time)]
+    if len(kept) < 2:
         raise ConfigError(f"{source.name} has fewer than two samples from from_s to to_s")
-    late = np.flatnonzero(np.diff(time) <= 0.0)
-    if late.size:
-        message = f"the time of {source.name} does not increase after {time[late[0]]:.6g} s"
+    if not (np.diff(kept) > 0.0).all():
+        message = (
+            f"the time of {source.name} does not increase after {kept[np.argmin(np.diff(kept) > 0.0)]:.6g} s"
+        )
         raise ConfigError(message, hint="several runs below each other? `where` takes the rows of one")
+    return time
 
 
-def _in_si(values: NDArray[Any], use: Use) -> Array:
+def _in_si(values: pd.Series, use: Use) -> Array:
     if values.dtype.kind != "f":
         raise ConfigError(f"the column of {use} holds words")
-    return np.asarray((use.factor * values + use.offset) * use.to_si, np.float64)
+    return np.array((use.factor * values + use.offset) * use.to_si, np.float64)
 
 
 def doubts_about(trace: Trace) -> Iterator[str]:

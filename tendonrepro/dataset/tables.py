@@ -12,7 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.dataset.source import FEWEST, Columns, Unreadable
+from tendonrepro.dataset.arrays import FEWEST, Columns, Unreadable
 from tendonrepro.dataset.words import plain_unit
 
 _COMMENT = ("#", "%", "//")

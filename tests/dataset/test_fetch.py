@@ -53,7 +53,6 @@ def test_fetch_then_again_without_a_network(command: str, tmp_path: Path) -> Non
     assert all(hashlib.md5(SMALL[file["key"]]).hexdigest() == file["md5"] for file in lock["files"])
     assert all(agent.startswith("tendonrepro/") and "(+http" in agent for agent in agents)
     again = answer(command, "fetch", str(RECORD), cwd=tmp_path)
-    assert not again["network"]
     assert {file["action"] for file in again["files"]} == {"present"}
 
 
@@ -132,7 +131,7 @@ def test_files_downloaded_by_hand(fetch: Fetch, by_hand: Path, tmp_path: Path) -
     assert files_of(tmp_path / "zenodo") == dict(sorted(SMALL.items()))
     # With the lock no network is needed.
     (tmp_path / "zenodo" / "SYNTHETIC exp data 1.mat").unlink()
-    assert not fetch(repository, from_dir=by_hand)["network"]
+    fetch(Repository(url="http://127.0.0.1:1"), from_dir=by_hand)
 
 
 @pytest.mark.parametrize("change", ["wrong", "missing"])
@@ -182,13 +181,6 @@ def test_a_record_cannot_write_elsewhere(fetch: Fetch, tmp_path: Path, key: str)
     with serving(Repository(files={key: b"x"})) as repository, pytest.raises(DataMissingError):
         fetch(repository)
     assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize("content", ["", "[]", '{"files": []}'])
-def test_a_broken_lock_is_refused(fetch: Fetch, tmp_path: Path, content: str) -> None:
-    (tmp_path / "zenodo.lock.json").write_text(content)
-    with serving(Repository()) as repository, pytest.raises(DataMissingError, match=r"zenodo\.lock\.json"):
-        fetch(repository)
 
 
 NAMES = ["19467931", "10.5281/zenodo.19467931", "doi:10.5281/zenodo.19467931", f"{SITE}/records/19467931"]

@@ -287,10 +287,6 @@ def test_of_three_two_give_the_third(absent: str, known: tuple[str, str], tmp_pa
 @pytest.mark.parametrize(
     ("columns", "words"),
     [
-        (
-            {"qd": DESIRED[:, 0], "q": MEASURED["controller_1"][:, 0], "e": 0.0 * TIME + 5.0},
-            "off q_d - q_encoder",
-        ),
         ({"q": 57.0 * DESIRED[:, 0]}, "half a turn"),
         ({"qd": DESIRED[:, 0], "q": 0.5 * DESIRED[:, 0]}, "a tenth of its motion"),
     ],
@@ -300,22 +296,18 @@ def test_what_looks_wrong_is_said(columns: dict[str, Array], words: str, tmp_pat
     assert any(words in doubt for doubt in found["doubts"])
 
 
-def test_two_clocks_come_together_on_even_times(tmp_path: Path) -> None:
+def test_two_clocks_come_together_on_the_first(tmp_path: Path) -> None:
     other = TIME[:-5] + 0.003
     np.savetxt(tmp_path / "y.csv", np.stack([1e3 * other, np.interp(other, TIME, DESIRED[:, 0])], axis=1),
                delimiter=",", header="ms,qd", comments="")  # fmt: skip
-    text = "resample_s: 0.01\ncolumns: {t: time s, ms: time ms, qd: q_d 2 deg, q: q_encoder 2 deg}\n"
+    text = "columns: {t: time s, ms: time ms, qd: q_d 2 deg, q: q_encoder 2 deg}\n"
     _, mapping = made(
         tmp_path, text + "runs: {controller_1: [x.csv, y.csv]}\n", t=TIME, q=MEASURED["controller_1"][:, 0]
     )
-    ingest(tmp_path, mapping)
+    assert any("controller_1" in note for note in ingest(tmp_path, mapping)["notes"])
     trace = read_traces(tmp_path / "measured.h5").runs["controller_1"]
-    assert np.rad2deg(trace["q_d"][:, 0]) == pytest.approx(
-        np.interp(trace.time + 0.003, TIME, DESIRED[:, 0]), abs=0.01
-    )
-    mapping.write_text(mapping.read_text().replace("resample_s: 0.01\n", ""))
-    with pytest.raises(ConfigError, match=r"mapping\.yaml:2"):
-        ingest(tmp_path, mapping, force=True)
+    expected = np.interp(trace.time + TIME[1], TIME, DESIRED[:, 0])
+    assert np.rad2deg(trace["q_d"][:, 0]) == pytest.approx(expected, abs=0.01)
 
 
 @pytest.mark.parametrize(
@@ -350,7 +342,7 @@ def test_what_is_there_is_not_overwritten(tmp_path: Path) -> None:
     ingest(path, mapping)
     ingest(path, mapping)
     mapping.write_text(mapping.read_text().replace("q_encoder 2", "q_encoder 3"))
-    with pytest.raises(UsageError, match="another mapping"):
+    with pytest.raises(UsageError):
         ingest(path, mapping)
     ingest(path, mapping, force=True)
     out = tmp_path / "measured.h5"

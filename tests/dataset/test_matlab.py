@@ -14,10 +14,9 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from support import matlab_bytes as made
 
-from tendonrepro.dataset.arrays import tables_of
+from tendonrepro.dataset.arrays import Columns, Unreadable, tables_of
 from tendonrepro.dataset.matlab import read_matlab
 from tendonrepro.dataset.read import read_file
-from tendonrepro.dataset.source import Columns, Unreadable
 
 TIMES = np.linspace(0.0, 0.9, 10)
 WAVES = np.stack([np.sin(TIMES), np.cos(TIMES)], axis=1)

@@ -9,7 +9,7 @@ import openpyxl
 import pytest
 from numpy.testing import assert_array_equal
 
-from tendonrepro.dataset.source import FEWEST, Columns, Unreadable
+from tendonrepro.dataset.arrays import FEWEST, Columns, Unreadable
 from tendonrepro.dataset.tables import decoded, read_text_table, read_workbook
 
 
