@@ -85,15 +85,13 @@ def _rows(value: Any) -> NDArray[np.float64] | None:
     if not isinstance(value, np.ndarray) or value.dtype.kind not in "biuf":
         return None
     array = np.squeeze(value)
-    array = array[:, np.newaxis] if array.ndim == 1 else array
     if array.ndim == 3:
         # One matrix a sample, along the first or the last axis.
         array = np.moveaxis(array, int(np.argmax(array.shape)), 0).reshape(max(array.shape), -1)
-    if array.ndim != 2:
-        return None
-    if array.shape[0] < array.shape[1]:
-        array = array.T
-    return array.astype(float) if len(array) >= FEWEST and array.shape[1] <= MOST_COLUMNS else None
+    array = np.atleast_2d(array)
+    array = array.T if array.shape[0] < array.shape[1] else array
+    is_table = array.ndim == 2 and len(array) >= FEWEST and array.shape[1] <= MOST_COLUMNS
+    return array.astype(float) if is_table else None
 
 
 def _together(series: list[tuple[str, Columns]], path: str) -> Iterator[tuple[str, Columns]]:
@@ -116,19 +114,17 @@ def _together(series: list[tuple[str, Columns]], path: str) -> Iterator[tuple[st
 
 
 def read_hdf5(path: Path) -> Tree:
-    """Read the datasets of an HDF5 or netCDF-4 file, with their attribute ``units``."""
+    """Read the datasets of an HDF5 or netCDF-4 file by their groups, with their attribute ``units``."""
     import h5py
 
     tree: Tree = {}
 
     def visit(name: str, node: object) -> None:
-        if isinstance(node, h5py.Dataset) and node.dtype.kind in "biuf" and node.ndim in (1, 2):
-            *folders, last = name.split("/")
-            place = tree
-            for folder in folders:
-                place = place.setdefault(folder, {})
+        if isinstance(node, h5py.Dataset) and node.dtype.kind in "biuf":
+            group, _, last = name.rpartition("/")
             unit = node.attrs.get("units", "")
             unit = unit.decode() if isinstance(unit, bytes) else str(unit)
+            place = tree.setdefault(group.replace("/", "."), {})
             place[f"{last} ({unit})" if unit else last] = node[()]
 
     with h5py.File(path) as file:

@@ -9,7 +9,7 @@ import json
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -22,7 +22,7 @@ from tendonrepro.dataset.words import FACTORS, KINDS, ROLES, Meaning, meaning_of
 Lines: TypeAlias = dict[str, tuple[str, str]]
 """Column -> what it is, and what to check about that."""
 
-_USUAL = {"time": "s", "angle": "deg", "rate": "deg/s", "torque": "N m"}
+_USUAL = {"rate": "deg/s", "torque": "N m"}
 _OTHER = {"s": "ms", "deg": "rad", "rad": "deg", "deg/s": "rad/s", "N m": "mN m"}
 _MOST_RADIANS = 3.2
 """Angles beyond are degrees; no joint turns by more than half a turn."""
@@ -105,9 +105,9 @@ def _of_table(source: Source) -> Iterator[Guess | str]:
             line = f"{variable or 'q_encoder'} {joint if joint in (1, 2, 3) else 2} {one.unit or 'deg'}"
             yield f"{_scalar(column)}: {line}  # {source.name}: {problem}"
             continue
-        unit, checks = _unit(variable, one.unit, values)
+        unit, sized = _unit(variable, one.unit, values)
         use = Use(variable, 0 if variable == "time" else joint, unit)
-        checks += _checks(one, use)
+        checks = list(_checks(one, use, sized))
         if use.joint and (shift or one.joint is None):
             checks.append(f"joint {numbers[column]} of the file, taken as {joint}; else {variable} N {unit}")
         run, payload = _run_of(source.name, one, around)
@@ -151,38 +151,34 @@ def _problem(said: Meaning, variable: str | None, joint: int, kind: str) -> str:
     return "" if is_joint else "its name has no joint from 1 to 3"
 
 
-def _unit(variable: str, said: str | None, values: Array) -> tuple[str, list[str]]:
-    """Unit of a column, and what to check about it: as its name says, else by the size of its numbers."""
+def _unit(variable: str, said: str | None, values: Array) -> tuple[str, str]:
+    """Unit of a column, as its name says, else by the size of its numbers, which are then told."""
     kind = kind_of(variable)
-    if kind is None:
-        return "", []
-    if said in FACTORS[kind]:
-        return str(said), []
-    unit, found = _USUAL[kind], "no unit"
+    if kind is None or said in FACTORS[kind]:
+        return said or "", ""
     if kind == "time":
         low, high = _LOOP_STEPS
         step = float(np.nanmedian(np.diff(values)))
         unit = next((u for u in ("s", "ms", "us", "ns") if low <= step * FACTORS["time"][u] <= high), "s")
-        if unit == "s" and low <= step <= high:
-            return "s", []
-        found = f"no unit, step {step:.3g}"
-    elif kind == "angle":
+        return unit, "" if unit == "s" and low <= step <= high else f"no unit, step {step:.3g}"
+    if kind == "angle":
         most = float(np.nanmax(np.abs(values), initial=0.0))
-        unit, found = ("deg" if most > _MOST_RADIANS else "rad"), f"no unit, up to {most:.3g}"
-    return unit, [f"{found}, taken as {unit}; else write {_OTHER.get(unit, 's')}"]
+        return "deg" if most > _MOST_RADIANS else "rad", f"no unit, up to {most:.3g}"
+    return _USUAL[kind], "no unit"
 
 
-def _checks(said: Meaning, use: Use) -> list[str]:
-    """What else was assumed about a column."""
+def _checks(said: Meaning, use: Use, sized: str) -> Iterator[str]:
+    """What was found and assumed about a column, and the line to write if that is wrong."""
+    if sized:
+        yield f"{sized}, taken as {use.unit}; else {replace(use, unit=_OTHER.get(use.unit, 's'))}"
     if use.variable == "q_motor_encoder":
-        return [f"motor, taken as the winch's angle; before the reducer {use} * 0.01"]
+        yield f"motor, taken as the winch's angle; before the reducer {use} * 0.01"
     if use.variable == "e":
-        return [f"error, taken as desired less measured; else {use} * -1"]
+        yield f"error, taken as desired less measured; else {use} * -1"
     if use.variable == "tau_m" and "motor" in said.says:
-        return ["torque of a motor, taken as at the joint; else delete this line"]
+        yield "torque of a motor, taken as at the joint; else delete this line"
     if use.variable == "q_encoder" and not said.says & {"angle", "measured"}:
-        return [f"neither desired nor measured, taken as measured; else q_d {use.joint} {use.unit}"]
-    return []
+        yield f"neither desired nor measured, taken as measured; else {replace(use, variable='q_d')}"
 
 
 def _run_of(name: str, said: Meaning, around: Sequence[Meaning]) -> tuple[str, float | None]:

@@ -73,15 +73,9 @@ def _columns(source: Source) -> list[dict[str, Any]]:
     return rows
 
 
-def inspect_text(found: Mapping[str, Any], *, verbose: bool) -> str:
+def inspect_text(found: Mapping[str, Any]) -> str:
     """What a terminal shows: a table for each table, what was not read, and the mapping."""
-    parts = []
-    for table in found["tables"]:
-        rows = table["columns"]
-        names = ", ".join(row["column"] for row in rows)
-        parts.append(
-            Table(table["name"], table["name"], rows).text() if verbose else f"{table['name']}: {names}"
-        )
+    parts = [Table("", table["name"], table["columns"]).text() for table in found["tables"]]
     parts += [f"{file}: not read, {reason}" for file, reason in found["unread"].items()]
     if found["mapping"]:
         parts.append(f"wrote {found['mapping']}: check every line that says CHECK")

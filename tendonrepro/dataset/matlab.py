@@ -8,11 +8,21 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pandas as pd
+import scipy.io
 from numpy.typing import NDArray
 
 from tendonrepro.dataset.arrays import Columns, Series, Tree, Unreadable
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore")
+    try:
+        import matio
+    except ImportError:
+        # Some machines have no build of it; SciPy reads all but objects and version 7.3.
+        matio = None
 
 _SECONDS = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9, "minutes": 60.0, "hours": 3600.0}
 _DAMAGED = 0xDD000000
@@ -30,9 +40,14 @@ def read_matlab(path: Path) -> Tree:
     found, reasons = {}, []
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
+        if matio is None:
+            held = scipy.io.loadmat(path, spmatrix=False)
+            return {name: _plain(value) for name, value in held.items() if not name.startswith("_")}
         for name in _names(path):
             try:
-                found[name] = _plain(_variable(path, name))
+                # One by one, since a broken one fails the load of all.
+                read = matio.load_from_mat(str(path), variable_names=[name], add_table_attrs=True)
+                found[name] = _plain(read[name])
             except Exception as error:
                 reasons.append(f"{name}: {error}")
     if not found:
@@ -41,32 +56,10 @@ def read_matlab(path: Path) -> Tree:
 
 
 def _names(path: Path) -> list[str]:
-    import h5py
-
     if h5py.is_hdf5(path):
         with h5py.File(path) as file:
             return [name for name in file if not name.startswith("#")]
-    from scipy.io import loadmat
-    from scipy.io.matlab import MatlabOpaque, varmats_from_mat
-
-    names = []
-    with path.open("rb") as stream:
-        for name, part in varmats_from_mat(stream):
-            # SciPy calls every object so; its own name is in what it makes of it.
-            value = loadmat(part).get(name) if name == "None" else None  # type: ignore[arg-type]
-            names.append(value["s0"][0].decode("latin-1") if isinstance(value, MatlabOpaque) else name)
-    return [name for name in names if name]
-
-
-def _variable(path: Path, name: str) -> Any:
-    """Read one variable, since one that is broken fails the load of all."""
-    try:
-        import matio
-    except ImportError:
-        from scipy.io import loadmat
-
-        return loadmat(path, variable_names=[name], spmatrix=False)[name]
-    return matio.load_from_mat(str(path), variable_names=[name], add_table_attrs=True, spmatrix=False)[name]
+    return list(matio.whosmat(str(path)))
 
 
 def _plain(value: Any) -> Any:

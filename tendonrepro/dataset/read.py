@@ -53,7 +53,8 @@ def read_files(paths: Sequence[Path], talk: Talk) -> tuple[list[Source], dict[st
     unread: dict[str, str] = {}
     reader = ProcessPoolExecutor(max_workers=1)
     with tempfile.TemporaryDirectory() as scratch:
-        files = [one for path in paths for one in _files(path, Path(scratch), unread)]
+        names = {path: "" if path.is_dir() else path.name for path in paths}
+        files = [one for path, name in names.items() for one in _files(path, name, Path(scratch), unread)]
         with talk.bar("reading", len(files)) as advance:
             for path, name in files:
                 try:
@@ -71,25 +72,20 @@ def read_files(paths: Sequence[Path], talk: Talk) -> tuple[list[Source], dict[st
     return sources, unread
 
 
-def _files(path: Path, scratch: Path, unread: dict[str, str]) -> Iterator[tuple[Path, str]]:
-    """Files to read with their names, below the path; archives unpacked once."""
-    members = sorted(path.rglob("*")) if path.is_dir() else [path]
-    for member in members:
-        name = member.relative_to(path).as_posix() if path.is_dir() else member.name
-        if not member.is_file() or any(part.startswith(".") for part in Path(name).parts):
-            continue
-        if member.suffix.lower() not in _ARCHIVES:
-            yield member, name
-            continue
+def _files(path: Path, name: str, scratch: Path, unread: dict[str, str]) -> Iterator[tuple[Path, str]]:
+    """Files to read with their names, in a folder or archive as by themselves; hidden ones are left out."""
+    if path.is_dir():
+        for member in sorted(path.glob("[!.]*")):
+            yield from _files(member, f"{name}/{member.name}".lstrip("/"), scratch, unread)
+    elif path.suffix.lower() in _ARCHIVES:
         folder = Path(tempfile.mkdtemp(dir=scratch))
         try:
-            _unpack(member, folder)
+            _unpack(path, folder)
         except (Unreadable, OSError, EOFError, zipfile.BadZipFile, tarfile.TarError, RuntimeError) as error:
             unread[name] = f"cannot be unpacked: {error}"
-            continue
-        for inner in sorted(folder.rglob("*")):
-            if inner.is_file() and not inner.name.startswith("."):
-                yield inner, f"{name}/{inner.relative_to(folder).as_posix()}"
+        yield from _files(folder, name, scratch, unread)
+    else:
+        yield path, name
 
 
 def _unpack(path: Path, folder: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,9 @@ from tendonrepro.physics.metrics import status_of
 from tendonrepro.results.records import Trace
 from tendonrepro.results.summary import MEASURED
 
+_ANGLES = "q_d", "q_encoder", "q_calculated"
+_FAR = 0.1
+"""Mean difference of two of these, over the range, beyond which a unit, sign, gear or column is in doubt."""
 _MOST_TURN_DEG = 190.0
 _STEPS = 5e-5, 0.1
 """s, beyond which the unit of the times is in doubt."""
@@ -109,7 +113,8 @@ class Assembly:
         series: dict[Use, tuple[Array, Array]] = {}
         for table in run.sources:
             source = self._source(table)
-            uses = {column: use for column, use in _uses(source, run).items() if use not in series}
+            taken = {(use.variable, use.joint) for use in series}
+            uses = {c: use for c, use in _uses(source, run).items() if (use.variable, use.joint) not in taken}
             if all(use.variable == "time" for use in uses.values()):
                 continue
             rows = _rows(source, run)
@@ -203,10 +208,9 @@ def _times(rows: pd.DataFrame, uses: dict[str, Use], source: Source, run: Run) -
     if column is None and run.step_s is None:
         hint = "give its column of times the line 'NAME: time s', or the run 'step_s: 0.001'"
         raise ConfigError(f"{source.name} has no times", hint=hint)
-    step = run.step_s or 0.0
-    time: Array = (
-        step * np.arange(len(rows), dtype=float) if column is None else _in_si(rows[column], uses[column])
-    )
+    time: Array = (run.step_s or 0.0) * np.arange(len(rows), dtype=float)
+    if column is not None:
+        time = _in_si(rows[column], uses[column])
     time[(time < run.from_s) | (time > run.to_s)] = np.nan
     kept = time[np.isfinite(time)]
     if len(kept) < 2:
@@ -230,24 +234,14 @@ def doubts_about(trace: Trace) -> Iterator[str]:
     step = float(np.median(np.diff(trace.time)))
     if not _STEPS[0] <= step <= _STEPS[1]:
         yield f"it has a sample every {step:.4g} s: check the unit of the time"
-    for name in ("q_encoder", "q_d", "q_calculated"):
-        turn = np.rad2deg(np.nanmax(np.abs(trace[name]), initial=0.0)) if name in trace else 0.0
+    held = {name: values for name, values in trace.variables.items() if name in _ANGLES}
+    for name, values in held.items():
+        turn = np.rad2deg(np.nanmax(np.abs(values), initial=0.0))
         if turn > _MOST_TURN_DEG:
             yield f"{name} reaches {turn:.4g} deg, and no joint turns by more than half a turn"
-    if "e" in trace:
-        for joint in _beyond(trace, np.abs(trace["e"]), "q_d", 0.1):
-            yield f"the error of joint {joint} is a tenth of its motion: check columns and units"
-    if {"q_calculated", "q_encoder"} <= trace.variables.keys():
-        apart = np.abs(trace["q_calculated"] - trace["q_encoder"])
-        for joint in _beyond(trace, apart, "q_encoder", 0.1):
-            yield f"the motors do not fit joint {joint}: check sign, gear and unit of the motors"
-
-
-def _beyond(trace: Trace, sizes: Array, variable: str, share: float) -> list[int]:
-    """Joints of which a size is on average more than a share of a variable's range."""
-    there = zip(trace.joint, sizes.T, trace[variable].T, strict=True) if variable in trace else ()
-    return [
-        joint
-        for joint, size, angle in there
-        if np.isfinite(size).any() and np.nanmean(size) > share * max(np.ptp(angle[np.isfinite(angle)]), 1e-3)
-    ]
+    for first, other in combinations(held, 2):
+        apart = np.abs(held[first] - held[other])
+        for joint, size, angle in zip(trace.joint, apart.T, held[other].T, strict=True):
+            known = np.isfinite(size)
+            if known.any() and size[known].mean() > _FAR * max(np.ptp(angle[known]), 1e-3):
+                yield f"{first} and {other} of joint {joint} differ by a tenth of its motion: check both"

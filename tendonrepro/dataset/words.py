@@ -160,26 +160,17 @@ def _words(text: str) -> Iterator[str]:
             yield token
         elif token in _table()["short"]:
             yield from _table()["short"][token].split()
-        elif re.search(r"[\u4e00-\u9fff]", token):
-            yield from _cut_chinese(token)
         elif token not in _MARKS:
-            yield from _cut_in_two(token)
+            yield from _cut(token)
 
 
-def _cut_in_two(token: str) -> list[str]:
-    """Two known words, neither a single letter but one that is often written close; else the token."""
-    for place in range(1, len(token)):
-        pieces = [token[:place], token[place:]]
-        close = len(token) > 2 and {*pieces} & {"q", "e", "d", "m"}
-        if all(piece in _groups() and (len(piece) > 1 or close) for piece in pieces):
-            return pieces
-    return [token]
-
-
-def _cut_chinese(token: str) -> list[str]:
-    """Longest known words from the left; what is between them stays as it is."""
+def _cut(token: str) -> list[str]:
+    """Longest known words from the left; of Latin letters only if nothing is left between them."""
     longest_first = sorted(_groups(), key=len, reverse=True)
-    return [piece for piece in re.split(f"({'|'.join(longest_first)})", token) if piece]
+    pieces = [piece for piece in re.split(f"({'|'.join(longest_first)})", token) if piece]
+    is_cut = all(piece in _groups() and (len(piece) > 1 or piece in "qedm") for piece in pieces)
+    is_chinese = re.search(r"[\u4e00-\u9fff]", token)
+    return pieces if is_chinese or (is_cut and max(map(len, pieces)) > 1) else [token]
 
 
 def _numbers(words: list[str]) -> tuple[set[int], set[int], list[str]]:

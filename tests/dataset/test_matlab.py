@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
@@ -124,7 +123,7 @@ def test_without_the_package_arrays_are_read(
     tmp_path: Path, version: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = WRITERS[version](tmp_path / "SYNTHETIC.mat", {"q": WAVES, "ts": made.timeseries(WAVES, TIMES)})
-    monkeypatch.setitem(sys.modules, "matio", None)
+    monkeypatch.setattr("tendonrepro.dataset.matlab.matio", None)
     if version == "objects 7.3":
         pytest.skip("SciPy reads no 7.3")
     assert list(dict(tables_of(read_matlab(path)))[""]) == ["q[1]", "q[2]"]
