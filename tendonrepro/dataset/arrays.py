@@ -1,4 +1,4 @@
-"""What is read: tables of named columns, and nested arrays of MATLAB, HDF5 and NumPy files as such."""
+"""What is read: tables of named columns, and nested arrays of MATLAB and HDF5 files as such."""
 
 from __future__ import annotations
 
@@ -56,6 +56,12 @@ class Source:
     name: str
     columns: Columns
     file: dict[str, Any]
+
+    @property
+    def last(self) -> str:
+        """Last part of its name: file, sheet or innermost struct."""
+        file, _, inner = self.name.partition(":")
+        return inner.rpartition(".")[2] or file.rpartition("/")[2]
 
 
 def tables_of(tree: Tree, path: str = "") -> Iterator[tuple[str, Columns]]:
@@ -130,9 +136,3 @@ def read_hdf5(path: Path) -> Tree:
     with h5py.File(path) as file:
         file.visititems(visit)
     return tree
-
-
-def read_numpy(path: Path) -> Tree:
-    """Read an npy or npz file; NumPy refuses one that holds Python objects."""
-    loaded = np.load(path, allow_pickle=False)
-    return {"column": loaded} if isinstance(loaded, np.ndarray) else dict(loaded)

@@ -81,7 +81,8 @@ def guess_mapping(sources: Sequence[Source], title: str) -> Guessed:
             if same is None:
                 run.append(found)
             else:
-                left.append(f"{_scalar(found.column)}: {found.use}  # {source.name}: so is {same.column}")
+                left.append(f"{_scalar(found.column)}: {found.use}  # taken from {same.column}")
+    left = list(dict.fromkeys(left))
     counts = {run: sum(one.use.joint > 0 for one in guesses) for run, guesses in runs.items()}
     runs = {run: guesses for run, guesses in runs.items() if counts[run]}
     text = "\n".join(_lines(runs, left, title)) + "\n"
@@ -102,8 +103,8 @@ def _of_table(source: Source) -> Iterator[Guess | str]:
         variable, one, joint = variables[column], said[column], numbers[column] + shift
         problem = _problem(one, variable, joint, values.dtype.kind)
         if problem or variable is None:
-            line = f"{variable or 'q_encoder'} {joint if joint in (1, 2, 3) else 2} {one.unit or 'deg'}"
-            yield f"{_scalar(column)}: {line}  # {source.name}: {problem}"
+            number = joint if joint in (1, 2, 3) else "JOINT"
+            yield f"{_scalar(column)}: {variable or 'VARIABLE'} {number} {one.unit or 'UNIT'}  # {problem}"
             continue
         unit, sized = _unit(variable, one.unit, values)
         use = Use(variable, 0 if variable == "time" else joint, unit)
@@ -225,7 +226,7 @@ def _columns_of(guesses: Sequence[Guess]) -> Lines:
     found: Lines = {}
     for guess in guesses:
         others = [one for one in guesses if one.column == guess.column and one.use != guess.use]
-        table = f"{guess.source.name.rpartition('/')[2]}:" if others else ""
+        table = f"{guess.source.last}:" if others else ""
         found.setdefault(f"{table}{guess.column}", (str(guess.use), guess.check))
     return found
 

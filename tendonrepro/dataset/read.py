@@ -132,7 +132,7 @@ def read_file(path: Path, name: str) -> list[Source]:
 
 def _tables(path: Path) -> dict[str, Columns]:
     """Tables of a file by their place in it; what it is, its first bytes say before its name does."""
-    from tendonrepro.dataset.arrays import read_hdf5, read_numpy, tables_of
+    from tendonrepro.dataset.arrays import read_hdf5, tables_of
     from tendonrepro.dataset.matlab import read_matlab
     from tendonrepro.dataset.tables import read_text_table, read_workbook
 
@@ -144,8 +144,6 @@ def _tables(path: Path) -> dict[str, Columns]:
         return dict(tables_of(read_matlab(path)))
     if head.startswith(b"\x89HDF"):
         return dict(tables_of(read_hdf5(path)))
-    if suffix in {".npy", ".npz"}:
-        return dict(tables_of(read_numpy(path)))
     if suffix in _BOOKS or head.startswith(b"PK\x03\x04"):
         return read_workbook(path)
     if suffix in _TEXTS:

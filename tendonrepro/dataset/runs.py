@@ -186,7 +186,7 @@ def _uses(source: Source, run: Run) -> dict[str, Use]:
     found = {}
     for name, use in (run.columns or {}).items():
         table, _, column = name.rpartition(":") if name not in source.columns else ("", "", name)
-        if column in source.columns and (not table or f"/{source.name}".endswith(f"/{table}")):
+        if column in source.columns and table in ("", source.name, source.last):
             found[column] = use
     return found
 

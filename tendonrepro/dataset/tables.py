@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -146,15 +147,14 @@ def _columns(head: Sequence[Sequence[str]], table: pd.DataFrame) -> Columns:
 def _names(head: list[list[str]], width: int) -> list[str]:
     """Names of columns: the last row of words, the group above it, and the unit below it."""
     head = [*head]
-    units = (head.pop() + [""] * width)[:width] if head and _are_units(head[-1]) else [""] * width
-    names = (head.pop() + [""] * width)[:width] if head else [""] * width
-    above = head.pop() if head else []
-    groups = _groups(above) if len(above) == width else [""] * width
-    named = [
-        f"{group} {name}".strip() or f"column {place}"
-        for place, (group, name) in enumerate(zip(groups, names, strict=True), start=1)
+    units = head.pop() if head and _are_units(head[-1]) else []
+    names = head.pop() if head else []
+    groups = _groups(head[-1]) if head and len(head[-1]) == width else []
+    cells = zip_longest(range(1, width + 1), groups, names[:width], units[:width], fillvalue="")
+    return [
+        (f"{group} {name}".strip() or f"column {place}") + (f" ({unit.strip('()[]')})" if unit else "")
+        for place, group, name, unit in cells
     ]
-    return [f"{name} ({unit})" if unit else name for name, unit in zip(named, units, strict=True)]
 
 
 def _are_units(row: Sequence[str]) -> bool:
