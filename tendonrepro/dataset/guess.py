@@ -10,7 +10,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -48,27 +48,15 @@ class Guess:
         return f"{self.use.variable} {self.use.joint}"
 
 
-@dataclass(frozen=True)
-class Guessed:
-    """A guessed mapping.
+def guess_mapping(sources: Sequence[Source], title: str) -> dict[str, Any]:
+    """Guess which column is which variable; what the table of words does not tell is left to the reader.
 
-    Attributes
-    ----------
-    text : str
-        Of the mapping file.
-    runs : mapping
-        Number of columns by run, times not counted.
-    left : list of str
-        Columns that nobody could tell: the line that would use each, and why it is not there.
+    Returns
+    -------
+    dict
+        ``suggestion``, the text of a mapping file; ``runs``, their numbers of columns, times not counted; and
+        ``left``, the line that would use a column that nobody could tell, and why it is not there.
     """
-
-    text: str
-    runs: Mapping[str, int]
-    left: list[str]
-
-
-def guess_mapping(sources: Sequence[Source], title: str) -> Guessed:
-    """Guess which column is which variable; what the table of words does not tell is left to the reader."""
     runs: dict[str, list[Guess]] = {}
     left: list[str] = []
     for source in sources:
@@ -86,7 +74,7 @@ def guess_mapping(sources: Sequence[Source], title: str) -> Guessed:
     counts = {run: sum(one.use.joint > 0 for one in guesses) for run, guesses in runs.items()}
     runs = {run: guesses for run, guesses in runs.items() if counts[run]}
     text = "\n".join(_lines(runs, left, title)) + "\n"
-    return Guessed(text, {run: counts[run] for run in runs}, left)
+    return {"suggestion": text, "runs": {run: counts[run] for run in runs}, "left": left}
 
 
 def _of_table(source: Source) -> Iterator[Guess | str]:

@@ -84,7 +84,7 @@ def run_ingest(
     for doubt in assembly.doubts:
         talk.note(f"check {doubt}")
     told: dict[str, Any] = {"guesses": loaded.guesses, "notes": notes, "doubts": assembly.doubts}
-    told["inputs"] = list({source.file["name"]: source.file for source in assembly.used()}.values())
+    told["inputs"] = list({source.file["name"]: source.file for source in sources}.values())
     digest = hashlib.sha256(loaded.text.encode()).hexdigest()
     created = datetime.now(UTC).isoformat(timespec="seconds")
     manifest = {

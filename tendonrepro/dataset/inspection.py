@@ -49,14 +49,12 @@ def run_inspect(paths: Sequence[Path], mapping: Path | None, *, force: bool, tal
     sources, unread = read_files(paths, talk)
     guessed = guess_mapping(sources, f"Measured data from {paths[0].resolve().name}")
     if mapping is not None:
-        write_atomically(mapping, guessed.text)
+        write_atomically(mapping, guessed["suggestion"])
     return {
         "schema_version": SCHEMA_VERSION,
         "tables": [{"name": source.name, "columns": _columns(source)} for source in sources],
         "unread": unread,
-        "runs": dict(guessed.runs),
-        "left": guessed.left,
-        "suggestion": guessed.text,
+        **guessed,
         "mapping": None if mapping is None else str(mapping),
     }
 

@@ -71,11 +71,6 @@ class Assembly:
                 raise ConfigError(error.message, where=self.mapping.places[name], hint=error.hint) from None
         return found
 
-    def used(self) -> list[Source]:
-        """Tables that a run is made of."""
-        names = {self._source(name).name for run in self.mapping.runs.values() for name in run.sources}
-        return [source for source in self.sources if source.name in names]
-
     def _run(self, name: str, run: Run) -> Trace:
         time, found = self._signals(name, run)
         joints = tuple(sorted({use.joint for use in found}))

@@ -12,7 +12,6 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from tendonrepro.arrays import Array
 from tendonrepro.dataset.arrays import FEWEST, Columns, Unreadable
 from tendonrepro.dataset.words import plain_unit
 
@@ -138,9 +137,9 @@ def _columns(head: Sequence[Sequence[str]], table: pd.DataFrame) -> Columns:
     names = _names([list(row) for row in head], table.shape[1])
     found = Columns()
     for place, name in enumerate(names):
-        values, unit = _values(table.iloc[:, place])
+        values = _values(table.iloc[:, place])
         if values is not None and (values.dtype.kind != "f" or np.isfinite(values).sum() >= FEWEST):
-            found.add(name, values, unit)
+            found.add(name, values)
     return found
 
 
@@ -173,22 +172,10 @@ def _groups(row: Sequence[str]) -> list[str]:
     return pd.Series(row).replace("", None).ffill().fillna("").tolist()
 
 
-def _values(column: pd.Series) -> tuple[NDArray[Any] | None, str]:
-    """Numbers of a column, or seconds since its first date, with that unit; words; None of an empty one."""
+def _values(column: pd.Series) -> NDArray[Any] | None:
+    """Numbers of a column, else its words; None of an empty one."""
     text = column.astype(str).str.strip()
     held = text[column.notna() & (text != "")]
-    if held.empty:
-        return None, ""
     numbers = np.asarray(pd.to_numeric(column, errors="coerce"), np.float64)
-    if np.isfinite(numbers).sum() > 0.5 * len(held):
-        return numbers, ""
-    clock = _clock(text)
-    return (clock, "s") if np.isfinite(clock).sum() > 0.5 * len(held) else (text.to_numpy(), "")
-
-
-def _clock(text: pd.Series) -> Array:
-    """Seconds of times of day, or of dates since the first one."""
-    if text.str.fullmatch(r"\d{1,2}:\d{2}:\d{2}(\.\d+)?").mean() > 0.5:
-        return np.asarray(pd.to_timedelta(text, errors="coerce").dt.total_seconds(), np.float64)
-    dates = pd.to_datetime(text.str.replace("/", "-"), format="ISO8601", errors="coerce", utc=True)
-    return np.asarray((dates - dates.iloc[0]).dt.total_seconds(), np.float64)
+    is_numbers = np.isfinite(numbers).sum() > 0.5 * len(held)
+    return None if held.empty else numbers if is_numbers else text.to_numpy()

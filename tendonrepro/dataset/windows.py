@@ -189,7 +189,7 @@ def _tried(
     for name, trace in runs.items():
         e = trace["e"][parts[name]]
         if removed:
-            e = e - np.nan_to_num(np.nanmean(e, axis=0))
+            e = e - np.ma.masked_invalid(e).mean(axis=0).filled(0.0)
         found = sizes_deg(e)
         for metric in _METRICS:
             for joint, size in zip(trace.joint, found[metric], strict=True):

@@ -97,19 +97,6 @@ def test_rows_above_the_numbers(head: str, names: list[str], tmp_path: Path) -> 
     assert list(of_text(head + NUMBERS, tmp_path)) == names
 
 
-@pytest.mark.parametrize(
-    ("stamps", "first"),
-    [
-        (("12:00:00.000", "12:00:00.500"), 43200.0),
-        (("2026-01-01T12:00:00", "2026-01-01T12:00:00.5"), 0.0),
-        (("2026/1/31 23:59:59.5", "2026/2/1 00:00:00.0"), 0.0),
-    ],
-)
-def test_clock_times_become_seconds(stamps: tuple[str, str], first: float, tmp_path: Path) -> None:
-    rows = ["when;q", *(f"{stamp};{k}" for k, stamp in enumerate(stamps * 4))]
-    assert of_text("\n".join(rows), tmp_path)["when (s)"][:2] == pytest.approx([first, first + 0.5])
-
-
 def test_gaps_are_gaps_and_words_stay_words(tmp_path: Path) -> None:
     found = of_text("t,q,law\n" + "0,1,a\n1,,b\n2,ERR,b\n" + "3,4,b\n" * FEWEST, tmp_path)
     assert_array_equal(found["q"][:4], [1.0, np.nan, np.nan, 4.0])
