@@ -136,6 +136,8 @@ def _problem(said: Meaning, variable: str | None, joint: int, kind: str) -> str:
         return f"not known: {', '.join(said.unknown)}"
     if variable is None:
         return "its words do not go together" if said.says & (KINDS | ROLES) else "no word says what it is"
+    if said.unit and said.unit not in FACTORS.get(kind_of(variable) or "", {said.unit}):
+        return f"a {variable} in {said.unit}"
     is_joint = variable == "time" or joint in (1, 2, 3)
     return "" if is_joint else "its name has no joint from 1 to 3"
 

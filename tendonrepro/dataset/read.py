@@ -68,7 +68,7 @@ def read_files(paths: Sequence[Path], talk: Talk) -> tuple[list[Source], dict[st
     reader.shutdown()
     if not sources:
         reasons = "; ".join(f"{file}: {reason}" for file, reason in unread.items()) or "no files"
-        raise DataMissingError(f"nothing to read: {reasons}"[:500], where=", ".join(map(str, paths)))
+        raise DataMissingError(f"nothing to read: {reasons}"[:500])
     return sources, unread
 
 
@@ -83,7 +83,8 @@ def _files(path: Path, name: str, scratch: Path, unread: dict[str, str]) -> Iter
             _unpack(path, folder)
         except (Unreadable, OSError, EOFError, zipfile.BadZipFile, tarfile.TarError, RuntimeError) as error:
             unread[name] = f"cannot be unpacked: {error}"
-        yield from _files(folder, name, scratch, unread)
+        else:
+            yield from _files(folder, name, scratch, unread)
     else:
         yield path, name
 
@@ -119,7 +120,7 @@ def read_file(path: Path, name: str) -> list[Source]:
     _refuse_larger(size)
     try:
         tables = _tables(path)
-    except (Unreadable, MemoryError):
+    except Unreadable:
         raise
     except Exception as error:
         raise Unreadable(f"damaged, or not what its name says: {error}"[:200]) from error

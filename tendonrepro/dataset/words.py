@@ -29,7 +29,7 @@ KINDS = frozenset({"time", "torque", "surface", "estimate", "rate"})
 ROLES = frozenset({"desired", "measured", "calculated", "error"})
 _COUNTED = KINDS | ROLES | {"angle", "joint", "motor"}
 """Groups behind which a number is that of a joint."""
-_NO_GROUPS = {"units", "short", "phrases"}
+_NO_GROUPS = {"units", "phrases"}
 _OF_ROLE = {"desired": "q_d", "measured": "q_encoder", "calculated": "q_calculated", "error": "e"}
 _OF_KIND = {"time": "time", "rate": "dq", "torque": "tau_m", "surface": "s", "estimate": "H_hat"}
 _MASS = re.compile(r"(\d+(?:[.,p]\d+)?)\s*_?(kg|g)(?![a-zA-Z])")
@@ -158,8 +158,6 @@ def _words(text: str) -> Iterator[str]:
     for token in _WORD.findall(text):
         if token in _groups() or token.isdigit():
             yield token
-        elif token in _table()["short"]:
-            yield from _table()["short"][token].split()
         elif token not in _MARKS:
             yield from _cut(token)
 
