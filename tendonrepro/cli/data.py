@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -55,7 +54,7 @@ def inspect(
     from tendonrepro.dataset.inspection import inspect_text, run_inspect
 
     found = run_inspect(paths, mapping if suggest else None, force=force, talk=terminal.talk)
-    terminal.show(found, partial(inspect_text, verbose=terminal.verbose))
+    terminal.show(found, inspect_text)
 
 
 @command(data_app, "tendonrepro ingest data/zenodo --mapping data/mapping.yaml")
@@ -65,7 +64,7 @@ def ingest(
     mapping: Mapping = Path("data/mapping.yaml"),
     out: Annotated[Path, Option("--out", help="Trace file to write.")] = Path("data/measured.h5"),
     confirm: Annotated[
-        bool, Option("--confirm", help="The mapping is right: delete every line `because` in it.")
+        bool, Option("--confirm", help="The mapping is right: delete every CHECK in it.")
     ] = False,
     dry_run: Annotated[bool, Option("--dry-run", help="Check everything, write nothing.")] = False,
     force: Annotated[

@@ -1,21 +1,67 @@
-"""Nested arrays, as MATLAB, HDF5 and NumPy files hold them, as tables of columns."""
+"""What is read: tables of named columns, and nested arrays of MATLAB and HDF5 files as such."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonrepro.dataset.source import FEWEST, Columns, Series, Unreadable
-
 Tree: TypeAlias = dict[str, Any]
 """Arrays, `Columns` and further trees by name."""
 
 MOST_COLUMNS = 40
 """Of an array whose columns are signals."""
+FEWEST = 8
+"""Samples of a column that may be a signal."""
+
+
+class Unreadable(Exception):
+    """A file that holds no signals, or cannot be read; its text says why."""
+
+
+class Columns(dict[str, NDArray[Any]]):
+    """Columns of N rows by name, numbers or words; a unit that is stored apart stands behind its name."""
+
+    def add(self, name: str, values: NDArray[Any], unit: str = "") -> None:
+        """Add a column; of those of one name all but the first are numbered."""
+        full = f"{name} ({unit})" if unit and f"({unit})" not in name and f"[{unit}]" not in name else name
+        number, free = 1, full
+        while free in self:
+            number += 1
+            free = f"{full} #{number}"
+        self[free] = values
+
+
+class Series(Columns):
+    """Samples of one signal behind their times; those of one clock that lie together are one table."""
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """One table.
+
+    Attributes
+    ----------
+    name : str
+        As the mapping names it: the file, and within it after a colon the sheet or struct.
+    columns : Columns
+    file : dict
+        ``name``, ``size`` in bytes and ``md5`` of its file.
+    """
+
+    name: str
+    columns: Columns
+    file: dict[str, Any]
+
+    @property
+    def last(self) -> str:
+        """Last part of its name: file, sheet or innermost struct."""
+        file, _, inner = self.name.partition(":")
+        return inner.rpartition(".")[2] or file.rpartition("/")[2]
 
 
 def tables_of(tree: Tree, path: str = "") -> Iterator[tuple[str, Columns]]:
@@ -45,15 +91,13 @@ def _rows(value: Any) -> NDArray[np.float64] | None:
     if not isinstance(value, np.ndarray) or value.dtype.kind not in "biuf":
         return None
     array = np.squeeze(value)
-    array = array[:, np.newaxis] if array.ndim == 1 else array
     if array.ndim == 3:
         # One matrix a sample, along the first or the last axis.
         array = np.moveaxis(array, int(np.argmax(array.shape)), 0).reshape(max(array.shape), -1)
-    if array.ndim != 2:
-        return None
-    if array.shape[0] < array.shape[1]:
-        array = array.T
-    return array.astype(float) if len(array) >= FEWEST and array.shape[1] <= MOST_COLUMNS else None
+    array = np.atleast_2d(array)
+    array = array.T if array.shape[0] < array.shape[1] else array
+    is_table = array.ndim == 2 and len(array) >= FEWEST and array.shape[1] <= MOST_COLUMNS
+    return array.astype(float) if is_table else None
 
 
 def _together(series: list[tuple[str, Columns]], path: str) -> Iterator[tuple[str, Columns]]:
@@ -76,43 +120,19 @@ def _together(series: list[tuple[str, Columns]], path: str) -> Iterator[tuple[st
 
 
 def read_hdf5(path: Path) -> Tree:
-    """Read the datasets of an HDF5 or netCDF-4 file, with their attribute ``units``."""
+    """Read the datasets of an HDF5 or netCDF-4 file by their groups, with their attribute ``units``."""
     import h5py
 
     tree: Tree = {}
 
     def visit(name: str, node: object) -> None:
-        if isinstance(node, h5py.Dataset) and node.dtype.kind in "biuf" and node.ndim in (1, 2):
-            *folders, last = name.split("/")
-            place = tree
-            for folder in folders:
-                place = place.setdefault(folder, {})
+        if isinstance(node, h5py.Dataset) and node.dtype.kind in "biuf":
+            group, _, last = name.rpartition("/")
             unit = node.attrs.get("units", "")
             unit = unit.decode() if isinstance(unit, bytes) else str(unit)
+            place = tree.setdefault(group.replace("/", "."), {})
             place[f"{last} ({unit})" if unit else last] = node[()]
 
     with h5py.File(path) as file:
         file.visititems(visit)
-    return tree
-
-
-def read_numpy(path: Path) -> Tree:
-    """Read an npy or npz file; one that holds Python objects is refused.
-
-    Raises
-    ------
-    Unreadable
-        If it does.
-    """
-    try:
-        loaded = np.load(path, allow_pickle=False)
-        held = {"": loaded} if isinstance(loaded, np.ndarray) else dict(loaded)
-    except ValueError as error:
-        raise Unreadable(f"no arrays of numbers: {error}") from error
-    tree: Tree = {}
-    for name, array in held.items():
-        if array.dtype.names is None:
-            tree[name or "column"] = array
-        else:
-            tree |= {field: array[field] for field in array.dtype.names}
     return tree

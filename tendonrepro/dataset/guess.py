@@ -1,4 +1,7 @@
-"""A mapping guessed from the names of tables and columns, to be checked by a person."""
+"""A mapping guessed from the names of tables and columns, to be checked by a person.
+
+Every guess that is not plain says what was found, what was assumed, and what to write if that is wrong.
+"""
 
 from __future__ import annotations
 
@@ -7,20 +10,25 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from tendonrepro.arrays import Array
+from tendonrepro.dataset.arrays import Source
 from tendonrepro.dataset.mapping import CHECK, SCHEMA_VERSION, Use, kind_of
-from tendonrepro.dataset.source import Source
-from tendonrepro.dataset.words import FACTORS, ROLES, Meaning, meaning_of, variable_of
+from tendonrepro.dataset.words import FACTORS, KINDS, ROLES, Meaning, meaning_of, variable_of
 
-_DEFAULT = {"time": "s", "angle": "deg", "rate": "deg/s", "torque": "N m"}
+Lines: TypeAlias = dict[str, tuple[str, str]]
+"""Column -> what it is, and what to check about that."""
+
+_USUAL = {"rate": "deg/s", "torque": "N m"}
+_OTHER = {"s": "ms", "deg": "rad", "rad": "deg", "deg/s": "rad/s", "N m": "mN m"}
 _MOST_RADIANS = 3.2
 """Angles beyond are degrees; no joint turns by more than half a turn."""
 _LOOP_STEPS = 5e-5, 0.1
 """Sampling steps of a control loop, s."""
+_PAPERS_PAYLOAD = 0.2
 
 
 @dataclass(frozen=True)
@@ -34,78 +42,72 @@ class Guess:
     payload: float | None
     check: str
 
+    @property
+    def line(self) -> str:
+        """Name of its variable and joint."""
+        return f"{self.use.variable} {self.use.joint}"
 
-@dataclass(frozen=True)
-class Guessed:
-    """A guessed mapping.
 
-    Attributes
-    ----------
-    text : str
-        Of the mapping file.
-    runs : mapping
-        Number of columns by run.
-    left : list of str
-        Columns that nobody could tell, each with its reason.
+def guess_mapping(sources: Sequence[Source], title: str) -> dict[str, Any]:
+    """Guess which column is which variable; what the table of words does not tell is left to the reader.
+
+    Returns
+    -------
+    dict
+        ``suggestion``, the text of a mapping file; ``runs``, their numbers of columns, times not counted; and
+        ``left``, the line that would use a column that nobody could tell, and why it is not there.
     """
-
-    text: str
-    runs: Mapping[str, int]
-    left: list[str]
-
-
-def guess_mapping(sources: Sequence[Source], title: str) -> Guessed:
-    """Guess which column is which variable; what the table of words does not tell is left to the reader."""
-    guesses: list[Guess] = []
+    runs: dict[str, list[Guess]] = {}
     left: list[str] = []
     for source in sources:
-        for column in source.columns:
-            found = _guess(source, column)
-            if isinstance(found, Guess):
-                guesses.append(found)
+        for found in _of_table(source):
+            if isinstance(found, str):
+                left.append(found)
+                continue
+            run = runs.setdefault(found.run, [])
+            same = next((one for one in run if one.line == found.line and found.use.joint), None)
+            if same is None:
+                run.append(found)
             else:
-                left.append(f"{source.name}: {column}: {found}")
-    guesses = _numbered(guesses, sources)
-    runs: dict[str, dict[str, list[Guess]]] = {}
-    for guess in guesses:
-        runs.setdefault(guess.run, {}).setdefault(guess.source.name, []).append(guess)
-    runs = {run: tables for run, tables in runs.items() if _has_signal(tables)}
+                left.append(f"{_scalar(found.column)}: {found.use}  # taken from {same.column}")
+    left = list(dict.fromkeys(left))
+    counts = {run: sum(one.use.joint > 0 for one in guesses) for run, guesses in runs.items()}
+    runs = {run: guesses for run, guesses in runs.items() if counts[run]}
     text = "\n".join(_lines(runs, left, title)) + "\n"
-    counts = {
-        run: sum(g.use.variable != "time" for gs in tables.values() for g in gs)
-        for run, tables in runs.items()
-    }
-    return Guessed(text, counts, left)
+    return {"suggestion": text, "runs": {run: counts[run] for run in runs}, "left": left}
 
 
-def _has_signal(tables: Mapping[str, Sequence[Guess]]) -> bool:
-    return any(guess.use.variable != "time" for guesses in tables.values() for guess in guesses)
+def _of_table(source: Source) -> Iterator[Guess | str]:
+    """What each column of a table is, or why that is not told and the line to write."""
+    around = [meaning_of(part) for part in _around(source.name)]
+    said = {column: meaning_of(re.sub(r"\[\d+\]| #\d+$", "", column)) for column in source.columns}
+    variables = {column: variable_of(_with_context(one, around)) for column, one in said.items()}
+    numbers = {column: _number_of(column, [one, *around]) for column, one in said.items()}
+    counted = {numbers[column] for column, variable in variables.items() if variable not in (None, "time")}
+    is_compared = any(one.controller for one in (*said.values(), *around))
+    # The comparison moves the paper's joints 2 and 3, which a lab may count from 1.
+    shift = int(is_compared and counted == {1, 2})
+    for column, values in source.columns.items():
+        variable, one, joint = variables[column], said[column], numbers[column] + shift
+        problem = _problem(one, variable, joint, values.dtype.kind)
+        if problem or variable is None:
+            number = joint if joint in (1, 2, 3) else "JOINT"
+            yield f"{_scalar(column)}: {variable or 'VARIABLE'} {number} {one.unit or 'UNIT'}  # {problem}"
+            continue
+        unit, sized = _unit(variable, one.unit, values)
+        use = Use(variable, 0 if variable == "time" else joint, unit)
+        checks = list(_checks(one, use, sized))
+        if use.joint and (shift or one.joint is None):
+            checks.append(f"joint {numbers[column]} of the file, taken as {joint}; else {variable} N {unit}")
+        run, payload = _run_of(source.name, one, around)
+        yield Guess(source, column, use, run, payload, "; ".join(checks))
 
 
-def _guess(source: Source, column: str) -> Guess | str:
-    """What a column is; a reason where that is not told."""
-    values = source.columns[column]
-    if values.dtype.kind != "f":
-        return "words, not numbers"
-    name = re.sub(r"(\[\d+\])|( #\d+$)", "", column)
-    said, around = meaning_of(name), [meaning_of(part) for part in _around(source.name)]
-    if said.unknown:
-        return f"not known: {', '.join(said.unknown)}"
-    variable, check = variable_of(_with_context(said, around))
-    if variable is None:
-        return check or "no word says what it is"
-    checks = [check] if check else []
-    joint = next((m.joint for m in (said, *around) if m.joint is not None), None)
-    index = re.search(r"\[(\d+)\]", column)
-    if joint is None and index and variable != "time":
-        joint = -int(index[1])
-    if joint is None and variable != "time":
-        return "no number says which joint"
-    unit, why = _unit(variable, said.unit, values)
-    checks += [why] if why else []
-    run, payload, doubt = _run_of(source.name, said, around)
-    checks += [doubt] if doubt and variable != "time" else []
-    return Guess(source, column, Use(variable, joint or 0, unit), run, payload, "; ".join(checks))
+def _number_of(column: str, telling: Sequence[Meaning]) -> int:
+    """Number of a column's joint: of the nearest name that has one, else its place in an array, else 0."""
+    place = re.search(r"\[(\d+)\]", column)
+    said = next((meaning.joint for meaning in telling if meaning.joint is not None), None)
+    return said if said is not None else int(place[1]) if place else 0
 
 
 def _around(name: str) -> list[str]:
@@ -119,177 +121,138 @@ def _around(name: str) -> list[str]:
 
 def _with_context(said: Meaning, around: Sequence[Meaning]) -> frozenset[str]:
     """What a name says, with role and quantity of the names around it where it has none of its own."""
-    says = said.says
-    if says & {"time", "torque", "surface", "estimate", "rate"} or says & ROLES:
-        return says
-    for meaning in around:
-        if not meaning.unknown and meaning.says & (ROLES | {"torque", "motor"}):
-            return says | (meaning.says & (ROLES | {"torque", "motor", "angle"}))
-    return says
+    if said.says & (KINDS | ROLES):
+        return said.says
+    wanted = ROLES | {"torque", "motor"}
+    near = next((m.says for m in around if not m.unknown and m.says & wanted), frozenset())
+    return said.says | (near & (wanted | {"angle"}))
+
+
+def _problem(said: Meaning, variable: str | None, joint: int, kind: str) -> str:
+    """What keeps a column from being guessed; empty where nothing does."""
+    if kind != "f":
+        return "words, by which `where` of a run can choose rows"
+    if said.unknown:
+        return f"not known: {', '.join(said.unknown)}"
+    if variable is None:
+        return "its words do not go together" if said.says & (KINDS | ROLES) else "no word says what it is"
+    if said.unit and said.unit not in FACTORS.get(kind_of(variable) or "", {said.unit}):
+        return f"a {variable} in {said.unit}"
+    is_joint = variable == "time" or joint in (1, 2, 3)
+    return "" if is_joint else "its name has no joint from 1 to 3"
 
 
 def _unit(variable: str, said: str | None, values: Array) -> tuple[str, str]:
-    """Unit of a column, and what to check about it: as its name says, else by the size of its numbers."""
+    """Unit of a column, as its name says, else by the size of its numbers, which are then told."""
     kind = kind_of(variable)
-    if kind is None:
-        return "", ""
-    if said in FACTORS[kind]:
-        return str(said), ""
+    if kind is None or said in FACTORS[kind]:
+        return said or "", ""
     if kind == "time":
+        low, high = _LOOP_STEPS
         step = float(np.nanmedian(np.diff(values)))
-        fitting = [
-            u
-            for u in ("s", "ms", "us", "ns")
-            if _LOOP_STEPS[0] <= step * FACTORS["time"][u] <= _LOOP_STEPS[1]
-        ]
-        return (fitting[0], "" if fitting[0] == "s" else "unit by its step") if fitting else ("s", "unit")
+        unit = next((u for u in ("s", "ms", "us", "ns") if low <= step * FACTORS["time"][u] <= high), "s")
+        return unit, "" if unit == "s" and low <= step <= high else f"no unit, step {step:.3g}"
     if kind == "angle":
         most = float(np.nanmax(np.abs(values), initial=0.0))
-        return ("deg" if most > _MOST_RADIANS else "rad"), f"unit by its range, up to {most:.3g}"
-    return _DEFAULT[kind], "unit"
+        return "deg" if most > _MOST_RADIANS else "rad", f"no unit, up to {most:.3g}"
+    return _USUAL[kind], "no unit"
 
 
-def _run_of(name: str, said: Meaning, around: Sequence[Meaning]) -> tuple[str, float | None, str]:
-    """Name of a column's run, its payload and what to check: from the nearest name that says it."""
+def _checks(said: Meaning, use: Use, sized: str) -> Iterator[str]:
+    """What was found and assumed about a column, and the line to write if that is wrong."""
+    if sized:
+        yield f"{sized}, taken as {use.unit}; else {replace(use, unit=_OTHER.get(use.unit, 's'))}"
+    if use.variable == "q_motor_encoder":
+        yield f"motor, taken as the winch's angle; before the reducer {use} * 0.01"
+    if use.variable == "e":
+        yield f"error, taken as desired less measured; else {use} * -1"
+    if use.variable == "tau_m" and "motor" in said.says:
+        yield "torque of a motor, taken as at the joint; else delete this line"
+    if use.variable == "q_encoder" and not said.says & {"angle", "measured"}:
+        yield f"neither desired nor measured, taken as measured; else {replace(use, variable='q_d')}"
+
+
+def _run_of(name: str, said: Meaning, around: Sequence[Meaning]) -> tuple[str, float | None]:
+    """Name of a column's run and its payload: from the nearest name that says it, else after its table."""
     telling = [said, *around]
     controller = next((m.controller for m in telling if m.controller is not None), None)
     payload = next((m.payload for m in telling if m.payload is not None), None)
-    unknown = [word for m in around if m.controller is not None for word in m.unknown]
-    doubt = f"controller? {', '.join(unknown)} is not known" if unknown else ""
     if controller in (1, 2, 3):
-        loaded = payload is not None and payload != 0.0
-        return f"controller_{controller}{'_payload' if loaded else ''}", payload, doubt
+        return f"controller_{controller}{'_payload' if payload else ''}", payload
     if any("decouple" in m.says for m in telling):
-        return "decouple", payload, ""
-    plain = re.sub(r"\W+", "_", name).strip("_") or "run"
-    return plain, payload, "which controller? rename the run"
+        return "decouple", payload
+    return re.sub(r"\W+", "_", name).strip("_") or "run", payload
 
 
-def _numbered(guesses: Sequence[Guess], sources: Sequence[Source]) -> list[Guess]:
-    """Put joints that count from 0, from the first moving one, or by place, on the paper's numbers."""
-    found = []
-    for source in sources:
-        own = [guess for guess in guesses if guess.source is source]
-        joints = {guess.use.joint for guess in own if guess.use.variable != "time"}
-        places = {joint for joint in joints if joint < 0}
-        compared = any(guess.run.startswith("controller_") for guess in own)
-        shift, check = 0, ""
-        if 0 in joints:
-            shift, check = 1, "joint counted from 0?"
-        elif joints and max(map(abs, joints)) == 2 and 1 in set(map(abs, joints)) and compared:
-            shift, check = 1, "the file's joint 1 is taken for 2"
-        elif places:
-            check = "joint by the place of the column"
-        for guess in own:
-            if guess.use.variable != "time" and (shift or guess.use.joint in places):
-                use = replace(guess.use, joint=abs(guess.use.joint) + shift)
-                found.append(replace(guess, use=use, check="; ".join(filter(None, [guess.check, check]))))
-            else:
-                found.append(guess)
-    return [guess for guess in found if guess.use.variable == "time" or 1 <= guess.use.joint <= 3]
-
-
-def _lines(
-    runs: Mapping[str, Mapping[str, Sequence[Guess]]], left: Sequence[str], title: str
-) -> Iterator[str]:
+def _lines(runs: Mapping[str, Sequence[Guess]], left: Sequence[str], title: str) -> Iterator[str]:
     """Lines of the mapping file: columns that all runs share, runs, and what was left."""
-    described = {run: _columns_of(tables) for run, tables in runs.items()}
-    shared: dict[str, tuple[str, str]] = {}
-    apart = set()
-    for run, columns in described.items():
-        if any(name in shared and shared[name][0] != use for name, (use, _) in columns.items()):
-            apart.add(run)
+    shared: Lines = {}
+    apart: dict[str, Lines] = {}
+    seen: set[str] = set()
+    for run, guesses in runs.items():
+        own = _columns_of(guesses)
+        held = own.keys() | {name for guess in guesses for name in guess.source.columns}
+        # What is shared would be taken from every table that holds it.
+        if all(shared.get(name, ("",))[0] == own.get(name, ("",))[0] for name in held & seen):
+            shared = own | shared
+            seen |= held
         else:
-            shared |= {name: entry for name, entry in columns.items() if name not in shared}
-    # A column that only some runs should take must not be shared with tables that hold it as well.
-    apart |= {run for run, tables in runs.items() if _holds_more(tables, described[run], shared)}
-    shared = {
-        name: entry
-        for run, columns in described.items()
-        if run not in apart
-        for name, entry in columns.items()
-    }
+            apart[run] = own
     yield f"schema_version: {SCHEMA_VERSION}"
     yield f"title: {_scalar(title)}"
     if shared:
         yield "columns:"
         yield from _column_lines(shared, "  ")
     yield "runs:" if runs else "runs: {}"
-    for run, tables in runs.items():
-        yield from _run_lines(run, tables, described[run] if run in apart else None)
+    for run, guesses in runs.items():
+        yield from _run_lines(run, guesses, apart.get(run))
     if left:
-        yield "# Not guessed. To use one, give it a line under columns, as in 'name: q_d 2 deg'."
-        yield from (f"#   {_printable(line)}" for line in left)
+        yield "# Left out, and why. To use a column, move its line under columns."
+        yield from (f"#   {line}" for line in left)
 
 
-def _holds_more(
-    tables: Mapping[str, Sequence[Guess]], own: Mapping[str, Any], shared: Mapping[str, Any]
-) -> bool:
-    held = {name for guesses in tables.values() for name in guesses[0].source.columns}
-    return bool((held & shared.keys()) - own.keys())
-
-
-def _columns_of(tables: Mapping[str, Sequence[Guess]]) -> dict[str, tuple[str, str]]:
-    """Use and check by column; where two tables of a run have a column of one name, by table and column."""
-    uses: dict[str, set[str]] = {}
-    for guesses in tables.values():
-        for guess in guesses:
-            uses.setdefault(guess.column, set()).add(str(guess.use))
-    found: dict[str, tuple[str, str]] = {}
-    taken: set[tuple[str, int]] = set()
-    for source, guesses in tables.items():
-        for guess in guesses:
-            place = (guess.use.variable, guess.use.joint)
-            check = guess.check
-            if place in taken and guess.use.variable != "time":
-                continue
-            taken.add(place)
-            name = (
-                guess.column
-                if len(uses[guess.column]) == 1
-                else f"{source.rpartition('/')[2]}:{guess.column}"
-            )
-            found.setdefault(name, (str(guess.use), check))
+def _columns_of(guesses: Sequence[Guess]) -> Lines:
+    """Lines of a run; where two of its tables have a column of one name, by table and column."""
+    found: Lines = {}
+    for guess in guesses:
+        others = [one for one in guesses if one.column == guess.column and one.use != guess.use]
+        table = f"{guess.source.last}:" if others else ""
+        found.setdefault(f"{table}{guess.column}", (str(guess.use), guess.check))
     return found
 
 
-def _run_lines(
-    run: str, tables: Mapping[str, Sequence[Guess]], columns: Mapping[str, tuple[str, str]] | None
-) -> Iterator[str]:
-    names = list(tables)
-    first = next(guess for guesses in tables.values() for guess in guesses)
-    mass = (
-        first.payload
-        if run.endswith("_payload") and first.payload and not math.isnan(first.payload)
-        else None
-    )
-    check = "which controller? rename it" if not re.match(r"controller_[123]|decouple$", run) else ""
-    mark = f"  {CHECK} {check}" if check else ""
+def _run_lines(run: str, guesses: Sequence[Guess], columns: Lines | None) -> Iterator[str]:
+    names = list(dict.fromkeys(guess.source.name for guess in guesses))
     sources = _scalar(names[0]) if len(names) == 1 else f"[{', '.join(map(_scalar, names))}]"
-    if columns is None and mass in (None, 0.2):
+    check = _check_of_run(run, guesses)
+    mark = f"  {CHECK} {check}" if check else ""
+    mass = guesses[0].payload or math.nan
+    is_usual = math.isnan(mass) or mass == _PAPERS_PAYLOAD
+    if columns is None and is_usual:
         yield f"  {run}: {sources}{mark}"
         return
     yield f"  {run}:{mark}"
     yield f"    sources: {sources}"
-    if mass is not None:
+    if not is_usual:
         yield f"    payload_mass_kg: {mass:g}"
     if columns is not None:
         yield "    columns:"
         yield from _column_lines(columns, "      ")
 
 
-def _column_lines(columns: Mapping[str, tuple[str, str]], indent: str) -> Iterator[str]:
+def _check_of_run(run: str, guesses: Sequence[Guess]) -> str:
+    if not re.fullmatch(r"controller_[123](_payload)?|decouple", run):
+        return "no controller named; if it is one, write controller_1, _2 or _3 before the colon"
+    telling = [meaning_of(part) for part in _around(guesses[0].source.name)]
+    unknown = [word for meaning in telling if meaning.controller for word in meaning.unknown]
+    return f"not known: {', '.join(unknown)}; taken as {run}, else rename it" if unknown else ""
+
+
+def _column_lines(columns: Lines, indent: str) -> Iterator[str]:
     for name, (use, check) in columns.items():
-        mark = f"  {CHECK} {_printable(check)}" if check else ""
-        yield f"{indent}{_scalar(name)}: {use}{mark}"
+        yield f"{indent}{_scalar(name)}: {use}" + (f"  {CHECK} {check}" if check else "")
 
 
 def _scalar(text: str) -> str:
-    """A text as YAML: in quotes unless it is plainly a text."""
-    plain = re.fullmatch(r"[^\W\d_][\w ()./°-]*", text) and not text.endswith((" ", "."))
-    words = {"yes", "no", "on", "off", "true", "false", "null", "y", "n", "nan", "inf"}
-    return text if plain and text.lower() not in words else json.dumps(text, ensure_ascii=False)
-
-
-def _printable(text: str) -> str:
-    return "".join(letter if letter.isprintable() else "\ufffd" for letter in text)
+    """A text as YAML takes it whatever it holds."""
+    return json.dumps(text, ensure_ascii=False)

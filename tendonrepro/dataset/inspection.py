@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from tendonrepro.console import Talk
+from tendonrepro.dataset.arrays import Source
 from tendonrepro.dataset.guess import guess_mapping
 from tendonrepro.dataset.read import read_files
-from tendonrepro.dataset.source import Source
 from tendonrepro.errors import UsageError
 from tendonrepro.files import write_atomically
 from tendonrepro.results.tables import Table
@@ -49,14 +49,12 @@ def run_inspect(paths: Sequence[Path], mapping: Path | None, *, force: bool, tal
     sources, unread = read_files(paths, talk)
     guessed = guess_mapping(sources, f"Measured data from {paths[0].resolve().name}")
     if mapping is not None:
-        write_atomically(mapping, guessed.text)
+        write_atomically(mapping, guessed["suggestion"])
     return {
         "schema_version": SCHEMA_VERSION,
         "tables": [{"name": source.name, "columns": _columns(source)} for source in sources],
         "unread": unread,
-        "runs": dict(guessed.runs),
-        "left": guessed.left,
-        "suggestion": guessed.text,
+        **guessed,
         "mapping": None if mapping is None else str(mapping),
     }
 
@@ -73,15 +71,9 @@ def _columns(source: Source) -> list[dict[str, Any]]:
     return rows
 
 
-def inspect_text(found: Mapping[str, Any], *, verbose: bool) -> str:
+def inspect_text(found: Mapping[str, Any]) -> str:
     """What a terminal shows: a table for each table, what was not read, and the mapping."""
-    parts = []
-    for table in found["tables"]:
-        rows = table["columns"]
-        names = ", ".join(row["column"] for row in rows)
-        parts.append(
-            Table(table["name"], table["name"], rows).text() if verbose else f"{table['name']}: {names}"
-        )
+    parts = [Table("", table["name"], table["columns"]).text() for table in found["tables"]]
     parts += [f"{file}: not read, {reason}" for file, reason in found["unread"].items()]
     if found["mapping"]:
         parts.append(f"wrote {found['mapping']}: check every line that says CHECK")

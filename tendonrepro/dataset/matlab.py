@@ -2,22 +2,31 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pandas as pd
+import scipy.io
 from numpy.typing import NDArray
 
-from tendonrepro.dataset.arrays import Tree
-from tendonrepro.dataset.source import Columns, Series, Unreadable
+from tendonrepro.dataset.arrays import Columns, Series, Tree, Unreadable
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore")
+    try:
+        import matio
+    except ImportError:
+        # Some machines have no build of it; SciPy reads all but objects and version 7.3.
+        matio = None
 
 _SECONDS = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9, "minutes": 60.0, "hours": 3600.0}
 _DAMAGED = 0xDD000000
 """First number of what stands for an object whose properties cannot be read."""
-_DEEPEST = 12
 
 
 def read_matlab(path: Path) -> Tree:
@@ -31,9 +40,14 @@ def read_matlab(path: Path) -> Tree:
     found, reasons = {}, []
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
+        if matio is None:
+            held = scipy.io.loadmat(path, spmatrix=False)
+            return {name: _plain(value) for name, value in held.items() if not name.startswith("_")}
         for name in _names(path):
             try:
-                found[name] = _plain(_variable(path, name))
+                # One by one, since a broken one fails the load of all.
+                read = matio.load_from_mat(str(path), variable_names=[name], add_table_attrs=True)
+                found[name] = _plain(read[name])
             except Exception as error:
                 reasons.append(f"{name}: {error}")
     if not found:
@@ -42,80 +56,60 @@ def read_matlab(path: Path) -> Tree:
 
 
 def _names(path: Path) -> list[str]:
-    import h5py
-
     if h5py.is_hdf5(path):
         with h5py.File(path) as file:
             return [name for name in file if not name.startswith("#")]
-    from scipy.io import loadmat
-    from scipy.io.matlab import MatlabOpaque, varmats_from_mat
-
-    names = []
-    with path.open("rb") as stream:
-        for name, part in varmats_from_mat(stream):
-            # SciPy calls every object so; its own name is in what it makes of it.
-            value = loadmat(part).get(name) if name == "None" else None  # type: ignore[arg-type]
-            names.append(value["s0"][0].decode("latin-1") if isinstance(value, MatlabOpaque) else name)
-    return [name for name in names if name]
+    return list(matio.whosmat(str(path)))
 
 
-def _variable(path: Path, name: str) -> Any:
-    """Read one variable, since one that is broken fails the load of all."""
-    try:
-        import matio
-    except ImportError:
-        from scipy.io import loadmat
-
-        return loadmat(path, variable_names=[name], spmatrix=False)[name]
-    return matio.load_from_mat(str(path), variable_names=[name], add_table_attrs=True, spmatrix=False)[name]
-
-
-def _plain(value: Any, depth: int = 0) -> Any:  # noqa: PLR0911 (one return a kind)
+def _plain(value: Any) -> Any:
     """Numbers as arrays, tables and timeseries as `Columns`, all else that has members as a dict."""
-    if depth > _DEEPEST:
-        return None
-    if isinstance(value, pd.DataFrame):
-        return _table(value)
-    if isinstance(value, Mapping):
-        return _members(value, depth)
+    if isinstance(value, pd.DataFrame | Mapping):
+        return _table(value) if isinstance(value, pd.DataFrame) else _members(value)
     if hasattr(value, "properties") and hasattr(value, "classname"):
-        return _object(value, depth)
+        return _object(value.classname, _members(value.properties))
     if not isinstance(value, np.ndarray):
         return value
     if value.dtype.names is not None:
-        return _struct(value, depth)
+        names = value.dtype.names
+        return _items([_members({name: item[name] for name in names}) for item in value.ravel(order="F")])
     if value.dtype == object:
-        items = [_plain(item, depth + 1) for item in value.ravel(order="F")]
-        return items[0] if len(items) == 1 else {str(k): item for k, item in enumerate(items, start=1)}
-    if value.dtype == np.uint32 and value.size > 2 and value.flat[0] == _DAMAGED:
-        return None
-    return value
+        return _items([_plain(item) for item in value.ravel(order="F")])
+    is_damaged = value.dtype == np.uint32 and value.size > 2 and value.flat[0] == _DAMAGED
+    return None if is_damaged else value
 
 
-def _members(members: Mapping[Any, Any], depth: int) -> Any:
-    tree = {str(name): _plain(value, depth + 1) for name, value in members.items()}
-    return _scope(tree) if {"time", "signals"} <= tree.keys() else tree
-
-
-def _struct(value: NDArray[Any], depth: int) -> Any:
-    names = value.dtype.names or ()
-    flat = value.ravel(order="F")
-    if not flat.size:
-        return None
-    items = [_members({name: item[name] for name in names}, depth) for item in flat]
+def _items(items: list[Any]) -> Any:
+    """Elements of a struct or cell array by number; the only one as itself."""
     return items[0] if len(items) == 1 else {str(k): item for k, item in enumerate(items, start=1)}
 
 
-def _scope(tree: dict[str, Any]) -> Any:
-    """Simulink's structure with time: labelled signals over one clock."""
-    signals = tree["signals"]
-    items = [signals] if isinstance(signals, dict) and "values" in signals else list((signals or {}).values())
-    if not isinstance(tree["time"], np.ndarray) or not tree["time"].size:
+def _members(members: Any) -> Tree:
+    """Members of a struct, object or map; of Simulink's structure with time, its labelled signals."""
+    if not isinstance(members, Mapping):
+        return {}
+    tree = {str(name): _plain(value) for name, value in members.items()}
+    if not isinstance(tree.get("signals"), dict) or not isinstance(tree.get("time"), np.ndarray):
         return tree
-    inner: Tree = {"time (s)": tree["time"]}
-    for number, item in enumerate(items, start=1):
-        inner[_text(item.get("label")) or f"signal {number}"] = item["values"]
-    return inner
+    signals = tree["signals"]
+    items = [signals] if "values" in signals else list(signals.values())
+    labelled = {_text(item["label"]) or f"signal {k}": item["values"] for k, item in enumerate(items, 1)}
+    return {"time (s)": tree["time"]} | labelled
+
+
+def _object(kind: str, tree: Tree) -> Any:
+    """An object of MATLAB: timeseries, elements and data sets of Simulink's logs; others by their members."""
+    if kind == "timeseries":
+        return _timeseries(tree)
+    series = tree.get("Values")
+    if isinstance(series, Series) and (name := _text(tree.get("Name"))):
+        # An element of a log has the name it was logged by.
+        time, *rest = series.items()
+        return Series([time, *((re.sub(r"^[^\[(]*(?=\[| \(|$)", name, old), values) for old, values in rest)])
+    if "Dataset" in kind:
+        keys = ("Elements", "Elements_", "Storage_", "Storage")
+        return next((tree[key] for key in keys if tree.get(key) is not None), None)
+    return tree
 
 
 def _table(frame: pd.DataFrame) -> Columns:
@@ -140,88 +134,39 @@ def _seconds(times: NDArray[Any]) -> NDArray[np.float64]:
     return np.asarray(since / np.timedelta64(1, "s"), np.float64)
 
 
-def _object(value: Any, depth: int) -> Any:
-    properties = value.properties
-    if not isinstance(properties, dict):
-        return None
-    if value.classname == "timeseries":
-        return _timeseries(properties)
-    if {"Name", "Values"} <= properties.keys():
-        # An element of a log has the name it was logged by.
-        inner = _plain(properties["Values"], depth + 1)
-        name = _text(properties["Name"])
-        return _renamed(inner, name) if isinstance(inner, Series) and name else inner
-    for key in ("Elements", "Elements_", "Data", "Storage_", "Storage"):
-        if properties.get(key) is not None and "Dataset" in value.classname + key:
-            return _plain(properties[key], depth + 1)
-    return _members(properties, depth)
-
-
-def _renamed(series: Series, name: str) -> Series:
-    """A timeseries under another name."""
-    time, *rest = series.items()
-    found = Series([time])
-    for old, values in rest:
-        unit = old.rpartition(" (")[2].rstrip(")") if old.endswith(")") else ""
-        found.add(name, values, unit)
-    return found
-
-
-def _timeseries(properties: Mapping[str, Any]) -> Series | None:
+def _timeseries(tree: Tree) -> Series | None:
     """Time and samples of a ``timeseries``, from its properties as they are stored."""
-    data = _numbers(properties, "Data_", "Data")
-    if data is None:
-        # Streamed logs lie elsewhere.
-        data = _numbers(_inner(properties.get("Storage_")), "Data", "Data_")
-    info = _inner(properties.get("TimeInfo"))
+    info, about, storage = (_dict(tree.get(key)) for key in ("TimeInfo", "DataInfo", "Storage_"))
+    # Streamed logs lie elsewhere.
+    data = next(
+        (v for v in (tree.get("Data_"), tree.get("Data"), storage.get("Data")) if _is_filled(v)), None
+    )
     if data is None:
         return None
-    stored = _numbers(info, "Time_", "Time")
-    if stored is None:
-        start, step, length = (
-            _number(info, key, default)
-            for key, default in (("Start_", 0.0), ("Increment_", np.nan), ("Length", max(data.shape)))
-        )
-        stored = start + step * np.arange(int(length))
-    time = np.ravel(stored).astype(float) * _SECONDS.get(_text(info.get("Units")), 1.0)
-    about = _inner(properties.get("DataInfo"))
-    unit = _text(about.get("Units")) or _text(_inner(about.get("Units")).get("Name"))
+    time = next((info[key] for key in ("Time_", "Time") if _is_filled(info.get(key))), None)
+    if time is None:
+        start, step = (float(np.ravel(info[key])[0]) for key in ("Start_", "Increment_"))
+        time = start + step * np.arange(int(np.ravel(info["Length"])[0]))
+    time = np.ravel(time).astype(float) * _SECONDS.get(_text(info.get("Units")), 1.0)
     axis = next((k for k, size in enumerate(data.shape) if size == len(time)), None)
     if axis is None:
         return None
     samples = np.moveaxis(data, axis, 0).reshape(len(time), -1)
+    unit = about.get("Units")
+    unit = _text(unit.get("Name") if isinstance(unit, dict) else unit)
+    name = _text(tree.get("Name")) or _text(about.get("Name"))
     found = Series({"time (s)": time})
-    name = _text(properties.get("Name")) or _text(about.get("Name"))
     for k, column in enumerate(samples.T, start=1):
         found.add(f"{name}[{k}]" if samples.shape[1] > 1 else name, column.astype(float), unit)
     return found
 
 
-def _inner(value: Any) -> Mapping[str, Any]:
-    """Properties of an object, or members of a struct, however deep it is packed."""
-    while isinstance(value, np.ndarray) and value.size == 1 and value.dtype.names is None:
-        value = value.flat[0]
-    if isinstance(value, np.ndarray) and value.dtype.names is not None and value.size:
-        value = value.flat[0]
-    if isinstance(value, np.void):
-        return {name: value[name] for name in value.dtype.names or ()}
-    held = getattr(value, "properties", value)
-    return held if isinstance(held, dict) else {}
+def _dict(value: Any) -> Tree:
+    return value if isinstance(value, dict) else {}
 
 
-def _numbers(properties: Mapping[str, Any], *names: str) -> NDArray[Any] | None:
-    for name in names:
-        value = properties.get(name)
-        while isinstance(value, np.ndarray) and value.dtype == object and value.size == 1:
-            value = value.flat[0]
-        if isinstance(value, np.ndarray) and value.size and value.dtype.kind in "biuf":
-            return value
-    return None
-
-
-def _number(properties: Mapping[str, Any], name: str, default: float) -> float:
-    found = _numbers(properties, name)
-    return default if found is None else float(found.flat[0])
+def _is_filled(value: Any) -> bool:
+    return isinstance(value, np.ndarray) and value.size > 0 and value.dtype.kind in "biuf"
 
 
 def _text(value: Any) -> str:

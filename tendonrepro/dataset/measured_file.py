@@ -41,19 +41,9 @@ def read_measured(path: Path) -> TraceFile:
 
 
 def origin(file: TraceFile) -> dict[str, Any]:
-    """Inputs of a measured file with their digests, what was guessed about them, and what looks wrong.
-
-    Returns
-    -------
-    dict
-        ``inputs``, ``guesses`` and ``doubts``, each a list; empty where the manifest is not of ingest.
-    """
-    try:
-        manifest = dict(json.loads(file.manifest_json))
-        texts = {key: list(map(str, manifest.get(key) or [])) for key in ("guesses", "doubts")}
-        return {"inputs": list(manifest.get("inputs") or []), **texts}
-    except (ValueError, TypeError, RecursionError):
-        return {"inputs": [], "guesses": [], "doubts": []}
+    """What a measured file was made of: ``inputs`` with digests, ``guesses`` and ``doubts``, each a list."""
+    manifest = json.loads(file.manifest_json)
+    return {key: manifest.get(key, []) for key in ("inputs", "guesses", "doubts")}
 
 
 def resting_on(guesses: int) -> str:

@@ -208,17 +208,10 @@ def recover(file: TraceFile) -> Reference:
     holding = [trace for trace in file.part("compare").runs.values() if "q_d" in trace]
     if not holding:
         raise DataMissingError("no run of the comparison holds the desired joint angles q_d")
-    problems = []
-    for trace in sorted(holding, key=lambda trace: (not _complete(trace), trace.name not in CONTROLLERS)):
-        try:
-            record = recorded(trace.of_joints(COMPARED))
-        except DataMissingError as problem:
-            problems.append(problem)
-            continue
-        _, last = record.moving()
-        end = float(record.time[last])
-        return Reference(trace.name, record, thinned(record), repeat_after(record), onset(record), end)
-    raise problems[0]
+    trace = min(holding, key=lambda trace: (not _complete(trace), trace.name not in CONTROLLERS))
+    record = recorded(trace.of_joints(COMPARED))
+    end = float(record.time[record.moving()[1]])
+    return Reference(trace.name, record, thinned(record), repeat_after(record), onset(record), end)
 
 
 def _complete(trace: Trace) -> bool:
@@ -277,15 +270,10 @@ def _later(trace: Trace, reference: Reference) -> float:
     """How much later than in the reference's run a run's desired angles move, s."""
     from scipy.optimize import minimize_scalar
 
-    if "q_d" not in trace or trace.name == reference.run:
-        return 0.0
-    try:
-        ours = recorded(trace.of_joints(COMPARED))
-    except DataMissingError:
-        return 0.0
     other = reference.record
-    if ours.joint != other.joint:
+    if trace.name == reference.run or "q_d" not in trace or not _complete(trace):
         return 0.0
+    ours = recorded(trace.of_joints(other.joint))
 
     def apart(late: float) -> float:
         moved = _at(other, np.clip(ours.time - late, 0.0, other.time[-1]))

@@ -5,18 +5,18 @@ One process of its own reads, since a damaged file can crash the HDF5 library.
 
 from __future__ import annotations
 
-import gzip
-import hashlib
-import shutil
 import tarfile
 import tempfile
 import zipfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from joblib.externals.loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
+
 from tendonrepro.console import Talk
-from tendonrepro.dataset.source import Columns, Source, Unreadable
+from tendonrepro.dataset.arrays import Columns, Source, Unreadable
 from tendonrepro.errors import DataMissingError
+from tendonrepro.files import md5_of
 
 MOST_BYTES = 2**31
 """Of a file, and of all that an archive unpacks into."""
@@ -44,10 +44,8 @@ def read_files(paths: Sequence[Path], talk: Talk) -> tuple[list[Source], dict[st
     Raises
     ------
     DataMissingError
-        If a path is missing.
+        If a path is missing, or nothing can be read.
     """
-    from joblib.externals.loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
-
     for path in paths:
         if not path.exists():
             raise DataMissingError("is not there", where=str(path), hint="tendonrepro fetch gets the record")
@@ -55,7 +53,8 @@ def read_files(paths: Sequence[Path], talk: Talk) -> tuple[list[Source], dict[st
     unread: dict[str, str] = {}
     reader = ProcessPoolExecutor(max_workers=1)
     with tempfile.TemporaryDirectory() as scratch:
-        files = [one for path in paths for one in _files(path, Path(scratch), unread)]
+        names = {path: "" if path.is_dir() else path.name for path in paths}
+        files = [one for path, name in names.items() for one in _files(path, name, Path(scratch), unread)]
         with talk.bar("reading", len(files)) as advance:
             for path, name in files:
                 try:
@@ -67,28 +66,27 @@ def read_files(paths: Sequence[Path], talk: Talk) -> tuple[list[Source], dict[st
                     reader = ProcessPoolExecutor(max_workers=1)
                 advance(1)
     reader.shutdown()
+    if not sources:
+        reasons = "; ".join(f"{file}: {reason}" for file, reason in unread.items()) or "no files"
+        raise DataMissingError(f"nothing to read: {reasons}"[:500])
     return sources, unread
 
 
-def _files(path: Path, scratch: Path, unread: dict[str, str]) -> Iterator[tuple[Path, str]]:
-    """Files to read with their names, below the path; archives unpacked once."""
-    members = sorted(path.rglob("*")) if path.is_dir() else [path]
-    for member in members:
-        name = member.relative_to(path).as_posix() if path.is_dir() else member.name
-        if not member.is_file() or any(part.startswith(".") for part in Path(name).parts):
-            continue
-        if member.suffix.lower() not in _ARCHIVES:
-            yield member, name
-            continue
+def _files(path: Path, name: str, scratch: Path, unread: dict[str, str]) -> Iterator[tuple[Path, str]]:
+    """Files to read with their names, in a folder or archive as by themselves; hidden ones are left out."""
+    if path.is_dir():
+        for member in sorted(path.glob("[!.]*")):
+            yield from _files(member, f"{name}/{member.name}".lstrip("/"), scratch, unread)
+    elif path.suffix.lower() in _ARCHIVES:
         folder = Path(tempfile.mkdtemp(dir=scratch))
         try:
-            _unpack(member, folder)
+            _unpack(path, folder)
         except (Unreadable, OSError, EOFError, zipfile.BadZipFile, tarfile.TarError, RuntimeError) as error:
             unread[name] = f"cannot be unpacked: {error}"
-            continue
-        for inner in sorted(folder.rglob("*")):
-            if inner.is_file() and not inner.name.startswith("."):
-                yield inner, f"{name}/{inner.relative_to(folder).as_posix()}"
+        else:
+            yield from _files(folder, name, scratch, unread)
+    else:
+        yield path, name
 
 
 def _unpack(path: Path, folder: Path) -> None:
@@ -101,11 +99,8 @@ def _unpack(path: Path, folder: Path) -> None:
         with tarfile.open(path) as archive:
             _refuse_larger(sum(info.size for info in archive))
             archive.extractall(folder, filter="data")
-    elif path.suffix.lower() == ".gz":
-        with gzip.open(path) as packed, (folder / path.stem).open("wb") as plain:
-            shutil.copyfileobj(packed, plain)
     else:
-        raise Unreadable("neither zip, tar nor gz")
+        raise Unreadable("neither zip nor tar")
 
 
 def _refuse_larger(size: int) -> None:
@@ -125,37 +120,31 @@ def read_file(path: Path, name: str) -> list[Source]:
     _refuse_larger(size)
     try:
         tables = _tables(path)
-    except (Unreadable, MemoryError):
+    except Unreadable:
         raise
     except Exception as error:
         raise Unreadable(f"damaged, or not what its name says: {error}"[:200]) from error
-    with path.open("rb") as stream:
-        md5 = hashlib.file_digest(stream, lambda: hashlib.md5(usedforsecurity=False)).hexdigest()
-    found = [
-        Source(f"{name}:{inner}" if inner else name, columns, md5, size)
-        for inner, columns in tables.items()
-        if columns
-    ]
-    if not found:
+    file = {"name": name, "size": size, "md5": md5_of(path)}
+    named = {f"{name}:{inner}" if inner else name: columns for inner, columns in tables.items() if columns}
+    if not named:
         raise Unreadable("holds no columns of numbers")
-    return found
+    return [Source(table, columns, file) for table, columns in named.items()]
 
 
 def _tables(path: Path) -> dict[str, Columns]:
     """Tables of a file by their place in it; what it is, its first bytes say before its name does."""
-    from tendonrepro.dataset.arrays import read_hdf5, read_numpy, tables_of
+    from tendonrepro.dataset.arrays import read_hdf5, tables_of
     from tendonrepro.dataset.matlab import read_matlab
     from tendonrepro.dataset.tables import read_text_table, read_workbook
 
     with path.open("rb") as stream:
         head = stream.read(512)
     suffix = path.suffix.lower()
-    if suffix == ".mat" or head.startswith(b"MATLAB"):
+    # A figure of MATLAB is a file of MATLAB, and its tables are of colours.
+    if suffix == ".mat" or (head.startswith(b"MATLAB") and suffix != ".fig"):
         return dict(tables_of(read_matlab(path)))
     if head.startswith(b"\x89HDF"):
         return dict(tables_of(read_hdf5(path)))
-    if suffix in {".npy", ".npz"}:
-        return dict(tables_of(read_numpy(path)))
     if suffix in _BOOKS or head.startswith(b"PK\x03\x04"):
         return read_workbook(path)
     if suffix in _TEXTS:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +12,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from tendonrepro.arrays import Array
-from tendonrepro.dataset.source import FEWEST, Columns, Unreadable
+from tendonrepro.dataset.arrays import FEWEST, Columns, Unreadable
 from tendonrepro.dataset.words import plain_unit
 
 _COMMENT = ("#", "%", "//")
-_NUMBER = re.compile(r"[-+−]?(\d+\.?\d*|\.\d+)([eEdD][-+]?\d+)?|nan|inf", re.IGNORECASE)
+_NUMBER = re.compile(r"[-+−]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|nan|inf", re.IGNORECASE)
 _MOST_HEAD = 60
 """Lines above the numbers that are looked through."""
 
@@ -38,16 +38,8 @@ def read_text_table(path: Path) -> dict[str, Columns]:
         raise Unreadable("a text without a table of numbers")
     cells = [_cells(lines[k], separator, comma=comma) for k in told[first:]]
     width = max(map(len, cells))
-    head = [_head_cells(line, separator, width) for line in lines[: told[first]]]
+    head = [_cells(line.lstrip("#%/"), separator, comma=False) for line in lines[: told[first]]]
     return {"": _columns(head, pd.DataFrame([row + [""] * (width - len(row)) for row in cells]))}
-
-
-def _head_cells(line: str, separator: str | None, width: int) -> list[str]:
-    """Cells of a line above the numbers, which may have another separator than these."""
-    text = line.lstrip("#%/") if line.startswith(_COMMENT) else line
-    cells = _cells(text, separator, comma=False)
-    others = (_cells(text, other, comma=False) for other in ("\t", ";", ","))
-    return cells if len(cells) == width else next((one for one in others if len(one) == width), cells)
 
 
 def decoded(content: bytes) -> str:
@@ -79,14 +71,8 @@ def _spelling(lines: Sequence[str]) -> tuple[str | None, bool]:
         cells = [_cells(line, spelling[0], comma=spelling[1]) for line in lines]
         return sum(1 if _is_number(cell) else -1 for row in cells for cell in row if cell)
 
-    ways: list[tuple[str | None, bool]] = [
-        ("\t", False),
-        (";", False),
-        (",", False),
-        ("|", False),
-        (None, False),
-    ]
-    ways += [("\t", True), (";", True), (None, True)]
+    ways: list[tuple[str | None, bool]] = [(separator, False) for separator in ("\t", ";", ",", "|", None)]
+    ways += [(separator, True) for separator in ("\t", ";", None)]
     return max(ways, key=numbers)
 
 
@@ -151,26 +137,23 @@ def _columns(head: Sequence[Sequence[str]], table: pd.DataFrame) -> Columns:
     names = _names([list(row) for row in head], table.shape[1])
     found = Columns()
     for place, name in enumerate(names):
-        values, is_clock = _values(table.iloc[:, place])
+        values = _values(table.iloc[:, place])
         if values is not None and (values.dtype.kind != "f" or np.isfinite(values).sum() >= FEWEST):
-            found.add(name, values, "s" if is_clock else "")
+            found.add(name, values)
     return found
 
 
 def _names(head: list[list[str]], width: int) -> list[str]:
     """Names of columns: the last row of words, the group above it, and the unit below it."""
-    lengths = [len(row) for row in head]
-    rows = [(row + [""] * width)[:width] for row in head]
-    units = [""] * width
-    while rows and _are_units(rows[-1]):
-        units = rows.pop()
-    if not rows:
-        return [f"column {place + 1}" for place in range(width)]
-    names, above = rows[-1], rows[-2] if len(rows) > 1 else [""] * width
-    if len(rows) > 1 and lengths[len(rows) - 2] == width and _are_groups(above):
-        names = [f"{group} {name}".strip() for group, name in zip(_spread(above), names, strict=True)]
-    named = [name or f"column {place + 1}" for place, name in enumerate(names)]
-    return [f"{name} ({unit})" if unit else name for name, unit in zip(named, units, strict=True)]
+    head = [*head]
+    units = head.pop() if head and _are_units(head[-1]) else []
+    names = head.pop() if head else []
+    groups = _groups(head[-1]) if head and len(head[-1]) == width else []
+    cells = zip_longest(range(1, width + 1), groups, names[:width], units[:width], fillvalue="")
+    return [
+        (f"{group} {name}".strip() or f"column {place}") + (f" ({unit.strip('()[]')})" if unit else "")
+        for place, group, name, unit in cells
+    ]
 
 
 def _are_units(row: Sequence[str]) -> bool:
@@ -178,55 +161,21 @@ def _are_units(row: Sequence[str]) -> bool:
     return bool(held) and all(plain_unit(cell) for cell in held) and not all(cell in "st" for cell in held)
 
 
-def _are_groups(row: Sequence[str]) -> bool:
-    """Whether cells name groups of columns: a title stands alone at the left, and numbers are settings."""
+def _groups(row: Sequence[str]) -> list[str]:
+    """Group of every column, from a row that names some: an empty cell belongs to the name before it.
+
+    A title stands alone at the left, and numbers are settings; these name no groups.
+    """
     filled = [cell for cell in row if cell]
-    return not any(map(_is_number, filled)) and (len(filled) > 1 or (len(filled) == 1 and not row[0]))
+    if any(map(_is_number, filled)) or not filled or (len(filled) == 1 and row[0]):
+        return [""] * len(row)
+    return pd.Series(row).replace("", None).ffill().fillna("").tolist()
 
 
-def _spread(row: Sequence[str]) -> list[str]:
-    """Give empty cells the name before them."""
-    last, spread = "", []
-    for cell in row:
-        last = cell or last
-        spread.append(last)
-    return spread
-
-
-def _values(column: pd.Series) -> tuple[NDArray[Any] | None, bool]:
-    """Numbers of a column, or seconds since its first date; words as they are; None of an empty one."""
-    held = column[column.notna() & (column.astype(str).str.strip() != "")]
-    if held.empty:
-        return None, False
-    tries: tuple[tuple[Callable[[], Array], bool], ...] = (
-        (lambda: _numbers(column), False),
-        (lambda: _clock(column), True),
-    )
-    for attempt, is_clock in tries:
-        try:
-            values = attempt()
-        except (ValueError, TypeError):
-            continue
-        if np.isfinite(values).sum() > 0.5 * len(held):
-            return values, is_clock
-    return column.astype(str).to_numpy(), False
-
-
-def _numbers(column: pd.Series) -> Array:
-    if not pd.api.types.is_numeric_dtype(column):
-        column = column.map(_number_text)
-    return np.asarray(pd.to_numeric(column, errors="coerce"), np.float64)
-
-
-def _number_text(cell: object) -> object:
-    """A number of Fortran as others write it."""
-    return re.sub(r"(?<=[\d.])[dD](?=[-+\d])", "e", cell) if isinstance(cell, str) else cell
-
-
-def _clock(column: pd.Series) -> Array:
-    """Seconds of dates since the first one, or of times of day."""
-    text = column.astype(str).str.replace("/", "-")
-    if text.str.fullmatch(r"\d{1,2}:\d{2}:\d{2}(\.\d+)?").mean() > 0.5:
-        return np.asarray(pd.to_timedelta(text, errors="coerce").dt.total_seconds(), np.float64)
-    dates = pd.to_datetime(text, format="ISO8601", errors="coerce", utc=True)
-    return np.asarray((dates - dates.iloc[0]).dt.total_seconds(), np.float64)
+def _values(column: pd.Series) -> NDArray[Any] | None:
+    """Numbers of a column, else its words; None of an empty one."""
+    text = column.astype(str).str.strip()
+    held = text[column.notna() & (text != "")]
+    numbers = np.asarray(pd.to_numeric(column, errors="coerce"), np.float64)
+    is_numbers = np.isfinite(numbers).sum() > 0.5 * len(held)
+    return None if held.empty else numbers if is_numbers else text.to_numpy()

@@ -38,7 +38,7 @@ class Tried:
     Parameters
     ----------
     window : str
-        ``whole``, ``whole_periods``, ``after_first_period``, ``whole_periods_after_first``, ``period_1``, ...
+        ``whole`` motion, ``whole_periods``, ``after_first_period``, ``period_1``, ... of `spans`.
     offset_removed : bool
         Whether the mean error of the window was taken off.
     sizes : Mapping
@@ -65,7 +65,7 @@ class PrintedTables:
     Parameters
     ----------
     tried : tuple of Tried
-        The whole run as it is comes first; empty where the file holds no run of the tables.
+        The whole motion as it is comes first; empty where the file holds no run of the tables.
     left_out : Mapping
         Run -> samples that are missing.
     chance : float
@@ -94,7 +94,7 @@ class PrintedTables:
 
     @property
     def deciding(self) -> Tried | None:
-        """The winner, else the whole run as it is."""
+        """The winner, else the whole motion as it is."""
         return self.winner or (self.tried[0] if self.tried else None)
 
     def as_dict(self) -> dict[str, Any]:
@@ -121,17 +121,10 @@ class PrintedTables:
         """What the search found, and what it is worth after so many tries."""
         if self.best is None:
             return "the file holds no run of Tables 2 and 3"
-        some = "" if self.compared == NUMBERS else f" that the file can speak about ({NUMBERS} are printed)"
-        count = f"{len(self.tried)} combination" + "s" * (len(self.tried) != 1)
-        if self.winner:
-            head = f"{self.winner.name} gives all {self.compared} printed numbers{some}; {count} tried"
-        else:
-            head = f"none of {count} gives all {self.compared} printed numbers{some}"
-            if not self.best.agree:
-                return f"{head}, nor any of them"
-            head += f"; the best, {self.best.name}, gives {len(self.best.agree)}"
         return (
-            f"{head}. The chance that one of as many tries gives as many by accident is {self.chance:.2g}, "
+            f"of {len(self.tried)} windows tried, {self.best.name} gives most: {len(self.best.agree)} of the "
+            f"{self.compared} printed numbers that the file can speak about ({NUMBERS} are printed). "
+            f"The chance that one of as many tries gives as many by accident is {self.chance:.2g}, "
             f"were errors independent and spread evenly within {100 * SPREAD:g} % of the print."
         )
 
@@ -151,25 +144,27 @@ def try_windows(file: TraceFile, paper: Published, timing: Mapping[str, Timing])
 
 
 def spans(time: Array, timing: Timing) -> dict[str, slice]:
-    """Stretches of a run with the times (T,), s, that a table can be averaged over, by name."""
-    found = {"whole": slice(0, len(time))}
-    step = float(time[-1] - time[0]) / max(len(time) - 1, 1)
+    """Stretches of a run with the times (T,), s, that a table can be averaged over, by name.
+
+    All begin with the motion or later, but for ``with_standstill``, which is every sample.
+    """
+    count = len(time)
+    step = float(time[-1] - time[0]) / max(count - 1, 1)
     first = int(np.searchsorted(time, timing.start - 0.5 * step))
-    if timing.period <= 0.0 or first >= len(time):
-        return found
+    first = first if first < count else 0
     cut = {
         name: slice(part.start + first, part.stop + first)
         for name, part in windows(time[first:], timing.period).items()
     }
-    periods = {name: part for name, part in cut.items() if name.startswith("period_")}
-    ends = [part.stop for part in periods.values()]
+    found = {"whole": cut.pop("whole"), "with_standstill": slice(0, count)}
+    periods = [part for name, part in cut.items() if name.startswith("period_")]
     if periods:
-        found["whole_periods"] = slice(first, ends[-1])
+        found["whole_periods"] = slice(first, periods[-1].stop)
     if "after_first_period" in cut:
-        found["after_first_period"] = cut["after_first_period"]
+        found["after_first_period"] = cut.pop("after_first_period")
     if len(periods) > 1:
-        found["whole_periods_after_first"] = slice(ends[0], ends[-1])
-    return found | periods
+        found["whole_periods_after_first"] = slice(periods[1].start, periods[-1].stop)
+    return found | cut
 
 
 def _ways(
@@ -194,7 +189,7 @@ def _tried(
     for name, trace in runs.items():
         e = trace["e"][parts[name]]
         if removed:
-            e = np.stack([column - _mean(column[np.isfinite(column)]) for column in e.T], axis=1)
+            e = e - np.ma.masked_invalid(e).mean(axis=0).filled(0.0)
         found = sizes_deg(e)
         for metric in _METRICS:
             for joint, size in zip(trace.joint, found[metric], strict=True):
@@ -203,10 +198,6 @@ def _tried(
                     sizes[identifier] = float(size)
     agree = tuple(identifier for identifier, size in sizes.items() if prints_as(paper, identifier, size))
     return Tried(window, removed, sizes, agree)
-
-
-def _mean(values: Array) -> float:
-    return float(values.mean()) if len(values) else 0.0
 
 
 def prints_as(paper: Published, identifier: str, size: float) -> bool:

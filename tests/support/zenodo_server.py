@@ -25,14 +25,6 @@ SMALL = {
     "SYNTHETIC empty.txt": b"",
 }
 ONE = {"SYNTHETIC run.bin": bytes(range(256)) * 800}
-TRICKLES = {
-    "slow_headers": b"HTTP/1.1 200 OK\r\nX-Synthetic: ",
-    "slow_json": b"HTTP/1.1 200 OK\r\nContent-Type: application/json\r\nContent-Length: 1000\r\n\r\n",
-    "slow_body": b"HTTP/1.1 200 OK\r\nContent-Length: 204800\r\n\r\n",
-    "slow_chunks": b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\n",
-    "odd_chunks": b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\n-5\r\nabc\r\n",
-}
-"""How an answer begins whose rest comes as one byte now and then."""
 
 
 @dataclass
@@ -47,13 +39,9 @@ class Repository:
     failures: int = 10**6
     retry_after: str | None = "0"
     cut_at: int = 50_000
-    is_last: bool = True
     url: str = ""
     log: list[tuple[str, dict[str, str]]] = field(default_factory=list)
     release: threading.Event = field(default_factory=threading.Event)
-
-    def paths(self) -> list[str]:
-        return [path for path, _ in self.log]
 
     def ranges(self) -> list[str | None]:
         """Range of every request for a file."""
@@ -66,30 +54,23 @@ class Repository:
         self.failures -= 1
         return True
 
-    def checksum(self, content: bytes) -> str | None:
-        digest = hashlib.md5(content).hexdigest()
-        if "wrong_md5" in self.modes:
-            digest = hashlib.md5(content + b"other").hexdigest()
-        if "no_md5" in self.modes:
-            return None
-        return digest if "bare_md5" in self.modes else f"md5:{digest}"
+    def checksum(self, content: bytes) -> str:
+        wrong = b"other" if "wrong_md5" in self.modes else b""
+        return f"md5:{hashlib.md5(content + wrong).hexdigest()}"
 
     def record(self) -> dict[str, Any]:
         place = f"{self.url}/api/records/{RECORD}/files"
-        hidden = self.modes & {"restricted", "embargoed", "closed_files"}
+        hidden = self.modes & {"restricted", "closed_files"}
         shown = [
             {"key": key, "size": len(content), "checksum": self.checksum(content)}
             | {"links": {"self": f"{place}/{quote(key)}/content"}}
             for key, content in self.files.items()
             if not hidden
         ]
-        rights = {"restricted", "embargoed"} & self.modes
         meta: dict[str, Any] = {"title": TITLE, "version": "v1", "license": {"id": "cc-by-4.0"}}
-        meta["access_right"] = next(iter(rights), "open")
-        if "embargoed" in self.modes:
-            meta["embargo_date"] = "2999-01-01"
+        meta["access_right"] = "restricted" if "restricted" in self.modes else "open"
         parent = {"pid_type": "recid", "pid_value": str(CONCEPT)}
-        meta["relations"] = {"version": [{"index": 0, "is_last": self.is_last, "parent": parent}]}
+        meta["relations"] = {"version": [{"index": 0, "is_last": True, "parent": parent}]}
         head = {"id": RECORD, "recid": str(RECORD), "conceptrecid": str(CONCEPT)}
         dois = {"doi": f"10.5281/zenodo.{RECORD}", "conceptdoi": f"10.5281/zenodo.{CONCEPT}"}
         return head | dois | {"title": TITLE, "metadata": meta, "files": shown, "swh": None}
@@ -110,16 +91,9 @@ class Handler(BaseHTTPRequestHandler):
         headers = {key.lower(): value for key, value in self.headers.items()}
         repository.log.append((self.path, headers))
         agent = headers.get("user-agent", "")
-        about = (
-            {"slow_body", "slow_chunks", "odd_chunks"}
-            if "/files/" in self.path
-            else {"slow_headers", "slow_json"}
-        )
         path = unquote(urlsplit(self.path).path)
         if not agent or agent.startswith("python-requests") or "refused" in repository.modes:
             self.send(403, PAGE, "text/html")
-        elif slow := about & repository.modes:
-            self.trickle(TRICKLES[slow.pop()])
         elif repository.fails("busy"):
             extra = {"Retry-After": repository.retry_after} if repository.retry_after is not None else {}
             self.send_json(429, {"message": "30 per 1 minute", "status": 429}, extra)
@@ -144,10 +118,6 @@ class Handler(BaseHTTPRequestHandler):
             self.send(200, PAGE, "text/html")
         elif "broken_json" in modes:
             self.send(200, b'{"id": 10000', "application/json")
-        elif "huge_json" in modes:
-            self.send(200, b"[" + b"[]," * 2_000_000 + b"[]]", "application/json")
-        elif "endless" in modes:
-            self.send(302, b"", "text/html", {"Location": self.path})
         else:
             self.send_json(200, repository.record())
 
@@ -170,25 +140,14 @@ class Handler(BaseHTTPRequestHandler):
         headers = {"Accept-Ranges": "bytes", "Retry-After": "60"}
         asked = re.fullmatch(r"bytes=([0-9]+)-", self.headers.get("Range", ""))
         start = int(asked[1]) if asked and "no_range" not in modes else 0
-        if start and (start >= len(content) or "no_such_range" in modes):
-            self.send(416, b"", "text/html", {"Content-Range": f"bytes */{len(content)}"})
-            return
         if start:
-            first = start - 1 if "shifted" in modes else start
-            headers["Content-Range"] = f"bytes {first}-{len(content) - 1}/{len(content)}"
-            content = content[first:]
+            headers["Content-Range"] = f"bytes {start}-{len(content) - 1}/{len(content)}"
+            content = content[start:]
         status = 206 if start else 200
         cut, stuck = repository.fails("cut"), repository.fails("stuck")
         stop = repository.cut_at if cut or stuck else None
         length = cut or stuck or "chunked" not in modes
         self.send(status, content, "application/octet-stream", headers, stop=stop, wait=stuck, length=length)
-
-    def trickle(self, head: bytes) -> None:
-        """Go on until nobody listens any more."""
-        self.wfile.write(head)
-        while not self.server.repository.release.wait(0.05):
-            self.wfile.write(b"0")
-        self.close_connection = True
 
     def send_json(self, status: int, tree: Any, extra: dict[str, str] | None = None) -> None:
         self.send(status, json.dumps(tree).encode(), "application/json", extra)
