@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from itertools import pairwise
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 
-from tendonrepro.analysis.maps import PARAMETERS, border_distance, gain_decay, root_locus, tendon_decay
+from tendonrepro.analysis.maps import PARAMETERS, border_distance, decays, root_locus
 from tendonrepro.analysis.margins import (
     ChannelMargins,
     angle_grid,
@@ -34,40 +33,12 @@ from tendonrepro.physics.linear_loop import (
     slowest,
     stroke,
 )
-from tendonrepro.physics.slow_error import ERROR_SIZES_DEG, TYPICAL_ERROR_DEG, error_ratio
+from tendonrepro.physics.slow_error import ERROR_SIZES_DEG, TYPICAL_ERROR_DEG, error_ratio, estimate_age
 
-
-@dataclass(frozen=True)
-class RunMargins:
-    """Stability of one run, the worst of the postures for every number.
-
-    The slowest mode decays by `decay`, s⁻¹, negative where the loop grows, at a `frequency`, Hz; `ringing_`
-    is the same of the slowest mode above the frequency from which on errors count as ringing, NaN without.
-    Channels, one a joint, are for a torque that the law does not know; `disk` is the symmetric disk margin
-    of all joints at once, at a Hz.
-    """
-
-    spectral_radius: float
-    decay: float
-    frequency: float
-    ringing_decay: float
-    ringing_frequency: float
-    channels: tuple[ChannelMargins, ...]
-    disk: float
-    disk_hz: float
-
-    @property
-    def stable(self) -> bool:
-        """Whether every mode decays at every posture."""
-        return self.spectral_radius < 1.0
-
-
-@dataclass(frozen=True)
-class Curves:
-    """Response of every joint's channel at the middle posture: Hz, and complex (joints, frequencies)."""
-
-    hertz: Array
-    channels: Complex
+PAIRS = ("c1_c2", "c2_c3")
+"""Pairs of the paper's laws, of which ``--json`` always has the ratios."""
+MAP_POINTS = 25
+LOCUS_POINTS = 41
 
 
 @dataclass(frozen=True)
@@ -85,40 +56,28 @@ class Map:
 
 
 @dataclass(frozen=True)
-class WhatIf:
-    """One change: slowest decay per run, s⁻¹, and ratios of errors by pair, per joint."""
-
-    decay: Mapping[str, float]
-    ratios: Mapping[str, Array]
-
-
-@dataclass(frozen=True)
 class Explanation:
-    """Everything that :func:`explain` finds; margins, curves and views by run.
+    """Everything that :func:`explain` finds.
 
-    `postures` (P, n), rad, are start, middle and far end of the reference. `ratios` are by pair such as
-    ``c1_c2``, size of the error in degrees, and joint; `what_if` by change such as
-    ``weights=extrapolating``; `loci` by parameter and law: modes (factors, modes), s⁻¹ and rad s⁻¹, at the
+    `rows`, of :func:`margin_rows`, views and curves are by run; a curve is Hz (F,) and the response of every
+    joint's channel, complex (joints, F), at the middle posture. `postures` (P, n), rad, are start, middle and
+    far end of the reference. `ratios` are by pair such as ``c1_c2``, size of the error in degrees, and
+    joint; `what_if` by change such as ``weights=extrapolating``: slowest ``decay`` of each run, s⁻¹, and
+    ``ratio`` of each pair. `loci` are by parameter and law: modes (factors, modes), s⁻¹ and rad s⁻¹, at the
     middle posture. `origin` marks the configuration in captions.
     """
 
     joints: tuple[int, ...]
     postures: Array
     views: Mapping[str, View]
-    margins: Mapping[str, RunMargins]
-    curves: Mapping[str, Curves]
-    ratios: Mapping[str, Mapping[float, Array]]
-    what_if: Mapping[str, WhatIf]
+    rows: Mapping[str, Sequence[Mapping[str, Any]]]
+    curves: Mapping[str, tuple[Array, Complex]]
+    ratios: Mapping[str, Mapping[float, list[float]]]
+    what_if: Mapping[str, Mapping[str, Mapping[str, Any]]]
     loci: Mapping[str, Mapping[str, Complex]]
     locus_factors: Mapping[str, Array]
     maps: tuple[Map, ...]
     origin: str
-
-
-PAIRS = ("c1_c2", "c2_c3")
-"""Pairs of the paper's laws, of which ``--json`` always has the ratios."""
-MAP_POINTS = 25
-LOCUS_POINTS = 41
 
 
 def explain(loaded: LoadedConfig) -> Explanation:
@@ -126,8 +85,7 @@ def explain(loaded: LoadedConfig) -> Explanation:
     config = loaded.config
     if not isinstance(config, CompareConfig):
         raise UsageError("only the experiment 'compare' has controllers to explain", where=loaded.origin)
-    reference = build_reference(config.reference, config, loaded.folder)
-    postures = stroke(reference.q_d)
+    postures = stroke(build_reference(config.reference, config, loaded.folder).q_d)
     views = run_views(config)
     ringing = config.status.ringing_frequency.si
     factors = _locus_factors(views)
@@ -135,8 +93,14 @@ def explain(loaded: LoadedConfig) -> Explanation:
         joints=config.joints,
         postures=postures,
         views=views,
-        margins={name: run_margins(view, postures, ringing) for name, view in views.items()},
-        curves={name: _curves(view, postures[1]) for name, view in views.items()},
+        rows={
+            run: [
+                {"run": run, "joint": joint, **row}
+                for joint, row in zip(config.joints, margin_rows(view, postures, ringing), strict=True)
+            ]
+            for run, view in views.items()
+        },
+        curves={run: _curve(view, postures[1]) for run, view in views.items()},
         ratios={
             pair: {size: slow_ratio(a, b, size) for size in ERROR_SIZES_DEG}
             for pair, a, b in view_pairs(views)
@@ -155,11 +119,6 @@ def explain(loaded: LoadedConfig) -> Explanation:
     )
 
 
-def short(law_name: str) -> str:
-    """``c1`` for ``controller_1``; other names stay."""
-    return law_name.replace("controller_", "c")
-
-
 def first_views(views: Mapping[str, View]) -> dict[str, View]:
     """First run of every law, by the law's name."""
     found: dict[str, View] = {}
@@ -171,66 +130,79 @@ def first_views(views: Mapping[str, View]) -> dict[str, View]:
 def view_pairs(views: Mapping[str, View]) -> Iterator[tuple[str, View, View]]:
     """Neighbouring laws of the runs, as ``c1_c2`` and a run of each."""
     for a, b in pairwise(first_views(views).values()):
-        yield f"{short(a.law_name)}_{short(b.law_name)}", a, b
+        yield f"{a.law_name}_{b.law_name}".replace("controller_", "c"), a, b
 
 
-def slow_ratio(a: View, b: View, size_deg: float) -> Array:
+def slow_ratio(a: View, b: View, size_deg: float) -> list[float]:
     """Ratio of two runs' errors under a slow load, (n,), by `tendonrepro.physics.slow_error.error_ratio`."""
-    return error_ratio(a.law, b.law, float(np.deg2rad(size_deg)), a.delay)
+    ratio: list[float] = error_ratio(a.law, b.law, float(np.deg2rad(size_deg)), a.delay).tolist()
+    return ratio
 
 
-def run_margins(view: View, postures: Array, ringing: float) -> RunMargins:
-    """Stability of one run over postures (P, n), rad; from `ringing`, Hz, on a mode counts as ringing."""
-    L, joints = view.law.L, range(postures.shape[1])
+def margin_rows(view: View, postures: Array, ringing: float) -> list[dict[str, Any]]:
+    """Stability of one run, a row per joint, the worst of postures (P, n), rad, for every number.
+
+    The slowest mode decays by ``decay``, s⁻¹, negative where the loop grows, at ``decay_hz``; ``ringing_`` is
+    the same of the slowest mode from `ringing`, Hz, on, NaN without. ``disk_margin`` is of all joints at
+    once; what :class:`ChannelMargins` holds is for a torque of one joint that the law does not know.
+    """
+    L, age = view.law.L, estimate_age(view.law, view.delay)
     found = [modes(loop_matrix(q, view.plant, view.law, view.delay), L) for q in postures]
-    slow, fast = slowest(found, 0.0), slowest(found, ringing)
-
+    (growth, growth_hz), (fast, fast_hz) = slowest(found, 0.0), slowest(found, ringing)
     cuts = [open_loop(q, view.plant, view.law, view.delay) for q in postures]
-    channels = tuple(worst([channel_margins(cut, joint, L) for cut in cuts]) for joint in joints)
-    disks = [disk_margin(cut, L) for cut in cuts]
     # NaN, of a posture where the loop grows, is the smallest of all.
-    disk = min(disks, key=lambda pair: -1.0 if np.isnan(pair[0]) else pair[0])
-    radius = float(np.exp(slow[0] * L))
-    return RunMargins(radius, -slow[0], slow[1], -fast[0], fast[1], channels, *disk)
+    disk, disk_hz = min(
+        (disk_margin(cut, L) for cut in cuts), key=lambda pair: np.nan_to_num(pair[0], nan=-1.0)
+    )
+    run = {
+        "law": view.law_name,
+        "payload_kg": view.payload,
+        "output_delay": view.delay,
+        "spectral_radius": float(np.exp(growth * L)),
+        "stable": growth < 0.0,
+        "decay": -growth,
+        "decay_hz": growth_hz,
+        "ringing_decay": -fast,
+        "ringing_hz": fast_hz,
+        "disk_margin": disk,
+        "disk_margin_hz": disk_hz,
+    }
+    channels = [worst([channel_margins(cut, k, L) for cut in cuts]) for k in range(age.size)]
+    return [held._asdict() | run | {"estimate_age": float(age[k])} for k, held in enumerate(channels)]
 
 
 def worst(found: Sequence[ChannelMargins]) -> ChannelMargins:
     """Smallest margin of several postures, number by number; none where the loop grows at one of them."""
     gain = min(each.loop_gain for each in found)
     if not all(each.stable for each in found):
-        return ChannelMargins(False, *7 * (np.nan,), gain)
+        return ChannelMargins(loop_gain=gain)
 
-    def least(key: Callable[[ChannelMargins], float]) -> ChannelMargins:
-        return min(found, key=lambda each: np.inf if np.isnan(key(each)) else key(each))
+    def least(name: str, sign: float = 1.0) -> ChannelMargins:
+        return min(found, key=lambda each: np.nan_to_num(sign * getattr(each, name), nan=np.inf))
 
-    up, phase = least(lambda each: each.gain_up), least(lambda each: each.phase)
-    down = least(lambda each: -each.gain_down)
-    return ChannelMargins(
-        stable=True,
-        gain_up=up.gain_up,
-        gain_up_hz=up.gain_up_hz,
-        gain_down=down.gain_down,
-        gain_down_hz=down.gain_down_hz,
-        phase=phase.phase,
-        crossover_hz=phase.crossover_hz,
-        delay=least(lambda each: each.delay).delay,
+    up, down, delay = least("gain_margin"), least("gain_reduction_margin", -1.0), least("delay_margin_s")
+    return least("phase_margin_deg")._replace(
+        gain_margin=up.gain_margin,
+        gain_margin_hz=up.gain_margin_hz,
+        gain_reduction_margin=down.gain_reduction_margin,
+        gain_reduction_margin_hz=down.gain_reduction_margin_hz,
+        delay_margin_s=delay.delay_margin_s,
         loop_gain=gain,
     )
 
 
-def _curves(view: View, q: Array) -> Curves:
-    cut = open_loop(q, view.plant, view.law, view.delay)
-    A, B, C = cut
+def _curve(view: View, q: Array) -> tuple[Array, Complex]:
+    A, B, C = cut = open_loop(q, view.plant, view.law, view.delay)
     angles = angle_grid(A + B @ C)
     hertz = angles / (2.0 * np.pi * view.law.L)
     shown = hertz >= 0.02
     channels = [response(channel(cut, joint), angles[shown])[:, 0, 0] for joint in range(q.size)]
-    return Curves(hertz[shown], np.stack(channels))
+    return hertz[shown], np.stack(channels)
 
 
 def _what_ifs(
     config: CompareConfig, views: Mapping[str, View], postures: Array
-) -> Iterator[tuple[str, WhatIf]]:
+) -> Iterator[tuple[str, dict[str, Any]]]:
     """One more sample of delay, and every other reading of the paper's text, one at a time."""
     later = {name: view._replace(delay=view.delay + 1) for name, view in views.items()}
     yield f"output_delay={next(iter(later.values())).delay}", _changed(later, postures)
@@ -248,11 +220,13 @@ def _what_ifs(
             yield f"{axis}={value}", _changed(run_views(changed), postures)
 
 
-def _changed(views: Mapping[str, View], postures: Array) -> WhatIf:
-    return WhatIf(
-        {name: decay_rate(list(postures), view.plant, view.law, view.delay) for name, view in views.items()},
-        {pair: slow_ratio(a, b, TYPICAL_ERROR_DEG) for pair, a, b in view_pairs(views)},
-    )
+def _changed(views: Mapping[str, View], postures: Array) -> dict[str, Any]:
+    return {
+        "decay": {
+            run: decay_rate(list(postures), view.plant, view.law, view.delay) for run, view in views.items()
+        },
+        "ratio": {pair: slow_ratio(a, b, TYPICAL_ERROR_DEG) for pair, a, b in view_pairs(views)},
+    }
 
 
 def _largest_alpha(views: Mapping[str, View]) -> float:
@@ -270,16 +244,15 @@ def _maps(views: Mapping[str, View], postures: Array) -> tuple[Map, ...]:
     tendons, gains = np.geomspace(0.1, 10.0, MAP_POINTS), np.geomspace(0.1, 20.0, MAP_POINTS)
     alpha = np.linspace(0.0, _largest_alpha(views), MAP_POINTS)
 
+    def stable_over(view: View, x: str, y: str) -> Callable[[Array, Array], Array]:
+        return lambda a, b: decays(list(postures), view.plant, view.law, view.delay, {x: a, y: b})
+
     def over_tendons(view: View) -> Array:
-        decay = partial(tendon_decay, list(postures), view.plant, view.law, view.delay)
-        return border_distance(decay, tendons, tendons)
+        return border_distance(stable_over(view, "K_s", "D_s"), tendons, tendons)
 
     def over_gains(view: View) -> Array:
         # The border runs along α, so it is looked for along M_bar.
-        def decay(a: Array, m: Array) -> Array:
-            return gain_decay(list(postures), view.plant, view.law, view.delay, m, a)
-
-        return border_distance(decay, alpha, gains).T
+        return border_distance(stable_over(view, "alpha", "M_bar"), alpha, gains).T
 
     return (
         Map("K_s", "D_s", tendons, tendons, {run: over_tendons(view) for run, view in views.items()}),

@@ -68,14 +68,14 @@ def draw_margins(found: Explanation) -> Figure:
         gain, phase = grid[:, k]
         gain.axhline(1.0, color="#999999", linewidth=0.5)
         phase.axhline(-180.0, color="#999999", linewidth=0.5)
-        for number, (run, curves) in enumerate(found.curves.items(), start=1):
-            stroke, value = stroke_of(number), curves.channels[k]
-            _line(gain, curves.hertz, np.abs(value), stroke, run)
+        for number, (run, (hertz, channels)) in enumerate(found.curves.items(), start=1):
+            stroke, value = stroke_of(number), channels[k]
+            _line(gain, hertz, np.abs(value), stroke, run)
             # Of -G, continuous from between -180 and 180 at the lowest frequency.
-            _line(phase, curves.hertz, np.rad2deg(np.unwrap(np.angle(-value))), stroke, run)
-            place = found.margins[run].channels[k].gain_up_hz
+            _line(phase, hertz, np.rad2deg(np.unwrap(np.angle(-value))), stroke, run)
+            place = found.rows[run][k]["gain_margin_hz"]
             if np.isfinite(place):
-                height = np.exp(np.interp(np.log(place), np.log(curves.hertz), np.log(np.abs(value))))
+                height = np.exp(np.interp(np.log(place), np.log(hertz), np.log(np.abs(value))))
                 circle = {"markersize": 3.2, "markerfacecolor": "white", "markeredgecolor": stroke.colour}
                 gain.plot([place], [height], "o", **circle)
         phase.set_xlabel("Frequency (Hz)")
@@ -84,7 +84,7 @@ def draw_margins(found: Explanation) -> Figure:
     grid[1, 0].set_yticks(np.arange(-360.0, 361.0, 90.0))
     highest = max(np.max(line.get_ydata()) for axes in grid[1] for line in axes.lines)
     grid[1, 0].set_ylim(-360.0, 0.0 if highest <= 0.0 else 180.0)
-    low_gain = max(float(np.abs(curves.channels[:, 0]).max()) for curves in found.curves.values())
+    low_gain = max(float(np.abs(channels[:, 0]).max()) for _, channels in found.curves.values())
     # A law with a pole on the unit circle has no finite gain there.
     grid[0, 0].set_ylim(max(grid[0, 0].get_ylim()[0], 1e-5), 3.0 * low_gain)
     grid[0, 0].set_ylabel("Loop gain")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -16,6 +16,7 @@ from tendonrepro.physics.linear_loop import (
     closed,
     hold_discretised,
     law_matrices,
+    loop_matrix,
     plant_matrices,
     spectral_radius,
 )
@@ -45,12 +46,8 @@ def root_locus(q: Array, plant: Plant, law: Law, delay: int, parameter: str, fac
 
     Rates as of `modes`, of both signs of the frequency; NaN where one dies within a sample.
     """
-    rows, parts = [], law_matrices(law, q.size, delay)
-    for factor in factors:
-        changed, gains = scaled(plant, law, parameter, float(factor))
-        own = parts if gains is law else law_matrices(gains, q.size, delay)
-        matrix = closed(*hold_discretised(*plant_matrices(q, changed), law.L), *own)
-        rows.append(np.linalg.eigvals(matrix).astype(np.complex128))
+    changed = [scaled(plant, law, parameter, float(factor)) for factor in factors]
+    rows = [np.linalg.eigvals(loop_matrix(q, *each, delay)).astype(np.complex128) for each in changed]
     for before, row in pairwise(rows):
         row[:] = _followed(before, row)
     z = np.stack(rows)
@@ -69,39 +66,26 @@ def _followed(before: Complex, now: Complex) -> Complex:
     return ordered
 
 
-def tendon_decay(
-    postures: Sequence[Array], plant: Plant, law: Law, delay: int, K_s: Array, D_s: Array
+def decays(
+    postures: Sequence[Array], plant: Plant, law: Law, delay: int, factors: Mapping[str, Array]
 ) -> Array:
-    """Slowest decay over several postures, s⁻¹, for factors (N,) on the tendons' stiffness and damping."""
-    plants = [
-        scaled(scaled(plant, law, "K_s", k)[0], law, "D_s", d)[0] for k, d in zip(K_s, D_s, strict=True)
-    ]
-    return _decays(postures, plants, [law], delay)
-
-
-def gain_decay(
-    postures: Sequence[Array], plant: Plant, law: Law, delay: int, M_bar: Array, alpha: Array
-) -> Array:
-    """Slowest decay over several postures, s⁻¹, for factors (N,) on two gains of the law.
-
-    A law without the second estimate has no α, and its factor does nothing.
-    """
-    pairs = np.column_stack([M_bar, alpha if law.weights[1].any() else np.ones_like(alpha)])
-    pairs, places = np.unique(pairs, axis=0, return_inverse=True)
-    laws = [scaled(plant, scaled(plant, law, "M_bar", m)[1], "alpha", a)[1] for m, a in pairs]
-    return _decays(postures, [plant], laws, delay)[places.ravel()]
-
-
-def _decays(postures: Sequence[Array], plants: Sequence[Plant], laws: Sequence[Law], delay: int) -> Array:
-    """Slowest decay of N plants under one law, or of N laws on one plant, (N,)."""
-    parts = (law_matrices(law, law.M_bar.size, delay) for law in laws)
-    output, memory = (np.stack(part) for part in zip(*parts, strict=True))
+    """Slowest decay over several postures, s⁻¹, (N,), for factors (N,) on some of `PARAMETERS`."""
+    changed = []
+    for values in zip(*factors.values(), strict=True):
+        one = plant, law
+        for parameter, factor in zip(factors, values, strict=True):
+            one = scaled(*one, parameter, factor)
+        changed.append(one)
+    plants, laws = ([held[0]] if held[0] is held[-1] else held for held in zip(*changed, strict=True))
+    output, memory = (
+        np.stack(parts) for parts in zip(*(law_matrices(held, delay) for held in laws), strict=True)
+    )
     radius = np.zeros(1)
     for q in postures:
-        held = (hold_discretised(*plant_matrices(q, plant), laws[0].L) for plant in plants)
-        Phi, Gamma = (np.stack(part) for part in zip(*held, strict=True))
+        held = [hold_discretised(*plant_matrices(q, each), law.L) for each in plants]
+        Phi, Gamma = (np.stack(parts) for parts in zip(*held, strict=True))
         radius = np.maximum(radius, spectral_radius(closed(Phi, Gamma, output, memory)))
-    return np.asarray(-np.log(radius) / laws[0].L)
+    return np.asarray(-np.log(radius) / law.L)
 
 
 def border_distance(decay: Callable[[Array, Array], Array], across: Array, along: Array) -> Array:

@@ -33,21 +33,21 @@ _BEYOND = 1e-4
 class ChannelMargins(NamedTuple):
     """Margins of one joint's torque with the other loops closed.
 
-    NaN where there is none, or the loop grows already. `gain_up` and `gain_down` are the smallest factor
-    above 1 and the largest below 1 that make the loop grow, `_hz` the frequency of the mode that then
-    grows; `phase` the smallest lag or lead, rad, that does, where the gain is 1, at `crossover_hz`; `delay`
-    the shortest extra delay, s, unknown to the law. `loop_gain` is ``|G|`` at `LOW_FREQUENCY`.
+    NaN where there is none, or the loop grows already. The gain margins are the smallest factor above 1 and
+    the largest below 1 that make the loop grow, `_hz` the frequency of the mode that then grows; the phase
+    margin is the smallest lag or lead, in degrees, that does, where the gain is 1, at `crossover_hz`; the
+    delay margin the shortest extra delay, s, unknown to the law. `loop_gain` is ``|G|`` at `LOW_FREQUENCY`.
     """
 
-    stable: bool
-    gain_up: float
-    gain_up_hz: float
-    gain_down: float
-    gain_down_hz: float
-    phase: float
-    crossover_hz: float
-    delay: float
-    loop_gain: float
+    stable: bool = False
+    gain_margin: float = np.nan
+    gain_margin_hz: float = np.nan
+    gain_reduction_margin: float = np.nan
+    gain_reduction_margin_hz: float = np.nan
+    phase_margin_deg: float = np.nan
+    crossover_hz: float = np.nan
+    delay_margin_s: float = np.nan
+    loop_gain: float = np.nan
 
 
 def channel(cut: Cut, joint: int) -> Cut:
@@ -89,7 +89,7 @@ def channel_margins(cut: Cut, joint: int, L: float) -> ChannelMargins:
     A, b, c = single = channel(cut, joint)
     gain = float(np.abs(response(single, np.array([2.0 * np.pi * LOW_FREQUENCY * L])))[0, 0, 0])
     if spectral_radius(A + b @ c) >= 1.0:
-        return ChannelMargins(False, *7 * (np.nan,), gain)
+        return ChannelMargins(loop_gain=gain)
     angles = angle_grid(A, A + b @ c)
 
     def at(where: Array) -> Complex:
@@ -105,13 +105,13 @@ def channel_margins(cut: Cut, joint: int, L: float) -> ChannelMargins:
     delay = (lags / unity).min() * L if unity.size else np.nan
     return ChannelMargins(
         stable=True,
-        gain_up=up[0],
-        gain_up_hz=hertz * up[1],
-        gain_down=down[0],
-        gain_down_hz=hertz * down[1],
-        phase=float(phase),
+        gain_margin=up[0],
+        gain_margin_hz=hertz * up[1],
+        gain_reduction_margin=down[0],
+        gain_reduction_margin_hz=hertz * down[1],
+        phase_margin_deg=float(np.rad2deg(phase)),
         crossover_hz=float(hertz * crossover),
-        delay=float(delay),
+        delay_margin_s=float(delay),
         loop_gain=gain,
     )
 

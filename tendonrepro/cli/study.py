@@ -67,7 +67,7 @@ def identify(
     terminal: Terminal,
     fit: Annotated[
         Literal["controller_2", "all"],
-        Option("--fit", help="Fit Controller 2 and judge the others, or fit all sixteen numbers."),
+        Option("--fit", help="Fit Controller 2 and show the others, or fit all sixteen numbers."),
     ] = "controller_2",
     readings: Annotated[
         str, Option("--readings", help="printed, default, or names with commas between.")
@@ -85,7 +85,6 @@ def identify(
     An interrupted search goes on.
     """
     from tendonrepro.identification.command import run_identify
-    from tendonrepro.identification.report import identify_text
 
     found = run_identify(
         request,
@@ -98,7 +97,7 @@ def identify(
         seeds=seeds,
         jobs=jobs,
     )
-    terminal.show(found, identify_text)
+    terminal.show(found, found.pop("text"))
 
 
 @command(study_app, "tendonrepro explain --set manipulator.actuator.output_delay=1", without=())

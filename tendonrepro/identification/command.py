@@ -1,65 +1,125 @@
-"""Search for plants, motions and readings that give the printed numbers, and judge what was not fitted."""
+"""Search for plants, motions and readings that give the printed numbers."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+import shutil
+import sys
+from collections.abc import Callable, Mapping
 from contextlib import closing
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tendonrepro import __version__
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import LoadedEnsemble, load_ensemble
-from tendonrepro.configuration.models.readings import RUNS, Reading, default_readings, named_readings
+from tendonrepro.configuration.load import CompareConfig
+from tendonrepro.configuration.models.readings import (
+    RUNS,
+    Reading,
+    case_of,
+    default_readings,
+    named_readings,
+    reading,
+)
 from tendonrepro.configuration.published import Published, published
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
-from tendonrepro.files import to_json
+from tendonrepro.files import digest_of
 from tendonrepro.identification import judge
 from tendonrepro.identification.misfit import (
-    NEAR,
-    SCHEMA_VERSION,
     Bench,
-    Target,
-    Task,
+    Printed,
     Window,
     log_misfit,
     log_residuals,
-    nominal_unit,
     printed_numbers,
     rounding_misfit,
-    rows_that_matter,
 )
-from tendonrepro.identification.report import CONFIG, conclusions, write_config, write_identify_tables
-from tendonrepro.identification.search import Effort, Evaluated, Found, load_arrays, save_arrays, search
-from tendonrepro.monte_carlo.block import Simulate
+from tendonrepro.identification.report import CONFIG, best_of, conclusions, outcome, write_config
+from tendonrepro.identification.search import (
+    Effort,
+    Evaluated,
+    Found,
+    Plants,
+    nominal_unit,
+    rows_that_matter,
+    search,
+)
 from tendonrepro.monte_carlo.box import make_box, scrambled_sobol
+from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.monte_carlo.workers import here
 from tendonrepro.results.manifest import make_manifest
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
-from tendonrepro.results.store import MANIFEST, NewResult, replaced, take_over
+from tendonrepro.results.store import MANIFEST, replaced
 from tendonrepro.results.study import foretell
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 
-Searched: TypeAlias = tuple[NDArray[np.bool_], Found]
-"""Rows of the box that were searched, (P,), and the search."""
+Target: TypeAlias = Literal["controller_2", "all"]
+FITTED: Mapping[Target, tuple[str, ...]] = {"controller_2": ("controller_2",), "all": RUNS}
+"""Runs whose numbers are fitted."""
 
-DATA = "identify.json"
-STATES = "search"
+SCHEMA_VERSION = 3
 
-FEWEST_MEMBERS = 5
-MOST = {"generations": 10**5, "population": 2048, "seeds": 64}
-"""Largest effort that memory holds."""
+NEAR = 0.02
+"""Misfit in log ratio, about 2 %, up to which a plant fits; a seed comes near up to twice the best misfit."""
 
-GENERATIONS, POPULATION, SEEDS = 60, 48, 3
-"""Effort of each search unless told otherwise."""
+SCREENED = 256
+"""Draws among which rows that matter are looked for."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """All that an identification depends on."""
+
+    loaded: LoadedEnsemble
+    fit: Target
+    readings: tuple[Reading, ...]
+    effort: Effort
+    seed: int
+    printed: Printed
+    bench: Bench
+
+    @property
+    def fitted(self) -> tuple[str, ...]:
+        """Runs whose numbers are fitted."""
+        return FITTED[self.fit]
+
+    @property
+    def places(self) -> list[int]:
+        """Their places in `RUNS`."""
+        return [RUNS.index(run) for run in self.fitted]
+
+    def cases(self) -> dict[Reading, list[Reading]]:
+        """Readings by what of them changes the fitted runs, which is searched once."""
+        found: dict[Reading, list[Reading]] = {}
+        for held in self.readings:
+            changing = {axis for run in self.fitted for axis, _ in case_of(held, run).settings}
+            case = reading({axis: value for axis, value in held.settings if axis in changing})
+            found.setdefault(case, []).append(held)
+        return found
+
+    def identity(self) -> str:
+        """SHA-256 of all that the numbers depend on."""
+        content = {
+            "schema": SCHEMA_VERSION,
+            "version": __version__,
+            "code": code_digest(),
+            "config": self.loaded.sha256,
+            "fit": self.fit,
+            "window": self.bench.window,
+            "readings": [held.name for held in self.readings],
+            "effort": [self.effort.generations, self.effort.population, self.effort.seeds],
+            "seed": self.seed,
+            "printed": [self.printed.values.tolist(), self.printed.half.tolist()],
+        }
+        return digest_of(content)
 
 
 def run_identify(
@@ -69,14 +129,13 @@ def run_identify(
     fit: Target = "controller_2",
     readings: str = "printed",
     window: Window = "whole",
-    generations: int = GENERATIONS,
-    population: int = POPULATION,
-    seeds: int = SEEDS,
+    generations: int = 60,
+    population: int = 48,
+    seeds: int = 3,
     jobs: int = -1,
-    simulate: Simulate | None = None,
     paper: Published | None = None,
 ) -> dict[str, Any]:
-    """Search, judge, and write numbers, tables, figures and the best plant's configuration.
+    """Search, and write numbers, tables, figures and the best plant's configuration.
 
     Parameters
     ----------
@@ -84,7 +143,7 @@ def run_identify(
         Its configuration is that of an ensemble, whose box is searched.
     talk : Talk
     fit : {'controller_2', 'all'}
-        Fit Controller 2's four numbers and judge the others by them; or all sixteen and judge nothing.
+        Fit Controller 2's four numbers and show what the others are then; or fit all sixteen.
     readings : str
         ``printed``, ``default``, or names joined by commas.
     window : {'whole', 'late'}
@@ -93,8 +152,6 @@ def run_identify(
         Effort of each search; the population is that of one seed.
     jobs : int
         Processors; -1 is all. Searches run side by side, a single one on all of them.
-    simulate : callable, optional
-        Another batch stepper.
     paper : Published, optional
         Other printed numbers than the shipped ones.
 
@@ -106,181 +163,151 @@ def run_identify(
     Raises
     ------
     UsageError
-        For an unknown reading, too small an effort, or a folder with other results.
+        For an unknown reading, no effort, or a folder with other results.
     TendonreproError
-        When results cannot be written; searches are taken up again from their last generation.
+        When results cannot be written; searches are taken up again from where they were.
     """
     folder = request.folder("identify")
-    _check(fit, window, generations, population, seeds)
+    for option, value in {"generations": generations, "population": population, "seeds": seeds}.items():
+        if value < 1:
+            raise UsageError(f"must be at least 1, found {value}", where=f"--{option}")
     if not jobs:
         raise UsageError("must be a number of processors, or -1 for all, found 0", where="--jobs")
-    processors = jobs if jobs > 0 else os.cpu_count() or 1
     loaded = load_ensemble(request.config, overrides=request.overrides, seed=request.seed)
-    joints, box = loaded.compare.joints, make_box(loaded.config)
+    named = default_readings(loaded.config.pairs) if readings == "default" else named_readings(readings)
+    processors = jobs if jobs > 0 else os.cpu_count() or 1
     task = Task(
         loaded=loaded,
         fit=fit,
-        readings=_readings(readings, loaded),
-        effort=Effort(generations, population, seeds, NEAR, (), fit != "all"),
+        readings=named,
+        effort=Effort(generations, population, seeds),
         seed=int(loaded.config.seed.si),
-        printed=printed_numbers(paper or published(), joints),
-        bench=Bench(loaded.base, box, window, simulate or partial(simulate_batch, threads=processors)),
+        printed=printed_numbers(paper or published(), loaded.compare.joints),
+        bench=Bench(loaded.base, make_box(loaded.config), window, simulate_batch),
     )
-    identity = task.identity([held.name for held in task.readings])
+    identity = task.identity()
     if request.dry_run:
         foretell(folder, identity, "identify", request, talk)
-        return _outline(task, folder) | {"dry_run": True, "config_sha256": loaded.sha256}
-    with replaced(folder, identity, command="identify", force=request.force, keep=STATES) as result:
-        names = [path.name for path in (folder / STATES).glob("*.npz")]
-        take_over(folder / STATES, result.path / STATES, names)
-        return _identified(task, folder, result, identity, processors, talk)
-
-
-def _check(fit: str, window: str, generations: int, population: int, seeds: int) -> None:
-    efforts = ("generations", generations, 1), ("population", population, FEWEST_MEMBERS), ("seeds", seeds, 1)
-    for option, value, fewest in efforts:
-        if not fewest <= value <= MOST[option]:
-            message = f"must be at least {fewest} and at most {MOST[option]}, found {value}"
-            raise UsageError(message, where=f"--{option}")
-    for option, word, known in (("--fit", fit, get_args(Target)), ("--window", window, get_args(Window))):
-        if word not in known:
-            raise UsageError(f"must be {' or '.join(known)}, found {word!r}", where=option)
-
-
-def _readings(text: str, loaded: LoadedEnsemble) -> tuple[Reading, ...]:
-    return default_readings(loaded.config.pairs) if text == "default" else named_readings(text)
+        return _plan(task, folder)
+    # Of another search they are not taken up.
+    states = f"search-{identity[:16]}"
+    with replaced(folder, identity, command="identify", force=request.force, keep=states) as result:
+        found = _searches(task, result.path / states, processors, talk)
+        data = _outline(task, folder) | {"readings": [found[held.name][0] for held in named]}
+        data["conclusions"] = [OTHER_BASE] * (not base_of_paper(loaded.compare)) + conclusions(data)
+        write_config(result.path / CONFIG, found[best_of(data)["name"]][1], data)
+        told = outcome(data)
+        told.save(result, "identify")
+        shutil.rmtree(result.path / states)
+        result.manifest = make_manifest(loaded.base, result.seconds, "identify")
+        result.manifest |= {"experiment": "identify", "seed": task.seed}
+        result.manifest["solver"] = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE}
+        result.manifest["config"] |= {"sha256": identity, "ensemble_sha256": loaded.sha256}
+    text = f"{told.text()}\n\nResults are in {folder}"
+    return data | {"text": text, "manifest": str(folder / MANIFEST)}
 
 
 def _outline(task: Task, folder: Path) -> dict[str, Any]:
+    """What is known before the search."""
     return {
         "schema_version": SCHEMA_VERSION,
         "experiment": "identify",
         "fit": task.fit,
-        "judged": task.fit != "all",
         "window": task.bench.window,
-        "readings": [held.name for held in task.readings],
-        "searches": list(dict.fromkeys(task.case(held).name for held in task.readings)),
+        "searches": [case.name for case in task.cases()],
         "evaluations": task.effort.evaluations,
-        "generations": task.effort.generations,
-        "population": task.effort.population,
-        "seeds": task.effort.seeds,
-        "seed": task.seed,
+        **asdict(task.effort),
         "near_tolerance": NEAR,
+        "seed": task.seed,
         "joints": list(task.printed.joints),
         "out": str(folder),
+        "config": str(folder / CONFIG),
     }
 
 
-def _identified(
-    task: Task, out: Path, result: NewResult, identity: str, processors: int, talk: Talk
-) -> dict[str, Any]:
-    from tendonrepro.identification.figures import draw_identify_figures
-
-    folder = result.path
-    found = _searches(task, folder, processors, talk)
-    with talk.bar("judging", len(task.readings)) as progress:
-        readings = []
-        for reading in task.readings:
-            readings.append(_reading_data(task, reading, *found[task.case(reading)]))
-            progress(1)
-    data = _outline(task, out) | {"readings": readings, "config": str(out / CONFIG)}
-    data["conclusions"] = [OTHER_BASE] * (not base_of_paper(task.loaded.compare)) + conclusions(data)
-    place = int(np.argmin([entry["misfit_log"] for entry in readings]))
-    best = task.readings[place]
-    rows, state = found[task.case(best)]
-    config = task.bench.searching(rows).config(_whole(task, rows, state.closest[np.newaxis])[0], best)
-    write_config(folder / CONFIG, config, data, readings[place])
-    write_identify_tables(data, folder / "tables")
-    draw_identify_figures(data, folder / "figures")
-    result.write(DATA, to_json(data))
-    manifest = make_manifest(task.loaded.base, result.seconds, "identify")
-    stepper = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE}
-    manifest |= {"experiment": "identify", "seed": task.seed, "solver": stepper}
-    manifest["config"] = manifest["config"] | {"sha256": identity, "ensemble_sha256": task.loaded.sha256}
-    result.manifest = manifest
-    return data | {"manifest": str(out / MANIFEST)}
+def _plan(task: Task, folder: Path) -> dict[str, Any]:
+    known = _outline(task, folder)
+    text = (
+        f"identify: fits {task.fit} under {len(task.readings)} readings by {len(known['searches'])} searches "
+        f"({', '.join(known['searches'])}) of {known['evaluations']} plants\nwould write to {folder}"
+    )
+    readings = [held.name for held in task.readings]
+    return known | {"dry_run": True, "config_sha256": task.loaded.sha256, "readings": readings, "text": text}
 
 
-def _searches(task: Task, folder: Path, processors: int, talk: Talk) -> dict[Reading, Searched]:
-    """Search under every case, side by side where there are several."""
-    cases = list(dict.fromkeys(task.case(reading) for reading in task.readings))
-    evaluations, processes = task.effort.evaluations, min(processors, len(cases))
-    with talk.resumable(), talk.bar("searching", evaluations * len(cases)) as progress:
+def _searches(
+    task: Task, states: Path, processors: int, talk: Talk
+) -> dict[str, tuple[dict[str, Any], CompareConfig]]:
+    """Numbers and the best plant of every reading; searches run side by side where there are several."""
+    cases = list(task.cases())
+    processes = min(processors, len(cases))
+    simulate = partial(simulate_batch, threads=processors if processes == 1 else 1)
+    task = replace(task, bench=replace(task.bench, simulate=simulate))
+    found: dict[str, tuple[dict[str, Any], CompareConfig]] = {}
+    with talk.resumable(), talk.bar("searching", task.effort.evaluations * len(cases)) as progress:
         if processes == 1:
-            return dict(_searched(task, folder, talk, case, progress) for case in cases)
-        # Another stepper knows nothing of threads.
-        if isinstance(task.bench.simulate, partial):
-            alone = partial(task.bench.simulate, threads=1)
-            task = replace(task, bench=replace(task.bench, simulate=alone))
-        found = {}
-        with closing(here(partial(_searched, task, folder, talk), cases, processes)) as stream:
-            for case, one in stream:
-                found[case] = one
-                progress(evaluations)
-        return found
+            for place in range(len(cases)):
+                found |= _searched(task, states, place, progress)
+            return found
+        with closing(here(partial(_searched, task, states), range(len(cases)), processes)) as stream:
+            for one in stream:
+                found |= one
+                progress(task.effort.evaluations)
+    return found
 
 
 def _searched(
-    task: Task, folder: Path, talk: Talk, case: Reading, progress: Callable[[int], None] = lambda _: None
-) -> tuple[Reading, Searched]:
-    """Choose rows and search under one case; what is on disk already is not done again."""
-    identity = task.identity([case.name])
-    path, chosen = (folder / STATES / f"{identity[:16]}{name}.npz" for name in ("", "-rows"))
-    kept = load_arrays(chosen, identity, talk)
-    if kept is None or kept.get("rows", np.empty(0)).shape != np.shape(task.bench.box.names):
-        # What is judged may feel rows that what is fitted does not.
-        every = np.ones(len(task.bench.box.names), dtype=np.bool_)
-        is_all = task.fit == "all"
-        felt = rows_that_matter(task.bench, case, task.fitted, task.goal, task.seed) if is_all else every
-        kept = {"rows": felt}
-        save_arrays(chosen, identity, **kept)
-    rows: NDArray[np.bool_] = kept["rows"]
-    bench, effort = task.bench.searching(rows), task.effort
-    talk.detail(f"{case.name}: searches {', '.join(np.array(bench.box.names)[rows])}")
+    task: Task, states: Path, place: int, progress: Callable[[int], None] = lambda _: None
+) -> dict[str, tuple[dict[str, Any], CompareConfig]]:
+    """Search under one case; what is on disk already is not done again."""
+    box, effort = task.bench.box, task.effort
+    case, readings = list(task.cases().items())[place]
 
-    def misfit(points: Array) -> Evaluated:
-        measured = bench.measure(_whole(task, rows, points), case, task.fitted)
-        residuals = log_residuals(measured, task.goal).reshape(len(points), -1)
-        return Evaluated(log_misfit(measured, task.goal), residuals)
+    def plants(bench: Bench, most: int, name: str) -> Plants:
+        misfit = partial(_evaluated, task, bench, case)
+        return Plants(misfit, len(box.names), most, states / f"{place}-{name}.npy", progress)
 
-    smooth = tuple(bench.box.choices[row].size == 0 for row in np.flatnonzero(rows))
-    draws = [scrambled_sobol(bench.box, task.seed, k, 0, effort.population) for k in range(effort.seeds)]
-    first, effort = np.stack(draws)[..., rows], replace(effort, smooth=smooth)
-    return case, (rows, search(first, misfit, effort, task.seed, path, identity, talk, progress))
-
-
-def _whole(task: Task, rows: NDArray[np.bool_], points: Array) -> Array:
-    """Points (N, F) of the searched rows as points (N, P) of the box."""
-    units = np.tile(nominal_unit(task.bench.box), (len(points), 1))
-    units[:, rows] = points
-    return units
-
-
-def _reading_data(task: Task, held: Reading, rows: NDArray[np.bool_], state: Found) -> dict[str, Any]:
-    """Everything about one reading as plain values."""
-    point, misfit = state.closest, state.misfit
-    limit = max(NEAR, 2.0 * misfit)
-    units = _whole(task, rows, np.vstack([point, state.near(limit)]))
+    draws = scrambled_sobol(box, task.seed, 0, 0, SCREENED)
+    rows = rows_that_matter(box, plants(task.bench, sys.maxsize, "rows"), draws)
     bench = task.bench.searching(rows)
-    measured = bench.measure(units, held, RUNS)
-    best, near = measured.part(slice(0, 1)), measured.part(slice(1, None))
-    printed, fitted = task.printed, [RUNS.index(run) for run in task.fitted]
-    rounding = rounding_misfit(best.sizes[:, fitted], printed.values[fitted], printed.half[fitted])
-    return {
+    starts = [scrambled_sobol(box, task.seed, k, 0, effort.population) for k in range(effort.seeds)]
+    found = search(
+        np.where(rows, np.stack(starts), nominal_unit(box)),
+        rows,
+        rows & [choices.size == 0 for choices in box.choices],
+        partial(plants, bench, effort.plants),
+        effort,
+        task.seed,
+    )
+    return {held.name: _reading_data(task, bench, case, held, found) for held in readings}
+
+
+def _evaluated(task: Task, bench: Bench, case: Reading, points: Array) -> Evaluated:
+    ours, goal = bench.measure(points, case, task.fitted), task.printed.values[task.places]
+    return Evaluated(log_misfit(ours, goal), log_residuals(ours, goal).reshape(len(points), -1))
+
+
+def _reading_data(
+    task: Task, bench: Bench, case: Reading, held: Reading, found: Found
+) -> tuple[dict[str, Any], CompareConfig]:
+    """Everything about one reading as plain values, and its best plant."""
+    limit = max(NEAR, 2.0 * found.misfit)
+    units = np.vstack([found.closest, found.points[found.misfits <= limit]])
+    ours, printed, places = bench.measure(units, held, RUNS), task.printed, task.places
+    fitted = ours.sizes[0, places], printed.values[places], printed.half[places]
+    data = {
         "name": held.name,
-        "search": task.case(held).name,
-        "misfit_log": misfit,
-        "misfit_rounding": float(rounding[0]),
-        "fits": misfit <= NEAR,
+        "search": case.name,
+        "misfit_log": found.misfit,
+        "misfit_rounding": rounding_misfit(*fitted),
+        "fits": found.misfit <= NEAR,
         "near_limit": limit,
         "near_count": len(units) - 1,
-        "misfit_by_seed": state.history[-1].tolist(),
-        "seeds_agree": state.agree(NEAR),
-        "rows_searched": [name for name, free in zip(bench.box.names, rows, strict=True) if free],
-        "history": state.history.tolist(),
-        "best_shape": judge.shape_rows(best, printed),
-        "numbers": judge.number_rows(best, near, printed, task.fitted),
-        "order": judge.order_rows(near, printed),
-        "parameters": judge.parameter_rows(bench.box, units[0], units[1:]),
-        "pareto": judge.pareto_rows(measured, printed, task.fitted),
+        "misfit_by_seed": found.misfits.tolist(),
+        "seeds_agree": found.agree,
+        "rows_searched": np.array(bench.box.names)[bench.box.free].tolist(),
+        "best_shape": judge.shape_rows(ours, printed),
+        "numbers": judge.number_rows(ours, printed, task.fitted),
+        "parameters": judge.parameter_rows(bench.box, units),
     }
+    return data, bench.config(units[0], held)

@@ -84,13 +84,14 @@ def feedback_gains(law: Law) -> tuple[Array, Array]:
     return law.lam * law.eta * slope, law.lam + law.rate_gain * slope
 
 
-def law_matrices(law: Law, n: int, delay: int = 0) -> tuple[Array, Array]:
+def law_matrices(law: Law, delay: int = 0) -> tuple[Array, Array]:
     """Part of the loop that no plant enters: torque that leaves now (n, m), memory afterwards (m - 4 n, m).
 
     The loop's state is the plant's (4 n), the law's memory, (6 lag + 3) n, and the torques on their way to
     the motors (delay n). The law's own functions are linear in it, so they are applied to all unit vectors.
     """
-    end = _memory_end(law, n)
+    n = law.M_bar.size
+    end = (4 + 6 * law.lag + 3) * n
     z = np.eye(end + delay * n)
     q, still = z[2 * n : 3 * n] if law.motor_side else z[:n], np.zeros((n, len(z)))
     memory = packed_memory(z[4 * n : end], n, law.lag)
@@ -101,11 +102,6 @@ def law_matrices(law: Law, n: int, delay: int = 0) -> tuple[Array, Array]:
     known = queue[:n] if law.stores_applied else tau
     after = remember(memory, q, still, de, law.to_joint @ H_hat, known, law)
     return queue[:n], np.concatenate([*(part.reshape(-1, len(z)) for part in after), queue[n:]])
-
-
-def _memory_end(law: Law, n: int) -> int:
-    """Entries of the loop's state up to the end of the law's memory."""
-    return (4 + 6 * law.lag + 3) * n
 
 
 def closed(Phi: Array, Gamma: Array, output: Array, memory: Array) -> Array:
@@ -124,7 +120,7 @@ def open_loop(q: Array, plant: Plant, law: Law, delay: int = 0) -> tuple[Array, 
     torque constant.
     """
     n = q.size
-    output, memory = law_matrices(law, n, delay)
+    output, memory = law_matrices(law, delay)
     Phi, Gamma = hold_discretised(*plant_matrices(q, plant), law.L)
     A, B = closed(Phi, 0.0 * Gamma, output, memory), np.zeros_like(output.T)
     B[: 4 * n] = Gamma

@@ -37,15 +37,13 @@ class TestMargins:
         for k, joint in enumerate((2, 3)):
             assert axes[k].get_title("left") == f"({'ab'[k]}) Joint {joint}, gain"
             line = next(line for line in axes[k].lines if line.get_label() == "controller_2")
-            np.testing.assert_array_equal(
-                line.get_ydata(), np.abs(found().curves["controller_2"].channels[k])
-            )
+            np.testing.assert_array_equal(line.get_ydata(), np.abs(found().curves["controller_2"][1][k]))
             assert line.get_color() == stroke_of(2).colour
 
     def test_circles_lie_where_the_phase_crosses(self):
         axes = drawn(draw_margins).axes[0]
         places = sorted(line.get_xdata()[0] for line in axes.lines if line.get_marker() == "o")
-        wanted = sorted(margin.channels[0].gain_up_hz for margin in found().margins.values())
+        wanted = sorted(rows[0]["gain_margin_hz"] for rows in found().rows.values())
         np.testing.assert_allclose(places, wanted)
 
 

@@ -58,11 +58,11 @@ class TestChannelMargins:
         A, b, c = single
         if not stable_case(case):
             assert not found.stable
-            assert np.isnan([found.gain_up, found.gain_down]).all()
+            assert np.isnan([found.gain_margin, found.gain_reduction_margin]).all()
             return
         for margin, hertz, end in (
-            (found.gain_up, found.gain_up_hz, 300.0),
-            (found.gain_down, found.gain_down_hz, 1e-5),
+            (found.gain_margin, found.gain_margin_hz, 300.0),
+            (found.gain_reduction_margin, found.gain_reduction_margin_hz, 1e-5),
         ):
             limit = end if np.isnan(margin) else 1.0 + (margin - 1.0) * (1.0 - 1e-3)
             for factor in np.geomspace(1.0, limit, 60):
@@ -74,17 +74,15 @@ class TestChannelMargins:
 
     def test_loop_is_lost_at_the_phase_margin_and_not_before(self, case, joint):
         single, found = channel(cut(*case), joint), channel_margins(cut(*case), joint, L)
-        if not np.isfinite(found.phase):
-            assert np.isnan(found.phase)
+        lag = np.deg2rad(found.phase_margin_deg)
+        if np.isnan(lag):
             return
         G = response(single, 2.0 * np.pi * L * np.array([found.crossover_hz]))
         assert np.abs(G) == pytest.approx(1.0, rel=1e-8)
-        if not stable_case(case):
-            return
         for sign in (1.0, -1.0):
-            for phase in np.linspace(0.0, found.phase * (1.0 - 1e-3), 40):
+            for phase in np.linspace(0.0, lag * (1.0 - 1e-3), 40):
                 assert radius(single, np.exp(sign * 1j * phase)) < 1.0
-        beyond = found.phase * (1.0 + 1e-3)
+        beyond = lag * (1.0 + 1e-3)
         assert max(radius(single, np.exp(sign * 1j * beyond)) for sign in (1.0, -1.0)) > 1.0
 
 
@@ -96,11 +94,12 @@ class TestKnownLoop:
         loop = np.eye(1), np.eye(1), np.array([[-k]])
         found = channel_margins(loop, 0, L)
         crossover = 2.0 * np.arcsin(0.5 * k)
-        assert found.gain_up == pytest.approx(2.0 / k, rel=1e-9)
-        assert found.gain_up_hz == pytest.approx(500.0)
-        assert np.isnan(found.gain_down)
-        assert found.phase == pytest.approx(0.5 * np.pi - 0.5 * crossover, rel=1e-8)
-        assert found.delay == pytest.approx(found.phase / crossover * L, rel=1e-8)
+        assert found.gain_margin == pytest.approx(2.0 / k, rel=1e-9)
+        assert found.gain_margin_hz == pytest.approx(500.0)
+        assert np.isnan(found.gain_reduction_margin)
+        lag = 0.5 * np.pi - 0.5 * crossover
+        assert found.phase_margin_deg == pytest.approx(np.rad2deg(lag), rel=1e-8)
+        assert found.delay_margin_s == pytest.approx(lag / crossover * L, rel=1e-8)
         assert found.loop_gain == pytest.approx(k / (2.0 * np.sin(np.pi * 0.1 * L)), rel=1e-9)
         margin, hertz = disk_margin(loop, L)
         assert margin == pytest.approx(2.0 * (2.0 - k) / (2.0 + k), rel=1e-6)
@@ -110,7 +109,9 @@ class TestKnownLoop:
         loop = np.eye(1), np.eye(1), np.array([[-2.1]])
         found = channel_margins(loop, 0, L)
         assert not found.stable
-        assert np.isnan([found.gain_up, found.gain_down, found.phase, found.delay]).all()
+        assert np.isnan(
+            [found.gain_margin, found.gain_reduction_margin, found.phase_margin_deg, found.delay_margin_s]
+        ).all()
         assert np.isnan(disk_margin(loop, L)).all()
 
 

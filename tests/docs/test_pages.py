@@ -23,16 +23,14 @@ from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.fields.quantity import UNITS
 from tendonrepro.configuration.kinds import json_schema
 from tendonrepro.configuration.load import ExperimentName, LoadedConfig, load_config
-from tendonrepro.configuration.published import published
 from tendonrepro.configuration.request import Request
 from tendonrepro.configuration.shipped import shipped_folder
 from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.command import Order, run_experiments
 from tendonrepro.experiments.loops import all_loops, build_loops
-from tendonrepro.experiments.rig import build_plant
 from tendonrepro.experiments.user_law import find_user_law
-from tendonrepro.physics.linear_loop import decay_rate, plant_matrices
+from tendonrepro.physics.linear_loop import decay_rate
 from tendonrepro.physics.metrics import mae, status_of
 from tendonrepro.reporting.assumed import quantities
 from tendonrepro.results.traces import read_traces
@@ -337,37 +335,6 @@ def test_decay_rates_and_the_rule_for_the_damping_factor(shipped: dict[str, Load
     assert shipped["compare"].config.manipulator.tendons.damping_factor.value == first
 
 
-def damping_ratio(factor: float, payload: float) -> float:
-    """Of the arm's slowest oscillation in the middle of the stroke, no controller, motors free."""
-    config = load_config(None, "compare", overrides=[f"manipulator.tendons.damping_factor={factor}"]).config
-    A, _ = plant_matrices(0.5 * config.reference.amplitude.si, build_plant(config, payload))
-    rates = np.linalg.eigvals(A)
-    slowest = min(rates[rates.imag > 1.0], key=abs)
-    return float(-slowest.real / abs(slowest))
-
-
-def test_what_the_damping_factor_costs(shipped: dict[str, LoadedConfig]) -> None:
-    text = " ".join(section(page("assumptions.md"), "## The damping factor").split())
-    tendons = shipped["compare"].config.manipulator.tendons
-    factor = tendons.damping_factor.si
-    made = factor * tendons.axial_damping.si * np.array([38.5e-3, 38.5e-3, 18.5e-3]) ** 2
-    assert f"makes D_s {made[1]:.2f} N m s/rad at joint 2 and {made[2]:.2f} at joint 3" in text
-    ratios = [damping_ratio(factor, payload) for payload in (0.0, 0.2)]
-    assert "then has a damping ratio of {:.2f} (11.0 Hz), with the payload of {:.2f}".format(*ratios) in text
-    ratios = [damping_ratio(1.0, payload) for payload in (0.0, 0.2)]
-    assert (
-        "the ratios are {:.2f} and {:.2f}, with 0.45 the first is {:.2f}".format(
-            *ratios, damping_ratio(0.45, 0.0)
-        )
-        in text
-    )
-    growth = [-rate for rate in decay_rates("0.45").values()]
-    assert f"grows by {min(growth):.0f} to {max(growth):.0f} s⁻¹" in text
-    # Smallest stable factors, docs/theory.md.
-    limits = damping_ratio(2.490, 0.0), damping_ratio(3.736, 0.2)
-    assert "from {:.2f} on, with the payload Controller 1 from {:.2f}".format(*limits) in text
-
-
 def settings() -> list[tuple[str, list[str]]]:
     table = rows(section(page("slips.md"), "## What each reading does")) if DOCS.is_dir() else []
     return [(name.strip("`"), cells) for name, *cells in table if name[0] == "`" or name == "as shipped"]
@@ -407,28 +374,6 @@ def test_every_equation_has_a_row() -> None:
     table = [row for row in rows(section(page("notation.md"), "## Equations")) if row[0].startswith("(")]
     assert [row[0] for row in table] == [f"({k})" for k in range(1, 32)]
     assert all(equation and where for _, equation, where in table)
-
-
-def test_numbers_quoted_in_the_slips() -> None:
-    """The arithmetic behind entries 9, 17, 26 and 29."""
-    text = page("slips.md")
-    b, Delta, eta = 0.9, 0.2, 1.5
-    gamma_1, gamma_2 = (2 - b) * Delta ** (b - 1), (b - 1) * Delta ** (b - 2)
-    assert f"{-(Delta**b):.3f}".replace("-", "−") in text
-    assert f"{-gamma_1 * Delta + gamma_2 * Delta**2:.3f}".replace("-", "−") in text
-    pulse = 0.01 * np.deg2rad(0.022) / 0.001**2
-    assert f"{pulse:.2f} N m" in text
-    omega = 0.1
-    inside = min(np.roots([gamma_2, gamma_1, -omega / eta]).real)
-    assert f"{(omega / eta) ** (1 / b):.4f} rad" in text
-    assert f"{inside:.4f} rad rests" in text
-    assert round(360 / 16384, 3) == 0.022
-
-
-def test_printed_row_of_the_readings_table() -> None:
-    (row,) = (row for row in rows(page("slips.md")) if row[0] == "printed in Table 2")
-    numbers = [published().per_joint(f"table2.controller_{k}.mae", (2, 3)) for k in (1, 2, 3)]
-    assert row[1:] == [" / ".join(f"{number:.3f}" for number in pair) for pair in numbers]
 
 
 # ---- traces ------------------------------------------------------------------------------------------------

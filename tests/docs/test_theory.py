@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 
 import numpy as np
@@ -116,10 +115,3 @@ def batch_errors(metric: str, *overrides: str) -> np.ndarray:
     batch = simulate_batch([loops[name] for name in CONTROLLERS], loaded.config.status)
     assert not batch.status.any()
     return np.rad2deg(batch.statistics[metric])
-
-
-def test_median_omega_of_the_slips() -> None:
-    ledger = json.loads((DOCS / "results" / "claims.json").read_text(encoding="utf-8"))
-    (entry,) = [entry for entry in ledger["claims"] if entry["id"] == "L1"]
-    found = entry["evidence"]["remarks"][1].removeprefix("the median Omega is ").replace(", ", " and ")
-    assert f"is {found} (joints 2 and 3)" in (DOCS / "slips.md").read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""A made-up paper from a known plant of the box: identified back, and its falsified numbers found out."""
+"""A made-up paper from a known plant of the box: identified back."""
 
 from itertools import product
 
@@ -30,11 +30,6 @@ OVERRIDES = [f"box.{row}.choices=[{choice}]" for row, choice in FIXED.items()]
 OVERRIDES += [f"box.{row}.nominal={choice}" for row, choice in FIXED.items()]
 OVERRIDES += ["box.period.low=4", "box.period.nominal=4.5", "box.period.high=5"]
 READING = "weights=extrapolating"
-TOLERANCE = 0.15
-"""Largest log ratio of a predicted number, less than half of what a false one is off by."""
-LOWERED = ("controller_1", "mae", 2)
-SWAPPED = ("rmse", 3)
-"""Controller 1's and Controller 3's of it change places."""
 
 
 @pytest.fixture(scope="module")
@@ -56,42 +51,12 @@ def paper(values):
     return with_numbers(published(), dict(zip(names, values.ravel(), strict=True)), decimals=6)
 
 
-@pytest.fixture(scope="module")
-def found(truth, tmp_path_factory):
-    """Identified from a paper with Controller 2's numbers, which are fitted, true, and three others false."""
-    values = truth.copy()
-    values[0, 0, 0] *= 0.7
-    values[[0, 2], 1, 1] = truth[[2, 0], 1, 1]
-    return run_identify(
-        Request(out=tmp_path_factory.mktemp("identify"), overrides=OVERRIDES), Talk(quiet=True),
-        readings=READING, generations=40, population=24, seeds=2, paper=paper(values),
+def test_a_known_plant_fits_its_own_numbers_and_they_are_not_those_of_the_paper(truth, tmp_path):
+    found = run_identify(
+        Request(out=tmp_path / "out", overrides=OVERRIDES), Talk(quiet=True),
+        readings=READING, generations=40, population=24, seeds=2, paper=paper(truth),
     )["readings"][0]  # fmt: skip
-
-
-def test_fitted_numbers_come_back(found):
-    assert found["misfit_log"] < 0.01
-    assert found["near_count"] >= 20
-
-
-def test_others_are_predicted_but_for_the_false_ones(found):
-    others = {
-        (row["run"], row["metric"], row["joint"]): row
-        for row in found["numbers"]
-        if row["verdict"] != "fitted"
-    }
-    assert len(others) == 12
-    assert others.pop(LOWERED)["verdict"] == "not_reached"
-    for run in ("controller_1", "controller_3"):
-        del others[run, *SWAPPED]
-    for row in others.values():
-        assert row["verdict"] in {"reached", "rare"}, row
-        assert abs(np.log(row["near_median_deg"] / row["printed_deg"])) < TOLERANCE, row
-
-
-def test_a_reversed_ranking_is_found_out(found):
-    pair = ["controller_1", "controller_3"]
-    verdicts = {
-        (row["metric"], row["joint"]): row["verdict"] for row in found["order"] if row["runs"] == pair
-    }
-    assert verdicts["rmse", "joint_3"] == "contradicted"
-    assert verdicts["mae", "joint_3"] == "agrees"
+    assert found["misfit_log"] < 0.05
+    fitted = [row for row in found["numbers"] if row["fitted"]]
+    assert [row["printed_deg"] for row in fitted] == pytest.approx(truth[1].ravel(), rel=1e-4)
+    assert [row["ours_deg"] for row in fitted] == pytest.approx(truth[1].ravel(), rel=0.1)

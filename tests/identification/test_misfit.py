@@ -5,7 +5,7 @@ import pytest
 from support.made_plants import DIVERGED, OK, PRINTED, RINGING, UNRESOLVED, loaded, made_up, measured
 
 from tendonrepro.configuration.models.readings import RUNS, reading
-from tendonrepro.identification.misfit import Bench, Outcome, acting_units, log_misfit, rounding_misfit
+from tendonrepro.identification.misfit import Bench, Simulated, acting_units, log_misfit, rounding_misfit
 from tendonrepro.monte_carlo.box import make_box, scrambled_sobol
 
 
@@ -26,8 +26,7 @@ class TestMisfit:
         np.testing.assert_allclose(log_misfit(ours, PRINTED.values), [np.log(1.1), 0.0], atol=1e-12)
         one = PRINTED.values.copy()
         one[0, 0, 0] += 0.004
-        units = rounding_misfit(one[np.newaxis], PRINTED.values, PRINTED.half)
-        assert units[0] == pytest.approx(8.0 / 4.0)
+        assert rounding_misfit(one, PRINTED.values, PRINTED.half) == pytest.approx(8.0 / 4.0)
 
     def test_what_ends_badly_is_worse_than_any_that_ends_well_and_is_ordered(self):
         poor = measured([30.0 * PRINTED.values])
@@ -45,7 +44,7 @@ class TestMisfit:
 
     def test_one_run_out_of_four_counts_by_its_end(self):
         status = np.array([[OK, OK, DIVERGED, OK]], dtype=np.int8)
-        mixed = Outcome(PRINTED.values[np.newaxis], status, np.full((1, 4), 0.5))
+        mixed = Simulated(PRINTED.values[np.newaxis], status, np.full((1, 4), 0.5))
         assert log_misfit(mixed, PRINTED.values)[0] == pytest.approx(25.0 / 2.0)
 
 

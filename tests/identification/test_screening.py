@@ -6,27 +6,27 @@ import numpy as np
 import pytest
 from support.made_plants import PRINTED, loaded, measured
 
-from tendonrepro.configuration.models.readings import RUNS, reading
-from tendonrepro.identification import misfit as screening
-from tendonrepro.identification.misfit import Bench, nominal_unit, rows_that_matter, with_switches
-from tendonrepro.monte_carlo.box import make_box
+from tendonrepro.configuration.models.readings import reading
+from tendonrepro.identification import search
+from tendonrepro.identification.misfit import Bench, log_misfit, log_residuals
+from tendonrepro.identification.search import Evaluated, nominal_unit, rows_that_matter, with_switches
+from tendonrepro.monte_carlo.box import make_box, scrambled_sobol
 
 BOX = make_box(loaded().config)
 NOMINAL = dict(zip(BOX.names, BOX.nominal, strict=True))
 
 
-def chosen(monkeypatch, log_factor):
+def chosen(log_factor):
     """Names that are searched where every number is the printed one times exp(log_factor(values by name))."""
 
-    def measure(bench, units, case, runs):
-        del case, runs
-        values = dict(zip(bench.box.names, bench.box.values(units).T, strict=True))
+    def look(units):
+        values = dict(zip(BOX.names, BOX.values(units).T, strict=True))
         factor = np.exp(log_factor(values))
-        return measured(factor[:, np.newaxis, np.newaxis, np.newaxis] * PRINTED.values)
+        ours = measured(factor[:, np.newaxis, np.newaxis, np.newaxis] * PRINTED.values)
+        residuals = log_residuals(ours, PRINTED.values).reshape(len(units), -1)
+        return Evaluated(log_misfit(ours, PRINTED.values), residuals)
 
-    monkeypatch.setattr(Bench, "measure", measure)
-    bench = Bench(loaded().base, BOX, "whole", None)
-    rows = rows_that_matter(bench, reading({}), RUNS, PRINTED.values, 1)
+    rows = rows_that_matter(BOX, look, scrambled_sobol(BOX, 1, 0, 0, 256))
     return {name for name, is_searched in zip(BOX.names, rows, strict=True) if is_searched}
 
 
@@ -35,34 +35,33 @@ def test_nominal_unit_gives_the_nominal_values():
     np.testing.assert_allclose(found, BOX.nominal, rtol=1e-12)
 
 
-def test_a_row_that_changes_the_numbers_is_searched(monkeypatch):
+def test_a_row_that_changes_the_numbers_is_searched():
     """The best draws have other values than the nominal ones."""
-    felt = chosen(monkeypatch, lambda values: np.log(values["winch_viscous"] / 4.0) + values["motion"] - 3.0)
+    felt = chosen(lambda values: np.log(values["winch_viscous"] / 4.0) + values["motion"] - 3.0)
     assert felt == {"winch_viscous", "motion"}
 
 
-def test_a_row_that_hardly_does_is_not(monkeypatch):
+def test_a_row_that_hardly_does_is_not():
     """The whole range of the link's mass makes three per cent."""
     felt = chosen(
-        monkeypatch,
         lambda values: np.log(values["winch_viscous"] / 4.0) + 0.02 * np.log(values["link_mass_2"]),
     )
     assert felt == {"winch_viscous"}
 
 
 @pytest.mark.parametrize(("change", "is_searched"), [(0.09, False), (0.11, True)])
-def test_ten_per_cent_are_felt(monkeypatch, change, is_searched):
+def test_ten_per_cent_are_felt(change, is_searched):
     """The best draws have another motion than the nominal one, with which every number is larger."""
-    felt = chosen(monkeypatch, lambda values: change * (values["motion"] == NOMINAL["motion"]))
+    felt = chosen(lambda values: change * (values["motion"] == NOMINAL["motion"]))
     assert (felt == {"motion"}) == is_searched
 
 
-def test_where_none_is_felt_all_are_searched(monkeypatch):
-    assert chosen(monkeypatch, lambda values: 0.0 * values["winch_viscous"]) == set(BOX.names)
+def test_where_none_is_felt_all_are_searched():
+    assert chosen(lambda values: 0.0 * values["winch_viscous"]) == set(BOX.names)
 
 
-def test_a_size_comes_with_its_switch(monkeypatch):
-    felt = chosen(monkeypatch, lambda values: 0.5 * np.log(values["torque_resolution"]))
+def test_a_size_comes_with_its_switch():
+    felt = chosen(lambda values: 0.5 * np.log(values["torque_resolution"]))
     assert felt == {"torque_resolution", "torque_resolution_acts"}
     names = ("reducer_efficiency", "reducer_loss_acts", "pulley_loss", "pulley_loss_acts")
     names += ("disturbance", "disturbance_torque", "posture")
@@ -71,7 +70,7 @@ def test_a_size_comes_with_its_switch(monkeypatch):
 
 
 def test_every_switch_is_a_row():
-    assert set(screening._SWITCHES).union(*screening._SWITCHES.values()) <= set(BOX.names)
+    assert set(search._SWITCHES).union(*search._SWITCHES.values()) <= set(BOX.names)
 
 
 def test_held_rows_keep_their_nominal_value_to_the_last_bit():

@@ -1,21 +1,18 @@
 """The search against known optima and brute force, killed and resumed."""
 
-import io
-import itertools
 from collections import Counter
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.made_plants import QUIET, Killed
+from support.made_plants import Killed
 
-from tendonrepro.console import Talk
-from tendonrepro.identification import search as identify_search
-from tendonrepro.identification.search import Effort, Evaluated, search
+from tendonrepro.identification.search import Effort, Evaluated, Plants, search
 
-EFFORT = Effort(generations=40, population=24, seeds=3, tolerance=0.05, smooth=(True,) * 6)
+EFFORT = Effort(generations=40, population=24, seeds=3)
 ROWS = 6
 OPTIMUM = np.array([0.3, 0.62])
+EVERY = np.ones(ROWS, dtype=bool)
 
 
 def two_numbers(units):
@@ -26,159 +23,102 @@ def two_numbers(units):
     return Evaluated(np.sqrt((residuals**2).mean(axis=1)), residuals)
 
 
-def initial(effort=EFFORT, rows=ROWS):
-    return np.random.default_rng(5).random((effort.seeds, effort.population, rows))
+def wells(units):
+    """Wells of equal depth around the deepest, and residuals that say nothing."""
+    away = units[:, :2] - np.array([0.81, 0.23])
+    misfits = np.sqrt((away**2 + 0.02 * (1.0 - np.cos(8.0 * np.pi * away))).mean(axis=1))
+    return Evaluated(misfits, np.zeros((len(units), 2)))
 
 
-def searched(path, misfit=two_numbers, effort=EFFORT, identity="a"):
-    return search(initial(effort), misfit, effort, 1, path, identity, QUIET)
+def beyond(units):
+    residuals = units[:, :1] - np.array([1.2])
+    return Evaluated(np.abs(residuals[:, 0]), residuals)
 
 
-def _forgeries(arrays):
-    """Images of a state where one array is missing or another one."""
-    others = [None, 3, "text", np.zeros(2), np.zeros((3, 3, 3), complex)]
-    for name, other in itertools.product(arrays, others):
-        stream = io.BytesIO()
-        kept = {key: value for key, value in arrays.items() if key != name}
-        np.savez(stream, **kept if other is None else kept | {name: other})
-        yield stream.getvalue()
+def searched(folder, misfit=two_numbers, effort=EFFORT, rows=EVERY):
+    starts = np.random.default_rng(5).random((effort.seeds, effort.population, ROWS))
+
+    def plants(name):
+        return Plants(misfit, ROWS, effort.plants, folder / f"{name}.npy", lambda _: None)
+
+    return search(starts, rows, rows, plants, effort, 1)
 
 
-class TestSearch:
-    def test_finds_a_known_optimum(self, tmp_path):
-        found = searched(tmp_path / "s.npz")
-        unit, misfit = found.closest, found.misfit
-        assert misfit < 1e-4
-        assert two_numbers(unit[np.newaxis]).misfits[0] == misfit
-        assert unit[0] == pytest.approx(OPTIMUM[0], abs=2e-4)
+def test_finds_a_known_optimum(tmp_path):
+    found = searched(tmp_path)
+    assert found.misfit < 1e-4
+    assert two_numbers(found.closest[np.newaxis]).misfits[0] == found.misfit
+    assert found.closest[0] == pytest.approx(OPTIMUM[0], abs=2e-4)
 
-    def test_finds_one_that_no_regression_shows(self, tmp_path):
-        """Wells of equal depth around the deepest, and residuals that say nothing."""
 
-        def wells(units):
-            away = units[:, :2] - np.array([0.81, 0.23])
-            misfits = np.sqrt((away**2 + 0.02 * (1.0 - np.cos(8.0 * np.pi * away))).mean(axis=1))
-            return Evaluated(misfits, np.zeros((len(units), 2)))
+def test_finds_one_that_no_slope_shows(tmp_path):
+    found = searched(tmp_path, wells, replace(EFFORT, generations=80))
+    assert found.misfit < 0.01
+    np.testing.assert_allclose(found.closest[:2], [0.81, 0.23], atol=0.01)
 
-        found = searched(tmp_path / "s.npz", wells, replace(EFFORT, generations=80))
-        unit, misfit = found.closest, found.misfit
-        assert misfit < 0.01
-        np.testing.assert_allclose(unit[:2], [0.81, 0.23], atol=0.01)
 
-    def test_optimum_beyond_a_bound_ends_at_it(self, tmp_path):
-        def beyond(units):
-            residuals = units[:, :1] - np.array([1.2])
-            return Evaluated(np.abs(residuals[:, 0]), residuals)
+def test_optimum_beyond_a_bound_ends_at_it(tmp_path):
+    found = searched(tmp_path, beyond)
+    assert found.misfit == pytest.approx(0.2, abs=0.005)
+    assert found.closest[0] > 0.99
 
-        found = searched(tmp_path / "s.npz", beyond)
-        unit, misfit = found.closest, found.misfit
-        assert misfit == pytest.approx(0.2, abs=0.005)
-        assert unit[0] > 0.99
 
-    def test_members_stay_in_the_cube_and_never_get_worse(self, tmp_path):
-        seen = []
+def test_points_stay_in_the_cube_and_within_the_effort(tmp_path):
+    seen = []
 
-        def watched(units):
-            seen.append(units)
-            return two_numbers(units)
+    def watched(units):
+        seen.append(units)
+        return two_numbers(units)
 
-        found = searched(tmp_path / "s.npz", watched, replace(EFFORT, tolerance=0.0))
-        points = np.concatenate(seen)
-        assert points.min() >= 0.0
-        assert points.max() <= 1.0
-        assert len(points) <= EFFORT.evaluations
-        assert (np.diff(found.history, axis=0) <= 0.0).all()
-        assert found.history.shape == (EFFORT.generations + 1, EFFORT.seeds)
+    searched(tmp_path, watched)
+    points = np.concatenate(seen)
+    assert points.min() >= 0.0
+    assert points.max() <= 1.0
+    assert 0.9 * EFFORT.plants * EFFORT.seeds < len(points) <= EFFORT.evaluations
 
-    def test_near_optimal_members_cover_what_brute_force_finds(self, tmp_path):
-        effort = replace(EFFORT, generations=80, population=64, seeds=4, tolerance=0.1)
-        state = searched(tmp_path / "s.npz", effort=effort)
-        near = state.near(0.1)
-        assert len(near) > 0.9 * effort.population * effort.seeds
-        every = np.random.default_rng(0).random((400_000, ROWS))
-        allowed = every[two_numbers(every).misfits <= 0.1]
-        ends = [np.percentile(units, [5, 50, 95], axis=0) for units in (near, allowed)]
-        np.testing.assert_allclose(*ends, atol=0.12)
-        width = ends[0][2] - ends[0][0]
-        assert width[0] == pytest.approx((ends[1][2] - ends[1][0])[0], rel=0.2)
-        assert width[3:].min() > 0.75  # three unknowns that nothing depends on
 
-    def test_what_has_spread_stays_at_the_tolerance(self, tmp_path):
-        state = searched(tmp_path / "s.npz", effort=replace(EFFORT, tolerance=0.3))
-        assert np.median(state.spread_misfits) > 0.05
-        assert state.history[-1].max() < 1e-3
+def test_rows_that_are_not_searched_stay(tmp_path):
+    rows = np.arange(ROWS) != 2
+    seen = []
 
-    @pytest.mark.parametrize("deaths", [[1], [2, 9, 10, 31], [130]])
-    def test_killed_and_resumed_ends_the_same(self, tmp_path, deaths):
-        whole_calls, calls = Counter(), Counter()
+    def watched(units):
+        seen.append(units)
+        return two_numbers(units)
 
-        def counted(units):
-            whole_calls["all"] += 1
-            return two_numbers(units)
+    found = searched(tmp_path, watched, EFFORT, rows)
+    starts = np.random.default_rng(5).random((EFFORT.seeds, EFFORT.population, ROWS))
+    assert found.misfit < 1e-4
+    assert set(np.concatenate(seen)[:, 2]) == set(starts[..., 2].ravel())
 
-        whole = searched(tmp_path / "whole.npz", counted)
 
-        def mortal(units):
-            calls["all"] += 1
-            if calls["all"] in deaths:
-                raise Killed
-            return two_numbers(units)
+def test_killed_and_resumed_ends_the_same(tmp_path):
+    calls, deaths = Counter(), [1, 12, 13, 51, 100]
 
-        path = tmp_path / "cut.npz"
-        for _ in deaths:
-            with pytest.raises(Killed):
-                searched(path, mortal)
-        resumed = searched(path, mortal)
-        for name in ("closest", "misfit", "spread_units", "spread_misfits", "history"):
-            np.testing.assert_array_equal(getattr(resumed, name), getattr(whole, name))
-        assert calls["all"] == whole_calls["all"] + len(deaths)
+    def mortal(units):
+        calls["all"] += 1
+        if calls["all"] in deaths:
+            raise Killed
+        return two_numbers(units)
 
-    def test_finished_search_is_not_run_again(self, tmp_path):
-        path = tmp_path / "s.npz"
-        first = searched(path)
+    for _ in deaths:
+        with pytest.raises(Killed):
+            searched(tmp_path / "cut", mortal)
+    resumed = searched(tmp_path / "cut", mortal)
+    whole = searched(tmp_path / "whole")
+    for name in ("closest", "misfit", "points", "misfits"):
+        np.testing.assert_array_equal(getattr(resumed, name), getattr(whole, name))
+    searched(tmp_path / "cut", None)
 
-        def never(_):
-            raise AssertionError
 
-        np.testing.assert_array_equal(searched(path, never).closest, first.closest)
+def test_seeds_know_nothing_of_each_other(tmp_path):
+    alone = searched(tmp_path / "1", effort=replace(EFFORT, seeds=1))
+    found = searched(tmp_path / "3")
+    assert alone.misfits[0] == found.misfits[0]
+    assert found.points.shape == (3, ROWS)
+    assert found.misfit <= found.misfits.min()
 
-    def test_damaged_or_foreign_state_is_not_taken_up(self, tmp_path, capsys):
-        path, effort = tmp_path / "s-0.npz", replace(EFFORT, generations=1, seeds=1)
 
-        def again(identity="a"):
-            search(initial(effort), two_numbers, effort, 1, tmp_path / "s.npz", identity, Talk())
-            return capsys.readouterr().err
-
-        assert not again()
-        content = path.read_bytes()
-        for image in (b"", b"PK\x03\x04", content[:-100], b"none"):
-            path.write_bytes(image)
-            assert str(path) in again()
-        assert not again()
-        assert str(path) in again("b")
-
-    def test_other_points_than_those_kept_are_looked_at(self, tmp_path):
-        """What is kept is of an earlier way to search, by the same name."""
-        path, effort = tmp_path / "s.npz", replace(EFFORT, generations=2)
-        search(initial(effort) / 2.0, two_numbers, effort, 1, path, "a", QUIET)
-        np.testing.assert_array_equal(
-            searched(path, effort=effort).closest, searched(tmp_path / "new.npz", effort=effort).closest
-        )
-
-    def test_seeds_know_nothing_of_each_other(self, tmp_path):
-        alone = search(initial()[:1], two_numbers, replace(EFFORT, seeds=1), 1, tmp_path / "1", "a", QUIET)
-        np.testing.assert_array_equal(alone.history[:, 0], searched(tmp_path / "3").history[:, 0])
-
-    def test_seeds_agree_within_five_per_cent_or_where_all_fit(self, tmp_path):
-        state = searched(tmp_path / "s.npz", effort=replace(EFFORT, generations=1))
-
-        def agree(*best):
-            return replace(state, history=np.array([[9.0, 1.0], best])).agree(0.02)
-
-        assert agree(0.1, 0.104)
-        assert not agree(0.1, 0.106)
-        assert agree(0.001, 0.02)
-
-    def test_steps_fold_at_the_bounds(self):
-        folded = identify_search._reflected(np.array([-0.2, 0.4, 1.3, 2.7, -1.5]))
-        np.testing.assert_allclose(folded, [0.2, 0.4, 0.7, 0.0, 0.5])
+def test_seeds_agree_within_five_per_cent(tmp_path):
+    found = searched(tmp_path, effort=replace(EFFORT, generations=1))
+    assert replace(found, misfits=np.array([0.1, 0.104])).agree
+    assert not replace(found, misfits=np.array([0.1, 0.106])).agree

@@ -269,7 +269,7 @@ class TestLoop:
         law, plants = build_law(shipped(), "controller_1"), [build_plant(shipped(), m) for m in (0.0, 0.1)]
         held = [hold_discretised(*plant_matrices(POSTURES[0], plant), L) for plant in plants]
         Phi, Gamma = (np.stack(part) for part in zip(*held, strict=True))
-        batch = closed(Phi, Gamma, *law_matrices(law, 2))
+        batch = closed(Phi, Gamma, *law_matrices(law))
         wanted = np.stack([loop_matrix(POSTURES[0], plant, law) for plant in plants])
         np.testing.assert_allclose(batch, wanted, rtol=1e-12, atol=1e-15)
         np.testing.assert_allclose(spectral_radius(batch), [spectral_radius(m) for m in wanted], rtol=1e-12)

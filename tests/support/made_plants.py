@@ -9,7 +9,7 @@ from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.models.readings import RUNS
 from tendonrepro.configuration.published import published
 from tendonrepro.console import Talk
-from tendonrepro.identification.misfit import Outcome, printed_numbers
+from tendonrepro.identification.misfit import Simulated, printed_numbers
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.batch import Batch
 from tendonrepro.simulation.streaming import STATISTICS
@@ -31,7 +31,7 @@ def measured(sizes, status=OK, lasted=1.0):
     """Plants with all four runs; `sizes` (N, 4, 2, 2)."""
     sizes = np.asarray(sizes, dtype=float)
     shape = sizes.shape[:2]
-    return Outcome(sizes, np.broadcast_to(np.int8(status), shape), np.broadcast_to(lasted, shape))
+    return Simulated(sizes, np.broadcast_to(np.int8(status), shape), np.broadcast_to(lasted, shape))
 
 
 PRINTED = printed_numbers(published(), (2, 3))
@@ -43,9 +43,9 @@ def plants(*, factor=1.0, spread=0.05, count=200):
     return measured(factor * PRINTED.values * np.exp(noise))
 
 
-def made_up(loops, limits):
+def made_up(loops, limits, threads=1):
     """A stepper of a few unknowns: size by motor damping and link length, order by the law's weights."""
-    del limits
+    del limits, threads
     mae, rmse = np.deg2rad([_size(loop) for loop in loops]).swapaxes(0, 1)
     values = dict.fromkeys(STATISTICS, np.zeros((len(loops), 2))) | {"mae": mae, "rmse": rmse}
     values |= {"mae_late": 2.0 * mae, "rmse_late": 2.0 * rmse}
