@@ -126,4 +126,4 @@ def _request(given: dict[str, Any]) -> Request:
     except ValueError as error:
         message = f"must be numbers like 1,3, found {text!r}"
         raise typer.BadParameter(message, param_hint="--controllers") from error
-    return Request(**given | {"overrides": given["overrides"] or (), "controllers": numbers})
+    return Request(**given | {"overrides": given.get("overrides") or (), "controllers": numbers})

@@ -13,6 +13,7 @@ from tendonrepro.configuration.request import Request
 
 study_app = typer.Typer(rich_help_panel="Explore", rich_markup_mode=None)
 
+NO_CONFIGURATION = ("config", "overrides", "seed", "controllers")
 MeasuredFile = Annotated[
     Path | None,
     Option("--measured", help="Measured trace file [default: data/measured.h5 if there is one]."),
@@ -116,6 +117,22 @@ def statics(request: Request, terminal: Terminal) -> None:
     from tendonrepro.experiments.statics.command import run_statics
 
     found = run_statics(request, terminal.talk)
+    text = found.pop("text")
+    terminal.show(found, text)
+
+
+@command(
+    study_app, "tendonrepro recover data/measured.h5", without=("config", "overrides", "seed", "controllers")
+)
+def recover(
+    request: Request,
+    terminal: Terminal,
+    log: Annotated[Path, Argument(help="Trace file, or a results folder with one.")],
+) -> None:
+    """Which controller made a log, or why that cannot be told."""
+    from tendonrepro.evidence.recover import run_recover
+
+    found = run_recover(log, request, terminal.talk)
     text = found.pop("text")
     terminal.show(found, text)
 

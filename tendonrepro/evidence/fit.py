@@ -1,0 +1,240 @@
+"""Fit of a hypothesis to a log: parameters with intervals, and errors on samples it was not fitted to.
+
+Triangular factors of blocks of samples stand for the samples: they are small, and lose nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares, minimize_scalar
+
+from tendonrepro.arrays import Array
+from tendonrepro.evidence.hypotheses import (
+    FILTERS,
+    LINEAR,
+    NTSM,
+    Hypothesis,
+    Log,
+    coefficients,
+    hypotheses,
+    liveliest,
+    regression,
+)
+
+BLOCK = 200
+"""Samples of a block. Odd blocks are foretold from even ones."""
+GROUPS = 16
+"""Groups of blocks that are left out in turn, for intervals."""
+SCREENED = 3000
+"""Samples on which every hypothesis is tried: those of the fastest motion."""
+SAME = 1e-7
+"""Share of the torque's step below which a residual is arithmetic."""
+DECISIVE = 10.0
+"""Difference of the information criterion that counts as very strong evidence (Kass and Raftery 1995)."""
+KEPT = 10
+"""Hypotheses that are then fitted to all samples."""
+NINETY = 1.753
+"""Quantile of Student's t for a central 90 % interval from `GROUPS` values."""
+Solve: TypeAlias = Callable[[Array, Hypothesis], Array]
+"""Coefficients of a hypothesis from a triangular factor."""
+
+START = np.array([1.0, 0.0, 0.01, 8.0, 1.5])
+"""The published values, from which a search begins where the linear solution is loose."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A hypothesis with what a log says of it.
+
+    Attributes
+    ----------
+    hypothesis : Hypothesis
+    parameters, half : array (5,)
+        ``w_1, w_2, M_bar, lam, eta``, or ``K_d, K_p`` at the end where the surface is linear; half their 90 %
+        interval.
+    residual : float
+        RMS of what the odd blocks hold beyond the fit to the even ones, N m.
+    step : float
+        RMS of the torque's step from sample to sample, N m.
+    information : float
+        Bayesian information criterion of the fit to all samples; smaller is better.
+    condition : float
+        Condition number of the scaled regressors.
+    samples : int
+    """
+
+    hypothesis: Hypothesis
+    parameters: Array
+    half: Array
+    residual: float
+    step: float
+    information: float
+    condition: float
+    samples: int
+
+
+def ranked(log: Log, joint: int) -> list[Fit]:
+    """Fits of the hypotheses that come closest to a log, best first, for one joint, counted from 0.
+
+    Parameters
+    ----------
+    log : Log
+    joint : int
+
+    Returns
+    -------
+    list of Fit
+        Empty where no torque is left inside the motors' limits.
+    """
+    window = liveliest(log, SCREENED)
+    screened = [(_foretold(window, joint, one, _free), k, one) for k, one in enumerate(hypotheses(log))]
+    best = [one for error, _, one in sorted(screened)[:KEPT] if np.isfinite(error)]
+    if not best:
+        return []
+    printed = [Hypothesis(NTSM), Hypothesis(LINEAR)]
+    found = [fitted(log, joint, one) for one in dict.fromkeys([*printed, *best])]
+    if all(fit.residual > SAME * fit.step for fit in found):
+        # Filters have a free cutoff, so they are tried on what is published, and on what comes close without.
+        bases = list(dict.fromkeys([*printed, best[0]]))
+        tuned = [_tuned(window, joint, one, place) for one in bases for place in range(len(FILTERS))]
+        found += [fitted(log, joint, one) for one in tuned]
+    equal = equally_good(found)
+    return sorted(found, key=lambda fit: (fit not in equal, len(fit.hypothesis.settings), fit.information))
+
+
+def equally_good(found: Sequence[Fit]) -> list[Fit]:
+    """Fits that a log does not tell from the best one."""
+    best = min(fit.information for fit in found)
+    exact = [fit for fit in found if fit.residual <= SAME * fit.step]
+    return exact or [fit for fit in found if fit.information <= best + DECISIVE]
+
+
+def fitted(log: Log, joint: int, hypothesis: Hypothesis) -> Fit:
+    """Fit a hypothesis to all samples of a joint."""
+    held = regression(log, joint, hypothesis)
+    block = held.rows // BLOCK
+    factors = [_factor(held.X[rows], held.y[rows]) for rows in _groups(block)]
+    whole = _stacked(factors)
+    parameters = _solved(whole, hypothesis)
+    left_out = np.stack(
+        [
+            _solved(_stacked(factors[:k] + factors[k + 1 :]), hypothesis, parameters)
+            for k in range(len(factors))
+        ]
+    )
+    spread = np.sqrt((len(factors) - 1) * np.mean((left_out - left_out.mean(axis=0)) ** 2, axis=0))
+    samples = len(held.y)
+    error = _residual(whole, coefficients(parameters, hypothesis))
+    count = parameters.size + (hypothesis.newest < 1.0)
+    scaled = whole[:, :-1] / np.linalg.norm(whole[:, :-1], axis=0)
+    return Fit(
+        hypothesis=hypothesis,
+        parameters=parameters,
+        half=NINETY * spread,
+        residual=_foretold(log, joint, hypothesis, _constrained),
+        step=float(np.sqrt(np.mean(np.diff(log.command[:, joint]) ** 2))),
+        information=samples * float(np.log(max(error, 1e-300) ** 2 / samples))
+        + count * float(np.log(samples)),
+        condition=float(np.linalg.cond(scaled)),
+        samples=samples,
+    )
+
+
+def _foretold(log: Log, joint: int, hypothesis: Hypothesis, solve: Solve) -> float:
+    """RMS error in the odd blocks of a fit to the even ones, N m; infinite with too few samples."""
+    held = regression(log, joint, hypothesis)
+    odd = held.rows // BLOCK % 2 == 1
+    if min(odd.sum(), (~odd).sum()) < BLOCK:
+        return float("inf")
+    known = solve(_factor(held.X[~odd], held.y[~odd]), hypothesis)
+    return _residual(_factor(held.X[odd], held.y[odd]), known) / float(np.sqrt(odd.sum()))
+
+
+def _constrained(factor: Array, hypothesis: Hypothesis) -> Array:
+    return coefficients(_solved(factor, hypothesis), hypothesis)
+
+
+def _free(factor: Array, _: Hypothesis) -> Array:
+    """Coefficients that fit best, whatever the parameters."""
+    scale = np.linalg.norm(factor[:, :-1], axis=0)
+    return np.asarray(np.linalg.lstsq(factor[:, :-1] / scale, factor[:, -1], rcond=1e-12)[0] / scale)
+
+
+def _tuned(log: Log, joint: int, hypothesis: Hypothesis, place: int) -> Hypothesis:
+    """Put a low-pass filter into one place of a hypothesis, with the cutoff that foretells best."""
+
+    def error(logit: float) -> float:
+        return _foretold(log, joint, [*hypothesis.filtered(_newest(logit))][place], _constrained)
+
+    # Weights of the newest value from 0.01 to 0.99, coarsely first: the error has more than one valley.
+    grid = np.linspace(-4.6, 4.6, 9)
+    k = int(np.argmin([error(x) for x in grid]))
+    low, high = grid[max(k - 1, 0)], grid[min(k + 1, 8)]
+    found = minimize_scalar(error, bounds=(low, high), method="bounded", options={"xatol": 1e-9})
+    return [*hypothesis.filtered(_newest(found.x))][place]
+
+
+def _newest(logit: float) -> float:
+    return float(1.0 / (1.0 + np.exp(-logit)))
+
+
+def _solved(factor: Array, hypothesis: Hypothesis, near: Array | None = None) -> Array:
+    """Parameters that fit best, from `near`, or from the linear solution and the published values."""
+    matrix, target, free = factor[:, :-1], factor[:, -1], _free(factor, hypothesis)
+    w_1, w_2, M_bar = (
+        free[0],
+        free[1],
+        -(free[0] * free[2] + free[1] * free[3]) / (free[0] ** 2 + free[1] ** 2),
+    )
+    second = free[6] / M_bar
+    if hypothesis.surface != LINEAR and hypothesis.readings["eta_in_controller_2"] == "dropped":
+        second = free[7] / free[5]
+    starts = [np.array([w_1, w_2, M_bar, free[5] / M_bar, second]), _published(hypothesis)]
+    starts = starts if near is None else [near]
+
+    def misses(x: Array) -> Array:
+        return target - matrix @ coefficients(x, hypothesis)
+
+    found = [
+        least_squares(
+            misses,
+            start,
+            x_scale=np.maximum(np.abs(start), 1e-3),
+            xtol=1e-14,
+            ftol=1e-14,
+            gtol=1e-14,
+            max_nfev=60,
+        )
+        for start in starts
+        if np.isfinite(start).all()
+    ]
+    return np.asarray(min(found, key=lambda one: one.cost).x)
+
+
+def _published(hypothesis: Hypothesis) -> Array:
+    return np.array([1.0, 0.0, 0.01, 10.0, 16.0]) if hypothesis.surface == LINEAR else START
+
+
+def _residual(factor: Array, found: Array) -> float:
+    return float(np.linalg.norm(factor[:, -1] - factor[:, :-1] @ found))
+
+
+def _stacked(factors: Sequence[Array]) -> Array:
+    """Triangular factor of samples that factors stand for."""
+    return np.asarray(np.linalg.qr(np.vstack(factors), mode="r"))
+
+
+def _factor(X: Array, y: Array) -> Array:
+    return np.asarray(np.linalg.qr(np.column_stack([X, y]), mode="r"))
+
+
+def _groups(block: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+    """Rows by group; blocks are dealt out in turn, each group having some of the whole log."""
+    order = np.unique(block, return_inverse=True)[1]
+    groups = [np.flatnonzero(order % GROUPS == k) for k in range(GROUPS)]
+    return [rows for rows in groups if rows.size]

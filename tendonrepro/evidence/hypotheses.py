@@ -1,0 +1,309 @@
+"""What a controller of the paper would have made of a log, as a linear regression for each hypothesis.
+
+With the error inside one branch of Eq. (12), Eqs. (15) to (18) are linear in delayed torques, differences of
+encoder angles, the desired motion, and ``phi``. A hypothesis says which torque, which differences, which
+encoder and which ``phi`` that are. Its eight regressors have coefficients that follow from five numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from tendonrepro.arrays import Array
+from tendonrepro.physics.control import DEGREES_PER_RADIAN, Law, phi, phi_slope
+
+FORGOTTEN = 20.0
+"""Time constants after which a filter has forgotten its start: to 2e-9 of it."""
+LINEAR = "linear"
+"""Surface of Controller 3 and of plain time-delay control: feedback of the error and its rate alone."""
+NTSM = "ntsm"
+LAGS = {"one_period": 1, "two_periods": 2, "four_periods": 4}
+PRINTED: Mapping[str, str] = {
+    "phi_branch": "printed",
+    "phi_negative": "odd",
+    "gain_unit": "radian",
+    "eta_in_controller_2": "kept",
+    "differencing": "lagging",
+    "delay_time": "one_period",
+    "error_rate": "backward_difference",
+    "feedback": "joint",
+    "stored_torque": "commanded",
+    "torque_coordinates": "joint",
+    "output_delay": "0",
+    "estimate_filter": "none",
+}
+"""What can be told from a log, by axis of readings, each as the paper has it."""
+FILTERS = (("error_rate", "low_pass"), ("estimate_filter", "acceleration"), ("estimate_filter", "estimate"))
+_PHI: tuple[tuple[tuple[str, str], ...], ...] = (
+    (),
+    (("phi_negative", "even"),),
+    (("phi_branch", "power"),),
+    (("gain_unit", "phi_in_degrees"),),
+    (("eta_in_controller_2", "dropped"),),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """One run as a recorder kept it, T samples of n joints, SI.
+
+    Attributes
+    ----------
+    L : float
+        Time between samples, s.
+    q : array (T, n)
+        Joint encoders.
+    q_motor : array (T, n) or None
+        ``S q_motor`` of the motors' encoders.
+    q_d, dq_d, ddq_d : array (T, n)
+        Desired motion.
+    command : array (T, n)
+        Torque in joint coordinates: the one commanded if it is known, else the one applied.
+    applied : array (T, n) or None
+        Torque applied, where both are known.
+    S : array (n, n)
+        Coupling matrix.
+    b, Delta : array (n,)
+        Exponent and boundary of Eq. (12), taken as published.
+    encoder_step : float
+        rad; the slope of the power branch is held below it.
+    """
+
+    L: float
+    q: Array
+    q_motor: Array | None
+    q_d: Array
+    dq_d: Array
+    ddq_d: Array
+    command: Array
+    applied: Array | None
+    S: Array
+    b: Array
+    Delta: Array
+    encoder_step: float
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """A surface and the readings under which it ran.
+
+    Attributes
+    ----------
+    surface : str
+        `NTSM` or `LINEAR`.
+    settings : tuple of (str, str)
+        Axes that are not as in `PRINTED`, with their values.
+    newest : float
+        Weight of the newest value in the low-pass filter, where there is one.
+    """
+
+    surface: str
+    settings: tuple[tuple[str, str], ...] = ()
+    newest: float = 1.0
+
+    @property
+    def readings(self) -> dict[str, str]:
+        """Value of every axis."""
+        return {**PRINTED, **dict(self.settings)}
+
+    def filtered(self, newest: float) -> Iterator[Hypothesis]:
+        """Return the hypothesis with a low-pass filter in each of its places."""
+        for axis, value in FILTERS:
+            yield replace(self, settings=(*self.settings, (axis, value)), newest=newest)
+
+    @property
+    def name(self) -> str:
+        """``printed``, or the settings that differ, joined by ``+``."""
+        return "+".join(f"{axis}={value}" for axis, value in self.settings) or "printed"
+
+
+@dataclass(frozen=True, eq=False)
+class Regression:
+    """Torque (K,) of a joint or winch, and regressors (K, 8) or (K, 7), at samples `rows` of the log."""
+
+    y: Array
+    X: Array
+    rows: NDArray[np.int64]
+
+
+def hypotheses(log: Log) -> Iterator[Hypothesis]:
+    """Every hypothesis that a log can hold."""
+    axes = {
+        "differencing": ("lagging", "centred"),
+        "delay_time": tuple(LAGS),
+        "error_rate": ("backward_difference", "difference_of_error"),
+        "feedback": ("joint",) if log.q_motor is None else ("joint", "motor"),
+        "torque_coordinates": ("joint", "winch"),
+    }
+    for values in product(*axes.values()):
+        for stored, delay in _stored(log):
+            found = dict(zip(axes, values, strict=True)) | {"stored_torque": stored, "output_delay": delay}
+            changed = tuple((axis, value) for axis, value in found.items() if value != PRINTED[axis])
+            yield Hypothesis(LINEAR, changed)
+            yield from (Hypothesis(NTSM, (*of_phi, *changed)) for of_phi in _PHI)
+
+
+def _stored(log: Log) -> list[tuple[str, str]]:
+    """Which torque is stored, and how many samples late it acts, as far as a log can tell them apart."""
+    if log.applied is None:
+        return [("commanded", "0"), *product(("commanded", "applied"), ("1", "2"))]
+    same = np.allclose(log.applied, log.command, rtol=1e-9, atol=1e-12, equal_nan=True)
+    return [("commanded", "0")] if same else [("commanded", "0"), ("applied", "0")]
+
+
+def regression(log: Log, joint: int, hypothesis: Hypothesis) -> Regression:
+    """Regressors of a hypothesis for one joint, counted from 0; for a winch under that reading.
+
+    The columns are the torques of ``t - L`` and ``t - 2L``, the accelerations of the same times, ``ddq_d``,
+    and the error's rate with the error, or with ``phi_slope`` times the rate and ``phi``.
+    """
+    held, i = hypothesis.readings, joint
+    lag, L = LAGS[held["delay_time"]], log.L
+    q = log.q[:, i] if held["feedback"] == "joint" or log.q_motor is None else log.q_motor[:, i]
+    command, stored = _torques(log, held, i)
+    step = lag * L
+    ddq = (q - 2.0 * _back(q, lag) + _back(q, 2 * lag)) / (step * step)
+    if held["differencing"] == "lagging":
+        ddq = _back(ddq, lag)
+    if held["estimate_filter"] == "acceleration":
+        ddq = _low_pass(ddq, hypothesis.newest)
+    desired = log.dq_d[:, i]
+    if held["error_rate"] == "difference_of_error":
+        desired = (log.q_d[:, i] - _back(log.q_d[:, i], 1)) / L
+    e, de = log.q_d[:, i] - q, desired - (q - _back(q, 1)) / L
+    if held["error_rate"] == "low_pass":
+        de = _low_pass(de, hypothesis.newest)
+    if hypothesis.surface == LINEAR:
+        feedback = [de, e]
+    else:
+        law = _phi_law(log, held)
+        feedback = [de, phi_slope(e, law, i) * de, phi(e, law, i)]
+    estimate = [_back(stored, lag), _back(stored, 2 * lag), ddq, _back(ddq, lag)]
+    acceleration = [log.ddq_d[:, i], *feedback]
+    y = command
+    if held["estimate_filter"] == "estimate":
+        # The estimate of before is the torque of before less M_bar u.
+        kept = 1.0 - hypothesis.newest
+        y = command - kept * _back(command, 1)
+        estimate = [hypothesis.newest * column for column in estimate]
+        acceleration = [column - kept * _back(column, 1) for column in acceleration]
+    X = np.stack([*estimate, *acceleration], axis=1)
+    known = np.isfinite(X).all(axis=1) & np.isfinite(y)
+    rows = np.flatnonzero(known & ~_limited(log, lag))
+    return Regression(y[rows], X[rows], rows)
+
+
+def coefficients(parameters: Array, hypothesis: Hypothesis) -> Array:
+    """Coefficients of the regressors from ``w_1, w_2, M_bar, lam, eta``; ``K_d, K_p`` where it is linear."""
+    w_1, w_2, M_bar, first, second = parameters
+    head = [w_1, w_2, -w_1 * M_bar, -w_2 * M_bar, M_bar]
+    if hypothesis.surface == LINEAR:
+        return np.array([*head, M_bar * first, M_bar * second])
+    rate = 1.0 if hypothesis.readings["eta_in_controller_2"] == "dropped" else second
+    return np.array([*head, M_bar * first, M_bar * rate, M_bar * first * second])
+
+
+def _torques(log: Log, held: Mapping[str, str], i: int) -> tuple[Array, Array]:
+    """What the law commanded at each sample, and what it stores of it."""
+    command, applied = log.command, log.command if log.applied is None else log.applied
+    if held["torque_coordinates"] == "winch":
+        command, applied = command @ log.S, applied @ log.S
+    delay = int(held["output_delay"])
+    commanded = np.full(len(command), np.nan)
+    commanded[: len(command) - delay] = command[delay:, i]
+    return commanded, commanded if held["stored_torque"] == "commanded" else applied[:, i]
+
+
+def _limited(log: Log, lag: int) -> NDArray[np.bool_]:
+    """Samples at which a torque that enters stands at a motor's limit, where it is not the law's."""
+    torque = np.abs((log.command if log.applied is None else log.applied) @ log.S)
+    at_limit = torque >= (1.0 - 1e-9) * np.nanmax(torque, axis=0)
+    # A single largest value is a peak; a limit is met again and again.
+    late = (at_limit & (at_limit.sum(axis=0) > 5)).any(axis=1)
+    near: NDArray[np.bool_] = late.copy()
+    for back in range(1, 2 * lag + 3):
+        near[back:] |= late[:-back]
+        near[:-back] |= late[back:]
+    return near
+
+
+def _phi_law(log: Log, held: Mapping[str, str]) -> Law:
+    """As much of a law as ``phi`` reads."""
+    degrees = held["gain_unit"] == "phi_in_degrees"
+    scale = DEGREES_PER_RADIAN if degrees else 1.0
+    blank: dict[str, Any] = dict.fromkeys(Law._fields)
+    return Law(**blank)._replace(
+        b=log.b,
+        Delta=log.Delta,
+        phi_is_odd=held["phi_negative"] == "odd",
+        power_inside=held["phi_branch"] == "power",
+        power_floor=log.encoder_step * scale,
+        angle_scale=scale,
+    )
+
+
+def _low_pass(values: Array, newest: float) -> Array:
+    """First-order low-pass; what it was before the log is forgotten first."""
+    found, known = np.full_like(values, np.nan), np.isfinite(values)
+    found[known] = lfilter([newest], [1.0, newest - 1.0], values[known])
+    found[: min(int(FORGOTTEN / newest), len(values) // 2)] = np.nan
+    return found
+
+
+def _back(values: Array, samples: int) -> Array:
+    """Values some samples earlier; NaN before the first."""
+    found = np.full_like(values, np.nan)
+    found[samples:] = values[: len(values) - samples]
+    return found
+
+
+def liveliest(log: Log, samples: int) -> Log:
+    """Part of a log with so many samples, in which the desired motion is fastest."""
+    speed = np.cumsum(np.nan_to_num(log.dq_d**2).sum(axis=1))
+    if len(speed) <= samples:
+        return log
+    start = int(np.argmax(speed[samples:] - speed[:-samples]))
+    part = slice(start, start + samples)
+    cut: dict[str, Any] = {
+        name: None if (values := getattr(log, name)) is None else values[part]
+        for name in ("q", "q_motor", "q_d", "dq_d", "ddq_d", "command", "applied")
+    }
+    return replace(log, **cut)
+
+
+def without_rounding(q: Array, encoder_step: float) -> tuple[Array, float]:
+    """Angles (T,) on the grid of encoder steps that they evidently stood on, and the rounding that is left.
+
+    Where there is no such grid the angles stay, and the rounding is the smallest step between two of them. A
+    grid coarser than `encoder_step`, rad, may be the recorder's.
+    """
+    steps = np.abs(np.diff(q))
+    steps = steps[steps > 1e-7]
+    if steps.size < 20:
+        return q, resolution(q)
+    step, start = float(np.median(steps[steps < 1.5 * np.quantile(steps, 0.05)])), float(q[0])
+    # A step between neighbours is rough; over longer ways it is told better and better.
+    for reach in (10, 100, 1000, np.inf):
+        counts = np.round((q - start) / step)
+        near = np.abs(counts) <= reach
+        if np.ptp(counts[near]) == 0:
+            return q, resolution(q)
+        step, start = map(float, np.polyfit(counts[near], q[near], 1))
+    found = start + step * np.round((q - start) / step)
+    if np.abs(found - q).max() > 0.25 * step:
+        return q, resolution(q)
+    return found, 0.0 if step < 1.1 * encoder_step else step
+
+
+def resolution(values: Array) -> float:
+    """Smallest difference between any two values; what arithmetic leaves counts as none."""
+    gaps = np.diff(np.unique(values[np.isfinite(values)]))
+    gaps = gaps[gaps > 1e-9 * np.ptp(values)] if gaps.size else gaps
+    return float(gaps.min()) if gaps.size else 0.0

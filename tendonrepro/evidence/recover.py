@@ -1,0 +1,318 @@
+"""What ``tendonrepro recover`` does: read off a log which controller made it, or say why it cannot tell."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tendonrepro.arrays import Array
+from tendonrepro.configuration.load import CompareConfig, LoadedConfig, load_config
+from tendonrepro.configuration.request import Request
+from tendonrepro.console import Talk
+from tendonrepro.errors import UsageError
+from tendonrepro.evidence.fit import Fit, equally_good, ranked
+from tendonrepro.evidence.hypotheses import LINEAR, Log, resolution, without_rounding
+from tendonrepro.experiments.rig import coupling
+from tendonrepro.physics.control import estimator_weights
+from tendonrepro.results.records import DECOUPLING_RUNS, Trace, TraceFile
+from tendonrepro.results.store import stored_traces
+from tendonrepro.results.study import Outcome, run_study
+from tendonrepro.results.tables import Table
+
+RECOVERED, NONE, UNTOLD = "recovered", "none of these", "cannot tell"
+FAITHFUL = 1e-3
+"""Share of the torque's step that a controller may leave unexplained, beside three times the rounding."""
+FOREIGN = 0.2
+"""Share above which it was another controller, if the log is fine enough."""
+COARSE = 0.1
+"""Share of the torque's step that rounding may make up before a log is too coarse."""
+CLOSE = 0.01
+"""How close recovered weights come to those of an interpretation, beside their interval."""
+NUMBERS = ("run", "joint", "w_1", "w_1_half_90", "w_2", "w_2_half_90", "M_bar", "M_bar_half_90")
+"""Columns of the table of parameters that the terminal shows."""
+SHOWN = 5
+"""Hypotheses that the table lists for each joint."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recovered:
+    """What the log of one joint says.
+
+    Attributes
+    ----------
+    run : str
+    joint : int
+        The paper's number.
+    found : list of Fit
+        Best first; empty where nothing could be fitted.
+    log : Log
+    torque_rounding, angle_rounding : float
+        Of the record, N m and rad.
+    published : CompareConfig
+        Gains as published.
+    place : int
+        Of the joint among those of the log.
+    """
+
+    run: str
+    joint: int
+    found: list[Fit]
+    log: Log
+    torque_rounding: float
+    angle_rounding: float
+    published: CompareConfig
+    place: int
+
+    @property
+    def best(self) -> Fit:
+        """Simplest of the fits that are equally good."""
+        return self.found[0]
+
+    @property
+    def rounding(self) -> float:
+        """RMS error of the torque that rounding of the record makes, as a share of the torque's step."""
+        M_bar = self.published.control.gains.M_bar.si[self.place]
+        of_angles = M_bar * self.angle_rounding * np.sqrt(6.0) / self.log.L**2
+        both = np.hypot(of_angles, np.sqrt(2.0) * self.torque_rounding) / np.sqrt(12.0)
+        return float(both / self.best.step)
+
+    @property
+    def unexplained(self) -> float:
+        """RMS of the torque that the best fit does not foretell, as a share of the torque's step."""
+        return self.best.residual / self.best.step
+
+    @property
+    def answer(self) -> str:
+        """`RECOVERED`, `NONE` or `UNTOLD`."""
+        if not self.found:
+            return UNTOLD
+        # Of a time-delay estimate the weights sum to one; feedback without an estimate fits with none.
+        balance = abs(self.best.parameters[:2].sum() - 1.0)
+        balanced = balance <= CLOSE + self.best.half[:2].sum()
+        fine = self.rounding <= COARSE
+        if balanced and self.unexplained <= max(FAITHFUL, 3.0 * self.rounding * fine):
+            return RECOVERED
+        if not fine or not self.sampled_as_run:
+            return UNTOLD
+        return NONE if self.unexplained > FOREIGN or not balanced else UNTOLD
+
+    @property
+    def sampled_as_run(self) -> bool:
+        """Whether the record has the controller's own samples, as far as the published period tells."""
+        return bool(np.isclose(self.log.L, self.published.sampling_period.si, rtol=0.05))
+
+    @property
+    def advice(self) -> str:
+        """What to record instead."""
+        if not self.found:
+            return "Too few samples inside the motors' limits. Record a longer run."
+        if not self.sampled_as_run:
+            return f"Record every sample of the controller. This log has one in {1e3 * self.log.L:g} ms."
+        if self.rounding > COARSE:
+            return "Record torque and angles with more digits: encoder steps if you can."
+        if self.answer == UNTOLD:
+            return "The log has noise, or another filter. Record what the controller computed."
+        return ""
+
+    @property
+    def weights(self) -> str:
+        """Interpretation of Eq. (15) whose weights the log has; empty where none or several fit."""
+        alpha = self.published.control.gains.alpha.si
+        named = {"tde": np.array([1.0, 0.0])} | {
+            name: estimator_weights(alpha, name)[:, self.place]
+            for name in ("interpolating", "extrapolating", "swapped")
+        }
+        reach = self.best.half[:2] + CLOSE
+        near = [name for name, w in named.items() if (np.abs(w - self.best.parameters[:2]) <= reach).all()]
+        return near[0] if len(near) == 1 else ""
+
+    def parameters(self) -> Iterator[tuple[str, float, float, float | None]]:
+        """Name, value, half of the 90 % interval and published value of each parameter.
+
+        Of a terminal surface no gain of feedback is given: lambda and the surface's slope can be exchanged.
+        """
+        gains, i = self.published.control.gains, self.place
+        values, half = self.best.parameters, self.best.half
+        yield "w_1", values[0], half[0], None
+        yield "w_2", values[1], half[1], None
+        yield "M_bar", values[2], half[2], float(gains.M_bar.si[i])
+        if self.best.hypothesis.surface == LINEAR:
+            beta, lam = gains.beta.si[i], gains.lam.si[i]
+            yield "K_d", values[3], half[3], float(beta + lam)
+            yield "K_p", values[4], half[4], float(beta * lam)
+
+
+def read_logs(file: TraceFile, published: CompareConfig) -> Iterator[tuple[Trace, Log, Array]]:
+    """Runs of a file that have torque, desired and measured angles, and the rounding of these angles (n,)."""
+    for name, trace in file.runs.items():
+        torque = "tau_cmd" if "tau_cmd" in trace else "tau_m"
+        if name in DECOUPLING_RUNS or not all(one in trace for one in (torque, "q_encoder", "q_d")):
+            continue
+        L = float(np.median(np.diff(trace.time)))
+        q_d = trace["q_d"]
+        dq_d = trace["dq_d"] if "dq_d" in trace else np.gradient(q_d, L, axis=0)
+        step = published.manipulator.encoders.joint.resolution.si
+        freed = [without_rounding(column, step) for column in trace["q_encoder"].T]
+        S = file.plant.matrix("S", trace.joint) if "S" in file.plant.values else coupling(published)[0]
+        gains = published.control.gains
+        places = [published.joints.index(joint) for joint in trace.joint]
+        log = Log(
+            L=L,
+            q=np.column_stack([q for q, _ in freed]),
+            q_motor=trace["q_motor_encoder"] @ S.T if "q_motor_encoder" in trace else None,
+            q_d=q_d,
+            dq_d=dq_d,
+            ddq_d=trace["ddq_d"] if "ddq_d" in trace else np.gradient(dq_d, L, axis=0),
+            command=trace[torque],
+            applied=trace["tau_m"] if torque == "tau_cmd" and "tau_m" in trace else None,
+            S=S,
+            b=gains.b.si[places],
+            Delta=gains.Delta.si[places],
+            encoder_step=step,
+        )
+        yield trace, log, np.array([rounding for _, rounding in freed])
+
+
+def recovered(file: TraceFile, loaded: LoadedConfig, talk: Talk) -> list[Recovered]:
+    """Read the controller off every run and joint of a trace file.
+
+    Raises
+    ------
+    UsageError
+        When no run has what it takes.
+    """
+    published = loaded.config
+    assert isinstance(published, CompareConfig)
+    logs = [*read_logs(file, published)]
+    if not logs:
+        message = "no run has desired angles, encoder angles and torques"
+        raise UsageError(message, hint="name the columns of torque in the mapping, then ingest again")
+    found = []
+    with talk.bar("fitting controllers", sum(len(trace.joint) for trace, _, _ in logs)) as progress:
+        for trace, log, rounding in logs:
+            for i, joint in enumerate(trace.joint):
+                fits, torque = ranked(log, i), resolution(log.command[:, i])
+                place = published.joints.index(joint)
+                found.append(
+                    Recovered(trace.name, joint, fits, log, torque, float(rounding[i]), published, place)
+                )
+                progress(1)
+    return found
+
+
+def study_recover(path: Path, talk: Talk) -> Outcome:
+    """Find which controller made each run of a log.
+
+    Parameters
+    ----------
+    path : Path
+        Trace file, or a results folder with one.
+    talk : Talk
+
+    Returns
+    -------
+    Outcome
+
+    Raises
+    ------
+    DataMissingError
+        If the log cannot be read.
+    UsageError
+        If no run of it has torque, desired and measured angles.
+    """
+    held = recovered(stored_traces(path), load_config(None, "compare"), talk)
+    data = {"schema_version": 1, "log": str(path), "runs": [_data(one) for one in held]}
+    return Outcome(data, _tables(held))
+
+
+def run_recover(path: Path, request: Request, talk: Talk) -> dict[str, Any]:
+    """Read the controllers off a log, and write tables and manifest; what ``--json`` prints."""
+    file, loaded = stored_traces(path), load_config(None, "compare")
+    digest = hashlib.sha256(f"{loaded.sha256} {file.config_sha256} {file.created}".encode()).hexdigest()
+    return run_study(
+        "recover", replace(loaded, sha256=digest), request, lambda: study_recover(path, talk), talk
+    )
+
+
+def _data(one: Recovered) -> dict[str, Any]:
+    head: dict[str, Any] = {"run": one.run, "joint": one.joint, "answer": one.answer, "advice": one.advice}
+    if not one.found:
+        return head
+    return head | {
+        "surface": one.best.hypothesis.surface,
+        "readings": one.best.hypothesis.name,
+        "weights": one.weights,
+        "parameters": {
+            name: {"value": value, "half_90": half, "published": published}
+            for name, value, half, published in one.parameters()
+        },
+        "equally_good": [_named(fit) for fit in equally_good(one.found)],
+        "unexplained": one.unexplained,
+        "rounding": one.rounding,
+        "torque_rounding": one.torque_rounding,
+        "angle_rounding": one.angle_rounding,
+        "period": one.log.L,
+        "condition": one.best.condition,
+        "samples": one.best.samples,
+    }
+
+
+def _named(fit: Fit) -> str:
+    return f"{fit.hypothesis.surface} {fit.hypothesis.name}"
+
+
+def _tables(held: list[Recovered]) -> list[Table]:
+    fitted = [one for one in held if one.found]
+    answers = [
+        {
+            "run": one.run,
+            "joint": one.joint,
+            "answer": one.answer,
+            "surface": one.best.hypothesis.surface if one.found else None,
+            "readings": one.best.hypothesis.name if one.found else None,
+            "as_good": len(equally_good(one.found)) - 1 if one.found else None,
+            "weights": one.weights if one.found else None,
+            "unexplained": one.unexplained if one.found else None,
+            "advice": one.advice,
+        }
+        for one in held
+    ]
+    parameters = [
+        {"run": one.run, "joint": one.joint}
+        | {
+            key: number
+            for name, value, half, _ in one.parameters()
+            for key, number in ((name, value), (f"{name}_half_90", half))
+        }
+        for one in fitted
+    ]
+    tried = [
+        {
+            "run": one.run,
+            "joint": one.joint,
+            "hypothesis": _named(fit),
+            "unexplained": fit.residual / fit.step,
+            "information": fit.information - min(other.information for other in one.found),
+            "condition": fit.condition,
+        }
+        for one in fitted
+        for fit in one.found[:SHOWN]
+    ]
+    shown = ("run", "joint", "answer", "surface", "readings", "weights", "as_good")
+    return [
+        Table("controllers", "Which controller made the log.", answers, terminal=shown),
+        Table(
+            "parameters", "Its numbers, SI, with half of their 90 % interval.", parameters, terminal=NUMBERS
+        ),
+        Table(
+            "hypotheses",
+            "The best hypotheses, with the information criterion above the best.",
+            tried,
+            terminal=(),
+        ),
+    ]

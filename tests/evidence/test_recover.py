@@ -1,0 +1,152 @@
+"""A log of a known controller gives that controller back, or says that it cannot."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from support.command import SHORT as SHORT_WORDS
+from support.command import answer
+
+import tendonrepro as tr
+from tendonrepro.configuration.load import load_config
+from tendonrepro.console import Talk
+from tendonrepro.evidence.fit import ranked
+from tendonrepro.evidence.hypotheses import LINEAR, without_rounding
+from tendonrepro.evidence.recover import NONE, RECOVERED, UNTOLD, Recovered, read_logs, recovered
+from tendonrepro.results.records import Trace, TraceFile
+
+QUIET = Talk(quiet=True)
+SHORT = {"reference.periods": 1, "reference.rise": 0.4, "reference.hold": 0.1}
+PUBLISHED = load_config(None, "compare")
+STEP = np.deg2rad(360 / 16384)
+
+
+@cache
+def run(*readings: str, controller: int = 1) -> TraceFile:
+    """One short run under readings ``axis=value``."""
+    changed = {
+        f"control.readings.{axis}": value for axis, _, value in (one.partition("=") for one in readings)
+    }
+    file = tr.compare(set=SHORT | changed, controllers=[controller])._file
+    assert file is not None
+    return replace(file, runs={f"controller_{controller}": file.runs[f"controller_{controller}"]})
+
+
+def rounded(file: TraceFile, torque: float = 0.0, angle_deg: float = 0.0, every: int = 1) -> TraceFile:
+    """The file as a recorder of few digits, or a slow one, would keep it, with the applied torque alone."""
+
+    def coarse(values: Any, step: float) -> Any:
+        return np.round(values / step) * step if step else values
+
+    name, trace = next(iter(file.runs.items()))
+    values = {
+        "q_encoder": coarse(trace["q_encoder"], np.deg2rad(angle_deg)),
+        "q_d": trace["q_d"],
+        "tau_m": coarse(trace["tau_m"], torque),
+    }
+    variables = {key: value[::every] for key, value in values.items()}
+    return replace(
+        file, runs={name: Trace(name, trace.time[::every], trace.joint, variables, trace.attributes)}
+    )
+
+
+def joints(file: TraceFile) -> list[Recovered]:
+    return recovered(file, PUBLISHED, QUIET)
+
+
+@pytest.mark.parametrize("controller", [1, 2, 3])
+def test_the_published_controllers_are_found_to_the_last_digits(controller: int) -> None:
+    gains = PUBLISHED.config.control.gains
+    for i, one in enumerate(joints(run(controller=controller))):
+        alpha = gains.alpha.si[i] if controller == 1 else 0.0
+        assert one.answer == RECOVERED
+        assert one.best.hypothesis.name == "printed"
+        assert (one.best.hypothesis.surface == LINEAR) == (controller == 3)
+        assert one.best.parameters[:3] == pytest.approx([1 - alpha, alpha, 0.01], abs=1e-9)
+        feedback = [10.0, 16.0] if controller == 3 else [8.0, 1.5]
+        assert one.best.parameters[3:] == pytest.approx(feedback, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "reading",
+    [
+        "differencing=centred",
+        "error_rate=difference_of_error",
+        "error_rate=low_pass",
+        "phi_branch=power",
+        pytest.param("gain_unit=phi_in_degrees", marks=pytest.mark.slow),
+        pytest.param("estimate_filter=acceleration", marks=pytest.mark.slow),
+        pytest.param("estimate_filter=estimate", marks=pytest.mark.slow),
+        pytest.param("delay_time=two_periods", marks=pytest.mark.slow),
+    ],
+)
+def test_a_reading_is_found(reading: str) -> None:
+    file = run(reading)
+    if file.runs["controller_1"].status == "diverged":
+        pytest.skip("this plant does not hold that loop")
+    for one in joints(file):
+        assert one.answer == RECOVERED
+        assert reading in one.best.hypothesis.name
+        assert one.weights == "interpolating"
+
+
+@pytest.mark.parametrize("weights", ["interpolating", "extrapolating"])
+def test_weights_survive_the_rounding_of_a_record(weights: str) -> None:
+    """One torque alone, in steps of 10 mN m, and angles to 0.001 deg, less than an encoder step."""
+    sign = 1.0 if weights == "interpolating" else -1.0
+    for i, one in enumerate(joints(rounded(run(f"weights={weights}"), torque=0.01, angle_deg=0.001))):
+        older = sign * PUBLISHED.config.control.gains.alpha.si[i]
+        assert (one.answer, one.weights) == (RECOVERED, weights)
+        assert one.best.parameters[1] == pytest.approx(older, abs=max(3 * one.best.half[1], 0.002))
+
+
+@pytest.mark.parametrize("record", [{"torque": 2.0}, {"angle_deg": 0.05}, {"every": 10}])
+def test_a_coarse_record_cannot_tell(record: dict[str, float]) -> None:
+    for one in joints(rounded(run(), **record)):
+        assert one.answer == UNTOLD
+        assert one.advice
+
+
+def test_another_controller_is_none_of_these() -> None:
+    """Feedback with gravity compensation alone, and a torque that has nothing to do with the log."""
+    trace = run().runs["controller_1"]
+    feedback = 300.0 * trace["e"] + 5.0 * np.gradient(trace["e"], trace.time, axis=0)
+    noise = np.random.default_rng(1).normal(size=trace["e"].shape)
+    for torque in (feedback, np.cumsum(noise, axis=0)):
+        held = {"q_encoder": trace["q_encoder"], "q_d": trace["q_d"], "tau_m": torque}
+        other = Trace("other", trace.time, trace.joint, held, trace.attributes)
+        assert {one.answer for one in joints(replace(run(), runs={"other": other}))} == {NONE}
+
+
+@pytest.mark.slow
+def test_intervals_hold_the_true_weights_about_as_often_as_they_say() -> None:
+    """Over sixteen records that differ by white noise of the torque."""
+    (_, log, _), *_ = read_logs(run(), PUBLISHED.config)  # type: ignore[arg-type]
+    inside = 0
+    for seed in range(16):
+        noise = np.random.default_rng(seed).normal(scale=1e-3, size=log.command.shape)
+        best = ranked(replace(log, command=log.command + noise, applied=None), 0)[0]
+        inside += bool(abs(best.parameters[1] - 0.1) <= best.half[1])
+    assert inside >= 11
+
+
+def test_rounding_of_angles_on_a_grid_is_undone() -> None:
+    true = STEP * np.cumsum(np.random.default_rng(3).integers(-3, 4, size=4000))
+    found, left = without_rounding(np.round(true, 5), STEP)
+    assert left == 0.0
+    assert found - found[0] == pytest.approx(true - true[0], abs=1e-6)
+    smooth = np.sin(np.linspace(0.0, 9.0, 4000))
+    assert without_rounding(smooth, STEP)[0] is smooth
+
+
+def test_the_command_writes_its_tables(command: str, tmp_path: Path) -> None:
+    answer(command, "compare", *SHORT_WORDS, "--controllers", "1", "--out", "out", cwd=tmp_path)
+    found = answer(command, "recover", "out", "--out", "recovered", cwd=tmp_path)
+    assert {(row["run"], row["answer"]) for row in found["runs"]} >= {("controller_1", RECOVERED)}
+    assert (tmp_path / "recovered" / "tables" / "controllers.csv").exists()
+    assert (tmp_path / "recovered" / "recover.json").exists()
