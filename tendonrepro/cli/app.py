@@ -25,16 +25,12 @@ from tendonrepro.cli.study import study_app
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import brief, printable
 from tendonrepro.errors import TendonreproError, UsageError
-from tendonrepro.parallel import prepare
 
 if TYPE_CHECKING:
     from tendonrepro.experiments.command import Order
 
-# What libraries say of an unwritable home is for those who program with them. Not in main(): the processes
-# that draw import this module and never run that.
+# What libraries say of an unwritable home is for those who program with them.
 logging.getLogger("matplotlib").setLevel(logging.ERROR)
-
-WORKERS = "tendonrepro.cli.workers"
 
 EPILOG = (
     "Exit codes: 0 done, 1 error, 2 usage or configuration, 3 a verdict is against the print "
@@ -128,7 +124,6 @@ def reproduce(
     ] = None,
 ) -> int:
     """Every figure and table of section 5, and the fitted plant."""
-    _make_ready(request)
     from tendonrepro.experiments.command import paper_orders
 
     return _carry_out(paper_orders(config, request), terminal)
@@ -145,7 +140,6 @@ def compare(
     ] = "scipy",
 ) -> int:
     """Controllers 1 to 3, payload: Figures 13 to 16, Tables 2 and 3."""
-    _make_ready(request)
     from tendonrepro.experiments.command import Order
 
     return _carry_out([Order("compare", request, only_law(law), solver)], terminal)
@@ -154,16 +148,9 @@ def compare(
 @command(app, "tendonrepro decouple --set manipulator.tendons.damping_factor=3 --out reports/damped")
 def decouple(request: Request, terminal: Terminal) -> int:
     """Joint angles from motor angles: Figures 6 and 9 to 12, Table 1."""
-    _make_ready(request)
     from tendonrepro.experiments.command import Order
 
     return _carry_out([Order("decouple", request)], terminal)
-
-
-def _make_ready(request: Request) -> None:
-    """Let the processes that will integrate and draw import while this one reads the configuration."""
-    if not request.dry_run:
-        prepare(WORKERS)
 
 
 def _carry_out(orders: Sequence[Order], terminal: Terminal) -> int:
@@ -194,7 +181,6 @@ def figures(
     force: OverwriteOwn = False,
 ) -> None:
     """Draw figures again from stored traces."""
-    prepare(WORKERS)
     from tendonrepro.experiments.command import redraw
 
     terminal.list_files(redraw(out, numbers, force=force))

@@ -40,7 +40,7 @@ from tendonrepro.identification.report import CONFIG, conclusions, write_config,
 from tendonrepro.identification.search import Effort, Evaluated, Found, load_arrays, save_arrays, search
 from tendonrepro.monte_carlo.block import Simulate
 from tendonrepro.monte_carlo.box import make_box, scrambled_sobol
-from tendonrepro.monte_carlo.workers import here
+from tendonrepro.parallel import as_ready
 from tendonrepro.results.manifest import make_manifest
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
 from tendonrepro.results.store import MANIFEST, NewResult, replaced, take_over
@@ -213,7 +213,7 @@ def _searches(task: Task, folder: Path, processors: int, talk: Talk) -> dict[Rea
             alone = partial(task.bench.simulate, threads=1)
             task = replace(task, bench=replace(task.bench, simulate=alone))
         found = {}
-        with closing(here(partial(_searched, task, folder, talk), cases, processes)) as stream:
+        with closing(as_ready(partial(_searched, task, folder, talk), cases, processes)) as stream:
             for case, one in stream:
                 found[case] = one
                 progress(evaluations)

@@ -24,12 +24,13 @@ from tendonrepro.errors import UsageError
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.monte_carlo.block import Simulate, make_block
 from tendonrepro.monte_carlo.box import make_box
+from tendonrepro.monte_carlo.cluster import on_cluster
 from tendonrepro.monte_carlo.data import PLAN, read_ensemble
 from tendonrepro.monte_carlo.figures import draw_ensemble_figures
 from tendonrepro.monte_carlo.plan import Study
 from tendonrepro.monte_carlo.report import cost_text, ensemble_tables, population_summary, spot_checks
 from tendonrepro.monte_carlo.shards import FOLDER, SCHEMA_VERSION, Block, identity_of, shard_files
-from tendonrepro.monte_carlo.workers import here, on_cluster
+from tendonrepro.parallel import as_ready
 from tendonrepro.results.manifest import make_manifest
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
 from tendonrepro.results.store import refuse_others, replaced, take_over, unfinished
@@ -162,7 +163,7 @@ def run_study(
         if resumed:
             talk.note(f"{resumed} of {len(blocks)} blocks are on disk already")
         make = partial(make_block, study, simulate=simulate)
-        stream = on_cluster(make, missing, dask) if dask else here(make, missing, jobs)
+        stream = on_cluster(make, missing, dask) if dask else as_ready(make, missing, jobs)
         experiments = sum(block.count for block in missing) * len(study.cases)
         if missing:
             _announce(study, draws, missing, talk)

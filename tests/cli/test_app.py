@@ -367,13 +367,7 @@ app.main()
     ("limit", "words", "reason"),
     [
         ("NOFILE, (9, 9)", ["inspect", "file.csv"], "Too many open files"),
-        # Enough to start the server of processes and not the processes.
-        pytest.param("NOFILE, (20, 20)", ["compare", *SHORT], "Too many open files", marks=pytest.mark.slow),
         pytest.param("FSIZE, (10**5, 10**5)", ["compare", *SHORT], "File too large", marks=pytest.mark.slow),
-        # Who is refused first, the command or its workers, hangs on the size of the libraries.
-        pytest.param(
-            "AS, (3 * 10**8, 3 * 10**8)", ["compare", *SHORT], "|for want of memory", marks=pytest.mark.slow
-        ),
     ],
 )
 def test_limits_of_the_system_are_one_sentence(
