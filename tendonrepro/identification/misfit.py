@@ -232,7 +232,7 @@ class Task:
         content = {
             "schema": SCHEMA_VERSION,
             "version": __version__,
-            "code": code_digest(),
+            "code": code_digest("physics", "simulation"),
             "config": self.loaded.sha256,
             "fit": self.fit,
             "window": self.bench.window,

@@ -27,7 +27,7 @@ from tendonrepro.monte_carlo.box import make_box
 from tendonrepro.monte_carlo.cluster import on_cluster
 from tendonrepro.monte_carlo.data import PLAN, read_ensemble
 from tendonrepro.monte_carlo.figures import draw_ensemble_figures
-from tendonrepro.monte_carlo.plan import Study
+from tendonrepro.monte_carlo.plan import Study, code_digest
 from tendonrepro.monte_carlo.report import cost_text, ensemble_tables, population_summary, spot_checks
 from tendonrepro.monte_carlo.shards import FOLDER, SCHEMA_VERSION, Block, identity_of, shard_files
 from tendonrepro.parallel import as_ready
@@ -227,6 +227,7 @@ def _outcome(study: Study, draws: int, folder: Path, speed: dict[str, Any]) -> O
         "tendonrepro_version": __version__,
         "config_sha256": study.sha256,
         "identity": study.identity,
+        "physics_sha256": code_digest("physics"),
         "of_paper": of_paper,
         "seed": study.seed,
         "draws": draws,

@@ -39,16 +39,20 @@ _COMPRESSION = 0.9
 
 
 @cache
-def code_digest() -> str:
-    """SHA-256 of the code that makes numbers of draws: between two versions it changes, and results with it.
-
-    Comments and layout do not count.
-    """
+def code_digest(*rooms: str) -> str:
+    """SHA-256 of the code of some rooms; neither comments and docstrings nor layout count."""
     package = Path(__file__).parents[1]
-    files = [path for room in ("physics", "simulation") for path in sorted((package / room).rglob("*.py"))]
-    return digest_of(
-        {path.relative_to(package).as_posix(): ast.dump(ast.parse(path.read_text("utf-8"))) for path in files}
-    )
+    files = [path for room in rooms for path in sorted((package / room).rglob("*.py"))]
+    return digest_of({path.relative_to(package).as_posix(): _bare_code(path) for path in files})
+
+
+def _bare_code(path: Path) -> str:
+    tree = ast.parse(path.read_text("utf-8"))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node):
+            node.body = node.body[1:]
+    # Unlike a dump of the tree it is the same under every version of Python.
+    return ast.unparse(tree)
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +112,7 @@ class Study:
         content = {
             "schema": SCHEMA_VERSION,
             "version": __version__,
-            "code": code_digest(),
+            "code": code_digest("physics", "simulation"),
             "config": self.sha256,
             "base": self.base.sha256,
             "seed": self.seed,
