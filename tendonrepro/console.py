@@ -7,7 +7,6 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
 
 # Controls of either set but tab and line end, marks that turn the direction of text, lone surrogates.
 _UNPRINTABLE = re.compile(
@@ -86,27 +85,9 @@ class Talk:
         from rich.console import Console
         from rich.progress import Progress
 
-        with Progress(*_bar_columns(), console=Console(stderr=True), transient=True) as progress:
+        with Progress(console=Console(stderr=True), transient=True) as progress:
             task = progress.add_task(label, total=total)
             yield lambda steps: progress.advance(task, steps)
-
-
-def _bar_columns() -> list[Any]:
-    """Label, bar, share, rate and time left."""
-    from rich.progress import BarColumn, ProgressColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
-    from rich.text import Text
-
-    class Rate(ProgressColumn):
-        """Steps per second."""
-
-        def render(self, task: Any) -> Text:
-            """Nothing before the first step."""
-            if not task.speed:
-                return Text("")
-            return Text(f"{task.speed / 1e6:.1f} M/s" if task.speed >= 1e6 else f"{task.speed:.0f}/s")
-
-    label = TextColumn("{task.description}")
-    return [label, BarColumn(), TaskProgressColumn(), Rate(), TimeRemainingColumn()]
 
 
 def columns(rows: Iterable[Sequence[str]], *, left: bool = False) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator, NullLocator
 
 from tendonrepro.monte_carlo.shares import RATIO_NAMES, RATIOS
 from tendonrepro.results.figures.style import (
@@ -90,25 +91,14 @@ def _draw_ratio(panel: Axes, readings: Sequence[Mapping[str, Any]], key: str, jo
         panel.axvline(
             printed, color=SERIES[1].colour, linestyle=SERIES[1].linestyle, zorder=0.5, label="printed"
         )
+    panel.margins(x=0.05)
     panel.axvline(1.0, color="#999999", linewidth=0.4, zorder=0.4)
     if any(reading[key]["all_ok"]["mae"][joint]["plants"] for reading in readings):
         panel.set_xscale("log")
-        _plain_log_ticks(panel)
-
-
-def _plain_log_ticks(panel: Axes) -> None:
-    """Label ratios as people write them, and no more of them than fit."""
-    low, high = panel.get_xlim()
-    low, high = min(low, 0.95), max(high, 1.05)
-    panel.set_xlim(low / 1.02, high * 1.02)
-    choices = [
-        (0.9, 1.0, 1.1), (0.8, 1.0, 1.2), (0.7, 1.0, 1.4), (0.5, 1.0, 2.0), (0.2, 1.0, 5.0), (0.1, 1.0, 10.0),
-        (0.01, 1.0, 100.0),
-    ]  # fmt: skip
-    fitting = [ticks for ticks in choices if ticks[0] >= low / 1.02 or ticks[-1] <= high * 1.02]
-    ticks = [tick for tick in (fitting or choices[:1])[-1] if low / 1.02 <= tick <= high * 1.02]
-    panel.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
-    panel.set_xticks([], minor=True)
+        # Ratios are near 1, where ticks of a logarithmic axis are rare.
+        panel.xaxis.set_major_locator(MaxNLocator(3))
+        panel.xaxis.set_major_formatter("{x:g}")
+        panel.xaxis.set_minor_locator(NullLocator())
 
 
 def draw_shares(population: str, summary: Mapping[str, Any]) -> Drawing:
