@@ -32,7 +32,7 @@ from tendonrepro.monte_carlo.shards import FOLDER, Block, shard_files
 from tendonrepro.parallel import as_ready
 from tendonrepro.results.manifest import make_manifest
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
-from tendonrepro.results.store import refuse_others, replaced, take_over, unfinished
+from tendonrepro.results.store import refuse_others, replaced, take_over
 from tendonrepro.results.study import Outcome
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.codegen.cache import NOTHING_COMPILED
@@ -88,15 +88,9 @@ def run_ensemble(
 
 
 def _plan(study: Study, draws: int, folder: Path, *, force: bool) -> dict[str, Any]:
-    """What a run would do, and how many of its blocks are on disk."""
+    """What a run would do."""
     refuse_others(folder, study.identity, command="ensemble", force=force)
-    blocks, cost = study.blocks(draws), study.cost(draws)
-    there = {
-        path.name
-        for above in (folder, unfinished(folder))
-        for path in shard_files(above / FOLDER, study.identity)
-    }
-    found = sum(block.file_name(study.identity) in there for block in blocks)
+    cost = study.cost(draws)
     return {
         "schema_version": SCHEMA_VERSION,
         "experiment": "ensemble",
@@ -106,11 +100,9 @@ def _plan(study: Study, draws: int, folder: Path, *, force: bool) -> dict[str, A
         "readings_count": len(study.readings),
         "cases": len(study.cases),
         "cost": cost,
-        "resumed_from": found,
-        "blocks": len(blocks),
+        "blocks": len(study.blocks(draws)),
         "out": str(folder),
-        "text": f"ensemble: {draws} draws, {len(study.readings)} readings: {cost_text(cost)}; "
-        f"{found} of {len(blocks)} blocks are on disk already",
+        "text": f"ensemble: {draws} draws, {len(study.readings)} readings: {cost_text(cost)}",
     }
 
 

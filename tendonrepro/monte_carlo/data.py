@@ -165,20 +165,16 @@ def read_ensemble(folder: Path, population: str = "box", *, stride: int = 1) -> 
     if stride < 1 or stride & (stride - 1) or stride > per_replicate:
         message = f"cannot thin {per_replicate} draws a scrambling to one in {stride}; a power of two can"
         raise UsageError(message)
-    files = _files(folder, plan, population, per_replicate // stride)
+    names = ("joints", "alpha", "runs", "names", "readings", "variations")
+    of_plan: dict[str, Any] = {name: tuple(plan[name]) for name in names}
     return EnsembleData(
         population=population,
         of_paper=plan["of_paper"],
-        joints=tuple(plan["joints"]),
-        alpha=tuple(plan["alpha"]),
-        runs=tuple(plan["runs"]),
-        names=tuple(plan["names"]),
-        readings=tuple(plan["readings"]),
-        variations=tuple(plan["variations"]),
         lookup={(run, name): place for run, name, place in plan["lookup"]},
-        files=files,
+        files=_files(folder, plan, population, per_replicate // stride),
         identity=plan["identity"],
         planned=plan["draws"],
+        **of_plan,
     )
 
 

@@ -1,4 +1,4 @@
-"""Figures of an ensemble: ratios, shares and statuses under each reading."""
+"""Figures of an ensemble: ratios and shares under each reading."""
 
 from __future__ import annotations
 
@@ -19,13 +19,10 @@ from tendonrepro.results.figures.style import (
     open_figure,
     save_drawing,
 )
-from tendonrepro.results.summary import CONTROLLERS
 
 _ROW_MM = 4.2
 _FRAME_MM = 26.0
 
-# Readable without colour: from white to black, with the status to look at, ok, the palest.
-_STATUS_COLOURS = {"ok": "#D5E3F0", "ringing": "#CC8800", "diverged": "#B5405A", "unresolved": "#444444"}
 _SHARES = {
     "share_c1_lt_c2_lt_c3": "C1 < C2 < C3",
     "share_c3_lt_c2_lt_c1": "C3 < C2 < C1",
@@ -35,10 +32,10 @@ _SETS = {"all_ok": "all three laws ok", "diverged_last": "diverged ranked last"}
 
 
 def draw_ensemble_figures(summary: Mapping[str, Any], folder: Path) -> list[Path]:
-    """Draw and save ratios, shares and statuses of every population, each as pdf, svg and png."""
+    """Draw and save ratios and shares of every population, each as pdf, svg and png."""
     paths = []
     for name, held in summary["populations"].items():
-        for draw in (draw_ratios, draw_shares, draw_statuses):
+        for draw in (draw_ratios, draw_shares):
             origin = f"Simulated, {held['plants']} plants of the population {name}"
             paths += save_drawing(draw(name, held), folder, origin)
     return paths
@@ -142,27 +139,6 @@ def _draw_intervals(panel: Axes, shares: Sequence[Mapping[str, Any]], place: int
         markerfacecolor="white" if place else SERIES[place].colour,
         label=list(_SETS.values())[place],
     )
-
-
-def draw_statuses(population: str, summary: Mapping[str, Any]) -> Drawing:
-    """How the three laws end on the plants of the box, under each reading."""
-
-    def draw(axes: Sequence[Axes]) -> None:
-        for panel, run in zip(axes, CONTROLLERS, strict=True):
-            left = np.zeros(len(summary["readings"]))
-            for status, colour in _STATUS_COLOURS.items():
-                share = np.array([reading["status"][run][status]["share"] for reading in summary["readings"]])
-                panel.barh(np.arange(len(left)), 100.0 * share, 0.78, left=left, color=colour, label=status)
-                left += 100.0 * share
-            panel.set_xlim(0.0, 100.0)
-            panel.set_xlabel("share of the box (%)")
-        axes[0].figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
-
-    titles = [f"Controller {place}" for place, _ in enumerate(CONTROLLERS, start=1)]
-    caption = (
-        f"Share of the population {population} on which each law ends in each status, under each reading."
-    )
-    return rows_figure(f"statuses_{population}", titles, _names(summary), draw, caption)
 
 
 def rows_figure(

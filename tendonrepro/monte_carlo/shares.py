@@ -328,21 +328,18 @@ def agreement(found: dict[str, Any], joints: Sequence[int]) -> dict[str, Any]:
     ``agrees`` when all are inside the central 90 %; ``cannot`` when one is beyond every plant; ``no plant``
     when there is none to compare with, ``too few`` below `LEAST_PLANTS`; else ``in part``.
     """
-    inside: list[str] = []
-    outside: list[str] = []
-    beyond: list[str] = []
-    for key in RATIOS:
-        for metric in METRICS:
-            for joint in joints:
-                numbers = found[key]["all_ok"][metric][f"joint_{joint}"]
-                printed = numbers["printed"]
-                if numbers["plants"] == 0 or not np.isfinite(printed):
-                    continue
-                name = f"{key} {metric} joint {joint}"
-                fits = numbers["q05"]["value"] <= printed <= numbers["q95"]["value"]
-                (inside if fits else outside).append(name)
-                if not numbers["lowest"] <= printed <= numbers["highest"]:
-                    beyond.append(name)
+    every = {
+        f"{key} {metric} joint {joint}": found[key]["all_ok"][metric][f"joint_{joint}"]
+        for key in RATIOS
+        for metric in METRICS
+        for joint in joints
+    }
+    judged = {name: held for name, held in every.items() if held["plants"] and np.isfinite(held["printed"])}
+    inside = [
+        n for n, held in judged.items() if held["q05"]["value"] <= held["printed"] <= held["q95"]["value"]
+    ]
+    outside = [n for n in judged if n not in inside]
+    beyond = [n for n, held in judged.items() if not held["lowest"] <= held["printed"] <= held["highest"]]
     verdict = "cannot" if beyond else "in part" if outside else "agrees" if inside else "no plant"
     plants = found["share_c1_lt_c2_lt_c3"]["all_ok"]["mae"]["both"]["plants"]
     if verdict != "no plant" and plants < LEAST_PLANTS:
