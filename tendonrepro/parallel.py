@@ -76,6 +76,7 @@ def as_ready(
         yield from map(function, items)
         return
     from joblib import Parallel, delayed
+    from joblib.externals.loky import get_reusable_executor
     from joblib.externals.loky.process_executor import TerminatedWorkerError
 
     begin = {"initializer": _end_with, "initargs": (os.getpid(),)}
@@ -88,6 +89,9 @@ def as_ready(
         message = "a worker process died, perhaps for want of memory; what is finished is kept"
         hint = "look at free memory, and at the limits that ulimit -a shows; fewer --jobs need less"
         raise TendonreproError(message, hint=hint) from error
+    finally:
+        # Idle workers would stay for minutes, and after an interrupt nobody waits for the rest.
+        get_reusable_executor(reuse=True).shutdown(kill_workers=True)
 
 
 @contextmanager

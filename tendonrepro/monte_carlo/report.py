@@ -56,27 +56,22 @@ def _slow_ratio(data: EnsembleData, name: str) -> dict[str, float]:
 
 
 def spot_checks(shards: Path, identity: str, blocks: Sequence[Block]) -> dict[str, Any]:
-    """Largest differences from the SciPy stepper among the blocks that were checked, and where they were.
+    """Largest difference from the SciPy stepper among the blocks that were checked, and where it was.
 
     ``compared`` are those that ran to their end in both steppers, so that sizes could be compared.
     """
     stored = [(block, read_array(shards / block.file_name(identity), "check")) for block in blocks]
-    found = [(block, json.loads(str(text))) for block, text in stored]
-    checks = [(block, check) for block, check in found if check]
-    result: dict[str, Any] = {
+    checks = [{"block": block} | check for block, text in stored if (check := json.loads(str(text)))]
+    # Two steppers never agree to the last bit; a difference of nothing stands for a run without an end.
+    compared = [check for check in checks if check["difference"]]
+    worst = max(compared, key=lambda check: float(check["difference"]), default=None)
+    return {
         "experiments": len(checks),
-        # Two steppers never agree to the last bit; a difference of nothing stands for a run without an end.
-        "compared": sum(float(check["ideal"]) > 0.0 for _, check in checks),
-        "disagreements": sum(int(check["disagreements"]) for _, check in checks),
+        "compared": len(compared),
+        "disagreements": sum(check["difference"] is None for check in checks),
+        "largest": worst and worst["difference"],
+        "where": worst and "{run}, {reading}, {block}, draw {draw}".format(**worst),
     }
-    for kind in ("ideal", "quantised"):
-        worst = max(checks, key=lambda entry: float(entry[1][kind]), default=None)
-        result[kind] = {"largest": None, "where": None}
-        if worst is not None:
-            block, check = worst
-            where = f"{check['run']}, {check['reading']}, {block}, draw {check['draw']}"
-            result[kind] = {"largest": float(check[kind]), "where": where}
-    return result
 
 
 def flat_rows(population: str, summary: Mapping[str, Any]) -> Iterator[dict[str, object]]:

@@ -85,13 +85,12 @@ def test_the_spot_check_finds_what_differs():
     values = compute_block(small_study(), block, fake_batch)["draws"]
 
     def check(status, factor):
-        found = spot_check(study, block, values, batch_with(status, factor))
-        return found["ideal"], found["quantised"], found["disagreements"]
+        return spot_check(study, block, values, batch_with(status, factor))["difference"]
 
-    assert check(0, 1.0) == pytest.approx((0, 0, 0), abs=1e-12)
-    assert check(0, 1.001) == pytest.approx((1e-3, 1e-3, 0))
-    assert check(1, 1.0)[2] == 2
-    assert check(3, 2.0)[1:] == (0.0, 0)
+    assert check(0, 1.0) == pytest.approx(0, abs=1e-12)
+    assert check(0, 1.001) == pytest.approx(1e-3)
+    assert check(1, 1.0) is None
+    assert check(3, 2.0) == 0.0
 
 
 @pytest.mark.usefixtures("scipy_finds_e")
