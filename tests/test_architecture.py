@@ -43,7 +43,7 @@ OWNERS = {
     "pydantic": ["configuration/*"],
     "yaml": ["configuration/fields/strict_yaml.py"],
     "xarray": ["results/traces.py", "api.py"],
-    "h5py": ["monte_carlo/shards.py", "dataset/arrays.py", "dataset/matlab.py"],
+    "h5py": ["dataset/arrays.py", "dataset/matlab.py"],
     "pandas": ["dataset/tables.py", "dataset/matlab.py", "results/export.py", "api.py"],
     "pyarrow": ["results/export.py"],
     "matio": ["dataset/matlab.py"],
