@@ -17,6 +17,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from tendonrepro.files import digest_of
+from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.reporting import claims, orders
 from tendonrepro.reporting.answer import filled, numbers, percent
 from tendonrepro.reporting.figure_orders import draw_orders
@@ -41,7 +42,11 @@ def take(reports: Path) -> None:
     ledger = read(reports / "claims" / "claims.json")
     if (ledger.get("ensemble") or {}).get("source") != "local":
         sys.exit("these verdicts are the shipped ones; run tendonrepro claims again, beside the ensemble")
-    store("ensemble.json", thinned(read(reports / "ensemble" / "summary.json")))
+    summary = read(reports / "ensemble" / "summary.json")
+    if read(reports / "claims" / "manifest.json").get("ensemble") != [summary["identity"], summary["draws"]]:
+        sys.exit("these verdicts are of another ensemble; run tendonrepro claims again")
+    physics = {"physics_sha256": summary["physics_sha256"]}
+    store("ensemble.json", physics | thinned(summary))
     ledger = rounded(ledger)
     store("claims.json", ledger | {"sha256": digest_of(ledger)})
     decides = read(reports / "claims" / "decides.json")
@@ -55,7 +60,8 @@ def take_closest(folder: Path) -> None:
     found = read(folder / "identify.json")
     kept = ["name", "misfit_log", "misfit_by_seed", "seeds_agree", "rows_searched", "best_shape"]
     fresh = {
-        reading["name"]: {key: reading[key] for key in kept}
+        reading["name"]: {"physics_sha256": code_digest("physics")}
+        | {key: reading[key] for key in kept}
         | {
             "evaluations": found["evaluations"],
             "largest": max(reading["numbers"], key=lambda row: abs(math.log(row["ratio"]))),

@@ -2,33 +2,10 @@
 
 from __future__ import annotations
 
-import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
-
-# Controls of either set but tab and line end, marks that turn the direction of text, lone surrogates.
-_UNPRINTABLE = re.compile(
-    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]"
-)
-
-_LONGEST = 1500
-"""Letters at either end of a line in a message, half of one that is left as it is."""
-
-
-def printable(text: str) -> str:
-    """Text as a terminal may see it: what could steer it stands as an escape that JSON and YAML read too."""
-    return _UNPRINTABLE.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
-
-
-def brief(text: str) -> str:
-    """Text as a message may have it: of a line that someone else's word makes endless, its two ends."""
-    lines = text.split("\n")
-    return "\n".join(
-        line if len(line) <= 2 * _LONGEST else f"{line[:_LONGEST]} ... {line[-_LONGEST:]}" for line in lines
-    )
 
 
 @dataclass(frozen=True)
@@ -49,12 +26,12 @@ class Talk:
     def note(self, text: str) -> None:
         """Say something every user wants to know."""
         if not self.quiet:
-            sys.stderr.write(f"{printable(brief(text))}\n")
+            sys.stderr.write(f"{text}\n")
 
     def detail(self, text: str) -> None:
         """Say something only a curious user wants to know."""
         if self.verbose and not self.quiet:
-            sys.stderr.write(f"{printable(brief(text))}\n")
+            sys.stderr.write(f"{text}\n")
 
     @contextmanager
     def resumable(self) -> Iterator[None]:
@@ -86,27 +63,9 @@ class Talk:
         from rich.console import Console
         from rich.progress import Progress
 
-        with Progress(*_bar_columns(), console=Console(stderr=True), transient=True) as progress:
+        with Progress(console=Console(stderr=True), transient=True) as progress:
             task = progress.add_task(label, total=total)
             yield lambda steps: progress.advance(task, steps)
-
-
-def _bar_columns() -> list[Any]:
-    """Label, bar, share, rate and time left."""
-    from rich.progress import BarColumn, ProgressColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
-    from rich.text import Text
-
-    class Rate(ProgressColumn):
-        """Steps per second."""
-
-        def render(self, task: Any) -> Text:
-            """Nothing before the first step."""
-            if not task.speed:
-                return Text("")
-            return Text(f"{task.speed / 1e6:.1f} M/s" if task.speed >= 1e6 else f"{task.speed:.0f}/s")
-
-    label = TextColumn("{task.description}")
-    return [label, BarColumn(), TaskProgressColumn(), Rate(), TimeRemainingColumn()]
 
 
 def columns(rows: Iterable[Sequence[str]], *, left: bool = False) -> str:

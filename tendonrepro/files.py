@@ -46,9 +46,6 @@ def atomic_path(path: Path) -> Iterator[Path]:
     """
     temporary = path.with_name(f".{path.stem}.{os.getpid()}-{secrets.token_hex(4)}{path.suffix}")
     try:
-        if path.parent.exists() and not path.parent.is_dir():
-            message = f"cannot write {path}: what should be its folder is a file"
-            raise TendonreproError(message)
         path.parent.mkdir(parents=True, exist_ok=True)
         yield temporary
         temporary.replace(path)

@@ -23,12 +23,10 @@ from tendonrepro.cli.options import Laws, Terminal, command, only_law
 from tendonrepro.cli.study import study_app
 from tendonrepro.configuration.request import Request
 from tendonrepro.errors import TendonreproError, UsageError
-from tendonrepro.parallel import prepare
 
 if TYPE_CHECKING:
     from tendonrepro.experiments.command import Order
 
-WORKERS = "tendonrepro.cli.workers"
 INTERRUPTED = 130
 """Exit code into which Typer turns an interrupt, without a word."""
 
@@ -123,7 +121,6 @@ def reproduce(
     ] = None,
 ) -> int:
     """Every figure and table of section 5, and the fitted plant."""
-    _make_ready(request)
     from tendonrepro.experiments.command import paper_orders
 
     return _carry_out(paper_orders(config, request), terminal)
@@ -140,7 +137,6 @@ def compare(
     ] = "scipy",
 ) -> int:
     """Controllers 1 to 3, payload: Figures 13 to 16, Tables 2 and 3."""
-    _make_ready(request)
     from tendonrepro.experiments.command import Order
 
     return _carry_out([Order("compare", request, only_law(law), solver)], terminal)
@@ -149,16 +145,9 @@ def compare(
 @command(app, "tendonrepro decouple --set manipulator.tendons.damping_factor=3 --out reports/damped")
 def decouple(request: Request, terminal: Terminal) -> int:
     """Joint angles from motor angles: Figures 6 and 9 to 12, Table 1."""
-    _make_ready(request)
     from tendonrepro.experiments.command import Order
 
     return _carry_out([Order("decouple", request)], terminal)
-
-
-def _make_ready(request: Request) -> None:
-    """Let the processes that will integrate and draw import while this one reads the configuration."""
-    if not request.dry_run:
-        prepare(WORKERS)
 
 
 def _carry_out(orders: Sequence[Order], terminal: Terminal) -> int:
@@ -189,7 +178,6 @@ def figures(
     force: OverwriteOwn = False,
 ) -> None:
     """Draw figures again from stored traces."""
-    prepare(WORKERS)
     from tendonrepro.experiments.command import redraw
 
     terminal.list_files(redraw(out, numbers, force=force))

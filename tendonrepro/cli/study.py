@@ -48,17 +48,12 @@ def ensemble(
     dask: Annotated[
         str | None, Option("--dask", metavar="ADDRESS", help="Scheduler to send the work to.")
     ] = None,
-    readings: Annotated[
-        str, Option("--readings", help="default, all, or names with commas between.")
-    ] = "default",
-    yes: Annotated[bool, Option("--yes", help="The cost of all readings has been seen.")] = False,
+    readings: Annotated[str, Option("--readings", help="default, or names with commas between.")] = "default",
 ) -> None:
     """Many plausible plants under many readings of the text."""
     from tendonrepro.monte_carlo.command import run_ensemble
 
-    found = run_ensemble(
-        request, terminal.talk, draws=draws, jobs=jobs, dask=dask, readings=readings, yes=yes
-    )
+    found = run_ensemble(request, terminal.talk, draws=draws, jobs=jobs, dask=dask, readings=readings)
     terminal.show(found, found["text"])
 
 

@@ -14,7 +14,7 @@ from tendonrepro.experiments.loops import all_loops
 from tendonrepro.experiments.plant_record import plant_record
 from tendonrepro.experiments.user_law import UserLaw
 from tendonrepro.files import to_json
-from tendonrepro.parallel import advance, each
+from tendonrepro.parallel import each
 from tendonrepro.physics.metrics import status_of
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.simulation.controllers import TimeDelayController
@@ -41,8 +41,7 @@ def simulate_all(
             _simulate_together(loaded, named, talk) for (loaded, _), named in zip(asked, loops, strict=True)
         ]
     runs = [(*one, name) for one, named in zip(asked, loops, strict=True) for name in named]
-    total = sum(loop.reference.time.size for named in loops for loop in named.values())
-    with talk.bar(f"simulating {len(runs)} runs", total) as progress:
+    with talk.bar(f"simulating {len(runs)} runs", len(runs)) as progress:
         traces = each(_simulated, runs, progress)
     for trace in traces:
         talk.detail(f"{trace.name}: {trace.status}, {trace.time.size} samples")
@@ -69,7 +68,7 @@ def simulate_run(loaded: LoadedConfig, law: UserLaw | None, name: str) -> Trace:
     Trace
     """
     loop = all_loops(loaded, law)[name]
-    return _trace(loaded, name, loop, simulate(loop, advance))
+    return _trace(loaded, name, loop, simulate(loop))
 
 
 def _simulate_together(loaded: LoadedConfig, loops: Mapping[str, Loop], talk: Talk) -> list[Trace]:

@@ -53,7 +53,7 @@ from tendonrepro.identification.search import (
 )
 from tendonrepro.monte_carlo.box import make_box, scrambled_sobol
 from tendonrepro.monte_carlo.plan import code_digest
-from tendonrepro.monte_carlo.workers import here
+from tendonrepro.parallel import as_ready
 from tendonrepro.results.manifest import make_manifest
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
 from tendonrepro.results.store import MANIFEST, replaced
@@ -110,7 +110,7 @@ class Task:
         content = {
             "schema": SCHEMA_VERSION,
             "version": __version__,
-            "code": code_digest(),
+            "code": code_digest("physics", "simulation"),
             "config": self.loaded.sha256,
             "fit": self.fit,
             "window": self.bench.window,
@@ -249,7 +249,7 @@ def _searches(
             for place in range(len(cases)):
                 found |= _searched(task, states, place, progress)
             return found
-        with closing(here(partial(_searched, task, states), range(len(cases)), processes)) as stream:
+        with closing(as_ready(partial(_searched, task, states), range(len(cases)), processes)) as stream:
             for one in stream:
                 found |= one
                 progress(task.effort.evaluations)

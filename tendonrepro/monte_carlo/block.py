@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
-import platform
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from importlib import metadata
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonrepro import __version__
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.fields.model import Model
 from tendonrepro.configuration.load import CompareConfig
@@ -24,10 +20,9 @@ from tendonrepro.experiments.loops import build_law, build_loops
 from tendonrepro.experiments.rig import build_actuator, build_encoder
 from tendonrepro.monte_carlo.box import configured, scrambled_sobol
 from tendonrepro.monte_carlo.plan import Study
-from tendonrepro.monte_carlo.shards import Block, Shard, shard_image
+from tendonrepro.monte_carlo.shards import Arrays, Block, shard_image
 from tendonrepro.physics.instruments import Encoder
 from tendonrepro.physics.metrics import STATUSES, mae, rmse, status_of
-from tendonrepro.results.manifest import cpu_name
 from tendonrepro.simulation.batch import Batch, simulate_batch
 from tendonrepro.simulation.controllers import TimeDelayController
 from tendonrepro.simulation.stepper import Loop, simulate
@@ -49,43 +44,30 @@ def make_block(study: Study, block: Block, simulate: Simulate = simulate_batch) 
     return block, shard_image(compute_block(study, block, simulate))
 
 
-def compute_block(study: Study, block: Block, simulate: Simulate = simulate_batch) -> Shard:
+def compute_block(study: Study, block: Block, simulate: Simulate = simulate_batch) -> Arrays:
     """Simulate every case of every draw of a block; a box whose draws cannot be run is to be mended."""
-    started = time.perf_counter()
     box = study.boxes[block.population]
     values = box.values(scrambled_sobol(box, study.seed, block.replicate, block.first, block.count))
-    limits = study.config.status
     batches = [
-        simulate([loop for row in group for loop in loops_of(study, block, row)], limits)
+        simulate([loop for row in group for loop in loops_of(study, block, row)], study.config.status)
         for group in np.split(values, range(DRAWS_AT_ONCE, len(values), DRAWS_AT_ONCE))
     ]
-    count = len(study.cases)
 
     def by_case(parts: list[Any], kind: type) -> Any:
         """Batches go draw by draw; a reader asks case by case."""
         # What overflows single precision is of a diverged run, and infinite for every purpose.
         with np.errstate(over="ignore"):
             joined: NDArray[Any] = np.concatenate(parts).astype(kind)
-        return np.ascontiguousarray(joined.reshape(-1, count, *joined.shape[1:]).swapaxes(0, 1))
+        return joined.reshape(-1, len(study.cases), *joined.shape[1:]).swapaxes(0, 1)
 
-    most_steps = np.iinfo(np.int16).max
-    return Shard(
-        block=block,
-        identity=study.identity,
-        names=tuple(box.names),
-        cases=tuple((run, case.name) for run, case in study.cases),
-        draws=values,
-        status=by_case([batch.status for batch in batches], np.int8),
-        status_time=by_case([batch.status_time for batch in batches], np.float32),
-        steps=by_case([np.minimum(batch.steps, most_steps) for batch in batches], np.int16),
-        statistics={
-            name: by_case([batch.statistics[name] for batch in batches], np.float32)
-            for name in batches[0].statistics
-        },
-        check=spot_check(study, block, values, simulate),
-        provenance=_provenance(study),
-        seconds=time.perf_counter() - started,
-    )
+    return {
+        "draws": values,
+        "status": by_case([batch.status for batch in batches], np.int8),
+        "check": np.array(json.dumps(spot_check(study, block, values, simulate))),
+    } | {
+        name: by_case([batch.statistics[name] for batch in batches], np.float32)
+        for name in batches[0].statistics
+    }
 
 
 def loops_of(study: Study, block: Block, row: Array) -> Iterator[Loop]:
@@ -108,7 +90,7 @@ def loops_of(study: Study, block: Block, row: Array) -> Iterator[Loop]:
                 others[case.settings] = dict(build_loops(changed, folder, reference))
             yield others[case.settings][run]
     except TendonreproError as error:
-        message = f"a draw of {block.file_name} cannot be run: {error.message}"
+        message = f"a draw of {block} cannot be run: {error.message}"
         raise TendonreproError(message, where=error.where, hint=json.dumps(draw)) from error
 
 
@@ -130,41 +112,24 @@ def _refitted(loop: Loop, changed: CompareConfig, run: str) -> Loop:
     )
 
 
-def _provenance(study: Study) -> dict[str, str | int]:
-    libraries = {name: metadata.version(name) for name in ("numpy", "numba", "h5py")}
-    return {
-        "config_sha256": study.sha256,
-        "tendonrepro_version": __version__,
-        "versions": json.dumps({"python": platform.python_version()} | libraries),
-        "cpu": cpu_name() or "",
-        "seed": study.seed,
-    }
-
-
 def spot_check(
     study: Study, block: Block, values: Array, simulate_together: Simulate = simulate_batch
-) -> dict[str, float | int | str]:
-    """Rerun one experiment of one block in `Study.check_every` with the SciPy stepper.
+) -> dict[str, float | int | str | None]:
+    """Rerun one experiment of one block in `Study.check_every` with the SciPy stepper and an ideal encoder.
 
     Which block, draw and case is settled by a hash, so it does not depend on how the work is done; for other
-    blocks the answer is empty. ``ideal`` and ``quantised`` are the largest relative difference of MAE and of
-    RMSE with an ideal and with the drawn encoder, 0 for a run that diverged or was not resolved in both;
-    ``disagreements`` counts statuses that differ.
+    blocks the answer is empty. ``difference`` is the largest relative one of MAE and RMSE, 0 for a run that
+    diverged or was not resolved in both, None where the steppers disagree on the status.
     """
-    digest = hashlib.sha256(f"{study.identity} {block.file_name}".encode()).digest()
+    digest = hashlib.sha256(f"{study.identity} {block}".encode()).digest()
     chosen, place, at = (int.from_bytes(digest[k : k + 8], "big") for k in (0, 8, 16))
     if study.check_every == 0 or chosen % study.check_every:
         return {}
     place, at = place % len(study.cases), at % len(values)
     run, case = study.cases[place]
-    loop = list(loops_of(study, block, values[at]))[place]
-    found: dict[str, float | int | str] = {"run": run, "reading": case.name, "draw": at, "disagreements": 0}
-    for name, checked in (("ideal", replace(loop, joint_encoder=IDEAL)), ("quantised", loop)):
-        batch = simulate_together([checked], study.config.status)
-        difference = _difference(checked, batch, study)
-        found[name] = difference or 0.0
-        found["disagreements"] = int(found["disagreements"]) + (difference is None)
-    return found
+    loop = replace([*loops_of(study, block, values[at])][place], joint_encoder=IDEAL)
+    difference = _difference(loop, simulate_together([loop], study.config.status), study)
+    return {"run": run, "reading": case.name, "draw": at, "difference": difference}
 
 
 def _difference(loop: Loop, batch: Batch, study: Study) -> float | None:

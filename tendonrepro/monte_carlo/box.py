@@ -32,7 +32,7 @@ class Box:
         Bounds and middle; a choice among words is the place of the word, from 0.
     scale : tuple of str
         ``linear``, ``log`` or ``choice``.
-    confidence, source : tuple of str
+    confidence : tuple of str
     choices : tuple of array
         Values of a ``choice``, empty for other rows.
     words : tuple of tuple of str
@@ -50,7 +50,6 @@ class Box:
     high: Array
     scale: tuple[str, ...]
     confidence: tuple[str, ...]
-    source: tuple[str, ...]
     choices: tuple[Array, ...]
     words: tuple[tuple[str, ...], ...]
     free: NDArray[np.bool_]
@@ -100,7 +99,6 @@ def make_box(config: EnsembleConfig) -> Box:
         high=np.array(high),
         scale=tuple(row.scale if isinstance(row, BoxRange) else _CHOICE for row in items.values()),
         confidence=tuple(row.confidence for row in items.values()),
-        source=tuple(row.source for row in items.values()),
         choices=choices,
         words=tuple(rule.words if isinstance(rule, Among) else () for rule in rules),
         free=np.ones(len(items), dtype=np.bool_),

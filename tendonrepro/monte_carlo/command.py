@@ -14,7 +14,6 @@ from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.models.readings import (
     PRINTED,
     default_readings,
-    every_pair,
     named_readings,
     parse_reading,
 )
@@ -24,15 +23,16 @@ from tendonrepro.errors import UsageError
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.monte_carlo.block import Simulate, make_block
 from tendonrepro.monte_carlo.box import make_box
+from tendonrepro.monte_carlo.cluster import on_cluster
 from tendonrepro.monte_carlo.data import PLAN, read_ensemble
 from tendonrepro.monte_carlo.figures import draw_ensemble_figures
-from tendonrepro.monte_carlo.plan import Study
+from tendonrepro.monte_carlo.plan import SCHEMA_VERSION, Study, code_digest
 from tendonrepro.monte_carlo.report import cost_text, ensemble_tables, population_summary, spot_checks
-from tendonrepro.monte_carlo.shards import FOLDER, SCHEMA_VERSION, Block, identity_of, shard_files
-from tendonrepro.monte_carlo.workers import here, on_cluster
+from tendonrepro.monte_carlo.shards import FOLDER, Block, shard_files
+from tendonrepro.parallel import as_ready
 from tendonrepro.results.manifest import make_manifest
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
-from tendonrepro.results.store import refuse_others, replaced, take_over, unfinished
+from tendonrepro.results.store import refuse_others, replaced, take_over
 from tendonrepro.results.study import Outcome
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.codegen.cache import NOTHING_COMPILED
@@ -47,7 +47,6 @@ def run_ensemble(
     jobs: int = 1,
     dask: str | None = None,
     readings: str = "default",
-    yes: bool = False,
 ) -> dict[str, Any]:
     """Simulate many plausible plants under many readings, and write tables and figures.
 
@@ -63,10 +62,8 @@ def run_ensemble(
     dask : str or None
         Address of a dask.distributed scheduler to send the blocks to.
     readings : str
-        ``default``: as printed, alternatives and the configuration's pairs. ``all``: every pair of settings,
-        which needs `yes`. Else names with commas between, beside which the printed reading is run.
-    yes : bool
-        The cost of all readings has been seen.
+        ``default``: as printed, alternatives and the configuration's pairs. Else names with commas between,
+        beside which the printed reading is run.
 
     Returns
     -------
@@ -76,8 +73,7 @@ def run_ensemble(
     Raises
     ------
     UsageError
-        For impossible draws, jobs or readings, results of another configuration, or all readings without
-        `yes`.
+        For impossible draws, jobs or readings, or results of another configuration.
     TendonreproError
         When results cannot be written; whole blocks stay and are not computed again.
     """
@@ -86,21 +82,15 @@ def run_ensemble(
         raise UsageError(message, where="--jobs")
     study = load_study(request.config, request.overrides, request.seed, readings)
     folder = request.folder("ensemble")
-    cost = study.cost(draws)
     if request.dry_run:
         return _plan(study, draws, folder, force=request.force)
-    if readings == "all" and not yes:
-        message = f"all {len(study.readings)} readings mean {cost_text(cost)}"
-        raise UsageError(message, where="--readings all", hint="say --yes if that is what you want")
     return run_study(study, draws, folder, jobs=jobs, force=request.force, dask=dask, talk=talk)
 
 
 def _plan(study: Study, draws: int, folder: Path, *, force: bool) -> dict[str, Any]:
-    """What a run would do, and how many of its blocks are on disk."""
+    """What a run would do."""
     refuse_others(folder, study.identity, command="ensemble", force=force)
-    blocks, cost = study.blocks(draws), study.cost(draws)
-    there = {path.name for above in (folder, unfinished(folder)) for path in _ours(above / FOLDER, study)}
-    found = sum(block.file_name in there for block in blocks)
+    cost = study.cost(draws)
     return {
         "schema_version": SCHEMA_VERSION,
         "experiment": "ensemble",
@@ -110,11 +100,9 @@ def _plan(study: Study, draws: int, folder: Path, *, force: bool) -> dict[str, A
         "readings_count": len(study.readings),
         "cases": len(study.cases),
         "cost": cost,
-        "resumed_from": found,
-        "blocks": len(blocks),
+        "blocks": len(study.blocks(draws)),
         "out": str(folder),
-        "text": f"ensemble: {draws} draws, {len(study.readings)} readings: {cost_text(cost)}; "
-        f"{found} of {len(blocks)} blocks are on disk already",
+        "text": f"ensemble: {draws} draws, {len(study.readings)} readings: {cost_text(cost)}",
     }
 
 
@@ -122,17 +110,14 @@ def load_study(source: str | None, overrides: Sequence[str], seed: int | None, r
     """Read a configuration of an ensemble; `readings` as for :func:`run_ensemble`."""
     loaded = load_ensemble(source, overrides=overrides, seed=seed)
     config, box = loaded.config, make_box(loaded.config)
-    named = readings not in ("default", "all")
-    if named:
-        chosen = named_readings(f"{PRINTED},{readings}")
-    else:
-        chosen = every_pair() if readings == "all" else default_readings(config.pairs)
+    default = readings == "default"
+    chosen = default_readings(config.pairs) if default else named_readings(f"{PRINTED},{readings}")
     return Study(
         base=loaded.base,
         boxes={name: box.only(held.confidences) for name, held in config.populations.items()},
         shares={name: held.share.si for name, held in config.populations.items()},
         readings=chosen,
-        variations=() if named else tuple(parse_reading(name) for name in config.variations),
+        variations=tuple(parse_reading(name) for name in config.variations) if default else (),
         sha256=loaded.sha256,
         seed=int(config.seed.si),
         replicates=int(config.scramblings.si),
@@ -156,13 +141,13 @@ def run_study(
     with replaced(folder, study.identity, command="ensemble", force=force, keep=FOLDER) as result:
         shards = result.path / FOLDER
         _take_over(folder / FOLDER, shards, study, force=force)
-        there = {path.name for path in shard_files(shards)}
-        missing = [block for block in blocks if block.file_name not in there]
+        there = {path.name for path in shard_files(shards, study.identity)}
+        missing = [block for block in blocks if block.file_name(study.identity) not in there]
         resumed = len(blocks) - len(missing)
         if resumed:
             talk.note(f"{resumed} of {len(blocks)} blocks are on disk already")
         make = partial(make_block, study, simulate=simulate)
-        stream = on_cluster(make, missing, dask) if dask else here(make, missing, jobs)
+        stream = on_cluster(make, missing, dask) if dask else as_ready(make, missing, jobs)
         experiments = sum(block.count for block in missing) * len(study.cases)
         if missing:
             _announce(study, draws, missing, talk)
@@ -170,7 +155,7 @@ def run_study(
         with talk.resumable(), talk.bar("simulating", experiments) as progress, closing(stream):
             # This process is the only writer.
             for block, image in stream:
-                write_atomically(shards / block.file_name, image)
+                write_atomically(shards / block.file_name(study.identity), image)
                 progress(block.count * len(study.cases))
         seconds = time.perf_counter() - started
         result.write(PLAN, to_json(study.plan(draws)))
@@ -187,24 +172,19 @@ def run_study(
     return {**outcome.data, "text": text, "out": str(folder)}
 
 
-def _ours(shards: Path, study: Study) -> list[Path]:
-    """Shards of an ensemble in a folder."""
-    return [path for path in shard_files(shards) if identity_of(path) == study.identity]
-
-
 def _take_over(earlier: Path, shards: Path, study: Study, *, force: bool) -> None:
     """Begin with the blocks of an interrupted run and of the earlier result; those of others give way."""
     shards.mkdir(exist_ok=True)
-    kept = set(_ours(shards, study))
-    others = [path for path in shards.iterdir() if path not in kept]
-    strangers = [path for path in others if identity_of(path) is not None]
+    ours = shard_files(shards, study.identity)
+    others = [path for path in shards.iterdir() if path not in ours]
+    strangers = [path for path in others if not path.name.startswith(".")]
     if strangers and not force:
         message = f"an interrupted run of another configuration or version left {len(strangers)} blocks here"
         hint = "choose another --out, or say --force to give them up"
         raise UsageError(message, where=str(shards), hint=hint)
     for path in others:
         path.unlink()
-    take_over(earlier, shards, [path.name for path in _ours(earlier, study)])
+    take_over(earlier, shards, [path.name for path in shard_files(earlier, study.identity)])
 
 
 def _announce(study: Study, draws: int, missing: Sequence[Block], talk: Talk) -> None:
@@ -226,12 +206,13 @@ def _outcome(study: Study, draws: int, folder: Path, speed: dict[str, Any]) -> O
         "tendonrepro_version": __version__,
         "config_sha256": study.sha256,
         "identity": study.identity,
+        "physics_sha256": code_digest("physics"),
         "of_paper": of_paper,
         "seed": study.seed,
         "draws": draws,
         "scramblings": study.replicates,
         **next(iter(populations.values())),
-        "spot_check": spot_checks(folder, study.blocks(draws)),
+        "spot_check": spot_checks(folder / FOLDER, study.identity, study.blocks(draws)),
         "cost": study.cost(draws),
         **speed,
         "populations": populations,

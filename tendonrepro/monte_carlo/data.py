@@ -1,13 +1,13 @@
 """What an ensemble left on disk: which blocks are there, and what they hold.
 
-Data are read piece by piece: memory holds only what is asked for. Opening shards takes longer than reading
-them, so of a small ensemble a whole dataset is kept once one of its cases was asked for.
+Opening shards takes longer than reading them, so of a small ensemble an array of all cases is kept once one
+of them was asked for. Of a large one memory holds only what is asked for.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.monte_carlo.shards import FOLDER, Block, Case, opened
+from tendonrepro.monte_carlo.shards import FOLDER, Block, Case, read_array
 from tendonrepro.simulation.streaming import STATISTICS
 
-KEPT_BYTES = 64e6
-"""Largest dataset, over all shards, that is kept in memory; an ensemble has some 25."""
+KEPT_DRAWS = 2**15
+"""Draws of the largest ensemble of which arrays are kept: some 40 arrays of 45 MB."""
 
 PLAN = "plan.json"
 """File that says which blocks make up the ensemble in a folder."""
@@ -69,7 +69,7 @@ class EnsembleData:
     files: tuple[tuple[Path, Block, int], ...]
     identity: str
     planned: int
-    _kept: dict[str, list[NDArray[Any]]] = field(default_factory=dict, repr=False)
+    _kept: dict[str, NDArray[Any]] = field(default_factory=dict, repr=False)
 
     def __len__(self) -> int:
         """Return the number of draws."""
@@ -78,7 +78,7 @@ class EnsembleData:
     @cached_property
     def draws(self) -> Array:
         """Numbers drawn, (N, P), in the units of the box."""
-        return self._joined("draws", np.float64)
+        return np.concatenate([read_array(path, "draws")[:taken] for path, _, taken in self.files])
 
     @cached_property
     def replicate(self) -> NDArray[np.int64]:
@@ -99,7 +99,7 @@ class EnsembleData:
         DataMissingError
             When that was not simulated.
         """
-        return self._joined("status", np.int8, self._place(run, reading))
+        return self._case("status", run, reading)
 
     def statistic(self, run: str, reading: str, name: str) -> Array:
         """One of `tendonrepro.simulation.batch.STATISTICS`, SI units, (N, n).
@@ -112,34 +112,21 @@ class EnsembleData:
         if name not in STATISTICS:
             message = f"the ensemble holds no statistic {name!r}"
             raise DataMissingError(message, hint=f"It holds {', '.join(STATISTICS)}.")
-        return self._joined(f"statistics/{name}", np.float64, self._place(run, reading))
+        values: Array = self._case(name, run, reading).astype(np.float64)
+        return values
 
-    def _place(self, run: str, reading: str) -> int:
+    def _case(self, name: str, run: str, reading: str) -> NDArray[Any]:
+        """One array of one case over all draws."""
         if not self.has(run, reading):
             message = f"the ensemble holds no run {run!r} under {reading!r}"
             raise DataMissingError(message, hint=f"It holds {', '.join((*self.readings, *self.variations))}.")
-        return self.lookup[run, reading]
-
-    def _joined(self, dataset: str, kind: type, place: int | None = None) -> NDArray[Any]:
-        return np.concatenate(self._pieces(dataset, place)).astype(kind)
-
-    def _pieces(self, dataset: str, place: int | None = None) -> list[NDArray[Any]]:
-        """Read one dataset, or one case of it, from shard after shard."""
-        if place is not None and self._is_small(dataset):
-            if dataset not in self._kept:
-                self._kept[dataset] = [values[:, :taken] for values, taken in self._read(dataset, ())]
-            return [values[place] for values in self._kept[dataset]]
-        return [values[:taken] for values, taken in self._read(dataset, () if place is None else place)]
-
-    def _read(self, dataset: str, index: int | tuple[()]) -> Iterator[tuple[NDArray[Any], int]]:
-        """Part of a dataset from shard after shard, and how many of its draws are taken."""
-        for path, _, taken in self.files:
-            with opened(path) as root:
-                yield root[dataset][index], taken
-
-    def _is_small(self, dataset: str) -> bool:
-        with opened(self.files[0][0]) as root:
-            return bool(root[dataset].nbytes * len(self.files) <= KEPT_BYTES)
+        place = self.lookup[run, reading]
+        if len(self) > KEPT_DRAWS:
+            return np.concatenate([read_array(path, name)[place, :taken] for path, _, taken in self.files])
+        if name not in self._kept:
+            pieces = [read_array(path, name)[:, :taken] for path, _, taken in self.files]
+            self._kept[name] = np.concatenate(pieces, axis=1)
+        return np.array(self._kept[name][place])
 
 
 def read_ensemble(folder: Path, population: str = "box", *, stride: int = 1) -> EnsembleData:
@@ -178,22 +165,16 @@ def read_ensemble(folder: Path, population: str = "box", *, stride: int = 1) -> 
     if stride < 1 or stride & (stride - 1) or stride > per_replicate:
         message = f"cannot thin {per_replicate} draws a scrambling to one in {stride}; a power of two can"
         raise UsageError(message)
-    files = _files(folder, plan, population, per_replicate // stride)
-    with opened(files[0][0]) as root:
-        names = tuple(json.loads(root.attrs["names"]))
+    names = ("joints", "alpha", "runs", "names", "readings", "variations")
+    of_plan: dict[str, Any] = {name: tuple(plan[name]) for name in names}
     return EnsembleData(
         population=population,
         of_paper=plan["of_paper"],
-        joints=tuple(plan["joints"]),
-        alpha=tuple(plan["alpha"]),
-        runs=tuple(plan["runs"]),
-        names=names,
-        readings=tuple(plan["readings"]),
-        variations=tuple(plan["variations"]),
         lookup={(run, name): place for run, name, place in plan["lookup"]},
-        files=files,
+        files=_files(folder, plan, population, per_replicate // stride),
         identity=plan["identity"],
         planned=plan["draws"],
+        **of_plan,
     )
 
 
@@ -201,7 +182,7 @@ def _files(
     folder: Path, plan: Mapping[str, Any], population: str, wanted: int
 ) -> tuple[tuple[Path, Block, int], ...]:
     return tuple(
-        (folder / FOLDER / block.file_name, block, min(block.count, wanted - block.first))
+        (folder / FOLDER / block.file_name(plan["identity"]), block, min(block.count, wanted - block.first))
         for block in sorted(Block(*entry) for entry in plan["blocks"])
         if block.population == population and block.first < wanted
     )

@@ -1,4 +1,4 @@
-"""Figures of an ensemble: ratios, shares and statuses under each reading."""
+"""Figures of an ensemble: ratios and shares under each reading."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator, NullLocator
 
 from tendonrepro.monte_carlo.shares import RATIO_NAMES, RATIOS
 from tendonrepro.results.figures.style import (
@@ -18,13 +19,10 @@ from tendonrepro.results.figures.style import (
     open_figure,
     save_drawing,
 )
-from tendonrepro.results.summary import CONTROLLERS
 
 _ROW_MM = 4.2
 _FRAME_MM = 26.0
 
-# Readable without colour: from white to black, with the status to look at, ok, the palest.
-_STATUS_COLOURS = {"ok": "#D5E3F0", "ringing": "#CC8800", "diverged": "#B5405A", "unresolved": "#444444"}
 _SHARES = {
     "share_c1_lt_c2_lt_c3": "C1 < C2 < C3",
     "share_c3_lt_c2_lt_c1": "C3 < C2 < C1",
@@ -34,10 +32,10 @@ _SETS = {"all_ok": "all three laws ok", "diverged_last": "diverged ranked last"}
 
 
 def draw_ensemble_figures(summary: Mapping[str, Any], folder: Path) -> list[Path]:
-    """Draw and save ratios, shares and statuses of every population, each as pdf, svg and png."""
+    """Draw and save ratios and shares of every population, each as pdf, svg and png."""
     paths = []
     for name, held in summary["populations"].items():
-        for draw in (draw_ratios, draw_shares, draw_statuses):
+        for draw in (draw_ratios, draw_shares):
             origin = f"Simulated, {held['plants']} plants of the population {name}"
             paths += save_drawing(draw(name, held), folder, origin)
     return paths
@@ -90,25 +88,14 @@ def _draw_ratio(panel: Axes, readings: Sequence[Mapping[str, Any]], key: str, jo
         panel.axvline(
             printed, color=SERIES[1].colour, linestyle=SERIES[1].linestyle, zorder=0.5, label="printed"
         )
+    panel.margins(x=0.05)
     panel.axvline(1.0, color="#999999", linewidth=0.4, zorder=0.4)
     if any(reading[key]["all_ok"]["mae"][joint]["plants"] for reading in readings):
         panel.set_xscale("log")
-        _plain_log_ticks(panel)
-
-
-def _plain_log_ticks(panel: Axes) -> None:
-    """Label ratios as people write them, and no more of them than fit."""
-    low, high = panel.get_xlim()
-    low, high = min(low, 0.95), max(high, 1.05)
-    panel.set_xlim(low / 1.02, high * 1.02)
-    choices = [
-        (0.9, 1.0, 1.1), (0.8, 1.0, 1.2), (0.7, 1.0, 1.4), (0.5, 1.0, 2.0), (0.2, 1.0, 5.0), (0.1, 1.0, 10.0),
-        (0.01, 1.0, 100.0),
-    ]  # fmt: skip
-    fitting = [ticks for ticks in choices if ticks[0] >= low / 1.02 or ticks[-1] <= high * 1.02]
-    ticks = [tick for tick in (fitting or choices[:1])[-1] if low / 1.02 <= tick <= high * 1.02]
-    panel.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
-    panel.set_xticks([], minor=True)
+        # Ratios are near 1, where ticks of a logarithmic axis are rare.
+        panel.xaxis.set_major_locator(MaxNLocator(3))
+        panel.xaxis.set_major_formatter("{x:g}")
+        panel.xaxis.set_minor_locator(NullLocator())
 
 
 def draw_shares(population: str, summary: Mapping[str, Any]) -> Drawing:
@@ -152,27 +139,6 @@ def _draw_intervals(panel: Axes, shares: Sequence[Mapping[str, Any]], place: int
         markerfacecolor="white" if place else SERIES[place].colour,
         label=list(_SETS.values())[place],
     )
-
-
-def draw_statuses(population: str, summary: Mapping[str, Any]) -> Drawing:
-    """How the three laws end on the plants of the box, under each reading."""
-
-    def draw(axes: Sequence[Axes]) -> None:
-        for panel, run in zip(axes, CONTROLLERS, strict=True):
-            left = np.zeros(len(summary["readings"]))
-            for status, colour in _STATUS_COLOURS.items():
-                share = np.array([reading["status"][run][status]["share"] for reading in summary["readings"]])
-                panel.barh(np.arange(len(left)), 100.0 * share, 0.78, left=left, color=colour, label=status)
-                left += 100.0 * share
-            panel.set_xlim(0.0, 100.0)
-            panel.set_xlabel("share of the box (%)")
-        axes[0].figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
-
-    titles = [f"Controller {place}" for place, _ in enumerate(CONTROLLERS, start=1)]
-    caption = (
-        f"Share of the population {population} on which each law ends in each status, under each reading."
-    )
-    return rows_figure(f"statuses_{population}", titles, _names(summary), draw, caption)
 
 
 def rows_figure(

@@ -17,9 +17,11 @@ from tendonrepro.configuration.models.readings import RUNS, Reading, case_of
 from tendonrepro.errors import UsageError
 from tendonrepro.files import digest_of
 from tendonrepro.monte_carlo.box import Box
-from tendonrepro.monte_carlo.shards import SCHEMA_VERSION, Block, Case
+from tendonrepro.monte_carlo.shards import Block, Case
 from tendonrepro.results.paper import base_of_paper
 from tendonrepro.simulation.streaming import STATISTICS
+
+SCHEMA_VERSION = 1
 
 CHECK_EVERY = 8
 """One block in so many reruns one of its experiments with the SciPy stepper, which takes seconds."""
@@ -39,16 +41,20 @@ _COMPRESSION = 0.9
 
 
 @cache
-def code_digest() -> str:
-    """SHA-256 of the code that makes numbers of draws: between two versions it changes, and results with it.
-
-    Comments and layout do not count.
-    """
+def code_digest(*rooms: str) -> str:
+    """SHA-256 of the code of some rooms; neither comments and docstrings nor layout count."""
     package = Path(__file__).parents[1]
-    files = [path for room in ("physics", "simulation") for path in sorted((package / room).rglob("*.py"))]
-    return digest_of(
-        {path.relative_to(package).as_posix(): ast.dump(ast.parse(path.read_text("utf-8"))) for path in files}
-    )
+    files = [path for room in rooms for path in sorted((package / room).rglob("*.py"))]
+    return digest_of({path.relative_to(package).as_posix(): _bare_code(path) for path in files})
+
+
+def _bare_code(path: Path) -> str:
+    tree = ast.parse(path.read_text("utf-8"))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node):
+            node.body = node.body[1:]
+    # Unlike a dump of the tree it is the same under every version of Python.
+    return ast.unparse(tree)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,27 +86,25 @@ class Study:
         return config
 
     @cached_property
-    def _table(self) -> tuple[tuple[tuple[str, Reading], ...], dict[Case, int]]:
-        """Cases, each simulated once a draw, and the case of every run under every reading."""
-        cases: dict[tuple[str, Reading], int] = {}
-        lookup: dict[Case, int] = {}
-        for reading in (*self.readings, *self.variations):
-            for run in RUNS:
-                case = case_of(reading, run)
-                # A variation is asked of the runs that all of it changes, a reading of all.
-                if case == reading or reading in self.readings:
-                    lookup[run, reading.name] = cases.setdefault((run, case), len(cases))
-        return tuple(cases), lookup
+    def _asked(self) -> dict[Case, tuple[str, Reading]]:
+        """What is simulated for every run under every reading; a variation asks only runs that it changes."""
+        return {
+            (run, reading.name): (run, case)
+            for reading in (*self.readings, *self.variations)
+            for run in RUNS
+            for case in [case_of(reading, run)]
+            if case == reading or reading in self.readings
+        }
 
-    @property
+    @cached_property
     def cases(self) -> tuple[tuple[str, Reading], ...]:
         """Distinct runs under distinct readings; what one draw costs."""
-        return self._table[0]
+        return tuple(dict.fromkeys(self._asked.values()))
 
-    @property
+    @cached_property
     def lookup(self) -> Mapping[Case, int]:
         """``(run, reading or variation)`` -> place among `cases`."""
-        return self._table[1]
+        return {asked: self.cases.index(case) for asked, case in self._asked.items()}
 
     @cached_property
     def identity(self) -> str:
@@ -108,7 +112,7 @@ class Study:
         content = {
             "schema": SCHEMA_VERSION,
             "version": __version__,
-            "code": code_digest(),
+            "code": code_digest("physics", "simulation"),
             "config": self.sha256,
             "base": self.base.sha256,
             "seed": self.seed,
@@ -155,6 +159,7 @@ class Study:
             "joints": list(self.config.joints),
             "alpha": self.config.control.gains.alpha.si.tolist(),
             "runs": list(RUNS),
+            "names": list(next(iter(self.boxes.values())).names),
             "readings": [reading.name for reading in self.readings],
             "variations": [reading.name for reading in self.variations],
             "lookup": [[run, name, place] for (run, name), place in self.lookup.items()],
@@ -166,7 +171,7 @@ class Study:
     def cost(self, draws: int) -> dict[str, float]:
         """Estimate experiments, processor hours and disk space of an ensemble."""
         experiments = sum(self.draws_of(name, draws) for name in self.boxes) * len(self.cases)
-        numbers = len(STATISTICS) * len(self.config.joints) * 4 + 7
+        numbers = len(STATISTICS) * len(self.config.joints) * 4 + 1
         return {
             "experiments": experiments,
             "processor_hours": experiments * SECONDS_PER_EXPERIMENT / 3600.0,

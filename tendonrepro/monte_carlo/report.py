@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,10 +11,8 @@ import numpy as np
 
 from tendonrepro.configuration.models.readings import parse_reading
 from tendonrepro.monte_carlo.data import EnsembleData
-from tendonrepro.monte_carlo.shards import FOLDER, Block, read_check
+from tendonrepro.monte_carlo.shards import Block, read_array
 from tendonrepro.monte_carlo.shares import (
-    METRICS,
-    PLANT_SETS,
     QUANTILES,
     RATIO_NAMES,
     RATIOS,
@@ -56,53 +55,42 @@ def _slow_ratio(data: EnsembleData, name: str) -> dict[str, float]:
     }
 
 
-def spot_checks(folder: Path, blocks: Sequence[Block]) -> dict[str, Any]:
-    """Largest differences from the SciPy stepper among the blocks that were checked, and where they were.
+def spot_checks(shards: Path, identity: str, blocks: Sequence[Block]) -> dict[str, Any]:
+    """Largest difference from the SciPy stepper among the blocks that were checked, and where it was.
 
     ``compared`` are those that ran to their end in both steppers, so that sizes could be compared.
     """
-    found = [(block, read_check(folder / FOLDER / block.file_name)) for block in blocks]
-    checks = [(block, check) for block, check in found if check]
-    result: dict[str, Any] = {
+    stored = [(block, read_array(shards / block.file_name(identity), "check")) for block in blocks]
+    checks = [{"block": block} | check for block, text in stored if (check := json.loads(str(text)))]
+    # Two steppers never agree to the last bit; a difference of nothing stands for a run without an end.
+    compared = [check for check in checks if check["difference"]]
+    worst = max(compared, key=lambda check: float(check["difference"]), default=None)
+    return {
         "experiments": len(checks),
-        # Two steppers never agree to the last bit; a difference of nothing stands for a run without an end.
-        "compared": sum(float(check["ideal"]) > 0.0 for _, check in checks),
-        "disagreements": sum(int(check["disagreements"]) for _, check in checks),
+        "compared": len(compared),
+        "disagreements": sum(check["difference"] is None for check in checks),
+        "largest": worst and worst["difference"],
+        "where": worst and "{run}, {reading}, {block}, draw {draw}".format(**worst),
     }
-    for kind in ("ideal", "quantised"):
-        worst = max(checks, key=lambda entry: float(entry[1][kind]), default=None)
-        result[kind] = {"largest": None, "where": None}
-        if worst is not None:
-            block, check = worst
-            where = f"{check['run']}, {check['reading']}, {block.file_name}, draw {check['draw']}"
-            result[kind] = {"largest": float(check[kind]), "where": where}
-    return result
 
 
 def flat_rows(population: str, summary: Mapping[str, Any]) -> Iterator[dict[str, object]]:
-    """Yield a row per reading, set of plants, metric and joint (or both), with every number of the table."""
+    """Yield a row per reading, ranking or ratio, set of plants, metric and joint (or both)."""
     for reading in summary["readings"]:
-        for plants in PLANT_SETS:
-            for metric in (*METRICS, "mae_and_rmse"):
-                for joint in reading["share_c1_best"][plants][metric]:
-                    start = {"population": population, "reading": reading["name"], "plants": plants}
-                    row = {"metric": metric, "joint": joint} | _row_numbers(reading, plants, metric, joint)
-                    yield start | row
+        for of in (*_RANKINGS, *RATIOS):
+            for plants, metrics in reading[of].items():
+                for metric, joints in metrics.items():
+                    for joint, found in joints.items():
+                        start = {"population": population, "reading": reading["name"], "of": of}
+                        yield start | {"over": plants, "metric": metric, "joint": joint} | _flat(found)
 
 
-def _row_numbers(reading: Mapping[str, Any], plants: str, metric: str, joint: str) -> dict[str, object]:
+def _flat(found: Mapping[str, Any]) -> dict[str, object]:
+    """Quantiles with their intervals as columns of their own."""
     row: dict[str, object] = {}
-    for key in _RANKINGS:
-        share = reading[key][plants][metric][joint]
-        row |= {"count": share["plants"], key: share["share"]}
-        row |= {f"{key}_low": share["low"], f"{key}_high": share["high"]}
-    for key in RATIOS:
-        ratio = reading[key][plants].get(metric, {}).get(joint)
-        for name in QUANTILES:
-            value = ratio[name] if ratio else {"value": None, "low": None, "high": None}
-            ends = {f"{key}_{name}_{end}": value[end] for end in ("low", "high")}
-            row |= {f"{key}_{name}": value["value"]} | ends
-        row[f"{key}_printed"] = ratio["printed"] if ratio else None
+    for name, value in found.items():
+        ends = {f"{name}_{end}": value[end] for end in ("low", "high")} if name in QUANTILES else {}
+        row |= {name: value["value"] if ends else value} | ends
     return row
 
 

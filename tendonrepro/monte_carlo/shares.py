@@ -180,26 +180,26 @@ def reading_summary(data: EnsembleData, reading: str) -> dict[str, Any]:
     ``rmse_over_mae``, which has no scale, by run over plants on which the three laws are ``ok``.
     """
     status = np.array([data.status(run, reading) for run in CONTROLLERS])
-    result: dict[str, Any] = {"name": reading, "status": status_shares(data, reading)}
-    result |= {key: {plants: {} for plants in PLANT_SETS} for key in (*_RANKINGS, *RATIOS)}
     counted = _plants(status)
-    held: dict[str, dict[str, list[Flags]]] = {key: {} for key in _RANKINGS}
-    for metric in METRICS:
-        errors = np.array([data.statistic(run, reading, metric) for run in CONTROLLERS])
-        errors[status == STATUSES.index("diverged")] = np.inf
-        for key, hold in _RANKINGS.items():
-            held[key][metric] = [hold(errors)]
-        for key, pair in RATIOS.items():
-            printed = printed_ratios(pair, metric, data.joints)
-            for plants, kept in counted.items():
-                result[key][plants][metric] = _ratio_quantiles(data, errors, pair, kept, printed)
-    for key, metrics in held.items():
-        metrics["mae_and_rmse"] = [flags for metric in METRICS for flags in metrics[metric]]
-        for plants, kept in counted.items():
-            result[key][plants] = {
-                metric: _shares(data, np.logical_and.reduce(flags), data.replicate, kept)
-                for metric, flags in metrics.items()
+    # Metric, controller, plant, joint.
+    errors = np.array([[data.statistic(run, reading, metric) for run in CONTROLLERS] for metric in METRICS])
+    errors[:, status == STATUSES.index("diverged")] = np.inf
+    result: dict[str, Any] = {"name": reading, "status": status_shares(data, reading)}
+    for key, hold in _RANKINGS.items():
+        flags = [hold(sizes) for sizes in errors]
+        held = dict(zip(METRICS, flags, strict=True)) | {"mae_and_rmse": flags[0] & flags[1]}
+        result[key] = {
+            plants: {metric: _shares(data, hits, data.replicate, kept) for metric, hits in held.items()}
+            for plants, kept in counted.items()
+        }
+    for key, pair in RATIOS.items():
+        result[key] = {
+            plants: {
+                metric: _ratio_quantiles(data, sizes, pair, kept, printed_ratios(pair, metric, data.joints))
+                for metric, sizes in zip(METRICS, errors, strict=True)
             }
+            for plants, kept in counted.items()
+        }
     result |= _shapes(data, reading, counted["all_ok"])
     return result | {"agreement": agreement(result, data.joints)}
 
@@ -328,21 +328,18 @@ def agreement(found: dict[str, Any], joints: Sequence[int]) -> dict[str, Any]:
     ``agrees`` when all are inside the central 90 %; ``cannot`` when one is beyond every plant; ``no plant``
     when there is none to compare with, ``too few`` below `LEAST_PLANTS`; else ``in part``.
     """
-    inside: list[str] = []
-    outside: list[str] = []
-    beyond: list[str] = []
-    for key in RATIOS:
-        for metric in METRICS:
-            for joint in joints:
-                numbers = found[key]["all_ok"][metric][f"joint_{joint}"]
-                printed = numbers["printed"]
-                if numbers["plants"] == 0 or not np.isfinite(printed):
-                    continue
-                name = f"{key} {metric} joint {joint}"
-                fits = numbers["q05"]["value"] <= printed <= numbers["q95"]["value"]
-                (inside if fits else outside).append(name)
-                if not numbers["lowest"] <= printed <= numbers["highest"]:
-                    beyond.append(name)
+    every = {
+        f"{key} {metric} joint {joint}": found[key]["all_ok"][metric][f"joint_{joint}"]
+        for key in RATIOS
+        for metric in METRICS
+        for joint in joints
+    }
+    judged = {name: held for name, held in every.items() if held["plants"] and np.isfinite(held["printed"])}
+    inside = [
+        n for n, held in judged.items() if held["q05"]["value"] <= held["printed"] <= held["q95"]["value"]
+    ]
+    outside = [n for n in judged if n not in inside]
+    beyond = [n for n, held in judged.items() if not held["lowest"] <= held["printed"] <= held["highest"]]
     verdict = "cannot" if beyond else "in part" if outside else "agrees" if inside else "no plant"
     plants = found["share_c1_lt_c2_lt_c3"]["all_ok"]["mae"]["both"]["plants"]
     if verdict != "no plant" and plants < LEAST_PLANTS:

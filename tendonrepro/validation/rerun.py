@@ -146,10 +146,9 @@ def rerun(path: Path, names: Sequence[str], talk: Talk) -> TraceFile:
     """Simulate those of some runs that a configuration has."""
     # The folder it lies in has another name once the result is whole.
     loaded = replace(load_config(path, None), origin=path.name)
-    loops = dict(build_loops(loaded.config, loaded.folder))
-    chosen = [name for name in names if name in loops]
-    total = sum(loops[name].reference.time.size for name in chosen)
-    with talk.bar(f"simulating {len(chosen)} runs", total) as progress:
+    known = dict(build_loops(loaded.config, loaded.folder))
+    chosen = [name for name in names if name in known]
+    with talk.bar(f"simulating {len(chosen)} runs", len(chosen)) as progress:
         traces = each(partial(simulate_run, loaded, None), chosen, progress)
     return trace_file(loaded, traces, make_manifest(loaded, 0.0))
 

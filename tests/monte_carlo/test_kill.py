@@ -25,7 +25,7 @@ from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
 from tendonrepro.monte_carlo.block import make_block
 from tendonrepro.monte_carlo.command import run_study
-from tendonrepro.monte_carlo.workers import here
+from tendonrepro.parallel import as_ready
 
 pytestmark = [
     pytest.mark.slow,
@@ -131,4 +131,4 @@ def deadly(study, block):
 def test_a_dead_worker_is_reported():
     study = small_study()
     with pytest.raises(TendonreproError, match="a worker process died"):
-        list(here(partial(deadly, study), study.blocks(DRAWS), 2))
+        list(as_ready(partial(deadly, study), study.blocks(DRAWS), 2))

@@ -98,14 +98,6 @@ def test_the_reverse_order_among_plants_with_errors_of_the_printed_size():
     assert found["share_reverse_near_print"]["share"] == turned.ravel()[near].mean()
 
 
-def test_both_metrics_together_is_the_intersection(mixed):
-    found = reading_summary(mixed, "printed")["share_c1_best"]["all_ok"]
-    ok = np.all([mixed.status(run, "printed") == OK for run in RUNS[:3]], axis=0)
-    errors = [[mixed.statistic(run, "printed", metric) for metric in ("mae", "rmse")] for run in RUNS[:3]]
-    best = np.all([np.less(errors[0], other) for other in errors[1:]], axis=(0, 1, 3))
-    assert found["mae_and_rmse"]["both"]["share"] == best[ok].mean()
-
-
 def test_a_diverged_law_comes_last_and_two_of_them_are_not_in_order():
     """Errors rank C1 < C2 < C3 everywhere; what diverged changes that, plant by plant."""
     sizes = dict(zip(RUNS, (1.0, 2.0, 3.0, 1.0), strict=True))

@@ -5,7 +5,6 @@ import zlib
 from dataclasses import fields, is_dataclass, replace
 from functools import cache
 
-import h5py
 import numpy as np
 
 from tendonrepro.console import Talk
@@ -94,13 +93,9 @@ def run_ensemble_of(folder, study=None, draws=DRAWS, **options):
 
 
 def read_shard(path):
-    """Everything of a shard but the time it took, as bytes by name."""
-    with h5py.File(path) as root:
-        found = {name: str(value) for name, value in root.attrs.items() if name != "seconds"}
-        root.visititems(
-            lambda name, item: found.update({name: item[()].tobytes()} if hasattr(item, "dtype") else {})
-        )
-    return found
+    """Everything of a shard as bytes by name."""
+    with np.load(path) as stored:
+        return {name: values.tobytes() for name, values in stored.items()}
 
 
 def shards_in(folder):

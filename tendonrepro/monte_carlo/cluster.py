@@ -1,0 +1,39 @@
+"""Blocks computed on a dask.distributed cluster, in whatever order they become ready."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Sequence
+from contextlib import suppress
+from typing import TypeVar
+
+from tendonrepro.errors import TendonreproError, UsageError
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+
+def on_cluster(
+    function: Callable[[Item], Result], items: Sequence[Item], address: str
+) -> Generator[Result, None, None]:
+    """Yield results in the order in which they become ready; what a dying worker had is given to another."""
+    try:
+        from distributed import Client, as_completed
+        from distributed.scheduler import KilledWorker
+    except ImportError as error:
+        message = "dask.distributed is not installed"
+        raise UsageError(message, where="--dask", hint="pip install 'tendonrepro[dask]'") from error
+    try:
+        client = Client(address, timeout=10)  # type: ignore[no-untyped-call]
+    except (OSError, ValueError) as error:
+        raise TendonreproError(f"no scheduler answers at {address}", where="--dask") from error
+    try:
+        waiting = client.map(function, items, pure=False, retries=2)
+        for future in as_completed(waiting):  # type: ignore[no-untyped-call]
+            yield future.result()
+            future.release()
+    except KilledWorker as error:
+        message = "workers died again and again on the same block; finished blocks are kept"
+        raise TendonreproError(message, where="--dask") from error
+    finally:
+        with suppress(OSError, TimeoutError):
+            client.close()  # type: ignore[no-untyped-call]

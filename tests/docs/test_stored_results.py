@@ -1,0 +1,60 @@
+"""The stored results are of the readings, claims, configuration and physics of today.
+
+A reading, a claim or a change of physics needs them made again: docs/ensemble.md says how.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+from support import ROOT
+
+from tendonrepro.configuration.ensemble import load_ensemble
+from tendonrepro.configuration.models.readings import default_readings
+from tendonrepro.monte_carlo.plan import code_digest
+from tendonrepro.verdicts.judge import Sources, judge_all
+
+RESULTS = ROOT / "docs" / "results"
+pytestmark = pytest.mark.skipif(not RESULTS.is_dir(), reason="no docs folder beside the package")
+
+PHYSICS = "physics_sha256"
+"""Key of the digest of the physics that made a result; older results lack it."""
+
+
+def stored(name: str) -> Any:
+    return json.loads((RESULTS / f"{name}.json").read_text(encoding="utf-8"))
+
+
+def of_today() -> set[str]:
+    return {reading.name for reading in default_readings(load_ensemble(None).config.pairs)}
+
+
+def test_every_reading_was_drawn_and_searched() -> None:
+    found = {name: held["readings"] for name, held in stored("ensemble")["populations"].items()}
+    assert found.keys() == load_ensemble(None).config.populations.keys()
+    for name, readings in [*found.items(), ("identify", stored("identify")["readings"])]:
+        assert {reading["name"] for reading in readings} == of_today(), name
+
+
+def test_the_ensemble_is_of_the_shipped_configuration() -> None:
+    assert stored("ensemble")["config_sha256"] == load_ensemble(None).sha256
+
+
+def test_every_claim_was_judged_by_that_ensemble() -> None:
+    ledger, ensemble = stored("claims"), stored("ensemble")
+    entries = {entry["id"]: entry for entry in ledger["claims"]}
+    assert list(entries) == [verdict.id for verdict in judge_all(Sources())]
+    assert ledger["ensemble"]["draws"] == ensemble["draws"]
+    assert all(held["draws"] <= ensemble["draws"] for held in stored("decides").values())
+
+
+@pytest.mark.skipif(PHYSICS not in stored("ensemble"), reason="made before the digest was stored")
+def test_the_ensemble_was_made_by_the_physics_of_today() -> None:
+    assert stored("ensemble")[PHYSICS] == code_digest("physics")
+
+
+def test_searches_were_made_by_the_physics_of_today() -> None:
+    digests = {held[PHYSICS] for held in stored("identify")["readings"] if PHYSICS in held}
+    assert digests <= {code_digest("physics")}
