@@ -20,8 +20,9 @@ from tendonrepro.configuration.fields.quantity import Scalar
 from tendonrepro.configuration.fields.strict_yaml import dump
 from tendonrepro.configuration.load import LoadedConfig, config_digest, load_config
 from tendonrepro.configuration.models.box import BoxConfig, Confidence
+from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.experiment import CompareConfig
-from tendonrepro.configuration.models.readings import AXES, RUNS, VARIATIONS, parse_reading
+from tendonrepro.configuration.models.readings import AXES, VARIATIONS, parse_reading
 from tendonrepro.configuration.overrides import parse_override
 from tendonrepro.configuration.published import COMPARED
 from tendonrepro.errors import UsageError

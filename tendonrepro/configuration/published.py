@@ -190,7 +190,7 @@ def parse_published(document: Document) -> Published:
     try:
         file = _File.model_validate(document.tree)
     except ValidationError as error:
-        raise explain(error, _File, document.tree, places_in(document)) from None
+        raise explain(error, document.tree, places_in(document)) from None
     entries: dict[str, PrintedEntry] = {}
     judgements: dict[str, Judgement] = {}
     for index, entry in enumerate(file.entries):

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import LoadedEnsemble, load_ensemble
-from tendonrepro.configuration.models.readings import RUNS, Reading, default_readings, named_readings
+from tendonrepro.configuration.models.control import RUNS
+from tendonrepro.configuration.models.readings import Reading, default_readings, named_readings
 from tendonrepro.configuration.published import Published, published
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.models.readings import RUNS
+from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.identification.misfit import METRICS, Outcome, Printed, log_misfit, switched_by
 from tendonrepro.monte_carlo.box import Box
 from tendonrepro.monte_carlo.shares import FEW, MOST

@@ -13,7 +13,8 @@ from tendonrepro import __version__
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.load import CompareConfig, LoadedConfig
-from tendonrepro.configuration.models.readings import RUNS, Reading, case_of, reading, under
+from tendonrepro.configuration.models.control import RUNS
+from tendonrepro.configuration.models.readings import Reading, case_of, reading, under
 from tendonrepro.configuration.published import Published
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.files import digest_of

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from support.made_plants import PRINTED, loaded, measured
 
-from tendonrepro.configuration.models.readings import RUNS, reading
+from tendonrepro.configuration.models.control import RUNS
+from tendonrepro.configuration.models.readings import reading
 from tendonrepro.identification import misfit as screening
 from tendonrepro.identification.misfit import Bench, nominal_unit, rows_that_matter, with_switches
 from tendonrepro.monte_carlo.box import make_box
