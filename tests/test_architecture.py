@@ -41,7 +41,7 @@ OWNERS = {
     "matplotlib": ["results/figures/*", "*/figure*.py", "api.py"],
     "PIL": ["results/figures/animation.py"],
     "pydantic": ["configuration/*"],
-    "yaml": ["configuration/fields/strict_yaml.py"],
+    "yaml": ["configuration/fields/strict_yaml.py", "configuration/fewer_joints.py"],
     "xarray": ["results/traces.py", "api.py"],
     "h5py": ["monte_carlo/shards.py", "dataset/arrays.py", "dataset/matlab.py"],
     "pandas": ["dataset/tables.py", "dataset/matlab.py", "results/export.py", "api.py"],

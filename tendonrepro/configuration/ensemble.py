@@ -13,7 +13,7 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import AfterValidator, Field, model_validator
 
-from tendonrepro.configuration.draft import ConfigSource, Draft, find_source
+from tendonrepro.configuration.draft import BASE, ConfigSource, Draft, find_source
 from tendonrepro.configuration.fields.model import Identifier, Model, RootModel, SchemaVersion, refuse
 from tendonrepro.configuration.fields.physical import physical
 from tendonrepro.configuration.fields.quantity import Scalar
@@ -30,8 +30,6 @@ from tendonrepro.physics.trajectory import trapezoid_times
 
 FAST_PERIOD = 3.33
 """Period of the motion ``fast_sine``, s: 0.3 Hz."""
-
-BASE = "base"
 
 
 def _check_reading(text: str) -> str:

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import TypeAlias
+from collections.abc import Iterator
 
 import yaml
 
 from tendonrepro.errors import UsageError
 
-Cut: TypeAlias = tuple[int, int, str]
-"""Start and end of a piece of the text, and what replaces it."""
+Sizes = dict[int, int]
+"""New length of a list, by its length."""
 
 ARM = 3
 """Joints of the shipped arm; the first ones are kept."""
-
-MOVING = 2
-"""Joints that move in the comparison."""
 
 
 def with_joints(text: str, joints: int) -> str:
@@ -29,30 +25,31 @@ def with_joints(text: str, joints: int) -> str:
     root = yaml.compose(text, Loader=yaml.BaseLoader)
     assert isinstance(root, yaml.MappingNode)
     keys = {key.value: item for key, item in root.value}
-    # A file without the key has the comparison as its base.
-    named = len(keys["joints"].value) if "joints" in keys else MOVING
+    # A file without the key has the comparison as its base, where two joints move.
+    named = len(keys["joints"].value) if "joints" in keys else 2
     moving = list(range(joints + 1 - min(named, joints), joints + 1))
-    cuts = list(_cuts(root, {ARM: joints, named: len(moving)}, moving))
+    cuts = _cuts(root, {ARM: joints, named: len(moving)}, moving)
     for start, end, new in sorted(cuts, reverse=True):
         text = text[:start] + new + text[end:]
     return text
 
 
-def _cuts(mapping: yaml.MappingNode, sizes: dict[int, int], moving: Sequence[int]) -> Iterator[Cut]:
+def _cuts(mapping: yaml.MappingNode, sizes: Sizes, moving: list[int]) -> Iterator[tuple[int, int, str]]:
+    """Start and end of pieces of the text, and what replaces each."""
     for key, item in mapping.value:
         if isinstance(item, yaml.MappingNode):
             yield from _cuts(item, sizes, moving)
         elif key.value == "value" and isinstance(item, yaml.SequenceNode):
             yield from _shortened(item, sizes)
         elif key.value == "joints":
-            yield item.start_mark.index, item.end_mark.index, str(list(moving))
+            yield item.start_mark.index, item.end_mark.index, str(moving)
         elif key.value == "turns":
             turns = [[int(joint.value) for joint in turn.value] for turn in item.value]
             left = [[joint for joint in turn if joint in moving] for turn in turns]
             yield item.start_mark.index, item.end_mark.index, str([turn for turn in left if turn])
 
 
-def _shortened(items: yaml.SequenceNode, sizes: dict[int, int]) -> Iterator[Cut]:
+def _shortened(items: yaml.SequenceNode, sizes: Sizes) -> Iterator[tuple[int, int, str]]:
     count = sizes.get(len(items.value), len(items.value))
     kept = items.value[:count]
     yield kept[-1].end_mark.index, items.value[-1].end_mark.index, ""

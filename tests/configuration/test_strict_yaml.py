@@ -58,7 +58,6 @@ def test_keys_are_the_text_that_is_written_and_positions_those_of_keys_and_items
 
 SLIPS = {
     "a: b: c": "Text that contains ': ' must be in quotes.",
-    "a:\n\t- 1": "Indent with spaces, not tabs.",
 }
 
 

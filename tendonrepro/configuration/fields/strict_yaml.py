@@ -122,7 +122,9 @@ def load(text: str, name: str) -> Document:
         mark = error.problem_mark or error.context_mark
         where = name if mark is None else _at(name, mark)
         context = f" {error.context}" if error.context else ""
-        _fail(f"not valid YAML: {error.problem}{context}", where, _syntax_hint(error, text))
+        colon = "mapping values are not allowed" in (error.problem or "")
+        hint = "Text that contains ': ' must be in quotes." if colon else None
+        _fail(f"not valid YAML: {error.problem}{context}", where, hint)
     except (yaml.reader.ReaderError, UnicodeEncodeError):
         _fail("contains control characters, so it is not YAML text", name)
     if root is None or root.start_mark.index == root.end_mark.index:
@@ -236,16 +238,6 @@ _Dumper.add_representer(str, _represent_text)
 
 def _at(name: str, mark: Any) -> str:
     return f"{name}:{mark.line + 1}:{mark.column + 1}"
-
-
-def _syntax_hint(error: yaml.MarkedYAMLError, text: str) -> str | None:
-    if "mapping values are not allowed" in (error.problem or ""):
-        return "Text that contains ': ' must be in quotes."
-    mark = error.problem_mark
-    lines = text.split("\n")
-    if mark is not None and mark.line < len(lines) and lines[mark.line].startswith("\t", mark.column):
-        return "Indent with spaces, not tabs."
-    return None
 
 
 def _fail(message: str, where: str, hint: str | None = None) -> NoReturn:
