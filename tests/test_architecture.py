@@ -41,7 +41,7 @@ OWNERS = {
     "matplotlib": ["results/figures/*", "*/figure*.py", "api.py"],
     "PIL": ["results/figures/animation.py"],
     "pydantic": ["configuration/*", "dataset/mapping.py"],
-    "yaml": ["configuration/fields/strict_yaml.py"],
+    "yaml": ["configuration/fields/strict_yaml.py", "configuration/fewer_joints.py"],
     "xarray": ["results/traces.py", "api.py"],
     "h5py": ["dataset/arrays.py", "dataset/matlab.py"],
     "pandas": ["dataset/runs.py", "dataset/tables.py", "dataset/matlab.py", "results/export.py", "api.py"],

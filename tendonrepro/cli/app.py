@@ -288,11 +288,12 @@ def config_init(
     terminal: Terminal,
     name: Annotated[str, Argument(help="A shipped configuration.")],
     out: Annotated[Path, Option("--out", help="Folder for the copy.")] = Path(),
+    joints: Annotated[int | None, Option("--joints", help="Keep only the first joints of the arm.")] = None,
 ) -> None:
     """Copy a shipped configuration and what it names, to be edited."""
     from tendonrepro.configuration.shipped import init_config
 
-    terminal.list_files(init_config(name, out))
+    terminal.list_files(init_config(name, out, joints))
 
 
 @command(config_app, "tendonrepro config check my_experiment/compare.yaml", name="check")

@@ -203,7 +203,7 @@ class Draft:
         try:
             return model.model_validate(self.tree)
         except ValidationError as error:
-            raise explain(error, model, self.tree, self.locate) from None
+            raise explain(error, self.tree, self.locate) from None
 
     def existing_file(self, name: str, path: Key) -> Path:
         """Find a file that the configuration names at a path.

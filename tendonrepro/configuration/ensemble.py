@@ -13,15 +13,16 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import AfterValidator, Field, model_validator
 
-from tendonrepro.configuration.draft import ConfigSource, Draft, find_source
+from tendonrepro.configuration.draft import BASE, ConfigSource, Draft, find_source
 from tendonrepro.configuration.fields.model import Identifier, Model, RootModel, SchemaVersion, refuse
 from tendonrepro.configuration.fields.physical import physical
 from tendonrepro.configuration.fields.quantity import Scalar
 from tendonrepro.configuration.fields.strict_yaml import dump
 from tendonrepro.configuration.load import LoadedConfig, config_digest, load_config
 from tendonrepro.configuration.models.box import BoxConfig, Confidence
+from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.experiment import CompareConfig
-from tendonrepro.configuration.models.readings import AXES, RUNS, VARIATIONS, parse_reading
+from tendonrepro.configuration.models.readings import AXES, VARIATIONS, parse_reading
 from tendonrepro.configuration.overrides import parse_override
 from tendonrepro.configuration.published import COMPARED
 from tendonrepro.errors import UsageError
@@ -29,8 +30,6 @@ from tendonrepro.physics.trajectory import trapezoid_times
 
 FAST_PERIOD = 3.33
 """Period of the motion ``fast_sine``, s: 0.3 Hz."""
-
-BASE = "base"
 
 
 def _check_reading(text: str) -> str:

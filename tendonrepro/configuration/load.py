@@ -121,7 +121,7 @@ def load_config(
         yaml_text=dump(draft.tree),
         sha256=config_digest(
             {
-                "config": config.model_dump(mode="json", exclude_none=True),
+                "config": config.model_dump(mode="json", exclude_defaults=True),
                 # A trajectory file counts by its content.
                 "trajectories": [sha256_of(path) for path in trajectories],
             }

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import types
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from difflib import get_close_matches
-from typing import Annotated, Any, NamedTuple, TypeAlias, Union, get_args, get_origin
+from typing import NamedTuple, TypeAlias
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from tendonrepro.configuration.fields.model import describe
@@ -37,6 +36,8 @@ _EXPECTED: Mapping[str, str] = {
     "dict_type": "a mapping of keys",
     "tuple_type": "a list",
     "string_type": "text",
+    "float_type": "a number",
+    "finite_number": "a finite number",
     "int_type": "a whole number",
 }
 _KEY = "[key]"  # pydantic's place for a mistake in the name of a key
@@ -47,7 +48,7 @@ def places_in(document: Document) -> Locate:
     return lambda path: Place(0, document.line(path), document.where(path))
 
 
-def explain(error: ValidationError, model: type[BaseModel], tree: object, locate: Locate) -> ConfigError:
+def explain(error: ValidationError, tree: object, locate: Locate) -> ConfigError:
     """Turn a validation error of `tree` into one message that lists every mistake.
 
     Returns
@@ -57,14 +58,18 @@ def explain(error: ValidationError, model: type[BaseModel], tree: object, locate
         that counts all of them.
     """
     details = error.errors(include_url=False)
-    unknown = [detail for detail in details if detail["type"] == "extra_forbidden"]
-    guesses = {detail["loc"]: _guess(detail, model) for detail in unknown[:MOST_NAMED]}
+    missing = [detail["loc"] for detail in details if detail["type"] == "missing"]
+    unknown = [detail["loc"] for detail in details if detail["type"] == "extra_forbidden"]
+    meant = {key: _meant(key, missing, tree) for key in unknown[:MOST_NAMED]}
     found: list[tuple[Place, str]] = []
     for detail in details:
-        if not _is_echo(detail, guesses.values()):
-            place, name, words = _mistake(detail, tree, guesses.get(detail["loc"]))
-            path = ".".join(str(key) for key in name)
-            found.append((locate(place), f"{path}: {words}" if path else words))
+        # A misspelt key is missing under its right name; a list with wrong entries counts as empty.
+        misspelt = detail["type"] == "missing" and detail["loc"] in meant.values()
+        if misspelt or (detail["type"] == "too_short" and detail["input"]):
+            continue
+        place, name, words = _mistake(detail, tree, meant.get(detail["loc"]))
+        path = ".".join(str(key) for key in name)
+        found.append((locate(place), f"{path}: {words}" if path else words))
     found.sort(key=lambda mistake: mistake[0][:2])
     count = "1 mistake" if len(found) == 1 else f"{len(found)} mistakes"
     lines = [f"{place.text}: {message}" for place, message in found[:MOST_NAMED]]
@@ -80,22 +85,18 @@ def nearest(word: str, words: Iterable[str]) -> str | None:
     return lower[close[0]] if close else None
 
 
-def _is_echo(detail: ErrorDetails, guesses: Collection[Key | None]) -> bool:
-    """Whether a mistake only follows from another one that is reported."""
-    # A misspelt key is missing under its right name; a list with wrong entries counts as empty.
-    if detail["type"] == "missing":
-        return detail["loc"] in guesses
-    return detail["type"] == "too_short" and bool(detail["input"])
+def _meant(unknown: Key, missing: Iterable[Key], tree: object) -> Key | None:
+    """Path of the key beside an unknown one that it was probably meant to be, missing or set already."""
+    *parent, key = unknown
+    for step in _written_path(tuple(parent), tree):
+        tree = _below(tree, step)
+    known = [str(path[-1]) for path in missing if path[:-1] == unknown[:-1]]
+    known += [str(other) for other in tree if other != key] if isinstance(tree, Mapping) else []
+    word = nearest(str(key), known)
+    return None if word is None else (*parent, word)
 
 
-def _guess(detail: ErrorDetails, model: type[BaseModel]) -> Key | None:
-    """Path, as pydantic writes it, of the key that an unknown one was probably meant to be."""
-    *parent, key = detail["loc"]
-    meant = nearest(str(key), _keys_at(model, parent))
-    return None if meant is None else (*parent, meant)
-
-
-def _mistake(detail: ErrorDetails, tree: object, guess: Key | None) -> tuple[Key, Key, str]:
+def _mistake(detail: ErrorDetails, tree: object, meant: Key | None) -> tuple[Key, Key, str]:
     """Place, name and description of a mistake; the first two are paths as written in the file."""
     place = name = _written_path(detail["loc"], tree)
     found, context = detail["input"], detail.get("ctx", {})
@@ -104,7 +105,7 @@ def _mistake(detail: ErrorDetails, tree: object, guess: Key | None) -> tuple[Key
             words = f"missing key {name[-1]!r}"
             place = name = name[:-1]
         case "extra_forbidden":
-            hint = "" if guess is None else f", did you mean {guess[-1]!r}?"
+            hint = "" if meant is None else f", did you mean {meant[-1]!r}?"
             words = f"unknown key {name[-1]!r}{hint}"
             name = name[:-1]
         case "union_tag_invalid":
@@ -141,38 +142,11 @@ def _written_path(loc: Key, tree: object) -> Key:
         if is_kind or key == _KEY:
             continue
         path.append(key)
-        if isinstance(tree, Mapping):
-            tree = tree.get(key)
-        else:
-            tree = tree[key] if isinstance(tree, list) and isinstance(key, int) and key < len(tree) else None
+        tree = _below(tree, key)
     return tuple(path)
 
 
-def _keys_at(model: type[BaseModel], path: Iterable[str | int]) -> list[str]:
-    """Keys of the model at a path as pydantic writes it."""
-    annotation: Any = model
-    for key in path:
-        annotation = _step(_unwrapped(annotation), key)
-    return list(_unwrapped(annotation).model_fields)
-
-
-def _step(annotation: Any, key: str | int) -> Any:
-    """Type of what is below a key of a value of the annotated type."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation.model_fields[str(key)].annotation
-    members = get_args(annotation)
-    if get_origin(annotation) is dict:
-        return members[1]
-    if get_origin(annotation) is tuple:
-        return members[0]
-    return next(member for member in members if get_args(member.model_fields["kind"].annotation) == (key,))
-
-
-def _unwrapped(annotation: Any) -> Any:
-    """Strip ``Annotated`` and ``| None``."""
-    if get_origin(annotation) is Annotated:
-        return _unwrapped(get_args(annotation)[0])
-    if get_origin(annotation) in {Union, types.UnionType}:
-        members = [member for member in get_args(annotation) if member is not type(None)]
-        return _unwrapped(members[0]) if len(members) == 1 else annotation
-    return annotation
+def _below(tree: object, key: str | int) -> object:
+    if isinstance(tree, Mapping):
+        return tree.get(key)
+    return tree[key] if isinstance(tree, list) and isinstance(key, int) and key < len(tree) else None

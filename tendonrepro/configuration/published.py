@@ -8,13 +8,13 @@ from fnmatch import fnmatchcase
 from fractions import Fraction
 from functools import cache
 from types import MappingProxyType
-from typing import Annotated, Literal, Self, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
-from pydantic import Field, StrictInt, ValidationError, model_validator
+from pydantic import Field, StrictInt, ValidationError
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.fields.model import Model, Number, refuse
+from tendonrepro.configuration.fields.model import Model, Number
 from tendonrepro.configuration.fields.strict_yaml import Document, load, read_text
 from tendonrepro.configuration.messages import explain, places_in
 from tendonrepro.errors import ConfigError
@@ -45,12 +45,6 @@ class PrintedNumber(Model):
     def as_printed(self) -> str:
         """The number with its printed digits."""
         return f"{self.value:.{self.decimals}f}"
-
-    @model_validator(mode="after")
-    def _check_digits(self) -> Self:
-        if round(self.value, self.decimals) != self.value:
-            refuse(f"has more than {self.decimals} decimals, found {self.value}", "value")
-        return self
 
 
 class PrintedRatio(Model):
@@ -190,7 +184,7 @@ def parse_published(document: Document) -> Published:
     try:
         file = _File.model_validate(document.tree)
     except ValidationError as error:
-        raise explain(error, _File, document.tree, places_in(document)) from None
+        raise explain(error, document.tree, places_in(document)) from None
     entries: dict[str, PrintedEntry] = {}
     judgements: dict[str, Judgement] = {}
     for index, entry in enumerate(file.entries):
@@ -202,11 +196,6 @@ def parse_published(document: Document) -> Published:
             message = f"{entry.id!r} is covered by {len(fitting)} judgements instead of one"
             raise ConfigError(message, where=where)
         entries[entry.id], judgements[entry.id] = entry, fitting[0]
-    for entry in entries.values():
-        for name in (entry.numerator, entry.denominator) if isinstance(entry, PrintedQuotient) else ():
-            if not isinstance(entries.get(name), PrintedNumber):
-                message = f"{entry.id!r} rests on {name!r}, which is no printed number"
-                raise ConfigError(message, where=document.where(()))
     return Published(MappingProxyType(entries), MappingProxyType(judgements))
 
 

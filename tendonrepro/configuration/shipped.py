@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from tendonrepro.configuration.fewer_joints import with_joints
 from tendonrepro.configuration.fields.strict_yaml import load, read_text
 from tendonrepro.configuration.messages import nearest
 from tendonrepro.errors import UsageError
@@ -32,11 +33,11 @@ def shipped_file(name: str) -> Path:
     return shipped_folder() / f"{name}.yaml"
 
 
-def init_config(name: str, folder: Path) -> list[Path]:
+def init_config(name: str, folder: Path, joints: int | None = None) -> list[Path]:
     """Copy a shipped configuration, its manipulator and the JSON schema, to be edited.
 
     A companion file that is already there with the same content is left alone, so that both experiments
-    can share a folder.
+    can share a folder. With `joints` the copies are for an arm of the first so many joints.
 
     Returns
     -------
@@ -46,11 +47,15 @@ def init_config(name: str, folder: Path) -> list[Path]:
     Raises
     ------
     UsageError
-        When the name is unknown or a file would be overwritten.
+        When the name is unknown, a file would be overwritten, or the arm has not so many joints.
     """
     source = shipped_file(name)
     companions = [source.with_name(SCHEMA_FILE), *_named(source)]
     texts = {path.name: read_text(path) for path in [source, *companions]}
+    if joints is not None:
+        if name == "ensemble":
+            raise UsageError("the ensemble's box is for joints 2 and 3", where="--joints")
+        texts |= {file: with_joints(text, joints) for file, text in texts.items() if file != SCHEMA_FILE}
     if (folder / source.name).exists():
         _refuse(folder / source.name)
     for companion in list(texts)[1:]:

@@ -9,8 +9,8 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, LoadedConfig
+from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.experiment import MOST_SAMPLES
-from tendonrepro.configuration.models.readings import RUNS
 from tendonrepro.configuration.models.reference import (
     InTurns,
     MinimumJerk,

@@ -18,8 +18,8 @@ from tendonrepro import __version__
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import LoadedEnsemble, load_ensemble
 from tendonrepro.configuration.load import CompareConfig
+from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import (
-    RUNS,
     Reading,
     case_of,
     default_readings,

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.models.readings import RUNS
+from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.identification.misfit import METRICS, Printed, Simulated
 from tendonrepro.identification.search import switched_by
 from tendonrepro.monte_carlo.box import Box

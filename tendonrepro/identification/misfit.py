@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, LoadedConfig
-from tendonrepro.configuration.models.readings import RUNS, Reading, under
+from tendonrepro.configuration.models.control import RUNS
+from tendonrepro.configuration.models.readings import Reading, under
 from tendonrepro.configuration.published import Published
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.monte_carlo.block import Simulate

@@ -13,7 +13,8 @@ import numpy as np
 
 from tendonrepro import __version__
 from tendonrepro.configuration.load import CompareConfig, LoadedConfig
-from tendonrepro.configuration.models.readings import RUNS, Reading, case_of
+from tendonrepro.configuration.models.control import RUNS
+from tendonrepro.configuration.models.readings import Reading, case_of
 from tendonrepro.errors import UsageError
 from tendonrepro.files import digest_of
 from tendonrepro.monte_carlo.box import Box

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.fields.strict_yaml import load
+from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.experiment import CompareConfig
 from tendonrepro.configuration.models.manipulator import Manipulator
-from tendonrepro.configuration.models.readings import RUNS
 from tendonrepro.configuration.published import COMPARED, PrintedText, coupling_of, published, table_1
 from tendonrepro.configuration.shipped import shipped_folder
 from tendonrepro.physics.kinematics import coupling_inverse

@@ -272,7 +272,7 @@ def test_motion_of_one_joint_that_does_not_fit(files: Files, old: str, new: str,
     (b"[1, 2]", "a configuration is a mapping of keys"),
     (b"\x89HDF\r\n\x1a\n\0\0", "is a binary file"),
     (b"a: 1\na: 2", "key 'a' is given twice"),
-    (b"[" * 100_000, "nested more than 32 levels"),
+    (b"[" * 50 + b"]" * 50, "nested more than 32 levels"),
     (b"#" * (1 << 21), "is larger than 1 MiB"),
 ])  # fmt: skip
 @pytest.mark.parametrize("way", ["file", "stdin", "manipulator"])
@@ -335,7 +335,7 @@ def mistakes_in(tree: Node, experiment: Any) -> str:
     try:
         MODELS[experiment].model_validate(tree)
     except ValidationError as error:
-        return str(explain(error, MODELS[experiment], tree, lambda _: Place(1, 1, "file:1")))
+        return str(explain(error, tree, lambda _: Place(1, 1, "file:1")))
     return ""
 
 
@@ -349,7 +349,8 @@ def test_unknown_key_at_every_level(experiment: str) -> None:
             continue
         key = list(mapping)[-1]
         mapping[f"{key}x"] = mapping.pop(key)
-        words = f"unknown key '{key}x', did you mean {key!r}?"
+        optional = key in ("K_p", "filter_cutoff", "turns")
+        words = f"unknown key '{key}x'" + ("" if optional else f", did you mean {key!r}?")
         if key == "kind":  # without it nothing is known about the other keys
             words = "missing key 'kind'"
         assert mistakes_in(tree, experiment).splitlines()[1:] == [

@@ -9,6 +9,7 @@ import pytest
 from tendonrepro.configuration.fields.strict_yaml import load
 from tendonrepro.configuration.published import (
     PrintedNumber,
+    PrintedQuotient,
     PrintedRatio,
     PrintedText,
     parse_published,
@@ -88,7 +89,6 @@ class TestShippedFile:
 
 
 GOOD = "{id: a, kind: number, where: Table 2, value: 0.24, unit: deg, decimals: 3}"
-QUOTIENT = "{id: a, kind: quotient, where: Table 2, numerator: first, denominator: a}"
 JUDGED = "{ids: '*', rule: value, kind: ensemble, depends_on: [plant]}"
 
 
@@ -115,16 +115,7 @@ class TestParsing:
         [
             (GOOD.replace("kind: number", "kind: guess"), r"x.yaml:4: entries.1.kind: must be one of number"),
             ("just words", "x.yaml:4: entries.1: must be a mapping"),
-            (GOOD.replace("unit:", "units:"), "unknown key 'units', did you mean 'unit'"),
-            (GOOD.replace("0.24", "true"), "x.yaml:4: entries.1.value: .*valid number"),
-            (GOOD.replace("decimals: 3", "decimals: 3.0"), "entries.1.decimals: must be a whole number"),
-            (GOOD.replace("decimals: 3", "decimals: 1"), "has more than 1 decimals, found 0.24"),
             (GOOD.replace("id: a", "id: first"), "'first' is used twice"),
-            (
-                QUOTIENT.replace("numerator: first", "numerator: b"),
-                "'a' rests on 'b', which is no printed number",
-            ),
-            (QUOTIENT, "'a' rests on 'a', which is no printed number"),
         ],
     )
     def test_bad_entries_are_placed(self, entry: str, words: str) -> None:
@@ -134,10 +125,7 @@ class TestParsing:
     @pytest.mark.parametrize(
         ("judged", "words"),
         [
-            ([JUDGED.replace("ensemble", "guess")], "x.yaml:5: judged.0.kind: must be one of arithmetic"),
-            ([JUDGED.replace("[plant]", "plant")], "x.yaml:5: judged.0.depends_on: must be a list"),
             ([JUDGED.replace("rule: value, ", "")], "x.yaml:5: judged.0: missing key 'rule'"),
-            ([JUDGED.replace("rule:", "more: x, rule:")], "x.yaml:5: judged.0: unknown key 'more'"),
             ([JUDGED.replace("*", "b*")], "'a' is covered by 0 judgements"),
             ([JUDGED, JUDGED.replace("*", "a")], "'a' is covered by 2 judgements"),
         ],
@@ -146,15 +134,11 @@ class TestParsing:
         with pytest.raises(ConfigError, match=words):
             parse_published(load(text(GOOD, judged=judged), "x.yaml"))
 
-    @pytest.mark.parametrize(
-        ("frame", "words"),
-        [
-            ("schema_version: 1\nentries: []\njudged: []\n", "x.yaml:1: schema_version: must be 2"),
-            ("schema_version: 2\nentries: {a: 1}\n", "missing key 'judged'"),
-            ("schema_version: 2\nentries: {a: 1}\njudged: []\n", "entries: must be a list"),
-            ("- 1\n", "must be a mapping"),
-        ],
-    )
-    def test_a_bad_frame(self, frame: str, words: str) -> None:
-        with pytest.raises(ConfigError, match=words):
-            parse_published(load(frame, "x.yaml"))
+
+def test_numbers_have_the_digits_they_are_printed_with() -> None:
+    for entry in published().entries.values():
+        if isinstance(entry, PrintedNumber):
+            assert round(entry.value, entry.decimals) == entry.value
+        elif isinstance(entry, PrintedQuotient):
+            names = entry.numerator, entry.denominator
+            assert all(isinstance(published().entries[name], PrintedNumber) for name in names)

@@ -77,18 +77,11 @@ def test_rank_follows_the_type_not_the_size() -> None:
 @pytest.mark.parametrize(("field", "value", "unit", "at", "message"), [
     ("angle", 181, "deg", ("value",), "must be at least -180 deg and at most 180 deg, found 181 deg"),
     ("angle", 1, "m", ("unit",), "must be rad or deg, found the text 'm'"),
-    ("angle", True, "rad", ("value",), "must be a number, found true"),
-    ("angle", "1e-3", "rad", ("value",), "must be a number, found the text '1e-3'"),
-    ("angle", [1], "rad", ("value",), "must be a number, found a list"),
-    ("angle", float("nan"), "rad", ("value",), "must be a finite number, found nan"),
-    ("count", 10**400, "1", ("value",), f"must be a finite number, found 1{'0' * 59}..."),
     ("count", 0, "1", ("value",), "must be above 0, found 0"),
     ("count", 1.5, "1", ("value",), "must be a whole number, found 1.5"),
     ("angle", 1e-300, "rad", ("value",), "is too near to 0 or too large to compute with: 1e-300"),
     ("torques", [1, -1e300], "N m", ("value", 1), "is too near to 0 or too large to compute with: -1e+300"),
     ("lengths", [1, -2, 3], "mm", ("value", 1), "must be above 0 mm, found -2 mm"),
-    ("lengths", 1, "m", ("value",), "must be a list of numbers, found 1"),
-    ("lengths", [], "m", ("value",), "must be a list of numbers, found an empty list"),
     ("lengths", [1, 2], "m", ("value",), "must have 3 entries, one per joint of the manipulator, found 2"),
     ("torques", [1], "N m", ("value",), "must have 2 entries, one per moving joint, found 1"),
     ("band", [1, 2, 3], "Hz", ("value",), "must have 2 entries, lowest first, found 3"),
@@ -96,7 +89,6 @@ def test_rank_follows_the_type_not_the_size() -> None:
     ("table", [[1, 2], [3, 4]], "m", ("value",),
      "must be 3 by 3, one per joint of the manipulator, found 2 by 2"),
     ("table", [[1, 2], [3]], "m", ("value", 1), "has 1 entries where the first row has 2"),
-    ("table", [1, 2, 3], "m", ("value", 0), "must be a list of numbers, found 1"),
 ])  # fmt: skip
 def test_refused(field: str, value: Any, unit: str, at: tuple[int | str, ...], message: str) -> None:
     assert mistakes(field, value, unit)[at] == message

@@ -10,9 +10,9 @@ import pytest
 
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import CompareConfig
+from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import (
     AXES,
-    RUNS,
     VARIATIONS,
     Reading,
     as_printed,

@@ -10,7 +10,7 @@ from support.made_plants import QUIET, Killed, made_up, made_up_paper
 
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import load_config
-from tendonrepro.configuration.models.readings import RUNS
+from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.request import Request
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import build_loops

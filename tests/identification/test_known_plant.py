@@ -7,7 +7,8 @@ import pytest
 from support.other_print import with_numbers
 
 from tendonrepro.configuration.ensemble import load_ensemble
-from tendonrepro.configuration.models.readings import RUNS, parse_reading
+from tendonrepro.configuration.models.control import RUNS
+from tendonrepro.configuration.models.readings import parse_reading
 from tendonrepro.configuration.published import published
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk

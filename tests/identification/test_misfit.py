@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from support.made_plants import DIVERGED, OK, PRINTED, RINGING, UNRESOLVED, loaded, made_up, measured
 
-from tendonrepro.configuration.models.readings import RUNS, reading
+from tendonrepro.configuration.models.control import RUNS
+from tendonrepro.configuration.models.readings import reading
 from tendonrepro.identification.misfit import Bench, Simulated, acting_units, log_misfit, rounding_misfit
 from tendonrepro.monte_carlo.box import make_box, scrambled_sobol
 

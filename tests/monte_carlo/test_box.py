@@ -9,7 +9,8 @@ import pytest
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import CompareConfig
 from tendonrepro.configuration.models.box import MOTIONS
-from tendonrepro.configuration.models.readings import RUNS, VARIATIONS, default_readings, under
+from tendonrepro.configuration.models.control import RUNS
+from tendonrepro.configuration.models.readings import VARIATIONS, default_readings, under
 from tendonrepro.configuration.models.reference import MinimumJerk
 from tendonrepro.experiments.loops import build_law, build_loops
 from tendonrepro.experiments.rig import build_actuator, build_drive, build_encoder, build_plant, build_preload

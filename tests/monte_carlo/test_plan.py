@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 from support.fake_batch import small_study
 
-from tendonrepro.configuration.models.readings import RUNS
+from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.errors import UsageError
 from tendonrepro.monte_carlo import plan
 from tendonrepro.monte_carlo.command import load_study

@@ -6,7 +6,7 @@ import numpy as np
 
 from support.other_print import with_numbers
 from tendonrepro.configuration.ensemble import load_ensemble
-from tendonrepro.configuration.models.readings import RUNS
+from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.published import published
 from tendonrepro.console import Talk
 from tendonrepro.identification.misfit import Simulated, printed_numbers

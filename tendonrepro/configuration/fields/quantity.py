@@ -9,11 +9,10 @@ from dataclasses import dataclass
 from typing import Annotated, Any, TypeAlias
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, WithJsonSchema
+from pydantic import AfterValidator, Field, WithJsonSchema
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.fields.model import Model, Problems, describe, refuse
-from tendonrepro.configuration.fields.strict_yaml import Key
+from tendonrepro.configuration.fields.model import Model, Number, Problems, describe, refuse
 
 _SOURCE = r"^(printed|derived|datasheet|assumed|identified): \S"
 
@@ -78,56 +77,21 @@ class Quantity(Model):
         return UNITS[self.unit].si
 
 
-def _number(raw: object, at: Key, problems: Problems) -> float:
-    if isinstance(raw, bool) or not isinstance(raw, int | float):
-        problems.add(at, f"must be a number, found {describe(raw)}")
-        return math.nan
-    try:
-        value = float(raw)
-    except OverflowError:
-        value = math.inf
-    if not math.isfinite(value):
-        problems.add(at, f"must be a finite number, found {describe(raw)}")
-    return value
+Row: TypeAlias = Annotated[tuple[Number, ...], Field(min_length=1)]
 
 
-def _list(raw: object, what: str, at: Key, problems: Problems) -> list[object]:
-    if isinstance(raw, list | tuple) and raw:
-        return list(raw)
-    found = "an empty list" if isinstance(raw, list | tuple) else describe(raw)
-    problems.add(at, f"must be a list of {what}, found {found}")
-    return []
-
-
-def _read_scalar(raw: object) -> float:
+def _check_rows(rows: tuple[Row, ...]) -> tuple[Row, ...]:
     with Problems() as problems:
-        return _number(raw, (), problems)
-
-
-def _read_vector(raw: object) -> tuple[float, ...]:
-    with Problems() as problems:
-        items = _list(raw, "numbers", (), problems)
-        return tuple(_number(item, (i,), problems) for i, item in enumerate(items))
-
-
-def _read_matrix(raw: object) -> tuple[tuple[float, ...], ...]:
-    with Problems() as problems:
-        rows = [
-            _list(row, "numbers", (i,), problems)
-            for i, row in enumerate(_list(raw, "rows of numbers", (), problems))
-        ]
         for i, row in enumerate(rows):
-            if row and len(row) != len(rows[0]):
+            if len(row) != len(rows[0]):
                 problems.add((i,), f"has {len(row)} entries where the first row has {len(rows[0])}")
-        return tuple(
-            tuple(_number(item, (i, j), problems) for j, item in enumerate(row)) for i, row in enumerate(rows)
-        )
+    return rows
 
 
 class Scalar(Quantity):
     """One number."""
 
-    value: Annotated[float, BeforeValidator(_read_scalar)]
+    value: Number
 
     def __str__(self) -> str:
         """Value and unit, as written."""
@@ -151,10 +115,10 @@ class _Several(Quantity):
 class Vector(_Several):
     """A list of numbers, one per joint unless said otherwise."""
 
-    value: Annotated[tuple[float, ...], BeforeValidator(_read_vector)]
+    value: Row
 
 
 class Matrix(_Several):
     """A list of rows of numbers."""
 
-    value: Annotated[tuple[tuple[float, ...], ...], BeforeValidator(_read_matrix)]
+    value: Annotated[tuple[Row, ...], Field(min_length=1), AfterValidator(_check_rows)]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +21,6 @@ from tendonrepro.errors import ConfigError
 Node: TypeAlias = "dict[str, Node] | list[Node] | str | int | float | bool | None"
 Key: TypeAlias = tuple[str | int, ...]
 Position: TypeAlias = tuple[int, int]
-_Event: TypeAlias = Any  # PyYAML's type stubs leave out most of what an event carries
 
 MAX_BYTES = 1 << 20
 MAX_DEPTH = 32
@@ -34,11 +33,12 @@ _CONSTANTS: Mapping[str, bool | None] = {
 }  # fmt: skip
 _INTEGER = re.compile(r"[-+]?[0-9]+")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
-_NUL = "\0"
 _NOT_FINITE = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
 
-# libyaml gives the same events as the pure Python parser, several times faster.
-_Parser = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+_TAGS = {f"tag:yaml.org,2002:{kind}" for kind in ("str", "seq", "map")}  # of nodes that carry none
+
+# The base loaders leave every scalar as text. libyaml's is several times faster.
+_Loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
 
 
 @dataclass(frozen=True)
@@ -116,16 +116,21 @@ def load(text: str, name: str) -> Document:
         keys, anchors, aliases, tags, merge keys, several documents, numbers that are not finite, more than
         32 levels.
     """
-    reader = _TreeBuilder(name)
     try:
-        return reader.read(yaml.parse(text, Loader=_Parser))
+        root = yaml.compose(text, Loader=_Loader)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = name if mark is None else _at(name, mark)
         context = f" {error.context}" if error.context else ""
-        _fail(f"not valid YAML: {error.problem}{context}", where, _syntax_hint(error, text))
+        colon = "mapping values are not allowed" in (error.problem or "")
+        hint = "Text that contains ': ' must be in quotes." if colon else None
+        _fail(f"not valid YAML: {error.problem}{context}", where, hint)
     except (yaml.reader.ReaderError, UnicodeEncodeError):
         _fail("contains control characters, so it is not YAML text", name)
+    if root is None or root.start_mark.index == root.end_mark.index:
+        _fail("is empty", name)
+    reader = _Reader(name)
+    return Document(reader.node(root, ()), name, reader.positions)
 
 
 def dump(tree: Node, *, line_by_line: bool = False) -> str:
@@ -140,92 +145,67 @@ def dump(tree: Node, *, line_by_line: bool = False) -> str:
     return text
 
 
-class _TreeBuilder:
-    """Builds the tree from parser events, noting where every entry begins."""
+class _Reader:
+    """Makes plain values of YAML nodes, noting where every entry begins."""
 
     def __init__(self, name: str) -> None:
         self._name = name
-        self._positions: dict[Key, Position] = {}
+        self._seen: set[int] = set()
+        self.positions: dict[Key, Position] = {}
 
-    def read(self, events: Iterator[_Event]) -> Document:
-        self._events = events
-        next(events)  # stream start
-        if isinstance(next(events), yaml.StreamEndEvent):
-            _fail("is empty", self._name)
-        first = next(events)
-        self._positions[()] = _position(first)
-        tree = self._node(first, ())
-        if tree is None and first.start_mark.index == first.end_mark.index:
-            _fail("is empty", self._name)
-        next(events)  # document end
-        following = next(events)
-        if not isinstance(following, yaml.StreamEndEvent):
-            self._refuse("several documents in one text; keep only the first, without '---'", following)
-        return Document(tree, self._name, self._positions)
+    def node(self, node: yaml.Node, path: Key) -> Node:
+        """Plain value of a node; an entry of a mapping has its position already, that of its key."""
+        self._check(node, path)
+        mark = node.start_mark
+        self.positions.setdefault(path, (mark.line + 1, mark.column + 1))
+        if isinstance(node, yaml.MappingNode):
+            return self._mapping(node, path)
+        if isinstance(node, yaml.SequenceNode):
+            return [self.node(item, (*path, i)) for i, item in enumerate(node.value)]
+        assert isinstance(node, yaml.ScalarNode)
+        return self._scalar(node)
 
-    def _node(self, event: _Event, path: Key) -> Node:
-        self._check_plain(event)
+    def _check(self, node: yaml.Node, path: Key) -> None:
+        if id(node) in self._seen:
+            self._refuse("anchors and aliases (&, *) are not read here; write the value out", node)
+        self._seen.add(id(node))
+        if node.tag not in _TAGS:
+            self._refuse(f"tags are not read here; leave out {node.tag!r}", node)
         if len(path) > MAX_DEPTH:
-            self._refuse(f"nested more than {MAX_DEPTH} levels deep", event)
-        if isinstance(event, yaml.MappingStartEvent):
-            return self._mapping(path)
-        if isinstance(event, yaml.SequenceStartEvent):
-            return self._sequence(path)
-        if not event.style:
-            return self._scalar(event)
-        quoted: str = event.value
-        if _NUL in quoted:
-            self._refuse("the text holds a NUL character, which the result files cannot store", event)
-        return quoted
+            self._refuse(f"nested more than {MAX_DEPTH} levels deep", node)
 
-    def _mapping(self, path: Key) -> dict[str, Node]:
+    def _mapping(self, mapping: yaml.MappingNode, path: Key) -> dict[str, Node]:
         tree: dict[str, Node] = {}
-        while not isinstance(event := next(self._events), yaml.MappingEndEvent):
-            key = self._key(event)
+        for key_node, item in mapping.value:
+            key = key_node.value
+            if not isinstance(key_node, yaml.ScalarNode) or not key:
+                self._refuse("a key must be a word", key_node)
+            if key == "<<" and not key_node.style:
+                self._refuse("merge keys (<<) are not read here; write the entries out", key_node)
             if key in tree:
-                line = self._positions[*path, key][0]
-                self._refuse(f"key {key!r} is given twice, first on line {line}", event)
-            self._positions[*path, key] = _position(event)
-            tree[key] = self._node(next(self._events), (*path, key))
+                first = self.positions[*path, key][0]
+                self._refuse(f"key {key!r} is given twice, first on line {first}", key_node)
+            mark = key_node.start_mark
+            self.positions[*path, key] = mark.line + 1, mark.column + 1
+            tree[key] = self.node(item, (*path, key))
         return tree
 
-    def _key(self, event: _Event) -> str:
-        self._check_plain(event)
-        if not isinstance(event, yaml.ScalarEvent):
-            self._refuse("a key must be a word, not a list or a mapping", event)
-        key: str = event.value
-        if key == "<<" and not event.style:
-            self._refuse("merge keys (<<) are not read here; write the entries out", event)
-        if not key:
-            self._refuse("a key is empty", event)
-        return key
-
-    def _sequence(self, path: Key) -> list[Node]:
-        tree: list[Node] = []
-        while not isinstance(event := next(self._events), yaml.SequenceEndEvent):
-            here = (*path, len(tree))
-            self._positions[here] = _position(event)
-            tree.append(self._node(event, here))
-        return tree
-
-    def _scalar(self, event: _Event) -> Node:
-        text: str = event.value
+    def _scalar(self, node: yaml.ScalarNode) -> Node:
+        text: str = node.value
+        if node.style:
+            if "\0" in text:
+                self._refuse("the text holds a NUL character, which the result files cannot store", node)
+            return text
         if _NOT_FINITE.fullmatch(text):
-            self._refuse(f"{text} is not a finite number", event)
+            self._refuse(f"{text} is not a finite number", node)
         value = _plain_value(text)
         too_large = isinstance(value, int) and len(text) > MAX_DIGITS
         if too_large or (isinstance(value, float) and not math.isfinite(value)):
-            self._refuse(f"the number {text[:20]}{'...' if len(text) > 20 else ''} is too large", event)
+            self._refuse(f"the number {text[:20]}{'...' if len(text) > 20 else ''} is too large", node)
         return value
 
-    def _check_plain(self, event: _Event) -> None:
-        if isinstance(event, yaml.AliasEvent) or event.anchor is not None:
-            self._refuse("anchors and aliases (&, *) are not read here; write the value out", event)
-        if event.tag is not None:
-            self._refuse(f"tags are not read here; leave out {event.tag!r}", event)
-
-    def _refuse(self, message: str, event: _Event) -> NoReturn:
-        _fail(message, _at(self._name, event.start_mark))
+    def _refuse(self, message: str, node: yaml.Node) -> NoReturn:
+        _fail(message, _at(self._name, node.start_mark))
 
 
 def _plain_value(text: str) -> Node:
@@ -256,22 +236,8 @@ def _represent_text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
 _Dumper.add_representer(str, _represent_text)
 
 
-def _position(event: _Event) -> Position:
-    return event.start_mark.line + 1, event.start_mark.column + 1
-
-
 def _at(name: str, mark: Any) -> str:
     return f"{name}:{mark.line + 1}:{mark.column + 1}"
-
-
-def _syntax_hint(error: yaml.MarkedYAMLError, text: str) -> str | None:
-    if "mapping values are not allowed" in (error.problem or ""):
-        return "Text that contains ': ' must be in quotes."
-    mark = error.problem_mark
-    lines = text.split("\n")
-    if mark is not None and mark.line < len(lines) and lines[mark.line].startswith("\t", mark.column):
-        return "Indent with spaces, not tabs."
-    return None
 
 
 def _fail(message: str, where: str, hint: str | None = None) -> NoReturn:

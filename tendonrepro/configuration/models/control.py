@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, GetJsonSchemaHandler, model_validator
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
 
 from tendonrepro.configuration.fields.model import Identifier, Model, Problems
 from tendonrepro.configuration.fields.physical import per_moving_joint, physical
 from tendonrepro.configuration.fields.quantity import Scalar, Vector
+
+RUNS = ("controller_1", "controller_2", "controller_3", "controller_1_payload")
+ALPHA = ("controller_1", "controller_1_payload")
+TERMINAL = ("controller_1", "controller_2", "controller_1_payload")  # runs whose surface holds phi
 
 FILTERED = ("low_pass", "acceleration", "estimate")
 """Values of readings that need a cutoff."""
@@ -46,42 +54,110 @@ class LawChoice(Model):
     estimator: Literal["alpha_tde", "tde"]
 
 
-class Readings(Model):
-    """How the paper's text is read where it can be read in more than one way."""
+@dataclass(frozen=True)
+class At:
+    """Where a reading stands in the paper, what it is about, and the runs it changes.
 
-    phi_negative: Annotated[Literal["odd", "even"], Field(description="polynomial of Eq. (12) below zero")]
-    phi_branch: Annotated[Literal["printed", "power"], Field(description="branch of Eq. (12) near zero")]
+    All its alternatives change the same `runs`, but for those that `only` names.
+    """
+
+    place: str
+    about: str
+    runs: tuple[str, ...] = RUNS
+    only: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+    def __get_pydantic_json_schema__(
+        self, core: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        return handler(core) | {"description": self.about}
+
+
+class Readings(Model):
+    """How the paper's text is read where it can be read in more than one way; the first value is printed.
+
+    This is the one list of them. The order is that of settings in a reading's name. A reading that files do
+    not know yet takes the printed value as its default, and they stay the same.
+    """
+
+    phi_negative: Annotated[
+        Literal["odd", "even"],
+        At(
+            "Eq. (12)",
+            "Whether the polynomial of φ is odd, or even in its square as printed, for negative errors.",
+            TERMINAL,
+        ),
+    ]
+    phi_branch: Annotated[
+        Literal["printed", "power"],
+        At("Eq. (12)", "Whether φ is the polynomial near zero, or the power everywhere.", TERMINAL),
+    ]
     weights: Annotated[
-        Literal["interpolating", "extrapolating", "swapped"], Field(description="weights of Eq. (15)")
+        Literal["interpolating", "extrapolating", "swapped"],
+        At("Eq. (15)", "Whether the two delayed estimates weigh (1−α, α), (1+α, −α) or (α, 1−α).", ALPHA),
     ]
-    differencing: Annotated[Literal["lagging", "centred"], Field(description="differences of Eq. (16)")]
+    differencing: Annotated[
+        Literal["lagging", "centred"],
+        At("Eq. (16)", "Whether the second difference lags its label by one period or is centred on it."),
+    ]
     gain_unit: Annotated[
-        Literal["radian", "phi_in_degrees", "law_in_degrees"], Field(description="angle unit of the gains")
+        Literal["radian", "phi_in_degrees", "law_in_degrees"],
+        At(
+            "Section 5.3",
+            "Whether gains mean radians, or degrees inside φ, or degrees in the whole law.",
+            only={"phi_in_degrees": TERMINAL},
+        ),
     ]
-    eta_in_controller_2: Annotated[Literal["kept", "dropped"], Field(description="eta in Controller 2's law")]
+    eta_in_controller_2: Annotated[
+        Literal["kept", "dropped"],
+        At("Section 5.3", "Whether Controller 2 keeps the η that its printed law lacks.", ("controller_2",)),
+    ]
     torque_coordinates: Annotated[
-        Literal["joint", "winch", "motor_shaft"], Field(description="coordinates of the law's torque")
+        Literal["joint", "winch", "motor_shaft"],
+        At("Eqs. (3), (17)", "Whether the law's torque is of the joints, the winches or the motor shafts."),
+    ]
+    torque_unit: Annotated[
+        Literal["newton_metre", "percent_of_rated", "volt"],
+        At(
+            "Section 5.3",
+            "Whether the law's torque, and so M̄, is in N m, in percent of the rated torque or in volts.",
+        ),
+    ]
+    stored_torque: Annotated[
+        Literal["commanded", "applied"],
+        At(
+            "Eqs. (8), (15)",
+            "Whether the estimator remembers the torque it commanded, or the one the drive put out.",
+        ),
+    ]
+    delay_time: Annotated[
+        Literal["one_period", "two_periods", "four_periods"],
+        At("Remark 2", "How many sampling periods the delay time L is."),
+    ]
+    estimate_filter: Annotated[
+        Literal["none", "acceleration", "estimate"],
+        At(
+            "Eqs. (8), (15), (16)",
+            "Whether the acceleration, or the whole estimate, is low-pass filtered at the drawn cutoff.",
+        ),
+    ]
+    feedback: Annotated[
+        Literal["joint", "motor"],
+        At("Section 5.1", "Whether the law looks at the joints' encoders, or at S times the motors'."),
+    ]
+    start: Annotated[
+        Literal["filled", "cold"],
+        At(
+            "Eqs. (8), (15)",
+            "Whether the delay lines hold the state at rest or zeros before the first sample.",
+        ),
     ]
     error_rate: Annotated[
         Literal["backward_difference", "low_pass", "difference_of_error"],
-        Field(description="how the error rate is obtained"),
-    ]
-    stored_torque: Annotated[
-        Literal["commanded", "applied"], Field(description="torque that the estimator remembers")
-    ]
-    delay_time: Annotated[
-        Literal["one_period", "two_periods", "four_periods"], Field(description="L in sampling periods")
-    ]
-    feedback: Annotated[Literal["joint", "motor"], Field(description="encoders that the law looks at")]
-    estimate_filter: Annotated[
-        Literal["none", "acceleration", "estimate"],
-        Field(description="what the estimator passes through a low-pass filter"),
-    ]
-    torque_unit: Annotated[
-        Literal["newton_metre", "percent_of_rated", "volt"], Field(description="unit of the law's torque")
-    ]
-    start: Annotated[
-        Literal["filled", "cold"], Field(description="history of the law before the first sample")
+        At(
+            "Eqs. (11), (18)",
+            "Whether the error's rate is the desired one less a plain difference of the encoder, that "
+            "low-pass filtered at the drawn cutoff, or the difference of the error.",
+        ),
     ]
 
 

@@ -86,27 +86,25 @@ class Tendons(Model):
     ) = None
 
 
-class LinkFriction(Model):
+class DryFriction(Model):
+    """Coulomb and static friction, per joint or winch."""
+
+    coulomb: Annotated[Vector, per_joint("N m", "Coulomb friction", at_least=0.0)]
+    static_ratio: Annotated[Vector, per_joint("1", "static over Coulomb friction", at_least=1.0)]
+    stribeck_velocity: Annotated[Vector, per_joint("rad s-1", "Stribeck velocity", above=0.0)]
+    smoothing_velocity: Annotated[
+        Vector, per_joint("rad s-1", "velocity over which the sign is smoothed", above=0.0)
+    ]
+
+
+class LinkFriction(DryFriction):
     """Friction F(q, dq) of Eq. (4), per joint."""
 
-    coulomb: Annotated[Vector, per_joint("N m", "Coulomb friction of a joint", at_least=0.0)]
     viscous: Annotated[Vector, per_joint("N m s rad-1", "viscous friction of a joint", at_least=0.0)]
-    static_ratio: Annotated[Vector, per_joint("1", "static over Coulomb friction", at_least=1.0)]
-    stribeck_velocity: Annotated[Vector, per_joint("rad s-1", "Stribeck velocity", above=0.0)]
-    smoothing_velocity: Annotated[
-        Vector, per_joint("rad s-1", "velocity over which the sign is smoothed", above=0.0)
-    ]
 
 
-class WinchFriction(Model):
+class WinchFriction(DryFriction):
     """Dry friction of motor and reducer, per winch; its viscous part is D_m of the winches."""
-
-    coulomb: Annotated[Vector, per_joint("N m", "Coulomb friction of a winch", at_least=0.0)]
-    static_ratio: Annotated[Vector, per_joint("1", "static over Coulomb friction", at_least=1.0)]
-    stribeck_velocity: Annotated[Vector, per_joint("rad s-1", "Stribeck velocity", above=0.0)]
-    smoothing_velocity: Annotated[
-        Vector, per_joint("rad s-1", "velocity over which the sign is smoothed", above=0.0)
-    ]
 
 
 class FrictionConfig(Model):

@@ -8,19 +8,16 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import TypeVar
+from typing import TypeVar, get_args
 
 from tendonrepro.configuration.fields.model import Model
 from tendonrepro.configuration.fields.quantity import Scalar
+from tendonrepro.configuration.models.control import RUNS, At, Readings
 from tendonrepro.configuration.models.experiment import CompareConfig
 from tendonrepro.errors import UsageError
 
 PRINTED = "printed"
 """Name of the reading that leaves every axis as printed."""
-
-RUNS = ("controller_1", "controller_2", "controller_3", "controller_1_payload")
-_ALPHA = ("controller_1", "controller_1_payload")
-_TERMINAL = ("controller_1", "controller_2", "controller_1_payload")  # runs whose surface holds phi
 
 ERROR_RATES = ("backward_difference", "low_pass")
 """Error rates in the order that a draw numbers them."""
@@ -64,38 +61,22 @@ def _axis(name: str, printed: str, others: str, runs: tuple[str, ...], place: st
     return ReadingAxis(name, printed, dict.fromkeys(others.split(), runs), place, about)
 
 
-_AXES = (
-    _axis("phi_negative", "odd", "even", _TERMINAL, "Eq. (12)",
-          "Whether the polynomial of φ is odd, or even in its square as printed, for negative errors."),
-    _axis("phi_branch", "printed", "power", _TERMINAL, "Eq. (12)",
-          "Whether φ is the polynomial near zero, or the power everywhere."),
-    _axis("weights", "interpolating", "extrapolating swapped", _ALPHA, "Eq. (15)",
-          "Whether the two delayed estimates weigh (1−α, α), (1+α, −α) or (α, 1−α)."),
-    _axis("differencing", "lagging", "centred", RUNS, "Eq. (16)",
-          "Whether the second difference lags its label by one period or is centred on it."),
-    ReadingAxis("gain_unit", "radian", {"phi_in_degrees": _TERMINAL, "law_in_degrees": RUNS}, "Section 5.3",
-         "Whether gains mean radians, or degrees inside φ, or degrees in the whole law."),
-    _axis("eta_in_controller_2", "kept", "dropped", ("controller_2",), "Section 5.3",
-          "Whether Controller 2 keeps the η that its printed law lacks."),
-    _axis("torque_coordinates", "joint", "winch motor_shaft", RUNS, "Eqs. (3), (17)",
-          "Whether the law's torque is of the joints, the winches or the motor shafts."),
-    _axis("torque_unit", "newton_metre", "percent_of_rated volt", RUNS, "Section 5.3",
-          "Whether the law's torque, and so M̄, is in N m, in percent of the rated torque or in volts."),
-    _axis("stored_torque", "commanded", "applied", RUNS, "Eqs. (8), (15)",
-          "Whether the estimator remembers the torque it commanded, or the one the drive put out."),
-    _axis("delay_time", "one_period", "two_periods four_periods", RUNS, "Remark 2",
-          "How many sampling periods the delay time L is."),
-    _axis("estimate_filter", "none", "acceleration estimate", RUNS, "Eqs. (8), (15), (16)",
-          "Whether the acceleration, or the whole estimate, is low-pass filtered at the drawn cutoff."),
-    _axis("feedback", "joint", "motor", RUNS, "Section 5.1",
-          "Whether the law looks at the joints' encoders, or at S times the motors'."),
-    _axis("start", "filled", "cold", RUNS, "Eqs. (8), (15)",
-          "Whether the delay lines hold the state at rest or zeros before the first sample."),
-    _axis("hardware", "printed", "drawn", RUNS, "Section 5.1",
-          "Whether encoder, output delay and filter are as printed or as the draw has them."),
-    _axis("error_rate", "backward_difference", "low_pass difference_of_error", RUNS, "Eqs. (11), (18)",
-          "Whether the error's rate is the desired one less a plain difference of the encoder, that low-pass "
-          "filtered at the drawn cutoff, or the difference of the error."),
+def _held() -> dict[str, ReadingAxis]:
+    """Axes of the readings that a configuration holds."""
+    axes = {}
+    for name, held in Readings.model_fields.items():
+        printed, *others = get_args(held.annotation)
+        (at,) = (item for item in held.metadata if isinstance(item, At))
+        affects = {other: at.only.get(other, at.runs) for other in others}
+        axes[name] = ReadingAxis(name, printed, affects, at.place, at.about)
+    return axes
+
+
+_HARDWARE = _axis(
+    "hardware", "printed", "drawn", RUNS, "Section 5.1",
+    "Whether encoder, output delay and filter are as printed or as the draw has them.",
+)  # fmt: skip
+_INSTRUMENTS = (
     _axis("output_delay", "0", "1 2", RUNS, "Eq. (17)",
           "Samples between a command and its torque; the equations hold none."),
     _axis("encoder", "0.022", "0.045 0.088 ideal", RUNS, "Section 5.1",
@@ -103,6 +84,9 @@ _AXES = (
     _axis("tensioner", "negative", "distal_only alternating absent", RUNS, "Section 2.2",
           "On which side tendon 4 passes the joints; absent as in Eqs. (3) to (5)."),
 )  # fmt: skip
+_LAW = _held()
+_RATE = _LAW.pop("error_rate")  # what is said of it replaces what the draw's hardware has
+_AXES = (*_LAW.values(), _HARDWARE, _RATE, *_INSTRUMENTS)
 AXES: Mapping[str, ReadingAxis] = {axis.name: axis for axis in _AXES}
 """The axes of readings, by name."""
 
