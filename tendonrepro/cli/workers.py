@@ -10,7 +10,7 @@ from importlib import import_module
 
 MODULES = (
     "tendonrepro.cli.app",
-    "tendonrepro.simulation.codegen.compiled",
+    "tendonrepro.simulation.single",
     "tendonrepro.results.figures.catalogue",
     "scipy.integrate",
 )

@@ -131,7 +131,7 @@ def _refitted(loop: Loop, changed: CompareConfig, run: str) -> Loop:
 
 
 def _provenance(study: Study) -> dict[str, str | int]:
-    libraries = {name: metadata.version(name) for name in ("numpy", "numba", "h5py")}
+    libraries = {name: metadata.version(name) for name in ("numpy", "llvmlite", "h5py")}
     return {
         "config_sha256": study.sha256,
         "tendonrepro_version": __version__,

@@ -1,7 +1,7 @@
 """The closed loop as code on lanes: one sample of encoders, law and motors, and one step of the plant.
 
-Both come from pure functions, run on symbols for the rows of one flat array. Code of a sample finds the plant's
-rows, the motion and the noise by pointers that are rows too, one for each lane.
+Both come from pure functions, run on symbols for the rows of one flat array. Code of a sample finds the
+plant's rows, the motion and the noise by pointers that are rows too, one for each lane.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from tendonrepro.simulation.codegen.lanes import LaneRows, LaneTape, lane_code, 
 from tendonrepro.simulation.codegen.machine import LANES
 from tendonrepro.simulation.codegen.symbols import Symbol, as_operand
 from tendonrepro.simulation.resolution import PACES, demand
-from tendonrepro.simulation.sampled import Hardware, Sampled, sample, start
+from tendonrepro.simulation.sampled import Hardware, Sampled, Three, sample, start
 
 AT_LIMIT = 1.0 - 1e-12
 """Share of the torque limit that counts as saturated."""
@@ -32,8 +32,8 @@ AT_LIMIT = 1.0 - 1e-12
 POINTERS = ("plant", "desired", "noise", "blocks", "trace")
 """Rows of addresses: of a lane's plant, and of its part at sample 0 in arrays that samples go through.
 
-Desired motion (T, 3 n) and unit noise (T, 3 n) are read, errors summed up over blocks (B, n) and what is recorded,
-(T, columns), are written."""
+Desired motion (T, 3 n) and unit noise (T, 3 n) are read. Errors summed up over blocks, (B, n), and what is
+recorded, (T, columns), are written."""
 
 
 class LoopNumbers(NamedTuple):
@@ -72,7 +72,7 @@ def slope_code(plant: Plant) -> tuple[str, LaneRows]:
     tape, n = LaneTape(), plant.preload.shape[0]
     rows = plant_rows(n)
     state, torque = rows.variables(tape, "state", 4 * n), rows.variables(tape, "torque", n)
-    t = tape.write("argument", "k")
+    t: Any = tape.write("argument", "k")
     slope = state_derivative(t, state, torque, rows.parameters(tape, "plant", plant))
     return lane_code("slope", tape, dict(zip(rows.take("slope", 4 * n), slope, strict=True)), rows), rows
 
@@ -81,13 +81,13 @@ def slope_code(plant: Plant) -> tuple[str, LaneRows]:
 def advance_code(plant: Plant, implicit: bool = False) -> tuple[str, LaneRows]:
     """Source of ``advance``: plants from sample k to the next one, torque held, each in the steps it needs.
 
-    Rows ``steps`` and ``length`` hold the number of steps at each level of demand, and their length, s. A lane
-    that meets a higher demand than its steps are for goes back and takes more. One with nothing to do, or
-    whose experiment has ended, stays as it is to the last bit. Row ``ddq`` receives the joint acceleration at
-    the start.
+    Rows ``steps`` and ``length`` hold the number of steps at each level of demand, and their length, s. A
+    lane that meets a higher demand than its steps are for goes back and takes more. One whose experiment has
+    ended stays as it is to the last bit. Row ``ddq`` receives the joint acceleration at the start.
     """
     tape, n = LaneTape(), plant.preload.shape[0]
-    rows, results = plant_rows(n), {}
+    rows = plant_rows(n)
+    results: dict[int, Any] = {}
 
     def read(name: str, size: int) -> Array:
         return rows.variables(tape, name, size)
@@ -224,7 +224,7 @@ def damped(state: Array, tau: Array, plant: Plant) -> Callable[[Array, Any], Arr
 
 @remembered
 def sample_code(numbers: LoopNumbers, statistics: bool, record: bool) -> tuple[str, LaneRows]:
-    """Source of ``sample``: encoders, law, motors and memory at sample k, and if wanted statistics and a record."""
+    """Source of ``sample``: encoders, law and motors at sample k, and if wanted statistics and a record."""
     tape, n = LaneTape(), numbers.hardware.S.shape[0]
     rows, plant = sample_rows(n), plant_rows(n).named
     results: dict[int, Any] = {}
@@ -252,7 +252,8 @@ def sample_code(numbers: LoopNumbers, statistics: bool, record: bool) -> tuple[s
     memory = unpacked(read("memory", sum(part.size for part in example)), example)
     delay = x.hardware.actuator.delay
     pending = list(read("pending", delay * n).reshape(-1, n))
-    motion = tuple(tape.load(desired, range(part * n, (part + 1) * n)) for part in range(3))
+    q_d, dq_d, ddq_d = np.split(tape.load(desired, range(3 * n)), 3)
+    motion = q_d, dq_d, ddq_d
     found = sample(state, memory, pending, motion, tape.load(noise, range(3 * n)), x.law, x.hardware)
 
     stores = [(own, *put) for put in zip(of_plant("torque", n), found.torque, strict=True)]
@@ -279,10 +280,8 @@ def sample_code(numbers: LoopNumbers, statistics: bool, record: bool) -> tuple[s
     return lane_code("sample", tape, results, rows, [*stores, (own, *of_plant("live", 1), after)]), rows
 
 
-def _statistics(
-    found: Sampled, motion: tuple[Array, ...], before: tuple[Array, ...], x: Any
-) -> streaming.Sample:
-    """What a sample contributes; before are torque and estimate of the last one, and the acceleration since."""
+def _statistics(found: Sampled, motion: Three, before: Three, x: Any) -> streaming.Sample:
+    """What a sample contributes; before are torque and estimate of the last one, and acceleration since."""
     n, actuator = len(found.tau), x.hardware.actuator
     winch = times(x.hardware.S.T, found.tau_m)
     tau, H_hat, ddq = before

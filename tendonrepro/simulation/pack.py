@@ -73,8 +73,7 @@ def run_pack(
         }
         for bundles in laws:
             bundles.point({shared.named[name]: places for name, places in pointers.items()})
-        everyone = [(bundles.code, rows) for bundles in (*laws, *moving) for rows in bundles.rows]
-        sweep(*zip(*everyone, strict=True), at, at + span)
+        sweep([(bundles.code, rows) for bundles in (*laws, *moving) for rows in bundles.rows], at, at + span)
         for bundles in laws:
             left[:, bundles.members] = columns(bundles.rows)[: shared.count, : bundles.members.size]
         going = left[shared.named["live"]] > 0.0
@@ -110,7 +109,7 @@ class _Bundles:
         return found
 
     def point(self, pointers: Mapping[int, NDArray[np.int64]]) -> None:
-        """Fill rows of pointers with what leads to each experiment's own, (M + 1,), the last for idle lanes."""
+        """Fill rows of pointers with where each experiment's own lies, (M + 1,), the last for idle lanes."""
         experiments = np.full(len(self.rows) * LANES, -1)
         experiments[: self.members.size] = self.members
         for row, places in pointers.items():
@@ -155,7 +154,7 @@ class _Signals:
         self.noise = np.array([*(sources.index(loop.seed) if is_noisy(loop) else -1 for loop in loops), -1])
 
     def slice(self, first: int, span: int) -> tuple[Array, Array]:
-        """Motions (R, span, 3 n), at rest after their end, and unit noises (Q, span, 3 n), the last one none."""
+        """Motions (R, span, 3 n), at rest after their end, and unit noises (Q, span, 3 n), the last none."""
         motions = np.zeros((len(self._motions), span, 3 * self._n))
         for kept, motion in zip(motions, self._motions, strict=True):
             found = [part[first : first + span] for part in (motion.q_d, motion.dq_d, motion.ddq_d)]

@@ -130,7 +130,7 @@ def sample_part(
     statistics: bool,
     record: bool,
 ) -> CompiledPart:
-    """Compile encoders, law and motors of loops alike in every branch, with statistics and a record if wanted.
+    """Compile encoders, law and motors of loops alike in every branch, with statistics or a record.
 
     ``block(L)`` is the number of samples whose errors are summed up together.
     """
@@ -198,7 +198,7 @@ def is_noisy(loop: Loop) -> bool:
 
 
 def unit_noise(loop: Loop) -> Callable[[int], Array]:
-    """Noise of encoders and torque before it is scaled, (samples, 3 n): so many samples further at each call."""
+    """Noise of encoders and torque before it is scaled, (samples, 3 n), the next samples at each call."""
     n = loop.plant.preload.size
     streams = [np.random.default_rng([loop.seed, stream]) for stream in range(3)]
     return lambda samples: np.hstack([stream.standard_normal((samples, n)) for stream in streams])

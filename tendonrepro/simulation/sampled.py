@@ -61,8 +61,8 @@ class Sampled(NamedTuple):
         Commanded, applied, and with the noise that no controller knows, in joint coordinates, N m.
     signals : sequence of array (n,)
         Of the law.
-    rate : array (n,) or None
-        Of the error, where the law has one, rad s⁻¹.
+    rate : array (n,)
+        Of the error, rad s⁻¹; None of a position loop.
     memory : tuple
         Of the law, for the next sample.
     pending : list of array (n,)
@@ -76,7 +76,7 @@ class Sampled(NamedTuple):
     tau_m: Array
     torque: Array
     signals: Sequence[Array]
-    rate: Array | None
+    rate: Any
     memory: Any
     pending: list[Array]
     bounded: Any

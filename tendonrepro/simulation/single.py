@@ -5,7 +5,7 @@ The code is that of `kernel`, for bundles of experiments; here the first lane is
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +14,6 @@ from tendonrepro.physics.dynamics import holding_torque, rest_state
 from tendonrepro.simulation import sampled
 from tendonrepro.simulation.codegen.lanes import bundled
 from tendonrepro.simulation.codegen.machine import callable_code
-from tendonrepro.simulation.kernel import sample_rows
 from tendonrepro.simulation.parts import (
     CompiledPart,
     Rest,
@@ -40,8 +39,9 @@ class Arm:
         self.torque = self.rows[named["torque"] :, 0][:n]
         self.state[:] = self.rest.state
         slope = self.rows[named["slope"] :, 0][: 4 * n]
+        run, address = callable_code(part.code.run), self.rows.ctypes.data
         # SciPy calls this some thirty times a period; a memory view is filled in half the time of an array.
-        run, state, address = callable_code(part.code.run), memoryview(self.state), self.rows.ctypes.data
+        state: Any = memoryview(self.state.data)
 
         def derivative(t: float, x: Array) -> Array:
             state[:] = x
@@ -57,50 +57,59 @@ def _filled(part: CompiledPart) -> Array:
     return rows
 
 
-def sample_code(loop: Loop, arm: Arm, trace: Array) -> Callable[[int], bool]:
-    """Package's own law as machine code: from the arm's state to its torque at sample k, and whether it goes on."""
-    part = sample_part({0: loop}, {0: arm.rest}, lambda _: 1, statistics=False, record=True)
-    rows, named, reference = _filled(part), sample_rows(arm.torque.size).named, loop.reference
-    arrays = {
-        "plant": arm.rows,
-        "desired": np.hstack([reference.q_d, reference.dq_d, reference.ddq_d]),
-        "noise": _noise(loop),
-        "trace": trace,
-    }
-    for name, values in arrays.items():
-        rows.view(np.int64)[named[name]] = values.ctypes.data
-    code, address, live = callable_code(part.code.run), rows.ctypes.data, rows[named["live"], :1]
+class MachineLaw:
+    """Package's own law as machine code."""
 
-    def sample(k: int) -> bool:
-        code(address, k)
-        return bool(live[0] > 0.0)
+    def __init__(self, loop: Loop, arm: Arm, trace: Array) -> None:
+        part = sample_part({0: loop}, {0: arm.rest}, lambda _: 1, statistics=False, record=True)
+        rows, named, reference = _filled(part), part.rows.named, loop.reference
+        # The code reads them by address, so they are kept.
+        self._arrays = {
+            "plant": arm.rows,
+            "desired": np.hstack([reference.q_d, reference.dq_d, reference.ddq_d]),
+            "noise": _noise(loop),
+            "trace": trace,
+        }
+        for name, values in self._arrays.items():
+            rows.view(np.int64)[named[name]] = values.ctypes.data
+        self._run, self._address, self._live = (
+            callable_code(part.code.run),
+            rows.ctypes.data,
+            rows[named["live"]],
+        )
 
-    # The code reads them by address.
-    sample.__dict__["kept"] = arrays
-    return sample
+    def __call__(self, k: int) -> bool:
+        """From the arm's state to its torque at sample k; whether the run goes on."""
+        self._run(self._address, k)
+        return bool(self._live[0] > 0.0)
 
 
-def plain_sample(loop: Loop, arm: Arm, trace: Array) -> Callable[[int], bool]:
-    """Same for a user's own law, which stays Python."""
-    law, reference, noise, command = (
-        loop.controller.law,
-        loop.reference,
-        _noise(loop),
-        loop.controller.command,
-    )
-    hardware, (memory, tau) = hardware_of(loop, arm.rest), memory_of(loop, arm.rest)
-    pending = [tau] * loop.actuator.delay
-    assert command is not None
+class PlainLaw:
+    """A user's own law, which stays Python."""
 
-    def sample(k: int) -> bool:
-        nonlocal memory, pending
-        motion = reference.q_d[k], reference.dq_d[k], reference.ddq_d[k]
-        found = sampled.sample(arm.state.copy(), memory, pending, motion, noise[k], law, hardware, command)
-        memory, pending, arm.torque[:] = found.memory, found.pending, found.torque
-        trace[k] = np.concatenate([arm.state, *found.measured, found.tau, found.tau_m, *found.signals])
+    def __init__(self, loop: Loop, arm: Arm, trace: Array) -> None:
+        self._loop, self._arm, self._trace = loop, arm, trace
+        self._hardware, self._noise = hardware_of(loop, arm.rest), _noise(loop)
+        self._memory, tau = memory_of(loop, arm.rest)
+        self._pending = [tau] * loop.actuator.delay
+
+    def __call__(self, k: int) -> bool:
+        """From the arm's state to its torque at sample k; whether the run goes on."""
+        reference, controller, state = self._loop.reference, self._loop.controller, self._arm.state.copy()
+        assert controller.command is not None
+        found = sampled.sample(
+            state,
+            self._memory,
+            self._pending,
+            (reference.q_d[k], reference.dq_d[k], reference.ddq_d[k]),
+            self._noise[k],
+            controller.law,
+            self._hardware,
+            controller.command,
+        )
+        self._memory, self._pending, self._arm.torque[:] = found.memory, found.pending, found.torque
+        self._trace[k] = np.concatenate([state, *found.measured, found.tau, found.tau_m, *found.signals])
         return bool(found.bounded) and k + 1 < reference.time.size
-
-    return sample
 
 
 def _noise(loop: Loop) -> Array:

@@ -137,14 +137,14 @@ def simulate(loop: Loop, progress: Callable[[int], None] | None = None) -> dict[
         If the integrator cannot follow the plant within its tolerances.
     """
     # Where nothing is run, whoever builds a loop needs no compiler.
-    from tendonrepro.simulation.single import Arm, plain_sample, sample_code
+    from tendonrepro.simulation.single import Arm, MachineLaw, PlainLaw
 
     trace, time, arm = (
         np.empty((loop.reference.time.size, recorded_columns(loop))),
         loop.reference.time,
         Arm(loop),
     )
-    sample = (sample_code if loop.controller.command is None else plain_sample)(loop, arm, trace)
+    sample = (MachineLaw if loop.controller.command is None else PlainLaw)(loop, arm, trace)
     advance, report = _integrator(loop.solver, arm), progress or (lambda _: None)
     # SciPy warns on standard error where advance() raises, and NumPy where a run diverges.
     with warnings.catch_warnings(), np.errstate(all="ignore"):

@@ -22,7 +22,6 @@ import numpy as np
 from llvmlite import binding
 
 from tendonrepro.arrays import Array
-
 from tendonrepro.errors import TendonreproError
 from tendonrepro.files import write_atomically
 from tendonrepro.simulation.codegen.cache import CACHE
@@ -86,7 +85,7 @@ def vector_code(
 
 
 def repeated(name: str, first: str, again: str, row: int) -> str:
-    """Source of ``<name>(rows, k)``: one function, and another one as long as any lane of a row is positive."""
+    """Source of ``<name>(rows, k)``: a function, then another while any lane of a row is positive."""
     return f"""define void @{name}(ptr %rows, double %k) {{
 start:
   %place = getelementptr {V}, ptr %rows, i64 {row}
@@ -133,12 +132,13 @@ end:
 """
 
 
-def sweep(codes: Sequence[int], bundles: Sequence[Array], first: int, last: int) -> None:
+def sweep(parts: Sequence[tuple[int, Array]], first: int, last: int) -> None:
     """Call codes in turn, each with its own bundle (rows, lanes), at every sample of a span."""
     (address,) = assembled(_SWEEP, "sweep")
     run = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 2, *[ctypes.c_int64] * 3)(address)
-    tables = np.array(codes), np.array([bundle.ctypes.data for bundle in bundles])
-    run(*(table.ctypes.data for table in tables), len(codes), first, last)
+    codes = np.array([code for code, _ in parts])
+    bundles = np.array([rows.ctypes.data for _, rows in parts])
+    run(codes.ctypes.data, bundles.ctypes.data, len(parts), first, last)
 
 
 def callable_code(address: int) -> Callable[[int, float], None]:
