@@ -23,10 +23,10 @@ from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation import streaming
 from tendonrepro.simulation.codegen.machine import LANES
 from tendonrepro.simulation.controllers import TimeDelayController
+from tendonrepro.simulation.loop import Loop, trace_variables
 from tendonrepro.simulation.pack import Ended, run_pack
 from tendonrepro.simulation.parts import CompiledPart, Rest, plant_parts, sample_part
 from tendonrepro.simulation.resolution import TOLERANCE
-from tendonrepro.simulation.stepper import Loop, trace_variables
 
 PACK = 1536
 """Most experiments that are taken through time together: the more, the fuller the lanes of rare laws."""

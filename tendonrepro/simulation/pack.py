@@ -13,8 +13,8 @@ from tendonrepro.simulation import streaming
 from tendonrepro.simulation.codegen.lanes import bundled, columns
 from tendonrepro.simulation.codegen.machine import LANES, sweep
 from tendonrepro.simulation.kernel import sample_rows
+from tendonrepro.simulation.loop import Loop, recorded_columns
 from tendonrepro.simulation.parts import CompiledPart, is_noisy, unit_noise
-from tendonrepro.simulation.stepper import Loop, recorded_columns
 
 SLICE = 500
 """Samples after which experiments that ended leave their lane to others."""

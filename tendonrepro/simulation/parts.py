@@ -16,9 +16,9 @@ from tendonrepro.simulation import streaming
 from tendonrepro.simulation.codegen.lanes import LaneRows, bundled, columns, part_of, stacked
 from tendonrepro.simulation.codegen.machine import LaneCode, assembled, callable_code
 from tendonrepro.simulation.kernel import LoopNumbers, advance_code, sample_code, slope_code
+from tendonrepro.simulation.loop import Loop
 from tendonrepro.simulation.resolution import HIGHEST, PACES, plant_modes, steps_by_demand
 from tendonrepro.simulation.sampled import Hardware, measure, start
-from tendonrepro.simulation.stepper import Loop
 
 CHUNK = 128
 """Plants whose steps are worked out together, by one thread."""

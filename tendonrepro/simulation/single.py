@@ -14,6 +14,7 @@ from tendonrepro.physics.dynamics import holding_torque, rest_state
 from tendonrepro.simulation import sampled
 from tendonrepro.simulation.codegen.lanes import bundled
 from tendonrepro.simulation.codegen.machine import callable_code
+from tendonrepro.simulation.loop import Loop
 from tendonrepro.simulation.parts import (
     CompiledPart,
     Rest,
@@ -24,7 +25,6 @@ from tendonrepro.simulation.parts import (
     slope_part,
     unit_noise,
 )
-from tendonrepro.simulation.stepper import Loop
 
 
 class Arm:

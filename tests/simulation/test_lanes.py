@@ -17,7 +17,6 @@ from tendonrepro.simulation.codegen.machine import LANES, assembled, callable_co
 from tendonrepro.simulation.kernel import advance_code, damped, rosenbrock, runge_kutta
 from tendonrepro.simulation.resolution import demand
 
-
 K = 400.0
 """Number that code is called with."""
 
