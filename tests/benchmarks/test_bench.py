@@ -87,7 +87,16 @@ def test_batch_cases_have_the_contracts_keys(batch: ModuleType) -> None:
 
 
 def test_ratios_are_medians_over_the_turns(batch: ModuleType) -> None:
-    names = "solve_ivp alone numba_rk4 one_core two_cores default held_out held_out_numba".split()
+    names = [
+        "solve_ivp",
+        "alone",
+        "numba_rk4",
+        "one_core",
+        "two_cores",
+        "default",
+        "held_out",
+        "held_out_numba",
+    ]
     # A turn in which everything takes ten times as long changes no ratio.
     quick = dict(zip(names, (6.0, 0.05, 0.02, 0.004, 0.002, 0.006, 0.005, 0.04), strict=True))
     turns = [quick, {name: 10.0 * value for name, value in quick.items()}, quick]
