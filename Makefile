@@ -60,7 +60,7 @@ docs-links: $(VENV)/.docs  ## the links of the pages that lead elsewhere; uses t
 
 mutants: $(VENV)/.test  ## mutation run over the physics, half an hour
 	$(PIP) mutmut
-	NUMBA_DISABLE_JIT=1 $(BIN)/mutmut run $(ARGS)
+	$(BIN)/mutmut run $(ARGS)
 	@$(BIN)/python tests/support/mutants.py
 
 clean:  ## remove the environment and caches, keep results

@@ -40,7 +40,7 @@ BASELINES = {
 """Method and tolerances to choose from; the last is quick, but its error is larger than ours."""
 WATCH_INTERVAL = 0.05
 """Seconds between two looks at a command's memory."""
-HEAVY = ("numpy", "scipy", "numba", "h5py", "matplotlib", "pandas", "pydantic", "yaml", "rich")
+HEAVY = ("numpy", "scipy", "llvmlite", "h5py", "matplotlib", "pandas", "pydantic", "yaml", "rich")
 
 RATIO_BAR, COMMAND_SECONDS_BAR, COMMAND_MEMORY_BAR_MB, HELP_SECONDS_BAR = 5.0, 15.0, 600.0, 0.3
 

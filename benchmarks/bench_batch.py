@@ -34,6 +34,12 @@ SOLVE_IVP = {"rtol": 1e-6, "method": "RK45"}
 ERROR_BAR_RAD = 1e-8
 ALONE_BAR, BATCH_BAR, BATCH_TARGET, SOLVE_IVP_TARGET = 100.0, 4.0, 7.0, 1200.0
 CORES_BAR, DEFAULT_SHARE_BAR, COMPILATION_BAR = 1.9, 0.5, 30.0
+HELD_OUT_BAR = 4.0
+
+CONTROLLER_2 = ("control.gains.alpha=[0, 0]",)
+"""What makes Controller 1 the second."""
+STEPS_IN_STEEP_FRICTION = 4
+"""Of the numba loop, where dry friction turns over 0.01 rad/s: with fewer it is not stable."""
 
 WHAT = (
     "controller_1 of the shipped compare configuration, joints 2 and 3, first {:g} s, ideal encoder, "
@@ -45,12 +51,13 @@ def batch_cases(duration=DURATION, count=COUNT, turns=TURNS):
     """Both baselines, one experiment alone, a batch on one core and on two, and the default comparison."""
     stated = Stated(duration, (*IDEAL_ENCODER, *SMOOTH_FRICTION), count)
     default = Stated(duration, (), count)
-    errors = errors_of(stated, default)
+    held_out = Stated(duration, (*IDEAL_ENCODER, *CONTROLLER_2), count)
+    errors = errors_of(stated, default, held_out)
     found = []
     for _ in range(turns):
-        found.append(one_turn(stated, default))
+        found.append(one_turn(stated, default, held_out))
         say("batch, ms: " + ", ".join(f"{name} {1e3 * value:.3g}" for name, value in found[-1].items()))
-    return entries(found, errors, WHAT.format(duration), stated, default)
+    return entries(found, errors, WHAT.format(duration), stated, default, held_out)
 
 
 class Stated:
@@ -113,7 +120,7 @@ def error_before_flip(trace, loop):
     return largest(trace["q"][:until] - exact["q"][:until])
 
 
-def errors_of(stated, default):
+def errors_of(stated, default, held_out):
     """Largest error of q of everything that is timed, rad; this is also what compiles the numba loop."""
     import baseline_numba
     import baseline_solve_ivp
@@ -126,13 +133,14 @@ def errors_of(stated, default):
         "alone": largest(alone - exact),
         "one_core": stated.batch_error(),
         "default": default.batch_error(),
+        "held_out": held_out.batch_error(),
     }
     say("batch, errors of q, rad: " + ", ".join(f"{name} {value:.1e}" for name, value in errors.items()))
     # The number of threads does not change a bit.
     return errors | {"two_cores": errors["one_core"]}
 
 
-def one_turn(stated, default):
+def one_turn(stated, default, held_out):
     """Seconds per experiment of everything, one after the other, so that a busy machine slows all alike."""
     import baseline_numba
     import baseline_solve_ivp
@@ -146,11 +154,19 @@ def one_turn(stated, default):
         "one_core": (count, lambda: stated.batch(loops)),
         "two_cores": (count, lambda: stated.batch(loops, threads=2)),
         "default": (count, lambda: default.batch(default.loops)),
+        "held_out": (count, lambda: held_out.batch(held_out.loops)),
+        "held_out_numba": (
+            few,
+            lambda: [
+                baseline_numba.run(parameters, held_out.reference, STEPS_IN_STEEP_FRICTION)
+                for parameters in held_out.plain[:few]
+            ],
+        ),
     }
     return {name: seconds_of(run) / runs for name, (runs, run) in work.items()}
 
 
-def entries(found, errors, what, stated, default):
+def entries(found, errors, what, stated, default, held_out):
     """Entries of the result from the seconds of every turn."""
 
     def ratio(slow, fast):
@@ -160,7 +176,7 @@ def entries(found, errors, what, stated, default):
         seconds = statistics.median(turn[name] for turn in found)
         ratios = {baseline: ratio(baseline, name) for baseline in baselines}
         # Torque that jumps with every encoder count is harder to follow; the bar is on the stated case.
-        exact = {} if name == "default" else {"max_error_rad": bar(errors[name], ERROR_BAR_RAD)}
+        exact = {} if name in ("default", "held_out") else {"max_error_rad": bar(errors[name], ERROR_BAR_RAD)}
         return case(detail, 1.0 / seconds, ratios, errors[name], bars | exact) | {"seconds": seconds} | more
 
     def at_least(slow, fast, limit):
@@ -194,6 +210,13 @@ def entries(found, errors, what, stated, default):
             f"{shipped}; {batch}",
             {"share_of_stated_speed": at_least("one_core", "default", DEFAULT_SHARE_BAR)},
             steps=default.steps,
+        ),
+        "batch_held_out": entry(
+            "held_out",
+            f"Controller 2, friction as shipped, else as {what}; {batch}",
+            {"ratio_to_numba_rk4": at_least("held_out_numba", "held_out", HELD_OUT_BAR)},
+            ("held_out_numba",),
+            steps=held_out.steps,
         ),
     }
 
@@ -231,7 +254,7 @@ def compilation_case(duration=DURATION, overrides=()):
     with tempfile.TemporaryDirectory() as cache:
         seconds, again = first_run(duration, overrides, cache), first_run(duration, overrides, cache)
         # Where the system keeps its caches in a fixed place, code from before was used and this says nothing.
-        was_empty = any(Path(cache).rglob("*.nbc"))
+        was_empty = any(Path(cache).rglob("*.o"))
     say(f"first experiment: {seconds:.1f} s with nothing compiled, then {again:.1f} s")
     what = "a process that runs one default controller_1 experiment as a batch, nothing compiled before"
     bars = {"seconds": bar(seconds, COMPILATION_BAR)} if was_empty else {}

@@ -35,8 +35,7 @@ FLOORS = [
 FLOOR = {room: level for level, rooms in enumerate(FLOORS) for room in rooms}
 
 OWNERS = {
-    "numba": ["simulation/codegen/compiled.py"],
-    "llvmlite": ["simulation/codegen/compiled.py", "simulation/codegen/machine.py"],
+    "llvmlite": ["simulation/codegen/machine.py"],
     "platformdirs": ["simulation/codegen/cache.py"],
     "matplotlib": ["results/figures/*", "*/figure*.py", "api.py"],
     "PIL": ["results/figures/animation.py"],

@@ -70,4 +70,4 @@ def _published() -> str:
 def _compiled() -> str:
     from tendonrepro.simulation.codegen.cache import NOTHING_COMPILED
 
-    return "will be compiled at the first run, about ten seconds" if NOTHING_COMPILED else "ok"
+    return "will be compiled at the first run, a few seconds" if NOTHING_COMPILED else "ok"

@@ -171,7 +171,7 @@ def parse_mapping(text: str, name: str, payload: float) -> MappingFile:
     try:
         tree = _Tree.model_validate(document.tree)
     except ValidationError as error:
-        raise explain(error, _Tree, document.tree, places_in(document)) from None
+        raise explain(error, document.tree, places_in(document)) from None
     runs = {}
     for run, entry in tree.runs.items():
         columns = tree.columns if entry.columns is None else entry.columns

@@ -34,8 +34,7 @@ def simulate_all(
 
     loops = [all_loops(loaded, law) for loaded, law in asked]
     if NOTHING_COMPILED:
-        wait = "about ten" if solver == "scipy" else "some twenty"
-        talk.note(f"compiling once for this machine, {wait} seconds")
+        talk.note("compiling once for this machine, a few seconds")
     if solver == "compiled":
         return [
             _simulate_together(loaded, named, talk) for (loaded, _), named in zip(asked, loops, strict=True)

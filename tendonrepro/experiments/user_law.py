@@ -19,7 +19,8 @@ from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.files import sha256_of
 from tendonrepro.physics.control import Law, Memory
-from tendonrepro.simulation.controllers import CommandFunction, TimeDelayController
+from tendonrepro.simulation.controllers import TimeDelayController
+from tendonrepro.simulation.sampled import CommandFunction
 from tendonrepro.simulation.stepper import Loop
 
 

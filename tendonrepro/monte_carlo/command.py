@@ -192,7 +192,7 @@ def _announce(study: Study, draws: int, missing: Sequence[Block], talk: Talk) ->
     share = sum(block.count for block in missing) / sum(block.count for block in study.blocks(draws))
     text = cost_text({key: share * value for key, value in study.cost(draws).items()})
     if NOTHING_COMPILED:
-        talk.note("compiling once for this machine, some twenty seconds")
+        talk.note("compiling once for this machine, a few seconds")
     talk.note(f"{text}, counted in blocks of {missing[0].count * len(study.cases):,}")
 
 

@@ -38,7 +38,7 @@ class Surface(IntEnum):
 
 
 class Law(NamedTuple):
-    """Gains and readings of one law; arrays have one entry per moving joint.
+    """Gains and readings of one law; arrays have one entry per moving joint. Defaults are as published.
 
     Attributes
     ----------
@@ -81,9 +81,7 @@ class Law(NamedTuple):
         Its angles are ``S q_motor`` of the motors' encoders, not those of the joints'.
     """
 
-    surface: int
     L: float
-    lag: int
     M_bar: Array
     lam: Array
     eta: Array
@@ -93,20 +91,22 @@ class Law(NamedTuple):
     K_d: Array
     K_p: Array
     weights: Array
-    newest: int
-    phi_is_odd: bool
-    power_inside: bool
-    power_floor: float
-    angle_scale: float
     rate_gain: Array
-    rate_filter: float
-    ddq_filter: float
-    estimate_filter: float
-    error_differenced: bool
     to_joint: Array
     from_joint: Array
-    stores_applied: bool
-    motor_side: bool
+    power_floor: float
+    surface: int = Surface.NTSM
+    lag: int = 1
+    newest: int = 1
+    phi_is_odd: bool = True
+    power_inside: bool = False
+    angle_scale: float = 1.0
+    rate_filter: float = 1.0
+    ddq_filter: float = 1.0
+    estimate_filter: float = 1.0
+    error_differenced: bool = False
+    stores_applied: bool = False
+    motor_side: bool = False
 
 
 class Memory(NamedTuple):

@@ -16,7 +16,7 @@ from tendonrepro.files import sha256_of
 
 SCHEMA_VERSION = 1
 
-LIBRARIES = ("numpy", "scipy", "numba", "h5py", "matplotlib", "pandas", "pydantic", "pyyaml", "typer")
+LIBRARIES = ("numpy", "scipy", "llvmlite", "h5py", "matplotlib", "pandas", "pydantic", "pyyaml", "typer")
 
 
 def make_manifest(loaded: LoadedConfig, seconds: float, command: str | None = None) -> dict[str, Any]:

@@ -23,10 +23,10 @@ from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation import streaming
 from tendonrepro.simulation.codegen.machine import LANES
 from tendonrepro.simulation.controllers import TimeDelayController
+from tendonrepro.simulation.loop import Loop, trace_variables
 from tendonrepro.simulation.pack import Ended, run_pack
-from tendonrepro.simulation.parts import CompiledPart, plant_parts, sample_part
+from tendonrepro.simulation.parts import CompiledPart, Rest, plant_parts, sample_part
 from tendonrepro.simulation.resolution import TOLERANCE
-from tendonrepro.simulation.stepper import Loop, motor_angles, trace_variables
 
 PACK = 1536
 """Most experiments that are taken through time together: the more, the fuller the lanes of rare laws."""
@@ -116,13 +116,12 @@ def simulate_batch(
     def run(places: Sequence[int]) -> int:
         pack, first = {place: loops[place] for place in places}, places[0]
         block = results.block(loops[first].L)
-        counts = {place: steps[place] for place in places}
-        results.keep(pack, run_pack(pack, samples, plants, counts, block, record=record))
+        results.keep(pack, run_pack(pack, samples, plants, block, record=record))
         return len(places)
 
     size = LANES if record else max(LANES, min(PACK, len(loops) // (4 * threads)))
     with ThreadPoolExecutor(threads) as pool:
-        samples, plants, steps = _parts(loops, tolerance, pool.map)
+        samples, plants, steps = _parts(loops, tolerance, pool.map, results, record=record)
         results.steps[:] = np.where((steps > 0).all(axis=1), steps.max(axis=1), 0)
         for done in pool.map(run, _packs(loops, steps, size)):
             report(done)
@@ -135,26 +134,31 @@ def _refuse_others(loops: Sequence[Loop]) -> None:
         raise TendonreproError(message)
     for loop in loops:
         controller = loop.controller
-        if not isinstance(controller, TimeDelayController) or controller.machine_law is None:
+        if not isinstance(controller, TimeDelayController) or controller.command is not None:
             message = "only the paper's own control laws run on lanes"
             raise TendonreproError(message, hint="use the SciPy stepper, --solver scipy")
 
 
 def _parts(
-    loops: Sequence[Loop], tolerance: float, for_each: Callable[..., Iterator[Any]]
+    loops: Sequence[Loop],
+    tolerance: float,
+    for_each: Callable[..., Iterator[Any]],
+    results: _Results,
+    *,
+    record: bool,
 ) -> tuple[dict[int, CompiledPart], dict[int, CompiledPart], NDArray[np.int64]]:
     """Compiled law and plant of every loop, by its place, and its steps per sample, (N, levels)."""
     samples: dict[int, CompiledPart] = {}
     plants: dict[int, CompiledPart] = {}
     steps: dict[int, NDArray[np.int64]] = {}
-    torque: dict[int, Array] = {}
+    rest: dict[int, Rest] = {}
     for alike in _alike(loops, lambda loop: (loop.plant.preload.size, loop.plant.disturbance.omega.size)):
         parts, needed, at_rest = plant_parts(alike, tolerance, for_each)
         plants |= parts
         steps |= needed
-        torque |= at_rest
+        rest |= at_rest
     for alike in _alike(loops, _branches):
-        part = sample_part(alike, {place: _law(loop) for place, loop in alike.items()}, torque)
+        part = sample_part(alike, rest, results.block, statistics=True, record=record)
         samples |= dict.fromkeys(alike, part)
     return samples, plants, np.array([steps[place] for place in range(len(loops))])
 
@@ -167,15 +171,10 @@ def _alike(loops: Sequence[Loop], key: Callable[[Loop], Hashable]) -> Iterable[d
     return found.values()
 
 
-def _law(loop: Loop) -> Law:
-    assert isinstance(loop.controller, TimeDelayController)
-    return loop.controller.law
-
-
 def _branches(loop: Loop) -> Hashable:
     """What the code of a sample depends on, besides what is zero or one in all its loops."""
-    law = _law(loop)
-    if law.surface != Surface.NTSM:
+    law = loop.controller.law
+    if isinstance(law, Law) and law.surface != Surface.NTSM:
         # There is no phi in it.
         law = law._replace(phi_is_odd=True, power_inside=True)
     switches = tuple(value for value in law if isinstance(value, int))
@@ -222,7 +221,8 @@ class _Results:
         for member, (place, loop) in enumerate(loops.items()):
             self.status_time[place] = loop.reference.time[ended.count[member] - 1]
             if self.traces is not None:
-                self.traces[place] = _trace(loop, ended.recorded(member))
+                recorded = ended.trace[member, : ended.count[member]]
+                self.traces[place] = trace_variables(recorded, loop)
 
     def batch(self) -> Batch:
         """Everything as one value."""
@@ -243,7 +243,7 @@ def _fast_shares(ended: Ended, block: int, L: float, frequency: float) -> Array:
     slow = np.empty_like(ended.sums.sq_e)
     for samples in np.unique(ended.count):
         alike = ended.count == samples
-        blocks = ended.blocks[: -(-samples // block), :, alike]
+        blocks = np.moveaxis(ended.blocks[alike, : -(-samples // block)], 0, -1)
         count = block * len(blocks)
         lines = np.arange(min(int(frequency * (1.0 + 1e-9) * count * L), len(blocks) // 2) + 1)
         half = np.pi * np.maximum(lines, 1e-9) / count
@@ -255,11 +255,3 @@ def _fast_shares(ended: Ended, block: int, L: float, frequency: float) -> Array:
     total = ended.sums.sq_e
     share = np.divide(slow, total, out=np.ones_like(total), where=total > 0.0)
     return np.asarray(np.maximum(1.0 - share, 0.0))
-
-
-def _trace(loop: Loop, recorded: dict[str, Array]) -> dict[str, Array]:
-    """Variables of a run's trace."""
-    n, samples = loop.plant.preload.size, len(recorded["state"])
-    theta = recorded["state"][:, 2 * n : 3 * n]
-    recorded["q_motor_encoder"] = motor_angles(theta, loop)
-    return {"time": loop.reference.time[:samples]} | trace_variables(recorded, loop)

@@ -1,6 +1,7 @@
 """The closed loop as code on lanes: one sample of encoders, law and motors, and one step of the plant.
 
-Both come from the functions the SciPy stepper calls, run on symbols for the rows of one flat array.
+Both come from pure functions, run on symbols for the rows of one flat array. Code of a sample finds the
+plant's rows, the motion and the noise by pointers that are rows too, one for each lane.
 """
 
 from __future__ import annotations
@@ -12,95 +13,132 @@ import numpy as np
 
 from tendonrepro.arrays import Array, choose
 from tendonrepro.physics.arm import mass_matrix
-from tendonrepro.physics.control import Law, packed_memory
+from tendonrepro.physics.control import Law, Servo
 from tendonrepro.physics.drive import tendon_torque, to_winch_angle, to_winch_torque
 from tendonrepro.physics.dynamics import Plant, state_derivative
 from tendonrepro.physics.friction import dry_slope
-from tendonrepro.physics.instruments import Actuator, Encoder, applied_torque, quantise
 from tendonrepro.physics.linalg import solve_positive_definite, times
 from tendonrepro.simulation import streaming
+from tendonrepro.simulation.codegen import machine
 from tendonrepro.simulation.codegen.lanes import LaneRows, LaneTape, lane_code, remembered
-from tendonrepro.simulation.resolution import demand
-from tendonrepro.simulation.sampled import LARGEST_TORQUE, decide_by_estimate, keep_estimate
+from tendonrepro.simulation.codegen.machine import LANES
+from tendonrepro.simulation.codegen.symbols import Symbol, as_operand
+from tendonrepro.simulation.resolution import PACES, demand
+from tendonrepro.simulation.sampled import Hardware, Sampled, Three, sample, start
 
 AT_LIMIT = 1.0 - 1e-12
 """Share of the torque limit that counts as saturated."""
 
+POINTERS = ("plant", "desired", "noise", "blocks", "trace")
+"""Rows of addresses: of a lane's plant, and of its part at sample 0 in arrays that samples go through.
 
-RECORDED = ("state", "q_encoder", "tau_cmd", "tau_m", "H_hat", "s")
-"""Rows of a sample that a trace is made from, in the order they stand at the start of its array."""
+Desired motion (T, 3 n) and unit noise (T, 3 n) are read. Errors summed up over blocks, (B, n), and what is
+recorded, (T, columns), are written."""
 
 
 class LoopNumbers(NamedTuple):
     """All numbers of a loop, stacked over experiments: the leaves' last axis (N,).
 
-    ``encoder`` is the one that the law looks at and ``theta_start`` (n, N) where its motors' angles are zero,
-    ``S`` and ``S_inv`` are (n, n, N), ``limit`` (N,) the error beyond which a run has diverged, rad,
-    ``samples`` (N,) the samples of the reference.
+    ``samples`` (N,) are those of the reference, ``block`` (N,) those whose errors are summed up together.
     """
 
-    law: Law
-    encoder: Encoder
-    theta_start: Array
-    actuator: Actuator
-    S: Array
-    S_inv: Array
+    law: Law | Servo
+    hardware: Hardware
     phases: streaming.Thresholds
-    limit: Array
     samples: Array
+    block: Array
 
 
-def _step_rows(n: int) -> LaneRows:
-    """Rows that the loop shares with the plant's code, for n joints."""
+def plant_rows(n: int) -> LaneRows:
+    """Rows of a plant that the code of a sample reads and writes, for n joints."""
     rows = LaneRows()
-    for name, size in (("state", 4 * n), ("tau_applied", n), ("ddq", n), ("t", 1), ("h", 1), ("demand", 1)):
+    for name, size in (("state", 4 * n), ("torque", n), ("ddq", n), ("live", 1)):
         rows.take(name, size)
-    rows.take("live", 1)
-    rows.take("ddq_sample", n)
     return rows
 
 
 def sample_rows(n: int) -> LaneRows:
     """Rows that the loop shares with the sample's code, for n joints."""
     rows = LaneRows()
-    for name in RECORDED:
-        rows.take(name, 4 * n if name == "state" else n)
-    shared = ("q_d", "dq_d", "ddq_d", "noise_q", "noise_tau", "ddq_sample", "tau_applied", "error")
-    for name in shared:
-        rows.take(name, n)
-    for name in ("live", "count", "diverged"):
+    for name in ("live", "count", "diverged", *POINTERS):
         rows.take(name, 1)
     rows.take("sums", len(streaming.Sums._fields) * n)
     return rows
 
 
 @remembered
-def step_code(plant: Plant, implicit: bool = False) -> tuple[str, LaneRows]:
-    """Source of ``step``: one step of the plants from ``t`` over ``h``, torque held.
+def slope_code(plant: Plant) -> tuple[str, LaneRows]:
+    """Source of ``slope``: the state's derivative at a time into row ``slope``."""
+    tape, n = LaneTape(), plant.preload.shape[0]
+    rows = plant_rows(n)
+    state, torque = rows.variables(tape, "state", 4 * n), rows.variables(tape, "torque", n)
+    t: Any = tape.write("argument", "k")
+    slope = state_derivative(t, state, torque, rows.parameters(tape, "plant", plant))
+    return lane_code("slope", tape, dict(zip(rows.take("slope", 4 * n), slope, strict=True)), rows), rows
 
-    Row ``ddq`` receives the joint acceleration at the start of the step, ``demand`` the highest so
-    far. Where ``h`` is zero state and demand stay, to the last bit.
+
+@remembered
+def advance_code(plant: Plant, implicit: bool = False) -> tuple[str, LaneRows]:
+    """Source of ``advance``: plants from sample k to the next one, torque held, each in the steps it needs.
+
+    Rows ``steps`` and ``length`` hold the number of steps at each level of demand, and their length, s. A
+    lane that meets a higher demand than its steps are for goes back and takes more. One whose experiment has
+    ended stays as it is to the last bit. Row ``ddq`` receives the joint acceleration at the start.
     """
     tape, n = LaneTape(), plant.preload.shape[0]
-    rows = _step_rows(n)
-    state, tau = rows.variables(tape, "state", 4 * n), rows.variables(tape, "tau_applied", n)
-    (t,), (h,), (most,) = (rows.variables(tape, name, 1) for name in ("t", "h", "demand"))
-    symbolic = rows.parameters(tape, "plant", plant)
+    rows = plant_rows(n)
+    results: dict[int, Any] = {}
 
-    def derivative(t: Any, x: Array) -> Array:
-        return state_derivative(t, x, tau, symbolic)
+    def read(name: str, size: int) -> Array:
+        return rows.variables(tape, name, size)
+
+    def one(name: str) -> Any:
+        return read(name, 1)[0]
+
+    def write(name: str, values: Any) -> None:
+        results.update(zip(rows.known(name, len(values)), values, strict=True))
+
+    def of_level(name: str, level: Any) -> Any:
+        cells = read(name, len(PACES))
+        return choose(level >= 2.0, cells[2], choose(level >= 1.0, cells[1], cells[0]))
+
+    state, torque, begin = read("state", 4 * n), read("torque", n), read("begin", 4 * n)
+    left, done, h, most = one("left"), one("done"), one("h"), one("demand")
+    k, period, live = tape.write("argument", "k"), one("period"), one("live")
+    x = rows.parameters(tape, "plant", plant)
+
+    write("begin", state)
+    write("left", [choose(live > 0.0, of_level("steps", most), 0.0)])
+    write("done", [0.0])
+    write("h", [choose(live > 0.0, of_level("length", most), 0.0)])
+    write("demand", [choose(live > 0.0, 0.0, most)])
+    first = machine.vector_code(
+        "begin", tape.lines, {row: as_operand(value) for row, value in results.items()}
+    )
+
+    results = {}
+    busy, t = left > 0.0, k * period + done * h
+
+    def derivative(t: Any, x_t: Array) -> Array:
+        return state_derivative(t, x_t, torque, x)
 
     if implicit:
-        after, slope = rosenbrock(derivative, damped(state, tau, symbolic), t, state, h)
+        after, slope = rosenbrock(derivative, damped(state, torque, x), t, state, h)
     else:
         after, slope = runge_kutta(derivative, t, state, h)
-    most = np.maximum(most, demand(state, after, symbolic, implicit=implicit))
-    results: dict[int, Any] = {}
-    for name, values in (("state", after), ("ddq", slope[n : 2 * n]), ("demand", [most])):
-        before = rows.variables(tape, name, len(values))
-        kept = [choose(h > 0.0, *pair) for pair in zip(values, before, strict=True)]
-        results |= dict(zip(rows.known(name, len(values)), kept, strict=True))
-    return lane_code("step", tape, results, rows), rows
+    met = np.maximum(most, demand(state, after, x, implicit=implicit))
+    is_last, wanted = busy * (done + 1.0 >= left), of_level("steps", met)
+    again = is_last * (wanted > left)
+    ahead = [choose(again, *pair) for pair in zip(begin, after, strict=True)]
+    write("state", [choose(busy, *pair) for pair in zip(ahead, state, strict=True)])
+    at_start = busy * (done <= 0.0)
+    write("ddq", [choose(at_start, *pair) for pair in zip(slope[n : 2 * n], read("ddq", n), strict=True)])
+    write("left", [choose(is_last, choose(again, wanted, 0.0), left)])
+    write("done", [choose(is_last, 0.0, done + busy)])
+    write("h", [choose(again, of_level("length", met), h)])
+    write("demand", [choose(busy, choose(again, 0.0, met), most)])
+    step = lane_code("step", tape, results, rows)
+    return "\n".join((first, step, machine.repeated("advance", "begin", "step", rows.named["left"]))), rows
 
 
 def runge_kutta(
@@ -185,62 +223,84 @@ def damped(state: Array, tau: Array, plant: Plant) -> Callable[[Array, Any], Arr
 
 
 @remembered
-def sample_code(numbers: LoopNumbers) -> tuple[str, LaneRows]:
-    """Source of ``sample``: encoders, law, motors, memory and statistics at sample k."""
-    tape, n = LaneTape(), numbers.S.shape[0]
-    rows = sample_rows(n)
+def sample_code(numbers: LoopNumbers, statistics: bool, record: bool) -> tuple[str, LaneRows]:
+    """Source of ``sample``: encoders, law and motors at sample k, and if wanted statistics and a record."""
+    tape, n = LaneTape(), numbers.hardware.S.shape[0]
+    rows, plant = sample_rows(n), plant_rows(n).named
     results: dict[int, Any] = {}
 
     def read(name: str, size: int) -> Array:
         return rows.variables(tape, name, size)
 
+    def one(name: str) -> Any:
+        return read(name, 1)[0]
+
     def write(name: str, values: Any) -> None:
         results.update(zip(rows.known(name, len(values)), values, strict=True))
 
-    x = rows.parameters(tape, "loop", numbers)
-    k, q_d, dq_d, ddq_d = tape.write("argument", "k"), read("q_d", n), read("dq_d", n), read("ddq_d", n)
-    memory = packed_memory(read("memory", (6 * x.law.lag + 3) * n), n, x.law.lag)
-    pending = list(read("pending", x.actuator.delay * n).reshape(-1, n))
-    state, noise = read("state", 4 * n), x.encoder.noise * read("noise_q", n)
-    q = x.S_inv @ (state[2 * n : 3 * n] - x.theta_start) if x.law.motor_side else state[:n]
-    q = np.array([quantise(angle, x.encoder.resolution) for angle in q + noise], dtype=object)
-    measured = (x.S @ q if x.law.motor_side else q), q
-    tau, (H_hat, s), carry = decide_by_estimate(memory, measured, (q_d, dq_d, ddq_d), x.law)
-    tau_m = applied_torque((queue := [*pending, tau])[0], x.actuator, x.S, x.S_inv)
-    commanded = applied_torque(tau, x.actuator._replace(resolution=0.0), x.S, x.S_inv)
-    after = keep_estimate(measured, (tau_m, commanded), carry, x.law)
+    def at(name: str, index: Any, size: int) -> Symbol:
+        """Where a pointer leads at a sample or block."""
+        return tape.write("moved", one(name), index * float(size))
 
-    tau_before, live = read("tau_m", n), read("live", 1)[0]
-    epsilon = (x.law.from_joint @ (tau_before - read("H_hat", n))) / x.law.M_bar - read("ddq_sample", n)
-    winch = x.S.T @ tau_m
-    sample = streaming.Sample(
-        e=q_d - measured[0],
-        de=carry[2],
-        dq_d=dq_d,
-        ddq_d=ddq_d,
-        s=s,
-        tau=tau_m,
-        tau_before=tau_before,
-        H_hat=H_hat,
-        epsilon=epsilon,
-        saturated=np.array([abs(winch[i]) >= AT_LIMIT * x.actuator.limit[i] for i in range(n)], dtype=object),
+    def of_plant(name: str, size: int) -> range:
+        return range(LANES * plant[name], LANES * (plant[name] + size), LANES)
+
+    x, k, live = rows.parameters(tape, "loop", numbers), tape.write("argument", "k"), one("live")
+    own, desired, noise = one("plant"), at("desired", k, 3 * n), at("noise", k, 3 * n)
+    state = tape.load(own, of_plant("state", 4 * n))
+    example = start((np.zeros(n), np.zeros(n)), np.zeros(n), numbers.law)
+    memory = unpacked(read("memory", sum(part.size for part in example)), example)
+    delay = x.hardware.actuator.delay
+    pending = list(read("pending", delay * n).reshape(-1, n))
+    q_d, dq_d, ddq_d = np.split(tape.load(desired, range(3 * n)), 3)
+    motion = q_d, dq_d, ddq_d
+    found = sample(state, memory, pending, motion, tape.load(noise, range(3 * n)), x.law, x.hardware)
+
+    stores = [(own, *put) for put in zip(of_plant("torque", n), found.torque, strict=True)]
+    if statistics:
+        before = read("tau_before", n), read("H_before", n), tape.load(own, of_plant("ddq", n))
+        stepped = _statistics(found, motion, before, x)
+        sums = streaming.Sums(*read("sums", len(streaming.Sums._fields) * n).reshape(-1, n))
+        write("sums", np.concatenate(streaming.add_sample(sums, stepped, live, k, x.phases)))
+        write("tau_before", found.tau_m)
+        write("H_before", found.signals[0])
+        block = at("blocks", np.floor((k + 0.5) * (1.0 / x.block)), n)
+        for i, total in enumerate(tape.load(block, range(n))):
+            stores.append((block, i, total + choose(live > 0.0, stepped.e[i], 0.0)))
+    if record:
+        kept = np.concatenate([state, *found.measured, found.tau, found.tau_m, *found.signals])
+        place = at("trace", k, kept.size)
+        stores += [(place, i, value) for i, value in enumerate(kept)]
+    after = live * found.bounded * (k + 1.0 < x.samples)
+    write("count", [one("count") + live])
+    write("diverged", [one("diverged") + live * (1.0 - found.bounded)])
+    write("live", [after])
+    write("memory", np.concatenate([np.ravel(part) for part in found.memory]))
+    write("pending", np.ravel(found.pending))
+    return lane_code("sample", tape, results, rows, [*stores, (own, *of_plant("live", 1), after)]), rows
+
+
+def _statistics(found: Sampled, motion: Three, before: Three, x: Any) -> streaming.Sample:
+    """What a sample contributes; before are torque and estimate of the last one, and acceleration since."""
+    n, actuator = len(found.tau), x.hardware.actuator
+    winch = times(x.hardware.S.T, found.tau_m)
+    tau, H_hat, ddq = before
+    return streaming.Sample(
+        e=motion[0] - found.measured[0],
+        de=found.rate,
+        dq_d=motion[1],
+        ddq_d=motion[2],
+        s=found.signals[1],
+        tau=found.tau_m,
+        tau_before=tau,
+        H_hat=found.signals[0],
+        epsilon=times(x.law.from_joint, tau - H_hat) / x.law.M_bar - ddq,
+        saturated=np.array([abs(winch[i]) >= AT_LIMIT * actuator.limit[i] for i in range(n)], dtype=object),
     )
-    sums = streaming.Sums(*read("sums", len(streaming.Sums._fields) * n).reshape(-1, n))
-    write("sums", np.concatenate(streaming.add_sample(sums, sample, live, k, x.phases)))
-    write("error", [choose(live > 0.0, sample.e[i], 0.0) for i in range(n)])
 
-    bounded: Any = 1.0
-    for i in range(n):
-        bounded = bounded * (abs(sample.e[i]) <= x.limit) * (abs(tau_m[i]) <= LARGEST_TORQUE)
-    write("count", [read("count", 1)[0] + live])
-    write("diverged", [read("diverged", 1)[0] + live * (1.0 - bounded)])
-    write("live", [live * bounded * (k + 1.0 < x.samples)])
-    write("memory", np.concatenate([np.ravel(part) for part in after]))
-    write("pending", np.concatenate(queue[1:]) if pending else [])
-    write("q_encoder", measured[0])
-    write("tau_cmd", tau)
-    write("tau_m", tau_m)
-    write("H_hat", H_hat)
-    write("s", s)
-    write("tau_applied", tau_m + x.S_inv.T @ (x.actuator.noise * read("noise_tau", n)))
-    return lane_code("sample", tape, results, rows), rows
+
+def unpacked(values: Array, example: Any) -> Any:
+    """Memory from all its numbers in order, shaped as an example."""
+    parts = np.split(values, np.cumsum([part.size for part in example])[:-1])
+    shaped = [part.reshape(like.shape) for part, like in zip(parts, example, strict=True)]
+    return type(example)(*shaped) if hasattr(example, "_fields") else tuple(shaped)

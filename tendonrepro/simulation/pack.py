@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.simulation import streaming
-from tendonrepro.simulation.codegen import compiled
-from tendonrepro.simulation.codegen.lanes import aligned, bundled, columns
-from tendonrepro.simulation.codegen.machine import LANES
-from tendonrepro.simulation.kernel import RECORDED, sample_rows
-from tendonrepro.simulation.parts import CompiledPart, unit_noise
-from tendonrepro.simulation.stepper import DesiredMotion, Loop
+from tendonrepro.simulation.codegen.lanes import bundled, columns
+from tendonrepro.simulation.codegen.machine import LANES, sweep
+from tendonrepro.simulation.kernel import sample_rows
+from tendonrepro.simulation.loop import Loop, recorded_columns
+from tendonrepro.simulation.parts import CompiledPart, is_noisy, unit_noise
 
 SLICE = 500
 """Samples after which experiments that ended leave their lane to others."""
@@ -25,8 +24,8 @@ SLICE = 500
 class Ended:
     """What M experiments left behind: samples done, whether they diverged, sums, each (n, M).
 
-    ``blocks`` (B, n, M) are errors summed up over blocks of samples, ``trace`` (T, 9 n, M) the rows of
-    `RECORDED`, without entries unless asked for.
+    ``blocks`` (M, B, n) are errors summed up over blocks of samples, ``trace`` (M, T, columns) what was
+    recorded, without entries unless asked for.
     """
 
     count: NDArray[np.int64]
@@ -35,21 +34,11 @@ class Ended:
     blocks: Array
     trace: Array
 
-    def recorded(self, member: int) -> dict[str, Array]:
-        """Recorded signals of one experiment by the names of `RECORDED`, each (T, ...)."""
-        n, at, signals = self.blocks.shape[1], 0, {}
-        for name in RECORDED:
-            size = 4 * n if name == "state" else n
-            signals[name] = self.trace[: self.count[member], at : at + size, member]
-            at += size
-        return signals
-
 
 def run_pack(
     loops: Mapping[int, Loop],
     controllers: Mapping[int, CompiledPart],
     plants: Mapping[int, CompiledPart],
-    steps: Mapping[int, NDArray[np.int64]],
     block: int,
     *,
     record: bool,
@@ -57,168 +46,117 @@ def run_pack(
     """Run experiments of one sampling period, by place in the batch.
 
     Plants and controllers are each bundled by their code, in the order given; a lane of the one knows its
-    lane of the other. ``steps`` (levels,) are the integration steps per sample of each, ``block`` is the
-    number of samples of a block, see `Ended`; with ``record`` traces are kept.
+    lane of the other. ``block`` is the number of samples of a block, see `Ended`; with ``record`` traces are
+    kept.
     """
-    n, L = (first := next(iter(loops.values()))).plant.preload.size, first.L
-    samples, signals = max(loop.reference.time.size for loop in loops.values()), _Signals([*loops.values()])
-    blocks = np.zeros((-(-samples // block), n, len(loops)))
-    trace = np.empty((samples if record else 0, 9 * n, len(loops)))
-    about = np.array([range(len(loops)), *signals.of])
-    counts = np.stack([steps[place] for place in loops], axis=-1)
-    pack = _bundle_up(
-        [(code, rows, about[:, of]) for code, rows, of in _by_code(loops, controllers)],
-        [(code, rows, counts[:, of], of) for code, rows, of in _by_code(loops, plants)],
-    )
-    live, left = sample_rows(n).named["live"], np.empty((pack.v.shape[1], len(loops)))
-    for start, (desired, noise) in zip(range(0, samples, SLICE), signals.slices(samples), strict=True):
-        span = desired, noise, start, L, block, blocks, trace
-        compiled.compiled_lane_loop()(pack.v, pack.code, pack.lanes, pack.w, pack.step, pack.counts, *span)
-        members, values = pack.lanes[:, 0].reshape(-1), columns(pack.v)
-        left[:, members[members >= 0]] = values[:, members >= 0]
-        going = np.zeros(len(loops), dtype=np.bool_)
-        going[members[members >= 0]] = values[live, members >= 0] > 0.0
+    first, count = next(iter(loops.values())), len(loops)
+    n, samples = first.plant.preload.size, max(loop.reference.time.size for loop in loops.values())
+    # The last experiment of each is one that lanes to spare write to.
+    blocks = np.zeros((count + 1, -(-samples // block), n))
+    trace = np.empty((count + 1, samples if record else 0, recorded_columns(first)))
+    signals, shared = _Signals([*loops.values()]), sample_rows(n)
+    laws, moving = _bundles(loops, controllers), _bundles(loops, plants, idle=True)
+    left, going = np.empty((shared.count, count)), np.ones(count, dtype=np.bool_)
+    for at in range(0, samples, SLICE):
+        span = min(SLICE, samples - at)
+        own, nobodys = np.zeros(count + 1, dtype=np.int64), np.zeros((laws[0].rows.shape[1], LANES))
+        for bundles in moving:
+            own[bundles.members] = bundles.seats()
+        own[-1] = nobodys.ctypes.data
+        desired, noise = signals.slice(at, span)
+        pointers = {
+            "plant": own,
+            "desired": _starts(desired, at)[signals.motion],
+            "noise": _starts(noise, at)[signals.noise],
+            "blocks": _starts(blocks),
+            "trace": _starts(trace),
+        }
+        for bundles in laws:
+            bundles.point({shared.named[name]: places for name, places in pointers.items()})
+        sweep([(bundles.code, rows) for bundles in (*laws, *moving) for rows in bundles.rows], at, at + span)
+        for bundles in laws:
+            left[:, bundles.members] = columns(bundles.rows)[: shared.count, : bundles.members.size]
+        going = left[shared.named["live"]] > 0.0
         if not going.any():
             break
-        pack = pack.without_ended(going)
-    return _ended(left, n, blocks, trace)
+        laws = [bundles.staying(going) for bundles in laws if going[bundles.members].any()]
+        moving = [bundles.staying(going, idle=True) for bundles in moving if going[bundles.members].any()]
+    sums = left[shared.named["sums"] :].reshape(len(streaming.Sums._fields), n, count)
+    done, diverged = (left[shared.named[name]] for name in ("count", "diverged"))
+    return Ended(done.astype(np.int64), diverged > 0.0, streaming.Sums(*sums), blocks[:-1], trace[:-1])
 
 
 @dataclass(frozen=True)
-class _Pack:
-    """Bundles as `lane_loop.sweep` takes them; ``members`` (C, lanes) are the experiments of `w`, or -1."""
+class _Bundles:
+    """Bundles (B, rows, lanes) of experiments that share their code, and which those are in the pack, (M,).
 
-    v: Array
-    code: NDArray[np.int64]
-    lanes: NDArray[np.int64]
-    w: Array
-    step: NDArray[np.int64]
-    counts: NDArray[np.int64]
+    Lanes to spare come last: idle ones are zero, others do as the last experiment does.
+    """
+
+    code: int
+    rows: Array
     members: NDArray[np.int64]
 
-    def without_ended(self, going: NDArray[np.bool_]) -> _Pack:
-        """Only experiments that still go on, if they need fewer bundles."""
-        controllers = _staying(self.code, self.lanes[:, 0], going)
-        plants = _staying(self.step, self.members, going)
-        needed = sum(-(-stay.size // LANES) for _, _, stay in (*controllers, *plants))
-        if needed == len(self.v) + len(self.w):
-            return self
-        return _bundle_up(
-            [
-                (code, columns(self.v[of])[:, stay], columns(self.lanes[of])[:3, stay])
-                for code, of, stay in controllers
-            ],
-            [
-                (
-                    code,
-                    columns(self.w[of])[:, stay],
-                    columns(self.counts[of])[:, stay],
-                    self.members[of].reshape(-1)[stay],
-                )
-                for code, of, stay in plants
-            ],
-        )
+    def staying(self, going: NDArray[np.bool_], *, idle: bool = False) -> _Bundles:
+        """Only experiments that still go on, closed up."""
+        stay = np.flatnonzero(going[self.members])
+        return _bundled(self.code, columns(self.rows)[:, stay], self.members[stay], idle=idle)
+
+    def seats(self) -> NDArray[np.int64]:
+        """Address of each experiment's first number."""
+        bundle, lane = divmod(np.arange(self.members.size), LANES)
+        found: NDArray[np.int64] = self.rows.ctypes.data + bundle * self.rows[0].nbytes + lane * 8
+        return found
+
+    def point(self, pointers: Mapping[int, NDArray[np.int64]]) -> None:
+        """Fill rows of pointers with where each experiment's own lies, (M + 1,), the last for idle lanes."""
+        experiments = np.full(len(self.rows) * LANES, -1)
+        experiments[: self.members.size] = self.members
+        for row, places in pointers.items():
+            self.rows.view(np.int64)[:, row] = places[experiments].reshape(-1, LANES)
 
 
-def _by_code(
-    loops: Mapping[int, Loop], parts: Mapping[int, CompiledPart]
-) -> list[tuple[int, Array, NDArray[np.int64]]]:
-    """Address of each code, rows of the experiments at their start, (R, M), and which those are."""
+def _bundled(code: int, values: Array, members: NDArray[np.int64], *, idle: bool) -> _Bundles:
+    return _Bundles(code, bundled(values, np.zeros((len(values), 1)) if idle else None), members)
+
+
+def _bundles(
+    loops: Mapping[int, Loop], parts: Mapping[int, CompiledPart], *, idle: bool = False
+) -> list[_Bundles]:
+    """Bundles by code, with the rows of the experiments at their start."""
     found = []
     for part in {id(parts[place]): parts[place] for place in loops}.values():
         members = {k: place for k, place in enumerate(loops) if parts[place] is part}
-        found.append((part.code.run, part.filled([*members.values()]), np.array([*members])))
-    most = max(len(rows) for _, rows, _ in found)
-    return [(code, np.pad(rows, ((0, most - len(rows)), (0, 0))), members) for code, rows, members in found]
+        values = part.filled([*members.values()])
+        found.append(_bundled(part.code.run, values, np.array([*members]), idle=idle))
+    return found
 
 
-def _staying(
-    codes: NDArray[np.int64], members: NDArray[np.int64], going: NDArray[np.bool_]
-) -> list[tuple[int, NDArray[np.bool_], NDArray[np.int64]]]:
-    """Every code with its bundles, and which of their lanes go on."""
-    kept = (members >= 0) & going[members]
-    return [
-        (code, codes == code, np.flatnonzero(kept[codes == code])) for code in dict.fromkeys(codes.tolist())
-    ]
-
-
-def _bundle_up(
-    controllers: Sequence[tuple[int, Array, NDArray[np.int64]]],
-    plants: Sequence[tuple[int, Array, NDArray[np.int64], NDArray[np.int64]]],
-) -> _Pack:
-    """Bundles of columns: controllers by code, with their experiment, motion and noise, and plants by code.
-
-    Of plants also the steps, (levels, M), and which experiments they are.
-    """
-    controllers = [part for part in controllers if part[1].shape[1]]
-    plants = [part for part in plants if part[1].shape[1]]
-    members = np.concatenate([bundled(of[np.newaxis], np.array([[-1]]))[:, 0] for *_, of in plants])
-    seat = np.zeros(members.max() + 1, dtype=np.int64)
-    seat[members[members >= 0]] = np.flatnonzero(members >= 0)
-    empty = np.array([[-1], [0], [-1], [0], [0]])
-    return _Pack(
-        v=aligned(np.concatenate([bundled(rows) for _, rows, _ in controllers])),
-        code=np.repeat(*np.transpose([(code, -(-rows.shape[1] // LANES)) for code, rows, _ in controllers])),
-        lanes=np.concatenate(
-            [
-                bundled(np.vstack([about, *divmod(seat[about[0]], LANES)]), empty)
-                for _, _, about in controllers
-            ]
-        ),
-        w=aligned(np.concatenate([bundled(rows, np.zeros((len(rows), 1))) for _, rows, _, _ in plants])),
-        step=np.repeat(*np.transpose([(code, -(-of.size // LANES)) for code, _, _, of in plants])),
-        counts=np.concatenate([bundled(counts) for _, _, counts, _ in plants]),
-        members=members,
-    )
+def _starts(values: Array, first: int = 0) -> NDArray[np.int64]:
+    """Address of sample 0 of each part of an array (parts, samples, columns) that begins with another."""
+    starts = values.ctypes.data + values.strides[0] * np.arange(len(values))
+    return np.asarray(starts - first * values.strides[1])
 
 
 class _Signals:
     """Desired motions and noises of experiments, each distinct one once.
 
-    ``of`` says of every experiment which motion is its own, and which noise, -1 for none.
+    ``motion`` and ``noise`` say which are those of every experiment, and, last, of lanes to spare.
     """
 
     def __init__(self, loops: Sequence[Loop]) -> None:
         self._n = loops[0].plant.preload.size
-        self._motions = {id(loop.reference): loop.reference for loop in loops}
-        self._noises = {_noise_of(loop): loop for loop in loops if _is_noisy(loop)}
-        motions, noises = list(self._motions), list(self._noises)
-        self.of = (
-            [motions.index(id(loop.reference)) for loop in loops],
-            [noises.index(_noise_of(loop)) if _is_noisy(loop) else -1 for loop in loops],
-        )
+        motions = {id(loop.reference): loop.reference for loop in loops}
+        seeds = {loop.seed: loop for loop in loops if is_noisy(loop)}
+        self._motions, self._noises = [*motions.values()], [unit_noise(loop) for loop in seeds.values()]
+        order, sources = list(motions), list(seeds)
+        self.motion = np.array([*(order.index(id(loop.reference)) for loop in loops), 0])
+        self.noise = np.array([*(sources.index(loop.seed) if is_noisy(loop) else -1 for loop in loops), -1])
 
-    def slices(self, samples: int) -> Iterator[tuple[Array, Array]]:
-        """Motions (R, T, 3 n) and unit noises (Q, T, 2 n) of every slice; at rest after a motion's end."""
-        lengths = [min(SLICE, samples - start) for start in range(0, samples, SLICE)]
-        noises = [unit_noise(loop, lengths) for loop in self._noises.values()]
-        for start, length, *noise in zip(range(0, samples, SLICE), lengths, *noises, strict=True):
-            motions = [_motion(motion, start, length) for motion in self._motions.values()]
-            yield np.stack(motions), np.stack(noise) if noise else np.zeros((0, length, 2 * self._n))
-
-
-def _motion(motion: DesiredMotion, start: int, length: int) -> Array:
-    found = np.hstack([part[start : start + length] for part in (motion.q_d, motion.dq_d, motion.ddq_d)])
-    return np.pad(found, ((0, length - len(found)), (0, 0)))
-
-
-def _is_noisy(loop: Loop) -> bool:
-    return not loop.encoder.noise == loop.actuator.noise == 0.0
-
-
-def _noise_of(loop: Loop) -> tuple[int, bool]:
-    """What tells noises apart: their seed, and which encoders they belong to."""
-    return loop.seed, loop.controller.motor_side
-
-
-def _ended(values: Array, n: int, blocks: Array, trace: Array) -> Ended:
-    """Read what is left in the rows (R, M) after a run."""
-    rows, fields = sample_rows(n).named, len(streaming.Sums._fields)
-    sums = values[rows["sums"] :][: fields * n].reshape(fields, n, -1)
-    return Ended(
-        count=values[rows["count"]].astype(np.int64),
-        diverged=values[rows["diverged"]] > 0.0,
-        sums=streaming.Sums(*sums),
-        blocks=blocks,
-        trace=trace,
-    )
+    def slice(self, first: int, span: int) -> tuple[Array, Array]:
+        """Motions (R, span, 3 n), at rest after their end, and unit noises (Q, span, 3 n), the last none."""
+        motions = np.zeros((len(self._motions), span, 3 * self._n))
+        for kept, motion in zip(motions, self._motions, strict=True):
+            found = [part[first : first + span] for part in (motion.q_d, motion.dq_d, motion.ddq_d)]
+            kept[: len(found[0])] = np.hstack(found)
+        return motions, np.stack([*(noise(span) for noise in self._noises), np.zeros((span, 3 * self._n))])

@@ -5,25 +5,30 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.physics.control import Law, start_memory
 from tendonrepro.physics.dynamics import Plant, holding_torque, rest_state
-from tendonrepro.physics.instruments import quantise
 from tendonrepro.simulation import streaming
-from tendonrepro.simulation.codegen import compiled, lane_loop
 from tendonrepro.simulation.codegen.lanes import LaneRows, bundled, columns, part_of, stacked
-from tendonrepro.simulation.codegen.machine import LaneCode
-from tendonrepro.simulation.kernel import LoopNumbers, sample_code, step_code
+from tendonrepro.simulation.codegen.machine import LaneCode, assembled, callable_code
+from tendonrepro.simulation.kernel import LoopNumbers, advance_code, sample_code, slope_code
+from tendonrepro.simulation.loop import Loop
 from tendonrepro.simulation.resolution import HIGHEST, PACES, plant_modes, steps_by_demand
-from tendonrepro.simulation.stepper import JOINT_NOISE, MOTOR_NOISE, TORQUE_NOISE, Loop, random_stream
+from tendonrepro.simulation.sampled import Hardware, measure, start
 
 CHUNK = 128
 """Plants whose steps are worked out together, by one thread."""
+
+
+class Rest(NamedTuple):
+    """State (4 n,) of a plant at the start posture and motor torque (n,) that holds it there, N m."""
+
+    state: Array
+    tau: Array
 
 
 @dataclass(frozen=True)
@@ -50,18 +55,19 @@ class CompiledPart:
                 first = self.rows.named[name]
                 values[first : first + numbers.shape[0]] = numbers[:, own]
         bundles = bundled(values)
+        prepare = callable_code(self.code.prepare)
         for bundle in bundles:
-            lane_loop.call(self.code.prepare, bundle, 0.0)
+            prepare(bundle.ctypes.data, 0.0)
         return columns(bundles)[:, : len(places)]
 
 
 def plant_parts(
     loops: Mapping[int, Loop], tolerance: float, for_each: Callable[..., Iterator[Any]]
-) -> tuple[dict[int, CompiledPart], dict[int, NDArray[np.int64]], dict[int, Array]]:
+) -> tuple[dict[int, CompiledPart], dict[int, NDArray[np.int64]], dict[int, Rest]]:
     """Compile the plants of loops with as many joints and components of the disturbance.
 
     By place in the batch: the code, integration steps per sample at each level of demand, (levels,), 0 where
-    none are enough, and motor torque at rest, N m. `for_each` is `map`, or one on several threads.
+    none are enough, and its rest. `for_each` is `map`, or one on several threads.
     """
     # Runs under other readings share their plant and motion: these are worked out once.
     key = {place: (id(loop.plant), id(loop.reference)) for place, loop in loops.items()}
@@ -79,19 +85,33 @@ def plant_parts(
     column = {name: k for k, name in enumerate(single)}
     places = {place: column[name] for place, name in key.items()}
     still, once = np.zeros_like(plant.preload), np.ones((1, len(single)))
-    torque = holding_torque(still, plant)
-    start = {"state": rest_state(still, plant), "live": once, "demand": HIGHEST * once}
+    torque, state = holding_torque(still, plant), rest_state(still, plant)
 
     @cache
-    def part(implicit: bool) -> CompiledPart:
-        source, rows = step_code(plant, implicit)
-        return CompiledPart(compiled.compiled_lanes(source, "step"), rows, start, places)
+    def part(implicit: bool, L: float) -> CompiledPart:
+        source, rows = advance_code(plant, implicit)
+        steps = counts[L][0].astype(float)
+        start = {
+            "state": state,
+            "live": once,
+            "demand": HIGHEST * once,
+            "steps": steps,
+            "length": L / np.maximum(steps, 1.0),
+            "period": L * once,
+        }
+        return CompiledPart(LaneCode(*assembled(source, "prepare_step", "advance")), rows, start, places)
 
     return (
-        {place: part(bool(counts[loop.L][1][places[place]])) for place, loop in loops.items()},
+        {place: part(bool(counts[loop.L][1][places[place]]), loop.L) for place, loop in loops.items()},
         {place: counts[loop.L][0][:, places[place]] for place, loop in loops.items()},
-        {place: torque[:, k] for place, k in places.items()},
+        {place: Rest(state[:, k], torque[:, k]) for place, k in places.items()},
     )
+
+
+def slope_part(plant: Plant) -> CompiledPart:
+    """Compile the state's derivative of one plant."""
+    source, rows = slope_code(stacked([plant]))
+    return CompiledPart(LaneCode(*assembled(source, "prepare_slope", "slope")), rows, {}, {0: 0})
 
 
 def _steps(
@@ -103,20 +123,29 @@ def _steps(
 
 
 def sample_part(
-    loops: Mapping[int, Loop], laws: Mapping[int, Law], torque: Mapping[int, Array]
+    loops: Mapping[int, Loop],
+    rest: Mapping[int, Rest],
+    block: Callable[[float], int],
+    *,
+    statistics: bool,
+    record: bool,
 ) -> CompiledPart:
-    """Compile encoders, law, motors and statistics of loops alike in every branch; torque at rest in N m."""
-    numbers = _numbers([*loops.values()], [laws[place] for place in loops])
-    tau = np.stack([np.zeros_like(torque[k]) if loop.cold else torque[k] for k, loop in loops.items()], -1)
-    source, rows = sample_code(numbers)
-    code = compiled.compiled_lanes(source, "sample")
-    start = _start(tau, numbers, [*loops.values()])
-    return CompiledPart(code, rows, start, {place: k for k, place in enumerate(loops)})
+    """Compile encoders, law and motors of loops alike in every branch, with statistics or a record.
+
+    ``block(L)`` is the number of samples whose errors are summed up together.
+    """
+    ordered = {place: (loop, rest[place]) for place, loop in loops.items()}
+    numbers = _numbers([*ordered.values()], block)
+    source, rows = sample_code(numbers, statistics, record)
+    code = LaneCode(*assembled(source, "prepare_sample", "sample"))
+    starts = [_start(*one) for one in ordered.values()]
+    start = {name: np.stack([one[name] for one in starts], axis=-1) for name in starts[0]}
+    return CompiledPart(code, rows, start, {place: k for k, place in enumerate(ordered)})
 
 
-def _numbers(loops: Sequence[Loop], laws: Sequence[Law]) -> LoopNumbers:
+def _numbers(loops: Sequence[tuple[Loop, Rest]], block: Callable[[float], int]) -> LoopNumbers:
     phases: dict[int, streaming.Thresholds] = {}
-    for loop in loops:
+    for loop, _ in loops:
         if id(loop.reference) not in phases:
             reference = loop.reference
             period = round(reference.period / loop.L)
@@ -124,52 +153,52 @@ def _numbers(loops: Sequence[Loop], laws: Sequence[Law]) -> LoopNumbers:
     numbers: LoopNumbers = stacked(
         [
             LoopNumbers(
-                law=law,
-                encoder=loop.encoder,
-                theta_start=_theta_start(loop),
-                actuator=loop.actuator,
-                S=loop.plant.drive.S,
-                S_inv=loop.plant.drive.S_inv,
+                law=loop.controller.law,
+                hardware=hardware_of(loop, rest),
                 phases=phases[id(loop.reference)],
-                limit=np.array(loop.divergence_limit),
                 samples=np.array(float(loop.reference.time.size)),
+                block=np.array(float(block(loop.L))),
             )
-            for loop, law in zip(loops, laws, strict=True)
+            for loop, rest in loops
         ]
     )
     return numbers
 
 
-def _theta_start(loop: Loop) -> Array:
-    """Where motor angles are zero, in joint coordinates, (n,); nobody asks where joints are measured."""
-    still = np.zeros_like(loop.plant.preload)
-    return np.split(rest_state(still, loop.plant), 4)[2] if loop.controller.motor_side else still
+def hardware_of(loop: Loop, rest: Rest) -> Hardware:
+    """Encoders, zeroed at rest, drives and coupling."""
+    drive, n = loop.plant.drive, loop.plant.preload.size
+    encoders, theta = (loop.joint_encoder, loop.motor_encoder), rest.state[2 * n : 3 * n]
+    limit = np.float64(loop.divergence_limit)
+    return Hardware(*encoders, theta, loop.actuator, drive.S, drive.S_inv, limit)
 
 
-def _start(tau: Array, numbers: LoopNumbers, loops: Sequence[Loop]) -> dict[str, Array]:
-    """Memory of every law by the start-up rule; ``tau`` (n, N) acted before."""
-    n, count = tau.shape
-    angles = [
-        quantise(loop.encoder.noise * next(unit_noise(loop, [1]))[0, :n], loop.encoder.resolution)
-        if loop.encoder.noise
-        else np.zeros(n)
-        for loop in loops
-    ]
-    if numbers.law.motor_side:
-        angles = [loop.plant.drive.S @ angle for loop, angle in zip(loops, angles, strict=True)]
-    memory = start_memory(np.stack(angles, axis=-1), tau, numbers.law.lag)
+def memory_of(loop: Loop, rest: Rest) -> tuple[Any, Array]:
+    """Memory of the law by the start-up rule, and the torque that acted before."""
+    tau = np.zeros_like(rest.tau) if loop.cold else rest.tau
+    noise, law = unit_noise(loop)(1)[0] if is_noisy(loop) else np.zeros(3 * tau.size), loop.controller.law
+    return start(measure(rest.state, noise, law, hardware_of(loop, rest)), tau, law), tau
+
+
+def _start(loop: Loop, rest: Rest) -> dict[str, Array]:
+    """Values of a loop's rows at the first sample."""
+    memory, tau = memory_of(loop, rest)
     return {
-        "memory": np.concatenate([np.reshape(part, (-1, count)) for part in memory]),
-        "pending": np.tile(tau, (numbers.actuator.delay, 1)),
-        "tau_m": tau,
-        "H_hat": tau,
-        "live": np.ones((1, count)),
+        "memory": np.concatenate([np.ravel(part) for part in memory]),
+        "pending": np.tile(tau, loop.actuator.delay),
+        "tau_before": tau,
+        "H_before": tau,
+        "live": np.ones(1),
     }
 
 
-def unit_noise(loop: Loop, lengths: Sequence[int]) -> Iterator[Array]:
-    """Noise of encoders and torque before it is scaled, (samples, 2 n), in slices."""
-    n, angle = loop.plant.preload.size, MOTOR_NOISE if loop.controller.motor_side else JOINT_NOISE
-    streams = [random_stream(loop, kind) for kind in (angle, TORQUE_NOISE)]
-    for samples in lengths:
-        yield np.hstack([stream.standard_normal((samples, n)) for stream in streams])
+def is_noisy(loop: Loop) -> bool:
+    """Whether any instrument has noise."""
+    return any(part.noise > 0.0 for part in (loop.joint_encoder, loop.motor_encoder, loop.actuator))
+
+
+def unit_noise(loop: Loop) -> Callable[[int], Array]:
+    """Noise of encoders and torque before it is scaled, (samples, 3 n), the next samples at each call."""
+    n = loop.plant.preload.size
+    streams = [np.random.default_rng([loop.seed, stream]) for stream in range(3)]
+    return lambda samples: np.hstack([stream.standard_normal((samples, n)) for stream in streams])

@@ -1,111 +1,164 @@
-"""One sample of a run beside its plant: instruments, the package's own laws, and when it has diverged."""
+"""One sample of a run beside its plant: encoders, law, motors, and whether it goes on.
+
+Runs on numbers and on symbols alike, so both steppers and a user's own law go through the same lines.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.physics.control import Law, Memory, Servo, command, remember, servo_torque
-from tendonrepro.physics.instruments import Actuator, quantise
+from tendonrepro.physics import control
+from tendonrepro.physics.control import Law, Memory, Servo, servo_torque, start_memory
+from tendonrepro.physics.instruments import Actuator, Encoder, applied_torque, quantise
 from tendonrepro.physics.linalg import times
 
 LARGEST_TORQUE = 1e6
 """Torque, N m, beyond which a run has diverged even before its error shows it."""
 
-
 Two: TypeAlias = tuple[Array, Array]
 Three: TypeAlias = tuple[Array, Array, Array]
 
+CommandFunction = Callable[[Memory, Array, Array, Array, Array, Law], tuple[Array, Array, Array, Array]]
+"""Signature of :func:`tendonrepro.physics.control.command`."""
+
 
 class Hardware(NamedTuple):
-    """What is between law and plant, for a run of T samples of n joints.
+    """What is between law and plant.
 
     Attributes
     ----------
-    S, S_inv : array (n, n)
-        Coupling of Eq. (2).
-    actuator : Actuator
+    joint_encoder, motor_encoder : Encoder
     theta_start : array (n,)
         Where motor angles are zero, in joint coordinates, rad.
-    q_step, motor_step : float
-        Counts of the encoders, rad.
-    q_noise, motor_noise : array (T, n)
-        rad.
-    torque_noise : array (T, n)
-        In joint coordinates, N m.
-    motor_side : bool
-        Whether the law looks at the motors' angles, through S.
+    actuator : Actuator
+    S, S_inv : array (n, n)
+        Coupling of Eq. (2).
+    limit : float
+        Error beyond which a run has diverged, rad.
     """
 
+    joint_encoder: Encoder
+    motor_encoder: Encoder
+    theta_start: Array
+    actuator: Actuator
     S: Array
     S_inv: Array
-    actuator: Actuator
-    theta_start: Array
-    q_step: float
-    motor_step: float
-    q_noise: Array
-    motor_noise: Array
-    torque_noise: Array
-    motor_side: bool
+    limit: Any
 
 
-def measure(k: int, state: Array, hardware: Hardware) -> tuple[Array, Array]:
-    """Angles of joints, those of the motors through S where the law looks at these, and of motors, rad."""
-    n = hardware.theta_start.size
+class Sampled(NamedTuple):
+    """What one sample makes of a state.
+
+    Attributes
+    ----------
+    measured : (array (n,), array (n,))
+        Angles of the joints, those of the motors through S where the law looks at these, and of the motors.
+    tau, tau_m, torque : array (n,)
+        Commanded, applied, and with the noise that no controller knows, in joint coordinates, N m.
+    signals : sequence of array (n,)
+        Of the law.
+    rate : array (n,)
+        Of the error, rad s⁻¹; None of a position loop.
+    memory : tuple
+        Of the law, for the next sample.
+    pending : list of array (n,)
+        Commands on their way to the motors.
+    bounded : bool
+        Whether the run can go on.
+    """
+
+    measured: Two
+    tau: Array
+    tau_m: Array
+    torque: Array
+    signals: Sequence[Array]
+    rate: Any
+    memory: Any
+    pending: list[Array]
+    bounded: Any
+
+
+def sample(
+    state: Array,
+    memory: Any,
+    pending: Sequence[Array],
+    desired: Three,
+    noise: Array,
+    law: Law | Servo,
+    hardware: Hardware,
+    command: CommandFunction = control.command,
+) -> Sampled:
+    """One sample.
+
+    Parameters
+    ----------
+    state : array (4 n,)
+    memory : tuple
+    pending : sequence of array (n,)
+    desired : three arrays (n,)
+        rad, rad s⁻¹, rad s⁻².
+    noise : array (3 n,)
+        Unit noise of joint encoders, motor encoders and torque.
+    law : Law or Servo
+    hardware : Hardware
+    command : CommandFunction, optional
+
+    Returns
+    -------
+    Sampled
+    """
+    n, actuator, S, S_inv = len(state) // 4, hardware.actuator, hardware.S, hardware.S_inv
+    measured = measure(state, noise, law, hardware)
+    tau, signals, rate, H_hat = _decide(memory, measured, desired, law, command)
+    queue = [*pending, tau]
+    tau_m = applied_torque(queue[0], actuator, S, S_inv)
+    if isinstance(law, Servo):
+        memory = measured[1], memory[1]
+    else:
+        within = applied_torque(tau, actuator._replace(resolution=0.0), S, S_inv)
+        stored = tau_m if law.stores_applied else within
+        memory = control.remember(memory, measured[0], desired[0], rate, H_hat, stored, law)
+    bounded: Any = 1.0
+    for i in range(n):
+        error = desired[0][i] - measured[0][i]
+        bounded = bounded * (abs(error) <= hardware.limit) * (abs(tau_m[i]) <= LARGEST_TORQUE)
+    # The noise acts on the plant alone: no controller can know it.
+    torque = tau_m + times(S_inv.T, actuator.noise * noise[2 * n :])
+    return Sampled(measured, tau, tau_m, torque, signals, rate, memory, queue[1:], bounded)
+
+
+def measure(state: Array, noise: Array, law: Law | Servo, hardware: Hardware) -> Two:
+    """What the encoders of joints, or through S those of the motors, and of motors read, rad."""
+    n = len(state) // 4
     turned = times(hardware.S_inv, state[2 * n : 3 * n] - hardware.theta_start)
-    q_motor = quantise(turned + hardware.motor_noise[k], hardware.motor_step)
-    if hardware.motor_side:
+    q_motor = _counted(turned, noise[n : 2 * n], hardware.motor_encoder)
+    if isinstance(law, Law) and law.motor_side:
         return times(hardware.S, q_motor), q_motor
-    return quantise(state[:n] + hardware.q_noise[k], hardware.q_step), q_motor
+    return _counted(state[:n], noise[:n], hardware.joint_encoder), q_motor
 
 
-def decide_by_estimate(memory: Memory, measured: Two, desired: Three, law: Law) -> tuple[Array, Array, Any]:
-    """Torque by Eq. (17), with its estimate and surface."""
-    q_d, dq_d, ddq_d = desired
-    tau, H_hat, s, de = command(memory, measured[0], q_d, dq_d, ddq_d, law)
-    return tau, np.stack((H_hat, s)), (memory, q_d, de, H_hat)
+def _counted(angle: Array, noise: Array, encoder: Encoder) -> Array:
+    counted = np.empty_like(angle)
+    for i in range(len(angle)):
+        counted[i] = quantise(angle[i] + encoder.noise * noise[i], encoder.resolution)
+    return counted
 
 
-def keep_estimate(measured: Two, torques: Two, carry: Any, law: Law) -> Memory:
-    """Shift the delay lines."""
-    memory, q_d, de, H_hat = carry
-    applied, commanded = torques
-    return remember(memory, measured[0], q_d, de, H_hat, applied if law.stores_applied else commanded, law)
+def start(measured: Two, tau: Array, law: Law | Servo) -> Any:
+    """Memory at the first sample, given the torque that acted until then."""
+    return (measured[1], tau) if isinstance(law, Servo) else start_memory(measured[0], tau, law.lag)
 
 
-def decide_by_position(memory: Two, measured: Two, desired: Three, law: Servo) -> tuple[Array, Array, Any]:
-    """Torque of the motors' position loops beyond the one that held the arm, which stays."""
-    before, offset = memory
-    q, q_motor = measured
-    q_d, dq_d, _ = desired
-    return offset + servo_torque(q_motor, before, q_d, dq_d, law), np.empty((0, q.size)), offset
-
-
-def keep_position(measured: Two, torques: Two, carry: Any, law: Servo) -> Two:  # noqa: ARG001
-    """Keep this sample's motor angles."""
-    return measured[1], carry
-
-
-LAWS: Mapping[type, tuple[Callable[..., Any], Callable[..., Any]]] = {
-    Law: (decide_by_estimate, keep_estimate),
-    Servo: (decide_by_position, keep_position),
-}
-"""How each kind of law decides, and what it keeps for the next sample."""
-
-
-def decide(memory: Any, measured: Two, desired: Three, law: Law | Servo) -> tuple[Array, Array, Any]:
-    """Torque in joint coordinates, (n,), signals, (K, n), and what `keep` needs."""
-    return LAWS[type(law)][0](memory, measured, desired, law)  # type: ignore[no-any-return]
-
-
-def keep(measured: Two, torques: Two, carry: Any, law: Law | Servo) -> Any:
-    """Memory for the next sample, from the torque applied and the one commanded."""
-    return LAWS[type(law)][1](measured, torques, carry, law)
-
-
-def is_bounded(error: Array, tau_m: Array, limit: float) -> bool:
-    """Whether a run can go on; comparisons with NaN are false."""
-    return bool((np.abs(error) <= limit).all() and (np.abs(tau_m) <= LARGEST_TORQUE).all())
+def _decide(
+    memory: Any, measured: Two, desired: Three, law: Law | Servo, command: CommandFunction
+) -> tuple[Array, tuple[Array, ...], Any, Any]:
+    """Torque by Eq. (17) with estimate and surface, or of position loops beyond the one that held the arm."""
+    if isinstance(law, Servo):
+        before, offset = memory
+        return offset + servo_torque(measured[1], before, desired[0], desired[1], law), (), None, None
+    tau, H_hat, s, rate = command(memory, measured[0], *desired, law)
+    return tau, (H_hat, s), rate, H_hat

@@ -74,24 +74,33 @@ def test_loosest_tolerance_that_is_good_enough(bench: ModuleType) -> None:
 def test_batch_cases_have_the_contracts_keys(batch: ModuleType) -> None:
     found = json.loads(json.dumps(batch.batch_cases(0.02, 5, 1)))
     alone = {"plain_solve_ivp", "plain_numba", "batch_alone"}
-    assert set(found) == alone | {"batch_one_core", "batch_two_cores", "batch_default"}
+    assert set(found) == alone | {"batch_one_core", "batch_two_cores", "batch_default", "batch_held_out"}
     for entry in found.values():
         assert entry.keys() >= KEYS | {"seconds"}
         assert entry["experiments_per_second"] > 0.0
         assert entry["max_error_rad"] < 1e-8
     barred = {name for name, entry in found.items() if "max_error_rad" in entry["bars"]}
-    assert barred == found.keys() - {"batch_default"}
+    assert barred == found.keys() - {"batch_default", "batch_held_out"}
     assert all(found[name]["bars"]["max_error_rad"]["bar"] == 1e-8 for name in barred)
     assert found["batch_one_core"]["steps"] == [2]
     assert found["batch_one_core"]["targets"].keys() == {"ratio_to_numba_rk4", "ratio_to_solve_ivp"}
 
 
 def test_ratios_are_medians_over_the_turns(batch: ModuleType) -> None:
-    names = ("solve_ivp", "alone", "numba_rk4", "one_core", "two_cores", "default")
+    names = [
+        "solve_ivp",
+        "alone",
+        "numba_rk4",
+        "one_core",
+        "two_cores",
+        "default",
+        "held_out",
+        "held_out_numba",
+    ]
     # A turn in which everything takes ten times as long changes no ratio.
-    quick = dict(zip(names, (6.0, 0.05, 0.02, 0.004, 0.002, 0.006), strict=True))
+    quick = dict(zip(names, (6.0, 0.05, 0.02, 0.004, 0.002, 0.006, 0.005, 0.04), strict=True))
     turns = [quick, {name: 10.0 * value for name, value in quick.items()}, quick]
-    cases = [batch.Stated.__new__(batch.Stated) for _ in range(2)]
+    cases = [batch.Stated.__new__(batch.Stated) for _ in range(3)]
     for one in cases:
         one.loops, one.steps = [], [2]
     found = batch.entries(turns, dict.fromkeys(names, 1e-9), "what, ideal", *cases)
@@ -100,6 +109,7 @@ def test_ratios_are_medians_over_the_turns(batch: ModuleType) -> None:
     assert bars["batch_one_core"]["ratio_to_numba_rk4"] == pytest.approx(5.0)
     assert bars["batch_two_cores"]["ratio_to_one_core"] == pytest.approx(2.0)
     assert bars["batch_default"]["share_of_stated_speed"] == pytest.approx(4.0 / 6.0)
+    assert bars["batch_held_out"]["ratio_to_numba_rk4"] == pytest.approx(8.0)
     assert found["batch_one_core"]["ratio_to_baselines"]["solve_ivp"] == pytest.approx(1500.0)
     assert found["batch_one_core"]["experiments_per_second"] == pytest.approx(250.0)
     missed = found["batch_one_core"]["targets"]["ratio_to_numba_rk4"]

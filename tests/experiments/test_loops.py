@@ -181,7 +181,7 @@ class TestPlants:
         S, S_inv = coupling(config)
         for loop in built.values():
             assert isinstance(loop.controller, PositionController)
-            np.testing.assert_array_equal(loop.controller.servo.S_inv, S_inv)
+            np.testing.assert_array_equal(loop.controller.law.S_inv, S_inv)
         # Motor 1 alone turns by 69 degrees; the joints' reference is what S makes of it.
         motors = built["pull_tendon_1"].reference.q_d @ S_inv.T
         np.testing.assert_allclose(np.rad2deg(np.abs(motors).max(axis=0)), [69.0, 0.0, 0.0], atol=1e-9)

@@ -85,24 +85,15 @@ def single_law(alpha, newest=1):
     return Law(
         surface=int(Surface.TSM),
         L=L,
-        lag=1,
         **{name: value * ONE for name, value in gains.items()},
         K_d=10.0 * ONE,
         K_p=16.0 * ONE,
         weights=estimator_weights(alpha * ONE),
         newest=newest,
-        phi_is_odd=True,
-        power_inside=False,
         power_floor=1e-4,
-        angle_scale=1.0,
-        rate_filter=1.0,
-        ddq_filter=1.0,
-        estimate_filter=1.0,
-        error_differenced=False,
         to_joint=np.eye(1),
         from_joint=np.eye(1),
         stores_applied=True,
-        motor_side=False,
     )
 
 

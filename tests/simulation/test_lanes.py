@@ -11,11 +11,14 @@ from support.oracles import FEATURES, random_plant, random_state
 
 from tendonrepro.arrays import Array, choose
 from tendonrepro.physics.dynamics import Plant, frictionless, state_derivative
-from tendonrepro.simulation.codegen import compiled, lane_loop
+from tendonrepro.simulation.codegen import machine
 from tendonrepro.simulation.codegen.lanes import LaneRows, LaneTape, aligned, lane_code, signature, stacked
-from tendonrepro.simulation.codegen.machine import LANES, assembled
-from tendonrepro.simulation.kernel import damped, rosenbrock, runge_kutta, step_code
+from tendonrepro.simulation.codegen.machine import LANES, assembled, callable_code
+from tendonrepro.simulation.kernel import advance_code, damped, rosenbrock, runge_kutta
 from tendonrepro.simulation.resolution import demand
+
+K = 400.0
+"""Number that code is called with."""
 
 
 def filled(rows: LaneRows) -> Array:
@@ -26,9 +29,8 @@ def filled(rows: LaneRows) -> Array:
 
 
 def run(source: str, name: str, w: Array) -> None:
-    code = compiled.compiled_lanes(source, name)
-    lane_loop.call(code.prepare, w, 0.0)
-    lane_loop.call(code.run, w, 0.0)
+    for address in assembled(source, f"prepare_{name}", name):
+        callable_code(address)(w.ctypes.data, K)
 
 
 @pytest.mark.parametrize(
@@ -41,29 +43,31 @@ def test_a_step_on_lanes_is_that_of_the_plants_one_by_one(
     plants = [random_plant(n, seed, features).plant for seed in range(LANES)]
     rng = np.random.default_rng(8)
     state, tau = random_state(n, rng, (LANES,)), rng.normal(size=(n, LANES))
-    source, rows = step_code(stacked(plants), implicit)
-    after = filled(rows)
+    source, rows = advance_code(stacked(plants), implicit)
+    after, at = filled(rows), rows.named
     after[: 4 * n], after[4 * n : 5 * n] = state, tau
-    h = np.where(np.arange(LANES) == 3, 0.0, 1e-3)
-    after[6 * n : 6 * n + 3] = np.full(LANES, 0.4), h, np.zeros(LANES)
-    run(source, "step", after)
+    live = np.arange(LANES) != 3
+    # One step at every level.
+    after[at["live"]], after[at["period"]], after[at["demand"]] = live, 1e-3, 2.0
+    after[at["steps"] : at["steps"] + 3], after[at["length"] : at["length"] + 3] = 1.0, 1e-3
+    for address in assembled(source, "prepare_step", "advance"):
+        callable_code(address)(after.ctypes.data, K)
     for lane, plant in enumerate(plants):
 
         def derivative(t: float, x: Array, lane: int = lane, plant: object = plant) -> Array:
             return state_derivative(t, x, tau[:, lane], plant)  # type: ignore[arg-type]
 
-        if h[lane] == 0.0:
+        if not live[lane]:
             assert after[: 4 * n, lane].tolist() == state[:, lane].tolist()
-            assert after[6 * n + 2, lane] == 0.0
             continue
         if implicit:
             solver = damped(state[:, lane], tau[:, lane], plant)
             expected, slope = rosenbrock(derivative, solver, 0.4, state[:, lane], 1e-3)
         else:
             expected, slope = runge_kutta(derivative, 0.4, state[:, lane], 1e-3)
-        assert after[6 * n + 2, lane] == demand(state[:, lane], expected, plant, implicit=implicit)
+        assert after[at["demand"], lane] == demand(state[:, lane], expected, plant, implicit=implicit)
         assert after[: 4 * n, lane] == pytest.approx(expected, rel=1e-11, abs=1e-12)
-        assert after[5 * n : 6 * n, lane] == pytest.approx(slope[n : 2 * n], rel=1e-10, abs=1e-10)
+        assert after[at["ddq"] : at["ddq"] + n, lane] == pytest.approx(slope[n : 2 * n], rel=1e-10, abs=1e-10)
 
 
 def test_runge_kutta_is_of_order_four() -> None:
@@ -173,7 +177,58 @@ def test_choices_and_comparisons_on_lanes() -> None:
     assert found[4] == pytest.approx(np.sqrt(np.abs(a)), rel=1e-14)
 
 
-def test_machine_code_on_disk_is_used_only_as_it_was_written(tmp_path: Path) -> None:
+def test_a_lane_that_meets_a_higher_demand_goes_back_and_takes_more_steps() -> None:
+    """From fast motion to a change of direction, beside one that moves on and one that stands still."""
+    plant = random_plant(1, 1, frozenset({"coulomb"})).plant
+    source, rows = advance_code(stacked([plant] * LANES))
+    v, S, at = plant.link_friction.smoothing_velocity[0], plant.drive.S[0, 0], rows.named
+    winch = 50.0 * S * plant.drive.friction.smoothing_velocity[0]
+    state = np.zeros((4, LANES))
+    state[1], state[3], state[1, 1], state[:, 2] = 4.5 * v, winch, 60.0 * v, 0.0
+    torque, h = np.full((1, LANES), 0.0), 1e-3
+    w = filled(rows)
+    w[:4], w[4], w[at["live"]], w[at["period"]] = state, torque, 1.0, h
+    w[at["demand"]] = [0.0, 0.0, 2.0, *[0.0] * (LANES - 3)]
+    for level, steps in enumerate((1.0, 2.0, 5.0)):
+        w[at["steps"] + level], w[at["length"] + level] = steps, h / steps
+    for address in assembled(source, "prepare_step", "advance"):
+        callable_code(address)(w.ctypes.data, K)
+
+    def after(lane: int, steps: int) -> tuple[Array, int]:
+        x, met = state[:, lane], 0
+        for k in range(steps):
+            ahead, _ = runge_kutta(
+                lambda t, y: state_derivative(t, y, torque[:, lane], plant), k * h / steps, x, h / steps
+            )
+            met, x = max(met, int(demand(x, ahead, plant, implicit=False))), ahead
+        return x, met
+
+    for lane, first in enumerate((1, 1, 5)):
+        expected, met = after(lane, first)
+        steps = max(first, (1, 2, 5)[met])
+        if steps > first:
+            expected, met = after(lane, steps)
+        assert w[:4, lane] == pytest.approx(expected, rel=1e-11, abs=1e-13)
+        assert w[at["demand"], lane] == met
+
+
+def test_pointers_lead_each_lane_to_its_own_numbers() -> None:
+    tape, rows = LaneTape(), LaneRows()
+    (pointer,) = rows.variables(tape, "pointer", 1)
+    moved = tape.write("moved", pointer, 2.0 * tape.write("argument", "k"))
+    first, second = tape.load(moved, range(2))
+    source = lane_code("sums", tape, {}, rows, [(moved, 1, first + second)])
+    numbers, w = np.arange(1000.0 * LANES).reshape(LANES, 1000), filled(rows)
+    wanted = numbers.copy()
+    wanted[:, 801] += numbers[:, 800]
+    w.view(np.int64)[0] = [row.ctypes.data for row in numbers]
+    run(source, "sums", w)
+    np.testing.assert_array_equal(numbers, wanted)
+
+
+def test_machine_code_on_disk_is_used_only_as_it_was_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     tape, rows = LaneTape(), LaneRows()
     x = rows.variables(tape, "x", 1)[0]
     source = lane_code("twice", tape, {0: 2.0 * x}, rows)
@@ -182,7 +237,9 @@ def test_machine_code_on_disk_is_used_only_as_it_was_written(tmp_path: Path) -> 
         for file in tmp_path.glob("twice_*.o") if damage else ():
             file.write_bytes(file.read_bytes()[:-1] + damage)
         w = aligned(np.full((1, LANES), 3.0))
-        lane_loop.call(assembled(source, "twice", folder).run, w, 0.0)
+        monkeypatch.setattr(machine, "CACHE", folder)
+        (address,) = assembled.__wrapped__(source, "twice")
+        callable_code(address)(w.ctypes.data, 0.0)
         assert w.tolist() == [[6.0] * LANES]
     (file,) = tmp_path.glob("twice_*.o")
     whole = file.read_bytes()
@@ -192,7 +249,7 @@ def test_machine_code_on_disk_is_used_only_as_it_was_written(tmp_path: Path) -> 
 def test_code_is_written_once_for_plants_with_the_same_features() -> None:
     first, second = (stacked([random_plant(2, seed).plant] * 2) for seed in (1, 2))
     assert signature(first) == signature(second)
-    (one, rows), (other, others) = step_code(first), step_code(second)
+    (one, rows), (other, others) = advance_code(first), advance_code(second)
     assert one is other
     row = rows.named["plant.drive.inertia[0]"]
     assert rows.constants[row].tolist() == first.drive.inertia[0].tolist()

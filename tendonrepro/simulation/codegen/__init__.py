@@ -1,1 +1,1 @@
-"""Pure functions turned into machine code; the only place that knows numba."""
+"""Pure functions turned into machine code."""

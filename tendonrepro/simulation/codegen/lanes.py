@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from tendonrepro.arrays import Array
 from tendonrepro.simulation.codegen import elementary, machine
 from tendonrepro.simulation.codegen.machine import ALIGNED, LANES
-from tendonrepro.simulation.codegen.symbols import Symbol, Tape
+from tendonrepro.simulation.codegen.symbols import Symbol, Tape, as_operand
 
 EXPANDED = {
     np.sin: elementary.sin,
@@ -65,6 +65,13 @@ class LaneTape(Tape):
         if operator == "/" and isinstance(right, Symbol) and not _is_one(left):
             return left * super().binary("/", 1.0, right)
         return super().binary(operator, left, right)
+
+    def load(self, pointer: Symbol, places: Iterable[int]) -> Array:
+        """Symbols of numbers so many places behind those that the pointers of a row lead to."""
+        found = [self.write("load", pointer, float(place)) for place in places]
+        cells = np.empty(len(found), dtype=object)
+        cells[:] = found
+        return cells
 
     def row(self, index: int, *, parameter: bool = False) -> Symbol:
         """Symbol of a row."""
@@ -239,18 +246,29 @@ def columns(bundles: NDArray[Any]) -> NDArray[Any]:
     return bundles.swapaxes(0, 1).reshape(bundles.shape[1], -1)
 
 
-def lane_code(name: str, tape: LaneTape, results: Mapping[int, Any], rows: LaneRows) -> str:
+Stores: TypeAlias = Iterable[tuple[Symbol, int, Any]]
+"""Pointers, how many numbers behind them, and the values to be put there."""
+
+
+def lane_code(
+    name: str, tape: LaneTape, results: Mapping[int, Any], rows: LaneRows, stores: Stores = ()
+) -> str:
     """Source of ``<name>(rows, k)`` and of ``prepare_<name>``, to be run first, see `machine.vector_code`.
 
     Results say what each row becomes; rows gain one for each value that depends on parameters alone.
     """
-    fixed = _fixed(tape, results.values())
+    stores = list(stores)
+    fixed = _fixed(tape, [*results.values(), *(value for _, _, value in stores)])
     kept = {value: rows.take(f"{name}:{value}", 1)[0] for value in fixed}
     read = tape.lines | {value: ("row", (float(row),)) for value, row in kept.items()}
     prepared = {row: value for value, row in kept.items()}
-    body = {row: value.name if isinstance(value, Symbol) else float(value) for row, value in results.items()}
+    body = {row: as_operand(value) for row, value in results.items()}
+    put = [machine.Store(pointer.name, offset, as_operand(value)) for pointer, offset, value in stores]
     return "\n".join(
-        (machine.vector_code(name, read, body), machine.vector_code(f"prepare_{name}", tape.lines, prepared))
+        (
+            machine.vector_code(name, read, body, put),
+            machine.vector_code(f"prepare_{name}", tape.lines, prepared),
+        )
     )
 
 

@@ -1,5 +1,7 @@
 """Recorded operations as vector instructions, and those as machine code that is kept on disk.
 
+This is the only place that knows a compiler.
+
 Every lane does the same arithmetic on its own numbers, so no lane can change another. A product may be fused
 with a sum; all lanes do so alike. LLVM is handed the instructions as they stand: with nothing to infer and
 nothing to vectorise it compiles in about a second.
@@ -7,18 +9,22 @@ nothing to vectorise it compiles in about a second.
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
 import struct
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 from llvmlite import binding
 
+from tendonrepro.arrays import Array
 from tendonrepro.errors import TendonreproError
 from tendonrepro.files import write_atomically
+from tendonrepro.simulation.codegen.cache import CACHE
 from tendonrepro.simulation.codegen.symbols import COMPARISONS, Line, needed
 
 LANES = 8
@@ -27,7 +33,7 @@ LANES = 8
 ALIGNED = 8 * LANES
 """Bytes on whose multiples a row begins."""
 
-V, WORDS, BITS = (f"<{LANES} x {kind}>" for kind in ("double", "i64", "i1"))
+V, WORDS, BITS, PLACES = (f"<{LANES} x {kind}>" for kind in ("double", "i64", "i1", "ptr"))
 
 _COMPARED = dict(zip(COMPARISONS, ("oge", "ogt", "ole", "olt"), strict=True))
 _CALLED = {"abs": "fabs", "sqrt": "sqrt", "floor": "floor"}
@@ -48,18 +54,105 @@ class LaneCode(NamedTuple):
     run: int
 
 
-def vector_code(name: str, lines: Mapping[str, Line], results: Mapping[int, str | float]) -> str:
+class Store(NamedTuple):
+    """A value for every lane, to be put ``offset`` numbers behind where each lane's pointer leads."""
+
+    pointer: str
+    offset: int
+    value: str | float
+
+
+def vector_code(
+    name: str, lines: Mapping[str, Line], results: Mapping[int, str | float], stores: Iterable[Store] = ()
+) -> str:
     """Source of ``<name>(rows, k)``: every line the results need, each result stored in its row."""
-    body = [part for x in needed(lines, results.values()) for part in _instructions(x, *lines[x])]
+    stores = list(stores)
+    wanted = [*results.values(), *(part for store in stores for part in (store.pointer, store.value))]
+    body = [part for x in needed(lines, wanted) for part in _instructions(x, *lines[x])]
     for row, value in results.items():
         body += [
             f"%end{row} = getelementptr {V}, ptr %rows, i64 {row}",
             f"store {V} {_text(value)}, ptr %end{row}, align {ALIGNED}",
         ]
+    for k, store in enumerate(stores):
+        body += [
+            *(line.format(x=f"store{k}", a=f"%{store.pointer}", place=store.offset) for line in _PLACE),
+            f"call void @llvm.masked.scatter.v{LANES}f64.v{LANES}p0("
+            f"{V} {_text(store.value)}, {PLACES} %store{k}.place, i32 8, {_ALL})",
+        ]
     head = f"define void @{name}(ptr noalias %rows, double %k) {{"
     return "\n".join([head, *(f"  {line}" for line in body), "  ret void", "}", ""])
 
 
+def repeated(name: str, first: str, again: str, row: int) -> str:
+    """Source of ``<name>(rows, k)``: a function, then another while any lane of a row is positive."""
+    return f"""define void @{name}(ptr %rows, double %k) {{
+start:
+  %place = getelementptr {V}, ptr %rows, i64 {row}
+  call void @{first}(ptr %rows, double %k)
+  br label %look
+look:
+  %left = load {V}, ptr %place, align {ALIGNED}
+  %most = call double @llvm.vector.reduce.fmax.v{LANES}f64({V} %left)
+  %goes.on = fcmp ogt double %most, 0.0
+  br i1 %goes.on, label %again, label %end
+again:
+  call void @{again}(ptr %rows, double %k)
+  br label %look
+end:
+  ret void
+}}
+"""
+
+
+_SWEEP = """define void @sweep(ptr %codes, ptr %bundles, i64 %count, i64 %first, i64 %last) {
+start:
+  br label %sample
+sample:
+  %k = phi i64 [ %first, %start ], [ %next, %sampled ]
+  %number = sitofp i64 %k to double
+  br label %bundle
+bundle:
+  %b = phi i64 [ 0, %sample ], [ %after, %bundle ]
+  %code.place = getelementptr ptr, ptr %codes, i64 %b
+  %rows.place = getelementptr ptr, ptr %bundles, i64 %b
+  %code = load ptr, ptr %code.place
+  %rows = load ptr, ptr %rows.place
+  call void %code(ptr %rows, double %number)
+  %after = add i64 %b, 1
+  %was.last = icmp eq i64 %after, %count
+  br i1 %was.last, label %sampled, label %bundle
+sampled:
+  %next = add i64 %k, 1
+  %is.over = icmp eq i64 %next, %last
+  br i1 %is.over, label %end, label %sample
+end:
+  ret void
+}
+"""
+
+
+def sweep(parts: Sequence[tuple[int, Array]], first: int, last: int) -> None:
+    """Call codes in turn, each with its own bundle (rows, lanes), at every sample of a span."""
+    (address,) = assembled(_SWEEP, "sweep")
+    run = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 2, *[ctypes.c_int64] * 3)(address)
+    codes = np.array([code for code, _ in parts])
+    bundles = np.array([rows.ctypes.data for _, rows in parts])
+    run(codes.ctypes.data, bundles.ctypes.data, len(parts), first, last)
+
+
+def callable_code(address: int) -> Callable[[int, float], None]:
+    """Return machine code as a function of the address of a bundle and a number."""
+    return ctypes.PYFUNCTYPE(None, ctypes.c_void_p, ctypes.c_double)(address)
+
+
+_ALL = f"{BITS} splat (i1 true)"
+_PLACE = (
+    f"%{{x}}.bits = bitcast {V} {{a}} to {WORDS}",
+    f"%{{x}}.start = inttoptr {WORDS} %{{x}}.bits to {PLACES}",
+    f"%{{x}}.place = getelementptr double, {PLACES} %{{x}}.start, i64 {{place}}",
+)
+"""Where the pointers of a row lead, so many numbers further."""
 _ARITHMETIC = {"+": "fadd", "-": "fsub", "*": "fmul", "/": "fdiv"}
 _SPLIT = {
     # As in frexp, in [1/2, 1).
@@ -99,8 +192,21 @@ _INSTRUCTIONS: dict[str, tuple[str, ...]] = {
     ),
     "negative": (f"%{{x}} = fneg {V} {{a}}",),
     "row": (
-        f"%{{x}}.place = getelementptr {V}, ptr %rows, i64 {{row}}",
+        f"%{{x}}.place = getelementptr {V}, ptr %rows, i64 {{place}}",
         f"%{{x}} = load {V}, ptr %{{x}}.place, align {ALIGNED}",
+    ),
+    # Pointers, kept as bits of numbers, moved on by whole numbers of numbers.
+    "moved": (
+        f"%{{x}}.bits = bitcast {V} {{a}} to {WORDS}",
+        f"%{{x}}.count = fptosi {V} {{b}} to {WORDS}",
+        f"%{{x}}.bytes = shl {WORDS} %{{x}}.count, splat (i64 3)",
+        f"%{{x}}.sum = add {WORDS} %{{x}}.bits, %{{x}}.bytes",
+        f"%{{x}} = bitcast {WORDS} %{{x}}.sum to {V}",
+    ),
+    "load": (
+        *_PLACE,
+        f"%{{x}} = call {V} @llvm.masked.gather.v{LANES}f64.v{LANES}p0("
+        f"{PLACES} %{{x}}.place, i32 8, {_ALL}, {V} poison)",
     ),
     # Of the arguments only the number is read.
     "argument": (
@@ -113,28 +219,28 @@ _INSTRUCTIONS: dict[str, tuple[str, ...]] = {
 
 def _instructions(x: str, operation: str, operands: tuple[str | float, ...]) -> list[str]:
     named = dict(zip("abc", map(_text, operands), strict=False))
-    row = int(operands[0]) if operation == "row" else None
-    return [line.format(x=x, row=row, **named) for line in _INSTRUCTIONS[operation]]
+    place = int(operands[-1]) if operation in ("row", "load") else None
+    return [line.format(x=x, place=place, **named) for line in _INSTRUCTIONS[operation]]
 
 
-def assembled(source: str, name: str, folder: Path) -> LaneCode:
-    """Machine code of a source with ``<name>`` and ``prepare_<name>``, taken from a folder if it is there.
+@cache
+def assembled(source: str, *names: str) -> tuple[int, ...]:
+    """Addresses of functions of a source, whose machine code is taken from disk if it is there.
 
     A file that is not as it was written is made again; one that cannot be written is done without.
     """
     digest = hashlib.sha256("\n".join((source, *_processor(), str(binding.llvm_version_info))).encode())
-    path = folder / f"{name}_{digest.hexdigest()[:16]}.o"
+    path = CACHE / f"{names[-1]}_{digest.hexdigest()[:16]}.o"
     code = _stored(path)
     if code is None:
-        module = binding.parse_assembly(_DECLARED + source)
-        code = _simplified(module)
+        code = _simplified(binding.parse_assembly(_DECLARED + source))
         with suppress(TendonreproError):
             write_atomically(path, hashlib.sha256(code).digest() + code)
     engine = binding.create_mcjit_compiler(binding.parse_assembly(""), _target())
     engine.add_object_file(binding.ObjectFileRef.from_data(code))
     engine.finalize_object()
     _engines.append(engine)
-    return LaneCode(engine.get_function_address(f"prepare_{name}"), engine.get_function_address(name))
+    return tuple(map(engine.get_function_address, names))
 
 
 def _simplified(module: Any) -> bytes:
@@ -171,6 +277,13 @@ def _target() -> Any:
     return target.create_target_machine(cpu=cpu, features=features, opt=3, codemodel="jitdefault", jit=True)
 
 
-_DECLARED = "".join(f"declare {V} @llvm.{name}.v{LANES}f64({V})\n" for name in _CALLED.values())
+_DECLARED = "".join(
+    (
+        *(f"declare {V} @llvm.{name}.v{LANES}f64({V})\n" for name in _CALLED.values()),
+        f"declare {V} @llvm.masked.gather.v{LANES}f64.v{LANES}p0({PLACES}, i32, {BITS}, {V})\n",
+        f"declare void @llvm.masked.scatter.v{LANES}f64.v{LANES}p0({V}, {PLACES}, i32, {BITS})\n",
+        f"declare double @llvm.vector.reduce.fmax.v{LANES}f64({V})\n",
+    )
+)
 _engines: list[Any] = []
 """Engines own the code they hold; it is used until the process ends."""

@@ -10,12 +10,10 @@ them every feature of the plant that is switched off.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, TypeAlias
 
 import numpy as np
-
-from tendonrepro.arrays import Array
 
 FUNCTIONS = {
     np.sin: "sin",
@@ -39,15 +37,6 @@ OPERATORS = {
     np.less: "<",
 }
 COMPARISONS = (">=", ">", "<=", "<")
-PYTHON = {
-    "argument": "{0}",
-    "negative": "-{0}",
-    "choose": "{1} if {0} != 0.0 else {2}",
-    **{name: f"{name}({{0}})" for name in FUNCTIONS.values()},
-    **{name: f"{{0}} {name} {{1}}" for name in OPERATORS.values()},
-    **{name: f"1.0 if {{0}} {name} {{1}} else 0.0" for name in COMPARISONS},
-}
-"""What an operation is in Python."""
 
 Line: TypeAlias = tuple[str, tuple[str | float, ...]]
 """An operation and its operands: numbers, and names of earlier lines; of an argument its name."""
@@ -62,7 +51,7 @@ class Tape:
 
     def write(self, operation: str, *operands: Any) -> Symbol:
         """Symbol of an operation on symbols and numbers, new or known."""
-        line = operation, tuple(_operand(operand) for operand in operands)
+        line = operation, tuple(as_operand(operand) for operand in operands)
         if line not in self._known:
             name = f"x{len(self.lines)}"
             self.lines[name] = line
@@ -88,7 +77,7 @@ class Tape:
 
 def needed(lines: Mapping[str, Line], results: Iterable[Any]) -> list[str]:
     """Names that results, symbols or their names, depend on, their own among them, in order."""
-    wanted = {_operand(result) for result in results}
+    wanted = {as_operand(result) for result in results}
     for name in reversed(list(lines)):
         if name in wanted:
             wanted.update(lines[name][1])
@@ -181,7 +170,8 @@ class Symbol:
         return self.tape.write("negative", self)
 
 
-def _operand(value: Any) -> str | float:
+def as_operand(value: Any) -> str | float:
+    """Name of a symbol, or a number."""
     if isinstance(value, Symbol):
         return value.name
     return value if isinstance(value, str) else float(value)
@@ -210,61 +200,3 @@ def _simplified(operator: str, left: Any, right: Any) -> tuple[Any] | None:
 
 def _is(operand: Any, number: float) -> bool:
     return not isinstance(operand, Symbol) and operand == number
-
-
-def symbols(tape: Tape, vector: str, count: int) -> Array:
-    """Symbols for the entries of a vector argument."""
-    cells = np.empty(count, dtype=object)
-    for k in range(count):
-        cells[k] = tape.write("argument", f"{vector}[{k}]")
-    return cells
-
-
-def symbolic(tape: Tape, vector: str, record: Any, at: int = 0) -> tuple[Any, list[float]]:
-    """Replace the numbers of a nested named tuple by symbols for a vector argument's entries from ``at`` on.
-
-    Exact zeros and ones stay numbers; the list is what the vector must hold.
-    """
-    fields: list[Any] = []
-    values: list[float] = []
-    for field in record:
-        if isinstance(field, tuple):
-            part, found = symbolic(tape, vector, field, at + len(values))
-        else:
-            part, found = _symbolic_leaf(tape, vector, np.asarray(field, dtype=np.float64), at + len(values))
-        fields.append(part)
-        values.extend(found)
-    return type(record)(*fields), values
-
-
-def _symbolic_leaf(tape: Tape, vector: str, leaf: Array, at: int) -> tuple[Any, list[float]]:
-    cells = np.empty(leaf.shape, dtype=object)
-    values: list[float] = []
-    for index, number in np.ndenumerate(leaf):
-        if number in (0.0, 1.0):
-            cells[index] = float(number)
-        else:
-            cells[index] = tape.write("argument", f"{vector}[{at + len(values)}]")
-            values.append(float(number))
-    return (cells if leaf.shape else cells[()]), values
-
-
-def unrolled(function: Callable[..., Any], record: Any, n: int) -> tuple[str, Array]:
-    """Straight-line source of ``function(t, state, tau_m, record)`` for n joints, and the numbers it reads.
-
-    The module has one function ``compiled(t, state, tau_m, p, result)``: ``p`` (P,) holds the record's
-    numbers, and ``result`` is filled, for a new array at each call would take as long as the plant itself.
-    """
-    tape = Tape()
-    plant, values = symbolic(tape, "p", record)
-    time = tape.write("argument", "t")
-    result = function(time, symbols(tape, "state", 4 * n), symbols(tape, "tau_m", n), plant)
-    body = [f"{name} = {_python(*tape.lines[name])}" for name in needed(tape.lines, result)]
-    body += [f"result[{k}] = {_operand(value)}" for k, value in enumerate(result)]
-    lines = ["from math import cos, exp, sin, sqrt, tanh", "", ""]
-    lines += ["def compiled(t, state, tau_m, p, result):", *(f"    {line}" for line in body), ""]
-    return "\n".join(lines), np.array(values)
-
-
-def _python(operation: str, operands: tuple[str | float, ...]) -> str:
-    return PYTHON[operation].format(*operands)

@@ -1,0 +1,118 @@
+"""One run: plant, instruments, controller and reference, and the trace of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from tendonrepro.arrays import Array
+from tendonrepro.physics.drive import tendon_torque, to_joint_torque
+from tendonrepro.physics.dynamics import Plant, link_acceleration
+from tendonrepro.physics.instruments import Actuator, Encoder
+from tendonrepro.simulation.controllers import Controller
+
+
+@dataclass(frozen=True)
+class Solver:
+    """How the plant is integrated between two samples.
+
+    Attributes
+    ----------
+    method : str
+        ``dopri5``, ``dop853`` or ``lsoda`` of :class:`scipy.integrate.ode`.
+    rtol, atol : float
+        Tolerances on the state, in rad and rad s⁻¹.
+    max_step : float
+        Longest step, s.
+    """
+
+    method: Literal["dopri5", "dop853", "lsoda"]
+    rtol: float
+    atol: float
+    max_step: float
+
+
+@dataclass(frozen=True)
+class DesiredMotion:
+    """Desired motion at every sample.
+
+    Attributes
+    ----------
+    time : array (T,)
+        s.
+    q_d, dq_d, ddq_d : array (T, n)
+        rad, rad s⁻¹, rad s⁻².
+    period : float
+        Duration after which it repeats, s; 0 if it does not.
+    """
+
+    time: Array
+    q_d: Array
+    dq_d: Array
+    ddq_d: Array
+    period: float = 0.0
+
+
+@dataclass(frozen=True)
+class Loop:
+    """One run: plant, instruments, controller and reference.
+
+    Attributes
+    ----------
+    plant : Plant
+    joint_encoder, motor_encoder : Encoder
+    actuator : Actuator
+    controller : Controller
+    reference : DesiredMotion
+    L : float
+        Sampling period, s.
+    solver : Solver
+    divergence_limit : float
+        Tracking error beyond which the run ends, rad.
+    cold : bool
+        The arm is held by a brake until the start, and the controller has seen no torque; else it has been
+        at rest under the controller's own holding torque.
+    seed : int
+        Seed of the instruments' noise. It does not depend on the run, so all runs meet the same noise.
+    """
+
+    plant: Plant
+    joint_encoder: Encoder
+    motor_encoder: Encoder
+    actuator: Actuator
+    controller: Controller
+    reference: DesiredMotion
+    L: float
+    solver: Solver
+    divergence_limit: float
+    cold: bool
+    seed: int
+
+
+RECORDED = ("q_encoder", "q_motor_encoder", "tau_cmd", "tau_m")
+"""What is recorded at a sample, (n,) each, after the state (4 n,) and before the law's signals."""
+
+
+def recorded_columns(loop: Loop) -> int:
+    """Numbers that are recorded at a sample."""
+    return (4 + len(RECORDED) + len(loop.controller.signals)) * loop.plant.preload.size
+
+
+def trace_variables(record: Array, loop: Loop) -> dict[str, Array]:
+    """Time (T,) and all variables of a trace, each (T, n), from what was recorded, (T, columns)."""
+    plant, reference, done = loop.plant, loop.reference, len(record)
+    names = RECORDED + tuple(loop.controller.signals)
+    state, rest = np.split(record.T, [4 * plant.preload.size])
+    recorded = dict(zip(names, map(np.transpose, np.split(rest, len(names))), strict=True))
+    q, dq, theta, dtheta = np.split(state, 4)
+    tau_s = to_joint_torque(tendon_torque(q, dq, theta, dtheta, plant.drive), plant.drive)
+    ddq = link_acceleration(reference.time[:done], q, dq, tau_s, plant)
+    variables = {"q": q.T, "dq": dq.T, "ddq": ddq.T, "theta": theta.T, "dtheta": dtheta.T, "tau_s": tau_s.T}
+    desired = {"q_d": reference.q_d[:done], "dq_d": reference.dq_d[:done], "ddq_d": reference.ddq_d[:done]}
+    error = {"e": desired["q_d"] - recorded["q_encoder"]}
+    derived = loop.controller.derived(variables | recorded, plant)
+    time = {"time": reference.time[:done]}
+    found = time | variables | desired | error | recorded | derived
+    return {name: np.ascontiguousarray(values) for name, values in found.items()}

@@ -1,0 +1,117 @@
+"""One run at its samples: the arm that SciPy integrates, and the law as machine code or as a user wrote it.
+
+The code is that of `kernel`, for bundles of experiments; here the first lane is all that counts.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from tendonrepro.arrays import Array
+from tendonrepro.physics.dynamics import holding_torque, rest_state
+from tendonrepro.simulation import sampled
+from tendonrepro.simulation.codegen.lanes import bundled
+from tendonrepro.simulation.codegen.machine import callable_code
+from tendonrepro.simulation.loop import Loop
+from tendonrepro.simulation.parts import (
+    CompiledPart,
+    Rest,
+    hardware_of,
+    is_noisy,
+    memory_of,
+    sample_part,
+    slope_part,
+    unit_noise,
+)
+
+
+class Arm:
+    """State (4 n,) of a plant and the torque (n,) held on it: views of the rows of its machine code."""
+
+    def __init__(self, loop: Loop) -> None:
+        part, n = slope_part(loop.plant), loop.plant.preload.size
+        still = np.zeros(n)
+        self.rest = Rest(rest_state(still, loop.plant), holding_torque(still, loop.plant))
+        self.rows, named = _filled(part), part.rows.named
+        self.state = self.rows[: 4 * n, 0]
+        self.torque = self.rows[named["torque"] :, 0][:n]
+        self.state[:] = self.rest.state
+        slope = self.rows[named["slope"] :, 0][: 4 * n]
+        run, address = callable_code(part.code.run), self.rows.ctypes.data
+        # SciPy calls this some thirty times a period; a memory view is filled in half the time of an array.
+        state: Any = memoryview(self.state.data)
+
+        def derivative(t: float, x: Array) -> Array:
+            state[:] = x
+            run(address, t)
+            return slope
+
+        self.slope = derivative
+
+
+def _filled(part: CompiledPart) -> Array:
+    """Rows of a part's first column, as the only experiment of a bundle."""
+    rows: Array = bundled(part.filled([0]))[0]
+    return rows
+
+
+class MachineLaw:
+    """Package's own law as machine code."""
+
+    def __init__(self, loop: Loop, arm: Arm, trace: Array) -> None:
+        part = sample_part({0: loop}, {0: arm.rest}, lambda _: 1, statistics=False, record=True)
+        rows, named, reference = _filled(part), part.rows.named, loop.reference
+        # The code reads them by address, so they are kept.
+        self._arrays = {
+            "plant": arm.rows,
+            "desired": np.hstack([reference.q_d, reference.dq_d, reference.ddq_d]),
+            "noise": _noise(loop),
+            "trace": trace,
+        }
+        for name, values in self._arrays.items():
+            rows.view(np.int64)[named[name]] = values.ctypes.data
+        self._run, self._address, self._live = (
+            callable_code(part.code.run),
+            rows.ctypes.data,
+            rows[named["live"]],
+        )
+
+    def __call__(self, k: int) -> bool:
+        """From the arm's state to its torque at sample k; whether the run goes on."""
+        self._run(self._address, k)
+        return bool(self._live[0] > 0.0)
+
+
+class PlainLaw:
+    """A user's own law, which stays Python."""
+
+    def __init__(self, loop: Loop, arm: Arm, trace: Array) -> None:
+        self._loop, self._arm, self._trace = loop, arm, trace
+        self._hardware, self._noise = hardware_of(loop, arm.rest), _noise(loop)
+        self._memory, tau = memory_of(loop, arm.rest)
+        self._pending = [tau] * loop.actuator.delay
+
+    def __call__(self, k: int) -> bool:
+        """From the arm's state to its torque at sample k; whether the run goes on."""
+        reference, controller, state = self._loop.reference, self._loop.controller, self._arm.state.copy()
+        assert controller.command is not None
+        found = sampled.sample(
+            state,
+            self._memory,
+            self._pending,
+            (reference.q_d[k], reference.dq_d[k], reference.ddq_d[k]),
+            self._noise[k],
+            controller.law,
+            self._hardware,
+            controller.command,
+        )
+        self._memory, self._pending, self._arm.torque[:] = found.memory, found.pending, found.torque
+        self._trace[k] = np.concatenate([state, *found.measured, found.tau, found.tau_m, *found.signals])
+        return bool(found.bounded) and k + 1 < reference.time.size
+
+
+def _noise(loop: Loop) -> Array:
+    samples, n = loop.reference.q_d.shape
+    return unit_noise(loop)(samples) if is_noisy(loop) else np.zeros((samples, 3 * n))

@@ -1,0 +1,91 @@
+"""One run's machine code, and where it is kept."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support import ROOT
+from support.oracles import FEATURES, PAPER, random_plant, random_state
+
+from tendonrepro.configuration.load import load_config
+from tendonrepro.experiments.loops import build_loops
+from tendonrepro.physics.dynamics import state_derivative
+from tendonrepro.simulation.codegen import cache
+from tendonrepro.simulation.parts import slope_part
+from tendonrepro.simulation.single import Arm
+
+# Elementary functions are the package's own, and products may be fused with sums; the acceleration of a light
+# last link under a stiff tendon multiplies that by some hundreds.
+ROUNDING = 1e-12
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+@pytest.mark.parametrize("features", [frozenset(), PAPER, FEATURES], ids=["none", "paper", "all"])
+def test_compiled_plant_is_the_pure_one(n: int, features: frozenset[str]) -> None:
+    rng = np.random.default_rng(n)
+    loaded = load_config(None, "compare")
+    loop = next(loop for _, loop in build_loops(loaded.config, loaded.folder))
+    for seed in range(3):
+        plant = random_plant(n, seed, features).plant
+        arm = Arm(replace(loop, plant=plant))
+        for t in (0.0, 0.5, 0.8):
+            state, tau_m = random_state(n, rng), rng.uniform(-5.0, 5.0, n)
+            arm.torque[:] = tau_m
+            expected = state_derivative(t, state, tau_m, plant)
+            assert arm.slope(t, state) == pytest.approx(
+                expected, rel=0.0, abs=ROUNDING * np.abs(expected).max()
+            )
+
+
+def test_plants_with_the_same_features_share_machine_code() -> None:
+    first, second, other = (
+        slope_part(random_plant(2, seed, features).plant).code
+        for seed, features in ((1, FEATURES), (2, FEATURES), (1, PAPER))
+    )
+    assert first == second != other
+
+
+class TestCache:
+    def test_without_a_usable_cache_a_temporary_folder_serves(
+        self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    ) -> None:
+        blocked = tmp_path / "file"
+        blocked.write_text("not a folder", encoding="utf-8")
+        monkeypatch.setattr(cache.platformdirs, "user_cache_dir", lambda _: str(blocked))
+        monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+        folder = cache.cache_folder()
+        assert folder.is_dir()
+        assert folder.is_relative_to(tmp_path)
+        assert cache.cache_folder() == folder, "one folder serves all processes"
+        # Who else can write there could have code of theirs run.
+        above = folder.parent
+        for mode, ours in ((0o777, False), (0o755, True)):
+            above.chmod(mode)
+            assert (cache.cache_folder() == folder) is ours
+        above.rename(tmp_path / "elsewhere")
+        above.symlink_to(tmp_path / "elsewhere")
+        assert not cache.cache_folder().is_relative_to(above)
+
+    @pytest.mark.slow
+    def test_a_second_process_compiles_nothing(self, tmp_path: Path) -> None:
+        """Fills an empty cache in one process and uses it in another."""
+        source = (
+            "from support.oracles import FEATURES, random_plant\n"
+            "from tendonrepro.simulation.parts import slope_part\n"
+            "slope_part(random_plant(2, 1, FEATURES).plant)"
+        )
+        environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path), "HOME": str(tmp_path)}
+        environment["PYTHONPATH"] = os.pathsep.join(map(str, (ROOT, ROOT / "tests")))
+        written = []
+        for _ in range(2):
+            subprocess.run([sys.executable, "-c", source], env=environment, check=True)
+            (file,) = tmp_path.rglob("*.o")
+            written.append(file.stat().st_mtime_ns)
+        assert written[0] == written[1]
