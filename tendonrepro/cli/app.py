@@ -20,7 +20,7 @@ from typer.core import TyperGroup
 
 from tendonrepro import __version__
 from tendonrepro.cli.data import data_app
-from tendonrepro.cli.options import Laws, Terminal, command, only_law
+from tendonrepro.cli.options import Laws, Terminal, command
 from tendonrepro.cli.study import study_app
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import brief, printable
@@ -148,7 +148,7 @@ def compare(
     _make_ready(request)
     from tendonrepro.experiments.command import Order
 
-    return _carry_out([Order("compare", request, only_law(law), solver)], terminal)
+    return _carry_out([Order("compare", request, law or (), solver)], terminal)
 
 
 @command(app, "tendonrepro decouple --set manipulator.tendons.damping_factor=3 --out reports/damped")

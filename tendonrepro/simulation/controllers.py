@@ -124,7 +124,9 @@ class TimeDelayController:
 
         command = self.command or compiled.command
         tau, H_hat, s, de = command(memory, measured.q, q_d, dq_d, ddq_d, self.law)
-        return ControlDecision(tau, (H_hat, s), (memory, q_d, de, H_hat))
+        # A user's law may have neither estimate nor rate; its memory then holds zeros.
+        kept = (de, H_hat) if self.command is None else (np.nan_to_num(de), np.nan_to_num(H_hat))
+        return ControlDecision(tau, (H_hat, s), (memory, q_d, *kept))
 
     def remember(
         self, memory: Memory, measured: Measurement, decision: ControlDecision, tau: DriveTorque
