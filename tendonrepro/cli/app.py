@@ -19,7 +19,7 @@ from typer.core import TyperGroup
 
 from tendonrepro import __version__
 from tendonrepro.cli.data import data_app
-from tendonrepro.cli.options import Laws, Terminal, command, only_law
+from tendonrepro.cli.options import Laws, Terminal, command
 from tendonrepro.cli.study import study_app
 from tendonrepro.configuration.request import Request
 from tendonrepro.errors import TendonreproError, UsageError
@@ -139,7 +139,7 @@ def compare(
     """Controllers 1 to 3, payload: Figures 13 to 16, Tables 2 and 3."""
     from tendonrepro.experiments.command import Order
 
-    return _carry_out([Order("compare", request, only_law(law), solver)], terminal)
+    return _carry_out([Order("compare", request, law or (), solver)], terminal)
 
 
 @command(app, "tendonrepro decouple --set manipulator.tendons.damping_factor=3 --out reports/damped")

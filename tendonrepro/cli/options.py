@@ -13,7 +13,6 @@ from typer import Option
 
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
-from tendonrepro.errors import UsageError
 
 _TERMINAL = {
     "as_json": Annotated[bool, Option("--json", help="Print one JSON object.")],
@@ -37,7 +36,7 @@ _REQUEST = {
 }
 Laws = Annotated[
     list[str] | None,
-    Option("--law", metavar="FILE:NAME", help="Run one law of your own beside them; FILE is executed."),
+    Option("--law", metavar="FILE:NAME", help="Run a law of your own too; repeatable. FILE is executed."),
 ]
 _SWITCHES = {"as_json", "quiet", "verbose", "dry_run", "force"}
 
@@ -108,15 +107,6 @@ def command(
         return function
 
     return register
-
-
-def only_law(given: list[str] | None) -> str | None:
-    """Return the one law that a run takes, if any."""
-    if len(given or ()) > 1:
-        message = "one run takes one law"
-        hint = "compare them by a run for each, with an --out of its own"
-        raise UsageError(message, where="--law", hint=hint)
-    return given[0] if given else None
 
 
 def _request(given: dict[str, Any]) -> Request:

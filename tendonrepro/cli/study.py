@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import typer
 from typer import Argument, Option
 
-from tendonrepro.cli.options import Laws, Terminal, command, only_law
+from tendonrepro.cli.options import Laws, Terminal, command
 from tendonrepro.configuration.request import Request
 
 study_app = typer.Typer(rich_help_panel="Explore", rich_markup_mode=None)
@@ -32,7 +32,7 @@ def sweep(
     """The comparison over values of one or two keys."""
     from tendonrepro.experiments.sweep.command import run_sweep
 
-    found = run_sweep(request, over, terminal.talk, only_law(law))
+    found = run_sweep(request, over, terminal.talk, law or ())
     terminal.show(found, found["text"])
     return 5 if found.get("diverged") else 0
 

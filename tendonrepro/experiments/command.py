@@ -20,7 +20,7 @@ from tendonrepro.experiments.linear import growing
 from tendonrepro.experiments.loops import all_loops
 from tendonrepro.experiments.report import SCHEMA_VERSION, outcome_of
 from tendonrepro.experiments.run import PRECISE, simulate_all, trace_file
-from tendonrepro.experiments.user_law import UserLaw, with_user_law
+from tendonrepro.experiments.user_law import UserLaw, laws_of, with_user_laws
 from tendonrepro.parallel import each
 from tendonrepro.results.figures import NUMBERS
 from tendonrepro.results.manifest import make_manifest
@@ -45,15 +45,15 @@ class Order:
     ----------
     experiment : {'compare', 'decouple'}
     request : Request
-    law : str or None
-        ``FILE:NAME`` of a law to run beside the controllers.
+    laws : sequence of str
+        ``FILE:NAME`` of laws to run beside the controllers, each also with the payload.
     solver : {'scipy', 'compiled'}
         Stepper: the reference, or the one of ensembles.
     """
 
     experiment: ExperimentName
     request: Request = field(default_factory=Request)
-    law: str | None = None
+    laws: Sequence[str] = ()
     solver: Literal["scipy", "compiled"] = "scipy"
 
     @property
@@ -161,10 +161,10 @@ def summary_of(found: Mapping[str, Mapping[str, Any]]) -> str:
     return Table("summary", "The fit used the paper's tables, so its agreement proves nothing.", rows).text()
 
 
-def _plan(order: Order, loaded: LoadedConfig, law: UserLaw | None, talk: Talk) -> dict[str, Any]:
+def _plan(order: Order, loaded: LoadedConfig, laws: Sequence[UserLaw], talk: Talk) -> dict[str, Any]:
     """Runs with their number of samples, digest of the configuration, and results folder."""
     foretell(order.folder, loaded.sha256, order.experiment, order.request, talk)
-    samples = {name: loop.reference.time.size for name, loop in all_loops(loaded, law).items()}
+    samples = {name: loop.reference.time.size for name, loop in all_loops(loaded, laws).items()}
     rows = columns((name, f"{count} samples") for name, count in samples.items())
     head = f"{order.experiment}: {loaded.origin} is valid (sha256 {loaded.sha256[:12]})"
     return {
@@ -208,7 +208,7 @@ def check(config: str, overrides: Sequence[str], talk: Talk) -> dict[str, Any]:
     if not isinstance(held, LoadedConfig):
         return found | {"kind": "manipulator"}
     _name_shipped(held, talk)
-    runs = list(all_loops(held, None))
+    runs = list(all_loops(held))
     return found | {"kind": held.config.experiment, "config_sha256": held.sha256, "runs": runs}
 
 
@@ -346,13 +346,14 @@ def _drawn(piece: tuple[TraceFile, Path, int]) -> list[Path]:
     return redrawn(file, folder, number) if FIGURES[number].traces(file) else []
 
 
-def _load(order: Order) -> tuple[LoadedConfig, UserLaw | None]:
-    """Configuration and law; stepper and law are part of the digest."""
+def _load(order: Order) -> tuple[LoadedConfig, list[UserLaw]]:
+    """Configuration and laws; stepper and laws are part of the digest."""
     loaded = order.request.load(order.experiment)
     if order.solver == "compiled":
-        if order.law is not None:
+        if order.laws:
             message = "only the paper's own control laws run by the compiled stepper"
             raise UsageError(message, where="--law", hint="use --solver scipy")
         digest = hashlib.sha256(f"{loaded.sha256} compiled".encode()).hexdigest()
         loaded = replace(loaded, sha256=digest, overrides=(*loaded.overrides, "solver=compiled"))
-    return with_user_law(loaded, order.law)
+    laws = laws_of(order.laws)
+    return with_user_laws(loaded, laws), laws

@@ -32,7 +32,7 @@ from tendonrepro.experiments.rig import (
     coupling,
     start_angles,
 )
-from tendonrepro.experiments.user_law import UserLaw, add_user_law
+from tendonrepro.experiments.user_law import UserLaw, own_loops
 from tendonrepro.physics.control import DEGREES_PER_RADIAN, Law, Servo, Surface, estimator_weights
 from tendonrepro.physics.trajectory import (
     Motion,
@@ -278,8 +278,8 @@ def build_loops(
         yield name, _loop(config, choice.payload.si, PositionController(servo), reference, cold=False)
 
 
-def all_loops(loaded: LoadedConfig, law: UserLaw | None) -> dict[str, Loop]:
-    """Closed loops of all runs by name; a user's law runs on plant and reference of the first."""
+def all_loops(loaded: LoadedConfig, laws: Sequence[UserLaw] | None = None) -> dict[str, Loop]:
+    """Closed loops of all runs by name, those of a user's laws last."""
     try:
         loops = dict(build_loops(loaded.config, loaded.folder))
     except ConfigError as error:
@@ -288,13 +288,17 @@ def all_loops(loaded: LoadedConfig, law: UserLaw | None) -> dict[str, Loop]:
             raise
         message = f"{key}: {error.message}"
         raise ConfigError(message, where=loaded.places[key], hint=error.hint) from None
-    if law is None:
-        return loops
-    # A run that --controllers left out would be taken for that of the paper.
-    if law.name in (*loops, *RUNS, RESERVED):
-        message = f"there is something else of the name {law.name!r} among the results"
-        raise UsageError(message, where="--law", hint="give the function another name")
-    return loops | {law.name: add_user_law(law, next(iter(loops.values())))}
+    own: dict[str, Loop] = {}
+    for law in laws or ():
+        if not isinstance(loaded.config, CompareConfig):
+            message = "only the experiment compare takes a law"
+            raise UsageError(message, where="--law")
+        # A run that --controllers left out would be taken for that of the paper.
+        if law.name in (*loops, *own, *RUNS, RESERVED):
+            message = f"there is something else of the name {law.name!r} among the results"
+            raise UsageError(message, where="--law", hint="give the function another name")
+        own |= own_loops(law, loaded.config, loops)
+    return loops | own
 
 
 def _loop(

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Literal
+
+import numpy as np
 
 from tendonrepro import __version__
 from tendonrepro.arrays import Array
@@ -12,11 +15,12 @@ from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import all_loops
 from tendonrepro.experiments.plant_record import plant_record
-from tendonrepro.experiments.user_law import UserLaw
+from tendonrepro.experiments.user_law import UserLaw, runs_of
 from tendonrepro.files import to_json
 from tendonrepro.parallel import each
 from tendonrepro.physics.metrics import status_of
 from tendonrepro.results.records import Trace, TraceFile
+from tendonrepro.results.summary import USER_LAW
 from tendonrepro.simulation.controllers import TimeDelayController
 from tendonrepro.simulation.stepper import Loop, simulate
 
@@ -25,14 +29,17 @@ PRECISE = 1e-6
 
 
 def simulate_all(
-    asked: Sequence[tuple[LoadedConfig, UserLaw | None]],
+    asked: Sequence[tuple[LoadedConfig, Sequence[UserLaw]]],
     talk: Talk,
     solver: Literal["scipy", "compiled"] = "scipy",
 ) -> list[list[Trace]]:
-    """Simulate every run of every configuration, each with its status; one that diverged ends early."""
+    """Simulate every run of every configuration, each with its status; one that diverged ends early.
+
+    Functions that were given, not named by a file, run in this process.
+    """
     from tendonrepro.simulation.codegen.cache import NOTHING_COMPILED
 
-    loops = [all_loops(loaded, law) for loaded, law in asked]
+    loops = [all_loops(loaded, laws) for loaded, laws in asked]
     if NOTHING_COMPILED:
         talk.note("compiling once for this machine, a few seconds")
     if solver == "compiled":
@@ -41,24 +48,27 @@ def simulate_all(
         ]
     runs = [(*one, name) for one, named in zip(asked, loops, strict=True) for name in named]
     with talk.bar(f"simulating {len(runs)} runs", len(runs)) as progress:
-        traces = each(_simulated, runs, progress)
+        if any(law.given for _, laws in asked for law in laws):
+            traces = [each(_simulated, [run], progress)[0] for run in runs]
+        else:
+            traces = each(_simulated, runs, progress)
     for trace in traces:
         talk.detail(f"{trace.name}: {trace.status}, {trace.time.size} samples")
     rest = iter(traces)
     return [[next(rest) for _ in named] for named in loops]
 
 
-def _simulated(run: tuple[LoadedConfig, UserLaw | None, str]) -> Trace:
+def _simulated(run: tuple[LoadedConfig, Sequence[UserLaw], str]) -> Trace:
     return simulate_run(*run)
 
 
-def simulate_run(loaded: LoadedConfig, law: UserLaw | None, name: str) -> Trace:
+def simulate_run(loaded: LoadedConfig, laws: Sequence[UserLaw] | None, name: str) -> Trace:
     """Simulate one run.
 
     Parameters
     ----------
     loaded : LoadedConfig
-    law : UserLaw or None
+    laws : sequence of UserLaw or None
     name : str
         Of the run.
 
@@ -66,8 +76,18 @@ def simulate_run(loaded: LoadedConfig, law: UserLaw | None, name: str) -> Trace:
     -------
     Trace
     """
-    loop = all_loops(loaded, law)[name]
-    return _trace(loaded, name, loop, simulate(loop))
+    loop = all_loops(loaded, laws)[name]
+    variables, config = simulate(loop), loaded.config
+    attributes: dict[str, Any] = {}
+    for law in laws or ():
+        if isinstance(config, CompareConfig) and name in (plants := runs_of(law, config)):
+            payload = config.runs[plants[name]].payload.si
+            attributes = {"law": f"{USER_LAW}{law.name}", "payload_mass": payload}
+            # What a law does not have, it returned at no sample.
+            absent = [key for key in ("s", "H_hat", "epsilon") if np.isnan(variables[key]).all()]
+            variables = {key: values for key, values in variables.items() if key not in absent}
+    trace = _trace(loaded, name, loop, variables)
+    return replace(trace, attributes={**trace.attributes, **attributes})
 
 
 def _simulate_together(loaded: LoadedConfig, loops: Mapping[str, Loop], talk: Talk) -> list[Trace]:
@@ -109,7 +129,7 @@ def _attributes(loaded: LoadedConfig, name: str, loop: Loop) -> dict[str, Any]:
         return gains | {"drives": run.drives, "payload_mass": run.payload.si} | period
     chosen = config.runs.get(name) or next(iter(config.runs.values()))
     attributes = {
-        "law": chosen.law if name in config.runs else f"user law {name}",
+        "law": chosen.law,
         "gains": _vectors(config.control.gains),
         "readings": config.control.readings.model_dump(),
         "payload_mass": chosen.payload.si,

@@ -22,6 +22,7 @@ from tendonrepro.results.summary import (
     fitted_under,
     loaded_runs,
     ranking,
+    run_title,
     tension_sizes,
     torque_sizes,
     tracking_errors,
@@ -250,14 +251,15 @@ def paper_controller_rows(file: TraceFile) -> Iterator[TableRow]:
     ``<metric>_printed_pair``, rounded as printed.
     """
     for name, trace in compared_runs(file).items():
-        title = "Proposed (Controller 1)" if name == CONTROLLERS[0] else name.replace("_", " ").capitalize()
+        title = "Proposed (Controller 1)" if name == CONTROLLERS[0] else run_title(trace)
         yield {"paper_row": title} | _pairs(file, trace, f"table2.{name}")
 
 
 def paper_load_rows(file: TraceFile) -> Iterator[TableRow]:
     """Yield Table 3 as the paper lays it out; columns as `paper_controller_rows`."""
     for load, trace in loaded_runs(file).items():
-        yield {"paper_row": load.replace("_", " ").capitalize()} | _pairs(file, trace, f"table3.{load}")
+        title = load if load not in LOADS else load.replace("_", " ").capitalize()
+        yield {"paper_row": title} | _pairs(file, trace, f"table3.{load}")
 
 
 def change_rows(file: TraceFile) -> Iterator[TableRow]:
@@ -266,10 +268,9 @@ def change_rows(file: TraceFile) -> Iterator[TableRow]:
     Columns: ``metric``, ``joint``, ``change_percent``, ``change_printed_percent``, ``statuses`` without and
     with payload. There are no rows unless both runs are there.
     """
-    runs = loaded_runs(file)
-    if len(runs) < len(LOADS):
+    if not {*LOADS.values()} <= file.runs.keys():
         return
-    without, loaded = runs.values()
+    without, loaded = (file.runs[run] for run in LOADS.values())
     before, after = (tracking_errors(trace)["whole"] for trace in (without, loaded))
     for metric in ("mae", "rmse"):
         printed = printed_beside(file, loaded, f"increase.with_load.{metric}")

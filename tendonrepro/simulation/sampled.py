@@ -121,7 +121,10 @@ def sample(
     else:
         within = applied_torque(tau, actuator._replace(resolution=0.0), S, S_inv)
         stored = tau_m if law.stores_applied else within
-        memory = control.remember(memory, measured[0], desired[0], rate, H_hat, stored, law)
+        # A user's law may have neither rate nor estimate; its memory then holds zeros.
+        own = command is not control.command
+        kept = (np.nan_to_num(rate), np.nan_to_num(H_hat)) if own else (rate, H_hat)
+        memory = control.remember(memory, measured[0], desired[0], *kept, stored, law)
     bounded: Any = 1.0
     for i in range(n):
         error = desired[0][i] - measured[0][i]

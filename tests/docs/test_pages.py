@@ -30,6 +30,7 @@ from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.command import Order, run_experiments
 from tendonrepro.experiments.loops import all_loops, build_loops
 from tendonrepro.experiments.user_law import find_user_law
+from tendonrepro.physics.arm import gravity_torque
 from tendonrepro.physics.linear_loop import decay_rate
 from tendonrepro.physics.metrics import mae, status_of
 from tendonrepro.reporting.assumed import quantities
@@ -397,7 +398,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     law = folder / "my_law.py"
     law.write_text(blocks(page("laws.md"), "python")[0], encoding="utf-8")
     out = folder / "reports" / "compare"
-    order = Order("compare", Request(out=out, overrides=SHORT, controllers=[1]), law=f"{law}:steep")
+    order = Order("compare", Request(out=out, overrides=SHORT, controllers=[1]), laws=[f"{law}:steep"])
     found = run_experiments([order], Talk(quiet=True))[order.experiment]
     assert list(found["table2"]) == ["controller_1", "steep"]
     assert found["status"]["steep"] == "ok"
@@ -416,16 +417,29 @@ def test_law_with_memory_of_its_own(tmp_path: Path) -> None:
     law = tmp_path / "integral.py"
     law.write_text(blocks(page("laws.md"), "python")[1], encoding="utf-8")
     request = Request(out=tmp_path, overrides=SHORT, controllers=[3], dry_run=True)
-    plan = run_experiments([Order("compare", request, f"{law}:integral")], Talk())["compare"]
+    plan = run_experiments([Order("compare", request, [f"{law}:integral"])], Talk())["compare"]
     assert list(plan["samples"]) == ["controller_3", "integral"]
     loaded = load_config(None, "compare", overrides=SHORT, controllers=[3])
-    loops = all_loops(loaded, find_user_law(f"{law}:integral"))
+    loops = all_loops(loaded, [find_user_law(f"{law}:integral")])
     run = simulate(loops["integral"])
     assert run["time"].size == loops["integral"].reference.time.size
     # s holds the integral: without it the surface is Controller 3's, of the recorded error.
     e, L = run["e"], loops["integral"].L
     de = run["dq_d"] - np.diff(run["q_encoder"], axis=0, prepend=0.0) / L
     np.testing.assert_allclose(run["s"], de + 2.0 * e + 2.0 * L * np.cumsum(e, axis=0), atol=1e-9)
+
+
+def test_law_that_knows_the_plant(tmp_path: Path) -> None:
+    law = tmp_path / "pd.py"
+    law.write_text(blocks(page("laws.md"), "python")[2], encoding="utf-8")
+    for masses in ("[1.0, 0.6, 0.3]", "[0.5, 0.3, 0.1]"):
+        overrides = [*SHORT, f"manipulator.links.mass={masses}"]
+        loaded = load_config(None, "compare", overrides=overrides, controllers=[1])
+        loops = all_loops(loaded, [find_user_law(f"{law}:pd")])
+        run = simulate(loops["pd"])
+        weight = gravity_torque(run["q_encoder"][0], loops["pd"].plant.arm)
+        np.testing.assert_allclose(run["tau_cmd"][0], weight)
+        assert run["time"].size == loops["pd"].reference.time.size
 
 
 def test_law_of_the_configuration(tmp_path: Path) -> None:

@@ -127,9 +127,9 @@ class TestOwnLaw:
         limits = (*SMOOTH, ONE, "reference.hold=0.1", "reference.rise=0.4")
         limits += ("manipulator.actuator.torque_limit=[20, 8, 3]",)
         request = Request(overrides=limits, controllers=(1, 2))
-        sweep = load_sweep(request, ["control.gains.alpha=[0,0],[0.1,0.2]"], f"{file}:mine")
+        sweep = load_sweep(request, ["control.gains.alpha=[0,0],[0.1,0.2]"], [f"{file}:mine"])
         data = simulate_sweep(sweep, QUIET)
-        assert data["runs"] == [*sweep.points[0].config.runs, "mine"]
+        assert data["runs"] == [*sweep.points[0].config.runs, "mine", "mine_payload"]
         for point in data["points"]:
             ours, theirs = (point["runs"][name] for name in ("controller_1", "mine"))
             assert theirs["status"] == ours["status"]

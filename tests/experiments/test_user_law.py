@@ -1,4 +1,4 @@
-"""A mistake in a law of the user's own is told with its place in the user's file."""
+"""A law of the user's own: what it is told, what it leaves, and where its mistakes are."""
 
 from types import SimpleNamespace
 
@@ -6,10 +6,17 @@ import numpy as np
 import pytest
 
 from tendonrepro.configuration.load import load_config
+from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.experiments.loops import all_loops
-from tendonrepro.experiments.user_law import _checked, find_user_law
+from tendonrepro.experiments.report import outcome_of
+from tendonrepro.experiments.rig import build_plant
+from tendonrepro.experiments.run import simulate_all, trace_file
+from tendonrepro.experiments.user_law import _checked, find_user_law, laws_of, with_user_laws
+from tendonrepro.physics.arm import gravity_torque
 from tendonrepro.physics.control import start_memory
+from tendonrepro.results.figures.catalogue import draw
+from tendonrepro.results.manifest import make_manifest
 
 AT_REST = start_memory(np.zeros(2), np.zeros(2), 1)
 
@@ -29,7 +36,7 @@ def mine(memory, q, q_d, dq_d, ddq_d, law):
         (LAW.format(body="return undefined"), 5, "the law mine failed: NameError"),
         (LAW.format(body="return math.sqrt(-1.0)"), 5, "the law mine failed: ValueError"),
         (LAW.format(body="return np.linalg.inv(q)").replace("math", "numpy as np"), 5, "LinAlgError"),
-        (LAW.format(body="return q"), 4, "the law mine must return tau"),
+        (LAW.format(body="return q[:1]"), 4, "the law mine must return tau"),
         (LAW.format(body="return [q + 1j] * 4"), 4, "each real numbers of shape (2,)"),
         (LAW.format(body="raise GeneratorExit"), 5, "the law mine failed: GeneratorExit"),
         (
@@ -44,7 +51,7 @@ def test_a_mistake_has_its_line(tmp_path, monkeypatch, text, line, words):
     (tmp_path / "own.py").write_text(text)
     monkeypatch.chdir(tmp_path)
     with pytest.raises(TendonreproError) as caught:
-        _checked(find_user_law("own.py:mine"))(AT_REST, *np.zeros((4, 2)), SimpleNamespace())
+        _checked(find_user_law("own.py:mine"), None)(AT_REST, *np.zeros((4, 2)), SimpleNamespace())
     assert words in caught.value.message
     assert caught.value.where == (f"own.py:{line}" if line else "own.py")
 
@@ -53,7 +60,9 @@ def test_what_a_law_prints_is_no_result(tmp_path, capsys):
     (tmp_path / "own.py").write_text(
         "print('loaded')\n" + LAW.format(body="print('called'); return q, q, q, q")
     )
-    _checked(find_user_law(f"{tmp_path / 'own.py'}:mine"))(AT_REST, *np.zeros((4, 2)), SimpleNamespace())
+    _checked(find_user_law(f"{tmp_path / 'own.py'}:mine"), None)(
+        AT_REST, *np.zeros((4, 2)), SimpleNamespace()
+    )
     assert capsys.readouterr() == ("", "loaded\ncalled\n")
 
 
@@ -61,7 +70,7 @@ def test_what_a_law_does_to_its_arguments_stays_with_it(tmp_path):
     body = "memory.q[:] = q[:] = q_d[:] = dq_d[:] = ddq_d[:] = 7.0; return q, q, q, q"
     (tmp_path / "own.py").write_text(LAW.format(body=body))
     given = np.zeros((4, 2))
-    parts = _checked(find_user_law(f"{tmp_path / 'own.py'}:mine"))(AT_REST, *given, SimpleNamespace())
+    parts = _checked(find_user_law(f"{tmp_path / 'own.py'}:mine"), None)(AT_REST, *given, SimpleNamespace())
     assert np.all(np.stack(parts) == 7.0)
     assert not given.any()
     assert not AT_REST.q.any()
@@ -71,4 +80,62 @@ def test_no_law_takes_the_name_of_a_run_that_was_left_out(tmp_path):
     (tmp_path / "own.py").write_text(LAW.format(body="return q, q, q, q").replace("mine", "controller_1"))
     law = find_user_law(f"{tmp_path / 'own.py'}:controller_1")
     with pytest.raises(UsageError, match="something else of the name 'controller_1'"):
-        all_loops(load_config(None, "compare", controllers=[2, 3]), law)
+        all_loops(load_config(None, "compare", controllers=[2, 3]), [law])
+
+
+class Pd:
+    """Holds the weight of the plant it is told of, and a spring."""
+
+    asked = 0
+
+    def setup(self, model):
+        self.model = model
+        self.asked += 1
+
+    def __call__(self, memory, q, q_d, dq_d, *_):
+        assert self.asked == 1
+        return self.model.gravity(q) + 40.0 * (q_d - q) + 2.0 * (dq_d - (q - memory.q[0]) / self.model.L)
+
+
+SHORT = (
+    "reference.periods=1",
+    "reference.rise=0.4",
+    "reference.hold=0.05",
+    "manipulator.links.mass=[1.0, 0.6, 0.3]",
+)
+
+
+def test_laws_of_a_mapping_run_here_with_the_configured_plant():
+    """They are in Tables 2 and 3, the ranking and the figures; a signal that they lack is absent."""
+
+    def away(_memory, q, q_d, *_desired_and_law):
+        return 100.0 * np.sign(q + 1e-9), None, q_d - q, None
+
+    laws = laws_of((), {"PD-law": Pd(), "away": away})
+    loaded = with_user_laws(load_config(None, "compare", overrides=SHORT, controllers=[1]), laws)
+    (traces,) = simulate_all([(loaded, laws)], Talk(quiet=True))
+    file = trace_file(loaded, traces, make_manifest(loaded, 0.0))
+    held = file.runs["PD-law"]
+    assert not {"s", "H_hat", "epsilon"} & held.variables.keys()
+    assert "s" in file.runs["away"]
+    plant = build_plant(loaded.config, 0.0)
+    np.testing.assert_allclose(held["tau_cmd"][0], gravity_torque(held["q_encoder"][0], plant.arm))
+    assert file.runs["PD-law_payload"].attributes["payload_mass"] > 0.0
+    assert held.attributes["law"] == "user law PD-law"
+    data = outcome_of(file, {}).data
+    assert list(data["table2"]) == ["controller_1", "PD-law", "away"]
+    assert {"no_load", "PD-law_no_load", "PD-law_with_load", "away_with_load"} <= data["table3"].keys()
+    assert data["status"]["away"] == "diverged"
+    assert np.isnan(data["table2"]["away"]["mae_deg"]).all()
+    assert data["ranking"]["joint_2"]["mae"]["order"][-1] == "away"
+    for number in (14, 15):
+        words = [text.get_text() for text in draw(number, file).figure.legends[0].get_texts()]
+        assert any("PD-law" in word for word in words)
+
+
+def test_a_law_needs_a_name_that_files_can_bear():
+    for name in ("a/b", "mine_payload"):
+        with pytest.raises(UsageError):
+            laws_of((), {name: abs})
+    with pytest.raises(UsageError):
+        laws_of((), {"number": 7})

@@ -17,7 +17,7 @@ from tendonrepro.configuration.overrides import parse_override
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk, columns
 from tendonrepro.experiments.loops import all_loops, build_law
-from tendonrepro.experiments.sweep.own_law import own_run
+from tendonrepro.experiments.run import simulate_run
 from tendonrepro.experiments.sweep.points import (
     Axis,
     Point,
@@ -27,11 +27,12 @@ from tendonrepro.experiments.sweep.points import (
     unit_of,
 )
 from tendonrepro.experiments.sweep.report import COLUMNS, PAIRS, sweep_tables
-from tendonrepro.experiments.user_law import UserLaw, with_user_law
+from tendonrepro.experiments.user_law import UserLaw, laws_of, runs_of, with_user_laws
 from tendonrepro.files import sha256_of
 from tendonrepro.parallel import each
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, error_ratio
+from tendonrepro.results.statistics import saturated, statistics
 from tendonrepro.results.study import Outcome, foretell, run_study
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.resolution import COMPILED_STEPPER
@@ -46,7 +47,7 @@ class Sweep:
     base: LoadedConfig
     axes: tuple[Axis, ...]
     points: list[Point]
-    law: UserLaw | None
+    laws: Sequence[UserLaw] = ()
 
     @property
     def configs(self) -> list[LoadedConfig]:
@@ -58,7 +59,7 @@ class Sweep:
         return " ".join(axis.option(place) for axis, place in zip(self.axes, point.places, strict=True))
 
 
-def run_sweep(request: Request, over: Sequence[str], talk: Talk, law: str | None = None) -> dict[str, Any]:
+def run_sweep(request: Request, over: Sequence[str], talk: Talk, laws: Sequence[str] = ()) -> dict[str, Any]:
     """Run the comparison over values of one or two keys, and write table, figure and manifest.
 
     Parameters
@@ -68,8 +69,8 @@ def run_sweep(request: Request, over: Sequence[str], talk: Talk, law: str | None
     over : sequence of str
         One or two of ``dotted.key=a,b,c``, values in YAML.
     talk : Talk
-    law : str, optional
-        ``FILE:NAME`` of a law to run beside the controllers, by SciPy.
+    laws : sequence of str
+        ``FILE:NAME`` of laws to run beside the controllers, by SciPy.
 
     Returns
     -------
@@ -81,11 +82,11 @@ def run_sweep(request: Request, over: Sequence[str], talk: Talk, law: str | None
     TendonreproError
         When a value cannot be used or results cannot be written.
     """
-    sweep, folder = load_sweep(request, over, law), request.folder("sweep")
+    sweep, folder = load_sweep(request, over, laws), request.folder("sweep")
     if request.dry_run:
         foretell(folder, sweep.base.sha256, "sweep", request, talk)
         return _plan(sweep, folder)
-    if sweep.law is None and any(axis.key.startswith("solver.") for axis in sweep.axes):
+    if not sweep.laws and any(axis.key.startswith("solver.") for axis in sweep.axes):
         talk.note("the solver's settings change nothing here: the compiled stepper chooses its own steps")
     return run_study("sweep", sweep.base, request, lambda: study_sweep(sweep, over, talk), talk)
 
@@ -107,7 +108,7 @@ def study_sweep(sweep: Sweep, over: Sequence[str], talk: Talk) -> Outcome:
 
 def _plan(sweep: Sweep, folder: Path) -> dict[str, Any]:
     """Points with the number of samples of their runs."""
-    loops = (next(iter(all_loops(config, sweep.law).values())) for config in sweep.configs)
+    loops = (next(iter(all_loops(config).values())) for config in sweep.configs)
     labels = map(sweep.label, sweep.points)
     samples = {label: int(loop.reference.time.size) for label, loop in zip(labels, loops, strict=True)}
     head = _head(sweep)
@@ -118,8 +119,8 @@ def _plan(sweep: Sweep, folder: Path) -> dict[str, Any]:
     return head | plan | {"text": f"{text}\nwould write to {folder}"}
 
 
-def load_sweep(request: Request, over: Sequence[str], law: str | None = None) -> Sweep:
-    """Read a configuration and make those of all points; the law is ``FILE:NAME``."""
+def load_sweep(request: Request, over: Sequence[str], laws: Sequence[str] = ()) -> Sweep:
+    """Read a configuration and make those of all points; laws are ``FILE:NAME``."""
     taken = [parse_override(text).key for text in request.overrides]
     taken += ["seed"] * (request.seed is not None)
     axes = parse_over(over, taken)
@@ -133,13 +134,13 @@ def load_sweep(request: Request, over: Sequence[str], law: str | None = None) ->
     }
     text = json.dumps(content, sort_keys=True, separators=(",", ":"))
     digest = hashlib.sha256(text.encode()).hexdigest()
-    base, own = with_user_law(replace(base, sha256=digest, inputs=inputs), law)
-    return Sweep(base, axes, points, own)
+    own = laws_of(laws)
+    return Sweep(with_user_laws(replace(base, sha256=digest, inputs=inputs), own), axes, points, own)
 
 
 def simulate_sweep(sweep: Sweep, talk: Talk) -> dict[str, Any]:
     """Simulate every run of every point; what does not exist is NaN, which JSON writes as null."""
-    loops = [all_loops(config, sweep.law) for config in sweep.configs]
+    loops = [all_loops(config, sweep.laws) for config in sweep.configs]
     points: list[dict[str, Any]] = [
         {
             "label": sweep.label(point),
@@ -169,11 +170,16 @@ def simulate_sweep(sweep: Sweep, talk: Talk) -> dict[str, Any]:
                     name: (factor * batch.statistics[statistic][k]).tolist()
                     for name, (statistic, _, factor) in COLUMNS.items()
                 }
-        if sweep.law:
-            own = each(own_run, [(config, sweep.law) for config in sweep.configs])
-            for at, found in zip(points, own, strict=True):
-                at["runs"][sweep.law.name] = found
-            progress(len(own))
+        pieces = [
+            (i, run)
+            for i, point in enumerate(sweep.points)
+            for law in sweep.laws
+            for run in runs_of(law, point.config)
+        ]
+        own = each(own_run, [(sweep.configs[i], sweep.laws, run) for i, run in pieces])
+        for (i, run), one in zip(pieces, own, strict=True):
+            points[i]["runs"][run] = one
+        progress(len(own))
     for point, found in zip(sweep.points, points, strict=True):
         found |= {"ratio": _ratios(found["runs"]), "predicted_ratio": _predicted(point.config)}
     status = {f"{p['label']} {run}": found["status"] for p in points for run, found in p["runs"].items()}
@@ -181,6 +187,20 @@ def simulate_sweep(sweep: Sweep, talk: Talk) -> dict[str, Any]:
         talk.detail(f"{name}: {ended}")
     diverged = [name for name, ended in status.items() if ended == "diverged"]
     return _head(sweep) | {"points": points, "status": status, "diverged": diverged}
+
+
+def own_run(piece: tuple[LoadedConfig, Sequence[UserLaw], str]) -> dict[str, Any]:
+    """Simulate a run of a user's law by SciPy; return what a sweep keeps of a run."""
+    loaded, laws, run = piece
+    trace, loop = simulate_run(loaded, laws, run), all_loops(loaded)[next(iter(loaded.config.runs))]
+    found = statistics(trace, ringing_frequency=loaded.config.status.ringing_frequency.si)
+    found["saturated"] = saturated(trace, loop.plant.drive.S, loop.actuator.limit)
+    unknown = np.full(len(trace.joint), np.nan)
+    return {
+        "status": trace.status,
+        "status_time_s": trace.attributes["status_time"],
+        "steps_per_sample": None,
+    } | {name: (factor * found.get(key, unknown)).tolist() for name, (key, _, factor) in COLUMNS.items()}
 
 
 def _ratios(found: Mapping[str, Mapping[str, Any]]) -> dict[str, list[float]]:
@@ -215,7 +235,7 @@ def _head(sweep: Sweep) -> dict[str, Any]:
         "config": sweep.base.origin,
         "config_sha256": sweep.base.sha256,
         "joints": list(config.joints),
-        "runs": [*config.runs, *([sweep.law.name] if sweep.law else [])],
+        "runs": [*config.runs, *(run for law in sweep.laws for run in runs_of(law, config))],
         "keys": [
             {
                 "key": axis.key,

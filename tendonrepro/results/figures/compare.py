@@ -15,7 +15,7 @@ from tendonrepro.results.figures.panels import Canvas
 from tendonrepro.results.figures.style import COLUMN_MM, PAGE_MM, REFERENCE, Stroke, paler, stroke_of
 from tendonrepro.results.paper import printed_beside
 from tendonrepro.results.records import VARIABLES, Trace, TraceFile
-from tendonrepro.results.summary import CONTROLLERS, LOADS, tracking_errors
+from tendonrepro.results.summary import CONTROLLERS, LOADS, PAYLOAD, USER_LAW, run_title, tracking_errors
 from tendonrepro.results.tables import NOTHING, rounded
 
 MEAN_WINDOW = 0.05
@@ -30,7 +30,6 @@ Encoder counts come as lone pulses near standstill; in a narrow window the edges
 ZOOM = 0.1
 """Time shown of raw samples, s."""
 
-_PAYLOAD = "_payload"
 _TABLE_2 = {name: f"table2.{name}.mae" for name in CONTROLLERS}
 _TABLE_3 = {run: f"table3.{load}.mae" for load, run in LOADS.items()}
 _OVERFLOW = 1e100
@@ -43,7 +42,7 @@ _EXPECTED = 0.62
 def controllers(file: TraceFile) -> list[Trace]:
     """List the runs to compare with each other: all but those with a payload."""
     runs = file.part("compare").runs
-    return [trace for trace in runs.values() if not trace.name.endswith(_PAYLOAD)]
+    return [trace for trace in runs.values() if not trace.name.endswith(PAYLOAD)]
 
 
 def draw_motors(file: TraceFile, traces: list[Trace]) -> Canvas:
@@ -143,9 +142,7 @@ def _controller_runs(traces: list[Trace]) -> list[_DrawnRun]:
     known = {f"controller_{number}": number for number in (1, 2, 3)}
     others = count(4)
     return [
-        _DrawnRun(
-            trace, trace.name.replace("_", " ").capitalize(), stroke_of(known.get(trace.name) or next(others))
-        )
+        _DrawnRun(trace, run_title(trace), stroke_of(known.get(trace.name) or next(others)))
         for trace in traces
     ]
 
@@ -188,16 +185,18 @@ def _is_fuzzy(run: _DrawnRun, joint: int) -> bool:
 
 
 def _errors_note(file: TraceFile, runs: list[_DrawnRun], joint: int, printed: Mapping[str, str]) -> str:
-    """MAE of the paper's runs above what the paper prints for them."""
+    """MAE of the paper's runs and of users' laws, above what the paper prints."""
     names: list[str] = []
     rows: dict[str, list[float]] = {"here": [], "printed": []}
     for run in runs:
         trace = run.trace
-        if trace.name in printed and run.holds("e", joint):
+        known = trace.name in printed
+        if (known or trace.attributes["law"].startswith(USER_LAW)) and run.holds("e", joint):
             column = trace.joint.index(joint)
             names.append(run.name.rpartition(", ")[2].replace("Controller ", "C"))
             rows["here"].append(float(tracking_errors(trace)["whole"]["mae"][column]))
-            rows["printed"].append(printed_beside(file, trace, printed[trace.name])[column])
+            beside = printed_beside(file, trace, printed[trace.name])[column] if known else np.nan
+            rows["printed"].append(beside)
     if np.isnan(rows["printed"]).all():
         del rows["printed"]
     lines = [f"{name} {' / '.join(map(_degrees, values))}" for name, values in rows.items() if values]
