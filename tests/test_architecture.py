@@ -39,7 +39,6 @@ OWNERS = {
     "llvmlite": ["simulation/codegen/compiled.py", "simulation/codegen/machine.py"],
     "platformdirs": ["simulation/codegen/cache.py"],
     "matplotlib": ["results/figures/*", "*/figure*.py", "api.py"],
-    "PIL": ["results/figures/animation.py"],
     "pydantic": ["configuration/*"],
     "yaml": ["configuration/fields/strict_yaml.py"],
     "xarray": ["results/traces.py", "api.py"],

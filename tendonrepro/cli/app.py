@@ -218,17 +218,14 @@ def animate(
         Option("--at", metavar="SECONDS", help="A single picture as SVG, no film; repeatable."),
     ] = None,
     speed: Annotated[float, Option("--speed", help="Seconds of the run in a second of film.")] = 1.0,
-    out: Annotated[
-        Path | None, Option("--out", help="File to write, .gif or .mp4 [default: beside the traces].")
-    ] = None,
+    out: Annotated[Path | None, Option("--out", help="File to write [default: beside the traces].")] = None,
     force: Overwrite = False,
 ) -> None:
     """The arm in motion, its tendons coloured by tension."""
-    from tendonrepro.results.animate import animate as make
-    from tendonrepro.results.animate import animate_text
+    from tendonrepro.results.figures.animation import animate as make
 
     found = make(file, terminal.talk, run=run, times=at or (), speed=speed, out=out, force=force)
-    terminal.show(found, animate_text)
+    terminal.show(found, lambda found: "\n".join(found["files"]))
 
 
 @command(app, "tendonrepro export reports/compare --format mat")
