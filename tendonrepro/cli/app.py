@@ -189,7 +189,7 @@ ResultsFolder = Annotated[Path, Option("--out", help="Results folder, or the fol
 @command(app, "tendonrepro figures 14 15")
 def figures(
     terminal: Terminal,
-    numbers: Annotated[list[int] | None, Argument(help="The paper's figure numbers [default: all].")] = None,
+    names: Annotated[list[str] | None, Argument(help="The paper's numbers, or names [default: all].")] = None,
     out: ResultsFolder = Path("reports"),
     force: OverwriteOwn = False,
 ) -> None:
@@ -197,7 +197,7 @@ def figures(
     prepare(WORKERS)
     from tendonrepro.experiments.command import redraw
 
-    terminal.list_files(redraw(out, numbers, force=force))
+    terminal.list_files(redraw(out, names, force=force))
 
 
 @command(app, "tendonrepro tables --out reports/compare")

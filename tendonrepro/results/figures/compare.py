@@ -14,6 +14,7 @@ from tendonrepro.physics.metrics import rmse, window_mean
 from tendonrepro.results.figures.panels import Canvas
 from tendonrepro.results.figures.style import COLUMN_MM, PAGE_MM, REFERENCE, Stroke, paler, stroke_of
 from tendonrepro.results.paper import printed_beside
+from tendonrepro.results.plausible import plausible_beside
 from tendonrepro.results.records import VARIABLES, Trace, TraceFile
 from tendonrepro.results.summary import CONTROLLERS, LOADS, tracking_errors
 from tendonrepro.results.tables import NOTHING, rounded
@@ -30,20 +31,15 @@ Encoder counts come as lone pulses near standstill; in a narrow window the edges
 ZOOM = 0.1
 """Time shown of raw samples, s."""
 
-_PAYLOAD = "_payload"
 _TABLE_2 = {name: f"table2.{name}.mae" for name in CONTROLLERS}
 _TABLE_3 = {run: f"table3.{load}.mae" for load, run in LOADS.items()}
 _OVERFLOW = 1e100
 # Largest share of an error's RMS that may come and go within a mean's window for it to be drawn raw.
 _FUZZY = 0.1
+# Smallest travel of a joint that moves, as a share of that of the joint that moves most.
+_HELD = 0.05
 # Share of white in the wide curves of Figure 13, below the narrow ones of the same colour.
 _EXPECTED = 0.62
-
-
-def controllers(file: TraceFile) -> list[Trace]:
-    """List the runs to compare with each other: all but those with a payload."""
-    runs = file.part("compare").runs
-    return [trace for trace in runs.values() if not trace.name.endswith(_PAYLOAD)]
 
 
 def draw_motors(file: TraceFile, traces: list[Trace]) -> Canvas:
@@ -154,22 +150,34 @@ def _joints(traces: list[Trace]) -> list[int]:
     return sorted({joint for trace in traces for joint in trace.joint})
 
 
+def _moving(traces: list[Trace]) -> list[int]:
+    """Joints that are meant to move; one that is held shows nothing but encoder counts."""
+    travel = dict.fromkeys(_joints(traces), 0.0)
+    for trace in traces:
+        angle = trace.variables.get("q_d", trace.variables.get("q_encoder"))
+        if angle is not None:
+            low, high = np.nanmin(angle, axis=0), np.nanmax(angle, axis=0)
+            for joint, size in zip(trace.joint, high - low, strict=True):
+                travel[joint] = max(travel[joint], float(size))
+    return [joint for joint, size in travel.items() if size >= _HELD * max(travel.values())]
+
+
 def _tracking(file: TraceFile, runs: list[_DrawnRun], printed: Mapping[str, str]) -> Canvas:
-    joints = _joints([run.trace for run in runs])
+    joints = _moving([run.trace for run in runs])
     rows = {"q_encoder": "Joint angle (deg)", "e": "Tracking error (deg)"}
     fuzzy = {joint for joint in joints if any(_is_fuzzy(run, joint) for run in runs)}
-    mean = f"Error, {MEAN_WINDOW * 1e3:g} ms mean ± RMS (deg)"
+    mean = f", {MEAN_WINDOW * 1e3:g} ms mean ± RMS"
     labels = [
-        [(f"Joint {joint}", mean if name == "e" and joint in fuzzy else label) for joint in joints]
+        [(f"Joint {joint}{mean if name == 'e' and joint in fuzzy else ''}", label) for joint in joints]
         for name, label in rows.items()
     ]
-    canvas = Canvas(PAGE_MM, 114.0, labels)
+    canvas = Canvas(PAGE_MM, 124.0, labels)
     for letter, (variable, joint) in zip(canvas.letters, product(rows, joints), strict=True):
         if variable == "e":
             canvas.zero_line(letter)
-            # Beside a title there is room for it where panels are wide.
-            note = _errors_note(file, runs, joint, printed)
-            canvas.note(letter, note if len(joints) < 3 or not note else f"{note}\n")
+            # The empty line is that of the title, which stands at the left.
+            if note := _errors_note(file, runs, joint, printed):
+                canvas.note(letter, f"{note}\n")
         else:
             _desired(canvas, letter, runs, joint)
         _curves(canvas, letter, runs, variable, joint, averaged=variable == "e" and joint in fuzzy)
@@ -188,25 +196,21 @@ def _is_fuzzy(run: _DrawnRun, joint: int) -> bool:
 
 
 def _errors_note(file: TraceFile, runs: list[_DrawnRun], joint: int, printed: Mapping[str, str]) -> str:
-    """MAE of the paper's runs above what the paper prints for them."""
+    """MAE of the paper's runs, what the paper prints for them, and what plausible plants do."""
     names: list[str] = []
-    rows: dict[str, list[float]] = {"here": [], "printed": []}
+    ours = "measured" if file.source == "measured" else "ours"
+    rows: dict[str, list[str]] = {ours: [], "paper": [], "plausible": []}
     for run in runs:
         trace = run.trace
         if trace.name in printed and run.holds("e", joint):
-            column = trace.joint.index(joint)
+            column, identifier = trace.joint.index(joint), printed[trace.name]
             names.append(run.name.rpartition(", ")[2].replace("Controller ", "C"))
-            rows["here"].append(float(tracking_errors(trace)["whole"]["mae"][column]))
-            rows["printed"].append(printed_beside(file, trace, printed[trace.name])[column])
-    if np.isnan(rows["printed"]).all():
-        del rows["printed"]
-    lines = [f"{name} {' / '.join(map(_degrees, values))}" for name, values in rows.items() if values]
-    return "\n".join([f"MAE of {' / '.join(names)}", *lines]) if lines else ""
-
-
-def _degrees(value: float) -> str:
-    text = rounded(value, "z.3f")
-    return text if text == NOTHING else f"{text}°"
+            ends = plausible_beside(file, trace, identifier)[column]
+            rows[ours].append(rounded(float(tracking_errors(trace)["whole"]["mae"][column]), "z.3f"))
+            rows["paper"].append(rounded(printed_beside(file, trace, identifier)[column], "z.3f"))
+            rows["plausible"].append("–".join(f"{end:.2g}" for end in ends) if ends else NOTHING)
+    lines = [f"{name} {' / '.join(cells)}" for name, cells in rows.items() if set(cells) - {NOTHING}]
+    return "\n".join([f"MAE (deg) of {' / '.join(names)}", *lines]) if lines else ""
 
 
 def _desired(canvas: Canvas, letter: str, runs: list[_DrawnRun], joint: int) -> None:

@@ -82,7 +82,7 @@ def draw_joint(file: TraceFile, traces: list[Trace], *, joint: int) -> Canvas:
     canvas.curve("b", "Difference", trace.time, difference, stroke_of(1), label="")
     known = difference[np.isfinite(difference)]
     if len(known):
-        beside = "\nno number printed" if of_paper(file) else ""
+        beside = "\nthe paper gives no value" if of_paper(file) else ""
         canvas.note("b", f"MAE {mae(known):.4f}°{beside}")
     return canvas
 

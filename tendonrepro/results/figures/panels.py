@@ -33,19 +33,16 @@ _INSIDE, _EDGE = 0.85, 0.35
 
 @dataclass(frozen=True)
 class FigureArtists(Drawing):
-    """One of the paper's figures, its panels by letter.
+    """A figure drawn from traces, its panels by letter.
 
     Attributes
     ----------
-    number : int
-        The paper's number.
     lines : dict
         Curves by panel letter and name, such as ``("c", "Controller 1")``.
     bands : dict
         Bands below the curves that are means, by the same keys.
     """
 
-    number: int
     lines: dict[tuple[str, str], Line2D]
     bands: dict[tuple[str, str], Polygon]
 
@@ -193,7 +190,7 @@ class Canvas:
 
     def note(self, letter: str, text: str) -> None:
         """Write a remark above a panel, at its right end."""
-        self._panels[letter].axes.set_title(text, loc="right", fontsize="small")
+        self._panels[letter].axes.set_title(text, loc="right", fontsize="small", linespacing=1.35)
 
     def not_recorded(self, letter: str) -> None:
         """Say in an empty panel that its variable was not recorded."""
@@ -231,8 +228,8 @@ class Canvas:
         self._lines[letter, name] = line
         self._legend.setdefault(str(line.get_label()), line)
 
-    def finish(self, number: int, caption: str, origin: str) -> FigureArtists:
-        """Set ranges, legend and imprint, and lay out the figure of a number once for all formats."""
+    def finish(self, name: str, caption: str, origin: str) -> FigureArtists:
+        """Set ranges, legend and imprint, and lay out the figure of a name once for all formats."""
         self._frame_time()
         for letter, panel in self._panels.items():
             low, high = _frame_values(panel)
@@ -247,8 +244,7 @@ class Canvas:
         self.figure.align_ylabels()
         settle(self.figure)
         axes = {letter: panel.axes for letter, panel in self._panels.items()}
-        stem = f"fig{number:02d}"
-        return FigureArtists(stem, self.figure, axes, caption, number, self._lines, self._bands)
+        return FigureArtists(name, self.figure, axes, caption, self._lines, self._bands)
 
     def _frame_time(self) -> None:
         times = {key: np.asarray(line.get_xdata(), float) for key, line in self._lines.items()}
