@@ -19,8 +19,14 @@ from tendonrepro.results.statistics import error_sizes, peak, rms, saturated
 
 CONTROLLERS = ("controller_1", "controller_2", "controller_3")
 """The compared runs, in the order in which the paper ranks them."""
+PAYLOAD = "_payload"
+"""End of the name of a run with payload."""
+
 LOADS: Mapping[str, str] = {"no_load": "controller_1", "with_load": "controller_1_payload"}
 """The rows of Table 3 and their runs."""
+
+USER_LAW = "user law "
+"""Begins what a run says of its law where that is a user's."""
 
 MEASURED = "measured"
 """Law of a run that was measured."""
@@ -87,7 +93,7 @@ def tension_sizes(file: TraceFile, trace: Trace) -> Sizes:
     Returns
     -------
     dict
-        ``least`` N, ``at`` s and ``slack`` s, each an array (n,); without keys where tensions are unknown.
+        By column of a table, each an array (n,); without keys where tensions are unknown.
     """
     found = tensions(file, trace)
     kept = None if found is None else np.isfinite(found).all(axis=1)
@@ -95,9 +101,9 @@ def tension_sizes(file: TraceFile, trace: Trace) -> Sizes:
         return {}
     time, tension = trace.time[kept], found[kept]
     return {
-        "least": tension.min(axis=0),
-        "at": time[tension.argmin(axis=0)],
-        "slack": slack_time(time, tension.T),
+        "least_tension_N": tension.min(axis=0),
+        "least_tension_at_s": time[tension.argmin(axis=0)],
+        "slack_s": slack_time(time, tension.T),
     }
 
 
@@ -107,45 +113,67 @@ def torque_sizes(file: TraceFile, trace: Trace) -> Sizes:
     Returns
     -------
     dict
-        ``rms``, ``peak`` and ``step_rms``, the RMS of the step from sample to sample, N m; ``at_limit``, the
-        share of samples in which the joint's motor gives all it can. Each an array (n,); without keys where
-        the torque or, for the last one, the limit is unknown.
+        By column of a table, each an array (n,): RMS, peak and RMS of the step from sample to sample, N m,
+        and the share of samples in which the joint's motor gives all it can. Without keys where the torque
+        or, for the last one, the limit is unknown.
     """
     if "tau_m" not in trace:
         return {}
     torque = trace["tau_m"]
-    sizes = {"rms": rms(torque), "peak": peak(np.abs(torque)), "step_rms": rms(np.diff(torque, axis=0))}
+    sizes = {
+        "torque_rms_Nm": rms(torque),
+        "torque_peak_Nm": peak(np.abs(torque)),
+        "torque_step_rms_Nm": rms(np.diff(torque, axis=0)),
+    }
     limit = file.plant.values.get("actuator_torque_limit")
     if limit is not None:
         S = file.plant.matrix("S", trace.joint)
-        sizes["at_limit"] = saturated(trace, S, limit.value[np.array(trace.joint) - 1])
+        sizes["torque_at_limit"] = saturated(trace, S, limit.value[np.array(trace.joint) - 1])
     return sizes
 
 
 def loaded_runs(file: TraceFile) -> dict[str, Trace]:
-    """Return the runs of Table 3 by the names of its rows."""
-    return {load: file.runs[run] for load, run in LOADS.items() if run in file.runs}
+    """Return the runs of Table 3 by the names of its rows; those of other laws begin with the law's name."""
+    found = {load: file.runs[run] for load, run in LOADS.items() if run in file.runs}
+    for name in file.runs:
+        if name not in LOADS.values() and f"{name}{PAYLOAD}" in file.runs:
+            pair = file.runs[name], file.runs[f"{name}{PAYLOAD}"]
+            found |= {f"{name}_{load}": trace for load, trace in zip(LOADS, pair, strict=True)}
+    return found
 
 
 def compared_runs(file: TraceFile) -> dict[str, Trace]:
-    """Return the runs of Table 2: all but the payload run."""
-    return {name: trace for name, trace in file.runs.items() if name != LOADS["with_load"]}
+    """Return the runs of Table 2: all but those with payload."""
+    return {name: trace for name, trace in file.runs.items() if not name.endswith(PAYLOAD)}
+
+
+def run_title(trace: Trace) -> str:
+    """Name of a run for a reader; a user's law keeps the user's."""
+    if trace.attributes["law"].startswith(USER_LAW):
+        return trace.name
+    return trace.name.replace("_", " ").capitalize()
 
 
 def ranking(file: TraceFile) -> dict[str, dict[str, dict[str, Any]]]:
-    """Order of the controllers by size of error, best first, and whether the printed order 1 < 2 < 3 holds.
+    """Order of all laws by size of error, best first, and whether the printed order 1 < 2 < 3 holds.
 
     A diverged run comes last whatever its error up to there. Controllers that were not run are left out of
     both orders. Of another experiment than the paper's ``agrees`` is None.
     """
-    runs = [file.runs[name] for name in CONTROLLERS if name in file.runs]
-    papers = all(of_paper(file, trace) for trace in runs)
+    known = [file.runs[name] for name in CONTROLLERS if name in file.runs]
+    papers = len(known) > 1 and all(of_paper(file, trace) for trace in known)
+    others = [trace for name, trace in compared_runs(file).items() if name not in CONTROLLERS]
+    runs = known + [trace for trace in others if trace.attributes["law"].startswith(USER_LAW)]
     result: dict[str, dict[str, dict[str, Any]]] = {}
     for metric in ("mae", "rmse") if len(runs) > 1 else ():
         sizes = np.array([tracking_errors(trace)["whole"][metric] for trace in runs])
         sizes[np.isnan(sizes)] = np.inf
         for joint, column in zip(runs[0].joint, sizes.T, strict=True):
             order = [runs[place].name for place in np.argsort(column, kind="stable")]
-            agrees = all(bool(better < worse) for better, worse in pairwise(column)) if papers else None
+            agrees = (
+                all(bool(better < worse) for better, worse in pairwise(column[: len(known)]))
+                if papers
+                else None
+            )
             result.setdefault(f"joint_{joint}", {})[metric] = {"order": order, "agrees": agrees}
     return result

@@ -22,7 +22,7 @@ from tendonrepro.results.figures.decouple import draw_joint, draw_motor_angles, 
 from tendonrepro.results.figures.panels import Canvas, FigureArtists
 from tendonrepro.results.figures.style import journal_style, save_figure
 from tendonrepro.results.records import Trace, TraceFile
-from tendonrepro.results.summary import fitted_under
+from tendonrepro.results.summary import PAYLOAD, fitted_under
 
 _LONGEST_CHANGES = 60
 _MAE = "MAE in the order of the legend, plausible: central 90 % of the stable plants"
@@ -50,7 +50,7 @@ class FigureSpec:
     def traces(self, file: TraceFile) -> list[Trace]:
         """Pick the runs of a file that can be drawn; there are none when the figure cannot be."""
         held = file.part(self.experiment).runs
-        names = self.runs or [name for name in held if not name.endswith("_payload")]
+        names = self.runs or [name for name in held if not name.endswith(PAYLOAD)]
         return [
             held[name]
             for name in names

@@ -16,7 +16,7 @@ from tendonrepro.results.figures.style import COLUMN_MM, PAGE_MM, REFERENCE, Str
 from tendonrepro.results.paper import printed_beside
 from tendonrepro.results.plausible import plausible_beside
 from tendonrepro.results.records import VARIABLES, Trace, TraceFile
-from tendonrepro.results.summary import CONTROLLERS, LOADS, tracking_errors
+from tendonrepro.results.summary import CONTROLLERS, LOADS, USER_LAW, run_title, tracking_errors
 from tendonrepro.results.tables import NOTHING, rounded
 
 MEAN_WINDOW = 0.05
@@ -139,9 +139,7 @@ def _controller_runs(traces: list[Trace]) -> list[_DrawnRun]:
     known = {f"controller_{number}": number for number in (1, 2, 3)}
     others = count(4)
     return [
-        _DrawnRun(
-            trace, trace.name.replace("_", " ").capitalize(), stroke_of(known.get(trace.name) or next(others))
-        )
+        _DrawnRun(trace, run_title(trace), stroke_of(known.get(trace.name) or next(others)))
         for trace in traces
     ]
 
@@ -196,18 +194,20 @@ def _is_fuzzy(run: _DrawnRun, joint: int) -> bool:
 
 
 def _errors_note(file: TraceFile, runs: list[_DrawnRun], joint: int, printed: Mapping[str, str]) -> str:
-    """MAE of the paper's runs, what the paper prints for them, and what plausible plants do."""
+    """MAE of the paper's runs and of users' laws, what the paper prints, and what plausible plants do."""
     names: list[str] = []
     ours = "measured" if file.source == "measured" else "ours"
     rows: dict[str, list[str]] = {ours: [], "paper": [], "plausible": []}
     for run in runs:
         trace = run.trace
-        if trace.name in printed and run.holds("e", joint):
-            column, identifier = trace.joint.index(joint), printed[trace.name]
+        identifier = printed.get(trace.name, "")
+        if (identifier or trace.attributes["law"].startswith(USER_LAW)) and run.holds("e", joint):
+            column = trace.joint.index(joint)
             names.append(run.name.rpartition(", ")[2].replace("Controller ", "C"))
+            beside = printed_beside(file, trace, identifier)[column] if identifier else np.nan
             ends = plausible_beside(file, trace, identifier)[column]
             rows[ours].append(rounded(float(tracking_errors(trace)["whole"]["mae"][column]), "z.3f"))
-            rows["paper"].append(rounded(printed_beside(file, trace, identifier)[column], "z.3f"))
+            rows["paper"].append(rounded(beside, "z.3f"))
             rows["plausible"].append("–".join(f"{end:.2g}" for end in ends) if ends else NOTHING)
     lines = [f"{name} {' / '.join(cells)}" for name, cells in rows.items() if set(cells) - {NOTHING}]
     return "\n".join([f"MAE (deg) of {' / '.join(names)}", *lines]) if lines else ""
