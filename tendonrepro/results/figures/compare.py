@@ -33,7 +33,6 @@ ZOOM = 0.1
 
 _TABLE_2 = {name: f"table2.{name}.mae" for name in CONTROLLERS}
 _TABLE_3 = {run: f"table3.{load}.mae" for load, run in LOADS.items()}
-_OVERFLOW = 1e100
 # Largest share of an error's RMS that may come and go within a mean's window for it to be drawn raw.
 _FUZZY = 0.1
 # Smallest travel of a joint that moves, as a share of that of the joint that moves most.
@@ -99,7 +98,7 @@ def draw_law(_file: TraceFile, traces: list[Trace], *, bands: bool = True) -> Ca
         canvas.zero_line(letter)
         _curves(canvas, letter, runs, variable, joint, averaged=True, bands=bands)
         if variable in near:
-            canvas.mark_span(letter, *_near(runs, joint))
+            canvas.axes[letter].axvspan(*_near(runs, joint), color="#B0B0B0", linewidth=0.0, zorder=0.7)
     for variable, joint in product(near, joints):
         _raw_samples(canvas, next(letters), runs, variable, joint)
     if bands:
@@ -238,8 +237,8 @@ def _curves(
     for run in holding:
         time, values = run.trace.time, run.values(variable, joint)
         diverged = run.trace.status == "diverged"
-        if averaged and bands:
-            canvas.band(letter, run.name, *ripple_band(time, values), run.stroke, diverged=diverged)
+        if averaged and bands and not diverged:
+            canvas.band(letter, run.name, *ripple_band(time, values), run.stroke)
         if averaged:
             time, values = mean_curve(time, values)
         canvas.curve(letter, run.name, time, values, run.stroke, label=run.label, diverged=diverged)
@@ -265,7 +264,7 @@ def _raw_samples(canvas: Canvas, letter: str, runs: list[_DrawnRun], variable: s
     if not holding:
         canvas.not_recorded(letter)
     canvas.zero_line(letter)
-    canvas.look_at(letter, start, end)
+    canvas.axes[letter].set_xlim(start, end)
     for run in holding:
         time = run.trace.time
         inside = (time >= start - 1e-9) & (time <= end + 1e-9)
@@ -293,7 +292,6 @@ def ripple_band(time: Array, values: Array) -> tuple[Array, tuple[Array, Array]]
     time, values = _known(time, values)
     if len(time) < 2:
         return time, (values, values)
-    values = np.clip(values, -_OVERFLOW, _OVERFLOW)
     mean = window_mean(values, _samples(time, MEAN_WINDOW))
     power = window_mean((values - mean) ** 2, _samples(time, RIPPLE_WINDOW))
     # A sum of many squares less another may come out a rounding below zero.
