@@ -127,12 +127,9 @@ def origin_of(file: TraceFile) -> str:
     """One line for a picture: simulated or measured, and by which configuration with which changes."""
     if file.source == "measured":
         return "Measured"
-    try:
-        manifest = json.loads(file.manifest_json)
-        name = Path(str(manifest["config"]["origin"])).name
-        changes = list(map(str, manifest.get("overrides", ())))
-    except (ValueError, LookupError, TypeError):
-        name, changes = file.experiment, []
+    manifest = json.loads(file.manifest_json or "{}")
+    name = Path(manifest.get("config", {}).get("origin", file.experiment)).name
+    changes = list(manifest.get("overrides", ()))
     if sum(map(len, changes)) > _LONGEST_CHANGES:
         changes = [f"{len(changes)} settings changed"]
     if under := fitted_under(file):

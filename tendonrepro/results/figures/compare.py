@@ -270,7 +270,7 @@ def _raw_samples(canvas: Canvas, letter: str, runs: list[_DrawnRun], variable: s
         inside = (time >= start - 1e-9) & (time <= end + 1e-9)
         stroke = replace(run.stroke, width=0.7)
         values = run.values(variable, joint)[inside]
-        diverged = run.trace.status == "diverged"
+        diverged = run.trace.status == "diverged" and time[-1] <= end
         canvas.curve(letter, run.name, time[inside], values, stroke, label="", diverged=diverged, held=True)
 
 
