@@ -11,11 +11,11 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.readings import AXES, PRINTED
-from tendonrepro.physics.metrics import windows
+from tendonrepro.physics.metrics import max_abs, rmse, windows
 from tendonrepro.physics.statics import slack_time, tendon_tension
 from tendonrepro.results.paper import of_paper
 from tendonrepro.results.records import Trace, TraceFile
-from tendonrepro.results.statistics import error_sizes, peak, rms, saturated
+from tendonrepro.results.statistics import error_sizes, saturated
 
 CONTROLLERS = ("controller_1", "controller_2", "controller_3")
 """The compared runs, in the order in which the paper ranks them."""
@@ -121,9 +121,9 @@ def torque_sizes(file: TraceFile, trace: Trace) -> Sizes:
         return {}
     torque = trace["tau_m"]
     sizes = {
-        "torque_rms_Nm": rms(torque),
-        "torque_peak_Nm": peak(np.abs(torque)),
-        "torque_step_rms_Nm": rms(np.diff(torque, axis=0)),
+        "torque_rms_Nm": rmse(torque),
+        "torque_peak_Nm": max_abs(torque),
+        "torque_step_rms_Nm": rmse(np.diff(torque, axis=0)),
     }
     limit = file.plant.values.get("actuator_torque_limit")
     if limit is not None:
