@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.physics.metrics import rmse, window_mean
+from tendonrepro.physics.metrics import max_abs, mean, rmse, window_mean
 from tendonrepro.results.figures.panels import Canvas
 from tendonrepro.results.figures.style import COLUMN_MM, PAGE_MM, REFERENCE, Stroke, paler, stroke_of
 from tendonrepro.results.paper import printed_beside
@@ -151,11 +151,9 @@ def _moving(traces: list[Trace]) -> list[int]:
     """Joints that are meant to move; one that is held shows nothing but encoder counts."""
     travel = dict.fromkeys(_joints(traces), 0.0)
     for trace in traces:
-        angle = trace.variables.get("q_d", trace.variables.get("q_encoder"))
-        if angle is not None:
-            low, high = np.nanmin(angle, axis=0), np.nanmax(angle, axis=0)
-            for joint, size in zip(trace.joint, high - low, strict=True):
-                travel[joint] = max(travel[joint], float(size))
+        angle = trace["q_d" if "q_d" in trace else "q_encoder" if "q_encoder" in trace else "e"]
+        for joint, size in zip(trace.joint, max_abs(angle - mean(angle)), strict=True):
+            travel[joint] = max(travel[joint], float(size))
     return [joint for joint, size in travel.items() if size >= _HELD * max(travel.values())]
 
 
@@ -163,9 +161,9 @@ def _tracking(file: TraceFile, runs: list[_DrawnRun], printed: Mapping[str, str]
     joints = _moving([run.trace for run in runs])
     rows = {"q_encoder": "Joint angle (deg)", "e": "Tracking error (deg)"}
     fuzzy = {joint for joint in joints if any(_is_fuzzy(run, joint) for run in runs)}
-    mean = f", {MEAN_WINDOW * 1e3:g} ms mean ± RMS"
+    averaged = f", {MEAN_WINDOW * 1e3:g} ms mean ± RMS"
     labels = [
-        [(f"Joint {joint}{mean if name == 'e' and joint in fuzzy else ''}", label) for joint in joints]
+        [(f"Joint {joint}{averaged if name == 'e' and joint in fuzzy else ''}", label) for joint in joints]
         for name, label in rows.items()
     ]
     canvas = Canvas(PAGE_MM, 124.0, labels)
@@ -246,13 +244,12 @@ def _curves(
 
 def _near(runs: list[_DrawnRun], joint: int) -> tuple[float, float]:
     """Span of time to look at from near: where the desired angle of the longest run rises fastest."""
-    longest = max(runs, key=lambda run: float(run.trace.time[-1])).trace
+    longest = max((run.trace for run in runs), key=lambda trace: float(trace.time[-1]))
     time, middle = longest.time, float(longest.time[len(longest.time) // 2])
     if "q_d" in longest and joint in longest.joint and len(time) > 1:
-        speed = np.gradient(longest["q_d"][:, longest.joint.index(joint)], time)
-        if np.isfinite(speed).any():
-            # The first of equally fast strokes, whatever rounding says.
-            middle = float(time[np.argmax(np.nan_to_num(speed) >= 0.999 * np.nanmax(speed))])
+        speed = np.nan_to_num(np.gradient(longest["q_d"][:, longest.joint.index(joint)], time))
+        # The first of equally fast strokes, whatever rounding says.
+        middle = float(time[np.argmax(speed >= 0.999 * speed.max())])
     start = max(middle - 0.5 * ZOOM, float(time[0]))
     return start, start + ZOOM
 
@@ -292,13 +289,13 @@ def ripple_band(time: Array, values: Array) -> tuple[Array, tuple[Array, Array]]
     time, values = _known(time, values)
     if len(time) < 2:
         return time, (values, values)
-    mean = window_mean(values, _samples(time, MEAN_WINDOW))
-    power = window_mean((values - mean) ** 2, _samples(time, RIPPLE_WINDOW))
+    middle = window_mean(values, _samples(time, MEAN_WINDOW))
+    power = window_mean((values - middle) ** 2, _samples(time, RIPPLE_WINDOW))
     # A sum of many squares less another may come out a rounding below zero.
     rms = np.sqrt(np.maximum(power, 0.0))
     # Smooth over the window, so a few points in each show all there is.
     places = _places(len(time), 2 * _samples(time, MEAN_WINDOW))
-    return time[places], ((mean - rms)[places], (mean + rms)[places])
+    return time[places], ((middle - rms)[places], (middle + rms)[places])
 
 
 def _known(time: Array, values: Array) -> tuple[Array, Array]:
