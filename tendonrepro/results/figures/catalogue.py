@@ -139,12 +139,12 @@ def origin_of(file: TraceFile) -> str:
 
 def _caption(name: str, file: TraceFile, traces: list[Trace]) -> str:
     made = "Simulated" if file.source == "simulated" else "Measured"
+    told = {"diverged": "diverged at {:.2f} s.", "ringing": "is ringing."}
     ends = [
-        f"Run {trace.name} {trace.status} at {trace.attributes['status_time']:.2f} s."
+        f"Run {trace.name} {told[trace.status].format(trace.attributes['status_time'])}"
         for trace in traces
-        if trace.status == "diverged"
+        if trace.status in told
     ]
-    ends += [f"Run {trace.name} is ringing." for trace in traces if trace.status == "ringing"]
     origin = f"{made}; tendonrepro {file.tendonrepro_version}, configuration {file.config_sha256[:12]}."
     return " ".join([f"{title_of(name)}. {FIGURES[name].caption}", *ends, origin])
 
