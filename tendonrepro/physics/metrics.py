@@ -15,10 +15,6 @@ STATUSES = ("ok", "ringing", "diverged", "unresolved")
 """Statuses by their number in stored results; a plant too fast for the compiled stepper is unresolved."""
 
 
-AT_LIMIT = 1.0 - 1e-12
-"""Share of the largest torque from which a motor gives all it can: rounding keeps it from the whole."""
-
-
 def start_level(time: Array, x: Array) -> Array:
     """Level at which a record starts: the median of its first tenth of a second.
 
@@ -194,9 +190,6 @@ def window_mean(x: Array, samples: int) -> Array:
     Array
         Same shape and unit as `x`.
     """
-    if samples < 1:
-        message = f"a window holds at least one sample, not {samples}"
-        raise ValueError(message)
     half = samples // 2
     index = np.arange(len(x))
     first = np.maximum(index - half, 0)

@@ -12,9 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.physics.metrics import AT_LIMIT, mae, max_abs, mean, periodogram, rmse
+from tendonrepro.physics.metrics import mae, max_abs, mean, periodogram, rmse
 from tendonrepro.results.records import Trace
-from tendonrepro.simulation.streaming import MOVING, PHASES, RESTING, SIGNALS, Thresholds, thresholds
+from tendonrepro.simulation.streaming import (
+    AT_LIMIT,
+    MOVING,
+    PHASES,
+    RESTING,
+    SIGNALS,
+    Thresholds,
+    thresholds,
+)
 
 VARIABLES = {"torque": "tau_m", "H_hat": "H_hat"}
 """Recorded variables of the signals whose size is asked for in every way."""

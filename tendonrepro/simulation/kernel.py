@@ -18,11 +18,11 @@ from tendonrepro.physics.dynamics import Plant, state_derivative
 from tendonrepro.physics.friction import dry_slope
 from tendonrepro.physics.instruments import Actuator, Encoder, applied_torque, quantise
 from tendonrepro.physics.linalg import solve_positive_definite, times
-from tendonrepro.physics.metrics import AT_LIMIT
 from tendonrepro.simulation import streaming
 from tendonrepro.simulation.codegen.lanes import LaneRows, LaneTape, lane_code, remembered
 from tendonrepro.simulation.resolution import demand
 from tendonrepro.simulation.sampled import LARGEST_TORQUE, decide_by_estimate, keep_estimate
+from tendonrepro.simulation.streaming import AT_LIMIT
 
 RECORDED = ("state", "q_encoder", "tau_cmd", "tau_m", "H_hat", "s")
 """Rows of a sample that a trace is made from, in the order they stand at the start of its array."""

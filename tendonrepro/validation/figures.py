@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tendonrepro.results.figures.catalogue import FIGURES, available, name_of, save, title_of
+from tendonrepro.results.figures.catalogue import FIGURES, available, save, title_of
 from tendonrepro.results.figures.compare import MEAN_WINDOW, draw_law
 from tendonrepro.results.figures.panels import Canvas, FigureArtists
 from tendonrepro.results.figures.style import REFERENCE, Stroke, journal_style, paler
@@ -39,12 +39,11 @@ def saved_overlay(measured: TraceFile, models: Mapping[str, Trace], folder: Path
     return save(draw_overlay(name, measured, models), folder)
 
 
-def draw_overlay(figure: str | int, measured: TraceFile, models: Mapping[str, Trace]) -> FigureArtists:
+def draw_overlay(name: str, measured: TraceFile, models: Mapping[str, Trace]) -> FigureArtists:
     """Draw one of `available_overlays`, simulated thin and dashed over measured wide and pale.
 
     `models` are simulations on the measured axes, by run; what was not measured of one is not drawn.
     """
-    name = name_of(figure)
     spec = FIGURES[name]
     traces = spec.traces(measured)
     joints = {joint for trace in traces for joint in trace.joint}
@@ -88,9 +87,8 @@ def _lay_over(sheet: Canvas, over: Canvas, model: Trace, wide: float) -> None:
 
 
 def _caption(name: str, measured: TraceFile, drawn: list[Trace]) -> str:
-    words = ["Measured wide and pale; simulated on the measured motion thin and dashed."]
-    if not drawn:
-        words = ["Measured; there is no simulation beside it."]
+    beside = "Measured wide and pale; simulated on the measured motion thin and dashed."
+    words = [beside if drawn else "Measured; there is no simulation beside it."]
     words += [
         f"The simulated run {trace.name} diverged at {trace.attributes['status_time']:.2f} s."
         for trace in drawn

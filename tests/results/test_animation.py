@@ -8,12 +8,11 @@ from functools import cache
 import numpy as np
 import pytest
 from PIL import Image
-from support.oracles import TABLE_1, winch_angles
+from support.oracles import TABLE_1, path_length, winch_angles
 from support.synthetic import make_compare_file, make_decouple_file
 
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.physics.tendon_path import path_length
 from tendonrepro.results.figures.animation import MOST_PICTURES, animate, draw_scene
 from tendonrepro.results.figures.style import journal_style
 from tendonrepro.results.records import PlantRecord, PlantValue, TraceFile

@@ -12,10 +12,10 @@ from tendonrepro.experiments.loops import all_loops
 from tendonrepro.experiments.run import simulate_run
 from tendonrepro.experiments.sweep.report import COLUMNS
 from tendonrepro.experiments.user_law import UserLaw
-from tendonrepro.physics.metrics import AT_LIMIT, mae, max_abs, periodogram, rmse
+from tendonrepro.physics.metrics import mae, max_abs, periodogram, rmse
 from tendonrepro.results.records import Trace
 from tendonrepro.simulation.stepper import Loop
-from tendonrepro.simulation.streaming import MOVING, RESTING
+from tendonrepro.simulation.streaming import AT_LIMIT, MOVING, RESTING
 
 
 def own_run(piece: tuple[LoadedConfig, UserLaw]) -> dict[str, Any]:
