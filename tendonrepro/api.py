@@ -85,24 +85,24 @@ class Result:
             return list(self._outcome.figures)
         from tendonrepro.results.figures.catalogue import available
 
-        return list(map(str, available(self._file)))
+        return available(self._file)
 
     def plot(self, name: str | int) -> Figure:
-        """Draw one of `figures`; those of an experiment are named by the paper's number.
+        """Draw one of `figures`, by its name or its number in the paper.
 
         Raises
         ------
-        UsageError
-            When there is no such figure.
+        TendonreproError
+            When there is no such figure, or the runs do not hold what it shows.
         """
-        if str(name) not in self.figures:
+        if self._file is not None:
+            from tendonrepro.results.figures.catalogue import draw
+
+            return draw(name, self._file).figure
+        if name not in self.figures:
             message = f"{self.command} draws no figure {name}"
             raise UsageError(message, hint=f"figures: {', '.join(self.figures) or 'none'}")
-        if self._file is None:
-            return self._outcome.figures[str(name)]().figure
-        from tendonrepro.results.figures.catalogue import draw
-
-        return draw(int(name), self._file).figure
+        return self._outcome.figures[str(name)]().figure
 
     def save(self, folder: str | Path, *, force: bool = False) -> Path:
         """Write everything into a folder, as the command line does, and return it.
@@ -120,8 +120,8 @@ class Result:
                 from tendonrepro.results.traces import write_traces
 
                 write_traces(result.path / TRACES, self._file)
-                for number in available(self._file):
-                    redrawn(self._file, result.path / "figures", number)
+                for name in available(self._file):
+                    redrawn(self._file, result.path / "figures", name)
             result.manifest = self.manifest
         return target
 

@@ -38,7 +38,6 @@ OWNERS = {
     "llvmlite": ["simulation/codegen/machine.py"],
     "platformdirs": ["simulation/codegen/cache.py"],
     "matplotlib": ["results/figures/*", "*/figure*.py", "api.py"],
-    "PIL": ["results/figures/animation.py"],
     "pydantic": ["configuration/*", "dataset/mapping.py"],
     "yaml": ["configuration/fields/strict_yaml.py", "configuration/fewer_joints.py"],
     "xarray": ["results/traces.py", "api.py"],

@@ -173,14 +173,14 @@ ResultsFolder = Annotated[Path, Option("--out", help="Results folder, or the fol
 @command(app, "tendonrepro figures 14 15")
 def figures(
     terminal: Terminal,
-    numbers: Annotated[list[int] | None, Argument(help="The paper's figure numbers [default: all].")] = None,
+    names: Annotated[list[str] | None, Argument(help="The paper's numbers, or names [default: all].")] = None,
     out: ResultsFolder = Path("reports"),
     force: OverwriteOwn = False,
 ) -> None:
     """Draw figures again from stored traces."""
     from tendonrepro.experiments.command import redraw
 
-    terminal.list_files(redraw(out, numbers, force=force))
+    terminal.list_files(redraw(out, names, force=force))
 
 
 @command(app, "tendonrepro tables --out reports/compare")
@@ -201,17 +201,14 @@ def animate(
         Option("--at", metavar="SECONDS", help="A single picture as SVG, no film; repeatable."),
     ] = None,
     speed: Annotated[float, Option("--speed", help="Seconds of the run in a second of film.")] = 1.0,
-    out: Annotated[
-        Path | None, Option("--out", help="File to write, .gif or .mp4 [default: beside the traces].")
-    ] = None,
+    out: Annotated[Path | None, Option("--out", help="File to write [default: beside the traces].")] = None,
     force: Overwrite = False,
 ) -> None:
     """The arm in motion, its tendons coloured by tension."""
-    from tendonrepro.results.animate import animate as make
-    from tendonrepro.results.animate import animate_text
+    from tendonrepro.results.figures.animation import animate as make
 
     found = make(file, terminal.talk, run=run, times=at or (), speed=speed, out=out, force=force)
-    terminal.show(found, animate_text)
+    terminal.show(found, lambda found: "\n".join(found["files"]))
 
 
 @command(app, "tendonrepro export reports/compare --format mat")

@@ -22,7 +22,6 @@ from tendonrepro.experiments.report import SCHEMA_VERSION, outcome_of
 from tendonrepro.experiments.run import PRECISE, simulate_all, trace_file
 from tendonrepro.experiments.user_law import UserLaw, laws_of, with_user_laws
 from tendonrepro.parallel import each
-from tendonrepro.results.figures import NUMBERS
 from tendonrepro.results.manifest import make_manifest
 from tendonrepro.results.paper_tables import made_tables
 from tendonrepro.results.records import TraceFile
@@ -114,7 +113,9 @@ def run_experiments(orders: Sequence[Order], talk: Talk) -> dict[str, dict[str, 
             ends = {"out": str(order.folder), "manifest": str(order.folder / MANIFEST)}
             text = f"{outcome.text()}\n\nFigures, tables and traces are in {order.folder}"
             found[order.name] = {**outcome.data, "text": text, **ends}
-        _draw({path: (file, NUMBERS[file.experiment]) for path, file in files.items()})
+        from tendonrepro.results.figures.catalogue import available
+
+        _draw({path: (file, available(file)) for path, file in files.items()})
     return found
 
 
@@ -219,15 +220,15 @@ def _name_shipped(loaded: LoadedConfig, talk: Talk) -> None:
             talk.note(f"no {path.name} in {loaded.folder}, so the shipped one is taken: {path}")
 
 
-def redraw(out: Path, numbers: Sequence[int] | None, *, force: bool = False) -> list[Path]:
+def redraw(out: Path, figures: Sequence[str] | None, *, force: bool = False) -> list[Path]:
     """Draw figures from stored traces again.
 
     Parameters
     ----------
     out : Path
         Results folder, or the folder above several.
-    numbers : sequence of int, optional
-        The paper's figure numbers; all that the traces allow if not given.
+    figures : sequence of str, optional
+        Names, or the paper's numbers; all that the traces allow if not given.
     force : bool
         Go on where files are somebody's own, which are kept, or were changed, which are made again.
 
@@ -241,26 +242,24 @@ def redraw(out: Path, numbers: Sequence[int] | None, *, force: bool = False) -> 
     DataMissingError
         If no stored traces hold what one of the figures shows.
     UsageError
-        If something would be overwritten.
+        If there is no such figure, or something would be overwritten.
     """
-    from tendonrepro.results.figures.catalogue import FIGURES, available
+    from tendonrepro.results.figures.catalogue import available, name_of, title_of
 
-    unknown = [number for number in numbers or () if number not in FIGURES]
-    if unknown:
-        message = f"the paper's results have no Figure {unknown[0]}"
-        raise UsageError(message, hint=f"figures: {', '.join(map(str, FIGURES))}")
+    asked = [name_of(figure) for figure in figures or ()]
     files = _stored(out)
     drawable = {folder: available(file) for folder, file in files.items()}
-    for number in numbers or ():
-        if not any(number in found for found in drawable.values()):
-            message = f"no stored traces hold what Figure {number} shows"
-            have = ", ".join(str(k) for k in sorted(set().union(*drawable.values()))) or "none"
+    every = {name for names in drawable.values() for name in names}
+    for name in asked:
+        if name not in every:
+            message = f"no stored traces hold what {title_of(name)} shows"
+            have = ", ".join(sorted(every)) or "none"
             raise DataMissingError(message, where=str(out), hint=f"figures that can be drawn: {have}")
     with ExitStack() as stack:
         wanted = {
             stack.enter_context(_updated(folder, file, force=force)): (
                 file,
-                [number for number in drawable[folder] if numbers is None or number in numbers],
+                [name for name in drawable[folder] if not asked or name in asked],
             )
             for folder, file in files.items()
         }
@@ -323,14 +322,14 @@ def _updated(folder: Path, file: TraceFile, *, force: bool) -> Iterator[Path]:
         yield result.path
 
 
-def _draw(wanted: Mapping[Path, tuple[TraceFile, Sequence[int]]]) -> dict[Path, list[Path]]:
-    """Draw figures, by the paper's numbers, of the traces of each results folder, as far as these allow."""
+def _draw(wanted: Mapping[Path, tuple[TraceFile, Sequence[str]]]) -> dict[Path, list[Path]]:
+    """Draw figures, by name, of the traces of each results folder."""
     # One pool for all folders: to start its processes takes as long as to draw two figures. The later ones
     # have more panels: begun first, they keep no processor waiting at the end.
     pieces = [
-        (file, folder / "figures", number)
-        for folder, (file, numbers) in reversed(list(wanted.items()))
-        for number in reversed(numbers)
+        (file, folder / "figures", name)
+        for folder, (file, names) in reversed(list(wanted.items()))
+        for name in reversed(names)
     ]
     drawn: dict[Path, list[Path]] = {folder: [] for folder in wanted}
     for (_, folder, _), paths in reversed(list(zip(pieces, each(_drawn, pieces), strict=True))):
@@ -338,12 +337,10 @@ def _draw(wanted: Mapping[Path, tuple[TraceFile, Sequence[int]]]) -> dict[Path, 
     return drawn
 
 
-def _drawn(piece: tuple[TraceFile, Path, int]) -> list[Path]:
-    """Draw one figure of a file into a folder, by the paper's number, if its traces allow it."""
-    from tendonrepro.results.figures.catalogue import FIGURES, redrawn
+def _drawn(piece: tuple[TraceFile, Path, str]) -> list[Path]:
+    from tendonrepro.results.figures.catalogue import redrawn
 
-    file, folder, number = piece
-    return redrawn(file, folder, number) if FIGURES[number].traces(file) else []
+    return redrawn(*piece)
 
 
 def _load(order: Order) -> tuple[LoadedConfig, list[UserLaw]]:

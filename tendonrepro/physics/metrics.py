@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 
@@ -32,52 +33,39 @@ def start_level(time: Array, x: Array) -> Array:
     return np.asarray(np.median(x[time <= time[0] + 0.1], axis=0))
 
 
-def mae(e: Array) -> Array:
-    """Mean absolute error of each joint, Tables 2 and 3.
+def mean(values: Array, inside: NDArray[np.bool_] | bool = True) -> Array:
+    """Mean over the first axis of the finite samples inside; NaN where there is none.
 
     Parameters
     ----------
-    e : Array
-        Error, shape (T, n), any unit.
+    values : array (T, ...)
+    inside : array of bool (T, ...), optional
+        Samples to take.
 
     Returns
     -------
-    Array
-        Shape (n,), in the unit of `e`.
+    array (...)
     """
-    return np.asarray(np.mean(np.abs(e), axis=0))
+    kept = inside & np.isfinite(values)
+    count = kept.sum(axis=0)
+    total = np.where(kept, values, 0.0).sum(axis=0)
+    return np.asarray(np.divide(total, count, out=np.full(values.shape[1:], np.nan), where=count > 0))
 
 
-def rmse(e: Array) -> Array:
-    """Root of the mean square error of each joint, Tables 2 and 3.
-
-    Parameters
-    ----------
-    e : Array
-        Error, shape (T, n), any unit.
-
-    Returns
-    -------
-    Array
-        Shape (n,), in the unit of `e`.
-    """
-    return np.asarray(np.sqrt(np.mean(np.square(e), axis=0)))
+def mae(e: Array, inside: NDArray[np.bool_] | bool = True) -> Array:
+    """Mean absolute error of each joint, Tables 2 and 3; see `mean`."""
+    return mean(np.abs(e), inside)
 
 
-def max_abs(e: Array) -> Array:
-    """Largest magnitude of the error of each joint.
+def rmse(e: Array, inside: NDArray[np.bool_] | bool = True) -> Array:
+    """Root of the mean square error of each joint, Tables 2 and 3; see `mean`."""
+    return np.sqrt(mean(np.square(e), inside))
 
-    Parameters
-    ----------
-    e : Array
-        Error, shape (T, n), any unit.
 
-    Returns
-    -------
-    Array
-        Shape (n,), in the unit of `e`.
-    """
-    return np.asarray(np.max(np.abs(e), axis=0))
+def max_abs(e: Array, inside: NDArray[np.bool_] | bool = True) -> Array:
+    """Largest magnitude of each joint's finite samples; see `mean`."""
+    sizes = np.where(inside & np.isfinite(e), np.abs(e), -np.inf).max(axis=0, initial=-np.inf)
+    return np.where(np.isfinite(sizes), sizes, np.nan)
 
 
 def windows(time: Array, period: float) -> dict[str, slice]:
@@ -202,9 +190,6 @@ def window_mean(x: Array, samples: int) -> Array:
     Array
         Same shape and unit as `x`.
     """
-    if samples < 1:
-        message = f"a window holds at least one sample, not {samples}"
-        raise ValueError(message)
     half = samples // 2
     index = np.arange(len(x))
     first = np.maximum(index - half, 0)

@@ -95,13 +95,6 @@ def tendon_path(centre: Array, radius: Array, end: Array) -> TendonPath:
     return TendonPath(centre, radius, direction, np.column_stack([np.zeros(len(wrap)), wrap]))
 
 
-def path_length(path: TendonPath) -> Array:
-    """Length from where a tendon leaves its winch to its end, m, (T,)."""
-    step = np.diff(path.centre, axis=1)
-    straight = np.sqrt((step**2).sum(axis=-1) - np.diff(path.radius) ** 2)
-    return np.asarray(straight.sum(axis=1) + path.wrap @ np.abs(path.radius))
-
-
 def path_points(path: TendonPath, place: int, spacing: float = 0.1) -> Array:
     """Points to draw a tendon through in one of its postures.
 

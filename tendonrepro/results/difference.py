@@ -63,8 +63,8 @@ def _leaves(node: Node, path: str = "") -> dict[str, Any]:
 
 def _versions(file: TraceFile) -> dict[str, Any]:
     manifest = json.loads(file.manifest_json or "{}")
-    environment = manifest.get("environment") or {}
-    return {"tendonrepro": file.tendonrepro_version} | (environment.get("versions") or {})
+    libraries: dict[str, Any] = manifest.get("environment", {}).get("versions", {})
+    return {"tendonrepro": file.tendonrepro_version} | libraries
 
 
 def _statuses(file: TraceFile) -> dict[str, Any]:
@@ -82,8 +82,7 @@ def _metrics(first: Trace, second: Trace) -> Iterator[dict[str, Any]]:
         return
     a, b = (tracking_errors(trace)["whole"] for trace in (first, second))
     for name in a:
-        for i, joint in enumerate(first.joint):
-            x, y = float(a[name][i]), float(b[name][i])
+        for joint, x, y in zip(first.joint, a[name].tolist(), b[name].tolist(), strict=True):
             if not np.array_equal(x, y, equal_nan=True):
                 yield {"run": first.name, "joint": joint, "metric": f"{name}_deg", "first": x, "second": y}
 
@@ -99,7 +98,7 @@ def _traces(first: Trace, second: Trace) -> Iterator[dict[str, Any]]:
             yield row | {"other_times_or_joints": True}
             continue
         a, b = first[name][:samples], second[name][:samples]
-        apart = ~((a == b) | (np.isnan(a) & np.isnan(b))).all(axis=1)
+        apart = ~np.isclose(a, b, rtol=0.0, atol=0.0, equal_nan=True).all(axis=1)
         if apart.any():
             largest = float(np.nanmax(np.abs(a - b)[apart], initial=0.0))
             yield row | {"largest": largest, "from_s": float(first.time[np.argmax(apart)])}

@@ -14,6 +14,7 @@ from tendonrepro.errors import UsageError
 from tendonrepro.files import atomic_path
 from tendonrepro.results.records import VARIABLES, TraceFile
 from tendonrepro.results.store import TRACES, refuse_existing, stored_traces
+from tendonrepro.results.traces import dataset_of
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -65,12 +66,8 @@ def _table(file: TraceFile) -> DataFrame:
     """A row per run, sample and joint; variables that a run does not hold are missing there."""
     import pandas as pd
 
-    parts = []
-    for name, trace in file.runs.items():
-        samples, n = len(trace.time), len(trace.joint)
-        columns = {"run": name, "time": np.repeat(trace.time, n), "joint": np.tile(trace.joint, samples)}
-        parts.append(pd.DataFrame(columns | {key: value.ravel() for key, value in trace.variables.items()}))
-    return pd.concat(parts, ignore_index=True)
+    runs = {name: dataset_of(trace).to_dataframe() for name, trace in file.runs.items()}
+    return pd.concat(runs, names=["run"]).reset_index()
 
 
 def _csv(file: TraceFile, path: Path) -> None:

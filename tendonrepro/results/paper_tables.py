@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from itertools import chain
+from itertools import chain, groupby
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -32,6 +32,24 @@ from tendonrepro.results.tables import NOTHING, Table, TableColumns, rounded
 TableRow: TypeAlias = dict[str, Any]
 """A table row by column name; a column without a value may be left out."""
 
+METRICS = ("mae", "rmse")
+
+
+def _metric_columns(metric: str) -> TableColumns:
+    head = f"{metric.upper()} (deg)"
+    return {
+        f"{metric}_pair": (f"{head}, joint {{joints}}", ""),
+        f"{metric}_printed_pair": ("printed", ""),
+        f"{metric}_plausible_pair": ("plausible", ""),
+        # "z" keeps a rounded zero from having a sign; as many digits as the paper.
+        f"{metric}_deg": (head, "z.3f"),
+        f"{metric}_printed_deg": ("printed", "z.3f"),
+        f"{metric}_ratio": ("ours/printed", "z.3f"),
+        f"{metric}_low_deg": ("plausible from", ".2g"),
+        f"{metric}_high_deg": ("to", ".2g"),
+    }
+
+
 COLUMNS: TableColumns = {
     "window": ("Window", ""),
     "run": ("Run", ""),
@@ -39,23 +57,8 @@ COLUMNS: TableColumns = {
     "metric": ("Metric", ""),
     "joint": ("Joint", ""),
     "paper_row": ("", ""),
-    "mae_pair": ("MAE (deg), joint {joints}", ""),
-    "mae_printed_pair": ("printed", ""),
-    "mae_plausible_pair": ("plausible", ""),
-    "rmse_pair": ("RMSE (deg), joint {joints}", ""),
-    "rmse_printed_pair": ("printed", ""),
-    "rmse_plausible_pair": ("plausible", ""),
-    # "z" keeps a rounded zero from having a sign; as many digits as the paper.
-    "mae_deg": ("MAE (deg)", "z.3f"),
-    "mae_printed_deg": ("printed", "z.3f"),
-    "mae_ratio": ("ours/printed", "z.3f"),
-    "mae_low_deg": ("plausible from", ".2g"),
-    "mae_high_deg": ("to", ".2g"),
-    "rmse_deg": ("RMSE (deg)", "z.3f"),
-    "rmse_printed_deg": ("printed", "z.3f"),
-    "rmse_ratio": ("ours/printed", "z.3f"),
-    "rmse_low_deg": ("plausible from", ".2g"),
-    "rmse_high_deg": ("to", ".2g"),
+    **_metric_columns("mae"),
+    **_metric_columns("rmse"),
     "max_deg": ("Max (deg)", "z.3f"),
     "torque_rms_Nm": ("Torque RMS (N m)", "z.3f"),
     "torque_peak_Nm": ("peak", "z.3f"),
@@ -109,6 +112,12 @@ def made_tables(file: TraceFile) -> list[Table]:
     return found
 
 
+def _stands(name: str, rows: Sequence[TableRow]) -> bool:
+    """Whether a column has a place in a table: one of the print needs a value."""
+    held = [row[name] for row in rows if name in row]
+    return bool(held) and (name not in _BESIDE or any(rounded(value) != NOTHING for value in held))
+
+
 def table_data(file: TraceFile) -> dict[str, Any]:
     """Collect the numbers of an experiment's tables under the keys of ``--json``.
 
@@ -124,60 +133,59 @@ def table_data(file: TraceFile) -> dict[str, Any]:
         ``least_N``, ``at_s``, ``slack_s`` of each joint's tendon; ``torque`` run -> `torque_sizes`, in N m.
         Runs that are missing leave their keys out.
     """
-    tension = {"least_N": "least_tension_N", "at_s": "least_tension_at_s", "slack_s": "slack_s"}
     both = {
         "status": {name: trace.status for name, trace in file.runs.items()},
-        "tension": _pivot(tension_rows(file), "run", tension),
+        "tension": _pivot(
+            tension_rows(file),
+            "run",
+            {"least_N": "least_tension_N", "at_s": "least_tension_at_s", "slack_s": "slack_s"},
+        ),
         "torque": _pivot(torque_rows(file), "run", {name.removeprefix("torque_"): name for name in _TORQUE}),
     }
+    errors = _same(f"{name}_deg" for name in ("mae", "rmse", "max"))
     if file.experiment == "decouple":
         plant = file.plant.values
-        errors = {
-            f"joint_{row['joint']}": {name: row[name] for name in _ERRORS} for row in decoupling_rows(file)
-        }
         matrices = {name: plant[name].value.tolist() for name in ("S", "S_inv") if name in plant}
-        return {**matrices, "errors": errors, **both}
+        found = {
+            f"joint_{row['joint']}": {name: row[name] for name in errors} for row in decoupling_rows(file)
+        }
+        return {**matrices, "errors": found, **both}
     windows: dict[str, list[TableRow]] = {}
     for row in window_rows(file, file.runs):
-        windows.setdefault(str(row["window"]), []).append(row)
+        windows.setdefault(row["window"], []).append(row)
     windows.pop("whole")
-    printed = {"mae_deg": "mae_printed_deg", "rmse_deg": "rmse_printed_deg"}
-    return both | {
-        "table2": _pivot(controller_rows(file), "run", _ERRORS),
-        "table3": _pivot(load_rows(file), "load", _ERRORS),
-        "windows": {name: _pivot(rows, "run", _ERRORS) for name, rows in windows.items()},
-        "printed": {
-            "table2": _pivot(controller_rows(file), "run", printed),
-            "table3": _pivot(load_rows(file), "load", printed),
-        },
-        "plausible": {
-            "table2": _pivot(controller_rows(file), "run", _RANGE),
-            "table3": _pivot(load_rows(file), "load", _RANGE),
-        },
+    tables = {"table2": (list(controller_rows(file)), "run"), "table3": (list(load_rows(file)), "load")}
+
+    def of_both(columns: Mapping[str, str]) -> dict[str, Any]:
+        return {name: _pivot(rows, key, columns) for name, (rows, key) in tables.items()}
+
+    ends = _same(f"{metric}_{end}_deg" for metric in METRICS for end in ("low", "high"))
+    return {
+        **both,
+        **of_both(errors),
+        "windows": {name: _pivot(rows, "run", errors) for name, rows in windows.items()},
+        "printed": of_both({f"{metric}_deg": f"{metric}_printed_deg" for metric in METRICS}),
+        "plausible": of_both(ends),
         "ranking": ranking(file),
         "fitted_under": fitted_under(file),
     }
 
 
 _TORQUE = ("torque_rms_Nm", "torque_peak_Nm", "torque_step_rms_Nm", "torque_at_limit")
-_ERRORS = {name: name for name in ("mae_deg", "rmse_deg", "max_deg")}
-_RANGE = {name: name for name in ("mae_low_deg", "mae_high_deg", "rmse_low_deg", "rmse_high_deg")}
+
+
+def _same(names: Iterable[str]) -> dict[str, str]:
+    return {name: name for name in names}
 
 
 def _pivot(rows: Iterable[TableRow], key: str, columns: Mapping[str, str]) -> dict[str, dict[str, list[Any]]]:
     """Lists over the joints, by what stands under a key and then by new names of columns."""
     found: dict[str, dict[str, list[Any]]] = {}
     for row in rows:
-        held = found.setdefault(str(row[key]), {name: [] for name in columns})
+        held = found.setdefault(row[key], {name: [] for name in columns})
         for name, column in columns.items():
             held[name].append(row.get(column))
     return found
-
-
-def _stands(name: str, rows: Sequence[TableRow]) -> bool:
-    """Whether a column has a place in a table: one of the print needs a value."""
-    held = [row[name] for row in rows if name in row]
-    return bool(held) and (name not in _BESIDE or any(rounded(value) != NOTHING for value in held))
 
 
 def coupling_rows(file: TraceFile) -> Iterator[TableRow]:
@@ -189,32 +197,44 @@ def coupling_rows(file: TraceFile) -> Iterator[TableRow]:
     record = file.plant.values
     if not {"winch_diameter", "pulley_diameter", "S", "S_inv"} <= record.keys():
         return
-    beside = of_paper(file)
     winch, pulley = record["winch_diameter"].value, record["pulley_diameter"].value
-    for q in range(len(winch)):
-        for p in range(q + 1):
-            name = f"D_{p + 1}{q + 1}/D_{q + 1}"
-            identifier = f"table1.{name.replace('/', '_over_')}"
-            yield _coupling_row(name, identifier, pulley[p, q] / winch[q], beside=beside)
+    ours = {
+        f"D_{p + 1}{q + 1}/D_{q + 1}": (f"table1.D_{p + 1}{q + 1}_over_D_{q + 1}", pulley[p, q] / winch[q])
+        for q in range(len(winch))
+        for p in range(q + 1)
+    }
     for matrix in ("S_inv", "S"):
         value = record[matrix].value
         # A record of the moving joints alone holds the trailing block.
         first = len(winch) - len(value) + 1
         for i, j in zip(*np.tril_indices(len(value)), strict=True):
             place = f"{first + i}{first + j}"
-            yield _coupling_row(f"{matrix}_{place}", f"{matrix}.{place}", value[i, j], beside=beside)
+            ours[f"{matrix}_{place}"] = f"{matrix}.{place}", value[i, j]
+    entries = published().entries if of_paper(file) else {}
+    for quantity, (identifier, size) in ours.items():
+        found = entries.get(identifier)
+        entry = found if isinstance(found, PrintedNumber | PrintedRatio) else None
+        printed = float(entry.value) if entry else np.nan
+        yield {
+            "quantity": quantity,
+            "printed_as": entry.as_printed if entry else None,
+            "printed": printed,
+            "ours": size,
+            "difference": abs(size) - printed,
+        }
 
 
 def controller_rows(file: TraceFile) -> Iterator[TableRow]:
-    """Yield a row of Table 2 per run and joint, the payload run left out.
+    """Yield a row of Table 2 per run and joint, runs with a payload left out.
 
-    Columns: ``run``, ``joint``, ``status``, and for ``mae`` and ``rmse`` ``<metric>_deg``,
-    ``<metric>_printed_deg`` and ``<metric>_ratio``, ours over printed, and the columns of `torque_rows`. A
-    diverged run has no errors, and its status says when it diverged.
+    Columns: ``run``, ``joint``, ``status``; for ``mae`` and ``rmse`` ``<metric>_deg``,
+    ``<metric>_printed_deg``, ``<metric>_ratio``, ours over printed, and the ends of the plausible range;
+    ``max_deg``; those of `torque_rows`. A diverged run has no errors, and its status says when it diverged.
     """
     for name, trace in compared_runs(file).items():
-        for row in _error_rows(file, trace, tracking_errors(trace)["whole"], f"table2.{name}"):
-            yield {"run": name} | row | _torque(file, trace, row["joint"])
+        errors = _errors(file, trace, tracking_errors(trace)["whole"], f"table2.{name}")
+        for row in _by_joint(trace, errors | torque_sizes(file, trace)):
+            yield {"run": name} | row
 
 
 def window_rows(file: TraceFile, runs: Mapping[str, Trace] | None = None) -> Iterator[TableRow]:
@@ -223,43 +243,54 @@ def window_rows(file: TraceFile, runs: Mapping[str, Trace] | None = None) -> Ite
     A run that ended before a window has no row of it. `runs` are those of Table 2 if not given.
     """
     runs = compared_runs(file) if runs is None else runs
-    errors = {name: tracking_errors(trace) for name, trace in runs.items()}
-    for window in dict.fromkeys(chain.from_iterable(errors.values())):
-        for name, sizes in errors.items():
-            if window in sizes:
-                for row in _error_rows(file, runs[name], sizes[window], f"table2.{name}"):
-                    # The range of plausible plants is that of the whole run.
-                    kept = {
-                        key: value
-                        for key, value in row.items()
-                        if not key.endswith(("_low_deg", "_high_deg"))
-                    }
-                    yield {"window": window, "run": name} | kept
+    sizes = {name: tracking_errors(trace) for name, trace in runs.items()}
+    for window in dict.fromkeys(chain.from_iterable(sizes.values())):
+        for name, found in sizes.items():
+            if window in found:
+                errors = _errors(file, runs[name], found[window], f"table2.{name}", plausible=False)
+                for row in _by_joint(runs[name], errors):
+                    yield {"window": window, "run": name} | row
 
 
 def load_rows(file: TraceFile) -> Iterator[TableRow]:
     """Yield a row of Table 3 per load and joint: as `controller_rows`, with ``load`` in place of ``run``."""
     for load, trace in loaded_runs(file).items():
-        for row in _error_rows(file, trace, tracking_errors(trace)["whole"], f"table3.{load}"):
+        errors = _errors(file, trace, tracking_errors(trace)["whole"], f"table3.{load}")
+        for row in _by_joint(trace, errors):
             yield {"load": load} | row
 
 
 def paper_controller_rows(file: TraceFile) -> Iterator[TableRow]:
     """Yield Table 2 as the paper lays it out: a row per controller, each cell ``joint 2/joint 3``.
 
-    Columns: ``paper_row``, ``status``, and for ``mae`` and ``rmse`` the texts ``<metric>_pair`` and
-    ``<metric>_printed_pair``, rounded as printed.
+    Columns: ``paper_row``, ``status``, and for ``mae`` and ``rmse`` the texts ``<metric>_pair``,
+    ``<metric>_printed_pair`` and ``<metric>_plausible_pair``, rounded as printed.
     """
-    for name, trace in compared_runs(file).items():
-        title = "Proposed (Controller 1)" if name == CONTROLLERS[0] else run_title(trace)
-        yield {"paper_row": title} | _pairs(file, trace, f"table2.{name}")
+    titles = {name: run_title(trace) for name, trace in file.runs.items()}
+    titles[CONTROLLERS[0]] = "Proposed (Controller 1)"
+    return _as_printed(controller_rows(file), "run", titles)
 
 
 def paper_load_rows(file: TraceFile) -> Iterator[TableRow]:
     """Yield Table 3 as the paper lays it out; columns as `paper_controller_rows`."""
-    for load, trace in loaded_runs(file).items():
-        title = load if load not in LOADS else load.replace("_", " ").capitalize()
-        yield {"paper_row": title} | _pairs(file, trace, f"table3.{load}")
+    titles = {load: load.replace("_", " ").capitalize() for load in LOADS}
+    return _as_printed(load_rows(file), "load", titles)
+
+
+def _as_printed(rows: Iterable[TableRow], key: str, titles: Mapping[str, str]) -> Iterator[TableRow]:
+    """Join the cells of a run's joints; where nothing stands beside a run its cells are None."""
+    for name, group in groupby(rows, key=lambda row: row[key]):
+        joints = list(group)
+        cells: TableRow = {"paper_row": titles.get(name, name), "status": joints[0]["status"]}
+        for metric in METRICS:
+            ours, printed = (
+                [rounded(row[f"{metric}{which}_deg"], "z.3f") for row in joints] for which in ("", "_printed")
+            )
+            ends = [f"{row[f'{metric}_low_deg']:.2g}-{row[f'{metric}_high_deg']:.2g}" for row in joints]
+            cells[f"{metric}_pair"] = "/".join(ours)
+            cells[f"{metric}_printed_pair"] = "/".join(printed) if set(printed) - {NOTHING} else None
+            cells[f"{metric}_plausible_pair"] = None if "nan-nan" in ends else "/".join(ends)
+        yield cells
 
 
 def change_rows(file: TraceFile) -> Iterator[TableRow]:
@@ -272,7 +303,7 @@ def change_rows(file: TraceFile) -> Iterator[TableRow]:
         return
     without, loaded = (file.runs[run] for run in LOADS.values())
     before, after = (tracking_errors(trace)["whole"] for trace in (without, loaded))
-    for metric in ("mae", "rmse"):
+    for metric in METRICS:
         printed = printed_beside(file, loaded, f"increase.with_load.{metric}")
         for index, joint in enumerate(loaded.joint):
             old, new = before[metric][index], after[metric][index]
@@ -288,12 +319,8 @@ def change_rows(file: TraceFile) -> Iterator[TableRow]:
 def decoupling_rows(file: TraceFile) -> Iterator[TableRow]:
     """Yield ``joint``, ``mae_deg``, ``rmse_deg``, ``max_deg``, ``status`` of the run ``decouple``."""
     trace = file.runs.get("decouple")
-    if trace is None or "q_calculated" not in trace or "q_encoder" not in trace:
-        return
-    sizes = decoupling_errors(trace)
-    for index, joint in enumerate(trace.joint):
-        errors = {f"{name}_deg": float(values[index]) for name, values in sizes.items()}
-        yield {"joint": joint, "status": _status(trace)} | errors
+    if trace is not None and "q_calculated" in trace and "q_encoder" in trace:
+        yield from _by_joint(trace, {f"{name}_deg": size for name, size in decoupling_errors(trace).items()})
 
 
 def ranking_rows(file: TraceFile) -> Iterator[TableRow]:
@@ -313,81 +340,40 @@ def ranking_rows(file: TraceFile) -> Iterator[TableRow]:
 
 
 def tension_rows(file: TraceFile) -> Iterator[TableRow]:
-    """Yield ``run``, ``tendon``, ``least_tension_N``, ``least_tension_at_s``, ``slack_s``, ``status``.
-
-    There are no rows of a run whose transmitted torque is not known.
-    """
+    """Yield ``run``, ``tendon``, ``status`` and `tension_sizes`, of runs whose torque is known."""
     for name, trace in file.runs.items():
-        sizes = tension_sizes(file, trace)
-        for index, tendon in enumerate(trace.joint if sizes else ()):
-            yield {
-                "run": name,
-                "tendon": tendon,
-                "least_tension_N": float(sizes["least"][index]),
-                "least_tension_at_s": float(sizes["at"][index]),
-                "slack_s": float(sizes["slack"][index]),
-                "status": _status(trace),
-            }
+        if sizes := tension_sizes(file, trace):
+            for row in _by_joint(trace, sizes):
+                yield {"run": name, "tendon": row.pop("joint")} | row
 
 
 def torque_rows(file: TraceFile) -> Iterator[TableRow]:
-    """Yield ``run``, ``joint``, the columns of `_TORQUE` as far as they are known, and ``status``."""
+    """Yield ``run``, ``joint``, ``status`` and `torque_sizes`, of runs whose torque is known."""
     for name, trace in file.runs.items():
-        for joint in trace.joint if "tau_m" in trace else ():
-            yield {"run": name, "joint": joint, "status": _status(trace)} | _torque(file, trace, joint)
+        if sizes := torque_sizes(file, trace):
+            for row in _by_joint(trace, sizes):
+                yield {"run": name} | row
 
 
-def _torque(file: TraceFile, trace: Trace, joint: int) -> TableRow:
-    """Torque of one joint by column."""
-    place = trace.joint.index(joint)
-    sizes = torque_sizes(file, trace)
-    return {column: float(values[place]) for column, values in zip(_TORQUE, sizes.values(), strict=False)}
-
-
-def _coupling_row(quantity: str, identifier: str, ours: float, *, beside: bool) -> TableRow:
-    found = published().entries.get(identifier) if beside else None
-    entry = found if isinstance(found, PrintedNumber | PrintedRatio) else None
-    printed = float(entry.value) if entry else float("nan")
-    return {
-        "quantity": quantity,
-        "printed_as": entry.as_printed if entry else None,
-        "printed": printed,
-        "ours": ours,
-        "difference": abs(ours) - printed,
-    }
-
-
-def _error_rows(file: TraceFile, trace: Trace, sizes: Sizes, identifier: str) -> Iterator[TableRow]:
-    columns: dict[str, Array] = {}
-    for metric in ("mae", "rmse"):
-        printed = np.array(printed_beside(file, trace, f"{identifier}.{metric}"))
-        columns[f"{metric}_deg"] = sizes[metric]
-        columns[f"{metric}_printed_deg"] = printed
-        columns[f"{metric}_ratio"] = sizes[metric] / printed
-        ranges = [
-            ends or (np.nan, np.nan) for ends in plausible_beside(file, trace, f"{identifier}.{metric}")
-        ]
-        columns[f"{metric}_low_deg"], columns[f"{metric}_high_deg"] = np.array(ranges).T
-    columns["max_deg"] = sizes["max"]
-    for index, joint in enumerate(trace.joint):
-        numbers = {name: float(values[index]) for name, values in columns.items()}
+def _by_joint(trace: Trace, columns: Sizes) -> Iterator[TableRow]:
+    """A row per joint of a run."""
+    for place, joint in enumerate(trace.joint):
+        numbers = {name: float(values[place]) for name, values in columns.items()}
         yield {"joint": joint, "status": _status(trace)} | numbers
 
 
-def _pairs(file: TraceFile, trace: Trace, identifier: str) -> TableRow:
-    """Cells of the paper's layout; a cell of the print is None where nothing stands beside the run."""
-    sizes, cells = tracking_errors(trace)["whole"], dict[str, object]()
-    for metric in ("mae", "rmse"):
-        printed = printed_beside(file, trace, f"{identifier}.{metric}")
-        form = COLUMNS[f"{metric}_deg"][1]
-        cells[f"{metric}_pair"] = "/".join(rounded(float(size), form) for size in sizes[metric])
-        found = None if np.isnan(printed).all() else "/".join(rounded(size, form) for size in printed)
-        cells[f"{metric}_printed_pair"] = found
-        ranges = plausible_beside(file, trace, f"{identifier}.{metric}")
-        if all(ranges):
-            ends = ("-".join(f"{end:.2g}" for end in held) for held in ranges if held)
-            cells[f"{metric}_plausible_pair"] = "/".join(ends)
-    return cells | {"status": _status(trace)}
+def _errors(file: TraceFile, trace: Trace, sizes: Sizes, table: str, *, plausible: bool = True) -> Sizes:
+    """Errors of a run by column, beside the print; plausible plants are known over the whole run alone."""
+    columns: dict[str, Array] = {}
+    for metric in METRICS:
+        printed = np.array(printed_beside(file, trace, f"{table}.{metric}"))
+        columns[f"{metric}_deg"] = sizes[metric]
+        columns[f"{metric}_printed_deg"] = printed
+        columns[f"{metric}_ratio"] = sizes[metric] / printed
+        if plausible:
+            ends = [found or (np.nan, np.nan) for found in plausible_beside(file, trace, f"{table}.{metric}")]
+            columns[f"{metric}_low_deg"], columns[f"{metric}_high_deg"] = np.array(ends).T
+    return columns | {"max_deg": sizes["max"]}
 
 
 def _status(trace: Trace) -> str:

@@ -12,9 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.physics.metrics import periodogram
+from tendonrepro.physics.metrics import mae, max_abs, mean, periodogram, rmse
 from tendonrepro.results.records import Trace
-from tendonrepro.simulation.streaming import MOVING, PHASES, RESTING, SIGNALS, Thresholds, thresholds
+from tendonrepro.simulation.streaming import (
+    AT_LIMIT,
+    MOVING,
+    PHASES,
+    RESTING,
+    SIGNALS,
+    Thresholds,
+    thresholds,
+)
 
 VARIABLES = {"torque": "tau_m", "H_hat": "H_hat"}
 """Recorded variables of the signals whose size is asked for in every way."""
@@ -55,9 +63,9 @@ def statistics(
         if name in trace:
             # The estimation error of a sample is known one sample later.
             values = trace[name] if name == "s" else trace[name][:-1]
-            found |= {f"{name}_rms": rms(values), f"{name}_slow_rms": rms(slow(values, newest))}
+            found |= {f"{name}_rms": rmse(values), f"{name}_slow_rms": rmse(slow(values, newest))}
     if "tau_m" in trace:
-        found["torque_step_rms"] = rms(np.diff(trace["tau_m"], axis=0))
+        found["torque_step_rms"] = rmse(np.diff(trace["tau_m"], axis=0))
     for name, variable in VARIABLES.items():
         if variable in trace:
             found |= _sizes(name, trace[variable], _ways(trace[variable], rates, phases), newest)
@@ -75,7 +83,7 @@ def saturated(trace: Trace, S: Array, limit: Array) -> Array:
     limit : array (n,)
         Largest torque of each winch, N m.
     """
-    return np.asarray((np.abs(trace["tau_m"] @ S) >= (1.0 - 1e-9) * limit).mean(axis=0))
+    return np.asarray((np.abs(trace["tau_m"] @ S) >= AT_LIMIT * limit).mean(axis=0))
 
 
 def error_sizes(e: Array) -> dict[str, Array]:
@@ -86,7 +94,7 @@ def error_sizes(e: Array) -> dict[str, Array]:
     dict
         ``mae``, ``rmse`` and ``max``, (n,) each; NaN where no sample is left.
     """
-    return {"mae": mean(np.abs(e)), "rmse": rms(e), "max": peak(np.abs(e))}
+    return {"mae": mae(e), "rmse": rmse(e), "max": max_abs(e)}
 
 
 def _of_the_error(
@@ -96,7 +104,7 @@ def _of_the_error(
     found = {"mae": size["mae"], "rmse": size["rmse"], "max_error": size["max"]}
     if rates is not None:
         rapid = np.abs(rates[1]) > phases.acceleration
-        found |= {"mae_rapid": mean(np.abs(e), rapid), "mae_calm": mean(np.abs(e), ~rapid)}
+        found |= {"mae_rapid": mae(e, rapid), "mae_calm": mae(e, ~rapid)}
         found["overshoot"] = _overshoot(e, rates[0], phases.speed / MOVING)
     if np.isfinite(ringing_frequency) and len(e) > 1 and np.isfinite(e).all():
         frequency, power = periodogram(e, L)
@@ -129,8 +137,8 @@ def _sizes(
     found: dict[str, Array] = {}
     for way, inside in ways.items():
         found |= {
-            f"{name}_rms{way}": np.sqrt(mean(np.square(values), inside)),
-            f"{name}_peak{way}": peak(np.abs(values), inside),
+            f"{name}_rms{way}": rmse(values, inside),
+            f"{name}_peak{way}": max_abs(values, inside),
             f"{name}_slow{way}": mean(course, inside),
         }
     return found
@@ -154,22 +162,3 @@ def slow(values: Array, newest: float) -> Array:
             start = [(1.0 - newest) * column[there][0]]
             found[there, i], _ = lfilter([newest], [1.0, newest - 1.0], column[there], zi=start)
     return found
-
-
-def mean(values: Array, inside: NDArray[np.bool_] | bool = True) -> Array:
-    """Mean over the finite samples inside, (n,)."""
-    kept = inside & np.isfinite(values)
-    count = kept.sum(axis=0)
-    total = np.where(kept, values, 0.0).sum(axis=0)
-    return np.asarray(np.divide(total, count, out=np.full(values.shape[1], np.nan), where=count > 0))
-
-
-def rms(values: Array) -> Array:
-    """Root mean square of the finite samples, (n,)."""
-    return np.sqrt(mean(np.square(values)))
-
-
-def peak(sizes: Array, inside: NDArray[np.bool_] | bool = True) -> Array:
-    """Largest of the finite samples inside, (n,)."""
-    there = np.where(inside & np.isfinite(sizes), sizes, -np.inf).max(axis=0, initial=-np.inf)
-    return np.where(np.isfinite(there), there, np.nan)

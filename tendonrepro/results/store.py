@@ -8,7 +8,6 @@ old result or the new one; what else it leaves, the next command into that folde
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import time
 from collections.abc import Iterable, Iterator, Mapping
@@ -180,10 +179,7 @@ def take_over(earlier: Path, fresh: Path, names: Iterable[str]) -> None:
     fresh.mkdir(parents=True, exist_ok=True)
     for name in names:
         if not (fresh / name).exists():
-            try:
-                os.link(earlier / name, fresh / name)
-            except OSError:
-                shutil.copy2(earlier / name, fresh / name)
+            shutil.copy2(earlier / name, fresh / name)
 
 
 def own_files(folder: Path) -> list[str]:
@@ -253,9 +249,6 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     path = folder / MANIFEST
     try:
         manifest: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        message = "there is no manifest"
-        raise DataMissingError(message, where=str(path), hint="run the experiment first") from error
     except (OSError, ValueError) as error:
         message = f"cannot read the manifest: {error}"
         raise DataMissingError(message, where=str(path), hint="run the experiment with --force") from error

@@ -11,11 +11,11 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.readings import AXES, PRINTED
-from tendonrepro.physics.metrics import windows
+from tendonrepro.physics.metrics import max_abs, rmse, windows
 from tendonrepro.physics.statics import slack_time, tendon_tension
 from tendonrepro.results.paper import of_paper
 from tendonrepro.results.records import Trace, TraceFile
-from tendonrepro.results.statistics import error_sizes, peak, rms, saturated
+from tendonrepro.results.statistics import error_sizes, saturated
 
 CONTROLLERS = ("controller_1", "controller_2", "controller_3")
 """The compared runs, in the order in which the paper ranks them."""
@@ -93,7 +93,7 @@ def tension_sizes(file: TraceFile, trace: Trace) -> Sizes:
     Returns
     -------
     dict
-        ``least`` N, ``at`` s and ``slack`` s, each an array (n,); without keys where tensions are unknown.
+        By column of a table, each an array (n,); without keys where tensions are unknown.
     """
     found = tensions(file, trace)
     kept = None if found is None else np.isfinite(found).all(axis=1)
@@ -101,9 +101,9 @@ def tension_sizes(file: TraceFile, trace: Trace) -> Sizes:
         return {}
     time, tension = trace.time[kept], found[kept]
     return {
-        "least": tension.min(axis=0),
-        "at": time[tension.argmin(axis=0)],
-        "slack": slack_time(time, tension.T),
+        "least_tension_N": tension.min(axis=0),
+        "least_tension_at_s": time[tension.argmin(axis=0)],
+        "slack_s": slack_time(time, tension.T),
     }
 
 
@@ -113,18 +113,22 @@ def torque_sizes(file: TraceFile, trace: Trace) -> Sizes:
     Returns
     -------
     dict
-        ``rms``, ``peak`` and ``step_rms``, the RMS of the step from sample to sample, N m; ``at_limit``, the
-        share of samples in which the joint's motor gives all it can. Each an array (n,); without keys where
-        the torque or, for the last one, the limit is unknown.
+        By column of a table, each an array (n,): RMS, peak and RMS of the step from sample to sample, N m,
+        and the share of samples in which the joint's motor gives all it can. Without keys where the torque
+        or, for the last one, the limit is unknown.
     """
     if "tau_m" not in trace:
         return {}
     torque = trace["tau_m"]
-    sizes = {"rms": rms(torque), "peak": peak(np.abs(torque)), "step_rms": rms(np.diff(torque, axis=0))}
+    sizes = {
+        "torque_rms_Nm": rmse(torque),
+        "torque_peak_Nm": max_abs(torque),
+        "torque_step_rms_Nm": rmse(np.diff(torque, axis=0)),
+    }
     limit = file.plant.values.get("actuator_torque_limit")
     if limit is not None:
         S = file.plant.matrix("S", trace.joint)
-        sizes["at_limit"] = saturated(trace, S, limit.value[np.array(trace.joint) - 1])
+        sizes["torque_at_limit"] = saturated(trace, S, limit.value[np.array(trace.joint) - 1])
     return sizes
 
 

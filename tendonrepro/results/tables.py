@@ -68,7 +68,15 @@ class Table:
         TendonreproError
             When a file cannot be written.
         """
-        return write_table(self.rows, folder, self.name, self.caption, self.columns, self.suffixes)
+        write: Mapping[str, Callable[[], str]] = {
+            "csv": lambda: csv_text(self.rows, self.columns),
+            "md": lambda: markdown(self.rows, self.caption, self.columns),
+            "tex": lambda: latex(self.rows, self.caption, self.name, self.columns),
+        }
+        paths = [folder / f"{self.name}.{suffix}" for suffix in self.suffixes]
+        for suffix, path in zip(self.suffixes, paths, strict=True):
+            write_atomically(path, write[suffix]())
+        return paths
 
     def text(self) -> str:
         """Caption and columns for a terminal."""
@@ -94,25 +102,8 @@ def write_table(
     columns: TableColumns | None = None,
     suffixes: Sequence[str] = ("csv", "md"),
 ) -> list[Path]:
-    """Write a table as ``<stem>.<suffix>`` into a folder; the stem is its LaTeX label too.
-
-    Rows hold numbers, texts, booleans, None, and lists of these. Columns stand in the order given; if none
-    are, every key of any row stands under its own name. Suffixes are of ``csv``, ``md`` and ``tex``.
-
-    Raises
-    ------
-    TendonreproError
-        When a file cannot be written.
-    """
-    write: Mapping[str, Callable[[], str]] = {
-        "csv": lambda: csv_text(rows, columns),
-        "md": lambda: markdown(rows, caption, columns),
-        "tex": lambda: latex(rows, caption, stem, columns),
-    }
-    paths = [folder / f"{stem}.{suffix}" for suffix in suffixes]
-    for suffix, path in zip(suffixes, paths, strict=True):
-        write_atomically(path, write[suffix]())
-    return paths
+    """Write a table that no `Outcome` holds; see `Table`."""
+    return Table(stem, caption, rows, columns, suffixes=suffixes).write(folder)
 
 
 def csv_text(rows: TableRows, columns: TableColumns | None = None) -> str:

@@ -25,9 +25,7 @@ from tendonrepro.simulation.codegen.machine import LANES
 from tendonrepro.simulation.codegen.symbols import Symbol, as_operand
 from tendonrepro.simulation.resolution import PACES, demand
 from tendonrepro.simulation.sampled import Hardware, Sampled, Three, sample, start
-
-AT_LIMIT = 1.0 - 1e-12
-"""Share of the torque limit that counts as saturated."""
+from tendonrepro.simulation.streaming import AT_LIMIT
 
 POINTERS = ("plant", "desired", "noise", "blocks", "trace")
 """Rows of addresses: of a lane's plant, and of its part at sample 0 in arrays that samples go through.

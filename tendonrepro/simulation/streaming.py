@@ -20,6 +20,8 @@ RESTING = 0.01
 as overshoot of the last."""
 RAPID = 0.5
 """Share of the peak acceleration above which a motion counts as rapid."""
+AT_LIMIT = 1.0 - 1e-12
+"""Share of the largest torque from which a motor gives all it can: rounding keeps it from the whole."""
 SLOW = 3.0
 """Frequency below which a signal is the course that a plot shows through its noise, Hz.
 
@@ -247,7 +249,6 @@ def finished(sums: Sums, count: Any, fast_share: Array) -> dict[str, Array]:
     pairs = np.maximum(count - 1.0, 0.0)
 
     def mean(total: Array, number: Any) -> Array:
-        number = np.asarray(number, dtype=np.float64)
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.where(number > 0.0, total / number, np.nan)
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from support.oracles import TABLE_1, random_routing, rope_used
+from support.oracles import TABLE_1, path_length, random_routing, rope_used
 
 from tendonrepro.physics.statics import sign_of_side
-from tendonrepro.physics.tendon_path import joint_positions, path_length, path_points, tendon_path
+from tendonrepro.physics.tendon_path import joint_positions, path_points, tendon_path
 
 WINCH = np.array([0.3, -0.4])
 

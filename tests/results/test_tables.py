@@ -63,14 +63,6 @@ def test_table_1_agrees_with_the_print_to_its_digits() -> None:
     assert frame.loc["S_inv_21", "ours"] == pytest.approx(-35.0 / 37.0)
 
 
-def test_table_1_shows_another_mechanism_and_needs_four_values_and_no_other() -> None:
-    file = make_decouple_file()
-    frame = frame_of(coupling_rows, with_plant(file, S=2.0 * S)).set_index("quantity")
-    assert frame.loc["S_33", "difference"] == pytest.approx(1.0)
-    assert len(frame_of(coupling_rows, with_plant(file, K_s=None, mass=None, gravity=None))) == 18
-    assert frame_of(coupling_rows, with_plant(file, winch_diameter=None)).empty
-
-
 def another(file: TraceFile, what: str) -> TraceFile:
     """The file of another arm, of other joints, with other gains, or of another motion."""
     if what == "motion":
@@ -118,12 +110,6 @@ def test_between_two_that_diverged_there_is_no_order(lost: tuple[int, ...]) -> N
     assert ("diverged" in str(row["as_published"])) == (len(lost) > 1)
 
 
-@pytest.mark.parametrize("what", ["arm", "coupling"])
-def test_table_1_of_another_arm_stands_alone(what: str, tmp_path: Path) -> None:
-    paths = write_tables(another(make_decouple_file(), what), tmp_path)
-    assert not any("rinted" in path.read_text() for path in paths)
-
-
 def test_table_2_has_ours_printed_and_their_ratio() -> None:
     file = make_compare_file()
     frame = frame_of(controller_rows, file).set_index(["run", "joint"])
@@ -136,15 +122,6 @@ def test_table_2_has_ours_printed_and_their_ratio() -> None:
     assert row["mae_ratio"] == pytest.approx(np.abs(e).mean() / 0.266)
     assert row["rmse_ratio"] == pytest.approx(math.sqrt((e**2).mean()) / 0.349)
     assert set(frame["status"]) == {"ok"}
-
-
-def test_tables_2_and_3_of_some_runs() -> None:
-    file = make_compare_file(runs=["controller_1", "mine"])
-    frame = frame_of(controller_rows, file).set_index(["run", "joint"])
-    assert list(frame.index) == [(name, joint) for name in ("controller_1", "mine") for joint in (2, 3)]
-    assert frame.loc[("mine", 2), ["mae_printed_deg", "mae_ratio"]].isna().all()
-    assert frame_of(load_rows, file)["load"].unique().tolist() == ["no_load"]
-    assert frame_of(change_rows, file).empty
 
 
 def test_table_2_over_windows() -> None:
@@ -240,11 +217,6 @@ def test_table_of_the_decoupling_experiment() -> None:
 
 
 class TestFiles:
-    def test_the_same_bytes_twice(self, tmp_path: Path) -> None:
-        paths = write_tables(make_compare_file(), tmp_path / "a")
-        again = write_tables(make_compare_file(), tmp_path / "b")
-        assert [path.read_bytes() for path in paths] == [path.read_bytes() for path in again]
-
     @pytest.mark.parametrize(
         ("file", "absent"),
         [
@@ -258,12 +230,6 @@ class TestFiles:
         stems = {path.stem for path in write_tables(file, tmp_path)}
         assert stems
         assert not stems & absent
-
-    def test_captions_say_what_made_the_numbers(self, tmp_path: Path) -> None:
-        file = dataclasses.replace(make_compare_file(source="measured"), config_sha256="ab" * 32)
-        write_tables(file, tmp_path)
-        for suffix in ("md", "tex"):
-            assert "(measured, config abababababab)" in (tmp_path / f"table3.{suffix}").read_text()
 
 
 ODD = [{"Name": "a-b|c", "x_1": -1.5}, {"Name": "~^\\", "x_1": None}]

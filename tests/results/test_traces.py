@@ -98,18 +98,6 @@ class TestRoundTrip:
         file.runs["controller_1"].attributes["gains"].update(gains)  # type: ignore[index]
         assert_round_trip(tmp_path_factory.mktemp("bits"), file)
 
-    def test_a_configuration_beyond_the_64_kib_of_an_old_attribute(self, tmp_path: Path) -> None:
-        long_text = "# η, λ and α\n" * 16000
-        assert len(long_text.encode()) > 200 * 1024
-        file = dataclasses.replace(make_decouple_file(), config_yaml=long_text, manifest_json=long_text)
-        assert_round_trip(tmp_path, file)
-
-    def test_more_runs_than_a_compact_group_holds_keep_their_order(self, tmp_path: Path) -> None:
-        runs = {f"run_{k}": make_compare_file(runs=[f"run_{k}"]).runs[f"run_{k}"] for k in (3, 1, 2)}
-        runs |= {f"a{k}": dataclasses.replace(runs["run_1"], name=f"a{k}") for k in range(12, 0, -1)}
-        file = dataclasses.replace(make_compare_file(), runs=runs)
-        assert_round_trip(tmp_path, file)
-
 
 class TestFile:
     def test_equal_contents_give_equal_bytes(self, compare_path: Path, tmp_path: Path) -> None:
@@ -261,7 +249,3 @@ class TestPlantRecord:
             "one of the moving joints is taken as it is"
         )
         assert same_bits(self.record.matrix("S", (1, 2, 3)), S)
-
-    def test_a_matrix_that_is_not_there(self) -> None:
-        with pytest.raises(DataMissingError, match="holds no 'D_s'"):
-            self.record.matrix("D_s", (2, 3))

@@ -20,6 +20,7 @@ from tendonrepro.physics.drive import Drive
 from tendonrepro.physics.dynamics import Plant
 from tendonrepro.physics.friction import Friction
 from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix
+from tendonrepro.physics.tendon_path import TendonPath
 
 Array = NDArray[np.float64]
 
@@ -27,6 +28,13 @@ SMALLEST = 1e-30
 """Complex step: its square vanishes beside one, so a derivative has only the rounding of the function."""
 
 # ---- Routing -----------------------------------------------------------------------------------------------
+
+
+def path_length(path: TendonPath) -> Array:
+    """Length from where a tendon leaves its winch to its end, m, (T,)."""
+    step = np.diff(path.centre, axis=1)
+    straight = np.sqrt((step**2).sum(axis=-1) - np.diff(path.radius) ** 2)
+    return np.asarray(straight.sum(axis=1) + path.wrap @ np.abs(path.radius))
 
 
 class Routing(NamedTuple):

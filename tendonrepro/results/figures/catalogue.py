@@ -1,4 +1,4 @@
-"""The paper's figures: which there are, what each needs, and how one is drawn from traces and saved."""
+"""Every figure drawn from traces, by name: what it shows, what it needs, and how it is drawn."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from tendonrepro.results.figures.compare import (
     MEAN_WINDOW,
     RIPPLE_WINDOW,
     ZOOM,
-    controllers,
     draw_law,
     draw_motors,
     draw_payload,
@@ -23,9 +22,10 @@ from tendonrepro.results.figures.decouple import draw_joint, draw_motor_angles, 
 from tendonrepro.results.figures.panels import Canvas, FigureArtists
 from tendonrepro.results.figures.style import journal_style, save_figure
 from tendonrepro.results.records import Trace, TraceFile
-from tendonrepro.results.summary import fitted_under
+from tendonrepro.results.summary import PAYLOAD, fitted_under
 
 _LONGEST_CHANGES = 60
+_MAE = "MAE in the order of the legend, plausible: central 90 % of the stable plants"
 _ERRORS = "Where errors are of the size of encoder counts, their mean in a band of the RMS about it."
 
 
@@ -33,13 +33,14 @@ _ERRORS = "Where errors are of the size of encoder counts, their mean in a band 
 class FigureSpec:
     """What a figure shows and needs.
 
-    `runs` picks its runs out of a trace file, of which those are drawn that hold all `joints` and ``all`` of
-    the variables it `needs`, or ``any``, as `enough` says; the plant record must hold the values of `plant`.
+    `runs` are its runs by name; none stands for all that carry no payload. Those are drawn that hold all
+    `joints` and ``all`` of the variables it `needs`, or ``any``, as `enough` says; the plant record must hold
+    the values of `plant`.
     """
 
     caption: str
     experiment: str
-    runs: Callable[[TraceFile], list[Trace]]
+    runs: tuple[str, ...]
     needs: tuple[str, ...]
     draw: Callable[[TraceFile, list[Trace]], Canvas]
     enough: Callable[[Iterable[bool]], bool] = all
@@ -48,61 +49,87 @@ class FigureSpec:
 
     def traces(self, file: TraceFile) -> list[Trace]:
         """Pick the runs of a file that can be drawn; there are none when the figure cannot be."""
-        if not set(self.plant) <= set(file.plant.values):
-            return []
+        held = file.part(self.experiment).runs
+        names = self.runs or [name for name in held if not name.endswith(PAYLOAD)]
         return [
-            trace
-            for trace in self.runs(file.part(self.experiment))
-            if self.enough(name in trace for name in self.needs) and set(self.joints) <= set(trace.joint)
+            held[name]
+            for name in names
+            if name in held
+            and self.enough(variable in held[name] for variable in self.needs)
+            and set(self.joints) <= set(held[name].joint)
+            and set(self.plant) <= set(file.plant.values)
         ]
 
 
-def available(file: TraceFile) -> list[int]:
-    """Numbers of the paper's figures that can be drawn from a trace file, ascending."""
-    return [number for number, spec in FIGURES.items() if spec.traces(file)]
+def name_of(figure: str | int) -> str:
+    """Name of a figure by itself, or by its number in the paper.
+
+    Raises
+    ------
+    UsageError
+        When there is no such figure.
+    """
+    name = f"fig{int(figure):02d}" if str(figure).isdecimal() else str(figure)
+    if name not in FIGURES:
+        message = f"there is no figure {figure}"
+        raise UsageError(message, hint=f"figures: {', '.join(FIGURES)}")
+    return name
 
 
-def draw(number: int, file: TraceFile) -> FigureArtists:
-    """Draw one figure by the paper's number."""
-    if number not in FIGURES:
-        message = f"there is no Figure {number} to draw"
-        raise UsageError(message, hint=f"Figures: {', '.join(map(str, FIGURES))}.")
-    spec = FIGURES[number]
+def title_of(name: str) -> str:
+    """The paper's title of a figure, or the name of one that is not the paper's."""
+    number = name.removeprefix("fig")
+    return f"Figure {int(number)}" if number.isdecimal() else name.capitalize()
+
+
+def available(file: TraceFile) -> list[str]:
+    """Names of the figures that can be drawn from a trace file, in the order of the registry."""
+    return [name for name, spec in FIGURES.items() if spec.traces(file)]
+
+
+def draw(figure: str | int, file: TraceFile) -> FigureArtists:
+    """Draw a figure by its name or number.
+
+    Raises
+    ------
+    UsageError
+        When there is no such figure.
+    DataMissingError
+        When the file does not hold what it shows.
+    """
+    name = name_of(figure)
+    spec = FIGURES[name]
     traces = spec.traces(file)
     if not traces:
-        message = f"these {file.experiment} traces do not hold what Figure {number} shows"
-        drawable = ", ".join(map(str, available(file))) or "none"
-        raise DataMissingError(message, hint=f"Figures that can be drawn from them: {drawable}.")
+        message = f"these {file.experiment} traces do not hold what {title_of(name)} shows"
+        raise DataMissingError(message, hint=f"figures they allow: {', '.join(available(file)) or 'none'}")
     with journal_style():
-        return spec.draw(file, traces).finish(number, _caption(number, spec, file, traces), origin_of(file))
+        return spec.draw(file, traces).finish(name, _caption(name, file, traces), origin_of(file))
 
 
 def save(artists: FigureArtists, folder: Path) -> list[Path]:
-    """Write a figure as ``figNN.pdf``, ``figNN.svg`` and ``figNN.png``; the same figure gives the same bytes.
+    """Write a figure as PDF, SVG and PNG of its name; the same figure gives the same bytes.
 
     Raises
     ------
     TendonreproError
         When a file cannot be written.
     """
-    return save_figure(artists.figure, folder, artists.stem, f"Figure {artists.number}", artists.caption)
+    return save_figure(artists.figure, folder, artists.stem, title_of(artists.stem), artists.caption)
 
 
-def redrawn(file: TraceFile, folder: Path, number: int) -> list[Path]:
+def redrawn(file: TraceFile, folder: Path, name: str) -> list[Path]:
     """Draw and save one figure; see `draw` and `save`."""
-    return save(draw(number, file), folder)
+    return save(draw(name, file), folder)
 
 
 def origin_of(file: TraceFile) -> str:
     """One line for a picture: simulated or measured, and by which configuration with which changes."""
     if file.source == "measured":
         return "Measured"
-    try:
-        manifest = json.loads(file.manifest_json)
-        name = Path(str(manifest["config"]["origin"])).name
-        changes = list(map(str, manifest.get("overrides", ())))
-    except (ValueError, LookupError, TypeError):
-        name, changes = file.experiment, []
+    manifest = json.loads(file.manifest_json or "{}")
+    name = Path(manifest.get("config", {}).get("origin", file.experiment)).name
+    changes = list(manifest.get("overrides", ()))
     if sum(map(len, changes)) > _LONGEST_CHANGES:
         changes = [f"{len(changes)} settings changed"]
     if under := fitted_under(file):
@@ -110,86 +137,82 @@ def origin_of(file: TraceFile) -> str:
     return f"Simulated, configuration {', '.join([name, *changes])} ({file.config_sha256[:8]})"
 
 
-def _caption(number: int, spec: FigureSpec, file: TraceFile, traces: list[Trace]) -> str:
+def _caption(name: str, file: TraceFile, traces: list[Trace]) -> str:
     made = "Simulated" if file.source == "simulated" else "Measured"
+    told = {"diverged": "diverged at {:.2f} s.", "ringing": "is ringing."}
     ends = [
-        f"Run {trace.name} {trace.status} at {trace.attributes['status_time']:.2f} s."
+        f"Run {trace.name} {told[trace.status].format(trace.attributes['status_time'])}"
         for trace in traces
-        if trace.status == "diverged"
+        if trace.status in told
     ]
-    ends += [f"Run {trace.name} is ringing." for trace in traces if trace.status == "ringing"]
     origin = f"{made}; tendonrepro {file.tendonrepro_version}, configuration {file.config_sha256[:12]}."
-    return " ".join([f"Figure {number}. {spec.caption}", *ends, origin])
+    return " ".join([f"{title_of(name)}. {FIGURES[name].caption}", *ends, origin])
 
 
-def _named(*names: str) -> Callable[[TraceFile], list[Trace]]:
-    return lambda file: [file.runs[name] for name in names if name in file.runs]
-
-
-FIGURES: dict[int, FigureSpec] = {
-    6: FigureSpec(
+FIGURES: dict[str, FigureSpec] = {
+    "fig06": FigureSpec(
         "Motor 1 turns alone, motors 2 and 3 hold: joint 2 moves all the same. Postures at the start and "
         "where joint 1 turned furthest, by the encoders.",
         "decouple",
-        _named("pull_tendon_1"),
+        ("pull_tendon_1",),
         ("q_motor_encoder", "q_encoder"),
         draw_pull,
         plant=("S",),
         joints=(1, 2),
     ),
-    9: FigureSpec(
+    "fig09": FigureSpec(
         "Angles of the three motors.",
         "decouple",
-        _named("decouple"),
+        ("decouple",),
         ("q_motor_encoder",),
         draw_motor_angles,
     ),
     **{
-        9 + joint: FigureSpec(
+        f"fig{9 + joint:02d}": FigureSpec(
             f"Angle of joint {joint} calculated from the motors and by its encoder; their difference.",
             "decouple",
-            _named("decouple"),
+            ("decouple",),
             ("q_calculated", "q_encoder"),
             partial(draw_joint, joint=joint),
             joints=(joint,),
         )
         for joint in (1, 2, 3)
     },
-    13: FigureSpec(
+    "fig13": FigureSpec(
         "Motor angles from measured and from desired joint angles, through S_inv; their difference. "
         "The paper does not say with which controller: here Controller 1.",
         "compare",
-        _named("controller_1"),
+        ("controller_1",),
         ("q_encoder", "q_d"),
         draw_motors,
         plant=("S_inv",),
     ),
-    14: FigureSpec(
-        f"Joint angles and tracking errors of the controllers; MAE in the order of the legend. {_ERRORS}",
+    "fig14": FigureSpec(
+        f"Joint angles and tracking errors of the controllers; {_MAE}. {_ERRORS}",
         "compare",
-        controllers,
+        (),
         ("q_encoder", "e"),
         draw_tracking,
         enough=any,
     ),
-    15: FigureSpec(
+    "fig15": FigureSpec(
         "Sliding variable, estimate of the lumped uncertainty and torque of the controllers: "
         f"centred {MEAN_WINDOW * 1e3:g} ms mean, in bands of the RMS of the samples about it over "
         f"{RIPPLE_WINDOW:g} s; below raw samples of {ZOOM * 1e3:g} ms, at the grey line.",
         "compare",
-        controllers,
+        (),
         ("s", "H_hat", "tau_m"),
         draw_law,
         enough=any,
     ),
-    16: FigureSpec(
+    "fig16": FigureSpec(
         "Controller 1 without and with a payload at the end-effector: joint angles and tracking errors; "
-        f"MAE in the order of the legend. {_ERRORS}",
+        f"{_MAE}. {_ERRORS}",
         "compare",
-        _named("controller_1", "controller_1_payload"),
+        ("controller_1", "controller_1_payload"),
         ("q_encoder", "e"),
         draw_payload,
         enough=any,
     ),
 }
-"""Every figure that can be drawn, by the paper's number."""
+"""Every figure that can be drawn; those of the paper are named by their numbers."""

@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.physics.metrics import rmse, window_mean
+from tendonrepro.physics.metrics import max_abs, mean, rmse, window_mean
 from tendonrepro.results.figures.panels import Canvas
 from tendonrepro.results.figures.style import COLUMN_MM, PAGE_MM, REFERENCE, Stroke, paler, stroke_of
 from tendonrepro.results.paper import printed_beside
+from tendonrepro.results.plausible import plausible_beside
 from tendonrepro.results.records import VARIABLES, Trace, TraceFile
-from tendonrepro.results.summary import CONTROLLERS, LOADS, PAYLOAD, USER_LAW, run_title, tracking_errors
+from tendonrepro.results.summary import CONTROLLERS, LOADS, USER_LAW, run_title, tracking_errors
 from tendonrepro.results.tables import NOTHING, rounded
 
 MEAN_WINDOW = 0.05
@@ -32,17 +33,12 @@ ZOOM = 0.1
 
 _TABLE_2 = {name: f"table2.{name}.mae" for name in CONTROLLERS}
 _TABLE_3 = {run: f"table3.{load}.mae" for load, run in LOADS.items()}
-_OVERFLOW = 1e100
 # Largest share of an error's RMS that may come and go within a mean's window for it to be drawn raw.
 _FUZZY = 0.1
+# Smallest travel of a joint that moves, as a share of that of the joint that moves most.
+_HELD = 0.05
 # Share of white in the wide curves of Figure 13, below the narrow ones of the same colour.
 _EXPECTED = 0.62
-
-
-def controllers(file: TraceFile) -> list[Trace]:
-    """List the runs to compare with each other: all but those with a payload."""
-    runs = file.part("compare").runs
-    return [trace for trace in runs.values() if not trace.name.endswith(PAYLOAD)]
 
 
 def draw_motors(file: TraceFile, traces: list[Trace]) -> Canvas:
@@ -102,7 +98,7 @@ def draw_law(_file: TraceFile, traces: list[Trace], *, bands: bool = True) -> Ca
         canvas.zero_line(letter)
         _curves(canvas, letter, runs, variable, joint, averaged=True, bands=bands)
         if variable in near:
-            canvas.mark_span(letter, *_near(runs, joint))
+            canvas.axes[letter].axvspan(*_near(runs, joint), color="#B0B0B0", linewidth=0.0, zorder=0.7)
     for variable, joint in product(near, joints):
         _raw_samples(canvas, next(letters), runs, variable, joint)
     if bands:
@@ -151,22 +147,32 @@ def _joints(traces: list[Trace]) -> list[int]:
     return sorted({joint for trace in traces for joint in trace.joint})
 
 
+def _moving(traces: list[Trace]) -> list[int]:
+    """Joints that are meant to move; one that is held shows nothing but encoder counts."""
+    travel = dict.fromkeys(_joints(traces), 0.0)
+    for trace in traces:
+        angle = trace["q_d" if "q_d" in trace else "q_encoder" if "q_encoder" in trace else "e"]
+        for joint, size in zip(trace.joint, max_abs(angle - mean(angle)), strict=True):
+            travel[joint] = max(travel[joint], float(size))
+    return [joint for joint, size in travel.items() if size >= _HELD * max(travel.values())]
+
+
 def _tracking(file: TraceFile, runs: list[_DrawnRun], printed: Mapping[str, str]) -> Canvas:
-    joints = _joints([run.trace for run in runs])
+    joints = _moving([run.trace for run in runs])
     rows = {"q_encoder": "Joint angle (deg)", "e": "Tracking error (deg)"}
     fuzzy = {joint for joint in joints if any(_is_fuzzy(run, joint) for run in runs)}
-    mean = f"Error, {MEAN_WINDOW * 1e3:g} ms mean ± RMS (deg)"
+    averaged = f", {MEAN_WINDOW * 1e3:g} ms mean ± RMS"
     labels = [
-        [(f"Joint {joint}", mean if name == "e" and joint in fuzzy else label) for joint in joints]
+        [(f"Joint {joint}{averaged if name == 'e' and joint in fuzzy else ''}", label) for joint in joints]
         for name, label in rows.items()
     ]
-    canvas = Canvas(PAGE_MM, 114.0, labels)
+    canvas = Canvas(PAGE_MM, 124.0, labels)
     for letter, (variable, joint) in zip(canvas.letters, product(rows, joints), strict=True):
         if variable == "e":
             canvas.zero_line(letter)
-            # Beside a title there is room for it where panels are wide.
-            note = _errors_note(file, runs, joint, printed)
-            canvas.note(letter, note if len(joints) < 3 or not note else f"{note}\n")
+            # The empty line is that of the title, which stands at the left.
+            if note := _errors_note(file, runs, joint, printed):
+                canvas.note(letter, f"{note}\n")
         else:
             _desired(canvas, letter, runs, joint)
         _curves(canvas, letter, runs, variable, joint, averaged=variable == "e" and joint in fuzzy)
@@ -185,27 +191,23 @@ def _is_fuzzy(run: _DrawnRun, joint: int) -> bool:
 
 
 def _errors_note(file: TraceFile, runs: list[_DrawnRun], joint: int, printed: Mapping[str, str]) -> str:
-    """MAE of the paper's runs and of users' laws, above what the paper prints."""
+    """MAE of the paper's runs and of users' laws, what the paper prints, and what plausible plants do."""
     names: list[str] = []
-    rows: dict[str, list[float]] = {"here": [], "printed": []}
+    ours = "measured" if file.source == "measured" else "ours"
+    rows: dict[str, list[str]] = {ours: [], "paper": [], "plausible": []}
     for run in runs:
         trace = run.trace
-        known = trace.name in printed
-        if (known or trace.attributes["law"].startswith(USER_LAW)) and run.holds("e", joint):
+        identifier = printed.get(trace.name, "")
+        if (identifier or trace.attributes["law"].startswith(USER_LAW)) and run.holds("e", joint):
             column = trace.joint.index(joint)
             names.append(run.name.rpartition(", ")[2].replace("Controller ", "C"))
-            rows["here"].append(float(tracking_errors(trace)["whole"]["mae"][column]))
-            beside = printed_beside(file, trace, printed[trace.name])[column] if known else np.nan
-            rows["printed"].append(beside)
-    if np.isnan(rows["printed"]).all():
-        del rows["printed"]
-    lines = [f"{name} {' / '.join(map(_degrees, values))}" for name, values in rows.items() if values]
-    return "\n".join([f"MAE of {' / '.join(names)}", *lines]) if lines else ""
-
-
-def _degrees(value: float) -> str:
-    text = rounded(value, "z.3f")
-    return text if text == NOTHING else f"{text}°"
+            beside = printed_beside(file, trace, identifier)[column] if identifier else np.nan
+            ends = plausible_beside(file, trace, identifier)[column]
+            rows[ours].append(rounded(float(tracking_errors(trace)["whole"]["mae"][column]), "z.3f"))
+            rows["paper"].append(rounded(beside, "z.3f"))
+            rows["plausible"].append("–".join(f"{end:.2g}" for end in ends) if ends else NOTHING)
+    lines = [f"{name} {' / '.join(cells)}" for name, cells in rows.items() if set(cells) - {NOTHING}]
+    return "\n".join([f"MAE (deg) of {' / '.join(names)}", *lines]) if lines else ""
 
 
 def _desired(canvas: Canvas, letter: str, runs: list[_DrawnRun], joint: int) -> None:
@@ -233,8 +235,8 @@ def _curves(
     for run in holding:
         time, values = run.trace.time, run.values(variable, joint)
         diverged = run.trace.status == "diverged"
-        if averaged and bands:
-            canvas.band(letter, run.name, *ripple_band(time, values), run.stroke, diverged=diverged)
+        if averaged and bands and not diverged:
+            canvas.band(letter, run.name, *ripple_band(time, values), run.stroke)
         if averaged:
             time, values = mean_curve(time, values)
         canvas.curve(letter, run.name, time, values, run.stroke, label=run.label, diverged=diverged)
@@ -242,13 +244,12 @@ def _curves(
 
 def _near(runs: list[_DrawnRun], joint: int) -> tuple[float, float]:
     """Span of time to look at from near: where the desired angle of the longest run rises fastest."""
-    longest = max(runs, key=lambda run: float(run.trace.time[-1])).trace
+    longest = max((run.trace for run in runs), key=lambda trace: float(trace.time[-1]))
     time, middle = longest.time, float(longest.time[len(longest.time) // 2])
     if "q_d" in longest and joint in longest.joint and len(time) > 1:
-        speed = np.gradient(longest["q_d"][:, longest.joint.index(joint)], time)
-        if np.isfinite(speed).any():
-            # The first of equally fast strokes, whatever rounding says.
-            middle = float(time[np.argmax(np.nan_to_num(speed) >= 0.999 * np.nanmax(speed))])
+        speed = np.nan_to_num(np.gradient(longest["q_d"][:, longest.joint.index(joint)], time))
+        # The first of equally fast strokes, whatever rounding says.
+        middle = float(time[np.argmax(speed >= 0.999 * speed.max())])
     start = max(middle - 0.5 * ZOOM, float(time[0]))
     return start, start + ZOOM
 
@@ -260,13 +261,13 @@ def _raw_samples(canvas: Canvas, letter: str, runs: list[_DrawnRun], variable: s
     if not holding:
         canvas.not_recorded(letter)
     canvas.zero_line(letter)
-    canvas.look_at(letter, start, end)
+    canvas.axes[letter].set_xlim(start, end)
     for run in holding:
         time = run.trace.time
         inside = (time >= start - 1e-9) & (time <= end + 1e-9)
         stroke = replace(run.stroke, width=0.7)
         values = run.values(variable, joint)[inside]
-        diverged = run.trace.status == "diverged"
+        diverged = run.trace.status == "diverged" and time[-1] <= end
         canvas.curve(letter, run.name, time[inside], values, stroke, label="", diverged=diverged, held=True)
 
 
@@ -288,14 +289,13 @@ def ripple_band(time: Array, values: Array) -> tuple[Array, tuple[Array, Array]]
     time, values = _known(time, values)
     if len(time) < 2:
         return time, (values, values)
-    values = np.clip(values, -_OVERFLOW, _OVERFLOW)
-    mean = window_mean(values, _samples(time, MEAN_WINDOW))
-    power = window_mean((values - mean) ** 2, _samples(time, RIPPLE_WINDOW))
+    middle = window_mean(values, _samples(time, MEAN_WINDOW))
+    power = window_mean((values - middle) ** 2, _samples(time, RIPPLE_WINDOW))
     # A sum of many squares less another may come out a rounding below zero.
     rms = np.sqrt(np.maximum(power, 0.0))
     # Smooth over the window, so a few points in each show all there is.
     places = _places(len(time), 2 * _samples(time, MEAN_WINDOW))
-    return time[places], ((mean - rms)[places], (mean + rms)[places])
+    return time[places], ((middle - rms)[places], (middle + rms)[places])
 
 
 def _known(time: Array, values: Array) -> tuple[Array, Array]:

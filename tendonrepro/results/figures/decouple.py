@@ -11,6 +11,7 @@ from tendonrepro.results.figures.panels import Canvas
 from tendonrepro.results.figures.style import COLUMN_MM, REFERENCE, Stroke, stroke_of
 from tendonrepro.results.paper import of_paper
 from tendonrepro.results.records import PlantRecord, Trace, TraceFile
+from tendonrepro.results.tables import rounded
 
 _LINKS = Stroke("#000000", (), 1.4)
 _CARRIED = Stroke("#228833", (3.0, 1.5), 1.0)
@@ -80,10 +81,8 @@ def draw_joint(file: TraceFile, traces: list[Trace], *, joint: int) -> Canvas:
     canvas.zero_line("b")
     difference = calculated - encoder
     canvas.curve("b", "Difference", trace.time, difference, stroke_of(1), label="")
-    known = difference[np.isfinite(difference)]
-    if len(known):
-        beside = "\nno number printed" if of_paper(file) else ""
-        canvas.note("b", f"MAE {mae(known):.4f}°{beside}")
+    beside = "\nthe paper gives no value" if of_paper(file) else ""
+    canvas.note("b", f"MAE {rounded(float(mae(difference)), '.4f')}°{beside}")
     return canvas
 
 

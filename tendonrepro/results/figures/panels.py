@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -33,19 +32,16 @@ _INSIDE, _EDGE = 0.85, 0.35
 
 @dataclass(frozen=True)
 class FigureArtists(Drawing):
-    """One of the paper's figures, its panels by letter.
+    """A figure drawn from traces, its panels by letter.
 
     Attributes
     ----------
-    number : int
-        The paper's number.
     lines : dict
         Curves by panel letter and name, such as ``("c", "Controller 1")``.
     bands : dict
         Bands below the curves that are means, by the same keys.
     """
 
-    number: int
     lines: dict[tuple[str, str], Line2D]
     bands: dict[tuple[str, str], Polygon]
 
@@ -55,11 +51,8 @@ class _Panel:
     """One panel: its axes, the values that set its y range, and those that may leave it."""
 
     axes: Axes
-    shares_time: bool
     framing: list[Array] = field(default_factory=list)
     loose: list[Array] = field(default_factory=list)
-    bands: list[Polygon] = field(default_factory=list)
-    edges: list[Line2D] = field(default_factory=list)
     ends: list[tuple[float, float, str]] = field(default_factory=list)
 
 
@@ -68,7 +61,8 @@ class Canvas:
 
     Labels are (title, y label) in rows, the grid of panels, which share the time axis. Each title gets its
     letter; a single panel needs none. The last rows of panels may have an x axis of their own, shared within
-    a column: `apart` are their labels, empty where the axis stands below the next row.
+    a column: `apart` are their labels, empty where the axis stands below the next row. `places` are row and
+    title, up to a comma, of every panel by letter: what it shows.
     """
 
     def __init__(
@@ -79,39 +73,36 @@ class Canvas:
         apart: Sequence[str] = (),
     ) -> None:
         self.figure = open_figure(width_mm, height_mm)
-        grid = self.figure.subplots(len(labels), len(labels[0]), squeeze=False)
-        sharing = len(labels) - len(apart)
-        x_labels = [""] * (sharing - 1) + ["Time (s)", *apart]
-        for (row, column), axes in np.ndenumerate(grid):
-            first = grid[0, 0] if row < sharing else grid[sharing, column]
-            if axes is not first:
-                axes.sharex(first)
-            axes.set_xlabel(x_labels[row])
-            axes.tick_params(labelbottom=bool(x_labels[row]))
+        self.places: dict[str, tuple[int, str]] = {}
+        self._panels: dict[str, _Panel] = {}
         self._lines: dict[tuple[str, str], Line2D] = {}
         self._bands: dict[tuple[str, str], Polygon] = {}
         self._legend: dict[str, Artist] = {}
-        titles, y_labels = zip(*(text for row in labels for text in row), strict=True)
-        time_axes = set(grid[:sharing].flat)
-        self._panels = {
-            letter: _Panel(axes, axes in time_axes)
-            for letter, axes in letter_panels(grid.flat, titles).items()
-        }
-        for axes, y_label in zip(grid.flat, y_labels, strict=True):
-            axes.set_ylabel(y_label)
-        self.places = dict(
-            zip(
-                self._panels,
-                ((row, text.partition(",")[0]) for row, rows in enumerate(labels) for text, _ in rows),
-                strict=True,
-            )
-        )
-        """Row and title, up to a comma, of every panel by letter: what it shows."""
+        grid = self.figure.subplots(len(labels), len(labels[0]), squeeze=False)
+        texts = [text for row in labels for text in row]
+        named = letter_panels(grid.flat, [title for title, _ in texts])
+        sharing = len(labels) - len(apart)
+        x_labels = [""] * (sharing - 1) + ["Time (s)", *apart]
+        for (letter, axes), ((row, column), _), (title, y_label) in zip(
+            named.items(), np.ndenumerate(grid), texts, strict=True
+        ):
+            first = grid[0, 0] if row < sharing else grid[sharing, column]
+            if axes is not first:
+                axes.sharex(first)
+            axes.set(xlabel=x_labels[row], ylabel=y_label)
+            axes.tick_params(labelbottom=bool(x_labels[row]))
+            self._panels[letter] = _Panel(axes)
+            self.places[letter] = row, title.partition(",")[0]
 
     @property
     def letters(self) -> list[str]:
         """Letters of the panels, row by row."""
         return list(self._panels)
+
+    @property
+    def axes(self) -> dict[str, Axes]:
+        """Axes of the panels by letter."""
+        return {letter: panel.axes for letter, panel in self._panels.items()}
 
     @property
     def lines(self) -> dict[tuple[str, str], Line2D]:
@@ -154,38 +145,24 @@ class Canvas:
         if diverged and len(y):
             panel.ends.append((float(x[-1]), float(y[-1]), stroke.colour))
 
-    def band(
-        self,
-        letter: str,
-        name: str,
-        time: Array,
-        edges: tuple[Array, Array],
-        stroke: Stroke,
-        *,
-        diverged: bool = False,
-    ) -> None:
+    def band(self, letter: str, name: str, time: Array, edges: tuple[Array, Array], stroke: Stroke) -> None:
         """Draw the band between a lower and an upper edge, below all curves, under the key `name`.
 
         Time and edges (T,), in the panel's units. Bands are opaque and the first lies on top: where they
-        overlap their colours do not mix, and their edges, above all of them, tell them apart. A diverged run
-        leaves the range of the y axis to the others; where its band leaves it, the panel says so.
+        overlap their colours do not mix, and their edges, above all of them, tell them apart.
         """
         panel = self._panels[letter]
         low, high = edges
         band = Polygon(np.column_stack([np.append(time, time[::-1]), np.append(high, low[::-1])]))
-        band.set_zorder(0.5 / (1 + len(panel.bands)))
-        band.set_facecolor(paler(stroke.colour, _INSIDE))
-        band.set_linewidth(0.0)
+        band.set(zorder=0.5 / (1 + len(self._bands)), facecolor=paler(stroke.colour, _INSIDE), linewidth=0.0)
         panel.axes.add_patch(band)
         for edge in edges:
             (line,) = panel.axes.plot(
                 time, edge, color=paler(stroke.colour, _EDGE), linewidth=0.5, zorder=0.8
             )
             line.set_linestyle(stroke.linestyle)
-            panel.edges.append(line)
-        panel.bands.append(band)
         self._bands[letter, name] = band
-        (panel.loose if diverged else panel.framing).extend([low, high])
+        panel.framing.extend(edges)
 
     def zero_line(self, letter: str) -> None:
         """Draw a hair line at zero."""
@@ -193,7 +170,7 @@ class Canvas:
 
     def note(self, letter: str, text: str) -> None:
         """Write a remark above a panel, at its right end."""
-        self._panels[letter].axes.set_title(text, loc="right", fontsize="small")
+        self._panels[letter].axes.set_title(text, loc="right", fontsize="small", linespacing=1.35)
 
     def not_recorded(self, letter: str) -> None:
         """Say in an empty panel that its variable was not recorded."""
@@ -206,14 +183,6 @@ class Canvas:
     def explain_bands(self, label: str) -> None:
         """Add a legend entry that stands for the bands of all curves."""
         self._legend[label] = Patch(facecolor="#E0E0E0", edgecolor="#777777", linewidth=0.5)
-
-    def mark_span(self, letter: str, start: float, end: float) -> None:
-        """Shade a span of time that another panel shows from near."""
-        self._panels[letter].axes.axvspan(start, end, color="#B0B0B0", linewidth=0.0, zorder=0.7)
-
-    def look_at(self, letter: str, start: float, end: float) -> None:
-        """Fix the time that a panel with an axis of its own shows."""
-        self._panels[letter].axes.set_xlim(start, end)
 
     def chain(
         self, letter: str, name: str, corners: Array, stroke: Stroke, *, label: str | None = None
@@ -231,38 +200,16 @@ class Canvas:
         self._lines[letter, name] = line
         self._legend.setdefault(str(line.get_label()), line)
 
-    def finish(self, number: int, caption: str, origin: str) -> FigureArtists:
-        """Set ranges, legend and imprint, and lay out the figure of a number once for all formats."""
-        self._frame_time()
-        for letter, panel in self._panels.items():
-            low, high = _frame_values(panel)
-            # Not any(): every band has to be cut, not only the first.
-            if sum(_cut(band, low, high) for band in panel.bands):
-                self.note(letter, "band clipped")
-            for edge in panel.edges:
-                edge.set_ydata(_within_reach(np.asarray(edge.get_ydata(), float), low, high))
+    def finish(self, name: str, caption: str, origin: str) -> FigureArtists:
+        """Set ranges, legend and imprint, and lay out the figure of a name once for all formats."""
+        for panel in self._panels.values():
+            _frame_values(panel)
         if len(self._legend) > 1:
             self._draw_legend()
         imprint(self.figure, origin)
         self.figure.align_ylabels()
         settle(self.figure)
-        axes = {letter: panel.axes for letter, panel in self._panels.items()}
-        stem = f"fig{number:02d}"
-        return FigureArtists(stem, self.figure, axes, caption, number, self._lines, self._bands)
-
-    def _frame_time(self) -> None:
-        times = {key: np.asarray(line.get_xdata(), float) for key, line in self._lines.items()}
-        spans = [
-            (time[0], time[-1])
-            for (letter, _), time in times.items()
-            if len(time) and self._panels[letter].shares_time
-        ]
-        if not spans:
-            return
-        start, end = _widened(float(np.min(spans)), float(np.max(spans)))
-        # A run of 18 s sampled at 1 ms ends at 17.999 s; rounding up gives the axis its last tick.
-        unit = 10.0 ** (math.floor(math.log10(end - start)) - 2)
-        self._panels["a"].axes.set_xlim(start, math.ceil(end / unit - 1e-6) * unit)
+        return FigureArtists(name, self.figure, self.axes, caption, self._lines, self._bands)
 
     def _draw_legend(self) -> None:
         """Use as few rows as the width allows; matplotlib itself does not wrap a legend."""
@@ -275,42 +222,20 @@ class Canvas:
             legend.remove()
 
 
-def _frame_values(panel: _Panel) -> tuple[float, float]:
+def _frame_values(panel: _Panel) -> None:
     """Fit the y axis to the framing values, else to the loose ones, and mark where diverged runs end."""
     framing = [values for values in panel.framing or panel.loose if len(values)]
     if framing:
         low = min(float(values.min()) for values in framing)
         high = max(float(values.max()) for values in framing)
-        low, high = _widened(low, high)
-        margin = _MARGIN * (high - low)
+        # A constant curve needs some room, too.
+        margin = _MARGIN * (high - low) or 0.05 * abs(low) or 0.05
         panel.axes.set_ylim(low - margin, high + margin)
-    low, high = panel.axes.get_ylim()
     for time, value, colour in panel.ends:
-        shown = min(max(value, low), high)
+        shown = np.clip(value, *panel.axes.get_ylim())
         panel.axes.plot(
             [time], [shown], "x", markersize=4.0, markeredgewidth=1.0, color=colour, clip_on=False
         )
-    return low, high
-
-
-def _cut(band: Polygon, low: float, high: float) -> bool:
-    """Cut a band off well outside the panel, where numbers may be too large for the vector formats."""
-    corners = band.get_xy()
-    band.set_xy(np.column_stack([corners[:, 0], _within_reach(corners[:, 1], low, high)]))
-    return bool(((corners[:, 1] < low) | (corners[:, 1] > high)).any())
-
-
-def _within_reach(values: Array, low: float, high: float) -> Array:
-    room = high - low
-    return np.clip(values, low - room, high + room)
-
-
-def _widened(low: float, high: float) -> tuple[float, float]:
-    """Give a constant curve some room; any other range stays as it is."""
-    if high - low > 1e-9 * max(abs(low), abs(high)):
-        return low, high
-    half = 0.05 * abs(low) or 0.05
-    return low - half, high + half
 
 
 def thin(time: Array, values: Array) -> tuple[Array, Array]:
@@ -325,15 +250,9 @@ def thin(time: Array, values: Array) -> tuple[Array, Array]:
     size = -(-count // _ENVELOPE_COLUMNS)
     if size <= 2:
         return time, values
-    groups = _groups(values, size)
+    # The last group is filled with the last sample, which adds no extreme to it.
+    groups = np.pad(values, (0, -count % size), mode="edge").reshape(-1, size)
     start = np.arange(len(groups)) * size
     picked = np.concatenate([[0], start + groups.argmin(axis=1), start + groups.argmax(axis=1), [count - 1]])
     keep = np.unique(np.minimum(picked, count - 1))
     return time[keep], values[keep]
-
-
-def _groups(values: Array, size: int) -> Array:
-    """Cut a curve into equal groups, filling the last with its last sample, which adds no extreme to it."""
-    if not len(values):
-        return values.reshape(0, size)
-    return np.pad(values, (0, -len(values) % size), mode="edge").reshape(-1, size)
