@@ -50,9 +50,8 @@ def unprinted(wanted: Callable[[str, bool], bool]) -> str:
 def readings() -> str:
     """Places of the paper that can be read in more than one way."""
 
-    from tendonrepro.configuration.models.control import Readings
-    from tendonrepro.configuration.models.control import RUNS
-from tendonrepro.configuration.models.readings import AXES
+    from tendonrepro.configuration.models.control import RUNS, Readings
+    from tendonrepro.configuration.models.readings import AXES
 
     def runs(affects: Mapping[str, tuple[str, ...]]) -> str:
         named = {value: "all" if held == RUNS else ", ".join(held) for value, held in affects.items()}

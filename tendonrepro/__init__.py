@@ -10,11 +10,38 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from tendonrepro.api import Result, compare, decouple, open, statics
+    from tendonrepro.api import (
+        Result,
+        claims,
+        compare,
+        config,
+        decouple,
+        ensemble,
+        explain,
+        open,
+        recover,
+        statics,
+        sweep,
+        validate,
+    )
 
 __version__ = "0.1.0"
 
-__all__ = ["Result", "__version__", "compare", "decouple", "open", "statics"]
+__all__ = [
+    "Result",
+    "__version__",
+    "claims",
+    "compare",
+    "config",
+    "decouple",
+    "ensemble",
+    "explain",
+    "open",
+    "recover",
+    "statics",
+    "sweep",
+    "validate",
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import html
 import json
+import shutil
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tendonrepro.configuration.load import ExperimentName, LoadedConfig, load_config
+from tendonrepro.configuration.load import Config, ExperimentName, LoadedConfig, load_config
+from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.results.manifest import make_manifest
 from tendonrepro.results.records import TraceFile
-from tendonrepro.results.store import TRACES, replaced, stored_traces
+from tendonrepro.results.store import TRACES, read_manifest, replaced, stored_traces
 from tendonrepro.results.study import Outcome
 
 if TYPE_CHECKING:
@@ -40,13 +43,19 @@ class Result:
     """
 
     def __init__(
-        self, command: str, outcome: Outcome, manifest: dict[str, Any], file: TraceFile | None = None
+        self,
+        command: str,
+        outcome: Outcome,
+        manifest: dict[str, Any],
+        file: TraceFile | None = None,
+        folder: Path | None = None,
     ) -> None:
         self.command = command
         self.data = dict(outcome.data)
         self.manifest = manifest
         self._outcome = outcome
         self._file = file
+        self._folder = folder
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._file.runs if self._file else ())
@@ -76,6 +85,8 @@ class Result:
         """Every table by name, with all digits."""
         import pandas as pd
 
+        if self._folder is not None:
+            return {path.stem: pd.read_csv(path) for path in sorted(self._folder.rglob("*.csv"))}
         return {name: pd.DataFrame(list(table.rows)) for name, table in self._outcome.tables.items()}
 
     @property
@@ -113,6 +124,11 @@ class Result:
             When the folder holds anything else and `force` is not given.
         """
         target = Path(folder)
+        if self._folder is not None:
+            if target.exists() and not force:
+                raise UsageError("is there already", where=str(target), hint="force=True replaces it")
+            shutil.copytree(self._folder, target, dirs_exist_ok=True)
+            return target
         with replaced(target, self._digest, command=self.command, force=force) as result:
             self._outcome.save(result, self.command)
             if self._file is not None:
@@ -138,15 +154,43 @@ class Result:
 
     def _repr_html_(self) -> str:
         tables = self.tables
+        if self._folder is not None:
+            return f"<pre>{html.escape(str(self))}</pre>"
         shown = [name for name, table in self._outcome.tables.items() if table.terminal != ()]
         return "".join(f"<h4>{name}</h4>{tables[name].to_html(index=False)}" for name in shown)
 
 
-def _overrides(changes: Changes | None) -> list[str]:
-    def plain(value: Any) -> Any:
-        return value.tolist() if hasattr(value, "tolist") else value
+def _plain(value: Any) -> Any:
+    return value.tolist() if hasattr(value, "tolist") else value
 
-    return [f"{key}={json.dumps(plain(value))}" for key, value in (changes or {}).items()]
+
+def _overrides(changes: Changes | None) -> list[str]:
+    return [f"{key}={json.dumps(_plain(value))}" for key, value in (changes or {}).items()]
+
+
+def _request(
+    source: str | Path | None,
+    changes: Changes | None,
+    seed: int | None,
+    controllers: Sequence[int] | None,
+    out: str | Path | None = None,
+    force: bool = False,
+) -> Request:
+    return Request(
+        None if source is None else str(source),
+        None if out is None else Path(out),
+        _overrides(changes),
+        seed,
+        controllers,
+        force=force,
+    )
+
+
+def _written(command: str, found: dict[str, Any]) -> Result:
+    """Result of a command that has written its folder."""
+    text = found.pop("text")
+    folder = Path(found["out"])
+    return Result(command, Outcome(found, [text]), read_manifest(folder), folder=folder)
 
 
 def compare(
@@ -155,6 +199,7 @@ def compare(
     set: Changes | None = None,
     seed: int | None = None,
     controllers: Sequence[int] | None = None,
+    laws: Mapping[str, Callable[..., Any]] | None = None,
 ) -> Result:
     """Run Controllers 1 to 3 and the payload run: Figures 13 to 16, Tables 2 and 3.
 
@@ -167,14 +212,15 @@ def compare(
     seed : int, optional
     controllers : sequence of int, optional
         Numbers of the controllers to run; all if not given.
+    laws : mapping, optional
+        Name -> function or object of a law of your own, to run beside them; see docs/laws.md.
 
     Raises
     ------
     TendonreproError
         As on the command line.
     """
-    loaded = _loaded("compare", config, set, seed, controllers)
-    return _experiment(loaded)
+    return _experiment(_loaded("compare", config, set, seed, controllers), laws)
 
 
 def decouple(
@@ -192,6 +238,134 @@ def statics(
 
     loaded, started = _loaded("decouple", config, set, seed), time.perf_counter()
     return _studied("statics", loaded, study_statics(loaded), started)
+
+
+def explain(
+    config: str | Path | None = None, *, set: Changes | None = None, seed: int | None = None
+) -> Result:
+    """Give stability margins and error ratios of the sampled loop. Parameters are those of `compare`."""
+    from tendonrepro.analysis.command import study_explain
+
+    loaded, started = _loaded("compare", config, set, seed), time.perf_counter()
+    return _studied("explain", loaded, study_explain(loaded), started)
+
+
+def sweep(
+    over: Mapping[str, Sequence[Any]],
+    config: str | Path | None = None,
+    *,
+    set: Changes | None = None,
+    seed: int | None = None,
+    controllers: Sequence[int] | None = None,
+) -> Result:
+    """Run the comparison over values of one or two keys.
+
+    Parameters
+    ----------
+    over : mapping
+        Dotted key -> values, such as ``{"sampling_period": [0.5, 1, 2]}``; the other parameters are those of
+        `compare`.
+    """
+    from tendonrepro.experiments.sweep.command import load_sweep, study_sweep
+
+    keys = [
+        f"{key}={','.join(json.dumps(_plain(value)) for value in values)}" for key, values in over.items()
+    ]
+    ready = load_sweep(_request(config, set, seed, controllers), keys)
+    started = time.perf_counter()
+    return _studied("sweep", ready.base, study_sweep(ready, keys, Talk()), started)
+
+
+def recover(log: str | Path) -> Result:
+    """Tell which controller made a log, or why the log cannot tell.
+
+    Parameters
+    ----------
+    log : str or Path
+        Trace file, or a results folder with one.
+
+    Raises
+    ------
+    DataMissingError
+        When the log cannot be read.
+    UsageError
+        When no run of it has torque, desired and measured angles.
+    """
+    from tendonrepro.evidence.recover import study_recover
+
+    started = time.perf_counter()
+    return _studied("recover", load_config(None, "compare"), study_recover(Path(log), Talk()), started)
+
+
+def ensemble(
+    draws: int = 1024,
+    *,
+    config: str | Path | None = None,
+    set: Changes | None = None,
+    seed: int | None = None,
+    readings: str = "default",
+    jobs: int = -1,
+    out: str | Path = "reports/ensemble",
+    force: bool = False,
+) -> Result:
+    """Run many plausible plants under many readings of the text; an interrupted call goes on from `out`.
+
+    Parameters
+    ----------
+    draws : int
+        Plants, a power of two.
+    config, set, seed
+        As of `compare`; the configuration is that of an ensemble.
+    readings : str
+        ``default``, or names with commas between.
+    jobs : int
+        Processes; -1 is one for each processor.
+    out : str or Path
+        Results folder.
+    force : bool
+        Replace results of another configuration or version.
+    """
+    from tendonrepro.monte_carlo.command import run_ensemble
+
+    request = _request(config, set, seed, None, out, force)
+    return _written("ensemble", run_ensemble(request, Talk(), draws=draws, jobs=jobs, readings=readings))
+
+
+def validate(
+    measured: str | Path = "data/measured.h5",
+    config: str | Path | None = None,
+    *,
+    set: Changes | None = None,
+    out: str | Path = "reports/validate",
+    force: bool = False,
+) -> Result:
+    """Compare measured data with the paper and with the model. Results are written to `out`."""
+    from tendonrepro.validation.command import run_validate
+    from tendonrepro.validation.report import validate_text
+
+    found = run_validate(Path(measured), _request(config, set, None, None, out, force), Talk())
+    return _written("validate", found | {"text": validate_text(found)})
+
+
+def claims(*ids: str, out: str | Path = "reports", measured: str | Path | None = None) -> Result:
+    """Judge the published numbers and claims, or those named, from what lies under `out`.
+
+    Without an ensemble there the verdicts of the stored one stand in. Nothing is written.
+    """
+    from tendonrepro.verdicts.command import found_sources, judged
+    from tendonrepro.verdicts.report import as_data, details_text, table_text
+
+    folder, talk, started = Path(out), Talk(), time.perf_counter()
+    sources = found_sources(folder, None if measured is None else Path(measured), talk)
+    verdicts, judged_by = judged(sources, folder, ids, talk)
+    text = "\n\n".join(map(details_text, verdicts)) if ids else table_text(verdicts)
+    outcome = Outcome(as_data(verdicts, judged_by), [text])
+    return _studied("claims", load_config(None, "compare"), outcome, started)
+
+
+def config(source: str | Path | None = None, *, set: Changes | None = None) -> Config:
+    """Return a checked, frozen configuration; `source` is a file or a shipped name."""
+    return load_config(source or "compare", None, overrides=_overrides(set)).config
 
 
 def open(folder: str | Path) -> Result:
@@ -222,18 +396,20 @@ def _loaded(
     return load_config(source, experiment, overrides=_overrides(changes), seed=seed, controllers=controllers)
 
 
-def _experiment(loaded: LoadedConfig) -> Result:
+def _experiment(loaded: LoadedConfig, laws: Mapping[str, Callable[..., Any]] | None = None) -> Result:
     """Simulate every run in this process: it needs no main guard, and a notebook has none."""
     from tendonrepro.experiments.linear import growing
     from tendonrepro.experiments.loops import all_loops
     from tendonrepro.experiments.report import outcome_of
     from tendonrepro.experiments.run import simulate_run, trace_file
+    from tendonrepro.experiments.user_law import laws_of, with_user_laws
 
-    started = time.perf_counter()
-    with Talk().bar("simulating", len(names := list(all_loops(loaded, None)))) as progress:
+    started, own = time.perf_counter(), laws_of((), laws)
+    loaded = with_user_laws(loaded, own)
+    with Talk().bar("simulating", len(names := list(all_loops(loaded, own)))) as progress:
         traces = []
         for name in names:
-            traces.append(simulate_run(loaded, None, name))
+            traces.append(simulate_run(loaded, own, name))
             progress(1)
     growing_hz = growing(loaded)
     manifest = make_manifest(loaded, time.perf_counter() - started) | {"growing_hz": growing_hz}

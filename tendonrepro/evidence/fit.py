@@ -169,7 +169,9 @@ def _tuned(log: Log, joint: int, hypothesis: Hypothesis, place: int) -> Hypothes
     """Put a low-pass filter into one place of a hypothesis, with the cutoff that foretells best."""
 
     def error(logit: float) -> float:
-        return _foretold(log, joint, [*hypothesis.filtered(_newest(logit))][place], _constrained)
+        # A slow filter leaves too few samples of a short log, which is worse than any fit.
+        held = [*hypothesis.filtered(_newest(logit))][place]
+        return min(_foretold(log, joint, held, _constrained), 1e9)
 
     # Weights of the newest value from 0.01 to 0.99, coarsely first: the error has more than one valley.
     grid = np.linspace(-4.6, 4.6, 9)

@@ -48,7 +48,7 @@ def simulate_all(
         ]
     runs = [(*one, name) for one, named in zip(asked, loops, strict=True) for name in named]
     with talk.bar(f"simulating {len(runs)} runs", len(runs)) as progress:
-        if any(law.given for _, laws in asked for law in laws):
+        if any(law.given for _, laws in asked for law in laws or ()):
             traces = [each(_simulated, [run], progress)[0] for run in runs]
         else:
             traces = each(_simulated, runs, progress)

@@ -1,0 +1,119 @@
+"""How often `tendonrepro recover` is right: readings x records, on plants drawn from the parameter ranges.
+
+Prints the table of docs/recover.md. ``python benchmarks/recovery.py 8`` takes eight plants and some minutes.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+from joblib import Parallel, delayed
+
+from tendonrepro.configuration.ensemble import load_ensemble
+from tendonrepro.configuration.load import load_config
+from tendonrepro.configuration.models.readings import parse_reading, under
+from tendonrepro.evidence.fit import equally_good, ranked
+from tendonrepro.evidence.hypotheses import Log, resolution, without_rounding
+from tendonrepro.evidence.recover import NONE, RECOVERED, UNTOLD, Recovered
+from tendonrepro.experiments.loops import build_loops
+from tendonrepro.monte_carlo.box import configured, make_box, scrambled_sobol
+from tendonrepro.simulation.batch import simulate_batch
+
+READINGS = ("printed", "weights=extrapolating", "differencing=centred", "error_rate=difference_of_error")
+RECORDS = {
+    "exact": {},
+    "torque to 1 mN m, angles to 0.001 deg": {"torque": 1e-3, "angle": 1e-3},
+    "torque to 10 mN m, angles to 0.001 deg": {"torque": 1e-2, "angle": 1e-3},
+    "torque to 10 mN m, angles to 0.01 deg": {"torque": 1e-2, "angle": 1e-2},
+    "torque with 10 mN m of noise": {"noise": 1e-2},
+    "torque with 100 mN m of noise": {"noise": 1e-1},
+    "every second sample": {"every": 2},
+}
+SAMPLES = 4000
+
+
+def logs(plants: int) -> list[tuple[str, Log]]:
+    """Runs of Controller 1 that end neither diverged nor ringing, with the reading they ran under."""
+    loaded, found = load_ensemble(None), []
+    box = make_box(loaded.config)
+    for row in box.values(scrambled_sobol(box, 7, 0, 0, 16 * plants)):
+        drawn = configured(loaded.base, box, row)
+        known = box.named(row)
+        runs = [
+            dict(build_loops(under(parse_reading(name), drawn, known), loaded.base.folder))["controller_1"]
+            for name in READINGS
+        ]
+        batch = simulate_batch(runs, drawn.status, record=True)
+        if batch.traces and not batch.status.any():
+            found += [
+                (name, log_of(trace, run))
+                for name, trace, run in zip(READINGS, batch.traces, runs, strict=True)
+            ]
+        if len(found) == plants * len(READINGS):
+            break
+    return found
+
+
+def log_of(trace, run) -> Log:
+    gains, part = load_config(None, "compare").config.control.gains, slice(0, SAMPLES)
+    reference = run.reference
+    return Log(
+        L=run.controller.law.L,
+        q=trace["q_encoder"][part],
+        q_motor=None,
+        q_d=reference.q_d[part],
+        dq_d=reference.dq_d[part],
+        ddq_d=reference.ddq_d[part],
+        command=trace["tau_m"][part],
+        applied=None,
+        S=run.plant.drive.S,
+        b=gains.b.si,
+        Delta=gains.Delta.si,
+        encoder_step=load_config(None, "compare").config.manipulator.encoders.joint.resolution.si,
+    )
+
+
+def judged(name: str, log: Log, record: dict[str, float]) -> list[str]:
+    """``right``, ``wrong``, or what `recover` says, for each joint."""
+
+    def coarse(values, step):
+        return np.round(values / step) * step if step else values
+
+    noise = np.random.default_rng(5).normal(scale=record.get("noise", 0.0), size=log.command.shape)
+    every, published = int(record.get("every", 1)), load_config(None, "compare").config
+    taken = {key: getattr(log, key)[::every] for key in ("q_d", "dq_d", "ddq_d")}
+    q = coarse(log.q, np.deg2rad(record.get("angle", 0.0)))[::every]
+    command = coarse(log.command + noise, record.get("torque", 0.0))[::every]
+    freed = [without_rounding(column, log.encoder_step) for column in q.T]
+    kept = replace(
+        log, L=log.L * every, q=np.column_stack([one for one, _ in freed]), command=command, **taken
+    )
+    answers = []
+    for i, joint in enumerate(published.joints):
+        rounding = resolution(command[:, i])
+        one = Recovered("run", joint, ranked(kept, i), kept, rounding, freed[i][1], published, i)
+        weights = "extrapolating" if "extrapolating" in name else "interpolating"
+        names = {fit.hypothesis.name for fit in equally_good(one.found)} if one.found else set()
+        is_right = (
+            one.found and one.weights == weights and name.replace(f"weights={weights}", "printed") in names
+        )
+        answers.append(one.answer if one.answer != RECOVERED else "right" if is_right else "wrong")
+    return answers
+
+
+def main() -> None:
+    runs = logs(int(sys.argv[1]) if len(sys.argv) > 1 else 8)
+    print("| record | right | cannot tell | none of these | wrong |\n|---|---:|---:|---:|---:|")
+    for title, record in RECORDS.items():
+        found = Parallel(2)(delayed(judged)(name, log, record) for name, log in runs)
+        counts = Counter(answer for answers in found for answer in answers)
+        total = sum(counts.values())
+        cells = [f"{100 * counts[key] / total:.0f} %" for key in ("right", UNTOLD, NONE, "wrong")]
+        print(f"| {title} | {' | '.join(cells)} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
