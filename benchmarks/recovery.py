@@ -16,7 +16,7 @@ from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.readings import parse_reading, under
 from tendonrepro.evidence.fit import equally_good, ranked
-from tendonrepro.evidence.hypotheses import Log, resolution, without_rounding
+from tendonrepro.evidence.hypotheses import Log, torque_rounding, without_rounding
 from tendonrepro.evidence.recover import NONE, RECOVERED, UNTOLD, Recovered
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.monte_carlo.box import configured, make_box, scrambled_sobol
@@ -93,7 +93,7 @@ def judged(name: str, log: Log, record: dict[str, float]) -> list[str]:
     )
     answers = []
     for i, joint in enumerate(published.joints):
-        rounding = resolution(command[:, i])
+        rounding = float(torque_rounding(kept)[i])
         one = Recovered("run", joint, ranked(kept, i), kept, rounding, freed[i][1], published, i)
         weights = "extrapolating" if "extrapolating" in name else "interpolating"
         names = {fit.hypothesis.name for fit in equally_good(one.found)} if one.found else set()

@@ -66,7 +66,7 @@ BUDGETS = {
     "results": 2334,
     "experiments": 2070,
     "analysis": 678,
-    "evidence": 587,
+    "evidence": 600,
     "monte_carlo": 1299,
     "identification": 714,
     "dataset": 1806,

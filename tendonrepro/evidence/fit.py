@@ -77,6 +77,11 @@ class Fit:
     condition: float
     samples: int
 
+    @property
+    def is_possible(self) -> bool:
+        """Whether the inertia is above zero, and no weight beyond those of any interpretation of alpha."""
+        return bool(self.parameters[2] > 0.0 and np.abs(self.parameters[:2]).max() <= 2.0)
+
 
 def ranked(log: Log, joint: int) -> list[Fit]:
     """Fits of the hypotheses that come closest to a log, best first, for one joint, counted from 0.
@@ -103,6 +108,7 @@ def ranked(log: Log, joint: int) -> list[Fit]:
         bases = list(dict.fromkeys([*printed, best[0]]))
         tuned = [_tuned(window, joint, one, place) for one in bases for place in range(len(FILTERS))]
         found += [fitted(log, joint, one) for one in tuned]
+    found = [fit for fit in found if fit.is_possible] or found
     equal = equally_good(found)
     return sorted(found, key=lambda fit: (fit not in equal, len(fit.hypothesis.settings), fit.information))
 
@@ -129,7 +135,9 @@ def fitted(log: Log, joint: int, hypothesis: Hypothesis) -> Fit:
     )
     spread = np.sqrt((len(factors) - 1) * np.mean((left_out - left_out.mean(axis=0)) ** 2, axis=0))
     samples = len(held.y)
-    error = _residual(whole, coefficients(parameters, hypothesis))
+    # Errors of the record are in the torque and in both remembered ones: heavy weights make them larger.
+    noise = float(np.sqrt(1.0 + np.sum(parameters[:2] ** 2)))
+    error = _residual(whole, coefficients(parameters, hypothesis)) / noise
     count = parameters.size + (hypothesis.newest < 1.0)
     scaled = whole[:, :-1] / np.linalg.norm(whole[:, :-1], axis=0)
     return Fit(

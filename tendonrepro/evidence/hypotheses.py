@@ -307,3 +307,11 @@ def resolution(values: Array) -> float:
     gaps = np.diff(np.unique(values[np.isfinite(values)]))
     gaps = gaps[gaps > 1e-9 * np.ptp(values)] if gaps.size else gaps
     return float(gaps.min()) if gaps.size else 0.0
+
+
+def torque_rounding(log: Log) -> Array:
+    """Rounding of each joint's torque (n,), N m, by the record, or by drives that round at the winches."""
+    of_joints = np.array([resolution(column) for column in log.command.T])
+    of_winches = np.array([resolution(column) for column in (log.command @ log.S).T])
+    mapped = np.sqrt(np.linalg.inv(log.S.T) ** 2 @ of_winches**2)
+    return np.asarray(np.maximum(of_joints, mapped))

@@ -16,7 +16,7 @@ from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.evidence.fit import Fit, equally_good, ranked
-from tendonrepro.evidence.hypotheses import LINEAR, Log, resolution, without_rounding
+from tendonrepro.evidence.hypotheses import LINEAR, Log, torque_rounding, without_rounding
 from tendonrepro.experiments.rig import coupling
 from tendonrepro.physics.control import estimator_weights
 from tendonrepro.results.records import DECOUPLING_RUNS, Trace, TraceFile
@@ -196,7 +196,7 @@ def recovered(file: TraceFile, loaded: LoadedConfig, talk: Talk) -> list[Recover
     with talk.bar("fitting controllers", sum(len(trace.joint) for trace, _, _ in logs)) as progress:
         for trace, log, rounding in logs:
             for i, joint in enumerate(trace.joint):
-                fits, torque = ranked(log, i), resolution(log.command[:, i])
+                fits, torque = ranked(log, i), float(torque_rounding(log)[i])
                 place = published.joints.index(joint)
                 found.append(
                     Recovered(trace.name, joint, fits, log, torque, float(rounding[i]), published, place)
