@@ -317,7 +317,7 @@ def test_a_law_of_the_users_own_runs_beside_the_others(command: str, tmp_path: P
         "def mine(memory, q, q_d, dq_d, ddq_d, law):\n"
         "    return command(memory, q, q_d, dq_d, ddq_d, law)\n"
         "def broken(memory, q, q_d, dq_d, ddq_d, law):\n"
-        "    return q\n"
+        "    return q[:1]\n"
     )
     words = ["compare", *SHORT, "--controllers", "1", "--out", "out"]
     data = answer(command, *words, "--law", "mine.py:mine", cwd=tmp_path)
