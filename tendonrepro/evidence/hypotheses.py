@@ -29,6 +29,7 @@ PRINTED: Mapping[str, str] = {
     "phi_branch": "printed",
     "phi_negative": "odd",
     "gain_unit": "radian",
+    "Delta_unit": "rad",
     "eta_in_controller_2": "kept",
     "differencing": "lagging",
     "delay_time": "one_period",
@@ -46,6 +47,7 @@ _PHI: tuple[tuple[tuple[str, str], ...], ...] = (
     (("phi_negative", "even"),),
     (("phi_branch", "power"),),
     (("gain_unit", "phi_in_degrees"),),
+    (("Delta_unit", "deg"),),
     (("eta_in_controller_2", "dropped"),),
 )
 
@@ -241,7 +243,7 @@ def _phi_law(log: Log, held: Mapping[str, str]) -> Law:
     blank: dict[str, Any] = dict.fromkeys(Law._fields)
     return Law(**blank)._replace(
         b=log.b,
-        Delta=log.Delta,
+        Delta=np.radians(log.Delta) if held["Delta_unit"] == "deg" else log.Delta,
         phi_is_odd=held["phi_negative"] == "odd",
         power_inside=held["phi_branch"] == "power",
         power_floor=log.encoder_step * scale,

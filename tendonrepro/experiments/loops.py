@@ -9,7 +9,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, LoadedConfig
-from tendonrepro.configuration.models.control import RUNS
+from tendonrepro.configuration.models.control import RUNS, Gains, Readings
 from tendonrepro.configuration.models.experiment import MOST_SAMPLES
 from tendonrepro.configuration.models.reference import (
     InTurns,
@@ -207,8 +207,7 @@ def build_law(config: CompareConfig, name: str) -> Law:
         lam=gains.lam.si,
         eta=gains.eta.si,
         b=gains.b.si,
-        # Where the gains mean degrees it is the printed number that means them.
-        Delta=gains.Delta.si if readings.gain_unit == "radian" else np.array(gains.Delta.value),
+        Delta=_boundary(gains, readings),
         beta=gains.beta.si,
         K_d=gains.K_d.si if gains.K_d else np.zeros(n),
         K_p=gains.K_p.si if gains.K_p else np.zeros(n),
@@ -228,6 +227,13 @@ def build_law(config: CompareConfig, name: str) -> Law:
         stores_applied=readings.stored_torque == "applied",
         motor_side=readings.feedback == "motor",
     )
+
+
+def _boundary(gains: Gains, readings: Readings) -> Array:
+    """Δ in the unit of ``phi``'s argument; a reading in degrees takes the printed number as degrees."""
+    if readings.gain_unit != "radian":
+        return np.array(gains.Delta.value)
+    return np.radians(gains.Delta.si) if readings.Delta_unit == "deg" else gains.Delta.si
 
 
 def torque_map(config: CompareConfig) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 
 from tendonrepro.configuration.ensemble import FAST_PERIOD
 from tendonrepro.configuration.fields.quantity import to_si
-from tendonrepro.configuration.models.box import DISTURBANCES, FRICTION_SIDES, MOTIONS
+from tendonrepro.configuration.models.box import CLEARANCES, DISTURBANCES, FRICTION_SIDES, MOTIONS
 from tendonrepro.configuration.models.readings import AXES
 from tendonrepro.configuration.published import COMPARED
 from tendonrepro.physics.trajectory import trapezoid_times
@@ -94,6 +94,9 @@ def _put_drive(arm: dict[str, Any], draw: Mapping[str, float]) -> None:
     damping = draw["tendon_damping_2"] / two**2, draw["tendon_damping_3"] / three**2
     tendons["axial_stiffness"] = _per_joint(*stiffness, "N m-1", "tendon_stiffness over the radius squared")
     tendons["axial_damping"] = _per_joint(*damping, "N s m-1", "tendon_damping over the radius squared")
+    at = CLEARANCES[int(draw["clearance_at"])]
+    slack = draw["clearance"] * (at == "both"), draw["clearance"] * (at != "none")
+    tendons["clearance"] = _per_joint(*slack, "m", "clearance and clearance_at")
     tendons["damping_factor"] = _drawn(1.0, "1", "which has the damping itself")
 
 

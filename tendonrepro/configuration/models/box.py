@@ -22,6 +22,7 @@ from tendonrepro.configuration.models.readings import ERROR_RATES
 
 SWITCH = ("off", "on")
 FRICTION_SIDES = ("none", "link", "winch", "both")
+CLEARANCES = ("none", "both", "distal")
 DISTURBANCES = ("none", "sine", "noise")
 MOTIONS = ("minimum_jerk", "raised_cosine", "trapezoidal", "sine", "unequal", "fast_sine")
 
@@ -186,6 +187,8 @@ class BoxConfig(Model):
     tendon_stiffness_3: Annotated[BoxRange, In("stiffness of tendon 3 at joint 3", "N m rad-1", _EPS)]
     tendon_damping_2: Annotated[BoxRange, In("damping of tendon 2 at joint 2", "N m s rad-1")]
     tendon_damping_3: Annotated[BoxRange, In("damping of tendon 3 at joint 3", "N m s rad-1")]
+    clearance_at: Annotated[Words, Among("joints whose tendons have clearance", CLEARANCES)]
+    clearance: Annotated[BoxRange, In("slack that a tendon takes up before it pulls", "m")]
     friction_sides: Annotated[Words, Among("sides on which dry friction acts", FRICTION_SIDES)]
     link_coulomb: Annotated[BoxRange, In("Coulomb friction of a joint", "N m")]
     link_viscous: Annotated[BoxRange, In("viscous friction of a joint", "N m s rad-1")]

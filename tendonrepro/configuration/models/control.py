@@ -107,6 +107,14 @@ class Readings(Model):
             only={"phi_in_degrees": TERMINAL},
         ),
     ]
+    Delta_unit: Annotated[
+        Literal["rad", "deg"],
+        At(
+            "Section 5.3",
+            "Whether Δ, printed without a unit, is in rad or in deg; gains in degrees have it in degrees.",
+            TERMINAL,
+        ),
+    ] = "rad"
     eta_in_controller_2: Annotated[
         Literal["kept", "dropped"],
         At("Section 5.3", "Whether Controller 2 keeps the η that its printed law lacks.", ("controller_2",)),
