@@ -79,6 +79,25 @@ class PrintedQuotient(Model):
     unit: Literal["1"] = "1"
 
 
+class PrintedDose(Model):
+    """What Controller 1 gains over Controller 2 on joint 3, ``1 - C1/C2``, over what it gains on joint 2."""
+
+    id: str
+    kind: Literal["dose"]
+    where: str
+    metric: Literal["mae", "rmse"]
+    unit: Literal["1"] = "1"
+
+    @property
+    def parts(self) -> tuple[tuple[str, str], tuple[str, str]]:
+        """Ids of both controllers' errors on joint 3, then on joint 2."""
+        joint_3, joint_2 = (
+            (f"table2.controller_1.{self.metric}.{joint}", f"table2.controller_2.{self.metric}.{joint}")
+            for joint in ("joint_3", "joint_2")
+        )
+        return joint_3, joint_2
+
+
 class PrintedText(Model):
     """A name as printed, or a claim: a statement of the paper in our words."""
 
@@ -88,7 +107,7 @@ class PrintedText(Model):
     text: str
 
 
-PrintedEntry: TypeAlias = PrintedNumber | PrintedRatio | PrintedQuotient | PrintedText
+PrintedEntry: TypeAlias = PrintedNumber | PrintedRatio | PrintedQuotient | PrintedDose | PrintedText
 
 
 class Judgement(Model):
@@ -137,7 +156,7 @@ class Published:
             When nothing of that id is printed, or it is a text.
         """
         entry = self.entries[identifier]
-        if isinstance(entry, PrintedText | PrintedQuotient):
+        if isinstance(entry, PrintedText | PrintedQuotient | PrintedDose):
             raise KeyError(f"{identifier} is not printed as a number")
         return entry
 
@@ -148,7 +167,7 @@ class Published:
         return entry
 
     def interval(self, identifier: str) -> Interval:
-        """Numbers that a printed number, ratio or quotient of printed numbers may stand for.
+        """Numbers that a printed number, ratio, quotient or dose of printed numbers may stand for.
 
         Raises
         ------
@@ -158,6 +177,10 @@ class Published:
         entry = self.entries[identifier]
         if isinstance(entry, PrintedQuotient):
             return quotient(self.interval(entry.numerator), self.interval(entry.denominator))
+        if isinstance(entry, PrintedDose):
+            shares = [quotient(*map(self.interval, pair)) for pair in entry.parts]
+            gains = [(1 - high, 1 - low) for low, high in shares]
+            return quotient(gains[0], gains[1])
         return rounding(self.quantity(identifier))
 
     def per_joint(self, identifier: str, joints: Iterable[int]) -> list[float]:

@@ -14,6 +14,7 @@ from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.monte_carlo.shards import Block, read_array
 from tendonrepro.monte_carlo.shares import (
     QUANTILES,
+    RANKINGS,
     RATIO_NAMES,
     RATIOS,
     reading_summary,
@@ -23,8 +24,6 @@ from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.results.tables import NOTHING, Table
 
 _OK, _ORDER, _BEST = "ok C1 / C2 / C3 (%)", "C1 < C2 < C3 MAE (%)", "C1 best, MAE (%)"
-
-_RANKINGS = ("share_c1_lt_c2_lt_c3", "share_c3_lt_c2_lt_c1", "share_c1_best")
 
 
 def population_summary(data: EnsembleData) -> dict[str, Any]:
@@ -77,7 +76,7 @@ def spot_checks(shards: Path, identity: str, blocks: Sequence[Block]) -> dict[st
 def flat_rows(population: str, summary: Mapping[str, Any]) -> Iterator[dict[str, object]]:
     """Yield a row per reading, ranking or ratio, set of plants, metric and joint (or both)."""
     for reading in summary["readings"]:
-        for of in (*_RANKINGS, *RATIOS):
+        for of in (*RANKINGS, *RATIOS):
             for plants, metrics in reading[of].items():
                 for metric, joints in metrics.items():
                     for joint, found in joints.items():

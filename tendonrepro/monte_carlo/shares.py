@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
+from itertools import permutations
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -43,6 +45,9 @@ NEAR = 2.0
 
 MOST, FEW = 0.95, 0.05
 """Shares that confirm a direction, or confirm its opposite."""
+
+TIE = 0.05
+"""Relative difference up to which two errors count as alike."""
 
 _CONFIDENCE = 0.95
 
@@ -185,7 +190,7 @@ def reading_summary(data: EnsembleData, reading: str) -> dict[str, Any]:
     errors = np.array([[data.statistic(run, reading, metric) for run in CONTROLLERS] for metric in METRICS])
     errors[:, status == STATUSES.index("diverged")] = np.inf
     result: dict[str, Any] = {"name": reading, "status": status_shares(data, reading)}
-    for key, hold in _RANKINGS.items():
+    for key, hold in RANKINGS.items():
         flags = [hold(sizes) for sizes in errors]
         held = dict(zip(METRICS, flags, strict=True)) | {"mae_and_rmse": flags[0] & flags[1]}
         result[key] = {
@@ -200,8 +205,22 @@ def reading_summary(data: EnsembleData, reading: str) -> dict[str, Any]:
             }
             for plants, kept in counted.items()
         }
+    result["joint_3_over_2"] = _joints_apart(data, reading, counted["all_ok"])
     result |= _shapes(data, reading, counted["all_ok"])
     return result | {"agreement": agreement(result, data.joints)}
+
+
+def _joints_apart(data: EnsembleData, reading: str, kept: Flags) -> dict[str, Any]:
+    """Error of the last joint over that of the first, by controller and metric."""
+    found: dict[str, Any] = {}
+    for run in CONTROLLERS:
+        found[run] = {}
+        for metric in METRICS:
+            size = data.statistic(run, reading, metric)
+            counted = kept & (size[:, 0] > 0.0)
+            ratio = size[counted, -1] / size[counted, 0]
+            found[run][metric] = quantiles_of(ratio, data.replicate[counted])
+    return found
 
 
 def _plants(status: NDArray[np.int8]) -> dict[str, Flags]:
@@ -214,15 +233,35 @@ def _in_order(errors: Array) -> Flags:
     return np.asarray((errors[0] < errors[1]) & (errors[1] < errors[2]))
 
 
+def _ordered(order: tuple[int, ...], errors: Array) -> Flags:
+    return _in_order(errors[list(order)])
+
+
 def _first_is_best(errors: Array) -> Flags:
     return np.asarray((errors[0] < errors[1]) & (errors[0] < errors[2]))
 
 
-_RANKINGS: Mapping[str, Callable[[Array], Flags]] = {
-    "share_c1_lt_c2_lt_c3": _in_order,
-    "share_c3_lt_c2_lt_c1": lambda errors: _in_order(errors[::-1]),
-    "share_c1_best": _first_is_best,
+def _first_is_worst(errors: Array) -> Flags:
+    return np.asarray((errors[0] > errors[1]) & (errors[0] > errors[2]))
+
+
+def _last_two_tie(errors: Array) -> Flags:
+    with np.errstate(invalid="ignore"):
+        return np.asarray(abs(errors[1] - errors[2]) <= TIE * np.maximum(errors[1], errors[2]))
+
+
+ORDERS: Mapping[str, tuple[int, ...]] = {
+    "share_" + "_lt_".join(f"c{place + 1}" for place in order): order for order in permutations(range(3))
 }
+"""The six orders of the controllers by their places in `CONTROLLERS`, the smallest error first."""
+
+RANKINGS: Mapping[str, Callable[[Array], Flags]] = {
+    **{name: partial(_ordered, order) for name, order in ORDERS.items()},
+    "share_c1_best": _first_is_best,
+    "share_c1_worst": _first_is_worst,
+    "share_c2_ties_c3": _last_two_tie,
+}
+"""What may hold of the errors of the three controllers, (3, N, n), on each plant and joint."""
 
 
 def _shapes(data: EnsembleData, reading: str, kept: Flags) -> dict[str, Any]:

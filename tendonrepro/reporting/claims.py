@@ -37,8 +37,6 @@ VERDICTS = {
 """What each verdict of `claims` means."""
 
 _SHARE = "share of the box"
-_FEW = 0.05
-_POWER = 0.5
 _WORDS = {
     "table1": "ratio of diameters",
     "table2": "error",
@@ -46,6 +44,8 @@ _WORDS = {
     "S_inv": "inverse coupling matrix S⁻¹",
     "S": "coupling matrix S",
     "rmse_over_mae": "RMSE over MAE",
+    "joints": "joint 3 over joint 2",
+    "dose": "gain of Controller 1 on joint 3 over joint 2",
     "share": "error in per cent of another controller's",
     "increase": "change of Controller 1's error",
     "mae": "MAE",
@@ -79,16 +79,6 @@ def ours(entry: Mapping[str, Any]) -> str:
     if value is None:
         return "yes" if entry["verdict"] in {"exact", "reproduced"} else "–"
     return f"{value:.4g}{unit}"
-
-
-def verdict(entry: Mapping[str, Any]) -> str:
-    """Name of the verdict in `VERDICTS`; what holds almost nowhere does not depend on the plant."""
-    name, share, power = entry["verdict"], entry["ours"], entry["evidence"].get("also_passing")
-    if name == "depends_on_plant" and entry["unit"] == _SHARE and share is not None and share <= _FEW:
-        name = "not_met"
-    if name == "compatible" and power is not None and power > _POWER:
-        name = "no_power"
-    return str(name)
 
 
 def statements(entry: Mapping[str, Any]) -> list[tuple[str, str]]:

@@ -17,6 +17,7 @@ from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts.from_print import Evidence, Judged, missing
 from tendonrepro.verdicts.plants import UNRESOLVED, Plants
 from tendonrepro.verdicts.rules import (
+    INSIDE,
     MOST_UNRESOLVED,
     Decision,
     Mask,
@@ -27,7 +28,17 @@ from tendonrepro.verdicts.rules import (
     power_of,
     with_values,
 )
-from tendonrepro.verdicts.statements import CLAIMS, FIRST, LOADED, Findings, Statement, shape_of, smaller
+from tendonrepro.verdicts.statements import (
+    CLAIMS,
+    FIRST,
+    LOADED,
+    SECOND,
+    Findings,
+    Statement,
+    joints_apart,
+    shape_of,
+    smaller,
+)
 
 COMMAND = "tendonrepro ensemble"
 HARDWARE = "The paper measured hardware; this is what the printed equations do on the plants of the box."
@@ -35,7 +46,7 @@ HARDWARE = "The paper measured hardware; this is what the printed equations do o
 VALUES: Mapping[str, str] = {"order": "table2.", "payload": "increase."}
 """Claims that print values, and how the ids of these begin."""
 
-NUMBERS = ("value", "shape", "ratio", "increase")
+NUMBERS = ("value", "shape", "joints", "dose", "ratio", "increase")
 """Rules of numbers."""
 
 LEAST: Mapping[str, float] = {"rmse_over_mae": 1.0}
@@ -63,6 +74,12 @@ def numbers_of(plants: Plants, identifier: str) -> PlantNumbers:
         shape = shape_of(plants, what)[:, joint]
         return PlantNumbers(shape, _all_ok(plants, what) & np.isfinite(shape))
     (metric,) = metrics
+    if family == "joints":
+        ratio = joints_apart(plants, what, metric)
+        return PlantNumbers(ratio, _all_ok(plants, what) & np.isfinite(ratio))
+    if family == "dose":
+        dose = _dose(plants, metric)
+        return PlantNumbers(dose, _all_ok(plants) & np.isfinite(dose))
     if family == "increase":
         return _quotient(plants, (FIRST, LOADED), metric, joint, change=True)
     if family == "share":
@@ -70,6 +87,14 @@ def numbers_of(plants: Plants, identifier: str) -> PlantNumbers:
         return _quotient(plants, (rival, FIRST), metric, joint, change=False)
     run = LOADED if family == "table3" else what
     return PlantNumbers(np.rad2deg(plants[run, metric][:, joint]), _all_ok(plants, run))
+
+
+def _dose(plants: Plants, metric: str) -> Array:
+    """What Controller 1 gains over Controller 2 on the last joint, over what it gains on the first, (N,)."""
+    first, second = plants[FIRST, metric], plants[SECOND, metric]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        gain = 1.0 - first / second
+        return np.asarray(gain[:, -1] / gain[:, 0])
 
 
 def _all_ok(plants: Plants, *runs: str) -> Mask:
@@ -115,20 +140,21 @@ def _number(plants: Plants, paper: Published, identifier: str) -> Judged:
     replicate = plants.data.replicate[found.judged]
     box = spread_of(found.values[found.judged], replicate)
     low, high = map(float, paper.interval(identifier))
+    power = power_of((low, high), box, LEAST.get(identifier.partition(".")[0], 0.0))
     evidence: Evidence = {
         "box": box.as_dict(),
-        "also_passing": power_of((low, high), box, LEAST.get(identifier.partition(".")[0], 0.0)),
+        "also_passing": power,
         "share_judged": float(found.judged.mean()),
     }
     share, remarks = None, []
-    decision = of_number((low, high), box, share)
+    decision = of_number((low, high), box, share, power)
     if found.direction:
         statement, rankable = found.direction
         share = share_of(statement.holds[found.judged], replicate)
         evidence["direction"] = {"statement": statement.text} | share.as_dict()
         last = share_of(statement.last[rankable], plants.data.replicate[rankable])
         evidence["direction"]["diverged_last"] = last.as_dict()
-        decision, ranked = (of_number((low, high), box, one) for one in (share, last))
+        decision, ranked = (of_number((low, high), box, one, power) for one in (share, last))
         if ranked.verdict != decision.verdict:
             remarks = [f"with a diverged law ranked last: {ranked.verdict}"]
     return Judged(decision, box.median, evidence | _remarks(decision, *remarks))
@@ -147,7 +173,7 @@ def _claim(plants: Plants, paper: Published, rule: str) -> Judged:
     if found.beside:
         evidence["beside"] = _rows(plants, found.beside, found.judged, "holds")
     if found.chance is not None:
-        evidence["chance"] = found.chance
+        evidence["chance"], evidence["chance_together"] = found.chance
     remarks = [*found.remarks, *_measures(evidence), *_unresolved(plants)]
     if found.rankable is not None:
         last, evidence["diverged_last"] = _by_statements(plants, found, found.rankable, "last")
@@ -159,7 +185,7 @@ def _claim(plants: Plants, paper: Published, rule: str) -> Judged:
         values = [_number(plants, paper, name) for name in names]
         judged_by = of_values if rule == "payload" else with_values
         decision = judged_by(direction, [value.decision for value in values])
-    if decision.verdict == "compatible" and rule in VALUES:
+    if decision.verdict in INSIDE and rule in VALUES:
         passing = ", ".join(f"{100.0 * value.evidence['also_passing']:.0f} %" for value in values)
         remarks.append(f"of a decade around each printed value this much would also pass: {passing}")
     if found.cannot_fail:
@@ -179,21 +205,24 @@ def _by_statements(
     def of(statements: Sequence[Statement]) -> list[Mask]:
         return [getattr(statement, attribute) for statement in statements]
 
-    parts = {name: [share([mask]) for mask in of(held)] for name, held in found.measures.items()}
     wholes = {name: share(of(held)) for name, held in found.measures.items()}
     best = max(wholes, key=lambda name: wholes[name].value)
-    opposite = of([found.opposite]) if found.opposite else [~mask for mask in of(found.statements)]
+    against = {
+        name: share(of([found.opposite]) if found.opposite else [~mask for mask in of(held)])
+        for name, held in found.measures.items()
+    }
     told = found.opposite.text if found.opposite else "no statement holds"
+    overall = share(of([found.opposite]) if found.opposite else [~mask for mask in of(found.statements)])
     evidence: Evidence = wholes[best].as_dict()
     if len(wholes) > 1:
         evidence["measure"] = best
         evidence["by_measure"] = [
-            {"measure": name, "verdict": of_claim(whole, parts[name]).verdict} | whole.as_dict()
+            {"measure": name, "verdict": of_claim(whole, against[name]).verdict} | whole.as_dict()
             for name, whole in wholes.items()
         ]
-    evidence["opposite"] = {"statement": told} | share(opposite).as_dict()
+    evidence["opposite"] = {"statement": told} | overall.as_dict()
     evidence["statements"] = _rows(plants, found.statements, counted, attribute)
-    return of_claim(wholes[best], [part for held in parts.values() for part in held]), evidence
+    return of_claim(wholes[best], overall), evidence
 
 
 def _rows(

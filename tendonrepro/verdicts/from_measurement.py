@@ -11,7 +11,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.readings import PRINTED
-from tendonrepro.configuration.published import COMPARED, PrintedQuotient, Published
+from tendonrepro.configuration.published import COMPARED, PrintedDose, PrintedQuotient, Published
 from tendonrepro.dataset.windows import prints_as
 from tendonrepro.errors import DataMissingError
 from tendonrepro.physics.metrics import mae, start_level
@@ -24,7 +24,7 @@ from tendonrepro.verdicts.plants import Plants
 from tendonrepro.verdicts.rules import of_model
 from tendonrepro.verdicts.statements import CLAIMS, FIRST, LOADED, Findings, larger_with_load
 
-JUDGED = ("K3", "K5", "C1", "C2", "F1", "C3", "C4", "C5", "C6", "P1")
+JUDGED = ("K3", "K5", "C1", "C2", "F1", "F2", "C3", "C4", "C5", "C6", "P1")
 """Claims that a measurement is asked about."""
 
 TINY, AGREES = 0.01, 0.05
@@ -32,7 +32,7 @@ TINY, AGREES = 0.01, 0.05
 LEAST_RANGE = float(np.deg2rad(1.0))
 """Range below which a joint or motor counts as at rest, rad."""
 
-_FAMILIES = ("table2.", "table3.", "rmse_over_mae.", "share.", "increase.")
+_FAMILIES = ("table2.", "table3.", "rmse_over_mae.", "joints.", "dose.", "share.", "increase.")
 
 
 def judge_measured(measured: Measured, paper: Published) -> dict[str, Judged]:
@@ -61,7 +61,8 @@ def judge_measured(measured: Measured, paper: Published) -> dict[str, Judged]:
 
 def _number(measured: Measured, paper: Published, identifier: str) -> Judged:
     deciding = measured.tables.deciding
-    judge = {"rmse_over_mae": _quotient, "share": _percentage, "increase": _percentage}
+    judge = {"rmse_over_mae": _quotient, "joints": _quotient, "dose": _dose}
+    judge |= dict.fromkeys(("share", "increase"), _percentage)
     family = identifier.partition(".")[0]
     found = judge.get(family, _size)(deciding.sizes if deciding else {}, paper, identifier)
     return replace(found, evidence=found.evidence | {"window": deciding.name if deciding else None})
@@ -96,7 +97,7 @@ def _percentage(sizes: Mapping[str, float], paper: Published, identifier: str) -
 
 
 def _quotient(sizes: Mapping[str, float], paper: Published, identifier: str) -> Judged:
-    """Judge RMSE over MAE by what the rounding of both printed numbers allows."""
+    """Judge a quotient by what the rounding of both printed numbers allows."""
     entry = paper.entries[identifier]
     assert isinstance(entry, PrintedQuotient)
     root, mean = (sizes.get(name, np.nan) for name in (entry.numerator, entry.denominator))
@@ -104,6 +105,20 @@ def _quotient(sizes: Mapping[str, float], paper: Published, identifier: str) -> 
         return missing(f"the measured errors of {_run_of(entry.numerator)}")
     low, high = paper.interval(identifier)
     return Judged(of_model(low <= root / mean <= high), root / mean)
+
+
+def _dose(sizes: Mapping[str, float], paper: Published, identifier: str) -> Judged:
+    """Judge what Controller 1 gains on joint 3 over what it gains on joint 2."""
+    entry = paper.entries[identifier]
+    assert isinstance(entry, PrintedDose)
+    for name in (name for pair in entry.parts for name in pair):
+        if not sizes.get(name, np.nan) > 0.0:
+            return missing(f"the measured errors of {_run_of(name)}")
+    joint_3, joint_2 = (1.0 - sizes[first] / sizes[second] for first, second in entry.parts)
+    if joint_2 == 0.0:
+        return missing("a difference between Controllers 1 and 2 on joint 2")
+    low, high = paper.interval(identifier)
+    return Judged(of_model(low <= joint_3 / joint_2 <= high), joint_3 / joint_2)
 
 
 def _claim(measured: Measured, paper: Published, identifier: str, numbers: Mapping[str, Judged]) -> Judged:
@@ -129,7 +144,7 @@ def _claim(measured: Measured, paper: Published, identifier: str, numbers: Mappi
         "statistics": arm.asked,
     }
     remarks = _remarks(measured, identifier)
-    if identifier in ("C2", "F1", "P1") and measured.tables.deciding:
+    if identifier in ("C2", "F1", "F2", "P1") and measured.tables.deciding:
         evidence["window"] = measured.tables.deciding.name
     if identifier == "P1":
         values = {name: one for name, one in numbers.items() if name.startswith("increase.")}

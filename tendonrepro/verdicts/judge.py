@@ -9,6 +9,7 @@ from typing import Any
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import (
     Judgement,
+    PrintedDose,
     PrintedEntry,
     PrintedQuotient,
     PrintedText,
@@ -199,10 +200,9 @@ def _shipped_numbers(compare: TraceFile | None, paper: Published) -> dict[str, f
         for metric in ("mae", "rmse"):
             for joint, size in zip(trace.joint, sizes[metric], strict=True):
                 found[f"{table}.{metric}.joint_{joint}"] = float(size)
-        for joint in trace.joint:
-            mean, root = (found[f"{table}.{metric}.joint_{joint}"] for metric in ("mae", "rmse"))
-            if mean > 0.0:
-                found[f"rmse_over_mae.{run}.joint_{joint}"] = root / mean
+    for name, entry in paper.entries.items():
+        if isinstance(entry, PrintedQuotient) and found.get(entry.denominator) and entry.numerator in found:
+            found[name] = found[entry.numerator] / found[entry.denominator]
     for name, pair in printed_percentages(paper).items():
         part, whole = (found.get(size_behind(one)) for one in pair)
         if part is not None and whole:
@@ -228,7 +228,7 @@ def _needs_data(rule: str, decouple: TraceFile | None) -> Judged:
 def _as_printed(paper: Published, entry: PrintedEntry, rule: Judgement) -> tuple[str, str | None]:
     if isinstance(entry, PrintedText):
         return entry.text, SHARE if rule.kind == "ensemble" else None
-    if isinstance(entry, PrintedQuotient):
+    if isinstance(entry, PrintedQuotient | PrintedDose):
         low, high = paper.interval(entry.id)
         return f"{float(low):.3f} to {float(high):.3f}", entry.unit
     return entry.as_printed, entry.unit

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias, get_args
 
@@ -16,23 +16,37 @@ VerdictName: TypeAlias = Literal[
     "exact",
     "reproduced",
     "compatible",
+    "no_power",
     "direction_only",
     "depends_on_plant",
+    "not_met",
     "contradicted",
     "outside_model",
     "not_reproduced",
     "not_testable",
 ]
 NAMES: tuple[VerdictName, ...] = get_args(VerdictName)
-FAILURES = frozenset({"not_reproduced", "contradicted", "outside_model"})
+INSIDE = frozenset({"compatible", "no_power"})
+"""Verdicts on a number that lies inside the central 90 % of the plants."""
+FAILURES = frozenset({"not_reproduced", "contradicted", "not_met", "outside_model"})
 """Verdicts for which ``claims --check`` ends with exit code 3."""
 
-EDITION = 2
+EDITION = 3
 """Of the rules; stored verdicts of another one are shown as such."""
 
 SIMILAR = 0.05
 """Largest relative difference of what is called similar."""
 MOST_UNRESOLVED = 0.05
+NO_POWER = 0.5
+"""Share of the decade around a printed number from which on a range that holds it says nothing."""
+
+HEADINGS: Mapping[str, tuple[VerdictName, ...]] = {
+    "holds": ("exact", "reproduced", "compatible", "direction_only"),
+    "does not hold": ("not_met", "outside_model", "not_reproduced"),
+    "the opposite holds": ("contradicted",),
+    "cannot be tested here": ("depends_on_plant", "no_power", "not_testable"),
+}
+"""Verdicts in words, as terminal and report group them."""
 
 Mask: TypeAlias = NDArray[np.bool_]
 
@@ -45,12 +59,15 @@ class Decision:
     borderline: bool = False
 
 
-def of_number(printed: Ends, found: Spread, direction: Share | None) -> Decision:
-    """Judge a printed number's rounding interval by its spread over the plants, else by its direction."""
+def of_number(printed: Ends, found: Spread, direction: Share | None, power: float) -> Decision:
+    """Judge a printed number's rounding interval by its spread over the plants, else by its direction.
+
+    `power` is that of `power_of`; where it is large, lying inside says nothing.
+    """
     edges = [found.low_interval, found.high_interval]
     near = any(edge is not None and meets(printed, edge) for edge in edges)
     if meets(printed, (found.low, found.high)):
-        return Decision("compatible", near)
+        return Decision("no_power" if power >= NO_POWER else "compatible", near)
     if direction is None:
         return Decision("outside_model", near)
     by_direction = of_share(direction)
@@ -71,20 +88,21 @@ def power_of(printed: Ends, found: Spread, least: float = 0.0) -> float:
 
 
 def of_share(share: Share) -> Decision:
-    """Judge one statement without a value by its share."""
-    return of_claim(share, [share])
+    """Judge one statement without a value by its share; its opposite is that it fails."""
+    near = _near(share, MOST) or _near(share, FEW)
+    if share.value >= MOST:
+        return Decision("compatible", near)
+    return Decision("contradicted" if share.value <= FEW else "depends_on_plant", near)
 
 
-def of_claim(whole: Share, parts: Sequence[Share]) -> Decision:
-    """Judge a claim without a value by the share on which all holds, and by those of its statements.
-
-    Only what holds of every statement contradicts a claim.
-    """
-    likeliest = max(parts, key=lambda part: part.value)
-    near = _near(whole, MOST) or _near(likeliest, FEW)
+def of_claim(whole: Share, opposite: Share) -> Decision:
+    """Judge a claim without a value by the shares on which it holds and on which its opposite does."""
+    near = _near(whole, MOST) or _near(opposite, MOST) or _near(whole, FEW)
     if whole.value >= MOST:
         return Decision("compatible", near)
-    return Decision("contradicted" if likeliest.value <= FEW else "depends_on_plant", near)
+    if opposite.value >= MOST:
+        return Decision("contradicted", near)
+    return Decision("not_met" if whole.value <= FEW else "depends_on_plant", near)
 
 
 def _near(share: Share, limit: float) -> bool:
@@ -96,14 +114,14 @@ def with_values(claim: Decision, values: Sequence[Decision]) -> Decision:
     if claim.verdict != "compatible":
         return claim
     near = claim.borderline or any(value.borderline for value in values)
-    fits = all(value.verdict == "compatible" for value in values)
+    fits = all(value.verdict in INSIDE for value in values)
     return Decision("compatible" if fits else "direction_only", near)
 
 
 def of_values(claim: Decision, values: Sequence[Decision]) -> Decision:
     """Judge a claim that is its values: compatible when all are, else by its direction."""
     near = any(value.borderline for value in values)
-    if all(value.verdict == "compatible" for value in values):
+    if all(value.verdict in INSIDE for value in values):
         return Decision("compatible", near)
     verdict: VerdictName = "direction_only" if claim.verdict == "compatible" else claim.verdict
     return Decision(verdict, near or claim.borderline)

@@ -49,8 +49,9 @@ class Findings:
     """A claim's statements, the plants they are judged on, and those ranked with a diverged law last.
 
     `opposite` is a stated opposite of the whole claim, where it is more than that no statement holds;
-    `beside` are statements that are shown and do not count; `chance` is the share that laws which do not
-    differ would give; `cannot_fail` says why no plant judged could have failed.
+    `beside` are statements that are shown and do not count; `chance` are the shares that laws which do not
+    differ would give, for joints that are independent and for joints that go together; `cannot_fail` says
+    why no plant judged could have failed.
     """
 
     statements: Sequence[Statement]
@@ -59,7 +60,7 @@ class Findings:
     remarks: Sequence[str] = field(default=())
     opposite: Statement | None = None
     beside: Sequence[Statement] = field(default=())
-    chance: float | None = None
+    chance: tuple[float, float] | None = None
     cannot_fail: str | None = None
 
     @property
@@ -109,9 +110,9 @@ def _among_controllers(plants: Plants, statements: Sequence[Statement], **more: 
     return Findings(statements, plants.ok(*CONTROLLERS), plants.rankable(*CONTROLLERS), **more)
 
 
-def _by_chance(plants: Plants, orders: int) -> float:
-    """Share on which laws that do not differ stand in one order of so many on every joint."""
-    return float(orders) ** -len(plants.joints)
+def _by_chance(plants: Plants, orders: int) -> tuple[float, float]:
+    """Shares on which laws that do not differ stand in one order of so many on every joint."""
+    return float(orders) ** -len(plants.joints), 1.0 / orders
 
 
 def stable(plants: Plants, _: Published) -> Findings:
@@ -129,6 +130,28 @@ def order(plants: Plants, _: Published) -> Findings:
 def rising_shape(plants: Plants, _: Published) -> Findings:
     """F1: RMSE/MAE of controllers 1 < 2 < 3."""
     return _in_order(plants, {"RMSE/MAE": {run: shape_of(plants, run) for run in CONTROLLERS}})
+
+
+def joints_alike(plants: Plants, paper: Published) -> Findings:
+    """F2: on the last joint every run errs, against the first, at least as much as the paper's runs do."""
+    least = min(float(paper.interval(name)[0]) for name in paper.entries if name.startswith("joints."))
+    first, last = plants.joints[0], plants.joints[-1]
+    found = []
+    for run, metric in product((*CONTROLLERS, LOADED), ("mae", "rmse")):
+        with np.errstate(invalid="ignore"):
+            holds = joints_apart(plants, run, metric) >= least
+        text = f"{metric.upper()} of {run} on joint {last} at least {least:.3f} of that on joint {first}"
+        found.append(Statement(text, holds, holds & plants.none(DIVERGED, run)))
+    runs = (*CONTROLLERS, LOADED)
+    return Findings(found, plants.ok(*runs), plants.rankable(*runs))
+
+
+def joints_apart(plants: Plants, run: str, metric: str) -> Array:
+    """Error of a run on the last joint over that on the first, (N,); NaN without error there."""
+    sizes = plants[run, metric]
+    ratio = np.full(len(sizes), np.nan)
+    np.divide(sizes[:, -1], sizes[:, 0], out=ratio, where=sizes[:, 0] > 0.0)
+    return ratio
 
 
 def shape_of(plants: Plants, run: str) -> Array:
@@ -277,27 +300,29 @@ def robustness(plants: Plants, _: Published) -> Findings:
         f"both are ok on {int((first & second).sum())} plants and neither on "
         f"{int((resolved & ~first & ~second).sum())}: these do not tell the two apart"
     )
-    return Findings(found, resolved & (first != second), None, [remark], chance=0.5)
+    return Findings(found, resolved & (first != second), None, [remark], chance=(0.5, 0.5))
 
 
 def delay_time(plants: Plants, _: Published) -> Findings:
     """E2: a smaller L is better for Controller 2, a larger one worse, by error and estimate."""
-    found: list[Statement] = []
-    runs: list[str] = []
-    for prefix, encoder in (("", "encoder as printed"), (f"{IDEAL}+", "ideal encoder")):
-        at_1ms = f"{SECOND}@{IDEAL}" if prefix else SECOND
-        chain = (f"{SECOND}@{prefix}{SHORTER}", at_1ms, f"{SECOND}@{prefix}{LONGER}")
-        runs += chain
-        for name, what in (("mae", "MAE"), ("epsilon_slow_rms", "RMS of epsilon below 3 Hz")):
-            for pair in pairwise(chain):
-                found += smaller(plants, name, *pair, what, f"{what}, {encoder}")
+    measures = {"mae": "MAE", "epsilon_slow_rms": "RMS of epsilon below 3 Hz"}
+    published = (f"{SECOND}@{SHORTER}", SECOND, f"{SECOND}@{LONGER}")
+    ideal = tuple(f"{SECOND}@{IDEAL}{period}" for period in (f"+{SHORTER}", "", f"+{LONGER}"))
+    runs = (*published, *ideal)
+
+    def along(chain: Sequence[str], more: str) -> Iterator[Statement]:
+        for (name, what), pair in product(measures.items(), pairwise(chain)):
+            yield from smaller(plants, name, *pair, f"{more}{what}", what)
+
+    found, beside = [*along(published, "")], [*along(ideal, "with an ideal encoder ")]
     chance = _by_chance(plants, factorial(3))
     shares = ", ".join(f"{100.0 * plants.ok(run).mean():.3g} %" for run in runs[:3])
     remark = (
         f"Controller 2 is ok on {shares} of the plants with the shorter, the printed and the longer period: "
         "what a shorter one costs in stability is no part of the claim"
     )
-    return Findings(found, plants.ok(*runs), plants.rankable(*runs), [remark], chance=chance)
+    judged, rankable = plants.ok(*runs), plants.rankable(*runs)
+    return Findings(found, judged, rankable, [remark], beside=beside, chance=chance)
 
 
 def small_inertia(plants: Plants, _: Published) -> Findings:
@@ -382,8 +407,8 @@ _GAINS = ("lam", "eta", "b", "Delta")
 CLAIMS: Mapping[str, Callable[[Plants, Published], Findings]] = {
     rule.__name__: rule
     for rule in (
-        *(stable, order, rising_shape, rapid_advantage, similar_surfaces, estimate_size, torque_size),
-        *(payload, better_estimate, robustness, delay_time, small_inertia, overshoot, bounds),
+        *(stable, order, rising_shape, joints_alike, rapid_advantage, similar_surfaces, estimate_size),
+        *(torque_size, payload, better_estimate, robustness, delay_time, small_inertia, overshoot, bounds),
     )
 }
 """Rules of claims by their names in docs/verdicts.md."""

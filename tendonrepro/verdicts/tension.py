@@ -86,9 +86,10 @@ def _course(course: str, route: Mechanism, machines: Machines) -> dict[str, Any]
     shares, decisions = {}, []
     for margin in MARGINS:
         tense = _tense(_corner_torque(margin, machines), machines.force, route)
-        whole, *parts = (share_of(hits, machines.replicate) for hits in (tense & varies, tense, varies))
-        decisions.append(of_claim(whole, parts))
-        shares[f"at_{margin:g}_deg"] = parts[0].as_dict() | {"verdict": decisions[-1].verdict}
+        masks = (tense & varies, ~tense & ~varies, tense)
+        whole, opposite, kept = (share_of(hits, machines.replicate) for hits in masks)
+        decisions.append(of_claim(whole, opposite))
+        shares[f"at_{margin:g}_deg"] = kept.as_dict() | {"verdict": decisions[-1].verdict}
     edges = _tense(_corner_torque(0.0, machines), machines.force, route)
     rubbed = _tense_with_friction(_corner_torque(MARGINS[0], machines), machines, route)
     decision = of_courses(decisions)
