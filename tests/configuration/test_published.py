@@ -77,7 +77,7 @@ class TestShippedFile:
             *(f"K{k}" for k in range(1, 7)),
             *(f"C{k}" for k in range(1, 7)),
             *(f"E{k}" for k in range(1, 4)),
-            *("T1", "P1", "L1", "A1", "eq13", "F1", "K2a", "K2b", "E1a", "E2a"),
+            *("T1", "P1", "L1", "A1", "eq13", "F1", "F2", "K2a", "K2b", "E1a", "E2a"),
         }
 
     def test_inputs_are_gains_and_hardware(self) -> None:

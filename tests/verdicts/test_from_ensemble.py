@@ -29,9 +29,11 @@ class TestKnownAnswers:
         assert doubtful == {
             **{"K3": "not_testable", "K5": "not_testable", "T1": "depends_on_plant"},
             **{"K2a": "not_reproduced", "K2b": "not_reproduced", "E1a": "not_testable"},
+            # What is printed here is the middle of the plants, so that half of them err less on joint 3.
+            "F2": "depends_on_plant",
         }
         assert {name for name, v in found.items() if v.kind == "ensemble"} == {
-            *("E1a", *(name for name, v in found.items() if v.verdict == "compatible"))
+            *("E1a", "F2", *(name for name, v in found.items() if v.verdict == "compatible"))
         }
 
     @pytest.mark.parametrize(
@@ -141,7 +143,7 @@ class TestEveryClaimCanFail:
     def test_a_part_that_fails_is_no_opposite(self, data, paper, claim, run, reading, names, factor, word):
         spoil(data, run, names, factor, reading)
         found = one(data, paper, claim)
-        assert (found.verdict, found.ours) == ("depends_on_plant", 0.0)
+        assert (found.verdict, found.ours) == ("not_met", 0.0)
         verdicts_of_parts = {row["verdict"] for row in found.evidence["statements"]}
         assert {"contradicted", "compatible"} <= verdicts_of_parts
         for row in found.evidence["statements"]:
@@ -154,7 +156,7 @@ class TestEveryClaimCanFail:
             ("C5", FIRST, PRINTED, ["H_hat_peak_up", "H_hat_slow_up"], "RMS"),
             ("C6", FIRST, PRINTED, ["torque_rms", "torque_peak_up"], "course below 3 Hz"),
             ("E1", FIRST, PRINTED, ["epsilon_rms"], "RMS of epsilon below 3 Hz"),
-            ("E2", SECOND, SHORTER, ["mae", "epsilon_slow_rms"], "MAE, ideal encoder"),
+            ("E2", SECOND, SHORTER, ["mae"], "RMS of epsilon below 3 Hz"),
         ],
     )
     def test_one_measure_is_enough(self, data, paper, claim, run, reading, names, left):
@@ -173,12 +175,12 @@ class TestEveryClaimCanFail:
             for name in ("mae", "rmse"):
                 data.values[run, PRINTED, name] = error
         found = one(data, paper_of(data), "C2").evidence
-        assert found["chance"] == pytest.approx(1.0 / 36.0)
+        assert (found["chance"], found["chance_together"]) == pytest.approx((1.0 / 36.0, 1.0 / 6.0))
         for share in (found["share"], found["opposite"]["share"]):
             assert share == pytest.approx(found["chance"], abs=0.01)
         for row in found["beside"]:
             assert row["share"] == pytest.approx(1.0 / 6.0, abs=0.03)
-        assert one(data, paper_of(data), "C2").verdict == "depends_on_plant"
+        assert one(data, paper_of(data), "C2").verdict == "not_met"
 
     def test_the_bounds_are_those_of_the_paper(self, data, paper):
         # Omega = .1 gives .0493 by Eq. (30); the error may reach .0529 by the derivation.
@@ -363,7 +365,7 @@ class TestWhatIsCounted:
         for size in sizes_of(signal, "_up"):
             for run in CONTROLLERS:
                 data.values[run, PRINTED, size][:] = 1.0
-        for value, verdict in ((passes, "compatible"), (fails, "depends_on_plant")):
+        for value, verdict in ((passes, "compatible"), (fails, "not_met")):
             for size in sizes_of(signal, "_up"):
                 data.values[FIRST, PRINTED, size][:] = value
             assert one(data, paper, claim).verdict == verdict
