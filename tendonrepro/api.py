@@ -358,7 +358,7 @@ def claims(*ids: str, out: str | Path = "reports", measured: str | Path | None =
     folder, talk, started = Path(out), Talk(), time.perf_counter()
     sources = found_sources(folder, None if measured is None else Path(measured), talk)
     verdicts, judged_by = judged(sources, folder, ids, talk)
-    text = "\n\n".join(map(details_text, verdicts)) if ids else table_text(verdicts)
+    text = "\n\n".join(map(details_text, verdicts)) if ids else table_text(verdicts, every=True)
     outcome = Outcome(as_data(verdicts, judged_by), [text])
     return _studied("claims", load_config(None, "compare"), outcome, started)
 

@@ -146,6 +146,7 @@ def claims(
         Path | None, Option("--baseline", help="Earlier claims.json: only changes count for --check.")
     ] = None,
     measured: MeasuredFile = None,
+    every: Annotated[bool, Option("--all", help="Show all verdicts, not the ten main ones alone.")] = False,
     force: Annotated[
         bool, Option("--force", help="Overwrite a ledger that was edited, or is another's.")
     ] = False,
@@ -153,7 +154,7 @@ def claims(
     """The verdict on every printed number and claim."""
     from tendonrepro.verdicts.command import run_claims
 
-    found = run_claims(out, ids or (), baseline, terminal.talk, measured, force=force)
+    found = run_claims(out, ids or (), baseline, terminal.talk, measured, every=every, force=force)
     terminal.show(found.data, found.text)
     return 3 if check and found.failed else 0
 

@@ -6,6 +6,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from tendonrepro.reporting.answer import percent
+from tendonrepro.verdicts.words import VERDICTS, number_in_words
+
+__all__ = ["MAIN", "VERDICTS", "named", "ours", "statements"]
 
 MAIN = {
     "K1": "The coupling matrix S and its inverse are inverses of each other.",
@@ -21,48 +24,15 @@ MAIN = {
 }
 """The ten claims of the first screen, in the order of the paper's argument, and what the paper says."""
 
-VERDICTS = {
-    "exact": "follows, to the published digits",
-    "reproduced": "follows from the equations",
-    "compatible": "agrees",
-    "no_power": "agrees, but so would most values",
-    "direction_only": "agrees in direction, not in size",
-    "depends_on_plant": "depends on the plant",
-    "not_met": "holds on almost no plant",
-    "contradicted": "the equations say the opposite",
-    "outside_model": "outside the range of the plants",
-    "not_reproduced": "does not follow from the equations",
-    "not_testable": "not testable",
-}
-"""What each verdict of `claims` means."""
-
 _SHARE = "share of the box"
-_WORDS = {
-    "table1": "ratio of diameters",
-    "table2": "error",
-    "table3": "error",
-    "S_inv": "inverse coupling matrix S⁻¹",
-    "S": "coupling matrix S",
-    "rmse_over_mae": "RMSE over MAE",
-    "joints": "joint 3 over joint 2",
-    "dose": "gain of Controller 1 on joint 3 over joint 2",
-    "share": "error in per cent of another controller's",
-    "increase": "change of Controller 1's error",
-    "mae": "MAE",
-    "rmse": "RMSE",
-}
 
 
 def named(entry: Mapping[str, Any]) -> str:
     """What the paper says, in its words; of a number its name and value."""
-    name, _, rest = entry["id"].partition(".")
-    if not rest:
+    if "." not in entry["id"]:
         return str(entry["printed"])
-    words = [
-        _WORDS.get(part) or part.replace("_over_", "/").replace("_", " ") for part in (name, *rest.split("."))
-    ]
     unit = {"%": " %", "deg": "°"}.get(entry["unit"], "")
-    return f"{', '.join(words).replace('controller', 'Controller')}: {entry['printed']}{unit}"
+    return f"{number_in_words(entry['id'])}: {entry['printed']}{unit}"
 
 
 def ours(entry: Mapping[str, Any]) -> str:

@@ -66,6 +66,7 @@ def run_claims(
     measured: Path | None = None,
     *,
     force: bool = False,
+    every: bool = False,
 ) -> Ledger:
     """Judge the claims from what has been run, and write the ledger.
 
@@ -82,6 +83,8 @@ def run_claims(
     talk : Talk
     measured : Path or None
         Measured trace file; None is ``data/measured.h5`` where there is one.
+    every : bool
+        Tell all verdicts, not those on the main claims alone.
     force : bool
         Overwrite what no earlier ledger wrote, or what was changed since.
 
@@ -110,7 +113,7 @@ def run_claims(
         of = ensemble_of(sources.ensemble)
         result.manifest = _manifest() | ({"ensemble": of} if of else {})
     data["files"] = [str(out / FOLDER / name) for name in read_manifest(out / FOLDER)["outputs"]]
-    parts = [table_text(verdicts), f"The ledger is in {out / FOLDER}"]
+    parts = [table_text(verdicts, every=every), f"The ledger is in {out / FOLDER}"]
     if before is not None:
         parts.insert(1, changes_text(changes))
     return Ledger(tuple(verdicts), failed, "\n\n".join(parts), data)

@@ -12,7 +12,8 @@ from tendonrepro.files import to_json, write_atomically
 from tendonrepro.results.tables import NOTHING, csv_text, markdown
 from tendonrepro.verdicts.from_ensemble import COMMAND
 from tendonrepro.verdicts.judge import SCHEMA_VERSION, SHARE, Verdict, summary
-from tendonrepro.verdicts.rules import EDITION
+from tendonrepro.verdicts.rules import EDITION, HEADINGS
+from tendonrepro.verdicts.words import MAIN, VERDICTS, in_words, main_first
 
 CAPTION = "What the printed numbers and claims are worth; rules in docs/verdicts.md."
 
@@ -45,18 +46,32 @@ def write_claims(
         write_atomically(folder / f"claims.{suffix}", text)
 
 
-def table_text(verdicts: Sequence[Verdict]) -> str:
-    """Verdicts as a table for a terminal, and how many there are of each."""
+def table_text(verdicts: Sequence[Verdict], *, every: bool = False) -> str:
+    """Verdicts in words under their headings, the main claims alone or `every` one, and their counts."""
+    shown = [verdict for verdict in main_first(verdicts) if every or verdict.id in MAIN]
     measured = _has_measured(verdicts)
-    head = ("id", "printed", "ours", "central 90 %", "also passing", "verdict")
-    rows = [(*head, *(["on the measurement"] * measured))]
-    for verdict in verdicts:
-        printed = verdict.printed if _is_number(verdict) else verdict.where
-        beside = [_measured(verdict)] * measured
-        cells = (_ours(verdict), _box(verdict), _passing(verdict), _name(verdict))
-        rows.append((verdict.id, printed, *cells, *beside))
-    counts = ", ".join(f"{count} {name}" for name, count in summary(verdicts).items() if count)
-    return "\n".join([columns(rows, left=True), "", counts, *_notes(verdicts)])
+    rows = [("claim", "ours", "verdict", "id", *(["on the measurement"] * measured))]
+    for heading, names in HEADINGS.items():
+        under = [verdict for verdict in shown if verdict.verdict in names]
+        if under:
+            rows.append((f"{heading}:", *[""] * (len(rows[0]) - 1)))
+        for verdict in under:
+            beside = [_measured(verdict)] * measured
+            said = (in_words(verdict.id), _ours_in_words(verdict), _in_words(verdict), verdict.id)
+            rows.append((f"  {said[0]}", *said[1:], *beside))
+    left = len(verdicts) - len(shown)
+    more = [f"--all shows {left} more"] * bool(left)
+    return "\n".join([columns(rows, left=True), "", headline(verdicts), *more, *_notes(verdicts)])
+
+
+def headline(verdicts: Sequence[Verdict]) -> str:
+    """Count verdicts by heading, one statement once, and leave out what has no power."""
+    counts = summary(verdicts)
+    powerless = counts.pop("no_power")
+    words = [f"{head} {sum(counts.get(name, 0) for name in names)}" for head, names in HEADINGS.items()]
+    return (
+        f"All claims: {', '.join(words)}. Left out: {powerless} numbers whose range would hold most values."
+    )
 
 
 def _notes(verdicts: Sequence[Verdict]) -> list[str]:
@@ -64,7 +79,7 @@ def _notes(verdicts: Sequence[Verdict]) -> list[str]:
     notes = [f"for more verdicts run {command}" for command in sorted(filter(None, commands))]
     notes += shipped_note(verdicts)
     if any(verdict.repeats for verdict in verdicts):
-        notes.append("what is printed twice counts once")
+        notes.append("one statement counts once, whatever the numbers under it")
     if any(verdict.borderline for verdict in verdicts):
         notes.append("* a threshold lies inside the interval")
     return notes
@@ -185,6 +200,19 @@ def _ours(verdict: Verdict) -> str:
         is_order = "reverse" in other.get("statement", "")
         return f"{text}, reverse {100.0 * other['share']:.3g} %" if is_order else text
     return f"{verdict.ours:.4g}"
+
+
+def _ours_in_words(verdict: Verdict) -> str:
+    """Our number with its unit, its range over the plants, and the printed one."""
+    if not _is_number(verdict) or verdict.ours is None:
+        return _ours(verdict)
+    unit = _unit(verdict)
+    ranged = f" ({_box(verdict)})" if verdict.evidence.get("box") else ""
+    return f"{_ours(verdict)}{unit}{ranged}, printed {verdict.printed}{unit}"
+
+
+def _in_words(verdict: Verdict) -> str:
+    return _name(verdict).replace(verdict.verdict, VERDICTS[verdict.verdict])
 
 
 def _box(verdict: Verdict) -> str:
