@@ -10,36 +10,50 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from tendonrepro.api import (
-        Result,
+    from tendonrepro.api.commands import (
         claims,
         compare,
         config,
         decouple,
         ensemble,
         explain,
+        identify,
         open,
         recover,
+        reproduce,
         statics,
         sweep,
         validate,
     )
+    from tendonrepro.api.files import animate, diff, export, fetch, figures, ingest, inspect, report, tables
+    from tendonrepro.api.result import Result
 
 __version__ = "0.1.0"
 
 __all__ = [
     "Result",
     "__version__",
+    "animate",
     "claims",
     "compare",
     "config",
     "decouple",
+    "diff",
     "ensemble",
     "explain",
+    "export",
+    "fetch",
+    "figures",
+    "identify",
+    "ingest",
+    "inspect",
     "open",
     "recover",
+    "report",
+    "reproduce",
     "statics",
     "sweep",
+    "tables",
     "validate",
 ]
 
@@ -49,9 +63,9 @@ def __getattr__(name: str) -> Any:
     if name not in __all__:
         message = f"module {__name__!r} has no attribute {name!r}"
         raise AttributeError(message)
-    from tendonrepro import api
+    from tendonrepro.api import commands, files, result
 
-    return getattr(api, name)
+    return next(getattr(module, name) for module in (commands, files, result) if hasattr(module, name))
 
 
 def __dir__() -> list[str]:

@@ -105,3 +105,38 @@ def test_the_examples_of_the_page_run(tmp_path: Path, monkeypatch: pytest.Monkey
     for block in re.findall(r"^```python\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.S | re.M):
         exec(block, names)
     assert (tmp_path / "reports" / "mine" / "manifest.json").exists()
+
+
+def test_every_command_of_the_command_line_is_a_function() -> None:
+    from tendonrepro.cli.app import app
+
+    commands = {held.name or held.callback.__name__ for held in app.registered_commands if held.callback}
+    for group in app.registered_groups:
+        if group.name is None and group.typer_instance:
+            commands |= {held.name for held in group.typer_instance.registered_commands if held.name}
+    assert commands - set(tr.__all__) <= {"doctor"}
+
+
+def test_stored_results_are_drawn_filmed_exported_and_compared(found: tr.Result, tmp_path: Path) -> None:
+    folder = found.save(tmp_path / "compare")
+    drawn = tr.figures(folder, ["14"])
+    assert drawn
+    assert all(path.is_file() for path in drawn)
+    assert all(path.is_file() for path in tr.tables(folder))
+    assert tr.export(folder, "csv").is_file()
+    assert tr.diff(folder, folder)["same"]
+    assert tr.report(tmp_path).read_bytes().startswith(b"<!doctype html>")
+
+
+@pytest.mark.slow
+def test_the_example_draws_its_picture(tmp_path: Path) -> None:
+    subprocess.run([sys.executable, ROOT / "examples" / "alpha.py"], cwd=tmp_path, check=True)
+    assert (tmp_path / "alpha.png").stat().st_size > 10_000
+
+
+@pytest.mark.slow
+def test_reproduce_in_a_script_without_a_main_guard(tmp_path: Path) -> None:
+    script = tmp_path / "all.py"
+    script.write_text("import tendonrepro as tr\nprint(*tr.reproduce('out'))\n", encoding="utf-8")
+    done = subprocess.run([sys.executable, script], cwd=tmp_path, check=True, capture_output=True, text=True)
+    assert done.stdout.split() == ["decouple", "compare", "closest"]

@@ -37,12 +37,18 @@ FLOOR = {room: level for level, rooms in enumerate(FLOORS) for room in rooms}
 OWNERS = {
     "llvmlite": ["simulation/codegen/machine.py"],
     "platformdirs": ["simulation/codegen/cache.py"],
-    "matplotlib": ["results/figures/*", "*/figure*.py", "api.py"],
+    "matplotlib": ["results/figures/*", "*/figure*.py", "api/result.py"],
     "pydantic": ["configuration/*", "dataset/mapping.py"],
     "yaml": ["configuration/fields/strict_yaml.py", "configuration/fewer_joints.py"],
-    "xarray": ["results/traces.py", "api.py"],
+    "xarray": ["results/traces.py", "api/result.py"],
     "h5py": ["dataset/arrays.py", "dataset/matlab.py"],
-    "pandas": ["dataset/runs.py", "dataset/tables.py", "dataset/matlab.py", "results/export.py", "api.py"],
+    "pandas": [
+        "dataset/runs.py",
+        "dataset/tables.py",
+        "dataset/matlab.py",
+        "results/export.py",
+        "api/result.py",
+    ],
     "pyarrow": ["results/export.py"],
     "matio": ["dataset/matlab.py"],
     "requests": ["dataset/fetch.py"],
@@ -59,7 +65,7 @@ OWNERS = {
 }
 
 BUDGETS = {
-    "ground": 239,
+    "ground": 253,
     "physics": 901,
     "simulation": 1908,
     "configuration": 2_308,
@@ -73,7 +79,7 @@ BUDGETS = {
     "verdicts": 2_274,
     "validation": 614,
     "reporting": 498,
-    "api": 240,
+    "api": 334,
     "cli": 604,
 }
 """Code lines that a package may have: no comment, docstring or blank. What one needs, another gives."""
@@ -175,7 +181,7 @@ def code_lines(path: Path) -> int:
 def test_each_package_keeps_its_budget() -> None:
     sizes: Counter[str] = Counter()
     for file in FILES:
-        sizes[room_of(file) if "/" in file or file == "api.py" else "ground"] += code_lines(PACKAGE / file)
+        sizes[room_of(file) if "/" in file else "ground"] += code_lines(PACKAGE / file)
     over = {name: (size, BUDGETS[name]) for name, size in sizes.items() if size > BUDGETS[name]}
     assert not over, f"package: (code lines, budget) {over}"
 

@@ -1,163 +1,24 @@
-"""The commands as functions, for scripts and notebooks; see docs/python.md."""
+"""The commands that run something, as functions for scripts and notebooks; see docs/python.md."""
 
 from __future__ import annotations
 
-import html
 import json
-import shutil
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Literal
 
+from tendonrepro.api.result import Result
 from tendonrepro.configuration.load import Config, ExperimentName, LoadedConfig, load_config
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
-from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.errors import DataMissingError
 from tendonrepro.results.manifest import make_manifest
-from tendonrepro.results.records import TraceFile
-from tendonrepro.results.store import TRACES, read_manifest, replaced, stored_traces
+from tendonrepro.results.store import read_manifest, stored_traces
 from tendonrepro.results.study import Outcome
-
-if TYPE_CHECKING:
-    import pandas as pd
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 Changes = Mapping[str, Any]
 """New values by dotted key, such as ``{"control.gains.lam": 6}``."""
-
-
-class Result:
-    """What a command found: numbers, tables, figures and, of an experiment, runs.
-
-    Iterating gives the names of the runs, and ``result[name]`` one of them.
-
-    Attributes
-    ----------
-    command : str
-    data : dict
-        The numbers that ``--json`` prints.
-    manifest : dict
-        What made it.
-    """
-
-    def __init__(
-        self,
-        command: str,
-        outcome: Outcome,
-        manifest: dict[str, Any],
-        file: TraceFile | None = None,
-        folder: Path | None = None,
-    ) -> None:
-        self.command = command
-        self.data = dict(outcome.data)
-        self.manifest = manifest
-        self._outcome = outcome
-        self._file = file
-        self._folder = folder
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._file.runs if self._file else ())
-
-    def __len__(self) -> int:
-        return len(self._file.runs) if self._file else 0
-
-    def __bool__(self) -> bool:
-        return True
-
-    def __getitem__(self, run: str) -> xr.Dataset:
-        """Return a run with the dimensions time and joint; units stand in the attributes.
-
-        Raises
-        ------
-        KeyError
-            When there is no such run.
-        """
-        from tendonrepro.results.traces import dataset_of
-
-        if self._file is None or run not in self._file.runs:
-            raise KeyError(run)
-        return dataset_of(self._file.runs[run])
-
-    @property
-    def tables(self) -> dict[str, pd.DataFrame]:
-        """Every table by name, with all digits."""
-        import pandas as pd
-
-        if self._folder is not None:
-            return {path.stem: pd.read_csv(path) for path in sorted(self._folder.rglob("*.csv"))}
-        return {name: pd.DataFrame(list(table.rows)) for name, table in self._outcome.tables.items()}
-
-    @property
-    def figures(self) -> list[str]:
-        """Names that `plot` takes."""
-        if self._file is None:
-            return list(self._outcome.figures)
-        from tendonrepro.results.figures.catalogue import available
-
-        return available(self._file)
-
-    def plot(self, name: str | int) -> Figure:
-        """Draw one of `figures`, by its name or its number in the paper.
-
-        Raises
-        ------
-        TendonreproError
-            When there is no such figure, or the runs do not hold what it shows.
-        """
-        if self._file is not None:
-            from tendonrepro.results.figures.catalogue import draw
-
-            return draw(name, self._file).figure
-        if name not in self.figures:
-            message = f"{self.command} draws no figure {name}"
-            raise UsageError(message, hint=f"figures: {', '.join(self.figures) or 'none'}")
-        return self._outcome.figures[str(name)]().figure
-
-    def save(self, folder: str | Path, *, force: bool = False) -> Path:
-        """Write everything into a folder, as the command line does, and return it.
-
-        Raises
-        ------
-        UsageError
-            When the folder holds anything else and `force` is not given.
-        """
-        target = Path(folder)
-        if self._folder is not None:
-            if target.exists() and not force:
-                raise UsageError("is there already", where=str(target), hint="force=True replaces it")
-            shutil.copytree(self._folder, target, dirs_exist_ok=True)
-            return target
-        with replaced(target, self._digest, command=self.command, force=force) as result:
-            self._outcome.save(result, self.command)
-            if self._file is not None:
-                from tendonrepro.results.figures.catalogue import available, redrawn
-                from tendonrepro.results.traces import write_traces
-
-                write_traces(result.path / TRACES, self._file)
-                for name in available(self._file):
-                    redrawn(self._file, result.path / "figures", name)
-            result.manifest = self.manifest
-        return target
-
-    @property
-    def _digest(self) -> str:
-        return str(self.manifest["config"]["sha256"])
-
-    def __repr__(self) -> str:
-        runs = f", {len(self)} runs" if self._file else ""
-        return f"<tendonrepro {self.command}{runs}, configuration {self._digest[:8]}>"
-
-    def __str__(self) -> str:
-        return self._outcome.text()
-
-    def _repr_html_(self) -> str:
-        tables = self.tables
-        if self._folder is not None:
-            return f"<pre>{html.escape(str(self))}</pre>"
-        shown = [name for name, table in self._outcome.tables.items() if table.terminal != ()]
-        return "".join(f"<h4>{name}</h4>{tables[name].to_html(index=False)}" for name in shown)
 
 
 def _plain(value: Any) -> Any:
@@ -228,6 +89,22 @@ def decouple(
 ) -> Result:
     """Run the decoupling experiment: Figures 6 and 9 to 12, Table 1. Parameters are those of `compare`."""
     return _experiment(_loaded("decouple", config, set, seed))
+
+
+def reproduce(out: str | Path = "reports", *, force: bool = False) -> dict[str, Result]:
+    """Run both experiments and the fitted plant, write every figure and table, and return them by name.
+
+    Parameters
+    ----------
+    out : str or Path
+        Folder above the results.
+    force : bool
+        Overwrite results of another configuration, and files changed since.
+    """
+    from tendonrepro.experiments.command import paper_orders, run_experiments
+
+    found = run_experiments(paper_orders(None, _request(None, None, None, None, out, force)), Talk())
+    return {name: open(one["out"]) for name, one in found.items()}
 
 
 def statics(
@@ -329,6 +206,46 @@ def ensemble(
 
     request = _request(config, set, seed, None, out, force)
     return _written("ensemble", run_ensemble(request, Talk(), draws=draws, jobs=jobs, readings=readings))
+
+
+def identify(
+    fit: Literal["controller_2", "all"] = "controller_2",
+    *,
+    config: str | Path | None = None,
+    readings: str = "printed",
+    generations: int = 60,
+    population: int = 48,
+    seeds: int = 3,
+    jobs: int = -1,
+    out: str | Path = "reports/identify",
+    force: bool = False,
+) -> Result:
+    """Search the plants, motions and readings closest to the printed numbers; an interrupted call goes on.
+
+    Parameters
+    ----------
+    fit : str
+        ``controller_2``, or ``all`` sixteen numbers.
+    generations, population, seeds : int
+        Of each search, members of a generation, and searches of a reading.
+    config, readings, jobs, out, force
+        As of `ensemble`.
+    """
+    from tendonrepro.identification.command import run_identify
+
+    request = _request(config, None, None, None, out, force)
+    found = run_identify(
+        request,
+        Talk(),
+        fit=fit,
+        readings=readings,
+        window="whole",
+        generations=generations,
+        population=population,
+        seeds=seeds,
+        jobs=jobs,
+    )
+    return _written("identify", found)
 
 
 def validate(

@@ -1,0 +1,1 @@
+"""Every command as a function; ``import tendonrepro as tr`` has them all."""
