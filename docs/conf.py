@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any, get_origin
 
@@ -79,6 +80,18 @@ class Drawn(Directive):
         return [nodes.literal_block(command, command, language="sh"), grid if grid.children else missing]
 
 
+def with_directives(app: Sphinx, name: str, source: list[str]) -> None:
+    """Pages are plain Markdown, and read well without this site; what they mark becomes a directive here."""
+    text = re.sub(r"<!-- drawn: (\w+) -->\n\n```sh", r"```{drawn} \1", source[0])
+    source[0] = re.sub(r"<!-- docstrings -->\n\n((?:- `[\w.]+`\n)+)", _summary, text)
+
+
+def _summary(listed: re.Match[str]) -> str:
+    names = re.findall(r"`([\w.]+)`", listed[1])
+    rows = "".join(f"   {name}\n" for name in names)
+    return f"```{{eval-rst}}\n.. autosummary::\n   :toctree: api\n   :recursive:\n\n{rows}```\n"
+
+
 def inline_math(self: Any, node: nodes.Element) -> None:
     """MathML, which browsers draw by themselves."""
     self.body.append(convert(node.astext()))
@@ -100,5 +113,6 @@ def without_noise(app: Sphinx, what: str, name: str, found: Any, skip: bool, opt
 def setup(app: Sphinx) -> None:
     """Register what is ours."""
     app.add_directive("drawn", Drawn)
+    app.connect("source-read", with_directives)
     app.connect("autodoc-skip-member", without_noise)
     app.add_html_math_renderer("mathml", (inline_math, None), (block_math, None))

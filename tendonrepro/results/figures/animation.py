@@ -14,6 +14,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
+from PIL import Image
 
 from tendonrepro.arrays import Array
 from tendonrepro.console import Talk
@@ -102,8 +103,23 @@ def animate(
         else:
             with talk.bar(f"{name}: pictures", len(places)) as advance, atomic_path(target) as temporary:
                 film = FuncAnimation(figure, show, places)
-                film.save(temporary, PillowWriter(RATE), dpi=_DPI, progress_callback=lambda *_: advance(1))
+                writer = _Stamped(origin_of(file))
+                film.save(temporary, writer, dpi=_DPI, progress_callback=lambda *_: advance(1))
     return {"schema_version": 1, "files": list(map(str, targets)), "run": name, "pictures": len(places)}
+
+
+class _Stamped(PillowWriter):
+    """Writes a film whose comment says which configuration made it."""
+
+    def __init__(self, stamp: str) -> None:
+        super().__init__(RATE)
+        self._stamp = stamp.encode()
+
+    def finish(self) -> None:
+        """Write the file."""
+        pictures: list[Image.Image] = self._frames  # type: ignore[attr-defined]
+        pictures[0].info["comment"] = self._stamp
+        super().finish()
 
 
 def _film_times(scene: Scene, speed: float) -> Array:
