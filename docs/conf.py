@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any, get_origin
 
@@ -58,15 +59,12 @@ linkcheck_ignore = [r"https://doi\.org/10\.3390/.*", r"http://localhost.*"]
 
 
 class Drawn(Directive):
-    """Pictures of a folder below reports; where there are none, the command that draws them."""
+    """Pictures of a folder below reports."""
 
     required_arguments = 1
-    optional_arguments = 1
-    has_content = True
 
     def run(self) -> list[nodes.Node]:
-        """The command, and one figure for each picture."""
-        command = "\n".join(self.content)
+        """One figure for each picture."""
         grid = nodes.container(classes=["drawn"])
         for path in sorted((REPORTS / self.arguments[0] / "figures").glob("*.png")):
             # An image with a width leads to itself in full size.
@@ -76,7 +74,13 @@ class Drawn(Directive):
             image = nodes.image(uri=f"../reports/{path.relative_to(REPORTS)}", alt=caption, width="100%")
             grid += nodes.figure("", image, nodes.caption(caption, caption), classes=["wide"] * wide)
         missing = nodes.paragraph("", "Not drawn before this site was built.")
-        return [nodes.literal_block(command, command, language="sh"), grid if grid.children else missing]
+        return [grid if grid.children else missing]
+
+
+def with_directives(app: Sphinx, page: str, source: list[str]) -> None:
+    """Take directives out of the comments that hide them from a forge, in place of what a forge shows."""
+    text = re.sub(r"<!-- drawn (\w+) -->", r"```{drawn} \1\n```", source[0])
+    source[0] = re.sub(r"<!-- forge -->.*?<!-- site\n(.*?)-->", r"\1", text, flags=re.DOTALL)
 
 
 def inline_math(self: Any, node: nodes.Element) -> None:
@@ -100,5 +104,6 @@ def without_noise(app: Sphinx, what: str, name: str, found: Any, skip: bool, opt
 def setup(app: Sphinx) -> None:
     """Register what is ours."""
     app.add_directive("drawn", Drawn)
+    app.connect("source-read", with_directives)
     app.connect("autodoc-skip-member", without_noise)
     app.add_html_math_renderer("mathml", (inline_math, None), (block_math, None))

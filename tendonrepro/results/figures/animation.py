@@ -91,9 +91,9 @@ def animate(
         targets = [target.with_stem(f"{target.stem}_{time:g}s") for time in wanted]
     for path in targets:
         refuse_existing(path, force=force)
-    places = _places(scene, wanted)
+    places, origin = _places(scene, wanted), origin_of(file)
     with journal_style():
-        figure, show = draw_scene(scene, origin_of(file))
+        figure, show = draw_scene(scene, origin)
         if times:
             for path, place in zip(targets, places, strict=True):
                 show(place)
@@ -103,7 +103,14 @@ def animate(
             with talk.bar(f"{name}: pictures", len(places)) as advance, atomic_path(target) as temporary:
                 film = FuncAnimation(figure, show, places)
                 film.save(temporary, PillowWriter(RATE), dpi=_DPI, progress_callback=lambda *_: advance(1))
+                _comment(temporary, origin)
     return {"schema_version": 1, "files": list(map(str, targets)), "run": name, "pictures": len(places)}
+
+
+def _comment(film: Path, text: str) -> None:
+    """Add a comment to a GIF, in front of its last byte, which ends it."""
+    words, data = text.encode()[:255], film.read_bytes()
+    film.write_bytes(data[:-1] + b"\x21\xfe" + bytes([len(words)]) + words + b"\x00" + data[-1:])
 
 
 def _film_times(scene: Scene, speed: float) -> Array:
