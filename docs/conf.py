@@ -59,12 +59,15 @@ linkcheck_ignore = [r"https://doi\.org/10\.3390/.*", r"http://localhost.*"]
 
 
 class Drawn(Directive):
-    """Pictures of a folder below reports."""
+    """Pictures of a folder below reports; where there are none, the command that draws them."""
 
     required_arguments = 1
+    optional_arguments = 1
+    has_content = True
 
     def run(self) -> list[nodes.Node]:
-        """One figure for each picture."""
+        """The command, and one figure for each picture."""
+        command = "\n".join(self.content)
         grid = nodes.container(classes=["drawn"])
         for path in sorted((REPORTS / self.arguments[0] / "figures").glob("*.png")):
             # An image with a width leads to itself in full size.
@@ -74,12 +77,13 @@ class Drawn(Directive):
             image = nodes.image(uri=f"../reports/{path.relative_to(REPORTS)}", alt=caption, width="100%")
             grid += nodes.figure("", image, nodes.caption(caption, caption), classes=["wide"] * wide)
         missing = nodes.paragraph("", "Not drawn before this site was built.")
-        return [grid if grid.children else missing]
+        return [nodes.literal_block(command, command, language="sh"), grid if grid.children else missing]
 
 
-def with_directives(app: Sphinx, page: str, source: list[str]) -> None:
-    """Take directives out of the comments that hide them from a forge, in place of what a forge shows."""
-    text = re.sub(r"<!-- drawn (\w+) -->", r"```{drawn} \1\n```", source[0])
+def with_directives(app: Sphinx, name: str, source: list[str]) -> None:
+    """Pages are plain Markdown, and read well without this site; what they mark becomes a directive here."""
+    text = re.sub(r"<!-- drawn: (\w+) -->\n\n```sh", r"```{drawn} \1", source[0])
+    # autosummary looks for its directives in the files themselves, so these are whole there, in comments.
     source[0] = re.sub(r"<!-- forge -->.*?<!-- site\n(.*?)-->", r"\1", text, flags=re.DOTALL)
 
 

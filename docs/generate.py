@@ -134,7 +134,12 @@ def records(found: Sequence[Mapping[str, Any]], columns: Mapping[str, Column]) -
 def entries(number: bool) -> list[Mapping[str, Any]]:
     """Published numbers, or the claims; what is published twice stands once."""
     held = stored("claims")["claims"]
-    return [entry for entry in held if ("." in entry["id"]) == number and entry["repeats"] is None]
+    return [entry for entry in held if ("." in entry["id"]) == number and counts_or_varies(entry)]
+
+
+def counts_or_varies(entry: Mapping[str, Any]) -> bool:
+    """Whether a page shows an entry: it counts, or it is a number over the plants that counts with a claim."""
+    return entry["repeats"] is None or entry["kind"] == "ensemble"
 
 
 def deciding(ranking: Mapping[str, Any]) -> str:

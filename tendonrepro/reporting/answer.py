@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+BOTH = "weights=extrapolating+Delta_unit=deg"
+"""Reading under which the published order comes out."""
 TEMPLATES = Path(__file__).with_name("templates")
 
 
@@ -16,7 +18,13 @@ def numbers(summary: Mapping[str, Any], ledger: Mapping[str, Any]) -> dict[str, 
     claims = {entry["id"]: entry for entry in ledger["claims"]}
     printed, extrapolating = readings["printed"], readings["weights=extrapolating"]
     ahead = claims["share.controller_1_of_2.mae.joint_2"]["evidence"]["direction"]["share"]
+    both = readings[BOTH]
     return {
+        "worst": percent(printed["first_worst"]["share"]),
+        "tie": percent(printed["last_two_tie"]["share"]),
+        "order_both": percent(both["in_order"]["share"]),
+        "first_both": percent(both["first_best"]["share"]),
+        "ratio_degrees": f"{readings['Delta_unit=deg']['c2_c3']['joint_2']['median']:.2f}",
         "plants": f"{box['plants']:,}",
         "stable": f"{printed['in_order']['plants']:,}",
         "behind": percent(1.0 - ahead),

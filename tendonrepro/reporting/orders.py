@@ -13,16 +13,16 @@ AS_PUBLISHED = {
     "encoder=ideal": "Ideal encoders",
     "hardware=drawn": "Encoder, delay and filter varied",
     "feedback=motor": "Motor encoders in the loop",
+    "Delta_unit=deg": "Δ in degrees",
     "stored_torque=applied": "Estimator stores the applied torque",
     "stored_torque=applied+output_delay=1": "… which acts one sample late",
     "torque_unit=volt": "Torque in volts",
 }
 CHANGED = {
-    "phi_branch=power": "φ steeper near zero",
     "weights=extrapolating": "Weights (1 + α, −α)",
     "weights=extrapolating+gain_unit=phi_in_degrees": "… with φ in degrees",
-    "phi_branch=power+weights=extrapolating": "… with φ steeper",
-    "phi_branch=power+weights=extrapolating+feedback=motor": "… with φ steeper and motor encoders",
+    "weights=extrapolating+Delta_unit=deg": "… with Δ in degrees",
+    "weights=extrapolating+Delta_unit=deg+feedback=motor": "… with Δ in degrees and motor encoders",
 }
 """Readings of the ensemble that the picture and the table of findings show, and what a reader calls them."""
 

@@ -54,7 +54,9 @@ def page(found: Stored) -> str:
         why=text(filled("why", slots)),
         picture=address(orders_svg(found.summary)),
         main=[entries[name] for name in claims.MAIN if name in entries],
-        others=[entry for entry in entries.values() if entry["repeats"] is None],
+        others=[
+            entry for entry in entries.values() if entry["repeats"] is None or entry["kind"] == "ensemble"
+        ],
         claims=claims,
         orders=orders,
         parts=[part(found, name, title) for name, title in TITLES.items()],

@@ -10,6 +10,8 @@ from typing import Any
 
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import sha256_of, shipped
+from tendonrepro.monte_carlo.shares import ORDERS
+from tendonrepro.reporting.answer import BOTH
 from tendonrepro.results.store import MANIFEST
 
 RUN, SHIPPED, MISSING = "run", "shipped", "missing"
@@ -103,7 +105,7 @@ def stored_under(folder: Path) -> Stored:
     if (own.get("ensemble") or {}).get("source") == "local" and (folder / _SUMMARY).exists():
         summary = found.read(_SUMMARY)
         names = {reading["name"] for reading in summary["populations"]["box"]["readings"]}
-        if {"printed", "weights=extrapolating"} <= names and summary["of_paper"]:
+        if {"printed", "weights=extrapolating", BOTH} <= names and summary["of_paper"]:
             found.summary, found.origins["ensemble"] = thinned(summary), RUN
     found.summary = found.summary or found.read("docs/results/ensemble.json")
     found.ledger = own or found.read("docs/results/claims.json")
@@ -139,11 +141,21 @@ def _thin_reading(reading: Mapping[str, Any]) -> dict[str, Any]:
                 ("in_order", "share_c1_lt_c2_lt_c3"),
                 ("in_reverse", "share_c3_lt_c2_lt_c1"),
                 ("first_best", "share_c1_best"),
+                ("first_worst", "share_c1_worst"),
+                ("last_two_tie", "share_c2_ties_c3"),
             )
         }
 
     return orders("all_ok") | {
         "name": reading["name"],
+        "orders": {
+            key: {measure: held["both"]["share"] for measure, held in reading[key]["all_ok"].items()}
+            for key in ORDERS
+        },
+        "joint_3_over_2": {
+            run: _values(held["mae"], "q05", "median", "q95")
+            for run, held in reading["joint_3_over_2"].items()
+        },
         "ok": {run: shares["ok"]["share"] for run, shares in reading["status"].items()},
         "rmse_over_mae_rises": reading["share_rmse_over_mae_rises"]["both"],
         "smoother": reading["share_c1_smoother"],

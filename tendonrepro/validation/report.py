@@ -75,8 +75,8 @@ def _claims(claims: Sequence[Mapping[str, Any]]) -> str:
         why = f"missing: {evidence['missing']}" if "missing" in evidence else _failing(evidence)
         if "window" in evidence:
             why = f"over {evidence['window']}" + (f": {why}" if why else "")
-        if claim["id"] == "C4" and "remarks" in evidence:
-            why = "; ".join(filter(None, [why, "s was computed, not recorded"]))
+        # C4 says here that s was computed and not recorded.
+        why = "; ".join(filter(None, [why, *evidence.get("remarks", ())]))
         rows.append((claim["id"], claim["where"], claim["verdict"], why))
     return columns(rows, left=True)
 

@@ -208,7 +208,9 @@ def _ours_in_words(verdict: Verdict) -> str:
         return _ours(verdict)
     unit = _unit(verdict)
     ranged = f" ({_box(verdict)})" if verdict.evidence.get("box") else ""
-    return f"{_ours(verdict)}{unit}{ranged}, printed {verdict.printed}{unit}"
+    # Of a fraction of two lengths the value has no unit.
+    ours = _ours(verdict) if "/" in verdict.printed else f"{_ours(verdict)}{unit}"
+    return f"{ours}{ranged}, printed {verdict.printed}{unit}"
 
 
 def _in_words(verdict: Verdict) -> str:

@@ -113,16 +113,15 @@ def with_values(claim: Decision, values: Sequence[Decision]) -> Decision:
     """Judge a claim that also prints values, from its statements and from the verdicts on the values."""
     if claim.verdict != "compatible":
         return claim
-    near = claim.borderline or any(value.borderline for value in values)
-    fits = all(value.verdict in INSIDE for value in values)
-    return Decision("compatible" if fits else "direction_only", near)
+    return of_values(claim, values)
 
 
 def of_values(claim: Decision, values: Sequence[Decision]) -> Decision:
-    """Judge a claim that is its values: compatible when all are, else by its direction."""
+    """Judge a claim that is its values: by the weakest of them when all are inside, else by its direction."""
     near = any(value.borderline for value in values)
-    if all(value.verdict in INSIDE for value in values):
-        return Decision("compatible", near)
+    inside = {value.verdict for value in values}
+    if inside <= INSIDE:
+        return Decision("no_power" if "no_power" in inside else "compatible", near)
     verdict: VerdictName = "direction_only" if claim.verdict == "compatible" else claim.verdict
     return Decision(verdict, near or claim.borderline)
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 import typer
+from PIL import Image
 from typer.main import get_command
 
 import tendonrepro
@@ -504,3 +505,9 @@ def test_tables_and_figures_of_the_page_are_written(results: Path) -> None:
     page = (DOCS / "traces.md").read_text(encoding="utf-8")
     assert all(stem in page or f"{stem}.*" in page for stem in written)
     assert {path.suffix for path in (results / "figures").iterdir()} == {".pdf", ".svg", ".png"}
+
+
+def test_the_film_is_of_the_shipped_configuration() -> None:
+    with Image.open(DOCS / "motion.gif") as film:
+        stamp = film.info["comment"].decode()
+    assert load_config(None, "decouple").sha256[:8] in stamp

@@ -13,8 +13,6 @@ from support import ROOT
 
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.models.readings import default_readings
-from tendonrepro.configuration.request import Request
-from tendonrepro.experiments.command import paper_orders
 from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.verdicts.judge import Sources, judge_all
 
@@ -60,9 +58,3 @@ def test_the_ensemble_was_made_by_the_physics_of_today() -> None:
 def test_searches_were_made_by_the_physics_of_today() -> None:
     digests = {held[PHYSICS] for held in stored("identify")["readings"] if PHYSICS in held}
     assert digests <= {code_digest("physics")}
-
-
-def test_the_film_is_of_the_configuration_that_make_figures_runs() -> None:
-    digests = [order.request.load(order.experiment).sha256[:8] for order in paper_orders(None, Request())]
-    comment = (ROOT / "docs" / "motion.gif").read_bytes()[-100:]
-    assert any(f"configuration decouple ({digest})".encode() in comment for digest in digests)

@@ -14,6 +14,7 @@ from support.synthetic import make_compare_file, make_decouple_file
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.results.figures.animation import MOST_PICTURES, animate, draw_scene
+from tendonrepro.results.figures.catalogue import origin_of
 from tendonrepro.results.figures.style import journal_style
 from tendonrepro.results.records import PlantRecord, PlantValue, TraceFile
 from tendonrepro.results.scene import scene_of
@@ -127,6 +128,7 @@ def test_a_film_moves_and_is_made_again_byte_by_byte(tmp_path):
     animate(tmp_path, QUIET, speed=22.5, force=True)
     assert path.read_bytes() == before
     with Image.open(path) as film:
+        assert film.info["comment"].decode() == origin_of(compare_file())
         pictures = []
         for place in range(film.n_frames):
             film.seek(place)

@@ -156,14 +156,16 @@ class TestClaims:
 
     @pytest.mark.parametrize("by", ["compatible", "depends_on_plant", "contradicted"])
     def test_printed_values_of_an_order_turn_it_where_it_holds(self, by):
-        good, bad = Decision("no_power"), Decision("outside_model")
+        good, weak, bad = Decision("compatible"), Decision("no_power"), Decision("outside_model")
         assert with_values(Decision(by), [good, good]).verdict == by
+        assert with_values(Decision(by), [good, weak]).verdict == ("no_power" if by == "compatible" else by)
         expected = "direction_only" if by == "compatible" else by
         assert with_values(Decision(by), [good, bad]).verdict == expected
 
     def test_a_claim_that_is_its_values(self):
-        good, bad = Decision("compatible"), Decision("direction_only")
+        good, weak, bad = Decision("compatible"), Decision("no_power"), Decision("direction_only")
         assert of_values(Decision("contradicted"), [good]).verdict == "compatible"
+        assert of_values(Decision("contradicted"), [good, weak]).verdict == "no_power"
         assert of_values(Decision("compatible"), [bad]).verdict == "direction_only"
         assert of_values(Decision("depends_on_plant"), [good, bad]).verdict == "depends_on_plant"
 

@@ -14,6 +14,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
+from PIL import Image
 
 from tendonrepro.arrays import Array
 from tendonrepro.console import Talk
@@ -91,9 +92,9 @@ def animate(
         targets = [target.with_stem(f"{target.stem}_{time:g}s") for time in wanted]
     for path in targets:
         refuse_existing(path, force=force)
-    places, origin = _places(scene, wanted), origin_of(file)
+    places = _places(scene, wanted)
     with journal_style():
-        figure, show = draw_scene(scene, origin)
+        figure, show = draw_scene(scene, origin_of(file))
         if times:
             for path, place in zip(targets, places, strict=True):
                 show(place)
@@ -102,15 +103,23 @@ def animate(
         else:
             with talk.bar(f"{name}: pictures", len(places)) as advance, atomic_path(target) as temporary:
                 film = FuncAnimation(figure, show, places)
-                film.save(temporary, PillowWriter(RATE), dpi=_DPI, progress_callback=lambda *_: advance(1))
-                _comment(temporary, origin)
+                writer = _Stamped(origin_of(file))
+                film.save(temporary, writer, dpi=_DPI, progress_callback=lambda *_: advance(1))
     return {"schema_version": 1, "files": list(map(str, targets)), "run": name, "pictures": len(places)}
 
 
-def _comment(film: Path, text: str) -> None:
-    """Add a comment to a GIF, in front of its last byte, which ends it."""
-    words, data = text.encode()[:255], film.read_bytes()
-    film.write_bytes(data[:-1] + b"\x21\xfe" + bytes([len(words)]) + words + b"\x00" + data[-1:])
+class _Stamped(PillowWriter):
+    """Writes a film whose comment says which configuration made it."""
+
+    def __init__(self, stamp: str) -> None:
+        super().__init__(RATE)
+        self._stamp = stamp.encode()
+
+    def finish(self) -> None:
+        """Write the file."""
+        pictures: list[Image.Image] = self._frames  # type: ignore[attr-defined]
+        pictures[0].info["comment"] = self._stamp
+        super().finish()
 
 
 def _film_times(scene: Scene, speed: float) -> Array:
