@@ -83,13 +83,8 @@ class Drawn(Directive):
 def with_directives(app: Sphinx, name: str, source: list[str]) -> None:
     """Pages are plain Markdown, and read well without this site; what they mark becomes a directive here."""
     text = re.sub(r"<!-- drawn: (\w+) -->\n\n```sh", r"```{drawn} \1", source[0])
-    source[0] = re.sub(r"<!-- docstrings -->\n\n((?:- `[\w.]+`\n)+)", _summary, text)
-
-
-def _summary(listed: re.Match[str]) -> str:
-    names = re.findall(r"`([\w.]+)`", listed[1])
-    rows = "".join(f"   {name}\n" for name in names)
-    return f"```{{eval-rst}}\n.. autosummary::\n   :toctree: api\n   :recursive:\n\n{rows}```\n"
+    # autosummary looks for its directives in the files themselves, so these are whole there, in comments.
+    source[0] = re.sub(r"<!-- forge -->.*?<!-- site\n(.*?)-->", r"\1", text, flags=re.DOTALL)
 
 
 def inline_math(self: Any, node: nodes.Element) -> None:
