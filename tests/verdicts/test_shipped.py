@@ -18,7 +18,7 @@ from tendonrepro.results.traces import write_traces
 from tendonrepro.verdicts.command import run_claims
 from tendonrepro.verdicts.judge import Sources, judge_all
 from tendonrepro.verdicts.report import details_text
-from tendonrepro.verdicts.rules import EDITION
+from tendonrepro.verdicts.rules import EDITION, FAILURES
 from tendonrepro.verdicts.shipped import ShippedLedger, shipped_ledger, with_shipped
 
 QUIET = Talk(quiet=True)
@@ -56,7 +56,7 @@ class TestFreshClone:
         assert "one of your own replaces it: tendonrepro ensemble" in ledger.text
 
     def test_they_count_for_a_check_as_any_verdict_does(self, ledger):
-        bad = {"not_reproduced", "contradicted", "outside_model"}
+        bad = FAILURES
         assert set(ledger.failed) == {name for name, one in entries(ledger).items() if one["verdict"] in bad}
         assert ledger.failed
 
