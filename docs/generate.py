@@ -1,7 +1,7 @@
 """Take stored results over from a reports folder, and write from them what docs are made of.
 
 ``make findings`` runs it after ``tendonrepro ensemble`` and ``tendonrepro claims``: it writes ``docs/results``, the made
-parts of findings.md and tables.md, and the picture ``orders.png``. Without results it makes the pages again.
+parts of findings.md and tables.md, and the pictures of findings.md. Without results it makes the pages again.
 """
 
 from __future__ import annotations
@@ -20,7 +20,9 @@ from tendonrepro.files import digest_of
 from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.reporting import claims, orders
 from tendonrepro.reporting.answer import filled, numbers, percent
+from tendonrepro.reporting.figure_map import draw_map
 from tendonrepro.reporting.figure_orders import draw_orders
+from tendonrepro.reporting.figure_ranges import draw_ranges
 from tendonrepro.reporting.stored import thinned
 from tendonrepro.results.figures.style import save_drawing
 
@@ -103,12 +105,14 @@ def rounded(content: Any) -> Any:
 
 
 def write_pages() -> None:
-    """Fill the made parts of the pages, and draw the picture of the orders."""
+    """Fill the made parts of the pages, and draw the pictures of findings.md."""
     for page in PAGES:
         page.write_text(fresh(page.read_text(encoding="utf-8")), encoding="utf-8")
     with TemporaryDirectory() as folder:
-        save_drawing(draw_orders(stored("ensemble")), Path(folder))
-        shutil.copy(Path(folder) / "orders.png", DOCS / "orders.png")
+        for draw in (draw_orders, draw_map, draw_ranges):
+            drawing = draw(stored("ensemble"))
+            save_drawing(drawing, Path(folder))
+            shutil.copy(Path(folder) / f"{drawing.stem}.png", DOCS)
 
 
 def fresh(text: str) -> str:

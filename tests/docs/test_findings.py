@@ -15,7 +15,9 @@ from tendonrepro.configuration.published import published
 from tendonrepro.console import Talk
 from tendonrepro.experiments.run import simulate_all, trace_file
 from tendonrepro.reporting.answer import numbers
+from tendonrepro.reporting.figure_map import draw_map, printed_ratios
 from tendonrepro.reporting.figure_orders import draw_orders
+from tendonrepro.reporting.figure_ranges import draw_ranges
 from tendonrepro.reporting.orders import AS_PUBLISHED, CHANGED, orders
 from tendonrepro.results.paper_tables import table_data
 from tendonrepro.verdicts.judge import Sources, judge_all
@@ -136,6 +138,35 @@ def test_picture_of_the_orders(readings: dict[str, Any]) -> None:
     for one in found:
         assert sum(one.shares.values()) == pytest.approx(1.0)
         assert one.shares["published"] == readings[one.reading]["in_order"]["share"]
+
+
+def test_picture_of_the_map(readings: dict[str, Any]) -> None:
+    """A dot for each reading under which plants are stable, lines at 1 ± alpha, and Table 2."""
+    for panel, joint in zip(draw_map(stored("ensemble")).axes, (2, 3), strict=True):
+        lines = [line.get_xydata() for line in panel.lines]
+        dots = {tuple(line[0]) for line in lines if len(line) == 1}
+        assert dots == {
+            (held["c1_c2"][f"joint_{joint}"]["median"], held["c2_c3"][f"joint_{joint}"]["median"])
+            for held in readings.values()
+            if held["c1_c2"][f"joint_{joint}"]["median"] is not None
+        }
+        alpha = published().number(f"gain.alpha.joint_{joint}")
+        upright = {line[0, 0] for line in lines if len(line) == 2 and line[0, 0] == line[1, 0]}
+        assert {1.0 - alpha, 1.0 + alpha} <= upright
+    mae, rmse = printed_ratios(2).T
+    assert mae == pytest.approx([0.261 / 0.289, 0.289 / 0.305])
+    assert rmse == pytest.approx([0.311 / 0.375, 0.375 / 0.436])
+
+
+def test_picture_of_the_ranges(readings: dict[str, Any]) -> None:
+    """A bar from the 5th to the 95th percentile of each reading with a label, and Table 2 across."""
+    ratio, joints = draw_ranges(stored("ensemble")).axes
+    bars = [list(line.get_xdata()) for line in ratio.lines if line.get_linewidth() == 1.4]
+    assert bars == [
+        [readings[name]["c1_c2"]["joint_2"][key] for key in ("q05", "q95")] for name in AS_PUBLISHED | CHANGED
+    ]
+    across = [line.get_xdata()[0] for line in joints.lines if line.get_linestyle() == "--"]
+    assert across == pytest.approx([0.219 / 0.261])
 
 
 def test_readme_table_of_errors(claims: dict[str, Any]) -> None:
