@@ -71,7 +71,7 @@ BUDGETS = {
     "configuration": 2_308,
     "results": 2_344,
     "experiments": 2_074,
-    "analysis": 678,
+    "analysis": 790,
     "evidence": 600,
     "monte_carlo": 1_330,
     "identification": 714,

@@ -9,6 +9,7 @@ from typing import Any, get_args
 
 import numpy as np
 
+from tendonrepro.analysis.loads import Loads, loads
 from tendonrepro.analysis.maps import PARAMETERS, border_distance, decays, root_locus
 from tendonrepro.analysis.margins import (
     ChannelMargins,
@@ -77,6 +78,7 @@ class Explanation:
     loci: Mapping[str, Mapping[str, Complex]]
     locus_factors: Mapping[str, Array]
     maps: tuple[Map, ...]
+    loads: Loads
     origin: str
 
 
@@ -85,7 +87,8 @@ def explain(loaded: LoadedConfig) -> Explanation:
     config = loaded.config
     if not isinstance(config, CompareConfig):
         raise UsageError("only the experiment 'compare' has controllers to explain", where=loaded.origin)
-    postures = stroke(build_reference(config.reference, config, loaded.folder).q_d)
+    reference = build_reference(config.reference, config, loaded.folder)
+    postures = stroke(reference.q_d)
     views = run_views(config)
     ringing = config.status.ringing_frequency.si
     factors = _locus_factors(views)
@@ -115,6 +118,7 @@ def explain(loaded: LoadedConfig) -> Explanation:
         },
         locus_factors=factors,
         maps=_maps(views, postures),
+        loads=loads(first_views(views), postures[1], reference.dq_d),
         origin=f"configuration {loaded.sha256[:12]}",
     )
 

@@ -128,6 +128,12 @@ def explanation_data(found: Explanation) -> dict[str, Any]:
             for run, row in first.items()
         },
         "what_if": found.what_if,
+        "load_to_error": {
+            "hz": found.loads.hertz.tolist(),
+            "rad_per_nm": {law: size.tolist() for law, size in found.loads.error.items()},
+            "arm_mode_hz": found.loads.mode_hz,
+            "motion_hz": found.loads.motion_hz,
+        },
     }
 
 

@@ -16,7 +16,8 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter, NullLocator
 
 from tendonrepro import __version__
-from tendonrepro.analysis.analysis import Explanation, Map
+from tendonrepro.analysis.analysis import Explanation, Map, view_pairs
+from tendonrepro.analysis.loads import draw_loads
 from tendonrepro.arrays import Array
 from tendonrepro.results.figures.style import (
     PAGE_MM,
@@ -47,7 +48,14 @@ def figures(found: Explanation) -> dict[str, Callable[[], Drawing]]:
         "explain_locus": (draw_locus, "Modes of the loop while one parameter is multiplied"),
         "explain_map": (draw_map, "Borders of stability"),
     }
-    return {stem: partial(_drawing, stem, draw, caption, found) for stem, (draw, caption) in drawn.items()}
+    pictures: dict[str, Callable[[], Drawing]] = {
+        stem: partial(_drawing, stem, draw, caption, found) for stem, (draw, caption) in drawn.items()
+    }
+    laws = {view.law_name for pair in view_pairs(found.views) for view in pair[1:]}
+    if laws and laws <= found.loads.error.keys():
+        pairs = {name: (a.law_name, b.law_name) for name, a, b in view_pairs(found.views)}
+        pictures["explain_loads"] = partial(draw_loads, found.loads, pairs, found.joints, found.origin)
+    return pictures
 
 
 @journal_style()

@@ -1,0 +1,132 @@
+"""How a load on the links becomes an error, by frequency: one controller's beside the next one's."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from tendonrepro.arrays import Array
+from tendonrepro.experiments.linear import View
+from tendonrepro.physics.arm import mass_matrix
+from tendonrepro.physics.linear_loop import Complex, hold_discretised, loop_matrix, plant_matrices
+from tendonrepro.results.figures.style import (
+    PAGE_MM,
+    Drawing,
+    journal_style,
+    letter_panels,
+    open_figure,
+    stroke_of,
+)
+
+POINTS = 400
+_LOWEST_HZ = 0.05
+_MOTION_SHARE = 0.99
+"""Share of the power of the desired velocity that lies within the motion's bandwidth."""
+
+
+@dataclass(frozen=True)
+class Loads:
+    """Size of the error per load, by frequency.
+
+    Attributes
+    ----------
+    hertz : array (F,)
+    error : mapping
+        By law: error of each joint per load on the same joint, rad N⁻¹ m⁻¹, (n, F). Of loops that decay.
+    mode_hz : float
+        The arm on its tendons: least damped mode without a controller; NaN if none oscillates.
+    motion_hz : float
+        Up to here the desired velocity has 99 % of its power.
+    """
+
+    hertz: Array
+    error: Mapping[str, Array]
+    mode_hz: float
+    motion_hz: float
+
+
+def loads(views: Mapping[str, View], q: Array, dq_d: Array) -> Loads:
+    """Error per load of every law at posture `q` (n,), rad, beside a motion's velocity (T, n), rad s⁻¹."""
+    first = next(iter(views.values()))
+    L = first.law.L
+    hertz = np.geomspace(_LOWEST_HZ, 0.5 / L, POINTS)
+    found = {law: load_to_error(view, q, 2.0 * np.pi * L * hertz) for law, view in views.items()}
+    return Loads(
+        hertz,
+        {law: np.abs(values) for law, values in found.items() if values is not None},
+        _least_damped(plant_matrices(q, first.plant)[0]),
+        _bandwidth(dq_d, L),
+    )
+
+
+def load_to_error(view: View, q: Array, angles: Array) -> Complex | None:
+    """Error of each joint per load on the same joint, (n, F), at angles ``2 pi f L``; None if the loop grows.
+
+    The load is held over a period, as everything else that acts in the sampled loop. ``e = -q``.
+    """
+    n, law = q.size, view.law
+    closed = loop_matrix(q, view.plant, law, view.delay)
+    if np.abs(np.linalg.eigvals(closed)).max() >= 1.0:
+        return None
+    A, _ = plant_matrices(q, view.plant)
+    pull = np.zeros((4 * n, n))
+    pull[n : 2 * n] = -np.linalg.inv(mass_matrix(q, view.plant.arm))
+    load = np.zeros((len(closed), n), dtype=np.complex128)
+    load[: 4 * n] = hold_discretised(A, pull, law.L)[1]
+    z = np.exp(1j * angles)[:, np.newaxis, np.newaxis]
+    moved = np.linalg.solve(z * np.eye(len(closed)) - closed, load)
+    return np.asarray(-np.diagonal(moved[:, :n, :], axis1=1, axis2=2).T)
+
+
+def _least_damped(A: Array) -> float:
+    """Frequency of the mode of dx/dt = A x that oscillates with the least damping ratio, Hz."""
+    rates = np.linalg.eigvals(A)
+    rates = rates[rates.imag > 0.0]
+    if not rates.size:
+        return float("nan")
+    return float(rates[np.argmin(-rates.real / np.abs(rates))].imag / (2.0 * np.pi))
+
+
+def _bandwidth(dq_d: Array, L: float) -> float:
+    power = (np.abs(np.fft.rfft(dq_d, axis=0)) ** 2).sum(axis=1)
+    share = np.cumsum(power) / max(power.sum(), 1e-300)
+    return float(np.fft.rfftfreq(len(dq_d), L)[np.searchsorted(share, _MOTION_SHARE)])
+
+
+@journal_style()
+def draw_loads(
+    found: Loads, pairs: Mapping[str, tuple[str, str]], joints: tuple[int, ...], origin: str
+) -> Drawing:
+    """Draw the error per load of one law over that of another, a panel for each joint."""
+    figure = open_figure(PAGE_MM, 70.0)
+    panels = figure.subplots(1, len(joints), squeeze=False, sharey=True)[0]
+    for k, panel in enumerate(panels):
+        panel.axvspan(found.hertz[0], found.motion_hz, color="#E4EAF1", linewidth=0.0, label="the motion")
+        panel.axhline(1.0, color="#999999", linewidth=0.6)
+        panel.axvline(
+            found.mode_hz, color="#777777", linewidth=0.7, linestyle="--", label="the arm on its tendons"
+        )
+        for number, (over, under) in enumerate(pairs.values(), start=1):
+            stroke, ratio = stroke_of(number), found.error[over][k] / found.error[under][k]
+            label = f"{over} over {under}".replace("controller_", "Controller ")
+            panel.plot(
+                found.hertz,
+                ratio,
+                color=stroke.colour,
+                linestyle=stroke.linestyle,
+                linewidth=stroke.width,
+                label=label,
+            )
+        panel.set_xscale("log")
+        panel.set_xlim(found.hertz[0], found.hertz[-1])
+        panel.set_xlabel("frequency of the load (Hz)")
+    panels[0].set_ylabel("error of one over the other")
+    letter_panels(panels, [f"Joint {joint}" for joint in joints])
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
+    caption = (
+        "Error that a load on a joint leaves, one controller's over the next one's; below the line the first "
+        f"has the smaller error. {origin}."
+    )
+    return Drawing("explain_loads", figure, list(panels), caption)
