@@ -66,8 +66,8 @@ OWNERS = {
 
 BUDGETS = {
     "ground": 253,
-    "physics": 901,
-    "simulation": 1908,
+    "physics": 893,
+    "simulation": 1815,
     "configuration": 2_308,
     "results": 2_344,
     "experiments": 2_074,

@@ -6,7 +6,7 @@ axes are independent lanes.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -55,40 +55,11 @@ def friction_torque(velocity: Array, friction: Friction) -> Array:
     """
     torque = np.empty_like(velocity)
     for i in range(velocity.shape[0]):
-        size, sense = _dry(velocity, friction, i)
-        torque[i] = friction.viscous[i] * velocity[i] + size * sense
+        relative = velocity[i] / friction.stribeck_velocity[i]
+        rise = 1.0 + (friction.static_ratio[i] - 1.0) * np.exp(-relative * relative)
+        sense = np.tanh(velocity[i] / friction.smoothing_velocity[i])
+        torque[i] = friction.viscous[i] * velocity[i] + friction.coulomb[i] * rise * sense
     return torque
-
-
-def dry_slope(velocity: Array, load: Array, friction: Friction) -> Array:
-    """How steeply dry friction turns with the velocity, N m s: the part of its slope that is never negative.
-
-    What is left out, the viscous part and the fall of the Stribeck rise, is gentle.
-
-    Parameters
-    ----------
-    velocity : array (n, ...)
-        Joint or winch velocity, rad s⁻¹.
-    load : array (n, ...)
-        Further dry friction that turns with the same velocity, N m.
-    friction : Friction
-
-    Returns
-    -------
-    array (n, ...)
-    """
-    slope = np.empty_like(velocity)
-    for i in range(velocity.shape[0]):
-        size, sense = _dry(velocity, friction, i)
-        slope[i] = (size + load[i]) * (1.0 - sense * sense) / friction.smoothing_velocity[i]
-    return slope
-
-
-def _dry(velocity: Array, friction: Friction, i: int) -> tuple[Any, Any]:
-    """Dry friction of joint i without its sign, and its sign, smoothed."""
-    relative = velocity[i] / friction.stribeck_velocity[i]
-    rise = 1.0 + (friction.static_ratio[i] - 1.0) * np.exp(-relative * relative)
-    return friction.coulomb[i] * rise, np.tanh(velocity[i] / friction.smoothing_velocity[i])
 
 
 def without_dry_friction(friction: Friction) -> Friction:

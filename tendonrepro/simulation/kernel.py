@@ -12,12 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tendonrepro.arrays import Array, choose
-from tendonrepro.physics.arm import mass_matrix
 from tendonrepro.physics.control import Law, Servo
-from tendonrepro.physics.drive import tendon_torque, to_winch_angle, to_winch_torque
 from tendonrepro.physics.dynamics import Plant, state_derivative
-from tendonrepro.physics.friction import dry_slope
-from tendonrepro.physics.linalg import solve_positive_definite, times
+from tendonrepro.physics.linalg import times
 from tendonrepro.simulation import streaming
 from tendonrepro.simulation.codegen import machine
 from tendonrepro.simulation.codegen.lanes import LaneRows, LaneTape, lane_code, remembered
@@ -76,7 +73,7 @@ def slope_code(plant: Plant) -> tuple[str, LaneRows]:
 
 
 @remembered
-def advance_code(plant: Plant, implicit: bool = False) -> tuple[str, LaneRows]:
+def advance_code(plant: Plant) -> tuple[str, LaneRows]:
     """Source of ``advance``: plants from sample k to the next one, torque held, each in the steps it needs.
 
     Rows ``steps`` and ``length`` hold the number of steps at each level of demand, and their length, s. A
@@ -120,11 +117,8 @@ def advance_code(plant: Plant, implicit: bool = False) -> tuple[str, LaneRows]:
     def derivative(t: Any, x_t: Array) -> Array:
         return state_derivative(t, x_t, torque, x)
 
-    if implicit:
-        after, slope = rosenbrock(derivative, damped(state, torque, x), t, state, h)
-    else:
-        after, slope = runge_kutta(derivative, t, state, h)
-    met = np.maximum(most, demand(state, after, x, implicit=implicit))
+    after, slope = runge_kutta(derivative, t, state, h)
+    met = np.maximum(most, demand(state, after, x))
     is_last, wanted = busy * (done + 1.0 >= left), of_level("steps", met)
     again = is_last * (wanted > left)
     ahead = [choose(again, *pair) for pair in zip(begin, after, strict=True)]
@@ -149,75 +143,6 @@ def runge_kutta(
     k3 = derivative(t + half, state + half * k2)
     k4 = derivative(t + h, state + h * k3)
     return state + h * (1.0 / 6.0) * (k1 + 2.0 * (k2 + k3) + k4), k1
-
-
-GAMMA = 0.435866521508459
-NODES = np.array(
-    [
-        [0.0, 0.0, 0.0, 0.0],
-        [0.87173304301691801, 0.0, 0.0, 0.0],
-        [0.84457060015369423, -0.11299064236484185, 0.0, 0.0],
-        [0.0, 0.0, 1.0, 0.0],
-    ]
-)
-COUPLING = np.array(
-    [
-        [GAMMA, 0.0, 0.0, 0.0],
-        [-0.87173304301691801, GAMMA, 0.0, 0.0],
-        [-0.90338057013044082, 0.054180672388095326, GAMMA, 0.0],
-        [0.24212380706095346, -1.2232505839045147, 0.54526025533510214, GAMMA],
-    ]
-)
-"""ROS34PW2 of Rang and Angermann, BIT 45 (2005), 761: of order three whatever part is implicit."""
-
-
-def rosenbrock(
-    derivative: Callable[[Any, Array], Array],
-    damped: Callable[[Array, Any], Array],
-    t: Any,
-    state: Array,
-    h: Any,
-) -> tuple[Array, Array]:
-    """Linearly implicit step of order three: state at ``t + h``, and slope at ``t``, each (m, ...).
-
-    ``damped(x, c)`` solves ``(1 - c A) y = x`` for whatever part ``A`` of the derivative's slope is stiff.
-    """
-    inverse = np.linalg.inv(COUPLING)
-    shares, past = NODES @ inverse, np.eye(4) / GAMMA - inverse
-    moves: list[Array] = []
-    slopes: list[Array] = []
-    for i in range(4):
-        reached = sum((shares[i, j] * moves[j] for j in range(i)), state)
-        slopes.append(derivative(t + float(NODES[i].sum()) * h, reached))
-        drawn = sum((past[i, j] * moves[j] for j in range(i)), h * slopes[i])
-        moves.append(damped(GAMMA * drawn, GAMMA * h))
-    weights = (NODES[3] + COUPLING[3]) @ inverse
-    return sum((weights[i] * moves[i] for i in range(4)), state), slopes[0]
-
-
-def damped(state: Array, tau: Array, plant: Plant) -> Callable[[Array, Any], Array]:
-    """Solver for :func:`rosenbrock` with dry friction of links and winches implicit, at a state."""
-    n, drive = plant.preload.shape[0], plant.drive
-    q, dq, theta, dtheta = (state[k * n : (k + 1) * n] for k in range(4))
-    M, none = mass_matrix(q, plant.arm), np.zeros_like(q)
-    links = dry_slope(dq, none, plant.link_friction)
-    tendon, motor = tendon_torque(q, dq, theta, dtheta, drive), to_winch_torque(tau, drive)
-    lost = np.array(
-        [drive.pulley_loss[i] * abs(tendon[i]) + drive.reducer_loss[i] * abs(motor[i]) for i in range(n)]
-    )
-    winches = dry_slope(to_winch_angle(dtheta, drive), lost, drive.friction)
-
-    def solve(x: Array, c: Any) -> Array:
-        W = M.copy()
-        for i in range(n):
-            W[i, i] = M[i, i] + c * links[i]
-        winch = to_winch_angle(x[3 * n :], drive)
-        for i in range(n):
-            winch[i] = winch[i] / (1.0 + c * winches[i] / drive.inertia[i])
-        links_after = solve_positive_definite(W, times(M, x[n : 2 * n]))
-        return np.concatenate([x[:n], links_after, x[2 * n : 3 * n], times(drive.S, winch)])
-
-    return solve
 
 
 @remembered

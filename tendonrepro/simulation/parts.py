@@ -17,7 +17,7 @@ from tendonrepro.simulation.codegen.lanes import LaneRows, bundled, columns, par
 from tendonrepro.simulation.codegen.machine import LaneCode, assembled, callable_code
 from tendonrepro.simulation.kernel import LoopNumbers, advance_code, sample_code, slope_code
 from tendonrepro.simulation.loop import Loop
-from tendonrepro.simulation.resolution import HIGHEST, PACES, plant_modes, steps_by_demand
+from tendonrepro.simulation.resolution import HIGHEST, PACES, plant_modes, steps_needed
 from tendonrepro.simulation.sampled import Hardware, measure, start
 
 CHUNK = 128
@@ -79,18 +79,16 @@ def plant_parts(
     chunks = [part_of((plant, stroke), chosen) for chosen in slices]
     periods = {loop.L for loop in loops.values()}
     found = list(for_each(partial(_steps, periods=periods, tolerance=tolerance), chunks))
-    counts = {
-        L: [np.hstack(parts) for parts in zip(*(part[L] for part in found), strict=True)] for L in periods
-    }
+    counts = {L: np.hstack([part[L] for part in found]) for L in periods}
     column = {name: k for k, name in enumerate(single)}
     places = {place: column[name] for place, name in key.items()}
     still, once = np.zeros_like(plant.preload), np.ones((1, len(single)))
     torque, state = holding_torque(still, plant), rest_state(still, plant)
 
     @cache
-    def part(implicit: bool, L: float) -> CompiledPart:
-        source, rows = advance_code(plant, implicit)
-        steps = counts[L][0].astype(float)
+    def part(L: float) -> CompiledPart:
+        source, rows = advance_code(plant)
+        steps = counts[L].astype(float)
         start = {
             "state": state,
             "live": once,
@@ -102,8 +100,8 @@ def plant_parts(
         return CompiledPart(LaneCode(*assembled(source, "prepare_step", "advance")), rows, start, places)
 
     return (
-        {place: part(bool(counts[loop.L][1][places[place]]), loop.L) for place, loop in loops.items()},
-        {place: counts[loop.L][0][:, places[place]] for place, loop in loops.items()},
+        {place: part(loop.L) for place, loop in loops.items()},
+        {place: counts[loop.L][:, places[place]] for place, loop in loops.items()},
         {place: Rest(state[:, k], torque[:, k]) for place, k in places.items()},
     )
 
@@ -116,10 +114,10 @@ def slope_part(plant: Plant) -> CompiledPart:
 
 def _steps(
     plants: tuple[Plant, Array], *, periods: Collection[float], tolerance: float
-) -> dict[float, tuple[NDArray[np.int64], NDArray[np.bool_]]]:
-    """Integration steps of stacked plants along their strokes by sampling period, see `steps_by_demand`."""
+) -> dict[float, NDArray[np.int64]]:
+    """Steps per sample of stacked plants along their strokes by sampling period, (levels, N)."""
     modes = [plant_modes(*plants, pace) for pace in PACES]
-    return {L: steps_by_demand(modes, L, tolerance) for L in periods}
+    return {L: np.stack([steps_needed(cases, L, tolerance) for cases in modes]) for L in periods}
 
 
 def sample_part(

@@ -16,7 +16,7 @@ from tendonrepro.physics.linalg import times
 STEPS = (1, 2, 3, 4, 5, 6, 8, 12, 16, 24, 32, 48, 64)
 """Numbers of steps per sample there are to choose from."""
 
-COMPILED_STEPPER = "compiled Runge-Kutta of order 4, of order 3 and implicit where dry friction is stiff"
+COMPILED_STEPPER = "compiled Runge-Kutta of order 4"
 """What a manifest calls the stepper that these numbers are for."""
 
 TOLERANCE = 1e-2
@@ -25,32 +25,23 @@ TOLERANCE = 1e-2
 NUDGE = 1e-6
 """Change of the state for differences, rad and rad s⁻¹: far below any velocity over which friction turns."""
 
-POSTURES = 5
+POSTURES = 3
 """Postures looked at, from the start to the end of the stroke."""
 
-FLAT, TURNING, STUCK = 4.0, 1.5, 0.2
-"""Velocities, in units of the one over which dry friction turns: it is flat, gentle, all but viscous."""
+FLAT, TURNING = 4.0, 1.5
+"""Velocities, in units of the one over which dry friction turns, from which on it is flat, and gentle."""
 
 PACES = (FLAT, TURNING, 0.0)
-"""Slowest motion of each level of :func:`demand`, in the same unit, for explicit steps."""
+"""Slowest motion of each level of :func:`demand`, in the same unit."""
 
 HIGHEST = 2.0
 """Highest level of :func:`demand`."""
 
-IMPLICIT_FROM = 12
-"""Explicit steps per sample at standstill from which on implicit ones are less work."""
 
-IMPLICIT_STEPS, BENDING_STEPS = 4, 12
-"""Fewest implicit steps per sample, and fewest while friction bends, at the default tolerance.
+def demand(before: Array, after: Array, plant: Plant) -> Any:
+    """Level of resolution that a step asks for, of several joints and winches the highest.
 
-They leave q within 1e-6 rad of the truth, as a test measures."""
-
-
-def demand(before: Array, after: Array, plant: Plant, *, implicit: bool) -> Any:
-    """Level of resolution that a step asks for, 0, 1 or 2; of several joints and winches the highest.
-
-    Explicit steps are short where friction is steep: 2 is standstill, or a change of direction, 1 slow and 0
-    fast motion. Implicit ones are short where it bends: 2 is between rest and motion, 1 motion and 0 rest.
+    2 is standstill, or a change of direction, where dry friction is steep; 1 is slow and 0 fast motion.
     Joints and winches without dry friction do not count. Runs on numbers, lanes and symbols alike.
 
     Parameters
@@ -58,7 +49,6 @@ def demand(before: Array, after: Array, plant: Plant, *, implicit: bool) -> Any:
     before, after : array (4 n, ...)
         States at both ends, as in `tendonrepro.physics.dynamics.state_derivative`.
     plant : Plant
-    implicit : bool
 
     Returns
     -------
@@ -73,13 +63,9 @@ def demand(before: Array, after: Array, plant: Plant, *, implicit: bool) -> Any:
             (before[n + i], after[n + i], link.smoothing_velocity[i], link.coulomb[i]),
             (winches[0][i], winches[1][i], drive.friction.smoothing_velocity[i], lost),
         ):
-            sizes = abs(first / over), abs(last / over)
-            nearest = choose(first * last > 0.0, np.minimum(*sizes), 0.0)
-            if implicit:
-                rests = np.maximum(*sizes) < STUCK
-                level = choose(nearest >= FLAT, 1.0, choose(rests, 0.0, 2.0))
-            else:
-                level = choose(nearest >= FLAT, 0.0, choose(nearest >= TURNING, 1.0, 2.0))
+            slowest = np.minimum(abs(first / over), abs(last / over))
+            nearest = choose(first * last > 0.0, slowest, 0.0)
+            level = choose(nearest >= FLAT, 0.0, choose(nearest >= TURNING, 1.0, 2.0))
             most = np.maximum(most, choose(dry > 0.0, level, 0.0))
     return most
 
@@ -150,32 +136,6 @@ def steps_needed(modes: NDArray[np.complex128], L: float, tolerance: float = TOL
             growing = (fast & (growth == 1.0) & (np.abs(ratio) > 1.0)).any(axis=1)
         needed[(error.max(axis=1) <= tolerance) & ~growing] = steps
     return needed
-
-
-def steps_by_demand(
-    modes: Sequence[NDArray[np.complex128]], L: float, tolerance: float = TOLERANCE
-) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Integration steps per sample of plants, (levels, N), and whether they are implicit, (N,).
-
-    A column with a 0 in it belongs to a plant that cannot be resolved. Dry friction has no say in implicit
-    steps: what a plant in fast motion needs settles them; of order three they are twice as many.
-
-    Parameters
-    ----------
-    modes : sequence of array
-        :func:`plant_modes` at each of `PACES`.
-    L : float
-        Sampling period, s.
-    tolerance : float
-    """
-    explicit = np.stack([steps_needed(cases, L, tolerance) for cases in modes])
-    finer = np.cbrt(TOLERANCE / tolerance)
-    fast, standstill = explicit[0], explicit[-1]
-    implicit = (explicit.min(axis=0) > 0) & (standstill >= IMPLICIT_FROM * finer)
-    least = [np.ceil(finer * number) for number in (IMPLICIT_STEPS, IMPLICIT_STEPS, BENDING_STEPS)]
-    moving = 2 * fast * np.array([[0], [1], [1]])
-    wanted = np.maximum(moving, np.array(least, dtype=np.int64)[:, np.newaxis])
-    return np.where(implicit, wanted, explicit), implicit
 
 
 def _amplification(z: NDArray[np.complex128]) -> NDArray[np.complex128]:

@@ -29,18 +29,13 @@ FIRST_STEP = 0.5
 """First step as a share of the longest: most periods begin with a torque step, after which a full one would
 be tried in vain."""
 
-PROGRESS_INTERVAL = 500
-"""Samples between two reports of progress."""
 
-
-def simulate(loop: Loop, progress: Callable[[int], None] | None = None) -> dict[str, Array]:
+def simulate(loop: Loop) -> dict[str, Array]:
     """Run a closed loop from rest to the end of its reference, or until it diverges.
 
     Parameters
     ----------
     loop : Loop
-    progress : callable, optional
-        Called now and then with the number of samples done since its last call.
 
     Returns
     -------
@@ -56,13 +51,10 @@ def simulate(loop: Loop, progress: Callable[[int], None] | None = None) -> dict[
     # Where nothing is run, whoever builds a loop needs no compiler.
     from tendonrepro.simulation.single import Arm, MachineLaw, PlainLaw
 
-    trace, time, arm = (
-        np.empty((loop.reference.time.size, recorded_columns(loop))),
-        loop.reference.time,
-        Arm(loop),
-    )
+    time, arm = loop.reference.time, Arm(loop)
+    trace = np.empty((time.size, recorded_columns(loop)))
     sample = (MachineLaw if loop.controller.command is None else PlainLaw)(loop, arm, trace)
-    advance, report = _integrator(loop.solver, arm), progress or (lambda _: None)
+    advance = _integrator(loop.solver, arm)
     # SciPy warns on standard error where advance() raises, and NumPy where a run diverges.
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore", UserWarning)
@@ -70,9 +62,6 @@ def simulate(loop: Loop, progress: Callable[[int], None] | None = None) -> dict[
         while sample(k):
             advance(time[k], time[k + 1])
             k += 1
-            if k % PROGRESS_INTERVAL == 0:
-                report(PROGRESS_INTERVAL)
-        report((k + 1) % PROGRESS_INTERVAL)
         return trace_variables(trace[: k + 1], loop)
 
 

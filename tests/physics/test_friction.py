@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.oracles import friction_by_formula, random_friction, slope
 
-from tendonrepro.physics.friction import Friction, dry_slope, friction_torque, without_dry_friction
+from tendonrepro.physics.friction import Friction, friction_torque, without_dry_friction
 
 ALL = frozenset({"viscous", "coulomb", "stribeck"})
 SPEEDS = np.concatenate([[0.0], np.geomspace(1e-6, 1e3, 400)])
@@ -64,22 +64,6 @@ class TestLaw:
         steepness = slope(lambda v: friction_torque(v, friction), np.array([0.0]), np.array([1.0]))
         expected = friction.viscous + friction.static_ratio * friction.coulomb / friction.smoothing_velocity
         assert steepness == pytest.approx(expected, rel=1e-13)
-
-
-@given(velocities, seeds)
-def test_dry_slope_is_that_of_the_sign_alone(velocity: float, seed: int) -> None:
-    """The derivative, the Stribeck rise held where it is and a further load added, joint by joint."""
-    rng = np.random.default_rng(seed)
-    friction, v = random_friction(2, rng, 1.0, ALL), np.array([0.02, velocity])
-    load = rng.uniform(0.0, 3.0, 2)
-    rise = 1.0 + (friction.static_ratio - 1.0) * np.exp(-((v / friction.stribeck_velocity) ** 2))
-    held = friction._replace(
-        viscous=np.zeros(2), static_ratio=np.ones(2), coulomb=friction.coulomb * rise + load
-    )
-    expected = slope(lambda velocity: friction_torque(velocity, held), v, np.ones(2))
-    # Where the sign has settled, its slope is what rounding leaves of one less its square.
-    assert dry_slope(v, load, friction) == pytest.approx(expected, rel=1e-9, abs=1e-11)
-    assert (dry_slope(v, load, friction) >= 0.0).all()
 
 
 def test_each_joint_has_its_own_law_and_lanes_are_independent() -> None:

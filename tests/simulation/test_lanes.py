@@ -10,11 +10,11 @@ import pytest
 from support.oracles import FEATURES, random_plant, random_state
 
 from tendonrepro.arrays import Array, choose
-from tendonrepro.physics.dynamics import Plant, frictionless, state_derivative
+from tendonrepro.physics.dynamics import state_derivative
 from tendonrepro.simulation.codegen import machine
 from tendonrepro.simulation.codegen.lanes import LaneRows, LaneTape, aligned, lane_code, signature, stacked
 from tendonrepro.simulation.codegen.machine import LANES, assembled, callable_code
-from tendonrepro.simulation.kernel import advance_code, damped, rosenbrock, runge_kutta
+from tendonrepro.simulation.kernel import advance_code, runge_kutta
 from tendonrepro.simulation.resolution import demand
 
 K = 400.0
@@ -36,14 +36,11 @@ def run(source: str, name: str, w: Array) -> None:
 @pytest.mark.parametrize(
     ("n", "features"), [(2, FEATURES), pytest.param(3, FEATURES, marks=pytest.mark.slow), (2, frozenset())]
 )
-@pytest.mark.parametrize("implicit", [False, True])
-def test_a_step_on_lanes_is_that_of_the_plants_one_by_one(
-    n: int, features: frozenset[str], implicit: bool
-) -> None:
+def test_a_step_on_lanes_is_that_of_the_plants_one_by_one(n: int, features: frozenset[str]) -> None:
     plants = [random_plant(n, seed, features).plant for seed in range(LANES)]
     rng = np.random.default_rng(8)
     state, tau = random_state(n, rng, (LANES,)), rng.normal(size=(n, LANES))
-    source, rows = advance_code(stacked(plants), implicit)
+    source, rows = advance_code(stacked(plants))
     after, at = filled(rows), rows.named
     after[: 4 * n], after[4 * n : 5 * n] = state, tau
     live = np.arange(LANES) != 3
@@ -60,12 +57,8 @@ def test_a_step_on_lanes_is_that_of_the_plants_one_by_one(
         if not live[lane]:
             assert after[: 4 * n, lane].tolist() == state[:, lane].tolist()
             continue
-        if implicit:
-            solver = damped(state[:, lane], tau[:, lane], plant)
-            expected, slope = rosenbrock(derivative, solver, 0.4, state[:, lane], 1e-3)
-        else:
-            expected, slope = runge_kutta(derivative, 0.4, state[:, lane], 1e-3)
-        assert after[at["demand"], lane] == demand(state[:, lane], expected, plant, implicit=implicit)
+        expected, slope = runge_kutta(derivative, 0.4, state[:, lane], 1e-3)
+        assert after[at["demand"], lane] == demand(state[:, lane], expected, plant)
         assert after[: 4 * n, lane] == pytest.approx(expected, rel=1e-11, abs=1e-12)
         assert after[at["ddq"] : at["ddq"] + n, lane] == pytest.approx(slope[n : 2 * n], rel=1e-10, abs=1e-10)
 
@@ -84,46 +77,6 @@ def test_runge_kutta_is_of_order_four() -> None:
     assert order == pytest.approx(4.0, abs=0.1)
 
 
-@pytest.mark.parametrize(
-    "stiff", [np.zeros((2, 2)), np.diag([0.0, -3.0]), np.array([[-1.0, 2.0], [0.3, -3.0]])]
-)
-def test_implicit_steps_are_of_order_three_whatever_is_implicit(stiff: Array) -> None:
-    def derivative(t: float, x: Array) -> Array:
-        return np.array([x[1], np.cos(t) - np.sin(x[0]) - 0.3 * x[1] ** 3 - 2.0 * x[1]])
-
-    def after(steps: int) -> Array:
-        x, h = np.array([1.0, 0.3]), 1.0 / steps
-        for k in range(steps):
-            x, _ = rosenbrock(derivative, lambda y, c: np.linalg.solve(np.eye(2) - c * stiff, y), k * h, x, h)
-        return x
-
-    error = [np.abs(after(steps) - after(1280)).max() for steps in (40, 80)]
-    assert np.log2(error[0] / error[1]) == pytest.approx(3.0, abs=0.15)
-
-
-def test_dry_friction_alone_is_implicit() -> None:
-    """What dry friction adds to the slope; without the Stribeck effect that is all of it."""
-    plant = random_plant(2, 3, frozenset({"coulomb", "losses"})).plant
-    state, tau = 1e-3 * random_state(2, np.random.default_rng(4)), np.array([0.4, -0.2])
-
-    def slope(one: Plant) -> Array:
-        moved = [state_derivative(0.0, state + 1e-7 * d, tau, one) for d in np.eye(8)]
-        back = [state_derivative(0.0, state - 1e-7 * d, tau, one) for d in np.eye(8)]
-        return (np.transpose(moved) - np.transpose(back)) / 2e-7
-
-    viscous_kept = frictionless(plant)._replace(
-        link_friction=plant.link_friction._replace(coulomb=np.zeros(2))
-    )
-    dry = slope(plant) - slope(viscous_kept)
-    rates = [2, 3, 6, 7]
-    A, c = np.zeros((8, 8)), 1e-3
-    A[np.ix_(rates, rates)] = dry[np.ix_(rates, rates)]
-    x = np.arange(1.0, 9.0)
-    found = damped(state, tau, plant)(x, c)
-    assert found == pytest.approx(np.linalg.solve(np.eye(8) - c * A, x), rel=1e-5)
-    assert np.abs(A).max() > 10.0
-
-
 def test_what_demands_short_steps() -> None:
     plant = random_plant(2, 1, frozenset({"coulomb"})).plant
     link, winch = plant.link_friction.smoothing_velocity, plant.drive.friction.smoothing_velocity
@@ -135,11 +88,11 @@ def test_what_demands_short_steps() -> None:
                 np.concatenate([np.zeros(2), 50.0 * link, np.zeros(2), plant.drive.S @ (50.0 * winch)])
             )
             ends[-1][2] = pace * link[0]
-        found.append([demand(*ends, plant, implicit=implicit) for implicit in (False, True)])
-    assert np.transpose(found).tolist() == [[2, 2, 2, 1, 1, 0, 2], [1, 2, 2, 2, 2, 1, 2]]
+        found.append(demand(*ends, plant))
+    assert found == [2, 2, 2, 1, 1, 0, 2]
     still = np.zeros(8)
-    assert [demand(still, still, plant, implicit=implicit) for implicit in (False, True)] == [2, 0]
-    assert demand(still, still, random_plant(2, 1, frozenset()).plant, implicit=False) == 0
+    assert demand(still, still, plant) == 2
+    assert demand(still, still, random_plant(2, 1, frozenset()).plant) == 0
 
 
 def test_numbers_that_are_zero_or_one_everywhere_stay_numbers() -> None:
@@ -200,7 +153,7 @@ def test_a_lane_that_meets_a_higher_demand_goes_back_and_takes_more_steps() -> N
             ahead, _ = runge_kutta(
                 lambda t, y: state_derivative(t, y, torque[:, lane], plant), k * h / steps, x, h / steps
             )
-            met, x = max(met, int(demand(x, ahead, plant, implicit=False))), ahead
+            met, x = max(met, int(demand(x, ahead, plant))), ahead
         return x, met
 
     for lane, first in enumerate((1, 1, 5)):
