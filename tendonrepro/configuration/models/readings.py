@@ -81,6 +81,8 @@ _INSTRUMENTS = (
           "Samples between a command and its torque; the equations hold none."),
     _axis("encoder", "0.022", "0.045 0.088 ideal", RUNS, "Section 5.1",
           "Count of the joint encoders in degrees; parts of the named family give 0.045 or 0.088."),
+    _axis("torque_step", "drawn", "none 0.0032 0.016", RUNS, "Section 5.1",
+          "Step of the drives' torque at the winch in N m; 16-bit and 11-bit inputs give 0.0032 and 0.016."),
     _axis("tensioner", "negative", "distal_only alternating absent", RUNS, "Section 2.2",
           "On which side tendon 4 passes the joints; absent as in Eqs. (3) to (5)."),
 )  # fmt: skip
@@ -246,6 +248,11 @@ def _with_count(config: CompareConfig, count: Scalar) -> CompareConfig:
     return _replaced(config, "manipulator.encoders.joint", resolution=count)
 
 
+def _with_torque_step(config: CompareConfig, value: str, _: Mapping[str, float]) -> CompareConfig:
+    step = _scalar(0.0 if value == "none" else float(value), "N m")
+    return _replaced(config, "manipulator.actuator", torque_resolution=step)
+
+
 def _with_tensioner(config: CompareConfig, value: str, _: Mapping[str, float]) -> CompareConfig:
     change = {"force": _scalar(0.0, "N")} if value == "absent" else {"side": value}
     return _replaced(config, "manipulator.tensioner", **change)
@@ -267,6 +274,7 @@ _CHANGES: Mapping[str, _Change] = {
     "hardware": _with_hardware,
     "output_delay": _with_delay,
     "encoder": _with_encoder,
+    "torque_step": _with_torque_step,
     "tensioner": _with_tensioner,
     "sampling_period": _with_period,
     "M_bar": _with_inertia,
