@@ -31,6 +31,9 @@ from tendonrepro.simulation.sampled import CommandFunction
 from tendonrepro.simulation.stepper import Loop
 
 
+CALLED = "a law is called with memory, q, q_d, dq_d, ddq_d, law"
+
+
 @dataclass(frozen=True)
 class Model:
     """The plant of a configuration without payload, as a law may know it; n moving joints, SI units.
@@ -241,7 +244,8 @@ def _checked(law: UserLaw, model: Callable[[], Model]) -> CommandFunction:
                 parts = tuple(absent if part is None else np.array(part) for part in found)
         except BaseException as error:
             message = f"the law {law.name} failed: {_described(error)}"
-            raise TendonreproError(message, where=law.place_of(error)) from error
+            hint = CALLED if isinstance(error, TypeError) else None
+            raise TendonreproError(message, where=law.place_of(error), hint=hint) from error
         if (
             len(parts) != 4
             or found[0] is None

@@ -136,7 +136,8 @@ def _claim(measured: Measured, paper: Published, identifier: str, numbers: Mappi
     else:
         found = CLAIMS[rule](plants, paper)
     _all_judged(measured.compare, identifier, found)
-    holds = any(all(statement.holds[0] for statement in held) for held in found.measures.values())
+    by = [name for name, held in found.measures.items() if all(statement.holds[0] for statement in held)]
+    holds = bool(by)
     evidence: Evidence = {
         "statements": [
             {"statement": statement.text, "holds": bool(statement.holds[0])} for statement in found.statements
@@ -144,6 +145,8 @@ def _claim(measured: Measured, paper: Published, identifier: str, numbers: Mappi
         "statistics": arm.asked,
     }
     remarks = _remarks(measured, identifier)
+    if by and len(found.measures) > 1:
+        remarks.append(f"holds by {', '.join(by)}")
     if identifier in ("C2", "F1", "F2", "P1") and measured.tables.deciding:
         evidence["window"] = measured.tables.deciding.name
     if identifier == "P1":
