@@ -20,6 +20,7 @@ from tendonrepro.evidence.hypotheses import (
     NTSM,
     Hypothesis,
     Log,
+    coefficient_slopes,
     coefficients,
     hypotheses,
     liveliest,
@@ -32,7 +33,7 @@ GROUPS = 16
 """Groups of blocks that are left out in turn, for intervals."""
 SCREENED = 3000
 """Samples on which every hypothesis is tried: those of the fastest motion."""
-SAME = 1e-7
+SAME = 1e-6
 """Share of the torque's step below which a residual is arithmetic."""
 DECISIVE = 10.0
 """Difference of the information criterion that counts as very strong evidence (Kass and Raftery 1995)."""
@@ -40,6 +41,8 @@ KEPT = 10
 """Hypotheses that are then fitted to all samples."""
 NINETY = 1.753
 """Quantile of Student's t for a central 90 % interval from `GROUPS` values."""
+CLOSE_TO_FREE = 1.05
+"""Squared error over that of free coefficients up to which a second start is not worth its time."""
 Solve: TypeAlias = Callable[[Array, Hypothesis], Array]
 """Coefficients of a hypothesis from a triangular factor."""
 
@@ -82,6 +85,14 @@ class Fit:
         """Whether the inertia is above zero, and no weight beyond those of any interpretation of alpha."""
         return bool(self.parameters[2] > 0.0 and np.abs(self.parameters[:2]).max() <= 2.0)
 
+    @property
+    def off_published(self) -> float:
+        """How far inertia and gains of the feedback are from the published ones, sum of logarithms."""
+        published, found = _published(self.hypothesis)[2:], self.parameters[2:]
+        if (found <= 0.0).any():
+            return float("inf")
+        return float(np.abs(np.log(found / published)).sum())
+
 
 def ranked(log: Log, joint: int) -> list[Fit]:
     """Fits of the hypotheses that come closest to a log, best first, for one joint, counted from 0.
@@ -110,7 +121,16 @@ def ranked(log: Log, joint: int) -> list[Fit]:
         found += [fitted(log, joint, one) for one in tuned]
     found = [fit for fit in found if fit.is_possible] or found
     equal = equally_good(found)
-    return sorted(found, key=lambda fit: (fit not in equal, len(fit.hypothesis.settings), fit.information))
+    # phi(k e; k Delta) = k^b phi(e; Delta): Delta and phi in degrees differ in eta alone. Gains decide.
+    return sorted(
+        found,
+        key=lambda fit: (
+            fit not in equal,
+            len(fit.hypothesis.settings),
+            round(fit.off_published, 2),
+            fit.information,
+        ),
+    )
 
 
 def equally_good(found: Sequence[Fit]) -> list[Fit]:
@@ -210,20 +230,21 @@ def _solved(factor: Array, hypothesis: Hypothesis, near: Array | None = None) ->
     def misses(x: Array) -> Array:
         return target - matrix @ coefficients(x, hypothesis)
 
-    found = [
-        least_squares(
-            misses,
-            start,
-            x_scale=np.maximum(np.abs(start), 1e-3),
-            xtol=1e-14,
-            ftol=1e-14,
-            gtol=1e-14,
-            max_nfev=60,
+    def slopes(x: Array) -> Array:
+        return -matrix @ coefficient_slopes(x, hypothesis)
+
+    best = None
+    for start in (one for one in starts if np.isfinite(one).all()):
+        scale = np.maximum(np.abs(start), 1e-3)
+        found = least_squares(
+            misses, start, slopes, method="lm", x_scale=scale, xtol=1e-14, ftol=1e-14, gtol=1e-14
         )
-        for start in starts
-        if np.isfinite(start).all()
-    ]
-    return np.asarray(min(found, key=lambda one: one.cost).x)
+        best = found if best is None or found.cost < best.cost else best
+        # No parameters fit better than free coefficients do.
+        if found.cost <= CLOSE_TO_FREE * 0.5 * _residual(factor, free) ** 2:
+            break
+    assert best is not None
+    return np.asarray(best.x)
 
 
 def _published(hypothesis: Hypothesis) -> Array:

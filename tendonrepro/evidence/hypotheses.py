@@ -212,6 +212,24 @@ def coefficients(parameters: Array, hypothesis: Hypothesis) -> Array:
     return np.array([*head, M_bar * first, M_bar * rate, M_bar * first * second])
 
 
+def coefficient_slopes(parameters: Array, hypothesis: Hypothesis) -> Array:
+    """Derivatives of `coefficients` by the parameters, (8, 5), or (7, 5) where the surface is linear."""
+    w_1, w_2, M_bar, first, second = parameters
+    rows = [
+        [1.0, 0.0, 0.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0, 0.0, 0.0],
+        [-M_bar, 0.0, -w_1, 0.0, 0.0],
+        [0.0, -M_bar, -w_2, 0.0, 0.0],
+        [0.0, 0.0, 1.0, 0.0, 0.0],
+        [0.0, 0.0, first, M_bar, 0.0],
+    ]
+    if hypothesis.surface == LINEAR:
+        return np.array([*rows, [0.0, 0.0, second, 0.0, M_bar]])
+    dropped = hypothesis.readings["eta_in_controller_2"] == "dropped"
+    rate = [0.0, 0.0, 1.0, 0.0, 0.0] if dropped else [0.0, 0.0, second, 0.0, M_bar]
+    return np.array([*rows, rate, [0.0, 0.0, first * second, M_bar * second, M_bar * first]])
+
+
 def _torques(log: Log, held: Mapping[str, str], i: int) -> tuple[Array, Array]:
     """What the law commanded at each sample, and what it stores of it."""
     command, applied = log.command, log.command if log.applied is None else log.applied

@@ -12,6 +12,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, LoadedConfig, load_config
+from tendonrepro.configuration.published import COMPARED
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
@@ -203,6 +204,19 @@ def recovered(file: TraceFile, loaded: LoadedConfig, talk: Talk) -> list[Recover
                 )
                 progress(1)
     return found
+
+
+def controllers_of(file: TraceFile, talk: Talk) -> list[dict[str, Any]]:
+    """What a log says of its controllers on joints 2 and 3, a row of plain values for each run and joint.
+
+    Empty where no run has torque, desired and measured angles.
+    """
+    published = load_config(None, "compare")
+    assert isinstance(published.config, CompareConfig)
+    both = replace(file, runs={name: trace.of_joints(COMPARED) for name, trace in file.runs.items()})
+    if not any(read_logs(both, published.config)):
+        return []
+    return [_data(one) for one in recovered(both, published, talk)]
 
 
 def study_recover(path: Path, talk: Talk) -> Outcome:

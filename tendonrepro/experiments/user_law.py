@@ -30,7 +30,6 @@ from tendonrepro.simulation.controllers import TimeDelayController
 from tendonrepro.simulation.sampled import CommandFunction
 from tendonrepro.simulation.stepper import Loop
 
-
 CALLED = "a law is called with memory, q, q_d, dq_d, ddq_d, law"
 
 

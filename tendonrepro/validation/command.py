@@ -14,6 +14,7 @@ from tendonrepro.configuration.published import Published, published
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.dataset.measured_file import origin, read_measured
+from tendonrepro.evidence.recover import controllers_of
 from tendonrepro.files import sha256_of, to_json
 from tendonrepro.parallel import each
 from tendonrepro.results.manifest import make_manifest
@@ -132,6 +133,7 @@ def _validated(file: TraceFile, name: str, base: LoadedConfig, work: Work, talk:
             if identifier not in JUDGED
         },
         "residuals": residuals,
+        "controllers": controllers_of(measured.compare, talk),
         "missing": work.missing,
     }
 

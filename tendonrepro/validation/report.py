@@ -25,6 +25,7 @@ def validate_text(found: Mapping[str, Any]) -> str:
     parts = ["\n".join([head, *(f"check {doubt}" for doubt in found["doubts"])])]
     parts += [*_tables(found), *_reference(found["reference"])]
     parts += [_claims(found["claims"]), *_residuals(found["residuals"]["rows"])]
+    parts += _controllers(found["controllers"])
     if found["missing"]:
         parts.append("Missing: " + "; ".join(found["missing"]))
     parts.append(f"Tables, figures, reference and traces are in {found['out']}")
@@ -89,6 +90,15 @@ def _failing(evidence: Mapping[str, Any]) -> str:
     words = [f"{failed} of {len(statements)} statements fail"] * bool(failed)
     words += [f"{apart} of {len(percentages)} percentages differ"] * bool(apart)
     return ", ".join(words)
+
+
+def _controllers(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    lines: list[Sequence[str]] = [("run", "joint", "answer", "surface", "readings", "weights", "")]
+    for row in rows:
+        cells = (row.get(name, NOTHING) for name in ("surface", "readings", "weights"))
+        lines.append((row["run"], str(row["joint"]), row["answer"], *cells, row["advice"]))
+    if rows:
+        yield f"Which controller made the runs, by `tendonrepro recover`:\n{columns(lines, left=True)}"
 
 
 def _residuals(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
