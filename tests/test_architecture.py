@@ -24,8 +24,8 @@ FLOORS = [
     {"simulation", "configuration"},
     {"results"},
     {"experiments", "dataset"},
-    {"analysis", "evidence", "monte_carlo"},
-    {"identification", "verdicts"},
+    {"analysis", "monte_carlo"},
+    {"evidence", "identification", "verdicts"},
     {"validation"},
     {"reporting"},
     {"api"},
@@ -65,22 +65,22 @@ OWNERS = {
 }
 
 BUDGETS = {
-    "ground": 253,
+    "ground": 255,
     "physics": 893,
     "simulation": 1815,
-    "configuration": 2314_308,
+    "configuration": 2_314,
     "results": 2_344,
-    "experiments": 2076_074,
+    "experiments": 2_076,
     "analysis": 790,
-    "evidence": 638,
+    "evidence": 905,
     "monte_carlo": 1_330,
     "identification": 714,
     "dataset": 1806,
-    "verdicts": 2277_274,
+    "verdicts": 2_277,
     "validation": 625,
     "reporting": 630,
-    "api": 334,
-    "cli": 604,
+    "api": 347,
+    "cli": 616,
 }
 """Code lines that a package may have: no comment, docstring or blank. What one needs, another gives."""
 

@@ -248,6 +248,33 @@ def identify(
     return _written("identify", found)
 
 
+def predict(
+    draws: int = 256,
+    *,
+    config: str | Path | None = None,
+    set: Changes | None = None,
+    seed: int | None = None,
+    readings: str | None = None,
+    out: str | Path = "reports/predict",
+    force: bool = False,
+) -> Result:
+    """Predict what experiments on a bench would give under each interpretation of the paper.
+
+    Parameters
+    ----------
+    draws : int
+        Plants.
+    readings : str, optional
+        Names with commas between; eight main ones if not given.
+    config, set, seed, out, force
+        As of `ensemble`.
+    """
+    from tendonrepro.evidence.predict import READINGS, run_predict
+
+    request = _request(config, set, seed, None, out, force)
+    return _written("predict", run_predict(request, Talk(), draws=draws, readings=readings or READINGS))
+
+
 def validate(
     measured: str | Path = "data/measured.h5",
     config: str | Path | None = None,

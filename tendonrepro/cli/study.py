@@ -96,6 +96,22 @@ def identify(
     terminal.show(found, found.pop("text"))
 
 
+@command(study_app, "tendonrepro predict --readings printed,Delta_unit=deg")
+def predict(
+    request: Request,
+    terminal: Terminal,
+    draws: Annotated[int, Option("--draws", help="Plants.")] = 256,
+    readings: Annotated[
+        str | None, Option("--readings", help="Names with commas between [default: eight main ones].")
+    ] = None,
+) -> None:
+    """What experiments on a bench would give under each reading."""
+    from tendonrepro.evidence.predict import READINGS, run_predict
+
+    found = run_predict(request, terminal.talk, draws=draws, readings=readings or READINGS)
+    terminal.show(found, found.pop("text"))
+
+
 @command(study_app, "tendonrepro explain --set manipulator.actuator.output_delay=1", without=())
 def explain(request: Request, terminal: Terminal) -> None:
     """Stability margins and error ratios of the sampled loop."""

@@ -1,0 +1,156 @@
+"""The experiments: what a bench changes, and beside which of its runs the changed one is looked at.
+
+Each gives a ratio of errors, for which no scale has to be known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from tendonrepro.arrays import Array
+from tendonrepro.configuration.models.experiment import CompareConfig
+from tendonrepro.configuration.models.readings import parse_reading, under
+from tendonrepro.experiments.loops import build_law, build_loops
+from tendonrepro.physics.control import Law, polynomial
+from tendonrepro.simulation.controllers import TimeDelayController
+from tendonrepro.simulation.loop import DesiredMotion, Loop
+
+FIRST, SECOND, THIRD, LOADED = "controller_1", "controller_2", "controller_3", "controller_1_payload"
+Loops: TypeAlias = Mapping[str, Loop]
+Change: TypeAlias = Callable[[CompareConfig, Path, Loops], Loop]
+"""From a configuration, its folder and its loops to the loop of the changed run."""
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One experiment.
+
+    Attributes
+    ----------
+    name : str
+    about : str
+        What is compared, in words of the bench.
+    change : callable
+        Makes the loop of the changed run.
+    beside : str
+        Run whose error the changed run's is divided by.
+    """
+
+    name: str
+    about: str
+    change: Change
+    beside: str = FIRST
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Ratio of errors that one experiment has under one reading, on one joint.
+
+    ``low`` and ``high`` are the central 90 % of the plants on which both runs are stable; NaN with few.
+    """
+
+    experiment: str
+    reading: str
+    joint: int
+    plants: int
+    median: float
+    low: float
+    high: float
+
+
+def _run(name: str, _: CompareConfig, __: Path, loops: Loops) -> Loop:
+    return loops[name]
+
+
+def _with_alpha(alpha: float, config: CompareConfig, _: Path, loops: Loops) -> Loop:
+    value = config.control.gains.alpha.model_copy(update={"value": (alpha,) * len(config.joints)})
+    gains = config.control.gains.model_copy(update={"alpha": value})
+    control = config.control.model_copy(update={"gains": gains})
+    return _with_law(loops[FIRST], build_law(config.model_copy(update={"control": control}), FIRST))
+
+
+def _with_law(loop: Loop, law: Law) -> Loop:
+    return replace(loop, controller=TimeDelayController(law))
+
+
+def law_of(loop: Loop) -> Law:
+    """The law of a loop of the paper's own."""
+    assert isinstance(loop.controller, TimeDelayController)
+    return loop.controller.law
+
+
+def _slower(_: CompareConfig, __: Path, loops: Loops) -> Loop:
+    loop = loops[FIRST]
+    held, L = loop.reference, loop.L
+    time = L * np.arange(2 * held.time.size - 1, dtype=np.float64)
+    angle = CubicSpline(held.time, held.q_d)
+    half = 0.5 * time
+    slow = DesiredMotion(time, angle(half), 0.5 * angle(half, 1), 0.25 * angle(half, 2), 2.0 * held.period)
+    return replace(loop, reference=slow)
+
+
+def _last_joint_alone(_: CompareConfig, __: Path, loops: Loops) -> Loop:
+    loop = loops[FIRST]
+
+    def alone(values: Array) -> Array:
+        kept = np.zeros_like(values)
+        kept[:, -1] = values[:, -1]
+        return kept
+
+    held = loop.reference
+    motion = replace(held, q_d=alone(held.q_d), dq_d=alone(held.dq_d), ddq_d=alone(held.ddq_d))
+    return replace(loop, reference=motion)
+
+
+def _same_slope(_: CompareConfig, __: Path, loops: Loops) -> Loop:
+    """Controller 2 whose surface has the slope of Controller 3's inside a Delta of 0.2 rad."""
+    law = law_of(loops[SECOND])
+    gamma_1, _gamma_2 = polynomial(law.b, np.full_like(law.b, 0.2))
+    eta = law.beta / gamma_1
+    rate = eta if np.array_equal(law.rate_gain, law.eta) else law.rate_gain
+    return _with_law(loops[SECOND], law._replace(eta=eta, rate_gain=rate))
+
+
+def _with_inertia(factor: float, _: CompareConfig, __: Path, loops: Loops) -> Loop:
+    law = law_of(loops[FIRST])
+    return _with_law(loops[FIRST], law._replace(M_bar=factor * law.M_bar))
+
+
+def _twice_the_period(config: CompareConfig, folder: Path, _: Loops) -> Loop:
+    doubled = under(parse_reading("sampling_period=2ms"), config, {})
+    return dict(build_loops(doubled, folder))[FIRST]
+
+
+def _other_encoders(_: CompareConfig, __: Path, loops: Loops) -> Loop:
+    law = law_of(loops[FIRST])
+    return _with_law(loops[FIRST], law._replace(motor_side=not law.motor_side))
+
+
+EXPERIMENTS = (
+    Experiment("controllers_1_2", "Controller 1 over Controller 2", partial(_run, FIRST), SECOND),
+    Experiment("controllers_2_3", "Controller 2 over Controller 3", partial(_run, SECOND), THIRD),
+    *(
+        Experiment(
+            f"alpha_{alpha:g}",
+            f"Controller 1 with α = {alpha:g} over α = 0",
+            partial(_with_alpha, alpha),
+            SECOND,
+        )
+        for alpha in (0.1, 0.2, 0.3, 0.5)
+    ),
+    Experiment("same_slope", "Controller 2 with η γ₁ = β over Controller 3", _same_slope, THIRD),
+    Experiment("half_speed", "Controller 1 at half the speed over full speed", _slower),
+    Experiment("joint_3_alone", "Controller 1 with joint 3 alone over both joints", _last_joint_alone),
+    Experiment("inertia_up", "Controller 1 with M̄ 10 % up", partial(_with_inertia, 1.1)),
+    Experiment("inertia_down", "Controller 1 with M̄ 10 % down", partial(_with_inertia, 0.9)),
+    Experiment("period_doubled", "Controller 1 with L doubled", _twice_the_period),
+    Experiment("payload", "Controller 1 with 0.2 kg over without", partial(_run, LOADED)),
+    Experiment("other_encoders", "Controller 1 with the motors' encoders over the joints'", _other_encoders),
+)

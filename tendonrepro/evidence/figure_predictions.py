@@ -1,0 +1,53 @@
+"""The picture of the predictions: a group of bars for each experiment, a bar for each interpretation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from matplotlib.lines import Line2D
+
+from tendonrepro.evidence.bench_experiments import EXPERIMENTS, Prediction
+from tendonrepro.results.figures.style import PAGE_MM, Drawing, journal_style, letter_panels, open_figure
+
+COLOURS = ("#004488", "#B5405A", "#CC8800", "#228833", "#777777", "#66BBEE", "#AA3377", "#000000")
+_LOWEST, _HIGHEST = 0.25, 4.0
+
+
+@journal_style()
+def draw_predictions(found: Sequence[Prediction], readings: Sequence[str], joints: Sequence[int]) -> Drawing:
+    """Draw the ratio of every experiment, median and central 90 %, a panel for each joint."""
+    step = len(readings) + 1.5
+    figure = open_figure(PAGE_MM, 24.0 + 1.7 * step * len(EXPERIMENTS))
+    panels = figure.subplots(1, len(joints), squeeze=False, sharex=True, sharey=True)[0]
+    rows = {(row.experiment, row.reading, row.joint): row for row in found}
+    for panel, joint in zip(panels, joints, strict=True):
+        panel.axvline(1.0, color="#999999", linewidth=0.6)
+        for group, experiment in enumerate(EXPERIMENTS):
+            for place, reading in enumerate(readings):
+                row, y = rows[experiment.name, reading, joint], group * step + place
+                colour = COLOURS[place % len(COLOURS)]
+                panel.plot([row.low, row.high], [y, y], color=colour, linewidth=1.2, solid_capstyle="butt")
+                panel.plot([row.median], [y], "o", color=colour, markersize=2.4, markeredgewidth=0.0)
+        panel.set_xscale("log")
+        panel.set_xlim(_LOWEST, _HIGHEST)
+        ticks = (0.25, 0.5, 0.7, 1.0, 1.4, 2.0, 4.0)
+        panel.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+        panel.minorticks_off()
+        panel.set_xlabel("ratio of mean absolute errors")
+    middle = 0.5 * (len(readings) - 1)
+    panels[0].set_yticks(
+        [group * step + middle for group in range(len(EXPERIMENTS))],
+        [one.about.replace(" over ", "\nover ") for one in EXPERIMENTS],
+    )
+    panels[0].set_ylim(step * len(EXPERIMENTS) - 1.0, -1.5)
+    letter_panels(panels, [f"Joint {joint}" for joint in joints])
+    handles = [
+        Line2D([], [], color=COLOURS[place % len(COLOURS)], marker="o", markersize=2.4, label=reading)
+        for place, reading in enumerate(readings)
+    ]
+    figure.legend(handles=handles, loc="outside upper center", ncols=2)
+    caption = (
+        "What experiments on a bench would give under several ways to understand the paper: ratio of mean "
+        "errors, median and central 90 % of the plants on which both runs are stable."
+    )
+    return Drawing("predictions", figure, list(panels), caption)

@@ -1,0 +1,174 @@
+"""What ``tendonrepro predict`` does: every experiment under every interpretation, on many plants."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonrepro.arrays import Array
+from tendonrepro.configuration.ensemble import LoadedEnsemble, load_ensemble
+from tendonrepro.configuration.models.readings import Reading, named_readings, under
+from tendonrepro.configuration.request import Request
+from tendonrepro.console import Talk
+from tendonrepro.errors import UsageError
+from tendonrepro.evidence.bench_experiments import EXPERIMENTS, FIRST, LOADED, SECOND, THIRD, Prediction
+from tendonrepro.experiments.loops import build_loops
+from tendonrepro.monte_carlo.box import Box, configured, make_box, scrambled_sobol
+from tendonrepro.physics.metrics import STATUSES
+from tendonrepro.results.study import Outcome, run_study
+from tendonrepro.results.tables import Table
+from tendonrepro.simulation.batch import simulate_batch
+from tendonrepro.simulation.loop import Loop
+
+SCHEMA_VERSION = 1
+READINGS = (
+    "printed,Delta_unit=deg,gain_unit=phi_in_degrees,phi_branch=power,weights=extrapolating,"
+    "weights=extrapolating+Delta_unit=deg,stored_torque=applied+torque_step=0.016,"
+    "Delta_unit=deg+stored_torque=applied+torque_step=0.016"
+)
+"""Interpretations whose predictions are asked for unless others are named."""
+BASE = (FIRST, SECOND, THIRD, LOADED)
+"""Runs as configured, before those of the experiments."""
+LEAST = 20
+"""Stable plants below which no interval is given."""
+AT_ONCE = 16
+"""Plants simulated together."""
+
+
+def run_predict(request: Request, talk: Talk, *, draws: int, readings: str = READINGS) -> dict[str, Any]:
+    """Predict every experiment and write table, picture and manifest.
+
+    Parameters
+    ----------
+    request : Request
+        Its configuration is that of an ensemble.
+    talk : Talk
+    draws : int
+        Plants.
+    readings : str
+        Names with commas between.
+
+    Returns
+    -------
+    dict
+        What ``--json`` prints.
+
+    Raises
+    ------
+    UsageError
+        For an impossible number of plants, or names that are no readings.
+    """
+    loaded = load_ensemble(request.config, overrides=request.overrides, seed=request.seed)
+    digest = hashlib.sha256(f"{loaded.sha256} {draws} {readings}".encode()).hexdigest()
+    base = replace(loaded.base, sha256=digest, origin=loaded.origin)
+    return run_study(
+        "predict", base, request, lambda: study_predict(loaded, talk, draws=draws, readings=readings), talk
+    )
+
+
+def study_predict(loaded: LoadedEnsemble, talk: Talk, *, draws: int, readings: str = READINGS) -> Outcome:
+    """Predict every experiment; see :func:`run_predict`."""
+    from tendonrepro.evidence.figure_predictions import draw_predictions
+
+    if draws < LEAST:
+        raise UsageError(f"must be at least {LEAST} plants, found {draws}", where="--draws")
+    chosen, joints = named_readings(readings), loaded.compare.joints
+    found = list(predictions(loaded, chosen, draws, talk))
+    told = told_apart(found, [held.name for held in chosen])
+    data = {
+        "schema_version": SCHEMA_VERSION,
+        "draws": draws,
+        "joints": list(joints),
+        "readings": [held.name for held in chosen],
+        "experiments": [
+            {
+                "name": one.name,
+                "about": one.about,
+                "told_apart": told[one.name],
+                "ratios": [vars(row) for row in found if row.experiment == one.name],
+            }
+            for one in EXPERIMENTS
+        ],
+    }
+    figures = {"predictions": lambda: draw_predictions(found, [held.name for held in chosen], joints)}
+    return Outcome(data, _tables(found, told, len(chosen), draws), figures)
+
+
+def predictions(
+    loaded: LoadedEnsemble, readings: Sequence[Reading], draws: int, talk: Talk
+) -> Iterator[Prediction]:
+    """Yield the ratio of every experiment under every reading on every joint."""
+    box, joints = make_box(loaded.config), loaded.compare.joints
+    values = box.values(scrambled_sobol(box, int(loaded.config.seed.si), 0, 0, draws))
+    with talk.bar("simulating", draws * len(readings)) as progress:
+        for reading in readings:
+            errors, stable = [], []
+            for rows in np.split(values, range(AT_ONCE, draws, AT_ONCE)):
+                loops = [loop for row in rows for loop in _loops(loaded, box, row, reading)]
+                batch = simulate_batch(loops, loaded.compare.status, threads=os.cpu_count() or 1)
+                count = len(BASE) + len(EXPERIMENTS)
+                errors.append(batch.statistics["mae"].reshape(-1, count, len(joints)))
+                stable.append(batch.status.reshape(-1, count) == STATUSES.index("ok"))
+                progress(len(rows))
+            yield from _ratios(np.concatenate(errors), np.concatenate(stable), reading.name, joints)
+
+
+def _loops(loaded: LoadedEnsemble, box: Box, row: Array, reading: Reading) -> Iterator[Loop]:
+    """Yield the loops of one plant under one reading: those of `BASE`, then one for each experiment."""
+    folder = loaded.base.folder
+    config = under(reading, configured(loaded.base, box, row), box.named(row))
+    loops = dict(build_loops(config, folder))
+    yield from (loops[name] for name in BASE)
+    yield from (one.change(config, folder, loops) for one in EXPERIMENTS)
+
+
+def _ratios(
+    errors: Array, stable: NDArray[np.bool_], reading: str, joints: Sequence[int]
+) -> Iterator[Prediction]:
+    """Ratios from mean errors (N, runs, n) and whether each run was stable, (N, runs)."""
+    for place, one in enumerate(EXPERIMENTS, start=len(BASE)):
+        beside = BASE.index(one.beside)
+        kept = stable[:, place] & stable[:, beside]
+        for i, joint in enumerate(joints):
+            ratio = errors[kept, place, i] / errors[kept, beside, i]
+            spread = np.quantile(ratio, (0.5, 0.05, 0.95)) if kept.sum() >= LEAST else np.full(3, np.nan)
+            yield Prediction(one.name, reading, joint, int(kept.sum()), *map(float, spread))
+
+
+def told_apart(found: Sequence[Prediction], readings: Sequence[str]) -> dict[str, list[list[str]]]:
+    """Pairs of readings that an experiment tells apart: on some joint their 90 % intervals do not meet."""
+    told: dict[str, list[list[str]]] = {}
+    for experiment in dict.fromkeys(row.experiment for row in found):
+        rows = {(row.reading, row.joint): row for row in found if row.experiment == experiment}
+        joints = dict.fromkeys(joint for _, joint in rows)
+        told[experiment] = [
+            [a, b]
+            for a, b in combinations(readings, 2)
+            if any(_apart(rows[a, joint], rows[b, joint]) for joint in joints)
+        ]
+    return told
+
+
+def _apart(a: Prediction, b: Prediction) -> bool:
+    return bool(a.high < b.low or b.high < a.low)
+
+
+def _tables(
+    found: Sequence[Prediction], told: Mapping[str, list[list[str]]], readings: int, draws: int
+) -> list[Table]:
+    pairs = readings * (readings - 1) // 2
+    telling = sorted(EXPERIMENTS, key=lambda one: -len(told[one.name]))
+    rows = [
+        {"experiment": one.about, "pairs_told_apart": len(told[one.name]), "of": pairs} for one in telling
+    ]
+    caption = "Experiments, the most telling first: pairs of interpretations whose 90 % ranges do not meet."
+    ratios = [vars(row) for one in telling for row in found if row.experiment == one.name]
+    about = f"Ratio of mean errors, median and central 90 % of the stable ones of {draws} plants."
+    return [Table("experiments", caption, rows), Table("predictions", about, ratios, terminal=())]

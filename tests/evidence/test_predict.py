@@ -1,0 +1,89 @@
+"""Experiments predicted on plausible plants: what no plant enters comes out as the law says."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tendonrepro.configuration.ensemble import load_ensemble
+from tendonrepro.configuration.models.readings import named_readings
+from tendonrepro.configuration.request import Request
+from tendonrepro.console import Talk
+from tendonrepro.errors import UsageError
+from tendonrepro.evidence.bench_experiments import EXPERIMENTS, FIRST, SECOND, THIRD, Prediction, law_of
+from tendonrepro.evidence.predict import predictions, run_predict, told_apart
+from tendonrepro.experiments.loops import build_loops
+
+QUIET = Talk(quiet=True)
+LOADED = load_ensemble(None, overrides=["base.manipulator.encoders.joint.resolution=0"])
+COMPARE = LOADED.compare
+LOOPS = dict(build_loops(COMPARE, LOADED.base.folder))
+BY_NAME = {one.name: one for one in EXPERIMENTS}
+
+
+@cache
+def found() -> list[Prediction]:
+    return list(predictions(LOADED, named_readings("encoder=ideal"), 80, QUIET))
+
+
+def medians(experiment: str) -> list[float]:
+    return [row.median for row in found() if row.experiment == experiment]
+
+
+def test_the_estimates_age_and_the_inertia_set_the_ratios() -> None:
+    """e = w L dH / (M_bar lam k): no plant enters."""
+    for alpha in (0.1, 0.2, 0.3):
+        assert medians(f"alpha_{alpha:g}") == pytest.approx([1.0 + alpha] * 2, rel=0.03)
+    assert medians("inertia_up") == pytest.approx([1.0 / 1.1] * 2, rel=0.02)
+    assert medians("same_slope") == pytest.approx([1.0] * 2, abs=0.01)
+
+
+def test_what_is_changed_and_nothing_else() -> None:
+    def changed(name: str) -> object:
+        return BY_NAME[name].change(COMPARE, LOADED.base.folder, LOOPS)
+
+    first = LOOPS[FIRST]
+    assert changed("controllers_1_2") is first
+    slow, alone, doubled = (changed(name) for name in ("half_speed", "joint_3_alone", "period_doubled"))
+    assert slow.reference.q_d[::2] == pytest.approx(first.reference.q_d, abs=1e-12)
+    rate = np.gradient(slow.reference.q_d, slow.L, axis=0)
+    assert slow.reference.dq_d[1:-1] == pytest.approx(rate[1:-1], abs=1e-4)
+    assert slow.reference.dq_d[::2] == pytest.approx(0.5 * first.reference.dq_d, abs=1e-5)
+    assert not alone.reference.q_d[:, 0].any()
+    assert (alone.reference.q_d[:, 1] == first.reference.q_d[:, 1]).all()
+    assert (doubled.L, law_of(doubled).L) == (0.002, 0.002)
+    for alpha in (0.2, 0.5):
+        assert law_of(changed(f"alpha_{alpha:g}")).weights == pytest.approx(
+            np.array([[1 - alpha] * 2, [alpha] * 2])
+        )
+    flat = law_of(changed("same_slope"))
+    assert flat.eta * 1.1 * 0.2**-0.1 == pytest.approx(law_of(LOOPS[THIRD]).beta)
+    assert (flat.rate_gain == flat.eta).all()
+    assert law_of(changed("other_encoders")).motor_side
+    assert law_of(LOOPS[SECOND]).weights[1].tolist() == [0.0, 0.0]
+
+
+def test_readings_are_told_apart_by_ranges_that_do_not_meet() -> None:
+    def row(reading: str, joint: int, low: float, high: float) -> Prediction:
+        return Prediction("x", reading, joint, 50, low, low, high)
+
+    rows = [row("a", 2, 1.0, 1.2), row("b", 2, 1.1, 1.3), row("c", 2, 1.25, 1.4)]
+    assert told_apart(rows, ["a", "b", "c"]) == {"x": [["a", "c"]]}
+    unknown = row("b", 2, np.nan, np.nan)
+    assert told_apart([rows[0], unknown, rows[2]], ["a", "b", "c"]) == {"x": [["a", "c"]]}
+
+
+def test_the_command_writes_its_tables_and_picture(tmp_path: Path) -> None:
+    request = Request(out=tmp_path / "out", overrides=("base.reference.periods=1",))
+    answer = run_predict(request, QUIET, draws=32, readings="printed")
+    assert {one["name"] for one in answer["experiments"]} == BY_NAME.keys()
+    stored = json.loads((tmp_path / "out" / "predict.json").read_text(encoding="utf-8"))
+    assert stored["draws"] == 32
+    for name in ("tables/predictions.csv", "tables/experiments.md", "figures/predictions.svg"):
+        assert (tmp_path / "out" / name).exists()
+    with pytest.raises(UsageError):
+        run_predict(Request(out=tmp_path / "few"), QUIET, draws=4)
