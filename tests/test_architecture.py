@@ -76,7 +76,7 @@ BUDGETS = {
     "monte_carlo": 1_330,
     "identification": 714,
     "dataset": 1806,
-    "verdicts": 2_277,
+    "verdicts": 2_352,
     "validation": 625,
     "reporting": 630,
     "api": 347,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields
 from datetime import UTC, datetime
@@ -26,7 +26,7 @@ from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.manifest import environment
 from tendonrepro.results.paper import of_paper
 from tendonrepro.results.store import TRACES, NewResult, read_manifest, replaced, stored_traces
-from tendonrepro.results.summary import CONTROLLERS, fitted_under
+from tendonrepro.results.summary import CONTROLLERS, LOADS, fitted_under
 from tendonrepro.verdicts.from_ensemble import outcome
 from tendonrepro.verdicts.judge import Sources, Verdict, changed, failing, judge_all
 from tendonrepro.verdicts.plants import Ensemble, Plants, StoredEnsemble
@@ -43,6 +43,8 @@ SHOWN = 12
 """Unknowns against which a ratio is drawn."""
 TORNADOES = ("C1", "C2", "C3", "C5", "C6", "E1")
 """Claims whose deciding unknowns are drawn."""
+JOINTS = "joint_3_over_2"
+"""What decides how large Controller 1's error of joint 3 is beside that of joint 2."""
 
 
 @dataclass(frozen=True)
@@ -227,7 +229,26 @@ def _rankings(data: Ensemble) -> dict[str, Ranking]:
     found = {
         name: ranked(data.names, data.draws[kept], values[kept]) for name, (values, kept) in outcomes.items()
     }
+    for name, (values, kept) in _numbers(data):
+        floor = found.get(f"ratio_joint_{data.joints[0]}")
+        found[name] = ranked(
+            data.names, data.draws[kept], values[kept], None if floor is None else floor["noise_floor"]
+        )
     return {name: ranking for name, ranking in found.items() if ranking is not None}
+
+
+def _numbers(data: Ensemble) -> Iterator[tuple[str, tuple[Array, NDArray[np.bool_]]]]:
+    """Yield the logarithm of every number of Tables 2 and 3, and of joint 3's error over joint 2's."""
+    for run in (*CONTROLLERS, LOADS["with_load"]):
+        ok = data.status(run, PRINTED) == STATUSES.index("ok")
+        table = f"table2.{run}" if run in CONTROLLERS else "table3.with_load"
+        for metric in ("mae", "rmse"):
+            with np.errstate(divide="ignore", invalid="ignore"):
+                errors = np.log(data.statistic(run, PRINTED, metric))
+            for i, joint in enumerate(data.joints):
+                yield f"{table}.{metric}.joint_{joint}", (errors[:, i], ok)
+            if (run, metric) == (CONTROLLERS[0], "mae"):
+                yield JOINTS, (errors[:, -1] - errors[:, 0], ok)
 
 
 def _ratio(data: Ensemble) -> tuple[NDArray[np.bool_], Array]:
@@ -241,9 +262,13 @@ def _ratio(data: Ensemble) -> tuple[NDArray[np.bool_], Array]:
 def _draw(data: Ensemble, rankings: Mapping[str, Ranking], folder: Path) -> None:
     """Draw which unknowns decide, and the ratio against the unknowns that explain most of it."""
     from tendonrepro.results.figures.style import save_figure
-    from tendonrepro.verdicts.figures import draw_ratio_against_unknowns, draw_tornado
+    from tendonrepro.verdicts.figures import draw_influences, draw_ratio_against_unknowns, draw_tornado
 
     origin = f"Simulated, {len(data.draws)} plants of the box"
+    numbers = {name: held for name, held in rankings.items() if name.startswith("table") or name == JOINTS}
+    if numbers:
+        caption = "Share of the variance of a number that an unknown explains, alone or with one other."
+        save_figure(draw_influences(numbers), folder, "decides_numbers", "decides_numbers", caption, origin)
     for claim in [name for name in rankings if name in TORNADOES]:
         caption = f"Share of the variance of claim {claim} that each unknown explains alone."
         figure = draw_tornado(f"What decides claim {claim}", rankings[claim])

@@ -55,6 +55,31 @@ def draw_tornado(title: str, found: Ranking) -> Figure:
     return figure
 
 
+def draw_influences(found: Mapping[str, Ranking]) -> Figure:
+    """Shares of the variance of every number that the unknowns explain, in percent, the strongest on top."""
+    shares = {
+        name: {row["name"]: row["index"] if row["total"] is None else row["total"] for row in held["rows"]}
+        for name, held in found.items()
+    }
+    unknowns = [*next(iter(shares.values()))]
+    unknowns.sort(key=lambda name: -sum(held[name] for held in shares.values()))
+    unknowns = unknowns[:_BARS]
+    cells = np.array([[100.0 * held[name] for held in shares.values()] for name in unknowns])
+    with journal_style():
+        figure = open_figure(PAGE_MM, 48.0 + 5.0 * len(unknowns))
+        axes = figure.subplots()
+        axes.imshow(cells, cmap="Blues", vmin=0.0, vmax=60.0, aspect="auto")
+        for (row, column), value in np.ndenumerate(cells):
+            if value >= 1.0:
+                ink = "white" if value > 35.0 else "black"
+                axes.text(column, row, f"{value:.0f}", ha="center", va="center", fontsize=6, color=ink)
+        axes.set_yticks(np.arange(len(unknowns)), unknowns)
+        names = [name.replace(".", " ").replace("_", " ") for name in shares]
+        axes.set_xticks(np.arange(len(shares)), names, rotation=60.0, ha="right")
+        axes.set_title("What decides each number of Tables 2 and 3: share of the variance, %")
+    return figure
+
+
 def draw_ratio_against_unknowns(
     names: Sequence[str], draws: Array, ratio: Array, line: float, label: str, *, log: Sequence[bool] = ()
 ) -> Figure:

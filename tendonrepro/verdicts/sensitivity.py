@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from typing import TypedDict
 
@@ -20,12 +21,22 @@ LEAST_OTHERS = 20
 _HARMONICS = 6
 
 
+LEAST_FITTED = 300
+"""Plants below which no surrogate is fitted."""
+SURROGATE = 8
+"""Unknowns, the strongest ones, of which a surrogate tells what they explain together."""
+
+
 class Influence(TypedDict):
-    """One row of the box: its first-order index and half the width of the index's 95 % bootstrap interval."""
+    """One row of the box: its first-order index, and half the width of the index's 95 % bootstrap interval.
+
+    Of the strongest rows also the total index: what they explain alone or with one other.
+    """
 
     name: str
     index: float
     half_width: float
+    total: float | None
 
 
 class Ranking(TypedDict):
@@ -37,13 +48,16 @@ class Ranking(TypedDict):
     draws: int
 
 
-def ranked(names: Sequence[str], draws: Array, outcome: Array) -> Ranking | None:
+def ranked(
+    names: Sequence[str], draws: Array, outcome: Array, noise_floor: float | None = None
+) -> Ranking | None:
     """Rank unknowns by how much of an outcome's variance (N,) each alone explains, from draws (N, P).
 
     First-order indices by RBD-FAST (SALib), which needs the draws in no special order and of their values
     only the order. The noise floor is the 95 % quantile, over shuffles of the outcome, of the largest index
-    of all rows. None with too few finite outcomes, `LEAST_PLANTS`, or when fewer than 20 of them differ from
-    the commonest: a bootstrap of so rare an outcome may well not hold it at all.
+    of all rows, or the one given, of another outcome on as many draws. None with too few finite outcomes,
+    `LEAST_PLANTS`, or when fewer than 20 of them differ from the commonest: a bootstrap of so rare an outcome
+    may well not hold it at all.
     """
     finite = np.isfinite(outcome)
     draws, outcome = draws[finite], outcome[finite].astype(np.float64)
@@ -58,13 +72,17 @@ def ranked(names: Sequence[str], draws: Array, outcome: Array) -> Ranking | None
     draws, outcome = draws[order], outcome[order]
     problem = {"num_vars": len(names), "names": list(names)}
     found = rbd_fast.analyze(problem, draws, outcome, M=_HARMONICS, num_resamples=RESAMPLES, seed=rng)
-    largest = [_largest_index(draws, rng.permutation(outcome)) for _ in range(SHUFFLES)]
     rows: list[Influence] = [
-        {"name": name, "index": float(index), "half_width": float(half)}
+        {"name": name, "index": float(index), "half_width": float(half), "total": None}
         for name, index, half in zip(names, found["S1"], found["S1_conf"], strict=True)
     ]
     rows.sort(key=lambda row: -row["index"])
-    floor = float(np.quantile(largest, FLOOR_QUANTILE))
+    for row, total in zip(rows, _totals([row["name"] for row in rows], names, draws, outcome), strict=False):
+        row["total"] = total
+    floor = noise_floor
+    if floor is None:
+        largest = [_largest_index(draws, rng.permutation(outcome)) for _ in range(SHUFFLES)]
+        floor = float(np.quantile(largest, FLOOR_QUANTILE))
     explained = sum(row["index"] for row in rows if row["index"] > floor)
     return {
         "rows": rows,
@@ -72,6 +90,30 @@ def ranked(names: Sequence[str], draws: Array, outcome: Array) -> Ranking | None
         "unexplained": max(1.0 - explained, 0.0),
         "draws": len(outcome),
     }
+
+
+def _totals(strongest: Sequence[str], names: Sequence[str], draws: Array, outcome: Array) -> list[float]:
+    """Total indices of the first `SURROGATE` unknowns, from sums of splines of one and of two of them."""
+    from SALib.analyze import hdmr
+
+    if len(outcome) < LEAST_FITTED:
+        return []
+    chosen = [names.index(name) for name in strongest[:SURROGATE]]
+    X = draws[:, chosen]
+    free = X.max(axis=0) > X.min(axis=0)
+    X = X[:, free]
+    problem = {
+        "num_vars": X.shape[1],
+        "names": [name for name, varies in zip(strongest, free.tolist(), strict=False) if varies],
+        "bounds": np.column_stack([X.min(axis=0), X.max(axis=0)]).tolist(),
+    }
+    with warnings.catch_warnings():
+        # What SALib would have instead fails on unknowns that are choices.
+        warnings.simplefilter("ignore", DeprecationWarning)
+        found = hdmr.analyze(problem, X, outcome, maxorder=2, K=1, seed=SEED)
+    totals = np.zeros(len(chosen))
+    totals[free] = found["ST"][: X.shape[1]]
+    return totals.tolist()
 
 
 def _largest_index(draws: Array, outcome: Array) -> float:

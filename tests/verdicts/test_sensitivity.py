@@ -40,6 +40,14 @@ class TestKnownIndices:
         assert ranking["unexplained"] > 0.9
         assert ranking["rows"][0]["index"] < 0.1
 
+    def test_what_two_explain_together_is_in_the_totals(self, draws):
+        """(a - 1/2)(b - 1/2) has no share of either alone; c alone has the rest of the variance."""
+        product = 12.0 * (draws[:, 0] - 0.5) * (draws[:, 1] - 0.5)
+        ranking = ranking_of(draws, product + np.sqrt(12.0) * (draws[:, 2] - 0.5))
+        total = {row["name"]: row["total"] for row in ranking["rows"]}
+        assert [total[name] for name in "abcd"] == pytest.approx([0.5, 0.5, 0.5, 0.0], abs=0.06)
+        assert index(ranking, "a") < 0.05
+
     def test_a_discrete_unknown(self, draws):
         coarse = draws.copy()
         coarse[:, 2] = np.floor(3.0 * coarse[:, 2])
