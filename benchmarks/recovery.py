@@ -139,7 +139,9 @@ def judged(name: str, log: Log, record: dict[str, float]) -> list[str]:
     answers = []
     for i, joint in enumerate(published.joints):
         rounding = float(torque_rounding(kept)[i])
-        one = Recovered("run", joint, ranked(kept, i), kept, rounding, freed[i][1], published, i)
+        one = Recovered(
+            "run", joint, ranked(kept, i, (rounding, freed[i][1])), kept, rounding, freed[i][1], published, i
+        )
         weights = "extrapolating" if "extrapolating" in name else "interpolating"
         names = {fit.hypothesis.name for fit in equally_good(one.found)} if one.found else set()
         is_right = (

@@ -69,6 +69,9 @@ class Fit:
     condition : float
         Condition number of the scaled regressors.
     samples : int
+    bias : float
+        How far rounding of the record may have moved a weight: least squares takes the remembered torques and
+        accelerations for exact.
     """
 
     hypothesis: Hypothesis
@@ -79,6 +82,7 @@ class Fit:
     information: float
     condition: float
     samples: int
+    bias: float
 
     @property
     def is_possible(self) -> bool:
@@ -94,13 +98,15 @@ class Fit:
         return float(np.abs(np.log(found / published)).sum())
 
 
-def ranked(log: Log, joint: int) -> list[Fit]:
+def ranked(log: Log, joint: int, rounding: tuple[float, float] = (0.0, 0.0)) -> list[Fit]:
     """Fits of the hypotheses that come closest to a log, best first, for one joint, counted from 0.
 
     Parameters
     ----------
     log : Log
     joint : int
+    rounding : tuple of float
+        Steps of the recorded torque, N m, and angle, rad.
 
     Returns
     -------
@@ -113,12 +119,12 @@ def ranked(log: Log, joint: int) -> list[Fit]:
     if not best:
         return []
     printed = [Hypothesis(NTSM), Hypothesis(LINEAR)]
-    found = [fitted(log, joint, one) for one in dict.fromkeys([*printed, *best])]
+    found = [fitted(log, joint, one, rounding) for one in dict.fromkeys([*printed, *best])]
     if all(fit.residual > SAME * fit.step for fit in found):
         # Filters have a free cutoff, so they are tried on what is published, and on what comes close without.
         bases = list(dict.fromkeys([*printed, best[0]]))
         tuned = [_tuned(window, joint, one, place) for one in bases for place in range(len(FILTERS))]
-        found += [fitted(log, joint, one) for one in tuned]
+        found += [fitted(log, joint, one, rounding) for one in tuned]
     found = [fit for fit in found if fit.is_possible] or found
     equal = equally_good(found)
     # phi(k e; k Delta) = k^b phi(e; Delta): Delta and phi in degrees differ in eta alone. Gains decide.
@@ -140,8 +146,8 @@ def equally_good(found: Sequence[Fit]) -> list[Fit]:
     return exact or [fit for fit in found if fit.information <= best + DECISIVE]
 
 
-def fitted(log: Log, joint: int, hypothesis: Hypothesis) -> Fit:
-    """Fit a hypothesis to all samples of a joint."""
+def fitted(log: Log, joint: int, hypothesis: Hypothesis, rounding: tuple[float, float]) -> Fit:
+    """Fit a hypothesis to all samples of a joint, whose torque and angle were rounded to steps."""
     held = regression(log, joint, hypothesis)
     block = held.rows // BLOCK
     factors = [_factor(held.X[rows], held.y[rows]) for rows in _groups(block)]
@@ -156,7 +162,10 @@ def fitted(log: Log, joint: int, hypothesis: Hypothesis) -> Fit:
     spread = np.sqrt((len(factors) - 1) * np.mean((left_out - left_out.mean(axis=0)) ** 2, axis=0))
     samples = len(held.y)
     # Errors of the record are in the torque and in both remembered ones: heavy weights make them larger.
-    noise = float(np.sqrt(1.0 + np.sum(parameters[:2] ** 2)))
+    noise = float(np.sqrt(1.0 + np.sum(_remembered(parameters, hypothesis) ** 2)))
+    torque, angle = rounding
+    # Of a step the variance is a twelfth of its square; an acceleration has six of the angle's, over L^4.
+    errors = torque**2 / 12.0, 6.0 * angle**2 / 12.0 / log.L**4
     error = _residual(whole, coefficients(parameters, hypothesis)) / noise
     count = parameters.size + (hypothesis.newest < 1.0)
     scaled = whole[:, :-1] / np.linalg.norm(whole[:, :-1], axis=0)
@@ -170,7 +179,36 @@ def fitted(log: Log, joint: int, hypothesis: Hypothesis) -> Fit:
         + count * float(np.log(samples)),
         condition=float(np.linalg.cond(scaled)),
         samples=samples,
+        bias=_bias(whole[:, :-1], parameters, hypothesis, samples, errors),
     )
+
+
+def _remembered(parameters: Array, hypothesis: Hypothesis) -> Array:
+    """Weights (2,) of the torques of one and two samples ago in the equation that is fitted."""
+    weights = parameters[:2].copy()
+    if hypothesis.readings["estimate_filter"] == "estimate":
+        weights *= hypothesis.newest
+        weights[0] += 1.0 - hypothesis.newest
+    return weights
+
+
+def _bias(
+    factor: Array, parameters: Array, hypothesis: Hypothesis, samples: int, errors: tuple[float, float]
+) -> float:
+    """Largest shift of the two weights by errors of the regressors, to first order.
+
+    Errors of variance D in the columns of X move the parameters by ``-(J'X'X J)^-1 N J'D c`` with the slopes
+    J of the coefficients c. The variances are those of remembered torques and of accelerations.
+    """
+    found, slopes = coefficients(parameters, hypothesis), coefficient_slopes(parameters, hypothesis)
+    variance = np.zeros(found.size)
+    variance[:2], variance[2:4] = errors
+    moved = factor @ slopes
+    scale = np.linalg.norm(moved, axis=0)
+    scale[scale == 0.0] = 1.0
+    square = (moved / scale).T @ (moved / scale)
+    shift = np.linalg.lstsq(square, slopes.T @ (samples * variance * found) / scale, rcond=1e-14)[0] / scale
+    return float(np.abs(shift[:2]).max())
 
 
 def _foretold(log: Log, joint: int, hypothesis: Hypothesis, solve: Solve) -> float:
@@ -224,7 +262,9 @@ def _solved(factor: Array, hypothesis: Hypothesis, near: Array | None = None) ->
     second = free[6] / M_bar
     if hypothesis.surface != LINEAR and hypothesis.readings["eta_in_controller_2"] == "dropped":
         second = free[7] / free[5]
-    starts = [np.array([w_1, w_2, M_bar, free[5] / M_bar, second]), _published(hypothesis)]
+    published = _published(hypothesis)
+    extrapolating = np.array([1.15, -0.15, *published[2:]])
+    starts = [np.array([w_1, w_2, M_bar, free[5] / M_bar, second]), published, extrapolating]
     starts = starts if near is None else [near]
 
     def misses(x: Array) -> Array:

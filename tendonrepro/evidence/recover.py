@@ -96,6 +96,8 @@ class Recovered:
         balance = abs(self.best.parameters[:2].sum() - 1.0)
         balanced = balance <= CLOSE + self.best.half[:2].sum()
         fine = self.rounding <= COARSE
+        if self.best.bias > CLOSE:
+            return UNTOLD
         if balanced and self.unexplained <= max(FAITHFUL, 3.0 * self.rounding * fine):
             return RECOVERED
         if not fine or not self.sampled_as_run:
@@ -114,7 +116,7 @@ class Recovered:
             return "Too few samples inside the motors' limits. Record a longer run."
         if not self.sampled_as_run:
             return f"Record every sample of the controller. This log has one in {1e3 * self.log.L:g} ms."
-        if self.rounding > COARSE:
+        if self.rounding > COARSE or self.best.bias > CLOSE:
             return "Record torque and angles with more digits: encoder steps if you can."
         if self.answer == UNTOLD:
             return "The log has noise, or another filter. Record what the controller computed."
@@ -197,7 +199,8 @@ def recovered(file: TraceFile, loaded: LoadedConfig, talk: Talk) -> list[Recover
     with talk.bar("fitting controllers", sum(len(trace.joint) for trace, _, _ in logs)) as progress:
         for trace, log, rounding in logs:
             for i, joint in enumerate(trace.joint):
-                fits, torque = ranked(log, i), float(torque_rounding(log)[i])
+                torque = float(torque_rounding(log)[i])
+                fits = ranked(log, i, (torque, float(rounding[i])))
                 place = published.joints.index(joint)
                 found.append(
                     Recovered(trace.name, joint, fits, log, torque, float(rounding[i]), published, place)
@@ -272,6 +275,7 @@ def _data(one: Recovered) -> dict[str, Any]:
         "angle_rounding": one.angle_rounding,
         "period": one.log.L,
         "condition": one.best.condition,
+        "bias": one.best.bias,
         "samples": one.best.samples,
     }
 
