@@ -8,6 +8,9 @@ from typing import Any
 
 BOTH = "weights=extrapolating+Delta_unit=deg"
 """Reading under which the published order comes out."""
+STEPS = "Delta_unit=deg+stored_torque=applied+torque_step=0.016"
+FINE_STEPS = "Delta_unit=deg+stored_torque=applied+torque_step=0.0032"
+"""Readings with Eq. (15) as printed under which it comes out on some plants."""
 TEMPLATES = Path(__file__).with_name("templates")
 
 
@@ -16,20 +19,20 @@ def numbers(summary: Mapping[str, Any], ledger: Mapping[str, Any]) -> dict[str, 
     box = summary["populations"]["box"]
     readings = {reading["name"]: reading for reading in box["readings"]}
     claims = {entry["id"]: entry for entry in ledger["claims"]}
-    printed, extrapolating = readings["printed"], readings["weights=extrapolating"]
+    printed = readings["printed"]
     ahead = claims["share.controller_1_of_2.mae.joint_2"]["evidence"]["direction"]["share"]
-    both = readings[BOTH]
+    main = {"printed": printed, "both": readings[BOTH], "steps": readings[STEPS]}
     return {
+        **{f"order_{name}": percent(held["in_order"]["share"]) for name, held in main.items()},
+        **{f"first_{name}": percent(held["first_best"]["share"]) for name, held in main.items()},
+        **{f"smooth_{name}": percent(held["smoother"]["share"]) for name, held in main.items()},
+        "first_fine": percent(readings[FINE_STEPS]["first_best"]["share"]),
         "worst": percent(printed["first_worst"]["share"]),
         "tie": percent(printed["last_two_tie"]["share"]),
-        "order_both": percent(both["in_order"]["share"]),
-        "first_both": percent(both["first_best"]["share"]),
         "ratio_degrees": f"{readings['Delta_unit=deg']['c2_c3']['joint_2']['median']:.2f}",
         "plants": f"{box['plants']:,}",
         "stable": f"{printed['in_order']['plants']:,}",
         "behind": percent(1.0 - ahead),
-        "reverse": percent(printed["in_reverse"]["share"]),
-        "first_extrapolating": percent(extrapolating["first_best"]["share"]),
         "ratio": f"{printed['c1_c2']['joint_2']['median']:.2f}",
         "ratio_surfaces": f"{printed['c2_c3']['joint_2']['median']:.2f}",
     }

@@ -24,6 +24,7 @@ LABELS = {
     "weights=extrapolating": ("(1 + α, −α)", -5.0),
     "weights=extrapolating+Delta_unit=deg": ("both", -5.0),
     "stored_torque=applied+output_delay=1": ("applied\ntorque,\nlate", 5.0),
+    "Delta_unit=deg+stored_torque=applied+torque_step=0.016": ("torque in steps", -5.0),
 }
 """Readings that have their name in the picture, and on which side, pt; the others are small dots."""
 

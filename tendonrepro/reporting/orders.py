@@ -16,6 +16,8 @@ AS_PUBLISHED = {
     "Delta_unit=deg": "Δ in degrees",
     "stored_torque=applied": "Estimator stores the applied torque",
     "stored_torque=applied+output_delay=1": "… which acts one sample late",
+    "stored_torque=applied+torque_step=0.016": "Estimator stores a torque in steps",
+    "Delta_unit=deg+stored_torque=applied+torque_step=0.016": "… with Δ in degrees",
     "torque_unit=volt": "Torque in volts",
 }
 CHANGED = {

@@ -11,7 +11,7 @@ from typing import Any
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import sha256_of, shipped
 from tendonrepro.monte_carlo.shares import ORDERS
-from tendonrepro.reporting.answer import BOTH
+from tendonrepro.reporting.answer import BOTH, FINE_STEPS, STEPS
 from tendonrepro.results.store import MANIFEST
 
 RUN, SHIPPED, MISSING = "run", "shipped", "missing"
@@ -105,7 +105,7 @@ def stored_under(folder: Path) -> Stored:
     if (own.get("ensemble") or {}).get("source") == "local" and (folder / _SUMMARY).exists():
         summary = found.read(_SUMMARY)
         names = {reading["name"] for reading in summary["populations"]["box"]["readings"]}
-        if {"printed", "weights=extrapolating", BOTH} <= names and summary["of_paper"]:
+        if {"printed", "weights=extrapolating", BOTH, STEPS, FINE_STEPS} <= names and summary["of_paper"]:
             found.summary, found.origins["ensemble"] = thinned(summary), RUN
     found.summary = found.summary or found.read("docs/results/ensemble.json")
     found.ledger = own or found.read("docs/results/claims.json")
@@ -162,7 +162,7 @@ def _thin_reading(reading: Mapping[str, Any]) -> dict[str, Any]:
         **{name: reading[f"share_{name}"] for name in _SHARES},
         "diverged_last": orders("diverged_last"),
         "growth": {
-            joint: _values(found, "median", "highest")
+            joint: _values(found, "median", "q95")
             for joint, found in reading["rmse_over_mae_growth"].items()
         },
         "distance": _values(reading["distance"], "median", "lowest"),
