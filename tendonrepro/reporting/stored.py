@@ -162,8 +162,7 @@ def _thin_reading(reading: Mapping[str, Any]) -> dict[str, Any]:
         **{name: reading[f"share_{name}"] for name in _SHARES},
         "diverged_last": orders("diverged_last"),
         "growth": {
-            joint: _values(found, "median", "q95")
-            for joint, found in reading["rmse_over_mae_growth"].items()
+            joint: _values(found, "median", "q95") for joint, found in reading["rmse_over_mae_growth"].items()
         },
         "distance": _values(reading["distance"], "median", "lowest"),
         "c1_c2": ratio("ratio_c1_c2"),

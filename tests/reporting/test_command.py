@@ -14,6 +14,7 @@ from support.made_ensemble import PLANTS, always_ok, ensemble, random_errors, wh
 
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.reporting.answer import BOTH, FINE_STEPS, STEPS
 from tendonrepro.reporting.command import run_report
 from tendonrepro.reporting.stored import stored_under, thinned
 
@@ -62,7 +63,7 @@ def test_damage_is_one_error_that_names_the_file(name: str, content: str, tmp_pa
 def summary_of_256() -> dict[str, Any]:
     summary = whole(ensemble(random_errors, always_ok))
     held = summary["populations"]["box"]["readings"]
-    held += [{**held[1], "name": name} for name in ("weights=extrapolating+Delta_unit=deg", "Delta_unit=deg")]
+    held += [{**held[1], "name": name} for name in (BOTH, STEPS, FINE_STEPS, "Delta_unit=deg")]
     rest = {"tendonrepro_version": "0", "config_sha256": "0", "spot_check": {}, "cost": {}}
     return json.loads(json.dumps(summary | rest))
 
