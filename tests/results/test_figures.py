@@ -433,6 +433,17 @@ def test_a_law_of_the_users_own_joins_the_others_and_ringing_is_said() -> None:
     assert drawn("fig13").caption.endswith("Simulated; tendonrepro 0.1.0, configuration 000000000000.")
 
 
+def test_figure_15_has_the_bound_of_section_4_3() -> None:
+    """max |epsilon| / lambda of Controller 1; the last sample's epsilon is not known."""
+    run = compare_file().runs["controller_1"]
+    lam = np.asarray(run.attributes["gains"]["lam"])
+    bounds = np.abs(run["epsilon"][:-1]).max(axis=0) / lam
+    for letter, bound in zip("ab", bounds, strict=True):
+        axes = drawn("fig15").axes[letter]
+        across = sorted(float(line.get_ydata()[0]) for line in axes.lines if line.get_linestyle() == ":")
+        assert across == pytest.approx([-bound, bound])
+
+
 def test_measured_traces_without_the_laws_inside_say_not_recorded() -> None:
     file = make_compare_file(source="measured", without=("s", "H_hat"))
     artists = draw(15, file)

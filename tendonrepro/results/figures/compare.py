@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import count, product
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
@@ -97,6 +99,8 @@ def draw_law(_file: TraceFile, traces: list[Trace], *, bands: bool = True) -> Ca
         letter = next(letters)
         canvas.zero_line(letter)
         _curves(canvas, letter, runs, variable, joint, averaged=True, bands=bands)
+        if variable == "s":
+            _bound_of_s(canvas.axes[letter], runs, joint)
         if variable in near:
             canvas.axes[letter].axvspan(*_near(runs, joint), color="#B0B0B0", linewidth=0.0, zorder=0.7)
     for variable, joint in product(near, joints):
@@ -105,6 +109,25 @@ def draw_law(_file: TraceFile, traces: list[Trace], *, bands: bool = True) -> Ca
         lines = f"Lines: {MEAN_WINDOW * 1e3:g} ms mean"
         canvas.explain_bands(f"{lines}; bands: ± RMS of the samples about it, over {RIPPLE_WINDOW:g} s")
     return canvas
+
+
+def _bound_of_s(axes: Axes, runs: Sequence[_DrawnRun], joint: int) -> None:
+    """Bound of section 4.3 on s of Controller 1, max |epsilon| over lambda: lines where they are in sight."""
+    for run in runs:
+        known = run.holds("epsilon", joint) and run.holds("s", joint) and len(run.trace.time) > 1
+        if run.trace.name != "controller_1" or not known:
+            continue
+        lam = run.trace.attributes["gains"]["lam"][run.trace.joint.index(joint)]
+        # The estimation error of the last sample is not known.
+        bound = float(np.nanmax(np.abs(run.values("epsilon", joint)[:-1]))) / lam
+        limits = axes.get_ylim()
+        for line in (-bound, bound):
+            axes.axhline(line, color="#777777", linewidth=0.7, linestyle=":")
+        axes.set_ylim(*limits)
+        text = rf"section 4.3: $|s| \leq {bound:.2g}$ rad/s"
+        look: dict[str, Any] = {"ha": "right", "va": "top", "fontsize": 6, "color": "#555555"}
+        ground = {"facecolor": "white", "edgecolor": "none", "pad": 0.8, "alpha": 0.8}
+        axes.text(0.98, 0.96, text, transform=axes.transAxes, bbox=ground, **look)
 
 
 @dataclass(frozen=True)
