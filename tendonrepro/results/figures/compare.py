@@ -114,10 +114,12 @@ def draw_law(_file: TraceFile, traces: list[Trace], *, bands: bool = True) -> Ca
 def _bound_of_s(axes: Axes, runs: Sequence[_DrawnRun], joint: int) -> None:
     """Bound of section 4.3 on s of Controller 1, max |epsilon| over lambda: lines where they are in sight."""
     for run in runs:
+        gains = run.trace.attributes.get("gains", {})
         known = run.holds("epsilon", joint) and run.holds("s", joint) and len(run.trace.time) > 1
-        if run.trace.name != "controller_1" or not known:
+        # Of a measured run the gains are not known.
+        if run.trace.name != "controller_1" or not known or "lam" not in gains:
             continue
-        lam = run.trace.attributes["gains"]["lam"][run.trace.joint.index(joint)]
+        lam = gains["lam"][run.trace.joint.index(joint)]
         # The estimation error of the last sample is not known.
         bound = float(np.nanmax(np.abs(run.values("epsilon", joint)[:-1]))) / lam
         limits = axes.get_ylim()
