@@ -71,7 +71,7 @@ def identify(
     window: Annotated[
         Literal["whole", "late"], Option("--window", help="Whole run, or after the first period.")
     ] = "whole",
-    generations: Annotated[int, Option("--generations", help="Of each search.")] = 60,
+    generations: Annotated[int, Option("--generations", help="Of each search.")] = 40,
     population: Annotated[int, Option("--population", help="Members of each seed.")] = 48,
     seeds: Annotated[int, Option("--seeds", help="Independent searches of a reading.")] = 3,
     jobs: Annotated[int, Option("--jobs", help="Processors; -1 is all.")] = -1,
@@ -109,6 +109,49 @@ def predict(
     from tendonrepro.evidence.predict import READINGS, run_predict
 
     found = run_predict(request, terminal.talk, draws=draws, readings=readings or READINGS)
+    terminal.show(found, found.pop("text"))
+
+
+@command(study_app, "tendonrepro tune --plants 24", without=("controllers",))
+def tune(
+    request: Request,
+    terminal: Terminal,
+    plants: Annotated[int, Option("--plants", help="Plants on which every law is tuned.")] = 16,
+    searches: Annotated[int, Option("--searches", help="Of each law on each plant.")] = 4,
+    generations: Annotated[int, Option("--generations", help="Of each search.")] = 4,
+    population: Annotated[int, Option("--population", help="Members of a generation.")] = 6,
+    law: Annotated[
+        list[str] | None,
+        Option(
+            "--law", metavar="FILE:NAME", help="Tune a law of your own too; repeatable. FILE is executed."
+        ),
+    ] = None,
+    any_plant: Annotated[
+        bool, Option("--any-plant", help="Also plants on which the published gains are unstable.")
+    ] = False,
+    jobs: Annotated[int, Option("--jobs", help="Processes; -1 is one for each processor.")] = -1,
+    dask: Annotated[
+        str | None, Option("--dask", metavar="ADDRESS", help="Scheduler to send the work to.")
+    ] = None,
+) -> None:
+    """Controllers at their best: each law tuned, then compared.
+
+    An interrupted tuning goes on.
+    """
+    from tendonrepro.tuning.command import run_tune
+
+    found = run_tune(
+        request,
+        terminal.talk,
+        plants=plants,
+        searches=searches,
+        generations=generations,
+        population=population,
+        laws=law or (),
+        any_plant=any_plant,
+        jobs=jobs,
+        dask=dask,
+    )
     terminal.show(found, found.pop("text"))
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
+from tendonrepro.physics import control
 from tendonrepro.physics.dynamics import Plant, holding_torque, rest_state
 from tendonrepro.simulation import streaming
 from tendonrepro.simulation.codegen.lanes import LaneRows, bundled, columns, part_of, stacked
@@ -128,13 +129,14 @@ def sample_part(
     statistics: bool,
     record: bool,
 ) -> CompiledPart:
-    """Compile encoders, law and motors of loops alike in every branch, with statistics or a record.
+    """Compile encoders, law and motors of loops alike in command and branches, with statistics or a record.
 
     ``block(L)`` is the number of samples whose errors are summed up together.
     """
     ordered = {place: (loop, rest[place]) for place, loop in loops.items()}
     numbers = _numbers([*ordered.values()], block)
-    source, rows = sample_code(numbers, statistics, record)
+    command = next(iter(loops.values())).controller.command or control.command
+    source, rows = sample_code(numbers, statistics, record, command)
     code = LaneCode(*assembled(source, "prepare_sample", "sample"))
     starts = [_start(*one) for one in ordered.values()]
     start = {name: np.stack([one[name] for one in starts], axis=-1) for name in starts[0]}
