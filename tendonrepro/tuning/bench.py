@@ -23,7 +23,7 @@ from tendonrepro.physics.control import Law
 from tendonrepro.physics.dynamics import Plant, load_at_rest
 from tendonrepro.physics.kinematics import to_joint_matrix
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.physics.trajectory import Motion, Shape, minimum_jerk, motion, raised_cosine
+from tendonrepro.physics.trajectory import Motion, Shape, minimum_jerk, motion, smooth_sine
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.controllers import TimeDelayController
 from tendonrepro.simulation.loop import DesiredMotion, Loop
@@ -42,13 +42,14 @@ COUNTS = 2.0
 
 
 def tuning_motion(L: float, n: int) -> DesiredMotion:
-    """Up and down: 33 deg as shipped, at the speed of the fastest rise of the box, so that a run is short."""
-    return _motion(raised_cosine(np.radians(33.0), 2.4), 2.4, L, n)
+    """Up and down: 33 deg as shipped, a fifth faster than the box allows, so that a run is short."""
+    return _motion(minimum_jerk(np.radians(33.0), 1.2, 0.0), 2.4, L, n)
 
 
 def held_out_motion(L: float, n: int) -> DesiredMotion:
-    """Another shape, larger, with rests."""
-    return _motion(minimum_jerk(np.radians(40.0), 1.5, 0.25), 3.5, L, n)
+    """Another shape: a sine between 0 and 40 deg that begins softly."""
+    middle = np.radians(20.0)
+    return _motion(smooth_sine(middle, middle, 2.5, 1.25), 5.0, L, n)
 
 
 def _motion(shape: Shape, period: float, L: float, n: int) -> DesiredMotion:
@@ -131,6 +132,13 @@ def plants_of(loaded: LoadedEnsemble, box: Box, row: Array) -> Plants:
 def _reading(config: CompareConfig, readings: Readings) -> CompareConfig:
     control = config.control.model_copy(update={"readings": readings})
     return config.model_copy(update={"control": control})
+
+
+def known_along(plant: Plant, motions: Sequence[DesiredMotion]) -> dict[tuple[str, bool], Known]:
+    """What each class knows of a plant along the motion of tuning, and along the held-out one."""
+    return {
+        (name, bool(k)): _known(name, plant, along) for name in CLASSES for k, along in enumerate(motions)
+    }
 
 
 def _known(name: str, plant: Plant, along: DesiredMotion) -> Known:
