@@ -71,11 +71,11 @@ def plant_parts(
     none are enough, and its rest. `for_each` is `map`, or one on several threads.
     """
     # Runs under other readings share their plant and motion: these are worked out once.
-    key = {place: (id(loop.plant), id(loop.reference)) for place, loop in loops.items()}
+    key = {place: (id(loop.plant), id(loop.reference.q_d)) for place, loop in loops.items()}
     single = {key[place]: loop for place, loop in loops.items()}
-    motions = {id(loop.reference): loop.reference for loop in single.values()}
-    far = {name: np.abs(motion.q_d).max(axis=0) for name, motion in motions.items()}
-    plant, stroke = stacked([(loop.plant, far[id(loop.reference)]) for loop in single.values()])
+    angles = {id(loop.reference.q_d): loop.reference.q_d for loop in single.values()}
+    far = {name: np.abs(q_d).max(axis=0) for name, q_d in angles.items()}
+    plant, stroke = stacked([(loop.plant, far[id(loop.reference.q_d)]) for loop in single.values()])
     slices = [slice(first, first + CHUNK) for first in range(0, len(single), CHUNK)]
     chunks = [part_of((plant, stroke), chosen) for chosen in slices]
     periods = {loop.L for loop in loops.values()}

@@ -168,16 +168,20 @@ class Candidate(NamedTuple):
     gains: Gains
 
 
-def loop_of(plants: Plants, candidate: Candidate, place: int) -> Loop:
-    """Loop of one run of a candidate."""
-    loop = plants.loops[place]
-    law, reference = _law_of(plants, candidate), loop.reference
+def loops_of(plants: Plants, candidate: Candidate, runs: int = TUNED) -> list[Loop]:
+    """Loops of the first so many runs of a candidate; runs of one motion share what its law is given."""
+    law, command = _law_of(plants, candidate), candidate.law.command
+    controller = TimeDelayController(law, command, on_lanes=command is not None)
+    references = {id(loop.reference): loop.reference for loop in plants.loops[:runs]}
     if candidate.knows != "none":
-        known = plants.known[candidate.knows, place >= TUNED]
-        extra = _entering(known.torque, law, increments=candidate.law.command is None) @ law.from_joint.T
-        reference = replace(reference, ddq_d=reference.ddq_d + extra / law.M_bar)
-    controller = TimeDelayController(law, candidate.law.command, on_lanes=candidate.law.command is not None)
-    return replace(loop, controller=controller, reference=reference)
+        for held, (name, reference) in zip((False, True), references.items(), strict=False):
+            torque = plants.known[candidate.knows, held].torque
+            extra = _entering(torque, law, increments=command is None) @ law.from_joint.T / law.M_bar
+            references[name] = replace(reference, ddq_d=reference.ddq_d + extra)
+    return [
+        replace(loop, controller=controller, reference=references[id(loop.reference)])
+        for loop in plants.loops[:runs]
+    ]
 
 
 def _law_of(plants: Plants, candidate: Candidate) -> Law:
@@ -208,7 +212,7 @@ def _entering(torque: Array, law: Law, *, increments: bool) -> Array:
 
 def measure(plants: Plants, candidates: Sequence[Candidate], runs: int = TUNED) -> Measured:
     """Run candidates on one draw in the first so many runs; leading axis (C,)."""
-    loops = [loop_of(plants, candidate, place) for candidate in candidates for place in range(runs)]
+    loops = [loop for candidate in candidates for loop in loops_of(plants, candidate, runs)]
     batch = simulate_batch(loops, plants.limits)
     shape = len(candidates), runs, -1
     mae, rmse, share, steps = (batch.statistics[name].reshape(shape) for name in _STATISTICS)

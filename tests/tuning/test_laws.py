@@ -16,7 +16,7 @@ from tendonrepro.physics.dynamics import frictionless
 from tendonrepro.physics.instruments import Encoder
 from tendonrepro.simulation.controllers import TimeDelayController
 from tendonrepro.simulation.stepper import simulate
-from tendonrepro.tuning.bench import CLASSES, Candidate, Plants, known_along, loop_of, measure, plants_of
+from tendonrepro.tuning.bench import CLASSES, Candidate, Plants, known_along, loops_of, measure, plants_of
 from tendonrepro.tuning.laws import LAWS, STEPS, Gains, Step
 
 BY_NAME = {law.name: law for law in LAWS}
@@ -90,7 +90,7 @@ def test_every_law_keeps_its_gains_on_the_way_to_the_cube_and_back() -> None:
 
 def test_pid_is_the_textbooks() -> None:
     """An independent program: proportional, integral and derivative parts as they are taught."""
-    loop = loop_of(nominal(), Candidate(BY_NAME["pid"], "none", False, GOOD["pid"]), 0)
+    loop = loops_of(nominal(), Candidate(BY_NAME["pid"], "none", False, GOOD["pid"]))[0]
     law = loop.controller.law
     total = []
 
@@ -110,7 +110,7 @@ def test_pid_is_the_textbooks() -> None:
 
 def test_super_twisting_on_lanes_is_the_function_itself() -> None:
     candidate = Candidate(BY_NAME["super_twisting"], "gravity", True, GOOD["super_twisting"])
-    alone = simulate(loop_of(nominal(), candidate, 1))
+    alone = simulate(loops_of(nominal(), candidate)[1])
     assert np.allclose(np.abs(alone["e"]).mean(axis=0), measure(nominal(), [candidate]).mae[0, 1], rtol=1e-4)
 
 
