@@ -59,6 +59,14 @@ def only_here(family: int, address: Any) -> None:
 
 
 @pytest.fixture(scope="session", autouse=True)
+def _one_process() -> Iterator[None]:
+    """Do work in the process of the test: the workers of a pool would start anew for every command."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "cpu_count", lambda: 1)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
 def _no_network(request: pytest.FixtureRequest) -> Iterator[None]:
     """Keep every test on this machine, its child processes too."""
     if any(item.get_closest_marker("network") for item in request.session.items):
