@@ -18,7 +18,6 @@ Array = NDArray[np.float64]
 PRINTED_S = np.array([[0.4805, 0.0, 0.0], [0.2184, 0.4805, 0.0], [0.2479, 0.4545, 1.0]])
 # Table 1, times 37.
 PRINTED_RATIOS = np.array([[77.0, 0.0, 0.0], [35.0, 77.0, 0.0], [35.0, 35.0, 37.0]])
-PATTERNS = list(product([1.0, -1.0], repeat=3))
 
 cases = given(st.integers(1, 6), st.integers(0, 2**32 - 1))
 many = settings(max_examples=100, deadline=None)
@@ -83,23 +82,12 @@ class TestCoupling:
         S = coupling_matrix(S_inv)
         assert coupling_matrix(S_inv[1:, 1:]) == pytest.approx(S[1:, 1:], abs=1e-13 * np.abs(S).max())
 
-    def test_coupling_falls_with_the_winch_and_rises_with_the_guide_pulley(self) -> None:
-        """Claim K6."""
-        wider_winch = TABLE_1._replace(winch=2.0 * TABLE_1.winch)
-        assert coupling_inverse(*wider_winch) == pytest.approx(coupling_inverse(*TABLE_1) / 2.0, rel=1e-15)
-        wider_pulleys = TABLE_1._replace(pulley=2.0 * TABLE_1.pulley)
-        assert coupling_inverse(*wider_pulleys) == pytest.approx(coupling_inverse(*TABLE_1) * 2.0, rel=1e-15)
-
 
 class TestPrintedNumbers:
     """Section 5.2 and Table 1."""
 
     def test_table_1_is_the_inverse_coupling(self) -> None:
         assert 37.0 * np.abs(coupling_inverse(*TABLE_1)) == pytest.approx(PRINTED_RATIOS, rel=1e-15)
-
-    def test_signs_of_section_3_3(self) -> None:
-        signs = [[1.0, 0.0, 0.0], [-1.0, 1.0, 0.0], [1.0, -1.0, 1.0]]
-        assert np.sign(coupling_inverse(*TABLE_1)).tolist() == signs
 
     def test_S_to_the_printed_digits(self) -> None:
         assert np.abs(S_of_table_1()).round(4).tolist() == PRINTED_S.tolist()
@@ -112,10 +100,10 @@ class TestPrintedNumbers:
         # One rounding per operation of the forward substitution.
         assert S_of_table_1() == pytest.approx(np.array(exact, dtype=float), abs=4e-16)
 
-    @pytest.mark.parametrize("signs", PATTERNS)
-    def test_only_sign_patterns_of_product_minus_one_print_that_S(self, signs: tuple[float, ...]) -> None:
-        S = coupling_matrix(coupling_inverse(*with_signs(*signs)))
-        assert (np.abs(S).round(4).tolist() == PRINTED_S.tolist()) == (np.prod(signs) == -1.0)
+    def test_only_sign_patterns_of_product_minus_one_print_that_S(self) -> None:
+        for signs in product([1.0, -1.0], repeat=3):
+            S = coupling_matrix(coupling_inverse(*with_signs(*signs)))
+            assert (np.abs(S).round(4).tolist() == PRINTED_S.tolist()) == (np.prod(signs) == -1.0)
 
     def test_pulling_tendon_1_alone_turns_joint_2_along_with_joint_1(self) -> None:
         """Claim K2."""
