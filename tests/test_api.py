@@ -91,12 +91,6 @@ def test_a_plain_script_needs_no_main_guard(tmp_path: Path) -> None:
     assert (done.returncode, done.stdout) == (0, "ok\n"), done.stderr
 
 
-def test_importing_the_package_loads_nothing_heavy() -> None:
-    code = "import sys, tendonrepro; print([x for x in ('numpy', 'scipy', 'xarray') if x in sys.modules])"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == "[]\n"
-
-
 @pytest.mark.slow
 @pytest.mark.skipif(not PAGE.exists(), reason="no docs folder beside the package")
 def test_the_examples_of_the_page_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
