@@ -119,11 +119,6 @@ def test_no_line_begins_with_a_percent_sign() -> None:
     assert not [path.name for path, text in TEXTS.items() if re.search(r"^\s*%", prose(text), re.M)]
 
 
-def test_the_index_lists_every_page() -> None:
-    listed = set(re.findall(r"^(?:.*<)?(\w+)>?$", page("index.md"), re.M))
-    assert {path.stem for path in PAGES if path.stem != "index"} <= listed
-
-
 def test_made_parts_are_fresh_and_stand_once() -> None:
     """`make pages` writes them again."""
     spec = importlib.util.spec_from_file_location("pages", DOCS / "pages.py")
@@ -362,15 +357,6 @@ def test_what_each_reading_does(setting: str, cells: list[str]) -> None:
             assert text == number or (text == "ok" and "/" in number)
 
 
-# ---- equations ---------------------------------------------------------------------------------------------
-
-
-def test_every_equation_has_a_row() -> None:
-    table = [row for row in rows(section(page("notation.md"), "## Equations")) if row[0].startswith("(")]
-    assert [row[0] for row in table] == [f"({k})" for k in range(1, 32)]
-    assert all(equation and where for _, equation, where in table)
-
-
 # ---- traces ------------------------------------------------------------------------------------------------
 
 
@@ -484,20 +470,6 @@ def test_manifest_keys_of_the_page(results: Path) -> None:
     manifest = json.loads((results / "manifest.json").read_text(encoding="utf-8"))
     text = section(page("traces.md"), "## Manifest")
     assert {key for key in manifest if f"`{key}`" not in text} == set()
-
-
-def test_exit_codes_agree_with_the_command_line() -> None:
-    from tendonrepro.cli.app import EPILOG
-
-    codes = {row[0] for row in rows(section(page("traces.md"), "## Exit codes")) if row[0].isdigit()}
-    assert codes == set(re.findall(r"\b(\d+) ", EPILOG))
-
-
-def test_tables_and_figures_of_the_page_are_written(results: Path) -> None:
-    written = {path.stem for path in (results / "tables").iterdir()}
-    page = (DOCS / "traces.md").read_text(encoding="utf-8")
-    assert all(stem in page or f"{stem}.*" in page for stem in written)
-    assert {path.suffix for path in (results / "figures").iterdir()} == {".pdf", ".svg", ".png"}
 
 
 def test_the_film_is_of_the_shipped_configuration() -> None:

@@ -64,11 +64,6 @@ class TestNoise:
         # 30 sines are expected in a tenth of the band.
         assert all((part.sum(axis=1) > 0.03 * power.sum(axis=1)).all() for part in tenths)
 
-    def test_joints_are_independent(self) -> None:
-        first, second = both(TIME, noise())
-        # With random phases on 300 common frequencies the correlation spreads by 1 / sqrt(300) = 0.06.
-        assert abs(np.corrcoef(first, second)[0, 1]) < 0.2
-
     def test_phases_fill_the_circle_evenly(self) -> None:
         # The mean of 600 unit vectors scatters by 0.04; with a radian of the circle left out it is 0.18.
         assert abs(np.exp(1j * noise().phase).mean()) < 0.12

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from support.oracles import TABLE_1, Routing, coupling_by_columns, random_routing, rope_used, winch_angles
+from support.oracles import TABLE_1, Routing, random_routing, rope_used, winch_angles
 
 from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix, to_joint_matrix
 
@@ -59,13 +59,6 @@ class TestCoupling:
 
     @many
     @cases
-    def test_no_tendon_is_moved_by_a_joint_beyond_its_own(self, n: int, seed: int) -> None:
-        S_inv = coupling_inverse(*routing_of(n, seed))
-        assert (np.triu(S_inv, 1) == 0.0).all()
-        assert (np.triu(coupling_matrix(S_inv), 1) == 0.0).all()
-
-    @many
-    @cases
     def test_diameters_below_the_diagonal_are_not_read(self, n: int, seed: int) -> None:
         routing = routing_of(n, seed)
         below = np.tril(np.full((n, n), np.nan), -1)
@@ -88,9 +81,6 @@ class TestPrintedNumbers:
 
     def test_table_1_is_the_inverse_coupling(self) -> None:
         assert 37.0 * np.abs(coupling_inverse(*TABLE_1)) == pytest.approx(PRINTED_RATIOS, rel=1e-15)
-
-    def test_S_to_the_printed_digits(self) -> None:
-        assert np.abs(S_of_table_1()).round(4).tolist() == PRINTED_S.tolist()
 
     def test_S_in_exact_fractions(self) -> None:
         S21 = Fraction(35 * 37, 77 * 77)
@@ -132,13 +122,3 @@ class TestToJointMatrix:
         at_winches = (winch_values * winch_angles(q, routing) ** 2).sum()
         # The sum cancels where the winches nearly stand still.
         assert q @ A @ q == pytest.approx(at_winches, rel=1e-12, abs=1e-13 * np.abs(A).max())
-
-    @many
-    @cases
-    def test_symmetric_and_positive_definite(self, n: int, seed: int) -> None:
-        S_inv = coupling_by_columns(routing_of(n, seed))
-        winch_values = np.linspace(1.0, 2.0, n)
-        A = to_joint_matrix(winch_values, S_inv)
-        assert np.abs(A - A.T).max() <= 1e-14 * np.abs(A).max()
-        # A triangular S_inv gives the determinant; its rounding grows with the condition of A.
-        assert np.linalg.det(A) == pytest.approx(np.prod(np.diag(S_inv) ** 2 * winch_values), rel=1e-6)

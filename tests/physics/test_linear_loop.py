@@ -238,15 +238,6 @@ class TestLoop:
         np.testing.assert_allclose(A + B @ C, matrix, rtol=1e-12, atol=1e-15)
         assert np.count_nonzero(B) == 16
 
-    def test_cut_plant_feels_only_the_injected_torque(self):
-        plant, law = build_plant(shipped(), 0.0), build_law(shipped(), "controller_1")
-        A, B, C = open_loop(POSTURES[1], plant, law)
-        Phi, Gamma = hold_discretised(*plant_matrices(POSTURES[1], plant), L)
-        np.testing.assert_array_equal(A[:8], np.hstack([Phi, np.zeros((8, 18))]))
-        np.testing.assert_array_equal(B[:8], Gamma)
-        # What the law remembers is what it gave out.
-        np.testing.assert_array_equal(A[14:16], C)
-
     def test_slow_poles_are_those_of_the_error_dynamics(self):
         """Eq. (10): a stiff arm under Controller 3 keeps the poles -beta and -lam, to order L."""
         plant = single_joint(0.05, 0.05, 1e6, 2.0 * np.sqrt(1e6 * 0.025), 0.0)

@@ -69,13 +69,6 @@ class TestWindows:
             "period_2": slice(9000, 18001),
         }
 
-    def test_two_periods_recorded_without_the_last_end(self) -> None:
-        found = windows(np.arange(18000) * STEP, 9.0)
-        assert found["period_2"] == found["after_first_period"] == slice(9000, 18000)
-
-    def test_one_period_has_nothing_after_it(self) -> None:
-        assert windows(np.arange(9001) * STEP, 9.0) == {"whole": slice(0, 9001), "period_1": slice(0, 9001)}
-
     def test_a_run_that_ends_early_keeps_what_it_reached(self) -> None:
         found = windows(np.arange(12000) * STEP, 9.0)
         assert found["after_first_period"] == slice(9000, 12000)
@@ -85,10 +78,6 @@ class TestWindows:
     @pytest.mark.parametrize("period", [0.0, -1.0])
     def test_without_a_period_only_the_whole_remains(self, period: float) -> None:
         assert windows(np.arange(100) * STEP, period) == {"whole": slice(0, 100)}
-
-    def test_time_need_not_start_at_zero(self) -> None:
-        late = windows(1234.5 + np.arange(18001) * STEP, 9.0)
-        assert late == windows(np.arange(18001) * STEP, 9.0)
 
     @given(st.integers(2, 60), st.integers(1, 5), st.integers(0, 59), st.sampled_from([1e-3, 0.1, 1.0 / 3.0]))
     def test_periods_follow_one_another_whatever_the_rounding(
@@ -132,9 +121,6 @@ class TestStatus:
     def wave(self, frequency: float, amplitude: float = 1e-3) -> Array:
         return amplitude * np.sin(2.0 * np.pi * frequency * self.time)[:, None]
 
-    def test_a_slow_error_is_ok(self) -> None:
-        assert self.judge(self.wave(1.0)) == ("ok", self.time[-1])
-
     def test_a_fast_error_rings_on_whichever_joint(self) -> None:
         both = np.hstack([self.wave(1.0), self.wave(5.0)])
         assert self.judge(both) == ("ringing", self.time[-1])
@@ -168,9 +154,6 @@ class TestStatus:
         e[5] = np.nextafter(np.deg2rad(10.0), 1.0)
         assert self.judge(e) == ("diverged", self.time[5])
 
-    def test_no_error_at_all_is_ok(self) -> None:
-        assert self.judge(np.zeros((2000, 2)))[0] == "ok"
-
     def test_one_sample_is_ok_or_diverged(self) -> None:
         assert self.judge(np.full((1, 2), 0.01)) == ("ok", 0.0)
         assert self.judge(np.full((1, 2), 1.0)) == ("diverged", 0.0)
@@ -184,9 +167,3 @@ class TestWindowMean:
         # Differences of running sums keep the rounding of the largest sum.
         slack = 1e-12 * (1.0 + float(np.abs(x).sum()))
         assert window_mean(x, samples) == pytest.approx(np.array(expected), rel=1e-9, abs=slack)
-
-    def test_a_pulse_spreads_over_an_odd_number_of_samples(self) -> None:
-        pulse = np.zeros(101)
-        pulse[50] = 51.0
-        assert np.flatnonzero(window_mean(pulse, 50)).tolist() == list(range(25, 76))
-        assert window_mean(pulse, 50)[50] == pytest.approx(1.0)

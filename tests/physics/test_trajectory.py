@@ -67,13 +67,6 @@ class TestEveryShape:
         q, dq, _ = shape(np.array([period]))
         np.testing.assert_allclose([q, dq], 0.0, atol=1e-14)
 
-    @every
-    def test_moves_by_its_amplitude(self, name):
-        shape, period = SHAPES[name]()
-        q = shape(np.linspace(0.0, period, 20001))[0]
-        reach = {"sine": 0.5, "sampled": 0.4 * np.sin(np.pi / 2.0) ** 3, "rest": 0.0}.get(name, A)
-        assert np.abs(q).max() == pytest.approx(reach, rel=1e-3)
-
 
 class TestShapes:
     @settings(max_examples=60, deadline=None)
@@ -135,10 +128,6 @@ class TestShapes:
             # Random knots lie as close as 0.01 s: rounding grows by its inverse square in the curvature.
             np.testing.assert_allclose(ours, exact, atol=1e-10)
 
-    def test_spline_passes_through_its_samples(self):
-        angle = np.random.default_rng(1).normal(size=KNOTS.size)
-        np.testing.assert_allclose(sampled(KNOTS, angle)(KNOTS)[0], angle, atol=1e-12)
-
 
 class TestMotion:
     def test_turns_follow_one_another(self):
@@ -199,12 +188,6 @@ class TestFile:
         assert sorted(angles) == [2, 3]
         np.testing.assert_allclose(angles[2], np.deg2rad(3.0 * np.arange(8)), rtol=1e-15)
         np.testing.assert_allclose(angles[3], np.deg2rad(-1.0 * np.arange(8)), rtol=1e-15)
-
-    def test_byte_order_mark_and_spaces(self, tmp_path):
-        path = tmp_path / "motion.csv"
-        path.write_text("\n".join(("time_s, q3_deg , q2_deg", *self.ROWS)), encoding="utf-8-sig")
-        _, angles = read_samples(path)
-        np.testing.assert_allclose(angles[3][1], np.deg2rad(3.0))
 
     @pytest.mark.parametrize(
         "header", ["t,q2_deg", "time_s", "time_s,q2", "time_s,q2_deg,speed", "0,1,2", ""]

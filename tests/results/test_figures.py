@@ -470,6 +470,7 @@ def test_a_figure_that_does_not_exist_or_of_the_other_experiment_is_refused() ->
 # --- files -------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.pictures
 def test_three_files_with_numbered_names(tmp_path: Path) -> None:
     paths = save(drawn("fig09"), tmp_path / "new" / "figures")
     assert [path.name for path in paths] == ["fig09.pdf", "fig09.svg", "fig09.png"]
@@ -481,6 +482,7 @@ def test_three_files_with_numbered_names(tmp_path: Path) -> None:
         save(drawn("fig09"), tmp_path / "blocked")
 
 
+@pytest.mark.pictures
 def test_vector_files_stay_small_at_full_length_and_keep_type_as_type(tmp_path: Path) -> None:
     pdf, svg, _ = save(draw(15, make_compare_file(step=1e-3, periods=1)), tmp_path)
     assert svg.stat().st_size < 600_000
@@ -490,6 +492,7 @@ def test_vector_files_stay_small_at_full_length_and_keep_type_as_type(tmp_path: 
     assert "DejaVu Sans" in svg.read_text()
 
 
+@pytest.mark.pictures
 def test_same_bytes_on_a_second_run_in_another_process(tmp_path: Path) -> None:
     script = (
         "import sys; from pathlib import Path; from support.synthetic import make_compare_file as make;"
