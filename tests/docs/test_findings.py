@@ -188,9 +188,9 @@ def test_readme_row_of_the_fitted_arm() -> None:
     ("row", "overrides"),
     [
         ("nominal arm", []),
-        ("weights (1 + α, −α)", [EXTRAPOLATING]),
-        ("steeper φ near zero", [POWER]),
-        ("both changes", [EXTRAPOLATING, POWER]),
+        pytest.param("weights (1 + α, −α)", [EXTRAPOLATING], marks=pytest.mark.slow),
+        pytest.param("steeper φ near zero", [POWER], marks=pytest.mark.slow),
+        pytest.param("both changes", [EXTRAPOLATING, POWER], marks=pytest.mark.slow),
     ],
 )
 def test_nominal_arm(row: str, overrides: list[str]) -> None:

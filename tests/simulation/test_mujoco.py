@@ -30,9 +30,7 @@ SUBSTEPS = 16
 """Steps of MuJoCo's Runge-Kutta method in one sample, aligned with the jumps of the torque."""
 
 ARMS = {
-    "2 joints": ("compare", "controller_1", ()),
     "2 joints, payload": ("compare", "controller_1_payload", ()),
-    "3 joints": ("decouple", "decouple", ("runs.decouple.reference.turns=[[1, 2, 3]]",)),
     "3 joints, payload": (
         "decouple",
         "decouple",
