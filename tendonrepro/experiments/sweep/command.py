@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -23,17 +24,36 @@ from tendonrepro.experiments.sweep.points import (
     sweep_points,
     unit_of,
 )
-from tendonrepro.experiments.sweep.report import COLUMNS, PAIRS, sweep_tables
 from tendonrepro.experiments.user_law import UserLaw, laws_of, with_user_laws
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, error_ratio
 from tendonrepro.results.statistics import saturated, statistics
 from tendonrepro.results.study import Outcome, run_study
+from tendonrepro.results.summary import CONTROLLERS
+from tendonrepro.results.tables import Table
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.resolution import COMPILED_STEPPER
 from tendonrepro.simulation.stepper import Loop
 
 SCHEMA_VERSION = 1
+
+PAIRS = {"c1_c2": CONTROLLERS[:2], "c2_c3": CONTROLLERS[1:]}
+"""Ratios by their keys, and the runs they compare."""
+
+COLUMNS: Mapping[str, tuple[str, float]] = {
+    "mae_deg": ("mae", np.rad2deg(1.0)),
+    "rmse_deg": ("rmse", np.rad2deg(1.0)),
+    "max_deg": ("max_error", np.rad2deg(1.0)),
+    "overshoot_deg": ("overshoot", np.rad2deg(1.0)),
+    "s_rms": ("s_rms", 1.0),
+    "torque_rms": ("torque_rms", 1.0),
+    "torque_step_rms": ("torque_step_rms", 1.0),
+    "H_hat_rms": ("H_hat_rms", 1.0),
+    "epsilon_rms": ("epsilon_rms", 1.0),
+    "saturated": ("saturated", 1.0),
+    "fast_share": ("fast_share", 1.0),
+}
+"""What is kept of each run: name, statistic of the batch, and factor from SI units."""
 
 
 @dataclass(frozen=True)
@@ -85,15 +105,15 @@ def study_sweep(sweep: Sweep, over: Sequence[str], talk: Talk) -> Outcome:
 def load_sweep(request: Request, over: Sequence[str], laws: Sequence[str] = ()) -> Sweep:
     """Read a configuration and make those of all points; laws are ``FILE:NAME``."""
     axes, own = parse_over(over), laws_of(laws)
+    # Standard input can be read only once.
     source = find_source(request.config, "compare")
-    base = load_config(
-        source,
-        "compare",
-        overrides=request.overrides,
-        seed=request.seed,
-        controllers=request.controllers,
-    )
-    points = sweep_points(source, request, axes, base.config.sampling_period.unit, own)
+
+    load = partial(load_config, source, "compare", seed=request.seed, controllers=request.controllers)
+
+    def load_changed(changes: list[str]) -> LoadedConfig:
+        return load(overrides=[*request.overrides, *changes])
+
+    base, points = load_changed([]), sweep_points(load_changed, axes, own)
     base = replace(
         base,
         sha256=config_digest({"over": list(over), "points": [point.loaded.sha256 for point in points]}),
@@ -181,3 +201,48 @@ def _ratios(runs: Mapping[str, Mapping[str, Any]], config: CompareConfig) -> dic
         unknown = np.full_like(first, np.nan)
         ratio[pair] = np.divide(first, second, out=unknown, where=(second > 0.0) & lasted).tolist()
     return {"ratio": ratio, "predicted_ratio": predicted}
+
+
+def sweep_tables(data: Mapping[str, Any]) -> list[Table]:
+    """Both tables."""
+    keys = " and ".join(axis["key"] for axis in data["keys"])
+    caption = f"{data['config']} over values of {keys} (sweep {data['config_sha256'][:12]}). "
+    caption += "A diverged run has its numbers up to its end."
+    points = list(point_rows(data))
+    short = {name: (name, ".3f") for name in points[0]}
+    return [
+        Table("points", f"Sweep over {keys}: MAE of each joint, deg, and ratios of MAE", points, short),
+        Table("sweep", caption, list(table_rows(data)), terminal=()),
+    ]
+
+
+def point_rows(data: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """One row per point: MAE of every run and joint, ratios, and the statuses."""
+    for point in data["points"]:
+        row: dict[str, Any] = {"point": point["label"]}
+        for run, found in point["runs"].items():
+            row |= _joined(short_name(run), data["joints"], found["mae_deg"])
+        for pair, ratio in point["ratio"].items():
+            row |= _joined(pair.upper(), data["joints"], ratio)
+        bad = [f"{short_name(run)} {x['status']}" for run, x in point["runs"].items() if x["status"] != "ok"]
+        yield row | {"status": bad or "ok"}
+
+
+def _joined(name: str, joints: Sequence[int], values: Sequence[float]) -> dict[str, float]:
+    return {f"{name} {joint}": value for joint, value in zip(joints, values, strict=True)}
+
+
+def short_name(run: str) -> str:
+    """Name of a run where there is little room."""
+    return run.replace("controller_", "C").replace("_", " ")
+
+
+def table_rows(data: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """One row per point, run and joint: values of the keys, then all numbers."""
+    for point in data["points"]:
+        texts = {axis["key"]: axis["texts"][k] for axis, k in zip(data["keys"], point["places"], strict=True)}
+        for run, found in point["runs"].items():
+            for k, joint in enumerate(data["joints"]):
+                row = texts | {"run": run, "joint": joint}
+                row |= {name: found[name] for name in ("status", "status_time_s")}
+                yield row | {name: found[name][k] for name in COLUMNS}

@@ -12,7 +12,6 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator
 
 from tendonrepro.arrays import Array
-from tendonrepro.experiments.sweep.report import pair_name
 from tendonrepro.results.figures.style import (
     PAGE_MM,
     Drawing,
@@ -114,7 +113,7 @@ def _draw_ratios(panel: Axes, points: Points, x: Array, k: int) -> None:
     """Lines of the ratios, and paler those of a slowly changing load."""
     for i, pair in enumerate(points[0]["ratio"]):
         ratio, slow = ([point[name][pair][k] for point in points] for name in ("ratio", "predicted_ratio"))
-        colour, label = stroke_of(5 + i).colour, pair_name(pair)
+        colour, label = stroke_of(5 + i).colour, pair.upper().replace("_", "/")
         panel.plot(x, ratio, marker="os"[i], markersize=3.3, color=colour, label=label)
         panel.plot(x, slow, ":", marker="_", color=colour, alpha=0.5, label=f"{label}, slow load")
     panel.axhline(1.0, color="#999999", linewidth=0.4, zorder=0.5)

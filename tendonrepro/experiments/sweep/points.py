@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 
-from tendonrepro.configuration.draft import ConfigSource
 from tendonrepro.configuration.fields.strict_yaml import Node, load
-from tendonrepro.configuration.load import LoadedConfig, load_config
-from tendonrepro.configuration.request import Request
+from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.experiments.loops import all_loops
 from tendonrepro.experiments.user_law import UserLaw
@@ -48,39 +46,32 @@ class Point:
 
 def parse_over(over: Sequence[str]) -> list[Axis]:
     """Read ``key=a,b,c``, once or twice."""
-    if not 1 <= len(over) <= MOST_KEYS:
-        message = f"a sweep is over one or two keys, not {len(over)}"
-        raise UsageError(message, where=OPTION, hint=_EXAMPLE)
     axes = [_axis(text) for text in over]
-    if len({axis.key for axis in axes}) < len(axes):
-        message = f"{axes[0].key} is given twice"
-        raise UsageError(message, where=OPTION, hint="put all values behind one --over")
+    if not 1 <= len({axis.key for axis in axes}) == len(over) <= MOST_KEYS:
+        message = f"a sweep is over one or two keys, each given once, not {len(over)}"
+        raise UsageError(message, where=OPTION, hint=_EXAMPLE)
     return axes
 
 
 def _axis(text: str) -> Axis:
     key, equals, listed = text.partition("=")
     key = key.strip()
-    if not equals or not all(key.split(".")):
-        message = f"{text!r} is not of the form key=a,b,c"
-        raise UsageError(message, where=OPTION, hint=_EXAMPLE)
     values = load(f"[{listed}]", f"{OPTION} {key}").tree
-    if not isinstance(values, list) or len(values) < 2:
-        message = "needs at least two values"
-        raise UsageError(message, where=f"{OPTION} {key}", hint=f"For one value use --set {text}")
-    twice = next((value for value in values if values.count(value) > 1), None)
-    if twice is not None:
-        message = f"the value {twice} is given twice"
-        raise UsageError(message, where=f"{OPTION} {key}")
+    if not equals or not isinstance(values, list) or len(values) < 2:
+        message = f"{text!r} is not of the form key=a,b,c with two values or more"
+        raise UsageError(message, where=OPTION, hint=_EXAMPLE)
+    if any(values.count(value) > 1 for value in values):
+        message = f"{text!r} has a value twice"
+        raise UsageError(message, where=OPTION)
     return Axis(key, values)
 
 
 def sweep_points(
-    source: ConfigSource, request: Request, axes: Sequence[Axis], unit: str, laws: Sequence[UserLaw]
+    load_changed: Callable[[list[str]], LoadedConfig], axes: Sequence[Axis], laws: Sequence[UserLaw]
 ) -> list[Point]:
     """Make the configurations of a sweep; the last key's values change fastest.
 
-    `unit` is that of the sampling period; a user's `laws` run at every point.
+    `load_changed` loads one with overrides; a user's `laws` run at every point.
 
     Raises
     ------
@@ -89,20 +80,14 @@ def sweep_points(
     UsageError
         If they differ in joints or runs.
     """
+    unit = load_changed([]).config.sampling_period.unit
     points = []
     for places in product(*(range(len(axis.values)) for axis in axes)):
         chosen = {axis.key: axis.values[place] for axis, place in zip(axes, places, strict=True)}
         label = " ".join(f"{axis.key}={axis.texts[place]}" for axis, place in zip(axes, places, strict=True))
         changed = _following_step(chosen, unit) | chosen
-        changes = [f"{key}={json.dumps(value)}" for key, value in changed.items()]
         try:
-            loaded = load_config(
-                source,
-                "compare",
-                overrides=[*request.overrides, *changes],
-                seed=request.seed,
-                controllers=request.controllers,
-            )
+            loaded = load_changed([f"{key}={json.dumps(value)}" for key, value in changed.items()])
             points.append(Point(label, places, loaded, all_loops(loaded, laws)))
         except ConfigError as error:
             raise ConfigError(str(error), where=f"{OPTION} {label}") from None
