@@ -11,16 +11,9 @@ import numpy as np
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.fields.quantity import Vector
 from tendonrepro.configuration.load import CompareConfig, DecoupleConfig
-from tendonrepro.configuration.models.experiment import NoDisturbance, SineDisturbance, StepDisturbance
 from tendonrepro.configuration.models.manipulator import DryFriction, EncoderConfig
+from tendonrepro.physics import disturbance
 from tendonrepro.physics.arm import Arm, make_arm
-from tendonrepro.physics.disturbance import (
-    Disturbance,
-    no_disturbance,
-    noise_disturbance,
-    sine_disturbance,
-    step_disturbance,
-)
 from tendonrepro.physics.drive import Drive
 from tendonrepro.physics.dynamics import Plant
 from tendonrepro.physics.friction import Friction
@@ -95,17 +88,20 @@ def build_preload(config: Experiment) -> Array:
     return tensioner_torque(tensioner.force.si, side, tensioner.diameter.si)[-n:]
 
 
-def build_disturbance(config: Experiment) -> Disturbance:
+def build_disturbance(config: Experiment) -> disturbance.Disturbance:
     """Disturbance torque of Eq. (4), the same for every run."""
     choice = config.disturbance
-    if isinstance(choice, NoDisturbance):
-        return no_disturbance(len(config.joints))
-    if isinstance(choice, StepDisturbance):
-        return step_disturbance(choice.torque.si, choice.start.si)
-    if isinstance(choice, SineDisturbance):
-        return sine_disturbance(choice.torque.si, choice.frequency.si)
-    rng = np.random.default_rng([int(config.seed.si), DISTURBANCE_STREAM])
-    return noise_disturbance(choice.torque.si, choice.band.si, int(choice.components.si), rng)
+    match choice.kind:
+        case "none":
+            return disturbance.no_disturbance(len(config.joints))
+        case "step":
+            return disturbance.step_disturbance(choice.torque.si, choice.start.si)
+        case "sine":
+            return disturbance.sine_disturbance(choice.torque.si, choice.frequency.si)
+        case "noise":
+            rng = np.random.default_rng([int(config.seed.si), DISTURBANCE_STREAM])
+            components = int(choice.components.si)
+            return disturbance.noise_disturbance(choice.torque.si, choice.band.si, components, rng)
 
 
 def build_plant(config: Experiment, payload_mass: float) -> Plant:

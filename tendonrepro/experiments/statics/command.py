@@ -55,22 +55,8 @@ def _tables(found: Survey) -> list[Table]:
     data = found.data
     tensions, courses = [], []
     for name, course in data["courses"].items():
-        for case, over in course["half_plane"].items():
-            (least_pull, most_pull), (least_force, most_force) = over["pull_N"], over["force_window_N"]
-            tensions.append(
-                {
-                    "course": name,
-                    "case": case,
-                    "share_tense": over["share_tense"],
-                    "least_tension_N": over["least_tension_N"],
-                    "of_tendon": over["tendon"],
-                    "at_link_angles_deg": over["link_angles_deg"],
-                    "least_pull_N": least_pull,
-                    "largest_pull_N": most_pull,
-                    "least_force_N": least_force,
-                    "largest_force_N": most_force,
-                }
-            )
+        half_plane = course["half_plane"].items()
+        tensions += [{"course": name, "case": case} | over for case, over in half_plane]
         courses.append({"course": name} | {key: x for key, x in course.items() if not isinstance(x, dict)})
     everywhere = (
         f"Tensions at rest over the working half-plane, {data['postures']} postures ({found.origin}). "
@@ -80,8 +66,7 @@ def _tables(found: Survey) -> list[Table]:
         f"The courses of tendon 4. On the maps: the force that leaves {data['reserve_N']:g} N, and friction "
         f"of {100 * data['pulley_loss']:g} % at each guide pulley ({data['sources']['loss']})."
     )
-    shown = ("course", "case", "share_tense", "least_tension_N", "of_tendon", "at_link_angles_deg")
     return [
-        Table("statics", everywhere, tensions, suffixes=("csv", "md"), terminal=shown),
+        Table("statics", everywhere, tensions, suffixes=("csv", "md")),
         Table("courses", on_maps, courses, suffixes=("csv", "md")),
     ]

@@ -7,6 +7,7 @@ from itertools import product
 from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -30,7 +31,7 @@ COURSE_NAMES: Mapping[str, str] = {
 }
 """Courses of tendon 4 as titles have them."""
 
-_DEGREES = np.rad2deg(MAP_ANGLES)
+_AXES = np.rad2deg(MAP_ANGLES), np.rad2deg(MAP_ANGLES)
 _TENSIONS = (0.0, 2.5, 5.0, 10.0, 15.0, 20.0, 30.0, 50.0)
 _FORCES = (0.01, 1.0, 2.0, 3.0, 4.0, 5.0, 7.5, 10.0)
 _BLUE, _PUSH, _FRICTION, _NEVER = "#004488", "#B5405A", "#CC8800", "#DDDDDD"
@@ -47,56 +48,52 @@ def draw_margin(found: Survey) -> Drawing:
     """Smallest tension of any tendon over the half-plane: a column per course, a row per case."""
     data = found.data
     cases = {"motor": "motor", "payload": f"{data['payload_kg']:g} kg", "spring": "spring"}
-    figure, panels = _open(found, 172.0, list(cases.values()))
+    titles = [f"{COURSE_NAMES[course]}, {case}" for case in cases.values() for course in found.maps]
+    figure, panels = _open(found, len(cases), titles)
     drawn: Any = None
     for panel, (case, maps) in zip(panels.values(), product(cases, found.maps.values()), strict=True):
         # Rounding below zero is no push.
         least = np.where(np.abs(maps.least[case]) < SLACK, 0.0, maps.least[case])
-        drawn = panel.contourf(
-            _DEGREES, _DEGREES, least, levels=_TENSIONS, colors=[_PUSH, *_SHADES], extend="both"
-        )
+        drawn = panel.contourf(*_AXES, least, levels=_TENSIONS, colors=[_PUSH, *_SHADES], extend="both")
         for edge in maps.band if case == "motor" else ():
             if edge.min() < RESERVE < edge.max():
-                panel.contour(_DEGREES, _DEGREES, edge, levels=[RESERVE], colors=_FRICTION, linewidths=0.9)
-    _add_bar(figure, drawn, "Smallest tension of any tendon (N)")
+                panel.contour(*_AXES, edge, levels=[RESERVE], colors=_FRICTION, linewidths=0.9)
     line = Line2D(
         [], [], color=_FRICTION, linewidth=0.9, label=f"{RESERVE:g} N, with friction of the pulleys"
     )
     push = Patch(color=_PUSH, label="a tendon would have to push")
-    figure.legend(handles=[line, push], loc="outside upper center", ncols=2)
     caption = (
         f"Smallest tension of any tendon at rest, by course of tendon 4, which a motor pulls with "
         f"{data['tensioner_force_N']:g} N ({data['sources']['force']}); spring: as hard at the start, "
         f"there stretched by {1e3 * STRETCH:g} mm. Orange: between the lines friction of the guide pulleys, "
         f"{100 * data['pulley_loss']:g} % each, decides whether {RESERVE:g} N are left. {found.origin}."
     )
+    _explain(figure, drawn, "Smallest tension of any tendon (N)", [line, push])
     return Drawing("statics_margin", figure, panels, caption, origin=posture_text(found))
 
 
 @journal_style()
 def draw_force(found: Survey) -> Drawing:
     """Least force of tendon 4 that leaves every tendon the reserve, a panel per course."""
-    figure, panels = _open(found, 66.0, [""])
+    figure, panels = _open(found, 1, [COURSE_NAMES[course] for course in found.maps])
     drawn: Any = None
     for panel, maps in zip(panels.values(), found.maps.values(), strict=True):
-        drawn = panel.contourf(_DEGREES, _DEGREES, maps.needed, levels=_FORCES, colors=_SHADES, extend="max")
+        drawn = panel.contourf(*_AXES, maps.needed, levels=_FORCES, colors=_SHADES, extend="max")
         if maps.room.min() < 0.0:
-            panel.contourf(_DEGREES, _DEGREES, maps.room, levels=[-np.inf, 0.0], colors=[_NEVER])
-    _add_bar(figure, drawn, "Least force of tendon 4 (N)")
-    none = Patch(facecolor="white", edgecolor="#999999", linewidth=0.5, label="none is needed")
+            panel.contourf(*_AXES, maps.room, levels=[-np.inf, 0.0], colors=[_NEVER])
     never = Patch(color=_NEVER, label="no force does")
-    figure.legend(handles=[none, never], loc="outside upper center", ncols=2)
     caption = (
         f"Least force of tendon 4 that leaves {RESERVE:g} N in every tendon at rest, without payload or "
-        f"friction. {found.origin}."
+        f"friction; white: none is needed. {found.origin}."
     )
+    _explain(figure, drawn, "Least force of tendon 4 (N)", [never])
     return Drawing("statics_force", figure, panels, caption, origin=posture_text(found))
 
 
-def _open(found: Survey, height_mm: float, rows: Sequence[str]) -> tuple[Figure, dict[str, Axes]]:
+def _open(found: Survey, rows: int, titles: Sequence[str]) -> tuple[Figure, dict[str, Axes]]:
     """Square panels over the angles of the last two links, a column per course of tendon 4."""
-    figure = open_figure(PAGE_MM, height_mm)
-    panels = figure.subplots(len(rows), len(found.maps), squeeze=False, sharex=True, sharey=True)
+    figure = open_figure(PAGE_MM, 53.0 * rows + 13.0)
+    panels = figure.subplots(rows, len(found.maps), squeeze=False, sharex=True, sharey=True)
     ticks = np.arange(0.0, 181.0, 45.0)
     for panel in panels.flat:
         panel.set(aspect="equal", xticks=ticks, yticks=ticks)
@@ -105,15 +102,13 @@ def _open(found: Survey, height_mm: float, rows: Sequence[str]) -> tuple[Figure,
         panel.set_xlabel(f"Link {before} (deg)")
     for panel in panels[:, 0]:
         panel.set_ylabel(f"Link {last} (deg)")
-    titles = [
-        f"{COURSE_NAMES[course]}, {row}" if row else COURSE_NAMES[course]
-        for row, course in product(rows, found.maps)
-    ]
     return figure, letter_panels(panels.flat, titles)
 
 
-def _add_bar(figure: Figure, drawn: Any, label: str) -> None:
+def _explain(figure: Figure, drawn: Any, label: str, handles: Sequence[Artist]) -> None:
+    """Add the bar of colours and the legend."""
     figure.colorbar(drawn, ax=figure.axes, shrink=0.6, aspect=25, pad=0.01, format="{x:g}", label=label)
+    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
 
 
 def posture_text(found: Survey) -> str:

@@ -16,25 +16,14 @@ from tendonrepro.configuration.models.box import BoxRange
 from tendonrepro.configuration.published import published
 from tendonrepro.errors import ConfigError
 from tendonrepro.experiments.rig import Experiment, build_arm, coupling, start_angles
+from tendonrepro.physics import statics
 from tendonrepro.physics.arm import Arm, gravity_torque, joint_angles
-from tendonrepro.physics.statics import (
-    SLACK,
-    TENSIONER_SIDES,
-    Spring,
-    force_window,
-    sign_of_side,
-    spring_force,
-    tendon_tension,
-    tension_with_losses,
-    tensioner_side,
-    tensioner_stretch,
-    tensioner_torque,
-)
+from tendonrepro.physics.statics import SLACK, Spring
 from tendonrepro.results.paper import is_arm_of_paper
 
 SCHEMA_VERSION = 1
 
-COURSES = tuple(TENSIONER_SIDES)
+COURSES = tuple(statics.TENSIONER_SIDES)
 """Ways in which tendon 4 may pass the joints: values of the reading `tensioner`."""
 
 RESERVE = 5.0
@@ -63,21 +52,24 @@ class Mechanism(NamedTuple):
     diameter: Array
     phi_0: Array
 
+    @property
+    def tendon_4(self) -> tuple[Array, Array]:
+        """Its side and its diameter at every joint, (n,) each, m."""
+        return self.side[:, -1], self.diameter[:, -1]
+
     def stretch(self, phi: Array) -> Array:
         """Rope drawn from tendon 4's end since the start, m, (...), at link angles (n, ...), rad."""
-        return tensioner_stretch(joint_angles(phi, self.phi_0), self.side[:, -1], self.diameter[:, -1])
+        return statics.tensioner_stretch(joint_angles(phi, self.phi_0), *self.tendon_4)
 
     def tension(self, phi: Array, arm: Arm, spring: Spring) -> Array:
         """Tensions of the motors' tendons at rest, N, (n, ...), at link angles (n, ...), rad."""
-        pull = spring_force(self.stretch(phi), spring)
         weight = gravity_torque(joint_angles(phi, self.phi_0), arm)
-        rest = weight - tensioner_torque(pull, self.side[:, -1], self.diameter[:, -1])
-        return tendon_tension(rest, self.S, self.winch)
+        added = statics.tensioner_torque(statics.spring_force(self.stretch(phi), spring), *self.tendon_4)
+        return statics.tendon_tension(weight - added, self.S, self.winch)
 
     def per_newton(self) -> Array:
         """Tension that a newton of tendon 4 adds to each tendon, (n,)."""
-        torque = tensioner_torque(1.0, self.side[:, -1], self.diameter[:, -1])
-        added = tendon_tension(-torque, self.S, self.winch)
+        added = statics.tendon_tension(-statics.tensioner_torque(1.0, *self.tendon_4), self.S, self.winch)
         # Diameters that cancel leave rounding behind.
         return np.where(np.abs(added) < SLACK, 0.0, added)
 
@@ -155,6 +147,8 @@ def survey(loaded: LoadedConfig) -> Survey:
     routes = {course: mechanism(config, course) for course in COURSES}
     maps = {course: _maps(grid, cases, route, loss) for course, route in routes.items()}
     courses = {course: _course(everywhere, cases, routes[course], maps[course], joints) for course in COURSES}
+    # Without its pull the course of tendon 4 does not matter.
+    weight_alone = routes[COURSES[0]].tension(everywhere, arm, WEIGHT_ALONE)
     data = {
         "schema_version": SCHEMA_VERSION,
         "command": "statics",
@@ -175,11 +169,7 @@ def survey(loaded: LoadedConfig) -> Survey:
         "sources": {"force": force_source, "loss": loss_source, "payload": "printed: section 5.4"},
         "reserve_N": RESERVE,
         "spring_stretch_mm": 1e3 * STRETCH,
-        # Without tendon 4 its course does not matter.
-        "least_tension_of_weight_alone_N": routes[COURSES[0]]
-        .tension(everywhere, arm, WEIGHT_ALONE)
-        .min(axis=1)
-        .tolist(),
+        "least_tension_of_weight_alone_N": weight_alone.min(axis=1).tolist(),
         "courses": courses,
     }
     return Survey(data, maps, f"{loaded.origin} (sha256 {loaded.sha256[:12]})")
@@ -197,8 +187,8 @@ def _value_or_box(configured: float, row: str) -> tuple[float, str]:
 def mechanism(config: Experiment, course: str) -> Mechanism:
     """Routing of the moving joints with tendon 4 on a course; sides follow from the signs of Eq. (1)."""
     manipulator, n = config.manipulator, len(config.joints)
-    routing = manipulator.routing
-    side = np.column_stack([sign_of_side(routing.sign.si), tensioner_side(course, manipulator.joints)])
+    routing, tendon_4 = manipulator.routing, statics.tensioner_side(course, manipulator.joints)
+    side = np.column_stack([statics.sign_of_side(routing.sign.si), tendon_4])
     diameter = np.column_stack([routing.pulley_diameter.si, manipulator.tensioner.diameter.si])
     return Mechanism(
         S=coupling(config)[0],
@@ -226,7 +216,7 @@ def half_plane(n: int) -> Array:
 def _maps(grid: Array, cases: Mapping[str, Case], route: Mechanism, loss: float) -> Maps:
     weight, per_newton = route.tension(grid, cases["motor"].arm, WEIGHT_ALONE), route.per_newton()
     reached = per_newton != 0.0
-    needed, largest = force_window(weight[reached], per_newton[reached], RESERVE)
+    needed, largest = statics.force_window(weight[reached], per_newton[reached], RESERVE)
     beyond = np.min(weight[~reached] - RESERVE, axis=0, initial=np.inf)
     return Maps(
         least={name: route.tension(grid, *case).min(axis=0) for name, case in cases.items()},
@@ -247,7 +237,7 @@ def _friction_band(phi: Array, motor: Case, route: Mechanism, loss: float) -> Ar
     smallest = []
     for senses in product((-1.0, 1.0), repeat=route.side.shape[1]):
         passed_on = 1.0 + loss * np.array(senses)
-        found = tension_with_losses(weight, pull, route.side, route.diameter, passed_on)
+        found = statics.tension_with_losses(weight, pull, route.side, route.diameter, passed_on)
         smallest.append(found.min(axis=0))
     return np.stack([np.min(smallest, axis=0), np.max(smallest, axis=0)])
 
@@ -269,8 +259,8 @@ def _course(
 
 def _over_all(phi: Array, case: Case, route: Mechanism, joints: list[int]) -> dict[str, Any]:
     """Smallest tension of any tendon over postures (n, P): value, tendon, posture; share that are tense."""
-    tension, pull = route.tension(phi, *case), spring_force(route.stretch(phi), case.spring)
-    lowest, highest = force_window(route.tension(phi, case.arm, WEIGHT_ALONE), route.per_newton())
+    tension, pull = route.tension(phi, *case), statics.spring_force(route.stretch(phi), case.spring)
+    lowest, highest = statics.force_window(route.tension(phi, case.arm, WEIGHT_ALONE), route.per_newton())
     least = tension.min(axis=0)
     place = int(least.argmin())
     return {
