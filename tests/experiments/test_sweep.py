@@ -118,30 +118,6 @@ class TestRun:
         assert labels[5] == "[0.1,0.2], 2"
 
 
-class TestOwnLaw:
-    def test_the_packages_own_law_as_a_foreign_one_comes_to_the_same(self, tmp_path):
-        """SciPy and a trace against the batch and its sums, in every number that a sweep shows."""
-        file = tmp_path / "own.py"
-        file.write_text("from tendonrepro.physics.control import command as mine\n")
-        # A limit that is reached, in a motion that rests at its ends.
-        limits = (*SMOOTH, ONE, "reference.hold=0.1", "reference.rise=0.4")
-        limits += ("manipulator.actuator.torque_limit=[20, 8, 3]",)
-        request = Request(overrides=limits, controllers=(1, 2))
-        sweep = load_sweep(request, ["control.gains.alpha=[0,0],[0.1,0.2]"], [f"{file}:mine"])
-        data = simulate_sweep(sweep, QUIET)
-        assert data["runs"] == [*sweep.points[0].loaded.config.runs, "mine", "mine_payload"]
-        for point in data["points"]:
-            ours, theirs = (point["runs"][name] for name in ("controller_1", "mine"))
-            assert theirs["status"] == ours["status"]
-            for name in COLUMNS:
-                # The acceleration in epsilon feels the batch's wider steps most; its spectrum is of blocks.
-                rtol, atol = {"epsilon_rms": (5e-3, 0.0), "fast_share": (0.0, 1e-3)}.get(name, (1e-5, 1e-9))
-                np.testing.assert_allclose(theirs[name], ours[name], rtol, atol, err_msg=name)
-        assert np.all(np.array(ours["overshoot_deg"]) > 0.0)
-        assert 0.0 < max(ours["saturated"]) < 1.0
-        assert load_sweep(request, [ALPHA]).base.sha256 != sweep.base.sha256
-
-
 class TestFiles:
     def test_results_are_complete(self, tmp_path):
         found = run_sweep(Request(None, tmp_path, [ONE], controllers=[1, 2]), [ALPHA], QUIET)

@@ -9,13 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from tendonrepro.arrays import Array
 from tendonrepro.configuration.draft import find_source
 from tendonrepro.configuration.load import CompareConfig, LoadedConfig, config_digest, load_config
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.experiments.loops import build_law
-from tendonrepro.experiments.run import simulate_run
 from tendonrepro.experiments.sweep.points import (
     Axis,
     Point,
@@ -24,16 +22,13 @@ from tendonrepro.experiments.sweep.points import (
     sweep_points,
     unit_of,
 )
-from tendonrepro.experiments.user_law import UserLaw, laws_of, with_user_laws
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, error_ratio
-from tendonrepro.results.statistics import saturated, statistics
 from tendonrepro.results.study import Outcome, run_study
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.results.tables import Table
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.resolution import COMPILED_STEPPER
-from tendonrepro.simulation.stepper import Loop
 
 SCHEMA_VERSION = 1
 
@@ -63,10 +58,9 @@ class Sweep:
     base: LoadedConfig
     axes: list[Axis]
     points: list[Point]
-    laws: Sequence[UserLaw] = ()
 
 
-def run_sweep(request: Request, over: Sequence[str], talk: Talk, laws: Sequence[str] = ()) -> dict[str, Any]:
+def run_sweep(request: Request, over: Sequence[str], talk: Talk) -> dict[str, Any]:
     """Run the comparison over values of one or two keys, and write tables, figure and manifest.
 
     Parameters
@@ -76,8 +70,6 @@ def run_sweep(request: Request, over: Sequence[str], talk: Talk, laws: Sequence[
     over : sequence of str
         One or two of ``dotted.key=a,b,c``, values in YAML.
     talk : Talk
-    laws : sequence of str
-        ``FILE:NAME`` of laws to run beside the controllers, by SciPy.
 
     Returns
     -------
@@ -89,7 +81,7 @@ def run_sweep(request: Request, over: Sequence[str], talk: Talk, laws: Sequence[
     TendonreproError
         When a value cannot be used or results cannot be written.
     """
-    sweep = load_sweep(request, over, laws)
+    sweep = load_sweep(request, over)
     return run_study("sweep", sweep.base, request, lambda: study_sweep(sweep, over, talk), talk)
 
 
@@ -102,9 +94,9 @@ def study_sweep(sweep: Sweep, over: Sequence[str], talk: Talk) -> Outcome:
     return Outcome(data, sweep_tables(data), {"sweep": lambda: draw_sweep(data)}, manifest)
 
 
-def load_sweep(request: Request, over: Sequence[str], laws: Sequence[str] = ()) -> Sweep:
-    """Read a configuration and make those of all points; laws are ``FILE:NAME``."""
-    axes, own = parse_over(over), laws_of(laws)
+def load_sweep(request: Request, over: Sequence[str]) -> Sweep:
+    """Read a configuration and make those of all points."""
+    axes = parse_over(over)
     # Standard input can be read only once.
     source = find_source(request.config, "compare")
 
@@ -113,13 +105,13 @@ def load_sweep(request: Request, over: Sequence[str], laws: Sequence[str] = ()) 
     def load_changed(changes: list[str]) -> LoadedConfig:
         return load(overrides=[*request.overrides, *changes])
 
-    base, points = load_changed([]), sweep_points(load_changed, axes, own)
+    base, points = load_changed([]), sweep_points(load_changed, axes)
     base = replace(
         base,
         sha256=config_digest({"over": list(over), "points": [point.loaded.sha256 for point in points]}),
         inputs=tuple(dict.fromkeys(path for point in points for path in point.loaded.inputs)),
     )
-    return Sweep(with_user_laws(base, own), axes, points, own)
+    return Sweep(base, axes, points)
 
 
 def simulate_sweep(sweep: Sweep, talk: Talk) -> dict[str, Any]:
@@ -137,7 +129,7 @@ def simulate_sweep(sweep: Sweep, talk: Talk) -> dict[str, Any]:
         "config": sweep.base.origin,
         "config_sha256": sweep.base.sha256,
         "joints": list(config.joints),
-        "runs": list(sweep.points[0].loops),
+        "runs": list(config.runs),
         "keys": [
             {
                 "key": axis.key,
@@ -155,36 +147,21 @@ def simulate_sweep(sweep: Sweep, talk: Talk) -> dict[str, Any]:
 
 
 def _simulate_point(sweep: Sweep, point: Point, progress: Callable[[int], None]) -> dict[str, Any]:
-    """The configured runs by the compiled stepper, and those of a user's laws by SciPy."""
-    config, loops = point.loaded.config, point.loops
+    config = point.loaded.config
     assert isinstance(config, CompareConfig)
-    batch = simulate_batch([loops[run] for run in config.runs], config.status, progress=progress)
-    runs: dict[str, Any] = {}
-    for k, run in enumerate(config.runs):
-        found = {name: values[k] for name, values in batch.statistics.items()}
-        steps = {"steps_per_sample": int(batch.steps[k])}
-        runs[run] = _kept(STATUSES[batch.status[k]], float(batch.status_time[k]), found) | steps
-    for run in loops:
-        if run not in runs:
-            runs[run] = _own_run(point.loaded, sweep.laws, run, loops[run])
-            progress(1)
+    batch = simulate_batch([*point.loops.values()], config.status, progress=progress)
+    runs = {
+        run: {
+            "status": STATUSES[batch.status[k]],
+            "status_time_s": float(batch.status_time[k]),
+            "steps_per_sample": int(batch.steps[k]),
+        }
+        | {name: (factor * batch.statistics[key][k]).tolist() for name, (key, factor) in COLUMNS.items()}
+        for k, run in enumerate(point.loops)
+    }
     values = {axis.key: axis.values[k] for axis, k in zip(sweep.axes, point.places, strict=True)}
     found = {"label": point.label, "values": values, "places": list(point.places), "runs": runs}
     return found | _ratios(runs, config)
-
-
-def _kept(status: str, time: float, found: Mapping[str, Array]) -> dict[str, Any]:
-    """What a sweep keeps of a run; a law of a user's may lack a signal."""
-    unknown = np.full_like(found["mae"], np.nan)
-    numbers = {name: (factor * found.get(key, unknown)).tolist() for name, (key, factor) in COLUMNS.items()}
-    return {"status": status, "status_time_s": time} | numbers
-
-
-def _own_run(loaded: LoadedConfig, laws: Sequence[UserLaw], run: str, loop: Loop) -> dict[str, Any]:
-    trace = simulate_run(loaded, laws, run)
-    found = statistics(trace, ringing_frequency=loaded.config.status.ringing_frequency.si)
-    found["saturated"] = saturated(trace, loop.plant.drive.S, loop.actuator.limit)
-    return _kept(trace.status, trace.attributes["status_time"], found) | {"steps_per_sample": None}
 
 
 def _ratios(runs: Mapping[str, Mapping[str, Any]], config: CompareConfig) -> dict[str, Any]:

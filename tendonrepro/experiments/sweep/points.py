@@ -11,7 +11,6 @@ from tendonrepro.configuration.fields.strict_yaml import Node, load
 from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.experiments.loops import all_loops
-from tendonrepro.experiments.user_law import UserLaw
 from tendonrepro.simulation.stepper import Loop
 
 MOST_KEYS = 2
@@ -66,12 +65,10 @@ def _axis(text: str) -> Axis:
     return Axis(key, values)
 
 
-def sweep_points(
-    load_changed: Callable[[list[str]], LoadedConfig], axes: Sequence[Axis], laws: Sequence[UserLaw]
-) -> list[Point]:
+def sweep_points(load_changed: Callable[[list[str]], LoadedConfig], axes: Sequence[Axis]) -> list[Point]:
     """Make the configurations of a sweep; the last key's values change fastest.
 
-    `load_changed` loads one with overrides; a user's `laws` run at every point.
+    `load_changed` loads one with overrides.
 
     Raises
     ------
@@ -88,7 +85,7 @@ def sweep_points(
         changed = _following_step(chosen, unit) | chosen
         try:
             loaded = load_changed([f"{key}={json.dumps(value)}" for key, value in changed.items()])
-            points.append(Point(label, places, loaded, all_loops(loaded, laws)))
+            points.append(Point(label, places, loaded, all_loops(loaded)))
         except ConfigError as error:
             raise ConfigError(str(error), where=f"{OPTION} {label}") from None
     if len({(tuple(point.loaded.config.joints), tuple(point.loaded.config.runs)) for point in points}) > 1:
