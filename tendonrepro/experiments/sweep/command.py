@@ -35,20 +35,11 @@ SCHEMA_VERSION = 1
 PAIRS = {"c1_c2": CONTROLLERS[:2], "c2_c3": CONTROLLERS[1:]}
 """Ratios by their keys, and the runs they compare."""
 
-COLUMNS: Mapping[str, tuple[str, float]] = {
-    "mae_deg": ("mae", np.rad2deg(1.0)),
-    "rmse_deg": ("rmse", np.rad2deg(1.0)),
-    "max_deg": ("max_error", np.rad2deg(1.0)),
-    "overshoot_deg": ("overshoot", np.rad2deg(1.0)),
-    "s_rms": ("s_rms", 1.0),
-    "torque_rms": ("torque_rms", 1.0),
-    "torque_step_rms": ("torque_step_rms", 1.0),
-    "H_hat_rms": ("H_hat_rms", 1.0),
-    "epsilon_rms": ("epsilon_rms", 1.0),
-    "saturated": ("saturated", 1.0),
-    "fast_share": ("fast_share", 1.0),
-}
-"""What is kept of each run: name, statistic of the batch, and factor from SI units."""
+IN_DEGREES = {"mae_deg": "mae", "rmse_deg": "rmse", "max_deg": "max_error", "overshoot_deg": "overshoot"}
+"""Errors that are kept of each run, and the batch's names of them."""
+
+IN_SI = ("s_rms", "torque_rms", "torque_step_rms", "H_hat_rms", "epsilon_rms", "saturated", "fast_share")
+"""What else is kept, under the batch's names."""
 
 
 @dataclass(frozen=True)
@@ -156,7 +147,8 @@ def _simulate_point(sweep: Sweep, point: Point, progress: Callable[[int], None])
             "status_time_s": float(batch.status_time[k]),
             "steps_per_sample": int(batch.steps[k]),
         }
-        | {name: (factor * batch.statistics[key][k]).tolist() for name, (key, factor) in COLUMNS.items()}
+        | {name: np.rad2deg(batch.statistics[key][k]).tolist() for name, key in IN_DEGREES.items()}
+        | {name: batch.statistics[name][k].tolist() for name in IN_SI}
         for k, run in enumerate(point.loops)
     }
     values = {axis.key: axis.values[k] for axis, k in zip(sweep.axes, point.places, strict=True)}
@@ -222,4 +214,4 @@ def table_rows(data: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
             for k, joint in enumerate(data["joints"]):
                 row = texts | {"run": run, "joint": joint}
                 row |= {name: found[name] for name in ("status", "status_time_s")}
-                yield row | {name: found[name][k] for name in COLUMNS}
+                yield row | {name: found[name][k] for name in (*IN_DEGREES, *IN_SI)}

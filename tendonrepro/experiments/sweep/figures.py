@@ -8,7 +8,6 @@ from typing import Any, TypeAlias
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator
 
 from tendonrepro.arrays import Array
@@ -29,13 +28,12 @@ GONE = ("diverged", "unresolved")
 _PANEL_MM, _FRAME_MM = 48.0, 16.0
 _SPREAD = 7.5
 """From this ratio of the largest to the smallest value on, an axis is logarithmic."""
-_EXPONENTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 @journal_style()
 def draw_sweep(data: Mapping[str, Any]) -> Drawing:
     """MAE of every run above, ratios of the controllers below where they ran, a column per joint."""
-    joints = data["joints"]
+    keys, joints = [axis["key"] for axis in data["keys"]], data["joints"]
     rows = ("MAE (deg)", "Ratio of MAE")[: 1 + bool(data["points"][0]["ratio"])]
     figure = open_figure(PAGE_MM, len(rows) * _PANEL_MM + _FRAME_MM)
     grid = figure.subplots(len(rows), len(joints), sharex="col", sharey="row", squeeze=False)
@@ -51,19 +49,15 @@ def draw_sweep(data: Mapping[str, Any]) -> Drawing:
         panel.set_ylabel(label)
     named = letter_panels(grid.flat, [f"Joint {joint}" for _ in rows for joint in joints])
     handles = [line for panel in grid[:, 0] for line in panel.get_legend_handles_labels()[0]]
-    statuses = set(data["status"].values())
-    black: dict[str, Any] = {"color": "black", "linestyle": "none", "markersize": 4.0}
-    if "ringing" in statuses:
-        handles.append(Line2D([], [], marker="o", markerfacecolor="white", label="ringing", **black))
-    if statuses & {*GONE}:
-        handles.append(Line2D([], [], marker="x", label="did not last", **black))
     figure.legend(handles=handles, loc="outside upper center", ncols=5)
-    keys = " and ".join(axis["key"] for axis in data["keys"])
-    caption = f"Mean absolute tracking error over the whole run under values of {keys}. "
-    caption += "Ratios where both runs lasted. " if len(rows) > 1 else ""
-    caption += f"Diverged: {', '.join(data['diverged'])}. " if data["diverged"] else ""
-    caption += f"Configuration {data['config']}, sweep {data['config_sha256'][:12]}."
-    origin = f"Simulated, configuration {Path(data['config']).name} ({data['config_sha256'][:8]})"
+    caption = (
+        f"Mean absolute tracking error over the whole run under values of {' and '.join(keys)}. "
+        f"Open markers: ringing. Crosses: did not last. Ratios where both runs lasted. "
+        f"Diverged: {', '.join(data['diverged']) or 'none'}. "
+        f"Configuration {data['config']}, sweep {data['config_sha256'][:12]}."
+    )
+    marks = "open: ringing; cross: did not last; " if {*data["status"].values()} - {"ok"} else ""
+    origin = f"{marks}configuration {Path(data['config']).name} ({data['config_sha256'][:8]})"
     return Drawing("sweep", figure, named, caption, origin=origin)
 
 
@@ -75,7 +69,8 @@ def _is_numeric(data: Mapping[str, Any]) -> bool:
 def _set_values(panel: Axes, data: Mapping[str, Any], k: int) -> tuple[Points, Array]:
     """Points in the order of their places below a column: of numbers, or side by side where words are."""
     keys, points = data["keys"], data["points"]
-    panel.set_xlabel(", ".join(_axis_label(axis) for axis in keys))
+    labels = (axis["key"] + ("" if axis["unit"] in (None, "1") else f" ({axis['unit']})") for axis in keys)
+    panel.set_xlabel(", ".join(labels))
     panel.margins(x=0.06)
     if _is_numeric(data):
         x = np.array([row[k] for row in keys[0]["numbers"]])
@@ -129,9 +124,3 @@ def _set_scale(panel: Axes, which: str, values: Array) -> None:
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.set_major_formatter("{x:g}")
     axis.minorticks_off()
-
-
-def _axis_label(axis: Mapping[str, Any]) -> str:
-    """Key and unit."""
-    unit = "" if axis["unit"] in (None, "1") else f" ({axis['unit'].translate(_EXPONENTS)})"
-    return f"{axis['key']}{unit}"

@@ -59,9 +59,6 @@ def _axis(text: str) -> Axis:
     if not equals or not isinstance(values, list) or len(values) < 2:
         message = f"{text!r} is not of the form key=a,b,c with two values or more"
         raise UsageError(message, where=OPTION, hint=_EXAMPLE)
-    if any(values.count(value) > 1 for value in values):
-        message = f"{text!r} has a value twice"
-        raise UsageError(message, where=OPTION)
     return Axis(key, values)
 
 
@@ -88,7 +85,7 @@ def sweep_points(load_changed: Callable[[list[str]], LoadedConfig], axes: Sequen
             points.append(Point(label, places, loaded, all_loops(loaded)))
         except ConfigError as error:
             raise ConfigError(str(error), where=f"{OPTION} {label}") from None
-    if len({(tuple(point.loaded.config.joints), tuple(point.loaded.config.runs)) for point in points}) > 1:
+    if len({(tuple(point.loaded.config.joints), tuple(point.loops)) for point in points}) > 1:
         message = "all points of a sweep must move the same joints and have the same runs"
         raise UsageError(message, where=OPTION)
     return points
