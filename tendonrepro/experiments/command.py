@@ -15,7 +15,7 @@ from tendonrepro.configuration.load import ExperimentName, LoadedConfig
 from tendonrepro.configuration.request import Request
 from tendonrepro.configuration.shipped import shipped_folder
 from tendonrepro.console import Talk
-from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.errors import DataMissingError
 from tendonrepro.experiments.linear import growing
 from tendonrepro.experiments.loops import all_loops
 from tendonrepro.experiments.report import SCHEMA_VERSION, outcome_of
@@ -330,9 +330,6 @@ def _load(order: Order) -> tuple[LoadedConfig, list[UserLaw]]:
     """Configuration and laws; stepper and laws are part of the digest."""
     loaded = order.request.load(order.experiment)
     if order.solver == "compiled":
-        if order.laws:
-            message = "only the paper's own control laws run by the compiled stepper"
-            raise UsageError(message, where="--law", hint="use --solver scipy")
         digest = hashlib.sha256(f"{loaded.sha256} compiled".encode()).hexdigest()
         loaded = replace(loaded, sha256=digest, overrides=(*loaded.overrides, "solver=compiled"))
     laws = laws_of(order.laws)

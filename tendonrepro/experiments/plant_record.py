@@ -37,16 +37,6 @@ EQUATIONS = (
     "serial chain, the payload a point mass at the tip; tau_m is held from one sample to the next."
 )
 
-_RENAMED = {
-    "links_length": "length",
-    "links_mass": "mass",
-    "links_com": "com",
-    "links_inertia": "inertia",
-    "routing_winch_diameter": "winch_diameter",
-    "routing_pulley_diameter": "pulley_diameter",
-    "routing_sign": "sign",
-}
-
 
 def plant_record(config: Experiment) -> PlantRecord:
     """Every value of the plant with its unit and source: matrices of the moving joints, the rest for all."""
@@ -91,7 +81,8 @@ def _stated(section: Any, prefix: str) -> Iterator[tuple[str, PlantValue]]:
     for key in type(section).model_fields:
         item, name = getattr(section, key), f"{prefix}{key}"
         if isinstance(item, Scalar | Vector | Matrix):
-            yield _RENAMED.get(name, name), _plant_value(item, _meaning(section, key))
+            short = name.removeprefix("links_").removeprefix("routing_")
+            yield short, _plant_value(item, _meaning(section, key))
         elif hasattr(type(item), "model_fields"):
             yield from _stated(item, f"{name}_")
 

@@ -95,11 +95,7 @@ def _simulate_together(loaded: LoadedConfig, loops: Mapping[str, Loop], talk: Ta
 
 
 def _trace(
-    loaded: LoadedConfig,
-    name: str,
-    loop: Loop,
-    variables: dict[str, Array],
-    laws: Sequence[UserLaw] = (),
+    loaded: LoadedConfig, name: str, loop: Loop, variables: dict[str, Array], laws: Sequence[UserLaw] = ()
 ) -> Trace:
     """Variables of a run with their status and attributes."""
     t = variables.pop("time")

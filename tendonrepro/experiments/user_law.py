@@ -10,7 +10,9 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
@@ -20,7 +22,7 @@ from tendonrepro.configuration.load import CompareConfig, LoadedConfig
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.experiments.rig import build_actuator, build_arm, coupling
 from tendonrepro.files import sha256_of
-from tendonrepro.physics.arm import Arm, gravity_torque, mass_matrix
+from tendonrepro.physics.arm import gravity_torque, mass_matrix
 from tendonrepro.physics.control import Law, Memory
 from tendonrepro.results.summary import PAYLOAD
 from tendonrepro.simulation.controllers import TimeDelayController
@@ -30,49 +32,15 @@ from tendonrepro.simulation.stepper import Loop
 CALLED = "a law is called with memory, q, q_d, dq_d, ddq_d, law"
 
 
-@dataclass(frozen=True)
-class Model:
+def model_of(config: CompareConfig) -> SimpleNamespace:
     """The plant of a configuration without payload, as a law may know it; n moving joints, SI units.
 
-    Attributes
-    ----------
-    joints : tuple of int
-        The paper's numbers.
-    mass, length, com : array (n,)
-        Of the links, kg and m.
-    S, S_inv : array (n, n)
-        Coupling of Eq. (2).
-    torque_limit : array (n,)
-        Of the winches, N m; ``S_inv.T`` maps torques of winches to joint coordinates.
-    L : float
-        Sampling period, s.
-    arm : Arm
+    ``joints``, the paper's numbers; ``mass``, ``length``, ``com`` (n,) of the links; ``S``, ``S_inv`` (n, n);
+    ``torque_limit`` (n,) of the winches; ``L``; ``gravity(q)`` (n,) and ``inertia(q)`` (n, n).
     """
-
-    joints: tuple[int, ...]
-    mass: Array
-    length: Array
-    com: Array
-    S: Array
-    S_inv: Array
-    torque_limit: Array
-    L: float
-    arm: Arm
-
-    def gravity(self, q: Array) -> Array:
-        """Torque of the weight of the links at joint angles (n,), N m, (n,)."""
-        return gravity_torque(q, self.arm)
-
-    def inertia(self, q: Array) -> Array:
-        """Mass matrix of the links at joint angles (n,), kg m², (n, n)."""
-        return mass_matrix(q, self.arm)
-
-
-def model_of(config: CompareConfig) -> Model:
-    """What a law is told of its plant."""
-    links, n = config.manipulator.links, len(config.joints)
+    links, n, arm = config.manipulator.links, len(config.joints), build_arm(config, 0.0)
     S, S_inv = coupling(config)
-    return Model(
+    return SimpleNamespace(
         joints=tuple(config.joints),
         mass=links.mass.si[-n:],
         length=links.length.si[-n:],
@@ -81,7 +49,8 @@ def model_of(config: CompareConfig) -> Model:
         S_inv=S_inv,
         torque_limit=build_actuator(config).limit,
         L=config.sampling_period.si,
-        arm=build_arm(config, 0.0),
+        gravity=partial(gravity_torque, arm=arm),
+        inertia=partial(mass_matrix, arm=arm),
     )
 
 
@@ -105,16 +74,16 @@ class UserLaw:
         """Digest of the file; of what is given, its identity in this process."""
         return sha256_of(self.path) if self.path else repr(self.given)
 
-    def load(self) -> tuple[Callable[..., Any], Callable[[Model], Any] | None]:
+    def load(self) -> tuple[Callable[..., Any], Callable[[SimpleNamespace], Any] | None]:
         """A fresh copy of the law, so that runs share no memory, and its `setup`, if it has one."""
-        if self.path is None:
-            given = copy.deepcopy(cast("Callable[..., Any]", self.given))
-            return given, getattr(given, "setup", None)
-        with self.explained():
-            module = runpy.run_path(str(self.path), run_name=self.path.stem)
+        if self.path:
+            with self.explained():
+                module = runpy.run_path(str(self.path), run_name=self.path.stem)
+        else:
+            module = {self.name: copy.deepcopy(self.given)}
         if not callable(law := module.get(self.name)):
-            message = f"{self.path} has no function {self.name!r}"
-            raise UsageError(message, where="--law")
+            message = f"there is no function {self.name!r} that can be called"
+            raise UsageError(message, where=self.spec)
         return law, getattr(law, "setup", module.get("setup"))
 
     @contextmanager
@@ -180,7 +149,7 @@ def own_loops(law: UserLaw, config: CompareConfig, loops: Mapping[str, Loop]) ->
     }
 
 
-def checked(law: UserLaw, model: Model) -> CommandFunction:
+def checked(law: UserLaw, model: SimpleNamespace) -> CommandFunction:
     """A law that was told of its plant, and whose answers have the shapes that a run needs."""
     function, setup = law.load()
     if setup:

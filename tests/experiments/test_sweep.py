@@ -18,9 +18,9 @@ from tendonrepro.experiments.sweep.command import (
     IN_SI,
     load_sweep,
     point_rows,
+    run_rows,
     run_sweep,
     simulate_sweep,
-    table_rows,
 )
 from tendonrepro.experiments.sweep.figures import draw_sweep
 from tendonrepro.experiments.sweep.points import numbers_per_joint, parse_over, unit_of
@@ -100,8 +100,8 @@ class TestRun:
         ended = data["points"][0]["runs"]["controller_1_payload"]
         assert 0.0 < ended["status_time_s"] < 7.6
         assert np.isfinite(ended["mae_deg"]).all()
-        assert next(point_rows(data))["status"] == ["C1 payload diverged"]
-        assert {row["status"] for row in table_rows(data)} == {"ok", "diverged"}
+        assert next(point_rows(data))["status"] == ["controller_1_payload diverged"]
+        assert {row["status"] for row in run_rows(data)} == {"ok", "diverged"}
         panel = draw_sweep(data).axes["a"]
         (cross,) = (line for line in panel.lines if line.get_marker() == "x" and len(line.get_xdata()))
         assert cross.get_xdata().tolist() == [3.0]
@@ -182,7 +182,7 @@ class TestValues:
         ],
     )
     def test_commas_inside_brackets_and_quotes_do_not_split(self, text, values):
-        assert parse_over([f"a={text}"])[0].values == values
+        assert parse_over([f"a={text}"])["a"] == values
 
     @pytest.mark.parametrize(
         ("over", "words"),
@@ -232,7 +232,7 @@ class TestValues:
             ("control.gains.alpha=[0,0],[0.1,0]", None),
             ("control.readings.weights=interpolating,extrapolating", None),
         ):
-            assert numbers_per_joint(parse_over([over])[0], (2, 3), 3) == numbers
+            assert numbers_per_joint(next(iter(parse_over([over]).values())), 2, 3) == numbers
 
     def test_units(self):
         tree = load_config(None, "compare").tree

@@ -15,11 +15,12 @@ from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.experiments.loops import build_law
 from tendonrepro.experiments.sweep.points import (
-    Axis,
+    Axes,
     Point,
     numbers_per_joint,
     parse_over,
     sweep_points,
+    text_of,
     unit_of,
 )
 from tendonrepro.physics.metrics import STATUSES
@@ -47,7 +48,7 @@ class Sweep:
     """A sweep that is ready to run; `base` is unchanged but for the digest and inputs of the whole."""
 
     base: LoadedConfig
-    axes: list[Axis]
+    axes: Axes
     points: list[Point]
 
 
@@ -109,7 +110,7 @@ def simulate_sweep(sweep: Sweep, talk: Talk) -> dict[str, Any]:
     """Simulate every run of every point; what does not exist is NaN, which JSON writes as null."""
     total = sum(len(point.loops) for point in sweep.points)
     with talk.bar(f"simulating {total} runs", total) as progress:
-        points = [_simulate_point(sweep, point, progress) for point in sweep.points]
+        points = [_simulate_point(point, progress) for point in sweep.points]
     status = {f"{p['label']} {run}": found["status"] for p in points for run, found in p["runs"].items()}
     for name, ended in status.items():
         talk.detail(f"{name}: {ended}")
@@ -123,13 +124,13 @@ def simulate_sweep(sweep: Sweep, talk: Talk) -> dict[str, Any]:
         "runs": list(config.runs),
         "keys": [
             {
-                "key": axis.key,
-                "unit": unit_of(axis.key, sweep.base.tree),
-                "values": axis.values,
-                "texts": axis.texts,
-                "numbers": numbers_per_joint(axis, config.joints, config.manipulator.joints),
+                "key": key,
+                "unit": unit_of(key, sweep.base.tree),
+                "values": values,
+                "texts": [text_of(value) for value in values],
+                "numbers": numbers_per_joint(values, len(config.joints), config.manipulator.joints),
             }
-            for axis in sweep.axes
+            for key, values in sweep.axes.items()
         ],
         "points": points,
         "status": status,
@@ -137,7 +138,7 @@ def simulate_sweep(sweep: Sweep, talk: Talk) -> dict[str, Any]:
     }
 
 
-def _simulate_point(sweep: Sweep, point: Point, progress: Callable[[int], None]) -> dict[str, Any]:
+def _simulate_point(point: Point, progress: Callable[[int], None]) -> dict[str, Any]:
     config = point.loaded.config
     assert isinstance(config, CompareConfig)
     batch = simulate_batch([*point.loops.values()], config.status, progress=progress)
@@ -151,8 +152,7 @@ def _simulate_point(sweep: Sweep, point: Point, progress: Callable[[int], None])
         | {name: batch.statistics[name][k].tolist() for name in IN_SI}
         for k, run in enumerate(point.loops)
     }
-    values = {axis.key: axis.values[k] for axis, k in zip(sweep.axes, point.places, strict=True)}
-    found = {"label": point.label, "values": values, "places": list(point.places), "runs": runs}
+    found = {"label": point.label, "values": point.values, "places": point.places, "runs": runs}
     return found | _ratios(runs, config)
 
 
@@ -173,43 +173,33 @@ def _ratios(runs: Mapping[str, Mapping[str, Any]], config: CompareConfig) -> dic
 
 
 def sweep_tables(data: Mapping[str, Any]) -> list[Table]:
-    """Both tables."""
+    """A row per point and joint for the terminal, and a row per point, run and joint with every number."""
     keys = " and ".join(axis["key"] for axis in data["keys"])
     caption = f"{data['config']} over values of {keys} (sweep {data['config_sha256'][:12]}). "
     caption += "A diverged run has its numbers up to its end."
-    points = list(point_rows(data))
-    short = {name: (name, ".3f") for name in points[0]}
     return [
-        Table("points", f"Sweep over {keys}: MAE of each joint, deg, and ratios of MAE", points, short),
-        Table("sweep", caption, list(table_rows(data)), terminal=()),
+        Table(
+            "points", f"Sweep over {keys}: MAE of each run, deg, and ratios of MAE", list(point_rows(data))
+        ),
+        Table("sweep", caption, list(run_rows(data)), terminal=()),
     ]
 
 
 def point_rows(data: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """One row per point: MAE of every run and joint, ratios, and the statuses."""
+    """MAE of every run, ratios, and the runs that are not ok."""
     for point in data["points"]:
-        row: dict[str, Any] = {"point": point["label"]}
-        for run, found in point["runs"].items():
-            row |= _joined(short_name(run), data["joints"], found["mae_deg"])
-        for pair, ratio in point["ratio"].items():
-            row |= _joined(pair.upper(), data["joints"], ratio)
-        bad = [f"{short_name(run)} {x['status']}" for run, x in point["runs"].items() if x["status"] != "ok"]
-        yield row | {"status": bad or "ok"}
+        runs, ratios = point["runs"].items(), point["ratio"].items()
+        bad = [f"{run} {found['status']}" for run, found in runs if found["status"] != "ok"]
+        for k, joint in enumerate(data["joints"]):
+            row = {"point": point["label"], "joint": joint}
+            row |= {run: found["mae_deg"][k] for run, found in runs} | {x: r[k] for x, r in ratios}
+            yield row | {"status": bad or "ok"}
 
 
-def _joined(name: str, joints: Sequence[int], values: Sequence[float]) -> dict[str, float]:
-    return {f"{name} {joint}": value for joint, value in zip(joints, values, strict=True)}
-
-
-def short_name(run: str) -> str:
-    """Name of a run where there is little room."""
-    return run.replace("controller_", "C").replace("_", " ")
-
-
-def table_rows(data: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """One row per point, run and joint: values of the keys, then all numbers."""
+def run_rows(data: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """Values of the keys, then all numbers of a run and joint."""
     for point in data["points"]:
-        texts = {axis["key"]: axis["texts"][k] for axis, k in zip(data["keys"], point["places"], strict=True)}
+        texts = {key: text_of(value) for key, value in point["values"].items()}
         for run, found in point["runs"].items():
             for k, joint in enumerate(data["joints"]):
                 row = texts | {"run": run, "joint": joint}

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator
 
 from tendonrepro.arrays import Array
+from tendonrepro.experiments.sweep.points import text_of
 from tendonrepro.results.figures.style import (
     PAGE_MM,
     Drawing,
@@ -77,10 +78,7 @@ def _set_values(panel: Axes, data: Mapping[str, Any], k: int) -> tuple[Points, A
         _set_scale(panel, "x", x)
         order = np.argsort(x)
         return [points[i] for i in order], x[order]
-    texts = [
-        ", ".join(axis["texts"][place] for axis, place in zip(keys, point["places"], strict=True))
-        for point in points
-    ]
+    texts = [", ".join(map(text_of, point["values"].values())) for point in points]
     x = np.arange(len(points), dtype=np.float64)
     panel.set_xticks(x, texts, rotation=25.0, ha="right")
     return points, x

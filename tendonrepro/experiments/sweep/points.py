@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
+from typing import TypeAlias
 
 from tendonrepro.configuration.fields.strict_yaml import Node, load
 from tendonrepro.configuration.load import LoadedConfig
@@ -20,49 +21,49 @@ _EXAMPLE = f"For example {OPTION} sampling_period=0.5,1,2"
 _PERIOD, _STEP = "sampling_period", "solver.max_step"
 
 
-@dataclass(frozen=True)
-class Axis:
-    """A dotted key and its values."""
-
-    key: str
-    values: list[Node]
-
-    @property
-    def texts(self) -> list[str]:
-        """The values for a reader."""
-        return [x if isinstance(x, str) else json.dumps(x, separators=(",", ":")) for x in self.values]
+Axes: TypeAlias = Mapping[str, Sequence[Node]]
+"""Values by dotted key."""
 
 
 @dataclass(frozen=True)
 class Point:
-    """One configuration of a sweep with its closed loops, and the index of each key's value."""
+    """One configuration of a sweep with its closed loops.
+
+    `label` spells its values as the command line does; `places` is the index of each key's value.
+    """
 
     label: str
-    places: tuple[int, ...]
+    values: Mapping[str, Node]
+    places: list[int]
     loaded: LoadedConfig
     loops: Mapping[str, Loop]
 
 
-def parse_over(over: Sequence[str]) -> list[Axis]:
+def parse_over(over: Sequence[str]) -> Axes:
     """Read ``key=a,b,c``, once or twice."""
-    axes = [_axis(text) for text in over]
-    if not 1 <= len({axis.key for axis in axes}) == len(over) <= MOST_KEYS:
+    axes = dict(map(_axis, over))
+    if not 1 <= len(axes) == len(over) <= MOST_KEYS:
         message = f"a sweep is over one or two keys, each given once, not {len(over)}"
         raise UsageError(message, where=OPTION, hint=_EXAMPLE)
     return axes
 
 
-def _axis(text: str) -> Axis:
+def _axis(text: str) -> tuple[str, list[Node]]:
     key, equals, listed = text.partition("=")
     key = key.strip()
     values = load(f"[{listed}]", f"{OPTION} {key}").tree
     if not equals or not isinstance(values, list) or len(values) < 2:
         message = f"{text!r} is not of the form key=a,b,c with two values or more"
         raise UsageError(message, where=OPTION, hint=_EXAMPLE)
-    return Axis(key, values)
+    return key, values
 
 
-def sweep_points(load_changed: Callable[[list[str]], LoadedConfig], axes: Sequence[Axis]) -> list[Point]:
+def text_of(value: Node) -> str:
+    """A value for a reader."""
+    return value if isinstance(value, str) else json.dumps(value, separators=(",", ":"))
+
+
+def sweep_points(load_changed: Callable[[list[str]], LoadedConfig], axes: Axes) -> list[Point]:
     """Make the configurations of a sweep; the last key's values change fastest.
 
     `load_changed` loads one with overrides.
@@ -76,15 +77,16 @@ def sweep_points(load_changed: Callable[[list[str]], LoadedConfig], axes: Sequen
     """
     unit = load_changed([]).config.sampling_period.unit
     points = []
-    for places in product(*(range(len(axis.values)) for axis in axes)):
-        chosen = {axis.key: axis.values[place] for axis, place in zip(axes, places, strict=True)}
-        label = " ".join(f"{axis.key}={axis.texts[place]}" for axis, place in zip(axes, places, strict=True))
-        changed = _following_step(chosen, unit) | chosen
+    for numbered in product(*(enumerate(values) for values in axes.values())):
+        values = {key: value for key, (_, value) in zip(axes, numbered, strict=True)}
+        label = " ".join(f"{key}={text_of(value)}" for key, value in values.items())
+        changed = _following_step(values, unit) | values
         try:
             loaded = load_changed([f"{key}={json.dumps(value)}" for key, value in changed.items()])
-            points.append(Point(label, places, loaded, all_loops(loaded)))
+            loops = all_loops(loaded)
         except ConfigError as error:
             raise ConfigError(str(error), where=f"{OPTION} {label}") from None
+        points.append(Point(label, values, [place for place, _ in numbered], loaded, loops))
     if len({(tuple(point.loaded.config.joints), tuple(point.loops)) for point in points}) > 1:
         message = "all points of a sweep must move the same joints and have the same runs"
         raise UsageError(message, where=OPTION)
@@ -110,14 +112,13 @@ def unit_of(key: str, tree: Mapping[str, Node]) -> str | None:
     return unit if isinstance(unit, str) else None
 
 
-def numbers_per_joint(axis: Axis, joints: Sequence[int], total: int) -> list[list[float]] | None:
-    """Place of every value on an axis of numbers, for each of the moving joints, the last of `total`.
+def numbers_per_joint(values: Sequence[Node], n: int, total: int) -> list[list[float]] | None:
+    """Place of every value on an axis of numbers, for each of the n moving joints, the last of `total`.
 
     None where a value is no number and no list with an entry for each joint, or where two values are the
     same for a joint.
     """
-    n = len(joints)
-    rows = [value if isinstance(value, list) else [value] * n for value in axis.values]
+    rows = [value if isinstance(value, list) else [value] * n for value in values]
     numbers = [[float(x) for x in row if isinstance(x, float | int)][-n:] for row in rows]
     if any(len(row) not in (n, total) for row in rows) or any(len(row) < n for row in numbers):
         return None
