@@ -68,7 +68,7 @@ BUDGETS = {
     "simulation": 1815,
     "configuration": 2_314,
     "results": 2_365,
-    "experiments": 2_076,
+    "experiments": 1_520,
     "analysis": 790,
     "evidence": 933,
     "monte_carlo": 1_330,
