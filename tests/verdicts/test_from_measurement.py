@@ -17,7 +17,7 @@ from tendonrepro.results.traces import write_traces
 from tendonrepro.verdicts.command import run_claims
 from tendonrepro.verdicts.from_measurement import decoupling, judge_measured, motor_angles
 from tendonrepro.verdicts.judge import Sources, judge_all
-from tendonrepro.verdicts.measured import Measured, OneArm, measured_of, sliding_variable, statistics_of
+from tendonrepro.verdicts.measured import Measured, OneArm, measured_of
 from tendonrepro.verdicts.report import table_text
 
 
@@ -179,34 +179,6 @@ class TestComparison:
         tables = try_windows(replace(file, runs=runs), published(), dict.fromkeys(runs, Timing(0.0, 0.0)))
         assert tables.compared == 8
         assert tables.winner is not None
-
-    @pytest.mark.parametrize("step", [0.001, 0.01])
-    def test_a_computed_surface_is_that_of_the_error_and_not_of_the_encoder(self, step):
-        """Errors three and ten times as large are no similar surfaces, whatever the sampling."""
-        time = step * np.arange(round(12.0 / step))
-        wave = np.deg2rad(0.3) * np.sin(2.0 * np.pi * 0.4 * time)[:, np.newaxis] * np.ones(2)
-        count = np.deg2rad(0.022)
-        sizes = []
-        for factor in (1.0, 3.0, 10.0):
-            e = count * np.round(factor * wave / count)
-            run = make_compare_file(runs=("controller_2",)).runs["controller_2"]
-            bare = replace(measured_trace(run), time=time, variables={"e": e})
-            sizes.append(statistics_of(bare, None)["s_rms"])
-        assert sizes[1] / sizes[0] == pytest.approx(3.0, rel=0.05)
-        assert sizes[2] / sizes[0] == pytest.approx(10.0, rel=0.05)
-
-    @pytest.mark.parametrize("step", [0.001, 0.008, 0.01, 0.015, 0.025])
-    def test_its_rate_is_taken_over_the_same_time_whatever_the_sampling(self, step):
-        time = step * np.arange(round(3.0 / step))
-        e = 0.01 * np.sin(7.0 * time)[:, np.newaxis] * np.ones(2)
-        run = make_compare_file(runs=("controller_3",)).runs["controller_3"]
-        found = sliding_variable(replace(measured_trace(run), time=time, variables={"e": e}))
-        assert found is not None
-        rate = found - 2.0 * e
-        expected = 0.01 * (np.sin(7.0 * (time + 0.025)) - np.sin(7.0 * (time - 0.025))) / 0.05
-        inside = (time > 0.03) & (time < time[-1] - 0.03)
-        assert np.abs(rate[inside, 0] - expected[inside]).max() < 0.01 * 0.07
-        assert np.isnan(found[[0, -1]]).all()
 
     def test_a_smaller_rival_torque_turns_c6(self):
         larger = comparison()
