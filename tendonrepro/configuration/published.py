@@ -32,7 +32,7 @@ COMPARED = (2, 3)
 
 
 class PrintedNumber(Model):
-    """A number as printed; `decimals` counts the digits behind the point."""
+    """A number as printed; `decimals` counts the digits behind the point, `short` are a few words for it."""
 
     id: str
     kind: Literal["number"]
@@ -40,6 +40,7 @@ class PrintedNumber(Model):
     value: Number
     unit: str
     decimals: StrictInt
+    short: str | None = None
 
     @property
     def as_printed(self) -> str:
@@ -99,12 +100,13 @@ class PrintedDose(Model):
 
 
 class PrintedText(Model):
-    """A name as printed, or a claim: a statement of the paper in our words."""
+    """A name as printed, or a claim: a statement of the paper in our words, and a `short` form of it."""
 
     id: str
     kind: Literal["text", "claim"]
     where: str
     text: str
+    short: str | None = None
 
 
 PrintedEntry: TypeAlias = PrintedNumber | PrintedRatio | PrintedQuotient | PrintedDose | PrintedText

@@ -12,12 +12,9 @@ import numpy as np
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.published import (
     SIGN,
-    Interval,
     PrintedNumber,
     Published,
     exact,
-    quotient,
-    rounding,
 )
 from tendonrepro.physics.kinematics import coupling_inverse
 
@@ -29,40 +26,12 @@ def meets(first: Bounds, second: Bounds) -> bool:
     return first[0] <= second[1] and second[0] <= first[1]
 
 
-def percentage(part: PrintedNumber, whole: PrintedNumber, *, change: bool) -> tuple[Fraction, Interval]:
-    """Percentage that one printed number is of another, or by which it is larger (`change`).
-
-    From the printed digits, and the interval that their rounding allows.
-    """
-    less = 100 if change else 0
-    low, high = quotient(rounding(part), rounding(whole))
-    return 100 * exact(part) / exact(whole) - less, (100 * low - less, 100 * high - less)
-
-
 def cut(value: Fraction, printed: PrintedNumber) -> str:
     """How a value became the printed number: ``rounded``, ``cut off``, either way, or ``neither``."""
     scale = 10**printed.decimals
     goal = exact(printed) * scale
     ways = {"rounded": math.floor(value * scale + Fraction(1, 2)), "cut off": math.trunc(value * scale)}
     return " or ".join(way for way, found in ways.items() if found == goal) or "neither"
-
-
-def printed_percentages(paper: Published) -> dict[str, tuple[str, str]]:
-    """Every percentage of sections 5.3 and 5.4, with the ids of the part and the whole."""
-    found = {}
-    for name in paper.entries:
-        family, *rest = name.split(".", 2)
-        if family == "share":
-            rival, place = rest[0].removeprefix("controller_1_of_"), rest[1]
-            found[name] = f"table2.controller_1.{place}", f"table2.controller_{rival}.{place}"
-        elif family == "increase":
-            found[name] = f"table3.with_load.{rest[1]}", f"table3.no_load.{rest[1]}"
-    return found
-
-
-def size_behind(identifier: str) -> str:
-    """Name of a size: the row without load of Table 3 is Controller 1 of Table 2."""
-    return identifier.replace("table3.no_load", "table2.controller_1")
 
 
 def printed_inverse(paper: Published) -> list[list[Fraction]]:

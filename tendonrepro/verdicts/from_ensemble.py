@@ -15,6 +15,7 @@ from tendonrepro.errors import DataMissingError
 from tendonrepro.monte_carlo.shares import LEAST_PLANTS, Share, share_of, spread_of
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts.from_print import Evidence, Judged, missing
+from tendonrepro.verdicts.numbers import FIRST, PERCENTAGES, formula_of
 from tendonrepro.verdicts.plants import UNRESOLVED, Plants
 from tendonrepro.verdicts.rules import (
     INSIDE,
@@ -29,14 +30,9 @@ from tendonrepro.verdicts.rules import (
     with_values,
 )
 from tendonrepro.verdicts.statements import (
-    CLAIMS,
-    FIRST,
-    LOADED,
-    SECOND,
     Findings,
     Statement,
-    joints_apart,
-    shape_of,
+    findings_of,
     smaller,
 )
 
@@ -66,53 +62,25 @@ class PlantNumbers:
     direction: tuple[Statement, Mask] | None = None
 
 
-def numbers_of(plants: Plants, identifier: str) -> PlantNumbers:
-    """Look up a number of Tables 2 and 3, section 5.3 or section 5.4 on every plant."""
-    family, what, *metrics, place = identifier.split(".")
-    joint = plants.joints.index(int(place.removeprefix("joint_")))
-    if family == "rmse_over_mae":
-        shape = shape_of(plants, what)[:, joint]
-        return PlantNumbers(shape, _all_ok(plants, what) & np.isfinite(shape))
-    (metric,) = metrics
-    if family == "joints":
-        ratio = joints_apart(plants, what, metric)
-        return PlantNumbers(ratio, _all_ok(plants, what) & np.isfinite(ratio))
-    if family == "dose":
-        dose = _dose(plants, metric)
-        return PlantNumbers(dose, _all_ok(plants) & np.isfinite(dose))
-    if family == "increase":
-        return _quotient(plants, (FIRST, LOADED), metric, joint, change=True)
-    if family == "share":
-        rival = f"controller_{what.removeprefix('controller_1_of_')}"
-        return _quotient(plants, (rival, FIRST), metric, joint, change=False)
-    run = LOADED if family == "table3" else what
-    return PlantNumbers(np.rad2deg(plants[run, metric][:, joint]), _all_ok(plants, run))
-
-
-def _dose(plants: Plants, metric: str) -> Array:
-    """What Controller 1 gains over Controller 2 on the last joint, over what it gains on the first, (N,)."""
-    first, second = plants[FIRST, metric], plants[SECOND, metric]
+def numbers_of(plants: Plants, paper: Published, identifier: str) -> PlantNumbers:
+    """Look up a number of Tables 2 and 3, or one that follows from them, on every plant."""
+    formula = formula_of(paper, identifier)
+    errors = formula.errors
+    columns = [plants.joints.index(error.joint) for error in errors]
+    sizes = [
+        np.rad2deg(plants[error.run, error.metric][:, column])
+        for error, column in zip(errors, columns, strict=True)
+    ]
     with np.errstate(divide="ignore", invalid="ignore"):
-        gain = 1.0 - first / second
-        return np.asarray(gain[:, -1] / gain[:, 0])
-
-
-def _all_ok(plants: Plants, *runs: str) -> Mask:
-    return plants.ok(*dict.fromkeys((*CONTROLLERS, *runs)))
-
-
-def _quotient(
-    plants: Plants, runs: tuple[str, str], metric: str, joint: int, *, change: bool
-) -> PlantNumbers:
-    """Percentage that the second run's error is of the first's, or by which it is larger."""
-    whole, part = (plants[run, metric][:, joint] for run in runs)
-    with np.errstate(invalid="ignore"):
-        judged = _all_ok(plants, *runs) & (whole > 0.0)
-    ratio = 100.0 * np.divide(part, whole, out=np.full_like(part, np.nan), where=judged)
-    first, second = runs if change else runs[::-1]
-    direction = list(smaller(plants, metric, first, second, metric.upper()))[joint]
-    rankable = plants.rankable(*runs)
-    return PlantNumbers(ratio - 100.0 if change else ratio, judged, (direction, rankable))
+        values = formula.value(*sizes)
+    judged = plants.ok(*CONTROLLERS, *(error.run for error in errors)) & np.isfinite(values)
+    if not identifier.startswith(PERCENTAGES):
+        return PlantNumbers(values, judged)
+    part, whole = (error.run for error in errors)
+    pair = (part, whole) if part == FIRST else (whole, part)
+    metric = errors[0].metric
+    direction = smaller(plants, metric, *pair, metric.upper())[columns[0]]
+    return PlantNumbers(values, judged, (direction, plants.rankable(*pair)))
 
 
 def judge(plants: Plants, paper: Published, rule: str, identifier: str) -> Judged:
@@ -133,7 +101,7 @@ def _too_few(judged: Mask) -> Judged | None:
 
 
 def _number(plants: Plants, paper: Published, identifier: str) -> Judged:
-    found = numbers_of(plants, identifier)
+    found = numbers_of(plants, paper, identifier)
     few = _too_few(found.judged)
     if few:
         return few
@@ -161,7 +129,7 @@ def _number(plants: Plants, paper: Published, identifier: str) -> Judged:
 
 
 def _claim(plants: Plants, paper: Published, rule: str) -> Judged:
-    found = CLAIMS[rule](plants, paper)
+    found = findings_of(plants, paper, rule)
     few = _too_few(found.judged)
     if few:
         return few
@@ -258,21 +226,18 @@ def _remarks(decision: Decision, *more: str) -> Evidence:
     return {"remarks": [*remarks, *more]}
 
 
-def outcome(plants: Plants, paper: Published, rule: str, identifier: str) -> tuple[Array, Mask]:
-    """What the verdict hangs on, plant by plant, and the plants to look at.
+def outcome(plants: Plants, paper: Published, identifier: str) -> tuple[Array, Mask]:
+    """What a verdict depends on, plant by plant, and the plants to look at.
 
     1 or 0 for a claim, the value of a number; values are logarithms where all are positive.
     """
-    if rule not in NUMBERS:
-        found = CLAIMS[rule](plants, paper)
-        holds = {
-            name: np.logical_and.reduce([statement.holds for statement in held])
-            for name, held in found.measures.items()
-        }
-        deciding = max(holds.values(), key=lambda mask: np.count_nonzero(mask[found.judged]))
-        return deciding.astype(np.float64), found.judged
-    numbers = numbers_of(plants, identifier)
-    values = numbers.values.copy()
-    if (values[numbers.judged] > 0.0).all():
-        values[numbers.judged] = np.log(values[numbers.judged])
-    return values, numbers.judged
+    rule = paper.judgements[identifier].rule
+    if rule in NUMBERS:
+        found = numbers_of(plants, paper, identifier)
+        positive = (found.values[found.judged] > 0.0).all()
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.log(found.values) if positive else found.values, found.judged
+    claim = findings_of(plants, paper, rule)
+    ways = [np.logical_and.reduce([one.holds for one in held]) for held in claim.measures.values()]
+    deciding = max(ways, key=lambda holds: np.count_nonzero(holds[claim.judged]))
+    return deciding.astype(np.float64), claim.judged

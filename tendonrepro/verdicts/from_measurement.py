@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
@@ -11,18 +10,19 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.readings import PRINTED
-from tendonrepro.configuration.published import COMPARED, PrintedDose, PrintedQuotient, Published
-from tendonrepro.dataset.windows import prints_as
+from tendonrepro.configuration.published import COMPARED, Published
 from tendonrepro.errors import DataMissingError
 from tendonrepro.physics.metrics import mae, start_level
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import CONTROLLERS
-from tendonrepro.verdicts.arithmetic import cut, printed_percentages, size_behind
+from tendonrepro.verdicts.arithmetic import cut
+from tendonrepro.verdicts.from_ensemble import NUMBERS
 from tendonrepro.verdicts.from_print import Evidence, Judged, missing
 from tendonrepro.verdicts.measured import RATE_WINDOW, Measured, OneArm
+from tendonrepro.verdicts.numbers import FIRST, LOADED, PERCENTAGES, formula_of
 from tendonrepro.verdicts.plants import Plants
 from tendonrepro.verdicts.rules import of_model
-from tendonrepro.verdicts.statements import CLAIMS, FIRST, LOADED, Findings, larger_with_load
+from tendonrepro.verdicts.statements import Findings, findings_of, larger_with_load
 
 JUDGED = ("K3", "K5", "C1", "C2", "F1", "F2", "C3", "C4", "C5", "C6", "P1")
 """Claims that a measurement is asked about."""
@@ -31,8 +31,6 @@ TINY, AGREES = 0.01, 0.05
 """Largest errors of K3 and K5 as shares of a joint's or motor's range."""
 LEAST_RANGE = float(np.deg2rad(1.0))
 """Range below which a joint or motor counts as at rest, rad."""
-
-_FAMILIES = ("table2.", "table3.", "rmse_over_mae.", "joints.", "dose.", "share.", "increase.")
 
 
 def judge_measured(measured: Measured, paper: Published) -> dict[str, Judged]:
@@ -49,7 +47,7 @@ def judge_measured(measured: Measured, paper: Published) -> dict[str, Judged]:
         By id: the claims `JUDGED`, the numbers of Tables 2 and 3, their quotients, and those of sections 5.3
         and 5.4.
     """
-    numbers = [name for name in paper.entries if name.startswith(_FAMILIES)]
+    numbers = [name for name, how in paper.judgements.items() if how.rule in (*NUMBERS, "same_as")]
     found = {name: _number(measured, paper, name) for name in numbers}
     for name in JUDGED:
         try:
@@ -60,65 +58,27 @@ def judge_measured(measured: Measured, paper: Published) -> dict[str, Judged]:
 
 
 def _number(measured: Measured, paper: Published, identifier: str) -> Judged:
-    deciding = measured.tables.deciding
-    judge = {"rmse_over_mae": _quotient, "joints": _quotient, "dose": _dose}
-    judge |= dict.fromkeys(("share", "increase"), _percentage)
-    family = identifier.partition(".")[0]
-    found = judge.get(family, _size)(deciding.sizes if deciding else {}, paper, identifier)
-    return replace(found, evidence=found.evidence | {"window": deciding.name if deciding else None})
-
-
-def _size(sizes: Mapping[str, float], paper: Published, identifier: str) -> Judged:
-    """Judge a number of Table 2 or 3 by whether the measured one would be printed so."""
-    ours = sizes.get(size_behind(identifier))
-    if ours is None:
-        return missing(f"the measured errors of {_run_of(identifier)}")
-    return Judged(of_model(prints_as(paper, identifier, ours)), ours)
-
-
-def _run_of(identifier: str) -> str:
-    family, what, _, joint = identifier.split(".")
-    run = what if family == "table2" else {"no_load": CONTROLLERS[0], "with_load": LOADED}[what]
-    return f"{run}, {joint.replace('_', ' ')}"
-
-
-def _percentage(sizes: Mapping[str, float], paper: Published, identifier: str) -> Judged:
-    """Judge a percentage from the measured numbers as the tables would print them."""
-    names = [size_behind(name) for name in printed_percentages(paper)[identifier]]
-    absent = [_run_of(name) for name in names if not np.isfinite(sizes.get(name, np.nan))]
-    if absent:
-        return missing(f"the measured errors of {absent[0]}")
-    part, whole = (Fraction(f"{sizes[name]:.{paper.digits(name).decimals}f}") for name in names)
-    if whole == 0:
-        return missing(f"an error of {_run_of(names[1])} that is not zero")
-    value = 100 * part / whole - (100 if identifier.startswith("increase.") else 0)
-    holds = cut(value, paper.digits(identifier)) != "neither"
-    return Judged(of_model(holds), float(value))
-
-
-def _quotient(sizes: Mapping[str, float], paper: Published, identifier: str) -> Judged:
-    """Judge a quotient by what the rounding of both printed numbers allows."""
-    entry = paper.entries[identifier]
-    assert isinstance(entry, PrintedQuotient)
-    root, mean = (sizes.get(name, np.nan) for name in (entry.numerator, entry.denominator))
-    if not (np.isfinite(root) and mean > 0.0):
-        return missing(f"the measured errors of {_run_of(entry.numerator)}")
+    """Judge a number by whether it would be printed so, or from what the rounding of the tables allows."""
+    deciding, formula = measured.tables.deciding, formula_of(paper, identifier)
+    window: Evidence = {"window": deciding.name if deciding else None}
+    sizes: list[Any] = [
+        deciding.sizes.get(error.id, np.nan) if deciding else np.nan for error in formula.errors
+    ]
+    for error, size in zip(formula.errors, sizes, strict=True):
+        if not np.isfinite(size):
+            return missing(f"the measured errors of {error}", **window)
+    by_digits = identifier.startswith(PERCENTAGES)
+    if by_digits:
+        # As the print's own percentages, those of a measurement follow from what its tables would print.
+        decimals = [paper.digits(name).decimals for name in formula.names]
+        sizes = [Fraction(f"{size:.{places}f}") for size, places in zip(sizes, decimals, strict=True)]
+    try:
+        ours = formula.value(*sizes)
+    except ZeroDivisionError:
+        return missing(f"an error of {formula.errors[-1]} that is not zero", **window)
     low, high = paper.interval(identifier)
-    return Judged(of_model(low <= root / mean <= high), root / mean)
-
-
-def _dose(sizes: Mapping[str, float], paper: Published, identifier: str) -> Judged:
-    """Judge what Controller 1 gains on joint 3 over what it gains on joint 2."""
-    entry = paper.entries[identifier]
-    assert isinstance(entry, PrintedDose)
-    for name in (name for pair in entry.parts for name in pair):
-        if not sizes.get(name, np.nan) > 0.0:
-            return missing(f"the measured errors of {_run_of(name)}")
-    joint_3, joint_2 = (1.0 - sizes[first] / sizes[second] for first, second in entry.parts)
-    if joint_2 == 0.0:
-        return missing("a difference between Controllers 1 and 2 on joint 2")
-    low, high = paper.interval(identifier)
-    return Judged(of_model(low <= joint_3 / joint_2 <= high), joint_3 / joint_2)
+    holds = cut(ours, paper.digits(identifier)) != "neither" if by_digits else low <= ours <= high
+    return Judged(of_model(holds), float(ours), window)
 
 
 def _claim(measured: Measured, paper: Published, identifier: str, numbers: Mapping[str, Judged]) -> Judged:
@@ -134,7 +94,7 @@ def _claim(measured: Measured, paper: Published, identifier: str, numbers: Mappi
     if rule == "payload":
         found = Findings(larger_with_load(plants), plants.ok(FIRST, LOADED), None)
     else:
-        found = CLAIMS[rule](plants, paper)
+        found = findings_of(plants, paper, rule)
     _all_judged(measured.compare, identifier, found)
     by = [name for name, held in found.measures.items() if all(statement.holds[0] for statement in held)]
     holds = bool(by)

@@ -24,12 +24,10 @@ from tendonrepro.verdicts.arithmetic import (
     cut,
     inverse,
     meets,
-    percentage,
     printed_inverse,
-    printed_percentages,
-    size_behind,
     slopes_of_coupling,
 )
+from tendonrepro.verdicts.numbers import error_of, formula_of, percentages
 from tendonrepro.verdicts.rules import Decision, VerdictName, of_arithmetic, of_model
 
 FAR_LESS = 0.1
@@ -83,29 +81,30 @@ def both_matrices(paper: Published, _: str) -> Judged:
 
 def all_percentages(paper: Published, _: str) -> Judged:
     """A1: the percentages of sections 5.3 and 5.4 against what the rounding of the tables allows."""
-    rows, wrong = [], []
-    for name, (part, whole) in printed_percentages(paper).items():
-        printed = paper.digits(name)
-        change = name.startswith("increase.")
-        value, interval = percentage(paper.digits(part), paper.digits(whole), change=change)
-        consistent = meets(interval, rounding(printed))
-        rows.append(
-            {
-                "id": name,
-                "printed": printed.as_printed,
-                "from_digits": float(value),
-                "allowed": [float(interval[0]), float(interval[1])],
-                "printed_is": cut(value, printed),
-                "consistent": consistent,
-            }
-        )
-        wrong += [] if consistent else [name]
+    rows = [_percentage(paper, name) for name in percentages(paper)]
+    wrong = [row["id"] for row in rows if not row["consistent"]]
     return Judged(of_arithmetic(not wrong), None, {"percentages": rows, "inconsistent": wrong})
+
+
+def _percentage(paper: Published, identifier: str) -> Evidence:
+    printed, formula = paper.digits(identifier), formula_of(paper, identifier)
+    part, whole = map(paper.digits, formula.names)
+    value = formula.value(exact(part), exact(whole))
+    (least, most), (low, high) = rounding(part), rounding(whole)
+    allowed = formula.value(least, high), formula.value(most, low)
+    return {
+        "id": identifier,
+        "printed": printed.as_printed,
+        "from_digits": float(value),
+        "allowed": [float(end) for end in allowed],
+        "printed_is": cut(value, printed),
+        "consistent": meets(allowed, rounding(printed)),
+    }
 
 
 def same_as(paper: Published, identifier: str) -> Judged:
     """Table 3 without load against Controller 1 in Table 2."""
-    other = size_behind(identifier)
+    other = error_of(identifier).id
     return _against(paper, identifier, rounding(paper.quantity(other)), paper.number(other), other)
 
 

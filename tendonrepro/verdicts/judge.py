@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import (
     Judgement,
@@ -17,15 +19,16 @@ from tendonrepro.configuration.published import (
     published,
 )
 from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.results.records import TraceFile
-from tendonrepro.results.summary import LOADS, decoupling_errors, tracking_errors
-from tendonrepro.verdicts.arithmetic import printed_percentages, size_behind
-from tendonrepro.verdicts.from_ensemble import COMMAND, judge, outcome
+from tendonrepro.results.summary import tracking_errors
+from tendonrepro.verdicts.from_ensemble import COMMAND, NUMBERS, judge, outcome
 from tendonrepro.verdicts.from_measurement import judge_measured
 from tendonrepro.verdicts.from_print import FROM_THE_PRINT, Judged, missing
 from tendonrepro.verdicts.measured import measured_of
-from tendonrepro.verdicts.plants import Ensemble, Plants, StoredEnsemble
-from tendonrepro.verdicts.rules import FAILURES, NAMES, VerdictName
+from tendonrepro.verdicts.numbers import ErrorOf, formula_of
+from tendonrepro.verdicts.plants import Ensemble, Plants
+from tendonrepro.verdicts.rules import FAILURES, VERDICTS, VerdictName
 from tendonrepro.verdicts.sensitivity import Ranking, ranked
 from tendonrepro.verdicts.tension import tension
 
@@ -39,9 +42,8 @@ _DATA = "the measured motor and joint angles of the paper's data set"
 class Sources:
     """What has been run; None where nothing has."""
 
-    decouple: TraceFile | None = None
     compare: TraceFile | None = None
-    ensemble: StoredEnsemble | None = None
+    ensemble: EnsembleData | None = None
     measured: TraceFile | None = None
 
 
@@ -129,8 +131,8 @@ def _under_every_reading(
     printed = Plants(data, PRINTED)
     found = {name: judge(printed, paper, rule, name) for name, rule in rules.items()}
     if decided_by:
-        for name, rule in rules.items():
-            found[name].evidence["decided_by"] = _decided_by(printed, paper, rule, name)
+        for name in rules:
+            found[name].evidence["decided_by"] = _decided_by(printed, paper, name)
     others: dict[str, dict[str, VerdictName]] = {name: {} for name in rules}
     for reading in data.readings if rules else ():
         report(1)
@@ -142,9 +144,9 @@ def _under_every_reading(
     return {name: replace(judged, other_readings=others[name]) for name, judged in found.items()}
 
 
-def _decided_by(plants: Plants, paper: Published, rule: str, identifier: str) -> Ranking | None:
+def _decided_by(plants: Plants, paper: Published, identifier: str) -> Ranking | None:
     try:
-        values, judged = outcome(plants, paper, rule, identifier)
+        values, judged = outcome(plants, paper, identifier)
     except DataMissingError:
         return None
     return ranked(plants.data.names, plants.data.draws[judged], values[judged])
@@ -157,7 +159,7 @@ def _without_ensemble(sources: Sources, paper: Published, identifier: str) -> Ju
     if rule.rule in FROM_THE_PRINT:
         return FROM_THE_PRINT[rule.rule](paper, identifier)
     if rule.kind == "measured":
-        return _needs_data(rule.rule, sources.decouple)
+        return missing(_DATA, FETCH)
     return missing("the ensemble", COMMAND)
 
 
@@ -193,36 +195,19 @@ def _verdict(paper: Published, identifier: str, found: Judged, shipped: float | 
 def _shipped_numbers(compare: TraceFile | None, paper: Published) -> dict[str, float]:
     """Numbers of Tables 2, 3 and sections 5.3, 5.4 from the traces of one run, in printed units."""
     found: dict[str, float] = {}
-    runs = compare.runs if compare else {}
-    for run, trace in runs.items():
-        table = "table3.with_load" if run == LOADS["with_load"] else f"table2.{run}"
+    for run, trace in compare.runs.items() if compare else ():
         sizes = tracking_errors(trace)["whole"]
         for metric in ("mae", "rmse"):
             for joint, size in zip(trace.joint, sizes[metric], strict=True):
-                found[f"{table}.{metric}.joint_{joint}"] = float(size)
-    for name, entry in paper.entries.items():
-        if isinstance(entry, PrintedQuotient) and found.get(entry.denominator) and entry.numerator in found:
-            found[name] = found[entry.numerator] / found[entry.denominator]
-    for name, pair in printed_percentages(paper).items():
-        part, whole = (found.get(size_behind(one)) for one in pair)
-        if part is not None and whole:
-            found[name] = (
-                100.0 * (part / whole - 1.0) if name.startswith("increase.") else 100.0 * part / whole
-            )
+                found[ErrorOf(run, metric, joint).id] = float(size)
+    for name, judgement in paper.judgements.items():
+        if judgement.rule not in NUMBERS or judgement.rule == "dose":
+            continue
+        formula = formula_of(paper, name)
+        errors = [found.get(error.id, np.nan) for error in formula.errors]
+        if np.isfinite(errors).all() and errors[-1] > 0.0:
+            found[name] = formula.value(*errors)
     return found
-
-
-def _needs_data(rule: str, decouple: TraceFile | None) -> Judged:
-    """K3, K5: only measured angles can tell; the errors of the one simulated plant are shown."""
-    if rule == "measured_only" or decouple is None or "decouple" not in decouple.runs:
-        return missing(_DATA, FETCH)
-    trace = decouple.runs["decouple"]
-    sizes = zip(trace.joint, decoupling_errors(trace)["mae"], strict=True)
-    errors = {f"joint_{joint}": float(size) for joint, size in sizes}
-    remark = (
-        "one simulated plant; the order of its joints hangs on gravity and stiffness, which are unpublished"
-    )
-    return missing(_DATA, FETCH, mae_deg=errors, remarks=[remark])
 
 
 def _as_printed(paper: Published, entry: PrintedEntry, rule: Judgement) -> tuple[str, str | None]:
@@ -236,7 +221,7 @@ def _as_printed(paper: Published, entry: PrintedEntry, rule: Judgement) -> tuple
 
 def summary(verdicts: Iterable[Verdict]) -> dict[str, int]:
     """Count each verdict, what is printed twice once; all names are there."""
-    counts = dict.fromkeys(map(str, NAMES), 0)
+    counts = dict.fromkeys(VERDICTS, 0)
     for verdict in verdicts:
         counts[verdict.verdict] += verdict.repeats is None
     return counts

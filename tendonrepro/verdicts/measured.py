@@ -21,7 +21,7 @@ from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.statistics import statistics
 from tendonrepro.results.summary import CONTROLLERS
-from tendonrepro.verdicts.statements import LOADED
+from tendonrepro.verdicts.numbers import ErrorOf
 
 _DEG = float(np.rad2deg(1.0))
 _UNITS = {"mae": ("deg", _DEG), "rmse": ("deg", _DEG), "s": ("deg_per_s", _DEG)}
@@ -140,8 +140,7 @@ class OneArm:
 
     def _of_the_tables(self, run: str, metric: str) -> Array:
         deciding = self._measured.tables.deciding
-        table = "table3.with_load" if run == LOADED else f"table2.{run}"
-        names = [f"{table}.{metric}.joint_{joint}" for joint in self.joints]
+        names = [ErrorOf(run, metric, joint).id for joint in self.joints]
         sizes = deciding.sizes if deciding else {}
         if not all(np.isfinite(sizes.get(name, np.nan)) for name in names):
             raise DataMissingError(f"the tracking error of the run {run}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, TypeAlias, get_args
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,20 +12,29 @@ from numpy.typing import NDArray
 from tendonrepro.monte_carlo.shares import FEW, MOST, Ends, Share, Spread
 from tendonrepro.verdicts.arithmetic import meets
 
-VerdictName: TypeAlias = Literal[
-    "exact",
-    "reproduced",
-    "compatible",
-    "no_power",
-    "direction_only",
-    "depends_on_plant",
-    "not_met",
-    "contradicted",
-    "outside_model",
-    "not_reproduced",
-    "not_testable",
-]
-NAMES: tuple[VerdictName, ...] = get_args(VerdictName)
+VerdictName: TypeAlias = str
+
+HEADINGS: Mapping[str, Mapping[VerdictName, str]] = {
+    "holds": {
+        "exact": "follows, to the published digits",
+        "reproduced": "follows from the equations",
+        "compatible": "agrees",
+        "direction_only": "agrees in direction, not in size",
+    },
+    "does not hold": {
+        "not_met": "holds on almost no plant",
+        "outside_model": "outside the range of the plants",
+        "not_reproduced": "does not follow from the equations",
+    },
+    "the opposite holds": {"contradicted": "the equations say the opposite"},
+    "cannot be tested here": {
+        "depends_on_plant": "depends on the plant",
+        "no_power": "agrees, but so would most values",
+        "not_testable": "not testable",
+    },
+}
+"""Verdicts and what each means, as terminal and report group them."""
+VERDICTS = {name: words for under in HEADINGS.values() for name, words in under.items()}
 INSIDE = frozenset({"compatible", "no_power"})
 """Verdicts on a number that lies inside the central 90 % of the plants."""
 FAILURES = frozenset({"not_reproduced", "contradicted", "not_met", "outside_model"})
@@ -39,14 +48,6 @@ SIMILAR = 0.05
 MOST_UNRESOLVED = 0.05
 NO_POWER = 0.5
 """Share of the decade around a printed number from which on a range that holds it says nothing."""
-
-HEADINGS: Mapping[str, tuple[VerdictName, ...]] = {
-    "holds": ("exact", "reproduced", "compatible", "direction_only"),
-    "does not hold": ("not_met", "outside_model", "not_reproduced"),
-    "the opposite holds": ("contradicted",),
-    "cannot be tested here": ("depends_on_plant", "no_power", "not_testable"),
-}
-"""Verdicts in words, as terminal and report group them."""
 
 Mask: TypeAlias = NDArray[np.bool_]
 
