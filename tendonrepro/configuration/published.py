@@ -180,9 +180,8 @@ class Published:
         if isinstance(entry, PrintedQuotient):
             return quotient(self.interval(entry.numerator), self.interval(entry.denominator))
         if isinstance(entry, PrintedDose):
-            shares = [quotient(*map(self.interval, pair)) for pair in entry.parts]
-            gains = [(1 - high, 1 - low) for low, high in shares]
-            return quotient(gains[0], gains[1])
+            shares = (quotient(*map(self.interval, pair)) for pair in entry.parts)
+            return quotient(*((1 - high, 1 - low) for low, high in shares))
         return rounding(self.quantity(identifier))
 
     def per_joint(self, identifier: str, joints: Iterable[int]) -> list[float]:
@@ -218,8 +217,9 @@ def parse_published(document: Document) -> Published:
         if entry.id in entries:
             raise ConfigError(f"id {entry.id!r} is used twice", where=where)
         if len(fitting) != 1:
-            message = f"{entry.id!r} is covered by {len(fitting)} judgements instead of one"
-            raise ConfigError(message, where=where)
+            raise ConfigError(
+                f"{entry.id!r} is covered by {len(fitting)} judgements, not by one", where=where
+            )
         entries[entry.id], judgements[entry.id] = entry, fitting[0]
     return Published(MappingProxyType(entries), MappingProxyType(judgements))
 

@@ -8,8 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from tendonrepro.configuration.fields.strict_yaml import dump
 from tendonrepro.console import columns
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.results.tables import NOTHING, csv_text, markdown
@@ -145,10 +144,7 @@ def details_text(verdict: Verdict) -> str:
     ]
     plain = to_json({"evidence": verdict.evidence})
     rounded = json.loads(plain, parse_float=lambda digits: float(f"{float(digits):.4g}"))
-    evidence = yaml.safe_dump(
-        rounded, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110
-    )
-    return "\n".join([*head, evidence.rstrip(), *shipped_note([verdict])])
+    return "\n".join([*head, dump(rounded).rstrip(), *shipped_note([verdict])])
 
 
 def _unit(verdict: Verdict) -> str:
