@@ -31,16 +31,21 @@ COMPARED = (2, 3)
 """Joints of the comparison; the paper prints gains and errors of these."""
 
 
-class PrintedNumber(Model):
-    """A number as printed; `decimals` counts the digits behind the point, `short` are a few words for it."""
+class _Entry(Model):
+    """What all have: an id, the place in the paper, and perhaps a few words for it."""
 
     id: str
-    kind: Literal["number"]
     where: str
+    short: str | None = None
+
+
+class PrintedNumber(_Entry):
+    """A number as printed; `decimals` counts the digits behind the point."""
+
+    kind: Literal["number"]
     value: Number
     unit: str
     decimals: StrictInt
-    short: str | None = None
 
     @property
     def as_printed(self) -> str:
@@ -48,12 +53,10 @@ class PrintedNumber(Model):
         return f"{self.value:.{self.decimals}f}"
 
 
-class PrintedRatio(Model):
+class PrintedRatio(_Entry):
     """A number printed as a fraction of two lengths in `unit`."""
 
-    id: str
     kind: Literal["ratio"]
-    where: str
     numerator: Number
     denominator: Number
     unit: str
@@ -69,23 +72,19 @@ class PrintedRatio(Model):
         return f"{self.numerator:g}/{self.denominator:g}"
 
 
-class PrintedQuotient(Model):
+class PrintedQuotient(_Entry):
     """A number that is not printed itself but follows from two that are, by their ids."""
 
-    id: str
     kind: Literal["quotient"]
-    where: str
     numerator: str
     denominator: str
     unit: Literal["1"] = "1"
 
 
-class PrintedDose(Model):
+class PrintedDose(_Entry):
     """What Controller 1 gains over Controller 2 on joint 3, ``1 - C1/C2``, over what it gains on joint 2."""
 
-    id: str
     kind: Literal["dose"]
-    where: str
     metric: Literal["mae", "rmse"]
     unit: Literal["1"] = "1"
 
@@ -99,14 +98,11 @@ class PrintedDose(Model):
         return joint_3, joint_2
 
 
-class PrintedText(Model):
-    """A name as printed, or a claim: a statement of the paper in our words, and a `short` form of it."""
+class PrintedText(_Entry):
+    """A name as printed, or a claim: a statement of the paper in our words."""
 
-    id: str
     kind: Literal["text", "claim"]
-    where: str
     text: str
-    short: str | None = None
 
 
 PrintedEntry: TypeAlias = PrintedNumber | PrintedRatio | PrintedQuotient | PrintedDose | PrintedText

@@ -46,7 +46,7 @@ class Judged:
     decision: Decision
     ours: float | None = None
     evidence: Evidence = field(default_factory=dict)
-    other_readings: Mapping[str, VerdictName] = field(default_factory=dict)
+    other_readings: dict[str, VerdictName] = field(default_factory=dict)
 
 
 def missing(what: str, command: str | None = None, **evidence: Any) -> Judged:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,18 +18,18 @@ from tendonrepro.configuration.published import (
     Published,
     published,
 )
-from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.errors import UsageError
 from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.summary import tracking_errors
-from tendonrepro.verdicts.from_ensemble import COMMAND, NUMBERS, judge, outcome
+from tendonrepro.verdicts.from_ensemble import COMMAND, NUMBERS, judge
 from tendonrepro.verdicts.from_measurement import judge_measured
 from tendonrepro.verdicts.from_print import FROM_THE_PRINT, Judged, missing
 from tendonrepro.verdicts.measured import measured_of
 from tendonrepro.verdicts.numbers import ErrorOf, formula_of
 from tendonrepro.verdicts.plants import Ensemble, Plants
 from tendonrepro.verdicts.rules import FAILURES, VERDICTS, VerdictName
-from tendonrepro.verdicts.sensitivity import Ranking, ranked
+from tendonrepro.verdicts.sensitivity import deciding
 from tendonrepro.verdicts.tension import tension
 
 SCHEMA_VERSION = 1
@@ -92,14 +92,36 @@ def judge_all(
             message = f"no claim or number {name!r} is judged"
             raise UsageError(message, hint=f"Claims: {', '.join(n for n in judged if '.' not in n)}")
     wanted = list(only) or judged
-    report = progress or (lambda _: None)
-    found = _under_every_reading(sources.ensemble, paper, wanted, report, decided_by=decided_by)
+    found = _over_the_box(sources.ensemble, paper, wanted, progress or (lambda _: None))
     for name in wanted:
         found.setdefault(name, _without_ensemble(sources, paper, name))
+        if decided_by and sources.ensemble and paper.judgements[name].kind == "ensemble":
+            ranking = deciding(Plants(sources.ensemble, PRINTED), paper, name)
+            found[name].evidence["decided_by"] = ranking
     if sources.measured is not None:
         _add_measured(found, sources.measured, paper)
     shipped = _shipped_numbers(sources.compare, paper)
     return [_verdict(paper, name, found[name], shipped.get(name)) for name in wanted]
+
+
+def _over_the_box(
+    data: Ensemble | None, paper: Published, wanted: Sequence[str], progress: Callable[[int], None]
+) -> dict[str, Judged]:
+    """Judge what an ensemble can tell under every reading; one reading is held in memory at a time."""
+    names = [name for name in wanted if paper.judgements[name].kind == "ensemble"]
+    if data is None or PRINTED not in data.readings or not names:
+        return {}
+    found: dict[str, Judged] = {}
+    for reading in sorted(data.readings, key=lambda name: name != PRINTED):
+        plants = Plants(data, reading)
+        for name in names:
+            judged = judge(plants, paper, name)
+            if reading == PRINTED:
+                found[name] = judged
+            else:
+                found[name].other_readings[reading] = judged.decision.verdict
+        progress(1)
+    return found
 
 
 def _add_measured(found: dict[str, Judged], file: TraceFile, paper: Published) -> None:
@@ -112,44 +134,6 @@ def _add_measured(found: dict[str, Judged], file: TraceFile, paper: Published) -
         else:
             beside = {"verdict": one.decision.verdict, "ours": one.ours} | one.evidence
             found[name].evidence["measured"] = beside
-
-
-def _under_every_reading(
-    data: Ensemble | None,
-    paper: Published,
-    wanted: Sequence[str],
-    report: Callable[[int], None],
-    *,
-    decided_by: bool,
-) -> dict[str, Judged]:
-    """Judge what an ensemble can tell; one reading is held in memory at a time."""
-    if data is None or PRINTED not in data.readings:
-        return {}
-    rules = {
-        name: paper.judgements[name].rule for name in wanted if paper.judgements[name].kind == "ensemble"
-    }
-    printed = Plants(data, PRINTED)
-    found = {name: judge(printed, paper, rule, name) for name, rule in rules.items()}
-    if decided_by:
-        for name in rules:
-            found[name].evidence["decided_by"] = _decided_by(printed, paper, name)
-    others: dict[str, dict[str, VerdictName]] = {name: {} for name in rules}
-    for reading in data.readings if rules else ():
-        report(1)
-        if reading == PRINTED:
-            continue
-        plants = Plants(data, reading)
-        for name, rule in rules.items():
-            others[name][reading] = judge(plants, paper, rule, name).decision.verdict
-    return {name: replace(judged, other_readings=others[name]) for name, judged in found.items()}
-
-
-def _decided_by(plants: Plants, paper: Published, identifier: str) -> Ranking | None:
-    try:
-        values, judged = outcome(plants, paper, identifier)
-    except DataMissingError:
-        return None
-    return ranked(plants.data.names, plants.data.draws[judged], values[judged])
 
 
 def _without_ensemble(sources: Sources, paper: Published, identifier: str) -> Judged:

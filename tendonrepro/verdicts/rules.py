@@ -91,19 +91,19 @@ def power_of(printed: Ends, found: Spread, least: float = 0.0) -> float:
 def of_share(share: Share) -> Decision:
     """Judge one statement without a value by its share; its opposite is that it fails."""
     near = _near(share, MOST) or _near(share, FEW)
-    if share.value >= MOST:
+    if share.share >= MOST:
         return Decision("compatible", near)
-    return Decision("contradicted" if share.value <= FEW else "depends_on_plant", near)
+    return Decision("contradicted" if share.share <= FEW else "depends_on_plant", near)
 
 
 def of_claim(whole: Share, opposite: Share) -> Decision:
     """Judge a claim without a value by the shares on which it holds and on which its opposite does."""
     near = _near(whole, MOST) or _near(opposite, MOST) or _near(whole, FEW)
-    if whole.value >= MOST:
+    if whole.share >= MOST:
         return Decision("compatible", near)
-    if opposite.value >= MOST:
+    if opposite.share >= MOST:
         return Decision("contradicted", near)
-    return Decision("not_met" if whole.value <= FEW else "depends_on_plant", near)
+    return Decision("not_met" if whole.share <= FEW else "depends_on_plant", near)
 
 
 def _near(share: Share, limit: float) -> bool:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from itertools import product
 from typing import TypedDict
 
@@ -12,7 +11,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.readings import PRINTED
-from tendonrepro.configuration.published import published
+from tendonrepro.configuration.published import Published, published
 from tendonrepro.errors import DataMissingError
 from tendonrepro.monte_carlo.shares import LEAST_PLANTS
 from tendonrepro.results.summary import CONTROLLERS
@@ -110,36 +109,39 @@ def rankings(data: Ensemble) -> dict[str, Ranking]:
     A number's floor of chance is that of the ratio, on about as many plants.
     """
     plants, paper = Plants(data, PRINTED), published()
-    outcomes: dict[str, tuple[Array, Mask]] = {}
-    for claim in DECIDED:
-        with suppress(DataMissingError):
-            outcomes[claim] = outcome(plants, paper, claim)
+    found = {claim: deciding(plants, paper, claim) for claim in DECIDED}
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.log(plants[FIRST, "mae"] / plants[SECOND, "mae"])
-    both = plants.ok(FIRST, SECOND)
-    outcomes |= {f"ratio_joint_{joint}": (ratio[:, i], both) for i, joint in enumerate(data.joints)}
-    found = {name: _ranked(data, *values) for name, values in outcomes.items()}
-    floor = found[f"ratio_joint_{data.joints[0]}"]
-    found |= {
-        name: _ranked(data, *values, None if floor is None else floor["noise_floor"])
-        for name, values in _numbers(plants)
-    }
+    for i, joint in enumerate(data.joints):
+        found[f"ratio_joint_{joint}"] = _ranked(data, ratio[:, i], plants.ok(FIRST, SECOND))
+    first = found[f"ratio_joint_{data.joints[0]}"]
+    floor = None if first is None else first["noise_floor"]
+    found |= {name: _ranked(data, values, kept, floor) for name, values, kept in _numbers(plants)}
     return {name: ranking for name, ranking in found.items() if ranking is not None}
+
+
+def deciding(plants: Plants, paper: Published, identifier: str) -> Ranking | None:
+    """Rank the unknowns that decide a verdict; None where there is nothing to rank."""
+    try:
+        values, judged = outcome(plants, paper, identifier)
+    except DataMissingError:
+        return None
+    return _ranked(plants.data, values, judged)
 
 
 def _ranked(data: Ensemble, values: Array, kept: Mask, floor: float | None = None) -> Ranking | None:
     return ranked(data.names, data.draws[kept], values[kept], floor)
 
 
-def _numbers(plants: Plants) -> Iterator[tuple[str, tuple[Array, Mask]]]:
+def _numbers(plants: Plants) -> Iterator[tuple[str, Array, Mask]]:
     """Yield the logarithm of every number of Tables 2 and 3, and of joint 3's error over joint 2's."""
     for run, metric in product((*CONTROLLERS, LOADED), ("mae", "rmse")):
         with np.errstate(divide="ignore"):
             errors = np.log(plants[run, metric])
         for i, joint in enumerate(plants.joints):
-            yield ErrorOf(run, metric, joint).id, (errors[:, i], plants.ok(run))
+            yield ErrorOf(run, metric, joint).id, errors[:, i], plants.ok(run)
         if (run, metric) == (FIRST, "mae"):
-            yield "joint_3_over_2", (errors[:, -1] - errors[:, 0], plants.ok(run))
+            yield "joint_3_over_2", errors[:, -1] - errors[:, 0], plants.ok(run)
 
 
 def _totals(strongest: Sequence[str], names: Sequence[str], draws: Array, outcome: Array) -> list[float]:

@@ -7,7 +7,7 @@ what it asks.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise, product
 from math import factorial
 from typing import Any
@@ -21,7 +21,7 @@ from tendonrepro.configuration.published import Published
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts.numbers import FIRST, LOADED, SECOND
 from tendonrepro.verdicts.plants import DIVERGED, SHAPE, UNRESOLVED, Plants
-from tendonrepro.verdicts.rules import SIMILAR, Mask
+from tendonrepro.verdicts.rules import MOST_UNRESOLVED, SIMILAR, Mask
 
 IDEAL = "encoder=ideal"
 SHORTER, LONGER, HALVED = "sampling_period=0.5ms", "sampling_period=2ms", "M_bar=halved"
@@ -36,15 +36,13 @@ ONE_OBSERVATION = "C5 and C6 are one observation: tau_m - H_hat = M_bar u is sma
 
 @dataclass(frozen=True)
 class Statement:
-    """Where a statement holds, plant by plant, read only where laws are judged.
+    """Where a statement holds, plant by plant: a diverged run is larger than anything in a comparison.
 
-    `last` is the same with a diverged law ranked last, `measure` the one of several ways to judge a claim
-    that the statement belongs to.
+    `measure` is the one of several ways to judge a claim that the statement belongs to.
     """
 
     text: str
     holds: Mask
-    last: Mask
     measure: str = ""
 
 
@@ -54,18 +52,18 @@ class Findings:
 
     `opposite` is a stated opposite of the whole claim, where it is more than that no statement holds;
     `beside` are statements that are shown and do not count; `chance` are the shares that laws which do not
-    differ would give, for joints that are independent and for joints that go together; `cannot_fail` says
-    why no plant judged could have failed.
+    differ would give, for joints that are independent and for joints that go together; `untestable` says
+    why the plants cannot tell, whatever the shares.
     """
 
     statements: Sequence[Statement]
     judged: Mask
     rankable: Mask | None
-    remarks: Sequence[str] = field(default=())
+    remarks: Sequence[str] = ()
     opposite: Statement | None = None
-    beside: Sequence[Statement] = field(default=())
+    beside: Sequence[Statement] = ()
     chance: tuple[float, float] | None = None
-    cannot_fail: str | None = None
+    untestable: str | None = None
 
     @property
     def measures(self) -> Mapping[str, Sequence[Statement]]:
@@ -85,11 +83,10 @@ def _over(plants: Plants, runs: Sequence[str], statements: Sequence[Statement], 
     return Findings(statements, plants.ok(*runs), plants.rankable(*runs), **more)
 
 
-def _each_joint(plants: Plants, text: str, holds: Mask, last: Mask, measure: str = "") -> list[Statement]:
-    """One statement a joint, of masks (N, n)."""
+def _each_joint(plants: Plants, text: str, holds: Mask, measure: str = "") -> list[Statement]:
+    """One statement a joint, of a mask (N, n)."""
     return [
-        Statement(f"joint {joint}: {text}", holds[:, i], last[:, i], measure)
-        for i, joint in enumerate(plants.joints)
+        Statement(f"joint {joint}: {text}", holds[:, i], measure) for i, joint in enumerate(plants.joints)
     ]
 
 
@@ -97,23 +94,20 @@ def _of_runs(
     plants: Plants, text: str, holds: Mask, runs: Sequence[str], measure: str = ""
 ) -> list[Statement]:
     """One statement a joint that fails where a run it names diverged."""
-    alive = plants.none(DIVERGED, *runs)[:, np.newaxis]
-    return _each_joint(plants, text, holds, holds & alive, measure)
+    return _each_joint(plants, text, holds & plants.none(DIVERGED, *runs)[:, np.newaxis], measure)
 
 
 def smaller(
     plants: Plants, name: str, first: str, second: str, what: str, measure: str = ""
 ) -> list[Statement]:
     """That a statistic of one run is strictly smaller than that of another, on each joint."""
-    holds = plants[first, name] < plants[second, name]
-    last = plants.ranked(first, name) < plants.ranked(second, name)
-    return _each_joint(plants, f"{what} of {first} below that of {second}", holds, last, measure)
+    holds = plants.ranked(first, name) < plants.ranked(second, name)
+    return _each_joint(plants, f"{what} of {first} below that of {second}", holds, measure)
 
 
-def _together(text: str, statements: Sequence[Statement]) -> Statement:
-    """That all of several statements hold."""
-    holds = np.logical_and.reduce([one.holds for one in statements])
-    return Statement(text, holds, np.logical_and.reduce([one.last for one in statements]))
+def together(statements: Sequence[Statement]) -> Mask:
+    """Plants on which all of several statements hold."""
+    return np.asarray(np.logical_and.reduce([one.holds for one in statements]))
 
 
 def _by_chance(plants: Plants, orders: int) -> tuple[float, float]:
@@ -123,8 +117,13 @@ def _by_chance(plants: Plants, orders: int) -> tuple[float, float]:
 
 def stable(plants: Plants, _: Published) -> Findings:
     """C1: all controllers are ``ok``."""
-    statements = [Statement(f"{run} is ok", plants.ok(run), plants.ok(run)) for run in CONTROLLERS]
-    return Findings(statements, plants.none(UNRESOLVED, *CONTROLLERS), None)
+    resolved = plants.none(UNRESOLVED, *CONTROLLERS)
+    statements = [Statement(f"{run} is ok", plants.ok(run)) for run in CONTROLLERS]
+    untestable = None
+    if resolved.mean() < 1.0 - MOST_UNRESOLVED:
+        left_out = 100.0 * (1.0 - resolved.mean())
+        untestable = f"{left_out:.3g} % of the plants were too fast for the integrator"
+    return Findings(statements, resolved, None, untestable=untestable)
 
 
 def order(plants: Plants, _: Published) -> Findings:
@@ -150,11 +149,11 @@ def _in_order(plants: Plants, statistics: Mapping[str, str]) -> Findings:
     )
     n = len(plants.joints)
     beside = [
-        _together(f"joint {joint}: {text}, by chance on 1/6", statements[i::n])
+        Statement(f"joint {joint}: {text}, by chance on 1/6", together(statements[i::n]))
         for i, joint in enumerate(plants.joints)
         for text, statements in (("complete order", found), ("complete reverse order", reverse))
     ]
-    opposite = _together("the complete reverse order on all joints", reverse)
+    opposite = Statement("the complete reverse order on all joints", together(reverse))
     chance = _by_chance(plants, factorial(3))
     return _over(plants, CONTROLLERS, found, opposite=opposite, beside=beside, chance=chance)
 
@@ -168,7 +167,7 @@ def joints_alike(plants: Plants, paper: Published) -> Findings:
     for run, (name, what) in product(runs, ERRORS.items()):
         holds = plants[run, name][:, -1] / plants[run, name][:, 0] >= least
         text = f"{what} of {run} on joint {last} at least {least:.3f} of that on joint {first}"
-        found.append(Statement(text, holds, holds & plants.none(DIVERGED, run)))
+        found.append(Statement(text, holds & plants.none(DIVERGED, run)))
     return _over(plants, runs, found)
 
 
@@ -269,8 +268,9 @@ def better_estimate(plants: Plants, _: Published) -> Findings:
     for name, what in (("epsilon_rms", "RMS of epsilon"), ("epsilon_slow_rms", "RMS of epsilon below 3 Hz")):
         found += smaller(plants, name, FIRST, SECOND, what, what)
         if plants.reading == PRINTED and plants.data.has(FIRST, IDEAL):
-            both = smaller(ideal, name, FIRST, SECOND, f"with an ideal encoder {what}")
-            beside += [*both, _together(f"both joints: with an ideal encoder {what}", both)]
+            text, holds = f"with an ideal encoder {what}", ideal[FIRST, name] < ideal[SECOND, name]
+            beside += _each_joint(plants, f"{text} of {FIRST} below that of {SECOND}", holds)
+            beside.append(Statement(f"both joints: {text}", np.asarray(holds.all(axis=1))))
     return _over(plants, CONTROLLERS, found, beside=beside, chance=_by_chance(plants, 2))
 
 
@@ -278,7 +278,7 @@ def robustness(plants: Plants, _: Published) -> Findings:
     """E1a: where one of Controllers 1 and 2 tracks and the other does not, it is Controller 1."""
     first, second = plants.ok(FIRST), plants.ok(SECOND)
     resolved = plants.none(UNRESOLVED, FIRST, SECOND)
-    found = [Statement(f"{FIRST} is ok and {SECOND} is not", first & ~second, first & ~second)]
+    found = [Statement(f"{FIRST} is ok and {SECOND} is not", first & ~second)]
     remark = (
         f"both are ok on {int((first & second).sum())} plants and neither on "
         f"{int((resolved & ~first & ~second).sum())}: these do not tell the two apart"
@@ -322,9 +322,9 @@ def overshoot(plants: Plants, paper: Published) -> Findings:
     neither = (sizes <= np.deg2rad(paper.number("hardware.encoder_resolution"))).all(axis=0)
     counted = np.isfinite(sizes).all(axis=(0, 2)) & ~neither.all(axis=1)
     # A law that diverged has not rested, whatever its last excursion was.
-    alive = plants.none(DIVERGED, FIRST, SECOND)
+    neither &= plants.none(DIVERGED, FIRST, SECOND)[:, np.newaxis]
     found = [
-        Statement(f"{one.text}, or neither", one.holds | neither[:, i], one.last | (neither[:, i] & alive))
+        Statement(f"{one.text}, or neither", one.holds | neither[:, i])
         for i, one in enumerate(smaller(plants, "overshoot", FIRST, SECOND, "overshoot"))
     ]
     ok, rankable = plants.ok(*CONTROLLERS), plants.rankable(*CONTROLLERS)
@@ -366,8 +366,8 @@ def bounds(plants: Plants, paper: Published) -> Findings:
         remarks += [
             f"the largest {text}: uses {_medians(share[judged])} of it" for text, share in used.items()
         ]
-    cannot_fail = _beyond_divergence(error[judged])
-    return Findings(found, judged, None, remarks, beside=beside, cannot_fail=cannot_fail)
+    untestable = _beyond_divergence(error[judged])
+    return Findings(found, judged, None, remarks, beside=beside, untestable=untestable)
 
 
 def _beyond_divergence(bound: Array) -> str | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from functools import cache
 from itertools import product
 from typing import Any, NamedTuple
@@ -21,7 +22,6 @@ from tendonrepro.physics.arm import weight_moment
 from tendonrepro.physics.statics import (
     SLACK,
     tendon_tension,
-    tension_with_losses,
     tensioner_stretch,
     tensioner_torque,
 )
@@ -39,13 +39,12 @@ DRAWS = 1024
 class Machines(NamedTuple):
     """N draws as far as they matter at rest.
 
-    ``moment`` (3, N), N m, of horizontal links; ``force`` (N,) of tendon 4, N; ``loss`` (N,) of a guide
-    pulley; ``replicate`` (N,) the scrambling.
+    ``moment`` (3, N), N m, of horizontal links; ``force`` (N,) of tendon 4, N; ``replicate`` (N,) the
+    scrambling.
     """
 
     moment: Array
     force: Array
-    loss: Array
     replicate: NDArray[np.int64]
 
 
@@ -69,7 +68,7 @@ def tension(data: Ensemble | None) -> Judged:
         remarks.append("the weight alone keeps all tendons tense there, so this hardly asks for tendon 4")
     evidence = {
         "courses": rows,
-        "weight_alone": share_of(alone, machines.replicate).as_dict(),
+        "weight_alone": asdict(share_of(alone, machines.replicate)),
         "link_angles_deg": [[margin, 180.0 - margin] for margin in MARGINS],
         "remarks": remarks,
     }
@@ -89,17 +88,13 @@ def _course(course: str, route: Mechanism, machines: Machines) -> dict[str, Any]
         masks = (tense & varies, ~tense & ~varies, tense)
         whole, opposite, kept = (share_of(hits, machines.replicate) for hits in masks)
         decisions.append(of_claim(whole, opposite))
-        shares[f"at_{margin:g}_deg"] = kept.as_dict() | {"verdict": decisions[-1].verdict}
-    edges = _tense(_corner_torque(0.0, machines), machines.force, route)
-    rubbed = _tense_with_friction(_corner_torque(MARGINS[0], machines), machines, route)
+        shares[f"at_{margin:g}_deg"] = asdict(kept) | {"verdict": decisions[-1].verdict}
     decision = of_courses(decisions)
     return {
         "course": course,
         "verdict": decision.verdict,
         "borderline": decision.borderline,
         "every_tendon_tense": shares,
-        "at_the_edges": share_of(edges, machines.replicate).as_dict(),
-        "with_friction_of_the_pulleys": share_of(rubbed, machines.replicate).as_dict(),
         "tension_per_newton": np.where(np.abs(per_newton) < SLACK, 0.0, per_newton).tolist(),
         "spring_varies": travel > 0.0,
         "length_change_mm": 1e3 * travel,
@@ -121,17 +116,6 @@ def _tense(weight: Array, force: Array, route: Mechanism) -> Mask:
     """Whether every tendon pulls at all of some postures, (N,)."""
     net = weight - tensioner_torque(force, route.side[:, -1], route.diameter[:, -1])[:, np.newaxis]
     return np.asarray((tendon_tension(net, route.S, route.winch) > SLACK).all(axis=(0, 1)))
-
-
-def _tense_with_friction(weight: Array, machines: Machines, route: Mechanism) -> Mask:
-    """The same however the guide pulleys hold the ropes."""
-    tense = np.ones(len(machines.force), dtype=np.bool_)
-    force = np.broadcast_to(machines.force, weight.shape[1:])
-    for senses in product((-1.0, 1.0), repeat=route.side.shape[1]):
-        passed_on = 1.0 + np.multiply.outer(senses, machines.loss)
-        found = tension_with_losses(weight, force, route.side, route.diameter, passed_on)
-        tense &= (found > SLACK).all(axis=(0, 1))
-    return tense
 
 
 def _machines(data: Ensemble | None) -> Machines:
@@ -169,5 +153,4 @@ def _made(names: Sequence[str], draws: Array, replicate: NDArray[np.int64]) -> M
         # The box has no link 1, which is held in the comparison.
         values[0] = getattr(manipulator.links, key).si[0]
     moment = weight_moment(**links, payload_mass=0.0, gravity=manipulator.gravity.si)
-    loss = draw["pulley_loss_acts"] * draw["pulley_loss"]
-    return Machines(moment, draw["tensioner_force"], loss, replicate)
+    return Machines(moment, draw["tensioner_force"], replicate)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from tendonrepro.configuration.published import PrintedNumber, PrintedText, published
+from tendonrepro.configuration.published import published
 from tendonrepro.verdicts.judge import Verdict
 
 MAIN = (
@@ -39,9 +39,7 @@ _NUMBERS = {
 
 def in_words(identifier: str) -> str:
     """A claim in at most eight words, or what a number is of."""
-    entry = published().entries[identifier]
-    short = entry.short if isinstance(entry, PrintedText | PrintedNumber) else None
-    return short or number_in_words(identifier)
+    return published().entries[identifier].short or number_in_words(identifier)
 
 
 def number_in_words(identifier: str) -> str:
