@@ -27,7 +27,7 @@ from tendonrepro.verdicts.from_measurement import judge_measured
 from tendonrepro.verdicts.from_print import FROM_THE_PRINT, Judged, missing
 from tendonrepro.verdicts.measured import measured_of
 from tendonrepro.verdicts.numbers import ErrorOf, formula_of
-from tendonrepro.verdicts.plants import Ensemble, Plants
+from tendonrepro.verdicts.plants import Plants
 from tendonrepro.verdicts.rules import FAILURES, VERDICTS, VerdictName
 from tendonrepro.verdicts.sensitivity import deciding
 from tendonrepro.verdicts.tension import tension
@@ -96,8 +96,7 @@ def judge_all(
     for name in wanted:
         found.setdefault(name, _without_ensemble(sources, paper, name))
         if decided_by and sources.ensemble and paper.judgements[name].kind == "ensemble":
-            ranking = deciding(Plants(sources.ensemble, PRINTED), paper, name)
-            found[name].evidence["decided_by"] = ranking
+            found[name].evidence["decided_by"] = deciding(sources.ensemble, paper, name)
     if sources.measured is not None:
         _add_measured(found, sources.measured, paper)
     shipped = _shipped_numbers(sources.compare, paper)
@@ -105,7 +104,7 @@ def judge_all(
 
 
 def _over_the_box(
-    data: Ensemble | None, paper: Published, wanted: Sequence[str], progress: Callable[[int], None]
+    data: EnsembleData | None, paper: Published, wanted: Sequence[str], progress: Callable[[int], None]
 ) -> dict[str, Judged]:
     """Judge what an ensemble can tell under every reading; one reading is held in memory at a time."""
     names = [name for name in wanted if paper.judgements[name].kind == "ensemble"]

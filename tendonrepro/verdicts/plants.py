@@ -21,27 +21,15 @@ SHAPE = "rmse/mae"
 
 
 class Ensemble(Protocol):
-    """What the rules ask of an ensemble: N draws of P numbers, n joints."""
+    """What the rules ask of an ensemble of N plants of n joints."""
 
     @property
     def joints(self) -> tuple[int, ...]:
         """The paper's joint numbers."""
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the numbers drawn."""
-
-    @property
-    def readings(self) -> tuple[str, ...]:
-        """Readings that were run."""
-
-    @property
-    def draws(self) -> Array:
-        """Numbers drawn, (N, P)."""
-
-    @property
     def replicate(self) -> NDArray[np.int64]:
-        """Scrambling of each draw, (N,)."""
+        """Scrambling of each plant, (N,)."""
 
     def has(self, run: str, reading: str) -> bool:
         """Whether a run was simulated under a reading or variation."""

@@ -13,11 +13,12 @@ from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import Published, published
 from tendonrepro.errors import DataMissingError
+from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.monte_carlo.shares import LEAST_PLANTS
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts.from_ensemble import outcome
 from tendonrepro.verdicts.numbers import FIRST, LOADED, SECOND, ErrorOf
-from tendonrepro.verdicts.plants import Ensemble, Plants
+from tendonrepro.verdicts.plants import Plants
 from tendonrepro.verdicts.rules import Mask
 
 RESAMPLES = 50
@@ -103,13 +104,13 @@ def ranked(
     }
 
 
-def rankings(data: Ensemble) -> dict[str, Ranking]:
+def rankings(data: EnsembleData) -> dict[str, Ranking]:
     """Rank the unknowns that decide some claims, the ratio of Controllers 1 and 2, and the tables' numbers.
 
     A number's floor of chance is that of the ratio, on about as many plants.
     """
-    plants, paper = Plants(data, PRINTED), published()
-    found = {claim: deciding(plants, paper, claim) for claim in DECIDED}
+    plants = Plants(data, PRINTED)
+    found = {claim: deciding(data, published(), claim) for claim in DECIDED}
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.log(plants[FIRST, "mae"] / plants[SECOND, "mae"])
     for i, joint in enumerate(data.joints):
@@ -120,16 +121,16 @@ def rankings(data: Ensemble) -> dict[str, Ranking]:
     return {name: ranking for name, ranking in found.items() if ranking is not None}
 
 
-def deciding(plants: Plants, paper: Published, identifier: str) -> Ranking | None:
+def deciding(data: EnsembleData, paper: Published, identifier: str) -> Ranking | None:
     """Rank the unknowns that decide a verdict; None where there is nothing to rank."""
     try:
-        values, judged = outcome(plants, paper, identifier)
+        values, judged = outcome(Plants(data, PRINTED), paper, identifier)
     except DataMissingError:
         return None
-    return _ranked(plants.data, values, judged)
+    return _ranked(data, values, judged)
 
 
-def _ranked(data: Ensemble, values: Array, kept: Mask, floor: float | None = None) -> Ranking | None:
+def _ranked(data: EnsembleData, values: Array, kept: Mask, floor: float | None = None) -> Ranking | None:
     return ranked(data.names, data.draws[kept], values[kept], floor)
 
 

@@ -16,6 +16,7 @@ from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import load_config
 from tendonrepro.experiments.statics.survey import COURSES, Mechanism, mechanism
 from tendonrepro.monte_carlo.box import make_box, scrambled_sobol
+from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.monte_carlo.draw import put_links
 from tendonrepro.monte_carlo.shares import share_of
 from tendonrepro.physics.arm import weight_moment
@@ -26,7 +27,6 @@ from tendonrepro.physics.statics import (
     tensioner_torque,
 )
 from tendonrepro.verdicts.from_print import Judged
-from tendonrepro.verdicts.plants import Ensemble
 from tendonrepro.verdicts.rules import Decision, Mask, of_claim, of_courses
 
 MARGINS = (5.0, 10.0, 20.0)
@@ -48,7 +48,7 @@ class Machines(NamedTuple):
     replicate: NDArray[np.int64]
 
 
-def tension(data: Ensemble | None) -> Judged:
+def tension(data: EnsembleData | None) -> Judged:
     """T1 on the draws of an ensemble, or on as many of the shipped box where there is none.
 
     Rows that an ensemble must hold to be used are those of the shipped box.
@@ -118,7 +118,7 @@ def _tense(weight: Array, force: Array, route: Mechanism) -> Mask:
     return np.asarray((tendon_tension(net, route.S, route.winch) > SLACK).all(axis=(0, 1)))
 
 
-def _machines(data: Ensemble | None) -> Machines:
+def _machines(data: EnsembleData | None) -> Machines:
     names = _shipped_names()
     if data is None or not set(names) <= set(data.names):
         return _shipped_machines()

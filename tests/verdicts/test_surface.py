@@ -8,7 +8,7 @@ from support.synthetic import make_compare_file
 
 from tendonrepro.physics.control import polynomial
 from tendonrepro.results.statistics import statistics
-from tendonrepro.verdicts.measured import sliding_variable, with_surface
+from tendonrepro.verdicts.measured import with_surface
 
 
 def bare(run, time, e):
@@ -24,16 +24,15 @@ def test_it_follows_from_the_error_by_eq_11(name, beta):
     gamma_1, gamma_2 = polynomial(0.9, 0.2)
     surface = beta * e if beta else 1.5 * (gamma_1 * e + gamma_2 * np.abs(e) * e)
     expected = (e[2:] - e[:-2]) / 0.1 + surface[1:-1]
-    found = sliding_variable(bare(name, trace.time, e))
+    found = with_surface(bare(name, trace.time, e))["s"]
     assert np.isnan(found[[0, -1]]).all()
     assert found[1:-1] == pytest.approx(expected, rel=1e-9, abs=1e-12)
 
 
-def test_it_needs_a_law_an_error_and_more_than_one_sample():
+def test_it_needs_an_error_and_more_than_one_sample():
     trace = make_compare_file(step=0.05, periods=1, without=("s",)).runs["controller_2"]
-    assert sliding_variable(replace(trace, name="decouple")) is None
-    assert sliding_variable(replace(trace, variables={"q_d": trace["q_d"]})) is None
-    assert np.isnan(sliding_variable(bare("controller_2", trace.time[:1], trace["e"][:1]))).all()
+    assert "s" not in with_surface(replace(trace, variables={"q_d": trace["q_d"]}))
+    assert np.isnan(with_surface(bare("controller_2", trace.time[:1], trace["e"][:1]))["s"]).all()
 
 
 @pytest.mark.parametrize("step", [0.001, 0.01])
@@ -54,7 +53,7 @@ def test_its_size_is_that_of_the_error_and_not_of_the_encoder(step):
 def test_its_rate_is_taken_over_the_same_time_whatever_the_sampling(step):
     time = step * np.arange(round(3.0 / step))
     e = 0.01 * np.sin(7.0 * time)[:, np.newaxis] * np.ones(2)
-    found = sliding_variable(bare("controller_3", time, e))
+    found = with_surface(bare("controller_3", time, e))["s"]
     rate = found - 2.0 * e
     expected = 0.01 * (np.sin(7.0 * (time + 0.025)) - np.sin(7.0 * (time - 0.025))) / 0.05
     inside = (time > 0.03) & (time < time[-1] - 0.03)
