@@ -21,7 +21,6 @@ from tendonrepro.results.store import TRACES, NewResult, read_manifest, replaced
 from tendonrepro.results.summary import CONTROLLERS, fitted_under
 from tendonrepro.verdicts.judge import Sources, Verdict, changed, failing, judge_all
 from tendonrepro.verdicts.report import as_data, changes_text, details_text, table_text, write_claims
-from tendonrepro.verdicts.rules import VERDICTS
 from tendonrepro.verdicts.sensitivity import rankings
 from tendonrepro.verdicts.shipped import local_origin, shipped_ledger, with_shipped
 
@@ -96,8 +95,7 @@ def run_claims(
         write_claims(verdicts, result.path, judged_by)
         if sources.ensemble is not None:
             _write_influences(sources.ensemble, result)
-        of = ensemble_of(sources.ensemble)
-        result.manifest = _manifest() | ({"ensemble": of} if of else {})
+        result.manifest = _manifest(sources.ensemble)
     data["files"] = [str(out / FOLDER / name) for name in read_manifest(out / FOLDER)["outputs"]]
     parts = [table_text(verdicts, every=every), f"The ledger is in {out / FOLDER}"]
     if before is not None:
@@ -105,16 +103,12 @@ def run_claims(
     return Ledger(tuple(verdicts), failed, "\n\n".join(parts), data)
 
 
-def ensemble_of(ensemble: EnsembleData | None) -> list[str | int] | None:
-    """What a ledger's manifest says of the ensemble that it was judged from: identity and number of draws."""
-    return None if ensemble is None else [ensemble.identity, ensemble.planned]
-
-
-def _manifest() -> dict[str, Any]:
+def _manifest(ensemble: EnsembleData | None) -> dict[str, Any]:
     """What vouches for a ledger; whatever lies under the results, it is the same command's."""
     head = {"schema_version": SCHEMA_VERSION, "tendonrepro_version": __version__, "command": FOLDER}
-    created = datetime.now(UTC).isoformat(timespec="seconds")
-    return head | {"created": created, "config": {"sha256": FOLDER}, "environment": environment()}
+    head |= {"created": datetime.now(UTC).isoformat(timespec="seconds"), "environment": environment()}
+    judged_by = {"ensemble": [ensemble.identity, ensemble.planned]} if ensemble else {}
+    return head | {"config": {"sha256": FOLDER}} | judged_by
 
 
 def _write_influences(data: EnsembleData, result: NewResult) -> None:
@@ -179,13 +173,8 @@ def _baseline(path: Path, ids: Sequence[str]) -> dict[str, str]:
     if ids:
         raise UsageError("a baseline is of the whole ledger, not of single claims", where="--baseline")
     try:
-        found = json.loads(path.read_bytes())
-        before = {str(entry["id"]): str(entry["verdict"]) for entry in found["claims"]}
-    except OSError as error:
-        raise DataMissingError(f"cannot be read: {error.strerror or error}", where=str(path)) from error
-    except (ValueError, TypeError, LookupError, RecursionError):
-        before = {}
-    if not before or not {*before.values()} <= VERDICTS.keys():
-        message = "is damaged or not the JSON of tendonrepro claims"
-        raise DataMissingError(message, where=str(path), hint="write one with tendonrepro claims")
-    return before
+        ledger = json.loads(path.read_bytes())
+        return {str(entry["id"]): str(entry["verdict"]) for entry in ledger["claims"]}
+    except (OSError, ValueError, TypeError, LookupError) as error:
+        message = "is missing, damaged or not the JSON of tendonrepro claims"
+        raise DataMissingError(message, where=str(path), hint="write one with tendonrepro claims") from error

@@ -13,13 +13,15 @@ from tendonrepro.configuration.published import Published
 from tendonrepro.errors import DataMissingError
 from tendonrepro.monte_carlo.shares import LEAST_PLANTS, Share, share_of, spread_of
 from tendonrepro.results.summary import CONTROLLERS
-from tendonrepro.verdicts.from_print import Evidence, Judged, missing
 from tendonrepro.verdicts.numbers import FIRST, PERCENTAGES, formula_of
 from tendonrepro.verdicts.plants import UNRESOLVED, Plants
 from tendonrepro.verdicts.rules import (
     INSIDE,
     Decision,
+    Evidence,
+    Judged,
     Mask,
+    missing,
     of_claim,
     of_number,
     of_share,

@@ -1,13 +1,13 @@
-"""Every rule of docs/verdicts.md as a function from what is known to a judgement with its evidence."""
+"""What follows from the print alone: matrices and percentages in exact fractions, signs, smoothness."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from collections.abc import Callable, Mapping, Sequence
+from fractions import Fraction
 
 import numpy as np
 
+from tendonrepro.arrays import Array
 from tendonrepro.configuration.published import (
     COMPARED,
     SIGN,
@@ -20,38 +20,14 @@ from tendonrepro.configuration.published import (
 )
 from tendonrepro.physics.control import polynomial
 from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix
-from tendonrepro.verdicts.arithmetic import (
-    cut,
-    inverse,
-    meets,
-    printed_inverse,
-    slopes_of_coupling,
-)
-from tendonrepro.verdicts.numbers import error_of, formula_of, percentages
-from tendonrepro.verdicts.rules import Decision, VerdictName, of_arithmetic, of_model
+from tendonrepro.verdicts.numbers import cut, error_of, formula_of, percentages
+from tendonrepro.verdicts.rules import Evidence, Judged, meets, of_arithmetic, of_model
 
 FAR_LESS = 0.1
 """Motor 3 against motor 2 in claim K4."""
 NEARLY = 0.1
 """Largest relative difference of angles that are nearly equal in claim K6."""
 SMOOTH = 1e-12
-
-Evidence: TypeAlias = dict[str, Any]
-
-
-@dataclass(frozen=True)
-class Judged:
-    """Outcome of a rule."""
-
-    decision: Decision
-    ours: float | None = None
-    evidence: Evidence = field(default_factory=dict)
-    other_readings: dict[str, VerdictName] = field(default_factory=dict)
-
-
-def missing(what: str, command: str | None = None, **evidence: Any) -> Judged:
-    """Not testable, with what is missing and the command that supplies it."""
-    return Judged(Decision("not_testable"), None, {"missing": what, "run": command} | evidence)
 
 
 def lengths(paper: Published, identifier: str) -> Judged:
@@ -70,6 +46,24 @@ def matrix_entry(paper: Published, identifier: str) -> Judged:
     n, i = (int(digit) - 1 for digit in identifier.removeprefix("S."))
     ours = abs(inverse(printed_inverse(paper))[n][i])
     return _against(paper, identifier, (ours, ours), float(ours), "S_inv")
+
+
+def printed_inverse(paper: Published) -> list[list[Fraction]]:
+    """``S_inv`` as printed, lower triangular, with the signs of Eq. (2) and section 3.3."""
+    rows = []
+    for n in range(3):
+        row = [exact(paper.quantity(f"S_inv.{n + 1}{i + 1}")) for i in range(n + 1)]
+        rows.append([(1 if i == n else -1) * int(SIGN[i, n]) * x for i, x in enumerate(row)])
+    return rows
+
+
+def inverse(lower: Sequence[Sequence[Fraction]]) -> list[list[Fraction]]:
+    """Inverse of a lower-triangular matrix given by its rows up to the diagonal, in the same form."""
+    rows: list[list[Fraction]] = []
+    for n, row in enumerate(lower):
+        before = [-sum((row[k] * rows[k][i] for k in range(i, n)), Fraction(0)) / row[n] for i in range(n)]
+        rows.append([*before, 1 / row[n]])
+    return rows
 
 
 def both_matrices(paper: Published, _: str) -> Judged:
@@ -171,6 +165,19 @@ def coupling_terms(paper: Published, _: str) -> Judged:
     holds = bool((winch < 0.0).all() and (pulley > 0.0).all()) and abs(ours - 1.0) < NEARLY
     evidence = {"larger_winch": winch.tolist(), "larger_pulley": pulley.tolist()}
     return Judged(of_model(holds), ours, evidence)
+
+
+def slopes_of_coupling(ratio: Array) -> tuple[Array, Array]:
+    """Change of the magnitudes below the diagonal of ``S_inv``, 21, 31, 32, when a diameter grows by 1 %.
+
+    For a larger winch ``D[n]``, and for larger guide pulleys ``D[i, n]``; `ratio` is that of `table_1`.
+    """
+    below = np.tril_indices(3, -1)
+    sizes = [
+        np.abs(coupling_inverse(np.full(3, winch), ratio * pulley, SIGN)[below])
+        for winch, pulley in ((1.0, 1.0), (1.01, 1.0), (1.0, 1.01))
+    ]
+    return sizes[1] - sizes[0], sizes[2] - sizes[0]
 
 
 def smooth_branch(paper: Published, _: str) -> Judged:

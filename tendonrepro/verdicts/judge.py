@@ -24,11 +24,11 @@ from tendonrepro.results.records import TraceFile
 from tendonrepro.results.summary import tracking_errors
 from tendonrepro.verdicts.from_ensemble import COMMAND, NUMBERS, judge
 from tendonrepro.verdicts.from_measurement import judge_measured
-from tendonrepro.verdicts.from_print import FROM_THE_PRINT, Judged, missing
+from tendonrepro.verdicts.from_print import FROM_THE_PRINT
 from tendonrepro.verdicts.measured import measured_of
 from tendonrepro.verdicts.numbers import ErrorOf, formula_of
 from tendonrepro.verdicts.plants import Plants
-from tendonrepro.verdicts.rules import FAILURES, VERDICTS, VerdictName
+from tendonrepro.verdicts.rules import FAILURES, VERDICTS, Judged, VerdictName, missing
 from tendonrepro.verdicts.sensitivity import deciding
 from tendonrepro.verdicts.tension import tension
 

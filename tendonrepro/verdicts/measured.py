@@ -27,10 +27,10 @@ from tendonrepro.verdicts.numbers import ErrorOf
 RATE_WINDOW = 0.05
 """Time over which the rate of a measured error is taken, s."""
 
-_UNITS = {"mae": "deg", "rmse": "deg", "s": "deg_per_s"}
+_UNITS = {"mae": "deg", "rmse": "deg", "max": "deg", "s": "deg_per_s"}
 """Units of statistics as evidence, by the first word of their names; else N m."""
 
-_SIGNALS = {"s": "s or e", "torque": "tau_m", "H": "H_hat", "mae": "e"}
+_SIGNALS = {"s": "s or e", "torque": "tau_m", "H": "H_hat", "mae": "e", "max": "e"}
 """What a statistic needs to have been recorded, by the first word of its name."""
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from fractions import Fraction
 from operator import truediv
 from typing import Any, NamedTuple
 
-from tendonrepro.configuration.published import PrintedDose, PrintedQuotient, Published
+from tendonrepro.configuration.published import PrintedDose, PrintedNumber, PrintedQuotient, Published, exact
 from tendonrepro.results.summary import CONTROLLERS, LOADS
 
 LOADED = LOADS["with_load"]
@@ -84,3 +86,11 @@ def _increase(after: Any, before: Any) -> Any:
 def percentages(paper: Published) -> list[str]:
     """Ids of the percentages of sections 5.3 and 5.4."""
     return [name for name in paper.entries if name.startswith(PERCENTAGES)]
+
+
+def cut(value: Fraction, printed: PrintedNumber) -> str:
+    """How a value became the printed number: ``rounded``, ``cut off``, either way, or ``neither``."""
+    scale = 10**printed.decimals
+    goal = exact(printed) * scale
+    ways = {"rounded": math.floor(value * scale + Fraction(1, 2)), "cut off": math.trunc(value * scale)}
+    return " or ".join(way for way, found in ways.items() if found == goal) or "neither"

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TypeAlias
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.monte_carlo.shares import FEW, MOST, Ends, Share, Spread
-from tendonrepro.verdicts.arithmetic import meets
 
 VerdictName: TypeAlias = str
 
@@ -50,6 +50,8 @@ NO_POWER = 0.5
 """Share of the decade around a printed number from which on a range that holds it says nothing."""
 
 Mask: TypeAlias = NDArray[np.bool_]
+Evidence: TypeAlias = dict[str, Any]
+Bounds: TypeAlias = tuple[Fraction | float, Fraction | float]
 
 
 @dataclass(frozen=True)
@@ -58,6 +60,26 @@ class Decision:
 
     verdict: VerdictName
     borderline: bool = False
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Outcome of a rule."""
+
+    decision: Decision
+    ours: float | None = None
+    evidence: Evidence = field(default_factory=dict)
+    other_readings: dict[str, VerdictName] = field(default_factory=dict)
+
+
+def missing(what: str, command: str | None = None, **evidence: Any) -> Judged:
+    """Not testable, with what is missing and the command that supplies it."""
+    return Judged(Decision("not_testable"), None, {"missing": what, "run": command} | evidence)
+
+
+def meets(first: Bounds, second: Bounds) -> bool:
+    """Whether two intervals share a number, ends included."""
+    return first[0] <= second[1] and second[0] <= first[1]
 
 
 def of_number(printed: Ends, found: Spread, direction: Share | None, power: float) -> Decision:

@@ -212,8 +212,7 @@ def estimate_size(plants: Plants, _: Published) -> Findings:
             holds = _similar([plants[run, f"H_hat_{size}_down"] for run in (FIRST, rival)])
             text = f"moving down {measure} of H_hat of {FIRST} and {rival} are similar"
             found += _of_runs(plants, text, holds, (FIRST, rival), measure)
-    beside = _unclaimed(plants, "H_hat", "", "overall")
-    return _over(plants, CONTROLLERS, found, beside=beside, remarks=[ONE_OBSERVATION])
+    return _over(plants, CONTROLLERS, found, remarks=[ONE_OBSERVATION])
 
 
 def torque_size(plants: Plants, _: Published) -> Findings:
@@ -224,8 +223,7 @@ def torque_size(plants: Plants, _: Published) -> Findings:
         for rival in RIVALS:
             found += smaller(plants, f"torque_{size}", FIRST, rival, f"{measure} of torque", measure)
             found += smaller(plants, "torque_step_rms", FIRST, rival, "RMS torque step", measure)
-    beside = _unclaimed(plants, "torque", "_down", "moving down")
-    return _over(plants, CONTROLLERS, found, beside=beside, remarks=[ONE_OBSERVATION])
+    return _over(plants, CONTROLLERS, found, remarks=[ONE_OBSERVATION])
 
 
 def _smaller_up(plants: Plants, signal: str, size: str, by: float = 0.0) -> list[Statement]:
@@ -237,15 +235,6 @@ def _smaller_up(plants: Plants, signal: str, size: str, by: float = 0.0) -> list
         text += f" by more than {100.0 * by:.0f} %" if by else ""
         found += _of_runs(plants, text, first < (1.0 - by) * second, (FIRST, rival), SIZES[size])
     return found
-
-
-def _unclaimed(plants: Plants, signal: str, phase: str, when: str) -> list[Statement]:
-    """Comparisons of a phase of which the claim says nothing."""
-    return [
-        one
-        for (size, measure), rival in product(SIZES.items(), RIVALS)
-        for one in smaller(plants, f"{signal}_{size}{phase}", FIRST, rival, f"{measure} of {signal} {when}")
-    ]
 
 
 def payload(plants: Plants, _: Published) -> Findings:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import asdict
 from functools import cache
 from itertools import product
@@ -26,8 +25,7 @@ from tendonrepro.physics.statics import (
     tensioner_stretch,
     tensioner_torque,
 )
-from tendonrepro.verdicts.from_print import Judged
-from tendonrepro.verdicts.rules import Decision, Mask, of_claim, of_courses
+from tendonrepro.verdicts.rules import Decision, Judged, Mask, of_claim, of_courses
 
 MARGINS = (5.0, 10.0, 20.0)
 """How far every link stays away from the edges of the half-plane, deg; a verdict has to hold for all."""
@@ -49,10 +47,7 @@ class Machines(NamedTuple):
 
 
 def tension(data: EnsembleData | None) -> Judged:
-    """T1 on the draws of an ensemble, or on as many of the shipped box where there is none.
-
-    Rows that an ensemble must hold to be used are those of the shipped box.
-    """
+    """T1 on the draws of an ensemble, or on as many of the shipped box where there is none."""
     machines = _machines(data)
     rows = [_course(course, mechanism(_arm(), course), machines) for course in COURSES]
     verdicts = {f"tensioner={row['course']}": row["verdict"] for row in rows}
@@ -118,33 +113,26 @@ def _tense(weight: Array, force: Array, route: Mechanism) -> Mask:
     return np.asarray((tendon_tension(net, route.S, route.winch) > SLACK).all(axis=(0, 1)))
 
 
-def _machines(data: EnsembleData | None) -> Machines:
-    names = _shipped_names()
-    if data is None or not set(names) <= set(data.names):
-        return _shipped_machines()
-    return _made(data.names, data.draws, data.replicate)
-
-
 @cache
 def _arm() -> Any:
     return load_config(None, "decouple").config
 
 
 @cache
-def _shipped_names() -> tuple[str, ...]:
-    return make_box(load_ensemble(None).config).names
-
-
-@cache
-def _shipped_machines() -> Machines:
+def _shipped_draws() -> tuple[tuple[str, ...], Array, NDArray[np.int64]]:
+    """Names, draws and scramblings of the shipped box."""
     config = load_ensemble(None).config
     box, seed, replicates = make_box(config), int(config.seed.si), int(config.scramblings.si)
     each = DRAWS // replicates
     draws = [box.values(scrambled_sobol(box, seed, k, 0, each)) for k in range(replicates)]
-    return _made(box.names, np.concatenate(draws), np.repeat(np.arange(replicates), each))
+    return box.names, np.concatenate(draws), np.repeat(np.arange(replicates), each)
 
 
-def _made(names: Sequence[str], draws: Array, replicate: NDArray[np.int64]) -> Machines:
+def _machines(data: EnsembleData | None) -> Machines:
+    if data is not None and "tensioner_force" in data.names:
+        names, draws, replicate = data.names, data.draws, data.replicate
+    else:
+        names, draws, replicate = _shipped_draws()
     draw, manipulator = dict(zip(names, draws.T, strict=True)), _arm().manipulator
     tree: dict[str, Any] = {}
     put_links(tree, draw)

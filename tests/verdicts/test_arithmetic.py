@@ -14,14 +14,9 @@ from tendonrepro.configuration.published import (
     rounding,
     table_1,
 )
-from tendonrepro.verdicts.arithmetic import (
-    cut,
-    inverse,
-    meets,
-    printed_inverse,
-    slopes_of_coupling,
-)
-from tendonrepro.verdicts.from_print import all_percentages
+from tendonrepro.verdicts.from_print import all_percentages, inverse, printed_inverse, slopes_of_coupling
+from tendonrepro.verdicts.numbers import cut
+from tendonrepro.verdicts.rules import meets
 
 
 def printed(digits):
