@@ -74,7 +74,7 @@ BUDGETS = {
     "monte_carlo": 1_330,
     "identification": 714,
     "dataset": 1806,
-    "verdicts": 2_352,
+    "verdicts": 1_850,
     "validation": 625,
     "reporting": 636,
     "api": 347,

@@ -31,12 +31,18 @@ COMPARED = (2, 3)
 """Joints of the comparison; the paper prints gains and errors of these."""
 
 
-class PrintedNumber(Model):
-    """A number as printed; `decimals` counts the digits behind the point."""
+class _Entry(Model):
+    """What all have: an id, the place in the paper, and perhaps a few words for it."""
 
     id: str
-    kind: Literal["number"]
     where: str
+    short: str | None = None
+
+
+class PrintedNumber(_Entry):
+    """A number as printed; `decimals` counts the digits behind the point."""
+
+    kind: Literal["number"]
     value: Number
     unit: str
     decimals: StrictInt
@@ -47,12 +53,10 @@ class PrintedNumber(Model):
         return f"{self.value:.{self.decimals}f}"
 
 
-class PrintedRatio(Model):
+class PrintedRatio(_Entry):
     """A number printed as a fraction of two lengths in `unit`."""
 
-    id: str
     kind: Literal["ratio"]
-    where: str
     numerator: Number
     denominator: Number
     unit: str
@@ -68,23 +72,19 @@ class PrintedRatio(Model):
         return f"{self.numerator:g}/{self.denominator:g}"
 
 
-class PrintedQuotient(Model):
+class PrintedQuotient(_Entry):
     """A number that is not printed itself but follows from two that are, by their ids."""
 
-    id: str
     kind: Literal["quotient"]
-    where: str
     numerator: str
     denominator: str
     unit: Literal["1"] = "1"
 
 
-class PrintedDose(Model):
+class PrintedDose(_Entry):
     """What Controller 1 gains over Controller 2 on joint 3, ``1 - C1/C2``, over what it gains on joint 2."""
 
-    id: str
     kind: Literal["dose"]
-    where: str
     metric: Literal["mae", "rmse"]
     unit: Literal["1"] = "1"
 
@@ -98,12 +98,10 @@ class PrintedDose(Model):
         return joint_3, joint_2
 
 
-class PrintedText(Model):
+class PrintedText(_Entry):
     """A name as printed, or a claim: a statement of the paper in our words."""
 
-    id: str
     kind: Literal["text", "claim"]
-    where: str
     text: str
 
 
@@ -178,9 +176,8 @@ class Published:
         if isinstance(entry, PrintedQuotient):
             return quotient(self.interval(entry.numerator), self.interval(entry.denominator))
         if isinstance(entry, PrintedDose):
-            shares = [quotient(*map(self.interval, pair)) for pair in entry.parts]
-            gains = [(1 - high, 1 - low) for low, high in shares]
-            return quotient(gains[0], gains[1])
+            shares = (quotient(*map(self.interval, pair)) for pair in entry.parts)
+            return quotient(*((1 - high, 1 - low) for low, high in shares))
         return rounding(self.quantity(identifier))
 
     def per_joint(self, identifier: str, joints: Iterable[int]) -> list[float]:
@@ -216,8 +213,9 @@ def parse_published(document: Document) -> Published:
         if entry.id in entries:
             raise ConfigError(f"id {entry.id!r} is used twice", where=where)
         if len(fitting) != 1:
-            message = f"{entry.id!r} is covered by {len(fitting)} judgements instead of one"
-            raise ConfigError(message, where=where)
+            raise ConfigError(
+                f"{entry.id!r} is covered by {len(fitting)} judgements, not by one", where=where
+            )
         entries[entry.id], judgements[entry.id] = entry, fitting[0]
     return Published(MappingProxyType(entries), MappingProxyType(judgements))
 
