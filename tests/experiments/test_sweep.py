@@ -254,7 +254,7 @@ class TestValues:
             load_sweep(Request(), ["sampling_period=-1,1"])
         assert caught.value.message.splitlines() == [
             "1 mistake in the values",
-            "--over sampling_period=-1: sampling_period.value: must be above 0 ms, found -1 ms",
+            "--over sampling_period=-1: sampling_period.value: must be above 0 ms, found -1",
         ]
         with pytest.raises(ConfigError, match=r"max_step\.value: must divide the sampling period"):
             load_sweep(Request(), ["sampling_period=1,2", "solver.max_step=1,1.5"])

@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
-from pydantic import AfterValidator, Field, WithJsonSchema
+from pydantic import Field
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.fields.model import Model, Number, Problems, describe, refuse
+from tendonrepro.configuration.fields.model import Model, Number
+from tendonrepro.configuration.fields.strict_yaml import Key
 
-_SOURCE = r"^(printed|derived|datasheet|assumed|identified): \S"
 
-
-@dataclass(frozen=True)
-class _Unit:
+class _Unit(NamedTuple):
     """A unit as ``value * factor / divisor`` of its SI unit; dividing keeps 77 mm the float nearest .077."""
 
     si: str
@@ -40,17 +36,8 @@ UNITS = {unit: _Unit(unit) for unit in _SI_UNITS} | {
     "N m s": _Unit("N m s rad-1"),
 }
 
-
-def _check_source(text: str) -> str:
-    if not re.match(_SOURCE, text):
-        origins = "printed:, derived:, datasheet:, assumed: or identified:"
-        refuse(f"must begin with {origins} and then say where from, found {describe(text)}")
-    return text
-
-
-Source: TypeAlias = Annotated[
-    str, AfterValidator(_check_source), WithJsonSchema({"type": "string", "pattern": _SOURCE})
-]
+SOURCE_PATTERN = r"^(printed|derived|datasheet|assumed|identified): \S"
+Source: TypeAlias = Annotated[str, Field(pattern=SOURCE_PATTERN)]
 """``origin: words`` with origin printed, derived, datasheet, assumed or identified."""
 
 
@@ -63,13 +50,14 @@ def to_si(value: Any, unit: str) -> Any:
 class Quantity(Model):
     """A value as written, with unit (UDUNITS spelling) and source; use `Scalar`, `Vector` or `Matrix`."""
 
+    rank: ClassVar[int]
     value: Any
     unit: str
     source: Source
 
-    def entries(self) -> Iterator[tuple[tuple[int, ...], float]]:
-        """Every single number with its index below `value`."""
-        yield from ((index, float(number)) for index, number in np.ndenumerate(np.asarray(self.value)))
+    def numbers(self) -> Iterator[tuple[Key, float]]:
+        """Every single number with its place below the quantity."""
+        return _numbers(self.value, ("value",))
 
     @property
     def si_unit(self) -> str:
@@ -77,20 +65,18 @@ class Quantity(Model):
         return UNITS[self.unit].si
 
 
-Row: TypeAlias = Annotated[tuple[Number, ...], Field(min_length=1)]
-
-
-def _check_rows(rows: tuple[Row, ...]) -> tuple[Row, ...]:
-    with Problems() as problems:
-        for i, row in enumerate(rows):
-            if len(row) != len(rows[0]):
-                problems.add((i,), f"has {len(row)} entries where the first row has {len(rows[0])}")
-    return rows
+def _numbers(value: Any, path: Key) -> Iterator[tuple[Key, float]]:
+    if isinstance(value, tuple):
+        for index, item in enumerate(value):
+            yield from _numbers(item, (*path, index))
+    else:
+        yield path, value
 
 
 class Scalar(Quantity):
     """One number."""
 
+    rank = 0
     value: Number
 
     def __str__(self) -> str:
@@ -112,13 +98,18 @@ class _Several(Quantity):
         return array
 
 
+Row: TypeAlias = Annotated[tuple[Number, ...], Field(min_length=1)]
+
+
 class Vector(_Several):
     """A list of numbers, one per joint unless said otherwise."""
 
+    rank = 1
     value: Row
 
 
 class Matrix(_Several):
     """A list of rows of numbers."""
 
-    value: Annotated[tuple[Row, ...], Field(min_length=1), AfterValidator(_check_rows)]
+    rank = 2
+    value: Annotated[tuple[Row, ...], Field(min_length=1)]

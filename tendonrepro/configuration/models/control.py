@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Literal, Self
 
 from pydantic import ConfigDict, Field, model_validator
 
-from tendonrepro.configuration.fields.model import Identifier, Model, Problems
-from tendonrepro.configuration.fields.physical import per_moving_joint, physical
+from tendonrepro.configuration.fields.model import Identifier, Model, refuse_all
+from tendonrepro.configuration.fields.physical import Physical, per_moving_joint
 from tendonrepro.configuration.fields.quantity import Scalar, Vector
+from tendonrepro.configuration.fields.strict_yaml import Key
 
 RUNS = ("controller_1", "controller_2", "controller_3", "controller_1_payload")
 ALPHA = ("controller_1", "controller_1_payload")
@@ -137,24 +138,28 @@ class Control(Model):
     ]
     readings: Readings
     filter_cutoff: (
-        Annotated[Scalar, physical("Hz", "cutoff of the readings' low-pass filters", at_least=1e-9)] | None
+        Annotated[Scalar, Physical("Hz", "cutoff of the readings' low-pass filters", at_least=1e-9)] | None
     ) = None
 
     @model_validator(mode="after")
     def _check_needs(self) -> Self:
-        with Problems() as problems:
-            for name, law in self.laws.items():
-                printed = PRINTED_LAWS.get(name, held := (law.surface, law.estimator))
-                if held != printed:
-                    paper = "surface {} and estimator {}".format(*printed)
-                    problems.add(("laws", name), f"is the paper's, {paper}: give yours another name")
-            plain = [name for name, law in self.laws.items() if law.surface == "pd"]
-            for gain in ("K_d", "K_p"):
-                if plain and getattr(self.gains, gain) is None:
-                    problems.add(("gains",), f"missing key {gain!r}, which the law {plain[0]!r} needs")
-            for reading in ("error_rate", "estimate_filter"):
-                if (value := getattr(self.readings, reading)) in FILTERED and self.filter_cutoff is None:
-                    problems.add(
-                        (), f"missing key 'filter_cutoff', which the reading {reading}: {value} needs"
-                    )
+        refuse_all([*self._wrong_laws(), *self._missing_keys()])
         return self
+
+    def _wrong_laws(self) -> Iterator[tuple[Key, str]]:
+        for name, law in self.laws.items():
+            held = law.surface, law.estimator
+            printed = PRINTED_LAWS.get(name, held)
+            if held != printed:
+                paper = "surface {} and estimator {}".format(*printed)
+                yield ("laws", name), f"is the paper's, {paper}: give yours another name"
+
+    def _missing_keys(self) -> Iterator[tuple[Key, str]]:
+        plain = [name for name, law in self.laws.items() if law.surface == "pd"]
+        for gain in ("K_d", "K_p"):
+            if plain and getattr(self.gains, gain) is None:
+                yield ("gains",), f"missing key {gain!r}, which the law {plain[0]!r} needs"
+        for reading in ("error_rate", "estimate_filter"):
+            value = getattr(self.readings, reading)
+            if value in FILTERED and self.filter_cutoff is None:
+                yield (), f"missing key 'filter_cutoff', which the reading {reading}: {value} needs"

@@ -17,14 +17,13 @@ from pydantic_core import CoreSchema
 from tendonrepro.configuration.fields.model import (
     Model,
     Outline,
-    Problems,
-    RootModel,
     RunName,
     SchemaVersion,
     is_multiple,
     refuse,
+    refuse_all,
 )
-from tendonrepro.configuration.fields.physical import per_joint, per_moving_joint, physical
+from tendonrepro.configuration.fields.physical import Physical, per_joint, per_moving_joint
 from tendonrepro.configuration.fields.quantity import Scalar, Vector
 from tendonrepro.configuration.models.control import Control
 from tendonrepro.configuration.models.manipulator import Manipulator
@@ -50,7 +49,7 @@ class StepDisturbance(Model):
 
     kind: Literal["step"]
     torque: Annotated[Vector, per_moving_joint("N m", "torque on each joint")]
-    start: Annotated[Scalar, physical("s", "time of the step", at_least=0.0)]
+    start: Annotated[Scalar, Physical("s", "time of the step", at_least=0.0)]
 
 
 class SineDisturbance(Model):
@@ -58,7 +57,7 @@ class SineDisturbance(Model):
 
     kind: Literal["sine"]
     torque: Annotated[Vector, per_moving_joint("N m", "amplitude on each joint")]
-    frequency: Annotated[Scalar, physical("Hz", "frequency", above=0.0)]
+    frequency: Annotated[Scalar, Physical("Hz", "frequency", above=0.0)]
 
 
 class NoiseDisturbance(Model):
@@ -66,8 +65,8 @@ class NoiseDisturbance(Model):
 
     kind: Literal["noise"]
     torque: Annotated[Vector, per_moving_joint("N m", "RMS torque on each joint", at_least=0.0)]
-    band: Annotated[Vector, physical("Hz", "lowest and highest frequency", at_least=0.0, size="pair")]
-    components: Annotated[Scalar, physical("1", "number of sines", at_least=1.0, at_most=100.0, whole=True)]
+    band: Annotated[Vector, Physical("Hz", "lowest and highest frequency", at_least=0.0, size="pair")]
+    components: Annotated[Scalar, Physical("1", "number of sines", at_least=1.0, at_most=100.0, whole=True)]
 
     @field_validator("band")
     @classmethod
@@ -87,18 +86,18 @@ class SolverConfig(Model):
     """Integrator of the plant between two samples."""
 
     method: Literal["dopri5", "dop853", "lsoda"]
-    rtol: Annotated[Scalar, physical("1", "relative tolerance", above=0.0, below=1.0)]
-    atol: Annotated[Scalar, physical("1", "absolute tolerance, rad and rad/s", above=0.0, below=1.0)]
-    max_step: Annotated[Scalar, physical("s", "longest step; divides the sampling period", above=0.0)]
+    rtol: Annotated[Scalar, Physical("1", "relative tolerance", above=0.0, below=1.0)]
+    atol: Annotated[Scalar, Physical("1", "absolute tolerance, rad and rad/s", above=0.0, below=1.0)]
+    max_step: Annotated[Scalar, Physical("s", "longest step; divides the sampling period", above=0.0)]
 
 
 class StatusLimits(Model):
     """When a run counts as diverged or ringing."""
 
-    divergence_limit: Annotated[Scalar, physical("rad", "error at which a run has diverged", above=0.0)]
-    ringing_frequency: Annotated[Scalar, physical("Hz", "frequency above which error is ringing", above=0.0)]
+    divergence_limit: Annotated[Scalar, Physical("rad", "error at which a run has diverged", above=0.0)]
+    ringing_frequency: Annotated[Scalar, Physical("Hz", "frequency above which error is ringing", above=0.0)]
     ringing_share: Annotated[
-        Scalar, physical("1", "share of the error's power that is ringing", above=0.0, below=1.0)
+        Scalar, Physical("1", "share of the error's power that is ringing", above=0.0, below=1.0)
     ]
 
 
@@ -112,7 +111,7 @@ class _OrFile:
         return {"anyOf": [name, handler(core)]}
 
 
-class Experiment(RootModel):
+class Experiment(Model):
     """What both experiments state."""
 
     schema_version: SchemaVersion
@@ -122,9 +121,9 @@ class Experiment(RootModel):
         tuple[StrictInt, ...], Field(min_length=1, description="moving joints: the last ones, in order")
     ]
     posture: Annotated[Vector, per_joint("rad", "joint angles at which the encoders read zero")]
-    sampling_period: Annotated[Scalar, physical("s", "sampling period L, also the delay time", above=0.0)]
+    sampling_period: Annotated[Scalar, Physical("s", "sampling period L, also the delay time", above=0.0)]
     seed: Annotated[
-        Scalar, physical("1", "seed of all random numbers", at_least=0.0, at_most=2.0**32 - 1.0, whole=True)
+        Scalar, Physical("1", "seed of all random numbers", at_least=0.0, at_most=2.0**32 - 1.0, whole=True)
     ]
     disturbance: DisturbanceConfig
     solver: SolverConfig
@@ -181,7 +180,7 @@ class CompareRun(Model):
     """One run of the comparison."""
 
     law: Annotated[str, Field(description="name of one of the laws")]
-    payload: Annotated[Scalar, physical("kg", "point mass at the tool", at_least=0.0)]
+    payload: Annotated[Scalar, Physical("kg", "point mass at the tool", at_least=0.0)]
 
     @field_validator("law")
     @classmethod
@@ -223,7 +222,7 @@ class DecoupleRun(Model):
         Field(description="whether the reference is of joints, mapped by S_inv, or of the motors themselves"),
     ]
     reference: ReferenceConfig
-    payload: Annotated[Scalar, physical("kg", "point mass at the tool", at_least=0.0)]
+    payload: Annotated[Scalar, Physical("kg", "point mass at the tool", at_least=0.0)]
 
 
 class DecoupleConfig(Experiment):
@@ -236,10 +235,8 @@ class DecoupleConfig(Experiment):
     @field_validator("runs")
     @classmethod
     def _check_references(cls, runs: dict[str, DecoupleRun], info: ValidationInfo) -> dict[str, DecoupleRun]:
-        with Problems() as problems:
-            for name, run in runs.items():
-                if wrong := _wrong_duration(run.reference, info):
-                    problems.add((name, "reference"), wrong)
+        wrong = {name: _wrong_duration(run.reference, info) for name, run in runs.items()}
+        refuse_all(((name, "reference"), words) for name, words in wrong.items() if words)
         return runs
 
 

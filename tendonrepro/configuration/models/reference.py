@@ -18,14 +18,14 @@ from pydantic import (
     model_validator,
 )
 
-from tendonrepro.configuration.fields.model import Model, Outline, Problems, refuse
-from tendonrepro.configuration.fields.physical import per_moving_joint, physical
+from tendonrepro.configuration.fields.model import Model, Outline, refuse
+from tendonrepro.configuration.fields.physical import Physical, per_moving_joint
 from tendonrepro.configuration.fields.quantity import Scalar, Vector
 from tendonrepro.physics.trajectory import trapezoid_times
 
 Amplitude: TypeAlias = Annotated[Vector, per_moving_joint("rad", "largest angle of each joint")]
-Duration: TypeAlias = Annotated[Scalar, physical("s", "duration", above=0.0)]
-Hold: TypeAlias = Annotated[Scalar, physical("s", "pause after each stroke", at_least=0.0)]
+Duration: TypeAlias = Annotated[Scalar, Physical("s", "duration", above=0.0)]
+Hold: TypeAlias = Annotated[Scalar, Physical("s", "pause after each stroke", at_least=0.0)]
 TurnOrder: TypeAlias = Annotated[
     tuple[Annotated[tuple[StrictInt, ...], Field(min_length=1)], ...] | None,
     Field(min_length=1, description="joints that move in each turn; absent: all at once"),
@@ -36,7 +36,7 @@ _ITS_OWN = (None,)  # stands for the moving joints inside a motion that is one j
 class Periodic(Model):
     """A motion made of equal periods."""
 
-    periods: Annotated[Scalar, physical("1", "number of repetitions", at_least=1.0, whole=True)]
+    periods: Annotated[Scalar, Physical("1", "number of repetitions", at_least=1.0, whole=True)]
 
     @property
     @abstractmethod
@@ -65,12 +65,11 @@ class InTurns(Periodic):
         moving = Outline.known(info).moving
         if turns is not None and moving == _ITS_OWN:
             refuse("one joint cannot take turns; leave this out")
-        with Problems() as problems:
-            for i, turn in enumerate(turns or ()):
-                if len(set(turn)) < len(turn):
-                    problems.add((i,), f"names a joint twice, {list(turn)}")
-                elif moving is not None and not all(joint in moving for joint in turn):
-                    problems.add((i,), f"must name joints that move, {list(moving)}, found {list(turn)}")
+        for i, turn in enumerate(turns or ()):
+            if len(set(turn)) < len(turn):
+                refuse(f"names a joint twice, {list(turn)}", i)
+            if moving is not None and not all(joint in moving for joint in turn):
+                refuse(f"must name joints that move, {list(moving)}, found {list(turn)}", i)
         return turns
 
 
@@ -106,8 +105,8 @@ class Trapezoidal(InTurns):
 
     kind: Literal["trapezoidal"]
     amplitude: Amplitude
-    velocity: Annotated[Scalar, physical("rad s-1", "largest velocity", above=0.0)]
-    acceleration: Annotated[Scalar, physical("rad s-2", "acceleration of the ramps", above=0.0)]
+    velocity: Annotated[Scalar, Physical("rad s-1", "largest velocity", above=0.0)]
+    acceleration: Annotated[Scalar, Physical("rad s-2", "acceleration of the ramps", above=0.0)]
     hold: Hold
 
     @property
@@ -125,7 +124,7 @@ class Sine(Periodic):
     amplitude: Amplitude
     offset: Annotated[Vector, per_moving_joint("rad", "centre of the sine of each joint")]
     period: Duration
-    blend: Annotated[Scalar, physical("s", "duration of the start from rest, part of the motion", above=0.0)]
+    blend: Annotated[Scalar, Physical("s", "duration of the start from rest, part of the motion", above=0.0)]
 
     @property
     def cycle(self) -> float:
@@ -170,17 +169,13 @@ class PerJoint(Model):
 
     @model_validator(mode="after")
     def _check_joints(self, info: ValidationInfo) -> Self:
-        with Problems() as problems:
-            moving = Outline.known(info).moving
-            if moving is not None and len(moving) != len(self.references):
-                message = (
-                    f"must have one motion per moving joint, {len(moving)}, found {len(self.references)}"
-                )
-                problems.add(("references",), message)
-            for i, reference in enumerate(self.references):
-                if not math.isclose(reference.duration, self.duration):
-                    first = f"the first one {self.duration:g} s; make them equal"
-                    problems.add(("references", i), f"lasts {reference.duration:g} s, {first}")
+        moving, found = Outline.known(info).moving, len(self.references)
+        if moving is not None and len(moving) != found:
+            refuse(f"must have one motion per moving joint, {len(moving)}, found {found}", "references")
+        for i, reference in enumerate(self.references):
+            if not math.isclose(reference.duration, self.duration):
+                first = f"the first one {self.duration:g} s; make them equal"
+                refuse(f"lasts {reference.duration:g} s, {first}", "references", i)
         return self
 
     @property

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 
-from tendonrepro.configuration.draft import ConfigSource, Draft
 from tendonrepro.configuration.fields.strict_yaml import Node, load
-from tendonrepro.configuration.load import CompareConfig, LoadedConfig
+from tendonrepro.configuration.load import CompareConfig, ConfigSource, Draft, LoadedConfig
 from tendonrepro.configuration.models.reference import Sampled
 from tendonrepro.configuration.overrides import Override
 from tendonrepro.errors import ConfigError, UsageError
@@ -138,7 +137,7 @@ def _point(source: ConfigSource, base: LoadedConfig, axes: Sequence[Axis], place
     config = draft.validate(CompareConfig)
     reference, files = config.reference, draft.files
     if isinstance(reference, Sampled):
-        files = [*files, draft.existing_file(reference.file, ("reference", "file"))]
+        files = [*files, draft.named_file(reference.file, "reference", "file", shipped=False)]
     return Point(places, config, tuple(files))
 
 
