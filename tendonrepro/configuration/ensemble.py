@@ -14,8 +14,7 @@ from typing import Annotated, Literal, TypeAlias
 from pydantic import AfterValidator, Field, model_validator
 
 from tendonrepro.configuration.fields.model import Identifier, Model, SchemaVersion, refuse
-from tendonrepro.configuration.fields.physical import Physical
-from tendonrepro.configuration.fields.quantity import Scalar
+from tendonrepro.configuration.fields.quantity import Physical, Scalar
 from tendonrepro.configuration.fields.strict_yaml import dump
 from tendonrepro.configuration.load import (
     BASE,

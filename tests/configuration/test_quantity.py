@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from pydantic import BaseModel, ValidationError
 
 from tendonrepro.configuration.fields.model import Outline
-from tendonrepro.configuration.fields.physical import Physical
-from tendonrepro.configuration.fields.quantity import UNITS, Matrix, Scalar, Vector
+from tendonrepro.configuration.fields.quantity import UNITS, Matrix, Physical, Scalar, Vector
 
 SOURCE = "assumed: for a test"
 

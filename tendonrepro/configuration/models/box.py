@@ -16,8 +16,7 @@ from pydantic import AfterValidator, Field, GetCoreSchemaHandler, model_validato
 from pydantic_core import CoreSchema
 
 from tendonrepro.configuration.fields.model import Model, Number, refuse, refuse_all
-from tendonrepro.configuration.fields.physical import Physical
-from tendonrepro.configuration.fields.quantity import Source, to_si
+from tendonrepro.configuration.fields.quantity import Physical, Source, to_si
 from tendonrepro.configuration.fields.strict_yaml import Key
 from tendonrepro.configuration.models.readings import ERROR_RATES
 

@@ -9,8 +9,7 @@ from typing import Annotated, Literal, Self
 from pydantic import ConfigDict, Field, model_validator
 
 from tendonrepro.configuration.fields.model import Identifier, Model, refuse_all
-from tendonrepro.configuration.fields.physical import Physical, per_moving_joint
-from tendonrepro.configuration.fields.quantity import Scalar, Vector
+from tendonrepro.configuration.fields.quantity import Physical, Scalar, Vector, per_moving_joint
 from tendonrepro.configuration.fields.strict_yaml import Key
 
 RUNS = ("controller_1", "controller_2", "controller_3", "controller_1_payload")

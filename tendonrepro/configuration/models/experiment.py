@@ -2,17 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, TypeAlias, TypeVar
+from typing import Annotated, Any, Literal, TypeAlias, TypeVar
 
-from pydantic import (
-    Field,
-    GetJsonSchemaHandler,
-    StrictInt,
-    ValidationInfo,
-    field_validator,
-)
-from pydantic.json_schema import JsonSchemaValue
-from pydantic_core import CoreSchema
+from pydantic import ConfigDict, Field, StrictInt, ValidationInfo, field_validator
 
 from tendonrepro.configuration.fields.model import (
     Model,
@@ -23,8 +15,7 @@ from tendonrepro.configuration.fields.model import (
     refuse,
     refuse_all,
 )
-from tendonrepro.configuration.fields.physical import Physical, per_joint, per_moving_joint
-from tendonrepro.configuration.fields.quantity import Scalar, Vector
+from tendonrepro.configuration.fields.quantity import Physical, Scalar, Vector, per_joint, per_moving_joint
 from tendonrepro.configuration.models.control import Control
 from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.configuration.models.reference import ReferenceConfig
@@ -101,22 +92,28 @@ class StatusLimits(Model):
     ]
 
 
-class _OrFile:
-    """States in the JSON schema that a file may name the manipulator instead of holding it."""
+def _or_file(schema: dict[str, Any]) -> None:
+    """State in the JSON schema that a file may name the manipulator instead of holding it."""
+    held = dict(schema)
+    schema.clear()
+    schema["anyOf"] = [{"type": "string", "description": "file beside this one, or a shipped one"}, held]
 
-    def __get_pydantic_json_schema__(
-        self, core: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> JsonSchemaValue:
-        name = {"type": "string", "description": "file beside this one, or a shipped one"}
-        return {"anyOf": [name, handler(core)]}
+
+def _or_base(schema: dict[str, Any]) -> None:
+    """State in the JSON schema that a file may name a base, of which it then says only what differs."""
+    schema["properties"]["base"] = {"type": "string", "description": "file that has the other keys"}
+    with_base = {"required": ["schema_version", "experiment", "base"]}
+    schema["anyOf"] = [{"required": schema.pop("required")}, with_base]
 
 
 class Experiment(Model):
     """What both experiments state."""
 
+    model_config = ConfigDict(json_schema_extra=_or_base)
+
     schema_version: SchemaVersion
     title: Annotated[str, Field(min_length=1, description="title of figures and files")]
-    manipulator: Annotated[Manipulator, _OrFile()]
+    manipulator: Annotated[Manipulator, Field(json_schema_extra=_or_file)]
     joints: Annotated[
         tuple[StrictInt, ...], Field(min_length=1, description="moving joints: the last ones, in order")
     ]
@@ -129,25 +126,12 @@ class Experiment(Model):
     solver: SolverConfig
     status: StatusLimits
 
-    @classmethod
-    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        """State that a file may name a base, of which it then says only what differs."""
-        reference = handler(core)
-        schema = handler.resolve_ref_schema(reference)
-        schema["properties"]["base"] = {"type": "string", "description": "file that has the other keys"}
-        with_base = {"required": ["schema_version", "experiment", "base"]}
-        schema["anyOf"] = [{"required": schema.pop("required")}, with_base]
-        return reference
-
     @field_validator("joints")
     @classmethod
     def _check_joints(cls, joints: tuple[int, ...], info: ValidationInfo) -> tuple[int, ...]:
         last = Outline.known(info).joints
         if last is not None and joints != tuple(range(last - len(joints) + 1, last + 1)):
-            message = (
-                f"must be the last joints in order, up to {last} of the manipulator, found {list(joints)}"
-            )
-            refuse(message)
+            refuse(f"must be the last joints of the manipulator in order, up to {last}, found {list(joints)}")
         return joints
 
     @field_validator("disturbance")
@@ -157,22 +141,19 @@ class Experiment(Model):
         if period is not None and isinstance(disturbance, StepDisturbance):
             start = disturbance.start
             if start.si > 0.0 and not is_multiple(start.si, period.si):
-                message = f"must be a whole multiple of the sampling period, {period}, found {start}"
-                refuse(message, "start", "value")
+                refuse(
+                    f"must be a multiple of the sampling period, {period}, found {start}", "start", "value"
+                )
         return disturbance
 
     @field_validator("solver")
     @classmethod
     def _check_step(cls, solver: SolverConfig, info: ValidationInfo) -> SolverConfig:
-        period: Scalar | None = info.data.get("sampling_period")
-        if period is not None and not is_multiple(period.si, solver.max_step.si):
-            message = f"must divide the sampling period, {period}, found {solver.max_step}"
-            refuse(message, "max_step", "value")
-        if period is not None and solver.max_step.si * MOST_STEPS < period.si * (1.0 - 1e-9):
-            message = (
-                f"must be at least a thousandth of the sampling period, {period}, found {solver.max_step}"
-            )
-            refuse(message, "max_step", "value")
+        period, step = info.data.get("sampling_period"), solver.max_step
+        steps = 1.0 if period is None else period.si / step.si
+        if not is_multiple(steps, 1.0) or steps > MOST_STEPS * (1.0 + 1e-9):
+            parts = f"{period}, into at most {MOST_STEPS:g} parts"
+            refuse(f"must divide the sampling period, {parts}, found {step}", "max_step", "value")
         return solver
 
 

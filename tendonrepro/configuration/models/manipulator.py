@@ -7,8 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, ValidationInfo, field_validator
 
 from tendonrepro.configuration.fields.model import Model, SchemaVersion, refuse_all
-from tendonrepro.configuration.fields.physical import Physical, per_joint
-from tendonrepro.configuration.fields.quantity import Matrix, Scalar, Vector
+from tendonrepro.configuration.fields.quantity import Matrix, Physical, Scalar, Vector, per_joint
 from tendonrepro.configuration.fields.strict_yaml import Key
 
 

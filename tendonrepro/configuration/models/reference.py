@@ -19,8 +19,7 @@ from pydantic import (
 )
 
 from tendonrepro.configuration.fields.model import Model, Outline, refuse
-from tendonrepro.configuration.fields.physical import Physical, per_moving_joint
-from tendonrepro.configuration.fields.quantity import Scalar, Vector
+from tendonrepro.configuration.fields.quantity import Physical, Scalar, Vector, per_moving_joint
 from tendonrepro.physics.trajectory import trapezoid_times
 
 Amplitude: TypeAlias = Annotated[Vector, per_moving_joint("rad", "largest angle of each joint")]
@@ -30,7 +29,6 @@ TurnOrder: TypeAlias = Annotated[
     tuple[Annotated[tuple[StrictInt, ...], Field(min_length=1)], ...] | None,
     Field(min_length=1, description="joints that move in each turn; absent: all at once"),
 ]
-_ITS_OWN = (None,)  # stands for the moving joints inside a motion that is one joint's own
 
 
 class Periodic(Model):
@@ -63,13 +61,11 @@ class InTurns(Periodic):
     @classmethod
     def _check_turns(cls, turns: TurnOrder, info: ValidationInfo) -> TurnOrder:
         moving = Outline.known(info).moving
-        if turns is not None and moving == _ITS_OWN:
-            refuse("one joint cannot take turns; leave this out")
         for i, turn in enumerate(turns or ()):
             if len(set(turn)) < len(turn):
                 refuse(f"names a joint twice, {list(turn)}", i)
             if moving is not None and not all(joint in moving for joint in turn):
-                refuse(f"must name joints that move, {list(moving)}, found {list(turn)}", i)
+                refuse(f"must name joints of this motion that move, found {list(turn)}", i)
         return turns
 
 
@@ -154,7 +150,7 @@ _SINGLES: TypeAdapter[tuple[Any, ...]] = TypeAdapter(tuple[Single, ...])
 
 
 def _validate_singles(raw: object, _: ValidatorFunctionWrapHandler, info: ValidationInfo) -> tuple[Any, ...]:
-    return _SINGLES.validate_python(raw, context=replace(Outline.known(info), moving=_ITS_OWN))
+    return _SINGLES.validate_python(raw, context=replace(Outline.known(info), moving=(None,)))
 
 
 class PerJoint(Model):
