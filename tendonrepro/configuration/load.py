@@ -18,15 +18,7 @@ from typing import Any, Literal, NoReturn, TypeAlias, TypeVar
 from pydantic import ValidationError
 
 from tendonrepro.configuration.fields.model import Model, describe, validated
-from tendonrepro.configuration.fields.strict_yaml import (
-    MAX_BYTES,
-    Key,
-    Node,
-    decode,
-    dump,
-    load,
-    read_text,
-)
+from tendonrepro.configuration.fields.strict_yaml import MAX_BYTES, Key, Node, decode, dump, load, read_text
 from tendonrepro.configuration.messages import did_you_mean, explain
 from tendonrepro.configuration.models.experiment import CompareConfig, DecoupleConfig
 from tendonrepro.configuration.models.reference import ReferenceConfig, Sampled

@@ -15,9 +15,12 @@ from tendonrepro.configuration.fields.strict_yaml import Key
 
 
 class Model(BaseModel):
-    """Base of every configuration model: immutable, and an unknown key is an error."""
+    """Base of every configuration model: immutable, and an unknown key is an error.
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    The text below a field is its description in the JSON schema.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
 
 
 _M = TypeVar("_M", bound=Model)

@@ -59,22 +59,19 @@ class Quantity(Model):
     unit: str
     source: Source
 
-    def numbers(self) -> Iterator[tuple[Key, float]]:
-        """Every single number with its place below the quantity."""
-        return _numbers(self.value, ("value",))
-
     @property
     def si_unit(self) -> str:
         """Unit of `si`."""
         return UNITS[self.unit].si
 
 
-def _numbers(value: Any, path: Key) -> Iterator[tuple[Key, float]]:
-    if isinstance(value, tuple):
-        for index, item in enumerate(value):
-            yield from _numbers(item, (*path, index))
-    else:
-        yield path, value
+def _numbers(held: object, path: Key = ()) -> Iterator[tuple[Key, float]]:
+    """Every single number of a model with its place."""
+    if isinstance(held, float):
+        yield path, held
+    elif isinstance(held, tuple | Model):
+        for key, item in held if isinstance(held, Model) else enumerate(held):
+            yield from _numbers(item, (*path, key))
 
 
 class Scalar(Quantity):
@@ -196,7 +193,7 @@ class Physical:
         if unit not in self._units:
             yield ("unit",), f"must be {' or '.join(self._units)}, found {describe(unit)}"
             return
-        for place, value in held.numbers():
+        for place, value in _numbers(held):
             si = to_si(value, unit)
             if not all(_LIMITS[name][1](si, limit) for name, limit in self._limits.items()):
                 allowed = " and ".join(
@@ -232,5 +229,7 @@ class Physical:
         }
 
 
+positive = partial(Physical, above=0.0)
+from_zero = partial(Physical, at_least=0.0)
 per_joint = partial(Physical, size="joints")
 per_moving_joint = partial(Physical, size="moving")

@@ -7,17 +7,14 @@ its bounds may be at most.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
 from typing import Annotated, Any, Literal, Self, TypeAlias
 
 from pydantic import AfterValidator, Field, GetCoreSchemaHandler, model_validator
 from pydantic_core import CoreSchema
 
 from tendonrepro.configuration.fields.model import Model, Number, refuse, refuse_all
-from tendonrepro.configuration.fields.quantity import Physical, Source, to_si
-from tendonrepro.configuration.fields.strict_yaml import Key
+from tendonrepro.configuration.fields.quantity import Physical, Source, from_zero, positive, to_si
 from tendonrepro.configuration.models.readings import ERROR_RATES
 
 SWITCH = ("off", "on")
@@ -44,10 +41,6 @@ class BoxRange(_Known):
     high: Number
     scale: Literal["linear", "log"]
     unit: str
-
-    def numbers(self) -> Iterator[tuple[Key, float]]:
-        """The bounds with their places."""
-        yield from ((("low",), self.low), (("high",), self.high))
 
     @property
     def lowest(self) -> float:
@@ -93,10 +86,6 @@ class Choice(_OneOf):
     nominal: Number
     unit: str
 
-    def numbers(self) -> Iterator[tuple[Key, float]]:
-        """The choices with their places."""
-        yield from ((("choices", i), value) for i, value in enumerate(self.choices))
-
 
 class Words(_OneOf):
     """An unknown that is one of a few named kinds."""
@@ -124,11 +113,6 @@ class Among:
         unknown = [(i, word) for i, word in enumerate(row.choices) if word not in self.words]
         refuse_all((("choices", i), f"{known}, found {word!r}") for i, word in unknown)
         return row
-
-
-_DEGREE = math.pi / 180.0
-positive = partial(Physical, above=0.0)
-from_zero = partial(Physical, at_least=0.0)
 
 
 class BoxConfig(Model):
@@ -163,9 +147,7 @@ class BoxConfig(Model):
     ]
     winch_stribeck_velocity: Annotated[BoxRange, positive("rad s-1", "Stribeck velocity, winch")]
     pulley_loss_acts: Annotated[Words, Among("whether guide pulleys lose tension", SWITCH)]
-    pulley_loss: Annotated[
-        BoxRange, from_zero("1", "share of the tension lost at a guide pulley", at_most=0.999)
-    ]
+    pulley_loss: Annotated[BoxRange, from_zero("1", "share of the tension lost at a guide pulley", below=1.0)]
     reducer_loss_acts: Annotated[Words, Among("whether the reducer loses torque", SWITCH)]
     reducer_efficiency: Annotated[BoxRange, positive("1", "efficiency of the reducer", at_most=1.0)]
     tensioner_force: Annotated[BoxRange, from_zero("N", "force of tendon 4")]
@@ -183,13 +165,9 @@ class BoxConfig(Model):
     disturbance: Annotated[Words, Among("kind of the disturbance", DISTURBANCES)]
     disturbance_torque: Annotated[BoxRange, from_zero("N m", "amplitude of the sine, RMS of the noise")]
     disturbance_frequency: Annotated[BoxRange, positive("Hz", "frequency of the sine")]
-    posture: Annotated[
-        BoxRange, Physical("rad", "joint 1 from hanging", at_least=1.0 * _DEGREE, at_most=179.0 * _DEGREE)
-    ]
+    posture: Annotated[BoxRange, Physical("rad", "joint 1 from hanging", above=0.0, below=math.pi)]
     motion: Annotated[Words, Among("kind of the reference motion", MOTIONS)]
-    amplitude: Annotated[
-        BoxRange, positive("rad", "largest angle of the reference, a joint", at_most=89.0 * _DEGREE)
-    ]
+    amplitude: Annotated[BoxRange, positive("rad", "largest angle of the reference, a joint")]
     period: Annotated[BoxRange, Physical("s", "period of raised cosine and sine", at_least=0.02)]
     rise: Annotated[BoxRange, Physical("s", "duration of a minimum-jerk stroke", at_least=0.02)]
     hold: Annotated[BoxRange, from_zero("s", "pause after a stroke")]
@@ -201,10 +179,8 @@ class BoxConfig(Model):
         """Links stay between 0 and 180 degrees from hanging in every draw: link 3 reaches posture + 2 A."""
         reached = self.posture.highest + 2.0 * self.amplitude.highest
         if reached >= math.pi:
-            message = (
-                f"must keep link 3 below 180 deg from hanging, it would reach {reached / _DEGREE:.6g} deg"
-            )
-            refuse(message, "amplitude", "high")
+            found = f"it would reach {math.degrees(reached):.6g} deg"
+            refuse(f"must keep link 3 below 180 deg from hanging, {found}", "amplitude", "high")
         return self
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Literal, Self
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from tendonrepro.configuration.fields.model import Identifier, Model, refuse_all
 from tendonrepro.configuration.fields.quantity import Physical, Scalar, Vector, per_moving_joint
@@ -29,8 +29,7 @@ class Gains(Model):
     eta: Annotated[Vector, per_moving_joint("1", "surface gain of Eq. (11)", above=0.0)]
     Delta: Annotated[Vector, per_moving_joint("rad", "error at which Eq. (12) changes", above=0.0)]
     alpha: Annotated[
-        Vector,
-        per_moving_joint("1", "weight of the older estimate, Eq. (15)", at_least=0.0, at_most=1.0),
+        Vector, per_moving_joint("1", "weight of the older estimate, Eq. (15)", at_least=0.0, at_most=1.0)
     ]
     beta: Annotated[Vector, per_moving_joint("s-1", "surface gain of Controller 3", above=0.0)]
     K_d: Annotated[Vector, per_moving_joint("s-1", "rate gain of Eq. (9)", above=0.0)] | None = None
@@ -70,8 +69,6 @@ class Readings(Model):
     This is the one list of them. The order is that of settings in a reading's name. A reading that files do
     not know yet takes the printed value as its default, and they stay the same.
     """
-
-    model_config = ConfigDict(use_attribute_docstrings=True)
 
     phi_negative: Annotated[Literal["odd", "even"], At("Eq. (12)", TERMINAL)]
     """Whether the polynomial of φ is odd, or even in its square as printed, for negative errors."""
@@ -132,9 +129,8 @@ class Control(Model):
     """Gains, laws and readings of the compared controllers."""
 
     gains: Gains
-    laws: Annotated[
-        dict[Identifier, LawChoice], Field(min_length=1, description="the laws that runs may name")
-    ]
+    laws: Annotated[dict[Identifier, LawChoice], Field(min_length=1)]
+    """the laws that runs may name"""
     readings: Readings
     filter_cutoff: (
         Annotated[Scalar, Physical("Hz", "cutoff of the readings' low-pass filters", at_least=1e-9)] | None

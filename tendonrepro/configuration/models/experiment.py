@@ -15,7 +15,15 @@ from tendonrepro.configuration.fields.model import (
     refuse,
     refuse_all,
 )
-from tendonrepro.configuration.fields.quantity import Physical, Scalar, Vector, per_joint, per_moving_joint
+from tendonrepro.configuration.fields.quantity import (
+    Physical,
+    Scalar,
+    Vector,
+    from_zero,
+    per_joint,
+    per_moving_joint,
+    positive,
+)
 from tendonrepro.configuration.models.control import Control
 from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.configuration.models.reference import ReferenceConfig
@@ -40,7 +48,7 @@ class StepDisturbance(Model):
 
     kind: Literal["step"]
     torque: Annotated[Vector, per_moving_joint("N m", "torque on each joint")]
-    start: Annotated[Scalar, Physical("s", "time of the step", at_least=0.0)]
+    start: Annotated[Scalar, from_zero("s", "time of the step")]
 
 
 class SineDisturbance(Model):
@@ -48,7 +56,7 @@ class SineDisturbance(Model):
 
     kind: Literal["sine"]
     torque: Annotated[Vector, per_moving_joint("N m", "amplitude on each joint")]
-    frequency: Annotated[Scalar, Physical("Hz", "frequency", above=0.0)]
+    frequency: Annotated[Scalar, positive("Hz", "frequency")]
 
 
 class NoiseDisturbance(Model):
@@ -56,7 +64,7 @@ class NoiseDisturbance(Model):
 
     kind: Literal["noise"]
     torque: Annotated[Vector, per_moving_joint("N m", "RMS torque on each joint", at_least=0.0)]
-    band: Annotated[Vector, Physical("Hz", "lowest and highest frequency", at_least=0.0, size="pair")]
+    band: Annotated[Vector, from_zero("Hz", "lowest and highest frequency", size="pair")]
     components: Annotated[Scalar, Physical("1", "number of sines", at_least=1.0, at_most=100.0, whole=True)]
 
     @field_validator("band")
@@ -77,19 +85,17 @@ class SolverConfig(Model):
     """Integrator of the plant between two samples."""
 
     method: Literal["dopri5", "dop853", "lsoda"]
-    rtol: Annotated[Scalar, Physical("1", "relative tolerance", above=0.0, below=1.0)]
-    atol: Annotated[Scalar, Physical("1", "absolute tolerance, rad and rad/s", above=0.0, below=1.0)]
-    max_step: Annotated[Scalar, Physical("s", "longest step; divides the sampling period", above=0.0)]
+    rtol: Annotated[Scalar, positive("1", "relative tolerance", below=1.0)]
+    atol: Annotated[Scalar, positive("1", "absolute tolerance, rad and rad/s", below=1.0)]
+    max_step: Annotated[Scalar, positive("s", "longest step; divides the sampling period")]
 
 
 class StatusLimits(Model):
     """When a run counts as diverged or ringing."""
 
-    divergence_limit: Annotated[Scalar, Physical("rad", "error at which a run has diverged", above=0.0)]
-    ringing_frequency: Annotated[Scalar, Physical("Hz", "frequency above which error is ringing", above=0.0)]
-    ringing_share: Annotated[
-        Scalar, Physical("1", "share of the error's power that is ringing", above=0.0, below=1.0)
-    ]
+    divergence_limit: Annotated[Scalar, positive("rad", "error at which a run has diverged")]
+    ringing_frequency: Annotated[Scalar, positive("Hz", "frequency above which error is ringing")]
+    ringing_share: Annotated[Scalar, positive("1", "share of the error's power that is ringing", below=1.0)]
 
 
 def _or_file(schema: dict[str, Any]) -> None:
@@ -114,14 +120,11 @@ class Experiment(Model):
     schema_version: SchemaVersion
     title: Annotated[str, Field(min_length=1, description="title of figures and files")]
     manipulator: Annotated[Manipulator, Field(json_schema_extra=_or_file)]
-    joints: Annotated[
-        tuple[StrictInt, ...], Field(min_length=1, description="moving joints: the last ones, in order")
-    ]
+    joints: Annotated[tuple[StrictInt, ...], Field(min_length=1)]
+    """moving joints: the last ones, in order"""
     posture: Annotated[Vector, per_joint("rad", "joint angles at which the encoders read zero")]
-    sampling_period: Annotated[Scalar, Physical("s", "sampling period L, also the delay time", above=0.0)]
-    seed: Annotated[
-        Scalar, Physical("1", "seed of all random numbers", at_least=0.0, at_most=2.0**32 - 1.0, whole=True)
-    ]
+    sampling_period: Annotated[Scalar, positive("s", "sampling period L, also the delay time")]
+    seed: Annotated[Scalar, from_zero("1", "seed of all random numbers", at_most=2.0**32 - 1.0, whole=True)]
     disturbance: DisturbanceConfig
     solver: SolverConfig
     status: StatusLimits
@@ -161,7 +164,7 @@ class CompareRun(Model):
     """One run of the comparison."""
 
     law: Annotated[str, Field(description="name of one of the laws")]
-    payload: Annotated[Scalar, Physical("kg", "point mass at the tool", at_least=0.0)]
+    payload: Annotated[Scalar, from_zero("kg", "point mass at the tool")]
 
     @field_validator("law")
     @classmethod
@@ -198,12 +201,10 @@ class PositionLoop(Model):
 class DecoupleRun(Model):
     """One run of the decoupling experiment."""
 
-    drives: Annotated[
-        Literal["joints", "motors"],
-        Field(description="whether the reference is of joints, mapped by S_inv, or of the motors themselves"),
-    ]
+    drives: Literal["joints", "motors"]
+    """whether the reference is of joints, mapped by S_inv, or of the motors themselves"""
     reference: ReferenceConfig
-    payload: Annotated[Scalar, Physical("kg", "point mass at the tool", at_least=0.0)]
+    payload: Annotated[Scalar, from_zero("kg", "point mass at the tool")]
 
 
 class DecoupleConfig(Experiment):

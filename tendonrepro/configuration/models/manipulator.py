@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, ValidationInfo, field_validator
 
 from tendonrepro.configuration.fields.model import Model, SchemaVersion, refuse_all
-from tendonrepro.configuration.fields.quantity import Matrix, Physical, Scalar, Vector, per_joint
+from tendonrepro.configuration.fields.quantity import Matrix, Scalar, Vector, from_zero, per_joint, positive
 from tendonrepro.configuration.fields.strict_yaml import Key
 
 
@@ -16,19 +16,11 @@ class Routing(Model):
 
     winch_diameter: Annotated[Vector, per_joint("m", "winch diameter D_n", above=0.0)]
     pulley_diameter: Annotated[
-        Matrix,
-        per_joint("m", "pulley diameter D_pq, joint p (row), tendon q (column)", at_least=0.0),
+        Matrix, per_joint("m", "pulley diameter D_pq, joint p (row), tendon q (column)", at_least=0.0)
     ]
     sign: Annotated[
         Matrix,
-        Physical(
-            "1",
-            "side c_pq, joint p (row), tendon q (column)",
-            at_least=-1.0,
-            at_most=1.0,
-            size="joints",
-            whole=True,
-        ),
+        per_joint("1", "side c_pq, joint p (row), tendon q (column)", at_least=-1.0, at_most=1.0, whole=True),
     ]
 
     @field_validator("pulley_diameter", "sign")
@@ -61,7 +53,7 @@ class Links(Model):
 class Winches(Model):
     """Motor side of Eq. (3), per winch, after the reducer."""
 
-    reduction: Annotated[Scalar, Physical("1", "turns of a motor per turn of its winch", above=0.0)]
+    reduction: Annotated[Scalar, positive("1", "turns of a motor per turn of its winch")]
     reflected_inertia: Annotated[
         Vector, per_joint("kg m2", "rotor and reducer inertia at the winch", above=0.0)
     ]
@@ -74,18 +66,12 @@ class Tendons(Model):
 
     axial_stiffness: Annotated[Vector, per_joint("N m-1", "axial stiffness of a tendon", above=0.0)]
     axial_damping: Annotated[Vector, per_joint("N s m-1", "axial damping of a tendon", at_least=0.0)]
-    damping_factor: Annotated[Scalar, Physical("1", "common factor on the axial damping", above=0.0)]
+    damping_factor: Annotated[Scalar, positive("1", "common factor on the axial damping")]
     clearance: Annotated[
-        Vector,
-        per_joint("m", "slack a tendon takes up before it pulls; 0 is none", at_least=0.0),
+        Vector, per_joint("m", "slack a tendon takes up before it pulls; 0 is none", at_least=0.0)
     ]
-    unilateral: (
-        Annotated[
-            Literal["off", "on"],
-            Field(description="on: a tendon that would push goes slack; without the key it pushes, Eq. (5)"),
-        ]
-        | None
-    ) = None
+    unilateral: Literal["off", "on"] | None = None
+    """on: a tendon that would push goes slack; without the key it pushes, Eq. (5)"""
 
 
 class DryFriction(Model):
@@ -115,39 +101,32 @@ class FrictionConfig(Model):
     link: LinkFriction
     winch: WinchFriction
     per_pulley: Annotated[
-        Scalar,
-        Physical("1", "share of the tension lost at each guide pulley; 0 is off", at_least=0.0, below=1.0),
+        Scalar, from_zero("1", "share of the tension lost at each guide pulley; 0 is off", below=1.0)
     ]
-    reducer_efficiency: Annotated[
-        Scalar, Physical("1", "efficiency of the reducer; 1 is off", above=0.0, at_most=1.0)
-    ]
+    reducer_efficiency: Annotated[Scalar, positive("1", "efficiency of the reducer; 1 is off", at_most=1.0)]
 
 
 class Tensioner(Model):
     """The extra tendon that keeps the others taut; no published equation holds it."""
 
-    force: Annotated[Scalar, Physical("N", "constant force on the tendon; 0 is off", at_least=0.0)]
+    force: Annotated[Scalar, from_zero("N", "constant force on the tendon; 0 is off")]
     diameter: Annotated[Vector, per_joint("m", "diameter it passes at each joint", above=0.0)]
-    side: Annotated[
-        Literal["negative", "distal_only", "alternating"],
-        Field(description="on which side of the joints the tensioning tendon passes"),
-    ]
+    side: Literal["negative", "distal_only", "alternating"]
+    """on which side of the joints the tensioning tendon passes"""
 
 
 class TransmissionError(Model):
     """Periodic position error of the reducer."""
 
-    peak_to_peak: Annotated[
-        Scalar, Physical("rad", "peak-to-peak error at the winch; 0 is off", at_least=0.0)
-    ]
-    cycles_per_turn: Annotated[Scalar, Physical("1", "cycles per turn of the winch", above=0.0)]
+    peak_to_peak: Annotated[Scalar, from_zero("rad", "peak-to-peak error at the winch; 0 is off")]
+    cycles_per_turn: Annotated[Scalar, positive("1", "cycles per turn of the winch")]
 
 
 class EncoderConfig(Model):
     """An incremental encoder that reads zero at the start posture."""
 
-    resolution: Annotated[Scalar, Physical("rad", "angle of one count; 0 is ideal", at_least=0.0)]
-    noise: Annotated[Scalar, Physical("rad", "RMS noise of a reading; 0 is off", at_least=0.0)]
+    resolution: Annotated[Scalar, from_zero("rad", "angle of one count; 0 is ideal")]
+    noise: Annotated[Scalar, from_zero("rad", "RMS noise of a reading; 0 is off")]
 
 
 class Encoders(Model):
@@ -162,12 +141,11 @@ class ActuatorConfig(Model):
 
     torque_limit: Annotated[Vector, per_joint("N m", "saturation at the winch", above=0.0)]
     torque_resolution: Annotated[
-        Scalar, Physical("N m", "step of the torque command at the winch; 0 is off", at_least=0.0)
+        Scalar, from_zero("N m", "step of the torque command at the winch; 0 is off")
     ]
-    torque_noise: Annotated[Scalar, Physical("N m", "RMS torque noise at the winch; 0 is off", at_least=0.0)]
+    torque_noise: Annotated[Scalar, from_zero("N m", "RMS torque noise at the winch; 0 is off")]
     output_delay: Annotated[
-        Scalar,
-        Physical("1", "delay of the command in samples", at_least=0.0, at_most=100.0, whole=True),
+        Scalar, from_zero("1", "delay of the command in samples", at_most=100.0, whole=True)
     ]
 
 
@@ -176,7 +154,7 @@ class Manipulator(Model):
 
     schema_version: SchemaVersion
     name: Annotated[str, Field(min_length=1, description="name for titles and tables")]
-    gravity: Annotated[Scalar, Physical("m s-2", "gravitational acceleration", at_least=0.0)]
+    gravity: Annotated[Scalar, from_zero("m s-2", "gravitational acceleration")]
     routing: Routing
     links: Links
     winches: Winches

@@ -19,12 +19,19 @@ from pydantic import (
 )
 
 from tendonrepro.configuration.fields.model import Model, Outline, refuse
-from tendonrepro.configuration.fields.quantity import Physical, Scalar, Vector, per_moving_joint
+from tendonrepro.configuration.fields.quantity import (
+    Physical,
+    Scalar,
+    Vector,
+    from_zero,
+    per_moving_joint,
+    positive,
+)
 from tendonrepro.physics.trajectory import trapezoid_times
 
 Amplitude: TypeAlias = Annotated[Vector, per_moving_joint("rad", "largest angle of each joint")]
-Duration: TypeAlias = Annotated[Scalar, Physical("s", "duration", above=0.0)]
-Hold: TypeAlias = Annotated[Scalar, Physical("s", "pause after each stroke", at_least=0.0)]
+Duration: TypeAlias = Annotated[Scalar, positive("s", "duration")]
+Hold: TypeAlias = Annotated[Scalar, from_zero("s", "pause after each stroke")]
 TurnOrder: TypeAlias = Annotated[
     tuple[Annotated[tuple[StrictInt, ...], Field(min_length=1)], ...] | None,
     Field(min_length=1, description="joints that move in each turn; absent: all at once"),
@@ -101,8 +108,8 @@ class Trapezoidal(InTurns):
 
     kind: Literal["trapezoidal"]
     amplitude: Amplitude
-    velocity: Annotated[Scalar, Physical("rad s-1", "largest velocity", above=0.0)]
-    acceleration: Annotated[Scalar, Physical("rad s-2", "acceleration of the ramps", above=0.0)]
+    velocity: Annotated[Scalar, positive("rad s-1", "largest velocity")]
+    acceleration: Annotated[Scalar, positive("rad s-2", "acceleration of the ramps")]
     hold: Hold
 
     @property
@@ -120,7 +127,7 @@ class Sine(Periodic):
     amplitude: Amplitude
     offset: Annotated[Vector, per_moving_joint("rad", "centre of the sine of each joint")]
     period: Duration
-    blend: Annotated[Scalar, Physical("s", "duration of the start from rest, part of the motion", above=0.0)]
+    blend: Annotated[Scalar, positive("s", "duration of the start from rest, part of the motion")]
 
     @property
     def cycle(self) -> float:
