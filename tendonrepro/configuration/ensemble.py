@@ -14,22 +14,13 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from tendonrepro.configuration.fields.model import Identifier, Model, SchemaVersion, refuse
-from tendonrepro.configuration.fields.quantity import Physical, Scalar, from_zero, positive
+from tendonrepro.configuration.fields.quantity import Scalar, positive, whole
 from tendonrepro.configuration.fields.strict_yaml import dump
-from tendonrepro.configuration.load import (
-    BASE,
-    ConfigSource,
-    Draft,
-    LoadedConfig,
-    config_digest,
-    find_source,
-    load_config,
-)
+from tendonrepro.configuration.load import BASE, ConfigSource, Draft, LoadedConfig, config_digest, load_config
 from tendonrepro.configuration.models.box import MOTIONS, BoxConfig, Confidence
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.experiment import CompareConfig
 from tendonrepro.configuration.models.readings import VARIATIONS, named_readings
-from tendonrepro.configuration.overrides import parse_override
 from tendonrepro.configuration.published import COMPARED
 from tendonrepro.errors import UsageError
 from tendonrepro.physics.trajectory import trapezoid_times
@@ -77,13 +68,11 @@ class EnsembleConfig(Model):
     experiment: Literal["ensemble"]
     title: Annotated[str, Field(min_length=1, description="title of tables and files")]
     base: Annotated[str, Field(min_length=1, description="file of the comparison that draws start from")]
-    seed: Annotated[Scalar, from_zero("1", "seed of the draws", at_most=2.0**32 - 1.0, whole=True)]
-    scramblings: Annotated[
-        Scalar, Physical("1", "independent scramblings", at_least=2.0, at_most=1024.0, whole=True)
-    ]
+    seed: Annotated[Scalar, whole("seed of the draws", at_least=0.0, at_most=2.0**32 - 1.0)]
+    scramblings: Annotated[Scalar, whole("independent scramblings", at_least=2.0, at_most=1024.0)]
     block: Annotated[
         Scalar,
-        Physical("1", "draws of one shard, a power of two", at_least=1.0, at_most=65536.0, whole=True),
+        whole("draws of one shard, a power of two", at_least=1.0, at_most=65536.0),
         AfterValidator(_check_power_of_two),
     ]
     shortest_run: Annotated[Scalar, positive("s", "periods are repeated until a run lasts this long")]
@@ -156,17 +145,12 @@ def load_ensemble(
     UsageError
         When an override is malformed.
     """
-    found = find_source(source, "ensemble")
     recorded = [*overrides, *([] if seed is None else [f"seed={seed}"])]
     of_base = [text for text in recorded if text.strip().startswith(f"{BASE}.")]
-    draft = Draft(found, "ensemble")
-    draft.apply([parse_override(text) for text in recorded if text not in of_base])
+    draft = Draft(source, "ensemble", [text for text in recorded if text not in of_base])
     config = draft.validate(EnsembleConfig)
-    base = load_config(
-        draft.named_file(config.base, BASE),
-        "compare",
-        overrides=[text.strip().removeprefix(f"{BASE}.") for text in of_base],
-    )
+    changes = [text.strip().removeprefix(f"{BASE}.") for text in of_base]
+    base = load_config(draft.named_file(config.base, BASE), "compare", overrides=changes)
     if base.config.joints != COMPARED or not set(RUNS) <= set(base.config.runs):
         needed = f"joints {COMPARED} must move, and there must be the runs {', '.join(RUNS)}"
         draft.refuse((BASE,), f"{needed}; found {base.config.joints} and {', '.join(base.config.runs)}")
@@ -175,7 +159,7 @@ def load_ensemble(
         base=replace(base, overrides=tuple(recorded), inputs=(*draft.files, *base.inputs)),
         yaml_text=dump(draft.tree),
         sha256=config_digest({"ensemble": config.model_dump(mode="json"), "base": base.sha256}),
-        origin=found.origin,
+        origin=draft.source.origin,
     )
 
 

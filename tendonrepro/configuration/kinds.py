@@ -19,7 +19,6 @@ from tendonrepro.configuration.load import (
     load_config,
 )
 from tendonrepro.configuration.models.manipulator import Manipulator
-from tendonrepro.configuration.overrides import parse_override
 from tendonrepro.errors import UsageError
 
 Held: TypeAlias = LoadedConfig | LoadedEnsemble | Manipulator
@@ -34,11 +33,10 @@ def checked(source: str, overrides: Sequence[str]) -> Held:
         When it is not valid.
     """
     found = find_source(source, None)
-    draft = Draft(found, None)
-    if draft.kind == MANIPULATOR:
-        draft.apply([parse_override(text) for text in overrides])
-        return draft.validate(Manipulator)
-    if draft.kind == "ensemble":
+    kind = Draft(found, None).kind
+    if kind == MANIPULATOR:
+        return Draft(found, kind, overrides).validate(Manipulator)
+    if kind == "ensemble":
         return load_ensemble(found, overrides=overrides)
     return load_config(found, None, overrides=overrides)
 

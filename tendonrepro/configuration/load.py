@@ -10,18 +10,18 @@ from __future__ import annotations
 import hashlib
 import json
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, NoReturn, TypeAlias, TypeVar
 
 from pydantic import ValidationError
 
-from tendonrepro.configuration.fields.model import Model, describe, validated
+from tendonrepro.configuration.fields.model import Model, describe
 from tendonrepro.configuration.fields.strict_yaml import MAX_BYTES, Key, Node, decode, dump, load, read_text
 from tendonrepro.configuration.messages import did_you_mean, explain
 from tendonrepro.configuration.models.experiment import CompareConfig, DecoupleConfig
-from tendonrepro.configuration.models.reference import ReferenceConfig, Sampled
+from tendonrepro.configuration.models.reference import Sampled
 from tendonrepro.configuration.overrides import Override, apply_overrides, parse_override
 from tendonrepro.configuration.shipped import shipped_file, shipped_folder, shipped_names
 from tendonrepro.errors import ConfigError, UsageError
@@ -72,28 +72,46 @@ def find_source(source: ConfigSource | Path | str | None, kind: str | None) -> C
 
 
 class Draft:
-    """Plain values of a configuration that can still change, and the place each came from.
+    """A configuration as plain values, and the place each came from.
 
-    `wanted` is what the configuration must be for, None for anything; `kind` is what it is for. `files` are
-    those read so far.
+    Attributes
+    ----------
+    source : ConfigSource
+    kind : str
+        What it is for, one of `KINDS`.
+    tree : dict
+        Complete, with overrides applied.
+    files : list of Path
+        Those read.
     """
 
-    def __init__(self, source: ConfigSource, wanted: str | None) -> None:
-        self._document = load(source.text, source.name)
-        self._folder = source.folder
-        self.files = list(source.files)
+    def __init__(
+        self,
+        source: ConfigSource | Path | str | None,
+        wanted: str | None,
+        overrides: Iterable[Override | str] = (),
+    ) -> None:
+        self.source = find_source(source, wanted)
+        self.files = list(self.source.files)
+        self._document = load(self.source.text, self.source.name)
         tree = self._document.tree
         if not isinstance(tree, dict):
             message = "a configuration is a mapping of keys, beginning with 'schema_version: 1'"
-            raise ConfigError(message, where=str(self._document.place(())))
-        self.tree: dict[str, Node] = tree
+            raise ConfigError(message, where=self.where(()))
+        self.tree: dict[str, Any] = tree
         self.kind = tree.get("experiment", MANIPULATOR if "routing" in tree else None)
         if self.kind not in KINDS or wanted not in (None, self.kind):
             expected = wanted or f"one of {', '.join(KINDS)}"
             hint = did_you_mean(self.kind, [wanted] if wanted else KINDS)
             self.refuse(("experiment",), f"must be {expected}, found {describe(self.kind)}{hint}")
-        if self.kind in ("compare", "decouple") and BASE in tree:
+        if self.kind in _MODELS and BASE in tree:
             self._take_from_base(tree.pop(BASE))
+        changes = [parse_override(text) if isinstance(text, str) else text for text in overrides]
+        naming = [change for change in changes if change.path == (MANIPULATOR,)]
+        apply_overrides(self._document, naming)
+        if isinstance(name := tree.get(MANIPULATOR), str):
+            self._put_manipulator(name)
+        apply_overrides(self._document, [change for change in changes if change not in naming])
 
     def _take_from_base(self, name: Node) -> None:
         """Fill in the keys that the file leaves to another of the same experiment."""
@@ -111,18 +129,12 @@ class Draft:
         self.tree |= left
         self.files.append(path)
 
-    def apply(self, overrides: Sequence[Override]) -> None:
-        """Put the manipulator in its place and apply overrides; naming another manipulator comes first."""
-        naming = [override for override in overrides if override.path == (MANIPULATOR,)]
-        apply_overrides(self._document, naming)
-        name = self.tree.get(MANIPULATOR)
-        if isinstance(name, str):
-            path = self.named_file(name, MANIPULATOR)
-            manipulator = load(read_text(path), str(path))
-            self.tree[MANIPULATOR] = manipulator.tree
-            self._document.places |= {(MANIPULATOR, *key): place for key, place in manipulator.places.items()}
-            self.files.append(path)
-        apply_overrides(self._document, [override for override in overrides if override not in naming])
+    def _put_manipulator(self, name: str) -> None:
+        path = self.named_file(name, MANIPULATOR)
+        manipulator = load(read_text(path), str(path))
+        self.tree[MANIPULATOR] = manipulator.tree
+        self._document.places |= {(MANIPULATOR, *key): place for key, place in manipulator.places.items()}
+        self.files.append(path)
 
     def named_file(self, name: str, *key: str | int, shipped: bool = True) -> Path:
         """Find the file that a key names, beside the configuration or among the shipped ones.
@@ -132,7 +144,7 @@ class Draft:
         ConfigError
             When there is none.
         """
-        places = [self._folder / name, *([shipped_folder() / name] if shipped else [])]
+        places = [self.source.folder / name, *([shipped_folder() / name] if shipped else [])]
         path = next((place for place in places if place.is_file()), None)
         if path is None:
             looked = " and ".join(dict.fromkeys(map(str, places)))
@@ -152,7 +164,7 @@ class Draft:
             With every mistake on a line of its own.
         """
         try:
-            return validated(model, self.tree)
+            return model.model_validate(self.tree)
         except ValidationError as error:
             raise explain(error, self._document) from None
 
@@ -229,18 +241,15 @@ def load_config(
     UsageError
         When the command line asks for something impossible.
     """
-    found = find_source(source, experiment)
-    draft = Draft(found, experiment)
     recorded = [*overrides, *([] if seed is None else [f"seed={seed}"])]
-    draft.apply([parse_override(text) for text in recorded])
+    draft = Draft(source, experiment, recorded)
     config = draft.validate(_MODELS[draft.kind])
     if controllers is not None:
         config = _only(config, draft.tree, controllers)
         recorded.append(f"controllers={','.join(map(str, controllers))}")
-    references = _references(config)
     trajectories = [
         draft.named_file(held.file, *path, "file", shipped=False)
-        for path, held in references.items()
+        for path, held in config.references.items()
         if isinstance(held, Sampled)
     ]
     content = {
@@ -252,11 +261,11 @@ def load_config(
         tree=draft.tree,
         yaml_text=dump(draft.tree),
         sha256=config_digest(content),
-        origin=found.origin,
+        origin=draft.source.origin,
         overrides=tuple(recorded),
         inputs=(*draft.files, *trajectories),
-        folder=found.folder,
-        places={".".join(path): draft.where((*path, "amplitude", "value")) for path in references},
+        folder=draft.source.folder,
+        places={".".join(path): draft.where((*path, "amplitude", "value")) for path in config.references},
     )
 
 
@@ -274,13 +283,6 @@ def _only(config: Config, tree: dict[str, Any], numbers: Sequence[int]) -> Compa
     kept = {name: run for name, run in config.runs.items() if run.law in wanted}
     tree["runs"] = {name: tree["runs"][name] for name in kept}
     return config.model_copy(update={"runs": kept})
-
-
-def _references(config: Config) -> dict[tuple[str, ...], ReferenceConfig]:
-    """Reference motions by the path of their keys."""
-    if isinstance(config, CompareConfig):
-        return {("reference",): config.reference}
-    return {("runs", name, "reference"): run.reference for name, run in config.runs.items()}
 
 
 def config_digest(content: Mapping[str, Any]) -> str:

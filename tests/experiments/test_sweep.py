@@ -243,7 +243,7 @@ class TestValues:
             "3 mistakes in the values",
             "--over control.gains.alpha=[0,2]: control.gains.alpha.value.1: "
             "must be at least 0 and at most 1, found 2",
-            "--over sampling_period=0.7: reference: lasts 15.2 s, which must be a whole multiple of the "
+            "--over sampling_period=0.7: reference: lasts 15.2 s, which must be a multiple of the "
             "sampling period, 0.7 ms",
             "--over control.gains.alpha=[0,0,0]: control.gains.alpha.value: "
             "must have 2 entries, one per moving joint, found 3",

@@ -1,14 +1,13 @@
-"""What all configuration models share: strictness, refusals with a place, what parts know of each other."""
+"""What all configuration models share: strictness, and refusals with a place."""
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from typing import Annotated, Literal, NoReturn, TypeAlias, TypeVar
+from collections.abc import Iterable
+from typing import Annotated, Literal, NoReturn, TypeAlias
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, ValidationInfo
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from tendonrepro.configuration.fields.strict_yaml import Key
@@ -21,9 +20,6 @@ class Model(BaseModel):
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
-
-
-_M = TypeVar("_M", bound=Model)
 
 
 def refuse(message: str, *at: str | int) -> NoReturn:
@@ -43,46 +39,6 @@ def _error(mistakes: Iterable[tuple[Key, str]]) -> ValidationError:
         for at, message in mistakes
     ]
     return ValidationError.from_exception_data("configuration", details)
-
-
-@dataclass(frozen=True)
-class Outline:
-    """What parts of a configuration know of others: joints of the arm, those that move, names of laws.
-
-    None where the text is too broken to tell. It is read before validation and handed down as its context, so
-    that a vector of the wrong length is reported beside every other mistake, not after they are mended.
-    """
-
-    joints: int | None = None
-    moving: tuple[object, ...] | None = None
-    laws: tuple[object, ...] | None = None
-
-    @classmethod
-    def of(cls, tree: object) -> Outline:
-        """Read the outline from an unvalidated experiment or manipulator."""
-        manipulator = tree.get("manipulator", tree) if isinstance(tree, Mapping) else None
-        diameters = _entries(manipulator, "routing", "winch_diameter", "value")
-        return cls(
-            joints=None if diameters is None else len(diameters),
-            moving=_entries(tree, "joints"),
-            laws=_entries(tree, "control", "laws"),
-        )
-
-    @classmethod
-    def known(cls, info: ValidationInfo) -> Outline:
-        """Outline that `validated` handed down."""
-        return info.context or cls()
-
-
-def validated(model: type[_M], tree: object) -> _M:
-    """Make a model of a document's values; its parts know each other's outline."""
-    return model.model_validate(tree, context=Outline.of(tree))
-
-
-def _entries(tree: object, *path: str) -> tuple[object, ...] | None:
-    for key in path:
-        tree = tree.get(key) if isinstance(tree, Mapping) else None
-    return tuple(tree) if isinstance(tree, list | tuple | Mapping) and tree else None
 
 
 def _not_reserved(name: str) -> str:

@@ -6,15 +6,16 @@ import math
 import operator
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import KW_ONLY, dataclass
-from functools import partial
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias
+from functools import cached_property, partial
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
-from pydantic import Field, GetCoreSchemaHandler, ValidationInfo, WithJsonSchema, WrapValidator
+from pydantic import Field, GetCoreSchemaHandler, WithJsonSchema, WrapValidator
+from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.fields.model import Model, Number, Outline, describe, refuse, refuse_all
+from tendonrepro.configuration.fields.model import Model, Number, describe, refuse, refuse_all
 from tendonrepro.configuration.fields.strict_yaml import Key
 
 
@@ -121,7 +122,7 @@ Size: TypeAlias = Literal["one", "pair", "joints", "moving"]
 LARGEST = 1e30
 """Largest size of a quantity, and of its inverse unless it is 0, SI: products of some stay finite."""
 
-_PER_ENTRY: Mapping[Size, str] = {
+PER_ENTRY: Mapping[Size, str] = {
     "pair": "lowest first",
     "joints": "one per joint of the manipulator",
     "moving": "one per moving joint",
@@ -159,32 +160,21 @@ class Physical:
             schema = WithJsonSchema(self._json_schema(source.rank))
         return handler.generate_schema(Annotated[source, WrapValidator(self._validate), schema])
 
-    @property
+    @cached_property
     def _units(self) -> list[str]:
         return [name for name, unit in UNITS.items() if unit.si == self.unit]
 
-    @property
+    @cached_property
     def _limits(self) -> dict[str, float]:
         return {name: limit for name in _LIMITS if (limit := getattr(self, name)) is not None}
 
-    def _validate(self, raw: object, handler: Callable[[object], Any], info: ValidationInfo) -> Any:
+    def _validate(self, raw: object, handler: Callable[[object], Any]) -> Any:
         if not isinstance(raw, dict | Model):
             example = f"{{value: ..., unit: {self._units[0]}, source: 'assumed: ...'}}"
             refuse(f"must carry unit and source, as in {example}, found {describe(raw)}")
         held = handler(raw)
-        refuse_all([*self._wrong_size(held, Outline.known(info)), *self._out_of_range(held)])
+        refuse_all(self._out_of_range(held))
         return held
-
-    def _wrong_size(self, held: Any, outline: Outline) -> Iterator[tuple[Key, str]]:
-        moving = None if outline.moving is None else len(outline.moving)
-        expected = {"moving": moving, "joints": outline.joints, "pair": 2, "one": None}[self.size]
-        if expected is None:
-            return
-        lengths = [len(held.value), *(len(row) for row in held.value if isinstance(row, tuple))]
-        if lengths != [expected] * len(lengths):
-            rows = "rows and columns" if len(lengths) > 1 else "entry" if expected == 1 else "entries"
-            found = " and ".join(map(str, sorted(set(lengths))))
-            yield ("value",), f"must have {expected} {rows}, {_PER_ENTRY[self.size]}, found {found}"
 
     def _out_of_range(self, held: Any) -> Iterator[tuple[Key, str]]:
         """Mistakes of anything with a unit and numbers: a quantity, or a row of the box."""
@@ -215,7 +205,7 @@ class Physical:
         length = {"minItems": 2, "maxItems": 2} if self.size == "pair" else {"minItems": 1}
         for _ in range(rank):
             value = {"type": "array", "items": value} | length
-        size = f"; {_PER_ENTRY[self.size]}" if rank else ""
+        size = f"; {PER_ENTRY[self.size]}" if rank else ""
         return {
             "type": "object",
             "description": f"{self.about}{size}; unit {' or '.join(self._units)}",
@@ -231,5 +221,12 @@ class Physical:
 
 positive = partial(Physical, above=0.0)
 from_zero = partial(Physical, at_least=0.0)
+whole = partial(Physical, "1", whole=True)
 per_joint = partial(Physical, size="joints")
-per_moving_joint = partial(Physical, size="moving")
+per_moving = partial(Physical, size="moving")
+
+
+def rule_of(field: FieldInfo) -> Physical | None:
+    """What a field asks of its quantity, whether it may be absent or not."""
+    optional = [item for option in get_args(field.annotation) for item in getattr(option, "__metadata__", ())]
+    return next((item for item in [*field.metadata, *optional] if isinstance(item, Physical)), None)

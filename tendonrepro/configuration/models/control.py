@@ -9,7 +9,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from tendonrepro.configuration.fields.model import Identifier, Model, refuse_all
-from tendonrepro.configuration.fields.quantity import Physical, Scalar, Vector, per_moving_joint
+from tendonrepro.configuration.fields.quantity import Physical, Scalar, Vector, per_moving
 from tendonrepro.configuration.fields.strict_yaml import Key
 
 RUNS = ("controller_1", "controller_2", "controller_3", "controller_1_payload")
@@ -23,17 +23,17 @@ FILTERED = ("low_pass", "acceleration", "estimate")
 class Gains(Model):
     """Gains of the control laws, one entry per moving joint."""
 
-    M_bar: Annotated[Vector, per_moving_joint("kg m2", "constant inertia of Eq. (6)", above=0.0)]
-    lam: Annotated[Vector, per_moving_joint("s-1", "reaching gain of Eq. (14)", above=0.0)]
-    b: Annotated[Vector, per_moving_joint("1", "exponent of Eq. (12)", above=0.0, below=1.0)]
-    eta: Annotated[Vector, per_moving_joint("1", "surface gain of Eq. (11)", above=0.0)]
-    Delta: Annotated[Vector, per_moving_joint("rad", "error at which Eq. (12) changes", above=0.0)]
+    M_bar: Annotated[Vector, per_moving("kg m2", "constant inertia of Eq. (6)", above=0.0)]
+    lam: Annotated[Vector, per_moving("s-1", "reaching gain of Eq. (14)", above=0.0)]
+    b: Annotated[Vector, per_moving("1", "exponent of Eq. (12)", above=0.0, below=1.0)]
+    eta: Annotated[Vector, per_moving("1", "surface gain of Eq. (11)", above=0.0)]
+    Delta: Annotated[Vector, per_moving("rad", "error at which Eq. (12) changes", above=0.0)]
     alpha: Annotated[
-        Vector, per_moving_joint("1", "weight of the older estimate, Eq. (15)", at_least=0.0, at_most=1.0)
+        Vector, per_moving("1", "weight of the older estimate, Eq. (15)", at_least=0.0, at_most=1.0)
     ]
-    beta: Annotated[Vector, per_moving_joint("s-1", "surface gain of Controller 3", above=0.0)]
-    K_d: Annotated[Vector, per_moving_joint("s-1", "rate gain of Eq. (9)", above=0.0)] | None = None
-    K_p: Annotated[Vector, per_moving_joint("s-2", "error gain of Eq. (9)", above=0.0)] | None = None
+    beta: Annotated[Vector, per_moving("s-1", "surface gain of Controller 3", above=0.0)]
+    K_d: Annotated[Vector, per_moving("s-1", "rate gain of Eq. (9)", above=0.0)] | None = None
+    K_p: Annotated[Vector, per_moving("s-2", "error gain of Eq. (9)", above=0.0)] | None = None
 
 
 PRINTED_LAWS = {

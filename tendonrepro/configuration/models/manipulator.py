@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from tendonrepro.configuration.fields.model import Model, SchemaVersion, refuse_all
 from tendonrepro.configuration.fields.quantity import Matrix, Scalar, Vector, from_zero, per_joint, positive
+from tendonrepro.configuration.fields.sizes import wrong_sizes
 from tendonrepro.configuration.fields.strict_yaml import Key
 
 
@@ -164,6 +165,11 @@ class Manipulator(Model):
     transmission_error: TransmissionError
     encoders: Encoders
     actuator: ActuatorConfig
+
+    @model_validator(mode="after")
+    def _check_sizes(self) -> Self:
+        refuse_all(wrong_sizes(self, {"joints": self.joints}))
+        return self
 
     @property
     def joints(self) -> int:

@@ -4,32 +4,16 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from dataclasses import replace
-from typing import Annotated, Any, Literal, Self, TypeAlias
+from typing import Annotated, Literal, Self, TypeAlias
 
-from pydantic import (
-    Field,
-    StrictInt,
-    TypeAdapter,
-    ValidationInfo,
-    ValidatorFunctionWrapHandler,
-    WrapValidator,
-    field_validator,
-    model_validator,
-)
+from pydantic import Field, StrictInt, model_validator
 
-from tendonrepro.configuration.fields.model import Model, Outline, refuse
-from tendonrepro.configuration.fields.quantity import (
-    Physical,
-    Scalar,
-    Vector,
-    from_zero,
-    per_moving_joint,
-    positive,
-)
+from tendonrepro.configuration.fields.model import Model, refuse, refuse_all
+from tendonrepro.configuration.fields.quantity import Scalar, Vector, from_zero, per_moving, positive, whole
+from tendonrepro.configuration.fields.sizes import wrong_sizes
 from tendonrepro.physics.trajectory import trapezoid_times
 
-Amplitude: TypeAlias = Annotated[Vector, per_moving_joint("rad", "largest angle of each joint")]
+Amplitude: TypeAlias = Annotated[Vector, per_moving("rad", "largest angle of each joint")]
 Duration: TypeAlias = Annotated[Scalar, positive("s", "duration")]
 Hold: TypeAlias = Annotated[Scalar, from_zero("s", "pause after each stroke")]
 TurnOrder: TypeAlias = Annotated[
@@ -41,7 +25,7 @@ TurnOrder: TypeAlias = Annotated[
 class Periodic(Model):
     """A motion made of equal periods."""
 
-    periods: Annotated[Scalar, Physical("1", "number of repetitions", at_least=1.0, whole=True)]
+    periods: Annotated[Scalar, whole("number of repetitions", at_least=1.0)]
 
     @property
     @abstractmethod
@@ -63,17 +47,6 @@ class InTurns(Periodic):
     def duration(self) -> float:
         """Duration of the whole motion, s."""
         return self.cycle * self.periods.si * len(self.turns or ((),))
-
-    @field_validator("turns")
-    @classmethod
-    def _check_turns(cls, turns: TurnOrder, info: ValidationInfo) -> TurnOrder:
-        moving = Outline.known(info).moving
-        for i, turn in enumerate(turns or ()):
-            if len(set(turn)) < len(turn):
-                refuse(f"names a joint twice, {list(turn)}", i)
-            if moving is not None and not all(joint in moving for joint in turn):
-                refuse(f"must name joints of this motion that move, found {list(turn)}", i)
-        return turns
 
 
 class RaisedCosine(InTurns):
@@ -125,7 +98,7 @@ class Sine(Periodic):
 
     kind: Literal["sine"]
     amplitude: Amplitude
-    offset: Annotated[Vector, per_moving_joint("rad", "centre of the sine of each joint")]
+    offset: Annotated[Vector, per_moving("rad", "centre of the sine of each joint")]
     period: Duration
     blend: Annotated[Scalar, positive("s", "duration of the start from rest, part of the motion")]
 
@@ -153,32 +126,25 @@ class Sampled(Model):
 
 
 Single: TypeAlias = Annotated[RaisedCosine | MinimumJerk | Trapezoidal | Sine, Field(discriminator="kind")]
-_SINGLES: TypeAdapter[tuple[Any, ...]] = TypeAdapter(tuple[Single, ...])
-
-
-def _validate_singles(raw: object, _: ValidatorFunctionWrapHandler, info: ValidationInfo) -> tuple[Any, ...]:
-    return _SINGLES.validate_python(raw, context=replace(Outline.known(info), moving=(None,)))
 
 
 class PerJoint(Model):
     """A motion of its own for each moving joint, all of the same duration."""
 
     kind: Literal["per_joint"]
-    references: Annotated[
-        tuple[Single, ...],
-        WrapValidator(_validate_singles),
-        Field(min_length=1, description="one motion per moving joint, its vectors with one entry"),
-    ]
+    references: Annotated[tuple[Single, ...], Field(min_length=1)]
+    """one motion per moving joint, its vectors with one entry"""
 
     @model_validator(mode="after")
-    def _check_joints(self, info: ValidationInfo) -> Self:
-        moving, found = Outline.known(info).moving, len(self.references)
-        if moving is not None and len(moving) != found:
-            refuse(f"must have one motion per moving joint, {len(moving)}, found {found}", "references")
+    def _check_each(self) -> Self:
         for i, reference in enumerate(self.references):
+            place = "references", i
+            refuse_all(((*place, *at), words) for at, words in wrong_sizes(reference, {"moving": 1}))
+            if isinstance(reference, InTurns) and reference.turns:
+                refuse("one joint cannot take turns; leave this out", *place, "turns")
             if not math.isclose(reference.duration, self.duration):
                 first = f"the first one {self.duration:g} s; make them equal"
-                refuse(f"lasts {reference.duration:g} s, {first}", "references", i)
+                refuse(f"lasts {reference.duration:g} s, {first}", *place)
         return self
 
     @property

@@ -131,9 +131,8 @@ def sweep_points(base: LoadedConfig, axes: Sequence[Axis]) -> list[Point]:
 
 
 def _point(source: ConfigSource, base: LoadedConfig, axes: Sequence[Axis], places: tuple[int, ...]) -> Point:
-    draft = Draft(source, "compare")
     changes = [axis.overrides[place] for axis, place in zip(axes, places, strict=True)]
-    draft.apply([*_following_step(changes, base), *changes])
+    draft = Draft(source, "compare", [*_following_step(changes, base), *changes])
     config = draft.validate(CompareConfig)
     reference, files = config.reference, draft.files
     if isinstance(reference, Sampled):
