@@ -66,7 +66,7 @@ BUDGETS = {
     "ground": 255,
     "physics": 893,
     "simulation": 1815,
-    "configuration": 2_314,
+    "configuration": 1_820,
     "results": 2_365,
     "experiments": 1_520,
     "analysis": 790,

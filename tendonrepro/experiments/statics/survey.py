@@ -179,7 +179,7 @@ def _value_or_box(configured: float, row: str) -> tuple[float, str]:
     """A value of the configuration or, where that switches the effect off, the nominal of the box."""
     if configured > 0.0:
         return configured, "as configured"
-    held = dict(load_ensemble(None).config.box.items())[row]
+    held = dict(load_ensemble(None).config.box)[row]
     assert isinstance(held, BoxRange)
     return held.nominal, f"off in the configuration; nominal of the box, {held.low:g} to {held.high:g}"
 
