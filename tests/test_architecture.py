@@ -71,7 +71,7 @@ BUDGETS = {
     "configuration": 2_314,
     "results": 2_365,
     "experiments": 2_076,
-    "analysis": 790,
+    "analysis": 630,
     "evidence": 933,
     "monte_carlo": 1_330,
     "identification": 714,
