@@ -26,7 +26,7 @@ from tendonrepro.experiments.report import outcome_of
 from tendonrepro.results.figures.catalogue import FIGURES, available, draw, save
 from tendonrepro.results.figures.panels import FigureArtists, thin
 from tendonrepro.results.figures.style import REFERENCE, SERIES, journal_style
-from tendonrepro.results.plausible import plausible_beside
+from tendonrepro.results.paper import identifier_of, plausible_beside
 from tendonrepro.results.records import Trace, TraceFile
 
 compare_file = cache(make_compare_file)
@@ -231,20 +231,14 @@ def test_errors_stand_above_those_of_the_paper_and_of_plausible_plants(
 ) -> None:
     column = "cd".index(letter)
     sizes = [np.rad2deg(np.abs(compare_file().runs[run]["e"][:, column])).mean() for run in runs]
-    table = "table2" if name == "fig14" else "table3"
-    loads = dict(zip(("controller_1", "controller_1_payload"), ("no_load", "with_load"), strict=True))
+    traces = [compare_file().runs[run] for run in runs]
     ranges = [
-        plausible_beside(
-            compare_file(),
-            compare_file().runs[run],
-            f"{table}.{run if table == 'table2' else loads[run]}.mae",
-        )[column]
-        for run in runs
+        plausible_beside(compare_file(), trace, f"{identifier_of(trace)}.mae")[column] for trace in traces
     ]
     _, ours, paper, plausible, _ = drawn(name).axes[letter].get_title(loc="right").split("\n")
     assert re.findall(r"[\d.]+", ours) == [f"{size:.3f}" for size in sizes]
     assert re.findall(r"[\d.]+", paper) == printed
-    assert re.findall(r"[\d.]+", plausible) == [f"{end:.2g}" for ends in ranges for end in ends or ()]
+    assert re.findall(r"[\d.]+", plausible) == [f"{end:.2g}" for ends in ranges for end in ends]
 
 
 def test_no_error_is_told_of_a_diverged_run_and_no_print_beside_another_arm() -> None:

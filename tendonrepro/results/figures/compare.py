@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import count, product
 from typing import Any
@@ -15,8 +15,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.physics.metrics import max_abs, mean, rmse, window_mean
 from tendonrepro.results.figures.panels import Canvas
 from tendonrepro.results.figures.style import COLUMN_MM, PAGE_MM, REFERENCE, Stroke, paler, stroke_of
-from tendonrepro.results.paper import printed_beside
-from tendonrepro.results.plausible import plausible_beside
+from tendonrepro.results.paper import identifier_of, plausible_beside, printed_beside
 from tendonrepro.results.records import VARIABLES, Trace, TraceFile
 from tendonrepro.results.summary import CONTROLLERS, LOADS, USER_LAW, run_title, tracking_errors
 from tendonrepro.results.tables import NOTHING, rounded
@@ -33,8 +32,7 @@ Encoder counts come as lone pulses near standstill; in a narrow window the edges
 ZOOM = 0.1
 """Time shown of raw samples, s."""
 
-_TABLE_2 = {name: f"table2.{name}.mae" for name in CONTROLLERS}
-_TABLE_3 = {run: f"table3.{load}.mae" for load, run in LOADS.items()}
+_OF_THE_PAPER = {*CONTROLLERS, *LOADS.values()}
 # Largest share of an error's RMS that may come and go within a mean's window for it to be drawn raw.
 _FUZZY = 0.1
 # Smallest travel of a joint that moves, as a share of that of the joint that moves most.
@@ -65,7 +63,7 @@ def draw_motors(file: TraceFile, traces: list[Trace]) -> Canvas:
 
 def draw_tracking(file: TraceFile, traces: list[Trace]) -> Canvas:
     """Figure 14, a column a joint: trajectories above, tracking errors below, MAE beside that of Table 2."""
-    return _tracking(file, _controller_runs(traces), _TABLE_2)
+    return _tracking(file, _controller_runs(traces))
 
 
 def draw_payload(file: TraceFile, traces: list[Trace]) -> Canvas:
@@ -75,7 +73,7 @@ def draw_payload(file: TraceFile, traces: list[Trace]) -> Canvas:
         mass = float(trace.attributes["payload_mass"])
         load = f"{mass:g} kg payload" if mass else "no payload"
         runs.append(_DrawnRun(trace, f"Controller 1, {load}", stroke_of(2 if mass else 1)))
-    return _tracking(file, runs, _TABLE_3)
+    return _tracking(file, runs)
 
 
 def draw_law(_file: TraceFile, traces: list[Trace], *, bands: bool = True) -> Canvas:
@@ -182,7 +180,7 @@ def _moving(traces: list[Trace]) -> list[int]:
     return [joint for joint, size in travel.items() if size >= _HELD * max(travel.values())]
 
 
-def _tracking(file: TraceFile, runs: list[_DrawnRun], printed: Mapping[str, str]) -> Canvas:
+def _tracking(file: TraceFile, runs: list[_DrawnRun]) -> Canvas:
     joints = _moving([run.trace for run in runs])
     rows = {"q_encoder": "Joint angle (deg)", "e": "Tracking error (deg)"}
     fuzzy = {joint for joint in joints if any(_is_fuzzy(run, joint) for run in runs)}
@@ -196,7 +194,7 @@ def _tracking(file: TraceFile, runs: list[_DrawnRun], printed: Mapping[str, str]
         if variable == "e":
             canvas.zero_line(letter)
             # The empty line is that of the title, which stands at the left.
-            if note := _errors_note(file, runs, joint, printed):
+            if note := _errors_note(file, runs, joint):
                 canvas.note(letter, f"{note}\n")
         else:
             _desired(canvas, letter, runs, joint)
@@ -215,22 +213,26 @@ def _is_fuzzy(run: _DrawnRun, joint: int) -> bool:
     return bool(rmse(fast) > _FUZZY * rmse(error))
 
 
-def _errors_note(file: TraceFile, runs: list[_DrawnRun], joint: int, printed: Mapping[str, str]) -> str:
+def _errors_note(file: TraceFile, runs: list[_DrawnRun], joint: int) -> str:
     """MAE of the paper's runs and of users' laws, what the paper prints, and what plausible plants do."""
     names: list[str] = []
-    ours = "measured" if file.source == "measured" else "ours"
-    rows: dict[str, list[str]] = {ours: [], "paper": [], "plausible": []}
+    rows: dict[str, list[str]] = {"ours" if file.source == "simulated" else "measured": []}
+    rows |= {"paper": [], "plausible": []}
     for run in runs:
         trace = run.trace
-        identifier = printed.get(trace.name, "")
-        if (identifier or trace.attributes["law"].startswith(USER_LAW)) and run.holds("e", joint):
-            column = trace.joint.index(joint)
+        if trace.name not in {*CONTROLLERS, *LOADS.values()} and not trace.attributes["law"].startswith(
+            USER_LAW
+        ):
+            continue
+        if run.holds("e", joint):
+            column, identifier = trace.joint.index(joint), f"{identifier_of(trace)}.mae"
             names.append(run.name.rpartition(", ")[2].replace("Controller ", "C"))
-            beside = printed_beside(file, trace, identifier)[column] if identifier else np.nan
-            ends = plausible_beside(file, trace, identifier)[column]
-            rows[ours].append(rounded(float(tracking_errors(trace)["whole"]["mae"][column]), "z.3f"))
-            rows["paper"].append(rounded(beside, "z.3f"))
-            rows["plausible"].append("–".join(f"{end:.2g}" for end in ends) if ends else NOTHING)
+            ours = tracking_errors(trace)["whole"]["mae"][column]
+            printed = printed_beside(file, trace, identifier)[column]
+            low, high = plausible_beside(file, trace, identifier)[column]
+            texts = rounded(float(ours), "z.3f"), rounded(float(printed), "z.3f"), f"{low:.2g}–{high:.2g}"
+            for cells, cell in zip(rows.values(), texts, strict=True):
+                cells.append(cell.replace("nan–nan", NOTHING))
     lines = [f"{name} {' / '.join(cells)}" for name, cells in rows.items() if set(cells) - {NOTHING}]
     return "\n".join([f"MAE (deg) of {' / '.join(names)}", *lines]) if lines else ""
 
