@@ -69,7 +69,7 @@ BUDGETS = {
     "physics": 893,
     "simulation": 1815,
     "configuration": 2_314,
-    "results": 2_310,
+    "results": 2_281,
     "experiments": 2_076,
     "analysis": 630,
     "evidence": 933,

@@ -9,7 +9,7 @@ from typing import Any
 
 from tendonrepro.console import columns
 from tendonrepro.files import to_json, write_atomically
-from tendonrepro.results.tables import NOTHING, Table
+from tendonrepro.results.tables import NOTHING, csv_text, markdown
 from tendonrepro.verdicts.from_ensemble import COMMAND
 from tendonrepro.verdicts.judge import SCHEMA_VERSION, SHARE, Verdict, summary
 from tendonrepro.verdicts.rules import EDITION, HEADINGS
@@ -39,8 +39,8 @@ def write_claims(
     """Write ``claims.json``, ``claims.csv`` and ``claims.md``; `ensemble` as in `as_data`."""
     texts = {
         "json": to_json(as_data(verdicts, ensemble)),
-        "csv": Table("claims", "", _csv_rows(verdicts)).csv(),
-        "md": Table("claims", " ".join([CAPTION, *shipped_note(verdicts)]), reader_rows(verdicts)).md(),
+        "csv": csv_text(_csv_rows(verdicts)),
+        "md": markdown(reader_rows(verdicts), " ".join([CAPTION, *shipped_note(verdicts)])),
     }
     for suffix, text in texts.items():
         write_atomically(folder / f"claims.{suffix}", text)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import count, product
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -86,13 +86,13 @@ def draw_law(_file: TraceFile, traces: list[Trace], *, bands: bool = True) -> Ca
         "H_hat": r"Estimate $\hat{H}$ (N m)",
         "tau_m": r"Torque $\tau_m$ (N m)",
     }
-    near = {name: f"{rows[name].replace('Torque ', '')}" for name in ("s", "tau_m")}
+    near = {"s": rows["s"], "tau_m": r"$\tau_m$ (N m)"}
     joints, runs = _joints(traces), _controller_runs(traces)
-    labels = [[(f"Joint {joint}", label) for joint in joints] for label in rows.values()]
     raw = f"{ZOOM * 1e3:g} ms of raw samples" if len(joints) < 3 else f"{ZOOM * 1e3:g} ms raw"
+    labels = [[(f"Joint {joint}", label) for joint in joints] for label in rows.values()]
     labels += [[(f"Joint {joint}, {raw}", label) for joint in joints] for label in near.values()]
     canvas = Canvas(PAGE_MM, 205.0, labels, apart=("", "Time (s)"))
-    letters = iter(canvas.letters)
+    letters = iter(canvas.axes)
     for variable, joint in product(rows, joints):
         letter = next(letters)
         canvas.zero_line(letter)
@@ -112,21 +112,19 @@ def draw_law(_file: TraceFile, traces: list[Trace], *, bands: bool = True) -> Ca
 def _bound_of_s(axes: Axes, runs: Sequence[_DrawnRun], joint: int) -> None:
     """Bound of section 4.3 on s of Controller 1, max |epsilon| over lambda: lines where they are in sight."""
     for run in runs:
-        gains = run.trace.attributes.get("gains", {})
-        known = run.holds("epsilon", joint) and run.holds("s", joint) and len(run.trace.time) > 1
         # Of a measured run the gains are not known.
-        if run.trace.name != "controller_1" or not known or "lam" not in gains:
+        gains = run.trace.attributes["gains"]
+        known = run.holds("s", joint) and run.holds("epsilon", joint) and "lam" in gains
+        if run.trace.name != "controller_1" or not known:
             continue
-        lam = gains["lam"][run.trace.joint.index(joint)]
+        place = run.trace.joint.index(joint)
         # The estimation error of the last sample is not known.
-        bound = float(np.nanmax(np.abs(run.values("epsilon", joint)[:-1]))) / lam
-        limits = axes.get_ylim()
+        bound = float(max_abs(run.trace["epsilon"][:-1])[place]) / gains["lam"][place]
         for line in (-bound, bound):
             axes.axhline(line, color="#777777", linewidth=0.7, linestyle=":")
-        axes.set_ylim(*limits)
         text = rf"section 4.3: $|s| \leq {bound:.2g}$ rad/s"
-        look: dict[str, Any] = {"ha": "right", "va": "top", "fontsize": 6, "color": "#555555"}
         ground = {"facecolor": "white", "edgecolor": "none", "pad": 0.8, "alpha": 0.8}
+        look: dict[str, Any] = {"ha": "right", "va": "top", "fontsize": 6, "color": "#555555"}
         axes.text(0.98, 0.96, text, transform=axes.transAxes, bbox=ground, **look)
 
 
@@ -158,12 +156,18 @@ class _DrawnRun:
 
 def _controller_runs(traces: list[Trace]) -> list[_DrawnRun]:
     """Name and dress the runs: Controllers 1 to 3 keep their strokes, further laws take the rest in turn."""
-    known = {f"controller_{number}": number for number in (1, 2, 3)}
-    others = count(4)
-    return [
-        _DrawnRun(trace, run_title(trace), stroke_of(known.get(trace.name) or next(others)))
-        for trace in traces
-    ]
+    names = [*CONTROLLERS, *(trace.name for trace in traces if trace.name not in CONTROLLERS)]
+    return [_DrawnRun(trace, run_title(trace), stroke_of(1 + names.index(trace.name))) for trace in traces]
+
+
+def _holding(
+    canvas: Canvas, letter: str, runs: list[_DrawnRun], variable: str, joint: int
+) -> list[_DrawnRun]:
+    """Runs that a panel can show; where there is none it says so."""
+    holding = [run for run in runs if run.holds(variable, joint)]
+    if not holding:
+        canvas.not_recorded(letter)
+    return holding
 
 
 def _joints(traces: list[Trace]) -> list[int]:
@@ -190,7 +194,7 @@ def _tracking(file: TraceFile, runs: list[_DrawnRun]) -> Canvas:
         for name, label in rows.items()
     ]
     canvas = Canvas(PAGE_MM, 124.0, labels)
-    for letter, (variable, joint) in zip(canvas.letters, product(rows, joints), strict=True):
+    for letter, (variable, joint) in zip(canvas.axes, product(rows, joints), strict=True):
         if variable == "e":
             canvas.zero_line(letter)
             # The empty line is that of the title, which stands at the left.
@@ -256,10 +260,7 @@ def _curves(
     bands: bool = True,
 ) -> None:
     """Draw a variable of every run that holds it, as it is or as a mean over the band of its ripple."""
-    holding = [run for run in runs if run.holds(variable, joint)]
-    if not holding:
-        canvas.not_recorded(letter)
-    for run in holding:
+    for run in _holding(canvas, letter, runs, variable, joint):
         time, values = run.trace.time, run.values(variable, joint)
         diverged = run.trace.status == "diverged"
         if averaged and bands and not diverged:
@@ -284,16 +285,13 @@ def _near(runs: list[_DrawnRun], joint: int) -> tuple[float, float]:
 def _raw_samples(canvas: Canvas, letter: str, runs: list[_DrawnRun], variable: str, joint: int) -> None:
     """Draw every sample of a short span; a torque is held from one to the next."""
     start, end = _near(runs, joint)
-    holding = [run for run in runs if run.holds(variable, joint)]
-    if not holding:
-        canvas.not_recorded(letter)
+    holding = _holding(canvas, letter, runs, variable, joint)
     canvas.zero_line(letter)
     canvas.axes[letter].set_xlim(start, end)
     for run in holding:
         time = run.trace.time
         inside = (time >= start - 1e-9) & (time <= end + 1e-9)
-        stroke = replace(run.stroke, width=0.7)
-        values = run.values(variable, joint)[inside]
+        values, stroke = run.values(variable, joint)[inside], replace(run.stroke, width=0.7)
         diverged = run.trace.status == "diverged" and time[-1] <= end
         canvas.curve(letter, run.name, time[inside], values, stroke, label="", diverged=diverged, held=True)
 
