@@ -25,7 +25,7 @@ from tendonrepro.verdicts.judge import Sources, judge_all
 DOCS = ROOT / "docs"
 pytestmark = pytest.mark.skipif(not DOCS.is_dir(), reason="no docs folder beside the package")
 EXTRAPOLATING = "control.readings.weights=extrapolating"
-POWER = "control.readings.phi_branch=power"
+DEGREES = "control.readings.Delta_unit=deg"
 CONTROLLERS = ("controller_1", "controller_2", "controller_3")
 
 
@@ -85,10 +85,10 @@ def test_numbers_in_the_words(readings: dict[str, Any], claims: dict[str, Any]) 
         ),
         ("docs/findings.md", f"stable plants is {100 * (growth['median'] - 1):.1f} %"),
         ("docs/findings.md", f"The median plant has {joint_3:.2f}."),
-        ("docs/findings.md", f"that large on {100 * alike:.2g} % of the stable plants"),
+        ("docs/findings.md", f"are that large on {100 * alike:.2g} % of the stable plants"),
         (
             "docs/findings.md",
-            f"on {100 * readings['printed']['smoother']['share']:.1f} % of the stable plants",
+            f"yes, on {100 * readings['printed']['smoother']['share']:.1f} % of the plants",
         ),
         ("docs/findings.md", f"differ by {errors[2] - errors[1]:.3f}° on joint 2"),
     ]
@@ -189,8 +189,8 @@ def test_readme_row_of_the_fitted_arm() -> None:
     [
         ("nominal arm", []),
         ("weights (1 + α, −α)", [EXTRAPOLATING]),
-        ("steeper φ near zero", [POWER]),
-        ("both changes", [EXTRAPOLATING, POWER]),
+        ("Δ of 0.2 degrees", [DEGREES]),
+        ("both changes", [EXTRAPOLATING, DEGREES]),
     ],
 )
 def test_nominal_arm(row: str, overrides: list[str]) -> None:
