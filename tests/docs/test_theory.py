@@ -96,7 +96,7 @@ def test_joint_1_held_by_its_motor_changes_little() -> None:
         [batch_errors(metric, *overrides) for metric in ("mae", "rmse")] for overrides in (set_in(line), [])
     )
     (given,) = stated(r"it gives by ([\d.]+)° on average", "slips.md")
-    pattern = r"joints 2 and 3 changes by some ([\d.]+) % at most, the RMSE by some ([\d.]+) %, and the order"
+    pattern = r"2 and 3 changes by about ([\d.]+) % at most, the RMSE by about ([\d.]+) %, and the order"
     most = stated(pattern, "slips.md")
     assert held[0][0, 0] == pytest.approx(given, abs=6e-3)
     changes = [100.0 * np.abs(one[:, 1:] / other - 1.0).max() for one, other in zip(held, rigid, strict=True)]

@@ -26,7 +26,7 @@ from tendonrepro.results.summary import PAYLOAD, fitted_under
 
 _LONGEST_CHANGES = 60
 _MAE = "MAE in the order of the legend, plausible: central 90 % of the stable plants"
-_ERRORS = "Where errors are of the size of encoder counts, their mean in a band of the RMS about it."
+_ERRORS = "Where errors are of the size of encoder steps, their mean in a band of the RMS about it."
 
 
 @dataclass(frozen=True)
