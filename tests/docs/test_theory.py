@@ -40,13 +40,13 @@ def cells_starting(first: str) -> list[str]:
 def test_white_noise_factors_quoted() -> None:
     alpha = np.array([0.1, 0.2])
     factors = np.sqrt((1.0 - alpha) ** 2 + alpha**2)
-    said = stated(r"= ([\d.]+) and ([\d.]+), for noise that is white in the angle", "theory.md")
+    said = stated(r"falls from 1 to ([\d.]+) and ([\d.]+) on joints 2 and 3, for noise that is white in the acceleration", "theory.md")
     assert said == pytest.approx(list(factors), abs=6e-4)
     # Second differences of what is white have the correlation -2/3 from one to the next.
     steps = np.array([1.0, -2.0, 1.0])
     lag = (steps[1:] @ steps[:-1]) / (steps @ steps)
     angle = np.sqrt((1.0 - alpha) ** 2 + alpha**2 + 2.0 * lag * alpha * (1.0 - alpha))
-    said = stated(r"\(1 − α\)\) = ([\d.]+) and ([\d.]+); counts", "theory.md")
+    said = stated(r"white in the angle it falls to ([\d.]+) and ([\d.]+)\.", "theory.md")
     assert said == pytest.approx(list(angle), abs=6e-3)
 
 
