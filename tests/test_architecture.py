@@ -72,7 +72,7 @@ BUDGETS = {
     "results": 2_365,
     "experiments": 2_076,
     "analysis": 790,
-    "evidence": 933,
+    "evidence": 961,
     "monte_carlo": 1_330,
     "identification": 714,
     "dataset": 1806,
