@@ -129,8 +129,9 @@ def line(markdown: str) -> Markup:
 
 
 def _unbroken(html: Any) -> str:
-    """Text in which a unit stays with its number."""
-    return re.sub(r"(?<=\d) (?=%|N m\b|rad|ms\b|Hz\b|kg\b)", "\u00a0", str(html)).replace("N m", "N\u00a0m")
+    """Text in which a unit stays with its number, and a line may end between two numbers."""
+    html = re.sub(r"(?<=\d)/(?=\d)", "/<wbr>", str(html))
+    return re.sub(r"(?<=\d) (?=%|N m\b|rad|ms\b|Hz\b|kg\b)", "\u00a0", html).replace("N m", "N\u00a0m")
 
 
 def _reader() -> MarkdownIt:
