@@ -41,7 +41,7 @@ def test_white_noise_factors_quoted() -> None:
     alpha = np.array([0.1, 0.2])
     factors = np.sqrt((1.0 - alpha) ** 2 + alpha**2)
     said = stated(
-        r"falls from 1 to ([\d.]+) and ([\d.]+) on joints 2 and 3, for noise that is white in the acceleration",
+        r"from 1 to ([\d.]+) and ([\d.]+) on joints 2 and 3, for noise that is white in the acceleration",
         "theory.md",
     )
     assert said == pytest.approx(list(factors), abs=6e-4)

@@ -151,8 +151,8 @@ def _caption(name: str, file: TraceFile, traces: list[Trace]) -> str:
 
 FIGURES: dict[str, FigureSpec] = {
     "fig06": FigureSpec(
-        "Motor 1 turns alone, motors 2 and 3 hold: joint 2 moves all the same, here as joint 1, in section 3.1 "
-        "the opposite way. Postures at the start and where joint 1 turned furthest, by the encoders.",
+        "Motor 1 turns alone, motors 2 and 3 hold: joint 2 moves all the same, here as joint 1, in section "
+        "3.1 the opposite way. Postures at the start and where joint 1 turned furthest, by the encoders.",
         "decouple",
         ("pull_tendon_1",),
         ("q_motor_encoder", "q_encoder"),
