@@ -27,9 +27,14 @@ MAIN = {
 
 _SHARE = "share of the box"
 _WORDS = {
-    "controller_1_payload": "Controller 1 with payload",
+    "@sampling_period=([.0-9]+)ms": r" at L = \1 ms",
+    "@M_bar=halved": " with half M̄",
+    "(controller_1_|Controller 1 )payload": "Controller 1 with payload",
     "controller_": "Controller ",
-    "is ok$": "is stable",
+    "is ok\\b": "is stable",
+    "as printed": "as published",
+    "t - 2L": "t − 2L",
+    "epsilon": "ε",
     "H_hat": "Ĥ",
     "M_bar": "M̄",
     "gamma_1": "γ₁",
@@ -47,7 +52,7 @@ def named(entry: Mapping[str, Any]) -> str:
     if "." not in entry["id"]:
         return in_words(entry["printed"])
     unit = {"%": " %", "deg": "°"}.get(entry["unit"], "")
-    return f"{number_in_words(entry['id'])}: {entry['printed']}{unit}"
+    return in_words(f"{number_in_words(entry['id'])}: {entry['printed']}{unit}")
 
 
 def ours(entry: Mapping[str, Any]) -> str:
@@ -70,7 +75,7 @@ def ours(entry: Mapping[str, Any]) -> str:
 def in_words(statement: str) -> str:
     """A statement with symbols and words in place of the names that the program has for them."""
     for name, word in _WORDS.items():
-        statement = re.sub(rf"\b{name}", word, statement)
+        statement = re.sub(rf"(?<![A-Za-z]){name}", word, statement)
     return statement
 
 

@@ -123,9 +123,9 @@ def text(markdown: str) -> Markup:
 
 
 def line(markdown: str) -> Markup:
-    """One line of Markdown as HTML; long names may break at a plus."""
+    """One line of Markdown as HTML; long names may break at a plus, a dot and an underscore."""
     html = _unbroken(_reader().renderInline(markdown))
-    return Markup(re.sub(r"<code>[^<]*", lambda code: code[0].replace("+", "+<wbr>"), html))
+    return Markup(re.sub(r"<code>[^<]*", lambda code: re.sub(r"([+._])", r"\1<wbr>", code[0]), html))
 
 
 def _unbroken(html: Any) -> str:
