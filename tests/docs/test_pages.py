@@ -326,7 +326,7 @@ def test_decay_rates_and_the_rule_for_the_damping_factor(shipped: dict[str, Load
 
 
 def settings() -> list[tuple[str, list[str]]]:
-    table = rows(section(page("slips.md"), "## What each reading does")) if DOCS.is_dir() else []
+    table = rows(section(page("slips.md"), "## What each interpretation does")) if DOCS.is_dir() else []
     return [(name.strip("`"), cells) for name, *cells in table if name[0] == "`" or name == "as shipped"]
 
 

@@ -235,7 +235,7 @@ def test_errors_stand_above_those_of_the_paper_and_of_plausible_plants(
     ranges = [
         plausible_beside(compare_file(), trace, f"{identifier_of(trace)}.mae")[column] for trace in traces
     ]
-    _, ours, paper, plausible, _ = drawn(name).axes[letter].get_title(loc="right").split("\n")
+    _, ours, paper, plausible, *_ = drawn(name).axes[letter].get_title(loc="right").split("\n")
     assert re.findall(r"[\d.]+", ours) == [f"{size:.3f}" for size in sizes]
     assert re.findall(r"[\d.]+", paper) == printed
     assert re.findall(r"[\d.]+", plausible) == [f"{end:.2g}" for ends in ranges for end in ends]

@@ -26,7 +26,7 @@ from tendonrepro.results.summary import PAYLOAD, fitted_under
 
 _LONGEST_CHANGES = 60
 _MAE = "MAE in the order of the legend, plausible: central 90 % of the stable plants"
-_ERRORS = "Where errors are of the size of encoder counts, their mean in a band of the RMS about it."
+_ERRORS = "Where errors are of the size of encoder steps, their mean in a band of the RMS about it."
 
 
 @dataclass(frozen=True)
@@ -134,8 +134,8 @@ def _caption(name: str, file: TraceFile, traces: list[Trace]) -> str:
 
 FIGURES: dict[str, FigureSpec] = {
     "fig06": FigureSpec(
-        "Motor 1 turns alone, motors 2 and 3 hold: joint 2 moves all the same. Postures at the start and "
-        "where joint 1 turned furthest, by the encoders.",
+        "Motor 1 turns alone, motors 2 and 3 hold: joint 2 moves all the same, here as joint 1, in section "
+        "3.1 the opposite way. Postures at the start and where joint 1 turned furthest, by the encoders.",
         "decouple",
         ("pull_tendon_1",),
         ("q_motor_encoder", "q_encoder"),

@@ -197,9 +197,9 @@ def _tracking(file: TraceFile, runs: list[_DrawnRun]) -> Canvas:
     for letter, (variable, joint) in zip(canvas.axes, product(rows, joints), strict=True):
         if variable == "e":
             canvas.zero_line(letter)
-            # The empty line is that of the title, which stands at the left.
+            # The empty lines are those of the title, which stands at the left in larger letters.
             if note := _errors_note(file, runs, joint):
-                canvas.note(letter, f"{note}\n")
+                canvas.note(letter, f"{note}\n\n")
         else:
             _desired(canvas, letter, runs, joint)
         _curves(canvas, letter, runs, variable, joint, averaged=variable == "e" and joint in fuzzy)
