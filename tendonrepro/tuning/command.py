@@ -26,7 +26,8 @@ from tendonrepro.results.manifest import make_manifest
 from tendonrepro.results.store import MANIFEST, replaced
 from tendonrepro.results.study import Outcome, foretell
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
-from tendonrepro.tuning.laws import LAWS, user_law
+from tendonrepro.tuning.bench import Candidate, measure
+from tendonrepro.tuning.laws import LAWS, TunedLaw, user_law
 from tendonrepro.tuning.report import QUESTIONS, comparisons, law_rows, tables
 from tendonrepro.tuning.search import Effort
 from tendonrepro.tuning.study import Task
@@ -93,6 +94,8 @@ def run_tune(
     loaded = load_ensemble(request.config, overrides=request.overrides)
     own = laws_of(laws, given)
     task = Task(loaded, (*LAWS, *map(user_law, own)), effort, request.seed or 0)
+    for law in task.laws[len(LAWS) :]:
+        _try(task, law)
     identity = _identity(task, own, plants, any_plant=any_plant)
     folder = request.folder("tune")
     if request.dry_run:
@@ -114,6 +117,18 @@ def run_tune(
         result.manifest["config"] |= {"sha256": identity, "ensemble_sha256": loaded.sha256}
     text = f"{told.text()}\n\nResults are in {folder}"
     return {**told.data, "text": text, "out": str(folder), "manifest": str(folder / MANIFEST)}
+
+
+def _try(task: Task, law: TunedLaw) -> None:
+    """Refuse a user's law that does not become code on lanes, before hours of work."""
+    plants = task.draw(0)
+    start = law.values(law.start(plants.alpha.size), plants.alpha.size)
+    try:
+        measure(plants, [Candidate(law, "none", False, start)])
+    except Exception as error:
+        message = f"the law {law.name} cannot run on many plants together: {type(error).__name__}: {error}"
+        hint = "return tau, H_hat, s and de, and choose by tendonrepro.arrays.choose instead of if"
+        raise UsageError(message, where="--law", hint=hint) from error
 
 
 def _identity(task: Task, own: Sequence[UserLaw], plants: int, *, any_plant: bool) -> str:
@@ -190,6 +205,7 @@ def outcome(task: Task, drawn: Sequence[dict[str, Any]], looked_at: int, own: Se
         "experiment": "tune",
         "effort": task.effort._asdict(),
         "seed": task.seed,
+        "physics_sha256": code_digest("physics"),
         "draws_looked_at": looked_at,
         "plants": len(drawn),
         "joints": list(joints),
