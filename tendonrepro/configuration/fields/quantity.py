@@ -15,7 +15,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.fields.model import Model, Number, describe, refuse, refuse_all
+from tendonrepro.configuration.fields.model import Mistakes, Model, Number, describe, refuse, refuse_all
 from tendonrepro.configuration.fields.strict_yaml import Key
 
 
@@ -176,7 +176,7 @@ class Physical:
         refuse_all(self._out_of_range(held))
         return held
 
-    def _out_of_range(self, held: Any) -> Iterator[tuple[Key, str]]:
+    def _out_of_range(self, held: Any) -> Mistakes:
         """Mistakes of anything with a unit and numbers: a quantity, or a row of the box."""
         unit = held.unit
         unit_words = "" if unit == "1" else f" {unit}"

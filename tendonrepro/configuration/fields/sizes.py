@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from functools import cache
 
-from tendonrepro.configuration.fields.model import Model
+from tendonrepro.configuration.fields.model import Mistakes, Model
 from tendonrepro.configuration.fields.quantity import PER_ENTRY, Matrix, Quantity, Size, rule_of
-from tendonrepro.configuration.fields.strict_yaml import Key
 
 
-def wrong_sizes(part: object, sizes: Mapping[Size, int], size: Size = "one") -> Iterator[tuple[Key, str]]:
+def wrong_sizes(part: object, sizes: Mapping[Size, int], size: Size = "one") -> Mistakes:
     """Mistakes of all vectors and matrices in a part of a configuration, each with its place.
 
     Parameters

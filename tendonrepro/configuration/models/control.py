@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from tendonrepro.configuration.fields.model import Identifier, Model, refuse_all
+from tendonrepro.configuration.fields.model import Identifier, Mistakes, Model, refuse_all
 from tendonrepro.configuration.fields.quantity import Physical, Scalar, Vector, per_moving
-from tendonrepro.configuration.fields.strict_yaml import Key
 
 RUNS = ("controller_1", "controller_2", "controller_3", "controller_1_payload")
 ALPHA = ("controller_1", "controller_1_payload")
@@ -138,22 +137,19 @@ class Control(Model):
 
     @model_validator(mode="after")
     def _check_needs(self) -> Self:
-        refuse_all([*self._wrong_laws(), *self._missing_keys()])
+        refuse_all(self._mistakes())
         return self
 
-    def _wrong_laws(self) -> Iterator[tuple[Key, str]]:
+    def _mistakes(self) -> Mistakes:
         for name, law in self.laws.items():
             held = law.surface, law.estimator
             printed = PRINTED_LAWS.get(name, held)
             if held != printed:
                 paper = "surface {} and estimator {}".format(*printed)
                 yield ("laws", name), f"is the paper's, {paper}: give yours another name"
-
-    def _missing_keys(self) -> Iterator[tuple[Key, str]]:
-        plain = [name for name, law in self.laws.items() if law.surface == "pd"]
-        for gain in ("K_d", "K_p"):
-            if plain and getattr(self.gains, gain) is None:
-                yield ("gains",), f"missing key {gain!r}, which the law {plain[0]!r} needs"
+            for gain in ("K_d", "K_p"):
+                if law.surface == "pd" and getattr(self.gains, gain) is None:
+                    yield ("gains",), f"missing key {gain!r}, which the law {name!r} needs"
         for reading in ("error_rate", "estimate_filter"):
             value = getattr(self.readings, reading)
             if value in FILTERED and self.filter_cutoff is None:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from tendonrepro.configuration.fields.model import Model, SchemaVersion, refuse_all
 from tendonrepro.configuration.fields.quantity import Matrix, Scalar, Vector, from_zero, per_joint, positive
 from tendonrepro.configuration.fields.sizes import wrong_sizes
-from tendonrepro.configuration.fields.strict_yaml import Key
 
 
 class Routing(Model):
@@ -26,19 +25,12 @@ class Routing(Model):
 
     @field_validator("pulley_diameter", "sign")
     @classmethod
-    def _check_triangle(cls, matrix: Matrix, info: ValidationInfo) -> Matrix:
-        nonzero = "1 or -1" if info.field_name == "sign" else "above 0"
-        mistakes: list[tuple[Key, str]] = []
-        for i, row in enumerate(matrix.value):
-            for j, entry in enumerate(row):
-                place = f"for joint {i + 1} and tendon {j + 1}"
-                if i > j and entry != 0.0:
-                    message = f"must be 0 {place}, which does not pass that joint, found {entry:g}"
-                    mistakes.append((("value", i, j), message))
-                elif i <= j and entry == 0.0:
-                    message = f"must be {nonzero} {place}, else the coupling matrix is singular; found 0"
-                    mistakes.append((("value", i, j), message))
-        refuse_all(mistakes)
+    def _check_triangle(cls, matrix: Matrix) -> Matrix:
+        below = "must be 0, as the tendon of this column does not pass the joint of this row"
+        above = "must not be 0, else the coupling matrix is singular"
+        entries = [(i, j, entry) for i, row in enumerate(matrix.value) for j, entry in enumerate(row)]
+        wrong = [(i, j) for i, j, entry in entries if (entry == 0.0) != (i > j)]
+        refuse_all((("value", i, j), below if i > j else above) for i, j in wrong)
         return matrix
 
 
