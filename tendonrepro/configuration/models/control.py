@@ -9,7 +9,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from tendonrepro.configuration.fields.model import Identifier, Mistakes, Model, refuse_all
-from tendonrepro.configuration.fields.quantity import Physical, Scalar, Vector, per_moving
+from tendonrepro.configuration.fields.quantity import Moving, Physical, Scalar, from_zero, positive
 
 RUNS = ("controller_1", "controller_2", "controller_3", "controller_1_payload")
 ALPHA = ("controller_1", "controller_1_payload")
@@ -22,17 +22,15 @@ FILTERED = ("low_pass", "acceleration", "estimate")
 class Gains(Model):
     """Gains of the control laws, one entry per moving joint."""
 
-    M_bar: Annotated[Vector, per_moving("kg m2", "constant inertia of Eq. (6)", above=0.0)]
-    lam: Annotated[Vector, per_moving("s-1", "reaching gain of Eq. (14)", above=0.0)]
-    b: Annotated[Vector, per_moving("1", "exponent of Eq. (12)", above=0.0, below=1.0)]
-    eta: Annotated[Vector, per_moving("1", "surface gain of Eq. (11)", above=0.0)]
-    Delta: Annotated[Vector, per_moving("rad", "error at which Eq. (12) changes", above=0.0)]
-    alpha: Annotated[
-        Vector, per_moving("1", "weight of the older estimate, Eq. (15)", at_least=0.0, at_most=1.0)
-    ]
-    beta: Annotated[Vector, per_moving("s-1", "surface gain of Controller 3", above=0.0)]
-    K_d: Annotated[Vector, per_moving("s-1", "rate gain of Eq. (9)", above=0.0)] | None = None
-    K_p: Annotated[Vector, per_moving("s-2", "error gain of Eq. (9)", above=0.0)] | None = None
+    M_bar: Annotated[Moving, positive("kg m2", "constant inertia of Eq. (6)")]
+    lam: Annotated[Moving, positive("s-1", "reaching gain of Eq. (14)")]
+    b: Annotated[Moving, positive("1", "exponent of Eq. (12)", below=1.0)]
+    eta: Annotated[Moving, positive("1", "surface gain of Eq. (11)")]
+    Delta: Annotated[Moving, positive("rad", "error at which Eq. (12) changes")]
+    alpha: Annotated[Moving, from_zero("1", "weight of the older estimate, Eq. (15)", at_most=1.0)]
+    beta: Annotated[Moving, positive("s-1", "surface gain of Controller 3")]
+    K_d: Annotated[Moving, positive("s-1", "rate gain of Eq. (9)")] | None = None
+    K_p: Annotated[Moving, positive("s-2", "error gain of Eq. (9)")] | None = None
 
 
 PRINTED_LAWS = {

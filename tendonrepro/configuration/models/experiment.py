@@ -9,11 +9,12 @@ from pydantic import ConfigDict, Field, StrictInt, model_validator
 
 from tendonrepro.configuration.fields.model import Mistakes, Model, RunName, SchemaVersion, refuse_all
 from tendonrepro.configuration.fields.quantity import (
+    Joints,
+    Moving,
+    Pair,
+    Physical,
     Scalar,
-    Vector,
     from_zero,
-    per_joint,
-    per_moving,
     positive,
     whole,
 )
@@ -39,7 +40,7 @@ class StepDisturbance(Model):
     """A constant torque from a start time on."""
 
     kind: Literal["step"]
-    torque: Annotated[Vector, per_moving("N m", "torque on each joint")]
+    torque: Annotated[Moving, Physical("N m", "torque on each joint")]
     start: Annotated[Scalar, from_zero("s", "time of the step")]
 
 
@@ -47,7 +48,7 @@ class SineDisturbance(Model):
     """A sine that is zero at the start."""
 
     kind: Literal["sine"]
-    torque: Annotated[Vector, per_moving("N m", "amplitude on each joint")]
+    torque: Annotated[Moving, Physical("N m", "amplitude on each joint")]
     frequency: Annotated[Scalar, positive("Hz", "frequency")]
 
 
@@ -55,8 +56,8 @@ class NoiseDisturbance(Model):
     """Band-limited noise drawn from the seed."""
 
     kind: Literal["noise"]
-    torque: Annotated[Vector, per_moving("N m", "RMS torque on each joint", at_least=0.0)]
-    band: Annotated[Vector, from_zero("Hz", "lowest and highest frequency", size="pair")]
+    torque: Annotated[Moving, from_zero("N m", "RMS torque on each joint")]
+    band: Annotated[Pair, from_zero("Hz", "lowest and highest frequency")]
     components: Annotated[Scalar, whole("number of sines", at_least=1.0, at_most=100.0)]
 
 
@@ -106,7 +107,7 @@ class Experiment(Model):
     manipulator: Annotated[Manipulator, Field(json_schema_extra=_or_file)]
     joints: Annotated[tuple[StrictInt, ...], Field(min_length=1)]
     """moving joints: the last ones, in order"""
-    posture: Annotated[Vector, per_joint("rad", "joint angles at which the encoders read zero")]
+    posture: Annotated[Joints, Physical("rad", "joint angles at which the encoders read zero")]
     sampling_period: Annotated[Scalar, positive("s", "sampling period L, also the delay time")]
     seed: Annotated[Scalar, whole("seed of all random numbers", at_least=0.0, at_most=2.0**32 - 1.0)]
     disturbance: DisturbanceConfig
@@ -138,8 +139,8 @@ class CompareConfig(Experiment):
 class PositionLoop(Model):
     """The stiff loop that makes motors follow their commands; the paper does not describe it."""
 
-    stiffness: Annotated[Vector, per_moving("N m rad-1", "stiffness at the winch", above=0.0)]
-    damping: Annotated[Vector, per_moving("N m s rad-1", "damping at the winch", at_least=0.0)]
+    stiffness: Annotated[Moving, positive("N m rad-1", "stiffness at the winch")]
+    damping: Annotated[Moving, from_zero("N m s rad-1", "damping at the winch")]
 
 
 class DecoupleRun(Model):
