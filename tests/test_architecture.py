@@ -66,7 +66,7 @@ BUDGETS = {
     "ground": 255,
     "physics": 893,
     "simulation": 1815,
-    "configuration": 1_820,
+    "configuration": 1_780,
     "results": 2_281,
     "experiments": 1_520,
     "analysis": 630,
