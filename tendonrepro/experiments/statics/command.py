@@ -36,10 +36,11 @@ def run_statics(request: Request, talk: Talk) -> dict[str, Any]:
 
 def study_statics(loaded: LoadedConfig) -> Outcome:
     """Survey the tensions of a configuration."""
-    from tendonrepro.experiments.statics.figures import figures
+    from tendonrepro.experiments.statics.figures import draw_margin
 
     found = survey(loaded)
-    return Outcome(found.data, [_weight(found.data), *_tables(found)], figures(found), {"solver": None})
+    figures = {"margin": lambda: draw_margin(found)}
+    return Outcome(found.data, [_weight(found.data), *_tables(found)], figures, {"solver": None})
 
 
 def _weight(data: dict[str, Any]) -> str:
