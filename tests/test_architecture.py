@@ -70,7 +70,7 @@ BUDGETS = {
     "simulation": 1815,
     "configuration": 2_314,
     "results": 2_365,
-    "experiments": 1_520,
+    "experiments": 1_409,
     "analysis": 790,
     "evidence": 933,
     "monte_carlo": 1_330,

@@ -11,8 +11,14 @@ from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import ConfigError
-from tendonrepro.experiments.statics.command import run_statics, study_statics
-from tendonrepro.experiments.statics.survey import MAP_ANGLES, RESERVE, half_plane, survey
+from tendonrepro.experiments.statics.command import (
+    MAP_ANGLES,
+    RESERVE,
+    half_plane,
+    run_statics,
+    study_statics,
+    survey,
+)
 
 LENGTH, MASS, COM = np.array([0.30, 0.28]), np.array([0.77, 0.47, 0.22]), np.array([0.144, 0.1344, 0.096])
 RADIUS = {

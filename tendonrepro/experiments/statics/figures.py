@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from tendonrepro.experiments.statics.survey import MAP_ANGLES, RESERVE, STRETCH, Survey
+from tendonrepro.experiments.statics.command import MAP_ANGLES, RESERVE, STRETCH, Survey
 from tendonrepro.physics.statics import SLACK
 from tendonrepro.results.figures import style
 
