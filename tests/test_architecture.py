@@ -68,7 +68,7 @@ BUDGETS = {
     "simulation": 1815,
     "configuration": 1_780,
     "results": 2_281,
-    "experiments": 1_520,
+    "experiments": 1_409,
     "analysis": 630,
     "evidence": 933,
     "monte_carlo": 1_330,
