@@ -70,7 +70,7 @@ BUDGETS = {
     "results": 2_281,
     "experiments": 1_409,
     "analysis": 630,
-    "evidence": 933,
+    "evidence": 969,
     "monte_carlo": 1_330,
     "identification": 714,
     "dataset": 1806,
