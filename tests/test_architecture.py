@@ -65,7 +65,7 @@ OWNERS = {
 BUDGETS = {
     "ground": 255,
     "physics": 893,
-    "simulation": 1_815,
+    "simulation": 1_825,
     "configuration": 1_758,
     "results": 2_281,
     "experiments": 1_414,
@@ -74,11 +74,12 @@ BUDGETS = {
     "monte_carlo": 1_326,
     "identification": 714,
     "dataset": 1_806,
+    "tuning": 957,
     "verdicts": 1_843,
     "validation": 625,
     "reporting": 669,
-    "api": 347,
-    "cli": 615,
+    "api": 375,
+    "cli": 651,
 }
 """Code lines that a package may have: no comment, docstring or blank. What one needs, another gives."""
 
