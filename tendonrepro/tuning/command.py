@@ -5,10 +5,8 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from functools import partial
-from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +24,7 @@ from tendonrepro.results.manifest import make_manifest
 from tendonrepro.results.store import MANIFEST, replaced
 from tendonrepro.results.study import Outcome, foretell
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
-from tendonrepro.tuning.bench import Candidate, measure
+from tendonrepro.tuning.bench import Candidate, measure, usable
 from tendonrepro.tuning.laws import LAWS, TunedLaw, user_law
 from tendonrepro.tuning.report import QUESTIONS, comparisons, law_rows, tables
 from tendonrepro.tuning.search import Effort
@@ -102,13 +100,11 @@ def run_tune(
         foretell(folder, identity, "tune", request, talk)
         text = f"tune: {len(task.laws)} laws on {plants} plants\nwould write to {folder}"
         return {"schema_version": SCHEMA_VERSION, "dry_run": True, "out": str(folder), "text": text}
-    processes = jobs if jobs > 0 else os.cpu_count() or 1
     states = f"plants-{identity[:16]}"
     with replaced(folder, identity, command="tune", force=request.force, keep=states) as result:
-        spread = partial(_spread, processes=processes, dask=dask)
-        numbers, looked_at = _usable(task, plants, spread, talk, every=any_plant)
-        drawn = _tuned(task, numbers, result.path / states, spread, talk)
-        told = outcome(task, drawn, looked_at, [law.name for law in own])
+        numbers = _usable(task, plants, talk, every=any_plant)
+        drawn = _tuned(task, numbers, result.path / states, jobs, dask, talk)
+        told = outcome(task, drawn, [law.name for law in own])
         told.save(result, "tune")
         shutil.rmtree(result.path / states)
         result.manifest = make_manifest(loaded.base, result.seconds, "tune")
@@ -146,42 +142,32 @@ def _identity(task: Task, own: Sequence[UserLaw], plants: int, *, any_plant: boo
     return digest_of(content)
 
 
-def _spread(
-    function: Callable[[int], Any], items: Sequence[int], *, processes: int, dask: str | None
-) -> Generator[Any]:
-    return on_cluster(function, items, dask) if dask else as_ready(function, items, processes)
-
-
-def _usable(
-    task: Task, wanted: int, spread: Callable[..., Generator[Any]], talk: Talk, *, every: bool
-) -> tuple[list[int], int]:
-    """Numbers of the first usable draws, and how many were looked at for them."""
-    if every:
-        return list(range(wanted)), wanted
+def _usable(task: Task, wanted: int, talk: Talk, *, every: bool) -> list[int]:
+    """Numbers of the first draws on which Controllers 1 to 3 as published are stable, or of every draw."""
     found: list[int] = []
     with talk.bar("looking for plants", wanted) as progress:
-        for first in count(0, 4 * wanted):
-            if first >= MOST_DRAWS_PER_PLANT * wanted:
-                message = f"only {len(found)} of {first} draws are stable with the published gains"
-                raise UsageError(message, where="--plants", hint="ask for fewer, or say --any-plant")
-            answers = dict(spread(task.is_usable, range(first, first + 4 * wanted)))
-            fresh = [number for number in sorted(answers) if answers[number]][: wanted - len(found)]
-            found += fresh
-            progress(len(fresh))
+        for number in range(MOST_DRAWS_PER_PLANT * wanted):
+            if every or usable(task.draw(number)):
+                found.append(number)
+                progress(1)
             if len(found) == wanted:
-                return found, found[-1] + 1
-    raise AssertionError
+                return found
+    message = (
+        f"only {len(found)} of {MOST_DRAWS_PER_PLANT * wanted} draws are stable with the published gains"
+    )
+    raise UsageError(message, where="--plants", hint="ask for fewer, or say --any-plant")
 
 
 def _tuned(
-    task: Task, numbers: Sequence[int], states: Path, spread: Callable[..., Generator[Any]], talk: Talk
+    task: Task, numbers: Sequence[int], states: Path, jobs: int, dask: str | None, talk: Talk
 ) -> list[dict[str, Any]]:
     """Tune on every draw; what is on disk already is not done again."""
     states.mkdir(exist_ok=True)
     missing = [number for number in numbers if not (states / f"{number}.json").exists()]
     if len(missing) < len(numbers):
         talk.note(f"{len(numbers) - len(missing)} of {len(numbers)} plants are on disk already")
-    stream = spread(task.tuned, missing)
+    processes = jobs if jobs > 0 else os.cpu_count() or 1
+    stream = on_cluster(task.tuned, missing, dask) if dask else as_ready(task.tuned, missing, processes)
     with talk.resumable(), talk.bar("tuning on plants", len(missing)) as progress, closing(stream):
         for one in stream:
             write_atomically(states / f"{one['draw']}.json", to_json(one))
@@ -189,7 +175,7 @@ def _tuned(
     return [json.loads((states / f"{number}.json").read_text("utf-8")) for number in numbers]
 
 
-def outcome(task: Task, drawn: Sequence[dict[str, Any]], looked_at: int, own: Sequence[str]) -> Outcome:
+def outcome(task: Task, drawn: Sequence[dict[str, Any]], own: Sequence[str]) -> Outcome:
     """Numbers, tables and the figure."""
     from tendonrepro.tuning.figure import draw_tuning
 
@@ -206,7 +192,7 @@ def outcome(task: Task, drawn: Sequence[dict[str, Any]], looked_at: int, own: Se
         "effort": task.effort._asdict(),
         "seed": task.seed,
         "physics_sha256": code_digest("physics"),
-        "draws_looked_at": looked_at,
+        "draws_looked_at": drawn[-1]["draw"] + 1,
         "plants": len(drawn),
         "joints": list(joints),
         "comparisons": [one._asdict() for one in found],

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Any, NamedTuple
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from tendonrepro.tuning.bench import (
     measure,
     plants_of,
     published,
-    usable,
 )
 from tendonrepro.tuning.laws import LAWS, STEPS, TunedLaw
 from tendonrepro.tuning.search import SAME, Effort, Search, tune
@@ -33,6 +32,9 @@ CONDITIONS = tuple(product(CLASSES, (False, True)))
 
 ALPHAS = (-0.5, -0.2, 0.0, 0.1, 0.2, 0.5, 0.8)
 """Weights of the older estimate along the curve over alpha; all other gains as published."""
+
+Kept: TypeAlias = tuple[dict[str, Any], Candidate | None]
+"""A row of what is kept, and the candidate that its numbers are of, if there is one."""
 
 _AT_CAP, _AT_BOUND = 0.95, 0.01
 """Share of a cap from which it is active, and distance from a bound, over the range, up to which that is."""
@@ -51,10 +53,6 @@ class Task:
         """Draw of a number from the box."""
         box, seed = make_box(self.loaded.config), int(self.loaded.config.seed.si)
         return plants_of(self.loaded, box, box.values(scrambled_sobol(box, seed, 0, number, 1))[0])
-
-    def is_usable(self, number: int) -> tuple[int, bool]:
-        """Whether Controllers 1 to 3 as published are stable on a draw."""
-        return number, usable(self.draw(number))
 
     def tuned(self, number: int) -> dict[str, Any]:
         """Tune every law on one draw, as plain values."""
@@ -78,13 +76,6 @@ class Task:
         return {"draw": number, "rows": _measured(plants, kept), "lost": lost}
 
 
-class Kept(NamedTuple):
-    """A row of what is kept, and the candidate that its numbers are of, if there is one."""
-
-    row: dict[str, Any]
-    candidate: Candidate | None
-
-
 def _named(key: tuple[str, str, bool], cap: str) -> dict[str, Any]:
     return {"law": key[0], "knows": key[1], "filtered": key[2], "cap": cap}
 
@@ -99,7 +90,7 @@ def _best(
         search = own[int(np.argmin(errors))]
         place = search.best(cap)
         if place is None:
-            yield Kept(row, None)
+            yield (row, None)
             continue
         unit = search.units[place]
         limits = {
@@ -108,23 +99,23 @@ def _best(
             "bound": search.law.at_bound(unit, n, _AT_BOUND),
         }
         row["active"] = [limit for limit, acts in limits.items() if acts]
-        yield Kept(row, Candidate(search.law, *key[1:], search.law.values(unit, n)))
+        yield (row, Candidate(search.law, *key[1:], search.law.values(unit, n)))
 
 
 def _as_published(plants: Plants) -> Iterator[Kept]:
     """Yield Controllers 1 to 3 as published, and Controller 2 with its estimator's weights moved."""
     for name, condition in product(PUBLISHED, CONDITIONS):
-        yield Kept(_named((name, *condition), "published"), published(plants, name, *condition))
+        yield (_named((name, *condition), "published"), published(plants, name, *condition))
     free = next(law for law in LAWS if law.name == "alpha_free")
     for knows, alpha in product(CLASSES, ALPHAS):
         gains = {**published(plants, "controller_2").gains, "alpha": np.full_like(plants.alpha, alpha)}
         row = _named(("controller_2", knows, False), "published") | {"alpha": alpha}
-        yield Kept(row, Candidate(free, knows, False, gains))
+        yield (row, Candidate(free, knows, False, gains))
 
 
 def _measured(plants: Plants, kept: Sequence[Kept]) -> list[dict[str, Any]]:
     """Rows with what their candidates give, angles in rad: errors by run and joint, and their mean."""
-    found = measure(plants, [one.candidate for one in kept if one.candidate], ALL_RUNS)
+    found = measure(plants, [candidate for _, candidate in kept if candidate], ALL_RUNS)
     rows, place = [], 0
     for row, candidate in kept:
         rows.append(row | {"stable": False})
