@@ -1,6 +1,6 @@
 """How often `tendonrepro recover` is right: readings x records, on plants drawn from the parameter ranges.
 
-Prints the table of docs/recover.md. ``python benchmarks/recovery.py 8`` takes eight plants and some minutes.
+Prints a table of docs/predictions.md. ``python benchmarks/recovery.py 8`` takes eight plants, some minutes.
 """
 
 from __future__ import annotations

@@ -101,7 +101,7 @@ def predict(
     terminal: Terminal,
     draws: Annotated[int, Option("--draws", help="Plants.")] = 256,
     readings: Annotated[
-        str | None, Option("--readings", help="Names with commas between [default: eight main ones].")
+        str | None, Option("--readings", help="Names with commas between [default: nine main ones].")
     ] = None,
 ) -> None:
     """What experiments on a bench would give under each reading."""

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from tendonrepro.configuration.fewer_joints import with_joints
 from tendonrepro.configuration.fields.strict_yaml import load, read_text
-from tendonrepro.configuration.messages import nearest
+from tendonrepro.configuration.messages import did_you_mean
 from tendonrepro.errors import UsageError
 from tendonrepro.files import shipped, write_atomically
 
@@ -27,9 +27,8 @@ def shipped_file(name: str) -> Path:
     """Path of a shipped configuration; a UsageError names what there is."""
     names = shipped_names()
     if name not in names:
-        meant = nearest(name, names)
-        hint = "" if meant is None else f", did you mean {meant!r}?"
-        raise UsageError(f"no shipped configuration {name!r}{hint}", hint=f"There are: {', '.join(names)}")
+        message = f"no shipped configuration {name!r}{did_you_mean(name, names)}"
+        raise UsageError(message, hint=f"There are: {', '.join(names)}")
     return shipped_folder() / f"{name}.yaml"
 
 

@@ -237,14 +237,14 @@ def redraw(out: Path, figures: Sequence[str] | None, *, force: bool = False) -> 
     UsageError
         If there is no such figure, or something would be overwritten.
     """
-    from tendonrepro.results.figures.catalogue import available, name_of, title_of
+    from tendonrepro.results.figures.catalogue import available, name_of
 
     files = _stored(out)
     every = {name for file in files.values() for name in available(file)}
     asked = [name_of(figure) for figure in figures] if figures else every
     for name in asked:
         if name not in every:
-            message = f"no stored traces hold what {title_of(name)} shows"
+            message = f"no stored traces hold what {name} shows"
             have = ", ".join(sorted(every)) or "none"
             raise DataMissingError(message, where=str(out), hint=f"figures that can be drawn: {have}")
 

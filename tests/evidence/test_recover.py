@@ -145,9 +145,9 @@ def test_rounding_of_angles_on_a_grid_is_undone() -> None:
     assert without_rounding(smooth, STEP)[0] is smooth
 
 
-def test_the_command_writes_its_tables(command: str, tmp_path: Path) -> None:
-    answer(command, "compare", *SHORT_WORDS, "--controllers", "1", "--out", "out", cwd=tmp_path)
-    found = answer(command, "recover", "out", "--out", "recovered", cwd=tmp_path)
+def test_the_command_writes_its_tables(tmp_path: Path) -> None:
+    answer("compare", *SHORT_WORDS, "--controllers", "1", "--out", "out", cwd=tmp_path)
+    found = answer("recover", "out", "--out", "recovered", cwd=tmp_path)
     assert {(row["run"], row["answer"]) for row in found["runs"]} >= {("controller_1", RECOVERED)}
     assert (tmp_path / "recovered" / "tables" / "controllers.csv").exists()
     assert (tmp_path / "recovered" / "recover.json").exists()

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from tendonrepro.configuration.fields.model import Model, Problems, RootModel, SchemaVersion
-from tendonrepro.configuration.fields.physical import per_joint, physical
-from tendonrepro.configuration.fields.quantity import Matrix, Scalar, Vector
+from tendonrepro.configuration.fields.model import Model, SchemaVersion, refuse_all
+from tendonrepro.configuration.fields.quantity import Matrix, Scalar, Vector, from_zero, per_joint, positive
+from tendonrepro.configuration.fields.sizes import wrong_sizes
+from tendonrepro.configuration.fields.strict_yaml import Key
 
 
 class Routing(Model):
@@ -16,34 +17,28 @@ class Routing(Model):
 
     winch_diameter: Annotated[Vector, per_joint("m", "winch diameter D_n", above=0.0)]
     pulley_diameter: Annotated[
-        Matrix,
-        per_joint("m", "pulley diameter D_pq, joint p (row), tendon q (column)", at_least=0.0),
+        Matrix, per_joint("m", "pulley diameter D_pq, joint p (row), tendon q (column)", at_least=0.0)
     ]
     sign: Annotated[
         Matrix,
-        physical(
-            "1",
-            "side c_pq, joint p (row), tendon q (column)",
-            at_least=-1.0,
-            at_most=1.0,
-            size="joints",
-            whole=True,
-        ),
+        per_joint("1", "side c_pq, joint p (row), tendon q (column)", at_least=-1.0, at_most=1.0, whole=True),
     ]
 
     @field_validator("pulley_diameter", "sign")
     @classmethod
     def _check_triangle(cls, matrix: Matrix, info: ValidationInfo) -> Matrix:
-        with Problems() as problems:
-            for (row, column), entry in matrix.entries():
-                place = f"joint {row + 1} and tendon {column + 1}"
-                if row > column and entry != 0.0:
-                    message = f"must be 0 for {place}, which does not pass that joint, found {entry:g}"
-                    problems.add(("value", row, column), message)
-                elif row <= column and entry == 0.0:
-                    nonzero = "1 or -1" if info.field_name == "sign" else "above 0"
-                    message = f"must be {nonzero} for {place}, else the coupling matrix is singular; found 0"
-                    problems.add(("value", row, column), message)
+        nonzero = "1 or -1" if info.field_name == "sign" else "above 0"
+        mistakes: list[tuple[Key, str]] = []
+        for i, row in enumerate(matrix.value):
+            for j, entry in enumerate(row):
+                place = f"for joint {i + 1} and tendon {j + 1}"
+                if i > j and entry != 0.0:
+                    message = f"must be 0 {place}, which does not pass that joint, found {entry:g}"
+                    mistakes.append((("value", i, j), message))
+                elif i <= j and entry == 0.0:
+                    message = f"must be {nonzero} {place}, else the coupling matrix is singular; found 0"
+                    mistakes.append((("value", i, j), message))
+        refuse_all(mistakes)
         return matrix
 
 
@@ -59,7 +54,7 @@ class Links(Model):
 class Winches(Model):
     """Motor side of Eq. (3), per winch, after the reducer."""
 
-    reduction: Annotated[Scalar, physical("1", "turns of a motor per turn of its winch", above=0.0)]
+    reduction: Annotated[Scalar, positive("1", "turns of a motor per turn of its winch")]
     reflected_inertia: Annotated[
         Vector, per_joint("kg m2", "rotor and reducer inertia at the winch", above=0.0)
     ]
@@ -72,18 +67,12 @@ class Tendons(Model):
 
     axial_stiffness: Annotated[Vector, per_joint("N m-1", "axial stiffness of a tendon", above=0.0)]
     axial_damping: Annotated[Vector, per_joint("N s m-1", "axial damping of a tendon", at_least=0.0)]
-    damping_factor: Annotated[Scalar, physical("1", "common factor on the axial damping", above=0.0)]
+    damping_factor: Annotated[Scalar, positive("1", "common factor on the axial damping")]
     clearance: Annotated[
-        Vector,
-        per_joint("m", "slack a tendon takes up before it pulls; 0 is none", at_least=0.0),
+        Vector, per_joint("m", "slack a tendon takes up before it pulls; 0 is none", at_least=0.0)
     ]
-    unilateral: (
-        Annotated[
-            Literal["off", "on"],
-            Field(description="on: a tendon that would push goes slack; without the key it pushes, Eq. (5)"),
-        ]
-        | None
-    ) = None
+    unilateral: Literal["off", "on"] | None = None
+    """on: a tendon that would push goes slack; without the key it pushes, Eq. (5)"""
 
 
 class DryFriction(Model):
@@ -113,39 +102,32 @@ class FrictionConfig(Model):
     link: LinkFriction
     winch: WinchFriction
     per_pulley: Annotated[
-        Scalar,
-        physical("1", "share of the tension lost at each guide pulley; 0 is off", at_least=0.0, below=1.0),
+        Scalar, from_zero("1", "share of the tension lost at each guide pulley; 0 is off", below=1.0)
     ]
-    reducer_efficiency: Annotated[
-        Scalar, physical("1", "efficiency of the reducer; 1 is off", above=0.0, at_most=1.0)
-    ]
+    reducer_efficiency: Annotated[Scalar, positive("1", "efficiency of the reducer; 1 is off", at_most=1.0)]
 
 
 class Tensioner(Model):
     """The extra tendon that keeps the others taut; no published equation holds it."""
 
-    force: Annotated[Scalar, physical("N", "constant force on the tendon; 0 is off", at_least=0.0)]
+    force: Annotated[Scalar, from_zero("N", "constant force on the tendon; 0 is off")]
     diameter: Annotated[Vector, per_joint("m", "diameter it passes at each joint", above=0.0)]
-    side: Annotated[
-        Literal["negative", "distal_only", "alternating"],
-        Field(description="on which side of the joints the tensioning tendon passes"),
-    ]
+    side: Literal["negative", "distal_only", "alternating"]
+    """on which side of the joints the tensioning tendon passes"""
 
 
 class TransmissionError(Model):
     """Periodic position error of the reducer."""
 
-    peak_to_peak: Annotated[
-        Scalar, physical("rad", "peak-to-peak error at the winch; 0 is off", at_least=0.0)
-    ]
-    cycles_per_turn: Annotated[Scalar, physical("1", "cycles per turn of the winch", above=0.0)]
+    peak_to_peak: Annotated[Scalar, from_zero("rad", "peak-to-peak error at the winch; 0 is off")]
+    cycles_per_turn: Annotated[Scalar, positive("1", "cycles per turn of the winch")]
 
 
 class EncoderConfig(Model):
     """An incremental encoder that reads zero at the start posture."""
 
-    resolution: Annotated[Scalar, physical("rad", "angle of one count; 0 is ideal", at_least=0.0)]
-    noise: Annotated[Scalar, physical("rad", "RMS noise of a reading; 0 is off", at_least=0.0)]
+    resolution: Annotated[Scalar, from_zero("rad", "angle of one count; 0 is ideal")]
+    noise: Annotated[Scalar, from_zero("rad", "RMS noise of a reading; 0 is off")]
 
 
 class Encoders(Model):
@@ -160,21 +142,20 @@ class ActuatorConfig(Model):
 
     torque_limit: Annotated[Vector, per_joint("N m", "saturation at the winch", above=0.0)]
     torque_resolution: Annotated[
-        Scalar, physical("N m", "step of the torque command at the winch; 0 is off", at_least=0.0)
+        Scalar, from_zero("N m", "step of the torque command at the winch; 0 is off")
     ]
-    torque_noise: Annotated[Scalar, physical("N m", "RMS torque noise at the winch; 0 is off", at_least=0.0)]
+    torque_noise: Annotated[Scalar, from_zero("N m", "RMS torque noise at the winch; 0 is off")]
     output_delay: Annotated[
-        Scalar,
-        physical("1", "delay of the command in samples", at_least=0.0, at_most=100.0, whole=True),
+        Scalar, from_zero("1", "delay of the command in samples", at_most=100.0, whole=True)
     ]
 
 
-class Manipulator(RootModel):
+class Manipulator(Model):
     """A planar serial chain driven by one tendon per joint."""
 
     schema_version: SchemaVersion
     name: Annotated[str, Field(min_length=1, description="name for titles and tables")]
-    gravity: Annotated[Scalar, physical("m s-2", "gravitational acceleration", at_least=0.0)]
+    gravity: Annotated[Scalar, from_zero("m s-2", "gravitational acceleration")]
     routing: Routing
     links: Links
     winches: Winches
@@ -184,6 +165,11 @@ class Manipulator(RootModel):
     transmission_error: TransmissionError
     encoders: Encoders
     actuator: ActuatorConfig
+
+    @model_validator(mode="after")
+    def _check_sizes(self) -> Self:
+        refuse_all(wrong_sizes(self, {"joints": self.joints}))
+        return self
 
     @property
     def joints(self) -> int:

@@ -152,7 +152,7 @@ def study_statics(loaded: LoadedConfig) -> Outcome:
     from tendonrepro.experiments.statics.figures import draw_margin
 
     found = survey(loaded)
-    figures = {"margin": lambda: draw_margin(found)}
+    figures = {"margin": lambda: draw_margin(found.data, found.maps, found.origin)}
     return Outcome(found.data, [_weight(found.data), *_tables(found)], figures, {"solver": None})
 
 
@@ -214,7 +214,7 @@ def _value_or_box(configured: float, row: str) -> tuple[float, str]:
     """A value of the configuration or, where that switches the effect off, the nominal of the box."""
     if configured > 0.0:
         return configured, "as configured"
-    held = dict(load_ensemble(None).config.box.items())[row]
+    held = dict(load_ensemble(None).config.box)[row]
     assert isinstance(held, BoxRange)
     return held.nominal, f"off in the configuration; nominal of the box, {held.low:g} to {held.high:g}"
 

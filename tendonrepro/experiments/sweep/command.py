@@ -11,9 +11,14 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from tendonrepro.configuration.draft import find_source
 from tendonrepro.configuration.fields.strict_yaml import Node, load
-from tendonrepro.configuration.load import CompareConfig, LoadedConfig, config_digest, load_config
+from tendonrepro.configuration.load import (
+    CompareConfig,
+    LoadedConfig,
+    config_digest,
+    find_source,
+    load_config,
+)
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import ConfigError, UsageError
