@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import typer
 from typer import Argument, Option
 
-from tendonrepro.cli.options import Laws, Terminal, command
+from tendonrepro.cli.options import Terminal, command
 from tendonrepro.configuration.request import Request
 
 study_app = typer.Typer(rich_help_panel="Explore", rich_markup_mode=None)
@@ -27,12 +27,11 @@ def sweep(
     over: Annotated[
         list[str], Option("--over", metavar="KEY=A,B,C", help="A key and its values; once or twice.")
     ],
-    law: Laws = None,
 ) -> int:
     """The comparison over values of one or two keys."""
     from tendonrepro.experiments.sweep.command import run_sweep
 
-    found = run_sweep(request, over, terminal.talk, law or ())
+    found = run_sweep(request, over, terminal.talk)
     terminal.show(found, found["text"])
     return 5 if found.get("diverged") else 0
 
@@ -102,7 +101,7 @@ def predict(
     terminal: Terminal,
     draws: Annotated[int, Option("--draws", help="Plants.")] = 256,
     readings: Annotated[
-        str | None, Option("--readings", help="Names with commas between [default: eight main ones].")
+        str | None, Option("--readings", help="Names with commas between [default: nine main ones].")
     ] = None,
 ) -> None:
     """What experiments on a bench would give under each reading."""

@@ -7,17 +7,14 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from fractions import Fraction
 from functools import cache
-from types import MappingProxyType
 from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
-from pydantic import Field, StrictInt, ValidationError
+from pydantic import Field, StrictInt
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.fields.model import Model, Number
-from tendonrepro.configuration.fields.strict_yaml import Document, load, read_text
-from tendonrepro.configuration.messages import explain, places_in
-from tendonrepro.errors import ConfigError
+from tendonrepro.configuration.fields.strict_yaml import load, read_text
 from tendonrepro.files import shipped
 from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix
 
@@ -91,11 +88,8 @@ class PrintedDose(_Entry):
     @property
     def parts(self) -> tuple[tuple[str, str], tuple[str, str]]:
         """Ids of both controllers' errors on joint 3, then on joint 2."""
-        joint_3, joint_2 = (
-            (f"table2.controller_1.{self.metric}.{joint}", f"table2.controller_2.{self.metric}.{joint}")
-            for joint in ("joint_3", "joint_2")
-        )
-        return joint_3, joint_2
+        first, second = (f"table2.controller_{number}.{self.metric}.joint_" for number in (1, 2))
+        return (first + "3", second + "3"), (first + "2", second + "2")
 
 
 class PrintedText(_Entry):
@@ -188,36 +182,12 @@ class Published:
 
 @cache
 def published() -> Published:
-    """Return the shipped numbers, read once.
-
-    Raises
-    ------
-    ConfigError
-        When the shipped file was damaged.
-    """
+    """Return the shipped numbers, read once."""
     path = shipped("data") / "published.yaml"
-    return parse_published(load(read_text(path), str(path)))
-
-
-def parse_published(document: Document) -> Published:
-    """Check and freeze a document; every id is used once and covered by exactly one judgement."""
-    try:
-        file = _File.model_validate(document.tree)
-    except ValidationError as error:
-        raise explain(error, document.tree, places_in(document)) from None
-    entries: dict[str, PrintedEntry] = {}
-    judgements: dict[str, Judgement] = {}
-    for index, entry in enumerate(file.entries):
-        fitting = [judgement for judgement in file.judged if fnmatchcase(entry.id, judgement.ids)]
-        where = document.where(("entries", index))
-        if entry.id in entries:
-            raise ConfigError(f"id {entry.id!r} is used twice", where=where)
-        if len(fitting) != 1:
-            raise ConfigError(
-                f"{entry.id!r} is covered by {len(fitting)} judgements, not by one", where=where
-            )
-        entries[entry.id], judgements[entry.id] = entry, fitting[0]
-    return Published(MappingProxyType(entries), MappingProxyType(judgements))
+    file = _File.model_validate(load(read_text(path), str(path)).tree)
+    entries = {entry.id: entry for entry in file.entries}
+    judgements = {name: next(rule for rule in file.judged if fnmatchcase(name, rule.ids)) for name in entries}
+    return Published(entries, judgements)
 
 
 def exact(entry: PrintedNumber | PrintedRatio) -> Fraction:

@@ -22,7 +22,7 @@ from tendonrepro.results.records import TraceFile
 from tendonrepro.results.store import MANIFEST, read_manifest, replaced
 from tendonrepro.results.study import foretell
 from tendonrepro.results.summary import CONTROLLERS, LOADS
-from tendonrepro.results.tables import write_table
+from tendonrepro.results.tables import Table
 from tendonrepro.results.traces import write_traces
 from tendonrepro.validation.report import table_data, window_rows, write_measured_tables
 from tendonrepro.validation.rerun import (
@@ -145,7 +145,7 @@ def _tables(measured: Measured, paper: Published, name: str, work: Work) -> dict
     if deciding is None or best is None:
         return data | {"best": None}
     write_measured_tables(data, deciding.name, name, work.folder / "tables")
-    write_table(window_rows(measured.tables, paper), work.folder, "windows", "", suffixes=["csv"])
+    Table("windows", "", window_rows(measured.tables, paper), suffixes=["csv"]).write(work.folder)
     if best is deciding or measured.tables.chance > RARE:
         return data | {"best": None}
     closest = table_data(best, paper)
@@ -163,7 +163,7 @@ def _residuals(file: TraceFile, work: Work) -> dict[str, Any]:
         ("coupling", "Measured joint and motor angles through the coupling matrices.", coupling),
     ):
         if found:
-            write_table(found, work.folder, stem, caption)
+            Table(stem, caption, found, suffixes=["csv", "md"]).write(work.folder)
     traces = together(work.simulated)
     if traces is not None:
         write_traces(work.folder / SIMULATED, traces)

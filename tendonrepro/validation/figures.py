@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from tendonrepro.results.figures.catalogue import FIGURES, available, save, title_of
+from tendonrepro.results.figures.catalogue import FIGURES, available
 from tendonrepro.results.figures.compare import MEAN_WINDOW, draw_law
 from tendonrepro.results.figures.panels import Canvas, FigureArtists
-from tendonrepro.results.figures.style import REFERENCE, Stroke, journal_style, paler
+from tendonrepro.results.figures.style import REFERENCE, Stroke, journal_style, paler, save_drawing, title_of
 from tendonrepro.results.records import Trace, TraceFile
 
 _LAW = "fig15"
@@ -36,7 +36,7 @@ def available_overlays(measured: TraceFile) -> list[str]:
 
 def saved_overlay(measured: TraceFile, models: Mapping[str, Trace], folder: Path, name: str) -> list[Path]:
     """Draw and save one figure; see `draw_overlay`."""
-    return save(draw_overlay(name, measured, models), folder)
+    return save_drawing(draw_overlay(name, measured, models), folder)
 
 
 def draw_overlay(name: str, measured: TraceFile, models: Mapping[str, Trace]) -> FigureArtists:

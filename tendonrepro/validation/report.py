@@ -11,7 +11,7 @@ from tendonrepro.console import columns
 from tendonrepro.dataset.measured_file import resting_on
 from tendonrepro.dataset.windows import PrintedTables, Tried
 from tendonrepro.results.summary import CONTROLLERS
-from tendonrepro.results.tables import NOTHING, write_table
+from tendonrepro.results.tables import NOTHING, Table
 
 
 def validate_text(found: Mapping[str, Any]) -> str:
@@ -163,7 +163,7 @@ def write_measured_tables(data: Mapping[str, Any], window: str, origin: str, fol
     for table, rows in data.items():
         if rows:
             caption = f"Table {table[-1]} as measured, averaged over: {window} ({origin})."
-            paths += write_table(list(_lines(rows)), folder, table, caption, _COLUMNS, ("csv", "md", "tex"))
+            paths += Table(table, caption, list(_lines(rows)), _COLUMNS).write(folder)
     return paths
 
 

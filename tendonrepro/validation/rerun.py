@@ -149,7 +149,7 @@ def rerun(path: Path, names: Sequence[str], talk: Talk) -> TraceFile:
     known = dict(build_loops(loaded.config, loaded.folder))
     chosen = [name for name in names if name in known]
     with talk.bar(f"simulating {len(chosen)} runs", len(chosen)) as progress:
-        traces = each(partial(simulate_run, loaded, None), chosen, progress)
+        traces = each(partial(simulate_run, loaded, ()), chosen, progress)
     return trace_file(loaded, traces, make_manifest(loaded, 0.0))
 
 
