@@ -70,12 +70,20 @@ BUDGETS = {
     "results": 2_281,
     "experiments": 1_409,
     "analysis": 629,
+<<<<<<< HEAD
     "evidence": 933,
     "monte_carlo": 1_326,
     "identification": 714,
     "dataset": 1_806,
     "tuning": 957,
     "verdicts": 1_843,
+=======
+    "evidence": 969,
+    "monte_carlo": 1_213,
+    "identification": 714,
+    "dataset": 1_806,
+    "verdicts": 1_747,
+>>>>>>> verdicts
     "validation": 625,
     "reporting": 669,
     "api": 375,
