@@ -76,13 +76,6 @@ BUDGETS = {
     "dataset": 1_806,
     "tuning": 957,
     "verdicts": 1_843,
-=======
-    "evidence": 969,
-    "monte_carlo": 1_213,
-    "identification": 714,
-    "dataset": 1_806,
-    "verdicts": 1_747,
->>>>>>> verdicts
     "validation": 625,
     "reporting": 669,
     "api": 375,
