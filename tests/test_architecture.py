@@ -77,7 +77,7 @@ BUDGETS = {
     "identification": 714,
     "dataset": 1806,
     "verdicts": 2_352,
-    "validation": 625,
+    "validation": 464,
     "reporting": 636,
     "api": 347,
     "cli": 616,

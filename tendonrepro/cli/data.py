@@ -88,8 +88,7 @@ def validate(
 ) -> int:
     """Compare measured data with the print and with the model."""
     from tendonrepro.validation.command import model_diverged, run_validate
-    from tendonrepro.validation.report import validate_text
 
     found = run_validate(measured, request, terminal.talk)
-    terminal.show(found, validate_text)
+    terminal.show(found, found.pop("text"))
     return 5 if model_diverged(found) else 0

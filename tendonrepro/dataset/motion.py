@@ -67,6 +67,10 @@ class Recorded:
         """Sampling step, s."""
         return float(self.time[1] - self.time[0])
 
+    def at(self, time: Array) -> Array:
+        """Displacement at other times (T,), s: (T, n) rad, that of the nearer end beyond the record."""
+        return np.column_stack([np.interp(time, self.time, column) for column in self.q.T])
+
     def moving(self) -> tuple[int, int]:
         """First and last sample of the motion: rest before it and after it are left out."""
         tolerance = max(1.5 * self.rounding, noise_peak(self), _ONSET * float(np.ptp(self.q, axis=0).max()))
@@ -276,7 +280,7 @@ def _later(trace: Trace, reference: Reference) -> float:
     ours = recorded(trace.of_joints(other.joint))
 
     def apart(late: float) -> float:
-        moved = _at(other, np.clip(ours.time - late, 0.0, other.time[-1]))
+        moved = other.at(ours.time - late)
         return float((ours.q - moved).var(axis=0).sum())
 
     guess = onset(ours) - reference.begin
@@ -284,10 +288,6 @@ def _later(trace: Trace, reference: Reference) -> float:
     best = float(tried[np.argmin([apart(late) for late in tried])])
     late = float(minimize_scalar(apart, bounds=(best - 0.05, best + 0.05), method="bounded").x)
     return late if abs(late) > 0.05 * ours.step else 0.0
-
-
-def _at(record: Recorded, time: Array) -> Array:
-    return np.column_stack([np.interp(time, record.time, column) for column in record.q.T])
 
 
 def derivatives(trace: Trace) -> tuple[Array, Array]:
