@@ -80,7 +80,7 @@ BUDGETS = {
     "validation": 464,
     "reporting": 636,
     "api": 347,
-    "cli": 616,
+    "cli": 502,
 }
 """Code lines that a package may have: no comment, docstring or blank. What one needs, another gives."""
 
