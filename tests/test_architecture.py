@@ -65,7 +65,7 @@ OWNERS = {
 }
 
 BUDGETS = {
-    "ground": 255,
+    "ground": 222,
     "physics": 893,
     "simulation": 1815,
     "configuration": 2_314,
@@ -74,7 +74,7 @@ BUDGETS = {
     "analysis": 790,
     "evidence": 933,
     "monte_carlo": 1_330,
-    "identification": 714,
+    "identification": 670,
     "dataset": 1806,
     "verdicts": 2_352,
     "validation": 464,
