@@ -75,12 +75,12 @@ BUDGETS = {
     "evidence": 933,
     "monte_carlo": 1_330,
     "identification": 670,
-    "dataset": 1806,
+    "dataset": 1740,
     "verdicts": 2_352,
     "validation": 464,
     "reporting": 636,
     "api": 347,
-    "cli": 502,
+    "cli": 501,
 }
 """Code lines that a package may have: no comment, docstring or blank. What one needs, another gives."""
 

@@ -19,7 +19,6 @@ def fetch(
     *,
     out: Path = Path("data/zenodo"),
     base_url: str | None = None,
-    from_dir: Path | None = None,
     dry_run: bool = False,
     force: bool = False,
 ) -> None:
@@ -35,8 +34,6 @@ def fetch(
         Folder for the files.
     base_url
         Another server [default: $TENDONREPRO_ZENODO_URL, else Zenodo].
-    from_dir
-        Take files downloaded by hand from this folder.
     dry_run
         List the record, download nothing.
     force
@@ -44,7 +41,7 @@ def fetch(
     """
     from tendonrepro.dataset.fetch import fetch_text, run_fetch
 
-    found = run_fetch(record, out, base_url, from_dir, force, dry_run, terminal.talk)
+    found = run_fetch(record, out, base_url, force, dry_run, terminal.talk)
     terminal.show(found, fetch_text(found))
 
 
@@ -102,7 +99,7 @@ def ingest(
     dry_run
         Check everything, write nothing.
     force
-        Overwrite a file of another mapping or other data.
+        Overwrite a file that is there.
     """
     from tendonrepro.dataset.ingest import ingest_text, run_ingest
 

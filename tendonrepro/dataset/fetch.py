@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import shutil
 from collections.abc import Callable
 from contextlib import suppress
 from datetime import UTC, datetime
@@ -20,7 +19,7 @@ from urllib3.util import Retry
 
 from tendonrepro import __version__
 from tendonrepro.console import Talk
-from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
+from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import md5_of, to_json, write_atomically
 from tendonrepro.results.tables import Table
 
@@ -28,7 +27,7 @@ SITE = "https://zenodo.org"
 VARIABLE = "TENDONREPRO_ZENODO_URL"
 AGENT = f"tendonrepro/{__version__} (+https://doi.org/10.3390/act15050271)"
 SCHEMA_VERSION = 3
-BY_HAND = "or download the files in a browser and give their folder with --from-dir"
+BY_HAND = "or download the files in a browser: inspect and ingest read any folder"
 
 Entry: TypeAlias = dict[str, Any]
 """``key``, ``size`` in bytes and ``md5`` of a file."""
@@ -45,7 +44,6 @@ def run_fetch(
     record: str,
     out: Path,
     base_url: str | None,
-    from_dir: Path | None,
     force: bool,
     dry_run: bool,
     talk: Talk,
@@ -60,8 +58,6 @@ def run_fetch(
         Folder for the files; the lock is written beside it.
     base_url : str or None
         Another site than zenodo.org; else the environment may name one.
-    from_dir : Path or None
-        Folder with files downloaded by hand, taken instead of downloading.
     force : bool
         Replace files that were altered, and another record.
     dry_run : bool
@@ -79,18 +75,14 @@ def run_fetch(
         If the record is not one, the folder holds other or altered files, or another process writes there.
     DataMissingError
         If the record or its files cannot be had.
-    TendonreproError
-        If the disk is full or cannot be written.
     """
-    number = record_number(record)
-    held = lock_path(out)
-    lock = json.loads(held.read_text(encoding="utf-8")) if held.exists() else None
-    if lock is not None and number not in {lock["record"], lock["requested"]}:
-        if not force:
+    number, held = record_number(record), lock_path(out)
+    lock = json.loads(held.read_text(encoding="utf-8")) if held.exists() else {}
+    if number not in {lock.get("record"), lock.get("requested")}:
+        if lock and not force:
             message = f"holds record {lock['record']}, not {number}"
             raise UsageError(message, where=str(out), hint="choose another --out, or say --force")
-        lock = None
-    lock = lock or _described(base_url or os.environ.get(VARIABLE) or SITE, number)
+        lock = _described(base_url or os.environ.get(VARIABLE) or SITE, number)
     wanted = [file for file in lock["files"] if not _is_same(out / file["key"], file)]
     for file in wanted:
         path = out / file["key"]
@@ -100,10 +92,9 @@ def run_fetch(
             hint = "move it away, or say --force to replace it"
             raise UsageError("is not the file of the record", where=str(path), hint=hint)
     if not dry_run:
-        _obtain(wanted, out, from_dir, lock, talk)
-    action = "copied" if from_dir else "downloaded"
-    files = [file | {"action": action if file in wanted else "present"} for file in lock["files"]]
-    return lock | {"out": str(out), "lock": str(lock_path(out)), "dry_run": dry_run, "files": files}
+        _obtain(wanted, out, lock, talk)
+    files = [file | {"action": "downloaded" if file in wanted else "present"} for file in lock["files"]]
+    return lock | {"out": str(out), "lock": str(held), "dry_run": dry_run, "files": files}
 
 
 def fetch_text(found: dict[str, Any]) -> str:
@@ -196,45 +187,39 @@ def _asked(session: Session, url: str, start: int = 0) -> Response:
     raise DataMissingError(f"the site answers {said}", where=url, hint=hint)
 
 
-def _obtain(files: list[Entry], out: Path, from_dir: Path | None, lock: dict[str, Any], talk: Talk) -> None:
+def _obtain(files: list[Entry], out: Path, lock: dict[str, Any], talk: Talk) -> None:
     """Put files in place, each whole, and write the lock when all are there."""
     only_writer = out.with_name(f".{out.name}.lock")
+    out.mkdir(parents=True, exist_ok=True)
+    session, size = _session(), sum(file["size"] for file in files)
     try:
-        out.mkdir(parents=True, exist_ok=True)
-        with (
-            FileLock(only_writer, timeout=0),
-            talk.bar("fetching", sum(file["size"] for file in files)) as advance,
-        ):
-            session = _session()
+        with FileLock(only_writer, timeout=0), talk.bar("fetching", size) as advance:
             for file in files:
                 target = out / file["key"]
                 target.parent.mkdir(parents=True, exist_ok=True)
-                if from_dir is None:
-                    url = (
-                        f"{lock['base_url']}/api/records/{lock['record']}/files/{quote(file['key'])}/content"
-                    )
-                    _download(session, url, file, target, advance)
-                else:
-                    _copy(from_dir, file, target)
+                # The digest in its name tells a part of this very file from one of another version.
+                part = target.with_name(f"{target.name}.{file['md5'][:8]}.part")
+                record = f"{lock['base_url']}/api/records/{lock['record']}"
+                url = f"{record}/files/{quote(file['key'])}/content"
+                _download(session, url, file["size"], part, advance)
+                if not _is_same(part, file):
+                    part.unlink()
+                    message = f"there is no {file['key']} of the size and MD5 that the record says"
+                    raise DataMissingError(message, where=url, hint=f"try again, {BY_HAND}")
+                part.replace(target)
             write_atomically(lock_path(out), to_json(lock))
         only_writer.unlink(missing_ok=True)
     except Timeout as error:
         raise UsageError("another tendonrepro is writing here", where=str(out)) from error
-    except OSError as error:
-        message = f"cannot write: {error.strerror or error}"
-        hint = "make room, or choose another --out, and run the command again: it goes on where it stopped"
-        raise TendonreproError(message, where=str(out), hint=hint) from error
 
 
-def _download(session: Session, url: str, file: Entry, target: Path, advance: Callable[[int], None]) -> None:
-    """Get one file; what an earlier try left of it in ``<name>.part`` is used."""
-    # The digest in its name tells a part of this very file from one of another version.
-    part = target.with_name(f"{target.name}.{file['md5'][:8]}.part")
+def _download(session: Session, url: str, size: int, part: Path, advance: Callable[[int], None]) -> None:
+    """Get one file of so many bytes; what an earlier try left of it is used."""
     part.touch()
     for _ in range(_TRIES):
         start = part.stat().st_size
-        if start >= file["size"]:
-            break
+        if start >= size:
+            return
         with (
             _asked(session, url, start) as response,
             part.open("ab" if response.status_code == 206 else "wb") as stream,
@@ -242,25 +227,6 @@ def _download(session: Session, url: str, file: Entry, target: Path, advance: Ca
         ):
             for chunk in response.iter_content(_CHUNK):
                 advance(stream.write(chunk))
-    size = part.stat().st_size
-    if size < file["size"]:
-        message = (
-            f"{file['key']}: the connection ended again and again, {size} of {file['size']} bytes are here"
-        )
-        raise DataMissingError(message, hint=f"run the command again: it goes on from there, {BY_HAND}")
-    if not _is_same(part, file):
-        part.unlink()
-        message = f"{file['key']} arrived with another size or MD5 than the record says"
-        raise DataMissingError(message, hint=f"run the command again, {BY_HAND}")
-    part.replace(target)
-
-
-def _copy(from_dir: Path, file: Entry, target: Path) -> None:
-    """Take a file that was downloaded by hand, below its folder or by its name alone."""
-    found = next((p for p in (from_dir / file["key"], from_dir / target.name) if p.is_file()), None)
-    if found is None or not _is_same(found, file):
-        message = f"there is no {file['key']} as the record has it"
-        raise DataMissingError(message, where=str(from_dir), hint="download it again")
-    part = target.with_name(f"{target.name}.part")
-    shutil.copyfile(found, part)
-    part.replace(target)
+    if (start := part.stat().st_size) < size:
+        message = f"the connection ended again and again, {start} of {size} bytes are here"
+        raise DataMissingError(message, where=url, hint=f"run the command again: it goes on, {BY_HAND}")

@@ -19,13 +19,12 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated, Any, TypeAlias
 
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from tendonrepro.configuration.fields.model import Model, refuse
-from tendonrepro.configuration.fields.strict_yaml import load, read_text
+from tendonrepro.configuration.fields.strict_yaml import load
 from tendonrepro.configuration.messages import explain, places_in
 from tendonrepro.dataset.words import FACTORS
 from tendonrepro.results.records import VARIABLES
@@ -146,12 +145,13 @@ class MappingFile:
     places: Mapping[str, str]
 
 
-def read_mapping(path: Path, payload: float) -> MappingFile:
-    """Read and check a mapping.
+def parse_mapping(text: str, name: str, payload: float) -> MappingFile:
+    """Check a mapping.
 
     Parameters
     ----------
-    path : Path
+    text, name : str
+        Of its file.
     payload : float
         Mass of a run called ``..._payload`` that names none, kg.
 
@@ -160,13 +160,6 @@ def read_mapping(path: Path, payload: float) -> MappingFile:
     ConfigError
         With the line of every mistake.
     """
-    return parse_mapping(
-        read_text(path, "tendonrepro inspect FILES --suggest writes one"), str(path), payload
-    )
-
-
-def parse_mapping(text: str, name: str, payload: float) -> MappingFile:
-    """Check the text of a mapping; see `read_mapping`."""
     document = load(text, name)
     try:
         tree = _Tree.model_validate(document.tree)

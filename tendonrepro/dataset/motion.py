@@ -209,10 +209,10 @@ def recover(file: TraceFile) -> Reference:
     DataMissingError
         If no run holds the desired angles, or they do not move.
     """
-    holding = [trace for trace in file.part("compare").runs.values() if "q_d" in trace]
+    holding = [trace for trace in file.part("compare").runs.values() if _complete(trace)]
     if not holding:
-        raise DataMissingError("no run of the comparison holds the desired joint angles q_d")
-    trace = min(holding, key=lambda trace: (not _complete(trace), trace.name not in CONTROLLERS))
+        raise DataMissingError("no run holds the desired angles q_d of both joints 2 and 3")
+    trace = min(holding, key=lambda trace: trace.name not in CONTROLLERS)
     record = recorded(trace.of_joints(COMPARED))
     end = float(record.time[record.moving()[1]])
     return Reference(trace.name, record, thinned(record), repeat_after(record), onset(record), end)
@@ -220,8 +220,9 @@ def recover(file: TraceFile) -> Reference:
 
 def _complete(trace: Trace) -> bool:
     """Whether a run recorded the desired angles of both joints of the comparison."""
-    columns = zip(trace.joint, trace["q_d"].T, strict=True)
-    return {*COMPARED} <= {joint for joint, values in columns if np.isfinite(values).any()}
+    if "q_d" not in trace or not {*COMPARED} <= {*trace.joint}:
+        return False
+    return bool(np.isfinite(trace.of_joints(COMPARED)["q_d"]).any(axis=0).all())
 
 
 def onset(record: Recorded) -> float:
@@ -267,16 +268,11 @@ def timing_of(file: TraceFile, reference: Reference | None) -> dict[str, Timing]
 
 def zero_of(trace: Trace, reference: Reference) -> float:
     """Time on a run's own axis at which a rerun on the recovered reference begins, s."""
-    return float(trace.time[0]) + _later(trace, reference)
-
-
-def _later(trace: Trace, reference: Reference) -> float:
-    """How much later than in the reference's run a run's desired angles move, s."""
     from scipy.optimize import minimize_scalar
 
-    other = reference.record
-    if trace.name == reference.run or "q_d" not in trace or not _complete(trace):
-        return 0.0
+    other, first = reference.record, float(trace.time[0])
+    if trace.name == reference.run or not _complete(trace):
+        return first
     ours = recorded(trace.of_joints(other.joint))
 
     def apart(late: float) -> float:
@@ -287,7 +283,7 @@ def _later(trace: Trace, reference: Reference) -> float:
     tried = guess + np.linspace(-0.5, 0.5, 41)
     best = float(tried[np.argmin([apart(late) for late in tried])])
     late = float(minimize_scalar(apart, bounds=(best - 0.05, best + 0.05), method="bounded").x)
-    return late if abs(late) > 0.05 * ours.step else 0.0
+    return first + (late if abs(late) > 0.05 * ours.step else 0.0)
 
 
 def derivatives(trace: Trace) -> tuple[Array, Array]:

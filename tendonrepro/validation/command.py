@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
@@ -13,7 +14,7 @@ from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.configuration.published import Published, published
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
-from tendonrepro.dataset.measured_file import origin, read_measured, resting_on
+from tendonrepro.dataset.measured_file import read_measured
 from tendonrepro.evidence.recover import controllers_of
 from tendonrepro.files import sha256_of
 from tendonrepro.results.manifest import make_manifest
@@ -89,7 +90,7 @@ def _study(file: TraceFile, head: Mapping[str, Any], base: LoadedConfig, folder:
     """Compare a measurement with print and model; reruns are written into the folder."""
     from tendonrepro.validation.figures import draw_overlay, overlays
 
-    paper, known = published(), origin(file)
+    paper, known = published(), json.loads(file.manifest_json)
     talk.detail("trying averaging windows, recovering the reference, judging the claims")
     measured = measured_of(file, paper)
     tables, reference, closest = measured.tables, measured.reference, closest_window(measured)
@@ -114,10 +115,10 @@ def _study(file: TraceFile, head: Mapping[str, Any], base: LoadedConfig, folder:
     data = {
         **head,
         "experiment": file.experiment,
-        "sources": known["inputs"],
-        "guesses": known["guesses"],
-        "doubts": known["doubts"],
-        "window": tables.deciding.name if tables.deciding else None,
+        "sources": known.get("inputs", []),
+        "guesses": known.get("guesses", []),
+        "doubts": known.get("doubts", []),
+        "window": tables.deciding.name,
         **table_data(tables.deciding, paper),
         "best": {"window": closest.name, **table_data(closest, paper)} if closest else None,
         "windows": tables.as_dict(),
@@ -143,9 +144,9 @@ def _study(file: TraceFile, head: Mapping[str, Any], base: LoadedConfig, folder:
 def _parts(data: Mapping[str, Any], measured: Measured, paper: Published) -> Iterator[Table | str]:
     """What the terminal shows, and tables."""
     doubts = (f"check {doubt}" for doubt in data["doubts"])
-    yield "\n".join([f"{data['measured']}, {resting_on(len(data['guesses']))}", *doubts])
+    yield "\n".join([f"{data['measured']}, resting on {len(data['guesses'])} guesses", *doubts])
     yield from measured_tables(measured, paper, data["measured"])
-    yield f"Windows: {data['windows']['remark']}"
+    yield f"{data['windows']['remark']}"
     motion = [data["reference"]] if data["reference"] else []
     yield from shown("motion", "The desired motion, sampled to run again.", motion, _MOTION)
     yield claims_table(data["claims"])

@@ -27,9 +27,9 @@ RARE = 0.01
 """Chance below which a window that gives some of the printed numbers is shown."""
 
 
-def size_rows(tried: Tried | None, paper: Published, table: str) -> Iterator[dict[str, Any]]:
+def size_rows(tried: Tried, paper: Published, table: str) -> Iterator[dict[str, Any]]:
     """Measured errors beside those of ``table2`` or ``table3``; runs that were not measured are left out."""
-    sizes, agree = (tried.sizes, tried.agree) if tried else ({}, ())
+    sizes, agree = tried.sizes, tried.agree
     for row, start in _ROWS[table].items():
         for joint in COMPARED if any(name.startswith(start) for name in sizes) else ():
             found: dict[str, Any] = {"row": row, "joint": joint}
@@ -40,7 +40,7 @@ def size_rows(tried: Tried | None, paper: Published, table: str) -> Iterator[dic
             yield found
 
 
-def table_data(tried: Tried | None, paper: Published) -> dict[str, Any]:
+def table_data(tried: Tried, paper: Published) -> dict[str, Any]:
     """``table2`` and ``table3`` of ``validate --json``.
 
     Row -> ``measured``, ``printed``, ``agree``, each with ``mae_deg`` and ``rmse_deg``, lists over joints 2
@@ -64,10 +64,12 @@ def closest_window(measured: Measured) -> Tried | None:
 
 def measured_tables(measured: Measured, paper: Published, origin: str) -> Iterator[Table]:
     """Tables 2 and 3 over the window that decides and the closest one, and every number of every window."""
-    for tried, prefix in ((measured.tables.deciding, ""), (closest_window(measured), "best_")):
+    closest = closest_window(measured)
+    ways = {"": measured.tables.deciding} | ({"best_": closest} if closest else {})
+    for prefix, tried in ways.items():
         for table in _ROWS:
             if rows := [*size_rows(tried, paper, table)]:
-                caption = f"Table {table[-1]} as measured, averaged over: {tried and tried.name} ({origin})."
+                caption = f"Table {table[-1]} as measured, averaged over: {tried.name} ({origin})."
                 yield Table(f"{prefix}{table}", caption, rows, _COLUMNS)
     rows = [
         {
