@@ -116,8 +116,8 @@ def validate(request: Request, terminal: Terminal, measured: Path = Path("data/m
     measured
         Trace file that ingest has written.
     """
-    from tendonrepro.validation.command import model_diverged, run_validate
+    from tendonrepro.validation.command import run_validate
 
     found = run_validate(measured, request, terminal.talk)
     terminal.show(found)
-    return 5 if model_diverged(found) else 0
+    return 5 if found.get("diverged") else 0

@@ -26,7 +26,6 @@ from tendonrepro.results.tables import Table
 SITE = "https://zenodo.org"
 VARIABLE = "TENDONREPRO_ZENODO_URL"
 AGENT = f"tendonrepro/{__version__} (+https://doi.org/10.3390/act15050271)"
-SCHEMA_VERSION = 3
 BY_HAND = "or download the files in a browser: inspect and ingest read any folder"
 
 Entry: TypeAlias = dict[str, Any]
@@ -41,12 +40,7 @@ _TRIES = 10
 
 
 def run_fetch(
-    record: str,
-    out: Path,
-    base_url: str | None,
-    force: bool,
-    dry_run: bool,
-    talk: Talk,
+    record: str, out: Path, base_url: str | None, force: bool, dry_run: bool, talk: Talk
 ) -> dict[str, Any]:
     """Bring the files of a record into a folder, or show that they are there.
 
@@ -76,7 +70,8 @@ def run_fetch(
     DataMissingError
         If the record or its files cannot be had.
     """
-    number, held = record_number(record), lock_path(out)
+    number, folder = record_number(record), out.resolve()
+    held = folder.with_name(f"{folder.name}.lock.json")
     lock = json.loads(held.read_text(encoding="utf-8")) if held.exists() else {}
     if number not in {lock.get("record"), lock.get("requested")}:
         if lock and not force:
@@ -86,13 +81,14 @@ def run_fetch(
     wanted = [file for file in lock["files"] if not _is_same(out / file["key"], file)]
     for file in wanted:
         path = out / file["key"]
-        if not path.resolve().is_relative_to(out.resolve()):
+        if not path.resolve().is_relative_to(folder):
             raise DataMissingError(f"the record has a file outside its folder: {path}", hint=BY_HAND)
         if path.exists() and not force:
             hint = "move it away, or say --force to replace it"
             raise UsageError("is not the file of the record", where=str(path), hint=hint)
     if not dry_run:
         _obtain(wanted, out, lock, talk)
+        write_atomically(held, to_json(lock))
     files = [file | {"action": "downloaded" if file in wanted else "present"} for file in lock["files"]]
     return lock | {"out": str(out), "lock": str(held), "dry_run": dry_run, "files": files}
 
@@ -117,12 +113,6 @@ def record_number(text: str) -> str:
     return found[1]
 
 
-def lock_path(out: Path) -> Path:
-    """Where the lock of a data folder stands: beside it, under its name."""
-    folder = out.resolve()
-    return folder.with_name(f"{folder.name}.lock.json")
-
-
 def _is_same(path: Path, file: Entry) -> bool:
     return path.is_file() and path.stat().st_size == file["size"] and md5_of(path) == file["md5"]
 
@@ -143,10 +133,9 @@ def _described(site: str, number: str) -> dict[str, Any]:
             hint = f"a proxy or a login page may be in the way: look at {url}, {BY_HAND}"
             raise DataMissingError("the answer is no record", where=url, hint=hint) from error
     if not files:
-        message = f"record {number} shows no files: its access is {meta.get('access_right', 'open')}"
-        raise DataMissingError(message, hint=f"ask its authors, {BY_HAND}")
+        raise DataMissingError(f"record {number} shows no files", where=url, hint="ask its authors")
     return {
-        "schema_version": SCHEMA_VERSION,
+        "schema_version": 3,
         "record": number_now,
         "requested": number,
         "base_url": site,
@@ -178,17 +167,16 @@ def _asked(session: Session, url: str, start: int = 0) -> Response:
     except (RequestException, ValueError) as error:
         hint = f"look at the network and at HTTPS_PROXY, {BY_HAND}"
         raise DataMissingError("cannot be reached", where=urlsplit(url).netloc, hint=hint) from error
-    is_page = "text/html" in response.headers.get("Content-Type", "")
-    if response.ok and not is_page:
+    if response.ok:
         return response
     response.close()
-    said = "with a web page" if response.ok else f"{response.status_code} {response.reason}"
+    message = f"the site answers {response.status_code} {response.reason}"
     hint = f"check the number and --base-url, try again later, {BY_HAND}"
-    raise DataMissingError(f"the site answers {said}", where=url, hint=hint)
+    raise DataMissingError(message, where=url, hint=hint)
 
 
 def _obtain(files: list[Entry], out: Path, lock: dict[str, Any], talk: Talk) -> None:
-    """Put files in place, each whole, and write the lock when all are there."""
+    """Put files in place, each whole."""
     only_writer = out.with_name(f".{out.name}.lock")
     out.mkdir(parents=True, exist_ok=True)
     session, size = _session(), sum(file["size"] for file in files)
@@ -207,7 +195,6 @@ def _obtain(files: list[Entry], out: Path, lock: dict[str, Any], talk: Talk) -> 
                     message = f"there is no {file['key']} of the size and MD5 that the record says"
                     raise DataMissingError(message, where=url, hint=f"try again, {BY_HAND}")
                 part.replace(target)
-            write_atomically(lock_path(out), to_json(lock))
         only_writer.unlink(missing_ok=True)
     except Timeout as error:
         raise UsageError("another tendonrepro is writing here", where=str(out)) from error

@@ -79,12 +79,12 @@ def run_ingest(
     S, S_inv = coupling_of(table_1(published()))
     assembly = Assembly(sources, unread, loaded, S)
     runs = assembly.runs()
-    notes = [*assembly.notes, *(f"{file} was not read: {reason}" for file, reason in unread.items())]
     for doubt in assembly.doubts:
         talk.note(f"check {doubt}")
-    told: dict[str, Any] = {"guesses": loaded.guesses, "notes": notes, "doubts": assembly.doubts}
-    told["inputs"] = list({source.file["name"]: source.file for source in sources}.values())
-    digest = hashlib.sha256(loaded.text.encode()).hexdigest()
+    notes = assembly.notes + [f"{file} was not read: {reason}" for file, reason in unread.items()]
+    inputs = list({source.file["name"]: source.file for source in sources}.values())
+    told = {"guesses": loaded.guesses, "notes": notes, "doubts": assembly.doubts, "inputs": inputs}
+    digest = hashlib.sha256(text.encode()).hexdigest()
     created = datetime.now(UTC).isoformat(timespec="seconds")
     manifest = {
         "schema_version": SCHEMA_VERSION,
@@ -103,7 +103,7 @@ def run_ingest(
         title=loaded.title,
         runs=runs,
         plant=PlantRecord(coupling, {}),
-        config_yaml=loaded.text,
+        config_yaml=text,
         config_sha256=digest,
         manifest_json=to_json(manifest | told),
         created=created,
@@ -112,10 +112,9 @@ def run_ingest(
     if not dry_run:
         write_traces(out, file)
         if confirm:
-            write_atomically(mapping, loaded.text)
-    described = {name: _described(trace) for name, trace in runs.items()}
+            write_atomically(mapping, text)
     head = {"schema_version": SCHEMA_VERSION, "out": str(out), "dry_run": dry_run, "title": file.title}
-    return head | {"runs": described} | told
+    return head | {"runs": {name: _described(trace) for name, trace in runs.items()}} | told
 
 
 def _experiment(runs: Mapping[str, Trace]) -> Literal["compare", "decouple", "both"]:

@@ -51,6 +51,11 @@ class Use:
     offset: float = 0.0
 
     @property
+    def signal(self) -> tuple[str, int]:
+        """Variable and joint."""
+        return self.variable, self.joint
+
+    @property
     def to_si(self) -> float:
         """SI value of one of its unit."""
         return FACTORS.get(kind_of(self.variable) or "", {}).get(self.unit, 1.0)
@@ -136,11 +141,10 @@ class _Tree(Model):
 
 @dataclass(frozen=True)
 class MappingFile:
-    """A checked mapping, its text, the guesses in it that nobody has confirmed, and the place of each run."""
+    """A checked mapping, the guesses in it that nobody has confirmed, and the place of each run."""
 
     title: str
     runs: Mapping[str, Run]
-    text: str
     guesses: list[str]
     places: Mapping[str, str]
 
@@ -174,7 +178,7 @@ def parse_mapping(text: str, name: str, payload: float) -> MappingFile:
         runs[run] = entry.model_copy(update={"columns": columns, "payload_mass_kg": mass})
     guesses = [line.strip() for line in text.splitlines() if CHECK in line]
     places = {run: document.where(("runs", run)) for run in runs}
-    return MappingFile(tree.title, runs, text, guesses, places)
+    return MappingFile(tree.title, runs, guesses, places)
 
 
 def confirmed(text: str) -> str:

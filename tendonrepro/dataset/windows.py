@@ -98,11 +98,6 @@ class PrintedTables:
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data."""
-        rows = [
-            {"name": one.name, "window": one.window, "offset_removed": one.offset_removed}
-            | {"agree": len(one.agree), "of": self.compared}
-            for one in self.tried
-        ]
         return {
             "tried": len(self.tried),
             "compared": self.compared,
@@ -111,7 +106,11 @@ class PrintedTables:
             "best": self.best.name,
             "best_agree": len(self.best.agree),
             "chance": self.chance,
-            "combinations": rows,
+            "combinations": [
+                {"name": one.name, "window": one.window, "offset_removed": one.offset_removed}
+                | {"agree": len(one.agree), "of": self.compared}
+                for one in self.tried
+            ],
             "left_out": dict(self.left_out),
             "remark": self.remark(),
         }
@@ -156,10 +155,6 @@ def spans(time: Array, timing: Timing) -> dict[str, slice]:
     periods = [part for name, part in cut.items() if name.startswith("period_")]
     if periods:
         found["whole_periods"] = slice(first, periods[-1].stop)
-    if "after_first_period" in cut:
-        found["after_first_period"] = cut.pop("after_first_period")
-    if len(periods) > 1:
-        found["whole_periods_after_first"] = slice(periods[1].start, periods[-1].stop)
     return found | cut
 
 

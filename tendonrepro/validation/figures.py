@@ -14,6 +14,7 @@ from tendonrepro.results.figures.panels import Canvas, FigureArtists
 from tendonrepro.results.figures.style import REFERENCE, Stroke, journal_style, paler
 from tendonrepro.results.records import Trace, TraceFile
 
+_LAW_CAPTION = "Sliding variable, estimate of the lumped uncertainty and torque: means over 50 ms."
 _LABEL = "Thin, dashed: simulated"
 _DASHES = (4.0, 1.6)
 _WIDE, _WIDER, _THIN = 1.2, 1.6, 0.5
@@ -36,28 +37,24 @@ def draw_overlay(name: str, measured: TraceFile, models: Mapping[str, Trace]) ->
     spec = FIGURES[name]
     traces = spec.traces(measured)
     joints = {joint for trace in traces for joint in trace.joint}
-    # Bands of raw samples of all runs, twice, would hide the means.
-    draw = partial(draw_law, bands=False) if name == "fig15" else spec.draw
+    draw, caption = spec.draw, spec.caption
+    if name == "fig15":
+        # Bands of raw samples of all runs, twice, would hide the means.
+        draw, caption = partial(draw_law, bands=False), _LAW_CAPTION
     with journal_style():
         sheet = draw(measured, traces)
         for line in sheet.lines.values():
             line.set_linestyle("-")
             line.set_zorder(1.5 if line.get_linewidth() < REFERENCE.width else 1.2)
-        words = [f"{title_of(name)}. {spec.caption} Measured wide and pale; the model, if it was run on the"]
-        words += ["measured motion, thin and dashed."]
         for above, trace in enumerate(traces, 1 - len(traces)):
             if trace.name in models:
                 model = models[trace.name].of_joints(joints)
                 file = replace(measured, runs={trace.name: model})
                 for one in spec.traces(file):
                     _lay_over(sheet, draw(file, [one]), one, _WIDE * _WIDER**-above)
-                if model.status == "diverged":
-                    words.append(
-                        f"Simulated {model.name} diverged at {model.attributes['status_time']:.2f} s."
-                    )
-        words.append(f"Made by tendonrepro {measured.tendonrepro_version}.")
+        caption = f"{title_of(name)}. {caption} Measured wide and pale; the model on it thin and dashed."
         origin = "Measured, and simulated on the measured motion" if models else "Measured"
-        return sheet.finish(name, " ".join(words), origin)
+        return sheet.finish(name, caption, origin)
 
 
 def _lay_over(sheet: Canvas, over: Canvas, model: Trace, wide: float) -> None:

@@ -9,24 +9,6 @@ from typing import Any
 import pytest
 from support.command import SHORT, answer, run
 
-IDEAL = ["--set", "manipulator.encoders.joint.resolution=0"]
-
-
-@pytest.mark.slow
-def test_both_steppers_agree_on_a_comparison(command: str, tmp_path: Path) -> None:
-    found = {
-        solver: answer(command, "compare", *SHORT, *IDEAL, "--solver", solver, "--out", solver, cwd=tmp_path)
-        for solver in ("scipy", "compiled")
-    }
-    for run_name, sizes in found["scipy"]["table2"].items():
-        for metric, values in sizes.items():
-            assert found["compiled"]["table2"][run_name][metric] == pytest.approx(values, rel=1e-6)
-    manifests = [json.loads((tmp_path / name / "manifest.json").read_text()) for name in found]
-    assert manifests[0]["config"]["sha256"] != manifests[1]["config"]["sha256"]
-    assert "compiled" in manifests[1]["solver"]["name"]
-    refused = run(command, "compare", *SHORT, *IDEAL, "--out", "compiled", cwd=tmp_path)
-    assert refused.returncode == 2
-
 
 def test_sweep_prints_what_it_found(command: str, tmp_path: Path) -> None:
     words = ["sweep", "--over", "control.gains.alpha=[0,0],[0.1,0.2]", *SHORT]
@@ -47,12 +29,6 @@ def test_dry_runs_write_nothing_and_ensemble_says_what_it_would_cost(command: st
     assert text.returncode == 0
     assert f"{found['cost']['experiments']:,} experiments" in text.stdout
     assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.slow
-def test_identify_dry_run(command: str, tmp_path: Path) -> None:
-    assert answer(command, "identify", "--dry-run", cwd=tmp_path)["dry_run"]
-    assert run(command, "identify", "--readings", "nonsense=1", cwd=tmp_path).returncode == 2
 
 
 def test_claims_without_any_results(command: str, tmp_path: Path) -> None:

@@ -63,7 +63,6 @@ class TestWindows:
         assert found["with_standstill"] == slice(0, 2501)
         assert found["whole_periods"] == slice(100, 2100)
         assert found["after_first_period"] == slice(1100, 2501)
-        assert found["whole_periods_after_first"] == slice(1100, 2100)
         assert found["period_2"] == slice(1100, 2100)
         assert list(spans(time, Timing(0.0, 0.0))) == ["whole", "with_standstill"]
 

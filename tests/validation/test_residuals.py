@@ -222,6 +222,10 @@ def test_why_there_is_no_rerun_is_said(tmp_path: Path) -> None:
     still = replace(MOVES, runs={FIRST: measured_trace(trace, q_d=0.0 * trace["q_d"])})
     (why,) = carried_out(still, tmp_path).missing
     assert "q_d does not move" in why
+    beyond = replace(MOVES, runs={FIRST: measured_trace(trace, q_d=-4.0 * trace["q_d"])})
+    (why,) = carried_out(beyond, tmp_path).missing
+    assert "deg" in why
+    assert (tmp_path / "compare.yaml").exists()
 
 
 def carried_out(file: TraceFile, folder: Path) -> Reruns:

@@ -21,15 +21,12 @@ from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.experiments.run import simulate_all, trace_file
 from tendonrepro.files import sha256_of
 from tendonrepro.results import paper_tables
-from tendonrepro.results.figures.catalogue import FIGURES, available
 from tendonrepro.results.manifest import make_manifest
-from tendonrepro.results.paper_tables import made_tables
 from tendonrepro.results.records import PlantRecord, TraceFile
 from tendonrepro.results.summary import tracking_errors
 from tendonrepro.results.traces import read_traces, write_traces
-from tendonrepro.validation.command import run_validate
-from tendonrepro.validation.report import measured_tables, table_data
-from tendonrepro.verdicts.measured import Measured
+from tendonrepro.validation.command import closest_window, measured_tables, run_validate, table_data
+from tendonrepro.verdicts.measured import Measured, measured_of
 
 QUIET = Talk(quiet=True)
 SHORT = ("reference.periods=2", "reference.rise=0.8", "reference.hold=0.3")
@@ -86,12 +83,6 @@ class TestBoth:
         assert set(file.part("decouple").runs) == {"decouple", "pull_tendon_1"}
         assert not file.part("compare").part("decouple").runs
         assert paper_tables.table_data(file.part("compare"))["table2"].keys() == set(CONTROLLERS)
-
-    def test_its_figures_and_tables_are_those_of_both(self) -> None:
-        file = self.file()
-        assert available(file) == list(FIGURES)
-        stems = {table.name for table in made_tables(file)}
-        assert {"table1", "table2", "table3", "decoupling_errors"} <= stems
 
     def test_gaps_do_not_end_a_measured_run(self) -> None:
         trace = self.file().runs["controller_1"]
@@ -217,14 +208,6 @@ def test_a_file_without_the_desired_angles_still_has_its_tables(tmp_path: Path) 
     assert found["guesses"] == []
 
 
-def test_a_motion_that_the_model_cannot_follow_is_a_result(tmp_path: Path) -> None:
-    file = make_compare_file(source="measured", step=0.05)
-    path = stored_run(tmp_path, file, "e", q_d=-4.0 * file.runs["controller_1"]["q_d"])
-    found = validate(path, tmp_path / "out")
-    assert any("rerun" in text for text in found["missing"])
-    assert (tmp_path / "out" / "compare.yaml").exists()
-
-
 def test_simulated_and_absent_files_are_refused(tmp_path: Path) -> None:
     with pytest.raises(DataMissingError, match=r"no measured(.|\n)*fetch(.|\n)*ingest"):
         validate(tmp_path / "SYNTHETIC.h5", tmp_path / "out")
@@ -249,19 +232,18 @@ def test_the_decoupling_run_is_rerun_on_its_motors(tmp_path: Path) -> None:
     assert claims["C1"] == "not_testable"
 
 
-def test_the_window_closest_to_the_print_is_shown_beside_the_one_that_decides(tmp_path: Path) -> None:
+def test_the_window_closest_to_the_print_is_shown_beside_the_one_that_decides() -> None:
     """All but one printed number after the first period, none over the whole run."""
     file = printed_file(lambda time: time >= PERIOD)
     first = file.runs["controller_1"]
     larger = first["e"].copy()
     larger[first.time >= PERIOD, 0] *= 1.02
     runs = dict(file.runs) | {"controller_1": replace(first, variables=dict(first.variables) | {"e": larger})}
-    path = tmp_path / "SYNTHETIC.h5"
-    write_traces(path, replace(file, runs=runs))
-    found = validate(path, tmp_path / "out")
-    assert found["window"] == "whole"
-    assert found["best"]["window"] == "after_first_period"
-    agree = found["best"]["table2"]
+    measured = measured_of(replace(file, runs=runs), published())
+    closest = closest_window(measured)
+    assert (measured.tables.deciding.name, closest.name) == ("whole", "after_first_period")
+    agree = table_data(closest, published())["table2"]
     assert agree["controller_2"]["agree"] == {"mae_deg": [True, True], "rmse_deg": [True, True]}
     assert agree["controller_1"]["agree"] == {"mae_deg": [False, True], "rmse_deg": [False, True]}
-    assert (tmp_path / "out" / "tables" / "best_table3.md").exists()
+    names = {table.name for table in measured_tables(measured, published(), "SYNTHETIC.h5")}
+    assert {"table2", "table3", "best_table2", "best_table3", "windows"} <= names
