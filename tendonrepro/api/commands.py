@@ -331,10 +331,10 @@ def validate(
 ) -> Result:
     """Compare measured data with the paper and with the model. Results are written to `out`."""
     from tendonrepro.validation.command import run_validate
-    from tendonrepro.validation.report import validate_text
 
-    found = run_validate(Path(measured), _request(config, set, None, None, out, force), Talk())
-    return _written("validate", found | {"text": validate_text(found)})
+    return _written(
+        "validate", run_validate(Path(measured), _request(config, set, None, None, out, force), Talk())
+    )
 
 
 def claims(*ids: str, out: str | Path = "reports", measured: str | Path | None = None) -> Result:
