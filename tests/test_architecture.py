@@ -76,7 +76,7 @@ BUDGETS = {
     "dataset": 1_700,
     "tuning": 941,
     "verdicts": 1_747,
-    "validation": 452,
+    "validation": 455,
     "reporting": 672,
     "api": 375,
     "cli": 529,

@@ -207,7 +207,7 @@ def errors_of(experiment: Any, *overrides: str) -> list[list[float]]:
     loaded = load_config(experiment, None, overrides=overrides)
     created = {"created": "2026-01-01T00:00:00+00:00"}
     found: Mapping[str, Any] = table_data(
-        trace_file(loaded, simulate_all([(loaded, None)], Talk(quiet=True))[0], created)
+        trace_file(loaded, simulate_all([(loaded, ())], Talk(quiet=True))[0], created)
     )
     assert {found["status"][name] for name in CONTROLLERS} == {"ok"}
     return [found["table2"][name]["mae_deg"] for name in CONTROLLERS]
