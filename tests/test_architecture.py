@@ -74,7 +74,7 @@ BUDGETS = {
     "monte_carlo": 1_213,
     "identification": 670,
     "dataset": 1_700,
-    "tuning": 941,
+    "tuning": 951,
     "verdicts": 1_747,
     "validation": 455,
     "reporting": 672,
