@@ -113,7 +113,7 @@ class TestBoth:
 def _shipped(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """SYNTHETIC: the model's own traces on a short reference, stored as if measured."""
     loaded = load_config(None, "compare", overrides=SHORT, controllers=[1, 2])
-    traces = simulate_all([(loaded, None)], QUIET)[0]
+    traces = simulate_all([(loaded, ())], QUIET)[0]
     file = trace_file(loaded, traces, make_manifest(loaded, 0.0))
     kept = ("q_encoder", "q_d", "e", "s", "H_hat", "tau_m")
     runs = {}
