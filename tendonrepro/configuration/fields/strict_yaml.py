@@ -46,7 +46,7 @@ class Place(NamedTuple):
 class Document:
     """A YAML text as plain Python values, with the place of every key and list item."""
 
-    tree: Node
+    tree: Any
     places: dict[Key, Place] = field(default_factory=dict)
 
     def place(self, path: Key) -> Place:

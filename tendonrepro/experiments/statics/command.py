@@ -152,7 +152,7 @@ def study_statics(loaded: LoadedConfig) -> Outcome:
     from tendonrepro.experiments.statics.figures import draw_margin
 
     found = survey(loaded)
-    figures = {"margin": lambda: draw_margin(found)}
+    figures = {"margin": lambda: draw_margin(found.data, found.maps, found.origin)}
     return Outcome(found.data, [_weight(found.data), *_tables(found)], figures, {"solver": None})
 
 

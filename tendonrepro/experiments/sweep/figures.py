@@ -11,7 +11,6 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator
 
 from tendonrepro.arrays import Array
-from tendonrepro.experiments.sweep.command import text_of
 from tendonrepro.results.figures import style
 
 Points: TypeAlias = Sequence[Mapping[str, Any]]
@@ -71,7 +70,10 @@ def _set_values(panel: Axes, data: Mapping[str, Any], k: int) -> tuple[Points, A
         _set_scale(panel, "x", x)
         order = np.argsort(x)
         return [points[i] for i in order], x[order]
-    texts = [", ".join(map(text_of, point["values"].values())) for point in points]
+    texts = [
+        ", ".join(axis["texts"][place] for axis, place in zip(keys, point["places"], strict=True))
+        for point in points
+    ]
     x = np.arange(len(points), dtype=np.float64)
     panel.set_xticks(x, texts, rotation=25.0, ha="right")
     return points, x
