@@ -75,6 +75,9 @@ def test_numbers_in_the_words(readings: dict[str, Any], claims: dict[str, Any]) 
     growth = readings["printed"]["growth"]["joint_2"]
     joint_3 = readings["printed"]["joint_3_over_2"]["controller_1"]["median"]
     alike = claims["F2"]["ours"]
+    misfits = {held["name"]: held["misfit_log"] for held in stored("identify")["readings"]}
+    applied = misfits["Delta_unit=deg+stored_torque=applied"]
+    assert len(stored("predict")["experiments"]) == 14
     pairs = [
         ("README.md", f"On a third of {slots['plants']} plausible arms"),
         ("docs/findings.md", f"the {len(readings)} interpretations"),
@@ -90,6 +93,8 @@ def test_numbers_in_the_words(readings: dict[str, Any], claims: dict[str, Any]) 
             "docs/findings.md",
             f"yes, on {100 * readings['printed']['smoother']['share']:.1f} % of the plants",
         ),
+        ("docs/findings.md", f"closest`) misses them by {100 * min(misfits.values()):.1f} %"),
+        ("docs/findings.md", f"applied torque stored misses them by {100 * applied:.1f} %"),
         ("docs/findings.md", f"differ by {errors[2] - errors[1]:.3f}° on joint 2"),
     ]
     for page, phrase in pairs:
