@@ -265,7 +265,7 @@ def predict(
     draws : int
         Plants.
     readings : str, optional
-        Names with commas between; eight main ones if not given.
+        Names with commas between; nine main ones if not given.
     config, set, seed, out, force
         As of `ensemble`.
     """

@@ -14,19 +14,17 @@ study_app = typer.Typer(rich_help_panel="Explore", rich_markup_mode=None)
 
 
 @command(study_app, 'tendonrepro sweep --over "control.gains.alpha=[0,0],[0.1,0.2],[0.3,0.4]"', without=())
-def sweep(request: Request, terminal: Terminal, *, over: list[str], law: list[str] | None = None) -> int:
+def sweep(request: Request, terminal: Terminal, *, over: list[str]) -> int:
     """The comparison over values of one or two keys.
 
     Parameters
     ----------
     over : KEY=A,B,C
         A key and its values; once or twice.
-    law : FILE:NAME
-        Run a law of your own too; repeatable. FILE is executed.
     """
     from tendonrepro.experiments.sweep.command import run_sweep
 
-    found = run_sweep(request, over, terminal.talk, law or ())
+    found = run_sweep(request, over, terminal.talk)
     terminal.show(found)
     return 5 if found.get("diverged") else 0
 
@@ -118,7 +116,7 @@ def predict(request: Request, terminal: Terminal, *, draws: int = 256, readings:
     draws
         Plants.
     readings
-        Names with commas between [default: eight main ones].
+        Names with commas between [default: nine main ones].
     """
     from tendonrepro.evidence.predict import READINGS, run_predict
 

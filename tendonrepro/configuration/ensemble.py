@@ -6,24 +6,21 @@ It names the configuration of `compare` that every draw starts from.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import Field, model_validator
 
-from tendonrepro.configuration.draft import BASE, ConfigSource, Draft, find_source
-from tendonrepro.configuration.fields.model import Identifier, Model, RootModel, SchemaVersion, refuse
-from tendonrepro.configuration.fields.physical import physical
-from tendonrepro.configuration.fields.quantity import Scalar
-from tendonrepro.configuration.fields.strict_yaml import dump
-from tendonrepro.configuration.load import LoadedConfig, config_digest, load_config
-from tendonrepro.configuration.models.box import BoxConfig, Confidence
+from tendonrepro.configuration.fields.model import Identifier, Mistakes, Model, SchemaVersion, refuse_all
+from tendonrepro.configuration.fields.quantity import Scalar, positive, whole
+from tendonrepro.configuration.fields.strict_yaml import Key, dump
+from tendonrepro.configuration.load import BASE, ConfigSource, Draft, LoadedConfig, config_digest, load_config
+from tendonrepro.configuration.models.box import MOTIONS, BoxConfig, Confidence
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.experiment import CompareConfig
-from tendonrepro.configuration.models.readings import AXES, VARIATIONS, parse_reading
-from tendonrepro.configuration.overrides import parse_override
+from tendonrepro.configuration.models.readings import VARIATIONS, named_readings
 from tendonrepro.configuration.published import COMPARED
 from tendonrepro.errors import UsageError
 from tendonrepro.physics.trajectory import trapezoid_times
@@ -32,83 +29,57 @@ FAST_PERIOD = 3.33
 """Period of the motion ``fast_sine``, s: 0.3 Hz."""
 
 
-def _check_reading(text: str) -> str:
-    try:
-        settings = parse_reading(text).settings
-    except UsageError as error:
-        refuse(error.message)
-    if any(name not in AXES for name, _ in settings):
-        refuse(f"is a variation, not a reading: {text!r}")
-    return text
-
-
-def _check_variation(text: str) -> str:
-    known = [variation.name for variation in VARIATIONS]
-    if text not in known:
-        refuse(f"must be one of {', '.join(known)}, found {text!r}")
-    return text
-
-
-def _check_power_of_two(quantity: Scalar) -> Scalar:
-    if math.frexp(quantity.value)[0] != 0.5:
-        refuse(f"must be a power of two, found {quantity}", "value")
-    return quantity
-
-
-Setting: TypeAlias = Annotated[str, AfterValidator(_check_reading)]
-
-
 class Population(Model):
     """Draws in which rows of some confidences vary and the others keep their nominal value."""
 
     confidences: Annotated[tuple[Confidence, ...], Field(min_length=1)]
-    share: Annotated[
-        Scalar,
-        physical("1", "draws over the number asked for, a power of two", above=0.0, at_most=1.0),
-        AfterValidator(_check_power_of_two),
-    ]
+    share: Annotated[Scalar, positive("1", "draws over the number asked for, a power of two", at_most=1.0)]
 
 
-class EnsembleConfig(RootModel):
+class EnsembleConfig(Model):
     """Plausible plants under every reading."""
 
     schema_version: SchemaVersion
     experiment: Literal["ensemble"]
     title: Annotated[str, Field(min_length=1, description="title of tables and files")]
     base: Annotated[str, Field(min_length=1, description="file of the comparison that draws start from")]
-    seed: Annotated[
-        Scalar, physical("1", "seed of the draws", at_least=0.0, at_most=2.0**32 - 1.0, whole=True)
-    ]
-    scramblings: Annotated[
-        Scalar, physical("1", "independent scramblings", at_least=2.0, at_most=1024.0, whole=True)
-    ]
-    block: Annotated[
-        Scalar,
-        physical("1", "draws of one shard, a power of two", at_least=1.0, at_most=65536.0, whole=True),
-        AfterValidator(_check_power_of_two),
-    ]
-    shortest_run: Annotated[
-        Scalar, physical("s", "periods are repeated until a run lasts this long", above=0.0)
-    ]
-    longest_run: Annotated[Scalar, physical("s", "no run of the box may last longer", above=0.0)]
+    seed: Annotated[Scalar, whole("seed of the draws", at_least=0.0, at_most=2.0**32 - 1.0)]
+    scramblings: Annotated[Scalar, whole("independent scramblings", at_least=2.0, at_most=1024.0)]
+    block: Annotated[Scalar, whole("draws of one shard, a power of two", at_least=1.0, at_most=65536.0)]
+    shortest_run: Annotated[Scalar, positive("s", "periods are repeated until a run lasts this long")]
+    longest_run: Annotated[Scalar, positive("s", "no run of the box may last longer")]
     populations: Annotated[dict[Identifier, Population], Field(min_length=1)]
-    pairs: Annotated[
-        tuple[Annotated[tuple[Setting, ...], Field(min_length=1)], ...],
-        Field(description="settings axis=value that are run together"),
-    ]
-    variations: tuple[Annotated[str, AfterValidator(_check_variation)], ...]
+    pairs: tuple[Annotated[tuple[str, ...], Field(min_length=1)], ...]
+    """settings axis=value that are run together"""
+    variations: tuple[str, ...]
     box: BoxConfig
 
     @model_validator(mode="after")
-    def _check_durations(self) -> EnsembleConfig:
-        cycle, kind = max(
-            (cycle, kind) for kind, cycle in _longest_cycles(self.box) if kind in self.box.motion.choices
-        )
-        longest = max(2.0 * cycle, self.shortest_run.si + cycle)
+    def _check(self) -> Self:
+        refuse_all(self._mistakes())
+        return self
+
+    def _mistakes(self) -> Mistakes:
+        powers: dict[Key, Scalar] = {("block",): self.block}
+        powers |= {("populations", name, "share"): held.share for name, held in self.populations.items()}
+        for path, quantity in powers.items():
+            if math.frexp(quantity.value)[0] != 0.5:
+                yield (*path, "value"), f"must be a power of two, found {quantity}"
+        for i, pair in enumerate(self.pairs):
+            try:
+                named_readings("+".join(pair))
+            except UsageError as error:
+                yield ("pairs", i), error.message
+        known = [variation.name for variation in VARIATIONS]
+        for i, name in enumerate(self.variations):
+            if name not in known:
+                yield ("variations", i), f"must be one of {', '.join(known)}, found {name!r}"
+        cycles = _longest_cycles(self.box)
+        kind = max(self.box.motion.choices, key=lambda kind: cycles[kind])
+        longest = max(2.0 * cycles[kind], self.shortest_run.si + cycles[kind])
         if longest > self.longest_run.si:
             covered = f"must cover every motion; {kind} lasts up to {longest:.6g} s"
-            refuse(f"{covered}, found {self.longest_run}", "longest_run", "value")
-        return self
+            yield ("longest_run", "value"), f"{covered}, found {self.longest_run}"
 
 
 @dataclass(frozen=True)
@@ -162,39 +133,29 @@ def load_ensemble(
     UsageError
         When an override is malformed.
     """
-    found = find_source(source, "ensemble")
     recorded = [*overrides, *([] if seed is None else [f"seed={seed}"])]
     of_base = [text for text in recorded if text.strip().startswith(f"{BASE}.")]
-    changes = [parse_override(text) for text in recorded if text not in of_base]
-    draft = Draft(found, "ensemble")
-    draft.apply(changes)
+    draft = Draft(source, "ensemble", [text for text in recorded if text not in of_base])
     config = draft.validate(EnsembleConfig)
-    base = _load_base(config.base, [text.strip().removeprefix(f"{BASE}.") for text in of_base], draft)
+    changes = [text.strip().removeprefix(f"{BASE}.") for text in of_base]
+    base = load_config(draft.named_file(config.base, BASE), "compare", overrides=changes)
+    if base.config.joints != COMPARED or not set(RUNS) <= set(base.config.runs):
+        needed = f"joints {COMPARED} must move, and there must be the runs {', '.join(RUNS)}"
+        draft.refuse((BASE,), f"{needed}; found {base.config.joints} and {', '.join(base.config.runs)}")
     return LoadedEnsemble(
         config=config,
         base=replace(base, overrides=tuple(recorded), inputs=(*draft.files, *base.inputs)),
         yaml_text=dump(draft.tree),
         sha256=config_digest({"ensemble": config.model_dump(mode="json"), "base": base.sha256}),
-        origin=found.origin,
+        origin=draft.source.origin,
     )
 
 
-def _load_base(name: str, overrides: Sequence[str], draft: Draft) -> LoadedConfig:
-    base = load_config(draft.named_file(name, BASE), "compare", overrides=overrides)
-    assert isinstance(base.config, CompareConfig)
-    missing = [run for run in RUNS if run not in base.config.runs]
-    if base.config.joints != COMPARED:
-        draft.refuse((BASE,), f"joints 2 and 3 must move, found {list(base.config.joints)}")
-    if missing:
-        draft.refuse((BASE,), f"has no run {missing[0]!r}; an ensemble has {', '.join(RUNS)}")
-    return base
-
-
-def _longest_cycles(box: BoxConfig) -> Iterator[tuple[str, float]]:
+def _longest_cycles(box: BoxConfig) -> dict[str, float]:
     """Longest period of each kind of motion, s; strokes last longest at low speed and large amplitude."""
-    hold = box.hold.highest
     _, stroke = trapezoid_times(box.amplitude.highest, box.velocity.lowest, box.acceleration.lowest)
-    yield "minimum_jerk", 2.0 * (box.rise.highest + hold)
-    yield "trapezoidal", 2.0 * (stroke + hold)
-    yield from ((kind, box.period.highest) for kind in ("raised_cosine", "sine", "unequal"))
-    yield "fast_sine", FAST_PERIOD
+    return dict.fromkeys(MOTIONS, box.period.highest) | {
+        "minimum_jerk": 2.0 * (box.rise.highest + box.hold.highest),
+        "trapezoidal": 2.0 * (stroke + box.hold.highest),
+        "fast_sine": FAST_PERIOD,
+    }

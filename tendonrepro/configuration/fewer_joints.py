@@ -28,31 +28,25 @@ def with_joints(text: str, joints: int) -> str:
     # A file without the key has the comparison as its base, where two joints move.
     named = len(keys["joints"].value) if "joints" in keys else 2
     moving = list(range(joints + 1 - min(named, joints), joints + 1))
-    cuts = _cuts(root, {ARM: joints, named: len(moving)}, moving)
+    cuts = _cuts(root, "", {ARM: joints, named: len(moving)}, moving)
     for start, end, new in sorted(cuts, reverse=True):
         text = text[:start] + new + text[end:]
     return text
 
 
-def _cuts(mapping: yaml.MappingNode, sizes: Sizes, moving: list[int]) -> Iterator[tuple[int, int, str]]:
-    """Start and end of pieces of the text, and what replaces each."""
-    for key, item in mapping.value:
-        if isinstance(item, yaml.MappingNode):
-            yield from _cuts(item, sizes, moving)
-        elif key.value == "value" and isinstance(item, yaml.SequenceNode):
-            yield from _shortened(item, sizes)
-        elif key.value == "joints":
-            yield item.start_mark.index, item.end_mark.index, str(moving)
-        elif key.value == "turns":
-            turns = [[int(joint.value) for joint in turn.value] for turn in item.value]
-            left = [[joint for joint in turn if joint in moving] for turn in turns]
-            yield item.start_mark.index, item.end_mark.index, str([turn for turn in left if turn])
-
-
-def _shortened(items: yaml.SequenceNode, sizes: Sizes) -> Iterator[tuple[int, int, str]]:
-    count = sizes.get(len(items.value), len(items.value))
-    kept = items.value[:count]
-    yield kept[-1].end_mark.index, items.value[-1].end_mark.index, ""
-    for row in kept:
-        if isinstance(row, yaml.SequenceNode):
-            yield from _shortened(row, sizes)
+def _cuts(node: yaml.Node, key: str, sizes: Sizes, moving: list[int]) -> Iterator[tuple[int, int, str]]:
+    """Start and end of pieces of the text, and what replaces each; the node stands under a key."""
+    if isinstance(node, yaml.MappingNode):
+        for name, item in node.value:
+            yield from _cuts(item, name.value, sizes, moving)
+    elif key == "joints":
+        yield node.start_mark.index, node.end_mark.index, str(moving)
+    elif key == "turns":
+        turns = [[int(joint.value) for joint in turn.value] for turn in node.value]
+        left = [[joint for joint in turn if joint in moving] for turn in turns]
+        yield node.start_mark.index, node.end_mark.index, str([turn for turn in left if turn])
+    elif key == "value" and isinstance(node, yaml.SequenceNode):
+        kept = node.value[: sizes.get(len(node.value))]
+        yield kept[-1].end_mark.index, node.value[-1].end_mark.index, ""
+        for row in kept:
+            yield from _cuts(row, key, sizes, moving)

@@ -7,22 +7,21 @@ from typing import Any, TypeAlias
 
 from pydantic import TypeAdapter
 
-from tendonrepro.configuration.draft import MANIPULATOR, Draft, find_source
 from tendonrepro.configuration.ensemble import EnsembleConfig, LoadedEnsemble, load_ensemble
 from tendonrepro.configuration.fields.strict_yaml import dump, load
-from tendonrepro.configuration.load import CompareConfig, DecoupleConfig, LoadedConfig, load_config
+from tendonrepro.configuration.load import (
+    MANIPULATOR,
+    CompareConfig,
+    DecoupleConfig,
+    Draft,
+    LoadedConfig,
+    find_source,
+    load_config,
+)
 from tendonrepro.configuration.models.manipulator import Manipulator
-from tendonrepro.configuration.overrides import parse_override
 from tendonrepro.errors import UsageError
 
 Held: TypeAlias = LoadedConfig | LoadedEnsemble | Manipulator
-
-_KINDS: dict[str, Any] = {
-    "compare": CompareConfig,
-    "decouple": DecoupleConfig,
-    "ensemble": EnsembleConfig,
-    MANIPULATOR: Manipulator,
-}
 
 
 def checked(source: str, overrides: Sequence[str]) -> Held:
@@ -34,22 +33,19 @@ def checked(source: str, overrides: Sequence[str]) -> Held:
         When it is not valid.
     """
     found = find_source(source, None)
-    draft = Draft(found, None)
-    if draft.experiment == MANIPULATOR:
-        draft.apply([parse_override(text) for text in overrides])
-        return draft.validate(Manipulator)
-    if draft.experiment == "ensemble":
+    kind = Draft(found, None).kind
+    if kind == MANIPULATOR:
+        return Draft(found, kind, overrides).validate(Manipulator)
+    if kind == "ensemble":
         return load_ensemble(found, overrides=overrides)
     return load_config(found, None, overrides=overrides)
 
 
-def shown(source: str, overrides: Sequence[str]) -> tuple[dict[str, Any], str]:
+def shown(source: str, overrides: Sequence[str]) -> tuple[Any, str]:
     """Plain values and YAML text of a configuration as it is used, valid or refused as by `checked`."""
     held = checked(source, overrides)
     text = dump(held.model_dump(mode="json")) if isinstance(held, Manipulator) else held.yaml_text
-    tree = load(text, source).tree
-    assert isinstance(tree, dict)
-    return tree, text
+    return load(text, source).tree, text
 
 
 def json_schema(kind: str | None = None) -> dict[str, Any]:
@@ -60,12 +56,13 @@ def json_schema(kind: str | None = None) -> dict[str, Any]:
     UsageError
         When there is no such kind.
     """
-    if kind is not None and kind not in _KINDS:
-        raise UsageError(f"no schema {kind!r}; there are {', '.join(_KINDS)}")
-    anything = CompareConfig | DecoupleConfig | EnsembleConfig | Manipulator
-    model: Any = anything if kind is None else _KINDS[kind]
+    models = {"compare": CompareConfig, "decouple": DecoupleConfig, "ensemble": EnsembleConfig}
+    models |= {MANIPULATOR: Manipulator}
+    if kind is not None and kind not in models:
+        raise UsageError(f"no schema {kind!r}; there are {', '.join(models)}")
+    model: Any = CompareConfig | DecoupleConfig | EnsembleConfig | Manipulator
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
-        **TypeAdapter(model).json_schema(),
+        **TypeAdapter(model if kind is None else models[kind]).json_schema(),
         "title": "tendonrepro configuration" if kind is None else f"tendonrepro configuration: {kind}",
     }

@@ -9,16 +9,21 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, NoReturn, TypeAlias, TypeVar
 
-from tendonrepro.configuration.draft import ConfigSource, Draft, find_source
-from tendonrepro.configuration.fields.strict_yaml import Key, Node, dump
-from tendonrepro.configuration.models.experiment import CompareConfig, DecoupleConfig
-from tendonrepro.configuration.models.reference import ReferenceConfig, Sampled
-from tendonrepro.configuration.overrides import Override, parse_override
+from pydantic import ValidationError
+
+from tendonrepro.configuration.fields.model import Model, describe
+from tendonrepro.configuration.fields.strict_yaml import STDIN, Document, Key, Node, dump, load, read_text
+from tendonrepro.configuration.messages import did_you_mean, explain
+from tendonrepro.configuration.models.experiment import CompareConfig, DecoupleConfig, references_of
+from tendonrepro.configuration.models.reference import Sampled
+from tendonrepro.configuration.overrides import Override, apply_overrides, parse_override
+from tendonrepro.configuration.shipped import shipped_file, shipped_folder, shipped_names
+from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.files import sha256_of
 
 __all__ = ["CompareConfig", "Config", "DecoupleConfig", "ExperimentName", "LoadedConfig", "load_config"]
@@ -26,10 +31,141 @@ __all__ = ["CompareConfig", "Config", "DecoupleConfig", "ExperimentName", "Loade
 Config: TypeAlias = CompareConfig | DecoupleConfig
 ExperimentName: TypeAlias = Literal["compare", "decouple"]
 
-_MODELS: Mapping[str, type[CompareConfig] | type[DecoupleConfig]] = {
-    "compare": CompareConfig,
-    "decouple": DecoupleConfig,
-}
+BASE = "base"
+MANIPULATOR = "manipulator"
+KINDS = ("compare", "decouple", "ensemble", MANIPULATOR)
+"""What a configuration can be for; a manipulator is one that is only that."""
+_M = TypeVar("_M", bound=Model)
+_MODELS: Mapping[object, type[Config]] = {"compare": CompareConfig, "decouple": DecoupleConfig}
+
+
+@dataclass(frozen=True)
+class ConfigSource:
+    """The text of a configuration and where it stands.
+
+    `name` is what messages call it; `origin` a path, ``<stdin>`` or a shipped name. Relative paths start from
+    `folder`; `files` is what was read, nothing for standard input.
+    """
+
+    text: str
+    name: str
+    origin: str
+    folder: Path
+    files: tuple[Path, ...]
+
+
+def find_source(source: ConfigSource | Path | str | None, kind: str | None) -> ConfigSource:
+    """Read standard input, a file, or a shipped configuration, in this order; a source stays as it is."""
+    if isinstance(source, ConfigSource):
+        return source
+    origin = str(kind if source is None else source)
+    if origin == "-":
+        return ConfigSource(read_text(None), STDIN, STDIN, Path.cwd(), ())
+    path = Path(origin)
+    if source is None or (origin in shipped_names() and not path.is_file()):
+        path = shipped_file(origin)
+    text = read_text(path, hint=f"Shipped configurations, by name: {', '.join(shipped_names())}")
+    return ConfigSource(text, str(path), origin, path.parent, (path,))
+
+
+class Draft:
+    """A configuration as plain values, and the place each came from.
+
+    Attributes
+    ----------
+    source : ConfigSource
+    kind : str
+        What it is for, one of `KINDS`.
+    tree : dict
+        Complete, with overrides applied.
+    files : list of Path
+        Those read.
+    """
+
+    def __init__(
+        self,
+        source: ConfigSource | Path | str | None,
+        wanted: str | None,
+        overrides: Iterable[Override | str] = (),
+    ) -> None:
+        self.source = find_source(source, wanted)
+        self.files = list(self.source.files)
+        self._document = load(self.source.text, self.source.name)
+        tree = self._document.tree
+        if not isinstance(tree, dict):
+            message = "a configuration is a mapping of keys, beginning with 'schema_version: 1'"
+            raise ConfigError(message, where=self.where(()))
+        self.tree: dict[str, Any] = tree
+        self.kind = tree.get("experiment", MANIPULATOR if "routing" in tree else None)
+        if self.kind not in KINDS or wanted not in (None, self.kind):
+            expected = wanted or f"one of {', '.join(KINDS)}"
+            hint = did_you_mean(self.kind, [wanted] if wanted else KINDS)
+            self.refuse(("experiment",), f"must be {expected}, found {describe(self.kind)}{hint}")
+        if self.kind in _MODELS and BASE in tree:
+            self._take_from_base(tree.pop(BASE))
+        changes = [parse_override(text) if isinstance(text, str) else text for text in overrides]
+        naming = [change for change in changes if change.path == (MANIPULATOR,)]
+        apply_overrides(self._document, naming)
+        if isinstance(name := tree.get(MANIPULATOR), str):
+            held = self._named_document(name, MANIPULATOR)
+            tree[MANIPULATOR] = held.tree
+            self._document.places |= {(MANIPULATOR, *key): place for key, place in held.places.items()}
+        apply_overrides(self._document, [change for change in changes if change not in naming])
+
+    def _take_from_base(self, name: Node) -> None:
+        """Fill in the keys that the file leaves to another of the same experiment."""
+        if not isinstance(name, str) or Path(name).name != name:
+            # What it names in turn would be looked for here, and something else found.
+            self.refuse((BASE,), f"must be a file beside this one or a shipped one, found {describe(name)}")
+        base = self._named_document(name, BASE)
+        if not isinstance(base.tree, dict) or base.tree.get("experiment") != self.kind or BASE in base.tree:
+            self.refuse((BASE,), f"{name!r} is not a whole configuration of the experiment {self.kind!r}")
+        left = {key: value for key, value in base.tree.items() if key not in self.tree}
+        self._document.places |= {
+            key: place for key, place in base.places.items() if key[:1] and key[0] in left
+        }
+        self.tree |= left
+
+    def _named_document(self, name: str, key: str) -> Document:
+        path = self.named_file(name, key)
+        self.files.append(path)
+        return load(read_text(path), str(path))
+
+    def named_file(self, name: str, *key: str | int, shipped: bool = True) -> Path:
+        """Find the file that a key names, beside the configuration or among the shipped ones.
+
+        Raises
+        ------
+        ConfigError
+            When there is none.
+        """
+        places = [self.source.folder / name, *([shipped_folder() / name] if shipped else [])]
+        path = next((place for place in places if place.is_file()), None)
+        if path is None:
+            looked = " and ".join(dict.fromkeys(map(str, places)))
+            self.refuse(key, f"no file {name!r}", f"Looked for {looked}.")
+        return path
+
+    def where(self, path: Key) -> str:
+        """Place of an entry: the option that set it, else ``file:line``."""
+        return str(self._document.place(path))
+
+    def validate(self, model: type[_M]) -> _M:
+        """Make the model of the values.
+
+        Raises
+        ------
+        ConfigError
+            With every mistake on a line of its own.
+        """
+        try:
+            return model.model_validate(self.tree)
+        except ValidationError as error:
+            raise explain(error, self._document) from None
+
+    def refuse(self, path: Key, words: str, hint: str | None = None) -> NoReturn:
+        """Raise a ConfigError about an entry, with its place."""
+        raise ConfigError(f"{'.'.join(map(str, path))}: {words}", where=self.where(path), hint=hint)
 
 
 @dataclass(frozen=True)
@@ -100,47 +236,49 @@ def load_config(
     UsageError
         When the command line asks for something impossible.
     """
-    found = find_source(source, experiment)
-    draft = Draft(found, experiment)
-    changes = [parse_override(text) for text in overrides]
-    recorded = list(overrides)
-    if seed is not None:
-        changes.append(Override("seed", seed, "--seed"))
-        recorded.append(f"seed={seed}")
-    draft.apply(changes)
+    recorded = [*overrides, *([] if seed is None else [f"seed={seed}"])]
+    draft = Draft(source, experiment, recorded)
+    config = draft.validate(_MODELS[draft.kind])
     if controllers is not None:
-        draft.keep_controllers(controllers)
+        config = _only(config, draft.tree, controllers)
         recorded.append(f"controllers={','.join(map(str, controllers))}")
-    config = draft.validate(_MODELS[draft.experiment])
-    references = _references(config)
-    sampled = [(path, held.file) for path, held in references.items() if isinstance(held, Sampled)]
-    trajectories = [draft.existing_file(file, (*path, "file")) for path, file in sampled]
+    references = references_of(config)
+    trajectories = [
+        draft.named_file(held.file, *path, "file", shipped=False)
+        for path, held in references.items()
+        if isinstance(held, Sampled)
+    ]
+    content = {
+        "config": config.model_dump(mode="json", exclude_defaults=True),
+        "trajectories": [sha256_of(path) for path in trajectories],  # they count by their content
+    }
     return LoadedConfig(
         config=config,
         tree=draft.tree,
         yaml_text=dump(draft.tree),
-        sha256=config_digest(
-            {
-                "config": config.model_dump(mode="json", exclude_defaults=True),
-                # A trajectory file counts by its content.
-                "trajectories": [sha256_of(path) for path in trajectories],
-            }
-        ),
-        origin=found.origin,
+        sha256=config_digest(content),
+        origin=draft.source.origin,
         overrides=tuple(recorded),
         inputs=(*draft.files, *trajectories),
-        folder=found.folder,
-        places={
-            ".".join(map(str, path)): draft.locate((*path, "amplitude", "value")).text for path in references
-        },
+        folder=draft.source.folder,
+        places={".".join(path): draft.where((*path, "amplitude", "value")) for path in references},
     )
 
 
-def _references(config: Config) -> dict[Key, ReferenceConfig]:
-    """Reference motions by the path of their keys."""
-    if isinstance(config, CompareConfig):
-        return {("reference",): config.reference}
-    return {("runs", name, "reference"): run.reference for name, run in config.runs.items()}
+def _only(config: Config, tree: dict[str, Any], numbers: Sequence[int]) -> CompareConfig:
+    """Drop the runs of other laws than ``controller_<number>``, from the tree as well."""
+    if not isinstance(config, CompareConfig):
+        message = f"the experiment {config.experiment!r} has no controllers to choose from"
+        raise UsageError(message, where="--controllers")
+    wanted = {f"controller_{number}" for number in numbers}
+    laws = dict.fromkeys(run.law for run in config.runs.values())
+    missing = sorted(wanted - set(laws))
+    if missing or not wanted:
+        message = f"no run has the law {missing[0]!r}" if missing else "no controller is asked for"
+        raise UsageError(message, where="--controllers", hint=f"Laws with a run: {', '.join(laws)}")
+    kept = {name: run for name, run in config.runs.items() if run.law in wanted}
+    tree["runs"] = {name: tree["runs"][name] for name in kept}
+    return config.model_copy(update={"runs": kept})
 
 
 def config_digest(content: Mapping[str, Any]) -> str:

@@ -2,54 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+import re
+from collections.abc import Iterable
 from difflib import get_close_matches
-from typing import NamedTuple, TypeAlias
+from typing import Any
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from tendonrepro.configuration.fields.model import describe
-from tendonrepro.configuration.fields.strict_yaml import Document, Key
+from tendonrepro.configuration.fields.quantity import SOURCE_PATTERN
+from tendonrepro.configuration.fields.strict_yaml import Document, Key, holds
 from tendonrepro.errors import ConfigError
-
-
-class Place(NamedTuple):
-    """Where an entry stands: order of its file, the command line being first, line in it, and words for it.
-
-    Places sort in reading order.
-    """
-
-    rank: int
-    line: int
-    text: str
-
 
 MOST_NAMED = 20
 """Mistakes that a message names; the rest is counted."""
 
-Locate: TypeAlias = Callable[[Key], Place]
-
-_EXPECTED: Mapping[str, str] = {
-    "model_type": "a mapping of keys",
-    "model_attributes_type": "a mapping of keys",
-    "dict_type": "a mapping of keys",
-    "tuple_type": "a list",
-    "string_type": "text",
-    "float_type": "a number",
-    "finite_number": "a finite number",
-    "int_type": "a whole number",
+_MAPPING = "must be a mapping of keys"
+_ORIGINS = "must begin with printed:, derived:, datasheet:, assumed: or identified: and then say where from"
+_NAME = "a name must be lower-case letters, digits and _, beginning with a letter"
+_WORDS = {
+    "model_type": _MAPPING,
+    "model_attributes_type": _MAPPING,
+    "dict_type": _MAPPING,
+    "tuple_type": "must be a list",
+    "string_type": "must be text",
+    "union_tag_not_found": "missing key 'kind'",
+    "too_short": "must not be empty",
+    "string_too_short": "must not be empty",
 }
-_KEY = "[key]"  # pydantic's place for a mistake in the name of a key
+"""What replaces words of pydantic that speak of Python, by the type of the mistake."""
 
 
-def places_in(document: Document) -> Locate:
-    """Places of the entries of a document that stands alone."""
-    return lambda path: Place(0, document.line(path), document.where(path))
-
-
-def explain(error: ValidationError, tree: object, locate: Locate) -> ConfigError:
-    """Turn a validation error of `tree` into one message that lists every mistake.
+def explain(error: ValidationError, document: Document) -> ConfigError:
+    """Turn a validation error of a document's values into one message that lists every mistake.
 
     Returns
     -------
@@ -57,22 +43,23 @@ def explain(error: ValidationError, tree: object, locate: Locate) -> ConfigError
         The first `MOST_NAMED` mistakes, each on a line of its own, ``file:line: path: what``, below a line
         that counts all of them.
     """
-    details = error.errors(include_url=False)
-    missing = [detail["loc"] for detail in details if detail["type"] == "missing"]
-    unknown = [detail["loc"] for detail in details if detail["type"] == "extra_forbidden"]
-    meant = {key: _meant(key, missing, tree) for key in unknown[:MOST_NAMED]}
-    found: list[tuple[Place, str]] = []
-    for detail in details:
+    details = [(detail, _written_path(detail, document.tree)) for detail in error.errors(include_url=False)]
+    missing = {path for detail, path in details if detail["type"] == "missing"}
+    unknown = dict.fromkeys(path for detail, path in details if detail["type"] == "extra_forbidden")
+    known = missing | document.places.keys() - unknown.keys() - {()}
+    meant = {path: _meant(path, known) for path in unknown}
+    found = []
+    for detail, path in details:
+        kind = detail["type"]
         # A misspelt key is missing under its right name; a list with wrong entries counts as empty.
-        misspelt = detail["type"] == "missing" and detail["loc"] in meant.values()
-        if misspelt or (detail["type"] == "too_short" and detail["input"]):
+        if (kind == "missing" and path in meant.values()) or (kind == "too_short" and detail["input"]):
             continue
-        place, name, words = _mistake(detail, tree, meant.get(detail["loc"]))
-        path = ".".join(str(key) for key in name)
-        found.append((locate(place), f"{path}: {words}" if path else words))
-    found.sort(key=lambda mistake: mistake[0][:2])
+        name = ".".join(map(str, path[:-1] if kind in ("missing", "extra_forbidden") else path))
+        words = _words(detail, path, meant.get(path))
+        found.append((document.place(path), f"{name}: {words}" if name else words))
+    found.sort(key=lambda mistake: mistake[0])
     count = "1 mistake" if len(found) == 1 else f"{len(found)} mistakes"
-    lines = [f"{place.text}: {message}" for place, message in found[:MOST_NAMED]]
+    lines = [f"{place}: {message}" for place, message in found[:MOST_NAMED]]
     if len(found) > MOST_NAMED:
         lines.append(f"... and {len(found) - MOST_NAMED} more")
     return ConfigError("\n".join([f"{count} in the configuration", *lines]))
@@ -85,68 +72,49 @@ def nearest(word: str, words: Iterable[str]) -> str | None:
     return lower[close[0]] if close else None
 
 
-def _meant(unknown: Key, missing: Iterable[Key], tree: object) -> Key | None:
+def did_you_mean(word: object, words: Iterable[str]) -> str:
+    """Question after the word that was probably meant; empty when nothing is near."""
+    meant = nearest(str(word), words)
+    return "" if meant is None else f", did you mean {meant!r}?"
+
+
+def _meant(unknown: Key, known: Iterable[Key]) -> Key | None:
     """Path of the key beside an unknown one that it was probably meant to be, missing or set already."""
-    *parent, key = unknown
-    for step in _written_path(tuple(parent), tree):
-        tree = _below(tree, step)
-    known = [str(path[-1]) for path in missing if path[:-1] == unknown[:-1]]
-    known += [str(other) for other in tree if other != key] if isinstance(tree, Mapping) else []
-    word = nearest(str(key), known)
+    parent = unknown[:-1]
+    word = nearest(str(unknown[-1]), [str(path[-1]) for path in known if path[:-1] == parent])
     return None if word is None else (*parent, word)
 
 
-def _mistake(detail: ErrorDetails, tree: object, meant: Key | None) -> tuple[Key, Key, str]:
-    """Place, name and description of a mistake; the first two are paths as written in the file."""
-    place = name = _written_path(detail["loc"], tree)
-    found, context = detail["input"], detail.get("ctx", {})
-    match detail["type"]:
+def _words(detail: ErrorDetails, path: Key, meant: Key | None) -> str:
+    kind, context = detail["type"], detail.get("ctx", {})
+    if kind in _WORDS:
+        return _WORDS[kind]
+    match kind:
+        case "problem":
+            return detail["msg"]
         case "missing":
-            words = f"missing key {name[-1]!r}"
-            place = name = name[:-1]
+            return f"missing key {path[-1]!r}"
         case "extra_forbidden":
             hint = "" if meant is None else f", did you mean {meant[-1]!r}?"
-            words = f"unknown key {name[-1]!r}{hint}"
-            name = name[:-1]
-        case "union_tag_invalid":
-            words = _choice(context["expected_tags"], context["tag"])
-            place = name = (*name, "kind")
-        case "union_tag_not_found":
-            words = "missing key 'kind'"
-        case "literal_error":
-            words = _choice(context["expected"], found)
-        case "too_short" | "string_too_short":
-            words = "must not be empty"
+            return f"unknown key {path[-1]!r}{hint}"
+        case "literal_error" | "union_tag_invalid":
+            expected = context.get("expected") or context["expected_tags"]
+            found = context.get("tag", detail["input"])
+            hint = did_you_mean(found, re.findall("'(.*?)'", expected))
+            return f"must be {expected}, found {describe(found)}{hint}"
         case "string_pattern_mismatch":
-            words = "a name must be lower-case letters, digits and _, beginning with a letter"
-        case kind if kind in _EXPECTED:
-            words = f"must be {_EXPECTED[kind]}, found {describe(found)}"
+            words = _ORIGINS if context["pattern"] == SOURCE_PATTERN else _NAME
         case _:
-            words = detail["msg"]
-    return place, name, words
+            words = detail["msg"].replace("Input should be", "must be")
+    return f"{words}, found {describe(detail['input'])}"
 
 
-def _choice(expected: str, found: object) -> str:
-    allowed = [word.strip("'") for word in expected.replace(" or ", ", ").split(", ")]
-    meant = nearest(found, allowed) if isinstance(found, str) else None
-    hint = "" if meant is None else f", did you mean {meant!r}?"
-    words = f"one of {', '.join(allowed)}" if len(allowed) > 2 else " or ".join(allowed)
-    return f"must be {words}, found {describe(found)}{hint}"
-
-
-def _written_path(loc: Key, tree: object) -> Key:
+def _written_path(detail: ErrorDetails, tree: Any) -> Key:
     """Leave out of pydantic's path what is not in the file: the kinds of unions and marks for keys."""
     path: list[str | int] = []
-    for key in loc:
-        is_kind = isinstance(tree, Mapping) and key not in tree and tree.get("kind") == key
-        if is_kind or key == _KEY:
-            continue
-        path.append(key)
-        tree = _below(tree, key)
-    return tuple(path)
-
-
-def _below(tree: object, key: str | int) -> object:
-    if isinstance(tree, Mapping):
-        return tree.get(key)
-    return tree[key] if isinstance(tree, list) and isinstance(key, int) and key < len(tree) else None
+    for key in detail["loc"]:
+        is_kind = isinstance(tree, dict) and key not in tree and tree.get("kind") == key
+        if not is_kind and key != "[key]":
+            path.append(key)
+            tree = tree[key] if holds(tree, key) else None
+    return (*path, "kind") if detail["type"] == "union_tag_invalid" else tuple(path)

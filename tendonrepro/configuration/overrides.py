@@ -1,22 +1,18 @@
-"""Overrides from the command line: ``dotted.key=VALUE`` put into the tree before it is validated."""
+"""Overrides from the command line: ``dotted.key=VALUE`` put into a document before it is validated."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
-from itertools import islice
-from typing import TypeGuard
+from typing import Any
 
-from tendonrepro.configuration.fields.strict_yaml import Key, Node, load
-from tendonrepro.configuration.messages import nearest
+from tendonrepro.configuration.fields.strict_yaml import Document, Key, Node, Place, holds, load
+from tendonrepro.configuration.messages import did_you_mean
 from tendonrepro.errors import ConfigError, UsageError
 
 COMMAND_LINE = "assumed: set on the command line"
 MOST_MEANT = 3
 """Keys that are suggested for one."""
-
-_QUANTITY = {"value", "unit", "source"}
 
 
 @dataclass(frozen=True)
@@ -32,9 +28,8 @@ class Override:
 
     @property
     def path(self) -> Key:
-        """The key in parts; a number that no list is long enough for stays text."""
-        numbers = "[0-9]{1,9}"
-        return tuple(int(part) if re.fullmatch(numbers, part) else part for part in self.key.split("."))
+        """The key in parts."""
+        return tuple(int(part) if part.isdecimal() else part for part in self.key.split("."))
 
 
 def parse_override(text: str) -> Override:
@@ -56,61 +51,52 @@ def parse_override(text: str) -> Override:
     return Override(key, load(value, option).tree, option)
 
 
-def apply_overrides(tree: dict[str, Node], overrides: Iterable[Override]) -> None:
+def apply_overrides(document: Document, overrides: Iterable[Override]) -> None:
     """Set the values in place; a quantity whose value or unit is set says so in its source.
 
     Only the last part of a key may be new, so that optional keys can be given.
     """
     # A source given by hand must outlive the value it belongs to, whatever their order.
     for override in sorted(overrides, key=lambda override: override.path[-1] == "source"):
-        _apply(tree, override)
+        _apply(document, override)
 
 
-def _apply(tree: dict[str, Node], override: Override) -> None:
-    *parents, last = override.path
-    if override.path[0] not in tree and (meant := list(islice(_ending(tree, override.path), MOST_MEANT))):
-        message = f"unknown key {override.key!r}, did you mean {' or '.join(map(repr, meant))}?"
-        raise ConfigError(message, where=override.option)
-    node: Node = tree
-    quantity: dict[str, Node] | None = None
+def _apply(document: Document, override: Override) -> None:
+    *parents, last = path = override.path
+    if not holds(document.tree, path[0]):
+        ending = [place for place in document.places if place[-len(path) :] == path]
+        if ending:
+            meant = " or ".join(repr(".".join(map(str, place))) for place in ending[:MOST_MEANT])
+            message = f"unknown key {override.key!r}, did you mean {meant}?"
+            raise ConfigError(message, where=override.option)
+    nodes: list[Any] = [document.tree]
     for part in parents:
-        if _is_quantity(node):
-            quantity = node
-        node = _child(node, part, override)
-    if _is_quantity(node):
-        quantity = node
-    _set(node, last, override)
-    if quantity is not None and "source" not in override.path:
-        quantity["source"] = COMMAND_LINE
-
-
-def _ending(node: Node, end: Key, path: Key = ()) -> Iterator[str]:
-    """Keys that end like one that begins too far down."""
-    if path[-len(end) :] == end:
-        yield ".".join(map(str, path))
-    for key, below in node.items() if isinstance(node, dict) else ():
-        yield from _ending(below, end, (*path, key))
-
-
-def _child(node: Node, part: str | int, override: Override) -> Node:
-    if isinstance(node, dict) and part in node:
-        return node[str(part)]
-    if isinstance(node, list) and isinstance(part, int) and part < len(node):
-        return node[part]
-    raise ConfigError(_unknown(node, part), where=override.option)
-
-
-def _set(node: Node, last: str | int, override: Override) -> None:
-    if isinstance(node, dict) and isinstance(last, str):
-        current = node.get(last)
-        if _is_quantity(current) and not isinstance(override.value, dict):
-            current |= {"value": _for_all(current["value"], override.value), "source": COMMAND_LINE}
-        else:
-            node[last] = _for_all(current, override.value)
-    elif isinstance(node, list) and isinstance(last, int) and last < len(node):
-        node[last] = override.value
+        nodes.append(_below(nodes[-1], part, override))
+    node, new = nodes[-1], isinstance(nodes[-1], dict) and last not in nodes[-1]
+    current: Any = None if new else _below(node, last, override)
+    if _is_quantity(current) and not isinstance(override.value, dict):
+        nodes.append(current)
+        current["value"] = _for_all(current["value"], override.value)
     else:
-        raise ConfigError(_unknown(node, last), where=override.option)
+        node[last] = _for_all(current, override.value)
+    for held in nodes:
+        if _is_quantity(held) and last != "source":
+            held["source"] = COMMAND_LINE
+    kept = {place: at for place, at in document.places.items() if place[: len(path)] != path}
+    document.places = kept | {path: Place(override.option)}
+
+
+def _below(node: Any, part: str | int, override: Override) -> Any:
+    """Entry of a node, which must be there."""
+    if holds(node, part):
+        return node[part]
+    if isinstance(node, dict):
+        message = f"unknown key {str(part)!r}{did_you_mean(part, node)}"
+    elif isinstance(node, list):
+        message = f"no entry {part} in a list of {len(node)}; they are numbered from 0"
+    else:
+        message = f"nothing below it can be set: {part!r} is asked of a single value"
+    raise ConfigError(message, where=override.option)
 
 
 def _for_all(current: Node, value: Node) -> Node:
@@ -120,14 +106,5 @@ def _for_all(current: Node, value: Node) -> Node:
     return [value] * len(current) if numbers and one and isinstance(current, list) else value
 
 
-def _unknown(node: Node, part: str | int) -> str:
-    if isinstance(node, dict):
-        meant = nearest(str(part), node)
-        return f"unknown key {str(part)!r}" + ("" if meant is None else f", did you mean {meant!r}?")
-    if isinstance(node, list):
-        return f"no entry {part} in a list of {len(node)}; they are numbered from 0"
-    return f"nothing below it can be set: {part!r} is asked of a single value"
-
-
-def _is_quantity(node: Node) -> TypeGuard[dict[str, Node]]:
-    return isinstance(node, dict) and "value" in node and set(node) <= _QUANTITY
+def _is_quantity(node: Any) -> bool:
+    return isinstance(node, dict) and "value" in node and set(node) <= {"value", "unit", "source"}

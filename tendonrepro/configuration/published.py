@@ -7,17 +7,14 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from fractions import Fraction
 from functools import cache
-from types import MappingProxyType
 from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
-from pydantic import Field, StrictInt, ValidationError
+from pydantic import Field, StrictInt
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.fields.model import Model, Number
-from tendonrepro.configuration.fields.strict_yaml import Document, load, read_text
-from tendonrepro.configuration.messages import explain, places_in
-from tendonrepro.errors import ConfigError
+from tendonrepro.configuration.fields.strict_yaml import load, read_text
 from tendonrepro.files import shipped
 from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix
 
@@ -31,12 +28,18 @@ COMPARED = (2, 3)
 """Joints of the comparison; the paper prints gains and errors of these."""
 
 
-class PrintedNumber(Model):
-    """A number as printed; `decimals` counts the digits behind the point."""
+class _Entry(Model):
+    """What all have: an id, the place in the paper, and perhaps a few words for it."""
 
     id: str
-    kind: Literal["number"]
     where: str
+    short: str | None = None
+
+
+class PrintedNumber(_Entry):
+    """A number as printed; `decimals` counts the digits behind the point."""
+
+    kind: Literal["number"]
     value: Number
     unit: str
     decimals: StrictInt
@@ -47,12 +50,10 @@ class PrintedNumber(Model):
         return f"{self.value:.{self.decimals}f}"
 
 
-class PrintedRatio(Model):
+class PrintedRatio(_Entry):
     """A number printed as a fraction of two lengths in `unit`."""
 
-    id: str
     kind: Literal["ratio"]
-    where: str
     numerator: Number
     denominator: Number
     unit: str
@@ -68,42 +69,33 @@ class PrintedRatio(Model):
         return f"{self.numerator:g}/{self.denominator:g}"
 
 
-class PrintedQuotient(Model):
+class PrintedQuotient(_Entry):
     """A number that is not printed itself but follows from two that are, by their ids."""
 
-    id: str
     kind: Literal["quotient"]
-    where: str
     numerator: str
     denominator: str
     unit: Literal["1"] = "1"
 
 
-class PrintedDose(Model):
+class PrintedDose(_Entry):
     """What Controller 1 gains over Controller 2 on joint 3, ``1 - C1/C2``, over what it gains on joint 2."""
 
-    id: str
     kind: Literal["dose"]
-    where: str
     metric: Literal["mae", "rmse"]
     unit: Literal["1"] = "1"
 
     @property
     def parts(self) -> tuple[tuple[str, str], tuple[str, str]]:
         """Ids of both controllers' errors on joint 3, then on joint 2."""
-        joint_3, joint_2 = (
-            (f"table2.controller_1.{self.metric}.{joint}", f"table2.controller_2.{self.metric}.{joint}")
-            for joint in ("joint_3", "joint_2")
-        )
-        return joint_3, joint_2
+        first, second = (f"table2.controller_{number}.{self.metric}.joint_" for number in (1, 2))
+        return (first + "3", second + "3"), (first + "2", second + "2")
 
 
-class PrintedText(Model):
+class PrintedText(_Entry):
     """A name as printed, or a claim: a statement of the paper in our words."""
 
-    id: str
     kind: Literal["text", "claim"]
-    where: str
     text: str
 
 
@@ -178,9 +170,8 @@ class Published:
         if isinstance(entry, PrintedQuotient):
             return quotient(self.interval(entry.numerator), self.interval(entry.denominator))
         if isinstance(entry, PrintedDose):
-            shares = [quotient(*map(self.interval, pair)) for pair in entry.parts]
-            gains = [(1 - high, 1 - low) for low, high in shares]
-            return quotient(gains[0], gains[1])
+            shares = (quotient(*map(self.interval, pair)) for pair in entry.parts)
+            return quotient(*((1 - high, 1 - low) for low, high in shares))
         return rounding(self.quantity(identifier))
 
     def per_joint(self, identifier: str, joints: Iterable[int]) -> list[float]:
@@ -191,35 +182,12 @@ class Published:
 
 @cache
 def published() -> Published:
-    """Return the shipped numbers, read once.
-
-    Raises
-    ------
-    ConfigError
-        When the shipped file was damaged.
-    """
+    """Return the shipped numbers, read once."""
     path = shipped("data") / "published.yaml"
-    return parse_published(load(read_text(path), str(path)))
-
-
-def parse_published(document: Document) -> Published:
-    """Check and freeze a document; every id is used once and covered by exactly one judgement."""
-    try:
-        file = _File.model_validate(document.tree)
-    except ValidationError as error:
-        raise explain(error, document.tree, places_in(document)) from None
-    entries: dict[str, PrintedEntry] = {}
-    judgements: dict[str, Judgement] = {}
-    for index, entry in enumerate(file.entries):
-        fitting = [judgement for judgement in file.judged if fnmatchcase(entry.id, judgement.ids)]
-        where = document.where(("entries", index))
-        if entry.id in entries:
-            raise ConfigError(f"id {entry.id!r} is used twice", where=where)
-        if len(fitting) != 1:
-            message = f"{entry.id!r} is covered by {len(fitting)} judgements instead of one"
-            raise ConfigError(message, where=where)
-        entries[entry.id], judgements[entry.id] = entry, fitting[0]
-    return Published(MappingProxyType(entries), MappingProxyType(judgements))
+    file = _File.model_validate(load(read_text(path), str(path)).tree)
+    entries = {entry.id: entry for entry in file.entries}
+    judgements = {name: next(rule for rule in file.judged if fnmatchcase(name, rule.ids)) for name in entries}
+    return Published(entries, judgements)
 
 
 def exact(entry: PrintedNumber | PrintedRatio) -> Fraction:

@@ -51,9 +51,5 @@ class Request:
         from tendonrepro.configuration.load import load_config
 
         return load_config(
-            self.config,
-            experiment,
-            overrides=self.overrides,
-            seed=self.seed,
-            controllers=self.controllers,
+            self.config, experiment, overrides=self.overrides, seed=self.seed, controllers=self.controllers
         )

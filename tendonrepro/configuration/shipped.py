@@ -6,7 +6,7 @@ from pathlib import Path
 
 from tendonrepro.configuration.fewer_joints import with_joints
 from tendonrepro.configuration.fields.strict_yaml import load, read_text
-from tendonrepro.configuration.messages import nearest
+from tendonrepro.configuration.messages import did_you_mean
 from tendonrepro.errors import UsageError
 from tendonrepro.files import shipped, write_atomically
 
@@ -27,9 +27,8 @@ def shipped_file(name: str) -> Path:
     """Path of a shipped configuration; a UsageError names what there is."""
     names = shipped_names()
     if name not in names:
-        meant = nearest(name, names)
-        hint = "" if meant is None else f", did you mean {meant!r}?"
-        raise UsageError(f"no shipped configuration {name!r}{hint}", hint=f"There are: {', '.join(names)}")
+        message = f"no shipped configuration {name!r}{did_you_mean(name, names)}"
+        raise UsageError(message, hint=f"There are: {', '.join(names)}")
     return shipped_folder() / f"{name}.yaml"
 
 
@@ -56,17 +55,17 @@ def init_config(name: str, folder: Path, joints: int | None = None) -> list[Path
         if name == "ensemble":
             raise UsageError("the ensemble's box is for joints 2 and 3", where="--joints")
         texts |= {file: with_joints(text, joints) for file, text in texts.items() if file != SCHEMA_FILE}
-    if (folder / source.name).exists():
-        _refuse(folder / source.name)
-    for companion in list(texts)[1:]:
-        target = folder / companion
-        if target.exists():
-            if not target.is_file() or target.read_bytes() != texts[companion].encode():
-                _refuse(target)
-            del texts[companion]
+    new = []
     for file, text in texts.items():
-        write_atomically(folder / file, text)
-    return [folder / file for file in texts]
+        target = folder / file
+        same = target.is_file() and target.read_bytes() == text.encode()
+        if target.exists() and (file == source.name or not same):
+            hint = "Give another folder, or move the file away."
+            raise UsageError(f"{target} exists and is not overwritten", hint=hint)
+        new += [] if same else [target]
+    for target in new:
+        write_atomically(target, texts[target.name])
+    return new
 
 
 def _named(source: Path) -> list[Path]:
@@ -75,8 +74,3 @@ def _named(source: Path) -> list[Path]:
     keys = [tree.get(key) for key in ("base", "manipulator")] if isinstance(tree, dict) else []
     files = [source.with_name(file) for file in keys if isinstance(file, str)]
     return [path for file in files for path in (file, *_named(file))]
-
-
-def _refuse(target: Path) -> None:
-    message = f"{target} exists and is not overwritten"
-    raise UsageError(message, hint="Give another folder, or move the file away.")

@@ -34,41 +34,28 @@ def read_samples(path: Path) -> tuple[Array, dict[int, Array]]:
         numbers, or a time that does not increase.
     """
     try:
-        with path.open("rb") as stream:
-            raw = stream.read(MOST_BYTES + 1)
-        if len(raw) > MOST_BYTES:
+        if path.stat().st_size > MOST_BYTES:
             message = f"is larger than {MOST_BYTES >> 20} MiB, so it holds more than the longest run"
             raise ConfigError(message, where=str(path))
-        header, *body = raw.decode("utf-8-sig").splitlines() or [""]
+        header, *rows = path.read_text(encoding="utf-8-sig").splitlines() or [""]
     except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"cannot read the trajectory: {error}", where=str(path)) from error
-    joints = _joints_of(header, f"{path}:1")
-    places = [(f"{path}:{line}", text) for line, text in enumerate(body, start=2) if text.strip()]
-    if len(places) < FEWEST:
-        raise ConfigError(f"needs at least {FEWEST} rows of numbers, found {len(places)}", where=str(path))
-    table = np.array([_numbers(text, len(joints) + 1, where) for where, text in places])
-    for (where, _), step in zip(places[1:], np.diff(table[:, 0]), strict=True):
-        if step <= 0.0:
-            raise ConfigError("time must increase from row to row", where=where)
-    return table[:, 0], {joint: np.deg2rad(table[:, k]) for k, joint in enumerate(joints, start=1)}
-
-
-def _joints_of(header: str, where: str) -> list[int]:
-    time, *names = (name.strip() for name in header.split(","))
-    found = [re.fullmatch(r"q([1-9])_deg", name) for name in names]
-    joints = [int(match[1]) for match in found if match]
-    if time != "time_s" or not joints or len(joints) < len(names) or len(set(joints)) < len(joints):
+        raise ConfigError(f"cannot read the trajectory: {error}", where=str(path)) from None
+    names = [name.strip() for name in header.split(",")]
+    joints = [int(name[1]) for name in names if re.fullmatch("q[1-9]_deg", name)]
+    if not joints or names != ["time_s", *(f"q{joint}_deg" for joint in joints)]:
         message = f"the first line must be time_s,q2_deg,q3_deg or the like, found {header[:80]!r}"
-        raise ConfigError(message, where=where)
-    return joints
-
-
-def _numbers(text: str, count: int, where: str) -> list[float]:
+        raise ConfigError(message, where=f"{path}:1")
+    if len(rows) < FEWEST:
+        raise ConfigError(f"needs at least {FEWEST} rows of numbers, found {len(rows)}", where=str(path))
     try:
-        numbers = [float(cell) for cell in text.split(",")]
-    except ValueError:
-        numbers = []
-    if len(numbers) != count or not np.isfinite(numbers).all():
-        message = f"must hold {count} finite numbers separated by commas, found {text[:80]!r}"
-        raise ConfigError(message, where=where)
-    return numbers
+        table = np.loadtxt(rows, delimiter=",", ndmin=2)
+        time, *angles = table.T
+    except ValueError as error:
+        raise ConfigError(f"rows are not all of numbers: {error}", where=str(path)) from None
+    if len(angles) != len(joints):
+        raise ConfigError(f"rows must hold {len(names)} numbers, not {table.shape[1]}", where=str(path))
+    wrong = ~np.isfinite(table).all(axis=1) | (np.diff(time, prepend=-np.inf) <= 0.0)
+    if wrong.any():
+        message = "numbers must be finite, and time must increase from row to row"
+        raise ConfigError(message, where=f"{path}:{np.argmax(wrong) + 2}")
+    return time, {joint: np.deg2rad(angle) for joint, angle in zip(joints, angles, strict=True)}

@@ -25,7 +25,7 @@ from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from tendonrepro.configuration.fields.model import Model, refuse
 from tendonrepro.configuration.fields.strict_yaml import load
-from tendonrepro.configuration.messages import explain, places_in
+from tendonrepro.configuration.messages import explain
 from tendonrepro.dataset.words import FACTORS
 from tendonrepro.results.records import VARIABLES
 
@@ -168,7 +168,7 @@ def parse_mapping(text: str, name: str, payload: float) -> MappingFile:
     try:
         tree = _Tree.model_validate(document.tree)
     except ValidationError as error:
-        raise explain(error, document.tree, places_in(document)) from None
+        raise explain(error, document) from None
     runs = {}
     for run, entry in tree.runs.items():
         columns = tree.columns if entry.columns is None else entry.columns
@@ -177,7 +177,7 @@ def parse_mapping(text: str, name: str, payload: float) -> MappingFile:
             mass = payload if run.endswith("_payload") else 0.0
         runs[run] = entry.model_copy(update={"columns": columns, "payload_mass_kg": mass})
     guesses = [line.strip() for line in text.splitlines() if CHECK in line]
-    places = {run: document.where(("runs", run)) for run in runs}
+    places = {run: str(document.place(("runs", run))) for run in runs}
     return MappingFile(tree.title, runs, guesses, places)
 
 

@@ -87,7 +87,7 @@ def make_box(config: EnsembleConfig) -> Box:
     ----------
     config : EnsembleConfig
     """
-    items = dict(config.box.items())
+    items = dict(config.box)
     rules = [rule_of(name) for name in items]
     numbers = [_si_numbers(name, row) for name, row in items.items()]
     low, nominal, high, choices = zip(*numbers, strict=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from itertools import permutations
 from typing import Any, TypeAlias
@@ -61,7 +61,7 @@ class Share:
 
     Attributes
     ----------
-    value : float
+    share : float
         NaN without plants.
     interval : tuple of float, or None
         None with fewer than `LEAST_SCRAMBLINGS` scramblings.
@@ -69,18 +69,14 @@ class Share:
         The number counted.
     """
 
-    value: float
+    share: float
     interval: Ends | None
     plants: int
-
-    def as_dict(self) -> dict[str, Any]:
-        """Plain data."""
-        return {"share": self.value, "interval": self.interval, "plants": self.plants}
 
     def as_row(self) -> dict[str, Any]:
         """Plain data with the interval's ends apart."""
         low, high = self.interval or (None, None)
-        share = self.value if self.plants else None
+        share = self.share if self.plants else None
         return {"share": share, "low": low, "high": high, "plants": self.plants}
 
 
@@ -94,10 +90,6 @@ class Spread:
     low_interval: Ends | None
     high_interval: Ends | None
     plants: int
-
-    def as_dict(self) -> dict[str, Any]:
-        """Plain data."""
-        return asdict(self)
 
 
 def share_of(hits: Flags, replicate: NDArray[np.int64], counted: Flags | None = None) -> Share:

@@ -16,7 +16,7 @@ VALUES = ("Key", "Value", "Unit", "Origin", "Why")
 def box() -> list[tuple[str, ...]]:
     """Ranges that plants are drawn from."""
     rows: list[tuple[str, ...]] = []
-    for name, row in load_ensemble(None).config.box.items():
+    for name, row in load_ensemble(None).config.box:
         held = row.model_dump()
         choices = [item if isinstance(item, str) else f"{item:g}" for item in held.get("choices", ())]
         extent = ", ".join(choices) or f"{held['low']:g} to {held['high']:g}"

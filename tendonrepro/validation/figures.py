@@ -8,10 +8,10 @@ from functools import partial
 
 import numpy as np
 
-from tendonrepro.results.figures.catalogue import FIGURES, available, title_of
+from tendonrepro.results.figures.catalogue import FIGURES, available
 from tendonrepro.results.figures.compare import draw_law
 from tendonrepro.results.figures.panels import Canvas, FigureArtists
-from tendonrepro.results.figures.style import REFERENCE, Stroke, journal_style, paler
+from tendonrepro.results.figures.style import REFERENCE, Stroke, journal_style, paler, title_of
 from tendonrepro.results.records import Trace, TraceFile
 
 _LAW_CAPTION = "Sliding variable, estimate of the lumped uncertainty and torque: means over 50 ms."

@@ -98,7 +98,7 @@ class Reruns:
         known = dict(build_loops(loaded.config, loaded.folder))
         chosen = [name for name in zeros if name in known]
         with self.talk.bar(f"simulating {len(chosen)} runs", len(chosen)) as progress:
-            traces = each(partial(simulate_run, loaded, None), chosen, progress)
+            traces = each(partial(simulate_run, loaded, ()), chosen, progress)
         if traces:
             file = trace_file(loaded, traces, make_manifest(loaded, 0.0))
             write_traces(path.with_name(f"simulated_{path.stem}.h5"), file)

@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import product
 from typing import TypedDict
 
 import numpy as np
 
 from tendonrepro.arrays import Array
+from tendonrepro.configuration.models.readings import PRINTED
+from tendonrepro.configuration.published import Published, published
+from tendonrepro.errors import DataMissingError
+from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.monte_carlo.shares import LEAST_PLANTS
+from tendonrepro.results.summary import CONTROLLERS
+from tendonrepro.verdicts.from_ensemble import outcome
+from tendonrepro.verdicts.numbers import FIRST, LOADED, SECOND, ErrorOf
+from tendonrepro.verdicts.plants import Plants
+from tendonrepro.verdicts.rules import Mask
 
 RESAMPLES = 50
 SHUFFLES = 40
@@ -21,6 +31,8 @@ LEAST_OTHERS = 20
 _HARMONICS = 6
 
 
+DECIDED = ("C1", "C2", "C3", "C5", "C6", "E1")
+"""Claims whose deciding unknowns are ranked with the ledger."""
 LEAST_FITTED = 300
 """Plants below which no surrogate is fitted."""
 SURROGATE = 8
@@ -90,6 +102,47 @@ def ranked(
         "unexplained": max(1.0 - explained, 0.0),
         "draws": len(outcome),
     }
+
+
+def rankings(data: EnsembleData) -> dict[str, Ranking]:
+    """Rank the unknowns that decide some claims, the ratio of Controllers 1 and 2, and the tables' numbers.
+
+    A number's floor of chance is that of the ratio, on about as many plants.
+    """
+    plants = Plants(data, PRINTED)
+    found = {claim: deciding(data, published(), claim) for claim in DECIDED}
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.log(plants[FIRST, "mae"] / plants[SECOND, "mae"])
+    for i, joint in enumerate(data.joints):
+        found[f"ratio_joint_{joint}"] = _ranked(data, ratio[:, i], plants.ok(FIRST, SECOND))
+    first = found[f"ratio_joint_{data.joints[0]}"]
+    floor = None if first is None else first["noise_floor"]
+    found |= {name: _ranked(data, values, kept, floor) for name, values, kept in _numbers(plants)}
+    return {name: ranking for name, ranking in found.items() if ranking is not None}
+
+
+def deciding(data: EnsembleData, paper: Published, identifier: str) -> Ranking | None:
+    """Rank the unknowns that decide a verdict; None where there is nothing to rank."""
+    try:
+        values, judged = outcome(Plants(data, PRINTED), paper, identifier)
+    except DataMissingError:
+        return None
+    return _ranked(data, values, judged)
+
+
+def _ranked(data: EnsembleData, values: Array, kept: Mask, floor: float | None = None) -> Ranking | None:
+    return ranked(data.names, data.draws[kept], values[kept], floor)
+
+
+def _numbers(plants: Plants) -> Iterator[tuple[str, Array, Mask]]:
+    """Yield the logarithm of every number of Tables 2 and 3, and of joint 3's error over joint 2's."""
+    for run, metric in product((*CONTROLLERS, LOADED), ("mae", "rmse")):
+        with np.errstate(divide="ignore"):
+            errors = np.log(plants[run, metric])
+        for i, joint in enumerate(plants.joints):
+            yield ErrorOf(run, metric, joint).id, errors[:, i], plants.ok(run)
+        if (run, metric) == (FIRST, "mae"):
+            yield "joint_3_over_2", errors[:, -1] - errors[:, 0], plants.ok(run)
 
 
 def _totals(strongest: Sequence[str], names: Sequence[str], draws: Array, outcome: Array) -> list[float]:

@@ -1,21 +1,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from fnmatch import fnmatchcase
 from fractions import Fraction
 
 import pytest
 
-from tendonrepro.configuration.fields.strict_yaml import load
+from tendonrepro.configuration.fields.strict_yaml import load, read_text
 from tendonrepro.configuration.published import (
     PrintedNumber,
     PrintedQuotient,
     PrintedRatio,
     PrintedText,
-    parse_published,
     published,
 )
-from tendonrepro.errors import ConfigError
+from tendonrepro.files import shipped
 
 JOINTS = (2, 3)
 
@@ -88,51 +87,14 @@ class TestShippedFile:
         assert (judged.rule, judged.depends_on) == ("inverse", ("S_inv", "signs of the routing"))
 
 
-GOOD = "{id: a, kind: number, where: Table 2, value: 0.24, unit: deg, decimals: 3}"
-JUDGED = "{ids: '*', rule: value, kind: ensemble, depends_on: [plant]}"
-
-
-def text(*entries: str, judged: Sequence[str] = (JUDGED,)) -> str:
-    lists = {"entries": entries, "judged": judged}
-    return "schema_version: 2\n" + "".join(
-        f"{name}:\n" + "".join(f"  - {item}\n" for item in items) for name, items in lists.items()
-    )
-
-
-class TestParsing:
-    def test_a_good_entry(self) -> None:
-        parsed = parse_published(load(text(GOOD), "x.yaml"))
-        entry, judgement = parsed.entries["a"], parsed.judgements["a"]
-        assert isinstance(entry, PrintedNumber)
-        assert (entry.where, entry.as_printed, entry.unit) == ("Table 2", "0.240", "deg")
-        assert judgement.model_dump() == {
-            "ids": "*", "rule": "value", "kind": "ensemble", "depends_on": ("plant",),
-            "repeats": None,
-        }  # fmt: skip
-
-    @pytest.mark.parametrize(
-        ("entry", "words"),
-        [
-            (GOOD.replace("kind: number", "kind: guess"), r"x.yaml:4: entries.1.kind: must be one of number"),
-            ("just words", "x.yaml:4: entries.1: must be a mapping"),
-            (GOOD.replace("id: a", "id: first"), "'first' is used twice"),
-        ],
-    )
-    def test_bad_entries_are_placed(self, entry: str, words: str) -> None:
-        with pytest.raises(ConfigError, match=words):
-            parse_published(load(text(GOOD.replace("id: a", "id: first"), entry), "x.yaml"))
-
-    @pytest.mark.parametrize(
-        ("judged", "words"),
-        [
-            ([JUDGED.replace("rule: value, ", "")], "x.yaml:5: judged.0: missing key 'rule'"),
-            ([JUDGED.replace("*", "b*")], "'a' is covered by 0 judgements"),
-            ([JUDGED, JUDGED.replace("*", "a")], "'a' is covered by 2 judgements"),
-        ],
-    )
-    def test_bad_judgements_are_refused(self, judged: list[str], words: str) -> None:
-        with pytest.raises(ConfigError, match=words):
-            parse_published(load(text(GOOD, judged=judged), "x.yaml"))
+def test_every_id_is_used_once_and_judged_by_one_rule() -> None:
+    path = shipped("data") / "published.yaml"
+    tree = load(read_text(path), str(path)).tree
+    ids = [entry["id"] for entry in tree["entries"]]
+    assert list(published().entries) == ids, "an id is used twice"
+    for name in ids:
+        fitting = [rule for rule in tree["judged"] if fnmatchcase(name, rule["ids"])]
+        assert [published().judgements[name].ids] == [rule["ids"] for rule in fitting]
 
 
 def test_numbers_have_the_digits_they_are_printed_with() -> None:

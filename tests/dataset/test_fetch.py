@@ -42,9 +42,9 @@ def fetch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Fetch:
     return carry_out
 
 
-def test_fetch_then_again_without_a_network(command: str, tmp_path: Path) -> None:
+def test_fetch_then_again_without_a_network(tmp_path: Path) -> None:
     with serving(Repository()) as repository:
-        found = answer(command, "fetch", str(RECORD), "--base-url", repository.url, cwd=tmp_path)
+        found = answer("fetch", str(RECORD), "--base-url", repository.url, cwd=tmp_path)
         agents = {headers["user-agent"] for _, headers in repository.log}
     assert files_of(tmp_path / "data" / "zenodo") == dict(sorted(SMALL.items()))
     assert {file["action"] for file in found["files"]} == {"downloaded"}
@@ -52,7 +52,7 @@ def test_fetch_then_again_without_a_network(command: str, tmp_path: Path) -> Non
     assert [lock[key] for key in ("record", "licence", "version")] == [str(RECORD), "cc-by-4.0", "v1"]
     assert all(hashlib.md5(SMALL[file["key"]]).hexdigest() == file["md5"] for file in lock["files"])
     assert all(agent.startswith("tendonrepro/") and "(+http" in agent for agent in agents)
-    again = answer(command, "fetch", str(RECORD), cwd=tmp_path)
+    again = answer("fetch", str(RECORD), cwd=tmp_path)
     assert {file["action"] for file in again["files"]} == {"present"}
 
 
@@ -95,19 +95,19 @@ def test_a_line_that_always_ends_leaves_the_part_for_the_next_time(fetch: Fetch,
 @pytest.mark.skipif(sys.platform == "win32", reason="needs SIGKILL")
 def test_a_killed_download_goes_on_where_it_stopped(command: str, tmp_path: Path) -> None:
     with serving(Repository(files=dict(ONE), modes={"stuck"}, failures=1)) as repository:
-        words = [command, "fetch", str(RECORD), "--base-url", repository.url, "--quiet"]
+        words = ["fetch", str(RECORD), "--base-url", repository.url, "--quiet"]
         folder = tmp_path / "data" / "zenodo"
-        with subprocess.Popen(words, cwd=tmp_path) as process:
+        with subprocess.Popen([command, *words], cwd=tmp_path) as process:
             deadline = time.monotonic() + 30.0
             while not any(path.stat().st_size for path in folder.glob("*.part")):
                 assert time.monotonic() < deadline
                 time.sleep(0.01)
-            second = run(command, *words[1:], cwd=tmp_path)
+            second = run(*words, cwd=tmp_path)
             process.send_signal(signal.SIGKILL)
         assert second.returncode == 2
         assert files_of(folder) == {}
         repository.release.set()
-        assert run(command, *words[1:], cwd=tmp_path).returncode == 0
+        assert run(*words, cwd=tmp_path).returncode == 0
         assert [place for place in repository.ranges() if place]
     assert files_of(folder) == ONE
 

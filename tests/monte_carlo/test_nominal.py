@@ -33,7 +33,7 @@ def quantities(tree, path=()):
             yield from quantities(value, (*path, str(key)))
 
 
-ROWS = dict(load_ensemble(None).config.box.items())
+ROWS = dict(load_ensemble(None).config.box)
 
 
 @pytest.mark.parametrize("name", [name for name, row in ROWS.items() if isinstance(row, BoxRange)])

@@ -1,24 +1,24 @@
-"""Numbers that carry their unit and where they come from."""
+"""Numbers that carry their unit and where they come from, and what a field asks of them."""
 
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Annotated, Any, TypeAlias
+import operator
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import KW_ONLY, dataclass
+from functools import cached_property, partial
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias
 
 import numpy as np
-from pydantic import AfterValidator, Field, WithJsonSchema
+from pydantic import Field, GetCoreSchemaHandler, WithJsonSchema, WrapValidator
+from pydantic_core import CoreSchema
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.fields.model import Model, Number, Problems, describe, refuse
+from tendonrepro.configuration.fields.model import Mistakes, Model, Number, describe, refuse, refuse_all
+from tendonrepro.configuration.fields.strict_yaml import Key
 
-_SOURCE = r"^(printed|derived|datasheet|assumed|identified): \S"
 
-
-@dataclass(frozen=True)
-class _Unit:
+class _Unit(NamedTuple):
     """A unit as ``value * factor / divisor`` of its SI unit; dividing keeps 77 mm the float nearest .077."""
 
     si: str
@@ -40,17 +40,8 @@ UNITS = {unit: _Unit(unit) for unit in _SI_UNITS} | {
     "N m s": _Unit("N m s rad-1"),
 }
 
-
-def _check_source(text: str) -> str:
-    if not re.match(_SOURCE, text):
-        origins = "printed:, derived:, datasheet:, assumed: or identified:"
-        refuse(f"must begin with {origins} and then say where from, found {describe(text)}")
-    return text
-
-
-Source: TypeAlias = Annotated[
-    str, AfterValidator(_check_source), WithJsonSchema({"type": "string", "pattern": _SOURCE})
-]
+SOURCE_PATTERN = r"^(printed|derived|datasheet|assumed|identified): \S"
+Source: TypeAlias = Annotated[str, Field(pattern=SOURCE_PATTERN)]
 """``origin: words`` with origin printed, derived, datasheet, assumed or identified."""
 
 
@@ -60,16 +51,17 @@ def to_si(value: Any, unit: str) -> Any:
     return value * known.factor / known.divisor
 
 
+Size: TypeAlias = Literal["one", "pair", "joints", "moving"]
+
+
 class Quantity(Model):
     """A value as written, with unit (UDUNITS spelling) and source; use `Scalar`, `Vector` or `Matrix`."""
 
+    rank: ClassVar[int]
+    size: ClassVar[Size] = "one"
     value: Any
     unit: str
     source: Source
-
-    def entries(self) -> Iterator[tuple[tuple[int, ...], float]]:
-        """Every single number with its index below `value`."""
-        yield from ((index, float(number)) for index, number in np.ndenumerate(np.asarray(self.value)))
 
     @property
     def si_unit(self) -> str:
@@ -77,20 +69,19 @@ class Quantity(Model):
         return UNITS[self.unit].si
 
 
-Row: TypeAlias = Annotated[tuple[Number, ...], Field(min_length=1)]
-
-
-def _check_rows(rows: tuple[Row, ...]) -> tuple[Row, ...]:
-    with Problems() as problems:
-        for i, row in enumerate(rows):
-            if len(row) != len(rows[0]):
-                problems.add((i,), f"has {len(row)} entries where the first row has {len(rows[0])}")
-    return rows
+def _numbers(held: object, path: Key = ()) -> Iterator[tuple[Key, float]]:
+    """Every single number of a model with its place."""
+    if isinstance(held, float):
+        yield path, held
+    elif isinstance(held, tuple | Model):
+        for key, item in held if isinstance(held, Model) else enumerate(held):
+            yield from _numbers(item, (*path, key))
 
 
 class Scalar(Quantity):
     """One number."""
 
+    rank = 0
     value: Number
 
     def __str__(self) -> str:
@@ -112,13 +103,141 @@ class _Several(Quantity):
         return array
 
 
-class Vector(_Several):
-    """A list of numbers, one per joint unless said otherwise."""
+Row: TypeAlias = Annotated[tuple[Number, ...], Field(min_length=1)]
 
+
+class Vector(_Several):
+    """A list of numbers."""
+
+    rank = 1
     value: Row
 
 
-class Matrix(_Several):
-    """A list of rows of numbers."""
+class Joints(Vector):
+    """One number per joint of the manipulator."""
 
-    value: Annotated[tuple[Row, ...], Field(min_length=1), AfterValidator(_check_rows)]
+    size = "joints"
+
+
+class Moving(Vector):
+    """One number per moving joint."""
+
+    size = "moving"
+
+
+class Pair(Vector):
+    """A lower and an upper number."""
+
+    size = "pair"
+
+
+class Matrix(_Several):
+    """A list of rows of numbers, one per joint of the manipulator both ways."""
+
+    rank = 2
+    size = "joints"
+    value: Annotated[tuple[Row, ...], Field(min_length=1)]
+
+
+LARGEST = 1e30
+"""Largest size of a quantity, and of its inverse unless it is 0, SI: products of some stay finite."""
+
+PER_ENTRY: Mapping[Size, str] = {
+    "pair": "lowest first",
+    "joints": "one per joint of the manipulator",
+    "moving": "one per moving joint",
+}
+_LIMITS: Mapping[str, tuple[str, Callable[[float, float], bool]]] = {
+    "above": ("exclusiveMinimum", operator.gt),
+    "at_least": ("minimum", operator.ge),
+    "below": ("exclusiveMaximum", operator.lt),
+    "at_most": ("maximum", operator.le),
+}
+"""Name of a limit in the JSON schema, and what it admits."""
+
+
+@dataclass(frozen=True)
+class Physical:
+    """What a field with a unit means and allows, as metadata in ``Annotated``.
+
+    ``unit`` is the SI unit, of the limits too; the file may use every unit that converts to it. ``above`` and
+    ``below`` exclude the limit itself.
+    """
+
+    unit: str
+    about: str
+    _: KW_ONLY
+    above: float | None = None
+    at_least: float | None = None
+    below: float | None = None
+    at_most: float | None = None
+    whole: bool = False
+
+    def __get_pydantic_core_schema__(self, source: type[Model], handler: GetCoreSchemaHandler) -> CoreSchema:
+        schema: Any = Field(description=self.about)
+        if issubclass(source, Quantity):
+            schema = WithJsonSchema(self._json_schema(source))
+        return handler.generate_schema(Annotated[source, WrapValidator(self._validate), schema])
+
+    @cached_property
+    def _units(self) -> list[str]:
+        return [name for name, unit in UNITS.items() if unit.si == self.unit]
+
+    @cached_property
+    def _limits(self) -> dict[str, float]:
+        return {name: limit for name in _LIMITS if (limit := getattr(self, name)) is not None}
+
+    def _validate(self, raw: object, handler: Callable[[object], Any]) -> Any:
+        if not isinstance(raw, dict | Model):
+            example = f"{{value: ..., unit: {self._units[0]}, source: 'assumed: ...'}}"
+            refuse(f"must carry unit and source, as in {example}, found {describe(raw)}")
+        held = handler(raw)
+        refuse_all(self._out_of_range(held))
+        return held
+
+    def _out_of_range(self, held: Any) -> Mistakes:
+        """Mistakes of anything with a unit and numbers: a quantity, or a row of the box."""
+        unit = held.unit
+        unit_words = "" if unit == "1" else f" {unit}"
+        if unit not in self._units:
+            yield ("unit",), f"must be {' or '.join(self._units)}, found {describe(unit)}"
+            return
+        for place, value in _numbers(held):
+            si = to_si(value, unit)
+            if not all(_LIMITS[name][1](si, limit) for name, limit in self._limits.items()):
+                allowed = " and ".join(
+                    f"{name.replace('_', ' ')} {limit / to_si(1.0, unit):.12g}"
+                    for name, limit in self._limits.items()
+                )
+                yield place, f"must be {allowed}{unit_words}, found {value:.12g}"
+            elif si and not 1.0 / LARGEST <= abs(si) <= LARGEST:
+                yield place, f"is too near to 0 or too large to compute with: {value:g}"
+            elif self.whole and not value.is_integer():
+                yield place, f"must be a whole number, found {value:g}"
+
+    def _json_schema(self, kind: type[Quantity]) -> dict[str, Any]:
+        value: dict[str, Any] = {"type": "integer" if self.whole else "number"}
+        for name, limit in self._limits.items():
+            # A schema knows no units, so it can only state limits that are the same number in all of them.
+            if limit == 0.0 or len(self._units) == 1:
+                value[_LIMITS[name][0]] = limit
+        length = {"minItems": 2, "maxItems": 2} if kind.size == "pair" else {"minItems": 1}
+        for _ in range(kind.rank):
+            value = {"type": "array", "items": value} | length
+        size = f"; {PER_ENTRY[kind.size]}" if kind.rank else ""
+        return {
+            "type": "object",
+            "description": f"{self.about}{size}; unit {' or '.join(self._units)}",
+            "properties": {
+                "value": value,
+                "unit": {"enum": self._units},
+                "source": {"type": "string", "pattern": SOURCE_PATTERN},
+            },
+            "required": ["value", "unit", "source"],
+            "additionalProperties": False,
+        }
+
+
+positive = partial(Physical, above=0.0)
+from_zero = partial(Physical, at_least=0.0)
+whole = partial(Physical, "1", whole=True)

@@ -7,17 +7,14 @@ its bounds may be at most.
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Self, TypeAlias
 
 from pydantic import AfterValidator, Field, GetCoreSchemaHandler, model_validator
 from pydantic_core import CoreSchema
 
-from tendonrepro.configuration.fields.model import Model, Number, Problems, describe, refuse
-from tendonrepro.configuration.fields.quantity import UNITS, Source, to_si
-from tendonrepro.configuration.fields.strict_yaml import Key
+from tendonrepro.configuration.fields.model import Model, Number, refuse, refuse_all
+from tendonrepro.configuration.fields.quantity import Physical, Source, from_zero, positive, to_si
 from tendonrepro.configuration.models.readings import ERROR_RATES
 
 SWITCH = ("off", "on")
@@ -45,10 +42,6 @@ class BoxRange(_Known):
     scale: Literal["linear", "log"]
     unit: str
 
-    def numbers(self) -> Iterator[tuple[Key, float]]:
-        """Every number with its place."""
-        yield from ((("low",), self.low), (("high",), self.high))
-
     @property
     def lowest(self) -> float:
         """The lower bound, SI."""
@@ -61,15 +54,12 @@ class BoxRange(_Known):
 
     @model_validator(mode="after")
     def _check_order(self) -> Self:
-        with Problems() as problems:
-            if self.low >= self.high:
-                problems.add(("low",), f"must be below high, {self.high:g}, found {self.low:g}")
-            elif not self.low <= self.nominal <= self.high:
-                problems.add(
-                    ("nominal",), f"must be from {self.low:g} to {self.high:g}, found {self.nominal:g}"
-                )
-            if self.scale == "log" and self.low <= 0.0:
-                problems.add(("low",), f"must be above 0 on a log scale, found {self.low:g}")
+        if self.low >= self.high:
+            refuse(f"must be below high, {self.high:g}, found {self.low:g}", "low")
+        if not self.low <= self.nominal <= self.high:
+            refuse(f"must be from {self.low:g} to {self.high:g}, found {self.nominal:g}", "nominal")
+        if self.scale == "log" and self.low <= 0.0:
+            refuse(f"must be above 0 on a log scale, found {self.low:g}", "low")
         return self
 
 
@@ -81,12 +71,11 @@ class _OneOf(_Known):
 
     @model_validator(mode="after")
     def _check_choices(self) -> Self:
-        with Problems() as problems:
-            if self.nominal not in self.choices:
-                known = ", ".join(map(str, self.choices))
-                problems.add(("nominal",), f"must be one of the choices, {known}, found {self.nominal}")
-            if len(set(self.choices)) < len(self.choices):
-                problems.add(("choices",), "must not name a choice twice")
+        if self.nominal not in self.choices:
+            known = ", ".join(map(str, self.choices))
+            refuse(f"must be one of the choices, {known}, found {self.nominal}", "nominal")
+        if len(set(self.choices)) < len(self.choices):
+            refuse("must not name a choice twice", "choices")
         return self
 
 
@@ -96,10 +85,6 @@ class Choice(_OneOf):
     choices: Annotated[tuple[Number, ...], Field(min_length=1)]
     nominal: Number
     unit: str
-
-    def numbers(self) -> Iterator[tuple[Key, float]]:
-        """Every number with its place."""
-        yield from ((("choices", i), value) for i, value in enumerate(self.choices))
 
 
 class Words(_OneOf):
@@ -113,136 +98,93 @@ BoxRow: TypeAlias = BoxRange | Choice | Words
 
 
 @dataclass(frozen=True)
-class _Checked(ABC):
-    """Metadata that has a row checked after it is read."""
-
-    about: str
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        return handler.generate_schema(
-            Annotated[source, AfterValidator(self._check), Field(description=self.about)]
-        )
-
-    @abstractmethod
-    def _check(self, row: Any) -> BoxRow:
-        """Give back the row, or raise its mistakes."""
-
-
-@dataclass(frozen=True)
-class In(_Checked):
-    """SI unit of a row, and the bounds of what may be drawn, in that unit and included."""
-
-    unit: str
-    bottom: float = 0.0
-    top: float = math.inf
-
-    def _check(self, row: BoxRange | Choice) -> BoxRange | Choice:
-        units = [name for name, unit in UNITS.items() if unit.si == self.unit]
-        if row.unit not in units:
-            refuse(f"must be {' or '.join(units)}, found {describe(row.unit)}", "unit")
-        most = "" if self.top == math.inf else f" and at most {self.top:.6g}"
-        allowed = f"at least {self.bottom:.6g}{most} {self.unit}"
-        with Problems() as problems:
-            for at, value in row.numbers():
-                # The last digits of a conversion must not decide.
-                if not self.bottom * (1.0 - 1e-12) <= to_si(value, row.unit) <= self.top * (1.0 + 1e-12):
-                    problems.add(at, f"must be {allowed}, found {value:g} {row.unit}")
-        return row
-
-
-@dataclass(frozen=True)
-class Among(_Checked):
+class Among:
     """The words that a row may choose from; a draw holds the place of a word here, from 0."""
 
+    about: str
     words: tuple[str, ...]
 
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        checked = Annotated[source, AfterValidator(self._check), Field(description=self.about)]
+        return handler.generate_schema(checked)
+
     def _check(self, row: Words) -> Words:
-        with Problems() as problems:
-            for i, word in enumerate(row.choices):
-                if word not in self.words:
-                    problems.add(("choices", i), f"must be one of {', '.join(self.words)}, found {word!r}")
+        known = f"must be one of {', '.join(self.words)}"
+        unknown = [(i, word) for i, word in enumerate(row.choices) if word not in self.words]
+        refuse_all((("choices", i), f"{known}, found {word!r}") for i, word in unknown)
         return row
-
-
-_EPS = 1e-9  # stands for "above zero"
-_DEGREE = math.pi / 180.0
 
 
 class BoxConfig(Model):
     """The box, one field per unknown; joint 1 is held in `compare`, so nothing of it is here."""
 
-    link_length_2: Annotated[BoxRange, In("length of link 2", "m", _EPS)]
-    link_length_3: Annotated[BoxRange, In("length of link 3, to the tool", "m", _EPS)]
-    link_mass_2: Annotated[BoxRange, In("mass of link 2", "kg", _EPS)]
-    link_mass_3: Annotated[BoxRange, In("mass of link 3", "kg", _EPS)]
-    link_com_2: Annotated[BoxRange, In("centre of mass of link 2 over its length", "1", 0.0, 1.0)]
-    link_com_3: Annotated[BoxRange, In("centre of mass of link 3 over its length", "1", 0.0, 1.0)]
-    link_inertia_2: Annotated[BoxRange, In("central inertia of link 2 over m l²", "1", _EPS, 1.0)]
-    link_inertia_3: Annotated[BoxRange, In("central inertia of link 3 over m l²", "1", _EPS, 1.0)]
-    rotor_inertia: Annotated[BoxRange, In("inertia of a rotor", "kg m2", 0.0)]
-    reducer_inertia: Annotated[BoxRange, In("inertia of wave generator and coupling", "kg m2", 0.0)]
-    drum_inertia: Annotated[BoxRange, In("inertia of a drum", "kg m2", 0.0)]
-    winch_viscous: Annotated[BoxRange, In("viscous damping D_m at a winch", "N m s rad-1")]
-    tendon_stiffness_2: Annotated[BoxRange, In("stiffness of tendon 2 at joint 2", "N m rad-1", _EPS)]
-    tendon_stiffness_3: Annotated[BoxRange, In("stiffness of tendon 3 at joint 3", "N m rad-1", _EPS)]
-    tendon_damping_2: Annotated[BoxRange, In("damping of tendon 2 at joint 2", "N m s rad-1")]
-    tendon_damping_3: Annotated[BoxRange, In("damping of tendon 3 at joint 3", "N m s rad-1")]
+    link_length_2: Annotated[BoxRange, positive("m", "length of link 2")]
+    link_length_3: Annotated[BoxRange, positive("m", "length of link 3, to the tool")]
+    link_mass_2: Annotated[BoxRange, positive("kg", "mass of link 2")]
+    link_mass_3: Annotated[BoxRange, positive("kg", "mass of link 3")]
+    link_com_2: Annotated[BoxRange, from_zero("1", "centre of mass of link 2 over its length", at_most=1.0)]
+    link_com_3: Annotated[BoxRange, from_zero("1", "centre of mass of link 3 over its length", at_most=1.0)]
+    link_inertia_2: Annotated[BoxRange, positive("1", "central inertia of link 2 over m l²", at_most=1.0)]
+    link_inertia_3: Annotated[BoxRange, positive("1", "central inertia of link 3 over m l²", at_most=1.0)]
+    rotor_inertia: Annotated[BoxRange, from_zero("kg m2", "inertia of a rotor")]
+    reducer_inertia: Annotated[BoxRange, from_zero("kg m2", "inertia of wave generator and coupling")]
+    drum_inertia: Annotated[BoxRange, from_zero("kg m2", "inertia of a drum")]
+    winch_viscous: Annotated[BoxRange, from_zero("N m s rad-1", "viscous damping D_m at a winch")]
+    tendon_stiffness_2: Annotated[BoxRange, positive("N m rad-1", "stiffness of tendon 2 at joint 2")]
+    tendon_stiffness_3: Annotated[BoxRange, positive("N m rad-1", "stiffness of tendon 3 at joint 3")]
+    tendon_damping_2: Annotated[BoxRange, from_zero("N m s rad-1", "damping of tendon 2 at joint 2")]
+    tendon_damping_3: Annotated[BoxRange, from_zero("N m s rad-1", "damping of tendon 3 at joint 3")]
     clearance_at: Annotated[Words, Among("joints whose tendons have clearance", CLEARANCES)]
-    clearance: Annotated[BoxRange, In("slack that a tendon takes up before it pulls", "m")]
+    clearance: Annotated[BoxRange, from_zero("m", "slack that a tendon takes up before it pulls")]
     friction_sides: Annotated[Words, Among("sides on which dry friction acts", FRICTION_SIDES)]
-    link_coulomb: Annotated[BoxRange, In("Coulomb friction of a joint", "N m")]
-    link_viscous: Annotated[BoxRange, In("viscous friction of a joint", "N m s rad-1")]
-    link_static_ratio: Annotated[BoxRange, In("static over Coulomb friction, joint", "1", 1.0)]
-    link_stribeck_velocity: Annotated[BoxRange, In("Stribeck velocity, joint", "rad s-1", _EPS)]
-    winch_coulomb: Annotated[BoxRange, In("Coulomb friction at a winch", "N m")]
-    winch_static_ratio: Annotated[BoxRange, In("static over Coulomb friction, winch", "1", 1.0)]
-    winch_stribeck_velocity: Annotated[BoxRange, In("Stribeck velocity, winch", "rad s-1", _EPS)]
+    link_coulomb: Annotated[BoxRange, from_zero("N m", "Coulomb friction of a joint")]
+    link_viscous: Annotated[BoxRange, from_zero("N m s rad-1", "viscous friction of a joint")]
+    link_static_ratio: Annotated[BoxRange, Physical("1", "static over Coulomb friction, joint", at_least=1.0)]
+    link_stribeck_velocity: Annotated[BoxRange, positive("rad s-1", "Stribeck velocity, joint")]
+    winch_coulomb: Annotated[BoxRange, from_zero("N m", "Coulomb friction at a winch")]
+    winch_static_ratio: Annotated[
+        BoxRange, Physical("1", "static over Coulomb friction, winch", at_least=1.0)
+    ]
+    winch_stribeck_velocity: Annotated[BoxRange, positive("rad s-1", "Stribeck velocity, winch")]
     pulley_loss_acts: Annotated[Words, Among("whether guide pulleys lose tension", SWITCH)]
-    pulley_loss: Annotated[BoxRange, In("share of the tension lost at a guide pulley", "1", 0.0, 0.999)]
+    pulley_loss: Annotated[BoxRange, from_zero("1", "share of the tension lost at a guide pulley", below=1.0)]
     reducer_loss_acts: Annotated[Words, Among("whether the reducer loses torque", SWITCH)]
-    reducer_efficiency: Annotated[BoxRange, In("efficiency of the reducer", "1", _EPS, 1.0)]
-    tensioner_force: Annotated[BoxRange, In("force of tendon 4", "N")]
+    reducer_efficiency: Annotated[BoxRange, positive("1", "efficiency of the reducer", at_most=1.0)]
+    tensioner_force: Annotated[BoxRange, from_zero("N", "force of tendon 4")]
     transmission_error_acts: Annotated[Words, Among("whether the reducer has angle errors", SWITCH)]
-    transmission_error: Annotated[BoxRange, In("peak-to-peak angle error at the winch", "rad")]
-    torque_limit: Annotated[BoxRange, In("saturation at the winch", "N m", _EPS)]
+    transmission_error: Annotated[BoxRange, from_zero("rad", "peak-to-peak angle error at the winch")]
+    torque_limit: Annotated[BoxRange, positive("N m", "saturation at the winch")]
     torque_resolution_acts: Annotated[Words, Among("whether torque comes in steps", SWITCH)]
-    torque_resolution: Annotated[BoxRange, In("step of the torque at the winch", "N m")]
+    torque_resolution: Annotated[BoxRange, from_zero("N m", "step of the torque at the winch")]
     torque_noise_acts: Annotated[Words, Among("whether torque is noisy", SWITCH)]
-    torque_noise: Annotated[BoxRange, In("RMS noise of the torque at the winch", "N m")]
-    encoder_count: Annotated[Choice, In("angle of one count of the joint encoders", "rad")]
-    output_delay: Annotated[Choice, In("delay of the command in samples", "1", 0.0, 100.0)]
+    torque_noise: Annotated[BoxRange, from_zero("N m", "RMS noise of the torque at the winch")]
+    encoder_count: Annotated[Choice, from_zero("rad", "angle of one count of the joint encoders")]
+    output_delay: Annotated[Choice, from_zero("1", "delay of the command in samples", at_most=100.0)]
     error_rate: Annotated[Words, Among("how the error's rate is obtained", ERROR_RATES)]
-    filter_cutoff: Annotated[BoxRange, In("cutoff of the low-pass error rate", "Hz", _EPS)]
+    filter_cutoff: Annotated[BoxRange, positive("Hz", "cutoff of the low-pass error rate")]
     disturbance: Annotated[Words, Among("kind of the disturbance", DISTURBANCES)]
-    disturbance_torque: Annotated[BoxRange, In("amplitude of the sine, RMS of the noise", "N m")]
-    disturbance_frequency: Annotated[BoxRange, In("frequency of the sine", "Hz", _EPS)]
-    posture: Annotated[BoxRange, In("joint 1 from hanging", "rad", 1.0 * _DEGREE, 179.0 * _DEGREE)]
+    disturbance_torque: Annotated[BoxRange, from_zero("N m", "amplitude of the sine, RMS of the noise")]
+    disturbance_frequency: Annotated[BoxRange, positive("Hz", "frequency of the sine")]
+    posture: Annotated[BoxRange, Physical("rad", "joint 1 from hanging", above=0.0, below=math.pi)]
     motion: Annotated[Words, Among("kind of the reference motion", MOTIONS)]
-    amplitude: Annotated[BoxRange, In("largest angle of the reference, a joint", "rad", _EPS, 89.0 * _DEGREE)]
-    period: Annotated[BoxRange, In("period of raised cosine and sine", "s", 0.02)]
-    rise: Annotated[BoxRange, In("duration of a minimum-jerk stroke", "s", 0.02)]
-    hold: Annotated[BoxRange, In("pause after a stroke", "s", 0.0)]
-    velocity: Annotated[BoxRange, In("largest velocity, trapezoidal", "rad s-1", _EPS)]
-    acceleration: Annotated[BoxRange, In("acceleration of the ramps, trapezoidal", "rad s-2", _EPS)]
+    amplitude: Annotated[BoxRange, positive("rad", "largest angle of the reference, a joint")]
+    period: Annotated[BoxRange, Physical("s", "period of raised cosine and sine", at_least=0.02)]
+    rise: Annotated[BoxRange, Physical("s", "duration of a minimum-jerk stroke", at_least=0.02)]
+    hold: Annotated[BoxRange, from_zero("s", "pause after a stroke")]
+    velocity: Annotated[BoxRange, positive("rad s-1", "largest velocity, trapezoidal")]
+    acceleration: Annotated[BoxRange, positive("rad s-2", "acceleration of the ramps, trapezoidal")]
 
     @model_validator(mode="after")
     def _check_workspace(self) -> Self:
         """Links stay between 0 and 180 degrees from hanging in every draw: link 3 reaches posture + 2 A."""
         reached = self.posture.highest + 2.0 * self.amplitude.highest
         if reached >= math.pi:
-            message = (
-                f"must keep link 3 below 180 deg from hanging, it would reach {reached / _DEGREE:.6g} deg"
-            )
-            refuse(message, "amplitude", "high")
+            found = f"it would reach {math.degrees(reached):.6g} deg"
+            refuse(f"must keep link 3 below 180 deg from hanging, {found}", "amplitude", "high")
         return self
 
-    def items(self) -> Iterator[tuple[str, BoxRow]]:
-        """Every row by its name, in order."""
-        for name in type(self).model_fields:
-            yield name, getattr(self, name)
 
-
-def rule_of(name: str) -> In | Among:
+def rule_of(name: str) -> Physical | Among:
     """What a row's field asks: unit and bounds, or its words."""
-    (rule,) = (item for item in BoxConfig.model_fields[name].metadata if isinstance(item, In | Among))
+    (rule,) = (item for item in BoxConfig.model_fields[name].metadata if isinstance(item, Physical | Among))
     return rule

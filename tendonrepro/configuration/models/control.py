@@ -6,13 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, GetJsonSchemaHandler, model_validator
-from pydantic.json_schema import JsonSchemaValue
-from pydantic_core import CoreSchema
+from pydantic import Field, model_validator
 
-from tendonrepro.configuration.fields.model import Identifier, Model, Problems
-from tendonrepro.configuration.fields.physical import per_moving_joint, physical
-from tendonrepro.configuration.fields.quantity import Scalar, Vector
+from tendonrepro.configuration.fields.model import Identifier, Mistakes, Model, refuse_all
+from tendonrepro.configuration.fields.quantity import Moving, Physical, Scalar, from_zero, positive
 
 RUNS = ("controller_1", "controller_2", "controller_3", "controller_1_payload")
 ALPHA = ("controller_1", "controller_1_payload")
@@ -25,18 +22,15 @@ FILTERED = ("low_pass", "acceleration", "estimate")
 class Gains(Model):
     """Gains of the control laws, one entry per moving joint."""
 
-    M_bar: Annotated[Vector, per_moving_joint("kg m2", "constant inertia of Eq. (6)", above=0.0)]
-    lam: Annotated[Vector, per_moving_joint("s-1", "reaching gain of Eq. (14)", above=0.0)]
-    b: Annotated[Vector, per_moving_joint("1", "exponent of Eq. (12)", above=0.0, below=1.0)]
-    eta: Annotated[Vector, per_moving_joint("1", "surface gain of Eq. (11)", above=0.0)]
-    Delta: Annotated[Vector, per_moving_joint("rad", "error at which Eq. (12) changes", above=0.0)]
-    alpha: Annotated[
-        Vector,
-        per_moving_joint("1", "weight of the older estimate, Eq. (15)", at_least=0.0, at_most=1.0),
-    ]
-    beta: Annotated[Vector, per_moving_joint("s-1", "surface gain of Controller 3", above=0.0)]
-    K_d: Annotated[Vector, per_moving_joint("s-1", "rate gain of Eq. (9)", above=0.0)] | None = None
-    K_p: Annotated[Vector, per_moving_joint("s-2", "error gain of Eq. (9)", above=0.0)] | None = None
+    M_bar: Annotated[Moving, positive("kg m2", "constant inertia of Eq. (6)")]
+    lam: Annotated[Moving, positive("s-1", "reaching gain of Eq. (14)")]
+    b: Annotated[Moving, positive("1", "exponent of Eq. (12)", below=1.0)]
+    eta: Annotated[Moving, positive("1", "surface gain of Eq. (11)")]
+    Delta: Annotated[Moving, positive("rad", "error at which Eq. (12) changes")]
+    alpha: Annotated[Moving, from_zero("1", "weight of the older estimate, Eq. (15)", at_most=1.0)]
+    beta: Annotated[Moving, positive("s-1", "surface gain of Controller 3")]
+    K_d: Annotated[Moving, positive("s-1", "rate gain of Eq. (9)")] | None = None
+    K_p: Annotated[Moving, positive("s-2", "error gain of Eq. (9)")] | None = None
 
 
 PRINTED_LAWS = {
@@ -56,20 +50,14 @@ class LawChoice(Model):
 
 @dataclass(frozen=True)
 class At:
-    """Where a reading stands in the paper, what it is about, and the runs it changes.
+    """Where a reading stands in the paper, and the runs it changes.
 
-    All its alternatives change the same `runs`, but for those that `only` names.
+    All its alternatives change the same `runs`, except those that `only` names.
     """
 
     place: str
-    about: str
     runs: tuple[str, ...] = RUNS
     only: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-
-    def __get_pydantic_json_schema__(
-        self, core: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> JsonSchemaValue:
-        return handler(core) | {"description": self.about}
 
 
 class Readings(Model):
@@ -79,92 +67,57 @@ class Readings(Model):
     not know yet takes the printed value as its default, and they stay the same.
     """
 
-    phi_negative: Annotated[
-        Literal["odd", "even"],
-        At(
-            "Eq. (12)",
-            "Whether the polynomial of φ is odd, or even in its square as printed, for negative errors.",
-            TERMINAL,
-        ),
-    ]
-    phi_branch: Annotated[
-        Literal["printed", "power"],
-        At("Eq. (12)", "Whether φ is the polynomial near zero, or the power everywhere.", TERMINAL),
-    ]
-    weights: Annotated[
-        Literal["interpolating", "extrapolating", "swapped"],
-        At("Eq. (15)", "Whether the two delayed estimates weigh (1−α, α), (1+α, −α) or (α, 1−α).", ALPHA),
-    ]
-    differencing: Annotated[
-        Literal["lagging", "centred"],
-        At("Eq. (16)", "Whether the second difference lags its label by one period or is centred on it."),
-    ]
+    phi_negative: Annotated[Literal["odd", "even"], At("Eq. (12)", TERMINAL)]
+    """Whether the polynomial of φ is odd, or even in its square as printed, for negative errors."""
+
+    phi_branch: Annotated[Literal["printed", "power"], At("Eq. (12)", TERMINAL)]
+    """Whether φ is the polynomial near zero, or the power everywhere."""
+
+    weights: Annotated[Literal["interpolating", "extrapolating", "swapped"], At("Eq. (15)", ALPHA)]
+    """Whether the two delayed estimates weigh (1−α, α), (1+α, −α) or (α, 1−α)."""
+
+    differencing: Annotated[Literal["lagging", "centred"], At("Eq. (16)")]
+    """Whether the second difference lags its label by one period or is centred on it."""
+
     gain_unit: Annotated[
         Literal["radian", "phi_in_degrees", "law_in_degrees"],
-        At(
-            "Section 5.3",
-            "Whether gains mean radians, or degrees inside φ, or degrees in the whole law.",
-            only={"phi_in_degrees": TERMINAL},
-        ),
+        At("Section 5.3", only={"phi_in_degrees": TERMINAL}),
     ]
-    Delta_unit: Annotated[
-        Literal["rad", "deg"],
-        At(
-            "Section 5.3",
-            "Whether Δ, printed without a unit, is in rad or in deg; gains in degrees have it in degrees.",
-            TERMINAL,
-        ),
-    ] = "rad"
-    eta_in_controller_2: Annotated[
-        Literal["kept", "dropped"],
-        At("Section 5.3", "Whether Controller 2 keeps the η that its printed law lacks.", ("controller_2",)),
-    ]
-    torque_coordinates: Annotated[
-        Literal["joint", "winch", "motor_shaft"],
-        At("Eqs. (3), (17)", "Whether the law's torque is of the joints, the winches or the motor shafts."),
-    ]
-    torque_unit: Annotated[
-        Literal["newton_metre", "percent_of_rated", "volt"],
-        At(
-            "Section 5.3",
-            "Whether the law's torque, and so M̄, is in N m, in percent of the rated torque or in volts.",
-        ),
-    ]
-    stored_torque: Annotated[
-        Literal["commanded", "applied"],
-        At(
-            "Eqs. (8), (15)",
-            "Whether the estimator remembers the torque it commanded, or the one the drive put out.",
-        ),
-    ]
-    delay_time: Annotated[
-        Literal["one_period", "two_periods", "four_periods"],
-        At("Remark 2", "How many sampling periods the delay time L is."),
-    ]
-    estimate_filter: Annotated[
-        Literal["none", "acceleration", "estimate"],
-        At(
-            "Eqs. (8), (15), (16)",
-            "Whether the acceleration, or the whole estimate, is low-pass filtered at the drawn cutoff.",
-        ),
-    ]
-    feedback: Annotated[
-        Literal["joint", "motor"],
-        At("Section 5.1", "Whether the law looks at the joints' encoders, or at S times the motors'."),
-    ]
-    start: Annotated[
-        Literal["filled", "cold"],
-        At(
-            "Eqs. (8), (15)",
-            "Whether the delay lines hold the state at rest or zeros before the first sample.",
-        ),
-    ]
+    """Whether gains mean radians, or degrees inside φ, or degrees in the whole law."""
+
+    Delta_unit: Annotated[Literal["rad", "deg"], At("Section 5.3", TERMINAL)] = "rad"
+    """Whether Δ, printed without a unit, is in rad or in deg; gains in degrees have it in degrees."""
+
+    eta_in_controller_2: Annotated[Literal["kept", "dropped"], At("Section 5.3", ("controller_2",))]
+    """Whether Controller 2 keeps the η that its printed law lacks."""
+
+    torque_coordinates: Annotated[Literal["joint", "winch", "motor_shaft"], At("Eqs. (3), (17)")]
+    """Whether the law's torque is of the joints, the winches or the motor shafts."""
+
+    torque_unit: Annotated[Literal["newton_metre", "percent_of_rated", "volt"], At("Section 5.3")]
+    """Whether the law's torque, and so M̄, is in N m, in percent of the rated torque or in volts."""
+
+    stored_torque: Annotated[Literal["commanded", "applied"], At("Eqs. (8), (15)")]
+    """Whether the estimator remembers the torque it commanded, or the one the drive put out."""
+
+    delay_time: Annotated[Literal["one_period", "two_periods", "four_periods"], At("Remark 2")]
+    """How many sampling periods the delay time L is."""
+
+    estimate_filter: Annotated[Literal["none", "acceleration", "estimate"], At("Eqs. (8), (15), (16)")]
+    """Whether the acceleration, or the whole estimate, is low-pass filtered at the drawn cutoff."""
+
+    feedback: Annotated[Literal["joint", "motor"], At("Section 5.1")]
+    """Whether the law looks at the joints' encoders, or at S times the motors'."""
+
+    start: Annotated[Literal["filled", "cold"], At("Eqs. (8), (15)")]
+    """Whether the delay lines hold the state at rest or zeros before the first sample."""
+
     error_rate: Annotated[
         Literal["backward_difference", "low_pass", "difference_of_error"],
-        At(
-            "Eqs. (11), (18)",
-            "Whether the error's rate is the desired one less a plain difference of the encoder, that "
-            "low-pass filtered at the drawn cutoff, or the difference of the error.",
+        At("Eqs. (11), (18)"),
+        Field(
+            description="Whether the error's rate is the desired one less a plain difference of the encoder, "
+            "that low-pass filtered at the drawn cutoff, or the difference of the error."
         ),
     ]
 
@@ -173,29 +126,29 @@ class Control(Model):
     """Gains, laws and readings of the compared controllers."""
 
     gains: Gains
-    laws: Annotated[
-        dict[Identifier, LawChoice], Field(min_length=1, description="the laws that runs may name")
-    ]
+    laws: Annotated[dict[Identifier, LawChoice], Field(min_length=1)]
+    """the laws that runs may name"""
     readings: Readings
     filter_cutoff: (
-        Annotated[Scalar, physical("Hz", "cutoff of the readings' low-pass filters", at_least=1e-9)] | None
+        Annotated[Scalar, Physical("Hz", "cutoff of the readings' low-pass filters", at_least=1e-9)] | None
     ) = None
 
     @model_validator(mode="after")
     def _check_needs(self) -> Self:
-        with Problems() as problems:
-            for name, law in self.laws.items():
-                printed = PRINTED_LAWS.get(name, held := (law.surface, law.estimator))
-                if held != printed:
-                    paper = "surface {} and estimator {}".format(*printed)
-                    problems.add(("laws", name), f"is the paper's, {paper}: give yours another name")
-            plain = [name for name, law in self.laws.items() if law.surface == "pd"]
-            for gain in ("K_d", "K_p"):
-                if plain and getattr(self.gains, gain) is None:
-                    problems.add(("gains",), f"missing key {gain!r}, which the law {plain[0]!r} needs")
-            for reading in ("error_rate", "estimate_filter"):
-                if (value := getattr(self.readings, reading)) in FILTERED and self.filter_cutoff is None:
-                    problems.add(
-                        (), f"missing key 'filter_cutoff', which the reading {reading}: {value} needs"
-                    )
+        refuse_all(self._mistakes())
         return self
+
+    def _mistakes(self) -> Mistakes:
+        for name, law in self.laws.items():
+            held = law.surface, law.estimator
+            printed = PRINTED_LAWS.get(name, held)
+            if held != printed:
+                paper = "surface {} and estimator {}".format(*printed)
+                yield ("laws", name), f"is the paper's, {paper}: give yours another name"
+            for gain in ("K_d", "K_p"):
+                if law.surface == "pd" and getattr(self.gains, gain) is None:
+                    yield ("gains",), f"missing key {gain!r}, which the law {name!r} needs"
+        for reading in ("error_rate", "estimate_filter"):
+            value = getattr(self.readings, reading)
+            if value in FILTERED and self.filter_cutoff is None:
+                yield (), f"missing key 'filter_cutoff', which the reading {reading}: {value} needs"

@@ -2,35 +2,26 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, TypeAlias, TypeVar
+import math
+from typing import Annotated, Any, Literal, Self, TypeAlias
 
-from pydantic import (
-    Field,
-    GetJsonSchemaHandler,
-    StrictInt,
-    ValidationInfo,
-    field_validator,
-)
-from pydantic.json_schema import JsonSchemaValue
-from pydantic_core import CoreSchema
+from pydantic import ConfigDict, Field, StrictInt, model_validator
 
-from tendonrepro.configuration.fields.model import (
-    Model,
-    Outline,
-    Problems,
-    RootModel,
-    RunName,
-    SchemaVersion,
-    is_multiple,
-    refuse,
+from tendonrepro.configuration.fields.model import Mistakes, Model, RunName, SchemaVersion, refuse_all
+from tendonrepro.configuration.fields.quantity import (
+    Joints,
+    Moving,
+    Pair,
+    Physical,
+    Scalar,
+    from_zero,
+    positive,
+    whole,
 )
-from tendonrepro.configuration.fields.physical import per_joint, per_moving_joint, physical
-from tendonrepro.configuration.fields.quantity import Scalar, Vector
+from tendonrepro.configuration.fields.sizes import wrong_sizes
 from tendonrepro.configuration.models.control import Control
 from tendonrepro.configuration.models.manipulator import Manipulator
-from tendonrepro.configuration.models.reference import ReferenceConfig
-
-_T = TypeVar("_T")
+from tendonrepro.configuration.models.reference import InTurns, PerJoint, ReferenceConfig
 
 MOST_SAMPLES = 1e6
 """Longest run; ten times as much would not fit into the memory of a small machine."""
@@ -49,33 +40,25 @@ class StepDisturbance(Model):
     """A constant torque from a start time on."""
 
     kind: Literal["step"]
-    torque: Annotated[Vector, per_moving_joint("N m", "torque on each joint")]
-    start: Annotated[Scalar, physical("s", "time of the step", at_least=0.0)]
+    torque: Annotated[Moving, Physical("N m", "torque on each joint")]
+    start: Annotated[Scalar, from_zero("s", "time of the step")]
 
 
 class SineDisturbance(Model):
     """A sine that is zero at the start."""
 
     kind: Literal["sine"]
-    torque: Annotated[Vector, per_moving_joint("N m", "amplitude on each joint")]
-    frequency: Annotated[Scalar, physical("Hz", "frequency", above=0.0)]
+    torque: Annotated[Moving, Physical("N m", "amplitude on each joint")]
+    frequency: Annotated[Scalar, positive("Hz", "frequency")]
 
 
 class NoiseDisturbance(Model):
     """Band-limited noise drawn from the seed."""
 
     kind: Literal["noise"]
-    torque: Annotated[Vector, per_moving_joint("N m", "RMS torque on each joint", at_least=0.0)]
-    band: Annotated[Vector, physical("Hz", "lowest and highest frequency", at_least=0.0, size="pair")]
-    components: Annotated[Scalar, physical("1", "number of sines", at_least=1.0, at_most=100.0, whole=True)]
-
-    @field_validator("band")
-    @classmethod
-    def _check_band(cls, band: Vector) -> Vector:
-        low, high = band.value
-        if low >= high:
-            refuse(f"must rise from low to high, found {low:g} to {high:g} Hz", "value")
-        return band
+    torque: Annotated[Moving, from_zero("N m", "RMS torque on each joint")]
+    band: Annotated[Pair, from_zero("Hz", "lowest and highest frequency")]
+    components: Annotated[Scalar, whole("number of sines", at_least=1.0, at_most=100.0)]
 
 
 DisturbanceConfig: TypeAlias = Annotated[
@@ -87,109 +70,61 @@ class SolverConfig(Model):
     """Integrator of the plant between two samples."""
 
     method: Literal["dopri5", "dop853", "lsoda"]
-    rtol: Annotated[Scalar, physical("1", "relative tolerance", above=0.0, below=1.0)]
-    atol: Annotated[Scalar, physical("1", "absolute tolerance, rad and rad/s", above=0.0, below=1.0)]
-    max_step: Annotated[Scalar, physical("s", "longest step; divides the sampling period", above=0.0)]
+    rtol: Annotated[Scalar, positive("1", "relative tolerance", below=1.0)]
+    atol: Annotated[Scalar, positive("1", "absolute tolerance, rad and rad/s", below=1.0)]
+    max_step: Annotated[Scalar, positive("s", "longest step; divides the sampling period")]
 
 
 class StatusLimits(Model):
     """When a run counts as diverged or ringing."""
 
-    divergence_limit: Annotated[Scalar, physical("rad", "error at which a run has diverged", above=0.0)]
-    ringing_frequency: Annotated[Scalar, physical("Hz", "frequency above which error is ringing", above=0.0)]
-    ringing_share: Annotated[
-        Scalar, physical("1", "share of the error's power that is ringing", above=0.0, below=1.0)
-    ]
+    divergence_limit: Annotated[Scalar, positive("rad", "error at which a run has diverged")]
+    ringing_frequency: Annotated[Scalar, positive("Hz", "frequency above which error is ringing")]
+    ringing_share: Annotated[Scalar, positive("1", "share of the error's power that is ringing", below=1.0)]
 
 
-class _OrFile:
-    """States in the JSON schema that a file may name the manipulator instead of holding it."""
-
-    def __get_pydantic_json_schema__(
-        self, core: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> JsonSchemaValue:
-        name = {"type": "string", "description": "file beside this one, or a shipped one"}
-        return {"anyOf": [name, handler(core)]}
+def _or_file(schema: dict[str, Any]) -> None:
+    """State in the JSON schema that a file may name the manipulator instead of holding it."""
+    held = dict(schema)
+    schema.clear()
+    schema["anyOf"] = [{"type": "string", "description": "file beside this one, or a shipped one"}, held]
 
 
-class Experiment(RootModel):
+def _or_base(schema: dict[str, Any]) -> None:
+    """State in the JSON schema that a file may name a base, of which it then says only what differs."""
+    schema["properties"]["base"] = {"type": "string", "description": "file that has the other keys"}
+    with_base = {"required": ["schema_version", "experiment", "base"]}
+    schema["anyOf"] = [{"required": schema.pop("required")}, with_base]
+
+
+class Experiment(Model):
     """What both experiments state."""
+
+    model_config = ConfigDict(json_schema_extra=_or_base)
 
     schema_version: SchemaVersion
     title: Annotated[str, Field(min_length=1, description="title of figures and files")]
-    manipulator: Annotated[Manipulator, _OrFile()]
-    joints: Annotated[
-        tuple[StrictInt, ...], Field(min_length=1, description="moving joints: the last ones, in order")
-    ]
-    posture: Annotated[Vector, per_joint("rad", "joint angles at which the encoders read zero")]
-    sampling_period: Annotated[Scalar, physical("s", "sampling period L, also the delay time", above=0.0)]
-    seed: Annotated[
-        Scalar, physical("1", "seed of all random numbers", at_least=0.0, at_most=2.0**32 - 1.0, whole=True)
-    ]
+    manipulator: Annotated[Manipulator, Field(json_schema_extra=_or_file)]
+    joints: Annotated[tuple[StrictInt, ...], Field(min_length=1)]
+    """moving joints: the last ones, in order"""
+    posture: Annotated[Joints, Physical("rad", "joint angles at which the encoders read zero")]
+    sampling_period: Annotated[Scalar, positive("s", "sampling period L, also the delay time")]
+    seed: Annotated[Scalar, whole("seed of all random numbers", at_least=0.0, at_most=2.0**32 - 1.0)]
     disturbance: DisturbanceConfig
     solver: SolverConfig
     status: StatusLimits
 
-    @classmethod
-    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        """State that a file may name a base, of which it then says only what differs."""
-        reference = handler(core)
-        schema = handler.resolve_ref_schema(reference)
-        schema["properties"]["base"] = {"type": "string", "description": "file that has the other keys"}
-        with_base = {"required": ["schema_version", "experiment", "base"]}
-        schema["anyOf"] = [{"required": schema.pop("required")}, with_base]
-        return reference
-
-    @field_validator("joints")
-    @classmethod
-    def _check_joints(cls, joints: tuple[int, ...], info: ValidationInfo) -> tuple[int, ...]:
-        last = Outline.known(info).joints
-        if last is not None and joints != tuple(range(last - len(joints) + 1, last + 1)):
-            message = (
-                f"must be the last joints in order, up to {last} of the manipulator, found {list(joints)}"
-            )
-            refuse(message)
-        return joints
-
-    @field_validator("disturbance")
-    @classmethod
-    def _check_start(cls, disturbance: _T, info: ValidationInfo) -> _T:
-        period: Scalar | None = info.data.get("sampling_period")
-        if period is not None and isinstance(disturbance, StepDisturbance):
-            start = disturbance.start
-            if start.si > 0.0 and not is_multiple(start.si, period.si):
-                message = f"must be a whole multiple of the sampling period, {period}, found {start}"
-                refuse(message, "start", "value")
-        return disturbance
-
-    @field_validator("solver")
-    @classmethod
-    def _check_step(cls, solver: SolverConfig, info: ValidationInfo) -> SolverConfig:
-        period: Scalar | None = info.data.get("sampling_period")
-        if period is not None and not is_multiple(period.si, solver.max_step.si):
-            message = f"must divide the sampling period, {period}, found {solver.max_step}"
-            refuse(message, "max_step", "value")
-        if period is not None and solver.max_step.si * MOST_STEPS < period.si * (1.0 - 1e-9):
-            message = (
-                f"must be at least a thousandth of the sampling period, {period}, found {solver.max_step}"
-            )
-            refuse(message, "max_step", "value")
-        return solver
+    @model_validator(mode="after")
+    def _check_together(self) -> Self:
+        refuse_all(_misfits(self))
+        return self
 
 
 class CompareRun(Model):
     """One run of the comparison."""
 
     law: Annotated[str, Field(description="name of one of the laws")]
-    payload: Annotated[Scalar, physical("kg", "point mass at the tool", at_least=0.0)]
-
-    @field_validator("law")
-    @classmethod
-    def _check_law(cls, law: str, info: ValidationInfo) -> str:
-        laws = Outline.known(info).laws
-        if laws is not None and law not in laws:
-            refuse(f"must be one of control.laws, {', '.join(map(str, laws))}, found {law!r}")
-        return law
+    payload: Annotated[Scalar, from_zero("kg", "point mass at the tool")]
 
 
 class CompareConfig(Experiment):
@@ -200,30 +135,21 @@ class CompareConfig(Experiment):
     control: Control
     runs: Annotated[dict[RunName, CompareRun], Field(min_length=1, description="runs by name")]
 
-    @field_validator("reference")
-    @classmethod
-    def _check_reference(cls, reference: ReferenceConfig, info: ValidationInfo) -> ReferenceConfig:
-        if wrong := _wrong_duration(reference, info):
-            refuse(wrong)
-        return reference
-
 
 class PositionLoop(Model):
     """The stiff loop that makes motors follow their commands; the paper does not describe it."""
 
-    stiffness: Annotated[Vector, per_moving_joint("N m rad-1", "stiffness at the winch", above=0.0)]
-    damping: Annotated[Vector, per_moving_joint("N m s rad-1", "damping at the winch", at_least=0.0)]
+    stiffness: Annotated[Moving, positive("N m rad-1", "stiffness at the winch")]
+    damping: Annotated[Moving, from_zero("N m s rad-1", "damping at the winch")]
 
 
 class DecoupleRun(Model):
     """One run of the decoupling experiment."""
 
-    drives: Annotated[
-        Literal["joints", "motors"],
-        Field(description="whether the reference is of joints, mapped by S_inv, or of the motors themselves"),
-    ]
+    drives: Literal["joints", "motors"]
+    """whether the reference is of joints, mapped by S_inv, or of the motors themselves"""
     reference: ReferenceConfig
-    payload: Annotated[Scalar, physical("kg", "point mass at the tool", at_least=0.0)]
+    payload: Annotated[Scalar, from_zero("kg", "point mass at the tool")]
 
 
 class DecoupleConfig(Experiment):
@@ -233,23 +159,58 @@ class DecoupleConfig(Experiment):
     position_loop: PositionLoop
     runs: Annotated[dict[RunName, DecoupleRun], Field(min_length=1, description="runs by name")]
 
-    @field_validator("runs")
-    @classmethod
-    def _check_references(cls, runs: dict[str, DecoupleRun], info: ValidationInfo) -> dict[str, DecoupleRun]:
-        with Problems() as problems:
-            for name, run in runs.items():
-                if wrong := _wrong_duration(run.reference, info):
-                    problems.add((name, "reference"), wrong)
-        return runs
+
+def references_of(config: Experiment) -> dict[tuple[str, ...], ReferenceConfig]:
+    """Reference motions by the path of their keys."""
+    if isinstance(config, CompareConfig):
+        return {("reference",): config.reference}
+    runs = config.runs if isinstance(config, DecoupleConfig) else {}
+    return {("runs", name, "reference"): run.reference for name, run in runs.items()}
 
 
-def _wrong_duration(reference: ReferenceConfig, info: ValidationInfo) -> str | None:
-    """What is wrong with a duration that is not a whole number of samples, or too many."""
-    period, duration = info.data.get("sampling_period"), reference.duration
-    if period is None or duration is None:
-        return None
-    if duration > MOST_SAMPLES * period.si:
-        return f"lasts {duration:g} s; a run has at most {MOST_SAMPLES:g} samples"
-    if not is_multiple(duration, period.si):
-        return f"lasts {duration:.9g} s, which must be a whole multiple of the sampling period, {period}"
-    return None
+def _misfits(config: Experiment) -> Mistakes:
+    """Mistakes that only show when sections are compared."""
+    last, moving = config.manipulator.joints, config.joints
+    yield from wrong_sizes(config, {"joints": last, "moving": len(moving), "pair": 2})
+    if moving != tuple(range(last - len(moving) + 1, last + 1)):
+        yield ("joints",), f"must be the last joints in order, up to {last}, found {list(moving)}"
+    period, step = config.sampling_period, config.solver.max_step
+    steps = period.si / step.si
+    if not _is_multiple(steps, 1.0) or steps > MOST_STEPS * (1.0 + 1e-9):
+        parts = f"{period}, into at most {MOST_STEPS:g} parts"
+        yield ("solver", "max_step", "value"), f"must divide the sampling period, {parts}, found {step}"
+    match config.disturbance:
+        case StepDisturbance(start=start) if start.si > 0.0 and not _is_multiple(start.si, period.si):
+            message = f"must be a multiple of the sampling period, {period}, found {start}"
+            yield ("disturbance", "start", "value"), message
+        case NoiseDisturbance(band=band) if list(band.value) != sorted(set(band.value)):
+            yield ("disturbance", "band", "value"), f"must rise, found {list(band.value)}"
+    for path, reference in references_of(config).items():
+        for at, message in _unfit(reference, moving, period):
+            yield (*path, *at), message
+    if isinstance(config, CompareConfig):
+        laws = config.control.laws
+        for name, run in config.runs.items():
+            if run.law not in laws:
+                yield ("runs", name, "law"), f"must be one of {', '.join(laws)}, found {run.law!r}"
+
+
+def _unfit(reference: ReferenceConfig, joints: tuple[int, ...], period: Scalar) -> Mistakes:
+    """Mistakes of a reference for these moving joints and this sampling period."""
+    if isinstance(reference, PerJoint) and len(reference.references) != len(joints):
+        message = f"must have one motion per moving joint, {len(joints)}, found {len(reference.references)}"
+        yield ("references",), message
+    for i, turn in enumerate(reference.turns or () if isinstance(reference, InTurns) else ()):
+        if not set(turn) <= set(joints):
+            yield ("turns", i), f"must name joints that move, {list(joints)}, found {list(turn)}"
+    duration = reference.duration
+    if duration and duration > MOST_SAMPLES * period.si:
+        yield (), f"lasts {duration:g} s; a run has at most {MOST_SAMPLES:g} samples"
+    elif duration and not _is_multiple(duration, period.si):
+        yield (), f"lasts {duration:.9g} s, which must be a multiple of the sampling period, {period}"
+
+
+def _is_multiple(duration: float, step: float) -> bool:
+    """Whether a duration is a whole number, from one, of steps, within rounding (1e-9 relative)."""
+    count = duration / step
+    return math.isfinite(count) and round(count) >= 1 and abs(count - round(count)) <= 1e-9 * count

@@ -5,9 +5,8 @@ A reading changes a configuration that stands as printed; a drawn plant stays th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 from typing import TypeVar, get_args
 
 from tendonrepro.configuration.fields.model import Model
@@ -23,6 +22,15 @@ ERROR_RATES = ("backward_difference", "low_pass")
 """Error rates in the order that a draw numbers them."""
 
 _SOURCE = "assumed: the reading that is being run"
+_OUTPUT_DELAY = "manipulator.actuator.output_delay"
+_TENSIONER = "manipulator.tensioner"
+_ENCODER = "manipulator.encoders.joint.resolution"
+_QUANTITIES = {  # unit and dotted keys of an axis whose values are numbers
+    "output_delay": ("1", _OUTPUT_DELAY),
+    "encoder": ("deg", _ENCODER),
+    "torque_step": ("N m", "manipulator.actuator.torque_resolution"),
+    "sampling_period": ("ms", "sampling_period", "solver.max_step"),
+}
 _M = TypeVar("_M", bound=Model)
 
 
@@ -68,7 +76,7 @@ def _held() -> dict[str, ReadingAxis]:
         printed, *others = get_args(held.annotation)
         (at,) = (item for item in held.metadata if isinstance(item, At))
         affects = {other: at.only.get(other, at.runs) for other in others}
-        axes[name] = ReadingAxis(name, printed, affects, at.place, at.about)
+        axes[name] = ReadingAxis(name, printed, affects, at.place, held.description or "")
     return axes
 
 
@@ -111,7 +119,12 @@ def reading(settings: Mapping[str, str]) -> Reading:
         For an unknown axis or value.
     """
     for name, value in settings.items():
-        _check_setting(name, value)
+        axis = _EVERY_AXIS.get(name)
+        if axis is None:
+            hint = f"Axes: {', '.join(_EVERY_AXIS)}"
+            raise UsageError(f"no axis of readings is called {name!r}", hint=hint)
+        if value not in (axis.printed, *axis.alternatives):
+            raise UsageError(f"{name} is {axis.printed}, {' or '.join(axis.alternatives)}, not {value!r}")
     kept = tuple(
         (name, value)
         for name, value in sorted(settings.items(), key=lambda setting: _ORDER[setting[0]])
@@ -130,16 +143,14 @@ def parse_reading(text: str) -> Reading:
     """
     if text == PRINTED:
         return reading({})
-    settings: dict[str, str] = {}
-    for setting in text.split("+"):
-        name, equals, value = (part.strip() for part in setting.partition("="))
-        if not equals:
-            message = f"a reading is {PRINTED!r} or axis=value, found {setting!r}"
-            raise UsageError(message, hint=f"Axes: {', '.join(_EVERY_AXIS)}")
-        if name in settings:
-            raise UsageError(f"the reading {text!r} sets {name!r} twice")
-        settings[name] = value
-    return reading(settings)
+    settings = [[part.strip() for part in setting.split("=")] for setting in text.split("+")]
+    if any(len(setting) != 2 for setting in settings):
+        message = f"a reading is {PRINTED!r} or axis=value, found {text!r}"
+        raise UsageError(message, hint=f"Axes: {', '.join(_EVERY_AXIS)}")
+    chosen = dict(settings)
+    if len(chosen) < len(settings):
+        raise UsageError(f"the reading {text!r} sets an axis twice")
+    return reading(chosen)
 
 
 def named_readings(text: str) -> tuple[Reading, ...]:
@@ -157,26 +168,11 @@ def named_readings(text: str) -> tuple[Reading, ...]:
     return found
 
 
-def _check_setting(name: str, value: str) -> None:
-    axis = _EVERY_AXIS.get(name)
-    if axis is None:
-        raise UsageError(f"no axis of readings is called {name!r}", hint=f"Axes: {', '.join(_EVERY_AXIS)}")
-    if value != axis.printed and value not in axis.affects:
-        raise UsageError(f"{name} is {axis.printed}, {' or '.join(axis.alternatives)}, not {value!r}")
-
-
 def default_readings(pairs: Sequence[Sequence[str]]) -> tuple[Reading, ...]:
     """As printed, each alternative alone, and settings ``axis=value`` that are run together."""
     single = [reading({axis.name: value}) for axis in _AXES for value in axis.alternatives]
     together = [parse_reading("+".join(pair)) for pair in pairs]
     return tuple(dict.fromkeys([reading({}), *single, *together]))
-
-
-def every_pair() -> tuple[Reading, ...]:
-    """As printed, each alternative alone, and every two alternatives of different axes together."""
-    alone = [{axis.name: value} for axis in _AXES for value in axis.alternatives]
-    pairs = [first | second for first, second in combinations(alone, 2) if first.keys() != second.keys()]
-    return tuple(reading(settings) for settings in ({}, *alone, *pairs))
 
 
 VARIATIONS: tuple[Reading, ...] = (
@@ -200,82 +196,44 @@ def under(reading_: Reading, config: CompareConfig, draw: Mapping[str, float]) -
     ``hardware=drawn``.
     """
     for name, value in reading_.settings:
-        change = _CHANGES.get(name)
-        config = change(config, value, draw) if change else _with_reading(config, name, value)
+        for path, new in _changes(name, value, config, draw).items():
+            config = _replaced(config, path, new)
     return config
 
 
 def as_printed(config: CompareConfig) -> CompareConfig:
     """Set the axes that the configuration's readings and instruments hold to their printed values."""
-    values = {name: AXES[name].printed for name in type(config.control.readings).model_fields}
-    config = _replaced(config, "control.readings", **values)
-    config = _with_delay(config, AXES["output_delay"].printed, {})
-    return _with_encoder(config, AXES["encoder"].printed, {})
+    names = (*type(config.control.readings).model_fields, "output_delay", "encoder")
+    return under(Reading(PRINTED, tuple((name, AXES[name].printed) for name in names)), config, {})
 
 
-def _replaced(model: _M, path: str, **values: object) -> _M:
-    """Copy a model with fields of the part at a dotted path changed."""
+def _replaced(model: _M, path: str, value: object) -> _M:
+    """Copy a model with the field at a dotted path changed."""
     first, _, rest = path.partition(".")
-    part = getattr(model, first)
-    return model.model_copy(
-        update={first: _replaced(part, rest, **values) if rest else part.model_copy(update=values)}
-    )
-
-
-def _with_reading(config: CompareConfig, name: str, value: str) -> CompareConfig:
-    return _replaced(config, "control.readings", **{name: value})
+    return model.model_copy(update={first: _replaced(getattr(model, first), rest, value) if rest else value})
 
 
 def _scalar(value: float, unit: str) -> Scalar:
     return Scalar.model_construct(value=value, unit=unit, source=_SOURCE)
 
 
-def _with_hardware(config: CompareConfig, _: str, draw: Mapping[str, float]) -> CompareConfig:
-    config = _with_reading(config, "error_rate", ERROR_RATES[int(draw["error_rate"])])
-    config = _with_delay(config, str(int(draw["output_delay"])), draw)
-    return _with_count(config, _scalar(draw["encoder_count"], "rad"))
-
-
-def _with_delay(config: CompareConfig, value: str, _: Mapping[str, float]) -> CompareConfig:
-    return _replaced(config, "manipulator.actuator", output_delay=_scalar(float(value), "1"))
-
-
-def _with_encoder(config: CompareConfig, value: str, _: Mapping[str, float]) -> CompareConfig:
-    return _with_count(config, _scalar(0.0 if value == "ideal" else float(value), "deg"))
-
-
-def _with_count(config: CompareConfig, count: Scalar) -> CompareConfig:
-    return _replaced(config, "manipulator.encoders.joint", resolution=count)
-
-
-def _with_torque_step(config: CompareConfig, value: str, _: Mapping[str, float]) -> CompareConfig:
-    step = _scalar(0.0 if value == "none" else float(value), "N m")
-    return _replaced(config, "manipulator.actuator", torque_resolution=step)
-
-
-def _with_tensioner(config: CompareConfig, value: str, _: Mapping[str, float]) -> CompareConfig:
-    change = {"force": _scalar(0.0, "N")} if value == "absent" else {"side": value}
-    return _replaced(config, "manipulator.tensioner", **change)
-
-
-def _with_period(config: CompareConfig, value: str, _: Mapping[str, float]) -> CompareConfig:
-    period = _scalar(float(value.removesuffix("ms")), "ms")
-    return _replaced(config, "solver", max_step=period).model_copy(update={"sampling_period": period})
-
-
-def _with_inertia(config: CompareConfig, _: str, __: Mapping[str, float]) -> CompareConfig:
-    M_bar = config.control.gains.M_bar
-    half = M_bar.model_copy(update={"value": tuple(entry / 2.0 for entry in M_bar.value), "source": _SOURCE})
-    return _replaced(config, "control.gains", M_bar=half)
-
-
-_Change = Callable[[CompareConfig, str, Mapping[str, float]], CompareConfig]
-_CHANGES: Mapping[str, _Change] = {
-    "hardware": _with_hardware,
-    "output_delay": _with_delay,
-    "encoder": _with_encoder,
-    "torque_step": _with_torque_step,
-    "tensioner": _with_tensioner,
-    "sampling_period": _with_period,
-    "M_bar": _with_inertia,
-}
+def _changes(name: str, value: str, config: CompareConfig, draw: Mapping[str, float]) -> dict[str, object]:
+    """New values by dotted key that a setting makes."""
+    if name in _QUANTITIES:
+        unit, *paths = _QUANTITIES[name]
+        number = 0.0 if value in ("ideal", "none") else float(value.removesuffix("ms"))
+        return dict.fromkeys(paths, _scalar(number, unit))
+    if name == "hardware":
+        return {
+            "control.readings.error_rate": ERROR_RATES[int(draw["error_rate"])],
+            _OUTPUT_DELAY: _scalar(float(int(draw["output_delay"])), "1"),
+            _ENCODER: _scalar(draw["encoder_count"], "rad"),
+        }
+    if name == "tensioner":
+        absent = value == "absent"
+        return {f"{_TENSIONER}.force": _scalar(0.0, "N")} if absent else {f"{_TENSIONER}.side": value}
+    if name == "M_bar":
+        M_bar = config.control.gains.M_bar
+        half = {"value": tuple(entry / 2.0 for entry in M_bar.value), "source": _SOURCE}
+        return {"control.gains.M_bar": M_bar.model_copy(update=half)}
+    return {f"control.readings.{name}": value}

@@ -4,39 +4,25 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from dataclasses import replace
-from typing import Annotated, Any, Literal, Self, TypeAlias
+from typing import Annotated, Literal, Self, TypeAlias
 
-from pydantic import (
-    Field,
-    StrictInt,
-    TypeAdapter,
-    ValidationInfo,
-    ValidatorFunctionWrapHandler,
-    WrapValidator,
-    field_validator,
-    model_validator,
-)
+from pydantic import Field, StrictInt, model_validator
 
-from tendonrepro.configuration.fields.model import Model, Outline, Problems, refuse
-from tendonrepro.configuration.fields.physical import per_moving_joint, physical
-from tendonrepro.configuration.fields.quantity import Scalar, Vector
+from tendonrepro.configuration.fields.model import Model, refuse, refuse_all
+from tendonrepro.configuration.fields.quantity import Moving, Physical, Scalar, from_zero, positive, whole
+from tendonrepro.configuration.fields.sizes import wrong_sizes
 from tendonrepro.physics.trajectory import trapezoid_times
 
-Amplitude: TypeAlias = Annotated[Vector, per_moving_joint("rad", "largest angle of each joint")]
-Duration: TypeAlias = Annotated[Scalar, physical("s", "duration", above=0.0)]
-Hold: TypeAlias = Annotated[Scalar, physical("s", "pause after each stroke", at_least=0.0)]
-TurnOrder: TypeAlias = Annotated[
-    tuple[Annotated[tuple[StrictInt, ...], Field(min_length=1)], ...] | None,
-    Field(min_length=1, description="joints that move in each turn; absent: all at once"),
-]
-_ITS_OWN = (None,)  # stands for the moving joints inside a motion that is one joint's own
+Amplitude: TypeAlias = Annotated[Moving, Physical("rad", "largest angle of each joint")]
+Duration: TypeAlias = Annotated[Scalar, positive("s", "duration")]
+Hold: TypeAlias = Annotated[Scalar, from_zero("s", "pause after each stroke")]
+Turn: TypeAlias = Annotated[tuple[StrictInt, ...], Field(min_length=1)]
 
 
 class Periodic(Model):
     """A motion made of equal periods."""
 
-    periods: Annotated[Scalar, physical("1", "number of repetitions", at_least=1.0, whole=True)]
+    periods: Annotated[Scalar, whole("number of repetitions", at_least=1.0)]
 
     @property
     @abstractmethod
@@ -52,26 +38,13 @@ class Periodic(Model):
 class InTurns(Periodic):
     """A periodic motion in which the joints may take turns; a period is then all turns once."""
 
-    turns: TurnOrder = None
+    turns: Annotated[tuple[Turn, ...] | None, Field(min_length=1)] = None
+    """joints that move in each turn; absent: all at once"""
 
     @property
     def duration(self) -> float:
         """Duration of the whole motion, s."""
         return self.cycle * self.periods.si * len(self.turns or ((),))
-
-    @field_validator("turns")
-    @classmethod
-    def _check_turns(cls, turns: TurnOrder, info: ValidationInfo) -> TurnOrder:
-        moving = Outline.known(info).moving
-        if turns is not None and moving == _ITS_OWN:
-            refuse("one joint cannot take turns; leave this out")
-        with Problems() as problems:
-            for i, turn in enumerate(turns or ()):
-                if len(set(turn)) < len(turn):
-                    problems.add((i,), f"names a joint twice, {list(turn)}")
-                elif moving is not None and not all(joint in moving for joint in turn):
-                    problems.add((i,), f"must name joints that move, {list(moving)}, found {list(turn)}")
-        return turns
 
 
 class RaisedCosine(InTurns):
@@ -106,8 +79,8 @@ class Trapezoidal(InTurns):
 
     kind: Literal["trapezoidal"]
     amplitude: Amplitude
-    velocity: Annotated[Scalar, physical("rad s-1", "largest velocity", above=0.0)]
-    acceleration: Annotated[Scalar, physical("rad s-2", "acceleration of the ramps", above=0.0)]
+    velocity: Annotated[Scalar, positive("rad s-1", "largest velocity")]
+    acceleration: Annotated[Scalar, positive("rad s-2", "acceleration of the ramps")]
     hold: Hold
 
     @property
@@ -123,9 +96,9 @@ class Sine(Periodic):
 
     kind: Literal["sine"]
     amplitude: Amplitude
-    offset: Annotated[Vector, per_moving_joint("rad", "centre of the sine of each joint")]
+    offset: Annotated[Moving, Physical("rad", "centre of the sine of each joint")]
     period: Duration
-    blend: Annotated[Scalar, physical("s", "duration of the start from rest, part of the motion", above=0.0)]
+    blend: Annotated[Scalar, positive("s", "duration of the start from rest, part of the motion")]
 
     @property
     def cycle(self) -> float:
@@ -151,36 +124,25 @@ class Sampled(Model):
 
 
 Single: TypeAlias = Annotated[RaisedCosine | MinimumJerk | Trapezoidal | Sine, Field(discriminator="kind")]
-_SINGLES: TypeAdapter[tuple[Any, ...]] = TypeAdapter(tuple[Single, ...])
-
-
-def _validate_singles(raw: object, _: ValidatorFunctionWrapHandler, info: ValidationInfo) -> tuple[Any, ...]:
-    return _SINGLES.validate_python(raw, context=replace(Outline.known(info), moving=_ITS_OWN))
 
 
 class PerJoint(Model):
     """A motion of its own for each moving joint, all of the same duration."""
 
     kind: Literal["per_joint"]
-    references: Annotated[
-        tuple[Single, ...],
-        WrapValidator(_validate_singles),
-        Field(min_length=1, description="one motion per moving joint, its vectors with one entry"),
-    ]
+    references: Annotated[tuple[Single, ...], Field(min_length=1)]
+    """one motion per moving joint, its vectors with one entry"""
 
     @model_validator(mode="after")
-    def _check_joints(self, info: ValidationInfo) -> Self:
-        with Problems() as problems:
-            moving = Outline.known(info).moving
-            if moving is not None and len(moving) != len(self.references):
-                message = (
-                    f"must have one motion per moving joint, {len(moving)}, found {len(self.references)}"
-                )
-                problems.add(("references",), message)
-            for i, reference in enumerate(self.references):
-                if not math.isclose(reference.duration, self.duration):
-                    first = f"the first one {self.duration:g} s; make them equal"
-                    problems.add(("references", i), f"lasts {reference.duration:g} s, {first}")
+    def _check_each(self) -> Self:
+        for i, reference in enumerate(self.references):
+            place = "references", i
+            refuse_all(((*place, *at), words) for at, words in wrong_sizes(reference, {"moving": 1}))
+            if isinstance(reference, InTurns) and reference.turns:
+                refuse("one joint cannot take turns; leave this out", *place, "turns")
+            if not math.isclose(reference.duration, self.duration):
+                first = f"the first one {self.duration:g} s; make them equal"
+                refuse(f"lasts {reference.duration:g} s, {first}", *place)
         return self
 
     @property
