@@ -120,7 +120,7 @@ def law_rows(rows: Rows, joints: Sequence[int]) -> Iterator[dict[str, Any]]:
 
 
 def question_rows(found: Sequence[Comparison], titles: Mapping[str, str]) -> list[dict[str, Any]]:
-    """For every pair of laws, how many conditions and caps have which verdict, and which half of them have."""
+    """For every pair of laws, how many conditions and caps have which verdict, and which has half of them."""
     rows = []
     for law, over in dict.fromkeys((one.law, one.over) for one in found):
         own = [one for one in found if (one.law, one.over) == (law, over)]
