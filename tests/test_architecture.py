@@ -67,7 +67,7 @@ BUDGETS = {
     "physics": 893,
     "simulation": 1815,
     "configuration": 1_820,
-    "results": 2_281,
+    "results": 2_209,
     "experiments": 1_520,
     "analysis": 630,
     "evidence": 933,
@@ -76,7 +76,7 @@ BUDGETS = {
     "dataset": 1806,
     "verdicts": 1_850,
     "validation": 625,
-    "reporting": 636,
+    "reporting": 521,
     "api": 347,
     "cli": 616,
 }

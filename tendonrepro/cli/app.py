@@ -196,10 +196,6 @@ def animate(
     terminal: Terminal,
     file: StoredTraces,
     run: Annotated[str | None, Option("--run", help="Run to show [default: the first].")] = None,
-    at: Annotated[
-        list[float] | None,
-        Option("--at", metavar="SECONDS", help="A single picture as SVG, no film; repeatable."),
-    ] = None,
     speed: Annotated[float, Option("--speed", help="Seconds of the run in a second of film.")] = 1.0,
     out: Annotated[Path | None, Option("--out", help="File to write [default: beside the traces].")] = None,
     force: Overwrite = False,
@@ -207,7 +203,7 @@ def animate(
     """The arm in motion, its tendons coloured by tension."""
     from tendonrepro.results.figures.animation import animate as make
 
-    found = make(file, terminal.talk, run=run, times=at or (), speed=speed, out=out, force=force)
+    found = make(file, terminal.talk, run=run, speed=speed, out=out, force=force)
     terminal.show(found, lambda found: "\n".join(found["files"]))
 
 

@@ -11,7 +11,7 @@ from typing import Any
 from tendonrepro.configuration.fields.strict_yaml import dump
 from tendonrepro.console import columns
 from tendonrepro.files import to_json, write_atomically
-from tendonrepro.results.tables import NOTHING, csv_text, markdown
+from tendonrepro.results.tables import NOTHING, Table
 from tendonrepro.verdicts.from_ensemble import COMMAND
 from tendonrepro.verdicts.judge import SCHEMA_VERSION, SHARE, Verdict, summary
 from tendonrepro.verdicts.rules import EDITION, HEADINGS, VERDICTS
@@ -57,8 +57,8 @@ def write_claims(
     rows = [_row(verdict) for verdict in verdicts]
     texts = {
         "json": to_json(as_data(verdicts, ensemble)),
-        "csv": csv_text(rows),
-        "md": markdown(rows, " ".join([CAPTION, *shipped_note(verdicts)]), _READER),
+        "csv": Table("claims", "", rows).csv(),
+        "md": Table("claims", " ".join([CAPTION, *shipped_note(verdicts)]), rows, _READER).md(),
     }
     for suffix, text in texts.items():
         write_atomically(folder / f"claims.{suffix}", text)

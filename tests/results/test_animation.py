@@ -1,7 +1,5 @@
 """The arm in motion: postures and tensions against other ways to them, pictures, files, refusals."""
 
-import json
-import subprocess
 from dataclasses import replace
 from functools import cache
 
@@ -82,9 +80,7 @@ class TestScene:
 @pytest.mark.parametrize(
     ("options", "key"),
     [
-        ({"times": [20.0]}, "--at"),
         ({"out": "film.png"}, "--out"),
-        ({"times": [1.0], "out": "picture.gif"}, "--out"),
         ({"speed": 0.0}, "--speed"),
         ({"speed": float("nan")}, "--speed"),
         ({"speed": 1.0 / MOST_PICTURES}, "--speed"),
@@ -137,14 +133,3 @@ def test_a_film_moves_and_is_made_again_byte_by_byte(tmp_path):
     still, high, back = (np.asarray(pictures[place], int)[20:, :350] for place in (0, 1, 4))
     assert (abs(high - still) > 60).mean() > 2e-3
     assert (abs(back - still) > 60).mean() < 1e-3
-
-
-def test_pictures_by_command_have_their_times_in_their_names(command, tmp_path):
-    write_traces(tmp_path / "traces.h5", decouple_file())
-    words = [command, "animate", str(tmp_path), "--at", "1", "--at", "2.5", "--json"]
-    ended = subprocess.run(words, capture_output=True, text=True, check=False)
-    assert (ended.returncode, ended.stderr) == (0, "")
-    names = [tmp_path / name for name in ("decouple_1s.svg", "decouple_2.5s.svg")]
-    assert json.loads(ended.stdout)["files"] == list(map(str, names))
-    for path, time in zip(names, ("1.00", "2.50"), strict=True):
-        assert f"t = {time} s" in path.read_text()

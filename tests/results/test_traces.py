@@ -221,7 +221,7 @@ class TestTrace:
         [
             ({"q": np.zeros((3, 1))}, r"'q' has shape \(3, 1\), expected \(3, 2\)"),
             ({"q": np.zeros((2, 3))}, r"'q' has shape \(2, 3\), expected \(3, 2\)"),
-            ({"angle": np.zeros((3, 2))}, "unknown variable 'angle'"),
+            ({"angle": np.zeros((3, 2))}, "variable 'angle'"),
         ],
     )
     def test_wrong_variables(self, values: dict[str, Array], words: str) -> None:

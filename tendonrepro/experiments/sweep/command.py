@@ -9,8 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from tendonrepro.configuration.draft import find_source
-from tendonrepro.configuration.load import CompareConfig, LoadedConfig, config_digest, load_config
+from tendonrepro.configuration.load import (
+    CompareConfig,
+    LoadedConfig,
+    config_digest,
+    find_source,
+    load_config,
+)
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.experiments.loops import build_law
