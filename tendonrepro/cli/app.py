@@ -31,7 +31,7 @@ INTERRUPTED = 130
 """Exit code into which Typer turns an interrupt, without a word."""
 
 EPILOG = (
-    "Exit codes: 0 done, 1 error, 2 usage or configuration, 3 a verdict is against the print "
+    "Exit codes: 0 done, 1 error, 2 usage or configuration, 3 a verdict is against the paper "
     "(claims --check), 4 data missing or not reachable, 5 a run diverged, 130 interrupted."
 )
 
@@ -139,7 +139,7 @@ def compare(
     Parameters
     ----------
     law : FILE:NAME
-        Run a law of your own too; repeatable. FILE is executed.
+        Run your own controller too; repeatable. FILE is executed.
     solver
         SciPy, or the one of ensembles.
     """
