@@ -26,7 +26,7 @@ from tendonrepro.results.study import Outcome, foretell
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 from tendonrepro.tuning.bench import Candidate, measure, usable
 from tendonrepro.tuning.laws import LAWS, TunedLaw, user_law
-from tendonrepro.tuning.report import QUESTIONS, comparisons, law_rows, tables
+from tendonrepro.tuning.report import QUESTIONS, comparisons, law_rows, question_rows, tables
 from tendonrepro.tuning.search import Effort
 from tendonrepro.tuning.study import Task
 
@@ -185,7 +185,7 @@ def outcome(task: Task, drawn: Sequence[dict[str, Any]], own: Sequence[str]) -> 
         [{"draw": one["draw"], **row} for one in drawn for row in one[part]] for part in ("rows", "lost")
     )
     found, joints = list(comparisons(rows, pairs, task.seed)), task.loaded.compare.joints
-    laws = list(law_rows(rows, joints))
+    laws, questions = list(law_rows(rows, joints)), question_rows(found, titles)
     data = {
         "schema_version": SCHEMA_VERSION,
         "experiment": "tune",
@@ -195,11 +195,12 @@ def outcome(task: Task, drawn: Sequence[dict[str, Any]], own: Sequence[str]) -> 
         "draws_looked_at": drawn[-1]["draw"] + 1,
         "plants": len(drawn),
         "joints": list(joints),
+        "questions": questions,
         "comparisons": [one._asdict() for one in found],
         "laws": laws,
         "lost_to_special_case": lost,
         "by_plant": rows,
     }
-    parts = tables(found, laws, titles, len(drawn))
+    parts = tables(questions, found, laws, len(drawn))
     warning = [f"NOT TO BE TRUSTED: in {len(lost)} cases a law lost to its own special case; search longer."]
     return Outcome(data, [*(warning if lost else []), *parts], {"tune": lambda: draw_tuning(laws, titles)})

@@ -119,20 +119,32 @@ def law_rows(rows: Rows, joints: Sequence[int]) -> Iterator[dict[str, Any]]:
         yield found
 
 
-def tables(found: Sequence[Comparison], laws: Rows, titles: Mapping[str, str], draws: int) -> list[Table]:
-    """Tables of an outcome; the terminal shows how many conditions and caps have which verdict."""
-    summary = []
+def question_rows(found: Sequence[Comparison], titles: Mapping[str, str]) -> list[dict[str, Any]]:
+    """For every pair of laws, how many conditions and caps have which verdict, and which has half of them."""
+    rows = []
     for law, over in dict.fromkeys((one.law, one.over) for one in found):
         own = [one for one in found if (one.law, one.over) == (law, over)]
         ratios = [one.ratio for one in own if one.verdict != VERDICTS[-1]]
-        counts = {name.replace(" ", "_"): sum(one.verdict == name for one in own) for name in VERDICTS}
-        middle = float(np.median(ratios)) if ratios else None
-        summary.append({"law": titles[law], "over": titles[over], "median_ratio": middle, **counts})
+        counts = {name: sum(one.verdict == name for one in own) for name in VERDICTS}
+        most = max(counts, key=lambda name: counts[name])
+        rows.append(
+            {
+                "law": titles[law],
+                "over": titles[over],
+                "median_ratio": float(np.median(ratios)) if ratios else None,
+                **{name.replace(" ", "_"): count for name, count in counts.items()},
+                "verdict": most if 2 * counts[most] >= len(own) else "depends on the condition",
+            }
+        )
+    return rows
+
+
+def tables(questions: Rows, found: Sequence[Comparison], laws: Rows, draws: int) -> list[Table]:
+    """Tables of an outcome; the terminal shows the questions."""
     about = f"Two laws at their best on {draws} plants: the first one's error under so many conditions."
+    rows = [one._asdict() for one in found]
     return [
-        Table("questions", about, summary),
-        Table(
-            "comparisons", "Error over error, paired by plant.", [one._asdict() for one in found], terminal=()
-        ),
+        Table("questions", about, questions),
+        Table("comparisons", "Error over error, paired by plant.", rows, terminal=()),
         Table("laws", "Every law at its best, and as published.", laws, terminal=()),
     ]

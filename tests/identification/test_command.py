@@ -155,7 +155,7 @@ def test_dry_run_writes_nothing(tmp_path):
     assert len(data["readings"]) >= len(data["searches"]) > 10
 
 
-@pytest.mark.parametrize("option", ["population", "generations", "seeds", "jobs"])
+@pytest.mark.parametrize("option", ["population", "generations", "seeds"])
 def test_an_effort_of_nothing_is_a_mistake(tmp_path, option):
     with pytest.raises(UsageError) as caught:
         identified(tmp_path / "out", **{option: 0})
