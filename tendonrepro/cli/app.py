@@ -37,7 +37,7 @@ EPILOG = (
 
 HELP = """Reproduce Yan et al., Actuators 2026, 15(5), 271: kinematic decoupling and α-TDE-NTSM control.
 
-Begin with "tendonrepro reproduce", then "tendonrepro claims" for the verdict on what the paper prints."""
+Begin with "tendonrepro reproduce", then "tendonrepro claims" for the verdict on what the paper says."""
 
 
 class ByPanel(TyperGroup):

@@ -109,7 +109,7 @@ def identify(
 
 @command(study_app, "tendonrepro predict --readings printed,Delta_unit=deg")
 def predict(request: Request, terminal: Terminal, *, draws: int = 256, readings: str | None = None) -> None:
-    """What experiments on a bench would give under each interpretation.
+    """What experiments on a bench would give, by interpretation.
 
     Parameters
     ----------
