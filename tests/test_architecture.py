@@ -68,7 +68,7 @@ BUDGETS = {
     "simulation": 1_815,
     "configuration": 1_758,
     "results": 2_281,
-    "experiments": 1_415,
+    "experiments": 1_400,
     "analysis": 629,
     "evidence": 969,
     "monte_carlo": 1_326,
