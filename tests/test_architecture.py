@@ -68,7 +68,7 @@ BUDGETS = {
     "ground": 255,
     "physics": 893,
     "simulation": 1815,
-    "configuration": 1_731,
+    "configuration": 1_703,
     "results": 2_365,
     "experiments": 2_076,
     "analysis": 790,

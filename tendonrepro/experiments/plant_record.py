@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.fields.quantity import Matrix, Scalar, Vector
+from tendonrepro.configuration.fields.quantity import UNITS, Matrix, Scalar, Vector
 from tendonrepro.experiments.rig import Experiment, build_drive
 from tendonrepro.physics.kinematics import to_joint_matrix
 from tendonrepro.results.records import PlantRecord, PlantValue
@@ -115,4 +115,4 @@ def _meaning(section: Any, key: str) -> str:
 
 def _plant_value(quantity: Scalar | Vector | Matrix, long_name: str) -> PlantValue:
     value: Array = np.asarray(quantity.si, dtype=np.float64)
-    return PlantValue(value, quantity.si_unit, quantity.source, long_name)
+    return PlantValue(value, UNITS[quantity.unit].si, quantity.source, long_name)
