@@ -51,7 +51,7 @@ findings: $(VENV)/.run  ## docs/results, and from it the made parts of findings.
 pages: $(VENV)/.run  ## the parts of docs that are made from configurations, readings and commands
 	$(BIN)/python docs/pages.py
 
-docs: $(VENV)/.docs  ## the site, build/docs/index.html, offline; with the pictures that lie under reports/
+docs: $(VENV)/.docs  ## the site, build/docs/index.html, offline
 	@rm -rf docs/api build/docs build/doctrees
 	$(SPHINX) -W -n -b html docs build/docs $(ARGS)
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from hypothesis import Phase, settings
+from matplotlib.figure import Figure
 
 np.seterr(divide="raise", over="raise", invalid="raise")
 
@@ -26,6 +27,9 @@ settings.register_profile("mutants", derandomize=True, deadline=None, phases=[Ph
 PROXIES = ("HTTP_PROXY", "HTTPS_PROXY", "ALL_PROXY")
 NOWHERE = "http://127.0.0.1:9"
 """Nobody listens there: what a child process wants to send past the loopback interface ends here."""
+
+all_formats: list[object] = []
+"""Marks of the running test that have pictures drawn in every format."""
 
 strays: list[str] = []
 """Addresses beyond this machine that the running test has asked for."""
@@ -56,6 +60,36 @@ def only_here(family: int, address: Any) -> None:
     if family in {socket.AF_INET, socket.AF_INET6} and not is_here(address[0]):
         strays.append(str(address))
         pytest.fail(f"a test tried to reach {address}")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _one_process() -> Iterator[None]:
+    """Do work in the process of the test: the workers of a pool would start anew for every command."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "cpu_count", lambda: 1)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _pictures_in_one_format() -> Iterator[None]:
+    """Draw pictures as SVG alone, but in slow tests and those marked `pictures`: PDF and PNG take longest."""
+    draw = Figure.savefig
+
+    def drawn(self: Figure, file: Any, **options: Any) -> None:
+        if options.get("format") in {"pdf", "png"} and not any(all_formats):
+            file.write(b"not drawn")
+        else:
+            draw(self, file, **options)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Figure, "savefig", drawn)
+        yield
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Note whether the test has every format drawn."""
+    all_formats[:] = [item.get_closest_marker(name) for name in ("slow", "pictures")]
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -6,12 +6,10 @@ import ast
 import io
 import tokenize
 from collections import Counter
-from collections.abc import Iterator
 from fnmatch import fnmatchcase
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
-
-import pytest
 
 import tendonrepro
 
@@ -25,7 +23,7 @@ FLOORS = [
     {"results"},
     {"experiments", "dataset"},
     {"analysis", "monte_carlo"},
-    {"evidence", "identification", "verdicts"},
+    {"evidence", "identification", "tuning", "verdicts"},
     {"validation"},
     {"reporting"},
     {"api"},
@@ -57,7 +55,7 @@ OWNERS = {
     "joblib": ["parallel.py", "dataset/read.py"],
     "distributed": ["monte_carlo/cluster.py"],
     "SALib": ["verdicts/sensitivity.py"],
-    "cma": ["identification/search.py"],
+    "cma": ["identification/search.py", "tuning/search.py"],
     "rich": ["console.py"],
     "jinja2": ["reporting/page.py"],
     "markdown_it": ["reporting/page.py"],
@@ -65,22 +63,23 @@ OWNERS = {
 }
 
 BUDGETS = {
-    "ground": 255,
+    "ground": 222,
     "physics": 893,
-    "simulation": 1815,
+    "simulation": 1_825,
     "configuration": 1_703,
-    "results": 2_365,
-    "experiments": 2_076,
-    "analysis": 790,
-    "evidence": 933,
-    "monte_carlo": 1_330,
-    "identification": 714,
-    "dataset": 1806,
-    "verdicts": 2_352,
-    "validation": 625,
-    "reporting": 636,
-    "api": 347,
-    "cli": 616,
+    "results": 2_281,
+    "experiments": 1_400,
+    "analysis": 629,
+    "evidence": 969,
+    "monte_carlo": 1_213,
+    "identification": 670,
+    "dataset": 1_700,
+    "tuning": 951,
+    "verdicts": 1_747,
+    "validation": 455,
+    "reporting": 672,
+    "api": 375,
+    "cli": 529,
 }
 """Code lines that a package may have: no comment, docstring or blank. What one needs, another gives."""
 
@@ -88,22 +87,26 @@ FILES = sorted(path.relative_to(PACKAGE).as_posix() for path in PACKAGE.rglob("*
 INNER = [file for file in FILES if file != "__init__.py"]
 
 
+@cache
 def tree_of(file: str) -> ast.Module:
     return ast.parse((PACKAGE / file).read_text(encoding="utf-8"))
 
 
-def imported(file: str) -> Iterator[str]:
+@cache
+def imported(file: str) -> frozenset[str]:
     """Dotted names that a file imports, wherever in it; of our own, those of files."""
+    found = set()
     for node in ast.walk(tree_of(file)):
         if isinstance(node, ast.Import):
-            yield from (name.name for name in node.names)
+            found |= {name.name for name in node.names}
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{file} imports relatively"
             module = node.module or ""
             folder = PACKAGE.parent.joinpath(*module.split("."))
             for name in node.names:
                 is_file = folder.joinpath(f"{name.name}.py").exists() or folder.joinpath(name.name).is_dir()
-                yield f"{module}.{name.name}" if is_file else module
+                found.add(f"{module}.{name.name}" if is_file else module)
+    return frozenset(found)
 
 
 def file_of(module: str) -> str:
@@ -125,42 +128,39 @@ def test_every_room_has_a_floor() -> None:
     assert {room_of(file) for file in INNER} == set(FLOOR)
 
 
-@pytest.mark.parametrize("file", INNER)
-def test_imports_go_down(file: str) -> None:
-    room = room_of(file)
-    others = {name for name in own(file) if room_of(name) != room}
-    assert not {name for name in others if FLOOR[room_of(name)] >= FLOOR[room] > 0}
-    assert not {name for name in others if FLOOR[room_of(name)] > 0 == FLOOR[room]}
+def test_imports_go_down() -> None:
+    """Only rooms of the ground floor import each other."""
+    pairs = [(file, other) for file in INNER for other in own(file) if room_of(file) != room_of(other)]
+    assert not [pair for pair in pairs if FLOOR[room_of(pair[1])] >= max(FLOOR[room_of(pair[0])], 1)]
 
 
 def test_no_files_import_each_other_in_a_circle() -> None:
     TopologicalSorter({file: own(file) for file in INNER}).prepare()
 
 
-@pytest.mark.parametrize("file", INNER)
-def test_heavy_libraries_stay_with_their_owners(file: str) -> None:
-    used = {name.split(".")[0] for name in imported(file)}
-    for library, owners in OWNERS.items():
-        assert library not in used or any(fnmatchcase(file, owner) for owner in owners), library
+def test_heavy_libraries_stay_with_their_owners() -> None:
+    used = {(name.split(".")[0], file) for file in INNER for name in imported(file)}
+    heavy = [(library, file) for library, file in used if library in OWNERS]
+    assert heavy
+    assert not [pair for pair in heavy if not any(fnmatchcase(pair[1], owner) for owner in OWNERS[pair[0]])]
 
 
-@pytest.mark.parametrize("file", [file for file in INNER if room_of(file) == "physics"])
-def test_physics_is_pure(file: str) -> None:
+def test_physics_is_pure() -> None:
     """No file, clock, print, randomness of its own or global state."""
-    tree = tree_of(file)
-    calls = {ast.unparse(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
+    nodes = [node for file in INNER if room_of(file) == "physics" for node in ast.walk(tree_of(file))]
+    calls = {ast.unparse(node.func) for node in nodes if isinstance(node, ast.Call)}
     assert not calls & {"open", "print", "time.time", "np.random.default_rng", "np.random.seed"}
-    assert not any(isinstance(node, ast.Global) for node in ast.walk(tree))
+    assert not any(isinstance(node, ast.Global) for node in nodes)
 
 
-@pytest.mark.parametrize("file", INNER)
-def test_functions_fit_a_screen(file: str) -> None:
-    for node in ast.walk(tree_of(file)):
-        if isinstance(node, ast.FunctionDef):
-            doc = ast.get_docstring(node, clean=False) or ""
-            assert node.end_lineno is not None
-            lines = node.end_lineno - node.lineno + 1 - len(doc.splitlines())
-            assert lines <= 60, f"{file}: {node.name} has {lines} lines"
+def test_functions_fit_a_screen() -> None:
+    for file in INNER:
+        for node in ast.walk(tree_of(file)):
+            if isinstance(node, ast.FunctionDef):
+                doc = ast.get_docstring(node, clean=False) or ""
+                assert node.end_lineno is not None
+                lines = node.end_lineno - node.lineno + 1 - len(doc.splitlines())
+                assert lines <= 60, f"{file}: {node.name} has {lines} lines"
 
 
 def code_lines(path: Path) -> int:
@@ -188,5 +188,5 @@ def test_each_package_keeps_its_budget() -> None:
 
 def test_the_house_is_small_enough_to_know() -> None:
     """Folder names say where things are; a reader keeps this many in mind."""
-    assert len([path for path in PACKAGE.iterdir() if (path / "__init__.py").exists()]) <= 15
+    assert len([path for path in PACKAGE.iterdir() if (path / "__init__.py").exists()]) <= 16
     assert len([*PACKAGE.glob("*.py")]) <= 8

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, get_args
@@ -10,7 +10,7 @@ from typing import Any, get_args
 import numpy as np
 
 from tendonrepro.analysis.loads import Loads, loads
-from tendonrepro.analysis.maps import PARAMETERS, border_distance, decays, root_locus
+from tendonrepro.analysis.maps import TendonMap, tendon_map
 from tendonrepro.analysis.margins import (
     ChannelMargins,
     angle_grid,
@@ -34,50 +34,44 @@ from tendonrepro.physics.linear_loop import (
     slowest,
     stroke,
 )
-from tendonrepro.physics.slow_error import ERROR_SIZES_DEG, TYPICAL_ERROR_DEG, error_ratio, estimate_age
+from tendonrepro.physics.slow_error import ERROR_SIZES_DEG, TYPICAL_ERROR_DEG, error_ratio
 
 PAIRS = ("c1_c2", "c2_c3")
 """Pairs of the paper's laws, of which ``--json`` always has the ratios."""
-MAP_POINTS = 25
-LOCUS_POINTS = 41
 
 
 @dataclass(frozen=True)
-class Map:
-    """Borders of stability over factors (X,) and (Y,) on two parameters, `x` and `y`.
+class RunMargins:
+    """Stability of one run, the worst of several postures for every number.
 
-    By run the signed distance (Y, X) from its border, zero on it and positive where it is stable.
+    The slowest mode decays by ``decay``, s⁻¹, negative where the loop grows, at ``decay_hz``; ``ringing_`` is
+    the same of the slowest fast mode, NaN without. ``disk_margin`` is of all joints at once; `joints` are
+    margins of a torque of one joint that the law does not know.
     """
 
-    x: str
-    y: str
-    x_factors: Array
-    y_factors: Array
-    distance: Mapping[str, Array]
+    of_run: Mapping[str, Any]
+    joints: Sequence[ChannelMargins]
 
 
 @dataclass(frozen=True)
 class Explanation:
     """Everything that :func:`explain` finds.
 
-    `rows`, of :func:`margin_rows`, views and curves are by run; a curve is Hz (F,) and the response of every
-    joint's channel, complex (joints, F), at the middle posture. `postures` (P, n), rad, are start, middle and
-    far end of the reference. `ratios` are by pair such as ``c1_c2``, size of the error in degrees, and
-    joint; `what_if` by change such as ``weights=extrapolating``: slowest ``decay`` of each run, s⁻¹, and
-    ``ratio`` of each pair. `loci` are by parameter and law: modes (factors, modes), s⁻¹ and rad s⁻¹, at the
-    middle posture. `origin` marks the configuration in captions.
+    Views, margins and curves are by run; a curve is Hz (F,) and the response of every joint's channel,
+    complex (joints, F), at the middle posture. `postures` (P, n), rad, are start, middle and far end of the
+    reference. `ratios` are by pair such as ``c1_c2``, size of the error in degrees, and joint; `what_if` by
+    change such as ``weights=extrapolating``: slowest ``decay`` of each run, s⁻¹, and ``ratio`` of each pair.
+    `origin` marks the configuration in captions.
     """
 
     joints: tuple[int, ...]
     postures: Array
     views: Mapping[str, View]
-    rows: Mapping[str, Sequence[Mapping[str, Any]]]
+    margins: Mapping[str, RunMargins]
     curves: Mapping[str, tuple[Array, Complex]]
     ratios: Mapping[str, Mapping[float, list[float]]]
     what_if: Mapping[str, Mapping[str, Mapping[str, Any]]]
-    loci: Mapping[str, Mapping[str, Complex]]
-    locus_factors: Mapping[str, Array]
-    maps: tuple[Map, ...]
+    borders: TendonMap
     loads: Loads
     origin: str
 
@@ -91,33 +85,18 @@ def explain(loaded: LoadedConfig) -> Explanation:
     postures = stroke(reference.q_d)
     views = run_views(config)
     ringing = config.status.ringing_frequency.si
-    factors = _locus_factors(views)
     return Explanation(
         joints=config.joints,
         postures=postures,
         views=views,
-        rows={
-            run: [
-                {"run": run, "joint": joint, **row}
-                for joint, row in zip(config.joints, margin_rows(view, postures, ringing), strict=True)
-            ]
-            for run, view in views.items()
-        },
+        margins={run: run_margins(view, postures, ringing) for run, view in views.items()},
         curves={run: _curve(view, postures[1]) for run, view in views.items()},
         ratios={
             pair: {size: slow_ratio(a, b, size) for size in ERROR_SIZES_DEG}
             for pair, a, b in view_pairs(views)
         },
         what_if=dict(_what_ifs(config, views, postures)),
-        loci={
-            parameter: {
-                law: root_locus(postures[1], view.plant, view.law, view.delay, parameter, factors[parameter])
-                for law, view in first_views(views).items()
-            }
-            for parameter in PARAMETERS
-        },
-        locus_factors=factors,
-        maps=_maps(views, postures),
+        borders=tendon_map(views, list(postures)),
         loads=loads(first_views(views), postures[1], reference.dq_d),
         origin=f"configuration {loaded.sha256[:12]}",
     )
@@ -143,14 +122,9 @@ def slow_ratio(a: View, b: View, size_deg: float) -> list[float]:
     return ratio
 
 
-def margin_rows(view: View, postures: Array, ringing: float) -> list[dict[str, Any]]:
-    """Stability of one run, a row per joint, the worst of postures (P, n), rad, for every number.
-
-    The slowest mode decays by ``decay``, s⁻¹, negative where the loop grows, at ``decay_hz``; ``ringing_`` is
-    the same of the slowest mode from `ringing`, Hz, on, NaN without. ``disk_margin`` is of all joints at
-    once; what :class:`ChannelMargins` holds is for a torque of one joint that the law does not know.
-    """
-    L, age = view.law.L, estimate_age(view.law, view.delay)
+def run_margins(view: View, postures: Array, ringing: float) -> RunMargins:
+    """Stability of one run at postures (P, n), rad; modes from `ringing`, Hz, on are the fast ones."""
+    L = view.law.L
     found = [modes(loop_matrix(q, view.plant, view.law, view.delay), L) for q in postures]
     (growth, growth_hz), (fast, fast_hz) = slowest(found, 0.0), slowest(found, ringing)
     cuts = [open_loop(q, view.plant, view.law, view.delay) for q in postures]
@@ -158,7 +132,7 @@ def margin_rows(view: View, postures: Array, ringing: float) -> list[dict[str, A
     disk, disk_hz = min(
         (disk_margin(cut, L) for cut in cuts), key=lambda pair: np.nan_to_num(pair[0], nan=-1.0)
     )
-    run = {
+    of_run = {
         "law": view.law_name,
         "payload_kg": view.payload,
         "output_delay": view.delay,
@@ -171,8 +145,9 @@ def margin_rows(view: View, postures: Array, ringing: float) -> list[dict[str, A
         "disk_margin": disk,
         "disk_margin_hz": disk_hz,
     }
-    channels = [worst([channel_margins(cut, k, L) for cut in cuts]) for k in range(age.size)]
-    return [held._asdict() | run | {"estimate_age": float(age[k])} for k, held in enumerate(channels)]
+    return RunMargins(
+        of_run, [worst([channel_margins(cut, k, L) for cut in cuts]) for k in range(view.law.M_bar.size)]
+    )
 
 
 def worst(found: Sequence[ChannelMargins]) -> ChannelMargins:
@@ -231,34 +206,3 @@ def _changed(views: Mapping[str, View], postures: Array) -> dict[str, Any]:
         },
         "ratio": {pair: slow_ratio(a, b, TYPICAL_ERROR_DEG) for pair, a, b in view_pairs(views)},
     }
-
-
-def _largest_alpha(views: Mapping[str, View]) -> float:
-    """Factor up to which every weight of Eq. (15) stays at most 1, and 4 at most."""
-    largest = max(float(np.abs(view.law.weights[1]).max()) for view in views.values())
-    return min(4.0, 1.0 / largest) if largest > 0.0 else 4.0
-
-
-def _locus_factors(views: Mapping[str, View]) -> dict[str, Array]:
-    wide = np.geomspace(0.25, 4.0, LOCUS_POINTS)
-    return dict.fromkeys(PARAMETERS, wide) | {"alpha": np.linspace(0.0, _largest_alpha(views), LOCUS_POINTS)}
-
-
-def _maps(views: Mapping[str, View], postures: Array) -> tuple[Map, ...]:
-    tendons, gains = np.geomspace(0.1, 10.0, MAP_POINTS), np.geomspace(0.1, 20.0, MAP_POINTS)
-    alpha = np.linspace(0.0, _largest_alpha(views), MAP_POINTS)
-
-    def stable_over(view: View, x: str, y: str) -> Callable[[Array, Array], Array]:
-        return lambda a, b: decays(list(postures), view.plant, view.law, view.delay, {x: a, y: b})
-
-    def over_tendons(view: View) -> Array:
-        return border_distance(stable_over(view, "K_s", "D_s"), tendons, tendons)
-
-    def over_gains(view: View) -> Array:
-        # The border runs along α, so it is looked for along M_bar.
-        return border_distance(stable_over(view, "alpha", "M_bar"), alpha, gains).T
-
-    return (
-        Map("K_s", "D_s", tendons, tendons, {run: over_tendons(view) for run, view in views.items()}),
-        Map("M_bar", "alpha", gains, alpha, {run: over_gains(view) for run, view in views.items()}),
-    )

@@ -3,63 +3,41 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import chain
 from typing import Any
 
 import numpy as np
 
-from tendonrepro.analysis.analysis import PAIRS, Explanation, explain, view_pairs
+from tendonrepro.analysis.analysis import PAIRS, Explanation, RunMargins, explain, view_pairs
 from tendonrepro.analysis.margins import LOW_FREQUENCY, ChannelMargins
 from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
+from tendonrepro.experiments.linear import View
 from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, estimate_age, stiffness
 from tendonrepro.results.study import Outcome, run_study
-from tendonrepro.results.tables import Table
+from tendonrepro.results.tables import Table, TableColumns
 
 SCHEMA_VERSION = 1
 
-_OF_RUN = (
-    "law",
-    "payload_kg",
-    "output_delay",
-    "stable",
-    "decay",
-    "decay_hz",
-    "ringing_decay",
-    "ringing_hz",
-    "disk_margin",
-    "disk_margin_hz",
-)
-_OF_TORQUE = tuple(name for name in ChannelMargins._fields if name != "stable")
-_MARGINS = {
-    "run": "Run",
-    "joint": "Joint",
-    "spectral_radius": "Spectral radius",
-    "decay": "Decay (1/s)",
-    "ringing_decay": "Ringing decays (1/s)",
-    "ringing_hz": "Rings at (Hz)",
-    "gain_margin": "Gain margin",
-    "gain_margin_hz": "at (Hz)",
-    "gain_reduction_margin": "Gain reduction margin",
-    "phase_margin_deg": "Phase margin (deg)",
-    "crossover_hz": "Crossover (Hz)",
-    "delay_margin_s": "Delay margin (s)",
-    "disk_margin": "Disk margin",
-    "loop_gain": "Loop gain",
+_COLUMNS: TableColumns = {
+    "run": ("Run", ""),
+    "joint": ("Joint", ""),
+    "spectral_radius": ("Spectral radius", ".6f"),
+    "decay": ("Decay (1/s)", ".4g"),
+    "ringing_decay": ("Ringing decays (1/s)", ".4g"),
+    "ringing_hz": ("Rings at (Hz)", ".4g"),
+    "gain_margin": ("Gain margin", ".4g"),
+    "gain_margin_hz": ("at (Hz)", ".4g"),
+    "gain_reduction_margin": ("Gain reduction margin", ".4g"),
+    "phase_margin_deg": ("Phase margin (deg)", ".4g"),
+    "crossover_hz": ("Crossover (Hz)", ".4g"),
+    "delay_margin_s": ("Delay margin (s)", ".4g"),
+    "disk_margin": ("Disk margin", ".4g"),
+    "loop_gain": ("Loop gain", ".4g"),
 }
-_SHOWN = (
-    "run",
-    "joint",
-    "spectral_radius",
-    "decay",
-    "ringing_hz",
-    "gain_margin",
-    "phase_margin_deg",
-    "disk_margin",
-    "loop_gain",
-)
+_FILES_ALONE = {"ringing_decay", "gain_margin_hz", "gain_reduction_margin", "crossover_hz", "delay_margin_s"}
+"""Columns that the terminal has no room for."""
 
 
 def run_explain(request: Request, talk: Talk) -> dict[str, Any]:
@@ -99,20 +77,19 @@ def study_explain(loaded: LoadedConfig) -> Outcome:
 
 def explanation_data(found: Explanation) -> dict[str, Any]:
     """Plain numbers with the keys of ``--json``; what does not exist is NaN, which JSON writes as null."""
+    runs = {run: _run_data(held, found.views[run]) for run, held in found.margins.items()}
 
-    def of_joints(name: str) -> dict[str, list[Any]]:
-        return {run: [row[name] for row in rows] for run, rows in found.rows.items()}
+    def of_torque(name: str) -> dict[str, Any]:
+        return {run: held["torque"][name] for run, held in runs.items()}
 
-    columns = {name: of_joints(name) for name in (*_OF_TORQUE, "estimate_age")}
-    first = {run: rows[0] for run, rows in found.rows.items()}
     return {
         "schema_version": SCHEMA_VERSION,
         "joints": list(found.joints),
         "postures_deg": np.rad2deg(found.postures).tolist(),
-        "spectral_radius": {run: row["spectral_radius"] for run, row in first.items()},
-        "gain_margin": columns["gain_margin"],
-        "phase_margin": columns["phase_margin_deg"],
-        "loop_gain": columns["loop_gain"],
+        "spectral_radius": {run: held["spectral_radius"] for run, held in runs.items()},
+        "gain_margin": of_torque("gain_margin"),
+        "phase_margin": of_torque("phase_margin_deg"),
+        "loop_gain": of_torque("loop_gain"),
         "loop_gain_frequency_hz": LOW_FREQUENCY,
         "predicted_ratio": dict.fromkeys(PAIRS) | _typical(found),
         "predicted_ratio_error_deg": TYPICAL_ERROR_DEG,
@@ -120,13 +97,8 @@ def explanation_data(found: Explanation) -> dict[str, Any]:
             pair: {f"{size:g}": ratio for size, ratio in sizes.items()}
             for pair, sizes in found.ratios.items()
         },
-        "predicted_ratio_holds": all(row["stable"] for row in first.values()),
-        "runs": {
-            run: {name: row[name] for name in _OF_RUN}
-            | {"estimate_age": columns["estimate_age"][run]}
-            | {"torque": {name: columns[name][run] for name in _OF_TORQUE}}
-            for run, row in first.items()
-        },
+        "predicted_ratio_holds": all(held["stable"] for held in runs.values()),
+        "runs": runs,
         "what_if": found.what_if,
         "load_to_error": {
             "hz": found.loads.hertz.tolist(),
@@ -135,6 +107,15 @@ def explanation_data(found: Explanation) -> dict[str, Any]:
             "motion_hz": found.loads.motion_hz,
         },
     }
+
+
+def _run_data(held: RunMargins, view: View) -> dict[str, Any]:
+    torque = {
+        name: [getattr(joint, name) for joint in held.joints]
+        for name in ChannelMargins._fields
+        if name != "stable"
+    }
+    return {**held.of_run, "estimate_age": estimate_age(view.law, view.delay).tolist(), "torque": torque}
 
 
 def _typical(found: Explanation) -> dict[str, list[float]]:
@@ -148,10 +129,14 @@ def explanation_parts(found: Explanation) -> list[Table | str]:
         f"Stability of the sampled loop, worst of {len(found.postures)} postures ({found.origin}); "
         "margins with the other joints' loops closed, gain as a factor."
     )
-    columns = {name: (head, ".6f" if name == "spectral_radius" else ".4g") for name, head in _MARGINS.items()}
-    rows = list(chain.from_iterable(found.rows.values()))
-    parts: list[Table | str] = [Table("explain", caption, rows, columns, _SHOWN)]
-    if unstable := [run for run, held in found.rows.items() if not held[0]["stable"]]:
+    rows = [
+        {"run": run, "joint": joint, **margins._asdict(), **held.of_run}
+        for run, held in found.margins.items()
+        for joint, margins in zip(found.joints, held.joints, strict=True)
+    ]
+    shown = [name for name in _COLUMNS if name not in _FILES_ALONE]
+    parts: list[Table | str] = [Table("explain", caption, rows, _COLUMNS, shown)]
+    if unstable := [run for run, held in found.margins.items() if not held.of_run["stable"]]:
         parts.append(f"Unstable, so without margins or slow errors: {', '.join(unstable)}.")
     if slow := list(slow_rows(found)):
         caption = f"Errors near {TYPICAL_ERROR_DEG:g} deg under slow loads; no plant enters while loops are "
@@ -180,6 +165,7 @@ def slow_rows(found: Explanation) -> Iterator[dict[str, Any]]:
 
 def change_rows(found: Explanation) -> Iterator[dict[str, Any]]:
     """Yield a row for the configuration and for every change to it."""
-    now = {"decay": {run: rows[0]["decay"] for run, rows in found.rows.items()}, "ratio": _typical(found)}
+    decay = {run: held.of_run["decay"] for run, held in found.margins.items()}
+    now = {"decay": decay, "ratio": _typical(found)}
     for name, what in {"as configured": now, **found.what_if}.items():
         yield {"change": name, **what["decay"], **what["ratio"]}

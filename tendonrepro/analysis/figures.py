@@ -1,10 +1,9 @@
-"""Pictures of what was found about the loops: margins, root loci, and maps of stability."""
+"""Pictures of what was found about the loops: margins, borders of stability, and the effect of loads."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
-from string import ascii_lowercase
 from typing import Any
 
 import numpy as np
@@ -13,31 +12,21 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter, NullLocator
 
 from tendonrepro import __version__
-from tendonrepro.analysis.analysis import Explanation, Map, view_pairs
-from tendonrepro.analysis.loads import draw_loads
+from tendonrepro.analysis.analysis import Explanation, view_pairs
 from tendonrepro.arrays import Array
 from tendonrepro.results.figures.style import (
+    COLUMN_MM,
     PAGE_MM,
     Drawing,
     Stroke,
     journal_style,
+    letter_panels,
     open_figure,
     stroke_of,
 )
 
-SYMBOLS: Mapping[str, str] = {
-    "M_bar": r"$\bar M$",
-    "alpha": r"$\alpha$",
-    "K_s": r"tendon stiffness $K_s$",
-    "D_s": r"tendon damping $D_s$",
-}
-"""Parameters as axes name them."""
-
-_SLOWEST_DRAWN = -20.0
-_FASTEST_GROWTH = 10.0
 _PALE = "#E4EAF1"
 
 
@@ -45,17 +34,16 @@ def figures(found: Explanation) -> dict[str, Callable[[], Drawing]]:
     """Every picture of an explanation, by name."""
     drawn = {
         "explain_margins": (draw_margins, "Open loops of every joint, the other loops closed"),
-        "explain_locus": (draw_locus, "Modes of the loop while one parameter is multiplied"),
         "explain_map": (draw_map, "Borders of stability"),
-    }
-    pictures: dict[str, Callable[[], Drawing]] = {
-        stem: partial(_drawing, stem, draw, caption, found) for stem, (draw, caption) in drawn.items()
     }
     laws = {view.law_name for pair in view_pairs(found.views) for view in pair[1:]}
     if laws and laws <= found.loads.error.keys():
-        pairs = {name: (a.law_name, b.law_name) for name, a, b in view_pairs(found.views)}
-        pictures["explain_loads"] = partial(draw_loads, found.loads, pairs, found.joints, found.origin)
-    return pictures
+        caption = (
+            "Error that a load on a joint leaves, one controller's over the next one's; below the line the "
+            "first has the smaller error"
+        )
+        drawn["explain_loads"] = draw_loads, caption
+    return {stem: partial(_drawing, stem, draw, caption, found) for stem, (draw, caption) in drawn.items()}
 
 
 @journal_style()
@@ -68,10 +56,8 @@ def _drawing(stem: str, draw: Callable[[Explanation], Figure], caption: str, fou
 def draw_margins(found: Explanation) -> Figure:
     """Gain and phase of every joint's open loop over the frequency, with the gain margins as circles."""
     figure, grid = _sheet(2, len(found.joints), 100.0, sharex=True, sharey="row")
-    letters = iter(ascii_lowercase)
-    for row, title in enumerate(("gain", "phase")):
-        for axes, joint in zip(grid[row], found.joints, strict=True):
-            axes.set_title(f"({next(letters)}) Joint {joint}, {title}")
+    titles = [f"Joint {joint}, {what}" for what in ("gain", "phase") for joint in found.joints]
+    letter_panels(grid.flat, titles)
     for k in range(len(found.joints)):
         gain, phase = grid[:, k]
         gain.axhline(1.0, color="#999999", linewidth=0.5)
@@ -81,7 +67,7 @@ def draw_margins(found: Explanation) -> Figure:
             _line(gain, hertz, np.abs(value), stroke, run)
             # Of -G, continuous from between -180 and 180 at the lowest frequency.
             _line(phase, hertz, np.rad2deg(np.unwrap(np.angle(-value))), stroke, run)
-            place = found.rows[run][k]["gain_margin_hz"]
+            place = found.margins[run].joints[k].gain_margin_hz
             if np.isfinite(place):
                 height = np.exp(np.interp(np.log(place), np.log(hertz), np.log(np.abs(value))))
                 circle = {"markersize": 3.2, "markerfacecolor": "white", "markeredgecolor": stroke.colour}
@@ -101,88 +87,56 @@ def draw_margins(found: Explanation) -> Figure:
     return figure
 
 
-def draw_locus(found: Explanation) -> Figure:
-    """Modes as curves, growth across, frequency upwards; circle: as configured, point: the largest factor."""
-    figure, grid = _sheet(2, 2, 118.0, sharex=True, sharey=True)
-    for letter, axes, (parameter, loci) in zip("abcd", grid.flat, found.loci.items(), strict=True):
-        factors = found.locus_factors[parameter]
-        here = int(np.abs(factors - 1.0).argmin())
-        for number, (law, rates) in enumerate(loci.items(), start=1):
-            _branches(axes, rates, here, stroke_of(number))
-            _line(axes, np.array([]), np.array([]), stroke_of(number), law)
-        axes.axvline(0.0, color="#999999", linewidth=0.5)
-        axes.set_title(f"({letter}) {SYMBOLS[parameter]} × {factors[0]:.3g} to {factors[-1]:.3g}")
-    _frame_locus(grid)
-    _legend(figure, grid[0, 0], [_sample("o", "as configured"), _sample(".", "largest factor")])
-    return figure
-
-
-def _branches(axes: Axes, rates: Any, here: int, stroke: Stroke) -> None:
-    growth, hertz = rates.real, np.abs(rates.imag) / (2.0 * np.pi)
-    axes.plot(growth, hertz, color=stroke.colour, linestyle=stroke.linestyle, linewidth=stroke.width)
-    circle: dict[str, Any] = {"markersize": 4.0, "markerfacecolor": "none", "markeredgecolor": stroke.colour}
-    axes.plot(growth[here], hertz[here], "o", markeredgewidth=0.6, **circle)
-    axes.plot(growth[-1], hertz[-1], ".", markersize=3.5, color=stroke.colour)
-
-
-def _frame_locus(grid: Any) -> None:
-    first = grid[0, 0]
-    first.set_xlim(_SLOWEST_DRAWN, _FASTEST_GROWTH)
-    first.set_yscale("symlog", linthresh=1.0, linscale=0.6)
-    first.yaxis.set_major_locator(FixedLocator([0.0, 0.5, 1.0, 10.0, 100.0, 500.0]))
-    first.yaxis.set_major_formatter(FuncFormatter(_plain))
-    first.yaxis.set_minor_formatter(NullFormatter())
-    first.set_ylim(-0.12, 900.0)
-    for axes in grid[-1]:
-        axes.set_xlabel(r"Growth (s$^{-1}$)")
-    for axes in grid[:, 0]:
-        axes.set_ylabel("Frequency (Hz)")
-
-
-def _plain(value: float, _place: int) -> str:
-    return f"{value:g}"
-
-
 def draw_map(found: Explanation) -> Figure:
-    """Borders of stability of every run over tendons and over gains; where all are stable is pale."""
-    figure, grid = _sheet(1, len(found.maps), 82.0)
-    for letter, axes, drawn in zip("ab", grid.flat, found.maps, strict=True):
-        _borders(axes, drawn)
-        axes.set_xscale("log")
-        axes.set_yscale("linear" if drawn.y == "alpha" else "log")
-        for axis, parameter in ((axes.xaxis, drawn.x), (axes.yaxis, drawn.y)):
-            if parameter != "alpha":
-                axis.set_major_locator(FixedLocator([0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0]))
-                axis.set_minor_locator(NullLocator())
-            axis.set_major_formatter(FuncFormatter(_plain))
-        axes.plot([1.0], [1.0], "k*", markersize=5.0, markeredgewidth=0.0, zorder=4.0)
-        axes.set_xlabel(f"Factor on {SYMBOLS[drawn.x]}")
-        axes.set_ylabel(f"Factor on {SYMBOLS[drawn.y]}")
-        axes.set_title(f"({letter}) " + ("Tendons" if drawn.x == "K_s" else "Gains"))
-    _legend(
-        figure, grid[0, 0], [_sample("*", "as configured", "black"), Patch(color=_PALE, label="all stable")]
-    )
-    return figure
-
-
-def _borders(axes: Axes, drawn: Map) -> None:
-    x, y = drawn.x_factors, drawn.y_factors
-    least = np.min(list(drawn.distance.values()), axis=0)
+    """Borders of stability of every run over the tendons; where all are stable is pale."""
+    figure, grid = _sheet(1, 1, 82.0, width_mm=COLUMN_MM)
+    axes, factors, borders = grid[0, 0], found.borders.factors, found.borders.distance
+    least = np.min(list(borders.values()), axis=0)
     if least.max() > 0.0:
-        axes.contourf(x, y, least, levels=[0.0, 1e9], colors=[_PALE])
-    for number, (run, distance) in enumerate(drawn.distance.items(), start=1):
+        axes.contourf(factors, factors, least, levels=[0.0, 1e9], colors=[_PALE])
+    for number, (run, distance) in enumerate(borders.items(), start=1):
         stroke = stroke_of(number)
         if distance.min() < 0.0 < distance.max():
             style: dict[str, Any] = {"colors": [stroke.colour], "linestyles": [stroke.linestyle]}
-            axes.contour(x, y, distance, levels=[0.0], linewidths=1.1, **style)
+            axes.contour(factors, factors, distance, levels=[0.0], linewidths=1.1, **style)
         # A contour is no legend entry of its own.
         _line(axes, np.array([]), np.array([]), stroke, run)
-    axes.set_xlim(x[0], x[-1])
-    axes.set_ylim(y[0], y[-1])
+    axes.plot([1.0], [1.0], "k*", markersize=5.0, markeredgewidth=0.0, zorder=4.0)
+    axes.set(xscale="log", yscale="log", xlim=factors[[0, -1]], ylim=factors[[0, -1]])
+    for axis, name in ((axes.xaxis, "stiffness $K_s$"), (axes.yaxis, "damping $D_s$")):
+        ticks = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0]
+        axis.set_ticks(ticks, [f"{tick:g}" for tick in ticks])
+        axis.set_ticks([], minor=True)
+        axis.set_label_text(f"Factor on tendon {name}")
+    stable = Patch(color=_PALE, label="all stable")
+    _legend(figure, axes, [_sample("*", "as configured", "black"), stable], columns=2)
+    return figure
 
 
-def _sheet(rows: int, cols: int, height_mm: float, **shared: Any) -> tuple[Figure, Any]:
-    figure = open_figure(PAGE_MM, height_mm)
+def draw_loads(found: Explanation) -> Figure:
+    """Error per load of one law over that of the next, by frequency, a panel for each joint."""
+    held = found.loads
+    figure, grid = _sheet(1, len(found.joints), 70.0, sharey=True)
+    for k, axes in enumerate(grid[0]):
+        axes.axvspan(held.hertz[0], held.motion_hz, color=_PALE, linewidth=0.0, label="the motion")
+        axes.axhline(1.0, color="#999999", linewidth=0.6)
+        axes.axvline(
+            held.mode_hz, color="#777777", linewidth=0.7, linestyle="--", label="the arm on its tendons"
+        )
+        for number, (_, a, b) in enumerate(view_pairs(found.views), start=1):
+            ratio = held.error[a.law_name][k] / held.error[b.law_name][k]
+            _line(axes, held.hertz, ratio, stroke_of(number), f"{a.law_name} over {b.law_name}")
+        axes.set(xscale="log", xlim=held.hertz[[0, -1]], xlabel="frequency of the load (Hz)")
+    grid[0, 0].set_ylabel("error of one over the other")
+    letter_panels(grid[0], [f"Joint {joint}" for joint in found.joints])
+    _legend(figure, grid[0, 0], columns=4)
+    return figure
+
+
+def _sheet(
+    rows: int, cols: int, height_mm: float, width_mm: float = PAGE_MM, **shared: Any
+) -> tuple[Figure, Any]:
+    figure = open_figure(width_mm, height_mm)
     return figure, figure.subplots(rows, cols, squeeze=False, **shared)
 
 
@@ -197,9 +151,8 @@ def _sample(marker: str, label: str, colour: str = "#555555") -> Line2D:
     return Line2D([], [], linestyle="none", marker=marker, color=colour, label=label, **style)
 
 
-def _legend(figure: Figure, axes: Axes, extra: Sequence[Artist]) -> None:
+def _legend(figure: Figure, axes: Axes, extra: Sequence[Artist] = (), columns: int = 6) -> None:
     handles, names = axes.get_legend_handles_labels()
     texts = [name.replace("_", " ").replace("controller", "Controller") for name in names]
     texts += [str(artist.get_label()) for artist in extra]
-    columns = -(-len(texts) // (1 if len(texts) <= 6 else 2))
     figure.legend([*handles, *extra], texts, loc="outside upper center", ncols=columns)

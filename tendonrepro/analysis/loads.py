@@ -11,14 +11,6 @@ from tendonrepro.arrays import Array
 from tendonrepro.experiments.linear import View
 from tendonrepro.physics.arm import mass_matrix
 from tendonrepro.physics.linear_loop import Complex, hold_discretised, loop_matrix, plant_matrices
-from tendonrepro.results.figures.style import (
-    PAGE_MM,
-    Drawing,
-    journal_style,
-    letter_panels,
-    open_figure,
-    stroke_of,
-)
 
 POINTS = 400
 _LOWEST_HZ = 0.05
@@ -93,40 +85,3 @@ def _bandwidth(dq_d: Array, L: float) -> float:
     power = (np.abs(np.fft.rfft(dq_d, axis=0)) ** 2).sum(axis=1)
     share = np.cumsum(power) / max(power.sum(), 1e-300)
     return float(np.fft.rfftfreq(len(dq_d), L)[np.searchsorted(share, _MOTION_SHARE)])
-
-
-@journal_style()
-def draw_loads(
-    found: Loads, pairs: Mapping[str, tuple[str, str]], joints: tuple[int, ...], origin: str
-) -> Drawing:
-    """Draw the error per load of one law over that of another, a panel for each joint."""
-    figure = open_figure(PAGE_MM, 70.0)
-    panels = figure.subplots(1, len(joints), squeeze=False, sharey=True)[0]
-    for k, panel in enumerate(panels):
-        panel.axvspan(found.hertz[0], found.motion_hz, color="#E4EAF1", linewidth=0.0, label="the motion")
-        panel.axhline(1.0, color="#999999", linewidth=0.6)
-        panel.axvline(
-            found.mode_hz, color="#777777", linewidth=0.7, linestyle="--", label="the arm on its tendons"
-        )
-        for number, (over, under) in enumerate(pairs.values(), start=1):
-            stroke, ratio = stroke_of(number), found.error[over][k] / found.error[under][k]
-            label = f"{over} over {under}".replace("controller_", "Controller ")
-            panel.plot(
-                found.hertz,
-                ratio,
-                color=stroke.colour,
-                linestyle=stroke.linestyle,
-                linewidth=stroke.width,
-                label=label,
-            )
-        panel.set_xscale("log")
-        panel.set_xlim(found.hertz[0], found.hertz[-1])
-        panel.set_xlabel("frequency of the load (Hz)")
-    panels[0].set_ylabel("error of one over the other")
-    letter_panels(panels, [f"Joint {joint}" for joint in joints])
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
-    caption = (
-        "Error that a load on a joint leaves, one controller's over the next one's; below the line the first "
-        f"has the smaller error. {origin}."
-    )
-    return Drawing("explain_loads", figure, list(panels), caption)

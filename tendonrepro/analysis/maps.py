@@ -1,88 +1,64 @@
-"""Where the sampled loop is stable: its modes and its slowest decay while a parameter is multiplied."""
+"""Where the sampled loop is stable while stiffness and damping of the tendons are multiplied."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from itertools import pairwise
+from dataclasses import dataclass
 
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.physics.control import Law
+from tendonrepro.experiments.linear import View
 from tendonrepro.physics.dynamics import Plant
 from tendonrepro.physics.linear_loop import (
-    DEADEST,
-    Complex,
     closed,
     hold_discretised,
     law_matrices,
-    loop_matrix,
     plant_matrices,
     spectral_radius,
 )
 
-PARAMETERS = ("M_bar", "alpha", "K_s", "D_s")
-"""What can be multiplied: two gains of the law, two properties of the tendons, each on all joints."""
-
+MAP_POINTS = 25
 _HALVINGS = 10
 
 
-def scaled(plant: Plant, law: Law, parameter: str, factor: float) -> tuple[Plant, Law]:
-    """Multiply one of `PARAMETERS` on all joints."""
-    drive = plant.drive
-    if parameter == "M_bar":
-        return plant, law._replace(M_bar=factor * law.M_bar)
-    if parameter == "alpha":
-        # Of either sign: weights that extrapolate stay so.
-        older = factor * law.weights[1]
-        return plant, law._replace(weights=np.stack([1.0 - older, older]))
-    if parameter == "K_s":
-        return plant._replace(drive=drive._replace(stiffness=factor * drive.stiffness)), law
-    return plant._replace(drive=drive._replace(damping=factor * drive.damping)), law
+@dataclass(frozen=True)
+class TendonMap:
+    """Borders of stability over factors (F,) on the stiffness, across, and the damping of all tendons.
 
-
-def root_locus(q: Array, plant: Plant, law: Law, delay: int, parameter: str, factors: Array) -> Complex:
-    """Modes of the loop for every factor on a parameter, (F, m), each followed from factor to factor.
-
-    Rates as of `modes`, of both signs of the frequency; NaN where one dies within a sample.
+    By run the signed distance (F, F) from its border, zero on it and positive where it is stable.
     """
-    changed = [scaled(plant, law, parameter, float(factor)) for factor in factors]
-    rows = [np.linalg.eigvals(loop_matrix(q, *each, delay)).astype(np.complex128) for each in changed]
-    for before, row in pairwise(rows):
-        row[:] = _followed(before, row)
-    z = np.stack(rows)
-    alive = np.abs(z) > DEADEST
-    return np.where(alive, np.log(np.where(alive, z, 1.0)) / law.L, np.nan)
+
+    factors: Array
+    distance: Mapping[str, Array]
 
 
-def _followed(before: Complex, now: Complex) -> Complex:
-    """Put values into the order of those before, the closest pairs first."""
-    distance = np.abs(before[:, np.newaxis] - now)
-    ordered = np.empty_like(now)
-    for _ in now:
-        i, j = np.unravel_index(distance.argmin(), distance.shape)
-        ordered[i] = now[j]
-        distance[i], distance[:, j] = np.inf, np.inf
-    return ordered
+def tendon_map(views: Mapping[str, View], postures: Sequence[Array]) -> TendonMap:
+    """Borders of every run over a hundredfold range of both, stable where it is at all postures."""
+    factors = np.geomspace(0.1, 10.0, MAP_POINTS)
+
+    def distance(view: View) -> Array:
+        return border_distance(lambda K_s, D_s: decays(view, postures, K_s, D_s), factors, factors)
+
+    return TendonMap(factors, {run: distance(view) for run, view in views.items()})
 
 
-def decays(
-    postures: Sequence[Array], plant: Plant, law: Law, delay: int, factors: Mapping[str, Array]
-) -> Array:
-    """Slowest decay over several postures, s⁻¹, (N,), for factors (N,) on some of `PARAMETERS`."""
-    changed = []
-    for values in zip(*factors.values(), strict=True):
-        one = plant, law
-        for parameter, factor in zip(factors, values, strict=True):
-            one = scaled(*one, parameter, factor)
-        changed.append(one)
-    plants, laws = ([held[0]] if held[0] is held[-1] else held for held in zip(*changed, strict=True))
-    output, memory = (
-        np.stack(parts) for parts in zip(*(law_matrices(held, delay) for held in laws), strict=True)
+def with_tendons(plant: Plant, stiffness: float, damping: float) -> Plant:
+    """Multiply stiffness and damping of all tendons."""
+    drive = plant.drive
+    return plant._replace(
+        drive=drive._replace(stiffness=stiffness * drive.stiffness, damping=damping * drive.damping)
     )
+
+
+def decays(view: View, postures: Sequence[Array], stiffness: Array, damping: Array) -> Array:
+    """Slowest decay over several postures, s⁻¹, (N,), for factors (N,) on stiffness and damping."""
+    law = view.law
+    plants = [with_tendons(view.plant, K_s, D_s) for K_s, D_s in zip(stiffness, damping, strict=True)]
+    output, memory = law_matrices(law, view.delay)
     radius = np.zeros(1)
     for q in postures:
-        held = [hold_discretised(*plant_matrices(q, each), law.L) for each in plants]
+        held = [hold_discretised(*plant_matrices(q, plant), law.L) for plant in plants]
         Phi, Gamma = (np.stack(parts) for parts in zip(*held, strict=True))
         radius = np.maximum(radius, spectral_radius(closed(Phi, Gamma, output, memory)))
     return np.asarray(-np.log(radius) / law.L)

@@ -30,10 +30,11 @@ COMPARED = (2, 3)
 
 
 class _Entry(Model):
-    """What every entry says: its id, and where in the paper it stands."""
+    """What all have: an id, the place in the paper, and perhaps a few words for it."""
 
     id: str
     where: str
+    short: str | None = None
 
 
 class PrintedNumber(_Entry):
@@ -170,9 +171,8 @@ class Published:
         if isinstance(entry, PrintedQuotient):
             return quotient(self.interval(entry.numerator), self.interval(entry.denominator))
         if isinstance(entry, PrintedDose):
-            shares = [quotient(*map(self.interval, pair)) for pair in entry.parts]
-            gains = [(1 - high, 1 - low) for low, high in shares]
-            return quotient(gains[0], gains[1])
+            shares = (quotient(*map(self.interval, pair)) for pair in entry.parts)
+            return quotient(*((1 - high, 1 - low) for low, high in shares))
         return rounding(self.quantity(identifier))
 
     def per_joint(self, identifier: str, joints: Iterable[int]) -> list[float]:

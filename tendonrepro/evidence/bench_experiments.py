@@ -69,7 +69,8 @@ def _run(name: str, _: CompareConfig, __: Path, loops: Loops) -> Loop:
     return loops[name]
 
 
-def _with_alpha(alpha: float, config: CompareConfig, _: Path, loops: Loops) -> Loop:
+def with_alpha(alpha: float, config: CompareConfig, _: Path, loops: Loops) -> Loop:
+    """Controller 1 with another alpha on every joint."""
     value = config.control.gains.alpha.model_copy(update={"value": (alpha,) * len(config.joints)})
     gains = config.control.gains.model_copy(update={"alpha": value})
     control = config.control.model_copy(update={"gains": gains})
@@ -110,7 +111,10 @@ def _last_joint_alone(_: CompareConfig, __: Path, loops: Loops) -> Loop:
 
 
 def _same_slope(_: CompareConfig, __: Path, loops: Loops) -> Loop:
-    """Controller 2 whose surface has the slope of Controller 3's inside a Delta of 0.2 rad."""
+    """Controller 2 whose surface has the slope of Controller 3's inside a Delta of 0.2 rad.
+
+    Its eta is 1.548 with the published gains, whatever unit of Delta the controller runs with.
+    """
     law = law_of(loops[SECOND])
     gamma_1, _gamma_2 = polynomial(law.b, np.full_like(law.b, 0.2))
     eta = law.beta / gamma_1
@@ -133,6 +137,7 @@ def _other_encoders(_: CompareConfig, __: Path, loops: Loops) -> Loop:
     return _with_law(loops[FIRST], law._replace(motor_side=not law.motor_side))
 
 
+# Controller 2 is Controller 1 at alpha = 0, but for the reading that drops eta from its printed law.
 EXPERIMENTS = (
     Experiment("controllers_1_2", "Controller 1 over Controller 2", partial(_run, FIRST), SECOND),
     Experiment("controllers_2_3", "Controller 2 over Controller 3", partial(_run, SECOND), THIRD),
@@ -140,12 +145,12 @@ EXPERIMENTS = (
         Experiment(
             f"alpha_{alpha:g}",
             f"Controller 1 with α = {alpha:g} over α = 0",
-            partial(_with_alpha, alpha),
+            partial(with_alpha, alpha),
             SECOND,
         )
         for alpha in (0.1, 0.2, 0.3, 0.5)
     ),
-    Experiment("same_slope", "Controller 2 with η γ₁ = β over Controller 3", _same_slope, THIRD),
+    Experiment("same_slope", "Controller 2 with η = 1.548 over Controller 3", _same_slope, THIRD),
     Experiment("half_speed", "Controller 1 at half the speed over full speed", _slower),
     Experiment("joint_3_alone", "Controller 1 with joint 3 alone over both joints", _last_joint_alone),
     Experiment("inertia_up", "Controller 1 with M̄ 10 % up", partial(_with_inertia, 1.1)),

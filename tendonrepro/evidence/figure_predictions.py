@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import cycle
 
 from matplotlib.lines import Line2D
 
 from tendonrepro.evidence.bench_experiments import EXPERIMENTS, Prediction
 from tendonrepro.results.figures.style import PAGE_MM, Drawing, journal_style, letter_panels, open_figure
 
-COLOURS = ("#004488", "#B5405A", "#CC8800", "#228833", "#777777", "#66BBEE", "#AA3377", "#000000")
+COLOURS = ["#004488", "#CC3311", "#DDAA00", "#228833", "#888888", "#55BBEE", "#8844BB", "#000000", "#AA7744"]
+STYLES = tuple(zip(COLOURS, "os^Dos^Dv", strict=True))
+"""Colour and marker of each interpretation."""
 _LOWEST, _HIGHEST = 0.25, 4.0
 
 
@@ -25,9 +28,12 @@ def draw_predictions(found: Sequence[Prediction], readings: Sequence[str], joint
         for group, experiment in enumerate(EXPERIMENTS):
             for place, reading in enumerate(readings):
                 row, y = rows[experiment.name, reading, joint], group * step + place
-                colour = COLOURS[place % len(COLOURS)]
+                colour, marker = STYLES[place % len(STYLES)]
                 panel.plot([row.low, row.high], [y, y], color=colour, linewidth=1.2, solid_capstyle="butt")
-                panel.plot([row.median], [y], "o", color=colour, markersize=2.4, markeredgewidth=0.0)
+                panel.plot([row.median], [y], marker, color=colour, markersize=2.8, markeredgewidth=0.0)
+                beyond = [(_LOWEST, "<")] * (row.low < _LOWEST) + [(_HIGHEST, ">")] * (row.high > _HIGHEST)
+                for edge, arrow in beyond:
+                    panel.plot([edge], [y], arrow, color=colour, markersize=4.0, clip_on=False, zorder=3.0)
         panel.set_xscale("log")
         panel.set_xlim(_LOWEST, _HIGHEST)
         ticks = (0.25, 0.5, 0.7, 1.0, 1.4, 2.0, 4.0)
@@ -42,12 +48,13 @@ def draw_predictions(found: Sequence[Prediction], readings: Sequence[str], joint
     panels[0].set_ylim(step * len(EXPERIMENTS) - 1.0, -1.5)
     letter_panels(panels, [f"Joint {joint}" for joint in joints])
     handles = [
-        Line2D([], [], color=COLOURS[place % len(COLOURS)], marker="o", markersize=2.4, label=reading)
-        for place, reading in enumerate(readings)
+        Line2D([], [], color=colour, marker=marker, markersize=2.8, label=reading)
+        for reading, (colour, marker) in zip(readings, cycle(STYLES), strict=False)
     ]
     figure.legend(handles=handles, loc="outside upper center", ncols=2)
     caption = (
         "What experiments on a bench would give under several ways to understand the paper: ratio of mean "
-        "errors, median and central 90 % of the plants on which both runs are stable."
+        "errors, median and central 90 % of the plants on which both runs are stable. "
+        "An arrow at the edge means that the range goes on."
     )
     return Drawing("predictions", figure, list(panels), caption)

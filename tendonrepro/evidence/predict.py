@@ -31,7 +31,7 @@ SCHEMA_VERSION = 1
 READINGS = (
     "printed,Delta_unit=deg,gain_unit=phi_in_degrees,phi_branch=power,weights=extrapolating,"
     "weights=extrapolating+Delta_unit=deg,stored_torque=applied+torque_step=0.016,"
-    "Delta_unit=deg+stored_torque=applied+torque_step=0.016"
+    "Delta_unit=deg+stored_torque=applied+torque_step=0.016,feedback=motor"
 )
 """Interpretations whose predictions are asked for unless others are named."""
 BASE = (FIRST, SECOND, THIRD, LOADED)
@@ -81,24 +81,28 @@ def study_predict(loaded: LoadedEnsemble, talk: Talk, *, draws: int, readings: s
         raise UsageError(f"must be at least {LEAST} plants, found {draws}", where="--draws")
     chosen, joints = named_readings(readings), loaded.compare.joints
     found = list(predictions(loaded, chosen, draws, talk))
-    told = told_apart(found, [held.name for held in chosen])
+    names = [held.name for held in chosen]
+    told = told_apart(found, names)
+    never = [[a, b] for a, b in combinations(names, 2) if not any((a, b) in gaps for gaps in told.values())]
     data = {
         "schema_version": SCHEMA_VERSION,
         "draws": draws,
         "joints": list(joints),
-        "readings": [held.name for held in chosen],
+        "readings": names,
+        "never_told_apart": never,
         "experiments": [
             {
                 "name": one.name,
                 "about": one.about,
-                "told_apart": told[one.name],
+                "told_apart": [*map(list, told[one.name])],
+                "gaps": [*told[one.name].values()],
                 "ratios": [vars(row) for row in found if row.experiment == one.name],
             }
             for one in EXPERIMENTS
         ],
     }
-    figures = {"predictions": lambda: draw_predictions(found, [held.name for held in chosen], joints)}
-    return Outcome(data, _tables(found, told, len(chosen), draws), figures)
+    figures = {"predictions": lambda: draw_predictions(found, names, joints)}
+    return Outcome(data, _tables(found, told, never, draws), figures)
 
 
 def predictions(
@@ -142,33 +146,54 @@ def _ratios(
             yield Prediction(one.name, reading, joint, int(kept.sum()), *map(float, spread))
 
 
-def told_apart(found: Sequence[Prediction], readings: Sequence[str]) -> dict[str, list[list[str]]]:
-    """Pairs of readings that an experiment tells apart: on some joint their 90 % intervals do not meet."""
-    told: dict[str, list[list[str]]] = {}
+def told_apart(
+    found: Sequence[Prediction], readings: Sequence[str]
+) -> dict[str, dict[tuple[str, str], float]]:
+    """Pairs of readings that each experiment tells apart, with the gap between their 90 % ranges.
+
+    On some joint the ranges do not meet; the gap is that of the joint on which it is wider.
+    """
+    told: dict[str, dict[tuple[str, str], float]] = {}
     for experiment in dict.fromkeys(row.experiment for row in found):
         rows = {(row.reading, row.joint): row for row in found if row.experiment == experiment}
         joints = dict.fromkeys(joint for _, joint in rows)
-        told[experiment] = [
-            [a, b]
+        gaps = {
+            (a, b): max(_gap(rows[a, joint], rows[b, joint]) for joint in joints)
             for a, b in combinations(readings, 2)
-            if any(_apart(rows[a, joint], rows[b, joint]) for joint in joints)
-        ]
+        }
+        told[experiment] = {pair: gap for pair, gap in gaps.items() if gap > 0.0}
     return told
 
 
-def _apart(a: Prediction, b: Prediction) -> bool:
-    return bool(a.high < b.low or b.high < a.low)
+def _gap(a: Prediction, b: Prediction) -> float:
+    """Gap between two ranges; negative where they meet or one is unknown."""
+    gap = max(a.low, b.low) - min(a.high, b.high)
+    return gap if np.isfinite([a.low, b.low]).all() else -np.inf
 
 
 def _tables(
-    found: Sequence[Prediction], told: Mapping[str, list[list[str]]], readings: int, draws: int
+    found: Sequence[Prediction],
+    told: Mapping[str, Mapping[tuple[str, str], float]],
+    never: Sequence[Sequence[str]],
+    draws: int,
 ) -> list[Table]:
-    pairs = readings * (readings - 1) // 2
-    telling = sorted(EXPERIMENTS, key=lambda one: -len(told[one.name]))
+    widest = {name: max(gaps.values(), default=0.0) for name, gaps in told.items()}
+    telling = sorted(EXPERIMENTS, key=lambda one: -widest[one.name])
     rows = [
-        {"experiment": one.about, "pairs_told_apart": len(told[one.name]), "of": pairs} for one in telling
+        {
+            "experiment": one.about,
+            "widest_gap": widest[one.name],
+            "narrowest_gap": min(told[one.name].values(), default=0.0),
+            "pairs_told_apart": len(told[one.name]),
+        }
+        for one in telling
     ]
-    caption = "Experiments, the most telling first: pairs of interpretations whose 90 % ranges do not meet."
+    caption = "Experiments, the most telling first: gaps between the 90 % ranges of interpretations."
     ratios = [vars(row) for one in telling for row in found if row.experiment == one.name]
     about = f"Ratio of mean errors, median and central 90 % of the stable ones of {draws} plants."
-    return [Table("experiments", caption, rows), Table("predictions", about, ratios, terminal=())]
+    untold = [{"interpretation": a, "and": b} for a, b in never]
+    return [
+        Table("experiments", caption, rows),
+        Table("never_told_apart", "Interpretations that no experiment tells apart.", untold),
+        Table("predictions", about, ratios, terminal=()),
+    ]

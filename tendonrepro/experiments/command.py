@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.kinds import checked
 from tendonrepro.configuration.load import ExperimentName, LoadedConfig
 from tendonrepro.configuration.request import Request
 from tendonrepro.configuration.shipped import shipped_folder
-from tendonrepro.console import Talk, columns
-from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.console import Talk
+from tendonrepro.errors import DataMissingError
 from tendonrepro.experiments.linear import growing
 from tendonrepro.experiments.loops import all_loops
 from tendonrepro.experiments.report import SCHEMA_VERSION, outcome_of
@@ -26,11 +26,14 @@ from tendonrepro.results.manifest import make_manifest
 from tendonrepro.results.paper_tables import made_tables
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.store import MANIFEST, TRACES, read_manifest, replaced, stored_traces
-from tendonrepro.results.study import foretell
+from tendonrepro.results.study import planned
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.results.tables import Table
 from tendonrepro.results.traces import write_traces
 from tendonrepro.simulation.resolution import COMPILED_STEPPER
+
+Figure: TypeAlias = tuple[TraceFile, Path, str]
+"""Traces, folder of the pictures, and name of a figure to draw."""
 
 CLOSEST = "closest"
 """Name of the shipped configuration that was fitted to Tables 2 and 3."""
@@ -92,6 +95,8 @@ def run_experiments(orders: Sequence[Order], talk: Talk) -> dict[str, dict[str, 
         _name_shipped(loaded, talk)
     if orders[0].request.dry_run:
         return {order.name: _plan(order, *one, talk) for order, one in zip(orders, asked, strict=True)}
+    from tendonrepro.results.figures.catalogue import available
+
     found: dict[str, dict[str, Any]] = {}
     with ExitStack() as stack:
         results = [
@@ -101,21 +106,20 @@ def run_experiments(orders: Sequence[Order], talk: Talk) -> dict[str, dict[str, 
             for order, (loaded, _) in zip(orders, asked, strict=True)
         ]
         simulated = simulate_all(asked, talk, orders[0].solver)
-        files = {}
+        figures: list[Figure] = []
         for order, (loaded, _), traces, result in zip(orders, asked, simulated, results, strict=True):
             result.manifest = make_manifest(loaded, result.seconds)
             if order.solver == "compiled":
                 result.manifest["solver"] = {"name": COMPILED_STEPPER, "tolerance": PRECISE}
-            file = files[result.path] = trace_file(loaded, traces, result.manifest)
+            file = trace_file(loaded, traces, result.manifest)
             write_traces(result.path / TRACES, file)
             outcome = outcome_of(file, growing(loaded))
             outcome.write_tables(result.path)
+            figures += [(file, result.path / "figures", name) for name in available(file)]
             ends = {"out": str(order.folder), "manifest": str(order.folder / MANIFEST)}
             text = f"{outcome.text()}\n\nFigures, tables and traces are in {order.folder}"
             found[order.name] = {**outcome.data, "text": text, **ends}
-        from tendonrepro.results.figures.catalogue import available
-
-        _draw({path: (file, available(file)) for path, file in files.items()})
+        _draw(figures)
     return found
 
 
@@ -163,21 +167,10 @@ def summary_of(found: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def _plan(order: Order, loaded: LoadedConfig, laws: Sequence[UserLaw], talk: Talk) -> dict[str, Any]:
-    """Runs with their number of samples, digest of the configuration, and results folder."""
-    foretell(order.folder, loaded.sha256, order.experiment, order.request, talk)
+    """What would be done, with the number of samples of each run."""
     samples = {name: loop.reference.time.size for name, loop in all_loops(loaded, laws).items()}
-    rows = columns((name, f"{count} samples") for name, count in samples.items())
-    head = f"{order.experiment}: {loaded.origin} is valid (sha256 {loaded.sha256[:12]})"
-    return {
-        "schema_version": SCHEMA_VERSION,
-        "experiment": order.experiment,
-        "dry_run": True,
-        "config": loaded.origin,
-        "config_sha256": loaded.sha256,
-        "samples": samples,
-        "out": str(order.folder),
-        "text": f"{head}\n{rows}\nwould write to {order.folder}",
-    }
+    plan = planned(order.experiment, loaded, order.folder, order.request, talk)
+    return plan | {"experiment": order.experiment, "config": loaded.origin, "samples": samples}
 
 
 def check(config: str, overrides: Sequence[str], talk: Talk) -> dict[str, Any]:
@@ -244,28 +237,21 @@ def redraw(out: Path, figures: Sequence[str] | None, *, force: bool = False) -> 
     UsageError
         If there is no such figure, or something would be overwritten.
     """
-    from tendonrepro.results.figures.catalogue import available, name_of, title_of
+    from tendonrepro.results.figures.catalogue import available, name_of
 
-    asked = [name_of(figure) for figure in figures or ()]
     files = _stored(out)
-    drawable = {folder: available(file) for folder, file in files.items()}
-    every = {name for names in drawable.values() for name in names}
+    every = {name for file in files.values() for name in available(file)}
+    asked = [name_of(figure) for figure in figures] if figures else every
     for name in asked:
         if name not in every:
-            message = f"no stored traces hold what {title_of(name)} shows"
-            have = ", ".join(sorted(every)) or "none"
-            raise DataMissingError(message, where=str(out), hint=f"figures that can be drawn: {have}")
-    with ExitStack() as stack:
-        wanted = {
-            stack.enter_context(_updated(folder, file, force=force)): (
-                file,
-                [name for name in drawable[folder] if not asked or name in asked],
-            )
-            for folder, file in files.items()
-        }
-        drawn = _draw(wanted)
-    pairs = zip(files, drawn.items(), strict=True)
-    return [folder / one.relative_to(path) for folder, (path, paths) in pairs for one in paths]
+            message = f"no stored traces hold what {name} shows"
+            hint = f"figures that can be drawn: {', '.join(sorted(every)) or 'none'}"
+            raise DataMissingError(message, where=str(out), hint=hint)
+
+    def make(file: TraceFile, path: Path) -> list[Path]:
+        return _draw([(file, path / "figures", name) for name in available(file) if name in asked])
+
+    return _make_again(files, make, force=force)
 
 
 def rewrite_tables(out: Path, *, force: bool = False) -> list[Path]:
@@ -288,68 +274,59 @@ def rewrite_tables(out: Path, *, force: bool = False) -> list[Path]:
     UsageError
         If something would be overwritten.
     """
-    found: list[Path] = []
-    for folder, file in _stored(out).items():
-        with _updated(folder, file, force=force) as path:
-            written = [one for table in made_tables(file) for one in table.write(path / "tables")]
-        found += [folder / one.relative_to(path) for one in written]
-    return found
+
+    def make(file: TraceFile, path: Path) -> list[Path]:
+        return [one for table in made_tables(file) for one in table.write(path / "tables")]
+
+    return _make_again(_stored(out), make, force=force)
 
 
 def _stored(out: Path) -> dict[Path, TraceFile]:
     """Traces in the given folder, or in those directly below it."""
-    folders = (
-        [out] if (out / TRACES).exists() else sorted(path.parent for path in out.glob(f"[!.]*/{TRACES}"))
-    )
-    if not folders:
+    paths = [*out.glob(TRACES), *sorted(out.glob(f"[!.]*/{TRACES}"))]
+    if not paths:
         message = f"holds no {TRACES}, and no folder in it does"
         hint = "run tendonrepro reproduce, or name another --out"
         raise DataMissingError(message, where=str(out), hint=hint)
-    return {folder: stored_traces(folder) for folder in folders}
+    return {path.parent: stored_traces(path.parent) for path in paths}
 
 
-@contextmanager
-def _updated(folder: Path, file: TraceFile, *, force: bool) -> Iterator[Path]:
-    """Copy of a result, in which files are made again, and which then takes its place.
+def _make_again(
+    files: Mapping[Path, TraceFile], make: Callable[[TraceFile, Path], list[Path]], *, force: bool
+) -> list[Path]:
+    """Make files of results again, in a copy of each result, which then takes its place.
 
     A folder without a manifest holds traces that were put there, as measured ones are: it is written into.
     """
-    if not (folder / MANIFEST).exists():
-        yield folder
-        return
-    with replaced(folder, file.config_sha256, command=file.experiment, force=force, update=True) as result:
-        result.manifest = read_manifest(folder)
-        yield result.path
+    found: list[Path] = []
+    for folder, file in files.items():
+        if not (folder / MANIFEST).exists():
+            found += make(file, folder)
+            continue
+        with replaced(
+            folder, file.config_sha256, command=file.experiment, force=force, update=True
+        ) as result:
+            result.manifest = read_manifest(folder)
+            made = make(file, result.path)
+        found += [folder / path.relative_to(result.path) for path in made]
+    return found
 
 
-def _draw(wanted: Mapping[Path, tuple[TraceFile, Sequence[str]]]) -> dict[Path, list[Path]]:
-    """Draw figures, by name, of the traces of each results folder."""
-    # One pool for all folders: to start its processes takes as long as to draw two figures. The later ones
-    # have more panels: begun first, they keep no processor waiting at the end.
-    pieces = [
-        (file, folder / "figures", name)
-        for folder, (file, names) in reversed(list(wanted.items()))
-        for name in reversed(names)
-    ]
-    drawn: dict[Path, list[Path]] = {folder: [] for folder in wanted}
-    for (_, folder, _), paths in reversed(list(zip(pieces, each(_drawn, pieces), strict=True))):
-        drawn[folder.parent] += paths
-    return drawn
+def _draw(figures: Sequence[Figure]) -> list[Path]:
+    """Draw figures of one or several results, the later ones first: they have more panels."""
+    return [path for paths in reversed(each(_drawn, figures[::-1])) for path in paths]
 
 
-def _drawn(piece: tuple[TraceFile, Path, str]) -> list[Path]:
+def _drawn(figure: Figure) -> list[Path]:
     from tendonrepro.results.figures.catalogue import redrawn
 
-    return redrawn(*piece)
+    return redrawn(*figure)
 
 
 def _load(order: Order) -> tuple[LoadedConfig, list[UserLaw]]:
     """Configuration and laws; stepper and laws are part of the digest."""
     loaded = order.request.load(order.experiment)
     if order.solver == "compiled":
-        if order.laws:
-            message = "only the paper's own control laws run by the compiled stepper"
-            raise UsageError(message, where="--law", hint="use --solver scipy")
         digest = hashlib.sha256(f"{loaded.sha256} compiled".encode()).hexdigest()
         loaded = replace(loaded, sha256=digest, overrides=(*loaded.overrides, "solver=compiled"))
     laws = laws_of(order.laws)

@@ -11,41 +11,16 @@ from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, LoadedConfig
 from tendonrepro.configuration.models.control import RUNS, Gains, Readings
 from tendonrepro.configuration.models.experiment import MOST_SAMPLES
-from tendonrepro.configuration.models.reference import (
-    InTurns,
-    MinimumJerk,
-    PerJoint,
-    RaisedCosine,
-    ReferenceConfig,
-    Sampled,
-    Sine,
-    Single,
-)
+from tendonrepro.configuration.models.reference import InTurns, PerJoint, ReferenceConfig, Sampled, Single
 from tendonrepro.configuration.published import published
 from tendonrepro.configuration.trajectory_file import read_samples
 from tendonrepro.errors import ConfigError, UsageError
-from tendonrepro.experiments.rig import (
-    Experiment,
-    build_actuator,
-    build_encoder,
-    build_plant,
-    coupling,
-    start_angles,
-)
+from tendonrepro.experiments import rig
+from tendonrepro.experiments.rig import Experiment
 from tendonrepro.experiments.user_law import UserLaw, own_loops
+from tendonrepro.physics import trajectory
 from tendonrepro.physics.control import DEGREES_PER_RADIAN, Law, Servo, Surface, estimator_weights
-from tendonrepro.physics.trajectory import (
-    Motion,
-    Shape,
-    at_rest,
-    minimum_jerk,
-    motion,
-    raised_cosine,
-    sampled,
-    smooth_sine,
-    trapezoid_times,
-    trapezoidal,
-)
+from tendonrepro.physics.trajectory import Motion, Shape
 from tendonrepro.results.records import RESERVED
 from tendonrepro.simulation.controllers import Controller, PositionController, TimeDelayController
 from tendonrepro.simulation.stepper import DesiredMotion, Loop, Solver
@@ -106,7 +81,7 @@ def build_reference(
         message = f"lasts {motions[0].duration:g} s; a run has from 1 to {MOST_SAMPLES:g} periods of {L:g} s"
         raise ConfigError(message, where=key)
     time: Array = L * np.arange(int(np.floor(motions[0].duration / L + 1e-6)) + 1.0)
-    q_d, dq_d, ddq_d = motion(time, motions)
+    q_d, dq_d, ddq_d = trajectory.motion(time, motions)
     if S is not None:
         q_d, dq_d, ddq_d = q_d @ S.T, dq_d @ S.T, ddq_d @ S.T
     built = DesiredMotion(time, q_d, dq_d, ddq_d, reference_period(reference))
@@ -119,33 +94,32 @@ def _motions(reference: ReferenceConfig, joints: Sequence[int], folder: Path) ->
         return _sampled_motions(folder / reference.file, joints)
     if isinstance(reference, PerJoint):
         parts = zip(reference.references, joints, strict=True)
-        return [_single_motions(single, (joint,))[0] for single, joint in parts]
-    return _single_motions(reference, joints)
-
-
-def _single_motions(reference: Single, joints: Sequence[int]) -> list[Motion]:
+        return [_motions(single, (joint,), folder)[0] for single, joint in parts]
     shapes = [_shape(reference, i) for i in range(len(joints))]
     if not isinstance(reference, InTurns):
         return [Motion((shape,), reference.duration) for shape in shapes]
     turns = (reference.turns or (tuple(joints),)) * int(reference.periods.si)
     return [
-        Motion(tuple(shape if joint in turn else at_rest for turn in turns), reference.cycle)
+        Motion(tuple(shape if joint in turn else trajectory.at_rest for turn in turns), reference.cycle)
         for shape, joint in zip(shapes, joints, strict=True)
     ]
 
 
 def _shape(reference: Single, i: int) -> Shape:
     amplitude = float(reference.amplitude.si[i])
-    if isinstance(reference, RaisedCosine):
-        return raised_cosine(amplitude, reference.period.si)
-    if isinstance(reference, MinimumJerk):
-        return minimum_jerk(amplitude, reference.rise.si, reference.hold.si)
-    if isinstance(reference, Sine):
-        return smooth_sine(amplitude, float(reference.offset.si[i]), reference.period.si, reference.blend.si)
-    limits = reference.velocity.si, reference.acceleration.si
-    # A shorter stroke waits for the longest one, so that all joints turn back together.
-    hold = reference.cycle / 2.0 - trapezoid_times(amplitude, *limits)[1]
-    return trapezoidal(amplitude, *limits, hold)
+    match reference.kind:
+        case "raised_cosine":
+            return trajectory.raised_cosine(amplitude, reference.period.si)
+        case "minimum_jerk":
+            return trajectory.minimum_jerk(amplitude, reference.rise.si, reference.hold.si)
+        case "sine":
+            offset = float(reference.offset.si[i])
+            return trajectory.smooth_sine(amplitude, offset, reference.period.si, reference.blend.si)
+        case "trapezoidal":
+            limits = reference.velocity.si, reference.acceleration.si
+            # A shorter stroke waits for the longest one, so that all joints turn back together.
+            hold = reference.cycle / 2.0 - trajectory.trapezoid_times(amplitude, *limits)[1]
+            return trajectory.trapezoidal(amplitude, *limits, hold)
 
 
 def _sampled_motions(path: Path, joints: Sequence[int]) -> list[Motion]:
@@ -159,12 +133,12 @@ def _sampled_motions(path: Path, joints: Sequence[int]) -> list[Motion]:
         start = np.rad2deg(angles[moved[0]][0])
         message = f"joint {moved[0]} starts at {start:g} deg; it must start at 0, the start posture"
         raise ConfigError(message, where=f"{path}:2", hint="take the first angle off the whole column")
-    return [Motion((sampled(time, angles[joint]),), float(time[-1] - time[0])) for joint in joints]
+    return [Motion((trajectory.sampled(time, angles[joint]),), float(time[-1] - time[0])) for joint in joints]
 
 
 def _check_workspace(reference: DesiredMotion, config: Experiment, key: str) -> None:
     """Links work between hanging and upright on one side; elsewhere gravity would slacken the tendons."""
-    angles = np.rad2deg(start_angles(config) + np.cumsum(reference.q_d, axis=1))
+    angles = np.rad2deg(rig.start_angles(config) + np.cumsum(reference.q_d, axis=1))
     outside = (angles <= 0.0) | (angles >= 180.0)
     if outside.any():
         k, i = np.argwhere(outside)[0]
@@ -191,8 +165,7 @@ def build_law(config: CompareConfig, name: str) -> Law:
     n, L = len(config.joints), config.sampling_period.si
     alpha_tde = choice.estimator == "alpha_tde"
     alpha = gains.alpha.si if alpha_tde else np.zeros(n)
-    is_controller_2 = choice.surface == "ntsm" and not alpha_tde
-    dropped = is_controller_2 and readings.eta_in_controller_2 == "dropped"
+    dropped = choice.surface == "ntsm" and not alpha_tde and readings.eta_in_controller_2 == "dropped"
     scale = 1.0 if readings.gain_unit == "radian" else DEGREES_PER_RADIAN
     mass_scale = DEGREES_PER_RADIAN if readings.gain_unit == "law_in_degrees" else 1.0
     cutoff = config.control.filter_cutoff
@@ -246,7 +219,7 @@ def torque_map(config: CompareConfig) -> Array:
         return scale * np.eye(len(config.joints))
     if readings.torque_coordinates == "motor_shaft" and in_newton_metres:
         scale = reduction
-    return np.ascontiguousarray(scale * coupling(config)[1].T)
+    return np.ascontiguousarray(scale * rig.coupling(config)[1].T)
 
 
 def build_loops(
@@ -268,7 +241,7 @@ def build_loops(
         Of the run.
     loop : Loop
     """
-    S, S_inv = coupling(config)
+    S, S_inv = rig.coupling(config)
     if isinstance(config, CompareConfig):
         reference = reference or build_reference(config.reference, config, folder)
         cold = config.control.readings.start == "cold"
@@ -284,7 +257,7 @@ def build_loops(
         yield name, _loop(config, choice.payload.si, PositionController(servo), reference, cold=False)
 
 
-def all_loops(loaded: LoadedConfig, laws: Sequence[UserLaw] | None = None) -> dict[str, Loop]:
+def all_loops(loaded: LoadedConfig, laws: Sequence[UserLaw] = ()) -> dict[str, Loop]:
     """Closed loops of all runs by name, those of a user's laws last."""
     try:
         loops = dict(build_loops(loaded.config, loaded.folder))
@@ -294,17 +267,14 @@ def all_loops(loaded: LoadedConfig, laws: Sequence[UserLaw] | None = None) -> di
             raise
         message = f"{key}: {error.message}"
         raise ConfigError(message, where=loaded.places[key], hint=error.hint) from None
-    own: dict[str, Loop] = {}
-    for law in laws or ():
-        if not isinstance(loaded.config, CompareConfig):
-            message = "only the experiment compare takes a law"
-            raise UsageError(message, where="--law")
+    for law in laws:
+        assert isinstance(loaded.config, CompareConfig)
         # A run that --controllers left out would be taken for that of the paper.
-        if law.name in (*loops, *own, *RUNS, RESERVED):
+        if law.name in (*loops, *RUNS, RESERVED):
             message = f"there is something else of the name {law.name!r} among the results"
             raise UsageError(message, where="--law", hint="give the function another name")
-        own |= own_loops(law, loaded.config, loops)
-    return loops | own
+        loops |= own_loops(law, loaded.config, loops)
+    return loops
 
 
 def _loop(
@@ -312,10 +282,10 @@ def _loop(
 ) -> Loop:
     solver = config.solver
     return Loop(
-        plant=build_plant(config, payload_mass),
-        joint_encoder=build_encoder(config.manipulator.encoders.joint),
-        motor_encoder=build_encoder(config.manipulator.encoders.motor),
-        actuator=build_actuator(config),
+        plant=rig.build_plant(config, payload_mass),
+        joint_encoder=rig.build_encoder(config.manipulator.encoders.joint),
+        motor_encoder=rig.build_encoder(config.manipulator.encoders.motor),
+        actuator=rig.build_actuator(config),
         controller=controller,
         reference=reference,
         L=config.sampling_period.si,

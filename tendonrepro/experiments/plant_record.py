@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
-from tendonrepro.arrays import Array
 from tendonrepro.configuration.fields.quantity import UNITS, Matrix, Scalar, Vector
 from tendonrepro.experiments.rig import Experiment, build_drive
 from tendonrepro.physics.kinematics import to_joint_matrix
@@ -37,29 +37,13 @@ EQUATIONS = (
     "serial chain, the payload a point mass at the tip; tau_m is held from one sample to the next."
 )
 
-_MATRICES = {
-    "I": ("kg m2", "motor inertia, S_invT diag(winch inertia) S_inv"),
-    "D_m": ("N m s rad-1", "motor damping, S_invT diag(winch viscous) S_inv"),
-    "K_s": ("N m rad-1", "joint stiffness, S_invT diag(axial stiffness r^2) S_inv"),
-    "D_s": ("N m s rad-1", "joint damping, S_invT diag(factor axial damping r^2) S_inv"),
-}
-
-_RENAMED = {
-    "links_length": "length",
-    "links_mass": "mass",
-    "links_com": "com",
-    "links_inertia": "inertia",
-    "routing_winch_diameter": "winch_diameter",
-    "routing_pulley_diameter": "pulley_diameter",
-    "routing_sign": "sign",
-}
-
 
 def plant_record(config: Experiment) -> PlantRecord:
     """Every value of the plant with its unit and source: matrices of the moving joints, the rest for all."""
     posture = "start posture; joints before the moving ones are held there"
-    values = _derived_matrices(config) | {"posture": _plant_value(config.posture, posture)}
-    values |= dict(_stated(config.manipulator, ""))
+    values = _derived_matrices(config) | dict(_stated(config.manipulator, ""))
+    posture = "start posture; joints before the moving ones are held there"
+    values["posture"] = _plant_value(config.posture, posture)
     held = [joint for joint in range(1, config.manipulator.joints + 1) if joint not in config.joints]
     attributes = {
         "arm": config.manipulator.name,
@@ -77,34 +61,30 @@ def plant_record(config: Experiment) -> PlantRecord:
 
 def _derived_matrices(config: Experiment) -> dict[str, PlantValue]:
     drive = build_drive(config)
-    winch = {
-        "I": drive.inertia,
-        "D_m": drive.friction.viscous,
-        "K_s": drive.stiffness,
-        "D_s": drive.damping,
-    }
-    source = "derived: winch and tendon values through S_inv"
+    source, routing = "derived: winch and tendon values through S_inv", "derived: routing, Eq. (2)"
     values = {
-        name: PlantValue(to_joint_matrix(winch[name], drive.S_inv), units, source, long_name)
-        for name, (units, long_name) in _MATRICES.items()
+        name: PlantValue(to_joint_matrix(winch, drive.S_inv), units, source, f"{meaning} S_inv")
+        for name, winch, units, meaning in (
+            ("I", drive.inertia, "kg m2", "motor inertia, S_invT diag(winch inertia)"),
+            ("D_m", drive.friction.viscous, "N m s rad-1", "motor damping, S_invT diag(winch viscous)"),
+            ("K_s", drive.stiffness, "N m rad-1", "joint stiffness, S_invT diag(axial stiffness r^2)"),
+            ("D_s", drive.damping, "N m s rad-1", "joint damping, S_invT diag(factor axial damping r^2)"),
+        )
     }
-    routing = "derived: routing diameters and signs, Eq. (2)"
     values["S"] = PlantValue(drive.S, "1", routing, "coupling matrix, q = S q_motor")
     values["S_inv"] = PlantValue(drive.S_inv, "1", routing, "inverse coupling matrix, q_motor = S_inv q")
     return values
 
 
-def _stated(section: Any, prefix: str) -> list[tuple[str, PlantValue]]:
+def _stated(section: Any, prefix: str) -> Iterator[tuple[str, PlantValue]]:
     """Every quantity of the manipulator, named by its path in the configuration."""
-    found: list[tuple[str, PlantValue]] = []
     for key in type(section).model_fields:
-        item = getattr(section, key)
-        name = f"{prefix}{key}"
+        item, name = getattr(section, key), f"{prefix}{key}"
         if isinstance(item, Scalar | Vector | Matrix):
-            found.append((_RENAMED.get(name, name), _plant_value(item, _meaning(section, key))))
+            short = name.removeprefix("links_").removeprefix("routing_")
+            yield short, _plant_value(item, _meaning(section, key))
         elif hasattr(type(item), "model_fields"):
-            found.extend(_stated(item, f"{name}_"))
-    return found
+            yield from _stated(item, f"{name}_")
 
 
 def _meaning(section: Any, key: str) -> str:
@@ -114,5 +94,4 @@ def _meaning(section: Any, key: str) -> str:
 
 
 def _plant_value(quantity: Scalar | Vector | Matrix, long_name: str) -> PlantValue:
-    value: Array = np.asarray(quantity.si, dtype=np.float64)
-    return PlantValue(value, UNITS[quantity.unit].si, quantity.source, long_name)
+    return PlantValue(np.asarray(quantity.si), UNITS[quantity.unit].si, quantity.source, long_name)

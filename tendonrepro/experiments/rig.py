@@ -9,17 +9,11 @@ from __future__ import annotations
 import numpy as np
 
 from tendonrepro.arrays import Array
+from tendonrepro.configuration.fields.quantity import Vector
 from tendonrepro.configuration.load import CompareConfig, DecoupleConfig
-from tendonrepro.configuration.models.experiment import NoDisturbance, SineDisturbance, StepDisturbance
-from tendonrepro.configuration.models.manipulator import EncoderConfig, Manipulator
+from tendonrepro.configuration.models.manipulator import DryFriction, EncoderConfig
+from tendonrepro.physics import disturbance
 from tendonrepro.physics.arm import Arm, make_arm
-from tendonrepro.physics.disturbance import (
-    Disturbance,
-    no_disturbance,
-    noise_disturbance,
-    sine_disturbance,
-    step_disturbance,
-)
 from tendonrepro.physics.drive import Drive
 from tendonrepro.physics.dynamics import Plant
 from tendonrepro.physics.friction import Friction
@@ -33,17 +27,10 @@ DISTURBANCE_STREAM = 3
 """Random stream of the disturbance; the streams before it belong to the instruments."""
 
 
-def full_coupling(manipulator: Manipulator) -> tuple[Array, Array]:
-    """``S`` and ``S_inv`` of all joints, (N, N), Eq. (2)."""
-    routing = manipulator.routing
-    S_inv = coupling_inverse(routing.winch_diameter.si, routing.pulley_diameter.si, routing.sign.si)
-    return coupling_matrix(S_inv), S_inv
-
-
 def coupling(config: Experiment) -> tuple[Array, Array]:
-    """``S`` and ``S_inv`` of the moving joints, (n, n), the others held."""
-    n = len(config.joints)
-    _, S_inv = full_coupling(config.manipulator)
+    """``S`` and ``S_inv`` of the moving joints, (n, n), Eq. (2), the others held."""
+    routing, n = config.manipulator.routing, len(config.joints)
+    S_inv = coupling_inverse(routing.winch_diameter.si, routing.pulley_diameter.si, routing.sign.si)
     S_inv = np.ascontiguousarray(S_inv[-n:, -n:])
     return coupling_matrix(S_inv), S_inv
 
@@ -80,18 +67,18 @@ def build_drive(config: Experiment) -> Drive:
         damping=tendons.damping_factor.si * tendons.axial_damping.si[-n:] * radius**2,
         slack=tendons.clearance.si[-n:] / (2.0 * radius),
         one_way=np.full(n, float(tendons.unilateral == "on")),
-        friction=Friction(
-            viscous=winches.viscous.si[-n:],
-            coulomb=friction.winch.coulomb.si[-n:],
-            static_ratio=friction.winch.static_ratio.si[-n:],
-            stribeck_velocity=friction.winch.stribeck_velocity.si[-n:],
-            smoothing_velocity=friction.winch.smoothing_velocity.si[-n:],
-        ),
+        friction=_friction(friction.winch, winches.viscous, n),
         pulley_loss=friction.per_pulley.si * guide_pulleys,
         reducer_loss=np.full(n, 1.0 - friction.reducer_efficiency.si),
         wobble=np.full(n, wobble.peak_to_peak.si / 2.0),
         wobble_rate=np.full(n, wobble.cycles_per_turn.si),
     )
+
+
+def _friction(dry: DryFriction, viscous: Vector, n: int) -> Friction:
+    """Friction of the moving joints or of their winches."""
+    values = {name: getattr(dry, name).si[-n:] for name in DryFriction.model_fields}
+    return Friction(viscous=viscous.si[-n:], **values)
 
 
 def build_preload(config: Experiment) -> Array:
@@ -101,17 +88,20 @@ def build_preload(config: Experiment) -> Array:
     return tensioner_torque(tensioner.force.si, side, tensioner.diameter.si)[-n:]
 
 
-def build_disturbance(config: Experiment) -> Disturbance:
+def build_disturbance(config: Experiment) -> disturbance.Disturbance:
     """Disturbance torque of Eq. (4), the same for every run."""
     choice = config.disturbance
-    if isinstance(choice, NoDisturbance):
-        return no_disturbance(len(config.joints))
-    if isinstance(choice, StepDisturbance):
-        return step_disturbance(choice.torque.si, choice.start.si)
-    if isinstance(choice, SineDisturbance):
-        return sine_disturbance(choice.torque.si, choice.frequency.si)
-    rng = np.random.default_rng([int(config.seed.si), DISTURBANCE_STREAM])
-    return noise_disturbance(choice.torque.si, choice.band.si, int(choice.components.si), rng)
+    match choice.kind:
+        case "none":
+            return disturbance.no_disturbance(len(config.joints))
+        case "step":
+            return disturbance.step_disturbance(choice.torque.si, choice.start.si)
+        case "sine":
+            return disturbance.sine_disturbance(choice.torque.si, choice.frequency.si)
+        case "noise":
+            rng = np.random.default_rng([int(config.seed.si), DISTURBANCE_STREAM])
+            components = int(choice.components.si)
+            return disturbance.noise_disturbance(choice.torque.si, choice.band.si, components, rng)
 
 
 def build_plant(config: Experiment, payload_mass: float) -> Plant:
@@ -132,13 +122,7 @@ def build_plant(config: Experiment, payload_mass: float) -> Plant:
     return Plant(
         arm=build_arm(config, payload_mass),
         drive=build_drive(config),
-        link_friction=Friction(
-            viscous=link.viscous.si[-n:],
-            coulomb=link.coulomb.si[-n:],
-            static_ratio=link.static_ratio.si[-n:],
-            stribeck_velocity=link.stribeck_velocity.si[-n:],
-            smoothing_velocity=link.smoothing_velocity.si[-n:],
-        ),
+        link_friction=_friction(link, link.viscous, n),
         preload=build_preload(config),
         disturbance=build_disturbance(config),
     )

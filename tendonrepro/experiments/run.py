@@ -10,7 +10,7 @@ import numpy as np
 
 from tendonrepro import __version__
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.load import CompareConfig, LoadedConfig
+from tendonrepro.configuration.load import CompareConfig, Config, LoadedConfig
 from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import all_loops
@@ -33,27 +33,17 @@ def simulate_all(
     talk: Talk,
     solver: Literal["scipy", "compiled"] = "scipy",
 ) -> list[list[Trace]]:
-    """Simulate every run of every configuration, each with its status; one that diverged ends early.
-
-    Functions that were given, not named by a file, run in this process.
-    """
+    """Simulate every run of every configuration, each with its status; one that diverged ends early."""
     from tendonrepro.simulation.codegen.cache import NOTHING_COMPILED
 
-    loops = [all_loops(loaded, laws) for loaded, laws in asked]
+    loops = [all_loops(*one) for one in asked]
     if NOTHING_COMPILED:
         talk.note("compiling once for this machine, a few seconds")
     if solver == "compiled":
-        return [
-            _simulate_together(loaded, named, talk) for (loaded, _), named in zip(asked, loops, strict=True)
-        ]
+        return [_simulate_together(one[0], named, talk) for one, named in zip(asked, loops, strict=True)]
     runs = [(*one, name) for one, named in zip(asked, loops, strict=True) for name in named]
     with talk.bar(f"simulating {len(runs)} runs", len(runs)) as progress:
-        if any(law.given for _, laws in asked for law in laws or ()):
-            traces = [each(_simulated, [run], progress)[0] for run in runs]
-        else:
-            traces = each(_simulated, runs, progress)
-    for trace in traces:
-        talk.detail(f"{trace.name}: {trace.status}, {trace.time.size} samples")
+        traces = each(_simulated, runs, progress)
     rest = iter(traces)
     return [[next(rest) for _ in named] for named in loops]
 
@@ -62,13 +52,13 @@ def _simulated(run: tuple[LoadedConfig, Sequence[UserLaw], str]) -> Trace:
     return simulate_run(*run)
 
 
-def simulate_run(loaded: LoadedConfig, laws: Sequence[UserLaw] | None, name: str) -> Trace:
+def simulate_run(loaded: LoadedConfig, laws: Sequence[UserLaw], name: str) -> Trace:
     """Simulate one run.
 
     Parameters
     ----------
     loaded : LoadedConfig
-    laws : sequence of UserLaw or None
+    laws : sequence of UserLaw
     name : str
         Of the run.
 
@@ -77,17 +67,12 @@ def simulate_run(loaded: LoadedConfig, laws: Sequence[UserLaw] | None, name: str
     Trace
     """
     loop = all_loops(loaded, laws)[name]
-    variables, config = simulate(loop), loaded.config
-    attributes: dict[str, Any] = {}
-    for law in laws or ():
-        if isinstance(config, CompareConfig) and name in (plants := runs_of(law, config)):
-            payload = config.runs[plants[name]].payload.si
-            attributes = {"law": f"{USER_LAW}{law.name}", "payload_mass": payload}
-            # What a law does not have, it returned at no sample.
-            absent = [key for key in ("s", "H_hat", "epsilon") if np.isnan(variables[key]).all()]
-            variables = {key: values for key, values in variables.items() if key not in absent}
-    trace = _trace(loaded, name, loop, variables)
-    return replace(trace, attributes={**trace.attributes, **attributes})
+    trace = _trace(loaded, name, loop, simulate(loop), laws)
+    if name in loaded.config.runs:
+        return trace
+    # What a user's law does not have, it returned at no sample.
+    absent = [key for key in ("s", "H_hat", "epsilon") if np.isnan(trace[key]).all()]
+    return replace(trace, variables={key: x for key, x in trace.variables.items() if key not in absent})
 
 
 def _simulate_together(loaded: LoadedConfig, loops: Mapping[str, Loop], talk: Talk) -> list[Trace]:
@@ -107,7 +92,9 @@ def _simulate_together(loaded: LoadedConfig, loops: Mapping[str, Loop], talk: Ta
     return traces
 
 
-def _trace(loaded: LoadedConfig, name: str, loop: Loop, variables: dict[str, Array]) -> Trace:
+def _trace(
+    loaded: LoadedConfig, name: str, loop: Loop, variables: dict[str, Array], laws: Sequence[UserLaw] = ()
+) -> Trace:
     """Variables of a run with their status and attributes."""
     t = variables.pop("time")
     limits = loaded.config.status
@@ -116,20 +103,22 @@ def _trace(loaded: LoadedConfig, name: str, loop: Loop, variables: dict[str, Arr
     )
     if t.size < loop.reference.time.size:
         status, status_time = "diverged", float(t[-1])
-    end = {"status": status, "status_time": status_time}
-    return Trace(name, t, loaded.config.joints, variables, _attributes(loaded, name, loop) | end)
+    attributes = _law(loaded.config, name, loop, laws)
+    attributes |= {"reference_period": loop.reference.period, "status": status, "status_time": status_time}
+    return Trace(name, t, loaded.config.joints, variables, attributes)
 
 
-def _attributes(loaded: LoadedConfig, name: str, loop: Loop) -> dict[str, Any]:
-    """Law, gains, readings, payload and reference of a run, as a trace stores them."""
-    config, period = loaded.config, {"reference_period": loop.reference.period}
+def _law(config: Config, name: str, loop: Loop, laws: Sequence[UserLaw]) -> dict[str, Any]:
+    """Law, gains, readings and payload of a run, as a trace stores them."""
     if not isinstance(config, CompareConfig):
         run = config.runs[name]
         gains = {"law": "motor_position_loop", "gains": _vectors(config.position_loop), "readings": {}}
-        return gains | {"drives": run.drives, "payload_mass": run.payload.si} | period
-    chosen = config.runs.get(name) or next(iter(config.runs.values()))
+        return gains | {"drives": run.drives, "payload_mass": run.payload.si}
+    own = {run: (law, plant) for law in laws for run, plant in runs_of(law, config).items()}
+    law, plant = own.get(name, (None, name))
+    chosen = config.runs[plant]
     attributes = {
-        "law": chosen.law,
+        "law": f"{USER_LAW}{law.name}" if law else chosen.law,
         "gains": _vectors(config.control.gains),
         "readings": config.control.readings.model_dump(),
         "payload_mass": chosen.payload.si,
@@ -137,7 +126,7 @@ def _attributes(loaded: LoadedConfig, name: str, loop: Loop) -> dict[str, Any]:
     if isinstance(loop.controller, TimeDelayController):
         newer, older = loop.controller.law.weights
         attributes |= {"estimator_weight_newer": newer.tolist(), "estimator_weight_older": older.tolist()}
-    return attributes | period
+    return attributes
 
 
 def _vectors(section: Any) -> dict[str, list[float]]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import Any
 
 from tendonrepro.reporting.answer import percent
-from tendonrepro.verdicts.words import VERDICTS, number_in_words
+from tendonrepro.verdicts.report import number_in_words
+from tendonrepro.verdicts.rules import VERDICTS
 
 __all__ = ["MAIN", "VERDICTS", "named", "ours", "statements"]
 
@@ -25,14 +27,33 @@ MAIN = {
 """The ten claims of the first screen, in the order of the paper's argument, and what the paper says."""
 
 _SHARE = "share of the box"
+_WORDS = {
+    "@sampling_period=([.0-9]+)ms": r" at L = \1 ms",
+    "@M_bar=halved": " with half M̄",
+    "(controller_1_|Controller 1 )payload": "Controller 1 with payload",
+    "controller_": "Controller ",
+    "is ok\\b": "is stable",
+    "as printed": "as published",
+    "t - 2L": "t − 2L",
+    "epsilon": "ε",
+    "H_hat": "Ĥ",
+    "M_bar": "M̄",
+    "gamma_1": "γ₁",
+    "gamma_2": "γ₂",
+    "Omega": "Ω",
+    "alpha": "α",
+    "phi": "φ",
+    "Delta": "Δ",
+    "D_(in|n)": r"D \1",
+}
 
 
 def named(entry: Mapping[str, Any]) -> str:
     """What the paper says, in its words; of a number its name and value."""
     if "." not in entry["id"]:
-        return str(entry["printed"])
+        return in_words(entry["printed"])
     unit = {"%": " %", "deg": "°"}.get(entry["unit"], "")
-    return f"{number_in_words(entry['id'])}: {entry['printed']}{unit}"
+    return in_words(f"{number_in_words(entry['id'])}: {entry['printed']}{unit}")
 
 
 def ours(entry: Mapping[str, Any]) -> str:
@@ -40,15 +61,23 @@ def ours(entry: Mapping[str, Any]) -> str:
     evidence, value = entry["evidence"], entry["ours"]
     unit = {"%": " %", "deg": "°"}.get(entry["unit"], "")
     if evidence.get("missing"):
-        return f"missing: {evidence['missing']}"
+        return in_words(f"missing: {evidence['missing']}")
     if entry["unit"] == _SHARE and value is not None:
         favoured = ", by the measure that favours it most" if len(evidence.get("by_measure", ())) > 1 else ""
         return f"holds on {percent(value)} of {evidence['plants']:,} plants{favoured}"
     if box := evidence.get("box"):
-        return f"median {box['median']:.3g}{unit}, central 90 % {box['low']:.3g} to {box['high']:.3g}{unit}"
+        low, high = (f"{box[key]:.3g}".replace("-", "−") for key in ("low", "high"))
+        return f"median {box['median']:.3g}{unit}, central 90 % {low} to {high}{unit}"
     if value is None:
         return "yes" if entry["verdict"] in {"exact", "reproduced"} else "–"
     return f"{value:.4g}{unit}"
+
+
+def in_words(statement: str) -> str:
+    """A statement with symbols and words in place of the names that the program has for them."""
+    for name, word in _WORDS.items():
+        statement = re.sub(rf"(?<![A-Za-z]){name}", word, statement)
+    return statement
 
 
 def statements(entry: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -58,4 +87,4 @@ def statements(entry: Mapping[str, Any]) -> list[tuple[str, str]]:
         *evidence.get("statements", ()),
         *filter(None, [evidence.get("direction"), evidence.get("opposite")]),
     ]
-    return [(one["statement"].replace("controller_", "Controller "), percent(one["share"])) for one in held]
+    return [(in_words(one["statement"]), percent(one["share"])) for one in held]

@@ -42,6 +42,7 @@ def page(found: Stored) -> str:
     )
     environment.filters |= {"md": line}
     slots = numbers(found.summary, found.ledger)
+    answer, _, changes = filled("answer", slots).partition("\n\n")
     entries = {entry["id"]: entry for entry in found.ledger["claims"]}
     trees = [held["config"]["tree"] for name, held in found.manifests.items() if name in TABLES]
     return environment.get_template("page.html").render(
@@ -50,7 +51,8 @@ def page(found: Stored) -> str:
         version=__version__,
         date=dated(found),
         style=Markup((TEMPLATES / "style.css").read_text(encoding="utf-8")),
-        answer=text(filled("answer", slots)),
+        answer=text(answer),
+        changes=text(changes),
         why=text(filled("why", slots)),
         picture=address(orders_svg(found.summary)),
         main=[entries[name] for name in claims.MAIN if name in entries],
@@ -61,6 +63,8 @@ def page(found: Stored) -> str:
         orders=orders,
         parts=[part(found, name, title) for name, title in TITLES.items()],
         inconsistencies=list(inconsistencies()),
+        questions=text(section("slips.md", "Questions to the authors")),
+        predictions=text(section("predictions.md", "What the bench finds, and what it means")),
         assumptions=text((TEMPLATES / "assumed.md").read_text(encoding="utf-8")),
         assumed=assumed,
         values=assumed.values(trees),
@@ -77,7 +81,10 @@ def dated(found: Stored) -> str:
 def part(found: Stored, name: str, title: str) -> dict[str, Any]:
     """Figures and tables of an experiment; none where it was not run."""
     pictures = [plate(path.read_text(encoding="utf-8"), path.stem) for path in found.pictures(name)]
-    tables = [text(path.read_text(encoding="utf-8")) for path in found.tables(name, TABLES.get(name, ()))]
+    tables = [
+        text(path.read_text(encoding="utf-8").replace("| ok |", "| stable |"))
+        for path in found.tables(name, TABLES.get(name, ()))
+    ]
     return {"name": name, "title": title, "pictures": pictures, "tables": tables}
 
 
@@ -87,7 +94,8 @@ def plate(svg: str, name: str) -> dict[str, Any]:
     width = re.search(r'<svg[^>]* width="([\d.]+)pt"', svg)
     return {
         "address": address(svg.encode()),
-        "caption": unescape(kept[1]) if kept else name,
+        # What made a figure stands in the picture too.
+        "caption": re.sub(r" (Simulated|Measured); .*", "", unescape(kept[1])) if kept else name,
         "narrow": width is not None and float(width[1]) < _COLUMN_PT,
     }
 
@@ -105,6 +113,12 @@ def inconsistencies() -> Iterator[tuple[str, Markup]]:
             yield entry[1].rstrip("."), text(entry[2])
 
 
+def section(name: str, heading: str) -> str:
+    """Text of a section of a page of docs."""
+    page = (shipped("docs") / name).read_text(encoding="utf-8")
+    return page.split(f"\n## {heading}\n", 1)[1].split("\n## ", 1)[0]
+
+
 def text(markdown: str) -> Markup:
     """Markdown as HTML; what is HTML in it is shown, not obeyed, and links to pages of docs become text."""
     html = _unbroken(_reader().render(re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", markdown)))
@@ -112,14 +126,15 @@ def text(markdown: str) -> Markup:
 
 
 def line(markdown: str) -> Markup:
-    """One line of Markdown as HTML; long names may break at a plus."""
+    """One line of Markdown as HTML; long names may break at a plus, a dot and an underscore."""
     html = _unbroken(_reader().renderInline(markdown))
-    return Markup(re.sub(r"<code>[^<]*", lambda code: code[0].replace("+", "+<wbr>"), html))
+    return Markup(re.sub(r"<code>[^<]*", lambda code: re.sub(r"([+._])", r"\1<wbr>", code[0]), html))
 
 
 def _unbroken(html: Any) -> str:
-    """Text in which a per cent sign stays with its number."""
-    return str(html).replace(" %", "\u00a0%")
+    """Text in which a unit stays with its number, and a line may end between two numbers."""
+    html = re.sub(r"(?<=\d)/(?=\d)", "/<wbr>", str(html))
+    return re.sub(r"(?<=\d) (?=%|N m\b|rad|ms\b|Hz\b|kg\b)", "\u00a0", html).replace("N m", "N\u00a0m")
 
 
 def _reader() -> MarkdownIt:

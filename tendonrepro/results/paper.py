@@ -1,7 +1,8 @@
-"""Whether a run is the paper's own experiment: only then does the print stand beside it."""
+"""Whether a run is the paper's own experiment: only then do print and plausible plants stand beside it."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from functools import cache
 from typing import Any
@@ -14,8 +15,10 @@ from tendonrepro.configuration.fields.strict_yaml import load
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.experiment import CompareConfig
 from tendonrepro.configuration.models.manipulator import Manipulator
+from tendonrepro.configuration.models.readings import AXES
 from tendonrepro.configuration.published import COMPARED, PrintedText, coupling_of, published, table_1
 from tendonrepro.configuration.shipped import shipped_folder
+from tendonrepro.files import shipped
 from tendonrepro.physics.kinematics import coupling_inverse
 from tendonrepro.results.records import Trace, TraceFile
 
@@ -104,9 +107,7 @@ def _driven_as_paper(run: str, law: str, gains: Mapping[str, ArrayLike], payload
 @cache
 def _motion_of_paper(config_yaml: str) -> bool:
     """Whether the desired motion is a shipped one, or one that was fitted to the print."""
-    motion = _section(config_yaml, "the stored configuration").get("reference")
-    if motion is None:
-        return False
+    motion = _tree(config_yaml).get("reference", {})
     quantities = [value for value in motion.values() if isinstance(value, dict)]
     if any(str(quantity["source"]).startswith("identified") for quantity in quantities):
         return True
@@ -116,15 +117,12 @@ def _motion_of_paper(config_yaml: str) -> bool:
 @cache
 def _shipped_motions() -> list[dict[str, Any]]:
     """Values of the motions of all shipped comparisons."""
-    trees = [
-        _section(path.read_text(encoding="utf-8"), str(path)) for path in shipped_folder().glob("*.yaml")
-    ]
+    trees = [_tree(path.read_text(encoding="utf-8")) for path in shipped_folder().glob("*.yaml")]
     return [_values(tree["reference"]) for tree in trees if tree.get("experiment") == "compare"]
 
 
-def _section(text: str, name: str) -> dict[str, Any]:
-    tree = load(text, name).tree
-    return tree if isinstance(tree, dict) else {}
+def _tree(text: str) -> Any:
+    return load(text, "configuration").tree
 
 
 def _values(motion: Mapping[str, Any]) -> dict[str, Any]:
@@ -134,8 +132,34 @@ def _values(motion: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def printed_beside(file: TraceFile, trace: Trace, identifier: str) -> list[float]:
-    """Printed numbers ``<identifier>.joint_<number>`` of a run's joints; NaN where none stands beside it."""
-    if not of_paper(file, trace):
-        return [float("nan")] * len(trace.joint)
-    return published().per_joint(identifier, trace.joint)
+def identifier_of(trace: Trace) -> str:
+    """Where the print has the errors of a run; what it prints twice is found where it stands first."""
+    return "table3.with_load" if trace.name == "controller_1_payload" else f"table2.{trace.name}"
+
+
+def printed_beside(file: TraceFile, trace: Trace, identifier: str) -> Array:
+    """Printed numbers ``<identifier>.joint_<number>`` of a run's joints, (n,); NaN where there is none."""
+    numbers = published().per_joint(identifier, trace.joint)
+    return np.where(of_paper(file, trace), numbers, np.nan)
+
+
+def plausible_beside(file: TraceFile, trace: Trace, identifier: str) -> Array:
+    """Central 90 % of the same over plausible plants, (n, 2), from the stored ensemble; NaN where unknown.
+
+    The plants are those of the shipped box that are stable under all three controllers, with the equations as
+    printed (docs/verdicts.md); nothing stands beside a run under another reading.
+    """
+    readings = trace.attributes["readings"]
+    as_printed = all(readings.get(axis.name, axis.printed) == axis.printed for axis in AXES.values())
+    names = [f"{identifier}.joint_{joint}" for joint in trace.joint]
+    ends = np.array([_ranges().get(name, (np.nan, np.nan)) for name in names])
+    return np.where(as_printed and of_paper(file, trace), ends, np.nan)
+
+
+@cache
+def _ranges() -> dict[str, tuple[float, float]]:
+    """Ends by the identifiers of the stored verdicts."""
+    stored = shipped("docs") / "results" / "claims.json"
+    claims = json.loads(stored.read_text(encoding="utf-8"))["claims"]
+    boxes = {claim["id"]: claim["evidence"].get("box", {}) for claim in claims}
+    return {name: (box["low"], box["high"]) for name, box in boxes.items() if "low" in box}

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from itertools import chain, groupby
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from itertools import groupby
 from typing import Any, TypeAlias
 
 import numpy as np
 
-from tendonrepro.arrays import Array
 from tendonrepro.configuration.published import PrintedNumber, PrintedRatio, published
-from tendonrepro.results.paper import of_paper, printed_beside
-from tendonrepro.results.plausible import plausible_beside
+from tendonrepro.results.paper import identifier_of, of_paper, plausible_beside, printed_beside
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import (
     CONTROLLERS,
@@ -27,7 +25,7 @@ from tendonrepro.results.summary import (
     torque_sizes,
     tracking_errors,
 )
-from tendonrepro.results.tables import NOTHING, Table, TableColumns, rounded
+from tendonrepro.results.tables import Table, TableColumns, rounded
 
 TableRow: TypeAlias = dict[str, Any]
 """A table row by column name; a column without a value may be left out."""
@@ -85,37 +83,26 @@ COLUMNS: TableColumns = {
 
 ``{joints}`` in a heading are the numbers of the joints, as in ``2/3``.
 """
-_BESIDE = {
-    name for name in COLUMNS if any(word in name for word in ("printed", "ratio", "plausible", "low", "high"))
-} | {"difference", "as_published"}
-"""Columns of the print, of its comparison with ours, and of plausible plants."""
 
 
 def made_tables(file: TraceFile) -> list[Table]:
-    """Make every table that the runs allow; tables without rows are left out."""
+    """Make every table that the runs allow; tables without rows and columns without values are left out."""
     origin = f"{file.source}, config {file.config_sha256[:12]}"
     if under := fitted_under(file):
         origin += f", fitted to the print under {under}"
     found = []
-    for experiment, tables in _TABLES.items():
+    for name, (experiment, make, caption) in _TABLES.items():
         part = file.part(experiment)
-        for name, (make, caption) in tables.items() if part.runs else ():
-            if rows := list(make(part)):
-                joints = "/".join(map(str, next(iter(part.runs.values())).joint))
-                columns = {
-                    column: (heading.replace("{joints}", joints), form)
-                    for column, (heading, form) in COLUMNS.items()
-                    if _stands(column, rows)
-                }
-                terminal = None if name in _IN_THE_TERMINAL else ()
-                found.append(Table(name, f"{caption} ({origin}).", rows, columns, terminal))
+        if part.runs and (rows := list(make(part))):
+            joints = "/".join(map(str, next(iter(part.runs.values())).joint))
+            columns = {
+                column: (heading.format(joints=joints), form)
+                for column, (heading, form) in COLUMNS.items()
+                if any(column in row for row in rows)
+            }
+            terminal = None if name in _IN_THE_TERMINAL else ()
+            found.append(Table(name, f"{caption} ({origin}).", rows, columns, terminal))
     return found
-
-
-def _stands(name: str, rows: Sequence[TableRow]) -> bool:
-    """Whether a column has a place in a table: one of the print needs a value."""
-    held = [row[name] for row in rows if name in row]
-    return bool(held) and (name not in _BESIDE or any(rounded(value) != NOTHING for value in held))
 
 
 def table_data(file: TraceFile) -> dict[str, Any]:
@@ -135,47 +122,35 @@ def table_data(file: TraceFile) -> dict[str, Any]:
     """
     both = {
         "status": {name: trace.status for name, trace in file.runs.items()},
-        "tension": _pivot(
-            tension_rows(file),
-            "run",
-            {"least_N": "least_tension_N", "at_s": "least_tension_at_s", "slack_s": "slack_s"},
-        ),
-        "torque": _pivot(torque_rows(file), "run", {name.removeprefix("torque_"): name for name in _TORQUE}),
+        "tension": _pivot(tension_rows(file), "run", _TENSIONS),
+        "torque": _pivot(torque_rows(file), "run", _TORQUES),
     }
-    errors = _same(f"{name}_deg" for name in ("mae", "rmse", "max"))
     if file.experiment == "decouple":
         plant = file.plant.values
         matrices = {name: plant[name].value.tolist() for name in ("S", "S_inv") if name in plant}
-        found = {
-            f"joint_{row['joint']}": {name: row[name] for name in errors} for row in decoupling_rows(file)
+        errors = {
+            f"joint_{row['joint']}": {name: row[name] for name in _ERRORS} for row in decoupling_rows(file)
         }
-        return {**matrices, "errors": found, **both}
-    windows: dict[str, list[TableRow]] = {}
-    for row in window_rows(file, file.runs):
-        windows.setdefault(row["window"], []).append(row)
-    windows.pop("whole")
+        return {**matrices, "errors": errors, **both}
+    windows = groupby(window_rows(file, file.runs), key=lambda row: row["window"])
     tables = {"table2": (list(controller_rows(file)), "run"), "table3": (list(load_rows(file)), "load")}
-
-    def of_both(columns: Mapping[str, str]) -> dict[str, Any]:
-        return {name: _pivot(rows, key, columns) for name, (rows, key) in tables.items()}
-
-    ends = _same(f"{metric}_{end}_deg" for metric in METRICS for end in ("low", "high"))
+    printed = {f"{metric}_deg": f"{metric}_printed_deg" for metric in METRICS}
+    ends = {name: name for metric in METRICS for name in (f"{metric}_low_deg", f"{metric}_high_deg")}
     return {
         **both,
-        **of_both(errors),
-        "windows": {name: _pivot(rows, "run", errors) for name, rows in windows.items()},
-        "printed": of_both({f"{metric}_deg": f"{metric}_printed_deg" for metric in METRICS}),
-        "plausible": of_both(ends),
+        **{name: _pivot(rows, key, _ERRORS) for name, (rows, key) in tables.items()},
+        "windows": {name: _pivot(rows, "run", _ERRORS) for name, rows in windows},
+        "printed": {name: _pivot(rows, key, printed) for name, (rows, key) in tables.items()},
+        "plausible": {name: _pivot(rows, key, ends) for name, (rows, key) in tables.items()},
         "ranking": ranking(file),
         "fitted_under": fitted_under(file),
     }
 
 
-_TORQUE = ("torque_rms_Nm", "torque_peak_Nm", "torque_step_rms_Nm", "torque_at_limit")
-
-
-def _same(names: Iterable[str]) -> dict[str, str]:
-    return {name: name for name in names}
+_ERRORS = {name: name for name in ("mae_deg", "rmse_deg", "max_deg")}
+_TENSIONS = {"least_N": "least_tension_N", "at_s": "least_tension_at_s", "slack_s": "slack_s"}
+_TORQUES = {name: f"torque_{name}" for name in ("rms_Nm", "peak_Nm", "step_rms_Nm", "at_limit")}
+"""Keys of ``--json`` and the columns they are taken from."""
 
 
 def _pivot(rows: Iterable[TableRow], key: str, columns: Mapping[str, str]) -> dict[str, dict[str, list[Any]]]:
@@ -184,7 +159,7 @@ def _pivot(rows: Iterable[TableRow], key: str, columns: Mapping[str, str]) -> di
     for row in rows:
         held = found.setdefault(row[key], {name: [] for name in columns})
         for name, column in columns.items():
-            held[name].append(row.get(column))
+            held[name].append(row.get(column, np.nan))
     return found
 
 
@@ -212,52 +187,65 @@ def coupling_rows(file: TraceFile) -> Iterator[TableRow]:
             ours[f"{matrix}_{place}"] = f"{matrix}.{place}", value[i, j]
     entries = published().entries if of_paper(file) else {}
     for quantity, (identifier, size) in ours.items():
-        found = entries.get(identifier)
-        entry = found if isinstance(found, PrintedNumber | PrintedRatio) else None
-        printed = float(entry.value) if entry else np.nan
-        yield {
-            "quantity": quantity,
-            "printed_as": entry.as_printed if entry else None,
-            "printed": printed,
-            "ours": size,
-            "difference": abs(size) - printed,
-        }
+        row = {"quantity": quantity, "ours": size}
+        entry = entries.get(identifier)
+        if isinstance(entry, PrintedNumber | PrintedRatio):
+            printed = float(entry.value)
+            row |= {"printed_as": entry.as_printed, "printed": printed, "difference": abs(size) - printed}
+        yield row
+
+
+def error_rows(file: TraceFile, runs: Mapping[str, Trace]) -> Iterator[TableRow]:
+    """Yield the tracking errors of runs by every window of `metrics.windows` and joint, beside the print.
+
+    Columns: ``run``, ``window``, ``joint``, ``status``, ``max_deg``; for ``mae`` and ``rmse``
+    ``<metric>_deg`` and, where the print has the run, ``<metric>_printed_deg``, ``<metric>_ratio``, ours over
+    printed, and over the whole run the ends of the plausible range. A run that ended before a window has no
+    row of it. A diverged run has no errors, and its status says when it diverged.
+    """
+    for name, trace in runs.items():
+        for window, sizes in tracking_errors(trace).items():
+            columns = {f"{metric}_deg": values for metric, values in sizes.items()}
+            for metric in METRICS:
+                identifier = f"{identifier_of(trace)}.{metric}"
+                printed = printed_beside(file, trace, identifier)
+                if np.isfinite(printed).any():
+                    columns[f"{metric}_printed_deg"] = printed
+                    columns[f"{metric}_ratio"] = sizes[metric] / printed
+                low, high = plausible_beside(file, trace, identifier).T
+                if window == "whole" and np.isfinite(low).any():
+                    columns |= {f"{metric}_low_deg": low, f"{metric}_high_deg": high}
+            for row in _by_joint(trace, columns):
+                yield {"run": name, "window": window} | row
+
+
+def _whole_runs(file: TraceFile, runs: Mapping[str, Trace]) -> Iterator[TableRow]:
+    for row in error_rows(file, runs):
+        if row.pop("window") == "whole":
+            yield row
 
 
 def controller_rows(file: TraceFile) -> Iterator[TableRow]:
-    """Yield a row of Table 2 per run and joint, runs with a payload left out.
-
-    Columns: ``run``, ``joint``, ``status``; for ``mae`` and ``rmse`` ``<metric>_deg``,
-    ``<metric>_printed_deg``, ``<metric>_ratio``, ours over printed, and the ends of the plausible range;
-    ``max_deg``; those of `torque_rows`. A diverged run has no errors, and its status says when it diverged.
-    """
-    for name, trace in compared_runs(file).items():
-        errors = _errors(file, trace, tracking_errors(trace)["whole"], f"table2.{name}")
-        for row in _by_joint(trace, errors | torque_sizes(file, trace)):
-            yield {"run": name} | row
+    """Yield a row of Table 2 per run and joint, runs with a payload left out, with sizes of the torque."""
+    torque = {(row["run"], row["joint"]): row for row in torque_rows(file)}
+    for row in _whole_runs(file, compared_runs(file)):
+        yield row | torque.get((row["run"], row["joint"]), {})
 
 
 def window_rows(file: TraceFile, runs: Mapping[str, Trace] | None = None) -> Iterator[TableRow]:
-    """Yield Table 2 over every window of `metrics.windows`: the paper does not say what it averages over.
+    """Yield Table 2 over every other window: the paper does not say what it averages over.
 
-    A run that ended before a window has no row of it. `runs` are those of Table 2 if not given.
+    `runs` are those of Table 2 if not given.
     """
-    runs = compared_runs(file) if runs is None else runs
-    sizes = {name: tracking_errors(trace) for name, trace in runs.items()}
-    for window in dict.fromkeys(chain.from_iterable(sizes.values())):
-        for name, found in sizes.items():
-            if window in found:
-                errors = _errors(file, runs[name], found[window], f"table2.{name}", plausible=False)
-                for row in _by_joint(runs[name], errors):
-                    yield {"window": window, "run": name} | row
+    rows = list(error_rows(file, compared_runs(file) if runs is None else runs))
+    for window in dict.fromkeys(row["window"] for row in rows if row["window"] != "whole"):
+        yield from (row for row in rows if row["window"] == window)
 
 
 def load_rows(file: TraceFile) -> Iterator[TableRow]:
-    """Yield a row of Table 3 per load and joint: as `controller_rows`, with ``load`` in place of ``run``."""
-    for load, trace in loaded_runs(file).items():
-        errors = _errors(file, trace, tracking_errors(trace)["whole"], f"table3.{load}")
-        for row in _by_joint(trace, errors):
-            yield {"load": load} | row
+    """Yield a row of Table 3 per load and joint: as `error_rows`, with ``load`` in place of ``run``."""
+    for row in _whole_runs(file, loaded_runs(file)):
+        yield {"load": row.pop("run")} | row
 
 
 def paper_controller_rows(file: TraceFile) -> Iterator[TableRow]:
@@ -278,18 +266,18 @@ def paper_load_rows(file: TraceFile) -> Iterator[TableRow]:
 
 
 def _as_printed(rows: Iterable[TableRow], key: str, titles: Mapping[str, str]) -> Iterator[TableRow]:
-    """Join the cells of a run's joints; where nothing stands beside a run its cells are None."""
+    """Join the cells of a run's joints; a run beside which nothing stands lacks these cells."""
     for name, group in groupby(rows, key=lambda row: row[key]):
         joints = list(group)
         cells: TableRow = {"paper_row": titles.get(name, name), "status": joints[0]["status"]}
         for metric in METRICS:
-            ours, printed = (
-                [rounded(row[f"{metric}{which}_deg"], "z.3f") for row in joints] for which in ("", "_printed")
-            )
-            ends = [f"{row[f'{metric}_low_deg']:.2g}-{row[f'{metric}_high_deg']:.2g}" for row in joints]
-            cells[f"{metric}_pair"] = "/".join(ours)
-            cells[f"{metric}_printed_pair"] = "/".join(printed) if set(printed) - {NOTHING} else None
-            cells[f"{metric}_plausible_pair"] = None if "nan-nan" in ends else "/".join(ends)
+            for which in ("", "_printed"):
+                if f"{metric}{which}_deg" in joints[0]:
+                    numbers = [rounded(row[f"{metric}{which}_deg"], "z.3f") for row in joints]
+                    cells[f"{metric}{which}_pair"] = "/".join(numbers)
+            if f"{metric}_low_deg" in joints[0]:
+                ends = [f"{row[f'{metric}_low_deg']:.2g}-{row[f'{metric}_high_deg']:.2g}" for row in joints]
+                cells[f"{metric}_plausible_pair"] = "/".join(ends)
         yield cells
 
 
@@ -301,19 +289,17 @@ def change_rows(file: TraceFile) -> Iterator[TableRow]:
     """
     if not {*LOADS.values()} <= file.runs.keys():
         return
-    without, loaded = (file.runs[run] for run in LOADS.values())
-    before, after = (tracking_errors(trace)["whole"] for trace in (without, loaded))
+    runs = [file.runs[run] for run in LOADS.values()]
+    before, after = (tracking_errors(trace)["whole"] for trace in runs)
     for metric in METRICS:
-        printed = printed_beside(file, loaded, f"increase.with_load.{metric}")
-        for index, joint in enumerate(loaded.joint):
-            old, new = before[metric][index], after[metric][index]
-            yield {
-                "metric": metric.upper(),
-                "joint": joint,
-                "change_percent": 100.0 * (new - old) / old if old > 0.0 else np.nan,
-                "change_printed_percent": printed[index],
-                "statuses": f"{_status(without)} / {_status(loaded)}",
-            }
+        old = np.where(before[metric] > 0.0, before[metric], np.nan)
+        changes = {"change_percent": 100.0 * (after[metric] - old) / old}
+        printed = printed_beside(file, runs[1], f"increase.with_load.{metric}")
+        if np.isfinite(printed).any():
+            changes["change_printed_percent"] = printed
+        for row in _by_joint(runs[1], changes):
+            del row["status"]
+            yield {"metric": metric.upper(), **row, "statuses": " / ".join(map(_status, runs))}
 
 
 def decoupling_rows(file: TraceFile) -> Iterator[TableRow]:
@@ -330,13 +316,16 @@ def ranking_rows(file: TraceFile) -> Iterator[TableRow]:
     """
     for joint, metrics in ranking(file).items():
         for metric, found in metrics.items():
-            lost = [run for run in found["order"] if file.runs[run].status == "diverged"]
-            words = {True: "holds", False: "does not hold", None: None}[found["agrees"]]
-            yield {
+            row = {
                 "errors": f"{metric.upper()}, {joint.replace('_', ' ')}",
                 "order": ", ".join(run.removeprefix("controller_") for run in found["order"]),
-                "as_published": f"{len(lost)} diverged" if len(lost) > 1 else words,
             }
+            lost = [run for run in found["order"] if file.runs[run].status == "diverged"]
+            if len(lost) > 1:
+                row["as_published"] = f"{len(lost)} diverged"
+            elif found["agrees"] is not None:
+                row["as_published"] = "holds" if found["agrees"] else "does not hold"
+            yield row
 
 
 def tension_rows(file: TraceFile) -> Iterator[TableRow]:
@@ -362,20 +351,6 @@ def _by_joint(trace: Trace, columns: Sizes) -> Iterator[TableRow]:
         yield {"joint": joint, "status": _status(trace)} | numbers
 
 
-def _errors(file: TraceFile, trace: Trace, sizes: Sizes, table: str, *, plausible: bool = True) -> Sizes:
-    """Errors of a run by column, beside the print; plausible plants are known over the whole run alone."""
-    columns: dict[str, Array] = {}
-    for metric in METRICS:
-        printed = np.array(printed_beside(file, trace, f"{table}.{metric}"))
-        columns[f"{metric}_deg"] = sizes[metric]
-        columns[f"{metric}_printed_deg"] = printed
-        columns[f"{metric}_ratio"] = sizes[metric] / printed
-        if plausible:
-            ends = [found or (np.nan, np.nan) for found in plausible_beside(file, trace, f"{table}.{metric}")]
-            columns[f"{metric}_low_deg"], columns[f"{metric}_high_deg"] = np.array(ends).T
-    return columns | {"max_deg": sizes["max"]}
-
-
 def _status(trace: Trace) -> str:
     if trace.status == "diverged":
         return f"diverged at {trace.attributes['status_time']:.3f} s"
@@ -383,28 +358,31 @@ def _status(trace: Trace) -> str:
 
 
 _PLAUSIBLE = "; plausible: central 90 % of the stable plants"
+_TORQUE_CAPTION = "Torque of the motors along the runs, in joint coordinates"
+_TENSION_CAPTION = "Tension of the tendons along the runs"
 
-_TABLES: Mapping[str, Mapping[str, tuple[Callable[[TraceFile], Iterator[TableRow]], str]]] = {
-    "decouple": {
-        "table1": (coupling_rows, "Table 1 and the coupling matrices of section 5.2"),
-        "decoupling_errors": (decoupling_rows, "Calculated minus measured joint angles, Figs 10 to 12"),
-        "decoupling_torque": (torque_rows, "Torque of the motors along the runs, in joint coordinates"),
-        "decoupling_tension": (tension_rows, "Tension of the tendons along the runs"),
-    },
-    "compare": {
-        "table2": (controller_rows, f"Table 2, tracking errors over the whole run{_PLAUSIBLE}"),
-        "table2_paper": (paper_controller_rows, f"Table 2 as the paper lays it out{_PLAUSIBLE}"),
-        "table2_windows": (window_rows, "Table 2 over other windows"),
-        "table3": (
-            load_rows,
-            f"Table 3, tracking errors of Controller 1 without and with payload{_PLAUSIBLE}",
-        ),
-        "table3_paper": (paper_load_rows, f"Table 3 as the paper lays it out{_PLAUSIBLE}"),
-        "table3_change": (change_rows, "Change of the tracking errors with the payload, section 5.4"),
-        "ranking": (ranking_rows, "Controllers by size of error"),
-        "torque": (torque_rows, "Torque of the motors along the runs, in joint coordinates"),
-        "tension": (tension_rows, "Tension of the tendons along the runs"),
-    },
+_TABLES: Mapping[str, tuple[str, Callable[[TraceFile], Iterator[TableRow]], str]] = {
+    "table1": ("decouple", coupling_rows, "Table 1 and the coupling matrices of section 5.2"),
+    "decoupling_errors": (
+        "decouple",
+        decoupling_rows,
+        "Calculated minus measured joint angles, Figs 10 to 12",
+    ),
+    "decoupling_torque": ("decouple", torque_rows, _TORQUE_CAPTION),
+    "decoupling_tension": ("decouple", tension_rows, _TENSION_CAPTION),
+    "table2": ("compare", controller_rows, f"Table 2, tracking errors over the whole run{_PLAUSIBLE}"),
+    "table2_paper": ("compare", paper_controller_rows, f"Table 2 as the paper lays it out{_PLAUSIBLE}"),
+    "table2_windows": ("compare", window_rows, "Table 2 over other windows"),
+    "table3": (
+        "compare",
+        load_rows,
+        f"Table 3, tracking errors of Controller 1 without and with payload{_PLAUSIBLE}",
+    ),
+    "table3_paper": ("compare", paper_load_rows, f"Table 3 as the paper lays it out{_PLAUSIBLE}"),
+    "table3_change": ("compare", change_rows, "Change of the tracking errors with the payload, section 5.4"),
+    "ranking": ("compare", ranking_rows, "Controllers by size of error"),
+    "torque": ("compare", torque_rows, _TORQUE_CAPTION),
+    "tension": ("compare", tension_rows, _TENSION_CAPTION),
 }
 
 _IN_THE_TERMINAL = {"table1", "table2_paper", "table3_paper", "ranking", "torque", "decoupling_errors"}

@@ -102,7 +102,7 @@ def run_study(
     """
     folder = request.folder(name)
     if request.dry_run:
-        return _plan(name, loaded, folder, request, talk)
+        return planned(name, loaded, folder, request, talk)
     with replaced(folder, loaded.sha256, command=name, force=request.force) as result:
         outcome = study()
         outcome.save(result, name)
@@ -111,7 +111,8 @@ def run_study(
     return {**outcome.data, "text": text, "out": str(folder), "manifest": str(folder / MANIFEST)}
 
 
-def _plan(name: str, loaded: LoadedConfig, folder: Path, request: Request, talk: Talk) -> dict[str, Any]:
+def planned(name: str, loaded: LoadedConfig, folder: Path, request: Request, talk: Talk) -> dict[str, Any]:
+    """What ``--json`` prints of a dry run."""
     foretell(folder, loaded.sha256, name, request, talk)
     text = f"{loaded.origin} is valid (sha256 {loaded.sha256[:12]})\nwould write to {folder}"
     plan = {"dry_run": True, "config_sha256": loaded.sha256, "out": str(folder), "text": text}

@@ -11,11 +11,11 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.readings import AXES, PRINTED
-from tendonrepro.physics.metrics import max_abs, rmse, windows
+from tendonrepro.physics.metrics import windows
 from tendonrepro.physics.statics import slack_time, tendon_tension
 from tendonrepro.results.paper import of_paper
 from tendonrepro.results.records import Trace, TraceFile
-from tendonrepro.results.statistics import error_sizes, saturated
+from tendonrepro.results.statistics import error_sizes, saturated, statistics
 
 CONTROLLERS = ("controller_1", "controller_2", "controller_3")
 """The compared runs, in the order in which the paper ranks them."""
@@ -117,14 +117,10 @@ def torque_sizes(file: TraceFile, trace: Trace) -> Sizes:
         and the share of samples in which the joint's motor gives all it can. Without keys where the torque
         or, for the last one, the limit is unknown.
     """
-    if "tau_m" not in trace:
+    found = statistics(trace)
+    if "torque_rms" not in found:
         return {}
-    torque = trace["tau_m"]
-    sizes = {
-        "torque_rms_Nm": rmse(torque),
-        "torque_peak_Nm": max_abs(torque),
-        "torque_step_rms_Nm": rmse(np.diff(torque, axis=0)),
-    }
+    sizes = {f"{name}_Nm": found[name] for name in ("torque_rms", "torque_peak", "torque_step_rms")}
     limit = file.plant.values.get("actuator_torque_limit")
     if limit is not None:
         S = file.plant.matrix("S", trace.joint)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -68,11 +68,7 @@ class Table:
         TendonreproError
             When a file cannot be written.
         """
-        write: Mapping[str, Callable[[], str]] = {
-            "csv": lambda: csv_text(self.rows, self.columns),
-            "md": lambda: markdown(self.rows, self.caption, self.columns),
-            "tex": lambda: latex(self.rows, self.caption, self.name, self.columns),
-        }
+        write = {"csv": self.csv, "md": self.md, "tex": self.tex}
         paths = [folder / f"{self.name}.{suffix}" for suffix in self.suffixes]
         for suffix, path in zip(self.suffixes, paths, strict=True):
             write_atomically(path, write[suffix]())
@@ -80,9 +76,7 @@ class Table:
 
     def text(self) -> str:
         """Caption and columns for a terminal."""
-        held = _columns(self.rows, self.columns)
-        kept = held if self.terminal is None else {name: held[name] for name in self.terminal}
-        heads, cells, numeric = shown(self.rows, kept)
+        heads, cells, numeric = self._shown(self.terminal)
         widths = [max(map(len, column)) for column in zip(heads, *cells, strict=True)]
         lines = [
             "  ".join(
@@ -93,76 +87,68 @@ class Table:
         ]
         return "\n".join([self.caption, *lines])
 
+    def csv(self) -> str:
+        """Column names and all digits; nothing where there is no value."""
+        names = list(self._columns())
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(names)
+        writer.writerows([_plain(row.get(name)) for name in names] for row in self.rows)
+        return text.getvalue()
 
-def write_table(
-    rows: TableRows,
-    folder: Path,
-    stem: str,
-    caption: str,
-    columns: TableColumns | None = None,
-    suffixes: Sequence[str] = ("csv", "md"),
-) -> list[Path]:
-    """Write a table that no `Outcome` holds; see `Table`."""
-    return Table(stem, caption, rows, columns, suffixes=suffixes).write(folder)
+    def md(self) -> str:
+        """Caption and a pipe table, numbers to the right."""
+        heads, cells, numeric = self._shown()
+        rule = ["---:" if number else ":---" for number in numeric]
+        escaped = [[cell.replace("|", r"\|") for cell in line] for line in (heads, *cells)]
+        lines = [f"| {' | '.join(line)} |" for line in (escaped[0], rule, *escaped[1:])]
+        return "\n".join([self.caption, "", *lines, ""])
+
+    def tex(self) -> str:
+        """A ``table`` float that needs the package booktabs; its label is ``tab:<name>``."""
+        heads, cells, numeric = self._shown()
+        body = [
+            # A hyphen is not a minus sign.
+            [cell.replace("-", "$-$") if number and cell != NOTHING else _tex(cell) for cell, number in pairs]
+            for pairs in (zip(line, numeric, strict=True) for line in cells)
+        ]
+        lines = [
+            r"\begin{table}",
+            r"\centering",
+            rf"\caption{{{_tex(self.caption)}}}",
+            rf"\label{{tab:{self.name}}}",
+            rf"\begin{{tabular}}{{{''.join('r' if number else 'l' for number in numeric)}}}",
+            r"\toprule",
+            rf"{' & '.join(map(_tex, heads))} \\",
+            r"\midrule",
+            *(rf"{' & '.join(line)} \\" for line in body),
+            r"\bottomrule",
+            r"\end{tabular}",
+            r"\end{table}",
+        ]
+        return "\n".join([*lines, ""])
+
+    def _columns(self) -> TableColumns:
+        if self.columns is not None:
+            return self.columns
+        return {name: (name.replace("_", " "), _ROUNDED) for row in self.rows for name in row}
+
+    def _shown(self, names: Sequence[str] | None = None) -> tuple[list[str], list[list[str]], list[bool]]:
+        """Headings, cells as a reader sees them, and which columns hold numbers alone."""
+        held = self._columns()
+        kept = list(held) if names is None else names
+        cells = [[rounded(row.get(name), held[name][1]) for name in kept] for row in self.rows]
+        return [held[name][0] for name in kept], cells, [_is_numeric(self.rows, name) for name in kept]
 
 
 def csv_text(rows: TableRows, columns: TableColumns | None = None) -> str:
-    """Column names and all digits; nothing where there is no value."""
-    names = list(_columns(rows, columns))
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(names)
-    writer.writerows([_plain(row.get(name)) for name in names] for row in rows)
-    return text.getvalue()
+    """Rows as csv; see `Table.csv`."""
+    return Table("", "", rows, columns).csv()
 
 
 def markdown(rows: TableRows, caption: str, columns: TableColumns | None = None) -> str:
-    """Caption and a pipe table, numbers to the right."""
-    heads, cells, numeric = shown(rows, columns)
-    rule = ["---:" if numbers else ":---" for numbers in numeric]
-    escaped = [[cell.replace("|", r"\|") for cell in line] for line in (heads, *cells)]
-    lines = [f"| {' | '.join(line)} |" for line in (escaped[0], rule, *escaped[1:])]
-    return "\n".join([caption, "", *lines, ""])
-
-
-def shown(
-    rows: TableRows, columns: TableColumns | None = None
-) -> tuple[list[str], list[list[str]], list[bool]]:
-    """Headings, cells as a reader sees them, and which columns hold numbers alone."""
-    held = _columns(rows, columns)
-    cells = [[rounded(row.get(name), form) for name, (_, form) in held.items()] for row in rows]
-    return [heading for heading, _ in held.values()], cells, [_is_numeric(rows, name) for name in held]
-
-
-def latex(rows: TableRows, caption: str, label: str, columns: TableColumns | None = None) -> str:
-    """Write a ``table`` float that needs the package booktabs; its label is ``tab:<label>``."""
-    heads, cells, numeric = shown(rows, columns)
-    head = " & ".join(map(_tex, heads))
-    body = [
-        " & ".join(_tex_number(cell) if n else _tex(cell) for cell, n in zip(line, numeric, strict=True))
-        for line in cells
-    ]
-    lines = [
-        r"\begin{table}",
-        r"\centering",
-        rf"\caption{{{_tex(caption)}}}",
-        rf"\label{{tab:{label}}}",
-        rf"\begin{{tabular}}{{{''.join('r' if n else 'l' for n in numeric)}}}",
-        r"\toprule",
-        rf"{head} \\",
-        r"\midrule",
-        *(rf"{line} \\" for line in body),
-        r"\bottomrule",
-        r"\end{tabular}",
-        r"\end{table}",
-    ]
-    return "\n".join([*lines, ""])
-
-
-def _columns(rows: TableRows, columns: TableColumns | None) -> TableColumns:
-    if columns is not None:
-        return columns
-    return {name: (name.replace("_", " "), _ROUNDED) for row in rows for name in row}
+    """Rows as Markdown; see `Table.md`."""
+    return Table("", caption, rows, columns).md()
 
 
 def _is_numeric(rows: TableRows, name: str) -> bool:
@@ -191,8 +177,3 @@ def _plain(value: Any) -> Any:
 
 def _tex(text: str) -> str:
     return "".join(_TEX.get(character, character) for character in text)
-
-
-def _tex_number(text: str) -> str:
-    # A hyphen is not a minus sign.
-    return text if text == NOTHING else text.replace("-", "$-$")

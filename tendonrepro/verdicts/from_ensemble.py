@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -14,30 +13,16 @@ from tendonrepro.configuration.published import Published
 from tendonrepro.errors import DataMissingError
 from tendonrepro.monte_carlo.shares import LEAST_PLANTS, Share, share_of, spread_of
 from tendonrepro.results.summary import CONTROLLERS
-from tendonrepro.verdicts.from_print import Evidence, Judged, missing
+from tendonrepro.verdicts import rules
+from tendonrepro.verdicts.numbers import FIRST, PERCENTAGES, formula_of
 from tendonrepro.verdicts.plants import UNRESOLVED, Plants
-from tendonrepro.verdicts.rules import (
-    INSIDE,
-    MOST_UNRESOLVED,
-    Decision,
-    Mask,
-    of_claim,
-    of_number,
-    of_share,
-    of_values,
-    power_of,
-    with_values,
-)
+from tendonrepro.verdicts.rules import Decision, Evidence, Judged, Mask, missing
 from tendonrepro.verdicts.statements import (
-    CLAIMS,
-    FIRST,
-    LOADED,
-    SECOND,
     Findings,
     Statement,
-    joints_apart,
-    shape_of,
+    findings_of,
     smaller,
+    together,
 )
 
 COMMAND = "tendonrepro ensemble"
@@ -53,73 +38,39 @@ LEAST: Mapping[str, float] = {"rmse_over_mae": 1.0}
 """Families of numbers that cannot be below a number: an RMSE is never below its MAE."""
 
 
-@dataclass(frozen=True)
-class PlantNumbers:
-    """A printed number over all plants: its values (N,) in the printed unit, meaningful where `judged`.
+def numbers_of(plants: Plants, paper: Published, identifier: str) -> tuple[Array, Mask]:
+    """Look up a number of Tables 2 and 3, or one that follows from them, on every plant.
 
-    `direction` is what the number claims besides its size, with the plants on which that can be ranked when a
-    diverged law counts last.
+    Returns
+    -------
+    values : array (N,)
+        In the printed unit.
+    judged : bool array (N,)
+        Plants on which the value means something.
     """
-
-    values: Array
-    judged: Mask
-    direction: tuple[Statement, Mask] | None = None
-
-
-def numbers_of(plants: Plants, identifier: str) -> PlantNumbers:
-    """Look up a number of Tables 2 and 3, section 5.3 or section 5.4 on every plant."""
-    family, what, *metrics, place = identifier.split(".")
-    joint = plants.joints.index(int(place.removeprefix("joint_")))
-    if family == "rmse_over_mae":
-        shape = shape_of(plants, what)[:, joint]
-        return PlantNumbers(shape, _all_ok(plants, what) & np.isfinite(shape))
-    (metric,) = metrics
-    if family == "joints":
-        ratio = joints_apart(plants, what, metric)
-        return PlantNumbers(ratio, _all_ok(plants, what) & np.isfinite(ratio))
-    if family == "dose":
-        dose = _dose(plants, metric)
-        return PlantNumbers(dose, _all_ok(plants) & np.isfinite(dose))
-    if family == "increase":
-        return _quotient(plants, (FIRST, LOADED), metric, joint, change=True)
-    if family == "share":
-        rival = f"controller_{what.removeprefix('controller_1_of_')}"
-        return _quotient(plants, (rival, FIRST), metric, joint, change=False)
-    run = LOADED if family == "table3" else what
-    return PlantNumbers(np.rad2deg(plants[run, metric][:, joint]), _all_ok(plants, run))
-
-
-def _dose(plants: Plants, metric: str) -> Array:
-    """What Controller 1 gains over Controller 2 on the last joint, over what it gains on the first, (N,)."""
-    first, second = plants[FIRST, metric], plants[SECOND, metric]
+    formula = formula_of(paper, identifier)
+    errors = formula.errors
+    sizes = [np.rad2deg(plants[of.run, of.metric][:, plants.joints.index(of.joint)]) for of in errors]
     with np.errstate(divide="ignore", invalid="ignore"):
-        gain = 1.0 - first / second
-        return np.asarray(gain[:, -1] / gain[:, 0])
+        values = formula.value(*sizes)
+    return values, plants.ok(*CONTROLLERS, *(error.run for error in errors)) & np.isfinite(values)
 
 
-def _all_ok(plants: Plants, *runs: str) -> Mask:
-    return plants.ok(*dict.fromkeys((*CONTROLLERS, *runs)))
+def _direction(plants: Plants, paper: Published, identifier: str) -> tuple[Statement, Mask] | None:
+    """What a percentage claims besides its size, and the plants that rank it with a diverged law last."""
+    if not identifier.startswith(PERCENTAGES):
+        return None
+    (part, metric, joint), (whole, *_) = formula_of(paper, identifier).errors
+    runs = (part, whole) if part == FIRST else (whole, part)
+    statements = smaller(plants, metric, *runs, metric.upper())
+    return statements[plants.joints.index(joint)], plants.rankable(*runs)
 
 
-def _quotient(
-    plants: Plants, runs: tuple[str, str], metric: str, joint: int, *, change: bool
-) -> PlantNumbers:
-    """Percentage that the second run's error is of the first's, or by which it is larger."""
-    whole, part = (plants[run, metric][:, joint] for run in runs)
-    with np.errstate(invalid="ignore"):
-        judged = _all_ok(plants, *runs) & (whole > 0.0)
-    ratio = 100.0 * np.divide(part, whole, out=np.full_like(part, np.nan), where=judged)
-    first, second = runs if change else runs[::-1]
-    direction = list(smaller(plants, metric, first, second, metric.upper()))[joint]
-    rankable = plants.rankable(*runs)
-    return PlantNumbers(ratio - 100.0 if change else ratio, judged, (direction, rankable))
-
-
-def judge(plants: Plants, paper: Published, rule: str, identifier: str) -> Judged:
+def judge(plants: Plants, paper: Published, identifier: str) -> Judged:
     """Judge a number or a claim by its rule under one reading."""
-    work = partial(_number, identifier=identifier) if rule in NUMBERS else partial(_claim, rule=rule)
+    rule = paper.judgements[identifier].rule
     try:
-        return work(plants, paper)
+        return _number(plants, paper, identifier) if rule in NUMBERS else _claim(plants, paper, rule)
     except DataMissingError as error:
         return missing(error.message, COMMAND)
 
@@ -132,147 +83,124 @@ def _too_few(judged: Mask) -> Judged | None:
     return missing(what, f"{COMMAND} --draws N with a larger N")
 
 
+def _share(plants: Plants, holds: Mask, counted: Mask) -> Share:
+    return share_of(holds[counted], plants.data.replicate[counted])
+
+
 def _number(plants: Plants, paper: Published, identifier: str) -> Judged:
-    found = numbers_of(plants, identifier)
-    few = _too_few(found.judged)
+    values, judged = numbers_of(plants, paper, identifier)
+    few = _too_few(judged)
     if few:
         return few
-    replicate = plants.data.replicate[found.judged]
-    box = spread_of(found.values[found.judged], replicate)
+    box = spread_of(values[judged], plants.data.replicate[judged])
     low, high = map(float, paper.interval(identifier))
-    power = power_of((low, high), box, LEAST.get(identifier.partition(".")[0], 0.0))
-    evidence: Evidence = {
-        "box": box.as_dict(),
-        "also_passing": power,
-        "share_judged": float(found.judged.mean()),
-    }
-    share, remarks = None, []
-    decision = of_number((low, high), box, share, power)
-    if found.direction:
-        statement, rankable = found.direction
-        share = share_of(statement.holds[found.judged], replicate)
-        evidence["direction"] = {"statement": statement.text} | share.as_dict()
-        last = share_of(statement.last[rankable], plants.data.replicate[rankable])
-        evidence["direction"]["diverged_last"] = last.as_dict()
-        decision, ranked = (of_number((low, high), box, one, power) for one in (share, last))
+    power = rules.power_of((low, high), box, LEAST.get(identifier.partition(".")[0], 0.0))
+    evidence: Evidence = {"box": asdict(box), "also_passing": power, "share_judged": float(judged.mean())}
+    decision, remarks = rules.of_number((low, high), box, None, power), []
+    direction = _direction(plants, paper, identifier)
+    if direction:
+        statement, rankable = direction
+        share, last = (_share(plants, statement.holds, counted) for counted in (judged, rankable))
+        evidence["direction"] = {"statement": statement.text, **asdict(share), "diverged_last": asdict(last)}
+        decision, ranked = (rules.of_number((low, high), box, one, power) for one in (share, last))
         if ranked.verdict != decision.verdict:
             remarks = [f"with a diverged law ranked last: {ranked.verdict}"]
-    return Judged(decision, box.median, evidence | _remarks(decision, *remarks))
+    return Judged(decision, box.median, evidence | _remarks(decision, remarks))
 
 
 def _claim(plants: Plants, paper: Published, rule: str) -> Judged:
-    found = CLAIMS[rule](plants, paper)
+    found = findings_of(plants, paper, rule)
     few = _too_few(found.judged)
     if few:
         return few
-    if rule == "stable" and found.judged.mean() < 1.0 - MOST_UNRESOLVED:
-        left = 100.0 * (1.0 - found.judged.mean())
-        return missing(f"{left:.3g} % of the plants were too fast for the integrator")
-    direction, evidence = _by_statements(plants, found, found.judged, "holds")
+    decision, evidence = _by_statements(plants, found, found.judged)
     evidence["share_judged"] = float(found.judged.mean())
+    remarks = [*found.remarks]
     if found.beside:
-        evidence["beside"] = _rows(plants, found.beside, found.judged, "holds")
-    if found.chance is not None:
+        evidence["beside"] = _rows(plants, found.beside, found.judged)
+    if found.chance:
         evidence["chance"], evidence["chance_together"] = found.chance
-    remarks = [*found.remarks, *_measures(evidence), *_unresolved(plants)]
+    if "measure" in evidence:
+        shares = [f"{row['measure']} {100.0 * row['share']:.3g} %" for row in evidence["by_measure"]]
+        remarks.append(
+            f"decided by {evidence['measure']}, as it holds most often; by each: {', '.join(shares)}"
+        )
+    unresolved = int((~plants.none(UNRESOLVED, *CONTROLLERS)).sum())
+    if unresolved:
+        remarks.append(f"left out: {unresolved} plants too fast for the integrator")
     if found.rankable is not None:
-        last, evidence["diverged_last"] = _by_statements(plants, found, found.rankable, "last")
-        if last.verdict != direction.verdict:
+        last, evidence["diverged_last"] = _by_statements(plants, found, found.rankable)
+        if last.verdict != decision.verdict:
             remarks.append(f"with a diverged law ranked last, without regard to values: {last.verdict}")
-    decision = direction
     if rule in VALUES:
         names = (name for name in paper.entries if name.startswith(VALUES[rule]))
         values = [_number(plants, paper, name) for name in names]
-        judged_by = of_values if rule == "payload" else with_values
-        decision = judged_by(direction, [value.decision for value in values])
-    if decision.verdict in INSIDE and rule in VALUES:
-        passing = ", ".join(f"{100.0 * value.evidence['also_passing']:.0f} %" for value in values)
-        remarks.append(f"of a decade around each printed value this much would also pass: {passing}")
-    if found.cannot_fail:
-        return missing(found.cannot_fail, None, **evidence, **_remarks(decision, *remarks))
-    return Judged(decision, evidence["share"], evidence | _remarks(decision, *remarks))
+        judged_by = rules.of_values if rule == "payload" else rules.with_values
+        decision = judged_by(decision, [value.decision for value in values])
+        if decision.verdict in rules.INSIDE:
+            passing = ", ".join(f"{100.0 * value.evidence['also_passing']:.0f} %" for value in values)
+            remarks.append(f"of a decade around each printed value this much would also pass: {passing}")
+    evidence |= _remarks(decision, remarks)
+    if found.untestable:
+        return missing(found.untestable, None, **evidence)
+    return Judged(decision, evidence["share"], evidence)
 
 
-def _by_statements(
-    plants: Plants, found: Findings, counted: Mask, attribute: str
-) -> tuple[Decision, Evidence]:
+def _by_statements(plants: Plants, found: Findings, counted: Mask) -> tuple[Decision, Evidence]:
     """Judge by the measure under which a claim holds most often; the shares behind that."""
-    replicate = plants.data.replicate[counted]
 
-    def share(masks: Sequence[Mask]) -> Share:
-        return share_of(np.logical_and.reduce(masks)[counted], replicate)
+    def against(statements: Sequence[Statement]) -> Share:
+        none = np.logical_and.reduce([~one.holds for one in statements])
+        return _share(plants, found.opposite.holds if found.opposite else none, counted)
 
-    def of(statements: Sequence[Statement]) -> list[Mask]:
-        return [getattr(statement, attribute) for statement in statements]
-
-    wholes = {name: share(of(held)) for name, held in found.measures.items()}
-    best = max(wholes, key=lambda name: wholes[name].value)
-    against = {
-        name: share(of([found.opposite]) if found.opposite else [~mask for mask in of(held)])
-        for name, held in found.measures.items()
-    }
-    told = found.opposite.text if found.opposite else "no statement holds"
-    overall = share(of([found.opposite]) if found.opposite else [~mask for mask in of(found.statements)])
-    evidence: Evidence = wholes[best].as_dict()
+    wholes = {name: _share(plants, together(held), counted) for name, held in found.measures.items()}
+    best = max(wholes, key=lambda name: wholes[name].share)
+    overall = against(found.statements)
+    evidence: Evidence = asdict(wholes[best])
     if len(wholes) > 1:
         evidence["measure"] = best
         evidence["by_measure"] = [
-            {"measure": name, "verdict": of_claim(whole, against[name]).verdict} | whole.as_dict()
-            for name, whole in wholes.items()
+            {
+                "measure": name,
+                "verdict": rules.of_claim(wholes[name], against(held)).verdict,
+                **asdict(wholes[name]),
+            }
+            for name, held in found.measures.items()
         ]
-    evidence["opposite"] = {"statement": told} | overall.as_dict()
-    evidence["statements"] = _rows(plants, found.statements, counted, attribute)
-    return of_claim(wholes[best], overall), evidence
+    told = found.opposite.text if found.opposite else "no statement holds"
+    evidence["opposite"] = {"statement": told, **asdict(overall)}
+    evidence["statements"] = _rows(plants, found.statements, counted)
+    return rules.of_claim(wholes[best], overall), evidence
 
 
-def _rows(
-    plants: Plants, statements: Sequence[Statement], counted: Mask, attribute: str
-) -> list[dict[str, Any]]:
+def _rows(plants: Plants, statements: Sequence[Statement], counted: Mask) -> list[dict[str, Any]]:
     """Statements with their own shares and verdicts."""
     rows = []
-    for statement in statements:
-        share = share_of(getattr(statement, attribute)[counted], plants.data.replicate[counted])
-        named = {"measure": statement.measure} if statement.measure else {}
-        verdict = of_share(share).verdict
-        rows.append({"statement": statement.text} | named | {"verdict": verdict} | share.as_dict())
+    for one in statements:
+        share = _share(plants, one.holds, counted)
+        named = {"measure": one.measure} if one.measure else {}
+        rows.append(
+            {"statement": one.text, **named, "verdict": rules.of_share(share).verdict, **asdict(share)}
+        )
     return rows
 
 
-def _measures(evidence: Evidence) -> list[str]:
-    """Name the measure that decided, and on how many plants the claim holds by the others."""
-    rows = [f"{row['measure']} {100.0 * row['share']:.3g} %" for row in evidence.get("by_measure", ())]
-    return (
-        [f"decided by {evidence['measure']}, as it holds most often; by each: {', '.join(rows)}"]
-        if rows
-        else []
-    )
+def _remarks(decision: Decision, remarks: Sequence[str]) -> Evidence:
+    hardware = [HARDWARE] if decision.verdict == "contradicted" else []
+    return {"remarks": [*hardware, *remarks]}
 
 
-def _unresolved(plants: Plants) -> list[str]:
-    count = int((~plants.none(UNRESOLVED, *CONTROLLERS)).sum())
-    return [f"left out: {count} plants too fast for the integrator"] if count else []
-
-
-def _remarks(decision: Decision, *more: str) -> Evidence:
-    remarks = [HARDWARE] if decision.verdict == "contradicted" else []
-    return {"remarks": [*remarks, *more]}
-
-
-def outcome(plants: Plants, paper: Published, rule: str, identifier: str) -> tuple[Array, Mask]:
-    """What the verdict hangs on, plant by plant, and the plants to look at.
+def outcome(plants: Plants, paper: Published, identifier: str) -> tuple[Array, Mask]:
+    """What a verdict depends on, plant by plant, and the plants to look at.
 
     1 or 0 for a claim, the value of a number; values are logarithms where all are positive.
     """
-    if rule not in NUMBERS:
-        found = CLAIMS[rule](plants, paper)
-        holds = {
-            name: np.logical_and.reduce([statement.holds for statement in held])
-            for name, held in found.measures.items()
-        }
-        deciding = max(holds.values(), key=lambda mask: np.count_nonzero(mask[found.judged]))
-        return deciding.astype(np.float64), found.judged
-    numbers = numbers_of(plants, identifier)
-    values = numbers.values.copy()
-    if (values[numbers.judged] > 0.0).all():
-        values[numbers.judged] = np.log(values[numbers.judged])
-    return values, numbers.judged
+    rule = paper.judgements[identifier].rule
+    if rule in NUMBERS:
+        values, judged = numbers_of(plants, paper, identifier)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.log(values) if (values[judged] > 0.0).all() else values, judged
+    claim = findings_of(plants, paper, rule)
+    ways = map(together, claim.measures.values())
+    deciding = max(ways, key=lambda holds: np.count_nonzero(holds[claim.judged]))
+    return deciding.astype(np.float64), claim.judged

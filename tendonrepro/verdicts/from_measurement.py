@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
@@ -11,18 +10,17 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.readings import PRINTED
-from tendonrepro.configuration.published import COMPARED, PrintedDose, PrintedQuotient, Published
-from tendonrepro.dataset.windows import prints_as
+from tendonrepro.configuration.published import COMPARED, Published
 from tendonrepro.errors import DataMissingError
 from tendonrepro.physics.metrics import mae, start_level
-from tendonrepro.results.records import Trace, TraceFile
+from tendonrepro.results.records import TraceFile
 from tendonrepro.results.summary import CONTROLLERS
-from tendonrepro.verdicts.arithmetic import cut, printed_percentages, size_behind
-from tendonrepro.verdicts.from_print import Evidence, Judged, missing
+from tendonrepro.verdicts.from_ensemble import NUMBERS
 from tendonrepro.verdicts.measured import RATE_WINDOW, Measured, OneArm
+from tendonrepro.verdicts.numbers import FIRST, LOADED, PERCENTAGES, cut, formula_of
 from tendonrepro.verdicts.plants import Plants
-from tendonrepro.verdicts.rules import of_model
-from tendonrepro.verdicts.statements import CLAIMS, FIRST, LOADED, Findings, larger_with_load
+from tendonrepro.verdicts.rules import Evidence, Judged, missing, of_model
+from tendonrepro.verdicts.statements import Findings, findings_of, larger_with_load, together
 
 JUDGED = ("K3", "K5", "C1", "C2", "F1", "F2", "C3", "C4", "C5", "C6", "P1")
 """Claims that a measurement is asked about."""
@@ -31,8 +29,6 @@ TINY, AGREES = 0.01, 0.05
 """Largest errors of K3 and K5 as shares of a joint's or motor's range."""
 LEAST_RANGE = float(np.deg2rad(1.0))
 """Range below which a joint or motor counts as at rest, rad."""
-
-_FAMILIES = ("table2.", "table3.", "rmse_over_mae.", "joints.", "dose.", "share.", "increase.")
 
 
 def judge_measured(measured: Measured, paper: Published) -> dict[str, Judged]:
@@ -49,7 +45,7 @@ def judge_measured(measured: Measured, paper: Published) -> dict[str, Judged]:
         By id: the claims `JUDGED`, the numbers of Tables 2 and 3, their quotients, and those of sections 5.3
         and 5.4.
     """
-    numbers = [name for name in paper.entries if name.startswith(_FAMILIES)]
+    numbers = [name for name, how in paper.judgements.items() if how.rule in (*NUMBERS, "same_as")]
     found = {name: _number(measured, paper, name) for name in numbers}
     for name in JUDGED:
         try:
@@ -60,65 +56,26 @@ def judge_measured(measured: Measured, paper: Published) -> dict[str, Judged]:
 
 
 def _number(measured: Measured, paper: Published, identifier: str) -> Judged:
-    deciding = measured.tables.deciding
-    judge = {"rmse_over_mae": _quotient, "joints": _quotient, "dose": _dose}
-    judge |= dict.fromkeys(("share", "increase"), _percentage)
-    family = identifier.partition(".")[0]
-    found = judge.get(family, _size)(deciding.sizes if deciding else {}, paper, identifier)
-    return replace(found, evidence=found.evidence | {"window": deciding.name if deciding else None})
-
-
-def _size(sizes: Mapping[str, float], paper: Published, identifier: str) -> Judged:
-    """Judge a number of Table 2 or 3 by whether the measured one would be printed so."""
-    ours = sizes.get(size_behind(identifier))
-    if ours is None:
-        return missing(f"the measured errors of {_run_of(identifier)}")
-    return Judged(of_model(prints_as(paper, identifier, ours)), ours)
-
-
-def _run_of(identifier: str) -> str:
-    family, what, _, joint = identifier.split(".")
-    run = what if family == "table2" else {"no_load": CONTROLLERS[0], "with_load": LOADED}[what]
-    return f"{run}, {joint.replace('_', ' ')}"
-
-
-def _percentage(sizes: Mapping[str, float], paper: Published, identifier: str) -> Judged:
-    """Judge a percentage from the measured numbers as the tables would print them."""
-    names = [size_behind(name) for name in printed_percentages(paper)[identifier]]
-    absent = [_run_of(name) for name in names if not np.isfinite(sizes.get(name, np.nan))]
-    if absent:
-        return missing(f"the measured errors of {absent[0]}")
-    part, whole = (Fraction(f"{sizes[name]:.{paper.digits(name).decimals}f}") for name in names)
-    if whole == 0:
-        return missing(f"an error of {_run_of(names[1])} that is not zero")
-    value = 100 * part / whole - (100 if identifier.startswith("increase.") else 0)
-    holds = cut(value, paper.digits(identifier)) != "neither"
-    return Judged(of_model(holds), float(value))
-
-
-def _quotient(sizes: Mapping[str, float], paper: Published, identifier: str) -> Judged:
-    """Judge a quotient by what the rounding of both printed numbers allows."""
-    entry = paper.entries[identifier]
-    assert isinstance(entry, PrintedQuotient)
-    root, mean = (sizes.get(name, np.nan) for name in (entry.numerator, entry.denominator))
-    if not (np.isfinite(root) and mean > 0.0):
-        return missing(f"the measured errors of {_run_of(entry.numerator)}")
+    """Judge a number by whether it would be printed so, or from what the rounding of the tables allows."""
+    deciding, formula = measured.tables.deciding, formula_of(paper, identifier)
+    window: Evidence = {"window": deciding.name if deciding else None}
+    known = deciding.sizes if deciding else {}
+    sizes: list[Any] = [known.get(error.id, np.nan) for error in formula.errors]
+    for error, size in zip(formula.errors, sizes, strict=True):
+        if not np.isfinite(size):
+            return missing(f"the measured errors of {error}", **window)
+    by_digits = identifier.startswith(PERCENTAGES)
+    if by_digits:
+        # As the print's own percentages, those of a measurement follow from what its tables would print.
+        decimals = [paper.digits(name).decimals for name in formula.names]
+        sizes = [Fraction(f"{size:.{places}f}") for size, places in zip(sizes, decimals, strict=True)]
+    try:
+        ours = formula.value(*sizes)
+    except ZeroDivisionError:
+        return missing(f"an error of {formula.errors[-1]} that is not zero", **window)
     low, high = paper.interval(identifier)
-    return Judged(of_model(low <= root / mean <= high), root / mean)
-
-
-def _dose(sizes: Mapping[str, float], paper: Published, identifier: str) -> Judged:
-    """Judge what Controller 1 gains on joint 3 over what it gains on joint 2."""
-    entry = paper.entries[identifier]
-    assert isinstance(entry, PrintedDose)
-    for name in (name for pair in entry.parts for name in pair):
-        if not sizes.get(name, np.nan) > 0.0:
-            return missing(f"the measured errors of {_run_of(name)}")
-    joint_3, joint_2 = (1.0 - sizes[first] / sizes[second] for first, second in entry.parts)
-    if joint_2 == 0.0:
-        return missing("a difference between Controllers 1 and 2 on joint 2")
-    low, high = paper.interval(identifier)
-    return Judged(of_model(low <= joint_3 / joint_2 <= high), joint_3 / joint_2)
+    holds = cut(ours, paper.digits(identifier)) != "neither" if by_digits else low <= ours <= high
+    return Judged(of_model(holds), float(ours), window)
 
 
 def _claim(measured: Measured, paper: Published, identifier: str, numbers: Mapping[str, Judged]) -> Judged:
@@ -126,79 +83,58 @@ def _claim(measured: Measured, paper: Published, identifier: str, numbers: Mappi
         return decoupling(measured.file)
     if identifier == "K5":
         return motor_angles(measured.file)
-    if identifier == "C1":
-        _need_errors(measured.compare)
+    rule, runs = paper.judgements[identifier].rule, measured.compare.runs
     arm = OneArm(measured)
     plants = Plants(arm, PRINTED)
-    rule = paper.judgements[identifier].rule
+    needed: tuple[str, ...] = (*CONTROLLERS, LOADED)
     if rule == "payload":
-        found = Findings(larger_with_load(plants), plants.ok(FIRST, LOADED), None)
+        needed = (FIRST, LOADED)
+        found = Findings(larger_with_load(plants), plants.ok(*needed), None)
     else:
-        found = CLAIMS[rule](plants, paper)
-    _all_judged(measured.compare, identifier, found)
-    by = [name for name, held in found.measures.items() if all(statement.holds[0] for statement in held)]
-    holds = bool(by)
+        found = findings_of(plants, paper, rule)
     evidence: Evidence = {
-        "statements": [
-            {"statement": statement.text, "holds": bool(statement.holds[0])} for statement in found.statements
-        ],
+        "statements": [{"statement": one.text, "holds": bool(one.holds[0])} for one in found.statements],
         "statistics": arm.asked,
     }
-    remarks = _remarks(measured, identifier)
+    lost = [name for name in needed if name in runs and runs[name].status != "ok"]
+    remarks = []
+    if rule == "stable":
+        for name in CONTROLLERS:
+            # A status that was judged without the error of a joint says nothing about it.
+            arm.statistic(name, PRINTED, "max_error")
+        remarks += [f"{name} is {runs[name].told_status}" for name in lost if name in CONTROLLERS]
+    elif not found.judged[0]:
+        message = f"a run of {lost[0]} that is ok; the one measured is {runs[lost[0]].told_status}"
+        raise DataMissingError(message)
+    if rule == "similar_surfaces" and "s" not in runs[FIRST]:
+        remarks.append(
+            "s was not recorded: computed from e by Eq. (11) with the printed gains, the rate of e by its "
+            f"difference over {1e3 * RATE_WINDOW:g} ms"
+        )
+    by = [name for name, held in found.measures.items() if together(held)[0]]
     if by and len(found.measures) > 1:
         remarks.append(f"holds by {', '.join(by)}")
-    if identifier in ("C2", "F1", "F2", "P1") and measured.tables.deciding:
+    if any("mae_deg" in asked for asked in arm.asked.values()) and measured.tables.deciding:
         evidence["window"] = measured.tables.deciding.name
-    if identifier == "P1":
-        values = {name: one for name, one in numbers.items() if name.startswith("increase.")}
-        evidence["percentages"] = {name: one.decision.verdict for name, one in values.items()}
-        holds = holds and all(one.decision.verdict == "reproduced" for one in values.values())
+    holds = bool(by)
+    if rule == "payload":
+        values = {name: one.decision.verdict for name, one in numbers.items() if name.startswith("increase.")}
+        evidence["percentages"] = values
+        holds = holds and {*values.values()} == {"reproduced"}
     return Judged(of_model(holds), None, evidence | ({"remarks": remarks} if remarks else {}))
-
-
-def _need_errors(file: TraceFile) -> None:
-    """A status judged without the error of a joint says nothing about it."""
-    for trace in [file.runs[run] for run in CONTROLLERS if run in file.runs]:
-        for joint in OneArm.joints:
-            known = joint in trace.joint and "e" in trace
-            if not known or bool(np.isnan(trace["e"][:, trace.joint.index(joint)]).all()):
-                raise DataMissingError(f"the measured error of {trace.name}, joint {joint}")
-
-
-def _all_judged(file: TraceFile, identifier: str, found: Findings) -> None:
-    """Refuse to compare laws that were not ``ok``; claim C1 is about just that."""
-    if identifier != "C1" and not found.judged[0]:
-        laws = (FIRST, LOADED) if identifier == "P1" else CONTROLLERS
-        wrong = next(name for name in laws if file.runs[name].status != "ok")
-        message = f"a run of {wrong} that is ok; the one measured is {file.runs[wrong].told_status}"
-        raise DataMissingError(message)
-
-
-def _remarks(measured: Measured, identifier: str) -> list[str]:
-    if identifier == "C1":
-        runs = (measured.compare.runs[name] for name in CONTROLLERS)
-        return [f"{trace.name} is {trace.told_status}" for trace in runs if trace.status != "ok"]
-    if identifier != "C4":
-        return []
-    computed = [name for name in CONTROLLERS if "s" not in measured.compare.runs[name]]
-    if not computed:
-        return []
-    return [
-        f"s of {', '.join(computed)} was not recorded: computed from e by Eq. (11) with the printed gains, "
-        f"the rate of e by its difference over {1e3 * RATE_WINDOW:g} ms"
-    ]
 
 
 def decoupling(file: TraceFile) -> Judged:
     """K3: joint angles calculated from the motors against the encoders."""
     trace = file.part("decouple").runs.get("decouple")
-    if trace is None:
-        raise DataMissingError("a measured run decouple")
-    places = [trace.joint.index(joint) for joint in (1, 2, 3) if joint in trace.joint]
-    if len(places) < 3:
-        raise DataMissingError("all of joints 1 to 3 in the run decouple")
-    encoder = _needed(trace, "q_encoder")[:, places]
-    apart = calculated_angles(file, trace)[:, places] - encoder
+    if trace is None or trace.joint != (1, 2, 3):
+        raise DataMissingError("all of joints 1 to 3 in a measured run decouple")
+    encoder = trace["q_encoder"]
+    if "q_calculated" in trace:
+        calculated = trace["q_calculated"]
+    else:
+        calculated = trace["q_motor_encoder"] @ file.plant.matrix("S", trace.joint).T
+    apart = calculated - encoder
     known = np.isfinite(apart).all(axis=1)
     time, apart = trace.time[known], apart[known]
     reach = np.nanmax(encoder, axis=0) - np.nanmin(encoder, axis=0)
@@ -222,13 +158,6 @@ def _agreement(size: Array, reach: Array) -> dict[str, Any]:
         "share_of_range": (size / reach).tolist(),
         "statements": [{"statement": text, "holds": bool(held)} for text, held in statements.items()],
     }
-
-
-def calculated_angles(file: TraceFile, trace: Trace) -> Array:
-    """Joint angles calculated from the motors, (T, n): recorded, else ``S q_motor_encoder``."""
-    if "q_calculated" in trace:
-        return trace["q_calculated"]
-    return np.asarray(_needed(trace, "q_motor_encoder") @ file.plant.matrix("S", trace.joint).T)
 
 
 def motor_angles(file: TraceFile) -> Judged:
@@ -257,9 +186,3 @@ def motor_angles(file: TraceFile) -> Judged:
     if not rows:
         raise DataMissingError("q_encoder and q_d of joints 2 and 3 of a controller whose motors move")
     return Judged(of_model(all(row["holds"] for row in rows)), None, {"statements": rows})
-
-
-def _needed(trace: Trace, variable: str) -> Array:
-    if variable not in trace:
-        raise DataMissingError(f"{variable} of the run {trace.name}")
-    return trace[variable]

@@ -1,13 +1,13 @@
-"""Every rule of docs/verdicts.md as a function from what is known to a judgement with its evidence."""
+"""What follows from the print alone: matrices and percentages in exact fractions, signs, smoothness."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from collections.abc import Callable, Mapping, Sequence
+from fractions import Fraction
 
 import numpy as np
 
+from tendonrepro.arrays import Array
 from tendonrepro.configuration.published import (
     COMPARED,
     SIGN,
@@ -20,40 +20,14 @@ from tendonrepro.configuration.published import (
 )
 from tendonrepro.physics.control import polynomial
 from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix
-from tendonrepro.verdicts.arithmetic import (
-    cut,
-    inverse,
-    meets,
-    percentage,
-    printed_inverse,
-    printed_percentages,
-    size_behind,
-    slopes_of_coupling,
-)
-from tendonrepro.verdicts.rules import Decision, VerdictName, of_arithmetic, of_model
+from tendonrepro.verdicts.numbers import PERCENTAGES, cut, error_of, formula_of
+from tendonrepro.verdicts.rules import Evidence, Judged, meets, of_arithmetic, of_model
 
 FAR_LESS = 0.1
 """Motor 3 against motor 2 in claim K4."""
 NEARLY = 0.1
 """Largest relative difference of angles that are nearly equal in claim K6."""
 SMOOTH = 1e-12
-
-Evidence: TypeAlias = dict[str, Any]
-
-
-@dataclass(frozen=True)
-class Judged:
-    """Outcome of a rule."""
-
-    decision: Decision
-    ours: float | None = None
-    evidence: Evidence = field(default_factory=dict)
-    other_readings: Mapping[str, VerdictName] = field(default_factory=dict)
-
-
-def missing(what: str, command: str | None = None, **evidence: Any) -> Judged:
-    """Not testable, with what is missing and the command that supplies it."""
-    return Judged(Decision("not_testable"), None, {"missing": what, "run": command} | evidence)
 
 
 def lengths(paper: Published, identifier: str) -> Judged:
@@ -74,6 +48,24 @@ def matrix_entry(paper: Published, identifier: str) -> Judged:
     return _against(paper, identifier, (ours, ours), float(ours), "S_inv")
 
 
+def printed_inverse(paper: Published) -> list[list[Fraction]]:
+    """``S_inv`` as printed, lower triangular, with the signs of Eq. (2) and section 3.3."""
+    rows = []
+    for n in range(3):
+        row = [exact(paper.quantity(f"S_inv.{n + 1}{i + 1}")) for i in range(n + 1)]
+        rows.append([(1 if i == n else -1) * int(SIGN[i, n]) * x for i, x in enumerate(row)])
+    return rows
+
+
+def inverse(lower: Sequence[Sequence[Fraction]]) -> list[list[Fraction]]:
+    """Inverse of a lower-triangular matrix given by its rows up to the diagonal, in the same form."""
+    rows: list[list[Fraction]] = []
+    for n, row in enumerate(lower):
+        before = [-sum((row[k] * rows[k][i] for k in range(i, n)), Fraction(0)) / row[n] for i in range(n)]
+        rows.append([*before, 1 / row[n]])
+    return rows
+
+
 def both_matrices(paper: Published, _: str) -> Judged:
     """K1: all entries of S."""
     names = [name for name in paper.entries if name.startswith("S.")]
@@ -83,29 +75,30 @@ def both_matrices(paper: Published, _: str) -> Judged:
 
 def all_percentages(paper: Published, _: str) -> Judged:
     """A1: the percentages of sections 5.3 and 5.4 against what the rounding of the tables allows."""
-    rows, wrong = [], []
-    for name, (part, whole) in printed_percentages(paper).items():
-        printed = paper.digits(name)
-        change = name.startswith("increase.")
-        value, interval = percentage(paper.digits(part), paper.digits(whole), change=change)
-        consistent = meets(interval, rounding(printed))
-        rows.append(
-            {
-                "id": name,
-                "printed": printed.as_printed,
-                "from_digits": float(value),
-                "allowed": [float(interval[0]), float(interval[1])],
-                "printed_is": cut(value, printed),
-                "consistent": consistent,
-            }
-        )
-        wrong += [] if consistent else [name]
+    rows = [_percentage(paper, name) for name in paper.entries if name.startswith(PERCENTAGES)]
+    wrong = [row["id"] for row in rows if not row["consistent"]]
     return Judged(of_arithmetic(not wrong), None, {"percentages": rows, "inconsistent": wrong})
+
+
+def _percentage(paper: Published, identifier: str) -> Evidence:
+    printed, formula = paper.digits(identifier), formula_of(paper, identifier)
+    part, whole = map(paper.digits, formula.names)
+    value = formula.value(exact(part), exact(whole))
+    (least, most), (low, high) = rounding(part), rounding(whole)
+    allowed = formula.value(least, high), formula.value(most, low)
+    return {
+        "id": identifier,
+        "printed": printed.as_printed,
+        "from_digits": float(value),
+        "allowed": [float(end) for end in allowed],
+        "printed_is": cut(value, printed),
+        "consistent": meets(allowed, rounding(printed)),
+    }
 
 
 def same_as(paper: Published, identifier: str) -> Judged:
     """Table 3 without load against Controller 1 in Table 2."""
-    other = size_behind(identifier)
+    other = error_of(identifier).id
     return _against(paper, identifier, rounding(paper.quantity(other)), paper.number(other), other)
 
 
@@ -121,28 +114,16 @@ def _against(paper: Published, identifier: str, allowed: Interval, ours: float, 
     return Judged(of_arithmetic(consistent), ours, {"from": [origin]})
 
 
-def tendon_1_moves_joint_2(paper: Published, _: str) -> Judged:
-    """K2: joint 2 turns when tendon 1 alone is pulled."""
-    S, _S_inv = coupling_of(table_1(paper))
-    ours = float(S[1, 0] / S[0, 0])
-    return Judged(of_model(ours != 0.0), ours, {"remarks": [_TURN]})
+TURNS: Mapping[str, Callable[[float], bool]] = {
+    "tendon_1_moves_joint_2": lambda turn: turn != 0.0,
+    "opposite_direction": lambda turn: turn < 0.0,
+    "pure_translation": lambda turn: abs(turn + 1.0) < NEARLY,
+}
+"""K2, K2a and K2b, by the turn of joint 2 over that of joint 1 when tendon 1 alone is pulled."""
 
 
-def opposite_direction(paper: Published, _: str) -> Judged:
-    """K2a: joint 2 turns against joint 1 when tendon 1 alone is pulled."""
-    return _by_turn(paper, lambda turn: turn < 0.0)
-
-
-def pure_translation(paper: Published, _: str) -> Judged:
-    """K2b: joint 2 turns back as far as joint 1 turns, so that link 2 keeps its direction."""
-    return _by_turn(paper, lambda turn: abs(turn + 1.0) < NEARLY)
-
-
-_TURN = "joint 2 over joint 1; a pure translation of link 2, as Fig. 6 is described, would need -1"
-
-
-def _by_turn(paper: Published, holds: Callable[[float], bool]) -> Judged:
-    """Judge the turn of joint 2 over that of joint 1, by the printed signs and with c12 and c13 turned round.
+def turn_of_joint_2(paper: Published, identifier: str) -> Judged:
+    """K2, K2a, K2b: judge that turn by the printed signs, and with c12 and c13 turned round.
 
     Both leave the magnitudes of S as printed.
     """
@@ -151,8 +132,9 @@ def _by_turn(paper: Published, holds: Callable[[float], bool]) -> Judged:
         sign = SIGN * np.array([[1.0, flip, flip], [1.0, 1.0, 1.0], [1.0, 1.0, 1.0]])
         S = coupling_matrix(coupling_inverse(np.ones(3), table_1(paper), sign))
         turns.append(float(S[1, 0] / S[0, 0]))
-    printed, other = (of_model(holds(turn)) for turn in turns)
-    evidence: Evidence = {"with_other_signs": turns[1], "remarks": [_TURN]}
+    printed, other = (of_model(TURNS[paper.judgements[identifier].rule](turn)) for turn in turns)
+    remark = "joint 2 over joint 1; a pure translation of link 2, as Fig. 6 is described, would need -1"
+    evidence: Evidence = {"with_other_signs": turns[1], "remarks": [remark]}
     return Judged(printed, turns[0], evidence, {"signs=c12=-1,c13=+1": other.verdict})
 
 
@@ -172,6 +154,19 @@ def coupling_terms(paper: Published, _: str) -> Judged:
     holds = bool((winch < 0.0).all() and (pulley > 0.0).all()) and abs(ours - 1.0) < NEARLY
     evidence = {"larger_winch": winch.tolist(), "larger_pulley": pulley.tolist()}
     return Judged(of_model(holds), ours, evidence)
+
+
+def slopes_of_coupling(ratio: Array) -> tuple[Array, Array]:
+    """Change of the magnitudes below the diagonal of ``S_inv``, 21, 31, 32, when a diameter grows by 1 %.
+
+    For a larger winch ``D[n]``, and for larger guide pulleys ``D[i, n]``; `ratio` is that of `table_1`.
+    """
+    below = np.tril_indices(3, -1)
+    sizes = [
+        np.abs(coupling_inverse(np.full(3, winch), ratio * pulley, SIGN)[below])
+        for winch, pulley in ((1.0, 1.0), (1.01, 1.0), (1.0, 1.01))
+    ]
+    return sizes[1] - sizes[0], sizes[2] - sizes[0]
 
 
 def smooth_branch(paper: Published, _: str) -> Judged:
@@ -194,9 +189,7 @@ FROM_THE_PRINT: Mapping[str, Callable[[Published, str], Judged]] = {
     "percentage": all_percentages,
     "same_as": same_as,
     "resolution": resolution,
-    "tendon_1_moves_joint_2": tendon_1_moves_joint_2,
-    "opposite_direction": opposite_direction,
-    "pure_translation": pure_translation,
+    **dict.fromkeys(TURNS, turn_of_joint_2),
     "motor_3_turns_less": motor_3_turns_less,
     "coupling_terms": coupling_terms,
     "smooth_branch": smooth_branch,

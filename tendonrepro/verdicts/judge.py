@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
+
+import numpy as np
 
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import (
@@ -16,17 +18,18 @@ from tendonrepro.configuration.published import (
     Published,
     published,
 )
-from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.errors import UsageError
+from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.results.records import TraceFile
-from tendonrepro.results.summary import LOADS, decoupling_errors, tracking_errors
-from tendonrepro.verdicts.arithmetic import printed_percentages, size_behind
-from tendonrepro.verdicts.from_ensemble import COMMAND, judge, outcome
+from tendonrepro.results.summary import tracking_errors
+from tendonrepro.verdicts.from_ensemble import COMMAND, NUMBERS, judge
 from tendonrepro.verdicts.from_measurement import judge_measured
-from tendonrepro.verdicts.from_print import FROM_THE_PRINT, Judged, missing
+from tendonrepro.verdicts.from_print import FROM_THE_PRINT
 from tendonrepro.verdicts.measured import measured_of
-from tendonrepro.verdicts.plants import Ensemble, Plants, StoredEnsemble
-from tendonrepro.verdicts.rules import FAILURES, NAMES, VerdictName
-from tendonrepro.verdicts.sensitivity import Ranking, ranked
+from tendonrepro.verdicts.numbers import ErrorOf, formula_of
+from tendonrepro.verdicts.plants import Plants
+from tendonrepro.verdicts.rules import VERDICTS, Judged, VerdictName, missing
+from tendonrepro.verdicts.sensitivity import deciding
 from tendonrepro.verdicts.tension import tension
 
 SCHEMA_VERSION = 1
@@ -39,9 +42,8 @@ _DATA = "the measured motor and joint angles of the paper's data set"
 class Sources:
     """What has been run; None where nothing has."""
 
-    decouple: TraceFile | None = None
     compare: TraceFile | None = None
-    ensemble: StoredEnsemble | None = None
+    ensemble: EnsembleData | None = None
     measured: TraceFile | None = None
 
 
@@ -90,64 +92,40 @@ def judge_all(
             message = f"no claim or number {name!r} is judged"
             raise UsageError(message, hint=f"Claims: {', '.join(n for n in judged if '.' not in n)}")
     wanted = list(only) or judged
-    report = progress or (lambda _: None)
-    found = _under_every_reading(sources.ensemble, paper, wanted, report, decided_by=decided_by)
+    found = _over_the_box(sources.ensemble, paper, wanted, progress or (lambda _: None))
     for name in wanted:
         found.setdefault(name, _without_ensemble(sources, paper, name))
-    if sources.measured is not None:
-        _add_measured(found, sources.measured, paper)
+        if decided_by and sources.ensemble and paper.judgements[name].kind == "ensemble":
+            found[name].evidence["decided_by"] = deciding(sources.ensemble, paper, name)
+    measured = judge_measured(measured_of(sources.measured, paper), paper) if sources.measured else {}
+    for name in found.keys() & measured.keys():
+        if paper.judgements[name].kind == "measured":
+            found[name] = measured[name]
+        else:
+            verdict, ours = measured[name].decision.verdict, measured[name].ours
+            found[name].evidence["measured"] = {"verdict": verdict, "ours": ours, **measured[name].evidence}
     shipped = _shipped_numbers(sources.compare, paper)
     return [_verdict(paper, name, found[name], shipped.get(name)) for name in wanted]
 
 
-def _add_measured(found: dict[str, Judged], file: TraceFile, paper: Published) -> None:
-    """Give the measurement's verdict to what only a measurement can tell, and note it beside all others."""
-    measured = judge_measured(measured_of(file, paper), paper)
-    for name in found.keys() & measured.keys():
-        one = measured[name]
-        if paper.judgements[name].kind == "measured":
-            found[name] = one
-        else:
-            beside = {"verdict": one.decision.verdict, "ours": one.ours} | one.evidence
-            found[name].evidence["measured"] = beside
-
-
-def _under_every_reading(
-    data: Ensemble | None,
-    paper: Published,
-    wanted: Sequence[str],
-    report: Callable[[int], None],
-    *,
-    decided_by: bool,
+def _over_the_box(
+    data: EnsembleData | None, paper: Published, wanted: Sequence[str], progress: Callable[[int], None]
 ) -> dict[str, Judged]:
-    """Judge what an ensemble can tell; one reading is held in memory at a time."""
-    if data is None or PRINTED not in data.readings:
+    """Judge what an ensemble can tell under every reading; one reading is held in memory at a time."""
+    names = [name for name in wanted if paper.judgements[name].kind == "ensemble"]
+    if data is None or PRINTED not in data.readings or not names:
         return {}
-    rules = {
-        name: paper.judgements[name].rule for name in wanted if paper.judgements[name].kind == "ensemble"
-    }
-    printed = Plants(data, PRINTED)
-    found = {name: judge(printed, paper, rule, name) for name, rule in rules.items()}
-    if decided_by:
-        for name, rule in rules.items():
-            found[name].evidence["decided_by"] = _decided_by(printed, paper, rule, name)
-    others: dict[str, dict[str, VerdictName]] = {name: {} for name in rules}
-    for reading in data.readings if rules else ():
-        report(1)
-        if reading == PRINTED:
-            continue
+    found: dict[str, Judged] = {}
+    for reading in sorted(data.readings, key=lambda name: name != PRINTED):
         plants = Plants(data, reading)
-        for name, rule in rules.items():
-            others[name][reading] = judge(plants, paper, rule, name).decision.verdict
-    return {name: replace(judged, other_readings=others[name]) for name, judged in found.items()}
-
-
-def _decided_by(plants: Plants, paper: Published, rule: str, identifier: str) -> Ranking | None:
-    try:
-        values, judged = outcome(plants, paper, rule, identifier)
-    except DataMissingError:
-        return None
-    return ranked(plants.data.names, plants.data.draws[judged], values[judged])
+        for name in names:
+            judged = judge(plants, paper, name)
+            if reading == PRINTED:
+                found[name] = judged
+            else:
+                found[name].other_readings[reading] = judged.decision.verdict
+        progress(1)
+    return found
 
 
 def _without_ensemble(sources: Sources, paper: Published, identifier: str) -> Judged:
@@ -157,7 +135,7 @@ def _without_ensemble(sources: Sources, paper: Published, identifier: str) -> Ju
     if rule.rule in FROM_THE_PRINT:
         return FROM_THE_PRINT[rule.rule](paper, identifier)
     if rule.kind == "measured":
-        return _needs_data(rule.rule, sources.decouple)
+        return missing(_DATA, FETCH)
     return missing("the ensemble", COMMAND)
 
 
@@ -193,36 +171,19 @@ def _verdict(paper: Published, identifier: str, found: Judged, shipped: float | 
 def _shipped_numbers(compare: TraceFile | None, paper: Published) -> dict[str, float]:
     """Numbers of Tables 2, 3 and sections 5.3, 5.4 from the traces of one run, in printed units."""
     found: dict[str, float] = {}
-    runs = compare.runs if compare else {}
-    for run, trace in runs.items():
-        table = "table3.with_load" if run == LOADS["with_load"] else f"table2.{run}"
+    for run, trace in compare.runs.items() if compare else ():
         sizes = tracking_errors(trace)["whole"]
         for metric in ("mae", "rmse"):
             for joint, size in zip(trace.joint, sizes[metric], strict=True):
-                found[f"{table}.{metric}.joint_{joint}"] = float(size)
-    for name, entry in paper.entries.items():
-        if isinstance(entry, PrintedQuotient) and found.get(entry.denominator) and entry.numerator in found:
-            found[name] = found[entry.numerator] / found[entry.denominator]
-    for name, pair in printed_percentages(paper).items():
-        part, whole = (found.get(size_behind(one)) for one in pair)
-        if part is not None and whole:
-            found[name] = (
-                100.0 * (part / whole - 1.0) if name.startswith("increase.") else 100.0 * part / whole
-            )
+                found[ErrorOf(run, metric, joint).id] = float(size)
+    for name, judgement in paper.judgements.items():
+        if judgement.rule not in NUMBERS or judgement.rule == "dose":
+            continue
+        formula = formula_of(paper, name)
+        errors = [found.get(error.id, np.nan) for error in formula.errors]
+        if np.isfinite(errors).all() and errors[-1] > 0.0:
+            found[name] = formula.value(*errors)
     return found
-
-
-def _needs_data(rule: str, decouple: TraceFile | None) -> Judged:
-    """K3, K5: only measured angles can tell; the errors of the one simulated plant are shown."""
-    if rule == "measured_only" or decouple is None or "decouple" not in decouple.runs:
-        return missing(_DATA, FETCH)
-    trace = decouple.runs["decouple"]
-    sizes = zip(trace.joint, decoupling_errors(trace)["mae"], strict=True)
-    errors = {f"joint_{joint}": float(size) for joint, size in sizes}
-    remark = (
-        "one simulated plant; the order of its joints hangs on gravity and stiffness, which are unpublished"
-    )
-    return missing(_DATA, FETCH, mae_deg=errors, remarks=[remark])
 
 
 def _as_printed(paper: Published, entry: PrintedEntry, rule: Judgement) -> tuple[str, str | None]:
@@ -236,15 +197,10 @@ def _as_printed(paper: Published, entry: PrintedEntry, rule: Judgement) -> tuple
 
 def summary(verdicts: Iterable[Verdict]) -> dict[str, int]:
     """Count each verdict, what is printed twice once; all names are there."""
-    counts = dict.fromkeys(map(str, NAMES), 0)
+    counts = dict.fromkeys(VERDICTS, 0)
     for verdict in verdicts:
         counts[verdict.verdict] += verdict.repeats is None
     return counts
-
-
-def failing(verdicts: Iterable[Verdict]) -> list[str]:
-    """Ids whose verdict makes ``claims --check`` fail."""
-    return [verdict.id for verdict in verdicts if verdict.verdict in FAILURES]
 
 
 def changed(before: Mapping[str, str], now: Iterable[Verdict]) -> dict[str, tuple[str | None, str | None]]:

@@ -2,74 +2,28 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.errors import DataMissingError
+from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.physics.metrics import STATUSES
+from tendonrepro.verdicts.measured import OneArm
 from tendonrepro.verdicts.rules import Mask
 
 OK, DIVERGED, UNRESOLVED = (STATUSES.index(name) for name in ("ok", "diverged", "unresolved"))
 """Status codes that the rules tell apart."""
 
-
-class Ensemble(Protocol):
-    """What the rules ask of an ensemble: N draws of P numbers, n joints."""
-
-    @property
-    def joints(self) -> tuple[int, ...]:
-        """The paper's joint numbers."""
-
-    @property
-    def alpha(self) -> tuple[float, ...]:
-        """Weight of the older estimate on each joint, as printed."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the numbers drawn."""
-
-    @property
-    def readings(self) -> tuple[str, ...]:
-        """Readings that were run."""
-
-    @property
-    def draws(self) -> Array:
-        """Numbers drawn, (N, P)."""
-
-    @property
-    def replicate(self) -> NDArray[np.int64]:
-        """Scrambling of each draw, (N,)."""
-
-    def has(self, run: str, reading: str) -> bool:
-        """Whether a run was simulated under a reading or variation."""
-
-    def status(self, run: str, reading: str) -> NDArray[np.int8]:
-        """Status codes, (N,)."""
-
-    def statistic(self, run: str, reading: str, name: str) -> Array:
-        """One statistic, SI, (N, n)."""
-
-
-class StoredEnsemble(Ensemble, Protocol):
-    """One that was drawn and lies in a results folder."""
-
-    @property
-    def identity(self) -> str:
-        """Digest of what it is of, all but the number of draws."""
-
-    @property
-    def planned(self) -> int:
-        """How many draws it was to have."""
+SHAPE = "rmse/mae"
+"""Statistic that follows from two others."""
 
 
 class Plants:
     """All plants of an ensemble under one reading; a variation of a run is called ``run@variation``."""
 
-    def __init__(self, data: Ensemble, reading: str) -> None:
+    def __init__(self, data: EnsembleData | OneArm, reading: str) -> None:
         self.data = data
         self.reading = reading
         self.joints = data.joints
@@ -83,15 +37,18 @@ class Plants:
         return self._codes[run]
 
     def __getitem__(self, key: tuple[str, str]) -> Array:
-        """Statistic of a run, (N, n), by (run, name)."""
+        """Statistic of a run, (N, n), by (run, name); of `SHAPE` NaN where there is no error."""
+        run, name = key
+        if name == SHAPE:
+            mae, rmse = self[run, "mae"], self[run, "rmse"]
+            return np.divide(rmse, mae, out=np.full_like(mae, np.nan), where=mae > 0.0)
         if key not in self._kept:
-            run, name = key
             self._kept[key] = self.data.statistic(*self._address(run), name)
         return self._kept[key]
 
-    def ranked(self, run: str, values: Array) -> Array:
-        """Sizes of a run, (N, n), made larger than anything where it diverged."""
-        return np.where((self.status(run) == DIVERGED)[:, np.newaxis], np.inf, values)
+    def ranked(self, run: str, name: str) -> Array:
+        """The same, made larger than anything where the run diverged."""
+        return np.where((self.status(run) == DIVERGED)[:, np.newaxis], np.inf, self[run, name])
 
     def ok(self, *runs: str) -> Mask:
         """Plants on which all of some runs are ``ok``."""

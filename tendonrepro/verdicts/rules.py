@@ -3,29 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Literal, TypeAlias, get_args
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.monte_carlo.shares import FEW, MOST, Ends, Share, Spread
-from tendonrepro.verdicts.arithmetic import meets
 
-VerdictName: TypeAlias = Literal[
-    "exact",
-    "reproduced",
-    "compatible",
-    "no_power",
-    "direction_only",
-    "depends_on_plant",
-    "not_met",
-    "contradicted",
-    "outside_model",
-    "not_reproduced",
-    "not_testable",
-]
-NAMES: tuple[VerdictName, ...] = get_args(VerdictName)
+VerdictName: TypeAlias = str
+
+HEADINGS: Mapping[str, Mapping[VerdictName, str]] = {
+    "holds": {
+        "exact": "follows, to the published digits",
+        "reproduced": "follows from the equations",
+        "compatible": "agrees",
+        "direction_only": "agrees in direction, not in size",
+    },
+    "does not hold": {
+        "not_met": "holds on almost no plant",
+        "outside_model": "outside the range of the plants",
+        "not_reproduced": "does not follow from the equations",
+    },
+    "the opposite holds": {"contradicted": "the equations say the opposite"},
+    "cannot be tested here": {
+        "depends_on_plant": "depends on the plant",
+        "no_power": "agrees, but so would most values",
+        "not_testable": "not testable",
+    },
+}
+"""Verdicts and what each means, as terminal and report group them."""
+VERDICTS = {name: words for under in HEADINGS.values() for name, words in under.items()}
 INSIDE = frozenset({"compatible", "no_power"})
 """Verdicts on a number that lies inside the central 90 % of the plants."""
 FAILURES = frozenset({"not_reproduced", "contradicted", "not_met", "outside_model"})
@@ -40,15 +49,9 @@ MOST_UNRESOLVED = 0.05
 NO_POWER = 0.5
 """Share of the decade around a printed number from which on a range that holds it says nothing."""
 
-HEADINGS: Mapping[str, tuple[VerdictName, ...]] = {
-    "holds": ("exact", "reproduced", "compatible", "direction_only"),
-    "does not hold": ("not_met", "outside_model", "not_reproduced"),
-    "the opposite holds": ("contradicted",),
-    "cannot be tested here": ("depends_on_plant", "no_power", "not_testable"),
-}
-"""Verdicts in words, as terminal and report group them."""
-
 Mask: TypeAlias = NDArray[np.bool_]
+Evidence: TypeAlias = dict[str, Any]
+Bounds: TypeAlias = tuple[Fraction | float, Fraction | float]
 
 
 @dataclass(frozen=True)
@@ -57,6 +60,26 @@ class Decision:
 
     verdict: VerdictName
     borderline: bool = False
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Outcome of a rule."""
+
+    decision: Decision
+    ours: float | None = None
+    evidence: Evidence = field(default_factory=dict)
+    other_readings: dict[str, VerdictName] = field(default_factory=dict)
+
+
+def missing(what: str, command: str | None = None, **evidence: Any) -> Judged:
+    """Not testable, with what is missing and the command that supplies it."""
+    return Judged(Decision("not_testable"), None, {"missing": what, "run": command} | evidence)
+
+
+def meets(first: Bounds, second: Bounds) -> bool:
+    """Whether two intervals share a number, ends included."""
+    return first[0] <= second[1] and second[0] <= first[1]
 
 
 def of_number(printed: Ends, found: Spread, direction: Share | None, power: float) -> Decision:
@@ -90,19 +113,19 @@ def power_of(printed: Ends, found: Spread, least: float = 0.0) -> float:
 def of_share(share: Share) -> Decision:
     """Judge one statement without a value by its share; its opposite is that it fails."""
     near = _near(share, MOST) or _near(share, FEW)
-    if share.value >= MOST:
+    if share.share >= MOST:
         return Decision("compatible", near)
-    return Decision("contradicted" if share.value <= FEW else "depends_on_plant", near)
+    return Decision("contradicted" if share.share <= FEW else "depends_on_plant", near)
 
 
 def of_claim(whole: Share, opposite: Share) -> Decision:
     """Judge a claim without a value by the shares on which it holds and on which its opposite does."""
     near = _near(whole, MOST) or _near(opposite, MOST) or _near(whole, FEW)
-    if whole.value >= MOST:
+    if whole.share >= MOST:
         return Decision("compatible", near)
-    if opposite.value >= MOST:
+    if opposite.share >= MOST:
         return Decision("contradicted", near)
-    return Decision("not_met" if whole.value <= FEW else "depends_on_plant", near)
+    return Decision("not_met" if whole.share <= FEW else "depends_on_plant", near)
 
 
 def _near(share: Share, limit: float) -> bool:

@@ -7,16 +7,16 @@ from functools import cache
 import numpy as np
 import pytest
 
-from tendonrepro.analysis.analysis import explain, margin_rows, run_views, worst
+from tendonrepro.analysis.analysis import explain, run_margins, run_views, worst
 from tendonrepro.analysis.command import explanation_data, run_explain, slow_rows
-from tendonrepro.analysis.maps import border_distance, root_locus, scaled
+from tendonrepro.analysis.maps import border_distance, with_tendons
 from tendonrepro.analysis.margins import ChannelMargins
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.files import to_json
-from tendonrepro.physics.linear_loop import decay_rate, loop_matrix, modes
+from tendonrepro.physics.linear_loop import decay_rate, loop_matrix
 
 DELAY = "manipulator.actuator.output_delay=1"
 APPLIED = "control.readings.stored_torque=applied"
@@ -35,13 +35,12 @@ def found(*overrides, controllers=None):
 
 class TestMargins:
     def test_radius_and_decay_are_those_of_the_loop(self):
-        for view, rows in zip(found().views.values(), found().rows.values(), strict=True):
+        for view, held in zip(found().views.values(), found().margins.values(), strict=True):
             matrices = [loop_matrix(q, view.plant, view.law, view.delay) for q in found().postures]
             radius = np.abs(np.linalg.eigvals(matrices)).max()
             decay = decay_rate(list(found().postures), view.plant, view.law, view.delay)
-            for row in rows:
-                assert row["spectral_radius"] == pytest.approx(radius, rel=1e-12)
-                assert row["decay"] == pytest.approx(decay, rel=1e-9)
+            assert held.of_run["spectral_radius"] == pytest.approx(radius, rel=1e-12)
+            assert held.of_run["decay"] == pytest.approx(decay, rel=1e-9)
 
     def test_postures_are_those_of_the_stroke(self):
         np.testing.assert_allclose(np.rad2deg(found().postures), [[0, 0], [16.5, 16.5], [33, 33]], atol=1e-9)
@@ -50,7 +49,7 @@ class TestMargins:
         """docs/findings.md: at 500 Hz 0.13 1/s with Controller 2, and no such mode with Controller 1."""
         views = run_views(loaded(DELAY, APPLIED).config)
         two, one = (
-            margin_rows(views[run], found().postures, 3.0)[0] for run in ("controller_2", "controller_1")
+            run_margins(views[run], found().postures, 3.0).of_run for run in ("controller_2", "controller_1")
         )
         assert two["ringing_decay"] == pytest.approx(0.126, abs=5e-3)
         assert two["ringing_hz"] == pytest.approx(500.0)
@@ -83,31 +82,21 @@ class TestWhatIf:
         np.testing.assert_allclose(what["ratio"]["c1_c2"], ratio)
 
 
-class TestMaps:
+class TestMap:
     def test_border_of_tendon_damping(self):
         """docs/theory.md has the smallest multiples of the nominal damping; shipped is five times that."""
-        tendons = found().maps[0]
-        middle = tendons.x_factors.size // 2
-        assert tendons.x_factors[middle] == pytest.approx(1.0)
+        borders = found().borders
+        middle = borders.factors.size // 2
+        assert borders.factors[middle] == pytest.approx(1.0)
         known = {"controller_1": 2.444, "controller_2": 2.489, "controller_1_payload": 3.736}
         for run, multiple in known.items():
-            column = tendons.distance[run][:, middle]
-            at = np.interp(0.0, column, np.log(tendons.y_factors))
-            assert np.exp(at) == pytest.approx(0.2 * multiple, rel=2e-3)
-
-    def test_border_of_gains(self):
-        gains = found().maps[1]
-        view = found().views["controller_1"]
-        k = 6
-        at = np.exp(np.interp(0.0, -gains.distance["controller_1"][k], np.log(gains.x_factors)))
-        for side, stable in ((0.99, True), (1.01, False)):
-            plant, law = scaled(view.plant, view.law, "M_bar", side * at)
-            plant, law = scaled(plant, law, "alpha", gains.y_factors[k])
-            assert (decay_rate(list(found().postures), plant, law) > 0.0) == stable
-
-    def test_law_without_second_estimate_has_a_straight_border(self):
-        distance = found().maps[1].distance["controller_2"]
-        np.testing.assert_allclose(distance, np.broadcast_to(distance[0], distance.shape), atol=1e-9)
+            column = borders.distance[run][:, middle]
+            at = np.exp(np.interp(0.0, column, np.log(borders.factors)))
+            assert at == pytest.approx(0.2 * multiple, rel=2e-3)
+            view = found().views[run]
+            for factor, stable in ((0.99 * at, False), (1.01 * at, True)):
+                plant = with_tendons(view.plant, 1.0, factor)
+                assert (decay_rate(list(found().postures), plant, view.law) > 0.0) == stable
 
     def test_distance_of_a_known_border_and_of_none(self):
         x, y = np.geomspace(0.1, 10.0, 5), np.geomspace(0.1, 10.0, 9)
@@ -115,16 +104,6 @@ class TestMaps:
         wanted = np.log(y)[:, np.newaxis] - 0.3 * np.log(x)
         np.testing.assert_allclose(distance, wanted, atol=1e-3)
         np.testing.assert_allclose(border_distance(lambda a, _: np.ones_like(a), x, x), np.log(100.0))
-
-
-def test_branches_of_a_locus_hold_the_modes():
-    view, q = found().views["controller_1"], found().postures[1]
-    factors = np.array([0.5, 1.0, 2.0])
-    rates = root_locus(q, view.plant, view.law, 0, "D_s", factors)
-    for row, factor in zip(rates, factors, strict=True):
-        plant, law = scaled(view.plant, view.law, "D_s", factor)
-        for rate in modes(loop_matrix(q, plant, law), 1e-3)[:6]:
-            assert np.nanmin(np.abs(row - rate)) < 1e-6
 
 
 def test_slow_errors_of_the_shipped_configuration():

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.colors import to_hex
 
 from tendonrepro.analysis.analysis import explain
-from tendonrepro.analysis.figures import draw_locus, draw_map, draw_margins
+from tendonrepro.analysis.figures import draw_loads, draw_map, draw_margins
 from tendonrepro.configuration.load import load_config
 from tendonrepro.results.figures.style import journal_style, stroke_of
 
@@ -43,19 +43,16 @@ class TestMargins:
     def test_circles_lie_where_the_phase_crosses(self):
         axes = drawn(draw_margins).axes[0]
         places = sorted(line.get_xdata()[0] for line in axes.lines if line.get_marker() == "o")
-        wanted = sorted(rows[0]["gain_margin_hz"] for rows in found().rows.values())
+        wanted = sorted(held.joints[0].gain_margin_hz for held in found().margins.values())
         np.testing.assert_allclose(places, wanted)
 
 
-class TestLocus:
-    def test_configured_modes_are_circled(self):
-        """Controller 2's alternating mode, at 500 Hz on the border."""
-        axes = drawn(draw_locus).axes[2]
-        assert axes.get_xlabel() == r"Growth (s$^{-1}$)"
-        circles = [line for line in axes.lines if line.get_marker() == "o"]
-        points = np.concatenate([np.column_stack(line.get_data()) for line in circles])
-        near = points[(np.abs(points[:, 0] + 0.13) < 0.01) & (np.abs(points[:, 1] - 500.0) < 1e-6)]
-        assert len(near) == 1
+def test_loads_have_a_curve_for_each_pair_on_each_joint():
+    held = found().loads
+    for k, axes in enumerate(drawn(draw_loads).axes):
+        (curve,) = (line for line in axes.lines if len(line.get_xdata()) == held.hertz.size)
+        expected = held.error["controller_1"][k] / held.error["controller_2"][k]
+        np.testing.assert_allclose(curve.get_ydata(), expected)
 
 
 class TestMap:

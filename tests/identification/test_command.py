@@ -40,7 +40,8 @@ def identified(out, *, measure=cheap, paper=None, dry_run=False, force=False, jo
         request = Request(out=out, dry_run=dry_run, force=force)
         patch.setattr(command, "simulate_batch", made_up)
         asked = FULL | asked | {"jobs": jobs}
-        return command.run_identify(request, QUIET, **asked, paper=paper or made_up_paper())
+        patch.setattr(command, "published", lambda: paper or made_up_paper())
+        return command.run_identify(request, QUIET, **asked)
 
 
 READINGS = "printed,weights=extrapolating,phi_branch=power"
@@ -136,11 +137,6 @@ def test_written_config_gives_the_same_numbers(tmp_path, window, factor):
     best = min(data["readings"], key=lambda held: held["misfit_log"])
     ours = [row["ours_deg"] for row in best["numbers"]]
     np.testing.assert_allclose(factor * made_up_sizes(data), ours, rtol=1e-12)
-    text = (tmp_path / "out" / "identified.yaml").read_text()
-    assert "draw from the box" not in text
-    assert f"identified: Tables 2 and 3, misfit {best['misfit_log']:.2g}" in text
-    assert f"under the reading {best['name']}," in text
-    assert "proves nothing" in text
 
 
 def test_no_plausible_plant_is_an_answer(tmp_path):
@@ -159,21 +155,11 @@ def test_dry_run_writes_nothing(tmp_path):
     assert len(data["readings"]) >= len(data["searches"]) > 10
 
 
-@pytest.mark.parametrize(
-    ("given", "where"),
-    [
-        ({"population": 0}, "--population"),
-        ({"generations": 0}, "--generations"),
-        ({"seeds": 0}, "--seeds"),
-        ({"jobs": 0}, "--jobs"),
-        ({"readings": "wieghts=extrapolating"}, None),
-        ({"readings": "sampling_period=2ms"}, None),
-    ],
-)
-def test_mistakes_are_named(tmp_path, given, where):
+@pytest.mark.parametrize("option", ["population", "generations", "seeds"])
+def test_an_effort_of_nothing_is_a_mistake(tmp_path, option):
     with pytest.raises(UsageError) as caught:
-        identified(tmp_path / "out", **given)
-    assert where in (None, caught.value.where)
+        identified(tmp_path / "out", **{option: 0})
+    assert caught.value.where == f"--{option}"
 
 
 def made_up_sizes(data):

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.made_plants import PRINTED, RINGING, loaded, measured, plants
+from support.made_plants import PRINTED, RINGING, loaded, plants
 
-from tendonrepro.identification.judge import number_rows, parameter_rows, shape_rows
+from tendonrepro.identification.judge import number_rows, parameter_rows
 from tendonrepro.identification.misfit import Simulated
 from tendonrepro.monte_carlo.box import make_box
 
@@ -30,15 +30,6 @@ def test_runs_that_are_not_ok_are_left_out_of_ranges():
     status[:, 0] = RINGING
     rows = number_rows(Simulated(near.sizes, status, near.lasted), PRINTED, ())
     assert np.isnan(rows[0]["highest_deg"])
-
-
-def test_shape_is_that_of_the_print_where_the_numbers_are():
-    swapped = PRINTED.values[[2, 1, 0, 3]]
-    row = shape_rows(measured([swapped]), PRINTED)[0]
-    assert row["printed_order_mae"] == "1 < 2 < 3"
-    assert row["ours_order_mae"] == "3 < 2 < 1"
-    assert row["ours_rmse_over_mae_controller_1"] == row["printed_rmse_over_mae_controller_3"]
-    assert row["printed_rmse_over_mae_controller_3"] == pytest.approx(0.436 / 0.305)
 
 
 def test_parameters_have_values_words_and_bounds():

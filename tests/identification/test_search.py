@@ -23,13 +23,6 @@ def two_numbers(units):
     return Evaluated(np.sqrt((residuals**2).mean(axis=1)), residuals)
 
 
-def wells(units):
-    """Wells of equal depth around the deepest, and residuals that say nothing."""
-    away = units[:, :2] - np.array([0.81, 0.23])
-    misfits = np.sqrt((away**2 + 0.02 * (1.0 - np.cos(8.0 * np.pi * away))).mean(axis=1))
-    return Evaluated(misfits, np.zeros((len(units), 2)))
-
-
 def beyond(units):
     residuals = units[:, :1] - np.array([1.2])
     return Evaluated(np.abs(residuals[:, 0]), residuals)
@@ -49,12 +42,6 @@ def test_finds_a_known_optimum(tmp_path):
     assert found.misfit < 1e-4
     assert two_numbers(found.closest[np.newaxis]).misfits[0] == found.misfit
     assert found.closest[0] == pytest.approx(OPTIMUM[0], abs=2e-4)
-
-
-def test_finds_one_that_no_slope_shows(tmp_path):
-    found = searched(tmp_path, wells, replace(EFFORT, generations=80))
-    assert found.misfit < 0.01
-    np.testing.assert_allclose(found.closest[:2], [0.81, 0.23], atol=0.01)
 
 
 def test_optimum_beyond_a_bound_ends_at_it(tmp_path):
@@ -116,9 +103,3 @@ def test_seeds_know_nothing_of_each_other(tmp_path):
     assert alone.misfits[0] == found.misfits[0]
     assert found.points.shape == (3, ROWS)
     assert found.misfit <= found.misfits.min()
-
-
-def test_seeds_agree_within_five_per_cent(tmp_path):
-    found = searched(tmp_path, effort=replace(EFFORT, generations=1))
-    assert replace(found, misfits=np.array([0.1, 0.104])).agree
-    assert not replace(found, misfits=np.array([0.1, 0.106])).agree

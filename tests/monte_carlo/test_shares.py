@@ -247,7 +247,7 @@ def test_intervals_stay_between_0_and_1_around_the_share(flags, seed):
     order = np.random.default_rng(seed).permutation(len(flags))
     one, other = (share_of(np.array(flags)[o], replicate[o]) for o in (np.arange(len(flags)), order))
     assert one.interval is not None
-    assert 0.0 <= one.interval[0] <= one.value <= one.interval[1] <= 1.0
+    assert 0.0 <= one.interval[0] <= one.share <= one.interval[1] <= 1.0
     assert other.interval == pytest.approx(one.interval)
 
 

@@ -266,23 +266,6 @@ class TestErrorRate:
 
 
 class TestEstimate:
-    @pytest.mark.parametrize("newest", [1, 0])
-    def test_ramp_has_no_acceleration(self, newest):
-        tau = np.array([1.5, -0.25])
-        memory, q = history(lambda t: 0.5 + 0.75 * t, tau)
-        # Dyadic numbers throughout: nothing rounds.
-        law = make_law(np.array([0.25, 0.5]), newest=newest, M_bar=np.full(N, 2.0**-6))
-        np.testing.assert_array_equal(time_delay_estimate(memory, q, law), tau)
-
-    @pytest.mark.parametrize("newest", [1, 0])
-    def test_parabola_is_exact(self, newest):
-        tau, M_bar = np.array([1.5, -0.25]), 2.0**-6
-        memory, q = history(lambda t: 0.5 + 0.75 * t + 1.25 * t * t, tau)
-        law = make_law(np.array([0.25, 0.5]), newest=newest, M_bar=np.full(N, M_bar))
-        np.testing.assert_array_equal(
-            time_delay_estimate(memory, q, law), tau - M_bar * np.array([2.5, -2.5])
-        )
-
     @pytest.mark.parametrize(("newest", "lag"), [(1, 2.0), (0, 1.0)])
     def test_cubic_shows_where_the_difference_stands(self, newest, lag):
         """A second difference of a cubic is its second derivative at the middle sample, exactly.
@@ -336,22 +319,6 @@ class TestEstimate:
             np.testing.assert_allclose(H_hat, wanted, rtol=1e-9)
             ddq_now = delayed_acceleration(memory, np.full(N, 9.0 * L * L), law._replace(newest=0))
             memory = memory._replace(ddq=ddq_now[np.newaxis], H_hat=H_hat)
-
-    def test_alpha_zero_is_plain_estimation_bit_for_bit(self):
-        for seed in range(20):
-            memory = random_memory(seed)
-            q1, q2, q3 = memory.q
-            printed = memory.tau[0] - M_BAR * ((q1 - 2.0 * q2 + q3) / (L * L))
-            estimate = time_delay_estimate(memory, np.ones(N), make_law(np.zeros(N)))
-            np.testing.assert_array_equal(estimate, printed)
-
-    @properties
-    @given(st.floats(0.0, 1.0), st.integers(0, 1000))
-    def test_is_affine_in_alpha(self, alpha, seed):
-        memory, q = random_memory(seed), np.zeros(N)
-        at = {a: time_delay_estimate(memory, q, make_law(np.full(N, a))) for a in (0.0, 1.0, alpha)}
-        scale = np.abs([at[0.0], at[1.0]]).max()
-        np.testing.assert_allclose(at[alpha], (1.0 - alpha) * at[0.0] + alpha * at[1.0], atol=1e-14 * scale)
 
     @properties
     @given(st.floats(0.0, 1.0), st.sampled_from(WEIGHTS), st.sampled_from([0, 1]), vectors, vectors)
@@ -407,15 +374,6 @@ class TestCommand:
             assert tau[i] - H_hat[i] == pytest.approx(M_BAR * (ddq_d[i] + feedback), abs=1e-11)
         np.testing.assert_array_equal(H_hat, time_delay_estimate(memory, q, law))
         np.testing.assert_array_equal(de, error_rate(memory, q, q_d, dq_d, law))
-
-    @properties
-    @given(st.integers(0, 1000), vectors, vectors, vectors)
-    def test_controller_3_is_plain_time_delay_control(self, seed, q_d, dq_d, ddq_d):
-        memory, q = random_memory(seed), np.zeros(N)
-        tsm = command(memory, q, q_d, dq_d, ddq_d, make_law(np.zeros(N), surface=int(Surface.TSM)))
-        pd = command(memory, q, q_d, dq_d, ddq_d, make_law(np.zeros(N), surface=int(Surface.PD)))
-        for ours, theirs in zip(tsm[:2], pd[:2], strict=True):
-            np.testing.assert_allclose(ours, theirs, rtol=1e-13, atol=1e-13)
 
     def test_dropped_eta_changes_the_damping_only(self):
         kept, dropped = make_law(), make_law(rate_gain=np.ones(N))

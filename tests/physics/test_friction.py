@@ -37,21 +37,6 @@ class TestLaw:
         assert torque_at(velocity, drawn(seed)) == pytest.approx(expected, rel=1e-14)
 
     @given(seeds)
-    def test_at_speed_coulomb_and_viscous_remain(self, seed: int) -> None:
-        friction = drawn(seed)
-        # Ten Stribeck velocities and more than twenty smoothing velocities: both have died out to rounding.
-        speed = 10.0 * friction.stribeck_velocity[0] + 20.0 * friction.smoothing_velocity[0]
-        expected = friction.coulomb[0] + friction.viscous[0] * speed
-        assert torque_at(speed, friction) == pytest.approx(expected, rel=1e-14)
-
-    @given(seeds)
-    def test_near_standstill_the_static_torque_is_approached(self, seed: int) -> None:
-        sharp = drawn(seed, ALL - {"viscous"})._replace(smoothing_velocity=np.array([1e-6]))
-        expected = sharp.static_ratio[0] * sharp.coulomb[0]
-        # 1e-4 rad/s: far above the smoothing, and (1e-4 / 0.1)^2 below the Stribeck velocity.
-        assert torque_at(1e-4, sharp) == pytest.approx(expected, rel=1e-6)
-
-    @given(seeds)
     def test_without_a_static_ratio_it_only_rises(self, seed: int) -> None:
         friction = drawn(seed, ALL - {"stribeck"})
         torque = np.array([torque_at(speed, friction) for speed in SPEEDS])

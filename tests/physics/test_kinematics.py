@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from support.oracles import TABLE_1, Routing, coupling_by_columns, random_routing, rope_used, winch_angles
+from support.oracles import TABLE_1, Routing, random_routing, rope_used, winch_angles
 
 from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix, to_joint_matrix
 
@@ -18,7 +18,6 @@ Array = NDArray[np.float64]
 PRINTED_S = np.array([[0.4805, 0.0, 0.0], [0.2184, 0.4805, 0.0], [0.2479, 0.4545, 1.0]])
 # Table 1, times 37.
 PRINTED_RATIOS = np.array([[77.0, 0.0, 0.0], [35.0, 77.0, 0.0], [35.0, 35.0, 37.0]])
-PATTERNS = list(product([1.0, -1.0], repeat=3))
 
 cases = given(st.integers(1, 6), st.integers(0, 2**32 - 1))
 many = settings(max_examples=100, deadline=None)
@@ -60,13 +59,6 @@ class TestCoupling:
 
     @many
     @cases
-    def test_no_tendon_is_moved_by_a_joint_beyond_its_own(self, n: int, seed: int) -> None:
-        S_inv = coupling_inverse(*routing_of(n, seed))
-        assert (np.triu(S_inv, 1) == 0.0).all()
-        assert (np.triu(coupling_matrix(S_inv), 1) == 0.0).all()
-
-    @many
-    @cases
     def test_diameters_below_the_diagonal_are_not_read(self, n: int, seed: int) -> None:
         routing = routing_of(n, seed)
         below = np.tril(np.full((n, n), np.nan), -1)
@@ -83,26 +75,12 @@ class TestCoupling:
         S = coupling_matrix(S_inv)
         assert coupling_matrix(S_inv[1:, 1:]) == pytest.approx(S[1:, 1:], abs=1e-13 * np.abs(S).max())
 
-    def test_coupling_falls_with_the_winch_and_rises_with_the_guide_pulley(self) -> None:
-        """Claim K6."""
-        wider_winch = TABLE_1._replace(winch=2.0 * TABLE_1.winch)
-        assert coupling_inverse(*wider_winch) == pytest.approx(coupling_inverse(*TABLE_1) / 2.0, rel=1e-15)
-        wider_pulleys = TABLE_1._replace(pulley=2.0 * TABLE_1.pulley)
-        assert coupling_inverse(*wider_pulleys) == pytest.approx(coupling_inverse(*TABLE_1) * 2.0, rel=1e-15)
-
 
 class TestPrintedNumbers:
     """Section 5.2 and Table 1."""
 
     def test_table_1_is_the_inverse_coupling(self) -> None:
         assert 37.0 * np.abs(coupling_inverse(*TABLE_1)) == pytest.approx(PRINTED_RATIOS, rel=1e-15)
-
-    def test_signs_of_section_3_3(self) -> None:
-        signs = [[1.0, 0.0, 0.0], [-1.0, 1.0, 0.0], [1.0, -1.0, 1.0]]
-        assert np.sign(coupling_inverse(*TABLE_1)).tolist() == signs
-
-    def test_S_to_the_printed_digits(self) -> None:
-        assert np.abs(S_of_table_1()).round(4).tolist() == PRINTED_S.tolist()
 
     def test_S_in_exact_fractions(self) -> None:
         S21 = Fraction(35 * 37, 77 * 77)
@@ -112,10 +90,10 @@ class TestPrintedNumbers:
         # One rounding per operation of the forward substitution.
         assert S_of_table_1() == pytest.approx(np.array(exact, dtype=float), abs=4e-16)
 
-    @pytest.mark.parametrize("signs", PATTERNS)
-    def test_only_sign_patterns_of_product_minus_one_print_that_S(self, signs: tuple[float, ...]) -> None:
-        S = coupling_matrix(coupling_inverse(*with_signs(*signs)))
-        assert (np.abs(S).round(4).tolist() == PRINTED_S.tolist()) == (np.prod(signs) == -1.0)
+    def test_only_sign_patterns_of_product_minus_one_print_that_S(self) -> None:
+        for signs in product([1.0, -1.0], repeat=3):
+            S = coupling_matrix(coupling_inverse(*with_signs(*signs)))
+            assert (np.abs(S).round(4).tolist() == PRINTED_S.tolist()) == (np.prod(signs) == -1.0)
 
     def test_pulling_tendon_1_alone_turns_joint_2_along_with_joint_1(self) -> None:
         """Claim K2."""
@@ -144,13 +122,3 @@ class TestToJointMatrix:
         at_winches = (winch_values * winch_angles(q, routing) ** 2).sum()
         # The sum cancels where the winches nearly stand still.
         assert q @ A @ q == pytest.approx(at_winches, rel=1e-12, abs=1e-13 * np.abs(A).max())
-
-    @many
-    @cases
-    def test_symmetric_and_positive_definite(self, n: int, seed: int) -> None:
-        S_inv = coupling_by_columns(routing_of(n, seed))
-        winch_values = np.linspace(1.0, 2.0, n)
-        A = to_joint_matrix(winch_values, S_inv)
-        assert np.abs(A - A.T).max() <= 1e-14 * np.abs(A).max()
-        # A triangular S_inv gives the determinant; its rounding grows with the condition of A.
-        assert np.linalg.det(A) == pytest.approx(np.prod(np.diag(S_inv) ** 2 * winch_values), rel=1e-6)

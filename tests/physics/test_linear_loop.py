@@ -31,7 +31,6 @@ from tendonrepro.physics.linear_loop import (
     feedback_gains,
     gravity_stiffness,
     hold_discretised,
-    law_matrices,
     loop_matrix,
     modes,
     open_loop,
@@ -52,14 +51,6 @@ ONE = np.ones(1)
 @cache
 def shipped(*overrides):
     return load_config(None, "compare", overrides=overrides).config
-
-
-def rates(factor):
-    """Decay rate of every printed run (rows) at start, middle and end of the stroke (columns), s⁻¹."""
-    config = shipped(f"manipulator.tendons.damping_factor={factor}")
-    runs = config.runs.values()
-    pairs = [(build_plant(config, run.payload.si), build_law(config, run.law)) for run in runs]
-    return np.array([[decay_rate([q], plant, law) for q in POSTURES] for plant, law in pairs])
 
 
 def single_joint(motor_inertia, link_inertia, stiffness, damping, D_m, weight=0.0):
@@ -247,32 +238,6 @@ class TestLoop:
         np.testing.assert_allclose(A + B @ C, matrix, rtol=1e-12, atol=1e-15)
         assert np.count_nonzero(B) == 16
 
-    def test_cut_plant_feels_only_the_injected_torque(self):
-        plant, law = build_plant(shipped(), 0.0), build_law(shipped(), "controller_1")
-        A, B, C = open_loop(POSTURES[1], plant, law)
-        Phi, Gamma = hold_discretised(*plant_matrices(POSTURES[1], plant), L)
-        np.testing.assert_array_equal(A[:8], np.hstack([Phi, np.zeros((8, 18))]))
-        np.testing.assert_array_equal(B[:8], Gamma)
-        # What the law remembers is what it gave out.
-        np.testing.assert_array_equal(A[14:16], C)
-
-    def test_batch_of_plants_closes_one_by_one(self):
-        law, plants = build_law(shipped(), "controller_1"), [build_plant(shipped(), m) for m in (0.0, 0.1)]
-        held = [hold_discretised(*plant_matrices(POSTURES[0], plant), L) for plant in plants]
-        Phi, Gamma = (np.stack(part) for part in zip(*held, strict=True))
-        batch = closed(Phi, Gamma, *law_matrices(law))
-        wanted = np.stack([loop_matrix(POSTURES[0], plant, law) for plant in plants])
-        np.testing.assert_allclose(batch, wanted, rtol=1e-12, atol=1e-15)
-        np.testing.assert_allclose(spectral_radius(batch), [spectral_radius(m) for m in wanted], rtol=1e-12)
-
-    @pytest.mark.parametrize("delay", [0, 1, 3])
-    def test_size_and_rate(self, delay):
-        plant, law = build_plant(shipped(), 0.0), build_law(shipped(), "controller_1")
-        matrix = loop_matrix(POSTURES[0], plant, law, delay)
-        assert matrix.shape == (26 + 2 * delay, 26 + 2 * delay)
-        radius = np.abs(np.linalg.eigvals(matrix)).max()
-        assert np.exp(-L * decay_rate(POSTURES[:1], plant, law, delay)) == pytest.approx(radius, rel=1e-12)
-
     def test_slow_poles_are_those_of_the_error_dynamics(self):
         """Eq. (10): a stiff arm under Controller 3 keeps the poles -beta and -lam, to order L."""
         plant = single_joint(0.05, 0.05, 1e6, 2.0 * np.sqrt(1e6 * 0.025), 0.0)
@@ -304,14 +269,6 @@ class TestShippedPlant:
                 return decay_rate(POSTURES, plant._replace(drive=drive), law)
 
             assert brentq(rate, 1.0, 6.0, xtol=1e-5) == pytest.approx(known, abs=6e-4)
-
-    def test_alpha_gains_a_little_damping_at_the_limit(self):
-        """Just inside the limit: Controller 1 decays faster than its own alpha = 0."""
-        controller_1, controller_2, controller_3, _ = rates(2.5)
-        np.testing.assert_allclose(controller_1, [0.37, 0.50, 0.94], atol=6e-3)
-        np.testing.assert_allclose(controller_2, [0.08, 0.21, 0.66], atol=6e-3)
-        assert np.all(controller_1 > controller_2)
-        assert np.all(controller_2 > controller_3)
 
 
 class TestRigidLimit:
@@ -360,10 +317,7 @@ class TestFlexibleLimit:
     # motor inertia, link inertia, stiffness; smallest damping for alpha = 0, 0.1, 0.2
     cases = (
         (0.11, 0.010, 30.0, [0.398, 0.381, 0.366]),
-        (0.11, 0.010, 130.0, [0.662, 0.618, 0.579]),
         (0.45, 0.040, 70.0, [0.732, 0.676, 0.627]),
-        (0.45, 0.040, 140.0, [0.760, 0.695, 0.639]),
-        (0.45, 0.040, 400.0, [0.773, 0.700, 0.639]),
         (0.45, 0.040, 1000.0, [0.754, 0.681, 0.620]),
     )
 
@@ -381,7 +335,7 @@ class TestFlexibleLimit:
         assert found[0] > found[1] > found[2]  # here alpha helps
 
     @pytest.mark.parametrize(("side", "grows"), [(0.95, True), (1.05, False)])
-    @pytest.mark.parametrize(("case", "alpha"), [(0, 0.2), (5, 0.0)])
+    @pytest.mark.parametrize(("case", "alpha"), [(0, 0.2), (2, 0.0)])
     def test_limit_separates_growing_from_decaying_runs(self, case, alpha, side, grows):
         """The real loop, not its linearisation, for 3 s after a small step."""
         I, M, K_s, known = self.cases[case]

@@ -58,17 +58,6 @@ class TestSizes:
             assert rmse(e)[joint] == pytest.approx(math.sqrt(square), rel=1e-12)
             assert max_abs(e)[joint] == max(abs(x) for x in values)
 
-    def test_each_joint_has_its_own(self) -> None:
-        e = np.array([[3.0, 0.0], [-4.0, 1.0]])
-        assert mae(e).tolist() == [3.5, 0.5]
-        assert rmse(e).tolist() == pytest.approx([math.sqrt(12.5), math.sqrt(0.5)])
-        assert max_abs(e).tolist() == [4.0, 1.0]
-
-    def test_a_sine_has_its_known_ratio(self) -> None:
-        e = np.sin(2.0 * np.pi * np.arange(20000) / 20000)[:, None]
-        # 20000 samples a period: the mean of |sin| is off by about (pi / 20000)^2 / 3.
-        assert rmse(e)[0] / mae(e)[0] == pytest.approx(math.pi / math.sqrt(8.0), rel=1e-7)
-
 
 class TestWindows:
     def test_two_periods_recorded_with_both_ends(self) -> None:
@@ -80,13 +69,6 @@ class TestWindows:
             "period_2": slice(9000, 18001),
         }
 
-    def test_two_periods_recorded_without_the_last_end(self) -> None:
-        found = windows(np.arange(18000) * STEP, 9.0)
-        assert found["period_2"] == found["after_first_period"] == slice(9000, 18000)
-
-    def test_one_period_has_nothing_after_it(self) -> None:
-        assert windows(np.arange(9001) * STEP, 9.0) == {"whole": slice(0, 9001), "period_1": slice(0, 9001)}
-
     def test_a_run_that_ends_early_keeps_what_it_reached(self) -> None:
         found = windows(np.arange(12000) * STEP, 9.0)
         assert found["after_first_period"] == slice(9000, 12000)
@@ -96,13 +78,6 @@ class TestWindows:
     @pytest.mark.parametrize("period", [0.0, -1.0])
     def test_without_a_period_only_the_whole_remains(self, period: float) -> None:
         assert windows(np.arange(100) * STEP, period) == {"whole": slice(0, 100)}
-
-    def test_a_single_sample(self) -> None:
-        assert windows(np.array([0.0]), 9.0) == {"whole": slice(0, 1)}
-
-    def test_time_need_not_start_at_zero(self) -> None:
-        late = windows(1234.5 + np.arange(18001) * STEP, 9.0)
-        assert late == windows(np.arange(18001) * STEP, 9.0)
 
     @given(st.integers(2, 60), st.integers(1, 5), st.integers(0, 59), st.sampled_from([1e-3, 0.1, 1.0 / 3.0]))
     def test_periods_follow_one_another_whatever_the_rounding(
@@ -146,9 +121,6 @@ class TestStatus:
     def wave(self, frequency: float, amplitude: float = 1e-3) -> Array:
         return amplitude * np.sin(2.0 * np.pi * frequency * self.time)[:, None]
 
-    def test_a_slow_error_is_ok(self) -> None:
-        assert self.judge(self.wave(1.0)) == ("ok", self.time[-1])
-
     def test_a_fast_error_rings_on_whichever_joint(self) -> None:
         both = np.hstack([self.wave(1.0), self.wave(5.0)])
         assert self.judge(both) == ("ringing", self.time[-1])
@@ -157,10 +129,6 @@ class TestStatus:
     def test_the_constant_part_counts_as_slow(self) -> None:
         assert self.judge(self.wave(5.0, 1e-3) + 0.99e-3 / math.sqrt(2.0))[0] == "ringing"
         assert self.judge(self.wave(5.0, 1e-3) + 1.01e-3 / math.sqrt(2.0))[0] == "ok"
-
-    def test_more_than_the_share_is_needed(self) -> None:
-        assert self.judge(self.wave(1.0, 1.01e-3) + self.wave(5.0))[0] == "ok"
-        assert self.judge(self.wave(1.0, 0.99e-3) + self.wave(5.0))[0] == "ringing"
 
     def test_the_share_is_of_each_joints_own_power(self) -> None:
         slow, fast = self.wave(1.0), self.wave(5.0)
@@ -186,12 +154,6 @@ class TestStatus:
         e[5] = np.nextafter(np.deg2rad(10.0), 1.0)
         assert self.judge(e) == ("diverged", self.time[5])
 
-    def test_no_error_at_all_is_ok(self) -> None:
-        assert self.judge(np.zeros((2000, 2)))[0] == "ok"
-
-    def test_two_samples_can_ring(self) -> None:
-        assert self.judge(column(1e-3, -1e-3)) == ("ringing", self.time[1])
-
     def test_one_sample_is_ok_or_diverged(self) -> None:
         assert self.judge(np.full((1, 2), 0.01)) == ("ok", 0.0)
         assert self.judge(np.full((1, 2), 1.0)) == ("diverged", 0.0)
@@ -205,17 +167,3 @@ class TestWindowMean:
         # Differences of running sums keep the rounding of the largest sum.
         slack = 1e-12 * (1.0 + float(np.abs(x).sum()))
         assert window_mean(x, samples) == pytest.approx(np.array(expected), rel=1e-9, abs=slack)
-
-    def test_a_ramp_keeps_its_place_inside(self) -> None:
-        ramp = np.arange(100.0)[:, None]
-        assert window_mean(ramp, 50)[25:75] == pytest.approx(ramp[25:75])
-
-    def test_a_pulse_spreads_over_an_odd_number_of_samples(self) -> None:
-        pulse = np.zeros(101)
-        pulse[50] = 51.0
-        assert np.flatnonzero(window_mean(pulse, 50)).tolist() == list(range(25, 76))
-        assert window_mean(pulse, 50)[50] == pytest.approx(1.0)
-
-    def test_a_window_of_one_sample_changes_nothing(self) -> None:
-        x = column(1.0, -2.0, 4.0)
-        assert window_mean(x, 1).tolist() == x.tolist()

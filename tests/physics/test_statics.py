@@ -102,8 +102,3 @@ class TestLosses:
                 segment = tension[tendon] * share[tendon] ** joint
                 held += SIDE[joint, tendon] * DIAMETER[joint, tendon] / 2.0 * segment
             assert held == pytest.approx(tau[joint], rel=1e-12)
-
-
-def test_a_tendon_out_of_reach_that_just_keeps_its_tension_asks_for_no_force():
-    least, largest = force_window(np.zeros((1, 1)), np.zeros(1))
-    assert (least.tolist(), largest.tolist()) == ([0.0], [np.inf])

@@ -23,10 +23,10 @@ from support.synthetic import S, make_compare_file, make_decouple_file
 
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.experiments.report import outcome_of
-from tendonrepro.results.figures.catalogue import FIGURES, available, draw, save
+from tendonrepro.results.figures.catalogue import FIGURES, available, draw
 from tendonrepro.results.figures.panels import FigureArtists, thin
-from tendonrepro.results.figures.style import REFERENCE, SERIES, journal_style
-from tendonrepro.results.plausible import plausible_beside
+from tendonrepro.results.figures.style import REFERENCE, SERIES, journal_style, save_drawing
+from tendonrepro.results.paper import identifier_of, plausible_beside
 from tendonrepro.results.records import Trace, TraceFile
 
 compare_file = cache(make_compare_file)
@@ -231,20 +231,14 @@ def test_errors_stand_above_those_of_the_paper_and_of_plausible_plants(
 ) -> None:
     column = "cd".index(letter)
     sizes = [np.rad2deg(np.abs(compare_file().runs[run]["e"][:, column])).mean() for run in runs]
-    table = "table2" if name == "fig14" else "table3"
-    loads = dict(zip(("controller_1", "controller_1_payload"), ("no_load", "with_load"), strict=True))
+    traces = [compare_file().runs[run] for run in runs]
     ranges = [
-        plausible_beside(
-            compare_file(),
-            compare_file().runs[run],
-            f"{table}.{run if table == 'table2' else loads[run]}.mae",
-        )[column]
-        for run in runs
+        plausible_beside(compare_file(), trace, f"{identifier_of(trace)}.mae")[column] for trace in traces
     ]
-    _, ours, paper, plausible, _ = drawn(name).axes[letter].get_title(loc="right").split("\n")
+    _, ours, paper, plausible, *_ = drawn(name).axes[letter].get_title(loc="right").split("\n")
     assert re.findall(r"[\d.]+", ours) == [f"{size:.3f}" for size in sizes]
     assert re.findall(r"[\d.]+", paper) == printed
-    assert re.findall(r"[\d.]+", plausible) == [f"{end:.2g}" for ends in ranges for end in ends or ()]
+    assert re.findall(r"[\d.]+", plausible) == [f"{end:.2g}" for ends in ranges for end in ends]
 
 
 def test_no_error_is_told_of_a_diverged_run_and_no_print_beside_another_arm() -> None:
@@ -405,7 +399,7 @@ def test_overflow_at_the_end_of_a_diverged_run_can_be_drawn_and_saved(tmp_path: 
     for value in changed.values():
         value[-3:] = np.array([[1e300], [-1e300], [np.nan]])
     artists = draw(15, with_run(compare_file(), with_status(trace, "diverged", **changed)))
-    assert len(save(artists, tmp_path)) == 3
+    assert len(save_drawing(artists, tmp_path)) == 3
     assert np.isfinite(artists.axes["c"].get_ylim()).all()
 
 
@@ -470,19 +464,21 @@ def test_a_figure_that_does_not_exist_or_of_the_other_experiment_is_refused() ->
 # --- files -------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.pictures
 def test_three_files_with_numbered_names(tmp_path: Path) -> None:
-    paths = save(drawn("fig09"), tmp_path / "new" / "figures")
+    paths = save_drawing(drawn("fig09"), tmp_path / "new" / "figures")
     assert [path.name for path in paths] == ["fig09.pdf", "fig09.svg", "fig09.png"]
     starts = [path.read_bytes()[:5] for path in paths]
     assert starts == [b"%PDF-", b"<?xml", b"\x89PNG\r"]
     assert set(paths[0].parent.iterdir()) == set(paths)
     (tmp_path / "blocked").write_text("in the way")
     with pytest.raises(TendonreproError, match="fig09"):
-        save(drawn("fig09"), tmp_path / "blocked")
+        save_drawing(drawn("fig09"), tmp_path / "blocked")
 
 
+@pytest.mark.pictures
 def test_vector_files_stay_small_at_full_length_and_keep_type_as_type(tmp_path: Path) -> None:
-    pdf, svg, _ = save(draw(15, make_compare_file(step=1e-3, periods=1)), tmp_path)
+    pdf, svg, _ = save_drawing(draw(15, make_compare_file(step=1e-3, periods=1)), tmp_path)
     assert svg.stat().st_size < 600_000
     assert pdf.stat().st_size < 400_000
     assert b"/Type3" not in pdf.read_bytes()
@@ -490,22 +486,24 @@ def test_vector_files_stay_small_at_full_length_and_keep_type_as_type(tmp_path: 
     assert "DejaVu Sans" in svg.read_text()
 
 
+@pytest.mark.pictures
 def test_same_bytes_on_a_second_run_in_another_process(tmp_path: Path) -> None:
     script = (
         "import sys; from pathlib import Path; from support.synthetic import make_compare_file as make;"
-        "from tendonrepro.results.figures.catalogue import draw, save;"
+        "from tendonrepro.results.figures.catalogue import draw;"
+        "from tendonrepro.results.figures.style import save_drawing as save;"
         "save(draw(15, make(step=0.05)), Path(sys.argv[1]));"
         "assert 'matplotlib.pyplot' not in sys.modules"
     )
     environment = os.environ | {"PYTHONHASHSEED": "7", "PYTHONPATH": f"{ROOT / 'tests'}{os.pathsep}{ROOT}"}
     subprocess.run([sys.executable, "-c", script, str(tmp_path / "other")], check=True, env=environment)
-    for path in save(draw(15, make_compare_file(step=0.05)), tmp_path / "this"):
+    for path in save_drawing(draw(15, make_compare_file(step=0.05)), tmp_path / "this"):
         assert path.read_bytes() == (tmp_path / "other" / path.name).read_bytes()
 
 
 def test_the_users_own_matplotlib_settings_have_no_say_and_are_left_alone(tmp_path: Path) -> None:
-    before = [path.read_bytes() for path in save(draw(9, decouple_file()), tmp_path)]
+    before = [path.read_bytes() for path in save_drawing(draw(9, decouple_file()), tmp_path)]
     with mpl.rc_context({"axes.grid": True, "font.size": 20.0, "svg.fonttype": "path", "savefig.dpi": 50}):
-        after = [path.read_bytes() for path in save(draw(9, decouple_file()), tmp_path)]
+        after = [path.read_bytes() for path in save_drawing(draw(9, decouple_file()), tmp_path)]
         assert mpl.rcParams["font.size"] == 20.0
     assert before == after

@@ -77,24 +77,6 @@ def test_runge_kutta_is_of_order_four() -> None:
     assert order == pytest.approx(4.0, abs=0.1)
 
 
-def test_what_demands_short_steps() -> None:
-    plant = random_plant(2, 1, frozenset({"coulomb"})).plant
-    link, winch = plant.link_friction.smoothing_velocity, plant.drive.friction.smoothing_velocity
-    found = []
-    for paces in ((0.1, 0.1), (1.0, 0.1), (1.0, 2.0), (2.0, 5.0), (-2.0, -3.0), (5.0, 6.0), (5.0, -5.0)):
-        ends = []
-        for pace in paces:
-            ends.append(
-                np.concatenate([np.zeros(2), 50.0 * link, np.zeros(2), plant.drive.S @ (50.0 * winch)])
-            )
-            ends[-1][2] = pace * link[0]
-        found.append(demand(*ends, plant))
-    assert found == [2, 2, 2, 1, 1, 0, 2]
-    still = np.zeros(8)
-    assert demand(still, still, plant) == 2
-    assert demand(still, still, random_plant(2, 1, frozenset()).plant) == 0
-
-
 def test_numbers_that_are_zero_or_one_everywhere_stay_numbers() -> None:
     tape, rows = LaneTape(), LaneRows()
     record = (np.array([[0.0, 0.0], [1.0, 1.0], [0.0, 2.0]]), 3, True)

@@ -100,16 +100,6 @@ def test_a_slack_run_is_that_of_a_program_of_its_own(thrown):
     assert by_hand(some) == pytest.approx(some["q"], abs=1e-7)
 
 
-def test_it_is_another_run_than_with_tendons_that_push(thrown):
-    _, loop, trace = thrown
-    pushing = simulate(run_of("off")[1])
-    assert tension_of(pushing, loop).min() < -1.0
-    first = int(np.argmax(tension_of(pushing, loop).min(axis=0) < 0.0))
-    assert (trace["q"][:first] == pushing["q"][:first]).all(), "the same until a tendon would push"
-    shared = min(len(trace["q"]), len(pushing["q"]))
-    assert np.abs(trace["q"][:shared] - pushing["q"][:shared]).max() > 1e-2
-
-
 def test_batch_and_reference_stepper_agree_while_tendons_are_slack(thrown):
     config, loop, truth = thrown
     both = [loop, run_of("off")[1]]

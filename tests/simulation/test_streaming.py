@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 
 from tendonrepro.arrays import Array
-from tendonrepro.simulation import streaming
 from tendonrepro.simulation.streaming import (
     STATISTICS,
     Sample,
     Sums,
-    Thresholds,
     add_sample,
     finished,
     thresholds,
@@ -132,14 +130,6 @@ def test_a_run_that_ended_adds_nothing_even_when_it_is_not_finite(signals: dict[
     for name in ("rms", "peak", "slow"):
         assert np.isnan(early[f"torque_{name}_down"]).all(), "a phase that never comes is not a number"
         assert np.isfinite(early[f"torque_{name}_up"]).all()
-
-
-def test_shares_and_frequency_are_the_stated_ones() -> None:
-    assert (streaming.MOVING, streaming.RAPID, streaming.SLOW) == (0.05, 0.5, 3.0)
-    assert streaming.RESTING == 0.01
-    phases = thresholds(np.array([[-2.0, 1.0]]), np.array([[4.0, -8.0]]), 1.0 / (6.0 * np.pi))
-    newest = pytest.approx(1.0 - np.exp(-1.0))
-    assert phases == Thresholds(pytest.approx([0.1, 0.05]), pytest.approx([2.0, 4.0]), newest, 1.0)
 
 
 def test_a_course_below_the_frequency_stays_and_pulses_above_it_go(signals: dict[str, Array]) -> None:

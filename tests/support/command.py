@@ -1,13 +1,19 @@
-"""The installed command, run as a user runs it."""
+"""The command line, run as a user runs it."""
 
 from __future__ import annotations
 
 import json
-import os
 import signal
 import subprocess
+import sys
+from contextlib import redirect_stderr, redirect_stdout
+from io import BytesIO, StringIO, TextIOWrapper
 from pathlib import Path
 from typing import Any
+
+import pytest
+
+from tendonrepro.cli import main
 
 SHORT = ["--set", "reference.periods=1", "--set", "reference.rise=0.4", "--set", "reference.hold=0.1"]
 SHORT_MOTION = "{kind: minimum_jerk, amplitude: {value: [5, 5, 5], unit: deg, source: 'assumed: test'}, "
@@ -21,19 +27,17 @@ SHORT_DECOUPLE = [
 ]
 
 
-def run(
-    command: str, *words: str, cwd: Path, stdin: str = "", **environment: str
-) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [command, *words],
-        cwd=cwd,
-        input=stdin,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=300,
-        env=os.environ | {"COLUMNS": "100"} | environment,
-    )
+def run(*words: str, cwd: Path, stdin: str = "", columns: int = 100) -> subprocess.CompletedProcess[str]:
+    """Run the command line in this process: to load the libraries anew takes longer than most commands."""
+    out, err = StringIO(), StringIO()
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
+        patch.chdir(cwd)
+        patch.setenv("COLUMNS", str(columns))
+        patch.setattr(sys, "argv", ["tendonrepro", *words])
+        patch.setattr(sys, "stdin", TextIOWrapper(BytesIO(stdin.encode()), encoding="utf-8"))
+        with pytest.raises(SystemExit) as left:
+            main()
+    return subprocess.CompletedProcess(words, int(left.value.code or 0), out.getvalue(), err.getvalue())
 
 
 def hear_interrupts() -> None:
@@ -41,7 +45,8 @@ def hear_interrupts() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
-def answer(command: str, *words: str, cwd: Path, code: int = 0) -> Any:
-    done = run(command, *words, "--json", cwd=cwd)
+def answer(*words: str, cwd: Path, code: int = 0) -> Any:
+    """What a command prints as JSON."""
+    done = run(*words, "--json", cwd=cwd)
     assert done.returncode == code, done.stderr + done.stdout
     return json.loads(done.stdout)

@@ -14,15 +14,9 @@ from tendonrepro.configuration.published import (
     rounding,
     table_1,
 )
-from tendonrepro.verdicts.arithmetic import (
-    cut,
-    inverse,
-    meets,
-    percentage,
-    printed_inverse,
-    printed_percentages,
-    slopes_of_coupling,
-)
+from tendonrepro.verdicts.from_print import all_percentages, inverse, printed_inverse, slopes_of_coupling
+from tendonrepro.verdicts.numbers import cut
+from tendonrepro.verdicts.rules import meets
 
 
 def printed(digits):
@@ -75,24 +69,23 @@ class TestPercentages:
         assert cut(Fraction(value), printed(digits)) == way
 
     def test_which_of_the_paper_are_cut_off(self):
+        found = all_percentages(published(), "A1").evidence
         ways = {}
-        for name, (part, whole) in printed_percentages(published()).items():
-            entries = [published().quantity(key) for key in (name, part, whole)]
-            assert all(isinstance(entry, PrintedNumber) for entry in entries)
-            value, interval = percentage(*entries[1:], change=name.startswith("increase"))
-            assert meets(interval, rounding(entries[0]))
-            ways.setdefault(cut(value, entries[0]), []).append(entries[0].as_printed)
+        for row in found["percentages"]:
+            ways.setdefault(row["printed_is"], []).append(row["printed"])
+        assert found["inconsistent"] == []
         assert ways == {
             "rounded or cut off": ["90.3", "82.9", "82.3", "71.3", "1.1", "4.5", "1.5"],
             "cut off": ["91.2", "89.3", "85.5", "74.7"],
             "rounded": ["3.7"],
         }
 
-    def test_a_change(self):
-        value, (low, high) = percentage(printed("0.264"), printed("0.261"), change=True)
-        assert float(value) == pytest.approx(100.0 * (0.264 / 0.261 - 1.0))
-        assert float(low) == pytest.approx(100.0 * (0.2635 / 0.2615 - 1.0))
-        assert float(high) == pytest.approx(100.0 * (0.2645 / 0.2605 - 1.0))
+    def test_a_change_and_what_its_rounding_allows(self):
+        rows = {row["id"]: row for row in all_percentages(published(), "A1").evidence["percentages"]}
+        row = rows["increase.with_load.mae.joint_2"]
+        assert row["from_digits"] == pytest.approx(100.0 * (0.264 / 0.261 - 1.0))
+        ends = 100.0 * (0.2635 / 0.2615 - 1.0), 100.0 * (0.2645 / 0.2605 - 1.0)
+        assert row["allowed"] == pytest.approx(ends)
 
 
 class TestMatrices:

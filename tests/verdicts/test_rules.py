@@ -13,7 +13,7 @@ from tendonrepro.verdicts import rules
 from tendonrepro.verdicts.from_measurement import AGREES, LEAST_RANGE, TINY
 from tendonrepro.verdicts.rules import (
     FAILURES,
-    NAMES,
+    VERDICTS,
     Decision,
     of_arithmetic,
     of_claim,
@@ -202,7 +202,7 @@ class TestPage:
     def test_every_verdict_and_rule_is_there(self):
         rows = set(re.findall(r"^\| `(\w+)` \|", PAGE.read_text(encoding="utf-8"), re.M))
         rules = {judgement.rule for judgement in published().judgements.values()} - {"input"}
-        assert rows == set(NAMES) | rules
+        assert rows == VERDICTS.keys() | rules
         assert rules >= set(CLAIMS) | set(claim_rules.FROM_THE_PRINT)
 
     def test_failures(self, text):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.made_claims import NAMES, ranking_of
 
-from tendonrepro.verdicts.sensitivity import ranked
+from tendonrepro.verdicts.sensitivity import draw_influences, ranked
 
 
 def index(ranking, name):
@@ -78,3 +78,17 @@ def test_nothing_to_rank(draws):
     holes = draws[:150, 0].copy()
     holes[:60] = np.nan
     assert ranked(NAMES, draws[:150], holes) is None
+
+
+def test_the_picture_has_a_column_an_outcome_and_the_strongest_unknowns_on_top(draws):
+    found = {
+        "C2": ranking_of(draws, 3.0 * draws[:, 0] + draws[:, 2]),
+        "ratio_joint_2": ranking_of(draws, draws[:, 0]),
+    }
+    (axes,) = draw_influences(found).axes
+    assert [label.get_text() for label in axes.get_xticklabels()] == ["C2", "ratio joint 2"]
+    assert [label.get_text() for label in axes.get_yticklabels()][:2] == ["a", "c"]
+    for (row, column), value in np.ndenumerate(axes.images[0].get_array()):
+        name = axes.get_yticklabels()[row].get_text()
+        (held,) = (one for one in [*found.values()][column]["rows"] if one["name"] == name)
+        assert value == pytest.approx(100.0 * held["total"])

@@ -10,16 +10,13 @@ from support.synthetic import make_compare_file
 
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.console import Talk
-from tendonrepro.errors import DataMissingError
-from tendonrepro.files import shipped
 from tendonrepro.monte_carlo.data import PLAN
 from tendonrepro.results.store import TRACES
 from tendonrepro.results.traces import write_traces
-from tendonrepro.verdicts.command import run_claims
+from tendonrepro.verdicts.command import ShippedLedger, run_claims, shipped_ledger, with_shipped
 from tendonrepro.verdicts.judge import Sources, judge_all
 from tendonrepro.verdicts.report import details_text
 from tendonrepro.verdicts.rules import EDITION, FAILURES
-from tendonrepro.verdicts.shipped import ShippedLedger, shipped_ledger, with_shipped
 
 QUIET = Talk(quiet=True)
 
@@ -84,30 +81,27 @@ def test_an_ensemble_of_ones_own_replaces_them(tmp_path, monkeypatch):
     own = MadeEnsemble()
     (tmp_path / "ensemble").mkdir()
     (tmp_path / "ensemble" / PLAN).touch()
+    (tmp_path / "ensemble" / "manifest.json").write_text('{"created": "2026-01-02"}')
     monkeypatch.setattr("tendonrepro.verdicts.command.read_ensemble", lambda _: own)
-    monkeypatch.setattr("tendonrepro.verdicts.command._rankings", lambda _: {})
-    monkeypatch.setattr("tendonrepro.verdicts.command._draw", lambda *_: [])
+    monkeypatch.setattr("tendonrepro.verdicts.command.rankings", lambda _: {})
     ledger = run_claims(tmp_path, (), None, QUIET)
     assert not any(entry["shipped"] for entry in entries(ledger).values())
     assert ledger.data["ensemble"] == {
         "source": "local",
         "draws": len(own.draws),
         "tendonrepro_version": None,
-        "created": None,
+        "created": "2026-01-02",
         "rules_edition": EDITION,
     }
     assert json.loads((tmp_path / "claims" / "claims.json").read_text())["ensemble"]["source"] == "local"
     assert "shipped" not in ledger.text
 
 
-@pytest.mark.parametrize("key", ["rule", "printed", "kind", "ours"])
-def test_a_verdict_by_another_rule_or_without_a_part_does_not_count(key):
+@pytest.mark.parametrize("key", ["rule", "printed", "kind"])
+def test_a_verdict_by_another_rule_does_not_count(key):
     waiting = [one for one in judge_all(Sources()) if one.id in {"C2", "E1"}]
     stored = {name: dict(entry) for name, entry in shipped_ledger().entries.items()}
-    if key == "ours":
-        del stored["C2"][key]
-    else:
-        stored["C2"][key] = "another"
+    stored["C2"][key] = "another"
     left, taken = with_shipped(waiting, ShippedLedger(stored, {"draws": 1}))
     assert (left.id, left.verdict, left.shipped) == ("C2", "not_testable", False)
     assert taken.shipped
@@ -128,22 +122,6 @@ def test_the_run_of_the_shipped_plant_is_not_called_one_of_here():
     (found,) = with_shipped(judge_all(Sources(), only=[name]), stored)
     assert "shipped_run" not in found.evidence
     assert found.ours == stored.entries[name]["ours"]
-
-
-DAMAGED = [None, "{", "[]", "[" * 100_000, '{"claims": [1]}', '{"claims": [], "ensemble": 3}']
-# Well-formed, and not what was stored.
-ALTERED = (
-    (shipped("docs/results") / "claims.json").read_text(encoding="utf-8").replace("contradicted", "exact", 1)
-)
-
-
-@pytest.mark.parametrize("content", [*DAMAGED, ALTERED], ids=range(len(DAMAGED) + 1))
-def test_a_damaged_file_is_named(content, tmp_path, monkeypatch):
-    monkeypatch.setattr("tendonrepro.verdicts.shipped.shipped", lambda _: tmp_path)
-    if content is not None:
-        (tmp_path / "claims.json").write_text(content)
-    with pytest.raises(DataMissingError, match="missing or damaged"):
-        shipped_ledger()
 
 
 def test_an_origin_that_was_not_stored_is_said():

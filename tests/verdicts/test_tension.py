@@ -92,7 +92,6 @@ def test_where_the_distance_from_the_edges_decides_the_course_depends():
     }
     by_margin = rows["distal_only"]["every_tendon_tense"]
     assert by_margin["at_5_deg"]["verdict"] != by_margin["at_20_deg"]["verdict"]
-    assert rows["alternating"]["at_the_edges"]["share"] == 0.0, "edges alone decide nothing"
     assert found.decision.verdict == "depends_on_plant"
     assert found.other_readings["tensioner=absent"] == "not_testable"
 
@@ -102,13 +101,3 @@ def test_an_ensemble_of_another_box_is_used_as_far_as_it_can():
     assert rows_of(fixed)["distal_only"]["every_tendon_tense"]["at_5_deg"]["plants"] == 160
     strange = SimpleNamespace(names=("size",), draws=np.ones((9, 1)), replicate=np.zeros(9))
     assert rows_of(strange)["negative"]["every_tendon_tense"]["at_5_deg"]["plants"] == rule.DRAWS
-
-
-def test_friction_of_the_pulleys_can_only_take_plants_away():
-    rubbing = drawn(64, pulley_loss_acts=1.0, pulley_loss=0.1, tensioner_force=np.linspace(5.0, 60.0, 64))
-    smooth = drawn(64, pulley_loss_acts=0.0, pulley_loss=0.1, tensioner_force=np.linspace(5.0, 60.0, 64))
-    for course, row in rows_of(smooth).items():
-        kept = row["every_tendon_tense"]["at_5_deg"]["share"]
-        assert row["with_friction_of_the_pulleys"]["share"] == kept
-        assert rows_of(rubbing)[course]["with_friction_of_the_pulleys"]["share"] <= kept
-    assert rows_of(rubbing)["alternating"]["with_friction_of_the_pulleys"]["share"] < 1.0

@@ -1,43 +1,68 @@
-"""One experiment over values of one or two keys: all runs of all points at once, as table and picture."""
+"""The comparison over values of one or two keys, as tables and picture."""
 
 from __future__ import annotations
 
-import hashlib
 import json
-import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
+from functools import partial
+from itertools import product
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from tendonrepro.configuration.load import CompareConfig, LoadedConfig
-from tendonrepro.configuration.overrides import parse_override
-from tendonrepro.configuration.request import Request
-from tendonrepro.console import Talk, columns
-from tendonrepro.experiments.loops import all_loops, build_law
-from tendonrepro.experiments.run import simulate_run
-from tendonrepro.experiments.sweep.points import (
-    Axis,
-    Point,
-    numbers_per_joint,
-    parse_over,
-    sweep_points,
-    unit_of,
+from tendonrepro.configuration.fields.strict_yaml import Node, load
+from tendonrepro.configuration.load import (
+    CompareConfig,
+    LoadedConfig,
+    config_digest,
+    find_source,
+    load_config,
 )
-from tendonrepro.experiments.sweep.report import COLUMNS, PAIRS, sweep_tables
-from tendonrepro.experiments.user_law import UserLaw, laws_of, runs_of, with_user_laws
-from tendonrepro.files import sha256_of
-from tendonrepro.parallel import each
+from tendonrepro.configuration.request import Request
+from tendonrepro.console import Talk
+from tendonrepro.errors import ConfigError, UsageError
+from tendonrepro.experiments.loops import all_loops, build_law
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, error_ratio
-from tendonrepro.results.statistics import saturated, statistics
-from tendonrepro.results.study import Outcome, foretell, run_study
+from tendonrepro.results.study import Outcome, run_study
+from tendonrepro.results.summary import CONTROLLERS
+from tendonrepro.results.tables import Table
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.resolution import COMPILED_STEPPER
+from tendonrepro.simulation.stepper import Loop
 
 SCHEMA_VERSION = 1
+OPTION = "--over"
+
+_EXAMPLE = f"For example {OPTION} sampling_period=0.5,1,2"
+_PERIOD, _STEP = "sampling_period", "solver.max_step"
+
+Axes: TypeAlias = Mapping[str, Sequence[Node]]
+"""Values by dotted key."""
+
+PAIRS = {"c1_c2": CONTROLLERS[:2], "c2_c3": CONTROLLERS[1:]}
+"""Ratios by their keys, and the runs they compare."""
+
+IN_DEGREES = {"mae_deg": "mae", "rmse_deg": "rmse", "max_deg": "max_error", "overshoot_deg": "overshoot"}
+"""Errors that are kept of each run, and the batch's names of them."""
+
+IN_SI = ("s_rms", "torque_rms", "torque_step_rms", "H_hat_rms", "epsilon_rms", "saturated", "fast_share")
+"""What else is kept, under the batch's names."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """One configuration of a sweep with its closed loops.
+
+    `label` spells its values as the command line does; `places` is the index of each key's value.
+    """
+
+    label: str
+    values: Mapping[str, Node]
+    places: list[int]
+    loaded: LoadedConfig
+    loops: Mapping[str, Loop]
 
 
 @dataclass(frozen=True)
@@ -45,22 +70,12 @@ class Sweep:
     """A sweep that is ready to run; `base` is unchanged but for the digest and inputs of the whole."""
 
     base: LoadedConfig
-    axes: tuple[Axis, ...]
+    axes: Axes
     points: list[Point]
-    laws: Sequence[UserLaw] = ()
-
-    @property
-    def configs(self) -> list[LoadedConfig]:
-        """Configuration of each point."""
-        return [replace(self.base, config=point.config) for point in self.points]
-
-    def label(self, point: Point) -> str:
-        """A point's values as the command line spells them."""
-        return " ".join(axis.option(place) for axis, place in zip(self.axes, point.places, strict=True))
 
 
-def run_sweep(request: Request, over: Sequence[str], talk: Talk, laws: Sequence[str] = ()) -> dict[str, Any]:
-    """Run the comparison over values of one or two keys, and write table, figure and manifest.
+def run_sweep(request: Request, over: Sequence[str], talk: Talk) -> dict[str, Any]:
+    """Run the comparison over values of one or two keys, and write tables, figure and manifest.
 
     Parameters
     ----------
@@ -69,8 +84,6 @@ def run_sweep(request: Request, over: Sequence[str], talk: Talk, laws: Sequence[
     over : sequence of str
         One or two of ``dotted.key=a,b,c``, values in YAML.
     talk : Talk
-    laws : sequence of str
-        ``FILE:NAME`` of laws to run beside the controllers, by SciPy.
 
     Returns
     -------
@@ -82,12 +95,7 @@ def run_sweep(request: Request, over: Sequence[str], talk: Talk, laws: Sequence[
     TendonreproError
         When a value cannot be used or results cannot be written.
     """
-    sweep, folder = load_sweep(request, over, laws), request.folder("sweep")
-    if request.dry_run:
-        foretell(folder, sweep.base.sha256, "sweep", request, talk)
-        return _plan(sweep, folder)
-    if not sweep.laws and any(axis.key.startswith("solver.") for axis in sweep.axes):
-        talk.note("the solver's settings change nothing here: the compiled stepper chooses its own steps")
+    sweep = load_sweep(request, over)
     return run_study("sweep", sweep.base, request, lambda: study_sweep(sweep, over, talk), talk)
 
 
@@ -96,154 +104,208 @@ def study_sweep(sweep: Sweep, over: Sequence[str], talk: Talk) -> Outcome:
     from tendonrepro.experiments.sweep.figures import draw_sweep
 
     data = simulate_sweep(sweep, talk)
-    runs = sweep.points[0].config.runs
-    steps = [point["runs"][run]["steps_per_sample"] for point in data["points"] for run in runs]
-    manifest = {
-        "solver": {"name": COMPILED_STEPPER, "steps_per_sample": [min(steps), max(steps)]},
-        "over": list(over),
-        "points": len(sweep.points),
-    }
+    manifest = {"solver": {"name": COMPILED_STEPPER}, "over": list(over), "points": len(sweep.points)}
     return Outcome(data, sweep_tables(data), {"sweep": lambda: draw_sweep(data)}, manifest)
 
 
-def _plan(sweep: Sweep, folder: Path) -> dict[str, Any]:
-    """Points with the number of samples of their runs."""
-    loops = (next(iter(all_loops(config).values())) for config in sweep.configs)
-    labels = map(sweep.label, sweep.points)
-    samples = {label: int(loop.reference.time.size) for label, loop in zip(labels, loops, strict=True)}
-    head = _head(sweep)
-    keys = " and ".join(axis.key for axis in sweep.axes)
-    lines = columns((label, f"{count} samples") for label, count in samples.items())
-    text = f"sweep over {keys}: {len(samples)} points of {len(head['runs'])} runs are valid\n{lines}"
-    plan = {"dry_run": True, "samples": samples, "out": str(folder)}
-    return head | plan | {"text": f"{text}\nwould write to {folder}"}
+def load_sweep(request: Request, over: Sequence[str]) -> Sweep:
+    """Read a configuration and make those of all points."""
+    axes = parse_over(over)
+    # Standard input can be read only once.
+    source = find_source(request.config, "compare")
+    load_one = partial(load_config, source, "compare", seed=request.seed, controllers=request.controllers)
+
+    def load_changed(changes: list[str]) -> LoadedConfig:
+        return load_one(overrides=[*request.overrides, *changes])
+
+    base, points = load_changed([]), sweep_points(load_changed, axes)
+    base = replace(
+        base,
+        sha256=config_digest({"over": list(over), "points": [point.loaded.sha256 for point in points]}),
+        inputs=tuple(dict.fromkeys(path for point in points for path in point.loaded.inputs)),
+    )
+    return Sweep(base, axes, points)
 
 
-def load_sweep(request: Request, over: Sequence[str], laws: Sequence[str] = ()) -> Sweep:
-    """Read a configuration and make those of all points; laws are ``FILE:NAME``."""
-    taken = [parse_override(text).key for text in request.overrides]
-    taken += ["seed"] * (request.seed is not None)
-    axes = parse_over(over, taken)
-    base = request.load("compare")
-    points = sweep_points(base, axes)
-    inputs = tuple(dict.fromkeys((*base.inputs, *(path for point in points for path in point.inputs))))
-    content = {
-        "keys": [axis.key for axis in axes],
-        "points": [point.config.model_dump(mode="json", exclude_none=True) for point in points],
-        "files": [sha256_of(path) for point in points for path in point.inputs],
-    }
-    text = json.dumps(content, sort_keys=True, separators=(",", ":"))
-    digest = hashlib.sha256(text.encode()).hexdigest()
-    own = laws_of(laws)
-    return Sweep(with_user_laws(replace(base, sha256=digest, inputs=inputs), own), axes, points, own)
+def parse_over(over: Sequence[str]) -> Axes:
+    """Read ``key=a,b,c``, once or twice."""
+    axes = dict(map(_axis, over))
+    if not 1 <= len(axes) == len(over) <= 2:
+        message = f"a sweep is over one or two keys, each given once, not {len(over)}"
+        raise UsageError(message, where=OPTION, hint=_EXAMPLE)
+    return axes
+
+
+def _axis(text: str) -> tuple[str, list[Node]]:
+    key, equals, listed = text.partition("=")
+    key = key.strip()
+    values = load(f"[{listed}]", f"{OPTION} {key}").tree
+    if not equals or not isinstance(values, list) or len(values) < 2:
+        message = f"{text!r} is not of the form key=a,b,c with two values or more"
+        raise UsageError(message, where=OPTION, hint=_EXAMPLE)
+    return key, values
+
+
+def text_of(value: Node) -> str:
+    """A value for a reader."""
+    return value if isinstance(value, str) else json.dumps(value, separators=(",", ":"))
+
+
+def sweep_points(load_changed: Callable[[list[str]], LoadedConfig], axes: Axes) -> list[Point]:
+    """Make the configurations of a sweep; the last key's values change fastest.
+
+    `load_changed` loads one with overrides.
+
+    Raises
+    ------
+    ConfigError
+        If one of them cannot be used.
+    UsageError
+        If they differ in joints or runs.
+    """
+    unit = load_changed([]).config.sampling_period.unit
+    points = []
+    for numbered in product(*(enumerate(values) for values in axes.values())):
+        values = {key: value for key, (_, value) in zip(axes, numbered, strict=True)}
+        label = " ".join(f"{key}={text_of(value)}" for key, value in values.items())
+        changed = _following_step(values, unit) | values
+        try:
+            loaded = load_changed([f"{key}={json.dumps(value)}" for key, value in changed.items()])
+            loops = all_loops(loaded)
+        except ConfigError as error:
+            raise ConfigError(str(error), where=f"{OPTION} {label}") from None
+        points.append(Point(label, values, [place for place, _ in numbered], loaded, loops))
+    if len({(tuple(point.loaded.config.joints), tuple(point.loops)) for point in points}) > 1:
+        message = "all points of a sweep must move the same joints and have the same runs"
+        raise UsageError(message, where=OPTION)
+    return points
+
+
+def _following_step(chosen: Mapping[str, Node], unit: str) -> dict[str, Node]:
+    """Let the other solver's longest step, which has to divide the sampling period, follow it."""
+    period = chosen.get(_PERIOD)
+    if period is None or any(key.startswith(_STEP) for key in chosen):
+        return {}
+    quantity: Node = {"value": period, "unit": unit, "source": "assumed: the sampling period"}
+    return {_STEP: period if isinstance(period, dict) else quantity}
+
+
+def unit_of(key: str, tree: Mapping[str, Node]) -> str | None:
+    """Unit of the quantity that a key names or stands in; None where there is none."""
+    node: Node = dict(tree)
+    unit: Node = None
+    for part in key.split("."):
+        node = node.get(part) if isinstance(node, dict) else None
+        unit = node.get("unit", unit) if isinstance(node, dict) else unit
+    return unit if isinstance(unit, str) else None
+
+
+def numbers_per_joint(values: Sequence[Node], n: int, total: int) -> list[list[float]] | None:
+    """Place of every value on an axis of numbers, for each of the n moving joints, the last of `total`.
+
+    None where a value is no number and no list with an entry for each joint, or where two values are the
+    same for a joint.
+    """
+    rows = [value if isinstance(value, list) else [value] * n for value in values]
+    numbers = [[float(x) for x in row if isinstance(x, float | int)][-n:] for row in rows]
+    if any(len(row) not in (n, total) for row in rows) or any(len(row) < n for row in numbers):
+        return None
+    distinct = all(len(set(column)) == len(column) for column in zip(*numbers, strict=True))
+    return numbers if distinct else None
 
 
 def simulate_sweep(sweep: Sweep, talk: Talk) -> dict[str, Any]:
     """Simulate every run of every point; what does not exist is NaN, which JSON writes as null."""
-    loops = [all_loops(config, sweep.laws) for config in sweep.configs]
-    points: list[dict[str, Any]] = [
-        {
-            "label": sweep.label(point),
-            "values": {axis.key: axis.values[k] for axis, k in zip(sweep.axes, point.places, strict=True)},
-            "places": list(point.places),
-            "runs": dict.fromkeys(named),
-        }
-        for point, named in zip(sweep.points, loops, strict=True)
-    ]
-    # A batch has one set of limits of statuses, which may be swept over.
-    alike: dict[str, list[tuple[int, str]]] = {}
-    for i, point in enumerate(sweep.points):
-        alike.setdefault(str(point.config.status), []).extend((i, run) for run in point.config.runs)
-    total = sum(map(len, loops))
-    talk.detail(f"{total} runs; code for laws and options not met before is compiled once")
+    total = sum(len(point.loops) for point in sweep.points)
     with talk.bar(f"simulating {total} runs", total) as progress:
-        for members in alike.values():
-            limits = sweep.points[members[0][0]].config.status
-            chosen = [loops[i][run] for i, run in members]
-            batch = simulate_batch(chosen, limits, progress=progress, threads=os.cpu_count() or 1)
-            for k, (i, run) in enumerate(members):
-                points[i]["runs"][run] = {
-                    "status": STATUSES[batch.status[k]],
-                    "status_time_s": float(batch.status_time[k]),
-                    "steps_per_sample": int(batch.steps[k]),
-                } | {
-                    name: (factor * batch.statistics[statistic][k]).tolist()
-                    for name, (statistic, _, factor) in COLUMNS.items()
-                }
-        pieces = [
-            (i, run)
-            for i, point in enumerate(sweep.points)
-            for law in sweep.laws
-            for run in runs_of(law, point.config)
-        ]
-        own = each(own_run, [(sweep.configs[i], sweep.laws, run) for i, run in pieces])
-        for (i, run), one in zip(pieces, own, strict=True):
-            points[i]["runs"][run] = one
-        progress(len(own))
-    for point, found in zip(sweep.points, points, strict=True):
-        found |= {"ratio": _ratios(found["runs"]), "predicted_ratio": _predicted(point.config)}
+        points = [_simulate_point(point, progress) for point in sweep.points]
     status = {f"{p['label']} {run}": found["status"] for p in points for run, found in p["runs"].items()}
-    for name, ended in status.items():
-        talk.detail(f"{name}: {ended}")
-    diverged = [name for name, ended in status.items() if ended == "diverged"]
-    return _head(sweep) | {"points": points, "status": status, "diverged": diverged}
-
-
-def own_run(piece: tuple[LoadedConfig, Sequence[UserLaw], str]) -> dict[str, Any]:
-    """Simulate a run of a user's law by SciPy; return what a sweep keeps of a run."""
-    loaded, laws, run = piece
-    trace, loop = simulate_run(loaded, laws, run), all_loops(loaded)[next(iter(loaded.config.runs))]
-    found = statistics(trace, ringing_frequency=loaded.config.status.ringing_frequency.si)
-    found["saturated"] = saturated(trace, loop.plant.drive.S, loop.actuator.limit)
-    unknown = np.full(len(trace.joint), np.nan)
-    return {
-        "status": trace.status,
-        "status_time_s": trace.attributes["status_time"],
-        "steps_per_sample": None,
-    } | {name: (factor * found.get(key, unknown)).tolist() for name, (key, _, factor) in COLUMNS.items()}
-
-
-def _ratios(found: Mapping[str, Mapping[str, Any]]) -> dict[str, list[float]]:
-    """Ratios of MAE where both runs lasted, per joint."""
-    ratios = {}
-    for pair, (first, second) in PAIRS.items():
-        if first in found and second in found:
-            a, b = (np.asarray(found[run]["mae_deg"]) for run in (first, second))
-            lasted = all(found[run]["status"] in {"ok", "ringing"} for run in (first, second))
-            ratio = np.divide(a, b, out=np.full_like(a, np.nan), where=(b > 0.0) & lasted)
-            ratios[pair] = ratio.tolist()
-    return ratios
-
-
-def _predicted(config: CompareConfig) -> dict[str, list[float]]:
-    """Ratios of errors under a slowly changing load, which no plant enters."""
-    e, delay = float(np.deg2rad(TYPICAL_ERROR_DEG)), int(config.manipulator.actuator.output_delay.si)
-    laws = {name: build_law(config, run.law) for name, run in config.runs.items()}
-    return {
-        pair: error_ratio(laws[first], laws[second], e, delay).tolist()
-        for pair, (first, second) in PAIRS.items()
-        if first in laws and second in laws
-    }
-
-
-def _head(sweep: Sweep) -> dict[str, Any]:
-    """What a sweep is over, of which configuration, with which runs."""
-    config = sweep.points[0].config
+    config = sweep.points[0].loaded.config
     return {
         "schema_version": SCHEMA_VERSION,
         "experiment": "sweep",
         "config": sweep.base.origin,
         "config_sha256": sweep.base.sha256,
         "joints": list(config.joints),
-        "runs": [*config.runs, *(run for law in sweep.laws for run in runs_of(law, config))],
+        "runs": list(config.runs),
         "keys": [
             {
-                "key": axis.key,
-                "unit": unit_of(axis.key, sweep.base.tree),
-                "values": axis.values,
-                "texts": list(axis.texts),
-                "numbers": numbers_per_joint(axis, config.joints, config.manipulator.joints),
+                "key": key,
+                "unit": unit_of(key, sweep.base.tree),
+                "values": values,
+                "texts": [text_of(value) for value in values],
+                "numbers": numbers_per_joint(values, len(config.joints), config.manipulator.joints),
             }
-            for axis in sweep.axes
+            for key, values in sweep.axes.items()
         ],
+        "points": points,
+        "status": status,
+        "diverged": [name for name, ended in status.items() if ended == "diverged"],
     }
+
+
+def _simulate_point(point: Point, progress: Callable[[int], None]) -> dict[str, Any]:
+    config = point.loaded.config
+    assert isinstance(config, CompareConfig)
+    batch = simulate_batch([*point.loops.values()], config.status, progress=progress)
+    runs = {
+        run: {
+            "status": STATUSES[batch.status[k]],
+            "status_time_s": float(batch.status_time[k]),
+            "steps_per_sample": int(batch.steps[k]),
+        }
+        | {name: np.rad2deg(batch.statistics[key][k]).tolist() for name, key in IN_DEGREES.items()}
+        | {name: batch.statistics[name][k].tolist() for name in IN_SI}
+        for k, run in enumerate(point.loops)
+    }
+    found = {"label": point.label, "values": point.values, "places": point.places, "runs": runs}
+    return found | _ratios(runs, config)
+
+
+def _ratios(runs: Mapping[str, Mapping[str, Any]], config: CompareConfig) -> dict[str, Any]:
+    """Ratios of MAE where both runs lasted, and of errors under a slow load, which no plant enters."""
+    e, delay = float(np.deg2rad(TYPICAL_ERROR_DEG)), int(config.manipulator.actuator.output_delay.si)
+    ratio, predicted = {}, {}
+    for pair, names in PAIRS.items():
+        if not config.runs.keys() >= set(names):
+            continue
+        one, other = (build_law(config, config.runs[name].law) for name in names)
+        predicted[pair] = error_ratio(one, other, e, delay).tolist()
+        first, second = (np.array(runs[name]["mae_deg"]) for name in names)
+        lasted = all(runs[name]["status"] in {"ok", "ringing"} for name in names)
+        unknown = np.full_like(first, np.nan)
+        ratio[pair] = np.divide(first, second, out=unknown, where=(second > 0.0) & lasted).tolist()
+    return {"ratio": ratio, "predicted_ratio": predicted}
+
+
+def sweep_tables(data: Mapping[str, Any]) -> list[Table]:
+    """A row per point and joint for the terminal, and a row per point, run and joint with every number."""
+    swept = f"{data['config']} over {' and '.join(axis['key'] for axis in data['keys'])}"
+    points = f"{swept}: MAE of each run, deg, and ratios of MAE."
+    every = f"{swept}, sweep {data['config_sha256'][:12]}. A diverged run has its numbers up to its end."
+    return [
+        Table("points", points, list(point_rows(data))),
+        Table("sweep", every, list(run_rows(data)), terminal=()),
+    ]
+
+
+def point_rows(data: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """MAE of every run, ratios, and the runs that are not ok."""
+    for point in data["points"]:
+        runs, ratios = point["runs"].items(), point["ratio"].items()
+        bad = [f"{run} {found['status']}" for run, found in runs if found["status"] != "ok"]
+        for k, joint in enumerate(data["joints"]):
+            row = {"point": point["label"], "joint": joint}
+            row |= {run: found["mae_deg"][k] for run, found in runs} | {x: r[k] for x, r in ratios}
+            yield row | {"status": bad or "ok"}
+
+
+def run_rows(data: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """Values of the keys, then all numbers of a run and joint."""
+    for point in data["points"]:
+        texts = {key: text_of(value) for key, value in point["values"].items()}
+        for run, found in point["runs"].items():
+            for k, joint in enumerate(data["joints"]):
+                row = texts | {"run": run, "joint": joint}
+                row |= {name: found[name] for name in ("status", "status_time_s")}
+                yield row | {name: found[name][k] for name in (*IN_DEGREES, *IN_SI)}

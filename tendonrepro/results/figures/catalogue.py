@@ -20,13 +20,13 @@ from tendonrepro.results.figures.compare import (
 )
 from tendonrepro.results.figures.decouple import draw_joint, draw_motor_angles, draw_pull
 from tendonrepro.results.figures.panels import Canvas, FigureArtists
-from tendonrepro.results.figures.style import journal_style, save_figure
+from tendonrepro.results.figures.style import journal_style, save_drawing, title_of
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import PAYLOAD, fitted_under
 
 _LONGEST_CHANGES = 60
 _MAE = "MAE in the order of the legend, plausible: central 90 % of the stable plants"
-_ERRORS = "Where errors are of the size of encoder counts, their mean in a band of the RMS about it."
+_ERRORS = "Where errors are of the size of encoder steps, their mean in a band of the RMS about it."
 
 
 @dataclass(frozen=True)
@@ -76,12 +76,6 @@ def name_of(figure: str | int) -> str:
     return name
 
 
-def title_of(name: str) -> str:
-    """The paper's title of a figure, or the name of one that is not the paper's."""
-    number = name.removeprefix("fig")
-    return f"Figure {int(number)}" if number.isdecimal() else name.capitalize()
-
-
 def available(file: TraceFile) -> list[str]:
     """Names of the figures that can be drawn from a trace file, in the order of the registry."""
     return [name for name, spec in FIGURES.items() if spec.traces(file)]
@@ -107,20 +101,9 @@ def draw(figure: str | int, file: TraceFile) -> FigureArtists:
         return spec.draw(file, traces).finish(name, _caption(name, file, traces), origin_of(file))
 
 
-def save(artists: FigureArtists, folder: Path) -> list[Path]:
-    """Write a figure as PDF, SVG and PNG of its name; the same figure gives the same bytes.
-
-    Raises
-    ------
-    TendonreproError
-        When a file cannot be written.
-    """
-    return save_figure(artists.figure, folder, artists.stem, title_of(artists.stem), artists.caption)
-
-
 def redrawn(file: TraceFile, folder: Path, name: str) -> list[Path]:
-    """Draw and save one figure; see `draw` and `save`."""
-    return save(draw(name, file), folder)
+    """Draw one figure and write it as PDF, SVG and PNG of its name."""
+    return save_drawing(draw(name, file), folder)
 
 
 def origin_of(file: TraceFile) -> str:
@@ -151,8 +134,8 @@ def _caption(name: str, file: TraceFile, traces: list[Trace]) -> str:
 
 FIGURES: dict[str, FigureSpec] = {
     "fig06": FigureSpec(
-        "Motor 1 turns alone, motors 2 and 3 hold: joint 2 moves all the same. Postures at the start and "
-        "where joint 1 turned furthest, by the encoders.",
+        "Motor 1 turns alone, motors 2 and 3 hold: joint 2 moves all the same, here as joint 1, in section "
+        "3.1 the opposite way. Postures at the start and where joint 1 turned furthest, by the encoders.",
         "decouple",
         ("pull_tendon_1",),
         ("q_motor_encoder", "q_encoder"),

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import count, product
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -15,8 +15,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.physics.metrics import max_abs, mean, rmse, window_mean
 from tendonrepro.results.figures.panels import Canvas
 from tendonrepro.results.figures.style import COLUMN_MM, PAGE_MM, REFERENCE, Stroke, paler, stroke_of
-from tendonrepro.results.paper import printed_beside
-from tendonrepro.results.plausible import plausible_beside
+from tendonrepro.results.paper import identifier_of, plausible_beside, printed_beside
 from tendonrepro.results.records import VARIABLES, Trace, TraceFile
 from tendonrepro.results.summary import CONTROLLERS, LOADS, USER_LAW, run_title, tracking_errors
 from tendonrepro.results.tables import NOTHING, rounded
@@ -33,8 +32,7 @@ Encoder counts come as lone pulses near standstill; in a narrow window the edges
 ZOOM = 0.1
 """Time shown of raw samples, s."""
 
-_TABLE_2 = {name: f"table2.{name}.mae" for name in CONTROLLERS}
-_TABLE_3 = {run: f"table3.{load}.mae" for load, run in LOADS.items()}
+_OF_THE_PAPER = {*CONTROLLERS, *LOADS.values()}
 # Largest share of an error's RMS that may come and go within a mean's window for it to be drawn raw.
 _FUZZY = 0.1
 # Smallest travel of a joint that moves, as a share of that of the joint that moves most.
@@ -65,7 +63,7 @@ def draw_motors(file: TraceFile, traces: list[Trace]) -> Canvas:
 
 def draw_tracking(file: TraceFile, traces: list[Trace]) -> Canvas:
     """Figure 14, a column a joint: trajectories above, tracking errors below, MAE beside that of Table 2."""
-    return _tracking(file, _controller_runs(traces), _TABLE_2)
+    return _tracking(file, _controller_runs(traces))
 
 
 def draw_payload(file: TraceFile, traces: list[Trace]) -> Canvas:
@@ -75,7 +73,7 @@ def draw_payload(file: TraceFile, traces: list[Trace]) -> Canvas:
         mass = float(trace.attributes["payload_mass"])
         load = f"{mass:g} kg payload" if mass else "no payload"
         runs.append(_DrawnRun(trace, f"Controller 1, {load}", stroke_of(2 if mass else 1)))
-    return _tracking(file, runs, _TABLE_3)
+    return _tracking(file, runs)
 
 
 def draw_law(_file: TraceFile, traces: list[Trace], *, bands: bool = True) -> Canvas:
@@ -88,13 +86,13 @@ def draw_law(_file: TraceFile, traces: list[Trace], *, bands: bool = True) -> Ca
         "H_hat": r"Estimate $\hat{H}$ (N m)",
         "tau_m": r"Torque $\tau_m$ (N m)",
     }
-    near = {name: f"{rows[name].replace('Torque ', '')}" for name in ("s", "tau_m")}
+    near = {"s": rows["s"], "tau_m": r"$\tau_m$ (N m)"}
     joints, runs = _joints(traces), _controller_runs(traces)
-    labels = [[(f"Joint {joint}", label) for joint in joints] for label in rows.values()]
     raw = f"{ZOOM * 1e3:g} ms of raw samples" if len(joints) < 3 else f"{ZOOM * 1e3:g} ms raw"
+    labels = [[(f"Joint {joint}", label) for joint in joints] for label in rows.values()]
     labels += [[(f"Joint {joint}, {raw}", label) for joint in joints] for label in near.values()]
     canvas = Canvas(PAGE_MM, 205.0, labels, apart=("", "Time (s)"))
-    letters = iter(canvas.letters)
+    letters = iter(canvas.axes)
     for variable, joint in product(rows, joints):
         letter = next(letters)
         canvas.zero_line(letter)
@@ -114,21 +112,19 @@ def draw_law(_file: TraceFile, traces: list[Trace], *, bands: bool = True) -> Ca
 def _bound_of_s(axes: Axes, runs: Sequence[_DrawnRun], joint: int) -> None:
     """Bound of section 4.3 on s of Controller 1, max |epsilon| over lambda: lines where they are in sight."""
     for run in runs:
-        gains = run.trace.attributes.get("gains", {})
-        known = run.holds("epsilon", joint) and run.holds("s", joint) and len(run.trace.time) > 1
         # Of a measured run the gains are not known.
-        if run.trace.name != "controller_1" or not known or "lam" not in gains:
+        gains = run.trace.attributes["gains"]
+        known = run.holds("s", joint) and run.holds("epsilon", joint) and "lam" in gains
+        if run.trace.name != "controller_1" or not known:
             continue
-        lam = gains["lam"][run.trace.joint.index(joint)]
+        place = run.trace.joint.index(joint)
         # The estimation error of the last sample is not known.
-        bound = float(np.nanmax(np.abs(run.values("epsilon", joint)[:-1]))) / lam
-        limits = axes.get_ylim()
+        bound = float(max_abs(run.trace["epsilon"][:-1])[place]) / gains["lam"][place]
         for line in (-bound, bound):
             axes.axhline(line, color="#777777", linewidth=0.7, linestyle=":")
-        axes.set_ylim(*limits)
         text = rf"section 4.3: $|s| \leq {bound:.2g}$ rad/s"
-        look: dict[str, Any] = {"ha": "right", "va": "top", "fontsize": 6, "color": "#555555"}
         ground = {"facecolor": "white", "edgecolor": "none", "pad": 0.8, "alpha": 0.8}
+        look: dict[str, Any] = {"ha": "right", "va": "top", "fontsize": 6, "color": "#555555"}
         axes.text(0.98, 0.96, text, transform=axes.transAxes, bbox=ground, **look)
 
 
@@ -160,12 +156,18 @@ class _DrawnRun:
 
 def _controller_runs(traces: list[Trace]) -> list[_DrawnRun]:
     """Name and dress the runs: Controllers 1 to 3 keep their strokes, further laws take the rest in turn."""
-    known = {f"controller_{number}": number for number in (1, 2, 3)}
-    others = count(4)
-    return [
-        _DrawnRun(trace, run_title(trace), stroke_of(known.get(trace.name) or next(others)))
-        for trace in traces
-    ]
+    names = [*CONTROLLERS, *(trace.name for trace in traces if trace.name not in CONTROLLERS)]
+    return [_DrawnRun(trace, run_title(trace), stroke_of(1 + names.index(trace.name))) for trace in traces]
+
+
+def _holding(
+    canvas: Canvas, letter: str, runs: list[_DrawnRun], variable: str, joint: int
+) -> list[_DrawnRun]:
+    """Runs that a panel can show; where there is none it says so."""
+    holding = [run for run in runs if run.holds(variable, joint)]
+    if not holding:
+        canvas.not_recorded(letter)
+    return holding
 
 
 def _joints(traces: list[Trace]) -> list[int]:
@@ -182,7 +184,7 @@ def _moving(traces: list[Trace]) -> list[int]:
     return [joint for joint, size in travel.items() if size >= _HELD * max(travel.values())]
 
 
-def _tracking(file: TraceFile, runs: list[_DrawnRun], printed: Mapping[str, str]) -> Canvas:
+def _tracking(file: TraceFile, runs: list[_DrawnRun]) -> Canvas:
     joints = _moving([run.trace for run in runs])
     rows = {"q_encoder": "Joint angle (deg)", "e": "Tracking error (deg)"}
     fuzzy = {joint for joint in joints if any(_is_fuzzy(run, joint) for run in runs)}
@@ -192,12 +194,12 @@ def _tracking(file: TraceFile, runs: list[_DrawnRun], printed: Mapping[str, str]
         for name, label in rows.items()
     ]
     canvas = Canvas(PAGE_MM, 124.0, labels)
-    for letter, (variable, joint) in zip(canvas.letters, product(rows, joints), strict=True):
+    for letter, (variable, joint) in zip(canvas.axes, product(rows, joints), strict=True):
         if variable == "e":
             canvas.zero_line(letter)
-            # The empty line is that of the title, which stands at the left.
-            if note := _errors_note(file, runs, joint, printed):
-                canvas.note(letter, f"{note}\n")
+            # The empty lines are those of the title, which stands at the left in larger letters.
+            if note := _errors_note(file, runs, joint):
+                canvas.note(letter, f"{note}\n\n")
         else:
             _desired(canvas, letter, runs, joint)
         _curves(canvas, letter, runs, variable, joint, averaged=variable == "e" and joint in fuzzy)
@@ -215,22 +217,26 @@ def _is_fuzzy(run: _DrawnRun, joint: int) -> bool:
     return bool(rmse(fast) > _FUZZY * rmse(error))
 
 
-def _errors_note(file: TraceFile, runs: list[_DrawnRun], joint: int, printed: Mapping[str, str]) -> str:
+def _errors_note(file: TraceFile, runs: list[_DrawnRun], joint: int) -> str:
     """MAE of the paper's runs and of users' laws, what the paper prints, and what plausible plants do."""
     names: list[str] = []
-    ours = "measured" if file.source == "measured" else "ours"
-    rows: dict[str, list[str]] = {ours: [], "paper": [], "plausible": []}
+    rows: dict[str, list[str]] = {"ours" if file.source == "simulated" else "measured": []}
+    rows |= {"paper": [], "plausible": []}
     for run in runs:
         trace = run.trace
-        identifier = printed.get(trace.name, "")
-        if (identifier or trace.attributes["law"].startswith(USER_LAW)) and run.holds("e", joint):
-            column = trace.joint.index(joint)
+        if trace.name not in {*CONTROLLERS, *LOADS.values()} and not trace.attributes["law"].startswith(
+            USER_LAW
+        ):
+            continue
+        if run.holds("e", joint):
+            column, identifier = trace.joint.index(joint), f"{identifier_of(trace)}.mae"
             names.append(run.name.rpartition(", ")[2].replace("Controller ", "C"))
-            beside = printed_beside(file, trace, identifier)[column] if identifier else np.nan
-            ends = plausible_beside(file, trace, identifier)[column]
-            rows[ours].append(rounded(float(tracking_errors(trace)["whole"]["mae"][column]), "z.3f"))
-            rows["paper"].append(rounded(beside, "z.3f"))
-            rows["plausible"].append("–".join(f"{end:.2g}" for end in ends) if ends else NOTHING)
+            ours = tracking_errors(trace)["whole"]["mae"][column]
+            printed = printed_beside(file, trace, identifier)[column]
+            low, high = plausible_beside(file, trace, identifier)[column]
+            texts = rounded(float(ours), "z.3f"), rounded(float(printed), "z.3f"), f"{low:.2g}–{high:.2g}"
+            for cells, cell in zip(rows.values(), texts, strict=True):
+                cells.append(cell.replace("nan–nan", NOTHING))
     lines = [f"{name} {' / '.join(cells)}" for name, cells in rows.items() if set(cells) - {NOTHING}]
     return "\n".join([f"MAE (deg) of {' / '.join(names)}", *lines]) if lines else ""
 
@@ -254,10 +260,7 @@ def _curves(
     bands: bool = True,
 ) -> None:
     """Draw a variable of every run that holds it, as it is or as a mean over the band of its ripple."""
-    holding = [run for run in runs if run.holds(variable, joint)]
-    if not holding:
-        canvas.not_recorded(letter)
-    for run in holding:
+    for run in _holding(canvas, letter, runs, variable, joint):
         time, values = run.trace.time, run.values(variable, joint)
         diverged = run.trace.status == "diverged"
         if averaged and bands and not diverged:
@@ -282,16 +285,13 @@ def _near(runs: list[_DrawnRun], joint: int) -> tuple[float, float]:
 def _raw_samples(canvas: Canvas, letter: str, runs: list[_DrawnRun], variable: str, joint: int) -> None:
     """Draw every sample of a short span; a torque is held from one to the next."""
     start, end = _near(runs, joint)
-    holding = [run for run in runs if run.holds(variable, joint)]
-    if not holding:
-        canvas.not_recorded(letter)
+    holding = _holding(canvas, letter, runs, variable, joint)
     canvas.zero_line(letter)
     canvas.axes[letter].set_xlim(start, end)
     for run in holding:
         time = run.trace.time
         inside = (time >= start - 1e-9) & (time <= end + 1e-9)
-        stroke = replace(run.stroke, width=0.7)
-        values = run.values(variable, joint)[inside]
+        values, stroke = run.values(variable, joint)[inside], replace(run.stroke, width=0.7)
         diverged = run.trace.status == "diverged" and time[-1] <= end
         canvas.curve(letter, run.name, time[inside], values, stroke, label="", diverged=diverged, held=True)
 

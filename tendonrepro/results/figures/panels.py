@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -47,10 +47,9 @@ class FigureArtists(Drawing):
 
 
 @dataclass
-class _Panel:
-    """One panel: its axes, the values that set its y range, and those that may leave it."""
+class _Frame:
+    """Values that set the y range of a panel, those that may leave it, and ends of diverged runs."""
 
-    axes: Axes
     framing: list[Array] = field(default_factory=list)
     loose: list[Array] = field(default_factory=list)
     ends: list[tuple[float, float, str]] = field(default_factory=list)
@@ -74,40 +73,24 @@ class Canvas:
     ) -> None:
         self.figure = open_figure(width_mm, height_mm)
         self.places: dict[str, tuple[int, str]] = {}
-        self._panels: dict[str, _Panel] = {}
-        self._lines: dict[tuple[str, str], Line2D] = {}
+        self.lines: dict[tuple[str, str], Line2D] = {}
         self._bands: dict[tuple[str, str], Polygon] = {}
         self._legend: dict[str, Artist] = {}
         grid = self.figure.subplots(len(labels), len(labels[0]), squeeze=False)
         texts = [text for row in labels for text in row]
-        named = letter_panels(grid.flat, [title for title, _ in texts])
+        self.axes = letter_panels(grid.flat, [title for title, _ in texts])
+        self._frames = {letter: _Frame() for letter in self.axes}
         sharing = len(labels) - len(apart)
         x_labels = [""] * (sharing - 1) + ["Time (s)", *apart]
         for (letter, axes), ((row, column), _), (title, y_label) in zip(
-            named.items(), np.ndenumerate(grid), texts, strict=True
+            self.axes.items(), np.ndenumerate(grid), texts, strict=True
         ):
             first = grid[0, 0] if row < sharing else grid[sharing, column]
             if axes is not first:
                 axes.sharex(first)
             axes.set(xlabel=x_labels[row], ylabel=y_label)
             axes.tick_params(labelbottom=bool(x_labels[row]))
-            self._panels[letter] = _Panel(axes)
             self.places[letter] = row, title.partition(",")[0]
-
-    @property
-    def letters(self) -> list[str]:
-        """Letters of the panels, row by row."""
-        return list(self._panels)
-
-    @property
-    def axes(self) -> dict[str, Axes]:
-        """Axes of the panels by letter."""
-        return {letter: panel.axes for letter, panel in self._panels.items()}
-
-    @property
-    def lines(self) -> dict[tuple[str, str], Line2D]:
-        """Curves so far, by panel letter and name."""
-        return dict(self._lines)
 
     def curve(
         self,
@@ -126,24 +109,29 @@ class Canvas:
         The legend lists equal labels once; the label is `name` unless given, nothing when empty. Of a
         diverged run the last sample is marked, and the range of the y axis is left to the other curves.
         """
-        panel = self._panels[letter]
         x, y = thin(time, values)
-        (line,) = panel.axes.plot(
-            x,
-            y,
-            color=stroke.colour,
-            linestyle=stroke.linestyle,
-            linewidth=stroke.width,
-            drawstyle="steps-post" if held else "default",
-        )
-        self._lines[letter, name] = line
+        (line,) = self.axes[letter].plot(x, y, **stroke.line, drawstyle="steps-post" if held else "default")
+        self._keep(letter, name, line, label)
+        frame = self._frames[letter]
+        (frame.loose if diverged else frame.framing).append(y)
+        if diverged and len(y):
+            frame.ends.append((float(x[-1]), float(y[-1]), stroke.colour))
+
+    def chain(self, letter: str, name: str, corners: Array, stroke: Stroke, label: str) -> None:
+        """Draw links as sticks through corners (K, 2), m, to scale."""
+        axes = self.axes[letter]
+        (line,) = axes.plot(*corners.T, **stroke.line, marker="o", markersize=1.5 + stroke.width)
+        line.set_solid_joinstyle("round")
+        axes.set_aspect("equal", adjustable="datalim")
+        axes.margins(0.1)
+        self._keep(letter, name, line, label)
+
+    def _keep(self, letter: str, name: str, line: Line2D, label: str | None) -> None:
+        self.lines[letter, name] = line
         text = name if label is None else label
         if text:
             line.set_label(text)
             self._legend.setdefault(text, line)
-        (panel.loose if diverged else panel.framing).append(y)
-        if diverged and len(y):
-            panel.ends.append((float(x[-1]), float(y[-1]), stroke.colour))
 
     def band(self, letter: str, name: str, time: Array, edges: tuple[Array, Array], stroke: Stroke) -> None:
         """Draw the band between a lower and an upper edge, below all curves, under the key `name`.
@@ -151,30 +139,27 @@ class Canvas:
         Time and edges (T,), in the panel's units. Bands are opaque and the first lies on top: where they
         overlap their colours do not mix, and their edges, above all of them, tell them apart.
         """
-        panel = self._panels[letter]
         low, high = edges
         band = Polygon(np.column_stack([np.append(time, time[::-1]), np.append(high, low[::-1])]))
         band.set(zorder=0.5 / (1 + len(self._bands)), facecolor=paler(stroke.colour, _INSIDE), linewidth=0.0)
-        panel.axes.add_patch(band)
+        self.axes[letter].add_patch(band)
+        look = replace(stroke, colour=paler(stroke.colour, _EDGE), width=0.5).line
         for edge in edges:
-            (line,) = panel.axes.plot(
-                time, edge, color=paler(stroke.colour, _EDGE), linewidth=0.5, zorder=0.8
-            )
-            line.set_linestyle(stroke.linestyle)
+            self.axes[letter].plot(time, edge, **look, zorder=0.8)
         self._bands[letter, name] = band
-        panel.framing.extend(edges)
+        self._frames[letter].framing.extend(edges)
 
     def zero_line(self, letter: str) -> None:
         """Draw a hair line at zero."""
-        self._panels[letter].axes.axhline(0.0, color="#999999", linewidth=0.4, zorder=0.9)
+        self.axes[letter].axhline(0.0, color="#999999", linewidth=0.4, zorder=0.9)
 
     def note(self, letter: str, text: str) -> None:
         """Write a remark above a panel, at its right end."""
-        self._panels[letter].axes.set_title(text, loc="right", fontsize="small", linespacing=1.35)
+        self.axes[letter].set_title(text, loc="right", fontsize="small", linespacing=1.35)
 
     def not_recorded(self, letter: str) -> None:
         """Say in an empty panel that its variable was not recorded."""
-        axes = self._panels[letter].axes
+        axes = self.axes[letter]
         axes.set_yticks([])
         axes.text(
             0.5, 0.5, "not recorded", transform=axes.transAxes, ha="center", va="center", color="#666666"
@@ -184,32 +169,16 @@ class Canvas:
         """Add a legend entry that stands for the bands of all curves."""
         self._legend[label] = Patch(facecolor="#E0E0E0", edgecolor="#777777", linewidth=0.5)
 
-    def chain(
-        self, letter: str, name: str, corners: Array, stroke: Stroke, *, label: str | None = None
-    ) -> None:
-        """Draw links as sticks through corners (K, 2), m, to scale."""
-        panel = self._panels[letter]
-        x, y = corners.T
-        (line,) = panel.axes.plot(
-            x, y, color=stroke.colour, linestyle=stroke.linestyle, linewidth=stroke.width, marker="o"
-        )
-        line.set(markersize=1.5 + stroke.width, solid_joinstyle="round")
-        panel.axes.set_aspect("equal", adjustable="datalim")
-        panel.axes.margins(0.1)
-        line.set_label(name if label is None else label)
-        self._lines[letter, name] = line
-        self._legend.setdefault(str(line.get_label()), line)
-
     def finish(self, name: str, caption: str, origin: str) -> FigureArtists:
         """Set ranges, legend and imprint, and lay out the figure of a name once for all formats."""
-        for panel in self._panels.values():
-            _frame_values(panel)
+        for letter, axes in self.axes.items():
+            _frame_values(axes, self._frames[letter])
         if len(self._legend) > 1:
             self._draw_legend()
         imprint(self.figure, origin)
         self.figure.align_ylabels()
         settle(self.figure)
-        return FigureArtists(name, self.figure, self.axes, caption, self._lines, self._bands)
+        return FigureArtists(name, self.figure, self.axes, caption, self.lines, self._bands)
 
     def _draw_legend(self) -> None:
         """Use as few rows as the width allows; matplotlib itself does not wrap a legend."""
@@ -222,20 +191,17 @@ class Canvas:
             legend.remove()
 
 
-def _frame_values(panel: _Panel) -> None:
+def _frame_values(axes: Axes, frame: _Frame) -> None:
     """Fit the y axis to the framing values, else to the loose ones, and mark where diverged runs end."""
-    framing = [values for values in panel.framing or panel.loose if len(values)]
-    if framing:
-        low = min(float(values.min()) for values in framing)
-        high = max(float(values.max()) for values in framing)
+    framing = np.concatenate([np.zeros(0), *(frame.framing or frame.loose)])
+    if framing.size:
+        low, high = float(framing.min()), float(framing.max())
         # A constant curve needs some room, too.
         margin = _MARGIN * (high - low) or 0.05 * abs(low) or 0.05
-        panel.axes.set_ylim(low - margin, high + margin)
-    for time, value, colour in panel.ends:
-        shown = np.clip(value, *panel.axes.get_ylim())
-        panel.axes.plot(
-            [time], [shown], "x", markersize=4.0, markeredgewidth=1.0, color=colour, clip_on=False
-        )
+        axes.set_ylim(low - margin, high + margin)
+    for time, value, colour in frame.ends:
+        shown = np.clip(value, *axes.get_ylim())
+        axes.plot([time], [shown], "x", markersize=4.0, markeredgewidth=1.0, color=colour, clip_on=False)
 
 
 def thin(time: Array, values: Array) -> tuple[Array, Array]:

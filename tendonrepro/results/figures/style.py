@@ -51,8 +51,13 @@ class Stroke:
 
     @property
     def linestyle(self) -> Literal["-"] | tuple[float, tuple[float, ...]]:
-        """The same in matplotlib's words."""
+        """The dashes in matplotlib's words."""
         return (0.0, self.dashes) if self.dashes else "-"
+
+    @property
+    def line(self) -> dict[str, Any]:
+        """All of it as matplotlib's settings of a line."""
+        return {"color": self.colour, "linestyle": self.linestyle, "linewidth": self.width}
 
 
 SERIES = (
@@ -149,13 +154,19 @@ class Drawing:
     origin: str = field(default="", kw_only=True)
 
 
+def title_of(name: str) -> str:
+    """The paper's title of a figure, or the name of one that is not the paper's."""
+    number = name.removeprefix("fig")
+    return f"Figure {int(number)}" if number.isdecimal() else name
+
+
 def save_drawing(drawn: Drawing, folder: Path, origin: str = "") -> list[Path]:
     """Write a figure that brings its name and caption, as :func:`save_figure` does."""
     with journal_style():
         if origin or drawn.origin:
             imprint(drawn.figure, origin or drawn.origin)
         settle(drawn.figure)
-    return save_figure(drawn.figure, folder, drawn.stem, drawn.stem, drawn.caption)
+    return save_figure(drawn.figure, folder, drawn.stem, title_of(drawn.stem), drawn.caption)
 
 
 def save_figure(

@@ -1,0 +1,91 @@
+"""The errors of Tables 2 and 3 by their ids, and every number that follows from them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from fractions import Fraction
+from operator import truediv
+from typing import Any, NamedTuple
+
+from tendonrepro.configuration.published import PrintedDose, PrintedNumber, PrintedQuotient, Published, exact
+from tendonrepro.results.summary import CONTROLLERS, LOADS
+
+LOADED = LOADS["with_load"]
+FIRST, SECOND, _ = CONTROLLERS
+
+PERCENTAGES = ("share.", "increase.")
+"""How the ids of the percentages of sections 5.3 and 5.4 begin."""
+
+
+class ErrorOf(NamedTuple):
+    """What an error of Table 2 or 3 is of."""
+
+    run: str
+    metric: str
+    joint: int
+
+    @property
+    def id(self) -> str:
+        """Id of the number; the row without load of Table 3 is Controller 1 of Table 2."""
+        table = "table3.with_load" if self.run == LOADED else f"table2.{self.run}"
+        return f"{table}.{self.metric}.joint_{self.joint}"
+
+    def __str__(self) -> str:
+        return f"{self.run}, joint {self.joint}"
+
+
+def error_of(identifier: str) -> ErrorOf:
+    """Read the id of a number of Table 2 or 3."""
+    table, row, metric, place = identifier.split(".")
+    return ErrorOf(LOADS[row] if table == "table3" else row, metric, int(place.removeprefix("joint_")))
+
+
+class Formula(NamedTuple):
+    """Ids of the errors that a number follows from, and how; the errors are numbers, fractions or arrays."""
+
+    names: tuple[str, ...]
+    value: Callable[..., Any]
+
+    @property
+    def errors(self) -> list[ErrorOf]:
+        """What these errors are of."""
+        return [error_of(name) for name in self.names]
+
+
+def formula_of(paper: Published, identifier: str) -> Formula:
+    """How a number follows from the errors of Tables 2 and 3, of which it may be one."""
+    entry = paper.entries[identifier]
+    if isinstance(entry, PrintedQuotient):
+        return Formula((entry.numerator, entry.denominator), truediv)
+    if isinstance(entry, PrintedDose):
+        (first_3, second_3), (first_2, second_2) = entry.parts
+        return Formula((first_3, second_3, first_2, second_2), _dose)
+    family, what, *rest = identifier.split(".", 2)
+    if family == "share":
+        rival = what.removeprefix("controller_1_of_")
+        return Formula((f"table2.{FIRST}.{rest[0]}", f"table2.controller_{rival}.{rest[0]}"), _share)
+    if family == "increase":
+        return Formula((f"table3.with_load.{rest[0]}", f"table3.no_load.{rest[0]}"), _increase)
+    return Formula((identifier,), lambda error: error)
+
+
+def _dose(first_3: Any, second_3: Any, first_2: Any, second_2: Any) -> Any:
+    """What Controller 1 gains over Controller 2 on joint 3, over what it gains on joint 2."""
+    return (1 - first_3 / second_3) / (1 - first_2 / second_2)
+
+
+def _share(part: Any, whole: Any) -> Any:
+    return 100 * part / whole
+
+
+def _increase(after: Any, before: Any) -> Any:
+    return 100 * after / before - 100
+
+
+def cut(value: Fraction, printed: PrintedNumber) -> str:
+    """How a value became the printed number: ``rounded``, ``cut off``, either way, or ``neither``."""
+    scale = 10**printed.decimals
+    goal = exact(printed) * scale
+    ways = {"rounded": math.floor(value * scale + Fraction(1, 2)), "cut off": math.trunc(value * scale)}
+    return " or ".join(way for way, found in ways.items() if found == goal) or "neither"
