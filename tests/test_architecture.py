@@ -66,7 +66,7 @@ BUDGETS = {
     "ground": 222,
     "physics": 893,
     "simulation": 1_825,
-    "configuration": 1_730,
+    "configuration": 1_703,
     "results": 2_209,
     "experiments": 1_400,
     "analysis": 629,
