@@ -8,6 +8,7 @@ from __future__ import annotations
 import sys
 from collections import Counter
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -32,8 +33,14 @@ READINGS = (
     "differencing=centred",
     "error_rate=difference_of_error",
 )
-FEEDBACK = {"PD with gravity": (1.0, 60.0, 3.0), "PD": (0.0, 60.0, 3.0), "PD, stiff": (1.0, 300.0, 8.0)}
-"""Negative controls: share of the weight that is held, N m rad⁻¹ and N m s rad⁻¹."""
+FOREIGN = {
+    "PD": lambda now: 60.0 * now.e + 3.0 * now.de,
+    "PD with gravity": lambda now: now.weight + 60.0 * now.e + 3.0 * now.de,
+    "PD with gravity, stiff": lambda now: now.weight + 300.0 * now.e + 8.0 * now.de,
+    "PID": lambda now: now.tau_before + 3.0 * (now.de - now.de_before) + 0.06 * now.de + 0.15 * now.e,
+    "sliding mode with gravity": lambda now: now.weight + 30.0 * np.tanh(now.de + 8.0 * now.e),
+}
+"""Negative controls: torque, N m, from errors, rad, their rates and what was commanded before."""
 RECORDS = {
     "exact": {},
     "torque to 1 mN m, angles to 0.001 deg": {"torque": 1e-3, "angle": 1e-3},
@@ -79,27 +86,26 @@ def foreign_logs(plants: int) -> list[tuple[str, Log]]:
         short = replace(
             reference, **{key: getattr(reference, key)[:SAMPLES] for key in ("time", "q_d", "dq_d", "ddq_d")}
         )
-        for name, gains in FEEDBACK.items():
-            law = TimeDelayController(run.controller.law, feedback(run, *gains))
+        for name, torque in FOREIGN.items():
+            law = TimeDelayController(run.controller.law, command_of(torque, run))
             trace = simulate(replace(run, controller=law, reference=short))
             if len(trace["time"]) == SAMPLES:
                 found.append((name, log_of(trace, run)))
-        if len(found) >= plants * len(FEEDBACK):
+        if len(found) >= plants * len(FOREIGN):
             break
     return found
 
 
-def feedback(run, held: float, stiffness: float, damping: float):
-    """A law of feedback and gravity, with the signature of the paper's."""
+def command_of(torque, run):
+    """A foreign law with the signature of the paper's."""
 
-    def law(memory, q, q_d, dq_d, _ddq_d, gains):
-        rate = dq_d - (q - memory.q[0]) / gains.L
-        return (
-            held * gravity_torque(q, run.plant.arm) + stiffness * (q_d - q) + damping * rate,
-            *[np.full(q.shape, np.nan)] * 3,
-        )
+    def command(memory, q, q_d, dq_d, _ddq_d, law):
+        e, de = q_d - q, dq_d - (q - memory.q[0]) / law.L
+        weight = gravity_torque(q, run.plant.arm)
+        now = SimpleNamespace(e=e, de=de, weight=weight, tau_before=memory.tau[0], de_before=memory.de)
+        return torque(now), *[np.full(q.shape, np.nan)] * 2, de
 
-    return law
+    return command
 
 
 def log_of(trace, run) -> Log:

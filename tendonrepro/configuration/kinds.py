@@ -41,13 +41,11 @@ def checked(source: str, overrides: Sequence[str]) -> Held:
     return load_config(found, None, overrides=overrides)
 
 
-def shown(source: str, overrides: Sequence[str]) -> tuple[dict[str, Any], str]:
+def shown(source: str, overrides: Sequence[str]) -> tuple[Any, str]:
     """Plain values and YAML text of a configuration as it is used, valid or refused as by `checked`."""
     held = checked(source, overrides)
     text = dump(held.model_dump(mode="json")) if isinstance(held, Manipulator) else held.yaml_text
-    tree = load(text, source).tree
-    assert isinstance(tree, dict)
-    return tree, text
+    return load(text, source).tree, text
 
 
 def json_schema(kind: str | None = None) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from tendonrepro.errors import UsageError
 from tendonrepro.evidence.fit import Fit, equally_good, ranked
 from tendonrepro.evidence.hypotheses import LINEAR, Log, torque_rounding, without_rounding
 from tendonrepro.experiments.rig import coupling
-from tendonrepro.physics.control import estimator_weights
+from tendonrepro.physics.control import DEGREES_PER_RADIAN, estimator_weights
 from tendonrepro.results.records import DECOUPLING_RUNS, Trace, TraceFile
 from tendonrepro.results.store import stored_traces
 from tendonrepro.results.study import Outcome, run_study
@@ -99,10 +99,19 @@ class Recovered:
         if self.best.bias > CLOSE:
             return UNTOLD
         if balanced and self.unexplained <= max(FAITHFUL, 3.0 * self.rounding * fine):
-            return RECOVERED
+            return RECOVERED if self.has_published_inertia else NONE
         if not fine or not self.sampled_as_run:
             return UNTOLD
         return NONE if self.unexplained > FOREIGN or not balanced else UNTOLD
+
+    @property
+    def has_published_inertia(self) -> bool:
+        """Whether M_bar is the published one, to a factor of two; a PID is time-delay control with another.
+
+        A law that counts in degrees has 180/pi times as much.
+        """
+        factor = self.best.parameters[2] / self.published.control.gains.M_bar.si[self.place]
+        return any(0.5 <= factor / unit <= 2.0 for unit in (1.0, DEGREES_PER_RADIAN))
 
     @property
     def sampled_as_run(self) -> bool:
@@ -120,11 +129,16 @@ class Recovered:
             return "Record torque and angles with more digits: encoder steps if you can."
         if self.answer == UNTOLD:
             return "The log has noise, or another filter. Record what the controller computed."
+        if not self.has_published_inertia:
+            return f"M_bar is {self.best.parameters[2]:.2g} kg m². Check the torque's unit and coordinates."
         return ""
 
     @property
     def weights(self) -> str:
-        """Interpretation of Eq. (15) whose weights the log has; empty where none or several fit."""
+        """Interpretation of Eq. (15) whose weights a recovered log has; empty where none or several fit."""
+        if self.answer != RECOVERED:
+            # Noise of the record makes light weights fit best, whatever the true ones.
+            return ""
         alpha = self.published.control.gains.alpha.si
         named = {"tde": np.array([1.0, 0.0])} | {
             name: estimator_weights(alpha, name)[:, self.place]

@@ -63,7 +63,7 @@ def test_hash_covers_what_determines_results(override: str) -> None:
 
 def test_a_copy_is_complete_and_the_same(tmp_path: Path) -> None:
     written = [path.name for path in init_config("ensemble", tmp_path)]
-    assert written == ["ensemble.yaml", "schema.json", "compare.yaml", "lumidouce_ii.yaml"]
+    assert written == ["ensemble.yaml", "compare.yaml", "lumidouce_ii.yaml", "schema.json"]
     copied = load_ensemble(tmp_path / "ensemble.yaml")
     assert copied.sha256 == load_ensemble(None).sha256
     assert {path.parent for path in copied.base.inputs} == {tmp_path}

@@ -124,6 +124,23 @@ def test_another_controller_is_none_of_these() -> None:
         assert {one.answer for one in joints(replace(run(), runs={"other": other}))} == {NONE}
 
 
+@pytest.mark.parametrize(("K_d", "answers"), [(3.0, {NONE}), (10.0, {RECOVERED})])
+def test_a_pid_is_time_delay_control_with_an_inertia_of_its_own(K_d: float, answers: set[str]) -> None:
+    """Centred differences and M_bar = K_d L, the published one for a gain of 10."""
+    trace = run().runs["controller_1"]
+    L, q = 1e-3, trace["q_encoder"]
+    e, de = trace["q_d"] - q, trace["dq_d"][1:] - np.diff(q, axis=0) / L
+    acceleration = trace["ddq_d"][2:] - np.diff(q, n=2, axis=0) / L**2
+    held = {name: trace[name][2:] for name in ("q_encoder", "q_d", "dq_d", "ddq_d")}
+    held["tau_m"] = np.cumsum(K_d * L * (acceleration + 10.0 * de[1:] + 16.0 * e[2:]), axis=0)
+    other = Trace("other", trace.time[2:], trace.joint, held, trace.attributes)
+    found = joints(replace(run(), runs={"other": other}))
+    assert {one.answer for one in found} == answers
+    for one in found:
+        assert one.best.parameters[2] == pytest.approx(K_d * L, rel=1e-6)
+        assert ("M_bar" in one.advice) == (one.answer == NONE)
+
+
 @pytest.mark.slow
 def test_intervals_hold_the_true_weights_about_as_often_as_they_say() -> None:
     """Over sixteen records that differ by white noise of the torque."""
