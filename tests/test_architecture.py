@@ -70,7 +70,7 @@ BUDGETS = {
     "results": 2_281,
     "experiments": 1_520,
     "analysis": 630,
-    "evidence": 969,
+    "evidence": 977,
     "monte_carlo": 1_330,
     "identification": 714,
     "dataset": 1806,
