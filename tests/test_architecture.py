@@ -70,7 +70,7 @@ BUDGETS = {
     "results": 2_209,
     "experiments": 1_400,
     "analysis": 629,
-    "evidence": 969,
+    "evidence": 977,
     "monte_carlo": 1_213,
     "identification": 670,
     "dataset": 1_700,

@@ -124,15 +124,17 @@ def test_another_controller_is_none_of_these() -> None:
         assert {one.answer for one in joints(replace(run(), runs={"other": other}))} == {NONE}
 
 
-@pytest.mark.parametrize(("K_d", "answers"), [(3.0, {NONE}), (10.0, {RECOVERED})])
-def test_a_pid_is_time_delay_control_with_an_inertia_of_its_own(K_d: float, answers: set[str]) -> None:
-    """Centred differences and M_bar = K_d L, the published one for a gain of 10."""
+@pytest.mark.parametrize(
+    ("K_d", "K_p", "answers"), [(3.0, 16.0, {NONE}), (10.0, 16.0, {RECOVERED}), (10.0, 0.0, {NONE})]
+)
+def test_a_pid_is_time_delay_control_with_gains_of_its_own(K_d: float, K_p: float, answers: set[str]) -> None:
+    """Centred differences and M_bar = K_d L, the published one for 10; without an integral K_p is 0."""
     trace = run().runs["controller_1"]
     L, q = 1e-3, trace["q_encoder"]
     e, de = trace["q_d"] - q, trace["dq_d"][1:] - np.diff(q, axis=0) / L
     acceleration = trace["ddq_d"][2:] - np.diff(q, n=2, axis=0) / L**2
     held = {name: trace[name][2:] for name in ("q_encoder", "q_d", "dq_d", "ddq_d")}
-    held["tau_m"] = np.cumsum(K_d * L * (acceleration + 10.0 * de[1:] + 16.0 * e[2:]), axis=0)
+    held["tau_m"] = np.cumsum(K_d * L * (acceleration + 10.0 * de[1:] + K_p * e[2:]), axis=0)
     other = Trace("other", trace.time[2:], trace.joint, held, trace.attributes)
     found = joints(replace(run(), runs={"other": other}))
     assert {one.answer for one in found} == answers
