@@ -86,11 +86,3 @@ def test_symbols_compute_like_numbers(expression: str) -> None:
 
     x, p = np.array([0.3, 1.7]), (np.float64(0.7),)
     assert computed(function, x, p) == pytest.approx(function(x, p), rel=1e-14, abs=1e-15)
-
-
-def test_an_operation_asked_for_twice_is_written_once_and_one_not_needed_never() -> None:
-    tape, rows = WithLibrary(), LaneRows()
-    (x,) = rows.variables(tape, "x", 1)
-    np.cos(3.0 * x)
-    names = needed(tape.lines, [np.sin(3.0 * x), np.sin(3.0 * x), 0.25])
-    assert [tape.lines[name][0] for name in names] == ["row", "*", "sin"]
