@@ -68,7 +68,7 @@ class Meaning:
 @cache
 def _table() -> dict[str, Any]:
     path = Path(__file__).with_name("words.yaml")
-    return dict(load(read_text(path), str(path)).tree)  # type: ignore[arg-type]
+    return dict(load(read_text(path), str(path)).tree)
 
 
 @cache

@@ -53,6 +53,9 @@ def draw_overlay(name: str, measured: TraceFile, models: Mapping[str, Trace]) ->
                 for one in spec.traces(file):
                     _lay_over(sheet, draw(file, [one]), one, _WIDE * _WIDER**-above)
         caption = f"{title_of(name)}. {caption} Measured wide and pale; the model on it thin and dashed."
+        for model in models.values():
+            if model.status == "diverged":
+                caption += f" Simulated, {model.name} diverged at {model.attributes['status_time']:.2f} s."
         origin = "Measured, and simulated on the measured motion" if models else "Measured"
         return sheet.finish(name, caption, origin)
 

@@ -58,12 +58,8 @@ def tension(data: EnsembleData | None) -> Judged:
     ]
     # The claim is about tendon 4, so a machine without it can tell nothing.
     readings = verdicts | {"tensioner=absent": "not_testable"}
-    alone = _tense(_corner_torque(MARGINS[0], machines), 0.0 * machines.force, mechanism(_arm(), COURSES[0]))
-    if alone.all():
-        remarks.append("the weight alone keeps all tendons tense there, so this hardly asks for tendon 4")
     evidence = {
         "courses": rows,
-        "weight_alone": asdict(share_of(alone, machines.replicate)),
         "link_angles_deg": [[margin, 180.0 - margin] for margin in MARGINS],
         "remarks": remarks,
     }

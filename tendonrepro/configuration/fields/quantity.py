@@ -147,13 +147,13 @@ PER_ENTRY: Mapping[Size, str] = {
     "joints": "one per joint of the manipulator",
     "moving": "one per moving joint",
 }
+# Name of a limit in the JSON schema, and what it admits.
 _LIMITS: Mapping[str, tuple[str, Callable[[float, float], bool]]] = {
     "above": ("exclusiveMinimum", operator.gt),
     "at_least": ("minimum", operator.ge),
     "below": ("exclusiveMaximum", operator.lt),
     "at_most": ("maximum", operator.le),
 }
-"""Name of a limit in the JSON schema, and what it admits."""
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, Self, TypeAlias
 
 from pydantic import ConfigDict, Field, StrictInt, model_validator
 
-from tendonrepro.configuration.fields.model import Mistakes, Model, RunName, SchemaVersion, refuse_all
+from tendonrepro.configuration.fields.model import Identifier, Mistakes, Model, SchemaVersion, refuse_all
 from tendonrepro.configuration.fields.quantity import (
     Joints,
     Moving,
@@ -116,6 +116,7 @@ class Experiment(Model):
 
     @model_validator(mode="after")
     def _check_together(self) -> Self:
+        assert isinstance(self, CompareConfig | DecoupleConfig)
         refuse_all(_misfits(self))
         return self
 
@@ -133,7 +134,7 @@ class CompareConfig(Experiment):
     experiment: Literal["compare"]
     reference: ReferenceConfig
     control: Control
-    runs: Annotated[dict[RunName, CompareRun], Field(min_length=1, description="runs by name")]
+    runs: Annotated[dict[Identifier, CompareRun], Field(min_length=1, description="runs by name")]
 
 
 class PositionLoop(Model):
@@ -157,18 +158,20 @@ class DecoupleConfig(Experiment):
 
     experiment: Literal["decouple"]
     position_loop: PositionLoop
-    runs: Annotated[dict[RunName, DecoupleRun], Field(min_length=1, description="runs by name")]
+    runs: Annotated[dict[Identifier, DecoupleRun], Field(min_length=1, description="runs by name")]
 
 
-def references_of(config: Experiment) -> dict[tuple[str, ...], ReferenceConfig]:
+Config: TypeAlias = CompareConfig | DecoupleConfig
+
+
+def references_of(config: Config) -> dict[tuple[str, ...], ReferenceConfig]:
     """Reference motions by the path of their keys."""
     if isinstance(config, CompareConfig):
         return {("reference",): config.reference}
-    runs = config.runs if isinstance(config, DecoupleConfig) else {}
-    return {("runs", name, "reference"): run.reference for name, run in runs.items()}
+    return {("runs", name, "reference"): run.reference for name, run in config.runs.items()}
 
 
-def _misfits(config: Experiment) -> Mistakes:
+def _misfits(config: Config) -> Mistakes:
     """Mistakes that only show when sections are compared."""
     last, moving = config.manipulator.joints, config.joints
     yield from wrong_sizes(config, {"joints": last, "moving": len(moving), "pair": 2})
@@ -188,6 +191,8 @@ def _misfits(config: Experiment) -> Mistakes:
     for path, reference in references_of(config).items():
         for at, message in _unfit(reference, moving, period):
             yield (*path, *at), message
+    if "plant" in config.runs:
+        yield ("runs", "plant"), "is the name of something else among the results; choose another"
     if isinstance(config, CompareConfig):
         laws = config.control.laws
         for name, run in config.runs.items():
